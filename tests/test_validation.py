@@ -1,14 +1,16 @@
 """The reference cases: every case passes, and one that does not is an exit status."""
 
+import importlib
 import importlib.util
 import math
 import sys
 from dataclasses import replace
 from pathlib import Path
+from pkgutil import iter_modules
 
 import pytest
 
-from femimpact import cli
+from femimpact import cli, validation
 from femimpact.errors import InputError
 from femimpact.export.tables import read_csv
 from femimpact.validation import Case, case_columns, markdown_table, reference_cases, run_validation
@@ -45,6 +47,16 @@ def test_names_are_distinct_and_on_the_page(cases):
     for case in cases:
         assert any(row.startswith(f"| {case.name} | {case.source} |") for row in rows), case.name
     assert sum(row.startswith("| ") for row in rows) == len(cases) + 2
+
+
+def test_every_list_of_cases_is_in_the_table():
+    modules = [
+        importlib.import_module(f"femimpact.validation.{item.name}") for item in iter_modules(validation.__path__)
+    ]
+    lists = [item for module in modules for name, item in vars(module).items() if name.endswith("CASES")]
+    listed = [case for item in lists if item is not reference_cases.REFERENCE_CASES for case in item]
+    assert len(lists) > 2
+    assert sorted(map(id, listed)) == sorted(map(id, reference_cases.REFERENCE_CASES))
 
 
 def test_an_error_is_relative_or_absolute_where_the_reference_is_zero():

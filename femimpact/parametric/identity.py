@@ -1,4 +1,4 @@
-"""What a study is in plain data, and the key under which its blocks are kept: equal ones have equal results."""
+"""Plain data of a study, and the key under which its blocks are kept: equal data have equal results."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ import scipy.sparse as sparse
 from femimpact.core.binary import build_words
 from femimpact.errors import Fault, InputError
 from femimpact.parametric.definition import ParameterStudy
-from femimpact.parametric.own_code import (
+from femimpact.parametric.function_code import (
     NotComparableError,
     check_open,
     code_hash,
@@ -120,17 +120,13 @@ def first_difference(one: Any, other: Any, path: str = "") -> str:
             if found:
                 return found
         return "" if len(one) == len(other) else f"{path} has {len(one)} entries there, {len(other)} here"
-    return "" if one == other else f"{path} is {_short(one)} there, {_short(other)} here"
-
-
-def _short(value: Any) -> str:
-    text = json.dumps(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."
+    there, here = (text if len(text) <= 60 else f"{text[:57]}..." for text in map(json.dumps, (one, other)))
+    return "" if one == other else f"{path} is {there} there, {here} here"
 
 
 @dataclass(frozen=True)
 class _Walk:
-    """What is known on the way from a value to all that it takes."""
+    """The state of the walk from a value to all that it depends on."""
 
     version: str | None = None  # in place of the code of functions
     # what the module of the first function holds: its file does not count, but what is taken from it
@@ -167,7 +163,7 @@ def _compared(value: Any, version: str | None) -> Any:
     try:
         return _plain(value, _Walk(version))
     except Exception as error:
-        # also one that an object of the user's own raises when it is looked at
+        # also one that an object of the user raises when it is looked at
         what = "too many that hold one another" if isinstance(error, RecursionError) else error
         name = str(getattr(value, "__qualname__", type(value).__name__))
         allowed = f"uses values that cannot be compared with those of another call ({what}): give version='...'"
@@ -201,12 +197,8 @@ def _plain(value: Any, walk: _Walk) -> Any:
         return _module(value, set(), walk)
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         left_out = WITHOUT if isinstance(value, Study) else ("computed_together",)
-        found = {
-            item.name: _plain(getattr(value, item.name), walk)
-            for item in dataclasses.fields(value)
-            if item.name not in left_out
-        }
-        return {"noun": type(value).__name__, **found}
+        names = [item.name for item in dataclasses.fields(value) if item.name not in left_out]
+        return {"noun": type(value).__name__, **{name: _plain(getattr(value, name), walk) for name in names}}
     if isinstance(value, (property, cached_property, staticmethod, classmethod)):
         inner = [getattr(value, name, None) for name in ("fget", "fset", "fdel", "func", "__func__")]
         return {"noun": type(value).__name__, "of": _plain(inner, walk)}
@@ -234,7 +226,7 @@ def _container(value: Any, walk: _Walk) -> Any:
 
 
 def _is_data(key: Any) -> bool:
-    """Whether a key of a mapping is known by its text."""
+    """True if the text of a key identifies it."""
     if isinstance(key, type):
         return is_library(key)
     inner = key if isinstance(key, (tuple, frozenset)) else ()
@@ -242,7 +234,7 @@ def _is_data(key: Any) -> bool:
 
 
 def _once(value: Any, described: Callable[[Any, _Walk], Any], walk: _Walk) -> Any:
-    """What is said of a value where it is met first; its number where it is met again."""
+    """The description of a value where it is met first; its number where it is met again."""
     if id(value) in walk.seen:
         return {"again": walk.seen[id(value)][0]}
     walk.seen[id(value)] = len(walk.seen), value
@@ -250,15 +242,15 @@ def _once(value: Any, described: Callable[[Any, _Walk], Any], walk: _Walk) -> An
 
 
 def _of_file(names: Mapping[str, Any], walk: _Walk) -> dict[str, Any]:
-    """The files of a module of the user's own that were not met yet, unless the first function is from it."""
-    own = names is walk.home or names.get("__name__") in ("__main__", walk.home.get("__name__"))
-    files = {} if own or is_library_module(names) else source_files(names, walk.files)
+    """The files of a module of the user that were not met yet, unless the first function is from it."""
+    at_home = names is walk.home or names.get("__name__") in ("__main__", walk.home.get("__name__"))
+    files = {} if at_home or is_library_module(names) else source_files(names, walk.files)
     walk.files.update(files)
     return {"files": files} if files else {}
 
 
 def _object(value: Any, walk: _Walk) -> Any:
-    """An object of a class of the user's own, by its class and by all that it holds; no property is called."""
+    """An object of a class of the user, by its class and by all that it holds; no property is called."""
     kind = type(value)
     kept = {name for base in kind.__mro__ for name, item in vars(base).items() if isinstance(item, cached_property)}
 
@@ -271,12 +263,11 @@ def _object(value: Any, walk: _Walk) -> Any:
     every = [lasting(item or {}) for item in (held if isinstance(held, tuple) else (held,))]
     found = {"noun": kind.__name__, "class": _plain(kind, walk), "holds": _plain(every, walk)}
     _, arguments, state, items, pairs = _parts(value)
-    own = any(
-        getattr(kind, name) is not getattr(object, name) for name in ("__reduce__", "__reduce_ex__", "__getstate__")
-    )
+    hooks = ("__reduce__", "__reduce_ex__", "__getstate__")
+    is_copied_differently = any(getattr(kind, name) is not getattr(object, name) for name in hooks)
     # a list or an array holds more than its attributes
-    more = [arguments[1:], lasting(state) if own else None, items, pairs]
-    return found | ({"parts": _plain(more, walk)} if own or any(more) else {})
+    more = [arguments[1:], lasting(state) if is_copied_differently else None, items, pairs]
+    return found | ({"parts": _plain(more, walk)} if is_copied_differently or any(more) else {})
 
 
 def _copied(value: Any, walk: _Walk) -> Any:
@@ -289,7 +280,7 @@ def _copied(value: Any, walk: _Walk) -> Any:
 
 
 def _parts(value: Any) -> list[Any]:
-    """What makes a copy of an object, with its arguments, its state, its items and its pairs of key and value."""
+    """The function that copies an object, its arguments, state, items, and pairs of key and value."""
     kind: Any = type(value)
     copied: Any = copyreg.dispatch_table.get(kind)
     try:
@@ -311,7 +302,7 @@ def _at_home(names: Mapping[str, Any], walk: _Walk) -> _Walk:
 
 
 def _class(value: Any, walk: _Walk) -> Any:
-    """A class of the user's own, by its bases and all its attributes."""
+    """A class of the user, by its bases and all its attributes."""
     names = vars(sys.modules[value.__module__]) if value.__module__ in sys.modules else {}
     walk = _at_home(names, walk)
     return {
@@ -326,7 +317,7 @@ def _class(value: Any, walk: _Walk) -> Any:
 
 
 def _module(value: types.ModuleType, used: set[str], walk: _Walk) -> Any:
-    """A module of a library by its name, one of the user's own by its file and by what is used of it."""
+    """A module of a library by its name, one of the user by its file and by what is used of it."""
     names, found = vars(value), {"module": value.__name__}
     if walk.is_above(value):
         return found
@@ -336,7 +327,7 @@ def _module(value: types.ModuleType, used: set[str], walk: _Walk) -> Any:
     taken = {
         name: _module(item, used, inner) if isinstance(item, types.ModuleType) else _plain(item, inner)
         for name, item in sorted(names.items())
-        # of a library what the user's own module has put there
+        # of a library what the user's module has put there
         if name in used and not name.startswith("__") and (not library or _is_at_home(item, walk))
     }
     files = {} if library else _of_file(names, walk)
@@ -344,7 +335,7 @@ def _module(value: types.ModuleType, used: set[str], walk: _Walk) -> Any:
 
 
 def _is_at_home(value: Any, walk: _Walk) -> bool:
-    """Whether a function or a class is from the module in which the way began."""
+    """True for a function or class of the module in which the walk began."""
     if isinstance(value, types.FunctionType):
         return value.__globals__ is walk.home
     return isinstance(value, type) and value.__module__ == walk.home.get("__name__")
@@ -388,21 +379,14 @@ def _of_python(value: types.FunctionType, walk: _Walk) -> dict[str, Any]:
     if not library:
         check_open(value.__code__)
     cells = [_content(cell) for cell in value.__closure__ or ()]
-    given: dict[str, Any] = {
-        "defaults": [list(value.__defaults__ or ()), dict(value.__kwdefaults__ or {})],
-        "cells": cells,
+    defaults = [list(value.__defaults__ or ()), dict(value.__kwdefaults__ or {})]
+    given: dict[str, Any] = {"defaults": defaults, "cells": cells}
+    held = {} if library else vars(value)
+    attributes = {
+        name: item for name, item in held.items() if name != "unit" and not any(item is cell for cell in cells)
     }
-    own = (
-        {}
-        if library
-        else {
-            name: item
-            for name, item in vars(value).items()
-            if name != "unit" and not any(item is cell for cell in cells)
-        }
-    )
-    if own:
-        given["attributes"] = own
+    if attributes:
+        given["attributes"] = attributes
     walk = walk.into(value)
     taken = _plain(given, walk) | {"names": _taken_names(value, walk)}
     if not library:
@@ -416,7 +400,7 @@ def _of_python(value: types.FunctionType, walk: _Walk) -> dict[str, Any]:
 
 
 def _content(cell: types.CellType) -> Any:
-    """What a cell of a closure holds; nothing where it has not been filled."""
+    """The content of a cell of a closure; None where it has not been filled."""
     try:
         return cell.cell_contents
     except ValueError:
@@ -424,7 +408,7 @@ def _content(cell: types.CellType) -> Any:
 
 
 def _taken_names(function: types.FunctionType, walk: _Walk) -> dict[str, Any]:
-    """What a function takes by name from its module: of a library by its name, anything else by what it is."""
+    """The names that a function takes from its module: of a library by name, anything else by its content."""
     names, used = function.__globals__, named(function.__code__)
     found: dict[str, Any] = {}
     for name in sorted(global_names(function.__code__) & names.keys()):

@@ -140,8 +140,7 @@ CASES: tuple[Callable[[], Case], ...] = (
 """The cases of this subject, in the order of the table."""
 
 
-LENGTH, WIDTH, ROOT_THICKNESS, YOUNG_MODULUS, DENSITY = 0.3, 0.02, 4e-3, 70e9, 2700.0
-ELEMENTS = 80
+ROOT_THICKNESS = 4e-3
 PYRAMID = (23.289, 73.9, 165.23)
 """omega L^2/h sqrt(12 rho/E) of a cantilever with both dimensions 4 to 1, h at the tip: Mabie and Rogers (1972)."""
 

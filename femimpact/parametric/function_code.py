@@ -1,4 +1,4 @@
-"""What can be read of code without running it: whether it is a library's, what it names, its source files."""
+"""Code of a function as read without running it: library or not, the names that it uses, its source files."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ CALL = "PRECALL" if "PRECALL" in dis.opmap else "CALL"
 """Step before which a function and its arguments lie on the stack."""
 
 HEAP_TYPE = 1 << 9
-"""Flag of a class that is not one of the interpreter's own, nor of C."""
+"""Flag of a class that is neither of the interpreter nor of C."""
 
 
 class NotComparableError(Exception):
@@ -38,22 +38,22 @@ class NotComparableError(Exception):
 
 @cache
 def _library_folders() -> tuple[str, ...]:
-    """The standard library and femimpact, whose own sources are in the key."""
+    """The standard library and femimpact, whose sources are in the key."""
     standard = {os.path.dirname(os.__file__), sysconfig.get_path("stdlib"), sysconfig.get_path("platstdlib")}
     return tuple(f"{folder}{os.sep}" for folder in (*standard, str(Path(__file__).parent.parent)))
 
 
 def is_library_file(path: str) -> bool:
-    """Whether a file is of the standard library, of an installed one, or of femimpact."""
+    """True for a file of the standard library, of an installed one, or of femimpact."""
     installed = {"site-packages", "dist-packages"} & set(Path(path).parts)
     return bool(installed) or path.startswith(("<frozen ", *_library_folders()))
 
 
 def is_library_module(names: Mapping[str, Any]) -> bool:
-    """Whether a module, by what it holds, is a library's."""
+    """True if a module, given by its names, is of a library."""
     file = names.get("__file__")
     if file is None:
-        # of C, or a folder without a file of its own
+        # of C, or a folder without `__init__.py`
         places = list(names.get("__path__", ()))
         top = str(names.get("__name__")).partition(".")[0]
         return all(map(is_library_file, places)) if places else top in sys.stdlib_module_names
@@ -61,15 +61,15 @@ def is_library_module(names: Mapping[str, Any]) -> bool:
 
 
 def is_library(value: Any) -> bool:
-    """Whether a class or a function is what a library has under its name: a name can be copied."""
-    own = str(getattr(value, "__module__", None))
+    """True if a library holds this very class or function under its name: a name can be copied."""
+    home = str(getattr(value, "__module__", None))
     if isinstance(value, type) and not value.__flags__ & HEAP_TYPE:
-        return own not in sys.modules or is_library_module(vars(sys.modules[own]))
+        return home not in sys.modules or is_library_module(vars(sys.modules[home]))
     if isinstance(value, types.FunctionType) and not value.__closure__ and is_library_file(value.__code__.co_filename):
         return True
     name = str(getattr(value, "__qualname__", getattr(value, "__name__", "")))
     # functions of arrays do not always say where they are from
-    for module in dict.fromkeys((own, "builtins", "numpy", "scipy.special")):
+    for module in dict.fromkeys((home, "builtins", "numpy", "scipy.special")):
         found: Any = sys.modules.get(module)
         if isinstance(found, types.ModuleType) and is_library_module(vars(found)):
             for part in name.split("."):
@@ -109,7 +109,7 @@ def code_hash(code: types.CodeType) -> str:
 
 
 def _constant(value: Any) -> Any:
-    """A constant of code in a form that reads alike in every process."""
+    """A constant of code in a form that is the same in every process."""
     if isinstance(value, types.CodeType):
         return code_hash(value)
     if isinstance(value, tuple):
@@ -134,7 +134,7 @@ def check_open(code: types.CodeType) -> None:
 
 
 def _takes_literal(steps: list[dis.Instruction]) -> bool:
-    """Whether `getattr`, which was loaded before these steps, is called there with a text as its second argument."""
+    """True if `getattr`, loaded before these steps, is called there with a text as its second argument."""
     made: list[dis.Instruction] = []
     for step in steps:
         if step.opname == "PUSH_NULL" and not made:
@@ -161,7 +161,7 @@ def _takes_literal(steps: list[dis.Instruction]) -> bool:
 
 
 def imported_modules(code: types.CodeType, names: Mapping[str, Any]) -> list[types.ModuleType]:
-    """Modules of the user's own that code imports when it runs, those within it included."""
+    """Modules of the user that code imports when it runs, those within it included."""
     found: dict[str, types.ModuleType] = {}
     package = str(names.get("__package__") or "")
     for part in _codes(code):
@@ -169,7 +169,7 @@ def imported_modules(code: types.CodeType, names: Mapping[str, Any]) -> list[typ
         for level, taken, step in zip(steps, steps[1:], steps[2:], strict=False):
             if step.opname == "IMPORT_NAME":
                 for name in _module_names(str(step.argval), level.argval, taken.argval or (), package):
-                    if _own_spec(name) is not None:
+                    if _user_spec(name) is not None:
                         found[name] = importlib.import_module(name)
     return [found[name] for name in sorted(found)]
 
@@ -177,16 +177,16 @@ def imported_modules(code: types.CodeType, names: Mapping[str, Any]) -> list[typ
 def _module_names(name: str, level: int, taken: Any, package: str) -> Iterator[str]:
     """Names of the modules that an import statement may load: the one it names, those above and within it."""
     try:
-        whole = importlib.util.resolve_name("." * level + name, package)
+        full = importlib.util.resolve_name("." * level + name, package)
     except ImportError:
         return
-    parts = whole.split(".")
+    parts = full.split(".")
     yield from (".".join(parts[: i + 1]) for i in range(len(parts)))
-    yield from (f"{whole}.{item}" for item in taken)
+    yield from (f"{full}.{item}" for item in taken)
 
 
-def _own_spec(name: str) -> ModuleSpec | None:
-    """Where a module of the user's own is; None of a library's, or where there is none."""
+def _user_spec(name: str) -> ModuleSpec | None:
+    """The place of a module of the user; None for one of a library, or where there is none."""
     try:
         top = name.partition(".")[0]
         for part in dict.fromkeys((top, name)):
@@ -202,7 +202,7 @@ def _own_spec(name: str) -> ModuleSpec | None:
 
 
 def source_files(names: Mapping[str, Any], known: Collection[str] = ()) -> dict[str, str]:
-    """Hashes of the file of a module, given by what it holds, and of all files of the user's own that it imports.
+    """Hashes of the file of a module, given by what it holds, and of all files of the user that it imports.
 
     Comments, docstrings and the form of the text do not count. Modules that are known are left out.
 
@@ -226,7 +226,7 @@ def source_files(names: Mapping[str, Any], known: Collection[str] = ()) -> dict[
                 taken = [item.name for item in node.names]
                 inner = list(_module_names(node.module or "", node.level, taken, package))
             for other in inner:
-                spec = None if other in found else _own_spec(other)
+                spec = None if other in found else _user_spec(other)
                 if spec is not None and spec.has_location:
                     left.append((other, str(spec.origin), spec.submodule_search_locations is not None))
     return dict(sorted(found.items()))
