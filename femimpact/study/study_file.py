@@ -1,4 +1,4 @@
-"""The text of a study file: as it was read while it says what the study is, written anew where it does not."""
+"""The study file: its tables read and checked against the fields of the nouns, and written from a study."""
 
 from __future__ import annotations
 
@@ -8,12 +8,9 @@ import re
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
-
-from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError, create_model
-from pydantic_core import PydanticCustomError
+from typing import Any
 
 from femimpact.contact import ContactLaw
 from femimpact.contact.laws import LAWS
@@ -191,56 +188,32 @@ def _table(name: str, table: _Table, value: Any, faults: list[Fault]) -> Any:
 def _noun(noun: Any, prefix: str, values: Mapping[str, Any], faults: list[Fault], **given: Any) -> Any:
     """Check keys, types and ranges against the noun's own fields, then make it."""
     before = len(faults)
-    faults += _model_faults(_model_of(noun, tuple(given)), noun, prefix, values)
+    faults += _key_faults(noun, prefix, values, without=given)
     if len(faults) > before or any(value is None for value in given.values()):
         return None
     clean = {key: tuple(value) if isinstance(value, list) else value for key, value in values.items()}
     return _collected(prefix, lambda: noun(**clean, **given), faults)
 
 
-@cache
-def _model_of(noun: Any, without: tuple[str, ...] = (), optional: tuple[str, ...] = ()) -> type[BaseModel]:
-    """A pydantic model of a dataclass: the same keys, and each number's range from the field itself."""
-    fields: dict[str, Any] = {}
-    for item in dataclasses.fields(noun):
-        if item.name in without:
-            continue
-        kind: Any = {"str": str, "str | None": str, "bool": bool}.get(str(item.type), Any)
-        if "unit" in item.metadata:
-            kind = Annotated[Any, BeforeValidator(partial(_check_quantity, metadata=item.metadata))]
-        needed = item.default is dataclasses.MISSING and item.name not in optional
-        fields[item.name] = (kind, ... if needed else None)
-    return create_model(noun.__name__, __config__=ConfigDict(extra="forbid", strict=True), **fields)
-
-
-def _check_quantity(value: Any, metadata: Mapping[str, Any]) -> Any:
-    try:
-        checked("", value, metadata)
-    except InputError as error:
-        raise PydanticCustomError("quantity", "{allowed}", {"allowed": error.faults[0].allowed}) from None
-    return value
-
-
-def _model_faults(model: type[BaseModel], noun: Any, prefix: str, values: Mapping[str, Any]) -> list[Fault]:
-    try:
-        model(**values)
-    except ValidationError as error:
-        return [_fault(noun, prefix, model, problem) for problem in error.errors(include_url=False)]
-    return []
-
-
-def _fault(noun: Any, prefix: str, model: type[BaseModel], problem: Any) -> Fault:
-    key = ".".join(str(part) for part in problem["loc"])
-    path = f"{prefix}.{key}"
-    metadata: Mapping[str, Any] = next((f.metadata for f in dataclasses.fields(noun) if f.name == key), {})
-    if problem["type"] == "extra_forbidden":
-        return Fault(path, None, "", suggestion(key, model.model_fields))
-    if problem["type"] == "missing":
-        allowed = f"; {allowed_range(metadata)}" if metadata else ""
-        return Fault(path, None, "", f"is missing{allowed}")
-    if problem["type"] == "quantity":
-        return Fault(path, problem["input"], metadata["unit"], problem["msg"])
-    return Fault(path, problem["input"], "", problem["msg"].replace("Input should be", "must be"))
+def _key_faults(
+    noun: Any,
+    prefix: str,
+    values: Mapping[str, Any],
+    without: Iterable[str] = (),  # fields that no key gives
+    optional: Iterable[str] = (),  # fields without a default that may be left out
+) -> list[Fault]:
+    """Missing and unknown keys of a table, and values that their fields do not allow."""
+    fields = {item.name: item for item in dataclasses.fields(noun) if item.name not in without}
+    faults: list[Fault] = []
+    for name, item in fields.items():
+        if name in values:
+            if "unit" in item.metadata:
+                _collected(prefix, partial(checked, name, values[name], item.metadata), faults)
+        elif item.default is dataclasses.MISSING and name not in optional:
+            allowed = f"; {allowed_range(item.metadata)}" if item.metadata else ""
+            faults.append(Fault(f"{prefix}.{name}", None, "", f"is missing{allowed}"))
+    unknown = (name for name in values if name not in fields)
+    return [*faults, *(Fault(f"{prefix}.{name}", None, "", suggestion(name, fields)) for name in unknown)]
 
 
 def _beam(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any:
@@ -332,9 +305,10 @@ def _method(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any:
         faults.append(Fault(f"{prefix}.name", name, "", allowed))
         return None
     noun = METHODS[name]
-    found = _model_faults(_model_of(noun, optional=chosen_later(noun)), noun, prefix, settings)
+    later = chosen_later(noun)
+    found = _key_faults(noun, prefix, settings, optional=later)
     # what may be left out is chosen later: any will do to check the rest together
-    stand_in = dict.fromkeys(chosen_later(noun), 1.0)
+    stand_in = dict.fromkeys(later, 1.0)
     if not found:
         _collected(prefix, lambda: noun(**{**stand_in, **settings}), found)
     faults += found
