@@ -15,7 +15,7 @@ from femimpact.contact import ContactParameters, resolve
 from femimpact.contact.restitution import RIGID
 from femimpact.errors import require
 from femimpact.excitation import Sine
-from femimpact.integrators.cases import SineCases, SineDwellResults, SineDwells, run_each
+from femimpact.integrators.cases import SineCases, SineDwellResults, run_each
 from femimpact.integrators.channel_rows import Drive, drive_of
 from femimpact.integrators.event_driven.block import (
     Block,
@@ -34,7 +34,7 @@ from femimpact.progress import Progress
 from femimpact.response.energy import BALANCED, CLOSED, energy_residual, largest_input, unbalanced
 from femimpact.response.impacts import CYCLE_COLUMNS, ENERGY_COLUMNS
 from femimpact.response.signals import CycleStatistics, steady_motion
-from femimpact.system.state import ROUNDED, State
+from femimpact.system.state import ROUNDED
 from femimpact.system.system import System
 
 LARGEST_BLOCK = 64
@@ -215,40 +215,11 @@ def _joined(parts: Sequence[DwellStatistics]) -> DwellStatistics:
     return DwellStatistics(cycles, totals, **columns)
 
 
-def event_driven_dwells(
-    system: System, dwells: SineDwells, method: EventSettings, initial: State, observed: Array, ledger: bool,
-    workers: int, progress: Progress | None,
-) -> SineDwellResults:  # fmt: skip
-    """Dwells event-driven; see `Method.run_dwells`."""
-    count, balls = dwells.frequency.size, len(system.balls)
-    given = ((initial.ball_displacement, np.nan), (initial.ball_velocity, 0.0))
-    moved = [np.full(balls, none) if values is None else np.asarray(values) for values, none in given]
-    # of another size than there are balls: refused with the first start
-    fits = all(values.shape == (balls,) for values in moved)
-    displacement, velocity = (np.tile(values if fits else np.zeros(balls), (count, 1)) for values in moved)
-    if not fits:
-        initial.relative_to_base(system, Sine(dwells.amplitude, float(dwells.frequency[0]), dwells.phase))
-    cases = SineCases(
-        frequency=dwells.frequency,
-        amplitude=np.full(count, dwells.amplitude),
-        phase=np.full(count, dwells.phase),
-        gaps=np.tile(np.array([pair.gaps for pair in system.contacts]).reshape(-1, 2), (count, 1, 1)),
-        laws=(tuple(pair.law for pair in system.contacts),),
-        law_of=np.zeros(count, dtype=np.int64),
-        initial=initial,
-        ball_displacement=displacement,
-        ball_velocity=velocity,
-        cycles=dwells.cycles,
-        measured=dwells.measured,
-    )
-    return event_driven_cases(system, cases, method, observed, int(ledger), workers, progress)
-
-
 def event_driven_cases(
     system: System, cases: SineCases, method: EventSettings, observed: Array, instants: int, workers: int,
     progress: Progress | None,
 ) -> SineDwellResults:  # fmt: skip
-    """Cases event-driven; see `many_cases.run_cases`."""
+    """Results of cases, event-driven; see `runs.run_cases`."""
     check_events(system)
     found = run_dwells(system, _cases(system, cases), method, observed, instants, workers, progress)
     motion = steady_motion(found.cycles, cases.measured)
