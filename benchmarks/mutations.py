@@ -168,8 +168,8 @@ MUTATIONS = (
     Mutation("impulse_mobility", "fastest / -pairs.mobility(hit, hit)", "fastest / -(1.02 * pairs.mobility(hit, hit))"),
     Mutation(
         "contact_stiffness",
-        'np.where(store.rigid, 0.0, of_pairs("stiffness"))',
-        'np.where(store.rigid, 0.0, 1.05 * of_pairs("stiffness"))',
+        "np.where(store.rigid, 0.0, inputs.stiffness)",
+        "np.where(store.rigid, 0.0, 1.05 * inputs.stiffness)",
     ),
     Mutation(
         "sticking_impulse",
