@@ -170,8 +170,8 @@ MUTATIONS = (
     Mutation("impulse_mobility", "fastest / -pairs.mobility(hit, hit)", "fastest / -(1.02 * pairs.mobility(hit, hit))"),
     Mutation(
         "contact_stiffness",
-        "stiffness=np.where(store.rigid, 0.0, numbers.stiffness)",
-        "stiffness=np.where(store.rigid, 0.0, 1.05 * numbers.stiffness)",
+        "np.where(store.rigid, 0.0, inputs.stiffness)",
+        "np.where(store.rigid, 0.0, 1.05 * inputs.stiffness)",
     ),
     Mutation(
         "sticking_impulse",

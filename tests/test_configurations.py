@@ -7,9 +7,7 @@ import numpy as np
 import pytest
 
 import femimpact as fi
-from femimpact.integrators.channel_rows import drive_of
-from femimpact.integrators.event_driven.block import case_numbers
-from femimpact.integrators.event_driven.dwells import DwellCases, run_dwells
+from femimpact.integrators.cases import SineCases
 
 pytestmark = pytest.mark.impacts
 
@@ -167,32 +165,35 @@ def test_each_case_of_a_call_has_its_own_contacts_and_the_bits_it_has_alone():
         fi.Impactor("soft", at=0.2, mass=1e-3, gap=3e-4, contact=SOFT),
     ]
     system = beam(balls=balls)
-    drives, contacts = [], []
+    bases, contacts = [], []
     for _ in range(count):
         base = fi.Sine(rng.uniform(2e-4, 4e-4), rng.uniform(14.0, 20.0), rng.uniform(0.0, 6.0))
-        drives.append(drive_of(system, base))
+        bases.append(base)
         hard, soft = system.contacts
         law = fi.KelvinVoigt(stiffness=rng.choice([1e4, 3e4]), restitution=rng.choice([0.4, 0.8]))
         contacts.append((
             dataclasses.replace(hard, gaps=tuple(rng.uniform(2e-4, 6e-4, 2)), law=fi.Rigid(rng.uniform(0.2, 0.9))),
             dataclasses.replace(soft, gaps=tuple(rng.uniform(2e-4, 6e-4, 2)), law=law),
         ))  # fmt: skip
-    rest, row = np.zeros((count, system.dofs + 2)), system.point_row("tip")
+    row = system.point_row("tip")
+    frequency, amplitude, phase = np.array([(base.frequency, base.amplitude, base.phase) for base in bases]).T
+    cases = SineCases(
+        frequency, amplitude, phase, gaps=np.array([[pair.gaps for pair in pairs] for pairs in contacts]),
+        laws=tuple(tuple(pair.law for pair in pairs) for pairs in contacts), law_of=np.arange(count),
+        initial=fi.State(), ball_displacement=np.zeros((count, 2)), ball_velocity=np.zeros((count, 2)),
+        cycles=np.full(count, 24), measured=np.full(count, 8),
+    )  # fmt: skip
 
     def run(own, threads):
-        cycles = np.full(len(own), 24)
-        some_drives, some_contacts = [drives[i] for i in own], [contacts[i] for i in own]
-        numbers = case_numbers(some_drives, some_contacts)
-        some = DwellCases(some_drives[0], numbers, rest[own], rest[own], cycles, cycles // 3)
-        return run_dwells(system, some, EXACT, row, 1, threads, None)
+        return EXACT.run_cases(system, cases.of(np.array(own)), row, 1, threads)
 
     together, spread = run(list(range(count)), 1), run(list(range(count)), 2)
     assert np.all(together.residual < 1e-9)
     assert np.all(together.totals[0].sum(axis=0) > 0)
     for name in ("residual", "totals"):
         np.testing.assert_array_equal(getattr(together, name), getattr(spread, name))
-    np.testing.assert_array_equal(together.cycles.maximum, spread.cycles.maximum)
+    np.testing.assert_array_equal(together.motion.peak, spread.motion.peak)
     for i in (0, 11, 23):
         alone = run([i], 1)
         np.testing.assert_array_equal(alone.totals[:, :, 0], together.totals[:, :, i])
-        np.testing.assert_array_equal(alone.cycles.maximum[:, 0], together.cycles.maximum[:, i])
+        np.testing.assert_array_equal(alone.motion.peak[0], together.motion.peak[i])

@@ -12,7 +12,7 @@ from random_structures import random_case
 
 import femimpact as fi
 from femimpact.integrators.channel_rows import drive_of
-from femimpact.integrators.event_driven.block import Inputs, case_numbers, new_block, run_block
+from femimpact.integrators.event_driven.block import inputs_of, new_block, run_block
 from femimpact.integrators.event_driven.equations import equations_of
 from femimpact.integrators.event_driven.loop_data import DONE, PUSHED
 from femimpact.integrators.event_driven.store import FormStore, outputs_of
@@ -157,8 +157,8 @@ def run_in_windows(case, windows, rows=0):
     )
     u, v, y, y_rate = case.initial.relative_to_base(system, case.excitation)
     balls = len(system.balls)
-    inputs = Inputs(
-        numbers=case_numbers([drive] * count, [system.contacts] * count), is_sine=drive.is_sine,
+    inputs = inputs_of(
+        [drive] * count, [system.contacts] * count,
         window=np.array(windows),
         position=np.tile(np.concatenate([u, y[:balls]]), (count, 1)),
         velocity=np.tile(np.concatenate([v, y_rate[:balls]]), (count, 1)),

@@ -2,12 +2,14 @@
 
 import math
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import pytest
 from builders import oscillator, reduced, with_ball
 
 import femimpact as fi
+from femimpact.integrators.cases import SineCases
 from femimpact.integrators.methods import ANSWERS, METHODS, require_method
 from femimpact.integrators.stepping.newmark import SteppingAnswers
 from femimpact.integrators.stepping.operators import family_scheme, scheme_of
@@ -336,6 +338,20 @@ class Renamed:
     def __init__(self, inner):
         for name in ANSWERS:
             setattr(self, name, getattr(inner, name))
+        self.run_dwells = partial(self.dwells, inner)
+
+    @staticmethod
+    def dwells(inner, system, dwells, initial, observed, ledger, workers, progress=None):
+        """Dwells by the cases of the method within."""
+        count, balls = dwells.frequency.size, len(system.balls)
+        cases = SineCases(
+            dwells.frequency, np.full(count, dwells.amplitude), np.full(count, dwells.phase),
+            gaps=np.array([[pair.gaps for pair in system.contacts]] * count),
+            laws=(tuple(pair.law for pair in system.contacts),), law_of=np.zeros(count, dtype=np.int64),
+            initial=initial, ball_displacement=np.full((count, balls), np.nan), ball_velocity=np.zeros((count, balls)),
+            cycles=dwells.cycles, measured=dwells.measured,
+        )  # fmt: skip
+        return inner.run_cases(system, cases, observed, int(ledger), workers, progress)
 
 
 def own_methods(system):

@@ -11,7 +11,7 @@ from builders import REFERENCE, reduced, with_ball
 import femimpact as fi
 from femimpact import core
 from femimpact.integrators.channel_rows import drive_of
-from femimpact.integrators.event_driven.block import Inputs, case_numbers, new_block, run_block, working_space
+from femimpact.integrators.event_driven.block import inputs_of, new_block, run_block, working_space
 from femimpact.integrators.event_driven.equations import equations_of
 from femimpact.integrators.event_driven.store import FormStore, outputs_of
 
@@ -47,7 +47,7 @@ def free_motion(system, drive):
     store = FormStore(whole, rigid, outputs_of(system, system.point_row("tip")), rate=None)
     rest = np.zeros((1, system.dofs + 1))
     window = np.array([[0.0, np.inf]])
-    inputs = Inputs(case_numbers([drive], [system.contacts]), drive.is_sine, rest, rest, window)
+    inputs = inputs_of([drive], [system.contacts], rest, rest, window)
     block = new_block(system, store, inputs, fi.EventDriven(), None)
     nothing = np.zeros(1, dtype=np.int64)
     # to t = 0: the closed form is made, and its steady motion is known

@@ -61,7 +61,7 @@ class MethodCost:
 
 @dataclass(frozen=True, eq=False)
 class SineDwells:
-    """Dwells under sine motions of the base, each a separate case from the same state."""
+    """Dwells that `run_dwells` of a user's method is given: separate cases from one state, with one base amplitude."""
 
     amplitude: float  # m: of the base
     frequency: Array  # (n,) Hz
@@ -138,6 +138,17 @@ def with_contacts_of(system: System, cases: SineCases, case: int) -> System:
     if all(one is other for one, other in zip(contacts, system.contacts, strict=True)):
         return system
     return with_checked_pairs(system, tuple(contacts))
+
+
+def equal_groups(cases: SineCases, *names: str) -> list[NDArray[np.intp]]:
+    """Numbers of the cases that have equal gaps, laws, starts and fields of these names, for each such group."""
+    count = cases.frequency.size
+    columns = [getattr(cases, name) for name in (*names, "gaps", "law_of", "ball_displacement", "ball_velocity")]
+    rows = np.hstack([np.asarray(values, dtype=float).reshape(count, -1) for values in columns])
+    found: dict[bytes, list[int]] = {}
+    for case in range(count):
+        found.setdefault(rows[case].tobytes(), []).append(case)
+    return [np.array(members) for members in found.values()]
 
 
 def start_of(cases: SineCases, case: int) -> State:

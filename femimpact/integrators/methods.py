@@ -76,6 +76,10 @@ class Method(Protocol):
     ) -> Response:  # fmt: skip
         """One run of a duration (s); see `integrate`."""
 
+
+class DwellMethod(Method, Protocol):
+    """A user's method that takes dwells of one system from one state, with one base amplitude."""
+
     def run_dwells(
         self, system: System, dwells: SineDwells, initial: State, observed: NDArray[np.float64], ledger: bool,
         workers: int, progress: Progress | None = None,
@@ -90,7 +94,7 @@ class CaseMethod(Method, Protocol):
         self, system: System, cases: SineCases, observed: NDArray[np.float64], instants: int, workers: int,
         progress: Progress | None = None,
     ) -> SineDwellResults:  # fmt: skip
-        """Many dwells of one system; see `many_cases.run_cases`."""
+        """Many dwells of one system; see `runs.run_cases`."""
 
 
 METHODS: Mapping[str, type[Method]] = {
@@ -104,14 +108,15 @@ METHODS: Mapping[str, type[Method]] = {
 """Methods by the name that a study file gives them."""
 
 ANSWERS = tuple(name for name in vars(Method) if not name.startswith("_"))
-"""What a value must have to be a method."""
+"""Members that a value must have to be a method, beside one of `run_cases` and `run_dwells`."""
 
 
 def require_method(method: object) -> None:
     """Raise `InputError` unless the value answers as a method does, and name what one of the user's own lacks."""
     *others, last = (noun.__name__ for noun in METHODS.values())
     allowed = f"must be a {', '.join(others)} or {last}"
-    missing = [name for name in ANSWERS if not hasattr(method, name)]
-    if missing and len(missing) < len(ANSWERS):
+    needed = ANSWERS if hasattr(method, "run_cases") else (*ANSWERS, "run_dwells")
+    missing = [name for name in needed if not hasattr(method, name)]
+    if missing and len(missing) < len(needed):
         allowed += f", or a method of your own that also has {', '.join(missing)}"
     require(not missing and not isinstance(method, type), "method", kind_of(method), "", allowed)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import fields
 from typing import Any, cast, overload
 
@@ -20,12 +20,13 @@ from femimpact.integrators.cases import (
     SineCases,
     SineDwellResults,
     SineDwells,
+    equal_groups,
     run_each,
     start_of,
     with_contacts_of,
     workers_of,
 )
-from femimpact.integrators.methods import Method, require_method
+from femimpact.integrators.methods import DwellMethod, Method, require_method
 from femimpact.integrators.record_reading import record_warnings
 from femimpact.progress import Progress, check_progress, draws_progress
 from femimpact.response.channels import Motion, resolve_channels
@@ -260,22 +261,31 @@ def run_cases(
         If a case cannot be run at all.
     """
     own: Callable[..., SineDwellResults] | None = getattr(method, "run_cases", None)
-    whole = getattr(method, "takes_several_systems", False)
-    if own is not None and (whole or _are_plain(system, cases)):
+    if own is not None and (getattr(method, "takes_several_systems", False) or _are_plain(system, cases)):
         return own(system, cases, observed, instants, workers, progress)
-    groups, parts, done = list(_alike(cases)), list[SineDwellResults](), 0
+    groups, parts, done = equal_groups(cases, "amplitude", "phase"), list[SineDwellResults](), 0
     for members in groups:
-        first = int(members[0])
-        dwells = SineDwells(
-            float(cases.amplitude[first]), cases.frequency[members], cases.cycles[members], cases.measured[members],
-            float(cases.phase[first]),
-        )  # fmt: skip
-        whole, start = with_contacts_of(system, cases, first), start_of(cases, first)
-        parts.append(method.run_dwells(whole, dwells, start, observed, instants > 0, workers))
+        first, share = int(members[0]), _share_of(progress, done, members.size, cases.frequency.size)
+        with_contacts = with_contacts_of(system, cases, first)
+        if own is not None:
+            parts.append(own(with_contacts, cases.of(members), observed, instants, workers, share))
+        else:
+            dwells = SineDwells(
+                float(cases.amplitude[first]), cases.frequency[members], cases.cycles[members], cases.measured[members],
+                float(cases.phase[first]),
+            )  # fmt: skip
+            start = start_of(cases, first)
+            found = cast(DwellMethod, method).run_dwells(
+                with_contacts, dwells, start, observed, instants > 0, workers, share
+            )
+            parts.append(found)
         done += members.size
-        if progress is not None:
-            progress(done / cases.frequency.size)
-    return _in_order(parts, np.argsort(np.concatenate(groups)))
+    return parts[0] if len(parts) == 1 else _in_order(parts, np.argsort(np.concatenate(groups)))
+
+
+def _share_of(progress: Progress | None, done: int, count: int, total: int) -> Progress | None:
+    """Progress of a group of cases, reported as a share of all cases."""
+    return None if progress is None else lambda share: progress((done + share * count) / total)
 
 
 def _are_plain(system: System, cases: SineCases) -> bool:
@@ -283,17 +293,6 @@ def _are_plain(system: System, cases: SineCases) -> bool:
     static = cases.initial.is_static_on(system) or bool(np.any(cases.gaps < 0.0))
     pairs = [(law, pair) for laws in cases.laws for law, pair in zip(laws, system.contacts, strict=True)]
     return not static and all(law.force_function(pair.effective_mass) is None for law, pair in pairs)
-
-
-def _alike(cases: SineCases) -> Iterator[NDArray[np.intp]]:
-    """Cases that differ in their frequency and its dwell alone."""
-    count = cases.frequency.size
-    columns = (cases.amplitude, cases.phase, cases.gaps, cases.law_of, cases.ball_displacement, cases.ball_velocity)
-    rows = np.hstack([np.asarray(values, dtype=float).reshape(count, -1) for values in columns])
-    found: dict[bytes, list[int]] = {}
-    for case in range(count):
-        found.setdefault(rows[case].tobytes(), []).append(case)
-    return (np.array(members) for members in found.values())
 
 
 def _in_order(parts: list[SineDwellResults], order: NDArray[np.intp]) -> SineDwellResults:

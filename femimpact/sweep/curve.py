@@ -27,7 +27,7 @@ from femimpact.errors import (
 from femimpact.excitation import Sine
 from femimpact.excitation.remarks import frequency_warnings, motion_warnings
 from femimpact.identification import DampingEstimate, fit_one_pole, half_power, peak_resolution, resolution_warnings
-from femimpact.integrators.cases import SineDwellResults, SineDwells
+from femimpact.integrators.cases import SineCases, SineDwellResults
 from femimpact.integrators.methods import Method
 from femimpact.response.energy import residual_warnings
 from femimpact.response.impacts import statistics_of_cases
@@ -347,14 +347,14 @@ def columns_of_runs(runs: Sequence[DwellRun], f: Array, ledger: bool) -> tuple[d
 
 
 def curve_of(
-    system: System, method: Method, dwells: SineDwells, found: tuple[dict[str, NDArray[Any]], list[str]],
+    system: System, method: Method, cases: SineCases, found: tuple[dict[str, NDArray[Any]], list[str]],
     about: Mapping[str, Any],
 ) -> FrequencyResponse:  # fmt: skip
     """The curve of columns, with what there is to say of it."""
     columns, warnings = found
-    f = dwells.frequency
+    f = cases.frequency
     values: dict[str, Any] = {name: _read_only(column) for name, column in columns.items()}
-    warnings = warnings + _steadiness_warnings(f, columns["steadiness"]) + _dwell_warnings(system, dwells)
+    warnings = warnings + _steadiness_warnings(f, columns["steadiness"]) + _dwell_warnings(system, cases)
     warnings += _grid_warnings(system, f)
     curve = FrequencyResponse(
         frequency=_read_only(f),
@@ -387,7 +387,7 @@ def _steadiness_warnings(f: Array, steadiness: NDArray[np.str_]) -> list[str]:
     ]
 
 
-def _dwell_warnings(system: System, dwells: SineDwells) -> list[str]:
+def _dwell_warnings(system: System, cases: SineCases) -> list[str]:
     """What is left of the structure's own transient where measuring begins, when that is much."""
     if system.rayleigh is None:
         return []
@@ -396,7 +396,7 @@ def _dwell_warnings(system: System, dwells: SineDwells) -> list[str]:
         return []
     omega = 2.0 * math.pi * first
     ratio = float(realised_damping_ratio(*system.rayleigh, omega))
-    begin = float(((dwells.cycles - dwells.measured) / dwells.frequency).min())
+    begin = float(((cases.cycles - cases.measured) / cases.frequency).min())
     left = math.exp(-ratio * omega * begin)
     if left <= TRANSIENT_LEFT:
         return []

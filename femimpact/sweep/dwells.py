@@ -8,11 +8,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
+from femimpact.arrays import Array
 from femimpact.errors import DivergenceError, checked, in_range, quantity, real_array, require
 from femimpact.excitation import Sine
-from femimpact.integrators.cases import SineCases, SineDwells, run_each
+from femimpact.integrators.cases import SineCases, run_each
 from femimpact.integrators.methods import Method
 from femimpact.progress import Progress
 from femimpact.response.channels import Channel, channel_of
@@ -33,14 +34,13 @@ ROUNDING_OF_CYCLES = 1e-9
 """Of a number of cycles: 4.1 Hz for 10 s are 41 of them."""
 
 
-def dwells_of(
-    amplitude: float,  # m: of the base
+def dwell_cycles(
     frequencies: ArrayLike,  # (n,) Hz
     cycles: Any,  # the last third is measured
     duration: Any,  # s: the window is the last third of the duration by default
     window: Any,  # s
-) -> SineDwells:
-    """Dwells from a number of cycles, or from a duration and the window at its end.
+) -> tuple[Array, NDArray[np.int64], NDArray[np.int64]]:
+    """Frequencies of dwells and their base cycles, all and measured, from a number of cycles or from a duration.
 
     Of a duration the whole cycles from t = 0 are run, of a window those that lie within the last of it.
 
@@ -55,7 +55,7 @@ def dwells_of(
     if duration is None:
         require(window is None, "window", window, "s", "goes with a duration, not with cycles")
         count = checked("cycles", cycles, quantity("1", at_least=LEAST_CYCLES, at_most=MOST_CYCLES, integer=True))
-        return SineDwells(amplitude, f, np.full(f.size, count), np.full(f.size, count // 3))
+        return f, np.full(f.size, count), np.full(f.size, count // 3)
     least = LEAST_CYCLES / float(f.min())
     allowed = f"must be a finite number >= {LEAST_CYCLES} base cycles, {least:g} s"
     whole = in_range(duration, quantity("s", at_least=least - ROUNDING_OF_CYCLES, at_most=MOST_CYCLES / float(f.max())))
@@ -71,31 +71,38 @@ def dwells_of(
         slowest = float(f[short].min())
         allowed = f"must hold a whole base cycle of every frequency; {math.ceil(2e3 / slowest) / 1e3:g} s always does"
         require(False, "window", last, "s", allowed)
-    return SineDwells(amplitude, f, run, measured)
+    return f, run, measured
 
 
-def cases_of(system: System, dwells: SineDwells, state: State, acceleration: float | None) -> SineCases:
-    """The dwells with an amplitude for each frequency."""
-    count, balls = dwells.frequency.size, len(system.balls)
-    amplitude = np.full(count, dwells.amplitude)
-    if acceleration is not None:
-        amplitude = acceleration / (2.0 * np.pi * dwells.frequency) ** 2
+def cases_of(
+    system: System,
+    state: State,
+    amplitude: float | None,  # m: of the base, at all frequencies, or
+    acceleration: float | None,  # m/s^2
+    dwells: tuple[Array, NDArray[np.int64], NDArray[np.int64]],  # of `dwell_cycles`
+) -> SineCases:
+    """Cases of a sweep, all from one state."""
+    frequency, cycles, measured = dwells
+    count, balls = frequency.size, len(system.balls)
+    omega = 2.0 * np.pi * frequency
+    amplitudes = np.full(count, amplitude) if acceleration is None else acceleration / omega**2
     moved: dict[str, Any] = {}
     for name, none in (("ball_displacement", np.nan), ("ball_velocity", 0.0)):
         values = getattr(state, name)
-        # of another size than there are balls: refused with the first start
-        fits = values is not None and values.shape == (balls,)
-        moved[name] = np.tile(values if fits else np.full(balls, none), (count, 1))
+        if values is not None and values.shape != (balls,):
+            # refused, with the numbers of both
+            state.relative_to_base(system, Sine(float(amplitudes[0]), float(frequency[0])))
+        moved[name] = np.tile(np.full(balls, none) if values is None else values, (count, 1))
     return SineCases(
-        frequency=dwells.frequency,
-        amplitude=amplitude,
+        frequency=frequency,
+        amplitude=amplitudes,
         phase=np.zeros(count),
         gaps=np.tile(np.array([pair.gaps for pair in system.contacts]).reshape(-1, 2), (count, 1, 1)),
         laws=(tuple(pair.law for pair in system.contacts),),
         law_of=np.zeros(count, dtype=np.int64),
         initial=state,
-        cycles=dwells.cycles,
-        measured=dwells.measured,
+        cycles=cycles,
+        measured=measured,
         **moved,
     )
 

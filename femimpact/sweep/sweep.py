@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from femimpact.arrays import Array
 from femimpact.errors import DivergenceError, checked, quantity, require, require_type, truth
-from femimpact.integrators.cases import SineCases, SineDwellResults, SineDwells, workers_of
+from femimpact.integrators.cases import SineCases, SineDwellResults, workers_of
 from femimpact.integrators.methods import Method, require_method
 from femimpact.integrators.runs import run_cases
 from femimpact.progress import Progress, check_progress, draws_progress
@@ -27,7 +27,7 @@ from femimpact.sweep.curve import (
     curve_of,
     start_of,
 )
-from femimpact.sweep.dwells import cases_of, dwell_chain, dwells_apart, dwells_of
+from femimpact.sweep.dwells import cases_of, dwell_chain, dwell_cycles, dwells_apart
 from femimpact.system.state import State
 from femimpact.system.system import System
 
@@ -162,11 +162,7 @@ def frequency_sweep(
     require(direction is None or direction in ways, "direction", direction, "", f"must be one of {', '.join(ways)}")
     alone = channel is None or at == "tip"
     require(alone, "at", at, "", "goes without a channel, which names its own place")
-    dwells = dwells_of(0.0 if amplitude is None else amplitude, frequencies, cycles, duration, window)
-    if direction is not None:
-        order = np.argsort(dwells.frequency, kind="stable")
-        own = {name: getattr(dwells, name)[order] for name in ("frequency", "cycles", "measured")}
-        dwells = replace(dwells, **own)
+    dwells = dwell_cycles(frequencies, cycles, duration, window)
     if channel is None:
         system.point_row(at)
     measured = channel_of(system, at if channel is None else channel)
@@ -180,9 +176,10 @@ def frequency_sweep(
         "unit": measured.unit,
         "start": start_of(state, system),
     }
-    cases = cases_of(system, dwells, state, acceleration)
-    workers = workers_of(threads)
-    f = dwells.frequency
+    cases, workers = cases_of(system, state, amplitude, acceleration, dwells), workers_of(threads)
+    if direction is not None:
+        cases = cases.of(np.argsort(cases.frequency, kind="stable"))
+    f = cases.frequency
     if direction is not None:
         both = direction == "both"
         run = ["up", "down"] if both else [str(direction)]
@@ -192,7 +189,7 @@ def frequency_sweep(
         parts = {way: runs[i * f.size : (i + 1) * f.size] for i, way in enumerate(run)}
         curves = {
             way: curve_of(
-                system, method, dwells, columns_of_runs(own if way == "up" else own[::-1], f, ledger),
+                system, method, cases, columns_of_runs(own if way == "up" else own[::-1], f, ledger),
                 {**about, "direction": way},
             )
             for way, own in parts.items()
@@ -201,16 +198,13 @@ def frequency_sweep(
     row = _row(system, measured)
     if row is None:
         runs = dwells_apart(system, cases, method, measured, ledger, workers, report)
-        return curve_of(system, method, dwells, columns_of_runs(runs, f, ledger), about)
+        return curve_of(system, method, cases, columns_of_runs(runs, f, ledger), about)
     # methods with steps end a run whose observed value leaves all bounds of a displacement
     scale = 1.0 if measured.unit == "m" else 2.0 ** math.ceil(math.log2(max(float(np.max(np.abs(row))), 1e-300)))
-    if acceleration is None:
-        found = method.run_dwells(system, dwells, state, row / scale, ledger, workers, report)
-    else:
-        found = run_cases(system, cases, method, row / scale, int(ledger), workers, report)
+    found = run_cases(system, cases, method, row / scale, int(ledger), workers, report)
     columns, warnings = columns_of_dwells(found, f, ledger)
     columns |= {name: scale * columns[name] for name in OF_THE_CHANNEL}
-    return curve_of(system, method, dwells, (columns, warnings), about)
+    return curve_of(system, method, cases, (columns, warnings), about)
 
 
 def _row(system: System, channel: Channel) -> Array | None:
@@ -272,21 +266,20 @@ def peak_curves(
         If a system diverged at every frequency.
     """
     state, first = replace(initial, time=0.0), systems[0]
-    dwells = dwells_of(0.0 if amplitude is None else amplitude, frequencies, cycles, None, None)
-    cases, row = cases_of(first, dwells, state, acceleration), first.point_row("tip")
-    swept = _nothing(len(systems), dwells.frequency.size)
+    cases = cases_of(first, state, amplitude, acceleration, dwell_cycles(frequencies, cycles, None, None))
+    row, swept = first.point_row("tip"), _nothing(len(systems), cases.frequency.size)
     wanted = np.zeros_like(swept.known)
     wanted[:, ::step] = True
     while np.any(wanted):
         number, place = np.nonzero(wanted)
         own = _of_systems(cases.of(place), systems, number)
         found = run_cases(first, own, method, row, 0, workers_of(None), progress)
-        _add(swept, number, place, found, dwells.frequency[place])
+        _add(swept, number, place, found, cases.frequency[place])
         step //= 2
         wanted = _beside_peaks(swept, step) if step else np.zeros_like(wanted)
     about = {"amplitude": amplitude, "acceleration": acceleration, "cycles": cycles, "at": "tip"}
     about |= {"start": start_of(state, first)}
-    return tuple(_curve(system, method, dwells, swept, k, about) for k, system in enumerate(systems))
+    return tuple(_curve(system, method, cases, swept, k, about) for k, system in enumerate(systems))
 
 
 def _nothing(systems: int, frequencies: int) -> _Swept:
@@ -327,12 +320,11 @@ def _beside_peaks(swept: _Swept, step: int) -> NDArray[np.bool_]:
 
 
 def _curve(
-    system: System, method: Method, dwells: SineDwells, swept: _Swept, k: int, about: dict[str, Any]
+    system: System, method: Method, cases: SineCases, swept: _Swept, k: int, about: dict[str, Any]
 ) -> FrequencyResponse:
     known, failures = swept.known[k], swept.failures.get(k, [])
     if len(failures) == np.count_nonzero(known):
         raise DivergenceError(failures[0])
-    own = {name: getattr(dwells, name)[known] for name in ("frequency", "cycles", "measured")}
     columns = {name: values[k, known] for name, values in swept.columns.items()}
     warnings = [*dict.fromkeys(swept.warnings), *failures]
-    return curve_of(system, method, replace(dwells, **own), (columns, warnings), about)
+    return curve_of(system, method, cases.of(np.flatnonzero(known)), (columns, warnings), about)

@@ -60,8 +60,8 @@ EXTREMES = 2
 
 
 @dataclass(frozen=True, eq=False)
-class CaseNumbers:
-    """Excitation, gaps and contact parameters of C cases: what differs between them beside their starts."""
+class Inputs:
+    """Excitation, contacts and start of each of C cases, in the units of the compiled loop."""
 
     omega: Array  # (C,) rad/s: of what counts as a cycle
     amplitude: Array  # (C,) of s(t) (m/s^2 or N) and rad, where it is a sine; an amplitude of 0 where it is not
@@ -71,50 +71,52 @@ class CaseNumbers:
     stiffness: Array  # (C, R) n/m, N s/m and 1
     damping: Array  # (C, R)
     restitution: Array  # (C, R)
-
-    def of(self, members: NDArray[np.intp]) -> CaseNumbers:
-        """The same of some cases."""
-        own = {
-            item.name: getattr(self, item.name)[members] for item in dataclasses.fields(self) if item.name != "pieces"
-        }
-        return CaseNumbers(pieces=self.pieces, **own)
-
-
-def case_numbers(
-    drives: Sequence[Drive],
-    # for each case: the system's pairs with gaps and contact parameters of the case's own
-    contacts: Sequence[Sequence[ContactPair]],
-) -> CaseNumbers:
-    """Numbers of cases that are given by their drives and their contact pairs."""
-    count, pairs = len(drives), len(contacts[0])
-
-    def of_pairs(name: str) -> Array:
-        values = [[getattr(pair.parameters, name) for pair in own] for own in contacts]
-        return np.array(values, dtype=float).reshape(count, pairs)
-
-    return CaseNumbers(
-        omega=np.array([drive.omega for drive in drives]),
-        amplitude=np.array([drive.sine.amplitude for drive in drives]),
-        phase=np.array([drive.sine.phase for drive in drives]),
-        pieces=drives[0].pieces,
-        gaps=np.array([[pair.gaps for pair in own] for own in contacts], dtype=float).reshape(count, pairs, 2),
-        stiffness=of_pairs("stiffness"),
-        damping=of_pairs("damping"),
-        restitution=of_pairs("restitution"),
-    )
-
-
-@dataclass(frozen=True, eq=False)
-class Inputs:
-    """What each of C cases is given at its start."""
-
-    numbers: CaseNumbers
     is_sine: bool  # whether s(t) of the cases is a sine
     position: Array  # (C, d) structure and balls relative to the base, m and m/s
     velocity: Array  # (C, d)
     window: Array  # (C, 2) s: of which the totals are
     start: float = 0.0  # s: when all of them begin
     held: Held | None = None  # what an earlier run has left to a case alone
+
+    def of(self, members: NDArray[np.intp]) -> Inputs:
+        """The same of some cases."""
+        common = ("pieces", "is_sine", "start", "held")
+        names = [item.name for item in dataclasses.fields(self) if item.name not in common]
+        return dataclasses.replace(self, **{name: getattr(self, name)[members] for name in names})
+
+
+def inputs_of(
+    drives: Sequence[Drive],
+    contacts: Sequence[Sequence[ContactPair]],  # of each case: the system's pairs with its gaps and contact parameters
+    position: Array,  # the others as the fields of `Inputs`
+    velocity: Array,
+    window: Array,
+    start: float = 0.0,
+    held: Held | None = None,
+) -> Inputs:
+    """Inputs of cases that are given by their drives and their contact pairs."""
+    count, pairs = len(drives), len(contacts[0])
+
+    def of_pairs(name: str) -> Array:
+        values = [[getattr(pair.parameters, name) for pair in row] for row in contacts]
+        return np.array(values, dtype=float).reshape(count, pairs)
+
+    return Inputs(
+        omega=np.array([drive.omega for drive in drives]),
+        amplitude=np.array([drive.sine.amplitude for drive in drives]),
+        phase=np.array([drive.sine.phase for drive in drives]),
+        pieces=drives[0].pieces,
+        gaps=np.array([[pair.gaps for pair in row] for row in contacts], dtype=float).reshape(count, pairs, 2),
+        stiffness=of_pairs("stiffness"),
+        damping=of_pairs("damping"),
+        restitution=of_pairs("restitution"),
+        is_sine=drives[0].is_sine,
+        position=position,
+        velocity=velocity,
+        window=window,
+        start=start,
+        held=held,
+    )
 
 
 @dataclass(eq=False)
@@ -154,8 +156,8 @@ def new_block(
     -------
     Block
     """
-    whole, n, count = store.whole, system.dofs, inputs.numbers.omega.size
-    period = 2.0 * np.pi / inputs.numbers.omega
+    whole, n, count = store.whole, system.dofs, inputs.omega.size
+    period = 2.0 * np.pi / inputs.omega
     return Block(
         store=store,
         pairs=_pairs(whole, store, method),
@@ -208,8 +210,8 @@ def _pairs(whole: Equations, store: FormStore, method: EventSettings) -> Pairs:
 
 
 def _new_cases(store: FormStore, inputs: Inputs, modes: int) -> Cases:
-    numbers, pairs, d = inputs.numbers, store.rigid.size, store.whole.M.shape[0]
-    count, pieces = numbers.omega.size, numbers.pieces
+    pairs, d = store.rigid.size, store.whole.M.shape[0]
+    count, pieces = inputs.omega.size, inputs.pieces
     rows = 2 * pairs + store.outputs.force.shape[0]
     drive, piece = np.zeros((count, ORDERS)), 0
     knots, table = (np.zeros(0), np.zeros((0, ORDERS))) if pieces is None else _pieces_from(pieces, inputs.start)
@@ -217,22 +219,22 @@ def _new_cases(store: FormStore, inputs: Inputs, modes: int) -> Cases:
         drive[:] = motion_at(pieces, inputs.start)
         piece = piece_at(pieces, inputs.start)
     cases = Cases(
-        omega=numbers.omega.copy() if inputs.is_sine else np.zeros(count),
-        amplitude=numbers.amplitude.copy(),
+        omega=inputs.omega.copy() if inputs.is_sine else np.zeros(count),
+        amplitude=inputs.amplitude.copy(),
         knots=knots,
         pieces=table,
         degree=-1 if pieces is None else pieces.degree,
         longest=LONGEST_SERIES / rate if (rate := store.rate) else math.inf,
-        gap_plus=numbers.gaps[:, :, 0].copy(),
-        gap_minus=numbers.gaps[:, :, 1].copy(),
-        stiffness=np.where(store.rigid, 0.0, numbers.stiffness),
-        damping=np.where(store.rigid, 0.0, numbers.damping),
-        restitution=numbers.restitution.copy(),
+        gap_plus=inputs.gaps[:, :, 0].copy(),
+        gap_minus=inputs.gaps[:, :, 1].copy(),
+        stiffness=np.where(store.rigid, 0.0, inputs.stiffness),
+        damping=np.where(store.rigid, 0.0, inputs.damping),
+        restitution=inputs.restitution.copy(),
         form=np.full((count, 2), -1, dtype=np.int64),
         state=np.zeros((count, pairs)),
         entry=np.zeros((count, 1), dtype=complex),
         rigid_body=np.zeros((count, 2, 1)),
-        clock=np.stack([np.full(count, inputs.start), numbers.phase], axis=1),
+        clock=np.stack([np.full(count, inputs.start), inputs.phase], axis=1),
         drive=drive,
         piece=np.full(count, piece, dtype=np.int64),
         coordinates=np.ascontiguousarray(np.stack([inputs.position, inputs.velocity], axis=1)),

@@ -15,26 +15,25 @@ from femimpact.contact import resolve
 from femimpact.contact.laws import RIGID, ContactParameters
 from femimpact.errors import require
 from femimpact.excitation import Sine
-from femimpact.integrators.cases import SineCases, SineDwellResults, SineDwells, run_each
-from femimpact.integrators.channel_rows import Drive, drive_of
+from femimpact.integrators.cases import SineCases, SineDwellResults, run_each
+from femimpact.integrators.channel_rows import drive_of
 from femimpact.integrators.event_driven.block import (
     Block,
-    CaseNumbers,
     Inputs,
     new_block,
     no_cycles,
     run_block,
     share_block,
 )
-from femimpact.integrators.event_driven.equations import Equations, equations_of
+from femimpact.integrators.event_driven.equations import equations_of
 from femimpact.integrators.event_driven.loop_data import DONE, EventSettings, Ledger, check_events
 from femimpact.integrators.event_driven.run import not_finite, peaks_of_forces, unending
-from femimpact.integrators.event_driven.store import FormStore, Outputs, WantedForm, outputs_of
+from femimpact.integrators.event_driven.store import FormStore, WantedForm, outputs_of
 from femimpact.progress import Progress
 from femimpact.response.energy import BALANCED, CLOSED, energy_residual, largest_input, unbalanced
 from femimpact.response.impacts import CYCLE_COLUMNS, ENERGY_COLUMNS
 from femimpact.response.signals import CycleStatistics, steady_motion
-from femimpact.system.state import ROUNDED, State
+from femimpact.system.state import ROUNDED
 from femimpact.system.system import System
 
 LARGEST_BLOCK = 64
@@ -46,30 +45,6 @@ BLOCKS = 8
 
 OF_LEDGER = ("residual", "bound", "loss", "stored")
 """What the ledger of a case gives."""
-
-
-@dataclass(frozen=True, eq=False)
-class DwellSystem:
-    """A system with its drive and the row (dofs,) of its observed place."""
-
-    system: System
-    drive: Drive
-    observed: Array
-
-
-@dataclass(frozen=True, eq=False)
-class DwellCases:
-    """Cases that run through whole cycles of a sine."""
-
-    drive: Drive  # of the first case: all are sines of one kind, at one place
-    numbers: CaseNumbers  # frequency, amplitude, phase, gaps and contact parameters of each case's own
-    position: Array  # (cases, d) structure and balls at t = 0 relative to the base, m and m/s
-    velocity: Array  # (cases, d)
-    cycles: NDArray[np.int64]  # (cases,) of the base: the whole dwell, and how many at its end are measured
-    measured: NDArray[np.int64]  # (cases,)
-    # in place of the common system and its drive, alike in coordinates, outputs and pairs; none for the common one
-    systems: Sequence[DwellSystem] = ()
-    system_of: NDArray[np.int64] | None = None  # (cases,) which of them a case has
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,71 +62,16 @@ class DwellStatistics:
     stored: Array
 
 
-def run_dwells(
-    system: System, cases: DwellCases, method: EventSettings, observed: Array, instants: int, workers: int,
-    progress: Progress | None,
-) -> DwellStatistics:  # fmt: skip
-    """Run many cases through whole cycles and keep the statistics of the last ones.
-
-    Parameters
-    ----------
-    system : System
-        Checked before; see `check_events`.
-    cases : DwellCases
-    method : EventSettings
-    observed : ndarray (dofs,)
-        Row of the observed place.
-    instants : int
-        Of a measured cycle at which the ledger is read, a divisor of `samples_per_cycle`; 0 for no ledger.
-    workers : int
-        Threads at most.
-    progress : callable, optional
-
-    Returns
-    -------
-    DwellStatistics
-    """
-    count = cases.cycles.size
-    rigid = np.array([pair.parameters.kind == RIGID for pair in system.contacts], dtype=bool)
-    first, *others = cases.systems or (DwellSystem(system, cases.drive, observed),)
-    whole, outputs, derived = _source(first)
-    store = FormStore(whole, rigid, outputs, rate=None, derived=derived)
-    for other in others:
-        store.add_system(*_source(other))
-
-    def run(members: NDArray[np.intp], share: Progress | None) -> DwellStatistics:
-        found = _run_block(system, store, cases, members, method, instants)
-        if share is not None:
-            share(1.0)
-        return found
-
-    blocks = max(math.ceil(count / LARGEST_BLOCK), 1 if workers == 1 else min(BLOCKS * workers, count))
-    return _joined(run_each(run, np.array_split(np.arange(count), blocks), workers, progress))
-
-
-def _source(given: DwellSystem) -> tuple[Equations, Outputs, dict[Any, Any]]:
-    """What a store of closed forms takes of a system."""
-    system = given.system
-    return equations_of(system, given.drive), outputs_of(system, given.observed), system.derived
-
-
 def _run_block(
-    system: System, store: FormStore, cases: DwellCases, members: NDArray[np.intp], method: EventSettings, instants: int
+    store: FormStore, systems: Sequence[System], cases: SineCases, inputs: Inputs, members: NDArray[np.intp],
+    method: EventSettings, instants: int,
 ) -> DwellStatistics:  # fmt: skip
+    """Run some of the cases through their dwells and keep the statistics of the measured cycles."""
     per_cycle, count = method.samples_per_cycle, members.size
     cycles, measured, most_measured = cases.cycles[members], cases.measured[members], int(cases.measured.max())
-    numbers = cases.numbers.of(members)
-    period = 2.0 * np.pi / numbers.omega
-    inputs = Inputs(
-        numbers=numbers,
-        is_sine=True,
-        position=cases.position[members],
-        velocity=cases.velocity[members],
-        window=np.stack([(cycles - measured) * period, np.full(count, np.inf)], axis=1),
-    )
-    block = new_block(system, store, inputs, method, True if instants else None)
-    if cases.system_of is not None:
-        share_block(block, [each.system for each in cases.systems], cases.system_of[members], method)
+    block = new_block(systems[0], store, inputs.of(members), method, True if instants else None)
+    if cases.systems and cases.system_of is not None:
+        share_block(block, systems, cases.system_of[members], method)
     _begin_free(block)
     end = cycles * per_cycle
     # one sample more: the first measured cycle begins with it, be it that at the start
@@ -215,44 +135,41 @@ def _joined(parts: Sequence[DwellStatistics]) -> DwellStatistics:
     return DwellStatistics(cycles, totals, **columns)
 
 
-def event_driven_dwells(
-    system: System, dwells: SineDwells, method: EventSettings, initial: State, observed: Array, ledger: bool,
-    workers: int, progress: Progress | None,
-) -> SineDwellResults:  # fmt: skip
-    """Dwells event-driven; see `Method.run_dwells`."""
-    count, balls = dwells.frequency.size, len(system.balls)
-    given = ((initial.ball_displacement, np.nan), (initial.ball_velocity, 0.0))
-    moved = [np.full(balls, none) if values is None else np.asarray(values) for values, none in given]
-    # of another size than there are balls: refused with the first start
-    fits = all(values.shape == (balls,) for values in moved)
-    displacement, velocity = (np.tile(values if fits else np.zeros(balls), (count, 1)) for values in moved)
-    if not fits:
-        initial.relative_to_base(system, Sine(dwells.amplitude, float(dwells.frequency[0]), dwells.phase))
-    cases = SineCases(
-        frequency=dwells.frequency,
-        amplitude=np.full(count, dwells.amplitude),
-        phase=np.full(count, dwells.phase),
-        gaps=np.tile(np.array([pair.gaps for pair in system.contacts]).reshape(-1, 2), (count, 1, 1)),
-        laws=(tuple(pair.law for pair in system.contacts),),
-        law_of=np.zeros(count, dtype=np.int64),
-        initial=initial,
-        ball_displacement=displacement,
-        ball_velocity=velocity,
-        cycles=dwells.cycles,
-        measured=dwells.measured,
-    )
-    return event_driven_cases(system, cases, method, observed, int(ledger), workers, progress)
-
-
 def event_driven_cases(
     system: System, cases: SineCases, method: EventSettings, observed: Array, instants: int, workers: int,
     progress: Progress | None,
 ) -> SineDwellResults:  # fmt: skip
-    """Cases event-driven; see `many_cases.run_cases`."""
+    """Results of cases, event-driven; see `runs.run_cases`."""
     check_events(system)
-    found = run_dwells(system, _cases(system, cases), method, observed, instants, workers, progress)
-    motion = steady_motion(found.cycles, cases.measured)
+    first = Sine(float(cases.amplitude[0]), float(cases.frequency[0]), float(cases.phase[0]))
+    sources = [
+        (equations_of(given, drive_of(given, first)), outputs_of(given, row), given.derived)
+        for given, row in cases.systems or ((system, observed),)
+    ]
     rigid = np.array([pair.parameters.kind == RIGID for pair in system.contacts], dtype=bool)
+    whole, outputs, derived = sources[0]
+    store = FormStore(whole, rigid, outputs, rate=None, derived=derived)
+    for source in sources[1:]:
+        store.add_system(*source)
+    inputs, systems = _inputs(system, cases), [given for given, _ in cases.systems] or [system]
+
+    def run(members: NDArray[np.intp], share: Progress | None) -> DwellStatistics:
+        part = _run_block(store, systems, cases, inputs, members, method, instants)
+        if share is not None:
+            share(1.0)
+        return part
+
+    count = cases.frequency.size
+    blocks = max(math.ceil(count / LARGEST_BLOCK), 1 if workers == 1 else min(BLOCKS * workers, count))
+    found = _joined(run_each(run, np.array_split(np.arange(count), blocks), workers, progress))
+    return _results(found, cases, rigid, method, instants)
+
+
+def _results(
+    found: DwellStatistics, cases: SineCases, rigid: NDArray[np.bool_], method: EventSettings, instants: int
+) -> SineDwellResults:
+    """Results of the cases, with the reasons of those that have none."""
+    motion = steady_motion(found.cycles, cases.measured)
     totals = peaks_of_forces(found.totals, rigid)
     faults = [
         _fault(method, time, rms, residual, instants > 0)
@@ -267,31 +184,26 @@ def event_driven_cases(
     )
 
 
-def _cases(system: System, cases: SineCases) -> DwellCases:
-    """Every case from the state that the initial one means under its base."""
+def _inputs(system: System, cases: SineCases) -> Inputs:
+    """Inputs of every case from the state that the initial one means under its base."""
     position, velocity = _starts(system, cases)
     omega = 2.0 * np.pi * cases.frequency
-    first = Sine(float(cases.amplitude[0]), float(cases.frequency[0]), float(cases.phase[0]))
-    return DwellCases(
-        drive=drive_of(system, first),
-        numbers=CaseNumbers(
-            omega=omega,
-            amplitude=-cases.amplitude * omega**2,
-            phase=cases.phase,
-            pieces=None,
-            gaps=cases.gaps,
-            **_parameters(system, cases),
-        ),
+    begin = (cases.cycles - cases.measured) * (2.0 * np.pi / omega)
+    return Inputs(
+        omega=omega,
+        amplitude=-cases.amplitude * omega**2,
+        phase=cases.phase,
+        pieces=None,
+        gaps=cases.gaps,
+        **_parameters(system, cases),
+        is_sine=True,
         position=position,
         velocity=velocity,
-        cycles=cases.cycles,
-        measured=cases.measured,
-        systems=[DwellSystem(own, drive_of(own, first), row) for own, row in cases.systems],
-        system_of=cases.system_of if cases.systems else None,
+        window=np.stack([begin, np.full(begin.size, np.inf)], axis=1),
     )
 
 
-def _parameters(system: System, cases: SineCases) -> dict[str, Array]:
+def _parameters(system: System, cases: SineCases) -> dict[str, Any]:
     """Numbers of each case's laws with the effective masses of its system, (n, pairs)."""
     kinds = tuple(pair.parameters.kind for pair in system.contacts)
     number, set_of = _distinct_sets(cases)

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from femimpact.errors import check_fields, quantity
 from femimpact.excitation import Excitation
-from femimpact.integrators.cases import AchievedRestitution, MethodCost, SineCases, SineDwellResults, SineDwells
-from femimpact.integrators.event_driven.dwells import event_driven_cases, event_driven_dwells
+from femimpact.integrators.cases import AchievedRestitution, MethodCost, SineCases, SineDwellResults
+from femimpact.integrators.event_driven.dwells import event_driven_cases
 from femimpact.integrators.event_driven.loop_data import check_events, reading_grid
 from femimpact.integrators.event_driven.run import run_events
 from femimpact.progress import Progress
@@ -135,16 +135,9 @@ class EventDriven:
         """One run; see `integrate`."""
         return run_events(system, excitation, self, duration, recorder, initial, progress)
 
-    def run_dwells(
-        self, system: System, dwells: SineDwells, initial: State, observed: NDArray[np.float64], ledger: bool,
-        workers: int, progress: Progress | None = None,
-    ) -> SineDwellResults:  # fmt: skip
-        """Many dwells side by side; see `frequency_sweep`."""
-        return event_driven_dwells(system, dwells, self, initial, observed, ledger, workers, progress)
-
     def run_cases(
         self, system: System, cases: SineCases, observed: NDArray[np.float64], instants: int, workers: int,
         progress: Progress | None = None,
     ) -> SineDwellResults:  # fmt: skip
-        """Many cases side by side, each with its own numbers; see `many_cases.run_cases`."""
+        """Many cases side by side, each with separate numbers; see `runs.run_cases`."""
         return event_driven_cases(system, cases, self, observed, instants, workers, progress)

@@ -20,8 +20,7 @@ from femimpact.integrators.event_driven import loop_data
 from femimpact.integrators.event_driven.block import (
     EXTREMES,
     Block,
-    Inputs,
-    case_numbers,
+    inputs_of,
     new_block,
     no_cycles,
     run_block,
@@ -120,9 +119,9 @@ def block_alone(
     )
     u, v, y, y_rate = initial.relative_to_base(system, excitation)
     balls, held = len(system.balls), held_by(initial, system, excitation)
-    inputs = Inputs(
-        numbers=case_numbers([drive], [system.contacts]),
-        is_sine=drive.is_sine,
+    inputs = inputs_of(
+        [drive],
+        [system.contacts],
         position=np.concatenate([u, y[:balls]])[None],
         velocity=np.concatenate([v, y_rate[:balls]])[None],
         window=np.array([[begin, math.inf]]),

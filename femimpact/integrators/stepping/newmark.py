@@ -18,7 +18,7 @@ from femimpact.contact.custom_law import force_pointer, law_error
 from femimpact.contact.laws import RIGID
 from femimpact.errors import check_fields, choice, quantity, require, truth
 from femimpact.excitation import Excitation
-from femimpact.integrators.cases import AchievedRestitution, MethodCost, SineCases, SineDwellResults, SineDwells
+from femimpact.integrators.cases import AchievedRestitution, MethodCost, SineCases, SineDwellResults
 from femimpact.integrators.stepping.block import check_recorder
 from femimpact.integrators.stepping.layout import Law, Scheme
 from femimpact.integrators.stepping.operators import (
@@ -32,7 +32,7 @@ from femimpact.integrators.stepping.operators import (
     scheme_of,
     step_notes,
 )
-from femimpact.integrators.stepping.run import run_steps, stepped_cases, stepped_dwells
+from femimpact.integrators.stepping.run import run_steps, stepped_cases
 from femimpact.progress import Progress
 from femimpact.response.response import Recorder, Response
 from femimpact.system.contact_pair import ContactPair
@@ -165,18 +165,11 @@ class SteppingAnswers:
         """One run; see `integrate`."""
         return run_steps(system, excitation, self, duration, recorder, initial, progress)
 
-    def run_dwells(
-        self: SteppingMethod, system: System, dwells: SineDwells, initial: State, observed: NDArray[np.float64],
-        ledger: bool, workers: int, progress: Progress | None = None,
-    ) -> SineDwellResults:  # fmt: skip
-        """Many dwells side by side; see `frequency_sweep`."""
-        return stepped_dwells(system, dwells, self, initial, observed, ledger, workers, progress)
-
     def run_cases(
         self: SteppingMethod, system: System, cases: SineCases, observed: NDArray[np.float64], instants: int,
         workers: int, progress: Progress | None = None,
     ) -> SineDwellResults:  # fmt: skip
-        """Many cases side by side, each with its own gaps, laws and start; see `many_cases.run_cases`."""
+        """Many cases side by side, each with its own gaps, laws and start; see `runs.run_cases`."""
         return stepped_cases(system, cases, self, observed, instants, workers, progress)
 
 

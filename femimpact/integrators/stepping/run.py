@@ -5,7 +5,7 @@ from __future__ import annotations
 import heapq
 import math
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -18,7 +18,14 @@ from femimpact.contact.custom_law import speed_note
 from femimpact.contact.laws import RIGID
 from femimpact.errors import DivergenceError, changed, in_range, made, quantity, require
 from femimpact.excitation import Excitation, PointForce, Sine, Sum
-from femimpact.integrators.cases import SineCases, SineDwellResults, SineDwells, run_each, start_of, with_contacts_of
+from femimpact.integrators.cases import (
+    SineCases,
+    SineDwellResults,
+    equal_groups,
+    run_each,
+    start_of,
+    with_contacts_of,
+)
 from femimpact.integrators.channel_rows import channel_rows, drive_of, reaction_notes
 from femimpact.integrators.stepping.arrays import Inputs
 from femimpact.integrators.stepping.block import (
@@ -280,66 +287,24 @@ MOTION = ("peak", "rms", "first_harmonic", "phase")
 """Numbers of a steady motion."""
 
 
-def stepped_dwells(
-    system: System, dwells: SineDwells, method: SteppingMethod, initial: State, observed: Array, ledger: bool,
-    workers: int, progress: Progress | None,
-) -> SineDwellResults:  # fmt: skip
-    """Dwells by a method with steps, side by side in blocks; see `Method.run_dwells`."""
-    lengths = _Lengths(dwells.frequency, dwells.cycles, dwells.measured)
-    check_sampling(dwells.frequency, method, "frequencies")
-    warnings = check_step(system, method)
-
-    def inputs_of(members: NDArray[np.intp], ends: list[int], begins: list[int]) -> Inputs:
-        sines = [Sine(dwells.amplitude, float(dwells.frequency[i]), dwells.phase) for i in members]
-        return Inputs(sines, ends, begins, initial)
-
-    return _stepped(system, lengths, inputs_of, method, observed, ledger, workers, progress, warnings)
-
-
 def stepped_cases(
     system: System, cases: SineCases, method: SteppingMethod, observed: Array, instants: int, workers: int,
     progress: Progress | None,
 ) -> SineDwellResults:  # fmt: skip
-    """Cases, each with its own gaps, laws and start, by a method with steps; see `many_cases.run_cases`.
+    """Results of cases by a method with steps, side by side in blocks; see `runs.run_cases`.
 
-    Their laws are of the kinds of the system's, with compiled branches, and their starts are not static. The ledger is
-    read at the ends of cycles.
+    Where gaps, laws or starts differ, the laws are of the kinds of the system's, with compiled branches, and no start
+    is static. The ledger is read at the ends of cycles.
     """
-    lengths = _Lengths(cases.frequency, cases.cycles, cases.measured)
     check_sampling(cases.frequency, method, "frequencies")
     first = [int(np.argmax(cases.law_of == number)) for number in np.unique(cases.law_of)]
     warnings = [text for case in first for text in check_step(with_contacts_of(system, cases, case), method)]
-
-    def inputs_of(members: NDArray[np.intp], ends: list[int], begins: list[int]) -> Inputs:
-        numbers = (values[members].tolist() for values in (cases.amplitude, cases.frequency, cases.phase))
-        sines = [Sine(*own) for own in zip(*numbers, strict=True)]
-        each = [(with_contacts_of(system, cases, case), start_of(cases, case)) for case in members.tolist()]
-        return Inputs(sines, ends, begins, cases.initial, each=each)
-
-    told = tuple(dict.fromkeys(warnings))
-    return _stepped(system, lengths, inputs_of, method, observed, instants > 0, workers, progress, told)
-
-
-@dataclass(frozen=True, eq=False)
-class _Lengths:
-    """Frequencies (Hz) of dwells, their whole cycles and the measured ones, arrays (n,)."""
-
-    frequency: Array
-    cycles: NDArray[np.int64]
-    measured: NDArray[np.int64]
-
-
-def _stepped(
-    system: System, dwells: _Lengths, inputs_of: Callable[[NDArray[np.intp], list[int], list[int]], Inputs],
-    method: SteppingMethod, observed: Array, ledger: bool, workers: int, progress: Progress | None,
-    warnings: tuple[str, ...],
-) -> SineDwellResults:  # fmt: skip
-    """Dwells side by side in blocks; `inputs_of` gives what some are given, for their steps and windows."""
-    f = dwells.frequency
-    steps = float(np.max(dwells.cycles / f)) / method.dt
+    f, ledger, equal = cases.frequency, instants > 0, len(equal_groups(cases)) == 1
+    common, initial = (with_contacts_of(system, cases, 0), start_of(cases, 0)) if equal else (system, cases.initial)
+    steps = float(np.max(cases.cycles / f)) / method.dt
     require(steps <= MOST_STEPS, "frequencies", float(f.min()), "Hz", f"must take at most {MOST_STEPS:g} steps")
-    ends = np.ceil(dwells.cycles / (f * method.dt)).astype(int)
-    begins = np.ceil((dwells.cycles - dwells.measured) / (f * method.dt)).astype(int)
+    ends = np.ceil(cases.cycles / (f * method.dt)).astype(int)
+    begins = np.ceil((cases.cycles - cases.measured) / (f * method.dt)).astype(int)
     motion: dict[str, NDArray[Any]] = {name: np.full(f.size, np.nan) for name in MOTION}
     motion["steadiness"] = np.full(f.size, "transient", dtype="<U11")
     totals = np.full((6, len(system.contacts), f.size), np.nan)
@@ -347,17 +312,20 @@ def _stepped(
 
     def run(members: NDArray[np.intp], share: Progress | None) -> None:
         # laid out when its turn comes: of many blocks only those at work are in memory
-        inputs = inputs_of(members, ends[members].tolist(), begins[members].tolist())
-        block = prepare(system, inputs, method, observed=observed, ledger=ledger)
+        numbers = (values[members].tolist() for values in (cases.amplitude, f, cases.phase))
+        sines = [Sine(*given) for given in zip(*numbers, strict=True)]
+        each = [] if equal else [(with_contacts_of(system, cases, c), start_of(cases, c)) for c in members.tolist()]
+        inputs = Inputs(sines, ends[members].tolist(), begins[members].tolist(), initial, each=each)
+        block = prepare(common, inputs, method, observed=observed, ledger=ledger)
         run_block(block, share)
         diverged[members] = block.diverged[: members.size]
-        found = _motion(block, dwells.cycles[members], dwells.measured[members])
+        found = _motion(block, cases.cycles[members], cases.measured[members])
         for name, column in motion.items():
             column[members] = getattr(found, name)
         totals[:, :, members] = block.motion.totals[:, : len(system.contacts), : members.size]
         duration[members] = np.diff(block.motion.window[:, : members.size], axis=0)[0] * method.dt
         if ledger:
-            residual[members] = _residuals(block, dwells.cycles[members])
+            residual[members] = _residuals(block, cases.cycles[members])
 
     run_each(run, _blocks(ends, workers), workers, progress)
     # an impulse has no peak
@@ -366,8 +334,8 @@ def _stepped(
         divergence_message(float(frequency), float(time), method) if math.isfinite(time) else ""
         for frequency, time in zip(f, diverged, strict=True)
     )
-    bound = np.full(f.size, BALANCED)
-    return SineDwellResults(SteadyMotion(**motion), totals, duration, residual, bound, failures, warnings)
+    bound, told = np.full(f.size, BALANCED), tuple(dict.fromkeys(warnings))
+    return SineDwellResults(SteadyMotion(**motion), totals, duration, residual, bound, failures, told)
 
 
 def _blocks(ends: NDArray[np.int64], workers: int) -> list[NDArray[np.intp]]:
