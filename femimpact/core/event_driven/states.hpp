@@ -1,7 +1,7 @@
 // Closed forms of the contact states that have occurred, and how a motion is taken from one to another.
 #pragma once
 
-#include "motion.hpp"
+#include "bounds.hpp"
 
 namespace FEMIMPACT_TARGET {
 
