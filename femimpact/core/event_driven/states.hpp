@@ -284,8 +284,8 @@ struct Followed {
 }
 
 // Begins a piece of s(t) at its knot: what the steady motion changes by is taken up by the entries.
-[[gnu::noinline]] inline void turn_knot(Index piece, Index f, const Cases &cases, const Forms &forms,
-                                        const Motion &motion) {
+[[gnu::noinline]] inline void begin_piece(Index piece, Index f, const Cases &cases, const Forms &forms,
+                                          const Motion &motion) {
     GivenArray next = cases.pieces.row(piece);
     GivenMatrix follow = forms.position_follow.row(f), rate = forms.velocity_follow.row(f);
     Array d = motion.drive;
