@@ -151,7 +151,7 @@ inline Index to_next_event(Index begin, double until, const Form &form, const Ca
     if (b && (b->everywhere || any_compliant(c, job.pairs)))
         add_to_ledger(form, job.pairs, c, space, *b);
     if (status == END && reached >= knot) {
-        turn_knot(next, cases.form(c.number, 1), cases, job.forms, motion);
+        begin_piece(next, cases.form(c.number, 1), cases, job.forms, motion);
         cases.piece(c.number) = next;
     }
     return status;

@@ -1,7 +1,7 @@
 // The next event: the first watched scalar that meets its bound, whatever it stands for.
 #pragma once
 
-#include "motion.hpp"
+#include "bounds.hpp"
 
 namespace FEMIMPACT_TARGET {
 

@@ -1,7 +1,7 @@
 // Closed forms of the contact states that have occurred, and how a motion is taken from one to another.
 #pragma once
 
-#include "motion.hpp"
+#include "bounds.hpp"
 
 namespace FEMIMPACT_TARGET {
 
@@ -284,8 +284,8 @@ struct Followed {
 }
 
 // Begins a piece of s(t) at its knot: what the steady motion changes by is taken up by the entries.
-[[gnu::noinline]] inline void turn_knot(Index piece, Index f, const Cases &cases, const Forms &forms,
-                                        const Motion &motion) {
+[[gnu::noinline]] inline void begin_piece(Index piece, Index f, const Cases &cases, const Forms &forms,
+                                          const Motion &motion) {
     GivenArray next = cases.pieces.row(piece);
     GivenMatrix follow = forms.position_follow.row(f), rate = forms.velocity_follow.row(f);
     Array d = motion.drive;

@@ -1,8 +1,8 @@
 // What an event does: an impulse where rigid bodies collide, a change of contact state everywhere else.
 #pragma once
 
+#include "contact_phases.hpp"
 #include "search.hpp"
-#include "touching.hpp"
 
 namespace FEMIMPACT_TARGET {
 

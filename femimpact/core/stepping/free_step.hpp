@@ -3,7 +3,7 @@
 
 #include "../columns.hpp"
 #include "banded.hpp"
-#include "crest.hpp"
+#include "extremes.hpp"
 
 namespace FEMIMPACT_TARGET::stepping {
 
@@ -175,7 +175,7 @@ template <class Value>
     Value w = load<Value>(m.w.row(0), c), rate = load<Value>(m.w_rate.row(0), c);
     // rare; the extremes have no other part in this loop
     if (differ_in_sign(rate, load<Value>(last.row(LAST_RATE), c)))
-        add_crests(c, double(step - 1) * s.dt, s, m, cycles);
+        add_extremes(c, double(step - 1) * s.dt, s, m, cycles);
     store(w, last.row(LAST), c);
     store(rate, last.row(LAST_RATE), c);
     store(w * w + load<Value>(sums.row(SQUARE), c), sums.row(SQUARE), c);

@@ -1,7 +1,7 @@
 // The loop over steps.
 #pragma once
 
-#include "keeping.hpp"
+#include "recording.hpp"
 #include "refine.hpp"
 
 namespace FEMIMPACT_TARGET::stepping {
@@ -57,7 +57,7 @@ template <bool BANDED, bool LOOKS_AHEAD> inline void advance_all(Index steps, co
     const Motion &m = given.cases.motion;
     const Cycles &cycles = given.cases.cycles;
     const Record &record = given.cases.record;
-    const bool keeping = record.channels.shape[1] + record.snapshots.shape[0] > 0, sampled = m.table.shape[0] > 0;
+    const bool recording = record.channels.shape[1] + record.snapshots.shape[0] > 0, sampled = m.table.shape[0] > 0;
     const Index parts = LOOKS_AHEAD ? fine->parts : 1, count = m.q.shape[1];
     const FreeBall free = free_ball(s);
     // packs go through all parts of a step at once where nothing concerns all cases between two of them
@@ -97,7 +97,7 @@ template <bool BANDED, bool LOOKS_AHEAD> inline void advance_all(Index steps, co
             close_cycles(step, given);
             next_wrap = least(cycles.next_wrap);
         }
-        if (keeping && any_due(step, record))
+        if (recording && any_due(step, record))
             keep(step, given);
     }
 }

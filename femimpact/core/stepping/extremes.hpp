@@ -23,7 +23,7 @@ inline Cubic cubic(double w0, double a, double w1, double b) {
 // Extreme value of the cubic through both ends of an interval, with rates of opposite signs.
 //
 // a and b are per interval: w' times its length.
-inline double crest(double w0, double a, double w1, double b) {
+inline double extreme_between(double w0, double a, double w1, double b) {
     auto [bend, twist] = cubic(w0, a, w1, b);
     double root = __builtin_sqrt(larger(bend * bend - 3.0 * twist * a, 0.0));
     // the root of a + 2 bend t + 3 twist t^2 that lies inside, without cancellation; rounding may lead out
@@ -51,7 +51,7 @@ inline void extend(Index c, double h, double w, double rate, double impact, Matr
             include(c, before, sums);
             include(c, w, sums);
             if (rate_before * rate < 0.0)
-                include(c, crest(before, h * rate_before, w, h * rate), sums);
+                include(c, extreme_between(before, h * rate_before, w, h * rate), sums);
         }
     }
     last(LAST, c) = w;
@@ -112,8 +112,8 @@ inline double impact_in(Index c, double begun, bool rigid, Block touch) {
 }
 
 // Crests of the step that began at that time (s) in the pack of cases from `first` on, or in one case alone.
-[[gnu::noinline]] inline void add_crests(Index first, double begun, const Scheme &s, const Motion &m,
-                                         const Cycles &cycles) {
+[[gnu::noinline]] inline void add_extremes(Index first, double begun, const Scheme &s, const Motion &m,
+                                           const Cycles &cycles) {
     for (Index c = first; c < smaller(first + WIDTH, m.w.shape[1]); c++)
         if (differ_in_sign(cycles.last(LAST_RATE, c), m.w_rate(0, c)))
             extend(c, s.dt, m.w(0, c), m.w_rate(0, c), impact_in(c, begun, s.rigid, m.touch), cycles.sums, cycles.last);

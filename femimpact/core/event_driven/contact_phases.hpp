@@ -7,7 +7,7 @@
 namespace FEMIMPACT_TARGET {
 
 // Sets the spare motion to the present one at an instant from now on.
-[[gnu::always_inline]] inline void set_spare_motion(double time, const Scalars &scalars, const Space &space) {
+[[gnu::always_inline]] inline void set_motion_at(double time, const Scalars &scalars, const Space &space) {
     copy_motion(space.motion, space.spare);
     if (time > space.spare.clock(0)) {
         move(scalars, space.spare, time - space.spare.clock(0));
@@ -40,7 +40,7 @@ namespace FEMIMPACT_TARGET {
                                                 const Case &c, const Space &space) {
     Index r = c.state.size() + j;
     double side = side_of(c.state(j)), duration = end - begin;
-    set_spare_motion(begin, scalars, space);
+    set_motion_at(begin, scalars, space);
     const Motion &motion = space.spare;
     if (has_blocks(scalars) || scalars.driven > 0)
         return side * integral_over_points(r, duration, scalars, motion);
@@ -77,7 +77,7 @@ namespace FEMIMPACT_TARGET {
     Index r = c.state.size() + j;
     double side = side_of(c.state(j));
     Array row = space.extremes;
-    set_spare_motion(end, scalars, space);
+    set_motion_at(end, scalars, space);
     double last = scalar_now(r, scalars, space.spare);
     row(0) = larger(larger(side * known, last), 0.0);
     row(1) = smaller(smaller(side * known, last), 0.0);

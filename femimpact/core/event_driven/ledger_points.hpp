@@ -1,0 +1,53 @@
+// Work and losses by Gauss points, where the entries of a motion are coupled in blocks or a stop does not move with
+// the base.
+#pragma once
+
+#include "gauss.hpp"
+#include "states.hpp"
+
+namespace FEMIMPACT_TARGET {
+
+// Adds work and losses by Gauss points, exact to rounding; uses `after` up.
+[[gnu::noinline]] inline void sum_over_points(double duration, const Form &form, const Pairs &pairs, const Case &c,
+                                              const Space &space, const Ledger &b) {
+    const Scalars &scalars = form.scalars;
+    const Motion &spare = space.spare;
+    Matrix after = space.products.after;
+    copy_motion(space.mark, spare);
+    double start = space.mark.clock(0), elapsed = 0.0;
+    while (elapsed < duration) {
+        double panel = next_panel(elapsed, duration - elapsed, scalars, spare), half = 0.5 * panel;
+        for (Index node = 0; node < GAUSS_POINTS; node++) {
+            double time = start + elapsed + half * (1.0 + NODES[node]), share = half * WEIGHTS[node];
+            move(scalars, spare, time - spare.clock(0));
+            read_coordinates(form.shapes, spare, after);
+            Complex phase = unit_phase(scalars.omega, spare.clock);
+            double acting = scalars.degree >= 0 ? spare.drive(2) : c.amplitude * phase.imag;
+            double base_rate = base_motion(c, spare).rate;
+            for (Index i = 0; i < b.mass.size(); i++) {
+                double v = after(1, i);
+                b.work(c.number) += share * (b.load(i) * acting + b.given(i)) * v;
+                if (b.damping(i) > 0.0)
+                    b.loss_of_mode(c.number, i) += share * b.damping(i) * v * v;
+            }
+            for (Index j = 0; j < c.state.size(); j++) {
+                if (!is_active(c.state(j)))
+                    continue;
+                double force = value_now(c.state.size() + j, scalars.exponent.size(), phase, scalars, spare);
+                // what holds a stop in space does work where the stop moves against the base
+                b.work(c.number) -= share * force * pairs.in_space(j) * base_rate;
+                if (pairs.rigid(j))
+                    continue;
+                double rate = gap_of(j, pairs, after.row(1), base_rate);
+                double loss = share * c.damping(j) * rate * rate;
+                b.contact_loss(c.number) += loss;
+                c.touch(LOST, j) += loss;
+                for (Index i = 0; i < c.to_modes.shape[1]; i++)
+                    c.to_modes(j, i) += share * pairs.direction(j, i) * force * after(1, i);
+            }
+        }
+        elapsed += panel;
+    }
+}
+
+} // namespace FEMIMPACT_TARGET
