@@ -64,7 +64,11 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
         ),
     ),
     "test_study.py": (
-        Mutation("unknown_key", 'extra="forbid"', 'extra="ignore"'),
+        Mutation(
+            "unknown_key",
+            "(name for name in values if name not in fields)",
+            "(name for name in values if not name)",
+        ),
         Mutation(
             "first_fault_alone",
             "for fault in error.faults]\n        return None",

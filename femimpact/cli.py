@@ -674,7 +674,7 @@ def _study_progress(quiet: bool) -> Iterator[Callable[[StudyProgress], None] | N
 
 @contextmanager
 def _waiting(what: str, quiet: bool) -> Iterator[None]:
-    """A bar without shares and the time that has passed, for what takes some seconds, as a long record does."""
+    """Draw a bar with the time that has passed beside what takes some seconds, where stderr is a terminal."""
     from threading import Timer
 
     drawn: list[Any] = []
@@ -688,13 +688,15 @@ def _waiting(what: str, quiet: bool) -> Iterator[None]:
 
     timer = Timer(UNTIL_BAR, begin)
     timer.daemon = True
-    if not quiet:
+    # elsewhere an error is one line, however long the reading took
+    drawing = not quiet and sys.stderr.isatty()
+    if drawing:
         timer.start()
     try:
         yield
     finally:
         timer.cancel()
-        if not quiet:
+        if drawing:
             # it may be about to draw
             timer.join()
         for bar in drawn:
