@@ -270,7 +270,7 @@ def test_a_check_that_takes_long_shows_that_it_goes_on(tmp_path, shaker, capsys,
     path = written(tmp_path, BEAM + BALL + BASE)
     for wait, terminal, shown in ((0.0, True, True), (0.0, False, False), (1000.0, True, False)):
         monkeypatch.setattr("femimpact.cli.UNTIL_BAR", wait)
-        monkeypatch.setattr("sys.stderr.isatty", lambda: terminal)
+        monkeypatch.setattr("sys.stderr.isatty", lambda terminal=terminal: terminal)
         app(["check", str(path)], result_action="return_value")
         out, err = capsys.readouterr()
         assert ("check" in err) == shown
