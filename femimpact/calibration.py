@@ -246,7 +246,7 @@ def scan_systems(
     """One curve for each restitution with its system; else as `scan_restitution`.
 
     With a `step` above 1, a power of two, a curve has only the frequencies where its largest peak may be: every
-    `step`-th one, and those between that are beside a point near the largest peak. See `sweep.peaks`.
+    `step`-th one, and those between that are beside a point near the largest peak. See `sweep.peak_curves`.
     """
     report, state = check_progress(progress), State() if initial is None else initial
     require_type(state, State, "initial")

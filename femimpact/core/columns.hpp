@@ -1,4 +1,4 @@
-// Columns of the tables that a run fills, in the order of femimpact/response/columns.py.
+// Columns of the tables that a run fills, in the order of femimpact/response/impacts.py.
 #pragma once
 
 #include "array.hpp"

@@ -113,7 +113,7 @@ class SineDwellResults:
     """Results of dwells, measured at their ends."""
 
     motion: SteadyMotion  # of the observed place, arrays (n,)
-    # (6, pairs, n) sums over the measured time; see `columns.TOTAL_COLUMNS`. The peak force of a rigid pair is not a
+    # (6, pairs, n) sums over the measured time; see `impacts.TOTAL_COLUMNS`. The peak force of a rigid pair is not a
     # number.
     totals: Array
     duration: Array  # (n,) s: of the measured time

@@ -24,7 +24,7 @@ class Method(Protocol):
     """A method of time integration, from a system and an excitation to a response.
 
     A user's class with these members is a method like those of `METHODS`; one with steps of the Newmark
-    family has them all from `stepping.answers.SteppingAnswers` but its scheme.
+    family has them all from `stepping.newmark.SteppingAnswers` but its scheme.
     """
 
     @classmethod

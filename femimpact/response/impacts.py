@@ -305,7 +305,7 @@ class ImpactStatistics:
 
 def impact_statistics(
     # (6, balls) impacts, sum and largest of the approach speed (m/s), sum of the impulse (N s), largest force (N),
-    # integral of the force (N s); see `columns.TOTAL_COLUMNS`
+    # integral of the force (N s); see `TOTAL_COLUMNS`
     totals: Array,
     duration: float,  # s: of the window
     frequency: float,  # Hz: of the base, to count per cycle

@@ -391,7 +391,7 @@ class Response:
     def stroboscopic(self, phase: float = 0.0) -> StroboscopicSection:
         """Every channel once per base cycle, at a phase (rad) of the base: the Poincare section of the run.
 
-        `sections.stroboscopic` says how values between samples are read. No cycles of a streamed run.
+        `history.stroboscopic` says how values between samples are read. No cycles of a streamed run.
         """
         return stroboscopic(self.time, self.channels, self.units, self.base, phase)
 

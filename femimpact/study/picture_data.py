@@ -117,7 +117,7 @@ def structure_parts(structure: Structure, system: System) -> dict[str, Any]:
 
 
 def read_parts(about: Mapping[str, Any]) -> tuple[Structure, DrawnSystem]:
-    """The structure without its contacts, and its places and contacts, as `structure_parts` or a run stored them."""
+    """The structure without its contacts, and its places and contacts, as `structure_drawing` or a run stored them."""
     return _structure(about), _system(about)
 
 

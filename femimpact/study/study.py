@@ -235,7 +235,7 @@ class Study:
     output : Output
     path : Path
     text : str
-        The file as read; what is kept with the results is `study_text.study_text`.
+        The file as read; what is kept with the results is `study_file.study_text`.
     plan : ParameterPlan or None
         The axes and measures of a parameter study.
 

@@ -45,7 +45,7 @@ from femimpact.sweep import FrequencyResponse
 from femimpact.table import column_units
 
 POINT = re.compile(r"([ML])(-?\d+) (-?\d+)")
-"""A point of a line or of dots, as `svg.chart` writes it."""
+"""A point of a line or of dots, as `svg` writes it."""
 
 FEWER = (600, 200, 60)
 """Points of a line that are tried in turn."""

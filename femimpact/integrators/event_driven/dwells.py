@@ -52,7 +52,7 @@ class DwellStatistics:
     """Statistics of many cases."""
 
     cycles: CycleStatistics  # of the observed place, arrays (measured cycles, cases)
-    totals: Array  # (6, pairs, cases) sums over the measured cycles; see `columns.TOTAL_COLUMNS`
+    totals: Array  # (6, pairs, cases) sums over the measured cycles; see `impacts.TOTAL_COLUMNS`
     residual: Array  # (cases,) largest at the start and the ends of measured cycles; not a number without a ledger
     bound: Array  # (cases,) what rounding may make of it
     unending: Array  # (cases,) s: when events did not end; infinite where they did

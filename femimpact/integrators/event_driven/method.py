@@ -103,7 +103,7 @@ class EventDriven:
         return 1.0 / (frequency * self.samples_per_cycle)
 
     def interval(self, system: System, excitation: Excitation, duration: float, recorder: Recorder) -> float:
-        """Time (s) between the readings of a run; see `reading_grid.reading_grid`."""
+        """Time (s) between the readings of a run; see `loop_data.reading_grid`."""
         return reading_grid(system, excitation, self, duration, recorder).interval
 
     def stride(self, frequency: float, points: int) -> int:

@@ -86,7 +86,7 @@ AT_ONCE = 64
 
 
 class SteppingAnswers:
-    """The answers of a method with steps, for one that satisfies `scheme.SteppingMethod`."""
+    """The answers of a method with steps, for one that satisfies `operators.SteppingMethod`."""
 
     @classmethod
     def for_system(cls, system: System, **settings: Any) -> Self:
@@ -110,7 +110,7 @@ class SteppingAnswers:
         return f"step: {self.dt:.4g} s ({origin}){refined}"
 
     def check(self: SteppingMethod, system: System) -> tuple[str, ...]:
-        """Warnings of the step on a system; see `step_size.check_step`."""
+        """Warnings of the step on a system; see `operators.check_step`."""
         return check_step(system, self)
 
     def check_drive(self: SteppingMethod, frequencies: NDArray[np.float64], key: str) -> None:
