@@ -28,11 +28,11 @@ HERE = Path(__file__).parent
 PARTS = {
     "step_modes": "the modes",
     "step_ball": "the ball, and which cases touch",
-    "turn_drive": "the drive, and the sums, sines and crests of a cycle",
-    "acting_drive": "the drive, and the sums, sines and crests of a cycle",
-    "observe": "the drive, and the sums, sines and crests of a cycle",
-    "split_cycles": "the drive, and the sums, sines and crests of a cycle",
-    "close_cycles": "the drive, and the sums, sines and crests of a cycle",
+    "turn_drive": "the drive, and the sums, sines and extremes of a cycle",
+    "acting_drive": "the drive, and the sums, sines and extremes of a cycle",
+    "observe": "the drive, and the sums, sines and extremes of a cycle",
+    "split_cycles": "the drive, and the sums, sines and extremes of a cycle",
+    "close_cycles": "the drive, and the sums, sines and extremes of a cycle",
     "contact_step": "contacts, case by case",
 }
 """What a function of the kernel belongs to; all else is the loop itself."""
@@ -53,7 +53,8 @@ def built_with_lines(folder: Path) -> Path:
     """The binary of a copy of the package, of the usual flags and with names and lines."""
     root = HERE.parent
     shutil.copytree(root / "femimpact", folder / "femimpact", ignore=shutil.ignore_patterns("__pycache__", "_core*"))
-    unstripped = lambda *given: [word for word in compilation.link_command(*given) if word != "-s"]  # noqa: E731
+    link_command = compilation.link_command
+    unstripped = lambda *given: [word for word in link_command(*given) if word != "-s"]  # noqa: E731
     with (
         tempfile.TemporaryDirectory() as work,
         patch.dict(os.environ, CXXFLAGS="-g"),

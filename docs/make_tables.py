@@ -9,7 +9,7 @@ A page holds a table between `<!-- table NAME -->` and `<!-- end of table -->`. 
 | `comparison.csv` | `femimpact demo`, in its directory |
 | `work_precision.csv` | `python benchmarks/work_precision.py --table docs/tables/work_precision.csv` |
 | `beside_c.csv`, `beside_programs.csv`, `time_for_error.csv` | `python benchmarks/compare.py`, in its directory |
-| `step.csv` | by hand, from what `benchmarks/newmark_step.py` prints |
+| `step.csv` | by hand, from the table of the fixed step in `compare.md` of that directory |
 | `parts.csv` | `python benchmarks/step_parts.py --table docs/tables/parts.csv` |
 """
 
