@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from builders import REFERENCE, oscillator, reduced, with_ball
+from builders import REFERENCE, SHORT_EXCITATIONS, oscillator, reduced, with_ball
 from scipy import linalg, signal
 from scipy.interpolate import CubicSpline
 
@@ -287,23 +287,8 @@ def test_under_a_force_the_base_has_no_share():
 
 # ---- every excitation, law and channel -------------------------------------------------------------
 
-EXCITATIONS = {
-    "sine": fi.Sine(0.6e-3, 5.2),
-    "sine as a force": fi.PointForce("tip", fi.Sine(0.05, 5.2)),
-    "chirp": fi.Chirp(4.0, 8.0, 0.4, amplitude=0.8e-3),
-    "stepped sine": fi.SteppedSine([5.0, 6.0], 1, amplitude=0.8e-3),
-    "shock": fi.Shock("half-sine", acceleration=60.0, duration=0.011),
-    "hammer blow": fi.HammerBlow("tip", 20.0, 2e-3),
-    "random": fi.RandomBase([(2.0, 1.0), (60.0, 1.0)], 1.0, seed=1),
-    "random as a force": fi.PointForce("tip", fi.RandomBase([(2.0, 1e-3), (60.0, 1e-3)], 1.0, seed=2)),
-    "record": fi.RecordedBase(4.0 * np.sin(0.9 * np.arange(60) ** 1.1), 8e-3),
-    "record as a force": fi.PointForce("tip", fi.RecordedBase(0.1 * np.sin(0.9 * np.arange(60) ** 1.1), 8e-3)),
-    "sum": fi.Sine(0.4e-3, 5.2) + fi.RandomBase([(2.0, 0.5), (40.0, 0.5)], 1.0, seed=3),
-}
-"""Each gives some impacts within 0.4 s."""
-
 OF_CONTACT = ("ball", "ball.velocity", "gap", "contact_force", "ball.absolute_displacement")
-every_excitation = pytest.mark.parametrize("excitation", EXCITATIONS.values(), ids=EXCITATIONS.keys())
+every_excitation = pytest.mark.parametrize("excitation", SHORT_EXCITATIONS.values(), ids=SHORT_EXCITATIONS.keys())
 
 
 def value_at(system, excitation, time, channel, near):

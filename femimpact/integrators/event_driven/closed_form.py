@@ -30,7 +30,13 @@ from numpy.typing import NDArray
 
 from femimpact.arrays import Array, Complex, Integers
 from femimpact.excitation.piecewise_polynomial import ORDERS
-from femimpact.integrators.event_driven.complex_modes import ComplexModes, alike, complex_modes, part_of, stack
+from femimpact.integrators.event_driven.complex_modes import (
+    ComplexModes,
+    complex_modes,
+    groups_of_equal_marks,
+    part_of,
+    stack,
+)
 from femimpact.integrators.event_driven.equations import Equations, require_met, undamped_modes, wall_offsets
 
 OF_DISPLACEMENT, OF_VELOCITY = (2, 0), (1, 1)
@@ -255,7 +261,7 @@ def _undamped_motions(whole: Equations, contact: _Contact) -> Iterator[tuple[Int
         stiff, size = omega_squared > 0.0, np.abs(damped)
         largest = np.maximum(size.max(axis=(1, 2), initial=0.0), 1e-300)
         bound = stiff | (size.max(axis=1, initial=0.0) > 1e-15 * largest[:, None])
-        for part in alike(bound):
+        for part in groups_of_equal_marks(bound):
             kept, others = np.flatnonzero(bound[part[0]]), np.flatnonzero(~bound[part[0]])
             square = np.where(stiff, omega_squared, 0.0)[part]
             yield (
@@ -407,7 +413,7 @@ def _free_bases(whole: Equations, contact: _Contact) -> list[tuple[Integers, Arr
         left = [scipy.linalg.null_space(-force[:n, stops].T) for force in whole.force]
     motions = np.array([each.shape[1] for each in left])
     found = []
-    for members in alike(is_loose[:, None], motions[:, None]):
+    for members in groups_of_equal_marks(is_loose[:, None], motions[:, None]):
         carried = contact.pressed & ~whole.stop if is_loose[members[0]] else np.zeros_like(whole.stop)
         own = stack([left[f] for f in members])
         found.append((members, _basis_of(part_of(whole, members), own, contact.sticking, np.flatnonzero(carried))))

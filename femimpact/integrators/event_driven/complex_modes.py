@@ -6,7 +6,8 @@ well apart (equal parts), and stays an upper triangular block where they are not
 Pairs are orthogonal to one another with respect to B = [[D, I], [I, 0]] on (u, u'), so that each has its coordinates
 h = G^-1 (X^T (D u + u') + S^T X^T u),   G = X^T D X + X^T X S + S^T X^T X.
 
-Those of F structures are computed together where their eigenvalues lie alike, each with the bits that it has alone.
+Those of F structures are computed together where their eigenvalues have the same pattern, each with the bits that it
+has alone.
 
 Tisseur, Meerbergen (2001), The quadratic eigenvalue problem.
 """
@@ -28,7 +29,7 @@ from femimpact.errors import DivergenceError
 T = TypeVar("T")
 
 
-def alike(
+def groups_of_equal_marks(
     *marks: NDArray[np.bool_ | np.int64],  # (F, ...) of each of F items, as which of its coordinates are coupled
 ) -> list[NDArray[np.intp]]:
     """Numbers of the items that have the same marks, group by group.
@@ -239,7 +240,7 @@ def complex_modes(
 ) -> list[tuple[NDArray[np.intp], ComplexModes]]:
     """Closed forms of u'' + D u' + Omega^2 u = 0 of F structures.
 
-    Returns (ndarray of int, ComplexModes): numbers of structures whose entries are alike, and theirs.
+    Returns (ndarray of int, ComplexModes): numbers of structures of which entries have the same pattern, and theirs.
 
     Raises `DivergenceError` if the modes do not give back displacements and velocities: they span too many decades.
     """
@@ -247,10 +248,10 @@ def complex_modes(
     alone = _kinds(omega_squared, np.diagonal(damping, axis1=1, axis2=2))
     kinds: NDArray[np.int64] = np.where(coupled.any(axis=1), COUPLED, alone)
     found = []
-    for members in alike(coupled, kinds):
+    for members in groups_of_equal_marks(coupled, kinds):
         square, D = omega_squared[members], damping[members]
         components = [_component(own, square, D) for own in _linked(coupled[members[0]]) if own.size > 1]
-        for part in _alike_eigenvalues(components, np.any(kinds[members] == CRITICAL, axis=1)):
+        for part in _groups_of_equal_eigenvalues(components, np.any(kinds[members] == CRITICAL, axis=1)):
             parts = _uncoupled(kinds[members[0]], square[part], np.diagonal(D[part], axis1=1, axis2=2))
             for each in components:
                 parts += _coupled(part_of(each, part))
@@ -260,7 +261,9 @@ def complex_modes(
     return found
 
 
-def _alike_eigenvalues(components: list[_Component], is_critical: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
+def _groups_of_equal_eigenvalues(
+    components: list[_Component], is_critical: NDArray[np.bool_]
+) -> list[NDArray[np.intp]]:
     """Numbers of structures with as many entries in each component; blocks are made one structure at a time."""
     count = is_critical.size
     if count == 1 or not (components or is_critical.any()):
@@ -269,7 +272,7 @@ def _alike_eigenvalues(components: list[_Component], is_critical: NDArray[np.boo
     simple = ~is_critical
     for each in components:
         simple &= each.alone.all(axis=1)
-    return alike(np.where(simple, -1, np.arange(count)), *entries)
+    return groups_of_equal_marks(np.where(simple, -1, np.arange(count)), *entries)
 
 
 def _joined(parts: list[_Part], n: int, count: int) -> ComplexModes:

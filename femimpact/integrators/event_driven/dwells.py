@@ -241,12 +241,12 @@ def _starts(system: System, cases: SineCases) -> tuple[Array, Array]:
         return _starts_of(system, cases)
     position, velocity = np.zeros((2, cases.frequency.size, system.dofs + len(system.balls)))
     # a rigid motion and the directions of pairs are other ones on other modes
-    for rows, own in _alike_at_start(cases, cases.system_of):
+    for rows, own in _groups_of_equal_start(cases, cases.system_of):
         position[rows], velocity[rows] = _starts_of(own, cases.of(rows))
     return position, velocity
 
 
-def _alike_at_start(cases: SineCases, system_of: NDArray[np.int64]) -> Iterator[tuple[NDArray[np.intp], System]]:
+def _groups_of_equal_start(cases: SineCases, system_of: NDArray[np.int64]) -> Iterator[tuple[NDArray[np.intp], System]]:
     """Cases whose starts follow from one system; those that are not static do not hang on masses of balls."""
     found: dict[Any, list[int]] = {}
     for number, (own, _) in enumerate(cases.systems):
@@ -296,12 +296,12 @@ def _starts_one_by_one(system: System, cases: SineCases) -> tuple[Array, Array]:
             pair if pair.gaps == tuple(gap) and pair.law is law else replace(pair, gaps=tuple(gap), law=law)
             for pair, gap, law in zip(system.contacts, gaps, laws, strict=True)
         )
-        alike = all(one is other for one, other in zip(contacts, system.contacts, strict=True))
+        unchanged = all(one is other for one, other in zip(contacts, system.contacts, strict=True))
         placed = not np.isnan(cases.ball_displacement[c]).any()
         start = replace(own, ball_velocity=cases.ball_velocity[c])
         if placed and balls:
             start = replace(start, ball_displacement=cases.ball_displacement[c])
-        whole = system if alike else replace(system, contacts=contacts)
+        whole = system if unchanged else replace(system, contacts=contacts)
         base = Sine(float(cases.amplitude[c]), float(cases.frequency[c]), float(cases.phase[c]))
         starts.append(start.relative_to_base(whole, base))
     return (

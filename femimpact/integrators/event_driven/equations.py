@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from femimpact.arrays import Array
 from femimpact.errors import require
 from femimpact.integrators.channel_rows import Drive
-from femimpact.integrators.event_driven.complex_modes import alike, part_of, stack
+from femimpact.integrators.event_driven.complex_modes import groups_of_equal_marks, part_of, stack
 from femimpact.system.system import System
 
 RIGID = 1e-14
@@ -173,7 +173,7 @@ def undamped_modes(K: Array, M: Array) -> tuple[Array, Array]:
     unheld = np.abs(K).sum(axis=1) == 0.0
     alone = unheld & ((M != 0.0).sum(axis=1) == 1)
     omega_squared, vectors = np.zeros(K.shape[:2]), np.zeros_like(K)
-    for members in alike(uncoupled, unheld, alone):
+    for members in groups_of_equal_marks(uncoupled, unheld, alone):
         own, first = (K[members], M[members]), members[0]
         if uncoupled[first]:
             stiffness, mass = (matrix[:, diagonal] for matrix in own)

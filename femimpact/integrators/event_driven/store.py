@@ -107,7 +107,7 @@ class _Source:
 
 
 class FormStore:
-    """Closed forms of a system, or of several that are alike, under one kind of drive; several threads may share them.
+    """Closed forms of a system, or of several of the same pattern, under one kind of drive; threads may share them.
 
     Parameters
     ----------
