@@ -117,6 +117,9 @@ if TYPE_CHECKING:
     from femimpact.structure.structure import Structure as Structure
     from femimpact.structure.structure import Support as Support
     from femimpact.structure.structure import glue_impactors as glue_impactors
+    from femimpact.study.planned_test import Preflight as Preflight
+    from femimpact.study.planned_test import PreflightRow as PreflightRow
+    from femimpact.study.planned_test import preflight as preflight
     from femimpact.study.results import StudyResults as StudyResults
     from femimpact.study.results import load as load
     from femimpact.study.run import run_study as run_study
@@ -282,6 +285,11 @@ _MODULES = {
         "Structure",
         "Support",
         "glue_impactors",
+    ),
+    "study.planned_test": (
+        "Preflight",
+        "PreflightRow",
+        "preflight",
     ),
     "study.results": (
         "StudyResults",

@@ -202,34 +202,43 @@ def _changes_at_once(samples: Array) -> bool:
 # ---- what the kept modes cannot follow -----------------------------------------------------------
 
 
-def drive_warnings(
+def drive_above_modes(
     excitation: Excitation,
     highest: float,  # Hz: of the modes kept
-    # Hz: the lowest natural frequency that is left out; infinite where none is, which gives no warning. Below a quarter
+    # Hz: the lowest natural frequency that is left out; infinite where none is, which gives no limit. Below a quarter
     # of it that mode follows as if at rest, and nothing is said, nor up to 10 % above the highest mode kept where the
     # next one is farther from the drive.
     left_out: float,
-) -> tuple[str, ...]:
-    """A warning where a drive has frequencies that the kept modes do not follow.
+) -> tuple[str, float, str, float]:
+    """What of a drive is compared with the kept modes: its name, value, unit and limit.
 
     A sine, and what else has no closed form by samples, is compared by its frequency, a record by the share of the
-    energy of its acceleration, or force, above the limit: 1 % is warned of. Its line of least squares is no part of it.
-    Of a chirp that is the share of its time, of a random motion that of its mean square.
+    energy of its acceleration, or force, above the highest frequency that the modes follow. Its line of least squares
+    is no part of it. Of a chirp that is the share of its time, of a random motion that of its mean square.
     """
-    line = getattr(excitation, "closed_form", None)
-    limit = _limit(highest, left_out)
+    line, limit = getattr(excitation, "closed_form", None), _limit(highest, left_out)
     if isinstance(excitation, (Chirp, RandomBase)):
         share, of = _band_above(excitation, limit)
-        if share <= ENERGY_ABOVE:
-            return ()
-        return (f"{100.0 * share:.3g} % of the {of} is above {limit:.4g} Hz, where {_kept(highest, left_out)}",)
-    if not isinstance(line, BrokenLine):
-        return frequency_warnings([excitation.frequency], highest, left_out)
-    share = _energy_above(line, limit) if math.isfinite(limit) else 0.0
-    if share <= ENERGY_ABOVE:
+        return f"share of the {of} above {limit:.4g} Hz", share, "1", ENERGY_ABOVE
+    if isinstance(line, BrokenLine):
+        share = _energy_above(line, limit) if math.isfinite(limit) else 0.0
+        return f"share of the energy of the record above {limit:.4g} Hz", share, "1", ENERGY_ABOVE
+    return "frequency of the drive", float(excitation.frequency), "Hz", limit
+
+
+def drive_warnings(
+    excitation: Excitation,
+    highest: float,  # Hz, both as of `drive_above_modes`
+    left_out: float,
+) -> tuple[str, ...]:
+    """A warning where a drive has frequencies that the kept modes do not follow; 1 % of a share is warned of."""
+    what, value, unit, limit = drive_above_modes(excitation, highest, left_out)
+    if unit == "Hz":
+        return frequency_warnings([value], highest, left_out)
+    if value <= limit:
         return ()
-    above = f"{100.0 * share:.3g} % of the energy of the record is above {limit:.4g} Hz"
-    return (f"{above}, where {_kept(highest, left_out)}",)
+    words = what.removeprefix("share of the ").replace(" above ", " is above ")
+    return (f"{100.0 * value:.3g} % of the {words}, where {_kept(highest, left_out)}",)
 
 
 def frequency_warnings(frequencies: ArrayLike, highest: float, left_out: float) -> tuple[str, ...]:

@@ -1,0 +1,537 @@
+"""What a planned test can show: numbers of the drive, the grid and the structure beside their limits, before a run.
+
+Every row is a number with its unit, the limit beyond which the test does not show what it is made for, and what to
+choose instead. Rows whose data are not given are left out; a row without a limit informs.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, overload
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from femimpact.arrays import Array
+from femimpact.contact.laws import Rigid
+from femimpact.errors import (
+    DivergenceError,
+    InputError,
+    quantity,
+    real_array,
+    require,
+    require_type,
+)
+from femimpact.errors import checked as checked_value
+from femimpact.excitation import Chirp, Excitation, RandomBase, Sine, SteppedSine, require_excitation
+from femimpact.excitation.excitation import BrokenLine, has_cycle
+from femimpact.excitation.piecewise_polynomial import PiecewisePolynomial
+from femimpact.excitation.remarks import drive_above_modes, drive_warnings, frequency_warnings, is_pulse
+from femimpact.identification import peak_resolution, resolution_warnings
+from femimpact.integrators.event_driven import EventDriven
+from femimpact.integrators.methods import Method, require_method
+from femimpact.integrators.runs import integrate
+from femimpact.response.response import Recorder
+from femimpact.response.signals import LARGE, deflection_warnings
+from femimpact.structure.damping import ModalDamping
+from femimpact.structure.structure import Structure
+from femimpact.study.cost import refined_grid
+from femimpact.study.study import Study, build, method_for
+from femimpact.sweep.curve import TRANSIENT_LEFT
+from femimpact.system.modes import Modes, first_elastic_frequency, first_resonance, solve_modes
+from femimpact.system.reduction import reduce
+from femimpact.system.state import State
+from femimpact.system.system import System, without_impactors
+from femimpact.table import frame_of
+
+if TYPE_CHECKING:
+    import pandas
+
+GRAVITY = 9.80665
+"""Standard acceleration of gravity, m/s^2, in which a shaker's limit is often given."""
+
+SWEEP_RATE, RATE_ADVISED = 0.2, 0.1
+"""b = 2 pi rate/(zeta omega)^2 up to which a swept peak is 1 % low, and the one that is advised (0.3 % low)."""
+
+LARGEST_RATIO = 0.2
+"""Damping ratio above which a percentage was probably given as a ratio."""
+
+LONGEST_CONTACT = 0.2
+"""Contact time over the first period beyond which a contact is part of the motion, and no impact."""
+
+LEAST_MODULUS, LEAST_DENSITY = 1e6, 20.0
+"""Pa and kg/m^3: rubber and foam; GPa, MPa and g/cm^3 give numbers below."""
+
+DRIFT = 0.25
+"""Slow motion of the base over the gap beyond which a record's drift drives the ball."""
+
+RMS_ERROR = 0.05
+"""Relative standard error of the root mean square of a random response that is accepted."""
+
+MODES = 10
+"""Lowest modes at which a chirp's rate is looked at."""
+
+SAMPLES = 64
+"""Instants in a cycle at which a motion of the base is read for its extremes, 0.12 % low at most."""
+
+WIDE = 1e3
+"""Gap (m) of a cavity whose walls are not met."""
+
+
+@dataclass(frozen=True)
+class PreflightRow:
+    """One number of a planned test beside its limit.
+
+    Parameters
+    ----------
+    what : str
+        Name of the number, with the place, mode or key that it belongs to.
+    value : float
+        In `unit`.
+    unit : str
+    limit : float
+        In `unit`; not a number where the row only informs.
+    at_least : bool
+        True where the value must not be below the limit, False where it must not be above.
+    instead : str
+        What to choose where the limit is passed; "" where it is kept.
+    """
+
+    what: str
+    value: float
+    unit: str
+    limit: float = math.nan
+    at_least: bool = False
+    instead: str = ""
+
+    @property
+    def passed(self) -> bool:
+        """True where the value is beyond the limit: the test does not show what it is made for."""
+        return self.value < self.limit if self.at_least else self.value > self.limit
+
+    def __str__(self) -> str:
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        words = f"{self.what}: {self.value:.4g}{unit}"
+        if not math.isnan(self.limit):
+            words += f" (limit: at {'least' if self.at_least else 'most'} {self.limit:.4g}{unit})"
+        return f"{words}; {self.instead}" if self.passed and self.instead else words
+
+
+@dataclass(frozen=True)
+class Preflight:
+    """Numbers of a planned test beside their limits.
+
+    Parameters
+    ----------
+    rows : tuple of PreflightRow
+    """
+
+    rows: tuple[PreflightRow, ...]
+
+    @property
+    def passed(self) -> tuple[PreflightRow, ...]:
+        """Rows whose limit is passed."""
+        return tuple(row for row in self.rows if row.passed)
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """A row for every number: what, value, unit, limit, whether the limit is passed, what to choose instead."""
+        names = ("what", "value", "unit", "limit", "passed", "instead")
+        columns = {name: [getattr(row, name) for row in self.rows] for name in names}
+        return frame_of(columns, dict.fromkeys(names, ""))
+
+    def __str__(self) -> str:
+        return "\n".join(str(row) for row in self.rows)
+
+
+@overload
+def preflight(plan: Study) -> Preflight: ...
+
+
+@overload
+def preflight(
+    plan: System,
+    excitation: Excitation | None = None,
+    *,
+    duration: float | None = None,
+    frequencies: ArrayLike | None = None,
+    cycles: int | None = None,
+    structure: Structure | None = None,
+    method: Method | None = None,
+    initial: State | None = None,
+) -> Preflight: ...
+
+
+def preflight(
+    plan: Study | System,
+    excitation: Excitation | None = None,
+    *,
+    duration: float | None = None,
+    frequencies: ArrayLike | None = None,
+    cycles: int | None = None,
+    structure: Structure | None = None,
+    method: Method | None = None,
+    initial: State | None = None,
+) -> Preflight:
+    """Numbers of a planned test beside the limits within which it shows what it is made for.
+
+    The swept peak of a mode with damping ratio zeta and natural frequency omega depends on
+    b = 2 pi (df/dt)/(zeta omega)^2 alone: with tau = zeta omega t its envelope over the steady peak is
+    |integral_0^inf exp(-u + i b (tau - u)^2/2) du|, 0.99 at b = 0.2, 0.90 at 1 and 0.82 at 2 (derived here; the
+    integral is a complex complementary error function).
+
+    Parameters
+    ----------
+    plan : Study or System
+        Of a study every other argument follows from the file.
+    excitation : Excitation, optional
+        Drive of the history; of a sweep by frequencies a `Sine` with its amplitude.
+    duration : float, s, optional
+        Of the history; by default that of the excitation where it has one.
+    frequencies : array_like (n,), Hz, optional
+        Of a sweep with stepped sines.
+    cycles : int, optional
+        Of the base at each of the frequencies; the last third is measured.
+    structure : Structure, optional
+        Whose numbers are looked at for another unit.
+    method : Method, optional
+        That runs the system without contacts; `EventDriven()` by default, whose system is reduced.
+    initial : State, optional
+        At the start; whether the ball moves at all is answered for a start at rest in space.
+
+    Returns
+    -------
+    Preflight
+        Rows without data are left out.
+
+    Raises
+    ------
+    InputError
+        If an argument is of another kind, or other arguments are given beside a study.
+    """
+    if isinstance(plan, Study):
+        given = (excitation, duration, frequencies, cycles, structure, method, initial)
+        alone = all(value is None for value in given)
+        require(alone, "plan", "a Study", "", "must be the only argument: the rest follows from the study file")
+        return preflight_of_study(plan, *build(plan)[1:])
+    require_type(plan, System, "plan")
+    if excitation is not None:
+        require_excitation(excitation)
+        duration = getattr(excitation, "duration", None) if duration is None else duration
+    if duration is not None:
+        duration = checked_value("duration", duration, quantity("s", above=0.0))
+    f: Array | None = None
+    if frequencies is not None:
+        f = np.unique(real_array("frequencies", frequencies, "Hz", "must be finite numbers"))
+        require(f.size > 0 and f[0] > 0.0, "frequencies", f[0] if f.size else None, "Hz", "must be > 0 Hz")
+    if cycles is not None:
+        cycles = checked_value("cycles", cycles, quantity("1", at_least=1, integer=True))
+    for key, value, kind in (("structure", structure, Structure), ("initial", initial, State)):
+        if value is not None:
+            require_type(value, kind, key)
+    if method is not None:
+        require_method(method)
+    rows = [*_of_structure(structure), *_of_contacts(plan)]
+    if excitation is not None:
+        rows += [*_of_base(plan, excitation, duration), *_of_drive(plan, excitation, duration)]
+        if duration is not None:
+            rows += _of_linear_run(plan, excitation, duration, method, initial or State())
+    if f is not None:
+        rows += _of_grid(plan, f, cycles, excitation)
+    return Preflight(tuple(rows))
+
+
+def preflight_of_study(study: Study, small: System, method: Method) -> Preflight:
+    """The rows of a study with the system that is integrated and its method."""
+    base, plan = study.base, study.sweep
+    grid = None if plan is None else refined_grid(plan, without_impactors(small), None)
+    return preflight(
+        small, base.excitation, duration=base.history_duration, frequencies=grid,
+        cycles=plan.cycles if plan else None, structure=study.structure,
+        method=method_for(study, without_impactors(small)), initial=study.initial,
+    )  # fmt: skip
+
+
+# ---- numbers that are probably in another unit ---------------------------------------------------
+
+
+def _of_structure(structure: Structure | None) -> Iterator[PreflightRow]:
+    """Damping ratio, modulus and density that were given."""
+    if structure is None:
+        return
+    if structure.damping is not None:
+        given = structure.damping.ratios if isinstance(structure.damping, ModalDamping) else structure.damping.ratio
+        ratio = float(np.max(given))
+        instead = f"is it a percentage? {ratio:g} % is a ratio of {0.01 * ratio:.4g}"
+        yield _row("damping ratio", ratio, "1", LARGEST_RATIO, instead)
+    for segment in {(s.name, s.young_modulus, s.density): s for s in structure.beam.segments}.values():
+        of, modulus, density = f" of segment {segment.name!r}", segment.young_modulus, segment.density
+        instead = f"is it in GPa? {modulus:g} GPa are {1e9 * modulus:.4g} Pa"
+        yield _row(f"Young's modulus{of}", modulus, "Pa", LEAST_MODULUS, instead, at_least=True)
+        instead = f"is it in g/cm^3? {density:g} g/cm^3 are {1e3 * density:.4g} kg/m^3"
+        yield _row(f"density{of}", density, "kg/m^3", LEAST_DENSITY, instead, at_least=True)
+
+
+def _of_contacts(system: System) -> Iterator[PreflightRow]:
+    """Contact time of each pair beside the first period."""
+    first = first_elastic_frequency(system)
+    if first == 0.0:
+        return
+    limit = LONGEST_CONTACT / first
+    instead = f"take at most {limit:.2g} s, a fifth of the first period: is it in milliseconds?"
+    for pair in system.contacts:
+        if not pair.parameters.is_rigid:
+            yield _row(f"contact time of {pair.name}", pair.parameters.contact_time, "s", limit, instead)
+
+
+def _row(
+    what: str, value: float, unit: str, limit: float = math.nan, instead: str = "", *, at_least: bool = False
+) -> PreflightRow:
+    """A row whose advice is dropped where the limit is kept."""
+    row = PreflightRow(what, float(value), unit, float(limit), at_least, instead)
+    return row if row.passed else replace(row, instead="")
+
+
+# ---- the motion of the base, and the modes that follow it ------------------------------------------
+
+
+def _of_base(system: System, excitation: Excitation, duration: float | None) -> Iterator[PreflightRow]:
+    """Largest displacement, velocity and acceleration that the shaker has to make, and the drift of a record."""
+    if getattr(excitation, "at", None) is not None:
+        return
+    if isinstance(excitation, Sine):
+        place, omega = excitation.amplitude, excitation.omega
+        sizes = [place, place * omega, place * omega**2]
+    elif duration is not None:
+        at = _instants(excitation, duration)
+        read = (excitation.displacement, excitation.velocity, excitation.acceleration)
+        sizes = [float(np.abs(values(at)).max()) for values in read]
+    else:
+        return
+    for name, size, unit in zip(
+        ("displacement", "velocity", "acceleration"), sizes, ("m", "m/s", "m/s^2"), strict=True
+    ):
+        yield _row(f"largest {name} of the base", size, unit)
+    yield _row("largest acceleration of the base", sizes[2] / GRAVITY, "g")
+    yield from _drift(system, excitation)
+
+
+def _instants(excitation: Excitation, duration: float) -> Array:
+    """Times (s), ascending, at which a motion is read for its extremes: its samples or knots, and 64 in a cycle."""
+    form = getattr(excitation, "closed_form", None)
+    if isinstance(form, BrokenLine):
+        known = form.interval * np.arange(len(form.samples))
+    else:
+        known = form.knots if isinstance(form, PiecewisePolynomial) else np.zeros(1)
+    cycles = min(duration * excitation.frequency, 1e5)
+    even = np.linspace(0.0, duration, max(math.ceil(SAMPLES * cycles), 2))
+    return np.union1d(even, known[(known >= 0.0) & (known <= duration)])
+
+
+def _drift(system: System, excitation: Excitation) -> Iterator[PreflightRow]:
+    """Largest change of a record's displacement below half the first frequency, beside a quarter of the smallest gap.
+
+    The displacement passes a Butterworth filter of order 4 forwards and backwards, so that it is not delayed.
+    """
+    from scipy.signal import butter, sosfiltfilt
+
+    line, first = getattr(excitation, "closed_form", None), first_elastic_frequency(system)
+    gaps = [gap for pair in system.balls for gap in pair.gaps if math.isfinite(gap)]
+    if not isinstance(line, BrokenLine) or is_pulse(line.samples) or not gaps or first == 0.0:
+        return
+    corner = 0.5 * first * 2.0 * line.interval
+    if corner >= 1.0:
+        return
+    at = line.interval * np.arange(len(line.samples))
+    displacement = np.asarray(excitation.displacement(at))
+    slow = sosfiltfilt(butter(4, corner, output="sos"), displacement, padtype="odd", padlen=_padding(at.size, corner))
+    limit = DRIFT * min(gaps)
+    instead = (
+        f"it moves the box around a ball at rest: remove what is below {0.5 * first:.3g} Hz (offset and drift: "
+        'detrend = "line")'
+    )
+    yield _row(f"drift of the record below {0.5 * first:.3g} Hz", np.abs(slow - slow[0]).max(), "m", limit, instead)
+
+
+def _padding(samples: int, corner: float) -> int:
+    """Samples by which both ends are continued: three periods of the filter's corner, as far as there are so many."""
+    return min(math.ceil(6.0 / corner), samples - 1)
+
+
+def _of_drive(system: System, excitation: Excitation, duration: float | None) -> Iterator[PreflightRow]:
+    """The drive beside the modes that are kept, the rate of a chirp, and the length of a random motion."""
+    kept = (system.highest_kept, system.first_left_out)
+    what, value, unit, limit = drive_above_modes(excitation, *kept)
+    if math.isfinite(limit) and unit:
+        yield _row(what, value, unit, limit, "; ".join(drive_warnings(excitation, *kept)))
+    bare = without_impactors(system)
+    if isinstance(excitation, Chirp):
+        yield from _sweep_rate(excitation, solve_modes(bare, min(MODES, bare.dofs)))
+    if isinstance(excitation, RandomBase) and duration is not None:
+        yield from _random_error(bare, duration)
+
+
+def _sweep_rate(chirp: Chirp, modes: Modes) -> Iterator[PreflightRow]:
+    """B = 2 pi rate/(zeta omega)^2 of a chirp at each mode that it passes, and the number of modes passed."""
+    low, high = sorted((chirp.start, chirp.stop))
+    passed = [
+        (k + 1, float(f), float(zeta))
+        for k, (f, zeta) in enumerate(zip(modes.natural_frequency, modes.damping_ratio, strict=True))
+        if low < f < high
+    ]
+    first = float(modes.natural_frequency[modes.natural_frequency > 0.0].min(initial=math.inf))
+    instead = f"no resonance is met: the first natural frequency is {first:.4g} Hz"
+    yield _row("natural frequencies that the chirp passes", len(passed), "1", 1, instead, at_least=True)
+    for number, f, zeta in passed:
+        logarithmic = chirp.kind == "logarithmic"
+        rate = abs(f * math.log(chirp.stop / chirp.start) if logarithmic else chirp.stop - chirp.start) / chirp.duration
+        what = f"sweep rate b = 2 pi rate/(zeta omega)^2 at mode {number} ({f:.4g} Hz)"
+        decay = 2.0 * math.pi * zeta * f
+        if decay == 0.0:
+            yield _row(what, math.inf, "1", SWEEP_RATE, "an undamped mode has no steady peak: give a damping ratio")
+            continue
+        b = 2.0 * math.pi * rate / decay**2
+        advised = RATE_ADVISED * decay**2 / (2.0 * math.pi)
+        instead = (
+            f"the peak is {swept_peak(b):.2g} of the steady one at {rate:.3g} Hz/s: take {advised:.2g} Hz/s (b = "
+            f"{RATE_ADVISED:g}), duration = {_rounded_up(chirp.duration * rate / advised):g} s"
+        )
+        yield _row(what, b, "1", SWEEP_RATE, instead)
+
+
+def swept_peak(b: float) -> float:
+    """Largest envelope over the steady peak of a mode that is swept at b = 2 pi rate/(zeta omega)^2 > 0.
+
+    |integral_0^inf exp(-u + i b (tau - u)^2/2) du|, largest over tau = zeta omega t. With p = -i b/2 and
+    q = 1 + i b tau the integral of exp(-q u - p u^2) is sqrt(pi/p)/2 exp(q^2/4p) erfc(q/(2 sqrt(p))).
+    """
+    from scipy.optimize import minimize_scalar
+
+    at = np.linspace(-2.0, 3.0 + 6.0 / math.sqrt(b), 401)
+    values = swept_envelope(b, at)
+    near = int(np.argmax(values))
+    bounds = (at[max(near - 1, 0)], at[min(near + 1, at.size - 1)])
+    found = minimize_scalar(lambda tau: -float(swept_envelope(b, np.array([tau]))[0]), bounds=bounds, method="bounded")
+    return float(-found.fun)
+
+
+def swept_envelope(b: float, tau: Array) -> Array:
+    """Envelope over the steady peak at tau = zeta omega t after the resonance; see `swept_peak`."""
+    from scipy.special import wofz
+
+    # exp(z^2) erfc(z) = w(i z) of the Faddeeva function
+    p = np.sqrt(-0.5j * b)
+    return np.asarray(np.abs(0.5 * np.sqrt(np.pi) / p * wofz(1j * (1.0 + 1j * b * tau) / (2.0 * p))))
+
+
+def _rounded_up(value: float) -> float:
+    """The value with two digits, rounded up."""
+    digit = 10.0 ** (math.floor(math.log10(value)) - 1)
+    return digit * math.ceil(value / digit - 1e-9)
+
+
+def _random_error(bare: System, duration: float) -> Iterator[PreflightRow]:
+    """Relative standard error of the rms of the first mode's response to a stationary Gaussian motion.
+
+    The correlation exp(-zeta omega |t|) cos(omega t) gives the mean square over a time T the relative variance
+    1/(zeta omega T), the rms half of its square root (derived here; the last third of the run is measured).
+    """
+    f, zeta = first_resonance(bare)
+    decay, measured = 2.0 * math.pi * f * zeta, duration / 3.0
+    if decay == 0.0:
+        return
+    needed = 3.0 * (0.5 / RMS_ERROR) ** 2 / decay
+    instead = f"take a duration of at least {_rounded_up(needed):g} s"
+    yield _row(
+        "standard error of the rms under a random motion", 0.5 / math.sqrt(decay * measured), "1", RMS_ERROR, instead
+    )
+
+
+# ---- one run without contacts ----------------------------------------------------------------------
+
+
+def _of_linear_run(
+    system: System, excitation: Excitation, duration: float, method: Method | None, initial: State
+) -> Iterator[PreflightRow]:
+    """Deflection without balls, whether each ball moves at all, and what is left of the start where measuring begins.
+
+    One run with cavities so wide that no ball meets a wall: the ball of a start at rest in space stays there, and its
+    gap is the absolute displacement of its place. That run is linear where no stop is met.
+    """
+    if has_cycle(excitation):
+        yield from _transient(system, 2.0 / 3.0 * duration, f"duration = {duration:g} s")
+    wide = tuple(pair if pair.is_stop else replace(pair, gaps=(WIDE, WIDE), law=Rigid(1.0)) for pair in system.contacts)
+    bare, record = replace(system, contacts=wide), Recorder(channels=())
+    if method is None:
+        bare = bare if bare.is_diagonal else reduce(bare, min(MODES, bare.dofs))
+        method = EventDriven()
+    if isinstance(method, EventDriven) and isinstance(excitation, (Chirp, RandomBase, SteppedSine)):
+        record = replace(record, interval=1.0 / (SAMPLES * excitation.frequency))
+    free = [pair for pair in system.balls if pair.free_stiffness == 0.0 and pair.acceleration == 0.0]
+    at_rest_in_space = initial.is_at_rest and initial.frame == "space"
+    names = [f"{pair.name}.gap" for pair in free] if at_rest_in_space else []
+    try:
+        run = integrate(bare, excitation, method, duration, record, initial)
+        found = run.largest_of((system.default_place, *names))
+    except (InputError, DivergenceError):
+        return
+    if system.length > 0.0:
+        yield _deflection(system, abs(found[0].value), "")
+    for pair, largest in zip(free if names else (), found[1:], strict=True):
+        # the ball at rest moves towards the + wall of its box where the box moves to the - side
+        gap = min(pair.gaps)
+        instead = f"{pair.name} never meets a wall: take a gap below {abs(largest.value):.3g} m or a larger drive"
+        what = f"largest absolute displacement of the place of {pair.name} beside its gap"
+        yield _row(what, abs(largest.value), "m", gap, instead, at_least=True)
+
+
+def _transient(system: System, begin: float, key: str) -> Iterator[PreflightRow]:
+    """Share of the first mode's transient that is left at a time (s) at which measuring begins."""
+    first, ratio = first_resonance(without_impactors(system))
+    decay = 2.0 * math.pi * first * ratio
+    left = math.exp(-decay * begin)
+    if decay > 0.0:
+        needed = _rounded_up(-math.log(TRANSIENT_LEFT) / decay)
+        instead = f"begin to measure after {needed:g} s or later, of {key}"
+        yield _row(f"transient of the first mode left at {begin:.3g} s", left, "1", TRANSIENT_LEFT, instead)
+
+
+# ---- the grid of a sweep ---------------------------------------------------------------------------
+
+
+def _of_grid(system: System, f: Array, cycles: int | None, excitation: Excitation | None) -> Iterator[PreflightRow]:
+    """Resonances within a sweep, its step beside the width of the first one, its dwell, and the linear peak."""
+    bare = without_impactors(system)
+    modes = solve_modes(bare, min(MODES, bare.dofs))
+    natural = modes.natural_frequency[modes.natural_frequency > 0.0]
+    inside = int(np.count_nonzero((natural >= f[0]) & (natural <= f[-1])))
+    instead = f"the sweep has no resonance: the first natural frequency is {natural.min(initial=math.inf):.4g} Hz"
+    yield _row("natural frequencies within the sweep", inside, "1", 1, instead, at_least=True)
+    near, ratio = first_resonance(bare)
+    if f.size > 1 and f[0] < near < f[-1] and ratio > 0.0:
+        grid = peak_resolution(f, near, 2.0 * ratio * near)
+        instead = "; ".join(resolution_warnings(grid))
+        yield _row(f"frequency step at {grid.frequency:.4g} Hz", grid.step, "Hz", grid.step_needed, instead)
+    what, value, unit, limit = drive_above_modes(Sine(1.0, float(f[-1])), bare.highest_kept, bare.first_left_out)
+    if math.isfinite(limit):
+        texts = frequency_warnings(f, bare.highest_kept, bare.first_left_out)
+        yield _row(f"{what}, of the sweep", value, unit, limit, "; ".join(texts))
+    if cycles is not None:
+        yield from _transient(bare, float((cycles - cycles // 3) / f[-1]), f"the dwell of {cycles} cycles")
+    if isinstance(excitation, Sine) and bare.length > 0.0:
+        yield _deflection(system, excitation.amplitude * _linear_peak(bare, modes, f), " of the sweep")
+
+
+def _deflection(system: System, largest: float, of: str) -> PreflightRow:
+    """The largest deflection (m) of a linear run over the length: of a system with balls, which lower it, no limit."""
+    what, limit = f"largest deflection{of} without balls, over the length", math.nan if system.balls else LARGE
+    return _row(what, largest / system.length, "1", limit, "; ".join(deflection_warnings(largest, system.length)))
+
+
+def _linear_peak(bare: System, modes: Modes, f: Array) -> float:
+    """Largest relative displacement of the default place over the amplitude of the base, of the lowest modes."""
+    at = bare.point_row(bare.default_place) @ modes.vectors * modes.participation_factor
+    omega, drive = 2.0 * np.pi * modes.natural_frequency, (2.0 * np.pi * f[:, None]) ** 2
+    below = omega**2 - drive + 2j * modes.damping_ratio * omega * np.sqrt(drive)
+    return float(np.abs((at * drive / below).sum(axis=1)).max())

@@ -1,0 +1,216 @@
+"""What `preflight` says of a planned test is what a run of it shows: swept peaks, the first contact, drift, the rms."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from builders import REFERENCE, cantilever, oscillator, paper_study, reduced
+from scipy.integrate import quad
+
+import femimpact as fi
+from femimpact.study.planned_test import swept_envelope, swept_peak
+
+SPACE = fi.State.at_rest("space")
+
+
+def row(found: fi.Preflight, words: str) -> fi.PreflightRow:
+    """The only row whose name has these words."""
+    (one,) = (each for each in found.rows if words in each.what)
+    return one
+
+
+def words(found: fi.Preflight) -> str:
+    """Names of the rows whose limit is passed."""
+    return "; ".join(each.what for each in found.passed)
+
+
+# ---- the rate of a sweep -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("b", "peak"), [(0.2, 0.99), (1.0, 0.90), (2.0, 0.82), (22.0, 0.44)])
+def test_the_swept_peak_is_the_known_one(b: float, peak: float) -> None:
+    assert swept_peak(b) == pytest.approx(peak, abs=0.005)
+
+
+@pytest.mark.parametrize("b", [0.05, 1.0, 22.0])
+@pytest.mark.parametrize("tau", [-1.0, 0.0, 2.0])
+def test_the_envelope_is_its_integral(b: float, tau: float) -> None:
+    parts = [
+        quad(lambda u, of=of: np.exp(-u) * of(0.5 * b * (tau - u) ** 2), 0.0, 40.0, limit=2000)[0]
+        for of in (np.cos, np.sin)
+    ]
+    # 40 decay times leave e^-40
+    assert swept_envelope(b, np.array([tau]))[0] == pytest.approx(np.hypot(*parts), rel=1e-7)
+
+
+@pytest.mark.parametrize("kind", ["linear", "logarithmic"])
+def test_the_swept_peak_is_that_of_a_run(kind: str) -> None:
+    # a force of constant amplitude: the steady peak at resonance is F/(2 zeta k)
+    omega, ratio = 2.0 * np.pi * 5.0, 0.01
+    system = oscillator(omega**2, 2.0 * ratio * omega)
+    chirp = fi.Chirp(4.0, 6.0, 60.0, amplitude=1e-3, kind=kind)
+    run = fi.integrate(system, fi.PointForce("mass", chirp), fi.EventDriven(), 60.0)
+    share = abs(run.largest("mass").value) * 2.0 * ratio * omega**2 / 1e-3
+    found = row(fi.preflight(system, chirp), "sweep rate")
+    # the envelope neglects terms of the relative order zeta
+    assert share == pytest.approx(swept_peak(found.value), rel=0.02)
+    assert found.passed and "Hz/s" in found.instead
+
+
+def test_the_advised_duration_keeps_the_limit() -> None:
+    chirp = fi.Chirp(4.0, 6.0, 60.0, amplitude=1e-5)
+    found = row(fi.preflight(reduced(REFERENCE, 2), chirp), "sweep rate")
+    advised = float(found.instead.split("duration = ")[1].split()[0])
+    slow = row(
+        fi.preflight(reduced(REFERENCE, 2), replace(chirp, duration=advised, by="amplitude", level=1e-5)), "sweep"
+    )
+    assert not slow.passed and slow.value <= 0.1 and slow.instead == ""
+
+
+# ---- the ball --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "drive",
+    [
+        fi.Sine(2e-5, 5.3),
+        fi.Sine(2e-4, 4.6, phase=1.0),
+        fi.Chirp(4.0, 6.0, 8.0, amplitude=1e-4),
+        fi.Shock("half-sine", 3.0, 0.05),
+        fi.RandomBase([[3.0, 0.01], [20.0, 0.01]], 8.0, seed=3),
+    ],
+)
+def test_a_ball_moves_where_its_gap_is_below_the_named_displacement(drive: object) -> None:
+    system = cantilever(fi.Rigid(0.6))
+    system = fi.reduce(system, 3)
+    found = row(fi.preflight(system, drive, duration=8.0, initial=SPACE), "beside its gap")
+    for share, moves in ((0.98, True), (1.02, False)):
+        gap = share * found.value
+        pairs = tuple(replace(pair, gaps=(gap, gap)) for pair in system.contacts)
+        run = fi.integrate(replace(system, contacts=pairs), drive, fi.EventDriven(), 8.0, initial=SPACE)
+        assert (run.impacts.time.size > 0) is moves
+
+
+def test_only_a_start_at_rest_in_space_has_a_row_of_the_ball() -> None:
+    system, drive = reduced(REFERENCE, 3), fi.Sine(1e-6, 5.3)
+    assert "beside its gap" in words(fi.preflight(system, drive, duration=10.0, initial=SPACE))
+    assert "beside its gap" not in str(fi.preflight(system, drive, duration=10.0))
+
+
+# ---- the base --------------------------------------------------------------------------------------
+
+
+def test_the_shaker_of_a_sine_is_exact() -> None:
+    sine = fi.Sine(2e-3, 20.0)
+    found = fi.preflight(reduced(REFERENCE, 3), sine)
+    sizes = [each.value for each in found.rows if "of the base" in each.what]
+    omega = 40.0 * np.pi
+    np.testing.assert_allclose(sizes, [2e-3, 2e-3 * omega, 2e-3 * omega**2, 2e-3 * omega**2 / 9.80665], rtol=1e-14)
+
+
+def test_a_drift_is_named_with_its_size_and_a_fast_motion_is_not() -> None:
+    t = np.arange(12_000) / 400.0
+    fast, slow = 2e-4 * np.sin(2.0 * np.pi * 5.0 * t), 2.5e-3 * (1.0 - np.cos(2.0 * np.pi * t / 30.0)) / 2.0
+    system = reduced(REFERENCE, 3)
+    for place, drifts in ((fast, False), (fast + slow, True)):
+        found = row(fi.preflight(system, fi.RecordedBase.from_displacement(place, 1 / 400.0)), "drift")
+        assert found.passed is drifts
+    # the half cosine is a line of 1/30 Hz, which the filter lets through
+    assert found.value == pytest.approx(2.5e-3, rel=0.1)
+
+
+# ---- twenty tests that cannot show what they are made for ------------------------------------------
+
+SLACK = replace(REFERENCE, damping=fi.Rayleigh(ratio=0.29, modes=(1, 2)))
+GRID = np.linspace(4.0, 6.0, 21)
+
+
+def changed_beam(**values: float) -> fi.Structure:
+    """The reference structure with another material."""
+    return replace(REFERENCE, beam=fi.Beam((replace(REFERENCE.beam.segments[0], **values),)))
+
+
+def with_contact_time(seconds: float) -> fi.System:
+    """The reference system with another contact."""
+    ball = replace(REFERENCE.impactors[0], contact=fi.KelvinVoigt(restitution=0.6, contact_time=seconds))
+    return reduced(replace(REFERENCE, impactors=(ball,)), 3)
+
+
+USELESS = {
+    "a fast linear chirp": (fi.Chirp(4.0, 6.0, 60.0, amplitude=1e-5), {}, "sweep rate"),
+    "a fast logarithmic chirp": (
+        fi.Chirp(4.0, 6.0, acceleration=0.1, kind="logarithmic", octaves_per_minute=1.0), {}, "sweep rate"
+    ),
+    "a chirp downwards": (fi.Chirp(6.0, 4.0, 60.0, amplitude=1e-5), {}, "sweep rate"),
+    "a chirp beside the resonance": (fi.Chirp(8.0, 20.0, 60.0, amplitude=1e-5), {}, "chirp passes"),
+    "a level that moves no ball": (fi.Sine(1e-6, 5.3), {"duration": 60.0, "initial": SPACE}, "beside its gap"),
+    "a frequency that moves no ball": (fi.Sine(1e-4, 2.0), {"duration": 60.0, "initial": SPACE}, "beside its gap"),
+    "a short run": (fi.Sine(1e-4, 5.3), {"duration": 10.0}, "transient"),
+    "a short dwell": (None, {"frequencies": GRID, "cycles": 60}, "transient"),
+    "a coarse grid": (None, {"frequencies": GRID, "cycles": 2000}, "frequency step"),
+    "a sweep below the resonance": (None, {"frequencies": np.linspace(2.0, 4.0, 21)}, "within the sweep"),
+    "a sweep above the kept modes": (None, {"frequencies": np.linspace(4.0, 900.0, 30000)}, "of the sweep"),
+    "a sine above the kept modes": (fi.Sine(1e-6, 900.0), {}, "frequency of the drive"),
+    "a chirp above the kept modes": (fi.Chirp(4.0, 2000.0, 9.0, acceleration=0.1), {}, "time of the chirp"),
+    "a random motion above the kept modes": (
+        fi.RandomBase([[100.0, 1e-3], [2000.0, 1e-3]], 2.0), {}, "mean square of the random"
+    ),
+    "a short random run": (fi.RandomBase([[3.0, 1e-3], [20.0, 1e-3]], 60.0), {}, "standard error"),
+    "a damping ratio in per cent": (None, {"structure": SLACK}, "damping ratio"),
+    "a modulus in GPa": (None, {"structure": changed_beam(young_modulus=70.0)}, "Young's modulus"),
+    "a modulus in MPa": (None, {"structure": changed_beam(young_modulus=70e3)}, "Young's modulus"),
+    "a density in g/cm^3": (None, {"structure": changed_beam(density=2.7)}, "density"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", USELESS)
+def test_a_useless_test_is_named(name: str) -> None:
+    drive, more, what = USELESS[name]
+    found = [each for each in fi.preflight(reduced(REFERENCE, 3), drive, **more).passed if what in each.what]
+    assert len(found) == 1 and found[0].instead
+
+
+def test_a_contact_in_milliseconds_is_named() -> None:
+    assert "contact time of ball" in words(fi.preflight(with_contact_time(0.1)))
+    assert fi.preflight(with_contact_time(2e-3)).passed == ()
+
+
+def test_a_large_deflection_is_named_of_a_system_without_balls() -> None:
+    system = reduced(replace(REFERENCE, impactors=()), 3)
+    found = row(fi.preflight(system, fi.Sine(2e-4, 5.3), duration=60.0), "largest deflection")
+    assert found.passed and "linear beam theory" in found.instead
+
+
+# ---- a study, a table, bad calls -------------------------------------------------------------------
+
+
+def test_a_study_has_the_rows_of_its_parts() -> None:
+    study = paper_study()
+    found = fi.preflight(study)
+    assert row(found, "frequency step").value > 0.0
+    table = found.to_pandas()
+    assert list(table.columns) == ["what", "value", "unit", "limit", "passed", "instead"]
+    assert len(table) == len(found.rows)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "key"),
+    [
+        (("beam",), "plan"),
+        ((reduced(REFERENCE, 2), fi.Sine(1e-4, 5.0)), None),
+        ((reduced(REFERENCE, 2), 5.0), "excitation"),
+    ],
+)
+def test_bad_calls_name_the_argument(arguments: tuple[object, ...], key: str | None) -> None:
+    if key is None:
+        with pytest.raises(fi.InputError, match="duration"):
+            fi.preflight(*arguments, duration=-1.0)
+        with pytest.raises(fi.InputError, match="frequencies"):
+            fi.preflight(*arguments, frequencies=[0.0, 1.0])
+        with pytest.raises(fi.InputError, match="cycles"):
+            fi.preflight(*arguments, cycles=0)
+        return
+    with pytest.raises(fi.InputError, match=key):
+        fi.preflight(*arguments)
