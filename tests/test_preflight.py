@@ -56,7 +56,8 @@ def test_the_swept_peak_is_that_of_a_run(kind: str) -> None:
     found = row(fi.preflight(system, chirp), "sweep rate")
     # the envelope neglects terms of the relative order zeta
     assert share == pytest.approx(swept_peak(found.value), rel=0.02)
-    assert found.passed and "Hz/s" in found.instead
+    assert found.passed
+    assert "Hz/s" in found.instead
 
 
 def test_the_advised_duration_keeps_the_limit() -> None:
@@ -66,7 +67,9 @@ def test_the_advised_duration_keeps_the_limit() -> None:
     slow = row(
         fi.preflight(reduced(REFERENCE, 2), replace(chirp, duration=advised, by="amplitude", level=1e-5)), "sweep"
     )
-    assert not slow.passed and slow.value <= 0.1 and slow.instead == ""
+    assert not slow.passed
+    assert slow.value <= 0.1
+    assert slow.instead == ""
 
 
 # ---- the ball --------------------------------------------------------------------------------------
@@ -153,7 +156,7 @@ USELESS = {
     "a sweep below the resonance": (None, {"frequencies": np.linspace(2.0, 4.0, 21)}, "within the sweep"),
     "a sweep above the kept modes": (None, {"frequencies": np.linspace(4.0, 900.0, 30000)}, "of the sweep"),
     "a sine above the kept modes": (fi.Sine(1e-6, 900.0), {}, "frequency of the drive"),
-    "a chirp above the kept modes": (fi.Chirp(4.0, 2000.0, 9.0, acceleration=0.1), {}, "time of the chirp"),
+    "a chirp above the kept modes": (fi.Chirp(4.0, 2000.0, 1.0, acceleration=0.1), {}, "time of the chirp"),
     "a random motion above the kept modes": (
         fi.RandomBase([[100.0, 1e-3], [2000.0, 1e-3]], 2.0), {}, "mean square of the random"
     ),
@@ -169,7 +172,8 @@ USELESS = {
 def test_a_useless_test_is_named(name: str) -> None:
     drive, more, what = USELESS[name]
     found = [each for each in fi.preflight(reduced(REFERENCE, 3), drive, **more).passed if what in each.what]
-    assert len(found) == 1 and found[0].instead
+    assert len(found) == 1
+    assert found[0].instead
 
 
 def test_a_contact_in_milliseconds_is_named() -> None:
@@ -180,7 +184,8 @@ def test_a_contact_in_milliseconds_is_named() -> None:
 def test_a_large_deflection_is_named_of_a_system_without_balls() -> None:
     system = reduced(replace(REFERENCE, impactors=()), 3)
     found = row(fi.preflight(system, fi.Sine(2e-4, 5.3), duration=60.0), "largest deflection")
-    assert found.passed and "linear beam theory" in found.instead
+    assert found.passed
+    assert "linear beam theory" in found.instead
 
 
 # ---- a study, a table, bad calls -------------------------------------------------------------------

@@ -76,6 +76,9 @@ MODES = 10
 SAMPLES = 64
 """Instants in a cycle at which a motion of the base is read for its extremes, 0.12 % low at most."""
 
+MOST_CYCLES = 2e4
+"""Cycles of the drive's highest frequency beyond which no run without contacts is made."""
+
 WIDE = 1e3
 """Gap (m) of a cavity whose walls are not met."""
 
