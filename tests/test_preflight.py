@@ -61,13 +61,11 @@ def test_the_swept_peak_is_that_of_a_run(kind: str) -> None:
 
 
 def test_the_advised_duration_keeps_the_limit() -> None:
-    chirp = fi.Chirp(4.0, 6.0, 60.0, amplitude=1e-5)
-    found = row(fi.preflight(reduced(REFERENCE, 2), chirp), "sweep rate")
+    system = reduced(replace(REFERENCE, damping=fi.Rayleigh(ratio=0.03, modes=(1, 2))), 2)
+    found = row(fi.preflight(system, fi.Chirp(4.0, 6.0, 10.0, amplitude=1e-5)), "sweep rate")
+    assert found.passed
     advised = float(found.instead.split("duration = ")[1].split()[0])
-    slow = row(
-        fi.preflight(reduced(REFERENCE, 2), replace(chirp, duration=advised, by="amplitude", level=1e-5)), "sweep"
-    )
-    assert not slow.passed
+    slow = row(fi.preflight(system, fi.Chirp(4.0, 6.0, advised, amplitude=1e-5)), "sweep rate")
     assert slow.value <= 0.1
     assert slow.instead == ""
 
