@@ -835,7 +835,7 @@ def test_faults_of_a_study_file_have_the_path_they_have_there(line, words):
 # ---- pictures --------------------------------------------------------------------------------------------------
 
 
-def test_a_map_hatches_what_the_starts_cannot_tell_apart():
+def test_a_map_marks_what_the_starts_cannot_tell_apart():
     median = xarray.DataArray([[1.0, 1.01, 2.0]], dims=("a", "b"))
     given = xarray.Dataset({"m": median, "m_median_low": median - 0.02, "m_median_high": median + 0.02})
     # the steps to the neighbours are 0.01, then 0.99: an interval of 0.04 is wider than the first alone
@@ -850,7 +850,7 @@ def test_a_mass_has_a_prefix_of_the_gram(largest):
     assert factor * largest >= 1.0
 
 
-def test_maps_of_three_axes_name_the_hatching_that_they_have():
+def test_maps_of_three_axes_name_the_marks_that_they_have():
     # the step along the third axis, which no map shows, is wider than every interval: of the whole no cell is unsure
     median = xarray.DataArray(np.stack([np.ones((2, 2)), np.full((2, 2), 9.0)], axis=2), dims=("a", "b", "c"))
     given = {"m": median, "m_median_low": median - 0.1, "m_median_high": median + 0.1}
@@ -860,8 +860,8 @@ def test_maps_of_three_axes_name_the_hatching_that_they_have():
     )
     assert not unsure_cells(found, "m").any()
     axes = fi.figures.study_maps(found, "m", figure=fi.figures.OffScreen())
-    assert all(any(patch.get_hatch() for patch in one.patches) for one in axes.ravel())
-    assert "hatched: interval" in axes[0, 0].figure.get_suptitle()
+    assert all(len(one.patches) for one in axes.ravel())
+    assert "corner marked: the starts differ" in axes[0, 0].figure.get_suptitle()
 
 
 @pytest.mark.parametrize("starts", [1, 5])
@@ -873,13 +873,34 @@ def test_marks_of_a_fine_map_are_on_the_cells_that_have_them(starts):
     for place in [xy for line in drawn.lines for xy in line.get_xydata()]:
         marked[tuple(int(number) for number in place)] = True
     np.testing.assert_array_equal(marked, (found["periodic_starts"] < 1) if starts == 1 else np.zeros((16, 9)))
-    hatched = np.zeros((16, 9), dtype=bool)
+    corners = np.zeros((16, 9), dtype=bool)
     for patch in drawn.patches:
-        for corners in patch.get_path().vertices.reshape(-1, 5, 2):
-            hatched[tuple(np.rint(corners[:4].mean(axis=0)).astype(int))] = True
-    np.testing.assert_array_equal(hatched, unsure_cells(found, "peak"))
+        for corner in patch.get_path().vertices.reshape(-1, 4, 2):
+            corners[tuple(np.rint(corner[:3].mean(axis=0)).astype(int))] = True
+    np.testing.assert_array_equal(corners, unsure_cells(found, "peak"))
     assert marked.any() == (starts == 1)
-    assert hatched.any() == (starts == 5)
+    assert corners.any() == (starts == 5)
+
+
+def test_colours_are_logarithmic_where_one_cell_would_darken_the_others():
+    values = np.array([[1.0, 2.0], [3.0, 52.0]])
+    given = {name: (("a", "b"), np.ones((2, 2), dtype=int)) for name in ("periodic_starts", "finished")}
+    given |= {"failed_starts": (("a", "b"), np.zeros((2, 2), dtype=int))}
+
+    def colours(values, **more):
+        found = xarray.Dataset(given | {"m": (("a", "b"), values)}, {name: [1.0, 2.0] for name in "ab"}, {"starts": 1})
+        return fi.figures.study_map(found, "m", ax=fi.figures.OffScreen(), **more).images[0].norm
+
+    # the middle of the scale is the geometric mean of its ends
+    assert colours(values)(np.sqrt(52.0)) == pytest.approx(0.5)
+    assert colours(values, norm="linear")(26.5) == pytest.approx(0.5)
+    assert colours(values / 6.0 + 1.0)(np.mean([values.min(), values.max()]) / 6.0 + 1.0) == pytest.approx(0.5)
+    # a value of no size has no logarithm
+    assert colours(values - 1.0)(25.5) == pytest.approx(0.5)
+    with pytest.raises(fi.InputError, match=r"norm = 'log'.*above 0"):
+        colours(values - 1.0, norm="log")
+    with pytest.raises(fi.InputError, match="norm"):
+        colours(values, norm="cubic")
 
 
 @pytest.mark.parametrize("axes", [1, 2, 3])

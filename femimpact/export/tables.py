@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from femimpact.arrays import Array
 from femimpact.errors import require
 from femimpact.export.files import GuardedFile, atomic_path, atomic_write, file_path
 from femimpact.regular_file import decimal_number, open_regular
@@ -128,6 +129,21 @@ def unsure_cells(dataset: xarray.Dataset, measure: str) -> NDArray[np.bool_]:
         for side in (tuple(before), tuple(after)):
             largest[side] = np.maximum(largest[side], step)
     return np.asarray(width > largest)
+
+
+UNSURE = "the starts differ by more than the neighbouring cells do (90 % interval of the median)"
+"""Meaning of the mark in the corner of a cell of `unsure_cells`."""
+
+LOGARITHMIC = 10.0
+"""Largest over smallest value of a map beyond which its colours are logarithmic, where all values are above 0."""
+
+
+def has_logarithmic_colours(
+    values: Array,  # of all cells that share a scale of colours; what is not finite does not count
+) -> bool:
+    """True where the colours of a map are to be logarithmic: one large cell would leave the others one colour."""
+    finite = values[np.isfinite(values)]
+    return bool(finite.size and finite.min() > 0.0 and finite.max() > LOGARITHMIC * finite.min())
 
 
 # ---- tables on disk -------------------------------------------------------------------------------

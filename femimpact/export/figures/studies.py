@@ -10,12 +10,22 @@ from numpy.typing import NDArray
 from femimpact.arrays import Array
 from femimpact.errors import require, require_name, require_type, takes, text
 from femimpact.export.figures.drawing import BLUE, DARK, OffScreen, legend_above, panel, panels, prefixed
-from femimpact.export.tables import axis_words, map_panels, sample_axes, single_samples, unsure_cells, value_words
+from femimpact.export.tables import (
+    UNSURE,
+    axis_words,
+    has_logarithmic_colours,
+    map_panels,
+    sample_axes,
+    single_samples,
+    unsure_cells,
+    value_words,
+)
 from femimpact.sweep import ONE_START
 
 if TYPE_CHECKING:
     import xarray
     from matplotlib.axes import Axes
+    from matplotlib.colors import Normalize
     from matplotlib.figure import FigureBase
 
 
@@ -27,8 +37,8 @@ MOST_TICKS, MOST_TICKS_OF_PANEL = 12, 5
 MOST_PANELS_EACH_WAY = 6
 """Maps of a figure along its rows and along its columns."""
 
-UNSURE = "interval of the median wider than the step to any neighbour"
-"""Meaning of hatching."""
+CORNER = 0.3
+"""Sides of the mark in the corner of a cell, over those of the cell."""
 
 
 @takes(measure=text(), title=text())
@@ -84,13 +94,14 @@ def study_lines(
 
 @takes(measure=text(), title=text())
 def study_map(
-    dataset: xarray.Dataset, measure: str, *, title: str = "", ax: Axes | OffScreen | None = None
+    dataset: xarray.Dataset, measure: str, *, title: str = "", norm: str | Normalize | None = None,
+    ax: Axes | OffScreen | None = None,
 ) -> Axes:  # fmt: skip
     """A measure over two axes as coloured cells, the first axis of the study to the right.
 
-    A cell is hatched where the 90 % interval of its median is wider than the largest difference of its median to that
-    of a neighbour: between such cells the map says nothing. Of fewer than 5 starts there is no interval; a star is
-    then at a motion that is not periodic, whose value is one sample.
+    A cell has a mark in its corner where the 90 % interval of its median is wider than the largest difference of its
+    median to that of a neighbour: between such cells the map says nothing. Of fewer than 5 starts there is no
+    interval; a star is then at a motion that is not periodic, whose value is one sample.
 
     Parameters
     ----------
@@ -98,6 +109,9 @@ def study_map(
         Of `parameter_study`, over two axes.
     measure : str
     title : str
+    norm : {"linear", "log"} or Normalize of matplotlib, optional
+        Scale of the colours, of values in the unit of the bar; by default logarithmic where all values are above 0 and
+        the largest is more than 10 times the smallest.
     ax : Axes, optional
         Drawn on; those of a new pyplot figure by default.
 
@@ -108,13 +122,14 @@ def study_map(
     Raises
     ------
     InputError
-        If the dataset is not that of a study, has another number of axes, or no value of the measure.
+        If the dataset is not that of a study, has another number of axes, or no value of the measure, or a logarithmic
+        scale is asked for of a value that is not above 0.
     """
     values = _values(dataset, measure, 2)
     require(bool(np.any(np.isfinite(values))), "dataset", measure, "", "must have a finite value of the measure")
     axis = panel(ax, 8.0, 5.8)
     factor, unit = _scale(dataset, measure, values)
-    image = _cells(axis, dataset, measure, factor, (float(np.nanmin(values)), float(np.nanmax(values))))
+    image = _cells(axis, dataset, measure, factor, _colours(norm, factor * values))
     starts = int(dataset.attrs.get("starts", 1))
     words = dataset[measure].attrs.get("long_name", measure)
     bar: Any = axis.figure.colorbar(image, ax=axis)
@@ -158,7 +173,7 @@ def study_maps(
     down = names[3] if len(names) > 3 else None
     columns, rows = chosen[across], chosen[down] if down else [0]
     factor, unit = _scale(dataset, measure, values)
-    bounds = float(np.nanmin(values)), float(np.nanmax(values))
+    norm = _colours(None, factor * values)
     width, height = 2.2 + 2.6 * len(columns), 1.4 + 2.5 * len(rows)
     axes = panels(figure, width, height, len(rows), len(columns), sharex=True, sharey=True)
     image, maps = None, []
@@ -166,7 +181,7 @@ def study_maps(
         for j, column in enumerate(columns):
             cells = shown.isel({across: column} | ({down: row} if down else {}))
             maps.append(cells)
-            image = _cells(axes[i, j], cells, measure, factor, bounds, numbers=False)
+            image = _cells(axes[i, j], cells, measure, factor, norm, numbers=False)
             told = [_told(dataset, across, column)] + ([_told(dataset, down, row)] if down else [])
             axes[i, j].set_title("\n".join(told), loc="left", fontsize=9.0)
             if i < len(rows) - 1:
@@ -177,7 +192,7 @@ def study_maps(
     bar.set_label(_label(dataset[measure].attrs.get("long_name", measure), unit, int(dataset.attrs.get("starts", 1))))
     told = [f"at {', '.join(_told(dataset, name, index) for name, index in middle.items())}"] if middle else []
     # of what is drawn: a map has fewer neighbours than the dataset
-    told += [f"hatched: {UNSURE}"] if any(unsure_cells(cells, measure).any() for cells in maps) else []
+    told += [f"corner marked: {UNSURE}"] if any(unsure_cells(cells, measure).any() for cells in maps) else []
     told += [f"*: {ONE_START}"] if any(single_samples(cells).any() for cells in maps) else []
     if told:
         axes[0, 0].figure.suptitle("\n".join(told), fontsize=10.0)
@@ -286,16 +301,29 @@ def _told(dataset: xarray.Dataset, name: str, index: int) -> str:
     return f"{head or label}: {x[index]:.3g}{' ' + unit.rstrip(')') if head else ''}"
 
 
+def _colours(norm: str | Normalize | None, values: Array) -> Normalize:
+    """The scale of the colours over all values (in the unit shown) that share it."""
+    from matplotlib.colors import LogNorm, Normalize
+
+    if isinstance(norm, Normalize):
+        return norm
+    known = norm is None or norm in ("linear", "log")
+    require(known, "norm", norm, "", 'must be "linear", "log", or a Normalize of matplotlib')
+    low, high = float(np.nanmin(values)), float(np.nanmax(values))
+    require(norm != "log" or low > 0.0, "norm", "log", "", f"needs values above 0, and the smallest is {low:.4g}")
+    logarithmic = has_logarithmic_colours(values) if norm is None else norm == "log"
+    return LogNorm(low, high) if logarithmic else Normalize(low, high)
+
+
 def _cells(
-    axis: Axes, dataset: xarray.Dataset, measure: str, factor: float, bounds: tuple[float, float], numbers: bool = True
+    axis: Axes, dataset: xarray.Dataset, measure: str, factor: float, norm: Normalize, numbers: bool = True
 ) -> Any:
     """Coloured cells over the two axes of a dataset."""
     from matplotlib.patches import PathPatch
 
     first, second = (str(name) for name in dataset[measure].dims)
     shown = factor * dataset[measure].to_numpy().T
-    low, high = factor * bounds[0], factor * bounds[1]
-    image = axis.imshow(shown, cmap="cividis", origin="lower", aspect="auto", vmin=low, vmax=high)
+    image = axis.imshow(shown, cmap="cividis", origin="lower", aspect="auto", norm=norm)
     axis.grid(False)
     for name, set_ticks, set_label in (
         (first, axis.set_xticks, axis.set_xlabel), (second, axis.set_yticks, axis.set_ylabel),
@@ -304,17 +332,20 @@ def _cells(
         chosen = list(range(0, x.size, -(-x.size // (MOST_TICKS if numbers else MOST_TICKS_OF_PANEL))))
         set_ticks(chosen, [words[i] if words is not None else f"{x[i]:.3g}" for i in chosen])
         set_label(label)
-    unsure, middle = unsure_cells(dataset, measure).T, 0.5 * (low + high)
-    for dark, colour in ((False, "white"), (True, "black")):
-        cells = np.argwhere(unsure & ((shown >= middle) == dark))
+    unsure, bright = (
+        unsure_cells(dataset, measure).T,
+        np.ma.filled(norm(np.nan_to_num(shown, nan=norm.vmin)), 0.0) >= 0.5,
+    )
+    for side, colour in ((False, "white"), (True, "black")):
+        cells = np.argwhere(unsure & (bright == side))
         if len(cells):
-            axis.add_patch(PathPatch(_squares(cells), fill=False, hatch="///", linewidth=0.0, edgecolor=colour))
+            axis.add_patch(PathPatch(_corners(cells), facecolor=colour, linewidth=0.0))
     samples = single_samples(dataset).T & np.isfinite(shown)
     if shown.size <= MOST_NUMBERS and numbers:
-        _write_numbers(axis, image, shown, middle, samples, unsure)
+        _write_numbers(axis, shown, bright, samples)
     else:
-        for dark, colour in ((False, "white"), (True, "black")):
-            cells = np.argwhere(samples & ((shown >= middle) == dark))
+        for side, colour in ((False, "white"), (True, "black")):
+            cells = np.argwhere(samples & (bright == side))
             axis.plot(cells[:, 1], cells[:, 0], linestyle="none", marker="$*$", markersize=_star(axis, shown.shape),
                       color=colour)  # fmt: skip
     return image
@@ -326,34 +357,31 @@ def _star(axis: Axes, shape: tuple[int, ...]) -> float:
     return float(min(5.0, 72.0 / dpi * min(frame.width / shape[1], frame.height / shape[0]) / 2.5))
 
 
-def _squares(cells: NDArray[np.int64]) -> Any:
-    """The outlines of cells, each by its row and its column, as one path."""
+def _corners(cells: NDArray[np.int64]) -> Any:
+    """Triangles in the upper left corners of cells, each by its row and its column, as one path."""
     from matplotlib.path import Path
 
-    corners = np.array([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5), (-0.5, -0.5)])
-    codes = [Path.MOVETO, Path.LINETO, Path.LINETO, Path.LINETO, Path.CLOSEPOLY]
-    return Path((cells[:, None, ::-1] + corners).reshape(-1, 2), np.tile(codes, len(cells)))
+    corner = np.array([(-0.5, 0.5), (CORNER - 0.5, 0.5), (-0.5, 0.5 - CORNER), (-0.5, 0.5)])
+    codes = [Path.MOVETO, Path.LINETO, Path.LINETO, Path.CLOSEPOLY]
+    return Path((cells[:, None, ::-1] + corner).reshape(-1, 2), np.tile(codes, len(cells)))
 
 
-def _write_numbers(
-    axis: Axes, image: Any, shown: Array, middle: float, samples: NDArray[np.bool_], unsure: NDArray[np.bool_]
-) -> None:
-    """The number of each cell, with a star where it is a sample; on the colour of its cell where that is hatched."""
+def _write_numbers(axis: Axes, shown: Array, bright: NDArray[np.bool_], samples: NDArray[np.bool_]) -> None:
+    """The number of each cell, with a star where it is a sample."""
     for (i, j), value in np.ndenumerate(shown):
         if np.isfinite(value):
-            box = {"facecolor": image.to_rgba(np.array([value]))[0], "edgecolor": "none", "pad": 1.0}
             axis.annotate(f"{value:.2g}{'*' if samples[i, j] else ''}", (j, i), ha="center", va="center", fontsize=9.0,
-                          color="white" if value < middle else "black", bbox=box if unsure[i, j] else None)  # fmt: skip
+                          color="black" if bright[i, j] else "white")  # fmt: skip
 
 
 def _map_legend(axis: Axes, dataset: xarray.Dataset, measure: str) -> None:
-    """Legend of stars and hatching, where there are any."""
+    """Legend of stars and marked corners, where there are any."""
     from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
 
     entries: list[Any] = []
     if single_samples(dataset).any():
         entries.append(Line2D([], [], color=DARK, marker="$*$", markersize=7.0, linestyle="none", label=ONE_START))
     if unsure_cells(dataset, measure).any():
-        entries.append(Patch(facecolor="white", edgecolor=DARK, hatch="///", label=UNSURE))
+        corner = [(-1, 1), (1, 1), (-1, -1)]
+        entries.append(Line2D([], [], color=DARK, marker=corner, markersize=7.0, linestyle="none", label=UNSURE))
     legend_above(axis, entries)
