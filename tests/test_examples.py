@@ -110,6 +110,20 @@ def test_a_stiff_compliant_wall_has_the_statistics_of_the_rigid_one():
     assert stiff.curve.mean_approach_speed.mean() == pytest.approx(rigid.curve.mean_approach_speed.mean(), rel=0.05)
 
 
+def test_the_line_of_a_light_loss_is_below_the_best_gap_and_the_waking_gap_is_that_of_the_linear_peak():
+    example, levels = load("design_map"), np.array([1e-4, 2e-4])
+    system = fi.reduce(fi.assemble(example.STRUCTURE, elements=20), modes=3)
+    light = example.first_gap(system) * levels
+    gaps = [0.7 * light[1], 1.4 * light[1], 4.0 * light[1]]
+    worst, line, woken = example.main(gaps, levels, [4.8, 5.0, 5.2, 5.4], cycles=300)
+    np.testing.assert_allclose(line, light, rtol=1e-12)
+    best = worst["peak"].sel({"base.amplitude": 2e-4})
+    assert int(best.argmin()) == 1
+    # after 100 cycles 1 - exp(-2 pi 0.0029 100) = 0.84 of the steady 1/(2 zeta) Gamma phi = 184, and the base is small
+    steady = 0.5 / 0.0029 * 1.067
+    np.testing.assert_allclose(woken, 0.84 * steady * levels, rtol=0.02)
+
+
 def test_the_gap_that_is_best_for_every_restitution_is_no_extreme_one():
     worst = load("gap_and_tolerance").main([1e-3, 4e-3, 10e-3], [0.4, 0.8], [4.8, 5.0, 5.2, 5.4], cycles=150)
     peak = worst["peak"].max("impactor.ball.contact.restitution").to_numpy()

@@ -332,10 +332,8 @@ def _cells(
         chosen = list(range(0, x.size, -(-x.size // (MOST_TICKS if numbers else MOST_TICKS_OF_PANEL))))
         set_ticks(chosen, [words[i] if words is not None else f"{x[i]:.3g}" for i in chosen])
         set_label(label)
-    unsure, bright = (
-        unsure_cells(dataset, measure).T,
-        np.ma.filled(norm(np.nan_to_num(shown, nan=norm.vmin)), 0.0) >= 0.5,
-    )
+    # of a cell without a value the colour is not read
+    unsure, bright = unsure_cells(dataset, measure).T, np.ma.filled(norm(np.ma.masked_invalid(shown)), 0.0) >= 0.5
     for side, colour in ((False, "white"), (True, "black")):
         cells = np.argwhere(unsure & (bright == side))
         if len(cells):
