@@ -5,15 +5,19 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from femimpact.export.figures.drawing import prefixed
 from femimpact.export.report.page import Section
 from femimpact.export.tables import (
+    STATISTICS,
+    UNSURE,
     axis_value,
     axis_words,
+    has_logarithmic_colours,
     map_panels,
     measure_names,
     sample_axes,
@@ -33,6 +37,9 @@ MOST_CELLS = 4000
 LEVELS = 16
 """Colours of a map."""
 
+BRIGHT = 10
+"""Lowest level whose colour has black marks."""
+
 MOST_MAPS = 36
 
 MOST_PANELS = 9
@@ -41,15 +48,16 @@ MOST_PANELS = 9
 MOST_DOTS = 60
 """Points of a line up to which each has a dot."""
 
-HATCHING = (("#ffffff", "3px"), ("#000000", "1.2px"))
-"""Colours and widths of the line through a cell, drawn one over the other: one is visible on any colour."""
+MOST_NUMBERS = 120
+"""Cells of a map up to which each has its number."""
+
+CORNER = 0.3
+"""Sides of the mark in the corner of a cell, over those of the cell."""
 
 DOTS = (("#000000", "7px"), ("#ffffff", "4px"))
+"""Colours and widths of the dot in a cell, drawn one over the other: one is visible on any colour."""
 
-UNSURE = (
-    "A line through a cell: the 90 % interval of its median is wider than the step to any neighbour, so that starts "
-    "cannot tell them apart."
-)
+MARKED = f"A mark in the corner of a cell: {UNSURE}."
 
 MOTIONS = "A dot in a cell: its motion does not repeat, the value is one sample, and another start has another."
 
@@ -66,12 +74,13 @@ def maps_section(
 
     The first axis leads to the right and the second up, as in `figures.study_map`. There is a map for each value of
     a third axis and a fourth, all of one scale of colours; further axes are read at their middle value. Of several
-    starts a line has the band from the smallest start to the largest; a cell of a map is hatched where the starts
-    cannot tell it from its neighbours, and has a dot where its value is a sample of a motion that does not repeat.
+    starts a line has the band from the smallest start to the largest; a cell has a mark in its corner where the
+    starts cannot tell it from its neighbours, and a dot where its value is a sample of a motion that does not repeat.
 
     Returns: none where there is nothing to draw.
     """
     drawn: list[Element] = []
+    data = in_shown_units(data)
     for name in measure_names(data):
         # a dimension with one value is not drawn as an axis
         longer = [str(dim) for dim, size in data[name].sizes.items() if size > 1]
@@ -88,6 +97,25 @@ def maps_section(
     left = len(drawn) - MOST_MAPS
     words = [element("p.below", f"{left} further charts are left out: the file of the study has all values.")]
     return Section(key, heading, (element("div.charts", *drawn[:MOST_MAPS]), *(words if left > 0 else [])))
+
+
+def in_shown_units(data: xarray.Dataset) -> xarray.Dataset:
+    """The same dataset in the units in which it is shown: mm, MPa, g, as the largest value of each quantity needs."""
+    names = measure_names(data)
+    sides = {str(name) for name in data.coords if f"{name}.plus" in data.coords}
+    changed = {}
+    for name in [*names, *(str(n) for n in data.coords if str(n) not in sides and data[n].dtype.kind == "f")]:
+        unit, values = str(data[name].attrs.get("units", "")), data[name].to_numpy()
+        largest = float(np.max(np.abs(values[np.isfinite(values)]), initial=0.0))
+        factor, shown = prefixed(largest, unit) if unit not in ("", "1") else (1.0, unit)
+        if factor == 1.0 or name.endswith((".plus", ".minus")):
+            continue
+        for each in (name, *(f"{name}{end}" for end in STATISTICS if end != "_groups" and name in names)):
+            if each in data:
+                changed[each] = (data[each].dims, factor * data[each].to_numpy(), data[each].attrs | {"units": shown})
+    return data.assign({k: v for k, v in changed.items() if k in data.data_vars}).assign_coords(
+        {k: v for k, v in changed.items() if k in data.coords}
+    )
 
 
 def _label(data: Any, name: str) -> str:
@@ -156,12 +184,12 @@ def _maps(data: Any, name: str, axes: Sequence[str]) -> list[Element]:
     finite = finite[np.isfinite(finite)]
     if not finite.size:
         return []
-    bounds = float(finite.min()), float(finite.max())
+    colours = Colours(float(finite.min()), float(finite.max()), has_logarithmic_colours(finite))
     drawn = []
     for numbers in itertools.product(*panels.values()):
         panel = dict(zip(panels, numbers, strict=True))
         title = ", ".join(_value_text(data, axis, index) for axis, index in (panel | middle).items())
-        drawn.append(_map(shown.isel(panel) if panel else shown, name, bounds, title))
+        drawn.append(_map(shown.isel(panel) if panel else shown, name, colours, title))
     return drawn
 
 
@@ -172,7 +200,21 @@ def _value_text(data: Any, axis: str, index: int) -> str:
     return f"{words} {shown}{' ' if unit else ''}{unit}"
 
 
-def _map(data: Any, name: str, bounds: tuple[float, float], title: str) -> Element:
+class Colours(NamedTuple):
+    """Scale of colours that maps share."""
+
+    low: float
+    high: float
+    is_logarithmic: bool
+
+    def share(self, z: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Place of values along the scale, from 0 to 1; not a number where they are none."""
+        if self.is_logarithmic:
+            return np.log(z / self.low) / math.log(self.high / self.low)
+        return (z - self.low) / ((self.high - self.low) or 1.0)
+
+
+def _map(data: Any, name: str, colours: Colours, title: str) -> Element:
     """A map of colours in 16 levels, with its scale below: the first axis to the right, the second up."""
     dims = [str(dim) for dim in data[name].dims]
     z = np.asarray(data[name].to_numpy(), dtype=float)
@@ -187,27 +229,31 @@ def _map(data: Any, name: str, bounds: tuple[float, float], title: str) -> Eleme
 
     x, y = (Axis(_label(data, dim), float(e[0]), float(e[-1])) for dim, e in zip(dims, ends, strict=True))
     frame = chart_element(Chart(f"{_label(data, name)}; {title}" if title else _label(data, name), x, y, ()))
-    plot = frame.find(".//svg")
-    if plot is None:
+    plot, box = frame.find(".//svg"), frame.find(".//div[@class='fi-plot']")
+    if plot is None or box is None:
         raise AssertionError("a chart has a plot")
     # corners of the cells in the units of the plot
     left = np.rint(GRID * x.share(ends[0])).astype(int).tolist()
     top = np.rint(GRID * (1.0 - y.share(ends[1]))).astype(int).tolist()
-    level = _levels(rows_up(z), *bounds)
+    cells = rows_up(z)
+    level = _levels(colours.share(cells))
     _colour_cells(plot, level, left, top)
     unsure = rows_up(unsure_cells(data, name)) & (level >= 0)
-    _mark(plot, "hatching", HATCHING, "".join(
-        f"M{left[j]} {top[i]}L{left[j + 1]} {top[i + 1]}" for i, j in np.argwhere(unsure).tolist()
-    ))  # fmt: skip
+    _mark_corners(plot, unsure, level, left, top)
     single = rows_up(single_samples(data) if "finished" in data else np.zeros(z.shape, dtype=bool)) & (level >= 0)
     _mark(plot, "sample", DOTS, "".join(
         f"M{(left[j] + left[j + 1]) // 2} {(top[i] + top[i + 1]) // 2}h0" for i, j in np.argwhere(single).tolist()
     ))  # fmt: skip
+    if cells.size <= MOST_NUMBERS:
+        _write_numbers(box, cells, level, left, top)
     some = f"; one of {stride} cells is drawn each way" if stride > 1 else ""
+    scale_words = ", logarithmic" if colours.is_logarithmic else ""
     scale = element("span.key", style=f"background:linear-gradient(to right,{','.join(COLOURS)})")
-    frame.append(element("p.fi-note", scale, f" {number_text(bounds[0])} to {number_text(bounds[1])}{some}"))
+    frame.append(
+        element("p.fi-note", scale, f" {number_text(colours.low)} to {number_text(colours.high)}{scale_words}{some}")
+    )
     notes = [
-        UNSURE if unsure.any() else "",
+        MARKED if unsure.any() else "",
         MOTIONS if single.any() else "",
         *(_names_of_places(data, d) for d in dims),
     ]
@@ -231,11 +277,37 @@ def _mark(plot: Element, kind: str, strokes: Sequence[tuple[str, str]], path: st
         plot.append(element(f"path.{kind}", d=path, style=f"stroke:{colour};stroke-width:{width}"))
 
 
-def _levels(z: NDArray[np.float64], low: float, high: float) -> NDArray[np.int64]:
-    """Number of the level of every value; -1 where there is none."""
-    known = np.isfinite(z)
-    share = np.where(known, (z - low) / ((high - low) or 1.0), 0.0)
-    return np.where(known, np.minimum((LEVELS * share).astype(np.int64), LEVELS - 1), -1)
+def _mark_corners(
+    plot: Element, marked: NDArray[np.bool_], level: NDArray[np.int64], left: list[int], top: list[int]
+) -> None:
+    """A triangle in the upper left corner of each marked cell, white on dark colours and black on bright ones."""
+    for bright, colour in ((False, "#ffffff"), (True, "#000000")):
+        path = ""
+        for i, j in np.argwhere(marked & ((level >= BRIGHT) == bright)).tolist():
+            across, down = (
+                round(CORNER * (to - begin)) for begin, to in ((left[j], left[j + 1]), (top[i + 1], top[i]))
+            )
+            path += f"M{left[j]} {top[i + 1]}h{across}L{left[j]} {top[i + 1] + down}Z"
+        if path:
+            plot.append(element("path.corner", d=path, style=f"fill:{colour};stroke:none"))
+
+
+def _write_numbers(
+    box: Element, cells: NDArray[np.float64], level: NDArray[np.int64], left: list[int], top: list[int]
+) -> None:
+    """The number of each cell in its middle."""
+    for (i, j), value in np.ndenumerate(cells):
+        if np.isfinite(value):
+            across, down = (50.0 * (ends[k] + ends[k + 1]) / GRID for ends, k in ((left, j), (top, i)))
+            colour = "#000" if level[i, j] >= BRIGHT else "#fff"
+            style = f"left:{across:.4g}%;top:{down:.4g}%;color:{colour}"
+            box.append(element("span.cell", f"{value:.2g}", style=style))
+
+
+def _levels(share: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Number of the level of every place on the scale; -1 where there is none."""
+    known = np.isfinite(share)
+    return np.where(known, np.minimum((LEVELS * np.where(known, share, 0.0)).astype(np.int64), LEVELS - 1), -1)
 
 
 def _edges(places: NDArray[np.float64]) -> NDArray[np.float64]:
