@@ -327,7 +327,10 @@ def Hertz(stiffness: float, exponent: float = 1.5, reference_speed: float = 0.25
 def HuntCrossley(  # noqa: N802
     stiffness: float, restitution: float, exponent: float = 1.5, reference_speed: float = 0.25
 ) -> PowerLaw:
-    """`PowerLaw` with d = 3 (1 - e)/2: its restitution is near the one given where that is near 1.
+    """`PowerLaw` with the loss factor d = 3 (1 - e)/2 of the restitution e given.
+
+    The restitution of a collision under this law is close to e only where e is near 1. The stiffness is in
+    N/m^exponent, the reference speed in m/s.
 
     Hunt and Crossley, 1975.
     """
@@ -450,7 +453,7 @@ class SwitchingSpring:
         check_fields(self)
 
     def normal_force(self, depth: float, rate: float, approach_speed: float, effective_mass: float) -> float:
-        """Force (N) k_I p beside a wall at gap 0."""
+        """Contact force (N): k_I times the depth beyond a wall at gap 0, and zero before the wall."""
         return self.stiffness * max(depth, 0.0)
 
     def potential(self, depth: float, effective_mass: float, approach_speed: float) -> float:

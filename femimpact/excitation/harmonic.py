@@ -100,7 +100,7 @@ class PiecewiseMotion:
 
     @property
     def phase(self) -> float:
-        """Not a number: impacts have no phase in it."""
+        """Not a number: a motion without a cycle has no phase."""
         return math.nan
 
     @property
@@ -202,7 +202,7 @@ class SteppedSine(PiecewiseMotion):
 
     @property
     def frequency(self) -> float:
-        """The highest one, Hz: there is no cycle that all of it has."""
+        """Highest of its frequencies, Hz: the motion has no single cycle."""
         return float(max(self.frequencies))
 
     @cached_property

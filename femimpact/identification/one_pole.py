@@ -146,7 +146,7 @@ def fit_one_pole(
         Relative to the base.
     share : float, 1
         All points from the first above this share of the peak to the last are fitted, and never fewer than the 7
-        nearest. Those between that are lower count too: a choice by each value would keep the noise that raises it.
+        nearest. Lower points between them are kept: without them, points raised by noise would prevail.
     misfit_limit : float, 1
         A root-mean-square misfit above this share of the peak is warned of.
 
@@ -155,9 +155,9 @@ def fit_one_pole(
     DampingEstimate
         With the 95 % interval of the linearised fit for independent noise of one size at all points. There is none
         where fewer than 15 points are fitted, or the misfit shows a pattern that such noise shows in at most 1 of 100
-        curves, by a Monte Carlo test (Hope, 1968): neighbours alike, or a second pole or a constant beside the first
-        that would take much of it away (see `femimpact.identification.one_pole`). There is no ratio where the points do
-        not determine it or the largest amplitude is at an end of the grid.
+        curves, by a Monte Carlo test (Hope, 1968): neighbouring residuals are alike, or a second pole or a constant
+        added to the fit would remove much of the misfit (see `femimpact.identification.one_pole`). There is no ratio
+        where the points do not determine it or the largest amplitude is at an end of the grid.
 
     Raises
     ------

@@ -318,7 +318,7 @@ def _axes_of_laws(study: ParameterStudy) -> list[tuple[int, str, str]]:
 def _laws_of(
     study: ParameterStudy, system: System, case: int, axes: Sequence[tuple[int, str, str]]
 ) -> tuple[ContactLaw, ...]:  # fmt: skip
-    """The laws of a case; numbers that belong together are changed together."""
+    """The contact laws of a case; all its axes of one law are set in one step, for a law checks its fields together."""
     changes: dict[str, dict[str, Any]] = {}
     for axis, part, name in axes:
         changes.setdefault(part, {})[name] = study.table.value(axis, case)

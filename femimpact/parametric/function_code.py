@@ -161,7 +161,7 @@ def _takes_literal(steps: list[dis.Instruction]) -> bool:
 
 
 def imported_modules(code: types.CodeType, names: Mapping[str, Any]) -> list[types.ModuleType]:
-    """Modules of the user that code imports when it runs, those within it included."""
+    """Modules of the user (not of libraries) that a function's code, or a function within it, imports when it runs."""
     found: dict[str, types.ModuleType] = {}
     package = str(names.get("__package__") or "")
     for part in _codes(code):

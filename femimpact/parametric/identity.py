@@ -166,7 +166,10 @@ def _compared(value: Any, version: str | None) -> Any:
         # also one that an object of the user raises when it is looked at
         what = "too many that hold one another" if isinstance(error, RecursionError) else error
         name = str(getattr(value, "__qualname__", type(value).__name__))
-        allowed = f"uses values that cannot be compared with those of another call ({what}): give version='...'"
+        allowed = (
+            f"uses a value that a later call cannot recognise ({what}): "
+            "give version='...', a text that you change whenever the numbers change"
+        )
         raise InputError([Fault("study", name, "", allowed)]) from None
 
 

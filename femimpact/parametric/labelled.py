@@ -170,7 +170,7 @@ def _told(study: ParameterStudy) -> dict[str, str]:
 
 
 def _words(owner: str, part: str, name: str) -> str:
-    """A long name of an axis."""
+    """Words for an axis in a dataset, as "gap of impactor ball"."""
     shown = name.replace("contact.", "").replace("_", " ")
     if owner == "function":
         return shown

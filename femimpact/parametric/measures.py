@@ -131,7 +131,7 @@ def _measure(item: Any, system: System) -> Measure:
     except InputError as error:
         allowed = suggestion(item, MEASURES)
         if "." in item:
-            allowed += f"; nor is it a channel whose largest value could be taken: {error.faults[0].allowed}"
+            allowed = f"with a dot it must be a channel, whose largest value is measured: {error.faults[0].allowed}"
         raise InputError([Fault("measures", item, "", allowed)]) from None
     words = f"largest size of the channel {channel.name} over the last third"
     return Measure(item, channel.unit, words, Source.RUN, channel=channel.name)

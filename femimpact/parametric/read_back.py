@@ -67,7 +67,7 @@ def _checksum(plain: Plain) -> str:
 
 
 def manifest_content(plain: Plain) -> str:
-    """What a study is, as text with its checksum."""
+    """Text in JSON of the record that defines a study, with a checksum of that record."""
     return json.dumps({CHECKSUM: _checksum(plain), **plain})
 
 

@@ -162,7 +162,7 @@ def _meshes(study: Study, own: Mesh | None) -> OverMeshes:
 
 
 def _steps(study: Study, mesh: Mesh, method: Method) -> OverSteps:
-    """From a fortieth of the base's period down to the study's step, three to ten halvings."""
+    """Time steps to compare: a fortieth of the base's period, halved three to ten times, down to the study's step."""
     given = cast(Newmark, method)
     coarse = 1.0 / (COARSEST_STEPS * study.base.frequency)
     halvings = math.ceil(math.log2(coarse / given.dt)) if coarse > given.dt else 0

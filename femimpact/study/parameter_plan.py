@@ -40,7 +40,7 @@ DISTRIBUTIONS: Mapping[str, tuple[str, str]] = {
 GRID = {"from", "to", "points"}
 
 AXIS = (
-    "must be a list of values, { from = .., to = .., points = .. }, or in a sample { from = .., to = .. } or one of "
+    "must be a list of values or { from = .., to = .., points = .. }; of a sample it may be { from = .., to = .. }, "
     + ", ".join(f"{{ {name} = [{first}, {second}] }}" for name, (first, second) in DISTRIBUTIONS.items())
 )
 
@@ -179,7 +179,7 @@ def axis_from(key: str, given: Any) -> AxisValues | Distribution:
         raise InputError([Fault(key, given, "", AXIS)])
     values = tuple(_value(key, value) for value in _entries(key, given))
     if not values:
-        raise InputError([Fault(key, "no value", "", "must have one value or more")])
+        raise InputError([Fault(key, [], "", "must have one value or more")])
     known = set[Any]()
     for value in values:
         # a gap that is a number has it on both sides

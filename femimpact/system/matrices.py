@@ -194,8 +194,9 @@ def definite_factor(name: str, matrix: Array, strictly: bool = False) -> tuple[A
 def banded_factor(matrix: Matrix, semidefinite: bool = False) -> Matrix | None:
     """Upper triangular G (dofs, dofs) with A = G^T G of a sparse symmetric A, by Cholesky's method on its band.
 
-    None where A is not positive definite or, where that is enough, semidefinite: rows of a motion without stiffness
-    are then zero in G. Rounding is that of A with its diagonal scaled to ones.
+    None where A is not positive definite. With `semidefinite`, A may be singular: G then has a zero row for each
+    motion without stiffness, and None is returned where A is indefinite. A is scaled to a unit diagonal first, so that
+    rounding does not depend on the units of the dofs.
     """
     size = matrix.shape[0]
     entries = sparse.coo_array(sparse.triu(matrix))

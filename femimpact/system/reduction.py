@@ -77,7 +77,7 @@ def reduced_on(
 
 
 def _on_modes(system: System, found: Modes, ratio: Array, count: int, static_correction: bool) -> System:
-    """The system on the lowest of some modes, whose damping ratios are these."""
+    """The system reduced to the lowest `count` modes found, with the damping ratio given for each; see `reduce`."""
     frequency = found.natural_frequency
     next_one = float(frequency[count]) if count < frequency.size else math.inf
     phi, omega = np.ascontiguousarray(found.vectors[:, :count]), 2.0 * math.pi * frequency[:count]
