@@ -33,6 +33,7 @@ from femimpact.study.study import Study, assemble_on
 from femimpact.study.study_file import study_text, with_record
 from femimpact.study.summary import SweepPair, summary_of
 from femimpact.sweep import SWEEP_UNITS, frequency_sweep, on_grid
+from femimpact.sweep.curve import IMPACT_NAMES
 from femimpact.system.modes import Modes, solve_modes
 from femimpact.system.state import State
 
@@ -335,14 +336,7 @@ def _write_sweeps(folder: Path, sweeps: SweepPair) -> None:
     columns["grid"] = np.where(on_grid(frequency, sweeps.coarse), "even", "refined")
     for label, curve in curves.items():
         for name in (*SWEEP_UNITS, "steadiness"):
-            if label == "empty" and name not in (
-                "peak",
-                "rms",
-                "first_harmonic",
-                "phase",
-                "energy_residual",
-                "steadiness",
-            ):
+            if label == "empty" and name in IMPACT_NAMES:
                 continue
             columns[f"{label}_{name}"] = getattr(curve, name)
             units[f"{label}_{name}"] = SWEEP_UNITS.get(name, "")
