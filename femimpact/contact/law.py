@@ -31,7 +31,7 @@ class ContactLaw(Protocol):
 
     @property
     def may_be_preloaded(self) -> bool:
-        """Whether a stop may press on the structure at rest: not where a spring acts from the middle of the gaps."""
+        """True if a stop may press on the structure at rest: not where a spring acts from the middle of the gaps."""
         ...
 
     def normal_force(self, depth: float, rate: float, approach_speed: float, effective_mass: float) -> float:
@@ -85,10 +85,10 @@ def require_law(law: object, key: str = "law") -> None:
     missing = [name for name in VALUES if not hasattr(law, name)]
     missing += [f"{name}()" for name in METHODS if not callable(getattr(law, name, None))]
     allowed = "must be a contact law (KelvinVoigt, ..., Rigid)"
-    own = not isinstance(law, type)
-    if own and missing and len(missing) < len(VALUES) + len(METHODS):
+    is_object = not isinstance(law, type)
+    if is_object and missing and len(missing) < len(VALUES) + len(METHODS):
         allowed += f"; as one of your own it has no {', '.join(missing)}"
-    require(own and not missing, key, law, "", allowed)
+    require(is_object and not missing, key, law, "", allowed)
 
 
 def resolve(law: ContactLaw, effective_mass: float) -> ContactParameters:

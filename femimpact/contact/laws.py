@@ -43,7 +43,7 @@ class ContactParameters(NamedTuple):
 
     @property
     def is_rigid(self) -> bool:
-        """Whether the contact is an impulse, without force and duration."""
+        """True if the contact is an impulse, without force and duration."""
         return self.kind == RIGID
 
 

@@ -45,7 +45,7 @@ class CycleStatistics:
 @short_repr
 @dataclass(frozen=True, eq=False)
 class SteadyMotion:
-    """Amplitudes over a window of whole base cycles, and whether the motion was steady there.
+    """Amplitudes over a window of complete base cycles, and the steadiness of the motion there.
 
     Parameters
     ----------

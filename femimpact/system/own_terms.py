@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from femimpact.errors import Fault, InputError, require, require_type
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.hermite import Reaction
-from femimpact.system.matrices import Matrix, banded_factor, checked_matrix, checked_row
+from femimpact.system.matrices import Matrix, banded_factor, checked_matrix, checked_row, frozen_row
 from femimpact.system.modes import first_mode_at, flexibility, solve_modes
 from femimpact.system.system import System
 
@@ -90,7 +90,7 @@ def add_terms(
     momentum = given["mass"] @ rigid
     loaded: dict[str, Any] = {
         "rayleigh": system.rayleigh if damping is None else None,
-        "constant_load": _row(system.constant_load + expansion.T @ force),
+        "constant_load": frozen_row(system.constant_load + expansion.T @ force),
         "constant_resultant": None,
         "reactions": {
             name: _with_terms(item, system.rayleigh, given, momentum, force, expansion)
@@ -114,7 +114,7 @@ def add_terms(
         C=sparse.csr_array(C),
         K=K,
         stiffness_factor=_stiffness_factor(system, free["stiffness"], K),
-        base_load=_row(system.base_load + expansion.T @ momentum),
+        base_load=frozen_row(system.base_load + expansion.T @ momentum),
         total_mass=system.total_mass + float(rigid @ momentum),
         first_frequency=math.nan,
         contacts=(),
@@ -162,9 +162,9 @@ def _with_terms(
     damped = alpha * added["mass"] + beta * added["stiffness"] + added["damping"]
     return replace(
         item,
-        on_acceleration=_row(item.on_acceleration + added["mass"]),
-        on_velocity=_row(item.on_velocity + damped),
-        on_displacement=_row(item.on_displacement + added["stiffness"]),
+        on_acceleration=frozen_row(item.on_acceleration + added["mass"]),
+        on_velocity=frozen_row(item.on_velocity + damped),
+        on_displacement=frozen_row(item.on_displacement + added["stiffness"]),
         on_base_acceleration=item.on_base_acceleration + float(momentum[item.dof]),
         constant=item.constant + float(force[item.dof]),
     )
@@ -181,9 +181,3 @@ def _with_contacts(bare: System, contacts: tuple[ContactPair, ...]) -> System:
     )
     frequency = float(modes.natural_frequency[0])
     return replace(bare, first_frequency=frequency, contacts=pairs, computed_together=None)
-
-
-def _row(values: ArrayLike) -> NDArray[np.float64]:
-    row = np.array(values, dtype=float)
-    row.setflags(write=False)
-    return row

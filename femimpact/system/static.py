@@ -107,11 +107,13 @@ def check_damping(system: Any) -> None:
 
 
 def check_unchanged(system: Any, origin: SystemOrigin) -> bool:
-    """Refuse fields that others follow from; whether the damping, from which none does, is another one."""
+    """Refuse replaced fields that others follow from; True if the damping, from which none follows, was replaced."""
+    numbers = (float, tuple)
     changed = [
         name
         for name, kept in zip(TOGETHER, origin.fields, strict=True)
-        if getattr(system, name) is not kept and not _same_number(getattr(system, name), kept)
+        if (value := getattr(system, name)) is not kept
+        and not (isinstance(kept, numbers) and isinstance(value, numbers) and value == kept)
     ]
     stale = [name for name in changed if name not in ("C", "rayleigh")]
     if stale:
@@ -122,10 +124,6 @@ def check_unchanged(system: Any, origin: SystemOrigin) -> bool:
         )
         raise InputError([Fault(name, None, "", allowed) for name in stale])
     return bool(changed)
-
-
-def _same_number(value: Any, kept: Any) -> bool:
-    return isinstance(kept, float | tuple) and isinstance(value, float | tuple) and value == kept
 
 
 def check_contacts(system: Any, origin: SystemOrigin) -> None:
@@ -272,13 +270,9 @@ def _ball_at_rest(pair: ContactPair) -> tuple[float, float, float]:
         if spring > 0.0:
             from scipy.optimize import brentq
 
-            force = _power(parameters.stiffness, parameters.exponent)
-            depth = brentq(lambda p: force(p) + spring * p - pressed, 0.0, depth, xtol=1e-300, rtol=1e-15)
+            k, n = parameters.stiffness, parameters.exponent
+            depth = brentq(lambda p: k * p**n + spring * p - pressed, 0.0, depth, xtol=1e-300, rtol=1e-15)
     return side * (gap + depth), side * (pressed - spring * depth), depth
-
-
-def _power(stiffness: float, exponent: float) -> Callable[[float], float]:
-    return lambda depth: stiffness * depth**exponent
 
 
 def _is_static(pair: ContactPair) -> bool:
@@ -307,8 +301,8 @@ def _pushed(
     pairs = system.contacts
     directions = np.array([wall.side * pairs[wall.pair].direction for wall in walls])
     shift = np.array([wall.side * y[wall.pair] - wall.gap for wall in walls])
-    answer = solve(directions.T)
-    compliance = directions @ answer
+    displacements = solve(directions.T)
+    compliance = directions @ displacements
     compliance = 0.5 * (compliance + compliance.T)
     known = np.array([_is_static(pairs[wall.pair]) for wall in walls])
     force = np.zeros(len(walls))
@@ -317,13 +311,13 @@ def _pushed(
         chosen = [wall for wall, fine in zip(walls, known, strict=True) if fine]
         free = (shift - directions @ u)[known]
         force[known] = _forces_of_laws(chosen, compliance[np.ix_(known, known)], free, names)
-    u = u + answer @ force
+    u = u + displacements @ force
     found = shift - directions @ u
     rigid = (force > 0.0) & np.array([wall.kind == RIGID for wall in walls])
     if np.any(rigid):
         # once more for what rounding has left of the gaps
         more = np.linalg.lstsq(compliance[np.ix_(rigid, rigid)], found[rigid])[0]
-        u = u + answer[:, rigid] @ more
+        u = u + displacements[:, rigid] @ more
         found = shift - directions @ u
     for i, wall in enumerate(walls):
         if not known[i] and found[i] > 0.0:
@@ -385,7 +379,7 @@ def _complementary(compliance: Array, softness: Array, free: Array, names: str) 
 
 
 def _solved(part: Array, target: Array) -> tuple[Array, bool]:
-    """The problem with ones on its diagonal, and whether it has been solved.
+    """Solution of the problem with ones on its diagonal, and True where one was found.
 
     F are the multipliers of the least |z| with H^T z >= q, where H^T H is the matrix: with x >= 0 of the least
     |[H; q^T] x - [0; 1]|, F = x/(1 - q^T x), and there is none where 1 - q^T x = 0.

@@ -36,7 +36,7 @@ from femimpact.errors import (
 )
 from femimpact.structure.structure import Impactor, Position, Stop
 from femimpact.svg import Chart, Line, axis_of
-from femimpact.system.contact_pair import ContactPair, contact_pair, frozen_row
+from femimpact.system.contact_pair import ContactPair, contact_pair
 from femimpact.system.hermite import (
     Reaction,
     Section,
@@ -47,7 +47,15 @@ from femimpact.system.hermite import (
     positions_on_beam,
     unloaded_reactions,
 )
-from femimpact.system.matrices import MOST_FULL, Matrix, checked_matrix, checked_row, checked_shapes, definite_factor
+from femimpact.system.matrices import (
+    MOST_FULL,
+    Matrix,
+    checked_matrix,
+    checked_row,
+    checked_shapes,
+    definite_factor,
+    frozen_row,
+)
 from femimpact.system.static import (
     TOGETHER,
     SystemOrigin,
@@ -320,7 +328,8 @@ class System:
     @cached_property
     def is_diagonal(self) -> bool:
         """True if M, C and K are diagonal, as in modal coordinates."""
-        return all(_is_diagonal(matrix) for matrix in (self.M, self.C, self.K))
+        entries = (matrix.tocoo(copy=False) for matrix in (self.M, self.C, self.K))
+        return all(bool(np.all((one.coords[0] == one.coords[1]) | (one.data == 0.0))) for one in entries)
 
     def position_of(self, at: Position) -> float:
         """Metres from the root of a named place or of a number, checked to lie on the beam.
@@ -563,11 +572,6 @@ def _contacts_of_matrices(
         contacts.append(contact_pair(item, row, math.nan, first, flexibility))
     first_frequency = math.sqrt(float(omega_squared[0])) / (2.0 * math.pi) if elastic else 0.0
     return first_frequency, tuple(contacts)
-
-
-def _is_diagonal(matrix: Matrix) -> bool:
-    entries = matrix.tocoo(copy=False)
-    return bool(np.all((entries.coords[0] == entries.coords[1]) | (entries.data == 0.0)))
 
 
 def without_impactors(system: System) -> System:
