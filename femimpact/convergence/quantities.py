@@ -1,4 +1,4 @@
-"""What a convergence study watches: each a small noun that reads its values of a case, with the order to expect."""
+"""Quantities of a convergence study: each is a record that reads its values of a case, with the order to expect."""
 
 from __future__ import annotations
 
@@ -120,12 +120,12 @@ def _shape_distances(case: Case, finest: Case, most: int) -> tuple[Array, Array]
     shapes = [(s.system, s.modes(count if s is case else most).vectors[:, :count]) for s in (case, finest)]
     (w, w2), (v, v2) = ([_curves(system, x, order) @ phi for order in (0, 2)] for system, phi in shapes)
     stiff = weight * _bending_stiffness(finest.system, x)
-    product, own = weight @ (w * v), (weight @ w**2) * (weight @ v**2)
+    product, norms = weight @ (w * v), (weight @ w**2) * (weight @ v**2)
     sign = np.where(product < 0.0, -1.0, 1.0)
     energy[:count] = np.sqrt((stiff @ (sign * w2 - v2) ** 2) / (stiff @ v2**2))
     # the squared sine from the difference itself: 1 - cos^2 would lose half the digits
     apart = w - v * (product / (weight @ v**2))
-    deficiency[:count] = (weight @ apart**2) * (weight @ v**2) / own
+    deficiency[:count] = (weight @ apart**2) * (weight @ v**2) / norms
     return energy, deficiency
 
 
@@ -177,7 +177,7 @@ class SteadyResponse:
 
 
 def _carries_mass(finest: Case, at: Position) -> bool:
-    """Whether a place is a free end with a body: the one place named besides where bodies are."""
+    """True if a place is a free end with a body: the one place named besides where bodies are."""
     system = finest.system
     bodies = set(system.points) - {"root", "tip", "mid"}
     return at == "tip" and any(system.points[name] == system.points["tip"] for name in bodies)
@@ -285,7 +285,7 @@ def _of_curvature(
 
 
 def _tapers(system: System, watched: BendingMoment | SurfaceStress) -> bool:
-    """Whether the section tapers in the element that is read."""
+    """True if the section tapers in the element that is read."""
     place = np.array([system.position_of(watched.at)])
     element, _ = place_in_element(system.nodes, place, watched.side)
     return system.sections is not None and bool(system.sections.is_tapered[element[0]])

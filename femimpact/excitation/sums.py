@@ -113,7 +113,7 @@ class Sum:
 
     @cached_property
     def force_form(self) -> Form | None:
-        """What the parts are as forces, added up, N; None as of `closed_form`."""
+        """Sum of the forces (N) that the parts are; None as of `closed_form`."""
         return _sum_of([force_form_of(part) for part in parts_of(self)], self.end)
 
     def __add__(self, other: Any) -> Any:
@@ -135,9 +135,9 @@ def parts_of(history: Any) -> tuple[Any, ...]:
 
 
 def force_form_of(history: Any) -> Form | None:
-    """What a history is as a force (N): by what it was given, else its acceleration; None without a closed form."""
-    own: Form | None = getattr(history, "force_form", None)
-    return getattr(history, "closed_form", None) if own is None else own
+    """Closed form of a history read as a force (N): that of its level, else of its acceleration; None without one."""
+    force_form: Form | None = getattr(history, "force_form", None)
+    return getattr(history, "closed_form", None) if force_form is None else force_form
 
 
 def _one_sine(forms: Sequence[Form | None]) -> Harmonic | None:
@@ -145,8 +145,8 @@ def _one_sine(forms: Sequence[Form | None]) -> Harmonic | None:
     sines = [form for form in forms if isinstance(form, Harmonic)]
     if len(sines) < len(forms) or len({form.omega for form in sines}) > 1:
         return None
-    whole = sum(form.amplitude * np.exp(1j * form.phase) for form in sines)
-    return Harmonic(float(abs(whole)), sines[0].omega, float(np.angle(whole)))
+    phasor = sum(form.amplitude * np.exp(1j * form.phase) for form in sines)
+    return Harmonic(float(abs(phasor)), sines[0].omega, float(np.angle(phasor)))
 
 
 def _sum_of(

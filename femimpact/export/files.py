@@ -1,4 +1,4 @@
-"""Files are written whole or not at all: under a temporary name beside the target, then renamed."""
+"""Files written under a temporary name beside the target and then renamed, so that none is left incomplete."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def atomic_path(
 
 
 def atomic_write(path: str | Path, content: str | bytes) -> None:
-    """Write text (UTF-8) or bytes to a file, whole or not at all."""
+    """Write text (UTF-8) or bytes to a file, which is complete or stays as it was."""
     with atomic_path(path) as temporary:
         temporary.write_bytes(content.encode("utf-8") if isinstance(content, str) else content)
 

@@ -1,4 +1,4 @@
-"""What straight lines between the samples of a record change: the peak without contacts, beside a cubic spline."""
+"""Warning of a coarse record: peaks without contacts by straight lines and by a cubic spline through its samples."""
 
 from __future__ import annotations
 
@@ -134,8 +134,8 @@ def _beside_lines(line: BrokenLine, time: Array) -> Array:
     last = min(int(time[-1, -1] / h) + BESIDE, samples.size)
     if last - first < 3:
         return np.zeros_like(time)
-    knots, own = h * np.arange(first, last), samples[first:last]
-    apart = CubicSpline(knots, own)(time) - np.interp(time, knots, own)
+    knots, values = h * np.arange(first, last), samples[first:last]
+    apart = CubicSpline(knots, values)(time) - np.interp(time, knots, values)
     return np.where(time < h * (samples.size - 1), apart, 0.0)
 
 

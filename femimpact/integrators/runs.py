@@ -91,9 +91,9 @@ def integrate(
     excitation : Sine, PointForce, RecordedBase or another `Excitation`, or a sequence of them
         Each of a sequence has a separate run.
     method : Newmark, HHT, WBZ, GeneralizedAlpha, MoreauJean or EventDriven
-        Or any other that has the answers of `methods.Method`.
+        Or any other with the members of `methods.Method`.
     duration : float, s
-        Rounded to whole steps, or to whole samples.
+        Rounded to a whole number of steps or of samples.
     record : Recorder, optional
         What to keep of each run; by default the tip, the balls and the contact forces at every
         step. Its memory limit holds for one run.
@@ -162,7 +162,7 @@ def integrate(
 
 
 def _without_cycles(response: Response) -> Response:
-    """The same with no impacts per cycle where the excitation has no cycle, and the rms of the whole last third."""
+    """The same with no impacts per cycle where the excitation has no cycle, and the rms of all of the last third."""
     if has_cycle(response.base):
         return response
     values = response.channels.get(response.system.default_place)
@@ -174,7 +174,7 @@ def _without_cycles(response: Response) -> Response:
 
 
 def _other_end(response: Response, asked: float) -> tuple[str, ...]:
-    """A note on a run whose end (s), at a whole step or reading, is another one than was asked for."""
+    """A note on a run that ends, at a step or a reading, at another time (s) than was asked for."""
     end = asked if response.final_state is None else response.final_state.time
     if abs(end - asked) <= OTHER_END * (asked - response.start):
         return ()
@@ -214,7 +214,7 @@ def _stops_not_met(response: Response) -> list[str]:
 
 
 def _largest_deflections(response: Response, recorder: Recorder) -> list[float]:
-    """Largest |w| (m): of the default place over the last third of the run, of recorded places over the whole run."""
+    """Largest |w| (m): of the default place over the last third of the run, of recorded places over all of the run."""
     system, found = response.system, [float(response.steady.peak[0])]
     balls = [pair.name for pair in system.contacts]
     for channel in resolve_channels(system, recorder.channels):
@@ -260,15 +260,15 @@ def run_cases(
     InputError
         If a case cannot be run at all.
     """
-    own: Callable[..., SineDwellResults] | None = getattr(method, "run_cases", None)
-    if own is not None and (getattr(method, "takes_several_systems", False) or _are_plain(system, cases)):
-        return own(system, cases, observed, instants, workers, progress)
+    run_all: Callable[..., SineDwellResults] | None = getattr(method, "run_cases", None)
+    if run_all is not None and (getattr(method, "takes_several_systems", False) or _are_plain(system, cases)):
+        return run_all(system, cases, observed, instants, workers, progress)
     groups, parts, done = equal_groups(cases, "amplitude", "phase"), list[SineDwellResults](), 0
     for members in groups:
         first, share = int(members[0]), _share_of(progress, done, members.size, cases.frequency.size)
         with_contacts = with_contacts_of(system, cases, first)
-        if own is not None:
-            parts.append(own(with_contacts, cases.of(members), observed, instants, workers, share))
+        if run_all is not None:
+            parts.append(run_all(with_contacts, cases.of(members), observed, instants, workers, share))
         else:
             dwells = SineDwells(
                 float(cases.amplitude[first]), cases.frequency[members], cases.cycles[members], cases.measured[members],
@@ -289,7 +289,7 @@ def _share_of(progress: Progress | None, done: int, count: int, total: int) -> P
 
 
 def _are_plain(system: System, cases: SineCases) -> bool:
-    """Whether no start follows from statics, and no law is a function: the cases of a step may differ in the rest."""
+    """True if no start follows from statics, and no law is a function: the cases of a step may differ in the rest."""
     static = cases.initial.is_static_on(system) or bool(np.any(cases.gaps < 0.0))
     pairs = [(law, pair) for laws in cases.laws for law, pair in zip(laws, system.contacts, strict=True)]
     return not static and all(law.force_function(pair.effective_mass) is None for law, pair in pairs)
@@ -315,7 +315,7 @@ def _in_order(parts: list[SineDwellResults], order: NDArray[np.intp]) -> SineDwe
 def achieved_restitution(
     pair: ContactPair, method: Method, approach_speed: float, phases: int = 32
 ) -> AchievedRestitution:
-    """Restitution that a method achieves when the pair's effective mass collides with a wall in its own steps.
+    """Restitution that a method achieves when the pair's effective mass collides with a wall, computed with its steps.
 
     Parameters
     ----------

@@ -27,5 +27,5 @@ class Case:
 
     @property
     def passes(self) -> bool:
-        """Whether the error is a number within the bound."""
+        """True if the error is a number within the bound."""
         return math.isfinite(self.error) and self.error <= self.bound

@@ -1,4 +1,4 @@
-"""What figures share: colours and style, axes and legends, channels of a response, springs and dashpots."""
+"""Common parts of figures: colours and style, axes and legends, channels of a response, springs and dashpots."""
 
 from __future__ import annotations
 

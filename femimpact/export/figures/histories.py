@@ -137,7 +137,7 @@ def spectrum(
     highest: float | None = None,
     ax: Axes | OffScreen | None = None,
 ) -> Axes:
-    """Amplitude spectrum of a channel over the whole base cycles of the last third of a run; else a spectral density.
+    """Amplitude spectrum of a channel over complete base cycles in the last third of a run; else a spectral density.
 
     Where the excitation has no cycle, or is a record, the one-sided spectral density over the run is drawn, by
     the averages of Hann windows that overlap by half (Welch), and no frequency of the base.
@@ -220,7 +220,7 @@ def _density(response: Response, name: str, highest: float | None, ax: Axes | Of
 
 @takes(response=instance(Response))
 def cycle_averaged_force(response: Response) -> tuple[Array, Array]:
-    """Normal force between balls, stops and beam, averaged over each whole base cycle of a run.
+    """Normal force between balls, stops and beam, averaged over each complete base cycle of a run.
 
     The average of a cycle is the sum of the impulses of the impacts that touch in it, and of the sticking phases
     by the time that they share with it, times the base's frequency.
