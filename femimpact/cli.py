@@ -496,7 +496,8 @@ def validate(
     Example: femimpact validate -o validation.csv
     """
     from femimpact.export.tables import write_csv
-    from femimpact.validation.reference_cases import HEADER, case_columns, run_validation, table_row
+    from femimpact.validation import run_validation
+    from femimpact.validation.case import HEADER, case_columns, table_row
 
     if output is not None:
         _require_new_file(output, force)

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from typing import Any, Protocol, runtime_checkable
 
-from femimpact.contact.collision import Collision, mass_and_speed
+from femimpact.contact.collision import EFFECTIVE_MASS, Collision, mass_and_speed
 from femimpact.contact.custom_law import ForceFunction, is_force
 from femimpact.contact.laws import CUSTOM, KINDS, ContactParameters
-from femimpact.contact.restitution import EFFECTIVE_MASS
 from femimpact.errors import checked, having, quantity, require
 
 

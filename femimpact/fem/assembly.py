@@ -19,6 +19,7 @@ from femimpact.errors import InputWarning
 from femimpact.fem.discretisation import Discretisation, discretise, kind_of
 from femimpact.fem.mesh import Mesh
 from femimpact.structure.structure import SUPPORTS, Dashpot, Impactor, Spring, Stop, Structure, unusual_numbers
+from femimpact.system.added_terms import add_terms
 from femimpact.system.contact_pair import ContactPair, contact_pair
 from femimpact.system.hermite import Reaction, hermite_rows
 from femimpact.system.matrices import Matrix, frozen_row
@@ -31,7 +32,6 @@ from femimpact.system.modes import (
     flexibility,
     with_checked_fields,
 )
-from femimpact.system.own_terms import add_terms
 from femimpact.system.system import System
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from femimpact.arrays import Array
 from femimpact.contact import ContactLaw, a_law, collide, contact_force, resolve
-from femimpact.contact.restitution import EFFECTIVE_MASS
+from femimpact.contact.collision import EFFECTIVE_MASS
 from femimpact.errors import instance, quantity, require, takes, text
 from femimpact.excitation.excitation import words_of
 from femimpact.export.figures.drawing import (
