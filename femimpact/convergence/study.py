@@ -248,8 +248,8 @@ def _table(
         for j, head in enumerate(heads)
     ]
     trial = Trial(axis, plan, finest, float(np.nanmax(number)), accuracy, {})
-    owners = [(one, i) for one, found in zip(watched, known[-1], strict=True) for i in range(len(found))]
-    for column, (one, i) in zip(columns, owners, strict=True):
+    parts = [(one, i) for one, found in zip(watched, known[-1], strict=True) for i in range(len(found))]
+    for column, (one, i) in zip(columns, parts, strict=True):
         reference_error = column.pop("reference_error")
         if math.isfinite(reference_error):
             column["recommended"] = number_tried(trial, one, i, column, reference_error, number)

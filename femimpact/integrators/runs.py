@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import fields
 from typing import Any, cast, overload
 
@@ -129,12 +129,7 @@ def integrate(
     share_done = check_progress(progress)
     workers = workers_of(threads)
     several = isinstance(excitation, Sequence) and not isinstance(excitation, (str, bytes))
-    drives = list[Any]()
-    for drive in cast(Sequence[Any], excitation) if several else (excitation,):
-        # each before the next: of a long range none is made
-        require_excitation(drive)
-        drives.append(drive)
-    require(len(drives) > 0, "excitation", None, "", "must be one or more")
+    drives = _checked_drives(cast(Sequence[Any], excitation) if several else (excitation,))
     alone = recorder.sink is None or len(drives) == 1
     require(alone, "record.sink", None, "", "must serve one run: pieces of several could not be distinguished")
 
@@ -143,22 +138,40 @@ def integrate(
         if isinstance(drive, Sum | PointForce) and in_range(duration, quantity("s", above=0.0)):
             drive = drive.until(start.time + duration + 0.5 * (recorder.interval or 0.0))
         response = _without_cycles(method.run(system, drive, duration, recorder, start, report))
-        warnings = motion_warnings(drive, system.length)
-        warnings += drive_warnings(drive, system.highest_kept, system.first_left_out)
-        warnings += record_warnings(system, drive, start.time + duration)
-        warnings += deflection_warnings(_largest_deflections(response, recorder), system.length)
-        notes = (
-            *motion_notes(drive, system.length, start.time + duration),
-            *_other_end(response, start.time + duration),
-            *_stops_not_met(response),
-            *_begins_within(system, drive, start),
-        )
-        if not (warnings or notes):
-            return response
-        return changed(response, warnings=(*response.warnings, *warnings), notes=(*response.notes, *notes))
+        return _with_remarks(response, system, drive, recorder, start, start.time + duration)
 
     responses = run_each(run, drives, workers, share_done)
     return responses if several else responses[0]
+
+
+def _checked_drives(excitations: Iterable[Any]) -> list[Any]:
+    """The excitations, one or more, each checked before the next: of a long range none is made."""
+    drives = list[Any]()
+    for drive in excitations:
+        require_excitation(drive)
+        drives.append(drive)
+    require(len(drives) > 0, "excitation", None, "", "must be one or more")
+    return drives
+
+
+def _with_remarks(
+    response: Response, system: System, drive: Excitation, recorder: Recorder, start: State,
+    end: float,  # s: asked for
+) -> Response:  # fmt: skip
+    """The response with warnings and notes on its excitation, deflections, end, stops and start."""
+    warnings = motion_warnings(drive, system.length)
+    warnings += drive_warnings(drive, system.highest_kept, system.first_left_out)
+    warnings += record_warnings(system, drive, end)
+    warnings += deflection_warnings(_largest_deflections(response, recorder), system.length)
+    notes = (
+        *motion_notes(drive, system.length, end),
+        *_other_end(response, end),
+        *_stops_not_met(response),
+        *_begins_within(system, drive, start),
+    )
+    if not (warnings or notes):
+        return response
+    return changed(response, warnings=(*response.warnings, *warnings), notes=(*response.notes, *notes))
 
 
 def _without_cycles(response: Response) -> Response:

@@ -82,7 +82,7 @@ def add_terms(
     require(assembled, "system", f"{system.dofs} dofs", "", made)
     size, expansion = 2 * system.nodes.size, sparse.csr_array(system.expansion)
     terms = {"stiffness": stiffness, "mass": mass, "damping": damping}
-    given = {name: _own_matrix(name, value, size) for name, value in terms.items()}
+    given = {name: _matrix_on_basis(name, value, size) for name, value in terms.items()}
     force = np.zeros(size) if load is None else checked_row("load", load, size)
     free = {name: sparse.csr_array(expansion.T @ matrix @ expansion) for name, matrix in given.items()}
     rigid = np.zeros(size)
@@ -101,8 +101,19 @@ def add_terms(
     if mass is None and stiffness is None:
         # modes and compliances stay
         return replace(system, C=sparse.csr_array(system.C + free["damping"]), **loaded)
+    return _with_new_matrices(system, free, expansion.T @ momentum, float(rigid @ momentum), loaded)
+
+
+def _with_new_matrices(
+    system: System,
+    free: dict[str, Matrix],  # added stiffness, mass and damping on the free dofs
+    base_load: NDArray[np.float64],  # (dofs,) kg: of the added mass
+    total_mass: float,  # kg: of the added mass
+    loaded: dict[str, Any],  # other fields
+) -> System:
+    """The system with added mass, stiffness and damping, and all that follows from them."""
     M, K = sparse.csr_array(system.M + free["mass"]), sparse.csr_array(system.K + free["stiffness"])
-    if mass is not None:
+    if free["mass"].nnz:
         require(banded_factor(M) is not None, "mass", None, "", "must leave the mass matrix positive definite")
     C = system.C + free["damping"]
     if system.rayleigh is not None:
@@ -114,8 +125,8 @@ def add_terms(
         C=sparse.csr_array(C),
         K=K,
         stiffness_factor=_stiffness_factor(system, free["stiffness"], K),
-        base_load=frozen_row(system.base_load + expansion.T @ momentum),
-        total_mass=system.total_mass + float(rigid @ momentum),
+        base_load=frozen_row(system.base_load + base_load),
+        total_mass=system.total_mass + total_mass,
         first_frequency=math.nan,
         contacts=(),
         **loaded,
@@ -123,7 +134,7 @@ def add_terms(
     return _with_contacts(bare, system.contacts)
 
 
-def _own_matrix(name: str, value: Any, size: int) -> Matrix:
+def _matrix_on_basis(name: str, value: Any, size: int) -> Matrix:
     if value is None:
         return sparse.csr_array((size, size))
     matrix = checked_matrix(name, value)

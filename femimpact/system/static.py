@@ -16,7 +16,7 @@ import scipy.linalg
 import scipy.sparse as sparse
 
 from femimpact.arrays import Array
-from femimpact.contact.laws import KELVIN_VOIGT, POWER, RIGID
+from femimpact.contact.laws import KELVIN_VOIGT, POWER, RIGID, ContactParameters
 from femimpact.errors import Fault, InputError, checked, kind_of, quantity, require, require_name, require_type
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.hermite import check_reactions
@@ -154,17 +154,6 @@ class StaticContacts(NamedTuple):
     depth: Array  # (pairs,) penetration >= 0 of compliant walls; m
 
 
-class _Wall(NamedTuple):
-    """One wall of one stop."""
-
-    pair: int
-    side: float
-    kind: int
-    stiffness: float  # N/m, or N/m^n; infinite of a rigid wall
-    exponent: float
-    gap: float  # m
-
-
 def static_state(system: Any, stop_displacement: float = 0.0) -> tuple[Array, Array]:
     """Displacements of structure and balls at rest under constant forces and contacts, relative to the base.
 
@@ -224,7 +213,11 @@ def static_contacts(system: Any, stop_displacement: float = 0.0) -> StaticContac
             load += pair.direction * (pair.mass * pair.acceleration)
     _require_no_work(rigid, load, system.M.diagonal())
     u = solve(load)
-    walls = [wall for j, pair in enumerate(pairs) if pair.is_stop for wall in _walls(j, pair)]
+    walls = [
+        (j, side, gap)
+        for j, pair in enumerate(pairs) if pair.is_stop
+        for side, gap in zip((1.0, -1.0), pair.gaps, strict=True) if math.isfinite(gap)
+    ]  # fmt: skip
     if walls:
         u = _pushed(system, walls, solve, u, y, normal, depth)
     pressed = [pair.name for j, pair in enumerate(pairs) if pair.is_stop and normal[j] != 0.0]
@@ -285,54 +278,48 @@ def _require_static(pair: ContactPair) -> None:
     require(_is_static(pair), f"{pair.name}.contact", pair.law.name, "", LAWS)
 
 
-def _walls(j: int, pair: ContactPair) -> list[_Wall]:
-    numbers = pair.parameters
-    return [
-        _Wall(j, side, numbers.kind, numbers.stiffness, numbers.exponent, gap)
-        for side, gap in zip((1.0, -1.0), pair.gaps, strict=True)
-        if math.isfinite(gap)
-    ]
-
-
 def _pushed(
-    system: Any, walls: list[_Wall], solve: Callable[[Array], Array], u: Array, y: Array, normal: Array, depth: Array
-) -> Array:
+    system: Any,
+    walls: list[tuple[int, float, float]],  # of stops: number of the pair, side and gap (m)
+    solve: Callable[[Array], Array], u: Array, y: Array, normal: Array, depth: Array,
+) -> Array:  # fmt: skip
     """Displacements with the forces of the stops' walls, which are written into `normal` and `depth`."""
     pairs = system.contacts
-    directions = np.array([wall.side * pairs[wall.pair].direction for wall in walls])
-    shift = np.array([wall.side * y[wall.pair] - wall.gap for wall in walls])
+    directions = np.array([side * pairs[j].direction for j, side, _ in walls])
+    shift = np.array([side * y[j] - gap for j, side, gap in walls])
     displacements = solve(directions.T)
     compliance = directions @ displacements
     compliance = 0.5 * (compliance + compliance.T)
-    known = np.array([_is_static(pairs[wall.pair]) for wall in walls])
+    laws = [pairs[j].parameters for j, _, _ in walls]
+    known = np.array([_is_static(pairs[j]) for j, _, _ in walls])
     force = np.zeros(len(walls))
     if np.any(known):
-        names = ", ".join(dict.fromkeys(pairs[wall.pair].name for wall in walls))
-        chosen = [wall for wall, fine in zip(walls, known, strict=True) if fine]
+        names = ", ".join(dict.fromkeys(pairs[j].name for j, _, _ in walls))
+        chosen = [law for law, fine in zip(laws, known, strict=True) if fine]
         free = (shift - directions @ u)[known]
         force[known] = _forces_of_laws(chosen, compliance[np.ix_(known, known)], free, names)
     u = u + displacements @ force
     found = shift - directions @ u
-    rigid = (force > 0.0) & np.array([wall.kind == RIGID for wall in walls])
+    rigid = (force > 0.0) & np.array([law.kind == RIGID for law in laws])
     if np.any(rigid):
         # once more for what rounding has left of the gaps
         more = np.linalg.lstsq(compliance[np.ix_(rigid, rigid)], found[rigid])[0]
         u = u + displacements[:, rigid] @ more
         found = shift - directions @ u
-    for i, wall in enumerate(walls):
+    for i, (j, side, _) in enumerate(walls):
         if not known[i] and found[i] > 0.0:
-            _require_static(pairs[wall.pair])
+            _require_static(pairs[j])
         if force[i] > 0.0:
-            normal[wall.pair] = wall.side * force[i]
-            depth[wall.pair] = 0.0 if wall.kind == RIGID else max(found[i], 0.0)
+            normal[j] = side * force[i]
+            depth[j] = 0.0 if laws[i].kind == RIGID else max(found[i], 0.0)
     return u
 
 
-def _forces_of_laws(walls: list[_Wall], compliance: Array, free: Array, names: str) -> Array:
+def _forces_of_laws(laws: list[ContactParameters], compliance: Array, free: Array, names: str) -> Array:
     """Forces (N) of the walls by their laws; `free` is the penetration (m) of each without any contact."""
-    stiffness = np.array([wall.stiffness for wall in walls])
-    exponent = np.array([wall.exponent for wall in walls])
-    curved = np.array([wall.kind == POWER and wall.exponent != 1.0 for wall in walls])
+    stiffness = np.array([law.stiffness for law in laws])
+    exponent = np.array([law.exponent for law in laws])
+    curved = np.array([law.kind == POWER and law.exponent != 1.0 for law in laws])
     softness = np.where(curved, 0.0, 1.0 / stiffness)
     if not np.any(curved):
         return _complementary(compliance, softness, free, names)

@@ -229,19 +229,9 @@ class System:
         InputError
             For shapes that do not fit, matrices that are not symmetric or not definite, unknown names.
         """
-        require_type(points, Mapping, "points")
-        for name in points:
-            require_type(name, str, "points")
-        given: tuple[tuple[str, Any, Any], ...] = (("impactors", impactors, Impactor), ("stops", stops, Stop))
-        for key, bodies, kind in given:
-            require(isinstance(bodies, (list, tuple)), key, type(bodies).__name__, "", "must be a list")
-            for item in bodies:
-                require_type(item, kind, key)
-        matrices = {name: checked_matrix(name, value) for name, value in (("M", M), ("C", C), ("K", K))}
+        _check_parts(points, impactors, stops)
+        matrices = _checked_matrices(M, C, K)
         dofs = matrices["M"].shape[0]
-        require(dofs <= MOST_FULL, "M", (dofs, dofs), "", f"must have at most {MOST_FULL:,} dofs, as a full matrix")
-        for name, matrix in matrices.items():
-            require(matrix.shape[0] == dofs, name, matrix.shape, "", f"must have the shape of M, {dofs} by {dofs}")
         require(len(points) > 0, "points", "none", "", 'must name at least one place, as {"tip": [1.0]}')
         rows = {name: checked_row(f"points.{name}", row, dofs) for name, row in points.items()}
         dense = {name: matrix.toarray() for name, matrix in matrices.items()}
@@ -541,6 +531,28 @@ class System:
     def __getstate__(self) -> dict[str, Any]:
         # what was computed before is computed again where it is sent to; a factorisation cannot be sent
         return {name: value for name, value in self.__dict__.items() if not name.startswith("derived")}
+
+
+def _check_parts(points: Any, impactors: Any, stops: Any) -> None:
+    """Refuse named places, balls and stops that are of the wrong kind."""
+    require_type(points, Mapping, "points")
+    for name in points:
+        require_type(name, str, "points")
+    given: tuple[tuple[str, Any, Any], ...] = (("impactors", impactors, Impactor), ("stops", stops, Stop))
+    for key, bodies, kind in given:
+        require(isinstance(bodies, (list, tuple)), key, type(bodies).__name__, "", "must be a list")
+        for item in bodies:
+            require_type(item, kind, key)
+
+
+def _checked_matrices(M: Any, C: Any, K: Any) -> dict[str, Matrix]:
+    """Symmetric matrices of one shape, by their names."""
+    matrices = {name: checked_matrix(name, value) for name, value in (("M", M), ("C", C), ("K", K))}
+    dofs = matrices["M"].shape[0]
+    require(dofs <= MOST_FULL, "M", (dofs, dofs), "", f"must have at most {MOST_FULL:,} dofs, as a full matrix")
+    for name, matrix in matrices.items():
+        require(matrix.shape[0] == dofs, name, matrix.shape, "", f"must have the shape of M, {dofs} by {dofs}")
+    return matrices
 
 
 def _place_of_row(row: Array, nodes: Array, expansion: Matrix) -> float:
