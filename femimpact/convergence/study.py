@@ -230,25 +230,21 @@ def _table(
     for i, row in enumerate(rows):
         measured.append(measured_of(row.case, finest, watched))
         progress((i + 1) / len(rows))
-    known = [found for found in measured if not isinstance(found, FemimpactError)]
-    if not known:
-        raise next(found for found in measured if isinstance(found, FemimpactError))
-    heads = _flat(known[-1])
-    independent = [type(one).__name__ for one, found in zip(watched, known[-1], strict=True) if not found]
+    found = next((one for one in reversed(measured) if not isinstance(one, FemimpactError)), None)
+    if found is None:
+        raise next(one for one in measured if isinstance(one, FemimpactError))
+    heads = _flat(found)
+    independent = [type(one).__name__ for one, readings in zip(watched, found, strict=True) if not readings]
     require(len(heads) > 0, "watch", None, "", f"must hold a quantity that depends on the {axis.name}")
-    value, scatter = np.full((2, len(rows), len(heads)), np.nan)
-    for i, found in enumerate(measured):
-        if not isinstance(found, FemimpactError):
-            value[i], scatter[i] = [one.value for one in _flat(found)], [one.scatter for one in _flat(found)]
-    bound = measured_of(limit, finest, watched)
-    limits = [math.nan] * len(heads) if isinstance(bound, FemimpactError) else [one.value for one in _flat(bound)]
+    value, scatter = _values([*measured, measured_of(limit, finest, watched)], len(heads))
+    value, limits, scatter = value[:-1], value[-1], scatter[:-1]
     size, number = np.array([row.size for row in rows]), np.array([row.number for row in rows], dtype=float)
     columns = [
-        _column(head, value[:, j], scatter[:, j], size, number, axis, limits[j], accuracy)
+        _column(head, value[:, j], scatter[:, j], size, number, axis, float(limits[j]), accuracy)
         for j, head in enumerate(heads)
     ]
     trial = Trial(axis, plan, finest, float(np.nanmax(number)), accuracy, {})
-    parts = [(one, i) for one, found in zip(watched, known[-1], strict=True) for i in range(len(found))]
+    parts = [(one, i) for one, readings in zip(watched, found, strict=True) for i in range(len(readings))]
     for column, (one, i) in zip(columns, parts, strict=True):
         reference_error = column.pop("reference_error")
         if math.isfinite(reference_error):
@@ -269,6 +265,15 @@ def _table(
         notes=(*_not_finer(axis, rows, value), *_notes(axis, plan, heads, columns, independent, accuracy)),
         problem=_problem(plan, scatter),
     )
+
+
+def _values(measured: Sequence[Measured], count: int) -> tuple[Array, Array]:
+    """Values and their scatter, (cases, quantities) each; not numbers of a case without readings."""
+    value, scatter = np.full((2, len(measured), count), np.nan)
+    for i, found in enumerate(measured):
+        if not isinstance(found, FemimpactError):
+            value[i], scatter[i] = [one.value for one in _flat(found)], [one.scatter for one in _flat(found)]
+    return value, scatter
 
 
 def _flat(found: tuple[tuple[Reading, ...], ...]) -> tuple[Reading, ...]:

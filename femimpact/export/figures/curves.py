@@ -15,6 +15,7 @@ from femimpact.export.figures.drawing import (
     DARK,
     GREY,
     OffScreen,
+    label_axes,
     legend_above,
     panel,
     panels,
@@ -112,9 +113,7 @@ def response_curve(
     first = next(iter(named.values()))
     if not _scatter(first, join_all)[np.nanargmax(first.peak)]:
         _annotate_peak(axis, first)
-    axis.set_title(title or _level(first), loc="left")
-    axis.set_xlabel("base frequency (Hz)")
-    axis.set_ylabel(_observed(first))
+    label_axes(axis, "base frequency (Hz)", _observed(first), title or _level(first))
     plain_log_ticks(axis.yaxis)
     _legend(axis, named, coarse, join_all, filled, marks)
     return axis

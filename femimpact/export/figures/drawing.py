@@ -171,6 +171,12 @@ def plain_log_ticks(axis: Any) -> None:
     axis.set_minor_formatter(NullFormatter())
 
 
+def label_axes(axis: Axes, x: str, y: str, title: str = "") -> None:
+    """Set the labels of both axes, and a title on the left."""
+    axis.set(xlabel=x, ylabel=y)
+    axis.set_title(title, loc="left")
+
+
 def legend_above(
     axis: Axes,  # with its title
     # entries, by their labels, each group on a separate row; all labelled artists of the axes by default

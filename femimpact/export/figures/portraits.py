@@ -19,6 +19,7 @@ from femimpact.export.figures.drawing import (
     ball_of,
     beam_at,
     channel_name,
+    label_axes,
     last_cycles,
     legend_above,
     panel,
@@ -319,10 +320,9 @@ def phase_portrait(
     else:
         _walls(axis, pair, x)
         title, to = f"{pair.name} in its box, {shown}; grey: inside the walls", "the box"
-    axis.set_title(title, loc="left")
+    moving = "ball" if pair else names[0]
+    label_axes(axis, f"{moving} relative to {to} (mm)", f"velocity relative to {to} (mm/s)", title)
     legend_above(axis)
-    axis.set_xlabel(f"{'ball' if pair else names[0]} relative to {to} (mm)")
-    axis.set_ylabel(f"velocity relative to {to} (mm/s)")
     return axis
 
 
@@ -418,7 +418,6 @@ def bifurcation(
     values, unit = scaled(np.concatenate(last), responses[0].units[name])
     axis = panel(ax, 8.0, 5.0)
     axis.plot(frequency, values, ".", color=BLUE, markersize=2.5, markeredgewidth=0.0)
-    axis.set_xlabel("base frequency (Hz)")
-    axis.set_ylabel(f"{name.replace('_', ' ')} once per cycle ({unit})")
-    axis.set_title(f"last third of each run, base at {math.degrees(phase):.4g} degrees", loc="left")
+    title = f"last third of each run, base at {math.degrees(phase):.4g} degrees"
+    label_axes(axis, "base frequency (Hz)", f"{name.replace('_', ' ')} once per cycle ({unit})", title)
     return axis
