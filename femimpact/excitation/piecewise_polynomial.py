@@ -208,6 +208,16 @@ def fitted(
     return PiecewisePolynomial(knots, coefficients_through(values, h), initial[0], initial[1], starts)
 
 
+PIECES_OF_HALF_SINE = 12
+"""Polynomials of degree 5 in half a sine."""
+
+
+def half_sine(largest: float, duration: float, begin: float = 0.0) -> PiecewisePolynomial:
+    """Half a sine of a duration (s) from a time (s) on, within 1e-9 of its largest value (m/s^2 or N)."""
+    knots = begin + np.linspace(0.0, duration, PIECES_OF_HALF_SINE + 1)
+    return fitted(lambda t: largest * np.sin(np.pi * (t - begin) / duration), knots)
+
+
 def coefficients_through(values: Array, lengths: Array) -> Array:
     """Coefficients (n, 6) of the polynomials with given values at the Gauss points of pieces of these lengths (s)."""
     inverse = np.linalg.inv(np.vander(0.5 * (1.0 + NODES), increasing=True))
