@@ -113,19 +113,7 @@ def steady_motion(
     longest_period = checked("longest_period", longest_period, quantity("cycles", at_least=1, integer=True))
     finished = np.count_nonzero(cycles.samples, axis=0)
     length = np.minimum(finished, measured.astype(int))
-    # back from each case's end; rows beyond its window have no weight
-    back = np.arange(max(int(length.max(initial=0)), 1))[:, None]
-    rows, in_window = np.maximum(finished - 1 - back, 0), back < length
-    if finished.size and np.all(finished == finished[0]) and np.all(length == back.size):
-        # of one length, as the cases of a study are: no rows beyond a window
-        first, last = int(finished[0]) - back.size, int(finished[0])
-        window_of = (getattr(cycles, item.name)[first:last][::-1] for item in fields(CycleStatistics))
-    else:
-        window_of = (
-            np.where(in_window, np.take_along_axis(getattr(cycles, item.name), rows, axis=0), 0.0)
-            for item in fields(CycleStatistics)
-        )
-    maximum, minimum, square, sine, cosine, samples = window_of
+    (maximum, minimum, square, sine, cosine, samples), in_window = _rows_from_end(cycles, finished, length)
     total = _total(samples)
     with np.errstate(invalid="ignore", divide="ignore"):
         in_phase, in_quadrature = 2.0 * _total(sine) / total, 2.0 * _total(cosine) / total
@@ -140,6 +128,26 @@ def steady_motion(
         phase=np.arctan2(in_quadrature, in_phase),
         steadiness=np.where(periodic, "periodic", np.where(even, "statistical", "transient")),
     )
+
+
+def _rows_from_end(
+    cycles: CycleStatistics,
+    finished: NDArray[np.int64],  # (cases,) cycles that have ended
+    length: NDArray[np.int64],  # (cases,) cycles of each window
+) -> tuple[list[Array], NDArray[np.bool_]]:
+    """Columns of the windows, (rows, cases), rows leading back from each case's end; which rows are in its window.
+
+    Rows beyond a window are zero.
+    """
+    columns = [getattr(cycles, item.name) for item in fields(CycleStatistics)]
+    back = np.arange(max(int(length.max(initial=0)), 1))[:, None]
+    in_window = back < length
+    if finished.size and np.all(finished == finished[0]) and np.all(length == back.size):
+        # of one length, as the cases of a study are: no rows beyond a window
+        first, last = int(finished[0]) - back.size, int(finished[0])
+        return [column[first:last][::-1] for column in columns], in_window
+    rows = np.maximum(finished - 1 - back, 0)
+    return [np.where(in_window, np.take_along_axis(column, rows, axis=0), 0.0) for column in columns], in_window
 
 
 def no_steady_motion() -> SteadyMotion:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -79,11 +79,7 @@ def response_curve(
     InputError
         If there is no curve, or something else than one.
     """
-    named = {"": curves} if isinstance(curves, FrequencyResponse) else curves
-    require_type(named, Mapping, "curves")
-    require(len(named) > 0, "curves", "none", "", "must be one or more response curves")
-    for label, curve in named.items():
-        require_type(curve, FrequencyResponse, f"curves.{label}")
+    named = _by_label(curves)
     peaks = rows_of("published", published, label=text(), frequency=FREQUENCY, amplitude=quantity("m", finite=False))
     ranges = rows_of("bands", bands, label=text(), frequency=column("Hz", "n"), low=column("m", "n"),
                      high=column("m", "n"))  # fmt: skip
@@ -117,6 +113,16 @@ def response_curve(
     plain_log_ticks(axis.yaxis)
     _legend(axis, named, coarse, join_all, filled, marks)
     return axis
+
+
+def _by_label(curves: Any) -> Mapping[str, FrequencyResponse]:
+    """One or more response curves by their labels."""
+    named = {"": curves} if isinstance(curves, FrequencyResponse) else curves
+    require_type(named, Mapping, "curves")
+    require(len(named) > 0, "curves", "none", "", "must be one or more response curves")
+    for label, curve in named.items():
+        require_type(curve, FrequencyResponse, f"curves.{label}")
+    return cast(Mapping[str, FrequencyResponse], named)
 
 
 def _annotate_peak(axis: Axes, curve: FrequencyResponse) -> None:

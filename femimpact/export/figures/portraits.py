@@ -287,21 +287,7 @@ def phase_portrait(
         If the run holds no history, or a channel is missing, which is named.
     """
     require_history(response)
-    balls = [pair.name for pair in response.system.balls]
-    chosen = None if of is None else channel_key(of, "of")
-    if chosen in balls or (chosen is None and balls):
-        pair = ball_of(response, chosen)
-        beam_at(response, pair)
-        names, place = (pair.name, f"{pair.name}.velocity"), place_of(response, pair)
-        minus: tuple[str, ...] = (str(place), f"{place}.velocity")
-    else:
-        known = [*balls, *response.channels]
-        require(chosen is None or chosen in known, "of", chosen, "", suggestion(str(chosen), known))
-        pair, minus = None, ()
-        name = channel_name(response, chosen)
-        names = (name, f"{name}.velocity")
-    for name in (*names, *minus):
-        require(name in response.channels, "channels", list(response.channels), "", f"must hold {name!r}")
+    pair, names, minus = _drawn_channels(response, None if of is None else channel_key(of, "of"))
     start, shown = last_cycles(response, cycles)
     x, rate = _curve(response, start, names, minus, None if pair is None else pair.name)
     drawn = phase if np.isfinite(response.base.phase) else None
@@ -324,6 +310,25 @@ def phase_portrait(
     label_axes(axis, f"{moving} relative to {to} (mm)", f"velocity relative to {to} (mm/s)", title)
     legend_above(axis)
     return axis
+
+
+def _drawn_channels(response: Response, chosen: str | None) -> tuple[Any, tuple[str, ...], tuple[str, ...]]:
+    """A ball or None, its channels or those of a place, and the channels of the beam that are taken off a ball's."""
+    balls = [pair.name for pair in response.system.balls]
+    pair, minus = None, tuple[str, ...]()
+    if chosen in balls or (chosen is None and balls):
+        pair = ball_of(response, chosen)
+        beam_at(response, pair)
+        name, place = pair.name, place_of(response, pair)
+        minus = (str(place), f"{place}.velocity")
+    else:
+        known = [*balls, *response.channels]
+        require(chosen is None or chosen in known, "of", chosen, "", suggestion(str(chosen), known))
+        name = channel_name(response, chosen)
+    names = (name, f"{name}.velocity")
+    for needed in (*names, *minus):
+        require(needed in response.channels, "channels", list(response.channels), "", f"must hold {needed!r}")
+    return pair, names, minus
 
 
 def _pair(
