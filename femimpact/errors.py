@@ -78,7 +78,7 @@ def _shown(value: object) -> str:
 
 
 def _beginning(value: object, room: int) -> str:
-    """How a value is shown, to some characters at least: what is large, or contains itself, is not shown to its end."""
+    """Text of a value, to some characters at least: what is large, or contains itself, is cut off."""
     kind = type(value)
     if kind in (str, bytes, bytearray):
         return repr(value[: room + 1])  # type: ignore[index]
@@ -604,7 +604,7 @@ class _DocstringWithRanges:
 
 
 def show_ranges(kind: Any) -> None:
-    """Have `help` and the site show the allowed ranges of its fields in the docstring of a dataclass."""
+    """Put the allowed ranges of its fields into the docstring of a dataclass, for `help` and the site."""
     if dataclasses.is_dataclass(kind):
         kind.__doc__ = _DocstringWithRanges(kind.__doc__)  # type: ignore[assignment]
 

@@ -1,4 +1,4 @@
-"""How far a long computation has come: told to a function, or drawn as a bar."""
+"""Progress of a long computation: passed to a function, or drawn as a bar."""
 
 from __future__ import annotations
 

@@ -280,11 +280,11 @@ class CustomLaw:
         return self.force
 
     def shown_numbers(self, effective_mass: float) -> tuple[tuple[str, float, str], ...]:
-        """Empty: of a function no number is known."""
+        """Empty, as no number characterises a function."""
         return ()
 
     def with_restitution(self, restitution: float) -> None:
-        """None: the function decides the restitution."""
+        """None, as the function decides the restitution."""
 
     def _finite_force(self, depth: float, rate: float, approach_speed: float) -> float:
         try:

@@ -20,7 +20,7 @@ class ContactLaw(Protocol):
 
     @property
     def name(self) -> str:
-        """As results and messages show it."""
+        """Name of the law in results and messages."""
         ...
 
     @property

@@ -88,7 +88,7 @@ class Rigid:
         """None: the time loop has a branch for rigid contacts."""
 
     def shown_numbers(self, effective_mass: float) -> tuple[tuple[str, float, str], ...]:
-        """Nothing beside the restitution."""
+        """Empty: the restitution alone characterises it."""
         return ()
 
     def with_restitution(self, restitution: float) -> Rigid:

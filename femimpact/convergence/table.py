@@ -56,7 +56,7 @@ def is_finer(size: Array) -> NDArray[np.bool_]:
 
 
 def usable_rows(size: Array, value: Array, order: float) -> int:
-    """How many leading rows (n,) converge; in those behind, rounding decides.
+    """Number of leading rows that converge; rounding decides in those behind.
 
     Rounding is taken to begin where a relative difference below 1e-6 has not fallen by at least the root of what
     follows from the order.

@@ -21,7 +21,7 @@ class BaseAtRest:
 
     @property
     def amplitude(self) -> float:
-        """Of the base's motion: none, 0 m."""
+        """Amplitude of the base's motion: 0 m."""
         return 0.0
 
     def displacement(self, time: ArrayLike) -> NDArray[np.float64]:
@@ -80,7 +80,7 @@ class PointForce(BaseAtRest):
 
     @property
     def frequency(self) -> float:
-        """Of the force, Hz."""
+        """Frequency of the force, Hz."""
         return float(self.history.frequency)
 
     @property
@@ -90,7 +90,7 @@ class PointForce(BaseAtRest):
 
     @property
     def phase(self) -> float:
-        """Of the force at t = 0, rad."""
+        """Phase of the force at t = 0, rad."""
         return float(self.history.phase)
 
     def force(self, time: ArrayLike) -> NDArray[np.float64]:
@@ -138,7 +138,7 @@ class HammerBlow(BaseAtRest):
 
     @property
     def frequency(self) -> float:
-        """Of the sine of which it is a half, Hz: a blow has no cycle."""
+        """Frequency of the sine of which it is a half, Hz: a blow has no cycle."""
         return 0.5 / self.duration
 
     @property
@@ -148,7 +148,7 @@ class HammerBlow(BaseAtRest):
 
     @property
     def phase(self) -> float:
-        """Not a number."""
+        """Not a number: a blow has no phase."""
         return math.nan
 
     @cached_property

@@ -197,7 +197,7 @@ class SteppedSine(PiecewiseMotion):
 
     @property
     def duration(self) -> float:
-        """Of all cycles, s."""
+        """Duration of all cycles, s."""
         return float(np.sum(self.cycles / self.steps))
 
     @property

@@ -117,7 +117,7 @@ class PiecewisePolynomial:
 
     @property
     def degree(self) -> int:
-        """Of the pieces."""
+        """Degree of the pieces."""
         return int(self.coefficients.shape[1]) - 1
 
     @property
@@ -137,7 +137,7 @@ class PiecewisePolynomial:
 
     @cached_property
     def rate(self) -> float:
-        """How fast the pieces change (1/s): the largest n-th root of |d^n s/dt^n| over the largest |s|; 0 of lines."""
+        """Rate of change of the pieces (1/s): largest n-th root of |d^n s/dt^n| over the largest |s|; 0 of lines."""
         if self.degree <= 1:
             return 0.0
         h = np.diff(self.knots)

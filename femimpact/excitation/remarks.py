@@ -80,7 +80,7 @@ def motion_warnings(
 
 
 def _distance(excitation: Excitation) -> float:
-    """How far the base moves at most (m), in a sum by the parts whose record is no pulse."""
+    """Largest displacement of the base (m), in a sum that of the parts whose record is no pulse."""
     if not isinstance(excitation, Sum):
         return float(excitation.amplitude)
     forms = [(part, getattr(part, "closed_form", None)) for part in excitation.parts]

@@ -62,7 +62,7 @@ class Shock(PiecewiseMotion):
 
     @property
     def frequency(self) -> float:
-        """Of the sine of which a half-sine is a half, Hz: a pulse has no cycle."""
+        """Frequency of the sine of which a half-sine is a half, Hz: a pulse has no cycle."""
         return 0.5 / self.duration
 
     @cached_property

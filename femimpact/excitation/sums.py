@@ -81,7 +81,7 @@ class Sum:
 
     @property
     def phase(self) -> float:
-        """Of the displacement at t = 0 where all are sines of one frequency, rad; else not a number."""
+        """Phase of the displacement at t = 0 where all are sines of one frequency, rad; else not a number."""
         wave = self._harmonic
         return math.nan if wave is None else (wave.phase + 2.0 * np.pi) % (2.0 * np.pi) - np.pi
 
@@ -121,7 +121,7 @@ class Sum:
 
 
 def added(first: Any, second: Any) -> Any:
-    """Both motions of the base at the same time."""
+    """Sum of two motions of the base."""
     if any(not hasattr(second, name) for name in MEMBERS):
         return NotImplemented
     return Sum((*parts_of(first), *parts_of(second)))

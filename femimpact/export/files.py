@@ -74,7 +74,7 @@ def atomic_write(path: str | Path, content: str | bytes) -> None:
 
 
 def to_disk(path: Path) -> None:
-    """Have the disk hold what was written to a file, or the names in a directory, before a rename relies on it."""
+    """Write a file, or the names in a directory, through to the disk, before a rename relies on it."""
     if path.is_dir() and os.name != "posix":  # no such thing outside POSIX
         return
     file = os.open(path, os.O_RDONLY if os.name == "posix" else os.O_RDWR)

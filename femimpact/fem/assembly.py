@@ -1,4 +1,4 @@
-"""From a structure and a mesh to the semi-discrete equations."""
+"""Assembly of the semi-discrete equations of a structure on a mesh."""
 
 from __future__ import annotations
 
@@ -256,7 +256,7 @@ def _undamped(grid: Discretisation) -> System:
 
 
 def _expansion(grid: Discretisation) -> Matrix:
-    """From the free dofs to all, (dofs, free dofs)."""
+    """Matrix from the free dofs to all, (dofs, free dofs)."""
     count = grid.free.size
     first = np.searchsorted(grid.free, np.arange(grid.dofs + 1))
     return sparse.csr_array((np.ones(count), np.arange(count), first), shape=(grid.dofs, count))

@@ -74,7 +74,7 @@ def read_mesh(path: str | Path) -> Mesh:
 
 
 def read_outcomes(paths: Sequence[Path]) -> list[Mesh | InputError]:
-    """For each file, a mesh or the fault that it has; one process reads them until it has to be ended."""
+    """The mesh of each file, or its fault; one process reads them until it has to be ended."""
     unread = {path: reason for path in paths if (reason := _why_not_read(path))}
     # closed here, so that no process outlives the call
     with closing(_read_files([path for path in paths if path not in unread])) as contents:

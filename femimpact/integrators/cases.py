@@ -185,7 +185,7 @@ def memory_needed(
 
 
 def modes_kept(system: System, recorder: Recorder) -> int:
-    """For how many modes the energies are kept separately: all of a system on its modes, with a ledger."""
+    """Number of modes whose energies are kept separately: all of a system on its modes, with a ledger."""
     return system.dofs if recorder.ledger and system.is_diagonal else 0
 
 

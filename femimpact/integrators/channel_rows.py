@@ -63,7 +63,7 @@ class Drive:
 
     @property
     def base_amplitude(self) -> float:
-        """Of the base's displacement under a sine, m."""
+        """Amplitude of the base's displacement under a sine, m."""
         return -self.share * self.sine.amplitude / self.omega**2
 
     def value(self, time: Array) -> Array:

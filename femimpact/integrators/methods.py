@@ -36,7 +36,7 @@ class Method(Protocol):
         """Name of the instants at which a run can be read: "steps" or "samples"."""
 
     def description(self, frequency: float, origin: str) -> str:
-        """How it advances in time under a drive of a frequency (Hz), in words; `origin` says where fields come from."""
+        """Words for its scheme and step under a drive of a frequency (Hz); `origin` says where fields come from."""
 
     def check(self, system: System) -> tuple[str, ...]:
         """Warnings on a system; `InputError` for one that the method does not take."""

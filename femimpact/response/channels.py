@@ -88,7 +88,7 @@ class Channel(Protocol):
 
     @property
     def name(self) -> str:
-        """Under which a response holds it."""
+        """Name under which a response holds the channel."""
 
     @property
     def unit(self) -> str:
@@ -99,7 +99,7 @@ class Channel(Protocol):
 
 
 def _pair_number(system: System, pair: str | None) -> int:
-    """Where a pair stands among the contacts; None is the only one."""
+    """Number of a pair among the contacts; None is the only one."""
     names = [contact.name for contact in system.contacts]
     if pair is None:
         require(len(names) == 1, "channels", pair, "", f"must name one of the contacts: {', '.join(names) or 'none'}")
@@ -348,7 +348,7 @@ class ShakerForce:
 
     @property
     def name(self) -> str:
-        """Always the same: there is one base."""
+        """Always "shaker_force": there is one base."""
         return "shaker_force"
 
     @property

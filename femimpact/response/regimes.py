@@ -1,4 +1,4 @@
-"""Which kind of motion a window of impacts shows: k impacts in n cycles, sticking, chatter, or no period up to n."""
+"""Kind of motion in a window of impacts: k impacts in n cycles, sticking, chatter, or no period up to n."""
 
 from __future__ import annotations
 

@@ -162,7 +162,7 @@ def _total(values: Array) -> Array:
 
 
 def _repeats(maximum: Array, in_window: NDArray[np.bool_], tolerance: float, longest_period: int) -> NDArray[np.bool_]:
-    """Which cases repeat their maxima after a few cycles; rows lead back from the end."""
+    """True for cases that repeat their maxima after a few cycles; rows lead back from the end."""
     scale = tolerance * np.max(np.abs(maximum), axis=0)
     found = np.zeros(maximum.shape[1], dtype=bool)
     for period in range(1, min(longest_period, maximum.shape[0] // 2) + 1):
@@ -179,7 +179,7 @@ def _repeats(maximum: Array, in_window: NDArray[np.bool_], tolerance: float, lon
 def _halves_agree(
     mean_square: Array, length: NDArray[np.int64], tolerance: float, standard_errors: float
 ) -> NDArray[np.bool_]:
-    """In which cases the two halves of the window are one population of cycles; rows lead back from the end."""
+    """True for cases in which both halves of the window are one population of cycles; rows lead back from the end."""
     place = length - 1 - np.arange(mean_square.shape[0])[:, None]
     shorter, longer = np.divmod(length, PARTS)
     ahead = longer * (shorter + 1)

@@ -184,7 +184,7 @@ class SectionFields:
 
     @property
     def is_tapered(self) -> NDArray[np.bool_]:
-        """Which elements taper, (elements,)."""
+        """True for elements that taper, (elements,)."""
         return np.asarray((self.width_taper != 0.0) | (self.thickness_taper != 0.0))
 
     @property

@@ -237,7 +237,7 @@ def _vectors(system: System, count: int, rigid: Array) -> tuple[Array, Array]:
 
 
 def _dense_modes(system: System, count: int, rigid: Array) -> Array:
-    """From the singular values of G L^-T with K = G^T G and M = L L^T: omega, not omega squared. Without rigid ones."""
+    """Elastic modes from the singular values of G L^-T, K = G^T G and M = L L^T: omega, not omega squared."""
     lower = scipy.linalg.cholesky(system.M.toarray(), lower=True)
     factor = scipy.linalg.solve_triangular(lower, system.stiffness_factor.toarray().T, lower=True).T
     if rigid.shape[1]:

@@ -307,7 +307,7 @@ class System:
 
     @property
     def length(self) -> float:
-        """From the first node to the last, m; 0 without nodes."""
+        """Distance from the first node to the last, m; 0 without nodes."""
         return float(self.nodes[-1] - self.nodes[0]) if self.nodes.size else 0.0
 
     @property

@@ -127,7 +127,7 @@ def _damping(root: complex) -> float:
 
 
 def period_elongation(method: Method) -> Case:
-    """How much too long a free vibration is."""
+    """Relative error of the period of a free vibration."""
     exact, found = _root(method)
     return Case(
         f"{method.name}: period, {STEPS} steps a period", f"{method.source}, amplification matrix",

@@ -28,7 +28,7 @@ GAPS = ((2e-3, 6e-3), (5e-3, 1e-3))
 
 
 def place(response: Response) -> float:
-    """Where the ball lies at the end, m."""
+    """Place of the ball at the end, m."""
     return float(response["ball"][-1])
 
 

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 @takes(response=instance(Response))
 def impact_histograms(response: Response, figure: FigureBase | OffScreen | None = None) -> NDArray[np.object_]:
-    """How often impacts of a size happen in the last third of a run: approach speed, impulse, energy loss.
+    """Histograms of the impacts in the last third of a run: approach speed, impulse, energy loss.
 
     Both walls are stacked; the dashed line is the mean.
 

@@ -61,7 +61,7 @@ CYCLES: Any = quantity("1", above=0.0)
 
 @dataclass(frozen=True)
 class OffScreen:
-    """In the place of axes or of a figure: a new figure that no window and no notebook shows, for a file."""
+    """Stands for axes or a figure: a new one that no window and no notebook shows, for a file."""
 
 
 # ---- cycles of the base -------------------------------------------------------------------------------
