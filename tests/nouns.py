@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 import femimpact as fi
+from femimpact.contact import collision as closed_forms
 from femimpact.contact import resolve
-from femimpact.contact import restitution as closed_forms
 from femimpact.convergence.mesh_and_step import MeshConvergence, StepConvergence
 from femimpact.identification import one_pole_amplitude
 from femimpact.integrators.cases import AchievedRestitution

@@ -1,4 +1,4 @@
-"""Where a run begins: displacements and velocities, or the static state, at a time."""
+"""The state at the start of a run: displacements and velocities, or the static state, and its time."""
 
 from __future__ import annotations
 
