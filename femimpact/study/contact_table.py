@@ -13,7 +13,7 @@ from femimpact.contact import ContactLaw, collide
 from femimpact.errors import require
 from femimpact.export import figures, tables
 from femimpact.integrators.methods import Method
-from femimpact.study.result_directory import FILES, OTHER_FILES, prepare_directory
+from femimpact.study.result_directory import FILES, prepare_directory
 from femimpact.study.study import Study, build_systems, method_for, read_mesh_of
 from femimpact.system.contact_pair import ContactPair
 
@@ -78,10 +78,10 @@ def write_contact_table(
     # speeds far apart would leave the slow loops too small to see
     shown = np.linspace(max(speed_min, 0.25 * speed_max), speed_max, 3)
     with prepare_directory(directory, force) as staging:
-        tables.write_csv(staging.folder / OTHER_FILES["contact_table"], columns, UNITS)
+        tables.write_csv(staging.folder / FILES["contact_table"].name, columns, UNITS)
         staging.finish_part("table")
         drawn = figures.contact_laws(contacts, shown.tolist(), figures.OffScreen())
-        figures.save_figure(drawn, staging.folder / FILES["force_figure"])
+        figures.save_figure(drawn, staging.folder / FILES["force_figure"].name)
     return columns
 
 

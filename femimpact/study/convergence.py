@@ -40,7 +40,7 @@ from femimpact.integrators.methods import Method
 from femimpact.integrators.stepping.newmark import Newmark
 from femimpact.structure.structure import Position
 from femimpact.study.picture_data import structure_parts
-from femimpact.study.result_directory import OTHER_FILES, prepare_directory
+from femimpact.study.result_directory import FILES, prepare_directory
 from femimpact.study.result_page import add_report
 from femimpact.study.run import Report
 from femimpact.study.study import Study, build_systems, check_method, method_for, read_mesh_of, sine_of
@@ -125,7 +125,7 @@ def write_convergence(
         staging.finish_part("quantities")
         statistics, why = _statistics(study, meshes, _moving(full)[0], accuracy, report)
         if statistics is not None:
-            tables.write_csv(folder / OTHER_FILES["statistics_over_mesh"], *statistics.columns())
+            tables.write_csv(folder / FILES["statistics_over_mesh"].name, *statistics.columns())
             staging.finish_part("statistics")
         step = None
         if in_steps:
@@ -135,7 +135,7 @@ def write_convergence(
             _write_steps(folder, step)
             staging.finish_part("steps")
         written = WrittenConvergence(found, statistics, frequencies, step, (*notes, *why), directory)
-        tables.write_json(folder / OTHER_FILES["convergence_notes"], _about(study, full, written, accuracy))
+        tables.write_json(folder / FILES["convergence_notes"].name, _about(study, full, written, accuracy))
         staging.finish_part("notes")
     if study.output.report:
         add_report(directory, report)
@@ -256,20 +256,20 @@ def _about(study: Study, system: System, found: WrittenConvergence, accuracy: fl
 def _write_tables(folder: Path, found: ConvergenceStudy, mesh: MeshConvergence) -> None:
     off_screen = figures.OffScreen()
     for axis, table in found.tables.items():
-        tables.write_csv(folder / OTHER_FILES[f"quantities_over_{axis}"], *table.columns())
+        tables.write_csv(folder / FILES[f"quantities_over_{axis}"].name, *table.columns())
         figures.save_figure(
             figures.convergence_panels(table, off_screen),
-            folder / OTHER_FILES[f"quantities_over_{axis}_figure"],
+            folder / FILES[f"quantities_over_{axis}_figure"].name,
         )
-    tables.write_csv(folder / OTHER_FILES["convergence_summary"], *_summary(list(found.tables.values())))
+    tables.write_csv(folder / FILES["convergence_summary"].name, *_summary(list(found.tables.values())))
     columns: dict[str, Any] = {"elements": mesh.elements}
     for i in range(mesh.reference.size):
         columns[f"natural_frequency_{i + 1}"] = mesh.natural_frequency[:, i]
         columns[f"error_{i + 1}"] = mesh.error[:, i]
     units = {name: "Hz" if "frequency" in name else "1" for name in columns if name != "elements"}
-    tables.write_csv(folder / OTHER_FILES["mesh_convergence"], columns, units)
+    tables.write_csv(folder / FILES["mesh_convergence"].name, columns, units)
     drawn = figures.mesh_convergence(mesh, slope=None, ax=off_screen)
-    figures.save_figure(drawn, folder / OTHER_FILES["mesh_convergence_figure"])
+    figures.save_figure(drawn, folder / FILES["mesh_convergence_figure"].name)
 
 
 def _summary(found: Sequence[ConvergenceTable]) -> tuple[dict[str, Any], dict[str, str]]:
@@ -283,9 +283,9 @@ def _summary(found: Sequence[ConvergenceTable]) -> tuple[dict[str, Any], dict[st
 
 def _write_steps(folder: Path, step: StepConvergence) -> None:
     columns = {name: getattr(step, name) for name in ("dt", "linear_error", "first_impact_error", "energy_residual")}
-    tables.write_csv(folder / OTHER_FILES["step_convergence"], columns, {"dt": "s"})
+    tables.write_csv(folder / FILES["step_convergence"].name, columns, {"dt": "s"})
     drawn = figures.step_convergence(step, slope=None, ax=figures.OffScreen())
-    figures.save_figure(drawn, folder / OTHER_FILES["step_convergence_figure"])
+    figures.save_figure(drawn, folder / FILES["step_convergence_figure"].name)
 
 
 def convergence_lines(found: WrittenConvergence) -> list[str]:

@@ -20,7 +20,7 @@ from femimpact.errors import Fault, InputError
 from femimpact.export import figures, tables
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.study.prepared import PreparedStudy, prepare, with_base
-from femimpact.study.result_directory import OTHER_FILES, prepare_directory
+from femimpact.study.result_directory import FILES, prepare_directory
 from femimpact.study.result_page import add_report
 from femimpact.study.results import StudyResults, load
 from femimpact.study.run import (
@@ -290,7 +290,7 @@ def _write_curves(folder: Path, curves: Mapping[str, Sequence[FrequencyResponse]
         for name, found in (("median", np.median), ("low", np.min), ("high", np.max)):
             columns[f"{start}_{name}"] = found(peaks, axis=0)
     units = {name: "Hz" if name == "frequency" else "m" for name in columns}
-    tables.write_csv(folder / OTHER_FILES["curves_of_starts"], columns, units)
+    tables.write_csv(folder / FILES["curves_of_starts"].name, columns, units)
 
 
 def _sweep_row(sweeps: SweepPair) -> dict[str, Any]:
@@ -375,16 +375,16 @@ def _write_scans(folder: Path, scans: Mapping[str, RestitutionScan], sweeps: Map
         columns |= {f"{start}_{name}": getattr(scan, name) for name in names}
     units = {name: "Hz" if "frequency" in name else "m" if "peak_amplitude" in name else "1" for name in columns}
     units |= {name: "" for name in columns if name.endswith("steadiness")}
-    tables.write_csv(folder / OTHER_FILES["restitution"], columns, units)
+    tables.write_csv(folder / FILES["restitution"].name, columns, units)
     labelled = [(STARTS[start], scan) for start, scan in scans.items()]
     published = (PUBLISHED["frequency_ball_experiment"], PUBLISHED["amplitude_ratio"])
     off_screen = figures.OffScreen()
     drawn: Any = figures.restitution_scan(labelled, *published, figure=off_screen)
-    figures.save_figure(drawn, folder / OTHER_FILES["restitution_figure"])
+    figures.save_figure(drawn, folder / FILES["restitution_figure"].name)
     curves = {f"with ball, {STARTS[start]}": pair.ball for start, pair in sweeps.items() if pair.ball is not None}
     named = {"without ball": sweeps["base"].empty, **curves}
     drawn = figures.response_curve(named, coarse=sweeps["base"].coarse, ax=off_screen)
-    figures.save_figure(drawn, folder / OTHER_FILES["response_of_starts"])
+    figures.save_figure(drawn, folder / FILES["response_of_starts"].name)
 
 
 def _write_comparison(folder: Path, comparison: tuple[tuple[Any, ...], ...]) -> None:
@@ -398,4 +398,4 @@ def _write_comparison(folder: Path, comparison: tuple[tuple[Any, ...], ...]) -> 
         "method",
     )
     rows = [["" if value is None else value for value in row] for row in comparison]
-    tables.write_csv(folder / OTHER_FILES["comparison"], dict(zip(names, zip(*rows, strict=True), strict=True)), {})
+    tables.write_csv(folder / FILES["comparison"].name, dict(zip(names, zip(*rows, strict=True), strict=True)), {})

@@ -24,7 +24,7 @@ from femimpact.response.signals import no_steady_motion
 from femimpact.structure.beam import Beam, Segment
 from femimpact.structure.structure import Dashpot, PointMass, Spring, Structure, Support
 from femimpact.study.base_motion import Signal, numbers_of_signal, signal_of_numbers
-from femimpact.study.result_directory import FILES, OTHER_FILES
+from femimpact.study.result_directory import FILES
 from femimpact.study.results import read_dataset, read_sticking, read_table
 from femimpact.sweep import SWEEP_UNITS, FrequencyResponse
 from femimpact.system.modes import Modes
@@ -314,7 +314,7 @@ def _finite_or(value: Any, other: float) -> Any:
 
 def _impacts(folder: Path, summary: Mapping[str, Any]) -> Impacts:
     data = read_dataset(folder, "impact_data", summary)
-    require(data is not None, "file", str(folder / FILES["impact_data"]), "", "is missing")
+    require(data is not None, "file", str(folder / FILES["impact_data"].name), "", "is missing")
     data = cast("xarray.Dataset", data)
     columns = {name: data[name].to_numpy() for name in IMPACT_UNITS if name not in DERIVED}
     columns["impactor"] = columns["impactor"].astype(str)
@@ -358,7 +358,7 @@ def read_curves(folder: Path, summary: Mapping[str, Any]) -> tuple[dict[str, Fre
 
 def read_bands(folder: Path, summary: Mapping[str, Any]) -> list[tuple[str, Array, Array, Array]]:
     """Words, frequencies (Hz), smallest and largest peaks (m) of the starts of the demo in each frame; else none."""
-    columns = read_table(folder, OTHER_FILES["curves_of_starts"], summary)
+    columns = read_table(folder, FILES["curves_of_starts"].name, summary)
     if columns is None:
         return []
     frames = {"base": "relative to the base", "space": "in the inertial frame"}

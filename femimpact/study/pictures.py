@@ -93,10 +93,10 @@ def _drawn_figures(source: Path, target: Path, summary: Mapping[str, Any]) -> It
     require(bool(plans), "figures", None, "", "the results hold no data for any")
     for name, make in plans:
         try:
-            figures.save_figure(make(), target / FILES[name])
+            figures.save_figure(make(), target / FILES[name].name)
             yield None
         except Exception as error:
-            yield f"{FILES[name]}: {_in_words(error)}"
+            yield f"{FILES[name].name}: {_in_words(error)}"
 
 
 def _figures(source: Path, summary: Mapping[str, Any]) -> Iterator[tuple[str, Callable[[], Any]]]:
@@ -137,7 +137,7 @@ def _draw_movie(source: Path, target: Path, summary: Mapping[str, Any]) -> None:
         raise InputError([Fault("movie", None, "", allowed)])
     from femimpact.export import movie
 
-    movie.write_movie(target / FILES["movie"], film.response, film.structure, exaggeration=film.exaggeration)
+    movie.write_movie(target / FILES["movie"].name, film.response, film.structure, exaggeration=film.exaggeration)
 
 
 # ---- in the parent --------------------------------------------------------------------------------

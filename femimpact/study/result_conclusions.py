@@ -16,7 +16,7 @@ from femimpact.export import tables
 from femimpact.export.report.page import Conclusion
 from femimpact.structure.structure import Structure
 from femimpact.study.picture_data import read_mode_shapes
-from femimpact.study.result_directory import FILES, OTHER_FILES, ResultsWarning
+from femimpact.study.result_directory import FILES, ResultsWarning
 from femimpact.study.results import read_dataset, read_table
 from femimpact.study.summary import Spread, contacts_of
 from femimpact.svg import number_text
@@ -57,18 +57,18 @@ class ResultReading:
     @cached_property
     def history(self) -> xarray.Dataset | None:
         """The history; None where there is none, or it cannot be read."""
-        return self.attempt(FILES["history"], lambda: read_dataset(self.folder, "history", self.summary))
+        return self.attempt(FILES["history"].name, lambda: read_dataset(self.folder, "history", self.summary))
 
     @cached_property
     def parameter_study(self) -> xarray.Dataset | None:
         """The dataset of a parameter study, as the history."""
-        name = OTHER_FILES["parameter_study"]
+        name = FILES["parameter_study"].name
         return self.attempt(name, lambda: read_dataset(self.folder, "parameter_study", self.summary))
 
     @cached_property
     def modes(self) -> tuple[System, Modes, Structure | None] | None:
         """The mode shapes, as the history."""
-        return self.attempt(FILES["mode_shapes"], lambda: read_mode_shapes(self.folder, self.summary))
+        return self.attempt(FILES["mode_shapes"].name, lambda: read_mode_shapes(self.folder, self.summary))
 
     def miss(self, text: str) -> None:
         """Note what is missing, with names of files alone: a report does not hang on where its directory is."""

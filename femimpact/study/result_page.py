@@ -21,7 +21,6 @@ from femimpact.study.picture_data import read_parts, read_run_parts
 from femimpact.study.result_conclusions import ResultReading, conclusions_of, convergence_conclusions, texts_of
 from femimpact.study.result_directory import (
     FILES,
-    OTHER_FILES,
     REPORT,
     STUDY_BLOCKS,
     SUMMARY,
@@ -186,7 +185,7 @@ def page_of(
             results.attempt(
                 "conclusions",
                 lambda: convergence_conclusions(
-                    results.table(OTHER_FILES["convergence_summary"]), written.get("accuracy")
+                    results.table(FILES["convergence_summary"].name), written.get("accuracy")
                 ),
             )
             or ()
@@ -216,12 +215,12 @@ def page_of(
 
 
 def _study(results: ResultReading) -> Study | None:
-    path = results.folder / FILES["study"]
-    return results.attempt(FILES["study"], lambda: load_study(path)) if path.exists() else None
+    path = results.folder / FILES["study"].name
+    return results.attempt(FILES["study"].name, lambda: load_study(path)) if path.exists() else None
 
 
 def _convergence_summary(results: ResultReading) -> dict[str, Any]:
-    name = OTHER_FILES["convergence_notes"]
+    name = FILES["convergence_notes"].name
     return results.attempt(name, lambda: read_json(results.folder / name)) or {}
 
 
@@ -248,12 +247,12 @@ def _stored_structure(
     if results.modes is not None and results.modes[2] is not None:
         return results.modes[2], results.modes[0]
     for key in ("last_cycles", "snapshots"):
-        found = results.attempt(FILES[key], partial(read_run_parts, results.folder, key, results.summary))
+        found = results.attempt(FILES[key].name, partial(read_run_parts, results.folder, key, results.summary))
         if found is not None:
             return found
     if "structure" not in written:
         return None
-    return results.attempt(OTHER_FILES["convergence_notes"], lambda: read_parts(written["structure"]))
+    return results.attempt(FILES["convergence_notes"].name, lambda: read_parts(written["structure"]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -269,7 +268,7 @@ class _Studied:
 
 def _of_parameter_study(results: ResultReading, directory: Path, study: Study | None) -> _Studied:
     """What the dataset of a parameter study says; what it does not is among the missing."""
-    data, name = results.parameter_study, OTHER_FILES["parameter_study"]
+    data, name = results.parameter_study, FILES["parameter_study"].name
     if data is None:
         if is_folder(directory / STUDY_BLOCKS) and not (results.folder / name).exists():
             results.miss(f"{name}: the parameter study was not finished; the same femimpact study goes on with it")

@@ -25,8 +25,7 @@ from femimpact.study.picture_data import read_bands, read_curves, read_film, rea
 from femimpact.study.result_conclusions import ResultReading, texts_of
 from femimpact.study.result_directory import (
     FILES,
-    NAMES,
-    OTHER_FILES,
+    REPORT,
     STUDY_BLOCKS,
     STUDY_FIGURE,
     SUMMARY,
@@ -42,7 +41,7 @@ CASES = {"empty": "without ball", "ball": "with ball"}
 def _comparison(results: ResultReading) -> list[Section]:
     """The paper beside ours, the scan of the restitution, and what the paper cannot be met in."""
     content: list[Element] = []
-    beside = results.table(OTHER_FILES["comparison"])
+    beside = results.table(FILES["comparison"].name)
     if beside is not None:
         heads = {
             "paper_theory": "paper, theory",
@@ -54,16 +53,16 @@ def _comparison(results: ResultReading) -> list[Section]:
         rows = tuple(zip(*(_plain_column(values) for values in beside.values()), strict=True))
         content.append(
             table_element(
-                Table("The paper beside ours: median and range over starts", header, rows, OTHER_FILES["comparison"])
+                Table("The paper beside ours: median and range over starts", header, rows, FILES["comparison"].name)
             )
         )
     remarks = texts_of(results.summary.get("remarks"))
     if remarks:
         content.append(element("div.said", element("h3", "Where they differ, and why"), list_element(remarks, "notes")))
-    scan = results.table(OTHER_FILES["restitution"])
+    scan = results.table(FILES["restitution"].name)
     if scan is not None:
-        units = results.units(OTHER_FILES["restitution"])
-        content.append(table_element(table_of("Scan of the restitution", scan, units, OTHER_FILES["restitution"])))
+        units = results.units(FILES["restitution"].name)
+        content.append(table_element(table_of("Scan of the restitution", scan, units, FILES["restitution"].name)))
     return [Section("comparison", "The paper and ours", tuple(content))] if content else []
 
 
@@ -90,12 +89,12 @@ def _curves(results: ResultReading) -> list[Section]:
 def _player(results: ResultReading) -> list[Section]:
     film = read_film(results.folder, results.summary)
     if film is None:
-        drawn = next(
-            (FILES[name] for name in ("movie", "deflection_scene") if (results.folder / FILES[name]).exists()), ""
-        )
+        drawn = [FILES[key].name for key in ("movie", "deflection_scene")]
+        drawn = [name for name in drawn if (results.folder / name).exists()]
         if drawn:
             results.miss(
-                f"{FILES['snapshots']}: results of an earlier version have none for a player; {drawn} shows the motion"
+                f"{FILES['snapshots'].name}: results of an earlier version have none for a player; "
+                f"{drawn[0]} shows the motion"
             )
         return []
     made = player_element(film.response, film.structure, film.exaggeration)
@@ -106,7 +105,7 @@ def _motion(results: ResultReading) -> list[Section]:
     history = results.history
     if history is None:
         return []
-    last = results.attempt(FILES["last_cycles"], lambda: read_last_cycles(results.folder, results.summary))
+    last = results.attempt(FILES["last_cycles"].name, lambda: read_last_cycles(results.folder, results.summary))
     end = None
     if last is not None:
         response = last[1]
@@ -127,7 +126,7 @@ def _energy(results: ResultReading) -> list[Section]:
 
 
 def _impacts(results: ResultReading) -> list[Section]:
-    name = FILES["impacts"]
+    name = FILES["impacts"].name
     columns = results.table(name)
     made = None if columns is None else impacts_section(columns, results.units(name), name)
     return [] if made is None else [made]
@@ -135,7 +134,7 @@ def _impacts(results: ResultReading) -> list[Section]:
 
 def _modes(results: ResultReading) -> list[Section]:
     found = results.modes
-    name = FILES["modes"]
+    name = FILES["modes"].name
     columns = results.table(name)
     table = (
         None
@@ -163,20 +162,20 @@ def _whole(values: Any) -> Any:
 
 def _convergence(results: ResultReading) -> list[Section]:
     sections = []
-    recommended = results.table(OTHER_FILES["convergence_summary"])
+    recommended = results.table(FILES["convergence_summary"].name)
     if recommended is not None:
-        made = summary_table(recommended, OTHER_FILES["convergence_summary"])
+        made = summary_table(recommended, FILES["convergence_summary"].name)
         sections.append(Section("recommended", "Recommended numbers", (table_element(made),)))
     for axis in ("mesh", "step", "modes"):
-        name = OTHER_FILES[f"quantities_over_{axis}"]
+        name = FILES[f"quantities_over_{axis}"].name
         columns = results.table(name)
         section = None if columns is None else axis_section(axis, columns, results.units(name), name)
         sections += [] if section is None else [section]
-    name = OTHER_FILES["statistics_over_mesh"]
+    name = FILES["statistics_over_mesh"].name
     columns = results.table(name)
     section = None if columns is None else axis_section("mesh", columns, results.units(name), name, statistics=True)
     sections += [] if section is None else [section]
-    name = OTHER_FILES["step_convergence"]
+    name = FILES["step_convergence"].name
     columns = results.table(name)
     section = None if columns is None else steps_section(columns, name)
     return sections + ([] if section is None else [section])
@@ -186,7 +185,7 @@ def _parameter_study(results: ResultReading) -> list[Section]:
     """Every measure over the axes of the study, and a row for each case."""
     data = results.parameter_study
     maps = None if data is None else maps_section(data, "study", "The measures over the axes")
-    name = OTHER_FILES["parameter_table"]
+    name = FILES["parameter_table"].name
     columns = results.table(name)
     sections = [] if maps is None else [maps]
     if columns is not None:
@@ -196,7 +195,7 @@ def _parameter_study(results: ResultReading) -> list[Section]:
 
 
 def _contact_table(results: ResultReading) -> list[Section]:
-    name = OTHER_FILES["contact_table"]
+    name = FILES["contact_table"].name
     columns = results.table(name)
     if columns is None:
         return []
@@ -219,57 +218,7 @@ SECTIONS: tuple[tuple[str, Callable[[ResultReading], list[Section]]], ...] = (
 """What a report says of results, in its order: the words for it, and what makes its sections."""
 
 
-PURPOSES = {
-    "summary": "the numbers of this page, machine-readable",
-    "study": "the study that was run, from which it can be run again",
-    "modes": "frequencies, damping and effective masses of the modes",
-    "mode_shapes": "mode shapes with labels (netCDF, xarray)",
-    "sweep": "response curves, a row for each frequency",
-    "sweep_data": "response curves with labels (netCDF, xarray)",
-    "history": "every channel over time (netCDF, xarray)",
-    "impacts": "every impact, a row each",
-    "impact_data": "impacts with the energy to each mode (netCDF, xarray)",
-    "snapshots": "whole deflections, from which player and movie are drawn",
-    "last_cycles": "channels of the last cycles at every step",
-    "modes_scene": "mode shapes for ParaView",
-    "modes_script": "opens modes.pvd in ParaView",
-    "deflection_scene": "the moving beam for ParaView, also at every impact",
-    "deflection_script": "opens deflection.pvd in ParaView",
-    "deflection_hdf": "the moving beam for ParaView in one file",
-    "movie": "the moving beam in slow motion",
-    "movie_without_encoder": "the moving beam in slow motion",
-    "mode_figure": "mode shapes",
-    "response_figure": "response curves",
-    "force_figure": "contact force over the last cycles",
-    "portrait_figure": "phase portraits",
-    "impact_histograms": "how often which impact speed and impulse came",
-    "impulse_phase": "impulse over the phase of the base",
-    "sticking": "times in which a ball and its wall moved together",
-    "old_sticking": "times in which a ball and its wall moved together",
-    "base_record": "the record that moved the base",
-    "contact_table": "one collision of every contact over its speed",
-    "comparison": "the paper beside ours",
-    "restitution": "scan of the restitution",
-    "restitution_figure": "scan of the restitution",
-    "response_of_starts": "response curves of both starts",
-    "curves_of_starts": "peaks with ball over the frequency: median, smallest and largest of the starts in each frame",
-    "mesh_convergence": "natural frequencies over the mesh",
-    "mesh_convergence_figure": "natural frequencies over the mesh",
-    "step_convergence": "errors of runs in steps",
-    "step_convergence_figure": "errors of runs in steps",
-    "quantities_over_mesh": "values and errors over the mesh",
-    "quantities_over_step": "values and errors over the step",
-    "quantities_over_modes": "values and errors over the modes",
-    "statistics_over_mesh": "means of runs with contacts over the mesh",
-    "convergence_summary": "orders and recommended numbers",
-    "parameter_study": "every measure over the axes of the study, with labels (netCDF, xarray)",
-    "parameter_table": "every measure and its statistics, a row for each case",
-    "convergence_notes": "what was studied, with versions and notes",
-    "report": "this page",
-}
-"""What each file is for, by its key."""
-
-UNSIZED = frozenset({SUMMARY, OTHER_FILES["report"]})
+UNSIZED = frozenset({SUMMARY, REPORT})
 """Files whose size the report itself changes."""
 
 
@@ -307,15 +256,12 @@ def about_section(summary: Mapping[str, Any], study: Study | None) -> Section:
 
 def files_section(folder: Path, summary: Mapping[str, Any]) -> tuple[Section, tuple[str, ...]]:
     """The files of results with what each is for, and lines for those that are lost."""
-    present = set(result_files(folder)) | {
-        OTHER_FILES["report"],
-        SUMMARY if (folder / SUMMARY).exists() else OTHER_FILES["report"],
-    }
-    keys = {name: key for key, name in {**OTHER_FILES, **FILES}.items()}
-    rows = []
-    for name in sorted(set(NAMES) & present):
-        size = "" if name in UNSIZED else _size((folder / name).stat().st_size)
-        rows.append((name, size, _purpose(name, keys[name])))
+    present = {*result_files(folder), REPORT, *([SUMMARY] if (folder / SUMMARY).exists() else [])}
+    rows = [
+        (file.name, "" if file.name in UNSIZED else _size((folder / file.name).stat().st_size), file.purpose)
+        for file in FILES.values()
+        if file.name in present
+    ]
     rows += [
         (path.name, _size(path.stat().st_size), "a measure over the axes of the study")
         for path in sorted(folder.glob("study_*.png"))
@@ -355,14 +301,6 @@ def _lost(summary: Mapping[str, Any], present: set[str]) -> tuple[str, ...]:
         return ()
     more = f" and {len(lost) - 5} more" if len(lost) > 5 else ""
     return (f"files that {SUMMARY} names and that are gone: {', '.join(lost[:5])}{more}",)
-
-
-def _purpose(name: str, key: str) -> str:
-    if key in PURPOSES:
-        return PURPOSES[key]
-    if name.startswith("mode_"):
-        return f"mode {name.split('_')[1].partition('.')[0]} over its period, for ParaView"
-    return f"the same as a figure: {name.removesuffix('.png')}.csv" if name.endswith(".png") else ""
 
 
 def _size(count: int) -> str:

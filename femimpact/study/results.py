@@ -18,7 +18,6 @@ from femimpact.export import tables
 from femimpact.regular_file import check_regular, open_regular
 from femimpact.study.result_directory import (
     FILES,
-    OTHER_FILES,
     SUMMARY,
     ResultsWarning,
     replaced_by,
@@ -31,7 +30,7 @@ if TYPE_CHECKING:
     import xarray
 
 
-STICKING_FILE = OTHER_FILES["sticking"]
+STICKING_FILE = FILES["sticking"].name
 
 T = TypeVar("T")
 
@@ -82,7 +81,7 @@ class StudyResults:
 def read_sticking(folder: Path, summary: Mapping[str, Any]) -> Mapping[str, Any] | None:
     """Table of sticking phases, also of an earlier version; None where nothing stuck."""
     table = read_table(folder, STICKING_FILE, summary)
-    return read_table(folder, OTHER_FILES["old_sticking"], summary) if table is None else table
+    return read_table(folder, FILES["old_sticking"].name, summary) if table is None else table
 
 
 def load(directory: str | Path) -> StudyResults:
@@ -126,8 +125,8 @@ def load(directory: str | Path) -> StudyResults:
     results = StudyResults(
         folder,
         summary,
-        modes=table(FILES["modes"]),
-        impacts=table(FILES["impacts"]),
+        modes=table(FILES["modes"].name),
+        impacts=table(FILES["impacts"].name),
         sweep=dataset("sweep_data"),
         history=dataset("history"),
         impact_data=dataset("impact_data"),
@@ -135,8 +134,8 @@ def load(directory: str | Path) -> StudyResults:
     )
     read = {
         STICKING_FILE,
-        OTHER_FILES["old_sticking"],
-        *(FILES[name] for name in ("modes", "impacts", "sweep_data", "history", "impact_data")),
+        FILES["old_sticking"].name,
+        *(FILES[name].name for name in ("modes", "impacts", "sweep_data", "history", "impact_data")),
     }
     _check_others(folder, summary, read)
     return results
@@ -202,11 +201,11 @@ def read_json(path: Path) -> dict[str, Any]:
 
 
 def read_dataset(folder: Path, name: str, summary: Mapping[str, Any]) -> xarray.Dataset | None:
-    """One of the netCDF files of `FILES` or `OTHER_FILES`; None where the results have none.
+    """One of the netCDF files of `FILES`, by its key; None where the results have none.
 
     Raises `InputError` if it is missing or cannot be read.
     """
-    return _read(folder, {**OTHER_FILES, **FILES}[name], summary, _load_dataset)
+    return _read(folder, FILES[name].name, summary, _load_dataset)
 
 
 def _load_dataset(path: Path) -> xarray.Dataset:

@@ -26,7 +26,7 @@ from femimpact.study.cost import even_grid, refined_grid
 from femimpact.study.picture_data import write_last_cycles, write_mode_shapes, write_snapshots
 from femimpact.study.pictures import draw_in_child, with_pictures
 from femimpact.study.prepared import PARTS, PreparedStudy, last_cycles_start, prepare
-from femimpact.study.result_directory import FILES, OTHER_FILES, Staging, prepare_directory
+from femimpact.study.result_directory import FILES, Staging, prepare_directory
 from femimpact.study.result_page import add_report
 from femimpact.study.results import STICKING_FILE, StudyResults, load, write_summary
 from femimpact.study.study import Study, assemble_on
@@ -226,11 +226,11 @@ def run_study(
 def keep_study(staging: Staging, study: Study) -> None:
     """Write the study file, that of the study as it is run, and the record that it names."""
     if isinstance(study.base, RecordedMotion):
-        name, path = OTHER_FILES["base_record"], staging.folder / FILES["study"]
+        name, path = FILES["base_record"].name, staging.folder / FILES["study"].name
         atomic_write(staging.folder / name, study.base.content)
         text = with_record(study.text, name)
         study = replace(study, base=replace(study.base, record=name), path=path, text=text)
-    atomic_write(staging.folder / FILES["study"], study_text(study))
+    atomic_write(staging.folder / FILES["study"].name, study_text(study))
 
 
 def keep_modes(staging: Staging, prepared: PreparedStudy, found: Found, left: Sequence[str] = ()) -> None:
@@ -278,7 +278,7 @@ def keep_pictures(
     if output.figures and found.response is not None and found.response.system.contacts:
         report("last cycles, for figures", 0.0)
         end = last_cycles(prepared, found.response)
-        write_last_cycles(folder / FILES["last_cycles"], study.structure, found.response, end)
+        write_last_cycles(folder / FILES["last_cycles"].name, study.structure, found.response, end)
         report("last cycles, for figures", 1.0)
     filmed = found.response is not None and found.response.snapshots is not None
     kinds = [*(["figures"] if output.figures else []), *(["movie"] if output.movie and filmed else [])]
@@ -314,15 +314,15 @@ def _write_modes(prepared: PreparedStudy, folder: Path, modes: Modes, glued: Mod
     units = {"natural_frequency": "Hz", "damping_ratio": "1", "participation_factor": "kg^0.5", "effective_mass": "kg"}
     if glued is not None:
         columns["natural_frequency_glued"], units["natural_frequency_glued"] = glued.natural_frequency, "Hz"
-    tables.write_csv(folder / FILES["modes"], columns, units)
-    write_mode_shapes(folder / FILES["mode_shapes"], full, modes, study.structure)
+    tables.write_csv(folder / FILES["modes"].name, columns, units)
+    write_mode_shapes(folder / FILES["mode_shapes"].name, full, modes, study.structure)
     if study.output.paraview:
         from femimpact.export import vtk
 
-        vtk.write_modes(folder / FILES["modes_scene"], full, modes, study.structure)
+        vtk.write_modes(folder / FILES["modes_scene"].name, full, modes, study.structure)
         # a rigid motion has no period to be shown over
         for mode in (1 + np.flatnonzero(modes.natural_frequency > 0.0)).tolist():
-            vtk.write_mode(folder / FILES[f"mode_{mode}_scene"], full, modes, study.structure, mode)
+            vtk.write_mode(folder / FILES[f"mode_{mode}_scene"].name, full, modes, study.structure, mode)
 
 
 def _write_sweeps(folder: Path, sweeps: SweepPair) -> None:
@@ -346,7 +346,7 @@ def _write_sweeps(folder: Path, sweeps: SweepPair) -> None:
                 continue
             columns[f"{label}_{name}"] = getattr(curve, name)
             units[f"{label}_{name}"] = SWEEP_UNITS.get(name, "")
-    tables.write_csv(folder / FILES["sweep"], columns, units)
+    tables.write_csv(folder / FILES["sweep"].name, columns, units)
     data = xarray.concat(
         [curve.to_xarray() for curve in curves.values()],
         xarray.Variable("case", list(curves)),
@@ -354,16 +354,16 @@ def _write_sweeps(folder: Path, sweeps: SweepPair) -> None:
     )
     data = data.assign_coords(grid=("frequency", columns["grid"]))
     laws = "; ".join(f"{label}: {curve.law}" for label, curve in curves.items())
-    tables.write_netcdf(folder / FILES["sweep_data"], data.assign_attrs(contact_law=laws))
+    tables.write_netcdf(folder / FILES["sweep_data"].name, data.assign_attrs(contact_law=laws))
 
 
 def _write_history(study: Study, folder: Path, response: Response) -> None:
-    tables.write_netcdf(folder / FILES["history"], response.to_xarray())
+    tables.write_netcdf(folder / FILES["history"].name, response.to_xarray())
     _write_impacts(folder, response)
     if response.snapshots is None:
         return
     exaggeration = study.output.exaggeration
-    write_snapshots(folder / FILES["snapshots"], study.structure, response, exaggeration)
+    write_snapshots(folder / FILES["snapshots"].name, study.structure, response, exaggeration)
     for scene in _deflection_scenes(study):
         from femimpact.export import vtk
 
@@ -373,13 +373,13 @@ def _write_history(study: Study, folder: Path, response: Response) -> None:
 def _deflection_scenes(study: Study) -> list[str]:
     """Names of the files for ParaView; the last one is the one that its script opens."""
     output = study.output
-    scenes = {OTHER_FILES["deflection_hdf"]: output.vtkhdf, FILES["deflection_scene"]: output.paraview}
+    scenes = {FILES["deflection_hdf"].name: output.vtkhdf, FILES["deflection_scene"].name: output.paraview}
     return [name for name, written in scenes.items() if written]
 
 
 def _write_impacts(folder: Path, response: Response) -> None:
-    tables.write_csv(folder / FILES["impacts"], *impact_columns(response.impacts))
-    tables.write_netcdf(folder / FILES["impact_data"], response.impacts.to_xarray())
+    tables.write_csv(folder / FILES["impacts"].name, *impact_columns(response.impacts))
+    tables.write_netcdf(folder / FILES["impact_data"].name, response.impacts.to_xarray())
     if len(response.sticking):
         sticking = {name: getattr(response.sticking, name) for name in STICKING_UNITS}
         tables.write_csv(folder / STICKING_FILE, sticking, STICKING_UNITS)
