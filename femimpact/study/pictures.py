@@ -18,6 +18,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import IO, Any
 
+from femimpact.child_process import child_process
 from femimpact.contact.laws import Rigid
 from femimpact.errors import Fault, InputError, require
 from femimpact.study.picture_data import read_bands, read_curves, read_film, read_last_cycles, read_mode_shapes
@@ -165,47 +166,23 @@ def draw_in_child(
     package = Path(__file__).parents[1]
     where = [str(package / "__init__.py"), str(package), str(source.resolve()), str(target.resolve())]
     with tempfile.TemporaryFile() as errors:
+        why = f"not done within {limit:g} s"
         try:
-            process = subprocess.Popen(
-                [sys.executable, "-P", "-c", CHILD, *where, *kinds],
-                stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=errors, start_new_session=True,
-            )  # fmt: skip
+            with (
+                child_process([sys.executable, "-P", "-c", CHILD, *where, *kinds], listen, stderr=errors) as process,
+                suppress(subprocess.TimeoutExpired),
+            ):
+                process.wait(limit)
+                why = ""
         except OSError as error:
             return dict.fromkeys(kinds, f"the process that draws could not be started: {error.strerror or error}")
-        ended = _ended(process, listen, limit)
         errors.seek(0)
         last = (errors.read().decode(errors="replace").strip().splitlines() or [""])[-1]
     for left in target.glob(".*"):
         # of a file that was not finished
         left.unlink()
-    why = _why(process.returncode, last) if ended else f"not done within {limit:g} s"
+    why = why or _why(process.returncode, last)
     return {kind: found.get(kind, why) for kind in kinds}
-
-
-def _ended(process: subprocess.Popen[bytes], listen: Callable[[IO[bytes]], None], limit: float) -> bool:
-    """Wait for a child; whether it ended by itself. Nothing that it started is left running."""
-    stdout = process.stdout
-    if stdout is None:
-        raise AssertionError("the output is a pipe")
-    listener = threading.Thread(target=listen, args=(stdout,), daemon=True)
-    listener.start()
-    try:
-        process.wait(limit)
-        return True
-    except subprocess.TimeoutExpired:
-        return False
-    finally:
-        with suppress(OSError):
-            if hasattr(os, "killpg"):
-                os.killpg(process.pid, signal.SIGKILL)
-            else:
-                process.kill()
-        process.wait()
-        listener.join(10.0)
-        for pipe in (process.stdin, stdout):
-            if pipe is not None:
-                with suppress(OSError):
-                    pipe.close()
 
 
 def _why(status: int, last: str) -> str:
