@@ -82,8 +82,8 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
         ),
         Mutation(
             "gravity_of_a_study",
-            'given["gravity"] = made["gravity"].acceleration',
-            'given["gravity"] = -made["gravity"].acceleration',
+            "None if made is None else made.acceleration",
+            "None if made is None else -made.acceleration",
         ),
     ),
     "test_study_springs.py": (

@@ -285,7 +285,7 @@ def schema(
     import json
 
     from femimpact.export.files import atomic_write
-    from femimpact.study.schema import study_schema
+    from femimpact.study.study_file import study_schema
 
     text = json.dumps(study_schema(), indent=2)
     if output is None:

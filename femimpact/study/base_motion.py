@@ -122,8 +122,8 @@ SIGNALS: Mapping[str, tuple[type[Signal], Mapping[str, str]]] = {
 }
 """Each kind of [base]: its noun, and the keys of a study file whose fields have another name."""
 
-OWN = ("history", "initial")
-"""Keys of [base] that are not the noun's."""
+HISTORY_KEYS = ("history", "initial")
+"""Keys of [base] on the history, beside the fields of the motion."""
 
 
 @dataclass(frozen=True)
@@ -213,7 +213,7 @@ def _check_keys(kind: str, values: Mapping[str, Any]) -> None:
         for name, item in inspect.signature(noun).parameters.items()
         if name not in ("level", "by")
     }
-    faults = [Fault(name, None, "", suggestion(name, [*known, *OWN])) for name in values if name not in known]
+    faults = [Fault(name, None, "", suggestion(name, [*known, *HISTORY_KEYS])) for name in values if name not in known]
     missing = [name for name, default in known.items() if default is inspect.Parameter.empty and name not in values]
     faults += [Fault(name, None, "", f"is missing in [base] of kind {kind!r}") for name in missing]
     if faults:
