@@ -78,14 +78,14 @@ def test_what_is_stored_is_what_was_computed(ran, study):
     # the same call gives the same bits: a round trip through the files
     prepared = prepare(study)
     summary, response, sweeps = read_summary(ran), run_simulation(prepared), run_sweep(prepared)
-    film, (run, end) = read_film(ran, summary), read_last_cycles(ran, summary)
+    (filmed, structure, _), (run, end) = read_film(ran, summary), read_last_cycles(ran, summary)
     for field in dataclasses.fields(response.snapshots):
-        stored, computed = (getattr(of.snapshots, field.name) for of in (film.response, response))
+        stored, computed = (getattr(of.snapshots, field.name) for of in (filmed, response))
         np.testing.assert_array_equal(stored, computed)
-    assert film.structure.beam == study.structure.beam
-    assert film.structure.supports == study.structure.supports
-    assert film.structure.masses == study.structure.masses
-    pair, drawn = response.system.balls[0], film.response.system.balls[0]
+    assert structure.beam == study.structure.beam
+    assert structure.supports == study.structure.supports
+    assert structure.masses == study.structure.masses
+    pair, drawn = response.system.balls[0], filmed.system.balls[0]
     assert (drawn.name, drawn.position, drawn.mass, drawn.gaps) == (pair.name, pair.position, pair.mass, pair.gaps)
     for name in ("time", "impulse", "side", "impactor", "restitution", "mode_share"):
         np.testing.assert_array_equal(getattr(run.impacts, name), getattr(response.impacts, name))
@@ -158,10 +158,10 @@ def test_results_are_drawn_without_their_mesh_file_and_without_their_record(tmp_
     figure_names = {FILES[name].name for name in FIGURES} - {FILES["mode_figure"].name, FILES["response_figure"].name}
     assert pictures.draw(out, tmp_path, "figures") is None
     assert {path.name for path in tmp_path.glob("*.png")} == figure_names
-    film = read_film(out, summary)
-    drawn = movie.write_movie(tmp_path / "two.gif", film.response, film.structure, most=2, renderer="matplotlib")
+    response, structure, _ = read_film(out, summary)
+    drawn = movie.write_movie(tmp_path / "two.gif", response, structure, most=2, renderer="matplotlib")
     assert drawn.stat().st_size > 1000
-    ball, stop = film.response.system.contacts
+    ball, stop = response.system.contacts
     assert (ball.name, ball.position, ball.gaps, ball.law) == ("ball", 0.25, (1e-3, 2e-3), "kelvin-voigt")
     assert (stop.is_stop, stop.position, stop.gaps, stop.fixed_to) == (True, 0.1, (0.2e-3, np.inf), "space")
 
@@ -186,9 +186,9 @@ def test_the_exaggeration_of_a_study_is_that_of_movie_and_paraview_alike(tmp_pat
     study = short_study(1.0, frames=4, figures=False, movie=False)
     study = dataclasses.replace(study, sweep=None, output=dataclasses.replace(study.output, exaggeration=3.0))
     run_study(study, tmp_path / "out", parts=("simulate",))
-    film = read_film(tmp_path / "out", read_summary(tmp_path / "out"))
-    assert film.exaggeration == 3.0
-    assert "drawn 3 times as large" in movie._film(film.response, film.structure, film.exaggeration, 25, 4).caption
+    response, structure, exaggeration = read_film(tmp_path / "out", read_summary(tmp_path / "out"))
+    assert exaggeration == 3.0
+    assert "drawn 3 times as large" in movie._film(response, structure, exaggeration, 25, 4).caption
     reader = pyvista.get_reader(tmp_path / "out" / FILES["deflection_scene"].name)
     assert reader.read()[0].field_data["exaggeration"][0] == 3.0
 

@@ -11,12 +11,12 @@ import pytest
 
 import femimpact as fi
 from femimpact.cli import app
+from femimpact.study.base_motion import BaseMotion
 from femimpact.study.convergence import write_convergence
 from femimpact.study.picture_data import read_film, read_last_cycles
 from femimpact.study.pictures import draw_again
 from femimpact.study.prepared import plan_lines, prepare
 from femimpact.study.result_directory import FILES, ResultsWarning
-from femimpact.study.study import BaseMotion
 from femimpact.study.study_file import load_study, same_study, study_text
 
 pytestmark = pytest.mark.impacts
@@ -154,9 +154,9 @@ def test_results_are_whole_without_the_file_of_the_record(tmp_path, shaker):
     # what was read once is not read again
     results = fi.run_study(study, tmp_path / "out")
     run, end = read_last_cycles(results.directory, results.summary)
-    film = read_film(results.directory, results.summary)
+    filmed, _, _ = read_film(results.directory, results.summary)
     times = np.linspace(0.0, study.base.history_duration, 101)
-    for response in (run, end, film.response):
+    for response in (run, end, filmed):
         assert np.array_equal(response.base.displacement(times), study.excitation.displacement(times))
         assert np.isnan(response.base.phase)
     assert set(end.channels) == set(results.summary["history"]["channels"])

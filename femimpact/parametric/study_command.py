@@ -19,7 +19,7 @@ from femimpact.parametric.labelled import over_starts
 from femimpact.parametric.verb import StudyProgress, run_parameter_study, to_stderr
 from femimpact.parametric.workers import block_cases, connected
 from femimpact.response.response import Recorder
-from femimpact.study.cost import START, history_cost
+from femimpact.study.prepared import START, history_cost
 from femimpact.study.result_directory import FILES
 from femimpact.study.result_page import add_report
 from femimpact.study.study import Study

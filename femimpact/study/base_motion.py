@@ -1,4 +1,4 @@
-"""The base motion of a study: a record beside the study file, a chirp, a stepped sine, a random motion or a shock."""
+"""Motions of the base in a study: a sine, a record, a chirp, a stepped sine, a random motion and a shock."""
 
 from __future__ import annotations
 
@@ -11,11 +11,57 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from femimpact.errors import Fault, InputError, check_fields, checked, choice, optional, quantity, suggestion, text
-from femimpact.excitation import Chirp, RandomBase, RecordedBase, Shock, SteppedSine
+from femimpact.excitation import Chirp, RandomBase, RecordedBase, Shock, Sine, SteppedSine
 from femimpact.excitation.records import record_text
 
 NUMBER = quantity("1", at_least=0, integer=True)
 """Of a column that has no name."""
+
+
+@dataclass(frozen=True)
+class BaseMotion:
+    """`[base]`: amplitude of the sine; frequency, phase and duration of the simulated history; start.
+
+    Parameters
+    ----------
+    amplitude : float, m
+        Of the base's displacement, of the history and of the sweep.
+    frequency : float, Hz
+        Of the simulated history.
+    duration : float, s
+        Of the simulated history.
+    phase : float, rad
+        Of the sine at t = 0.
+    start : {"base", "space", "static"}
+        At rest relative to the base, at rest in the inertial frame, or in the static state (`State.static`).
+    """
+
+    FREQUENCY_KEY: ClassVar[str] = "base.frequency"
+    """What a study file has where the frequency of a cycle comes from."""
+
+    amplitude: float = field(metadata=quantity("m", above=0.0))
+    frequency: float = field(metadata=quantity("Hz", above=0.0))
+    duration: float = field(default=30.0, metadata=quantity("s", above=0.0))
+    phase: float = field(default=0.0, metadata=quantity("rad"))
+    start: str = field(default="base", metadata=choice("base", "space", "static"))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+
+    @property
+    def excitation(self) -> Sine:
+        """The motion that drives the history."""
+        return Sine(self.amplitude, self.frequency, self.phase)
+
+    @property
+    def history_duration(self) -> float:
+        """Time (s) that the history takes."""
+        return self.duration
+
+    @property
+    def words(self) -> str:
+        """How long the history is, and what drives it."""
+        return f"{self.duration:g} s at {self.frequency:g} Hz"
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ from femimpact.errors import Fault, InputError
 from femimpact.export import figures, tables
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.study.prepared import PreparedStudy, prepare, with_base
+from femimpact.study.result_conclusions import STARTS
 from femimpact.study.result_directory import FILES, prepare_directory
 from femimpact.study.result_page import add_report
 from femimpact.study.results import StudyResults, load
@@ -52,8 +53,6 @@ PUBLISHED: Mapping[str, float] = {
     "impact_force_theory": 0.02,
 }
 """The paper's Table 1 and section 5: Hz, 1 and N."""
-
-STARTS = {"base": "at rest relative to the base", "space": "at rest in the inertial frame"}
 
 OFF_CENTRE = 0.1e-3
 """The starts of one frame differ by where the ball lies: up to so far (m) from the middle of its box."""

@@ -6,7 +6,6 @@ import dataclasses
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -47,15 +46,6 @@ SNAPSHOT_DIMS = {
     "ball_velocity": "ball",
     "contact_force": "contact",
 }
-
-
-@dataclass(frozen=True, eq=False)
-class Film:
-    """What a movie shows: a response with snapshots, its structure, the factor of the motion (None: chosen)."""
-
-    response: Response
-    structure: Structure
-    exaggeration: float | None
 
 
 # ---- modes ----------------------------------------------------------------------------------------
@@ -258,8 +248,8 @@ def _base(data: xarray.Dataset, about: Mapping[str, Any]) -> Sine | RecordedBase
     return Sine(**about["base"])
 
 
-def read_film(folder: Path, summary: Mapping[str, Any]) -> Film | None:
-    """What a movie shows; None where the results have no snapshots."""
+def read_film(folder: Path, summary: Mapping[str, Any]) -> tuple[Response, Structure, float | None] | None:
+    """A response with snapshots, its structure and the scale of its motion (None: chosen); None without snapshots."""
     data = read_dataset(folder, "snapshots", summary)
     if data is None:
         return None
@@ -267,7 +257,7 @@ def read_film(folder: Path, summary: Mapping[str, Any]) -> Film | None:
     arrays = {name: data[name].to_numpy() for name in SNAPSHOT_DIMS}
     snapshots = Snapshots(time=data["time"].to_numpy(), **arrays)
     response = _response(folder, summary, about, data["node"].to_numpy(), _base(data, about))
-    return Film(dataclasses.replace(response, snapshots=snapshots), _structure(about), about["exaggeration"])
+    return dataclasses.replace(response, snapshots=snapshots), _structure(about), about["exaggeration"]
 
 
 def read_last_cycles(folder: Path, summary: Mapping[str, Any]) -> tuple[Response, Response] | None:
@@ -286,13 +276,14 @@ def read_last_cycles(folder: Path, summary: Mapping[str, Any]) -> tuple[Response
 def _response(
     folder: Path, summary: Mapping[str, Any], about: Mapping[str, Any], nodes: Array, base: Excitation
 ) -> Response:
-    """A response without a history: its impacts, its end, and what pictures show of its system."""
+    """A response without a history: its impacts, its end, and the places and contacts of its system."""
+    sticking = read_sticking(folder, summary)
     return Response(
         time=np.array([about["end"]]),
         channels={},
         units={},
         impacts=_impacts(folder, summary),
-        sticking=_sticking(folder, summary),
+        sticking=StickingPhases.none() if sticking is None else StickingPhases(**sticking),
         statistics=_statistics(about["statistics"]),
         statistics_of={name: _statistics(given) for name, given in about["statistics_of"].items()},
         steady=no_steady_motion(),
@@ -326,11 +317,6 @@ def _impacts(folder: Path, summary: Mapping[str, Any]) -> Impacts:
 
 DERIVED = ("contact_law", "energy_to_higher_modes")
 """Columns of a table of impacts that follow from others."""
-
-
-def _sticking(folder: Path, summary: Mapping[str, Any]) -> StickingPhases:
-    table = read_sticking(folder, summary)
-    return StickingPhases.none() if table is None else StickingPhases(**table)
 
 
 # ---- sweep ----------------------------------------------------------------------------------------

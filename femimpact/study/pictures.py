@@ -138,7 +138,8 @@ def _draw_movie(source: Path, target: Path, summary: Mapping[str, Any]) -> None:
         raise InputError([Fault("movie", None, "", allowed)])
     from femimpact.export import movie
 
-    movie.write_movie(target / FILES["movie"].name, film.response, film.structure, exaggeration=film.exaggeration)
+    response, structure, exaggeration = film
+    movie.write_movie(target / FILES["movie"].name, response, structure, exaggeration=exaggeration)
 
 
 # ---- in the parent --------------------------------------------------------------------------------

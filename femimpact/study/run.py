@@ -22,10 +22,9 @@ from femimpact.response.impacts import STICKING_UNITS, impact_columns
 from femimpact.response.response import Response
 from femimpact.structure.structure import glue_impactors
 from femimpact.study.base_motion import RecordedMotion
-from femimpact.study.cost import even_grid, refined_grid
 from femimpact.study.picture_data import write_last_cycles, write_mode_shapes, write_snapshots
 from femimpact.study.pictures import draw_in_child, with_pictures
-from femimpact.study.prepared import PARTS, PreparedStudy, last_cycles_start, prepare
+from femimpact.study.prepared import PARTS, PreparedStudy, even_grid, last_cycles_start, prepare, refined_grid
 from femimpact.study.result_directory import FILES, Staging, prepare_directory
 from femimpact.study.result_page import add_report
 from femimpact.study.results import STICKING_FILE, StudyResults, load, write_summary
@@ -131,8 +130,9 @@ def run_sweep(
         )  # fmt: skip
         peak_with_ball = first.peak_frequency
     frequencies = refined_grid(plan, bare, peak_with_ball)
+    without_balls = State(state.displacement, state.velocity, frame=state.frame, equilibrium=state.equilibrium)
     empty = frequency_sweep(
-        bare, amplitude, frequencies, bare_method, plan.cycles, initial=_structure_only(state), ledger=ledger,
+        bare, amplitude, frequencies, bare_method, plan.cycles, initial=without_balls, ledger=ledger,
         progress=lambda share: report("sweep without ball", share),
     )  # fmt: skip
     ball = None
@@ -142,10 +142,6 @@ def run_sweep(
             progress=lambda share: report("sweep with ball", share),
         )  # fmt: skip
     return SweepPair(empty, ball, coarse)
-
-
-def _structure_only(state: State) -> State:
-    return State(state.displacement, state.velocity, frame=state.frame, equilibrium=state.equilibrium)
 
 
 @dataclass(frozen=True, eq=False)

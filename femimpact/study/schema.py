@@ -17,9 +17,8 @@ from femimpact.errors import quantity
 from femimpact.integrators.methods import METHODS
 from femimpact.structure.beam import Segment
 from femimpact.structure.damping import ModalDamping, Rayleigh
-from femimpact.study.base_motion import HISTORY_KEYS, SIGNALS, RecordedMotion, SignalMotion
+from femimpact.study.base_motion import HISTORY_KEYS, SIGNALS, BaseMotion, RecordedMotion, SignalMotion
 from femimpact.study.parameter_plan import DISTRIBUTIONS, MOST_POINTS, ParameterPlan, SamplePlan
-from femimpact.study.study import BaseMotion
 
 NOT_IN_SCHEMA = (
     "what is not a number (nan), for which a schema has no word",

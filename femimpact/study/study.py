@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 from femimpact.errors import (
     Fault,
     InputError,
     check_fields,
-    choice,
     instance,
     optional,
     quantity,
@@ -26,7 +25,7 @@ from femimpact.fem.mesh import Mesh
 from femimpact.fem.mesh_files import read_mesh
 from femimpact.integrators.methods import METHODS, Method
 from femimpact.structure.structure import Structure
-from femimpact.study.base_motion import RecordedMotion, Signal, SignalMotion
+from femimpact.study.base_motion import BaseMotion, RecordedMotion, Signal, SignalMotion
 from femimpact.study.parameter_plan import ParameterPlan
 from femimpact.system.reduction import reduce
 from femimpact.system.state import State
@@ -89,52 +88,6 @@ class Gravity:
 
     def __post_init__(self) -> None:
         check_fields(self)
-
-
-@dataclass(frozen=True)
-class BaseMotion:
-    """`[base]`: amplitude of the sine; frequency, phase and duration of the simulated history; start.
-
-    Parameters
-    ----------
-    amplitude : float, m
-        Of the base's displacement, of the history and of the sweep.
-    frequency : float, Hz
-        Of the simulated history.
-    duration : float, s
-        Of the simulated history.
-    phase : float, rad
-        Of the sine at t = 0.
-    start : {"base", "space", "static"}
-        At rest relative to the base, at rest in the inertial frame, or in the static state (`State.static`).
-    """
-
-    FREQUENCY_KEY: ClassVar[str] = "base.frequency"
-    """What a study file has where the frequency of a cycle comes from."""
-
-    amplitude: float = field(metadata=quantity("m", above=0.0))
-    frequency: float = field(metadata=quantity("Hz", above=0.0))
-    duration: float = field(default=30.0, metadata=quantity("s", above=0.0))
-    phase: float = field(default=0.0, metadata=quantity("rad"))
-    start: str = field(default="base", metadata=choice("base", "space", "static"))
-
-    def __post_init__(self) -> None:
-        check_fields(self)
-
-    @property
-    def excitation(self) -> Sine:
-        """The motion that drives the history."""
-        return Sine(self.amplitude, self.frequency, self.phase)
-
-    @property
-    def history_duration(self) -> float:
-        """Time (s) that the history takes."""
-        return self.duration
-
-    @property
-    def words(self) -> str:
-        """How long the history is, and what drives it."""
-        return f"{self.duration:g} s at {self.frequency:g} Hz"
 
 
 @dataclass(frozen=True)

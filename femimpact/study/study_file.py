@@ -22,7 +22,7 @@ from femimpact.regular_file import read_regular
 from femimpact.structure.beam import Beam, Segment
 from femimpact.structure.damping import ModalDamping, Rayleigh
 from femimpact.structure.structure import Dashpot, Impactor, PointMass, Spring, Stop, Structure, Support
-from femimpact.study.base_motion import HISTORY_KEYS, SIGNALS, RecordedMotion, SignalMotion, record_beside
+from femimpact.study.base_motion import HISTORY_KEYS, SIGNALS, BaseMotion, RecordedMotion, SignalMotion, record_beside
 from femimpact.study.parameter_plan import DISTRIBUTIONS, AxisValues, Distribution, ParameterPlan, SamplePlan, axis_from
 from femimpact.study.schema import (
     axes_schema,
@@ -35,7 +35,7 @@ from femimpact.study.schema import (
     noun_schema,
     plan_schema,
 )
-from femimpact.study.study import BaseMotion, Gravity, MeshChoice, Output, Reduction, Study, SweepPlan
+from femimpact.study.study import Gravity, MeshChoice, Output, Reduction, Study, SweepPlan
 
 MOST_BYTES = 10_000_000
 """Of the text of a study."""

@@ -25,8 +25,7 @@ from femimpact.identification import (
 )
 from femimpact.integrators.methods import Method
 from femimpact.response.response import Response
-from femimpact.study.cost import finer_grid_words
-from femimpact.study.prepared import PreparedStudy
+from femimpact.study.prepared import PreparedStudy, finer_grid_words
 from femimpact.sweep import FrequencyResponse, on_grid
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.modes import Modes
