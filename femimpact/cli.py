@@ -167,7 +167,7 @@ def main() -> None:
     except OSError as error:
         _fail(_with_notes(f"{error.filename or 'file system'}: {error.strerror or error}", error), 2)
     except ImportError as error:
-        # of a library that does not fit into a limited memory, or is not whole
+        # of a library that does not fit into a limited memory, or is incomplete
         _fail(_with_notes(f"a library cannot be loaded: {error}", error), 2)
     except KeyboardInterrupt as error:
         _fail(_with_notes("interrupted", error), 130)
@@ -610,7 +610,7 @@ def _print_results(study: Study, results: StudyResults) -> None:
 
 
 def _base_words(study: Study, frequency: float | None) -> str:
-    """What drove a history, in words that follow its name."""
+    """Words on the motion that drove a history, which follow its name."""
     record, kind = getattr(study.base, "record", None), getattr(study.base, "kind", None)
     if kind is not None:
         return f"of the {kind} motion, its last third"

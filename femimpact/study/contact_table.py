@@ -1,4 +1,4 @@
-"""What the contacts of a study return, with which force and in how many steps, over the approach speed."""
+"""Table of one collision of each contact of a study over the approach speed: restitution, force and steps."""
 
 from __future__ import annotations
 

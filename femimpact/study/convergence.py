@@ -1,4 +1,4 @@
-"""What a convergence study prints: its tables and notes, in 80 columns."""
+"""Convergence of a study over mesh, step and modes: its tables, figures and printed lines."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ COARSEST_STEPS = 40
 
 @dataclass(frozen=True, eq=False)
 class WrittenConvergence:
-    """What a convergence study found, and where its files are."""
+    """Results of the convergence studies of a study, and the directory of their files."""
 
     tables: ConvergenceStudy  # over the mesh and the modes, and over the step where the study's method is Newmark's
     statistics: ConvergenceTable | None  # of event-driven runs with contacts over the mesh
@@ -101,12 +101,12 @@ def write_convergence(
         If the mesh or the method does not fit the study, or its base does not move by a sine.
     """
     sine_of(study, "converge")
-    own = read_mesh_of(study)
-    full, small = build_systems(study, own)
+    mesh_of_file = read_mesh_of(study)
+    full, small = build_systems(study, mesh_of_file)
     method = method_for(study, small)
     check_method(study, small, method)
-    meshes = _meshes(study, own)
-    mesh = own if own is not None else uniform_mesh(study.structure, cast(int, study.mesh.elements))
+    meshes = _meshes(study, mesh_of_file)
+    mesh = mesh_of_file if mesh_of_file is not None else uniform_mesh(study.structure, cast(int, study.mesh.elements))
     in_steps = study.method.get("name", "newmark") == "newmark"
     axes: list[Axis] = [meshes, OverModes(mesh, _counts(full.dofs))]
     notes = []
@@ -145,9 +145,9 @@ def write_convergence(
 # ---- what is studied ------------------------------------------------------------------------------
 
 
-def _meshes(study: Study, own: Mesh | None) -> OverMeshes:
+def _meshes(study: Study, mesh: Mesh | None) -> OverMeshes:
     """Uniform meshes of the study's structure, or the mesh of its file and its refinements."""
-    if own is None:
+    if mesh is None:
         made: list[Mesh] = []
         for count in MESHES:
             try:
@@ -157,8 +157,8 @@ def _meshes(study: Study, own: Mesh | None) -> OverMeshes:
                 if count == MESHES[-1]:
                     raise
         return OverMeshes(tuple(made), make=partial(uniform_mesh, study.structure))
-    times = max(int(math.log2(MOST_REFINED / own.elements)) if own.elements < MOST_REFINED else 0, 1)
-    return OverMeshes.refinements(own, min(times, 4))
+    times = max(int(math.log2(MOST_REFINED / mesh.elements)) if mesh.elements < MOST_REFINED else 0, 1)
+    return OverMeshes.refinements(mesh, min(times, 4))
 
 
 def _steps(study: Study, mesh: Mesh, method: Method) -> OverSteps:
@@ -235,7 +235,7 @@ def _statistics(
 
 
 def _about(study: Study, system: System, found: WrittenConvergence, accuracy: float) -> dict[str, Any]:
-    """What a report of the tables says besides: the structure, what was studied, notes and versions."""
+    """The structure, the problem, notes and versions, for the report of the tables."""
     studied = found.tables.tables.values()
     notes = [note for table in studied for note in table.notes]
     more = [*found.notes, *found.mesh.notes, *(found.step.notes if found.step else ())]

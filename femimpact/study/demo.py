@@ -125,7 +125,7 @@ def run_demo(
         keep_modes(staging, prepared, Found(modes), ("sweep", "history"))
         samples = _scans(prepared, scan or ScanPlan(), report)
         scans = {start: median_scan(found) for start, found in samples.items()}
-        # only the first of them is kept whole
+        # the files of a sweep are of the first start, with its energy ledger
         sweeps = {start: _sweep_from(prepared, start, start == "base", report) for start in STARTS}
         keep_sweeps(staging, prepared, Found(modes, None, sweeps["base"]), ("history",))
         _write_scans(staging.folder, scans, sweeps)

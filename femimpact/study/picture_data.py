@@ -1,4 +1,4 @@
-"""What the pictures of a run show, stored with its results and read back: they can be drawn again at any time."""
+"""Data of pictures, stored with the results of a run and read back: pictures can be drawn again at any time."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ def read_run_parts(
 
 
 def _structure(about: Mapping[str, Any]) -> Structure:
-    """What `_parts` wrote; results of earlier versions have fewer parts."""
+    """The structure that `_parts` wrote; results of earlier versions have fewer parts."""
     return Structure(
         beam=Beam(tuple(Segment(**segment) for segment in about["segments"])),
         supports=tuple(Support(**support) for support in about["supports"]),
@@ -173,7 +173,7 @@ def _system(
 
 
 def write_snapshots(path: Path, structure: Structure, response: Response, exaggeration: float | None) -> None:
-    """Write the whole deflections of a response, with what a movie needs beside them."""
+    """Write the snapshots of a response, with the data that a movie needs beside them."""
     snapshots = response.snapshots
     if snapshots is None:
         raise AssertionError("only of a response with snapshots")
@@ -192,7 +192,7 @@ def write_snapshots(path: Path, structure: Structure, response: Response, exagge
 def write_last_cycles(
     path: Path,
     structure: Structure,
-    response: Response,  # the whole run
+    response: Response,  # the run
     end: Response,  # its last cycles
 ) -> None:
     """Write the channels of the last cycles of a run at every step."""
@@ -211,19 +211,19 @@ def _write(path: Path, data: dict[str, Any], time: Array) -> None:
 
 
 def _about(structure: Structure, response: Response) -> dict[str, Any]:
-    """All that pictures of a run show besides its arrays."""
+    """Structure, base, contacts and statistics of a run, for its pictures."""
     return _parts(structure) | {
         "base": _base_numbers(response.base),
         "contacts": _contacts(response.system),
         "points": dict(response.system.points),
         "end": response.window[1],
         "statistics": dataclasses.asdict(response.statistics),
-        "statistics_of": {name: dataclasses.asdict(own) for name, own in response.statistics_of.items()},
+        "statistics_of": {name: dataclasses.asdict(one) for name, one in response.statistics_of.items()},
     }
 
 
 def _base_numbers(base: Excitation) -> dict[str, Any]:
-    """What makes a sine, a record or another motion again, but for the samples of a record."""
+    """Numbers from which a motion is made again, but for the samples of a record."""
     if isinstance(base, RecordedBase):
         return {"interval": base.interval, "initial_velocity": base.initial_velocity}
     if isinstance(base, Signal):
@@ -240,7 +240,7 @@ def _base_arrays(response: Response) -> dict[str, Any]:
 
 
 def _base(data: xarray.Dataset, about: Mapping[str, Any]) -> Sine | RecordedBase | Signal:
-    """What `_base_numbers` and `_base_arrays` wrote."""
+    """The motion that `_base_numbers` and `_base_arrays` wrote."""
     if BASE_SAMPLES in data:
         return RecordedBase(data[BASE_SAMPLES].to_numpy(), **about["base"])
     if "signal" in about["base"]:

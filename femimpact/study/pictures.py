@@ -26,7 +26,7 @@ from femimpact.study.result_directory import FILES, update_results
 from femimpact.study.results import read_summary, write_summary
 
 KINDS = ("figures", "movie")
-"""In the order in which they are drawn: what fails most comes last."""
+"""Kinds of pictures in the order in which they are drawn: the one that fails most often comes last."""
 
 TIME_LIMIT = 600.0
 """Seconds for all pictures of a run; the movie of a usual one takes ten."""

@@ -1,4 +1,4 @@
-"""A study made ready, once: mesh, systems, methods and record; the grid of its sweep; memory and time that it takes."""
+"""A prepared study: mesh, systems, methods and record, the grid of its sweep, and an estimate of memory and time."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ from femimpact.system.modes import DENSE_LIMIT, first_elastic_frequency, first_r
 from femimpact.system.system import System, without_impactors
 
 PARTS = ("modes", "simulate", "sweep")
-"""What `run_study` does, each part by its name."""
+"""Names of the parts of `run_study`."""
 
 FIGURE_CYCLES = 40
 """Base cycles at the end of a history that figures show at every step."""
 
 LEAST_SAMPLES = 20
-"""Of a base cycle, below which a history is warned of: half the spacing then hides 1 % of a sine's maximum."""
+"""Samples of a base cycle below which a history has a warning: their spacing may hide 1 % of a sine's maximum."""
 
 USUAL_STRIDE = 10
 """One of so many steps is kept in a history unless the study says otherwise or a base cycle has too few."""
@@ -41,7 +41,7 @@ USUAL_STRIDE = 10
 
 @dataclass(frozen=True, eq=False)
 class PreparedStudy:
-    """A study with all that its run is made of."""
+    """A study with the mesh, systems, methods and record of its run."""
 
     study: Study
     mesh: Mesh | None  # of the study's file; None where it gives a number of elements
@@ -100,7 +100,7 @@ def with_base(prepared: PreparedStudy, base: BaseMotion | RecordedMotion | Signa
 
 
 def history_record(study: Study, small: System, method: Method) -> Recorder:
-    """What the study's history keeps: every place that carries a ball, the balls, the last cycles whole."""
+    """The recorder of the study's history: channels of every place with a ball and of the balls, and snapshots."""
     output, grid = study.output, _grid(study, small, method)
     kept = min(output.frame_cycles / study.base.frequency, study.base.history_duration)
     channels: list[str | float] = ["tip", "tip.velocity", "mid"]
@@ -207,7 +207,7 @@ def _check_drives(prepared: PreparedStudy, parts: tuple[str, ...]) -> None:
 
 
 def plan_lines(study: Study) -> list[str]:
-    """What would run: dofs, step, contact time, number of steps, memory and time.
+    """Lines on what a run would do: dofs, step, contact time, number of steps, memory and time.
 
     Raises `InputError` for everything that would stop the run before it starts.
     """
@@ -281,7 +281,7 @@ def _clearance(gaps: tuple[float, float]) -> str:
 
 
 def _numbers(pair: ContactPair) -> str:
-    """What characterises a pair's law, in its units."""
+    """Parameters of a pair's law, with their units."""
     shown = pair.law.shown_numbers(pair.effective_mass)
     return "".join(f"{name} {value:.5g}{unit and f' {unit}'}, " for name, value, unit in shown)
 
@@ -373,7 +373,7 @@ LEAST = 1e6
 """Bytes of any part."""
 
 START = 1.5
-"""What a command takes besides, s: starting, systems, summary, reading back."""
+"""Time of a command beside its run, s: starting, systems, summary, reading back."""
 
 WRITING = 8e-9
 """Labelling and writing of a byte that is kept, s."""
@@ -392,7 +392,7 @@ class Cost:
 
 
 def picture_seconds(study: Study) -> float:
-    """Time (s) that figures and movie of a whole run take, which are drawn when all else is done."""
+    """Time (s) that figures and movie take, which are drawn last in a run."""
     output = study.output
     filmed = MOVIE + FRAME * output.frames if output.movie and output.frames > 0 else 0.0
     return (FIGURES if output.figures else 0.0) + filmed
@@ -436,7 +436,7 @@ def check_sweep(study: Study, small: System, method: Method) -> None:
 
 
 def history_cost(study: Study, small: System, method: Method, record: Recorder) -> Cost:
-    """Of one history, until it is written."""
+    """Memory and time of one history, until it is written."""
     grid = method.interval(small, study.excitation, study.base.history_duration, record)
     steps = round(study.base.history_duration / grid)
     parts: Mapping[str, int] = memory_needed(
@@ -450,7 +450,7 @@ def history_cost(study: Study, small: System, method: Method, record: Recorder) 
 
 
 def sweep_cost(study: Study, small: System, method: Method) -> Cost:
-    """Of a sweep without and with balls, until it is written."""
+    """Memory and time of a sweep without and with balls, until it is written."""
     plan = study.sweep
     if plan is None:
         return Cost(0.0, 0.0)

@@ -1,4 +1,4 @@
-"""What results have found, as the conclusions of their report; a file that cannot be read is noted."""
+"""Conclusions of a report of results. A file of the results that cannot be read is noted."""
 
 from __future__ import annotations
 
@@ -33,14 +33,14 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, eq=False)
 class ResultReading:
-    """A directory of results while it is read."""
+    """A directory of results with the data read from it, and notes on what could not be read."""
 
     folder: Path  # with the files
     summary: dict[str, Any]  # empty where there is none
     missing: list[str] = field(default_factory=list)  # what could not be read, and why
 
     def attempt(self, what: str, make: Callable[[], T]) -> T | None:
-        """What `make` returns; None, and a line of what is missing, where it fails."""
+        """The value of `make()`; where it fails None, and a line in `missing`."""
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             try:
@@ -87,7 +87,7 @@ class ResultReading:
 
 
 def texts_of(values: Any) -> tuple[str, ...]:
-    """What a summary has for a list of texts, whatever stands there."""
+    """Texts of a list in a summary; none where something else stands there."""
     return tuple(str(one) for one in values) if isinstance(values, (list, tuple)) else ()
 
 
@@ -332,7 +332,7 @@ MOST_MEASURES = 8
 
 
 def study_lead(data: xarray.Dataset) -> list[str]:
-    """What was studied, in sentences."""
+    """Sentences on the cases, starts and axes of a parameter study."""
     sizes, starts = tuple(data["finished"].sizes.values()), int(data.attrs["starts"])
     shape = f" ({' x '.join(map(str, sizes))})" if len(sizes) > 1 else ""
     each = f"{starts} starts each" if starts > 1 else "one start each"
@@ -411,7 +411,7 @@ def _text(value: Any, attributes: Mapping[str, Any]) -> str:
 
 
 def study_missing(data: xarray.Dataset) -> tuple[str, ...]:
-    """What of the cases has not been run."""
+    """A line on the cases that were not run; none where all were."""
     finished = data["finished"].to_numpy()
     left = int(np.count_nonzero(finished == 0))
     if not left:
@@ -420,7 +420,7 @@ def study_missing(data: xarray.Dataset) -> tuple[str, ...]:
 
 
 def study_failures(data: xarray.Dataset) -> tuple[str, ...]:
-    """How many cases have starts without values, and why the first of them has."""
+    """A line on the cases with failed starts, and the reason of the first; none where no start failed."""
     failed = data["failed_starts"].to_numpy()
     if not failed.any():
         return ()

@@ -99,7 +99,7 @@ FILES = {key: ResultFile(*row) for key, row in _ROWS.items()}
 """Every file of results, by the key under which the package asks for it."""
 
 NAMES = sorted((file.name for file in FILES.values()), key=lambda name: (name == SUMMARY, name))
-"""In the order in which they are moved: the summary is the last."""
+"""Names in the order in which files are moved: the summary is the last."""
 
 FRAME = re.compile(r"[0-9]{4,}\.vtu")
 
@@ -110,7 +110,7 @@ STUDY_FIGURE = re.compile(r"study_[\w-]+\.png")
 """Names of the figures of a parameter study, one for each measure."""
 
 REPORT = FILES["report"].name
-"""It is made from the other files, and can be made again at any time."""
+"""Name of the report, which is made from the other files and can be made again at any time."""
 
 
 def result_files(folder: Path) -> list[str]:
@@ -143,12 +143,12 @@ def _scenes() -> list[str]:
 
 
 def is_file(path: Path) -> bool:
-    """Whether this is a regular file itself, and no link to one."""
+    """True for a regular file, not for a link to one."""
     return stat.S_ISREG(_mode(path))
 
 
 def is_folder(path: Path) -> bool:
-    """Whether this is a folder itself, and no link to one."""
+    """True for a folder, not for a link to one."""
     return stat.S_ISDIR(_mode(path))
 
 
@@ -164,7 +164,7 @@ def _standing(folder: Path, kind: Callable[[int], bool]) -> list[str]:
 
 
 def _mode(path: Path) -> int:
-    """Kind and permissions of what stands there, of a link its own; 0 where nothing does."""
+    """Kind and permissions at a path, without following a link; 0 where nothing is there."""
     try:
         return path.lstat().st_mode
     except (FileNotFoundError, NotADirectoryError):
@@ -175,7 +175,7 @@ RUNNING = ".running"
 LOCK = "lock"
 
 NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP)
-"""What a file system without locks answers."""
+"""Errors of a file system without locks."""
 
 
 class Lock:
@@ -210,7 +210,7 @@ class Lock:
 
     @staticmethod
     def is_held(running: Path) -> bool:
-        """Whether a living process holds the lock."""
+        """True while a living process holds the lock."""
         try:
             file = _open_lock(running)
         except OSError:
@@ -258,7 +258,7 @@ def _lock_file(file: int) -> None:
 
 
 def is_ours(running: Path) -> bool:
-    """Whether there is no folder of that name, or one that a run made: the content of another must not be removed."""
+    """True for a folder that a run made or none at all: the content of another must not be removed."""
     if not is_folder(running):
         return not os.path.lexists(running)
     return is_file(running / LOCK) or not os.listdir(running)
@@ -278,7 +278,7 @@ class ResultsWarning(UserWarning):
 
 
 class _Left(Enum):
-    """What a run that is not done has left, and what to do about it."""
+    """States of an unfinished run, in words with what to do."""
 
     MOVE = "its results are moved in part: 'femimpact finish {target}' finishes the move, --force runs again"
     PARTS = "it holds a run that ended after {parts}: 'femimpact finish {target}' keeps that, or run it again"
@@ -393,7 +393,7 @@ def finish_results(
 
 
 def unfinished_state(target: Path) -> str | None:
-    """What a directory holds of a run that is not done, in words with what to do; None where there is nothing."""
+    """State of an unfinished run in a directory, in words with what to do; None where there is none."""
     running = target / RUNNING
     if Lock.is_held(running):
         return "a run is writing into it"
@@ -406,7 +406,7 @@ def _in_words(left: _Left, target: Path) -> str:
 
 
 def _left(running: Path) -> _Left | None:
-    """What is left of a run, by the names of its folders."""
+    """State of an unfinished run, by the names of its folders; None where nothing is left."""
     try:
         if not is_folder(running) or not is_ours(running):
             return None
@@ -482,7 +482,7 @@ def _check_target(target: Path, occupied: bool, reported: bool) -> None:
 
 
 def _holds_parts(target: Path) -> bool:
-    """Whether a directory holds parts of an ended run: a report beside them is of these."""
+    """True where a directory holds parts of an ended run; a report beside them was made from these."""
     return _left(target / RUNNING) is _Left.PARTS
 
 

@@ -226,7 +226,7 @@ def _of_parameter_study(
 
 
 def _lead(study: Study | None, summary: Mapping[str, Any], written: Mapping[str, Any]) -> list[str]:
-    """What was computed, in sentences."""
+    """Sentences on what was computed."""
     if study is None:
         return [str(written["problem"])] if "problem" in written else []
     said = [f"History: {study.base.words}." if "history" in summary else ""]
@@ -249,7 +249,7 @@ def _lead(study: Study | None, summary: Mapping[str, Any], written: Mapping[str,
 
 
 def _comparison(results: ResultReading) -> list[Section]:
-    """The paper beside ours, the scan of the restitution, and what the paper cannot be met in."""
+    """Table of the paper's results beside ours, remarks on where they differ, and the scan of the restitution."""
     content: list[Element] = []
     beside = results.table(FILES["comparison"].name)
     if beside is not None:
@@ -363,7 +363,7 @@ def _modes(results: ResultReading) -> list[Section]:
 
 
 def _whole(values: Any) -> Any:
-    """Numbers as whole ones where all are."""
+    """A column as integers, where all of its numbers are."""
     array = np.asarray(values)
     return (
         array.astype(int)
@@ -428,7 +428,7 @@ SECTIONS: tuple[tuple[str, Callable[[ResultReading], list[Section]]], ...] = (
     ("parameter study", _parameter_study),
     ("contacts", _contact_table),
 )
-"""What a report says of results, in its order: the words for it, and what makes its sections."""
+"""Sections of a report in their order: the words for each, and the function that makes it."""
 
 
 UNSIZED = frozenset({SUMMARY, REPORT})

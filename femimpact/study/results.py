@@ -34,7 +34,7 @@ STICKING_FILE = FILES["sticking"].name
 
 T = TypeVar("T")
 
-CHECKSUMS, OWN_CHECKSUM = "checksums", "checksum"
+CHECKSUMS, SUMMARY_CHECKSUM = "checksums", "checksum"
 """Keys of the summary: of every other file, and of the summary without this key (SHA-256)."""
 
 
@@ -178,7 +178,7 @@ def read_summary(folder: Path) -> dict[str, Any]:
         raise _damaged(path, _in_words(error)) from None
     if not isinstance(summary, dict) or not isinstance(summary.get(CHECKSUMS, {}), dict):
         raise _damaged(path, "no summary of a study")
-    if CHECKSUMS in summary and summary.get(OWN_CHECKSUM) != _of_summary(summary):
+    if CHECKSUMS in summary and summary.get(SUMMARY_CHECKSUM) != _of_summary(summary):
         _warn_changed(path)
     return summary
 
@@ -282,7 +282,7 @@ def checksum(path: Path) -> str:
 
 
 def _of_summary(summary: Mapping[str, Any]) -> str:
-    rest = {key: value for key, value in summary.items() if key != OWN_CHECKSUM}
+    rest = {key: value for key, value in summary.items() if key != SUMMARY_CHECKSUM}
     return hashlib.sha256(json.dumps(rest, sort_keys=True).encode()).hexdigest()
 
 
@@ -300,8 +300,8 @@ def write_summary(
         gone = replaced_by(result_files(folder))
         sums = {name: value for name, value in known.items() if name not in gone and (beside / name).exists()}
     sums |= _checksums(folder)
-    whole = tables.plain({**summary, CHECKSUMS: sums})
-    tables.write_json(folder / SUMMARY, {**whole, OWN_CHECKSUM: _of_summary(whole)})
+    plain = tables.plain({**summary, CHECKSUMS: sums})
+    tables.write_json(folder / SUMMARY, {**plain, SUMMARY_CHECKSUM: _of_summary(plain)})
 
 
 def _checksums(folder: Path) -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""What `run` does with a study: modes, history, sweeps, and every file of them."""
+"""The run of a study: modes, history, sweeps, and the files of each."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def last_cycles(prepared: PreparedStudy, response: Response) -> Response:
         channels = {name: values[first:] for name, values in response.channels.items()}
         return replace(response, time=response.time[first:], channels=channels, energy=None, snapshots=None)
     initial = response.kept_state or study.initial
-    # whole steps, so that no rounding of a time adds one
+    # an integer number of steps, so that no rounding of a time adds one
     duration = (steps - round(initial.time / grid)) * grid
     record = replace(record, every=1, start=start, snapshots=0, ledger=False, interval=interval)
     return integrate(prepared.small, study.excitation, finely, duration, record, initial)
@@ -146,7 +146,7 @@ def run_sweep(
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """What a run has found so far; None where it has not, or will not."""
+    """Results of the parts of a run that are done; None for the others."""
 
     modes: tuple[Modes, Modes | None] | None = None  # (Modes, Modes or None) as of `run_modes`
     response: Response | None = None

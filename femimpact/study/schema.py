@@ -79,18 +79,18 @@ LISTS: Mapping[str, dict[str, Any]] = {
         "x-range": "rows of a frequency, rising, and a level > 0",
     },
 }
-"""Of the keys that are lists of numbers."""
+"""Schemas of the keys that are lists of numbers."""
 
 _COLUMNS = {
     "type": "array",
     "items": {"anyOf": [{"type": "string"}, {"type": "integer", "minimum": 0}]},
     "x-range": "numbers from 0 or names of two columns: time, acceleration",
 }
-"""Of the columns of a record, the one key that is neither a number nor a text."""
+"""Schema of the columns of a record, the one key that is neither a number nor a text."""
 
 
 def _meanings(noun: Any) -> dict[str, str]:
-    """What the Parameters section of a noun's docstring says of each field."""
+    """Meaning of each field, from the Parameters section of a noun's docstring."""
     text = inspect.getdoc(noun) or ""
     section = re.search(r"^Parameters\n-+\n(.*?)(?=^\w+\n-+$|\Z)", text, re.MULTILINE | re.DOTALL)
     found: dict[str, str] = {}
@@ -151,7 +151,7 @@ def _signal(kind: str) -> dict[str, Any]:
     noun, other = SIGNALS[kind]
     schema = noun_schema(noun, frozenset({"level", "by", *other.values()}), kind, **LISTS)
     keys, fields = schema["properties"], {item.name: item for item in dataclasses.fields(noun)}
-    about, own = _meanings(noun), {item.name: item for item in dataclasses.fields(SignalMotion)}
+    about, history = _meanings(noun), {item.name: item for item in dataclasses.fields(SignalMotion)}
     for key, name in other.items():
         keys[key] = _key(fields[name], about.get(name, ""))
     arguments = inspect.signature(noun).parameters
@@ -161,7 +161,7 @@ def _signal(kind: str) -> dict[str, Any]:
             words = {"description": meaning, "x-unit": unit, "x-range": "a finite number >= 0"}
             keys[name] = {"type": "number", "minimum": 0, **words}
     meanings = _meanings(SignalMotion)
-    keys |= {name: _key(own[name], meanings[name]) for name in HISTORY_KEYS}
+    keys |= {name: _key(history[name], meanings[name]) for name in HISTORY_KEYS}
     schema["properties"] = {"kind": {"const": kind, "description": "the kind of motion"}, **keys}
     for name, item in arguments.items():
         if isinstance(item.default, str):

@@ -99,9 +99,9 @@ class SweepPlan:
     start, stop : float, Hz
         First and last frequency of the even grid.
     points : int
-        Of the even grid.
+        Number of frequencies of the even grid.
     cycles : int
-        Of the base at each frequency; the last third is measured.
+        Base cycles at each frequency; the last third is measured.
     refine : int
         Points added around each resonance.
 
@@ -124,7 +124,7 @@ class SweepPlan:
 
 @dataclass(frozen=True)
 class Output:
-    """`[output]`: what is written.
+    """`[output]`: channels, snapshots, files and pictures that are written.
 
     Parameters
     ----------
@@ -138,11 +138,11 @@ class Output:
         Kept in the history besides those of the tip, the middle, the balls and the contacts, by their names, as
         "root.reaction_force"; the reference has a page of channels.
     frames : int
-        Whole deflections that are kept for ParaView and the movie.
+        Number of snapshots of the deflection that are kept for ParaView and the movie.
     frame_cycles : float
         Last base cycles over which they are spread; of a motion without one, cycles of its highest frequency.
     exaggeration : float
-        Scales motion and gaps there. Absent: chosen by the movie, 1 for ParaView.
+        Scale of motion and gaps in these. Absent: chosen by the movie, 1 for ParaView.
     memory_limit : float, bytes
         A run that would keep more is refused.
     figures, paraview, movie : bool

@@ -38,7 +38,7 @@ from femimpact.study.schema import (
 from femimpact.study.study import Gravity, MeshChoice, Output, Reduction, Study, SweepPlan
 
 MOST_BYTES = 10_000_000
-"""Of the text of a study."""
+"""Largest size of a study file, bytes."""
 
 DEEPEST = 20
 """Tables and lists in one another; the deepest of a sound study are four."""
@@ -149,7 +149,7 @@ def study_text(study: Study) -> str:
 
 
 def same_study(one: Study, other: Study) -> bool:
-    """Whether two studies mean the same, wherever and however they are written."""
+    """True where two studies are equal, whatever their paths and texts are."""
     names = [item.name for item in dataclasses.fields(Study) if item.name not in ("path", "text")]
     return all(getattr(one, name) == getattr(other, name) for name in names)
 
@@ -213,7 +213,7 @@ def _collected(prefix: str, make: Callable[[], Any], faults: list[Fault]) -> Any
 
 
 def _table(name: str, read: Reader, many: bool, value: Any, faults: list[Fault]) -> Any:
-    """What a table becomes, or a list of them; None with its faults noted."""
+    """The noun or nouns made of a table or a list of tables; None with the faults noted."""
     if not many:
         if not isinstance(value, dict):
             faults.append(Fault(name, value, "", f"must be a table, [{name}]"))
@@ -228,7 +228,7 @@ def _table(name: str, read: Reader, many: bool, value: Any, faults: list[Fault])
 
 
 def _noun(noun: Any, prefix: str, values: Mapping[str, Any], faults: list[Fault], **given: Any) -> Any:
-    """Check keys, types and ranges against the noun's own fields, then make it."""
+    """Check keys, types and ranges against the fields of a noun, then make it."""
     before = len(faults)
     faults += _key_faults(noun, prefix, values, without=given)
     if len(faults) > before or any(value is None for value in given.values()):
@@ -380,7 +380,7 @@ def _plan(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any:
 
 
 def _flat(axes: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Axes by their whole paths: without quotes TOML takes the dots of a path for tables in one another."""
+    """Axes by their full paths: without quotes TOML takes the dots of a path for tables in one another."""
     for name, given in axes.items():
         inner = isinstance(given, dict) and any(isinstance(value, (dict, list)) for value in given.values())
         if inner and not set(given) <= set(DISTRIBUTIONS):
