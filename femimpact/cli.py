@@ -420,8 +420,7 @@ def report(
     from femimpact.study.result_page import write_report
 
     if output is not None:
-        require(force or not output.exists(), "output", str(output), "", "exists already: choose another, or --force")
-        require(output.resolve().parent.is_dir(), "output", str(output), "", "must be in an existing directory")
+        _require_new_file(output, force)
     path = write_report(directory, output)
     if not quiet:
         print(f"wrote {path}")

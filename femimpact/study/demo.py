@@ -388,13 +388,7 @@ def _write_scans(folder: Path, scans: Mapping[str, RestitutionScan], sweeps: Map
 
 def _write_comparison(folder: Path, comparison: tuple[tuple[Any, ...], ...]) -> None:
     names = (
-        "quantity",
-        "unit",
-        "paper_theory",
-        "paper_experiment",
-        "from_rest_on_base",
-        "from_rest_in_space",
-        "method",
-    )
+        "quantity", "unit", "paper_theory", "paper_experiment", "from_rest_on_base", "from_rest_in_space", "method",
+    )  # fmt: skip
     rows = [["" if value is None else value for value in row] for row in comparison]
     tables.write_csv(folder / FILES["comparison"].name, dict(zip(names, zip(*rows, strict=True), strict=True)), {})

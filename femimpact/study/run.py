@@ -37,6 +37,9 @@ from femimpact.system.state import State
 
 MODES_LISTED = 4
 
+WITHOUT_BALL = ("peak", "rms", "first_harmonic", "phase", "energy_residual", "steadiness")
+"""Columns of the curve without ball; the others are of impacts."""
+
 SAMPLES_PER_CONTACT = 20
 """Instants at which a figure shows the force of one contact, at least."""
 
@@ -233,7 +236,26 @@ def keep_modes(staging: Staging, prepared: PreparedStudy, found: Found, left: Se
     """Write what `run_modes` found; `left` names the parts of the run that are still to come."""
     if found.modes is None:
         raise AssertionError("there are modes to keep")
-    _write_modes(prepared, staging.folder, *found.modes)
+    folder, full, study, (modes, glued) = staging.folder, prepared.full, prepared.study, found.modes
+    columns: dict[str, Any] = {
+        "mode": list(range(1, modes.natural_frequency.size + 1)),
+        "natural_frequency": modes.natural_frequency,
+        "damping_ratio": modes.damping_ratio,
+        "participation_factor": modes.participation_factor,
+        "effective_mass": modes.effective_mass,
+    }
+    units = {"natural_frequency": "Hz", "damping_ratio": "1", "participation_factor": "kg^0.5", "effective_mass": "kg"}
+    if glued is not None:
+        columns["natural_frequency_glued"], units["natural_frequency_glued"] = glued.natural_frequency, "Hz"
+    tables.write_csv(folder / FILES["modes"].name, columns, units)
+    write_mode_shapes(folder / FILES["mode_shapes"].name, full, modes, study.structure)
+    if study.output.paraview:
+        from femimpact.export import vtk
+
+        vtk.write_modes(folder / FILES["modes_scene"].name, full, modes, study.structure)
+        # a rigid motion has no period to be shown over
+        for mode in (1 + np.flatnonzero(modes.natural_frequency > 0.0)).tolist():
+            vtk.write_mode(folder / FILES[f"mode_{mode}_scene"].name, full, modes, study.structure, mode)
     _finish(staging, prepared, found, "modes", left)
 
 
@@ -255,9 +277,31 @@ def keep_history(staging: Staging, prepared: PreparedStudy, found: Found, left: 
 
 def keep_sweeps(staging: Staging, prepared: PreparedStudy, found: Found, left: Sequence[str] = ()) -> None:
     """Write what `run_sweep` found."""
+    import xarray
+
     if found.sweeps is None:
         raise AssertionError("there are sweeps to keep")
-    _write_sweeps(staging.folder, found.sweeps)
+    folder, sweeps = staging.folder, found.sweeps
+    curves = {"empty": sweeps.empty, **({"ball": sweeps.ball} if sweeps.ball is not None else {})}
+    frequency = sweeps.empty.frequency
+    columns: dict[str, Any] = {"frequency": frequency}
+    units = {"frequency": "Hz"}
+    columns["grid"] = np.where(on_grid(frequency, sweeps.coarse), "even", "refined")
+    for label, curve in curves.items():
+        for name in (*SWEEP_UNITS, "steadiness"):
+            if label == "empty" and name not in WITHOUT_BALL:
+                continue
+            columns[f"{label}_{name}"] = getattr(curve, name)
+            units[f"{label}_{name}"] = SWEEP_UNITS.get(name, "")
+    tables.write_csv(folder / FILES["sweep"].name, columns, units)
+    data = xarray.concat(
+        [curve.to_xarray() for curve in curves.values()],
+        xarray.Variable("case", list(curves)),
+        combine_attrs="override",
+    )
+    data = data.assign_coords(grid=("frequency", columns["grid"]))
+    laws = "; ".join(f"{label}: {curve.law}" for label, curve in curves.items())
+    tables.write_netcdf(folder / FILES["sweep_data"].name, data.assign_attrs(contact_law=laws))
     _finish(staging, prepared, found, "sweep", left)
 
 
@@ -296,61 +340,6 @@ def _finish(staging: Staging, prepared: PreparedStudy, found: Found, part: str, 
         summary["warnings"] = [*summary["warnings"], text]
     write_summary(staging.folder, summary, staging.finished)
     staging.finish_part(part)
-
-
-def _write_modes(prepared: PreparedStudy, folder: Path, modes: Modes, glued: Modes | None) -> None:
-    full, study = prepared.full, prepared.study
-    columns: dict[str, Any] = {
-        "mode": list(range(1, modes.natural_frequency.size + 1)),
-        "natural_frequency": modes.natural_frequency,
-        "damping_ratio": modes.damping_ratio,
-        "participation_factor": modes.participation_factor,
-        "effective_mass": modes.effective_mass,
-    }
-    units = {"natural_frequency": "Hz", "damping_ratio": "1", "participation_factor": "kg^0.5", "effective_mass": "kg"}
-    if glued is not None:
-        columns["natural_frequency_glued"], units["natural_frequency_glued"] = glued.natural_frequency, "Hz"
-    tables.write_csv(folder / FILES["modes"].name, columns, units)
-    write_mode_shapes(folder / FILES["mode_shapes"].name, full, modes, study.structure)
-    if study.output.paraview:
-        from femimpact.export import vtk
-
-        vtk.write_modes(folder / FILES["modes_scene"].name, full, modes, study.structure)
-        # a rigid motion has no period to be shown over
-        for mode in (1 + np.flatnonzero(modes.natural_frequency > 0.0)).tolist():
-            vtk.write_mode(folder / FILES[f"mode_{mode}_scene"].name, full, modes, study.structure, mode)
-
-
-def _write_sweeps(folder: Path, sweeps: SweepPair) -> None:
-    import xarray
-
-    curves = {"empty": sweeps.empty, **({"ball": sweeps.ball} if sweeps.ball is not None else {})}
-    frequency = sweeps.empty.frequency
-    columns: dict[str, Any] = {"frequency": frequency}
-    units = {"frequency": "Hz"}
-    columns["grid"] = np.where(on_grid(frequency, sweeps.coarse), "even", "refined")
-    for label, curve in curves.items():
-        for name in (*SWEEP_UNITS, "steadiness"):
-            if label == "empty" and name not in (
-                "peak",
-                "rms",
-                "first_harmonic",
-                "phase",
-                "energy_residual",
-                "steadiness",
-            ):
-                continue
-            columns[f"{label}_{name}"] = getattr(curve, name)
-            units[f"{label}_{name}"] = SWEEP_UNITS.get(name, "")
-    tables.write_csv(folder / FILES["sweep"].name, columns, units)
-    data = xarray.concat(
-        [curve.to_xarray() for curve in curves.values()],
-        xarray.Variable("case", list(curves)),
-        combine_attrs="override",
-    )
-    data = data.assign_coords(grid=("frequency", columns["grid"]))
-    laws = "; ".join(f"{label}: {curve.law}" for label, curve in curves.items())
-    tables.write_netcdf(folder / FILES["sweep_data"].name, data.assign_attrs(contact_law=laws))
 
 
 def _write_history(study: Study, folder: Path, response: Response) -> None:
