@@ -127,10 +127,7 @@ def _number(data: Any, *keys: str) -> float | None:
 def _peaks(summary: Mapping[str, Any]) -> list[Conclusion]:
     found = []
     for case, words in (("empty", "without ball"), ("ball", "with ball")):
-        peak, frequency = (
-            _number(summary, "sweep", case, "peak_amplitude"),
-            _number(summary, "sweep", case, "peak_frequency"),
-        )
+        peak, frequency = (_number(summary, "sweep", case, f"peak_{name}") for name in ("amplitude", "frequency"))
         if peak is None or frequency is None:
             continue
         low = _number(summary, "sweep", case, "peak_too_low_at_most")

@@ -261,18 +261,15 @@ def _comparison(results: ResultReading) -> list[Section]:
         }  # fmt: skip
         header = tuple(heads.get(name, name) for name in beside)
         rows = tuple(zip(*(_plain_column(values) for values in beside.values()), strict=True))
-        content.append(
-            table_element(
-                Table("The paper beside ours: median and range over starts", header, rows, FILES["comparison"].name)
-            )
-        )
+        title = "The paper beside ours: median and range over starts"
+        content.append(table_element(Table(title, header, rows, FILES["comparison"].name)))
     remarks = texts_of(results.summary.get("remarks"))
     if remarks:
         content.append(element("div.said", element("h3", "Where they differ, and why"), list_element(remarks, "notes")))
-    scan = results.table(FILES["restitution"].name)
+    name = FILES["restitution"].name
+    scan = results.table(name)
     if scan is not None:
-        units = results.units(FILES["restitution"].name)
-        content.append(table_element(table_of("Scan of the restitution", scan, units, FILES["restitution"].name)))
+        content.append(table_element(table_of("Scan of the restitution", scan, results.units(name), name)))
     return [Section("comparison", "The paper and ours", tuple(content))] if content else []
 
 
@@ -431,34 +428,21 @@ SECTIONS: tuple[tuple[str, Callable[[ResultReading], list[Section]]], ...] = (
 """Sections of a report in their order: the words for each, and the function that makes it."""
 
 
-UNSIZED = frozenset({SUMMARY, REPORT})
-"""Files whose size the report itself changes."""
-
-
 def about_section(summary: Mapping[str, Any], study: Study | None) -> Section:
-    """Versions, the compiled core, and where chance comes in."""
+    """Versions, the compiled core, seeds and start of the results."""
     rows: list[tuple[str, str]] = []
     versions, core = summary.get("versions"), summary.get("core")
     if isinstance(versions, Mapping):
         rows += [(str(name), str(version)) for name, version in versions.items()]
     if isinstance(core, Mapping):
-        rows.append(
-            (
-                "compiled core",
-                ", ".join(f"{name} {core[name]}" for name in ("target", "compiler", "kind") if name in core),
-            )
-        )
+        words = ", ".join(f"{name} {core[name]}" for name in ("target", "compiler", "kind") if name in core)
+        rows.append(("compiled core", words))
         if "sources" in core:
             rows.append(("its sources (SHA-256)", str(core["sources"])))
     seeds = summary.get("seeds")
     rows.append(("seeds", str(seeds) if seeds else "none: no random numbers were used"))
     if study is not None:
-        rows.append(
-            (
-                "start",
-                STARTS.get(study.base.start, study.base.start),
-            )
-        )
+        rows.append(("start", STARTS.get(study.base.start, study.base.start)))
     if not isinstance(versions, Mapping):
         rows.insert(0, ("versions", "not known: the results do not say"))
     pairs = [part for name, value in rows for part in (element("dt", name), element("dd", value))]
@@ -468,8 +452,9 @@ def about_section(summary: Mapping[str, Any], study: Study | None) -> Section:
 def files_section(folder: Path, summary: Mapping[str, Any]) -> tuple[Section, tuple[str, ...]]:
     """The files of results with what each is for, and lines for those that are lost."""
     present = {*result_files(folder), REPORT, *([SUMMARY] if (folder / SUMMARY).exists() else [])}
+    # the report changes its size and that of the summary
     rows = [
-        (file.name, "" if file.name in UNSIZED else _size((folder / file.name).stat().st_size), file.purpose)
+        (file.name, "" if file.name in (SUMMARY, REPORT) else _size((folder / file.name).stat().st_size), file.purpose)
         for file in FILES.values()
         if file.name in present
     ]
@@ -490,18 +475,10 @@ def files_section(folder: Path, summary: Mapping[str, Any]) -> tuple[Section, tu
         )
         for name, size, words in sorted(rows)
     ]  # fmt: skip
-    head = element(
-        "tr",
-        element("th", "file", scope="col"),
-        element("th.number", "size", scope="col"),
-        element("th", "what it is for", scope="col"),
-    )
-    shown = element(
-        "table", element("caption", "Files beside this page"), element("thead", head), element("tbody", *body)
-    )
-    holder = element(
-        "div.table", element("div.scroll", shown, tabindex="0", role="region", aria_label="Files beside this page")
-    )
+    columns = (("th", "file"), ("th.number", "size"), ("th", "what it is for"))
+    head, title = element("tr", *(element(*column, scope="col") for column in columns)), "Files beside this page"
+    shown = element("table", element("caption", title), element("thead", head), element("tbody", *body))
+    holder = element("div.table", element("div.scroll", shown, tabindex="0", role="region", aria_label=title))
     return Section("files", "Files", (holder,)), _lost(summary, present)
 
 
