@@ -150,10 +150,8 @@ def draw_in_child(
     target: Path,  # where the pictures go
     kinds: Sequence[str],  # of `KINDS`
     report: Report,  # called with "pictures" and the share that is done
-    time_limit: float | None = None,  # s: for all of them; `TIME_LIMIT` by default
 ) -> dict[str, str | None]:
-    """Draw in a child process; for each kind why it failed, or None."""
-    limit = TIME_LIMIT if time_limit is None else time_limit
+    """Draw in a child process, within `TIME_LIMIT`; for each kind why it failed, or None."""
     found: dict[str, str | None] = {}
     report("pictures", 0.0)
 
@@ -167,13 +165,13 @@ def draw_in_child(
     package = Path(__file__).parents[1]
     where = [str(package / "__init__.py"), str(package), str(source.resolve()), str(target.resolve())]
     with tempfile.TemporaryFile() as errors:
-        why = f"not done within {limit:g} s"
+        why = f"not done within {TIME_LIMIT:g} s"
         try:
             with (
                 child_process([sys.executable, "-P", "-c", CHILD, *where, *kinds], listen, stderr=errors) as process,
                 suppress(subprocess.TimeoutExpired),
             ):
-                process.wait(limit)
+                process.wait(TIME_LIMIT)
                 why = ""
         except OSError as error:
             return dict.fromkeys(kinds, f"the process that draws could not be started: {error.strerror or error}")

@@ -218,14 +218,10 @@ def _history(summary: Mapping[str, Any]) -> list[Conclusion]:
         unit, largest = _at(about, "unit"), _number(about, "largest_of_run")
         if unit in ("Pa", "N m") and largest is not None:
             scale, shown = PREFIXES.get(unit, (1.0, unit))
-            words = f"largest of the run{_when(about)}"
+            time = _number(about, "time_of_largest")
+            words = "largest of the run" if time is None else f"largest of the run, at {number_text(time)} s"
             found.append(Conclusion(str(name), _shown(scale * largest), shown, one_sample=sample, note=words))
     return found
-
-
-def _when(about: Any) -> str:
-    time = _number(about, "time_of_largest")
-    return "" if time is None else f", at {number_text(time)} s"
 
 
 def _contacts(summary: Mapping[str, Any]) -> list[Conclusion]:
