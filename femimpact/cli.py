@@ -285,7 +285,7 @@ def schema(
     import json
 
     from femimpact.export.files import atomic_write
-    from femimpact.study.schema import study_schema
+    from femimpact.study.study_file import study_schema
 
     text = json.dumps(study_schema(), indent=2)
     if output is None:
@@ -420,8 +420,7 @@ def report(
     from femimpact.study.result_page import write_report
 
     if output is not None:
-        require(force or not output.exists(), "output", str(output), "", "exists already: choose another, or --force")
-        require(output.resolve().parent.is_dir(), "output", str(output), "", "must be in an existing directory")
+        _require_new_file(output, force)
     path = write_report(directory, output)
     if not quiet:
         print(f"wrote {path}")
@@ -617,7 +616,7 @@ def _print_history(where: Console, study: Study, summary: Mapping[str, Any]) -> 
 
 
 def _base_words(study: Study, frequency: float | None) -> str:
-    """Words for the excitation of a history, to follow its name."""
+    """Words on the motion that drove a history, which follow its name."""
     record, kind = getattr(study.base, "record", None), getattr(study.base, "kind", None)
     if kind is not None:
         return f"of the {kind} motion, its last third"

@@ -31,7 +31,7 @@ from femimpact.parametric.study_command import definition_of, summary_lines, tab
 from femimpact.parametric.workers import block_cases
 from femimpact.study.base_motion import SignalMotion
 from femimpact.study.demo import paper_study, paper_study_text
-from femimpact.study.result_page import study_conclusions, study_lead
+from femimpact.study.result_conclusions import study_conclusions, study_lead
 from femimpact.study.study_file import read_study, study_text
 from femimpact.svg import markup
 

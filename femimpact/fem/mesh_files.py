@@ -7,7 +7,6 @@ import os
 import queue
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import closing, suppress
@@ -18,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.arrays import Array
+from femimpact.child_process import child_process
 from femimpact.errors import Fault, InputError, require, require_path
 from femimpact.fem.mesh import MOST_ELEMENTS, SAME_PLACE, Mesh
 from femimpact.regular_file import check_regular
@@ -109,41 +109,33 @@ def _outcome(path: Path, read: Mapping[str, Any] | str) -> Mesh | InputError:
 
 def _read_files(paths: Sequence[Path]) -> Generator[Mapping[str, Any]]:
     """The content of each file, or why it could not be read, in order."""
+    # one thread: each thread of linear algebra takes address space
+    environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "PYTHONIOENCODING": "utf-8"}
     done = 0
     while done < len(paths):
-        with _Reader(paths[done:]) as reader:
-            while done < len(paths) and not reader.ended:
+        left, contents = map(str, map(Path.resolve, paths[done:])), _Contents()
+        command = [sys.executable, "-P", "-W", "ignore", str(CHILD), str(MEMORY_LIMIT), *left]
+        with child_process(command, contents.listen, stderr=subprocess.DEVNULL, env=environment) as process:
+            while done < len(paths) and not contents.ended:
                 done += 1
-                yield reader.next_content()
+                yield contents.next(process)
 
 
-class _Reader:
-    """A process that reads files, from its start to its end.
+class _Contents:
+    """What the process that reads files prints: a line for each."""
 
-    A separate thread waits for the output of the process: Windows can wait for no pipe with a time limit. It reads
-    the pipe without a buffer. The lock of a buffer that a thread waits in stops Python where it ends meanwhile.
-    """
-
-    def __init__(self, paths: Sequence[Path]) -> None:
-        # one thread: each thread of linear algebra takes address space
-        environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "PYTHONIOENCODING": "utf-8"}
+    def __init__(self) -> None:
         self.ended = False
         self._output: queue.Queue[bytes] = queue.Queue()
         self._rest = b""
-        self._process = subprocess.Popen(
-            [sys.executable, "-P", "-W", "ignore", str(CHILD), str(MEMORY_LIMIT), *map(str, map(Path.resolve, paths))],
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=environment, bufsize=0,
-        )  # fmt: skip
-        self._listener = threading.Thread(target=self._listen, args=(self._process.stdout,), daemon=True)
-        self._listener.start()
 
-    def _listen(self, pipe: IO[bytes]) -> None:
+    def listen(self, pipe: IO[bytes]) -> None:
         # no bytes mean that the process has ended
         while part := pipe.read(PIPE_BYTES):
             self._output.put(part)
         self._output.put(b"")
 
-    def next_content(self) -> Mapping[str, Any]:
+    def next(self, process: subprocess.Popen[bytes]) -> Mapping[str, Any]:
         """The content of the next file, or why it could not be read; `ended` if the process did not survive it."""
         reason = f"not done within {TIME_LIMIT:g} s"
         with suppress(queue.Empty):
@@ -151,7 +143,7 @@ class _Reader:
             if line is not None:
                 content: Mapping[str, Any] = json.loads(line)
                 return content
-            reason = f"the process that reads ended with status {self._process.wait()}"
+            reason = f"the process that reads ended with status {process.wait()}"
         self.ended = True
         return {"failure": reason}
 
@@ -165,19 +157,6 @@ class _Reader:
             parts.append(part)
         line, _, self._rest = b"".join(parts).partition(b"\n")
         return line
-
-    def __enter__(self) -> _Reader:
-        return self
-
-    def __exit__(self, *_about: object) -> None:
-        # the pipe ends with the process, and the thread with the pipe
-        self._process.kill()
-        self._process.wait()
-        self._listener.join(10.0)
-        for pipe in (self._process.stdin, self._process.stdout):
-            if pipe is not None:
-                with suppress(OSError):
-                    pipe.close()
 
 
 # ---- from what a file holds to a beam -------------------------------------------------------------

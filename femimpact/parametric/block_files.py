@@ -24,11 +24,11 @@ from femimpact.parametric.evaluation import BlockValues
 from femimpact.parametric.identity import first_difference
 from femimpact.parametric.read_back import DamagedFileError, block_content, block_of, manifest_content, manifest_of
 from femimpact.regular_file import read_regular
-from femimpact.study.result_directory import FILES, OTHER_FILES, REPORT, STUDY_BLOCKS, earlier_files
+from femimpact.study.result_directory import FILES, REPORT, STUDY_BLOCKS, earlier_files
 
 BLOCKS = STUDY_BLOCKS
 MANIFEST = "study.json"
-OWN = frozenset({FILES["study"], OTHER_FILES["parameter_study"], OTHER_FILES["parameter_table"], REPORT})
+OWN = frozenset({FILES["study"].name, FILES["parameter_study"].name, FILES["parameter_table"].name, REPORT})
 """What a parameter study writes anew beside its blocks."""
 
 NAME = re.compile(r"([0-9a-f]{16})-([0-9a-f]{16})\.block")

@@ -34,9 +34,9 @@ from femimpact.parametric.paths import (
     unknown_path,
 )
 from femimpact.structure.structure import Position
-from femimpact.study.base_motion import SignalMotion
+from femimpact.study.base_motion import BaseMotion, SignalMotion
 from femimpact.study.parameter_plan import MOST_STARTS, AxisValues, Distribution, SamplePlan, axis_from
-from femimpact.study.study import BaseMotion, Study
+from femimpact.study.study import Study
 from femimpact.system.system import System
 
 CHECKED = 500

@@ -14,8 +14,8 @@ from femimpact.arrays import Array
 from femimpact.errors import Fault, InputError, suggestion
 from femimpact.excitation import Excitation
 from femimpact.integrators.methods import METHODS
-from femimpact.study.base_motion import SignalMotion
-from femimpact.study.study import BaseMotion, Gravity, MeshChoice, Reduction, Study
+from femimpact.study.base_motion import BaseMotion, SignalMotion
+from femimpact.study.study import Gravity, MeshChoice, Reduction, Study
 from femimpact.system.state import State
 from femimpact.system.system import System
 

@@ -19,8 +19,8 @@ from femimpact.parametric.labelled import over_starts
 from femimpact.parametric.verb import StudyProgress, run_parameter_study, to_stderr
 from femimpact.parametric.workers import block_cases, connected
 from femimpact.response.response import Recorder
-from femimpact.study.cost import START, history_cost
-from femimpact.study.result_directory import FILES, OTHER_FILES
+from femimpact.study.prepared import START, history_cost
+from femimpact.study.result_directory import FILES
 from femimpact.study.result_page import add_report
 from femimpact.study.study import Study
 from femimpact.study.study_file import study_text
@@ -106,9 +106,9 @@ def write_parameter_study(
         dataset = run_parameter_study(
             definition, directory=directory, client=client, progress=progress, say=to_stderr if progress else None
         )
-    atomic_write(directory / FILES["study"], study_text(study))
+    atomic_write(directory / FILES["study"].name, study_text(study))
     columns, units = table_of(dataset)
-    tables.write_csv(directory / OTHER_FILES["parameter_table"], columns, units)
+    tables.write_csv(directory / FILES["parameter_table"].name, columns, units)
     if study.output.figures:
         _draw(dataset, directory)
     if study.output.report:

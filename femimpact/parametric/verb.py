@@ -26,7 +26,7 @@ from femimpact.parametric.workers import block_cases, check_client, run_blocks
 from femimpact.progress import draws_progress
 from femimpact.structure.structure import Position
 from femimpact.study.parameter_plan import SamplePlan
-from femimpact.study.result_directory import OTHER_FILES, Lock
+from femimpact.study.result_directory import FILES, Lock
 from femimpact.study.study import Study
 from femimpact.system.system import System
 
@@ -174,7 +174,7 @@ def run_parameter_study(
         folder.remove_unfinished()
         _run(study, columns, blocks, folder, workers, client, progress, say)
         dataset = dataset_of(columns)
-        write_netcdf(target / OTHER_FILES["parameter_study"], dataset)
+        write_netcdf(target / FILES["parameter_study"].name, dataset)
     return dataset
 
 

@@ -14,7 +14,7 @@ from femimpact.excitation import Sine
 from femimpact.parametric.paths import unit_draws
 from femimpact.parametric.verb import parameter_study
 from femimpact.response.response import Response
-from femimpact.study.result_page import study_conclusions
+from femimpact.study.result_conclusions import study_conclusions
 from femimpact.validation.case import Case
 from femimpact.validation.contacts import shaken_floor
 
