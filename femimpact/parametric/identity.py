@@ -103,27 +103,6 @@ def study_key(plain: Mapping[str, Any]) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def first_difference(one: Any, other: Any, path: str = "") -> str:
-    """Where two plain data differ first, in words; nothing where they do not."""
-    if isinstance(one, Mapping) and isinstance(other, Mapping):
-        for name in dict.fromkeys((*one, *other)):
-            inner = f"{path}.{name}" if path else str(name)
-            if name not in one or name not in other:
-                return f"{inner} is in one of them only"
-            found = first_difference(one[name], other[name], inner)
-            if found:
-                return found
-        return ""
-    if isinstance(one, list) and isinstance(other, list):
-        for i, (mine, its) in enumerate(zip(one, other, strict=False)):
-            found = first_difference(mine, its, f"{path}[{i}]")
-            if found:
-                return found
-        return "" if len(one) == len(other) else f"{path} has {len(one)} entries there, {len(other)} here"
-    there, here = (text if len(text) <= 60 else f"{text[:57]}..." for text in map(json.dumps, (one, other)))
-    return "" if one == other else f"{path} is {there} there, {here} here"
-
-
 @dataclass(frozen=True)
 class _Walk:
     """The state of the walk from a value to all that it depends on."""
