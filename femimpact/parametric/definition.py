@@ -72,7 +72,7 @@ class ParameterStudy:
     elements, modes : int
         Of the structures that a function returns.
     version : str, optional
-        Of functions of the user's own, in place of their code.
+        Of the functions given, in place of their code.
 
     Raises
     ------
@@ -148,7 +148,7 @@ class ParameterStudy:
 
     @property
     def distributions(self) -> dict[str, Distribution]:
-        """Those of the axes of a sample, by their paths."""
+        """Distributions of the axes of a sample, by their paths."""
         return {path: axis for path, axis in self._axes.items() if isinstance(axis, Distribution)}
 
     @cached_property
@@ -166,7 +166,7 @@ class ParameterStudy:
 
     @cached_property
     def known(self) -> dict[str, Place]:
-        """Every value that an axis may have."""
+        """All values that an axis may change, by their paths."""
         if isinstance(self.study, Study):
             return paths_of_study(self.study)
         if isinstance(self.study, System):
@@ -188,14 +188,14 @@ class ParameterStudy:
     def table(self) -> CaseTable:
         """All cases."""
         if self._rows is not None:
-            return listed_cases(self.places, self._rows)
+            return _of_columns(self.places, [tuple(row[place.path] for row in self._rows) for place in self.places])
         if self.plan_of_sample is not None:
             return sampled_cases(self.places, self._axes, self.plan_of_sample)
         return full_grid(self.places, self._axes)
 
     @cached_property
     def systems(self) -> CaseSystems:
-        """What makes the systems of cases."""
+        """Systems and methods of cases, made when they are asked for."""
         return CaseSystems(self.study, self.method, self.elements, self.modes)
 
     @cached_property
@@ -218,12 +218,12 @@ class ParameterStudy:
 
     @property
     def has_cycle(self) -> bool:
-        """Whether the base moves by a sine: cases of other motions are runs of their whole history."""
+        """True if the base moves by a sine: cases of other motions are runs of the complete history."""
         return not isinstance(self.study, Study) or isinstance(self.study.base, BaseMotion)
 
     @property
     def _motion(self) -> str:
-        """What the base does, where it has no cycle."""
+        """Name of the motion of a base that has no cycle."""
         base: Any = self.study.base  # type: ignore[union-attr]
         return f"a motion of kind {base.kind!r}" if isinstance(base, SignalMotion) else f"the record {base.record!r}"
 
@@ -298,7 +298,7 @@ class ParameterStudy:
             require(given or one.kind in (one.VAR_POSITIONAL, one.VAR_KEYWORD), one.name, None, "", allowed)
 
     def _faults_of(self, place: Place, values: Sequence[Any]) -> list[Fault]:
-        """What is wrong with values of an axis, each alone: they may still not fit those of other axes."""
+        """The first fault among values of an axis, each alone: they may still not fit those of other axes."""
         if len(values) > CHECKED and all(isinstance(value, (int, float)) for value in values):
             values = (min(values), max(values))
         for value in values:
@@ -324,7 +324,7 @@ class ParameterStudy:
             _check_pair(self.nominal, place, value)
 
     def _check_nominal(self) -> None:
-        """Refuse what would stop every case: a place, a measure or a method that the system does not take."""
+        """Refuse a place, a measure or a method that the system does not take: every case would fail."""
         self.nominal.point_row(self.observed)
         check_names(self.chosen, tuple(self._axes))
         if not any(place.stage == Stage.METHOD for place in self.places):
@@ -399,21 +399,12 @@ def full_grid(places: Sequence[Place], axes: Mapping[str, AxisValues | Distribut
     return CaseTable(tuple(places), tuple(levels), tuple(grid), shape, True)
 
 
-def listed_cases(places: Sequence[Place], rows: Sequence[Mapping[str, Any]]) -> CaseTable:
-    """Cases given one by one."""
-    columns = [tuple(row[place.path] for row in rows) for place in places]
-    return _of_columns(places, columns)
-
-
 def sampled_cases(
     places: Sequence[Place], axes: Mapping[str, AxisValues | Distribution], plan: SamplePlan
 ) -> CaseTable:  # fmt: skip
     """Cases from the distributions of the axes.
 
-    Raises
-    ------
-    InputError
-        If an axis has values in place of a distribution.
+    Raises `InputError` if an axis has values in place of a distribution.
     """
     from scipy.stats import qmc
 
@@ -428,27 +419,22 @@ def sampled_cases(
     if plan.method == "random":
         shares = np.random.default_rng(plan.seed).random((plan.points, count))
     else:
-        # the same numbers from versions of scipy that call the argument by another name
-        shares = engines[plan.method](count, **_seeded(engines[plan.method], plan.seed)).random(plan.points)
+        engine = engines[plan.method]
+        # the argument that seeds a sequence is `rng` from scipy 1.15 on
+        name = "rng" if "rng" in inspect.signature(engine).parameters else "seed"
+        shares = engine(count, **{name: np.random.default_rng(plan.seed)}).random(plan.points)
     # where a share is 0 a distribution without bounds has no value
     shares = np.clip(shares, 2.0**-53, 1.0 - 2.0**-53)
     columns = []
     for j, place in enumerate(places):
         axis = axes[place.path]
-        own = axis if isinstance(axis, Distribution) else Distribution("uniform", (0.0, 1.0))
-        columns.append(tuple(own.quantile(shares[:, j]).tolist()))
+        distribution = axis if isinstance(axis, Distribution) else Distribution("uniform", (0.0, 1.0))
+        columns.append(tuple(distribution.quantile(shares[:, j]).tolist()))
     return _of_columns(places, columns)
 
 
-def _seeded(engine: Any, seed: int) -> dict[str, Any]:
-    """The argument that seeds a sequence: `rng` from scipy 1.15 on."""
-    import inspect
-
-    name = "rng" if "rng" in inspect.signature(engine).parameters else "seed"
-    return {name: np.random.default_rng(seed)}
-
-
 def _of_columns(places: Sequence[Place], columns: Sequence[tuple[Any, ...]]) -> CaseTable:
+    """Cases given one by one, by the values (cases,) of each place."""
     levels, codes = [], []
     for column in columns:
         number: dict[Any, int] = {}

@@ -39,7 +39,7 @@ from femimpact.system.system import System
 
 
 class Stage(IntEnum):
-    """From where on a changed value makes a case anew; what comes first in running order is the lowest."""
+    """The first step of making a case that a changed value repeats, in the order of the steps."""
 
     MODES = 0
     DAMPING = 1
@@ -66,7 +66,7 @@ PARTS = {
 """Tables of a study file, and the fields of `Structure` that they become."""
 
 OF_BALL = ("mass", "free_stiffness", "acceleration")
-"""Numbers of a ball in a system; its acceleration there is the whole, with gravity."""
+"""Numbers of a ball in a system; its acceleration there includes gravity."""
 
 BASE = {"frequency": "Hz", "amplitude": "m", "phase": "rad", "start": ""}
 
@@ -90,8 +90,8 @@ def paths_of_system(system: System) -> dict[str, Place]:
 
 def paths_of_function(names: tuple[str, ...], system: System) -> dict[str, Place]:
     """The same of a function that returns a structure or a system, whose arguments are values, too."""
-    own = {name: Place(name, "", Stage.MODES, "function", "", name) for name in names}
-    return {**paths_of_system(system), **own}
+    arguments = {name: Place(name, "", Stage.MODES, "function", "", name) for name in names}
+    return {**paths_of_system(system), **arguments}
 
 
 def _places(study: Study) -> Iterator[Place]:
@@ -163,12 +163,12 @@ def _fields_of(noun: Any, owner: str, part: str, stage: Stage) -> Iterator[Place
         is_place = item.name in ("at", "to")
         if not unit and not is_place:
             continue
-        own = stage
+        changed = stage
         if owner in ("impactor", "stop"):
             # an acceleration is added to gravity, which the structure has
             of_ball = item.name in OF_BALL and item.name != "acceleration"
-            own = Stage.CASE if item.name == "gap" else Stage.BALL if of_ball else stage
-        yield _place(owner, part, item.name, "m" if is_place else unit, own)
+            changed = Stage.CASE if item.name == "gap" else Stage.BALL if of_ball else stage
+        yield _place(owner, part, item.name, "m" if is_place else unit, changed)
 
 
 def _law_of(owner: str, part: str, law: Any) -> Iterator[Place]:
@@ -250,7 +250,7 @@ def _item_with(item: Any, name: str, value: Any) -> Any:
 
 
 def unknown_path(path: str, known: Mapping[str, Place], of_system: bool) -> Fault:
-    """What is wrong with a path that is not known."""
+    """The fault of a path that is not known."""
     parts = ("beam", "mass", "damping", "mesh", "reduction", "gravity", "spring", "dashpot", "support")
     if of_system and path.partition(".")[0] in parts:
         return Fault(path, None, "", f"{FIXED}: give a Study, or a function that returns a structure")
@@ -263,16 +263,6 @@ KEPT = 16
 """Systems that are kept for later cases."""
 
 Values = Mapping[Place, Any]
-
-
-def default_method(system: System) -> Method:
-    """Event-driven where that takes the system, else Newmark's with the recommended step."""
-    method = EventDriven()
-    try:
-        method.check(system)
-    except InputError:
-        return Newmark.for_system(system)
-    return method
 
 
 @dataclass(eq=False)
@@ -351,13 +341,19 @@ class CaseSystems:
     def method_of(self, system: System, values: Values) -> Method:
         """The method for a system with the contacts of a case.
 
+        Of a system or a function it is by default event-driven, or Newmark's where that does not take the system.
+
         Raises `InputError` if it does not take the system.
         """
         if self.method is not None:
             self.method.check(system)
             return self.method
         if not isinstance(self.given, Study):
-            return default_method(system)
+            try:
+                EventDriven().check(system)
+            except InputError:
+                return Newmark.for_system(system)
+            return EventDriven()
         study = study_with(self.given, {place: v for place, v in values.items() if place.stage == Stage.METHOD})
         method = method_for(study, system)
         check_method(study, system, method)
@@ -393,7 +389,7 @@ def _with_balls(system: System, values: Values) -> System:
 
 
 def _is_damping_of_modes(study: Study, damping: Rayleigh | ModalDamping | None) -> bool:
-    """Whether the damping of the reduced system is that of these ratios alone."""
+    """True if the damping of the reduced system follows from these ratios alone."""
     kept = study.reduction.modes if study.reduction else math.inf
     if study.structure.dashpots or damping is None:
         return False

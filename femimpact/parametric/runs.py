@@ -1,7 +1,7 @@
 """Runs of the cases of a study: which run together, their laws and methods, where their balls start.
 
 Cases whose base moves by a sine are dwells that a compiled call takes many of at once. Those of any other motion (a
-chirp, a random motion, a shock, a record) are separate runs of the whole history.
+chirp, a random motion, a shock, a record) are separate runs of the complete history.
 """
 
 from __future__ import annotations
