@@ -24,7 +24,7 @@ class Method(Protocol):
     """A method of time integration, from a system and an excitation to a response.
 
     A user's class with these members is a method like those of `METHODS`; one with steps of the Newmark
-    family has them all from `stepping.newmark.SteppingAnswers` but its scheme.
+    family has them all from `stepping.newmark.SteppingMembers` but its scheme.
     """
 
     @classmethod
@@ -107,7 +107,7 @@ METHODS: Mapping[str, type[Method]] = {
 }
 """Methods by the name that a study file gives them."""
 
-ANSWERS = tuple(name for name in vars(Method) if not name.startswith("_"))
+MEMBERS = tuple(name for name in vars(Method) if not name.startswith("_"))
 """Members that a value must have to be a method, beside one of `run_cases` and `run_dwells`."""
 
 
@@ -115,7 +115,7 @@ def require_method(method: object) -> None:
     """Raise `InputError`, naming the missing members, unless the value has all members of a method."""
     *others, last = (noun.__name__ for noun in METHODS.values())
     allowed = f"must be a {', '.join(others)} or {last}"
-    needed = ANSWERS if hasattr(method, "run_cases") else (*ANSWERS, "run_dwells")
+    needed = MEMBERS if hasattr(method, "run_cases") else (*MEMBERS, "run_dwells")
     missing = [name for name in needed if not hasattr(method, name)]
     if missing and len(missing) < len(needed):
         allowed += f", or a method of your own that also has {', '.join(missing)}"

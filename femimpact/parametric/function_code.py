@@ -1,4 +1,4 @@
-"""Code of a function as read without running it: library or not, the names that it uses, its source files."""
+"""Code of functions, read without running it: its names, imports and source files, and what is a library."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ HEAP_TYPE = 1 << 9
 
 
 class NotComparableError(Exception):
-    """Why something has no form that could be compared with that of another call."""
+    """A value has no form that could be compared with that of another call; the message names it."""
 
 
 # ---- libraries ---------------------------------------------------------------------------------------
@@ -157,7 +157,7 @@ def _takes_literal(steps: list[dis.Instruction]) -> bool:
     return False
 
 
-# ---- modules and their files ---------------------------------------------------------------------------
+# ---- imports and source files ------------------------------------------------------------------------
 
 
 def imported_modules(code: types.CodeType, names: Mapping[str, Any]) -> list[types.ModuleType]:

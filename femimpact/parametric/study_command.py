@@ -1,4 +1,4 @@
-"""What `femimpact study` does: the parameter study of a study file, its table and its figures."""
+"""`femimpact study`: the parameter study of a study file, its table, figures, cost and summary."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 SECONDS_OF_MODES = 0.006
-"""Making the system of a case whose modes are its own, s."""
+"""Making a system with other modes, s."""
 
 SECONDS_OF_FIGURE = 0.5
 """Drawing a measure, s."""
@@ -125,8 +125,8 @@ def table_of(
     units: dict[str, str] = {}
     for group in (dataset.coords, dataset.data_vars):
         for name, values in group.items():
-            whole = values.broadcast_like(dataset["finished"]).transpose(*dataset["finished"].dims)
-            columns[str(name)] = np.asarray(whole.to_numpy()).reshape(int(np.prod(shape)))
+            column = values.broadcast_like(dataset["finished"]).transpose(*dataset["finished"].dims)
+            columns[str(name)] = np.asarray(column.to_numpy()).reshape(int(np.prod(shape)))
             unit = str(values.attrs.get("units", ""))
             if unit and unit != "1":
                 units[str(name)] = unit
@@ -157,7 +157,7 @@ def _drawn(dataset: xarray.Dataset, name: str) -> Any:
 
 
 def plan_lines(study: Study) -> list[str]:
-    """What the parameter study of a study file would take: cases, time, memory and disk.
+    """Lines on the number of cases, time, memory and disk space of the parameter study of a study file.
 
     Raises `InputError` as of `definition_of`.
     """
@@ -213,7 +213,7 @@ def _disk(given: ParameterStudy, study: Study) -> float:
 
 
 def summary_lines(dataset: xarray.Dataset, directory: Path) -> list[str]:
-    """What a study found, in a few lines."""
+    """Lines on the range of each measure and on cases that failed."""
     lines = list[str]()
     for name in itertools.islice((str(name) for name in dataset.data_vars), 40):
         values = dataset[name]
