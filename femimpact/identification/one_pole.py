@@ -156,9 +156,9 @@ def fit_one_pole(
     DampingEstimate
         With the 95 % interval of the linearised fit for independent noise of one size at all points. There is none
         where fewer than 15 points are fitted, or the misfit shows a pattern that such noise shows in at most 1 of 100
-        curves, by a Monte Carlo test (Hope, 1968): neighbouring residuals are correlated, or a second pole or a constant
-        added to the fit would remove much of the misfit (see `femimpact.identification.one_pole`). There is no ratio
-        where the points do not determine it or the largest amplitude is at an end of the grid.
+        curves, by a Monte Carlo test (Hope, 1968): neighbouring residuals are correlated, or a second pole or a
+        constant added to the fit would remove much of the misfit (see `femimpact.identification.one_pole`). There is
+        no ratio where the points do not determine it or the largest amplitude is at an end of the grid.
 
     Raises
     ------
