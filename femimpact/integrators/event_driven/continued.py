@@ -37,9 +37,9 @@ class Sampling:
 
 @dataclass(frozen=True, eq=False)
 class Held:
-    """What a run of one case has reached."""
+    """State of a run of one case where it ended."""
 
-    sampling: Sampling  # its own, from its end on
+    sampling: Sampling  # of the run, from its end on
     # arrays of `loop_data.Cases` by their names, in the closed form of the contact states; none where only the contacts
     # go on
     motion: Mapping[str, Array | Complex]
@@ -50,7 +50,7 @@ class Held:
 
 
 def held_by(initial: State, system: System, excitation: Excitation) -> Held | None:
-    """What goes on of the run that ended at an initial state.
+    """The state of the run that ended at an initial state, as far as it goes on; None where none does.
 
     Another acceleration of the base jumps, and with it the force of a pair that sticks: whether it still does is
     found anew.
