@@ -109,11 +109,11 @@ def final_state(
     copies = {name: _copy(values) for name, values in motion.items()}
     held = Held(sampling, copies, *(_copy(values[0]) for values in contacts))
     places, rates = ((_copy(row[:n]), _copy(row[n:])) for row in coordinates)
-    left = Continuation(KIND, held, places, rates, time, system, excitation, touching(held, system))
+    left = Continuation(KIND, held, places, rates, time, system, excitation, contacts_in_progress(held, system))
     return State(places[0], rates[0], places[1], rates[1], time=time, continuation=left)
 
 
-def touching(held: Held | None, system: System) -> tuple[str, ...]:
+def contacts_in_progress(held: Held | None, system: System) -> tuple[str, ...]:
     """Names of the contacts in progress."""
     states = np.zeros(0) if held is None else held.state
     return tuple(pair.name for pair, state in zip(system.contacts, states, strict=False) if state != FREE)

@@ -371,8 +371,8 @@ class Space(NamedTuple):
     begin: Motion  # where the present closed form began
     trial: Motion
     mark: Motion  # up to where the ledger is written
-    spare: Motion
-    crest: Motion
+    scratch: Motion  # advanced to read the motion at other instants
+    peak_trial: Motion  # the same, to an estimate of a peak, or to the end of a cycle
     search: Search
     bounds: Bounds
     products: Products

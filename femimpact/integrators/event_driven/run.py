@@ -25,7 +25,13 @@ from femimpact.integrators.event_driven.block import (
     no_cycles,
     run_block,
 )
-from femimpact.integrators.event_driven.continued import Sampling, final_state, held_by, sampling_from, touching
+from femimpact.integrators.event_driven.continued import (
+    Sampling,
+    contacts_in_progress,
+    final_state,
+    held_by,
+    sampling_from,
+)
 from femimpact.integrators.event_driven.equations import equations_of, require_met
 from femimpact.integrators.event_driven.loop_data import (
     BEGUN,
@@ -483,7 +489,9 @@ def _response(run: _Run, stream: Stream, samples: int, begin: float) -> Response
         system=system,
         warnings=tuple(warnings),
         notes=(
-            *begun_anew(run.initial.continuation, touching(held_by(run.initial, system, run.excitation), system)),
+            *begun_anew(
+                run.initial.continuation, contacts_in_progress(held_by(run.initial, system, run.excitation), system)
+            ),
             *truncation_notes(system),
             *reaction_notes(system, run.drive, run.channels),
             *_open_contacts(run),
