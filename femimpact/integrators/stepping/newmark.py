@@ -46,7 +46,7 @@ def stepped_restitution(
     approach_speed: float,  # m/s
     phases: int,  # at how many instants within a step the touch is tried
 ) -> AchievedRestitution:
-    """Send the pair's effective mass against a wall with the method's own step, and look at the rebound.
+    """Send the pair's effective mass against a wall with the step of the method, and look at the rebound.
 
     Raises `InputError` if a collision does not end with this step, or a custom law gives a force that is not
     finite.
@@ -86,7 +86,7 @@ AT_ONCE = 64
 
 
 class SteppingMembers:
-    """Members of `methods.Method` for a method with steps, from those of `operators.SteppingMethod`."""
+    """Members of `methods.Method` that all methods with steps share, for one that satisfies `operators.SteppingMethod`."""
 
     @classmethod
     def for_system(cls, system: System, **settings: Any) -> Self:
@@ -96,7 +96,7 @@ class SteppingMembers:
 
     @property
     def unit(self) -> str:
-        """What the instants are called at which a run can be read."""
+        """Name of the instants at which a run can be read."""
         return "steps"
 
     @property
@@ -153,7 +153,7 @@ class SteppingMembers:
         return stepped_restitution(pair, self, approach_speed, phases)
 
     def cost(self: SteppingMethod, system: System, frequency: float) -> MethodCost:
-        """What a cycle of a frequency (Hz) takes on a system."""
+        """Time and memory that a cycle of a frequency (Hz) takes on a system."""
         kind = "modal" if system.is_diagonal else "physical"
         steps = 1e-9 * max(system.dofs, 4) / (frequency * self.dt)
         return MethodCost(NANOSECONDS[kind] * steps, WITHOUT_BALLS * BESIDE_OTHERS[kind] * steps, CYCLE, AT_ONCE)
@@ -169,7 +169,7 @@ class SteppingMembers:
         self: SteppingMethod, system: System, cases: SineCases, observed: NDArray[np.float64], instants: int,
         workers: int, progress: Progress | None = None,
     ) -> SineDwellResults:  # fmt: skip
-        """Many cases side by side, each with its own gaps, laws and start; see `runs.run_cases`."""
+        """Many cases side by side, each with its gaps, laws and start; see `runs.run_cases`."""
         return stepped_cases(system, cases, self, observed, instants, workers, progress)
 
 
