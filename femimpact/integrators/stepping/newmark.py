@@ -86,7 +86,7 @@ AT_ONCE = 64
 
 
 class SteppingMembers:
-    """Members of `methods.Method` that all methods with steps share, for one that satisfies `operators.SteppingMethod`."""
+    """Members of `methods.Method` that methods with steps share, for one that satisfies `operators.SteppingMethod`."""
 
     @classmethod
     def for_system(cls, system: System, **settings: Any) -> Self:
