@@ -27,9 +27,9 @@ LIMIT = 600.0
 
 CHILD = """
 import json, sys
-from femimpact.validation import reference_cases
+from femimpact.validation import REFERENCE_CASES
 found = {}
-for make in reference_cases.REFERENCE_CASES:
+for make in REFERENCE_CASES:
     try:
         case = make()
     except Exception as error:
@@ -153,11 +153,11 @@ MUTATIONS = (
         "compliance_v=np.ascontiguousarray(table @ v.T)",
         "compliance_v=np.ascontiguousarray(0.9 * table @ v.T)",
     ),
-    Mutation("mean_rate", "give_u=h * h * theta, give_v=h,", "give_u=h * h * theta, give_v=1.1 * h,"),
+    Mutation("mean_rate", "mass_response_v=h,", "mass_response_v=1.1 * h,"),
     Mutation(
         "jean_restitution",
-        "(rate + law.restitution * free.rate_before) / give_v",
-        "(rate + 1.02 * law.restitution * free.rate_before) / give_v",
+        "(rate + law.restitution * free.rate_before) / compliance_v",
+        "(rate + 1.02 * law.restitution * free.rate_before) / compliance_v",
     ),
     Mutation("stepped_contact_loss", "m.ledger(CONTACT_LOSS, c) += loss", "m.ledger(CONTACT_LOSS, c) += 0.0"),
     Mutation("stepped_ball_work", "MASS, j), c) * acting * increment", "MASS, j), c) * 0.0 * increment"),
@@ -183,8 +183,8 @@ MUTATIONS = (
     Mutation("ball_work", "0.5 * (after * after - before * before)", "0.4 * (after * after - before * before)"),
     Mutation(
         "energy_to_modes",
-        "9 + i) = own * (velocity(i) + 0.5 * own / b->mass(i))",
-        "9 + i) = own * velocity(i)",
+        "IMPACT_COLUMNS + i) = momentum * (velocity(i) + 0.5 * momentum / b->mass(i))",
+        "IMPACT_COLUMNS + i) = momentum * velocity(i)",
     ),
     Mutation("centring_spring", "K += pair.free_stiffness * np.outer(", "K += 0.9 * pair.free_stiffness * np.outer("),
     Mutation("centring_energy", "base), b.free_stiffness(j))", "base), 0.5 * b.free_stiffness(j))"),

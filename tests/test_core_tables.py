@@ -5,7 +5,6 @@ from __future__ import annotations
 import ast
 import inspect
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +12,7 @@ from builders import REFERENCE, reduced, with_ball
 
 import femimpact as fi
 from femimpact import core
+from femimpact.contact import laws
 from femimpact.integrators.event_driven import block, loop_data
 from femimpact.integrators.stepping import block as stepping_block
 from femimpact.integrators.stepping import layout
@@ -29,8 +29,6 @@ HANDED = {
     "task": loop_data.Task, "job": loop_data.Job, "ledger": loop_data.Ledger,
     "block": layout.Stepped, "fine": layout.Fine, "law": layout.Law,
 }  # fmt: skip
-
-SOURCES = Path(fi.__file__).parent / "core"
 
 
 def fields_of(noun, prefix):
@@ -63,38 +61,35 @@ def test_names_types_and_axes_are_those_of_the_core(name):
     assert list(fields_of(HANDED[name], name)) == list(rows_of(name))
 
 
-def test_rows_of_tables_have_the_same_order_on_both_sides():
-    text = (Path(fi.__file__).parent / "core" / "event_driven" / "loop_data.hpp").read_text(encoding="utf-8")
-    for names in (
-        "ENTERED, ENTERING, STARTED, RESUMED, STARTING",
-        "BEGUN, TOUCH_SPEED, PUSHED, LARGEST_FORCE, LASTED, LOST",
-    ):
-        assert names in text
-        assert [getattr(loop_data, name) for name in names.split(", ")] == list(range(len(names.split(", "))))
+ROWS = {
+    "case": loop_data, "touch of events": loop_data, "stop": loop_data, "total": impacts, "law kind": laws,
+    "last": layout, "ball": layout, "drive": layout, "ledger of steps": layout, "constants": layout,
+    "touch of steps": layout,
+}  # fmt: skip
+"""Modules that have the names of rows that the core numbers."""
 
 
-def enumerations(file):
-    """Every list of names that are numbered from 0 on."""
-    text = re.sub(r"//.*", "", (SOURCES / file).read_text(encoding="utf-8"))
-    return [re.findall(r"\w+", names) for names in re.findall(r"enum : Index \{([^}]*)\}", text)]
+def names_of_rows(name):
+    """Names that the core numbers from 0 on."""
+    (names,) = (shape for path, kind, shape, _ in core.tables() if (path, kind) == (name, "names"))
+    return names.split(", ")
 
 
-def test_rows_of_a_stepped_run_have_the_same_order_on_both_sides():
-    of_core = enumerations("stepping/loop_data.hpp")
-    assert len(of_core) == 6
-    for names in of_core:
-        assert [getattr(layout, name) for name in names] == list(range(len(names)))
+@pytest.mark.parametrize("name", ROWS)
+def test_names_of_rows_have_the_same_numbers_on_both_sides(name):
+    names = names_of_rows(name)
+    assert len(names) > 1
+    assert [getattr(ROWS[name], each) for each in names] == list(range(len(names)))
 
 
 def test_columns_of_tables_have_the_same_order_on_both_sides():
-    text = (SOURCES / "columns.hpp").read_text(encoding="utf-8")
-    cycle, totals = enumerations("columns.hpp")
-    assert cycle[:2] == ["MAXIMUM", "MINIMUM"]
-    assert cycle[-1] == "CYCLE_COLUMNS"
-    assert len(cycle) - 1 == len(impacts.CYCLE_COLUMNS)
-    assert [getattr(impacts, name) for name in totals] == list(range(len(impacts.TOTAL_COLUMNS)))
-    for name in ("ENERGY_COLUMNS", "IMPACT_COLUMNS"):
-        assert f"{name} = {len(getattr(impacts, name))};" in text
+    for name in ("energy", "impact"):
+        columns = getattr(impacts, f"{name.upper()}_COLUMNS")
+        assert names_of_rows(name) == [f"{name}_{column}".upper() for column in columns]
+    cycle = names_of_rows("cycle")
+    assert [column.partition("_")[0].lower() for column in cycle] == list(impacts.CYCLE_COLUMNS)
+    assert [getattr(impacts, each) for each in cycle[:2]] == [0, 1]
+    assert len(names_of_rows("total")) == len(impacts.TOTAL_COLUMNS)
 
 
 # ---- what is refused -------------------------------------------------------------------------------

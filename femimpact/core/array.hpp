@@ -127,11 +127,11 @@ struct Complex {
 // By the larger part of the divisor, so that no square overflows (R. L. Smith, 1962).
 inline Complex operator/(Complex a, Complex b) {
     if (__builtin_fabs(b.real) >= __builtin_fabs(b.imag)) {
-        double ratio = b.imag / b.real, whole = b.real + b.imag * ratio;
-        return {(a.real + a.imag * ratio) / whole, (a.imag - a.real * ratio) / whole};
+        double ratio = b.imag / b.real, divisor = b.real + b.imag * ratio;
+        return {(a.real + a.imag * ratio) / divisor, (a.imag - a.real * ratio) / divisor};
     }
-    double ratio = b.real / b.imag, whole = b.real * ratio + b.imag;
-    return {(a.real * ratio + a.imag) / whole, (a.imag * ratio - a.real) / whole};
+    double ratio = b.real / b.imag, divisor = b.real * ratio + b.imag;
+    return {(a.real * ratio + a.imag) / divisor, (a.imag * ratio - a.real) / divisor};
 }
 
 // The first where they are equal, or where one is not a number.

@@ -1,4 +1,4 @@
-"""The binary of the core: loaded once, where it is whole, fits this processor and comes of the sources beside it.
+"""The binary of the core: loaded once, where it is complete, fits this processor and comes of the sources beside it.
 
 The build writes its size and SHA-256 into a file beside it. Both are compared before it is loaded, since a library that
 is cut short ends the process at the first read beyond its end.
@@ -45,7 +45,7 @@ def record_of(binary: Path) -> Path:
 
 
 def record_text(content: bytes) -> bytes:
-    """What the record of a binary with this content says."""
+    """Text of the record of a binary with this content."""
     return f"{len(content)} bytes, SHA-256 {hashlib.sha256(content).hexdigest()}\n".encode()
 
 

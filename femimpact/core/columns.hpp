@@ -2,19 +2,28 @@
 #pragma once
 
 #include "array.hpp"
+#include "fields.hpp"
 
 namespace FEMIMPACT_TARGET {
 
 // Of the statistics of a cycle; the first two are extremes of the motion, the others sums over samples.
-enum : Index { MAXIMUM, MINIMUM, SQUARE, SINE_SUM, COSINE_SUM, SAMPLES, CYCLE_COLUMNS };
+ENUMERATION(CYCLE_NAMES, MAXIMUM, MINIMUM, SQUARE, SINE_SUM, COSINE_SUM, SAMPLES);
+constexpr Index CYCLE_COLUMNS = SAMPLES + 1;
 
-// Of energies (J) and how many these are; losses of the modes follow.
-constexpr Index ENERGY_COLUMNS = 7;
+// Of energies (J); losses of the modes follow.
+ENUMERATION(ENERGY_NAMES, ENERGY_KINETIC, ENERGY_STRAIN, ENERGY_BALL, ENERGY_CONTACT, ENERGY_WORK,
+            ENERGY_STRUCTURE_LOSS, ENERGY_CONTACT_LOSS);
+constexpr Index ENERGY_COLUMNS = ENERGY_CONTACT_LOSS + 1;
 
-// Of impacts, and how many these are; what the modes are given follows.
-constexpr Index IMPACT_COLUMNS = 9;
+// Of impacts (s, 1, 1, m/s, m/s, N s, N, s, J); the energies given to the modes follow.
+ENUMERATION(IMPACT_NAMES, IMPACT_TIME, IMPACT_PAIR, IMPACT_SIDE, IMPACT_APPROACH_SPEED, IMPACT_REBOUND_SPEED,
+            IMPACT_IMPULSE, IMPACT_PEAK_FORCE, IMPACT_DURATION, IMPACT_ENERGY_LOSS);
+constexpr Index IMPACT_COLUMNS = IMPACT_ENERGY_LOSS + 1;
+
+// Of sticking phases (1, 1, s, s, N s).
+enum : Index { STICKING_PAIR, STICKING_SIDE, STICKING_START, STICKING_END, STICKING_IMPULSE };
 
 // Sums over the impacts of a window: the first four count impacts that end within it, the last two every force in it.
-enum : Index { COUNT, APPROACH_SUM, LARGEST_APPROACH, IMPULSE_SUM, PEAK_FORCE, FORCE_TIME };
+ENUMERATION(TOTAL_NAMES, COUNT, APPROACH_SUM, LARGEST_APPROACH, IMPULSE_SUM, PEAK_FORCE, FORCE_TIME);
 
 } // namespace FEMIMPACT_TARGET

@@ -26,7 +26,7 @@ ZIG = "0.17.1"
 """Version of `ziglang` that serves where there is no compiler."""
 
 TARGETS = {"x86_64": ("v2", "v3", "v4"), "arm64": ("arm64",)}
-"""What kernels.cpp is compiled for, by the kind of machine."""
+"""Targets for which kernels.cpp is compiled, by the kind of machine."""
 
 # nothing here may change a rounding: gcc 12 fuses multiplication and addition in its vectoriser whatever -ffp-contract
 # says, and CXXFLAGS, which stand before these, may ask for -ffast-math
@@ -80,7 +80,7 @@ class Compiler:
 
     @property
     def is_zig(self) -> bool:
-        """Whether its options are those of zig."""
+        """True where its options are those of zig."""
         return self.name.startswith("zig ")
 
 
@@ -250,9 +250,9 @@ def link_command(
         library = "-shared" if compiler.is_zig else "-bundle"
         ours[:1] = [library, "-undefined", "dynamic_lookup", "-Wl,-dead_strip_dylibs", "-mmacosx-version-min=11.0"]
     elif sys.platform == "win32":
-        # no library of the compiler's own: none is on a machine without it. With zig it is so
-        own = [] if compiler.is_zig else ["-static-libgcc"]
-        ours += [*own, f"-L{Path(sys.base_prefix, 'libs')}", "-lpython3"]
+        # no library that comes with the compiler: none is on a machine without it. With zig it is so
+        static = [] if compiler.is_zig else ["-static-libgcc"]
+        ours += [*static, f"-L{Path(sys.base_prefix, 'libs')}", "-lpython3"]
     else:
         ours += ["-Wl,--as-needed", *(["-s"] if kind in ("release", "zig") else [])]
     if compiler.is_zig:
@@ -274,7 +274,7 @@ def temporary_directory() -> Iterator[str]:
 
 
 def run_compiler(command: Sequence[str], directory: str) -> str:
-    """What a compiler prints that is run in a directory, without a shell."""
+    """Output of a compiler that is run in a directory, without a shell."""
     # what zig keeps from one call to the next goes with the directory, and so do a compiler's temporary files
     places = dict.fromkeys(("ZIG_GLOBAL_CACHE_DIR", "ZIG_LOCAL_CACHE_DIR"), str(Path(directory, "zig-cache")))
     places |= dict.fromkeys(("TMPDIR", "TMP", "TEMP"), directory)
@@ -324,12 +324,12 @@ def build_key(root: Path, compiler: Compiler, kind: str) -> str:
 
 
 def zig_requirement() -> str:
-    """What the package index is asked for where there is no compiler."""
+    """Packages to be installed for a build where there is no compiler."""
     return f"ziglang=={ZIG}"
 
 
 def needs_zig(root: Path, kind: str) -> bool:
-    """Whether a build has to ask the package index for zig."""
+    """True where a build has to install zig from the package index."""
     compiler = find_compiler(kind)
     return compiler.is_zig and not compiler.command and not _is_built(root, build_key(root, compiler, kind))
 
@@ -382,7 +382,7 @@ def build(root: Path, kind: str, say: Callable[[str], None] = print) -> bool:
 
 
 def _write(path: Path, content: bytes) -> None:
-    """Write a file whole: beside it and renamed, so that a process that has the earlier one open goes on with it."""
+    """Write a file at once: beside it and renamed, so that a process that has the earlier one open goes on with it."""
     part = path.with_name(f"{path.name}.{os.getpid()}")
     try:
         part.write_bytes(content)

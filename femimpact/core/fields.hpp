@@ -46,3 +46,8 @@ template <int N, int END, class Struct, class Visitor> void visit_places(Struct 
     }                                                                                                                  \
     type name
 #define GROUP(name, type) GROUP_AS(#name, name, type)
+
+// Names numbered from 0 on, as rows of an array, and a text of them: Python has the same names.
+#define ENUMERATION(text, ...)                                                                                         \
+    enum : Index { __VA_ARGS__ };                                                                                      \
+    constexpr const char *text = #__VA_ARGS__

@@ -107,24 +107,24 @@ class FromTuple {
         const unsigned char *end = nullptr, *end_of_written = nullptr;
         int last = 0, last_written = 0;
         for (int k = 0; k < count_; k++) {
-            const int own = order[k];
-            const auto *begin = static_cast<const unsigned char *>(arrays_[own].data());
-            const unsigned char *own_end = begin + arrays_[own].bytes();
-            if (own_end == begin)
+            const int place = order[k];
+            const auto *begin = static_cast<const unsigned char *>(arrays_[place].data());
+            const unsigned char *end_of_array = begin + arrays_[place].bytes();
+            if (end_of_array == begin)
                 continue;
-            if (begin < end_of_written || (written_[own] && begin < end)) {
+            if (begin < end_of_written || (written_[place] && begin < end)) {
                 const int other = begin < end_of_written ? last_written : last;
                 PyErr_Format(PyExc_ValueError, "%s.%s, %s.%s: must not share memory, one of them is written to",
-                             groups_[own], fields_[own], groups_[other], fields_[other]);
+                             groups_[place], fields_[place], groups_[other], fields_[other]);
                 return false;
             }
-            if (own_end > end) {
-                end = own_end;
-                last = own;
+            if (end_of_array > end) {
+                end = end_of_array;
+                last = place;
             }
-            if (written_[own]) {
-                end_of_written = own_end;
-                last_written = own;
+            if (written_[place]) {
+                end_of_written = end_of_array;
+                last_written = place;
             }
         }
         return true;
@@ -231,12 +231,12 @@ class FromTuple {
         static constexpr int GAPS[] = {57, 23, 10, 4, 1};
         for (const int gap : GAPS)
             for (int k = gap; k < count_; k++) {
-                const std::uint8_t own = order[k];
-                const void *address = arrays_[own].data();
+                const std::uint8_t array = order[k];
+                const void *address = arrays_[array].data();
                 int place = k;
                 for (; place >= gap && arrays_[order[place - gap]].data() > address; place -= gap)
                     order[place] = order[place - gap];
-                order[place] = own;
+                order[place] = array;
             }
     }
 
@@ -278,16 +278,17 @@ class FromTuple {
     bool failed_ = false;
 };
 
-// A visitor that lists names, types, shapes and writability of all values, in the order in which they are handed over.
+// Lists names, types, shapes and writability of all values, in the order in which they are handed over, and the names
+// of rows.
 class ToList {
   public:
     explicit ToList(PyObject *list) : list_(list) {}
 
     template <class Struct> void group(const char *name, Struct &values) {
         const char *outer = prefix_;
-        char own[80];
-        snprintf(own, sizeof own, "%s%s.", outer, name);
-        prefix_ = own;
+        char path[80];
+        snprintf(path, sizeof path, "%s%s.", outer, name);
+        prefix_ = path;
         values.fields(*this);
         prefix_ = outer;
     }
@@ -298,15 +299,18 @@ class ToList {
     void operator()(const char *name, Index &) { add(name, "int", "", false); }
     void operator()(const char *name, bool &) { add(name, "bool", "", false); }
 
+    // Names numbered from 0 on, in the place of a shape.
+    void enumeration(const char *name, const char *names) { add(name, "names", names, false); }
+
     bool failed() const { return failed_; }
 
   private:
     void add(const char *name, const char *type, const char *shape, bool writable) {
         if (failed_)
             return;
-        char own[120];
-        snprintf(own, sizeof own, "%s%s", prefix_, name);
-        PyObject *row = Py_BuildValue("(sssi)", own, type, shape, int(writable));
+        char path[120];
+        snprintf(path, sizeof path, "%s%s", prefix_, name);
+        PyObject *row = Py_BuildValue("(sssi)", path, type, shape, int(writable));
         failed_ = row == nullptr || PyList_Append(list_, row) != 0;
         if (row != nullptr)
             Py_DecRef(row);

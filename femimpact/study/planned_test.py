@@ -37,7 +37,7 @@ from femimpact.response.response import Recorder
 from femimpact.response.signals import LARGE, deflection_warnings
 from femimpact.structure.damping import ModalDamping
 from femimpact.structure.structure import Structure
-from femimpact.study.cost import refined_grid
+from femimpact.study.prepared import refined_grid
 from femimpact.study.study import Study, build, method_for
 from femimpact.sweep.curve import TRANSIENT_LEFT
 from femimpact.system.modes import Modes, first_elastic_frequency, first_resonance, solve_modes

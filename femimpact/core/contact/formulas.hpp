@@ -3,11 +3,13 @@
 #pragma once
 
 #include "../array.hpp"
+#include "../fields.hpp"
 
 namespace FEMIMPACT_TARGET {
 
 // Kinds of laws, numbered as in femimpact/contact/laws.py.
-enum : Index { KELVIN_VOIGT, SWITCHING_SPRING, POWER, CUSTOM, RIGID, KINDS };
+ENUMERATION(KIND_NAMES, KELVIN_VOIGT, SWITCHING_SPRING, POWER, CUSTOM, RIGID);
+constexpr Index KINDS = RIGID + 1;
 
 // Depth (m), and the side of the wall: +1, -1, or 0 between contacts.
 struct Penetration {
@@ -40,7 +42,7 @@ struct Penetration {
     return x_before > gap_plus || x_before < -gap_minus ? stiffness : free_stiffness;
 }
 
-// Work (J) that the force k(x) x does from the centre to x: the law's own potential.
+// Work (J) that the force k(x) x does from the centre to x: the potential of the law.
 [[gnu::always_inline]] inline double switching_potential(double x, double gap_plus, double gap_minus,
                                                          double free_stiffness, double stiffness) {
     double wall = x > 0.0 ? gap_plus : gap_minus;

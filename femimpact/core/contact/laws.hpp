@@ -1,4 +1,4 @@
-// The contact laws in the loop over steps. A rigid law has no force: its impulse is the step's own.
+// The contact laws in the loop over steps. A rigid law has no force: the step computes its impulse.
 #pragma once
 
 #include "../fields.hpp"
@@ -6,7 +6,7 @@
 
 namespace FEMIMPACT_TARGET {
 
-// Force (N) of a law of the user's own, for a depth (m), its rate and the approach speed (m/s).
+// Force (N) of a custom law, for a depth (m), its rate and the approach speed (m/s).
 using CustomForce = double (*)(double depth, double rate, double approach_speed);
 
 // Numbers of one pair's law, and of its contact in progress.
@@ -111,10 +111,10 @@ inline double elastic_potential(const Law &law, double depth) {
 }
 
 struct MeanForces {
-    double elastic, whole;
+    double elastic, normal;
 };
 
-// Elastic and whole normal force (N) of a step, as means over its displacement.
+// Elastic part of the normal force (N), and all of it, of a step, as means over its displacement.
 //
 // mean = (1/travel) integral of N(p, travel/dt) dp from before to after: depths at both ends of the step, no less than
 // 0; the travel is that of the pair, between contacts too. The elastic part is [V(after) - V(before)]/travel: its work
@@ -138,16 +138,16 @@ inline MeanForces mean_forces(const Law &law, double before, double after, doubl
         gained -= elastic_potential(law, before);
         elastic = gained / travel;
     }
-    double whole = elastic;
+    double normal = elastic;
     if (law.kind == POWER)
-        whole += law.damping > 0.0 ? elastic * law.damping * rate / law.approach : 0.0;
+        normal += law.damping > 0.0 ? elastic * law.damping * rate / law.approach : 0.0;
     else
         for (int i = 0; i < LAW_POINTS; i++) {
             double depth = before + LAW_NODES[i] * increment, share = LAW_WEIGHTS[i] * inside;
-            whole += share * normal_force(law, depth, rate);
-            whole -= share * elastic_force(law, depth);
+            normal += share * normal_force(law, depth, rate);
+            normal -= share * elastic_force(law, depth);
         }
-    return {elastic, larger(whole, 0.0)};
+    return {elastic, larger(normal, 0.0)};
 }
 
 // The same of both walls over the displacement of a step from one place of the pair to another (m), positive at the +
@@ -160,7 +160,7 @@ inline MeanForces mean_forces_of_walls(const Law &law, double x_before, double x
         if (before > 0.0 || after > 0.0) {
             auto mean = mean_forces(law, before, after, side * (x - x_before), dt);
             total.elastic += side * mean.elastic;
-            total.whole += side * mean.whole;
+            total.normal += side * mean.normal;
         }
     }
     return total;

@@ -5,7 +5,7 @@
 //     x(t + s) <= [x + x' s + S s^2/2 of the slow terms] + sum over the fast terms of |r_k|,
 //
 // since |e^z - 1 - z| <= |z|^2/2 and |e^z| <= 1 for Re z <= 0. Of a block of eigenvalues that lie together the same
-// holds with norms, since no motion of it grows: |r_k| is then |w_k| |h| with the whole block's h. Whatever split into
+// holds with norms, since no motion of it grows: |r_k| is then |w_k| |h| with h of all the block. Whatever split into
 // slow and fast is taken, the time at which the right-hand side meets the wall comes before any crossing: the motion is
 // advanced by the longest of these times, again and again. Close to a wall that it approaches with speed, the bound is
 // the tangent with a quadratic remainder, so that the distance left is squared by every advance, as in Newton's method,
@@ -15,6 +15,12 @@
 #include "motion.hpp"
 
 namespace FEMIMPACT_TARGET {
+
+// Items of `Search.found`, for scalar r: its value and rate, their rounding, and a time (s); see `clear_time`.
+enum : Index { VALUE, SLOPE, VALUE_ROUNDING, SLOPE_ROUNDING, FARTHER_TIME };
+
+// Or its second and third derivative, and bounds on the second to fourth; see `derivatives`.
+enum : Index { SECOND, THIRD, SECOND_SIZE, THIRD_SIZE, FOURTH_SIZE };
 
 // A clearance below this share of the terms that make it is rounding: the pair is at its wall.
 constexpr double AT_WALL = 32.0 * 2.220446049250313e-16;
@@ -37,14 +43,14 @@ constexpr double STICKS = 2.0;
                                              double time) {
     double total = 0.0;
     for (Index order = DRIVE - 1; order >= from; order--) {
-        double own = derivative(scalars.follow, r, d, order);
+        double change = derivative(scalars.follow, r, d, order);
         for (Index i = 0; i < scalars.rigid_body_given.size(); i++) {
             // x = p y + q y' with y'' = s times a factor
             double p = scalars.rigid_body_weight(r, i), q = scalars.rigid_body_rate_weight(r, i);
             double higher = order + 1 < DRIVE ? q * d(order + 1) : 0.0;
-            own += scalars.rigid_body_drive(i) * (p * d(order) + higher);
+            change += scalars.rigid_body_drive(i) * (p * d(order) + higher);
         }
-        total = magnitude(own) * INVERSE_FACTORIAL[order - of] + total * time;
+        total = magnitude(change) * INVERSE_FACTORIAL[order - of] + total * time;
     }
     for (Index n = of; n < from; n++)
         total *= time;
@@ -191,11 +197,11 @@ constexpr double STICKS = 2.0;
             down = larger(down, first_meeting(under, -rate, bend - pull + twist));
         if (k < active) {
             Complex weight = scalars.weight(r, k), h = motion.entry(k), h_rate = rate_of(k);
-            double own = scalars.weight_size(r, k) * size(k);
+            double size_of_term = scalars.weight_size(r, k) * size(k);
             value += weight.real * h.real - weight.imag * h.imag;
             rate += weight.real * h_rate.real - weight.imag * h_rate.imag;
-            fast = k + 1 < active ? fast - own : 0.0;
-            double speed = own * scalars.size(k);
+            fast = k + 1 < active ? fast - size_of_term : 0.0;
+            double speed = size_of_term * scalars.size(k);
             scale_rate += speed;
             if (k < scalars.driven) {
                 pull += (weight * search.power(1, k)).real;
@@ -204,20 +210,20 @@ constexpr double STICKS = 2.0;
                 bend += speed * scalars.size(k);
         }
     }
-    found(0) = value;
-    found(1) = rate;
+    found(VALUE) = value;
+    found(SLOPE) = rate;
     if (upper < INFINITE)
         scale += magnitude(upper);
     if (lower > -INFINITE)
         scale += magnitude(lower);
-    found(2) = AT_WALL * (scale + 0.1 * scalars.omega * size_of_sine * motion.clock(0));
-    found(3) = AT_WALL * scale_rate;
+    found(VALUE_ROUNDING) = AT_WALL * (scale + 0.1 * scalars.omega * size_of_sine * motion.clock(0));
+    found(SLOPE_ROUNDING) = AT_WALL * scale_rate;
     // at the wall and leaving it with speed: the parabola returns later
     if (up == 0.0 && rate < 0.0)
         up = first_meeting(0.0, rate, bend + pull + twist);
     if (down == 0.0 && rate > 0.0)
         down = first_meeting(0.0, -rate, bend - pull + twist);
-    found(4) = upper - value < value - lower ? down : up;
+    found(FARTHER_TIME) = upper - value < value - lower ? down : up;
     return smaller(up, down);
 }
 
@@ -271,16 +277,16 @@ constexpr double STICKS = 2.0;
             size4 += rate * twisted + weight * largest_push(scalars, k, ahead[1], ahead[2], ahead[3]);
             continue;
         }
-        double own = weight * size(k) * (rate * rate);
-        size2 += own;
-        size3 += own * rate;
-        size4 += own * (rate * rate);
+        double bent = weight * size(k) * (rate * rate);
+        size2 += bent;
+        size3 += bent * rate;
+        size4 += bent * (rate * rate);
     }
-    found(0) = second;
-    found(1) = third;
-    found(2) = size2;
-    found(3) = size3;
-    found(4) = size4;
+    found(SECOND) = second;
+    found(THIRD) = third;
+    found(SECOND_SIZE) = size2;
+    found(THIRD_SIZE) = size3;
+    found(FOURTH_SIZE) = size4;
 }
 
 } // namespace FEMIMPACT_TARGET

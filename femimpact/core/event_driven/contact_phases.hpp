@@ -6,12 +6,12 @@
 
 namespace FEMIMPACT_TARGET {
 
-// Sets the spare motion to the present one at an instant from now on.
+// Sets the scratch motion to the present one at an instant from now on.
 [[gnu::always_inline]] inline void set_motion_at(double time, const Scalars &scalars, const Space &space) {
-    copy_motion(space.motion, space.spare);
-    if (time > space.spare.clock(0)) {
-        move(scalars, space.spare, time - space.spare.clock(0));
-        space.spare.clock(0) = time;
+    copy_motion(space.motion, space.scratch);
+    if (time > space.scratch.clock(0)) {
+        move(scalars, space.scratch, time - space.scratch.clock(0));
+        space.scratch.clock(0) = time;
     }
 }
 
@@ -41,7 +41,7 @@ namespace FEMIMPACT_TARGET {
     Index r = c.state.size() + j;
     double side = side_of(c.state(j)), duration = end - begin;
     set_motion_at(begin, scalars, space);
-    const Motion &motion = space.spare;
+    const Motion &motion = space.scratch;
     if (has_blocks(scalars) || scalars.driven > 0)
         return side * integral_over_points(r, duration, scalars, motion);
     double total = scalars.constant(r) * duration;
@@ -59,14 +59,14 @@ namespace FEMIMPACT_TARGET {
         total += later;
     } else {
         auto [cosine, sine] = cosine_and_sine(scalars.omega * duration);
-        Complex own = integral_of({0.0, scalars.omega}, {cosine, sine}, duration);
-        total += (scalars.sine(r) * unit_phase(scalars.omega, motion.clock) * own).real;
+        Complex integral = integral_of({0.0, scalars.omega}, {cosine, sine}, duration);
+        total += (scalars.sine(r) * unit_phase(scalars.omega, motion.clock) * integral).real;
     }
     ComplexArray growth = scalars.growth;
     exponentials(scalars.exponent, duration, growth);
     for (Index k = 0; k < scalars.exponent.size(); k++) {
-        Complex own = integral_of(scalars.exponent(k), growth(k), duration);
-        total += (scalars.weight(r, k) * motion.entry(k) * own).real;
+        Complex integral = integral_of(scalars.exponent(k), growth(k), duration);
+        total += (scalars.weight(r, k) * motion.entry(k) * integral).real;
     }
     return side * total;
 }
@@ -78,10 +78,10 @@ namespace FEMIMPACT_TARGET {
     double side = side_of(c.state(j));
     Array row = space.extremes;
     set_motion_at(end, scalars, space);
-    double last = scalar_now(r, scalars, space.spare);
+    double last = scalar_now(r, scalars, space.scratch);
     row(0) = larger(larger(side * known, last), 0.0);
     row(1) = smaller(smaller(side * known, last), 0.0);
-    copy_motion(space.motion, space.spare);
+    copy_motion(space.motion, space.scratch);
     follow_peak(r, side, begin, end, least, scalars, space, row);
     return side > 0.0 ? row(0) : -row(1);
 }
@@ -164,17 +164,17 @@ namespace FEMIMPACT_TARGET {
     Index row = tables.number(0);
     if (row < tables.impacts.shape[0]) {
         Array out = tables.impacts.row(row);
-        out(0) = touch(BEGUN, j);
-        out(1) = double(j);
-        out(2) = side;
-        out(3) = touch(TOUCH_SPEED, j);
-        out(4) = rebound;
-        out(5) = touch(PUSHED, j);
-        out(6) = touch(LARGEST_FORCE, j);
-        out(7) = touch(LASTED, j);
-        out(8) = touch(LOST, j);
+        out(IMPACT_TIME) = touch(BEGUN, j);
+        out(IMPACT_PAIR) = double(j);
+        out(IMPACT_SIDE) = side;
+        out(IMPACT_APPROACH_SPEED) = touch(TOUCH_SPEED, j);
+        out(IMPACT_REBOUND_SPEED) = rebound;
+        out(IMPACT_IMPULSE) = touch(PUSHED, j);
+        out(IMPACT_PEAK_FORCE) = touch(LARGEST_FORCE, j);
+        out(IMPACT_DURATION) = touch(LASTED, j);
+        out(IMPACT_ENERGY_LOSS) = touch(LOST, j);
         for (Index i = 0; i < c.to_modes.shape[1]; i++)
-            out(9 + i) = c.to_modes(j, i);
+            out(IMPACT_COLUMNS + i) = c.to_modes(j, i);
     }
     tables.number(0) = row + 1;
 }
@@ -191,20 +191,20 @@ namespace FEMIMPACT_TARGET {
         if (before >= tables.sticking.shape[0])
             continue;
         Array out = tables.sticking.row(before);
-        if (out(0) == double(j) && out(1) == side && out(3) >= start) {
-            out(3) = time;
-            out(4) = out(4) + impulse;
+        if (out(STICKING_PAIR) == double(j) && out(STICKING_SIDE) == side && out(STICKING_END) >= start) {
+            out(STICKING_END) = time;
+            out(STICKING_IMPULSE) = out(STICKING_IMPULSE) + impulse;
             return;
         }
     }
     if (time > start || impulse != 0.0) {
         if (row < tables.sticking.shape[0]) {
             Array out = tables.sticking.row(row);
-            out(0) = double(j);
-            out(1) = side;
-            out(2) = start;
-            out(3) = time;
-            out(4) = impulse;
+            out(STICKING_PAIR) = double(j);
+            out(STICKING_SIDE) = side;
+            out(STICKING_START) = start;
+            out(STICKING_END) = time;
+            out(STICKING_IMPULSE) = impulse;
         }
         tables.number(1) = row + 1;
     }

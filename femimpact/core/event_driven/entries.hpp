@@ -62,6 +62,15 @@ inline void list_tables(ToList &rows) {
     rows.group("job", job);
     rows.group("ledger", ledger);
     rows.group("search_call", search_call);
+    rows.enumeration("case", ENTRY_NAMES);
+    rows.enumeration("touch of events", TOUCH_NAMES);
+    rows.enumeration("stop", STOP_NAMES);
+    rows.enumeration("search", SEARCH_NAMES);
+    rows.enumeration("cycle", CYCLE_NAMES);
+    rows.enumeration("energy", ENERGY_NAMES);
+    rows.enumeration("impact", IMPACT_NAMES);
+    rows.enumeration("total", TOTAL_NAMES);
+    rows.enumeration("law kind", KIND_NAMES);
 }
 
 } // namespace FEMIMPACT_TARGET

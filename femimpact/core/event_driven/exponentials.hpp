@@ -16,7 +16,7 @@ constexpr double LARGEST_ANGLE = 1e6;
 // Negative exponent up to which e^x is no denormal number.
 constexpr double LARGEST_DECAY = 700.0;
 
-// 3 . 2^51: added and taken off again it rounds to the nearest whole number.
+// 3 . 2^51: added and taken off again it rounds to the nearest integer.
 constexpr double ROUND = 6755399441055744.0;
 
 // pi/2 in parts, the first two of 33 bits.

@@ -223,10 +223,10 @@ inline const char *fault_of(const Task &task, const Job &job, const Ledger *ledg
     const Grid &grid = job.grid;
     const Index pairs = job.cases.state.shape[1], coordinates = job.cases.coordinates.shape[2];
     // of coordinates of the structure: what a table of impacts and a row of energies have room for
-    const Index own = grid.energy.shape[2] - 7;
+    const Index modes = grid.energy.shape[2] - ENERGY_COLUMNS;
     if (pairs > MOST_PAIRS)
         return "cases.state: must be of at most 62 pairs";
-    if (own > coordinates || job.cases.to_modes.shape[2] > own)
+    if (modes > coordinates || job.cases.to_modes.shape[2] > modes)
         return "cases.to_modes, grid.energy: must have at most a column for each coordinate of the structure";
     if (!(grid.per_cycle >= 1.0 && grid.per_cycle + 1.0 <= double(job.space.samples.size())))
         return "grid.per_cycle: must be >= 1, and less than space.samples has";
@@ -237,7 +237,7 @@ inline const char *fault_of(const Task &task, const Job &job, const Ledger *ledg
         return "tables, snapshots: are of a single case";
     // losses are summed of the structure's coordinates only
     if (ledger != nullptr)
-        for (Index i = own; i < ledger->damping.size(); i++)
+        for (Index i = modes; i < ledger->damping.size(); i++)
             if (ledger->damping(i) != 0.0)
                 return "ledger.damping: must be zero for balls";
     if (const char *fault = fault_of(job.forms, job.cases.known.shape[1]))

@@ -86,11 +86,11 @@ constexpr double PLACES = 16.0 * 2.220446049250313e-16;
         active = active || is_active(c.state(j));
         moving = moving || (is_active(c.state(j)) && pairs.in_space(j) != 0.0);
     }
-    bool touching = any_compliant(c, pairs);
+    bool compliant = any_compliant(c, pairs);
     read_coordinates(form.shapes, motion, s.after);
     if (duration > 0.0) {
         read_coordinates(form.shapes, mark, s.before);
-        if (touching)
+        if (compliant)
             b.contact_loss(c.number) += add_separating(pairs, c, space);
         if (has_blocks(scalars) || moving || (scalars.degree >= 0 && active) ||
             are_mixed(form.shapes, scalars.driven, b.mass.size())) {
@@ -116,7 +116,7 @@ constexpr double PLACES = 16.0 * 2.220446049250313e-16;
                     c.touch(LOST, j) += loss;
                 }
         }
-        if (touching)
+        if (compliant)
             b.rounding(c.number) += rounding_of_contacts(pairs, c, s.after);
     }
     copy_motion(motion, mark);
@@ -128,24 +128,25 @@ constexpr double PLACES = 16.0 * 2.220446049250313e-16;
                                            const Ledger &b, Array out) {
     Index n = b.loss_of_mode.shape[1];
     double base = base_motion(c, motion).position;
-    out(0) = out(1) = out(2) = out(3) = out(5) = 0.0;
+    out(ENERGY_KINETIC) = out(ENERGY_STRAIN) = out(ENERGY_BALL) = out(ENERGY_CONTACT) = out(ENERGY_STRUCTURE_LOSS) =
+        0.0;
     for (Index i = 0; i < b.mass.size(); i++) {
         double kinetic = 0.5 * b.mass(i) * (state(1, i) * state(1, i));
         if (i < n) {
-            out(0) += kinetic;
-            out(1) += 0.5 * b.stiffness(i) * (state(0, i) * state(0, i));
-            out(5) += b.loss_of_mode(c.number, i);
-            out(7 + i) = b.loss_of_mode(c.number, i);
+            out(ENERGY_KINETIC) += kinetic;
+            out(ENERGY_STRAIN) += 0.5 * b.stiffness(i) * (state(0, i) * state(0, i));
+            out(ENERGY_STRUCTURE_LOSS) += b.loss_of_mode(c.number, i);
+            out(ENERGY_COLUMNS + i) = b.loss_of_mode(c.number, i);
         } else
-            out(2) += kinetic;
+            out(ENERGY_BALL) += kinetic;
     }
     for (Index j = 0; j < c.state.size(); j++) {
-        out(3) += spring_potential(gap_of(j, pairs, state.row(0), base), b.free_stiffness(j));
+        out(ENERGY_CONTACT) += spring_potential(gap_of(j, pairs, state.row(0), base), b.free_stiffness(j));
         if (c.state(j) != FREE && !pairs.rigid(j))
-            out(3) += stored_in_wall(j, pairs, c, state.row(0), base);
+            out(ENERGY_CONTACT) += stored_in_wall(j, pairs, c, state.row(0), base);
     }
-    out(4) = b.work(c.number);
-    out(6) = b.contact_loss(c.number);
+    out(ENERGY_WORK) = b.work(c.number);
+    out(ENERGY_CONTACT_LOSS) = b.contact_loss(c.number);
 }
 
 } // namespace FEMIMPACT_TARGET

@@ -11,19 +11,19 @@ namespace FEMIMPACT_TARGET {
 [[gnu::noinline]] inline void sum_over_points(double duration, const Form &form, const Pairs &pairs, const Case &c,
                                               const Space &space, const Ledger &b) {
     const Scalars &scalars = form.scalars;
-    const Motion &spare = space.spare;
+    const Motion &scratch = space.scratch;
     Matrix after = space.products.after;
-    copy_motion(space.mark, spare);
+    copy_motion(space.mark, scratch);
     double start = space.mark.clock(0), elapsed = 0.0;
     while (elapsed < duration) {
-        double panel = next_panel(elapsed, duration - elapsed, scalars, spare), half = 0.5 * panel;
+        double panel = next_panel(elapsed, duration - elapsed, scalars, scratch), half = 0.5 * panel;
         for (Index node = 0; node < GAUSS_POINTS; node++) {
             double time = start + elapsed + half * (1.0 + NODES[node]), share = half * WEIGHTS[node];
-            move(scalars, spare, time - spare.clock(0));
-            read_coordinates(form.shapes, spare, after);
-            Complex phase = unit_phase(scalars.omega, spare.clock);
-            double acting = scalars.degree >= 0 ? spare.drive(2) : c.amplitude * phase.imag;
-            double base_rate = base_motion(c, spare).rate;
+            move(scalars, scratch, time - scratch.clock(0));
+            read_coordinates(form.shapes, scratch, after);
+            Complex phase = unit_phase(scalars.omega, scratch.clock);
+            double acting = scalars.degree >= 0 ? scratch.drive(2) : c.amplitude * phase.imag;
+            double base_rate = base_motion(c, scratch).rate;
             for (Index i = 0; i < b.mass.size(); i++) {
                 double v = after(1, i);
                 b.work(c.number) += share * (b.load(i) * acting + b.given(i)) * v;
@@ -33,7 +33,7 @@ namespace FEMIMPACT_TARGET {
             for (Index j = 0; j < c.state.size(); j++) {
                 if (!is_active(c.state(j)))
                     continue;
-                double force = value_now(c.state.size() + j, scalars.exponent.size(), phase, scalars, spare);
+                double force = value_now(c.state.size() + j, scalars.exponent.size(), phase, scalars, scratch);
                 // what holds a stop in space does work where the stop moves against the base
                 b.work(c.number) -= share * force * pairs.in_space(j) * base_rate;
                 if (pairs.rigid(j))

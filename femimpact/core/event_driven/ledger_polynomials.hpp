@@ -163,10 +163,10 @@ constexpr SeriesOfMoments SERIES;
         }
         work += b.load(i) * driven + b.given(i) * (s.after(0, i) - s.before(0, i));
         if (b.damping(i) > 0.0) {
-            double own = integral_of_product(steady, steady, duration) + 2.0 * twice;
+            double square = integral_of_product(steady, steady, duration) + 2.0 * twice;
             if (!is_driven)
-                own += square_of(strength, s.plus, s.minus, terms);
-            b.loss_of_mode(c.number, i) += b.damping(i) * own;
+                square += square_of(strength, s.plus, s.minus, terms);
+            b.loss_of_mode(c.number, i) += b.damping(i) * square;
         }
     }
     b.work(c.number) += work;

@@ -8,7 +8,7 @@ namespace FEMIMPACT_TARGET {
 
 // What a case stopped for: its end, a closed form not made before, a steady motion that is unbounded, or events that do
 // not end.
-enum : Index { DONE, FORM_WANTED, RESONANT, UNENDING };
+ENUMERATION(STOP_NAMES, DONE, FORM_WANTED, RESONANT, UNENDING);
 
 // Events at one instant beyond which the motion is called unresolved.
 constexpr Index EVENTS_AT_ONCE = 200;
@@ -263,14 +263,14 @@ inline void run_cases(const Task &task, const Job &job, const Ledger *b) {
     for (Index i = 0; i < task.members.size(); i++) {
         Index c = task.members(i);
         Motion kept = motion_of(c, cases);
-        Case own = case_of(c, cases);
+        Case present = case_of(c, cases);
         copy_motion(kept, space.motion);
         for (Index r = 0; r < leaving.size(); r++)
             leaving(r) = cases.leaving(c, r);
         // nothing is read before
         cases.sample(c) = larger(cases.sample(c), task.begin(c));
         double until = job.grid.start(c) + double(task.end(c)) * job.grid.interval(c);
-        task.stopped(c) = run_case(task.begin(c), until, task.most(c), own, job, b);
+        task.stopped(c) = run_case(task.begin(c), until, task.most(c), present, job, b);
         copy_motion(space.motion, kept);
         for (Index r = 0; r < leaving.size(); r++)
             cases.leaving(c, r) = leaving(r);

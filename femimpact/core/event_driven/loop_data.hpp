@@ -21,11 +21,11 @@ constexpr double FREE = 0.0, CONTACT = 1.0, SEPARATING = 2.0;
 // How a case stands to its closed form: in it; to enter it with the coordinates it has; as a start whose contact states
 // are found; the same with the motion of an earlier run in that form; or as a start whose contact states are still to
 // be found.
-enum : Index { ENTERED, ENTERING, STARTED, RESUMED, STARTING };
+ENUMERATION(ENTRY_NAMES, ENTERED, ENTERING, STARTED, RESUMED, STARTING);
 
-// What a contact that has not ended adds up to: start (s), approach speed (m/s), impulse (N s), largest force (N),
-// duration (s) and loss (J).
-enum : Index { BEGUN, TOUCH_SPEED, PUSHED, LARGEST_FORCE, LASTED, LOST };
+// Rows of Cases.touch, of a contact that has not ended: start (s), approach speed (m/s), impulse (N s), largest force
+// (N), duration (s) and loss (J).
+ENUMERATION(TOUCH_NAMES, BEGUN, TOUCH_SPEED, PUSHED, LARGEST_FORCE, LASTED, LOST);
 
 using GivenFlags = View<const unsigned char, 1>;
 
@@ -156,7 +156,7 @@ struct Shapes {
     Index rigid_bodies;
 };
 
-// The closed form that a case is in, with what its own drive and walls make of it.
+// The closed form that a case is in, with the parts that its drive and walls determine.
 struct Form {
     Scalars scalars;
     Shapes shapes;
@@ -246,7 +246,7 @@ struct Grid {
     FIELDS_BEGIN;
     ARRAY(start, "C", GivenArray);     // s, of sample 0
     ARRAY(interval, "C", GivenArray);  // s
-    NUMBER(per_cycle, double);         // samples, which need not be whole
+    NUMBER(per_cycle, double);         // samples, not always an integer
     ARRAY(origin, "C", GivenIndices);  // sample with which the first cycle begins
     ARRAY(cycle, "C", View<Index, 1>); // cycle whose peak is being looked for
     // largest, smallest, sums of w^2, w sin and w cos, samples, and the times of the extremes (s) of each cycle
@@ -330,9 +330,9 @@ struct Space {
     GROUP(motion, Motion); // of the present case
     GROUP(begin, Motion);  // where the present closed form began
     GROUP(trial, Motion);
-    GROUP(mark, Motion); // up to where the ledger is written
-    GROUP(spare, Motion);
-    GROUP(crest, Motion);
+    GROUP(mark, Motion);       // up to where the ledger is written
+    GROUP(scratch, Motion);    // advanced to read the motion at other instants
+    GROUP(peak_trial, Motion); // the same, to an estimate of a peak, or to the end of a cycle
     GROUP(search, Search);
     GROUP(bounds, Bounds);
     GROUP(products, Products);

@@ -194,7 +194,7 @@ constexpr double INVERSE[MOST_TERMS + 1] = {
 // Adds what a polynomial does to driven entries in a time, which the rest of `move` leaves out.
 //
 // H' = Lambda H + F has the Taylor series of c_0 = 0, c_{n+1} = Lambda c_n + F^(n). An entry that is slow beside the
-// polynomial has its whole response; of a fast one the response that is a polynomial itself is apart (`follow`), and
+// polynomial has all of its response; of a fast one the response that is a polynomial itself is apart (`follow`), and
 // its entry is the rest. Taken apart too, the response of a slow one would be a small difference of large numbers.
 [[gnu::noinline]] inline void drive_entries(const Scalars &scalars, const Motion &motion, double duration) {
     if (!are_pushed(scalars, motion.drive))

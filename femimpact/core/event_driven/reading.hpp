@@ -6,7 +6,7 @@
 
 namespace FEMIMPACT_TARGET {
 
-// Share of the largest value by which a crest may stand out and not be looked for.
+// Share of the largest value by which a peak may stand out and not be looked for.
 constexpr double PEAK_TOLERANCE = 1e-10;
 
 // Of the time between two samples: what the search for a peak advances at least.
@@ -21,7 +21,7 @@ constexpr double LEAST_MOTION = 1e-20;
 // Least advances below which a time is short.
 constexpr double SHORT = 1e3;
 
-constexpr Index NEWTON_STEPS_OF_CREST = 6;
+constexpr Index NEWTON_STEPS_OF_PEAK = 6;
 
 // Where the times of the extremes stand in a row of `Grid.cycles`.
 constexpr Index MAXIMUM_TIME = 6, MINIMUM_TIME = 7;
@@ -61,7 +61,7 @@ constexpr Index MAXIMUM_TIME = 6, MINIMUM_TIME = 7;
     row(5) += 1.0;
 }
 
-// Keeps the whole motion at one sample, with the forces of compliant contacts.
+// Keeps the motion of all coordinates at one sample, with the forces of compliant contacts.
 [[gnu::noinline]] inline void keep_snapshot(Index number, const Shapes &shapes, const Pairs &pairs, const Case &c,
                                             const Space &space, const Snapshots &snapshots) {
     const Matrix &state = space.products.after;
@@ -107,8 +107,8 @@ constexpr Index MAXIMUM_TIME = 6, MINIMUM_TIME = 7;
     double total =
         scalars.omega * scalars.omega * __builtin_sqrt(wave.real * wave.real + wave.imag * wave.imag) * share;
     if (scalars.degree >= 0) {
-        Taylor own = taylor(scalars, r, motion.drive);
-        total += (magnitude(own.bend) + magnitude(own.twist) * duration) * share;
+        Taylor steady = taylor(scalars, r, motion.drive);
+        total += (magnitude(steady.bend) + magnitude(steady.twist) * duration) * share;
     }
     if (scalars.degree > 1)
         total += later_bend(scalars, r, motion.drive, duration) * share;
@@ -119,10 +119,10 @@ constexpr Index MAXIMUM_TIME = 6, MINIMUM_TIME = 7;
         total += (magnitude(weight * push + rate_weight * growth) + magnitude(bent) * duration) * share;
     }
     for (Index k = 0; k < scalars.size.size(); k++) {
-        double own = smaller(scalars.size(k) * scalars.size(k) * share, 2.0) * search.size(k);
+        double bent = smaller(scalars.size(k) * scalars.size(k) * share, 2.0) * search.size(k);
         if (k < scalars.driven)
-            own = (search.drift(0, k) + search.drift(1, k)) * share;
-        total += scalars.weight_size(r, k) * own;
+            bent = (search.drift(0, k) + search.drift(1, k)) * share;
+        total += scalars.weight_size(r, k) * bent;
     }
     return total;
 }
@@ -142,32 +142,32 @@ constexpr Index MAXIMUM_TIME = 6, MINIMUM_TIME = 7;
     return active;
 }
 
-// Time in which scalar r rises on, or in which its only crest has been looked at; the same where it falls.
-[[gnu::always_inline]] inline double advance_to_crest(Index r, double wanted, double rate, double remaining,
-                                                      const Scalars &scalars, const Space &space, Array row) {
+// Time in which scalar r rises on, or in which its only peak has been looked at; the same where it falls.
+[[gnu::always_inline]] inline double advance_to_peak(Index r, double wanted, double rate, double remaining,
+                                                     const Scalars &scalars, const Space &space, Array row) {
     Array found = space.search.found;
-    double side = rate >= 0.0 ? 1.0 : -1.0, speed = side * rate, bend = side * found(0), bound = found(3);
+    double side = rate >= 0.0 ? 1.0 : -1.0, speed = side * rate, bend = side * found(SECOND), bound = found(THIRD_SIZE);
     if (bound <= 0.0)
         bound = 1e-300;
     double rising = (bend + __builtin_sqrt(bend * bend + 2.0 * speed * bound)) / bound;
     if (bend >= 0.0)
         return rising;
     double concave = smaller(-bend / bound, remaining);
-    // where crests alone are wanted, a trough has none inside
+    // where peaks alone are wanted, a trough has none inside
     if (rising >= concave || side * wanted < 0.0)
         return larger(rising, concave);
     // to second order in the rate, which is speed + bend t + twist t^2/2
-    double inner = bend * bend - 2.0 * speed * side * found(1);
+    double inner = bend * bend - 2.0 * speed * side * found(THIRD);
     double first = inner > 0.0 ? 2.0 * speed / (__builtin_sqrt(inner) - bend) : -speed / bend;
     double low = 0.0, high = concave, time = smaller(first, concave);
-    for (Index step = 0; step < NEWTON_STEPS_OF_CREST; step++) {
-        copy_motion(space.spare, space.crest);
-        move(scalars, space.crest, time);
-        auto [value, own_rate, own_bend] = rates_now(r, scalars, space.crest, space.search.power);
-        include(value, space.crest.clock(0), row);
-        double slope = side * own_rate, curve = side * own_bend;
+    for (Index step = 0; step < NEWTON_STEPS_OF_PEAK; step++) {
+        copy_motion(space.scratch, space.peak_trial);
+        move(scalars, space.peak_trial, time);
+        auto [value, rate_there, bend_there] = rates_now(r, scalars, space.peak_trial, space.search.power);
+        include(value, space.peak_trial.clock(0), row);
+        double slope = side * rate_there, curve = side * bend_there;
         (slope > 0.0 ? low : high) = time;
-        // what is left to the crest
+        // what is left to the peak
         if (slope * slope <= -2.0 * curve * PEAK_TOLERANCE * (row(0) - row(1)) || curve >= 0.0)
             break;
         time = smaller(larger(time - slope / curve, low), high);
@@ -175,14 +175,15 @@ constexpr Index MAXIMUM_TIME = 6, MINIMUM_TIME = 7;
     return concave;
 }
 
-// Extends row[0] and row[1] to the extremes of scalar r of the spare motion between two instants, to `PEAK_TOLERANCE`.
+// Extends row[0] and row[1] to the extremes of scalar r of the scratch motion between two instants, to
+// `PEAK_TOLERANCE`.
 //
 // `wanted` is 1 where only the largest value is, -1 for the smallest, 0 for both. Advances by times in which a bound on
 // the motion excludes more than the extremes so far; where these are approached, by those in which the scalar surely
-// rises on, or is surely concave, so that its only crest is found. The extremes hold what it is at the end already.
+// rises on, or is surely concave, so that its only peak is found. The extremes hold what it is at the end already.
 [[gnu::noinline]] inline void follow_peak(Index r, double wanted, double start, double until, double least,
                                           const Scalars &scalars, const Space &space, Array row) {
-    const Motion &motion = space.spare;
+    const Motion &motion = space.scratch;
     const Search &search = space.search;
     double upper = scalars.upper(r), lower = scalars.lower(r);
     move(scalars, motion, start - motion.clock(0));
@@ -198,15 +199,16 @@ constexpr Index MAXIMUM_TIME = 6, MINIMUM_TIME = 7;
         scalars.lower(r) = wanted > 0.0 ? -INFINITE : row(1) - slack;
         Index active = leave_out_ripples(0.25 * slack, scalars.size.size(), scalars.weight_size.row(r), search);
         safe = clear_time(r, scalars, motion, active, phase, remaining, search);
-        double value = search.found(0), rate = search.found(1);
+        double value = search.found(VALUE), rate = search.found(SLOPE);
         include(value, motion.clock(0), row);
         // far below the extremes so far long times are safe, and curvature need not be computed
         if (safe < remaining && (0.25 * magnitude(rate) * safe < row(0) - row(1) || safe < SHORT * least)) {
             derivatives(r, scalars, motion, phase, remaining, search);
             // of what is no number least advances alone would be left
-            if (!is_finite(slack + value + rate + search.found(0) + search.found(3) + search.found(4)))
+            if (!is_finite(slack + value + rate + search.found(SECOND) + search.found(THIRD_SIZE) +
+                           search.found(FOURTH_SIZE)))
                 break;
-            safe = larger(larger(safe, least), advance_to_crest(r, wanted, rate, remaining, scalars, space, row));
+            safe = larger(larger(safe, least), advance_to_peak(r, wanted, rate, remaining, scalars, space, row));
         }
         if (safe < remaining)
             move(scalars, motion, safe);
@@ -219,7 +221,7 @@ constexpr Index MAXIMUM_TIME = 6, MINIMUM_TIME = 7;
 // Extends the extremes of the cycle that goes on from where the closed form began up to an instant in it.
 //
 // `last` is w at that instant, and `read` the number of the last sample before it. Only between samples where more than
-// the extremes is not excluded by what w may do there, is a crest looked for.
+// the extremes is not excluded by what w may do there, is a peak looked for.
 [[gnu::noinline]] inline void add_peaks(Index c, double until, double last, Index read, const Scalars &scalars,
                                         const Space &space, const Grid &grid) {
     Index number = grid.cycle(c);
@@ -227,7 +229,7 @@ constexpr Index MAXIMUM_TIME = 6, MINIMUM_TIME = 7;
     Index first = Index(__builtin_floor(begun));
     double begin = grid.start(c) + begun * interval;
     Array row = grid.cycles.row(c, number);
-    const Motion &motion = space.spare;
+    const Motion &motion = space.scratch;
     // before the first cycle nothing is measured, and what lasts no time is no motion
     if (until <= larger(begin, space.begin.clock(0)))
         return;
@@ -270,7 +272,7 @@ constexpr Index MAXIMUM_TIME = 6, MINIMUM_TIME = 7;
 // Ends the cycle that goes on at a time between two samples, `read` being the number of the first of them.
 [[gnu::noinline]] inline void end_cycle(Index c, double end, Index read, const Scalars &scalars, const Space &space,
                                         const Grid &grid) {
-    const Motion &motion = space.crest;
+    const Motion &motion = space.peak_trial;
     copy_motion(space.begin, motion);
     move(scalars, motion, end - motion.clock(0));
     motion.clock(0) = end;

@@ -7,7 +7,7 @@ namespace FEMIMPACT_TARGET {
 
 // How a search ended: at the end of the time, at a bound at speed, at one at rest that presses on, at the end of a
 // contact, or with nothing within any reasonable number of advances.
-enum : Index { END, HIT, REST, RELEASE, STUCK };
+ENUMERATION(SEARCH_NAMES, END, HIT, REST, RELEASE, STUCK);
 
 constexpr Index MOST_ADVANCES = 10'000'000;
 
@@ -20,7 +20,7 @@ constexpr double NEGLIGIBLE_SHARE = 1e-24;
 // Size of an entry that has decayed, whatever the others: a motion that nothing drives is at rest in the end.
 constexpr double NEGLIGIBLE_SIZE = 1e-60;
 
-// Times its rounding that a rate must have, to end what began at rest at this instant: its own start had none.
+// Times its rounding that a rate must have, to end what began at rest at this instant: its start had none.
 constexpr double SETTLED = 1e5;
 
 // Times its rounding by which the force of a pair that sticks is past zero: a contact elsewhere has made it jump.
@@ -66,14 +66,15 @@ constexpr double PI = 3.141592653589793;
                                                   Complex phase, double remaining, const Search &search) {
     Array found = search.found;
     double safe = clear_time(r, scalars, motion, active, phase, remaining, search);
-    double value = found(0), rate = found(1), rounding = found(2), rate_rounding = found(3);
+    double value = found(VALUE), rate = found(SLOPE), rounding = found(VALUE_ROUNDING),
+           rate_rounding = found(SLOPE_ROUNDING);
     search.rate(r) = rate;
     search.at_wall(r) = 0.0;
     if (scalars.upper(r) - value <= rounding)
         search.at_wall(r) = 1.0;
     else if (value - scalars.lower(r) <= rounding)
         search.at_wall(r) = -1.0;
-    double over = scalars.upper(r) - value, under = value - scalars.lower(r), farther = found(4);
+    double over = scalars.upper(r) - value, under = value - scalars.lower(r), farther = found(FARTHER_TIME);
     double side = over < under ? 1.0 : -1.0;
     double clearance = larger(smaller(over, under), 0.0), toward = side * rate;
     // a wall does not pull, be it for a moment
@@ -93,26 +94,26 @@ constexpr double PI = 3.141592653589793;
     }
     // it creeps along its wall, where the bound by a parabola is far too low
     derivatives(r, scalars, motion, phase, remaining, search);
-    double bend = side * found(0), twist = side * found(1);
+    double bend = side * found(SECOND), twist = side * found(THIRD);
     if (search.at_wall(r) != 0.0 && toward >= -rate_rounding) {
         toward = 0.0;
         // a pair that was let go has no acceleration left but rounding
         double share = search.leaving(r) == side ? 1e-9 : 1e-12;
         // and none is known better than the time is
-        double noise = share * found(2) + 0.1 * AT_WALL * found(3) * motion.clock(0);
-        double noise_of_twist = share * found(3);
-        bool unknown = twist == 0.0 && found(3) > 0.0 && search.leaving(r) != side;
+        double noise = share * found(SECOND_SIZE) + 0.1 * AT_WALL * found(THIRD_SIZE) * motion.clock(0);
+        double noise_of_twist = share * found(THIRD_SIZE);
+        bool unknown = twist == 0.0 && found(THIRD_SIZE) > 0.0 && search.leaving(r) != side;
         if (bend > noise || (bend >= -noise && (twist > noise_of_twist || unknown)))
             return -1.0;
         // touching without a push, and nothing that could begin one
-        if (found(3) == 0.0 && bend >= -noise)
+        if (found(THIRD_SIZE) == 0.0 && bend >= -noise)
             return INFINITE;
         // neither a push nor a pull beyond rounding: on as far as the pair stays at its wall to rounding
-        if (bend >= -noise && magnitude(twist) <= noise_of_twist && found(4) > 0.0)
-            return __builtin_pow(24.0 * rounding / found(4), 0.25);
+        if (bend >= -noise && magnitude(twist) <= noise_of_twist && found(FOURTH_SIZE) > 0.0)
+            return __builtin_pow(24.0 * rounding / found(FOURTH_SIZE), 0.25);
         bend = smaller(bend, 0.0);
     }
-    double creep = smaller(creep_time(clearance, toward, bend, twist, found(4)), farther);
+    double creep = smaller(creep_time(clearance, toward, bend, twist, found(FOURTH_SIZE)), farther);
     return creep > safe ? creep : safe;
 }
 
@@ -140,16 +141,16 @@ constexpr double PI = 3.141592653589793;
         for (Index r = 0; r < scalars.lasting.size(); r++) {
             if (scalars.upper(r) == INFINITE && scalars.lower(r) == -INFINITE)
                 continue;
-            double own = safe_advance(r, scalars, motion, active, phase, remaining, search);
-            if (own > 0.0) {
-                safe = smaller(safe, own);
+            double advanced = safe_advance(r, scalars, motion, active, phase, remaining, search);
+            if (advanced > 0.0) {
+                safe = smaller(safe, advanced);
                 continue;
             }
             search.event(0) = double(r);
             search.event(1) = search.at_wall(r);
             if (scalars.lasting(r) != 0.0)
                 return RELEASE;
-            return own == 0.0 ? HIT : REST;
+            return advanced == 0.0 ? HIT : REST;
         }
         if (safe >= remaining) {
             move(scalars, motion, larger(remaining, 0.0));

@@ -224,9 +224,9 @@ struct Followed {
         Complex turned = shapes.harmonic(i) * phase;
         double x = shapes.static_part(i) + turned.real, v = -omega * turned.imag;
         if (omega == 0.0) {
-            auto own = followed(shapes, i, motion.drive);
-            x += own.position;
-            v += own.rate;
+            auto steady = followed(shapes, i, motion.drive);
+            x += steady.position;
+            v += steady.rate;
         }
         for (Index m = shapes.first(i); m < shapes.first(i + 1); m++) {
             Index k = shapes.members(m);
@@ -253,9 +253,9 @@ struct Followed {
         state(0, i) -= shapes.static_part(i) + turned.real;
         state(1, i) += omega * turned.imag;
         if (omega == 0.0) {
-            auto own = followed(shapes, i, motion.drive);
-            state(0, i) -= own.position;
-            state(1, i) -= own.rate;
+            auto steady = followed(shapes, i, motion.drive);
+            state(0, i) -= steady.position;
+            state(1, i) -= steady.rate;
         }
     }
     for (Index k = 0; k < forms.entries(f); k++) {
@@ -289,7 +289,7 @@ struct Followed {
     GivenArray next = cases.pieces.row(piece);
     GivenMatrix follow = forms.position_follow.row(f), rate = forms.velocity_follow.row(f);
     Array d = motion.drive;
-    // the base's own motion goes on: a piece carries it to the last digit
+    // the motion of the base goes on: a piece carries it to the last digit
     Index last = larger(cases.degree, 1) + 3;
     double jump[DRIVE] = {};
     for (Index j = 2; j < last; j++)

@@ -13,7 +13,7 @@ enum : Index { STAY, ENTER, COLLIDE, RELEASE_ALL, UNRESOLVED };
 // Most collisions that one instant may take among several pairs.
 constexpr Index COLLISIONS_AT_ONCE = 100'000;
 
-// Share of its own mobility below which pairs that stick leave a pair no motion against its wall.
+// Share of its mobility below which pairs that stick leave a pair no motion against its wall.
 constexpr double UNMOVED = 1e-9;
 
 // Share of an impact's speed that rounding may leave of none where it does not reach.
@@ -48,8 +48,8 @@ constexpr double ROUNDING_SHARE = 1e-12;
     // of the moment: the bounces rise no higher than the closure
     measure(scalars, space.motion, 0.0, search);
     derivatives(j, scalars, space.motion, unit_phase(scalars.omega, space.motion.clock), 0.0, search);
-    double press = side * search.found(0), steepest = search.found(3);
-    if (press <= 1e-12 * search.found(2) || rebound * rebound > 2.0 * press * pairs.closure)
+    double press = side * search.found(SECOND), steepest = search.found(THIRD_SIZE);
+    if (press <= 1e-12 * search.found(SECOND_SIZE) || rebound * rebound > 2.0 * press * pairs.closure)
         return -1.0;
     double lasting = e < 1.0 ? 2.0 * larger(rebound, 0.0) / (press * (1.0 - e)) : 2.0 * rebound / press;
     // and the press must last until the bounces are over
@@ -66,24 +66,24 @@ constexpr double ROUNDING_SHARE = 1e-12;
     space.row(r) = row;
     if (row < tables.impacts.shape[0]) {
         Array out = tables.impacts.row(row);
-        out(0) = space.motion.clock(0);
-        out(1) = double(r);
-        out(2) = side;
-        out(3) = approach;
-        out(4) = rebound;
+        out(IMPACT_TIME) = space.motion.clock(0);
+        out(IMPACT_PAIR) = double(r);
+        out(IMPACT_SIDE) = side;
+        out(IMPACT_APPROACH_SPEED) = approach;
+        out(IMPACT_REBOUND_SPEED) = rebound;
         // an impulse has no largest force and no duration
-        out(5) = push;
-        out(6) = NOT_A_NUMBER;
-        out(7) = 0.0;
-        out(8) = 0.5 * push * (approach - rebound);
+        out(IMPACT_IMPULSE) = push;
+        out(IMPACT_PEAK_FORCE) = NOT_A_NUMBER;
+        out(IMPACT_DURATION) = 0.0;
+        out(IMPACT_ENERGY_LOSS) = 0.5 * push * (approach - rebound);
     }
     if (!b)
         return;
     for (Index i = 0; i < b->loss_of_mode.shape[1]; i++) {
-        double own = pairs.direction(r, i) * side * push;
+        double momentum = pairs.direction(r, i) * side * push;
         if (row < tables.impacts.shape[0])
-            tables.impacts(row, 9 + i) = own * (velocity(i) + 0.5 * own / b->mass(i));
-        velocity(i) += own / b->mass(i);
+            tables.impacts(row, IMPACT_COLUMNS + i) = momentum * (velocity(i) + 0.5 * momentum / b->mass(i));
+        velocity(i) += momentum / b->mass(i);
     }
 }
 
@@ -136,11 +136,11 @@ constexpr double ROUNDING_SHARE = 1e-12;
     for (Index i = 0; i < c.state.size(); i++) {
         if (form.reaction(i, j) == 0.0)
             continue;
-        double own = side_of(c.state(i)), felt = -pairs.mobility(i, i);
-        double share = own * form.reaction(i, j) * side * push;
+        double side_of_wall = side_of(c.state(i)), felt = -pairs.mobility(i, i);
+        double share = side_of_wall * form.reaction(i, j) * side * push;
         double speed = felt * (share > 0.0 ? c.restitution(i) * share : -share);
         double force = value_now(c.state.size() + i, scalars.exponent.size(), phase, scalars, motion);
-        double press = felt * own * force;
+        double press = felt * side_of_wall * force;
         if (speed > slow && speed * speed > 2.0 * larger(press, 0.0) * pairs.closure)
             return false;
     }
@@ -228,21 +228,21 @@ constexpr double ROUNDING_SHARE = 1e-12;
                                            const Space &space, const Tables &tables, const Ledger *b) {
     const Search &search = space.search;
     Index r = Index(search.event(0)), count = c.state.size(), j = r % count;
-    double time = space.motion.clock(0), side = search.event(1), state = c.state(j), own = side_of(state);
+    double time = space.motion.clock(0), side = search.event(1), state = c.state(j), side_of_wall = side_of(state);
     if (r >= count) {
         if (magnitude(state) == SEPARATING) {
-            c.state(j) = own * CONTACT;
+            c.state(j) = side_of_wall * CONTACT;
         } else if (pairs.rigid(j)) {
             end_sticking(j, time, c, tables);
             c.state(j) = FREE;
-            search.leaving(j) = own;
+            search.leaving(j) = side_of_wall;
         } else {
-            c.state(j) = own * SEPARATING;
+            c.state(j) = side_of_wall * SEPARATING;
         }
         return ENTER;
     }
     if (magnitude(state) == SEPARATING) {
-        end_contact(j, -own * search.rate(r), time, c, tables);
+        end_contact(j, -side_of_wall * search.rate(r), time, c, tables);
         c.state(j) = FREE;
         return STAY;
     }
@@ -258,8 +258,8 @@ constexpr double ROUNDING_SHARE = 1e-12;
 }
 
 // Finds which rigid pairs are at their walls, and their rates.
-[[gnu::noinline]] inline void find_touching(Index first, double side, const Scalars &scalars, const Pairs &pairs,
-                                            const Case &c, const Space &space) {
+[[gnu::noinline]] inline void find_pairs_at_walls(Index first, double side, const Scalars &scalars, const Pairs &pairs,
+                                                  const Case &c, const Space &space) {
     const Search &search = space.search;
     Complex phase = unit_phase(scalars.omega, space.motion.clock);
     measure(scalars, space.motion, 0.0, search);
@@ -309,13 +309,13 @@ constexpr double ROUNDING_SHARE = 1e-12;
     // the last impact of a pair that sticks ends without rebound, be it in the table or not
     Index row = space.row(r);
     if (row < tables.impacts.shape[0]) {
-        tables.impacts(row, 4) = 0.0;
-        tables.impacts(row, 5) -= back;
-        tables.impacts(row, 8) += 0.5 * back * rebound;
+        tables.impacts(row, IMPACT_REBOUND_SPEED) = 0.0;
+        tables.impacts(row, IMPACT_IMPULSE) -= back;
+        tables.impacts(row, IMPACT_ENERGY_LOSS) += 0.5 * back * rebound;
         Array velocity = space.products.after.row(1);
         for (Index i = 0; b && i < b->loss_of_mode.shape[1]; i++) {
-            double own = pairs.direction(r, i) * impulse(r);
-            tables.impacts(row, 9 + i) += own * (velocity(i) + 0.5 * own / b->mass(i));
+            double momentum = pairs.direction(r, i) * impulse(r);
+            tables.impacts(row, IMPACT_COLUMNS + i) += momentum * (velocity(i) + 0.5 * momentum / b->mass(i));
         }
     }
     correct_impulse(r, space.motion.clock(0), -back, c);
@@ -324,7 +324,7 @@ constexpr double ROUNDING_SHARE = 1e-12;
 
 // Makes rigid impacts at this instant: STAY or ENTER, or UNRESOLVED where they do not end.
 //
-// The rule for simultaneous impacts: one after another at the same instant, the fastest first, each with its own
+// The rule for simultaneous impacts: one after another at the same instant, the fastest first, each with its
 // restitution, until no pair at its wall approaches it. For e = 1 and equal masses in a row it is Newton's cradle.
 [[gnu::noinline]] inline Index collide(Index first, double side, const Form &form, const Pairs &pairs, const Case &c,
                                        const Space &space, const Tables &tables, const Ledger *b) {
@@ -332,7 +332,7 @@ constexpr double ROUNDING_SHARE = 1e-12;
     const Search &search = space.search;
     Array impulse = space.impulse;
     double time = space.motion.clock(0);
-    find_touching(first, side, scalars, pairs, c, space);
+    find_pairs_at_walls(first, side, scalars, pairs, c, space);
     read_coordinates(form.shapes, space.motion, space.products.after);
     double base_rate = base_motion(c, space.motion).rate, largest = 0.0;
     bool again = true;

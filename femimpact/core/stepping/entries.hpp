@@ -7,10 +7,10 @@
 
 namespace FEMIMPACT_TARGET::stepping {
 
-// Steps, cycles and samples beyond which a count is a mistake: products of two of them are whole numbers of the loop.
+// Steps, cycles and samples beyond which a count is a mistake: products of two of them are integers of the loop.
 constexpr double MOST = 1e15;
 
-// Why an operator does not belong to a block, or null: it is checked for its own shapes before.
+// Why an operator does not belong to a block, or null: its shapes by themselves are checked before.
 inline const char *fault_of(const Operator &op, Index dofs, Index places, Index pairs) {
     if (op.drive_load.size() != dofs || op.rows.shape[0] != places || op.response_a.shape[0] != pairs)
         return "operator: must be of as many dofs, places and pairs as the block";
@@ -208,6 +208,12 @@ inline void list_tables(ToList &rows) {
     rows.group("block", block);
     rows.group("fine", fine);
     rows.group("law", law);
+    rows.enumeration("last", LAST_NAMES);
+    rows.enumeration("ball", BALL_NAMES);
+    rows.enumeration("drive", DRIVE_NAMES);
+    rows.enumeration("ledger of steps", LEDGER_NAMES);
+    rows.enumeration("constants", CONSTANT_NAMES);
+    rows.enumeration("touch of steps", TOUCH_NAMES);
 }
 
 } // namespace FEMIMPACT_TARGET::stepping

@@ -108,22 +108,22 @@ inline void write_impact(Index j, Index c, Index step, Index kind, const Motion 
     }
     if (c != 0)
         return;
-    Index k = record.tally(3);
+    Index k = record.tally(IMPACTS_MET);
     if (k < record.impacts.shape[0]) {
         Array row = record.impacts.row(k);
-        row(0) = touch(START, j, c);
-        row(1) = double(j);
-        row(2) = touch(SIDE, j, c);
-        row(3) = touch(APPROACH, j, c);
-        row(4) = touch(REBOUND, j, c);
-        row(5) = touch(IMPULSE, j, c);
-        row(6) = kind == RIGID ? NOT_A_NUMBER : touch(PEAK, j, c);
-        row(7) = touch(DURATION, j, c);
-        row(8) = touch(LOSS, j, c);
+        row(IMPACT_TIME) = touch(START, j, c);
+        row(IMPACT_PAIR) = double(j);
+        row(IMPACT_SIDE) = touch(SIDE, j, c);
+        row(IMPACT_APPROACH_SPEED) = touch(APPROACH, j, c);
+        row(IMPACT_REBOUND_SPEED) = touch(REBOUND, j, c);
+        row(IMPACT_IMPULSE) = touch(IMPULSE, j, c);
+        row(IMPACT_PEAK_FORCE) = kind == RIGID ? NOT_A_NUMBER : touch(PEAK, j, c);
+        row(IMPACT_DURATION) = touch(DURATION, j, c);
+        row(IMPACT_ENERGY_LOSS) = touch(LOSS, j, c);
         for (Index i = 0; i < m.to_modes.shape[1]; i++)
             row(IMPACT_COLUMNS + i) = m.to_modes(j, i);
     }
-    record.tally(3) += 1;
+    record.tally(IMPACTS_MET) += 1;
 }
 
 // Opens, follows and closes the record of one contact.
@@ -135,7 +135,7 @@ inline void record_contact(Index j, Index c, const PairSolution &found, GivenArr
                            const Pairs &pairs, const Motion &m, const Record &record) {
     Block touch = m.touch;
     GivenBlock constants = pairs.constants;
-    Index kind = pairs.kind(j), step = record.tally(0);
+    Index kind = pairs.kind(j), step = record.tally(STEP);
     double gate = found.gate, normal = found.normal;
     double side = penetration(m.ball(X, j, c), constants(GAP_PLUS, j, c), constants(GAP_MINUS, j, c)).side;
     double always = kind == SWITCHING_SPRING || constants(FREE_STIFFNESS, j, c) > 0.0 ? 1.0 : 0.0;

@@ -112,32 +112,32 @@ inline double quadratic(GivenMatrix band, Matrix values, Index c) {
 
 // Energies of one case at the present step, in the order of ENERGY_COLUMNS.
 inline void write_energy(Index c, const Operator &op, const Pairs &pairs, const Motion &m, Array out) {
-    out(0) = 0.5 * quadratic(op.mass_band, m.v, c);
-    out(1) = 0.5 * quadratic(op.stiffness_band, m.q, c);
-    out(2) = out(3) = 0.0;
+    out(ENERGY_KINETIC) = 0.5 * quadratic(op.mass_band, m.v, c);
+    out(ENERGY_STRAIN) = 0.5 * quadratic(op.stiffness_band, m.q, c);
+    out(ENERGY_BALL) = out(ENERGY_CONTACT) = 0.0;
     for (Index j = 0; j < pairs.row.size(); j++) {
         Law law = law_of(j, c, m.touch(APPROACH, j, c), pairs);
         double x = m.ball(X, j, c);
-        out(2) += 0.5 * pairs.constants(MASS, j, c) * m.ball(Y_RATE, j, c) * m.ball(Y_RATE, j, c);
+        out(ENERGY_BALL) += 0.5 * pairs.constants(MASS, j, c) * m.ball(Y_RATE, j, c) * m.ball(Y_RATE, j, c);
         if (law.kind == SWITCHING_SPRING)
-            out(3) += switching_potential(x, law.gap_plus, law.gap_minus, law.spring, law.stiffness);
+            out(ENERGY_CONTACT) += switching_potential(x, law.gap_plus, law.gap_minus, law.spring, law.stiffness);
         else {
-            out(3) += spring_potential(x, law.spring);
-            out(3) += elastic_potential(law, penetration(x, law.gap_plus, law.gap_minus).depth);
+            out(ENERGY_CONTACT) += spring_potential(x, law.spring);
+            out(ENERGY_CONTACT) += elastic_potential(law, penetration(x, law.gap_plus, law.gap_minus).depth);
         }
     }
     double loss = m.ledger(STRUCTURE_LOSS, c);
     for (Index i = 0; i < m.loss_of_mode.size(); i++)
         loss += m.loss_of_mode(i);
-    out(4) = m.ledger(WORK, c);
-    out(5) = loss;
-    out(6) = m.ledger(CONTACT_LOSS, c);
+    out(ENERGY_WORK) = m.ledger(WORK, c);
+    out(ENERGY_STRUCTURE_LOSS) = loss;
+    out(ENERGY_CONTACT_LOSS) = m.ledger(CONTACT_LOSS, c);
     if (op.constant_load.size() > 0) {
         // a constant load has a potential: no sum over steps
         double held = 0.0;
         for (Index i = 0; i < op.constant_load.size(); i++)
             held += op.constant_load(i) * m.q(i, c);
-        out(4) += held - m.ledger(HELD, c);
+        out(ENERGY_WORK) += held - m.ledger(HELD, c);
     }
 }
 

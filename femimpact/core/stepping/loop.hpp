@@ -77,11 +77,11 @@ template <bool BANDED, bool LOOKS_AHEAD> inline void advance_all(Index steps, co
             move_obstacles(parts * step, s, pairs, m);
         Index refined = 0;
         over_cases(count, [&](auto zero, Index c) {
-            const bool whole = sizeof(zero) > sizeof(double) && !apart;
-            if (whole)
+            const bool is_pack = sizeof(zero) > sizeof(double) && !apart;
+            if (is_pack)
                 turn_drive<decltype(zero)>(m.drive, c);
             refined += step_cases<BANDED, LOOKS_AHEAD, decltype(zero)>(c, free, given, fine);
-            if (whole)
+            if (is_pack)
                 observe<decltype(zero)>(step, c, s, m, cycles);
         });
         if (any_refused(pairs))

@@ -17,49 +17,28 @@ using GivenBlock = View<const double, 3>;
 using Block = View<double, 3>;
 
 // Rows of Cycles.last: displacement (m) and velocity (m/s) of the observed place.
-enum : Index { LAST, LAST_RATE };
+ENUMERATION(LAST_NAMES, LAST, LAST_RATE);
 // Rows of Motion.ball; y and x = y - w are relative to the base, FORCE acts on the structure; RATE and RATE_BEFORE are
 // kept only where a method looks ahead.
-enum : Index { Y, Y_RATE, Y_ACCELERATION, X, X_BEFORE, FORCE, Y_BEFORE, RATE, RATE_BEFORE };
+ENUMERATION(BALL_NAMES, Y, Y_RATE, Y_ACCELERATION, X, X_BEFORE, FORCE, Y_BEFORE, RATE, RATE_BEFORE);
 // Rows of Motion.drive; the drive's history is SCALE times the sine; BASE is its value at the step's end, ACTING that
 // in the balance of the step; TRAVEL is its amplitude as a displacement of the base (m), TRAVEL_RATE as a velocity
 // (m/s), and OBSTACLE_RATE(_BEFORE) the velocity of stops fixed in space.
-enum : Index {
-    SINE,
-    COSINE,
-    TURN_SINE,
-    TURN_COSINE,
-    PHASE,
-    PHASE_STEP,
-    SCALE,
-    BASE,
-    BASE_BEFORE,
-    ACTING,
-    TRAVEL,
-    TRAVEL_RATE,
-    OBSTACLE_RATE,
-    OBSTACLE_RATE_BEFORE
-};
+ENUMERATION(DRIVE_NAMES, SINE, COSINE, TURN_SINE, TURN_COSINE, PHASE, PHASE_STEP, SCALE, BASE, BASE_BEFORE, ACTING,
+            TRAVEL, TRAVEL_RATE, OBSTACLE_RATE, OBSTACLE_RATE_BEFORE);
 // Rows of Motion.ledger; LOAD_BEFORE is load @ q at the last step; REFINED to OWN_LOSS set aside what a refined case
 // has summed by itself; HELD is the potential of the constant load at the start.
-enum : Index { WORK, STRUCTURE_LOSS, CONTACT_LOSS, LOAD_BEFORE, REFINED, OWN_WORK, OWN_LOSS, HELD };
+ENUMERATION(LEDGER_NAMES, WORK, STRUCTURE_LOSS, CONTACT_LOSS, LOAD_BEFORE, REFINED, OWN_WORK, OWN_LOSS, HELD);
 // Rows of Pairs.constants; a stop has no mass (its energy) and no mobility (1/m); SHARE of the drive that acts as an
 // acceleration of the base on the ball.
-enum : Index {
-    MASS,
-    MOBILITY,
-    GAP_PLUS,
-    GAP_MINUS,
-    STIFFNESS,
-    DAMPING,
-    EXPONENT,
-    RESTITUTION,
-    FREE_STIFFNESS,
-    ACCELERATION,
-    SHARE
-};
+ENUMERATION(CONSTANT_NAMES, MASS, MOBILITY, GAP_PLUS, GAP_MINUS, STIFFNESS, DAMPING, EXPONENT, RESTITUTION,
+            FREE_STIFFNESS, ACCELERATION, SHARE);
 // Rows of Motion.touch; BUSY: the pair must be looked at in every step.
-enum : Index { BUSY, OPEN, SIDE, START, APPROACH, IMPULSE, PEAK, DURATION, LOSS, NORMAL, DISSIPATIVE, REBOUND };
+ENUMERATION(TOUCH_NAMES, BUSY, OPEN, SIDE, START, APPROACH, IMPULSE, PEAK, DURATION, LOSS, NORMAL, DISSIPATIVE,
+            REBOUND);
+
+// Rows of Record.tally: the present step, and how many samples, snapshots and impacts there are.
+enum : Index { STEP, SAMPLES_KEPT, SNAPSHOTS_KEPT, IMPACTS_MET };
 
 // Constants of a one-step method for one step size; see femimpact/integrators/stepping/layout.py.
 struct Scheme {
@@ -71,10 +50,10 @@ struct Scheme {
     NUMBER(correct_v, double);
     NUMBER(alpha_f, double);
     NUMBER(alpha_m, double);
-    NUMBER(carry, double);  // alpha_f/(1 - alpha_f): share of the last step's contact force
-    NUMBER(give_a, double); // what a force of 1 N does to a free mass of 1 kg in a step
-    NUMBER(give_u, double);
-    NUMBER(give_v, double);
+    NUMBER(carry, double);           // alpha_f/(1 - alpha_f): share of the last step's contact force
+    NUMBER(mass_response_a, double); // what a force of 1 N does to a free mass of 1 kg in a step
+    NUMBER(mass_response_u, double);
+    NUMBER(mass_response_v, double);
     NUMBER(spring_now, double); // share of x1 in the force of a centring spring, the rest is that of x0
     NUMBER(mean, bool);         // one mean contact force per step, kept out of the acceleration
     NUMBER(rigid, bool);        // that force is an impulse that sets the rebound

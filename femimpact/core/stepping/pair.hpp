@@ -1,4 +1,5 @@
-// The step's scalar equation of one pair: the force F with F = law(x_free - give_u F, rate_free - give_v F).
+// The step's scalar equation of one pair: the force F with F = law(x_free - compliance_u F, rate_free - compliance_v
+// F).
 #pragma once
 
 #include "loop_data.hpp"
@@ -8,29 +9,29 @@ namespace FEMIMPACT_TARGET::stepping {
 constexpr int MOST_ITERATIONS = 200;
 constexpr double ROUNDING = 2.3e-16;
 
-// One pair at a step's end as it would be without its own force, and what 1 N does to it.
+// One pair at a step's end as it would be without its force, and what 1 N does to it.
 struct FreePair {
     double gate; // +1 or -1: the side at hand, 0 between contacts; decided before the equation is solved
     double x;    // m
     double rate; // m/s
     double x_before;
     double rate_before;
-    double give_u; // m/N
-    double give_v; // m/(s N)
+    double compliance_u; // m/N
+    double compliance_v; // m/(s N)
 };
 
 // On the structure (N), centring spring included, and its normal part, positive where its wall pushes.
 struct PairForce {
-    double whole, normal;
+    double total, normal;
 };
 
 // Signed force of the law where that force leaves the pair.
 inline double law_at(double force, bool mean, double dt, const Law &law, const FreePair &free) {
-    double x = free.x - free.give_u * force;
+    double x = free.x - free.compliance_u * force;
     if (mean)
-        return mean_forces_of_walls(law, free.x_before, x, dt).whole;
+        return mean_forces_of_walls(law, free.x_before, x, dt).normal;
     double depth = free.gate * x - (free.gate > 0.0 ? law.gap_plus : law.gap_minus);
-    double rate = free.gate * (free.rate - free.give_v * force);
+    double rate = free.gate * (free.rate - free.compliance_v * force);
     return free.gate * normal_force(law, depth, rate);
 }
 
@@ -74,26 +75,26 @@ inline PairForce pair_force(const Scheme &s, const Law &law, const FreePair &fre
         // decided by the state before the step, as printed
         spring = switching_stiffness(free.x_before, law.gap_plus, law.gap_minus, spring, law.stiffness);
     double old = spring * (1.0 - s.spring_now) * free.x_before;
-    double compliance_factor = 1.0 / (1.0 + free.give_u * s.spring_now * spring);
-    double x = (free.x - free.give_u * old) * compliance_factor;
+    double compliance_factor = 1.0 / (1.0 + free.compliance_u * s.spring_now * spring);
+    double x = (free.x - free.compliance_u * old) * compliance_factor;
     double pull = spring * s.spring_now * x + old;
     if (law.kind == SWITCHING_SPRING)
         return {pull, magnitude(pull)};
     if (gate == 0.0)
         return {pull, 0.0};
-    double rate = free.rate - free.give_v * pull;
-    double give_u = free.give_u * compliance_factor;
-    double give_v = free.give_v * (1.0 - free.give_u * compliance_factor * s.spring_now * spring);
+    double rate = free.rate - free.compliance_v * pull;
+    double compliance_u = free.compliance_u * compliance_factor;
+    double compliance_v = free.compliance_v * (1.0 - free.compliance_u * compliance_factor * s.spring_now * spring);
     double force;
     if (law.kind == RIGID)
-        force = gate * larger(gate * (rate + law.restitution * free.rate_before) / give_v, 0.0);
+        force = gate * larger(gate * (rate + law.restitution * free.rate_before) / compliance_v, 0.0);
     else if (law.kind == KELVIN_VOIGT && !s.mean) {
         double depth = gate * x - (gate > 0.0 ? law.gap_plus : law.gap_minus);
-        double denominator = 1.0 + law.stiffness * give_u + law.damping * give_v;
+        double denominator = 1.0 + law.stiffness * compliance_u + law.damping * compliance_v;
         force = gate * kelvin_voigt_force(depth, gate * rate, law.stiffness, law.damping) / denominator;
     } else
-        force = solve(s.mean, s.dt, law, {gate, x, rate, free.x_before, free.rate_before, give_u, give_v});
-    return {force + spring * s.spring_now * (x - give_u * force) + old, gate * force};
+        force = solve(s.mean, s.dt, law, {gate, x, rate, free.x_before, free.rate_before, compliance_u, compliance_v});
+    return {force + spring * s.spring_now * (x - compliance_u * force) + old, gate * force};
 }
 
 } // namespace FEMIMPACT_TARGET::stepping

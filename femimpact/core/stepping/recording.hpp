@@ -5,9 +5,6 @@
 
 namespace FEMIMPACT_TARGET::stepping {
 
-// Rows of Record.tally: the present step, and how many samples, snapshots and impacts there are.
-enum : Index { STEP, SAMPLES_KEPT, SNAPSHOTS_KEPT, IMPACTS_MET };
-
 // Writes the statistics of every case whose base cycle ends at this step, and starts the next.
 [[gnu::noinline]] inline void close_cycles(Index step, const Stepped &given) {
     const Motion &m = given.cases.motion;

@@ -65,14 +65,14 @@ inline void move_obstacles_within(Index c, Index step, Index part, Index parts, 
     place_obstacles(c, y, rate, s.dt, pairs, m);
 }
 
-// Takes one case through its step of dt again, in fine ones; its ledger and its crests are its own.
+// Takes one case through its step of dt again, in fine ones; its ledger and its peaks are summed apart.
 template <bool BANDED>
 [[gnu::noinline]] inline void redo_step(Index c, double dt, const Fine &fine, const Cases &cases, bool ledger) {
     const Operator &op = fine.structure;
     const Scheme &s = fine.scheme;
     const Pairs &pairs = cases.pairs;
     const Motion &m = cases.motion;
-    const Index step = cases.record.tally(0), parts = fine.parts;
+    const Index step = cases.record.tally(STEP), parts = fine.parts;
     const FreeBall free = free_ball(s);
     restore(c, m);
     double after = drive_within(c, step, 0, parts, m);

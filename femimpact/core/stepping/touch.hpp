@@ -56,9 +56,9 @@ inline void apply_force(Index j, Index c, double force, const Operator &op, cons
         m.w_rate(r, c) += op.compliance_v(r, j) * force;
     }
     double gain = -force * mobility;
-    m.ball(Y_ACCELERATION, j, c) += s.give_a * gain;
-    m.ball(Y, j, c) += s.give_u * gain;
-    m.ball(Y_RATE, j, c) += s.give_v * gain;
+    m.ball(Y_ACCELERATION, j, c) += s.mass_response_a * gain;
+    m.ball(Y, j, c) += s.mass_response_u * gain;
+    m.ball(Y_RATE, j, c) += s.mass_response_v * gain;
 }
 
 // Contact forces of one case, their effect on its state, and the record of its contacts.
@@ -111,13 +111,13 @@ inline void contact_step(Index c, double time, const Operator &op, const Scheme 
                              rate,
                              x_before,
                              rate_before,
-                             op.compliance_u(r, j) + s.give_u * mobility,
-                             op.compliance_v(r, j) + s.give_v * mobility};
+                             op.compliance_u(r, j) + s.mass_response_u * mobility,
+                             op.compliance_v(r, j) + s.mass_response_v * mobility};
             PairForce found = pair_force(s, law_of(j, c, approach(j), pairs), free);
             normal(j) = found.normal;
-            change = larger(change, magnitude(found.whole - force(j)));
-            largest = larger(largest, magnitude(found.whole));
-            force(j) = found.whole;
+            change = larger(change, magnitude(found.total - force(j)));
+            largest = larger(largest, magnitude(found.total));
+            force(j) = found.total;
         }
         if (count == 1 || change <= PAIR_TOLERANCE * largest)
             break;

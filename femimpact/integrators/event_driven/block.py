@@ -156,11 +156,11 @@ def new_block(
     -------
     Block
     """
-    whole, n, count = store.whole, system.dofs, inputs.omega.size
+    equations, n, count = store.equations, system.dofs, inputs.omega.size
     period = 2.0 * np.pi / inputs.omega
     return Block(
         store=store,
-        pairs=_pairs(whole, store, method),
+        pairs=_pairs(equations, store, method),
         cases=_new_cases(store, inputs, n if most_rows else 0),
         grid=Grid(
             start=np.full(count, inputs.start),
@@ -177,7 +177,7 @@ def new_block(
         tables=Tables(
             np.empty((most_rows, len(IMPACT_COLUMNS) + n)), np.empty((most_rows, 5)), np.zeros(2, dtype=np.int64)
         ),
-        ledger=None if ledger is None else _new_ledger(system, whole, count, ledger),
+        ledger=None if ledger is None else _new_ledger(system, equations, count, ledger),
         stopped=np.zeros(count, dtype=np.int64),
         system_of=np.zeros(count, dtype=np.int64),
         systems={},
@@ -193,24 +193,24 @@ def share_block(
     """Let each case of a block have one of several systems, those of its store in their order."""
     block.system_of = system_of
     for number in np.unique(system_of).tolist():
-        whole, ledger = block.store.sources[number].whole, block.ledger
+        equations, ledger = block.store.sources[number].equations, block.ledger
         if ledger is not None:
-            ledger = ledger._replace(**_of_equations(systems[number], whole))
-        block.systems[number] = _pairs(whole, block.store, method), ledger
+            ledger = ledger._replace(**_of_equations(systems[number], equations))
+        block.systems[number] = _pairs(equations, block.store, method), ledger
 
 
-def _pairs(whole: Equations, store: FormStore, method: EventSettings) -> Pairs:
+def _pairs(equations: Equations, store: FormStore, method: EventSettings) -> Pairs:
     return Pairs(
-        direction=np.ascontiguousarray(whole.force.T),
-        in_space=whole.in_space,
+        direction=np.ascontiguousarray(equations.force.T),
+        in_space=equations.in_space,
         rigid=store.rigid,
-        mobility=-whole.force.T @ np.linalg.solve(whole.M, whole.force),
+        mobility=-equations.force.T @ np.linalg.solve(equations.M, equations.force),
         closure=method.closure,
     )
 
 
 def _new_cases(store: FormStore, inputs: Inputs, modes: int) -> Cases:
-    pairs, d = store.rigid.size, store.whole.M.shape[0]
+    pairs, d = store.rigid.size, store.equations.M.shape[0]
     count, pieces = inputs.omega.size, inputs.pieces
     rows = 2 * pairs + store.outputs.force.shape[0]
     drive, piece = np.zeros((count, ORDERS)), 0
@@ -276,15 +276,15 @@ def no_cycles(cases: int, cycles: int) -> Array:
 
 
 def no_snapshots(block: Block) -> Snapshots:
-    """Nothing is kept of whole motions."""
+    """Snapshots of which none is kept."""
     nothing = np.zeros(0, dtype=np.int64)
     return Snapshots(nothing, np.zeros((0, 2, block.cases.coordinates.shape[2])), np.zeros((0, block.pairs.rigid.size)))
 
 
-def _new_ledger(system: System, whole: Equations, count: int, everywhere: bool) -> Ledger:
+def _new_ledger(system: System, equations: Equations, count: int, everywhere: bool) -> Ledger:
     n = system.dofs
     return Ledger(
-        **_of_equations(system, whole),
+        **_of_equations(system, equations),
         work=np.zeros(count),
         contact_loss=np.zeros(count),
         rounding=np.zeros(count),
@@ -294,14 +294,14 @@ def _new_ledger(system: System, whole: Equations, count: int, everywhere: bool) 
     )
 
 
-def _of_equations(system: System, whole: Equations) -> dict[str, Any]:
-    """What the ledger needs of the equations; without the springs of balls, which it has for itself."""
-    n, d = system.dofs, whole.M.shape[0]
+def _of_equations(system: System, equations: Equations) -> dict[str, Any]:
+    """Fields of `Ledger` that the equations give; the springs of balls stand apart, not in the stiffness."""
+    n, d = system.dofs, equations.M.shape[0]
     damping, stiffness = np.zeros(d), np.zeros(d)
     damping[:n], stiffness[:n] = system.C.diagonal(), system.K.diagonal()
     return {
-        "mass": whole.M.diagonal().copy(), "damping": damping, "stiffness": stiffness, "load": whole.drive,
-        "given": whole.given, "free_stiffness": np.array([pair.free_stiffness for pair in system.contacts]),
+        "mass": equations.M.diagonal().copy(), "damping": damping, "stiffness": stiffness, "load": equations.drive,
+        "given": equations.given, "free_stiffness": np.array([pair.free_stiffness for pair in system.contacts]),
     }  # fmt: skip
 
 
@@ -326,8 +326,8 @@ def run_block(
         if block.space is None or (block.space.motion.entry.size, block.space.motion.rigid_body.size) != needed:
             block.space = working_space(block, forms)
         job = Job(block.pairs, block.cases, forms, block.grid, snapshots, block.tables, block.space)
-        for pairs, ledger, own in _by_system(block, members):
-            core.run_cases(Task(own, begin, end, most, block.stopped), job._replace(pairs=pairs), ledger)
+        for pairs, ledger, cases in _by_system(block, members):
+            core.run_cases(Task(cases, begin, end, most, block.stopped), job._replace(pairs=pairs), ledger)
         resonant = np.flatnonzero(block.stopped == RESONANT)
         if resonant.size:
             frequency = float(block.cases.omega[resonant[0]]) / (2.0 * np.pi)
@@ -346,16 +346,16 @@ def _by_system(
     if not block.systems:
         yield block.pairs, block.ledger, members
         return
-    own = block.system_of[members]
-    for number in np.unique(own).tolist():
-        yield *block.systems[number], members[own == number]
+    numbers = block.system_of[members]
+    for number in np.unique(numbers).tolist():
+        yield *block.systems[number], members[numbers == number]
 
 
 def _add_forms(members: NDArray[np.intp], cases: Cases, store: FormStore, system_of: NDArray[np.int64]) -> None:
     """Make the closed forms of the cases' contact states for their contact parameters, unless they are there."""
-    own = np.hstack([cases.stiffness[members], cases.damping[members], np.abs(cases.state[members]) == CONTACT])
+    keys = np.hstack([cases.stiffness[members], cases.damping[members], np.abs(cases.state[members]) == CONTACT])
     wanted: dict[bytes, WantedForm] = {}
-    of_case = [row.tobytes() + int(system_of[c]).to_bytes(8, "little") for c, row in zip(members, own, strict=True)]
+    of_case = [row.tobytes() + int(system_of[c]).to_bytes(8, "little") for c, row in zip(members, keys, strict=True)]
     for c, key in zip(members.tolist(), of_case, strict=True):
         if key not in wanted:
             bits = sum(1 << j for j in np.flatnonzero(np.abs(cases.state[c]) == CONTACT).tolist())
@@ -434,15 +434,15 @@ def working_space(block: Block, forms: Forms) -> Space:
         clock=np.zeros(2),
         drive=np.zeros(ORDERS),
     )
-    *whole, own = _together(*[motion] * 6, search, bounds, products, rest)
-    return Space._make((*whole, *own))
+    *groups, rest = _together(*[motion] * 6, search, bounds, products, rest)
+    return Space._make((*groups, *rest))
 
 
 def _together(*groups: Any) -> list[Any]:
-    """Copies of tuples of arrays, all in one piece of memory, each array on its own cache lines.
+    """Copies of tuples of arrays, all in one piece of memory, no two arrays on one cache line.
 
-    Threads that write to one line wait for each other, and arrays whole pages apart look like one another to
-    the processor.
+    Threads that write to one line wait for each other, and accesses a multiple of the page size apart are mistaken
+    for one another by the processor.
     """
     sizes = [-(-array.nbytes // LINE) * LINE for group in groups for array in group]
     memory = np.zeros(sum(sizes) + 4 * LINE, dtype=np.uint8)
@@ -450,10 +450,10 @@ def _together(*groups: Any) -> list[Any]:
     places = itertools.accumulate(sizes, initial=first)
     copies = []
     for group in groups:
-        own = []
+        arrays = []
         for array in group:
             place = next(places)
-            own.append(memory[place : place + array.nbytes].view(array.dtype).reshape(array.shape))
-            own[-1][...] = array
-        copies.append(type(group)._make(own) if hasattr(group, "_make") else own)
+            arrays.append(memory[place : place + array.nbytes].view(array.dtype).reshape(array.shape))
+            arrays[-1][...] = array
+        copies.append(type(group)._make(arrays) if hasattr(group, "_make") else arrays)
     return copies

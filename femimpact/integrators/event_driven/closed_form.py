@@ -43,7 +43,7 @@ OF_DISPLACEMENT, OF_VELOCITY = (2, 0), (1, 1)
 """Where ub and ub' stand in `Rows.through` and in `Rows.follow`."""
 
 SLOW = 1.0
-"""|lambda| over the rate of the polynomials up to which an entry has its whole response to them."""
+"""|lambda| over the rate of the polynomials up to which an entry takes all of its response to them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,15 +86,15 @@ def scaled_sum(rows: Rows, factor: Array, also: Rows, by: Array) -> Rows:
 
 
 def gap_rows(
-    whole: Equations,
+    equations: Equations,
     rows: Rows,  # of all coordinates, or their rates
     base: tuple[int, int],  # which of the inputs in `through` and in `follow` is the base's motion: ub, or ub'
 ) -> Rows:
     """Rows of x_j = -P_j p - in_space_j ub, or of x_j'."""
-    P = -whole.force.mT
+    P = -equations.force.mT
     through, follow = rows.through @ P.mT, rows.follow @ P.mT
-    through[:, base[0]] -= whole.in_space
-    follow[:, base[1]] -= whole.in_space
+    through[:, base[0]] -= equations.in_space
+    follow[:, base[1]] -= equations.in_space
     return Rows(P @ rows.weight, P @ rows.rigid_body, P @ rows.rigid_body_rate, P @ rows.constant, through, follow)
 
 
@@ -102,7 +102,7 @@ def driven_entries(
     modes: ComplexModes,
     rate: float | None,  # 1/s: of the polynomials; none of a sine or of straight lines is driven
 ) -> NDArray[np.int64]:
-    """Number (F,) of the entries, the slowest ones, that are advanced with their whole response to polynomials.
+    """Number (F,) of the entries, the slowest ones, that are advanced with all of their response to polynomials.
 
     The response of a fast entry is a polynomial itself, beside the exponential: a sum of derivatives of s over powers
     of lambda, which for a slow one are large and cancel the exponential.
@@ -135,8 +135,8 @@ def _followed(rows: Rows, rate: Complex, load: Complex, driven: int) -> Array:
     before = np.zeros(load.shape[1] - driven, dtype=complex)
     for order in range(ORDERS):
         # G' = Lambda G + load (s, ub', ub) with G a sum over ub and its derivatives
-        own = load[2 - order, fast] if order < 3 else 0.0
-        before = scipy.linalg.solve_triangular(rate[fast, fast], before - own) if before.size else before
+        forcing = load[2 - order, fast] if order < 3 else 0.0
+        before = scipy.linalg.solve_triangular(rate[fast, fast], before - forcing) if before.size else before
         response[order, fast] = before
     # each row by itself: the rounding of a matrix product depends on its shape, and events not on what else is read
     follow = np.sum(response[:, None, :] * rows.weight, axis=2).real
@@ -148,7 +148,7 @@ ROUNDED = 1e-12
 """Share of the terms of a sum below which it is rounding."""
 
 UNMET = 1e-9
-"""What is left of a wall 1 m away, beyond rounding, where a pressed stop gives way to others."""
+"""Remainder of a wall 1 m away, beyond rounding, where a pressed stop gives way to others."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,7 +196,7 @@ class _Contact:
 
     @cached_property
     def pressed(self) -> NDArray[np.bool_]:
-        """Whether a pair is a compliant one in contact."""
+        """True for compliant pairs in contact."""
         return self.active & ~self.rigid
 
 
@@ -232,7 +232,7 @@ class _UndampedMotions:
 
 
 def closed_forms(
-    whole: Equations,  # of F systems; see `equations.stacked`
+    equations: Equations,  # of F systems; see `equations.stacked`
     active: NDArray[np.bool_],  # (pairs,) in contact; whether a pair then sticks
     rigid: NDArray[np.bool_],  # (pairs,)
     stiffness: Array,  # (F, pairs) of compliant pairs, N/m and N s/m
@@ -246,17 +246,19 @@ def closed_forms(
     """
     contact = _Contact(active, rigid, stiffness, damping)
     found = []
-    for members, motions in _undamped_motions(whole, contact):
+    for members, motions in _undamped_motions(equations, contact):
         for part, modes in complex_modes(motions.omega_squared, motions.damping):
-            own = members[part]
-            found.append((own, _forms(part_of(whole, own), part_of(contact, own), part_of(motions, part), modes)))
+            systems = members[part]
+            found.append(
+                (systems, _forms(part_of(equations, systems), part_of(contact, systems), part_of(motions, part), modes))
+            )
     return found
 
 
-def _undamped_motions(whole: Equations, contact: _Contact) -> Iterator[tuple[Integers, _UndampedMotions]]:
+def _undamped_motions(equations: Equations, contact: _Contact) -> Iterator[tuple[Integers, _UndampedMotions]]:
     """Motions of the systems that have as many of each kind."""
-    for members, basis in _free_bases(whole, contact):
-        omega_squared, shapes, damped = _motions_on(part_of(whole, members), basis, part_of(contact, members))
+    for members, basis in _free_bases(equations, contact):
+        omega_squared, shapes, damped = _motions_on(part_of(equations, members), basis, part_of(contact, members))
         # what nothing pulls back and nothing brakes moves on parabolas: free balls, rigid motions
         stiff, size = omega_squared > 0.0, np.abs(damped)
         largest = np.maximum(size.max(axis=(1, 2), initial=0.0), 1e-300)
@@ -275,38 +277,38 @@ def _undamped_motions(whole: Equations, contact: _Contact) -> Iterator[tuple[Int
             )
 
 
-def _motions_on(whole: Equations, basis: Array, contact: _Contact) -> tuple[Array, Array, Array]:
+def _motions_on(equations: Equations, basis: Array, contact: _Contact) -> tuple[Array, Array, Array]:
     """omega^2, shapes and modal damping of all motions that the pairs in contact leave."""
     # what a pair does to a motion that leaves its gap as it is, is exactly nothing
-    direction, pressed = basis.mT @ whole.force, contact.pressed
-    K = basis.mT @ whole.K @ basis + (direction * np.where(pressed, contact.stiffness, 0.0)[:, None]) @ direction.mT
-    C = basis.mT @ whole.C @ basis + (direction * np.where(pressed, contact.damping, 0.0)[:, None]) @ direction.mT
-    omega_squared, vectors = undamped_modes(K, basis.mT @ whole.M @ basis)
+    direction, pressed = basis.mT @ equations.force, contact.pressed
+    K = basis.mT @ equations.K @ basis + (direction * np.where(pressed, contact.stiffness, 0.0)[:, None]) @ direction.mT
+    C = basis.mT @ equations.C @ basis + (direction * np.where(pressed, contact.damping, 0.0)[:, None]) @ direction.mT
+    omega_squared, vectors = undamped_modes(K, basis.mT @ equations.M @ basis)
     return omega_squared, basis @ vectors, vectors.mT @ C @ vectors
 
 
-def _loads(whole: Equations, contact: _Contact) -> _Loads:
-    active, P = contact.active, whole.force
+def _loads(equations: Equations, contact: _Contact) -> _Loads:
+    active, P = contact.active, equations.force
     stiffness, damping = (
         P * np.where(contact.pressed, numbers, 0.0)[:, None] for numbers in (contact.stiffness, contact.damping)
     )
-    K, C = whole.K + stiffness @ P.mT, whole.C + damping @ P.mT
-    offset = wall_offsets(whole, active, contact.sticking)
+    K, C = equations.K + stiffness @ P.mT, equations.C + damping @ P.mT
+    offset = wall_offsets(equations, active, contact.sticking)
     unmet = np.diag(active.astype(float)) + P.mT @ offset
     unmet = np.where((np.abs(unmet) > UNMET) & active[:, None] & active, unmet, 0.0)
-    moved, left = _times(offset, whole.in_space), _times(unmet, whole.in_space)
-    constant = np.concatenate([whole.given[:, :, None], -whole.K @ offset - stiffness @ unmet], axis=2)
+    moved, left = _times(offset, equations.in_space), _times(unmet, equations.in_space)
+    constant = np.concatenate([equations.given[:, :, None], -equations.K @ offset - stiffness @ unmet], axis=2)
     drive = [
-        whole.drive - _times(whole.M, moved),
-        -_times(whole.C, moved) - _times(damping, left),
-        -_times(whole.K, moved) - _times(stiffness, left),
+        equations.drive - _times(equations.M, moved),
+        -_times(equations.C, moved) - _times(damping, left),
+        -_times(equations.K, moved) - _times(stiffness, left),
     ]
     return _Loads(C, K, offset, moved, constant, np.stack(drive, axis=1), unmet)
 
 
-def _forms(whole: Equations, contact: _Contact, motions: _UndampedMotions, modes: ComplexModes) -> ClosedForms:
+def _forms(equations: Equations, contact: _Contact, motions: _UndampedMotions, modes: ComplexModes) -> ClosedForms:
     """The closed forms on motions whose complex modes are known."""
-    loads, elastic, rigid_body = _loads(whole, contact), motions.elastic, motions.rigid_body
+    loads, elastic, rigid_body = _loads(equations, contact), motions.elastic, motions.rigid_body
     modal, modal_drive = elastic.mT @ loads.constant, loads.drive @ elastic
     loose = motions.omega_squared[:, None, :] == 0.0
     unheld = [_drives(np.where(loose, values, 0.0), values) for values in (modal.mT, modal_drive)]
@@ -322,7 +324,7 @@ def _forms(whole: Equations, contact: _Contact, motions: _UndampedMotions, modes
         through=np.stack([zero, zero, loads.moved], axis=1),
         follow=follow,
     )
-    momentum = elastic.mT @ whole.M
+    momentum = elastic.mT @ equations.M
     forms = ClosedForms(
         modes=modes,
         rigid_body_shape=rigid_body,
@@ -334,17 +336,17 @@ def _forms(whole: Equations, contact: _Contact, motions: _UndampedMotions, modes
         load=np.asarray(modal_drive @ modes.from_v.mT, dtype=complex),
         to_entry_u=modes.from_u @ momentum,
         to_entry_v=modes.from_v @ momentum,
-        to_rigid_body=rigid_body.mT @ whole.M,
-        impulse_entry=modes.from_v @ elastic.mT @ whole.force,
-        impulse_rigid_body=rigid_body.mT @ whole.force,
-        reaction=_reactions(whole, contact.sticking),
+        to_rigid_body=rigid_body.mT @ equations.M,
+        impulse_entry=modes.from_v @ elastic.mT @ equations.force,
+        impulse_rigid_body=rigid_body.mT @ equations.force,
+        reaction=_reactions(equations, contact.sticking),
         unheld=np.stack(unheld, axis=1),
     )
     force = forms.contact_force
     if not np.all(contact.rigid):
-        force = _compliant_forces(whole, forms, loads, response, contact)
+        force = _compliant_forces(equations, forms, loads, response, contact)
     if contact.sticking.size:
-        force = _with_sticking(whole, forms, loads, response, contact.sticking, force)
+        force = _with_sticking(equations, forms, loads, response, contact.sticking, force)
     return replace(forms, contact_force=force)
 
 
@@ -377,60 +379,62 @@ def _no_forces(position: Rows, pairs: int) -> Rows:
     )  # fmt: skip
 
 
-def _reactions(whole: Equations, sticking: Integers) -> Array:
+def _reactions(equations: Equations, sticking: Integers) -> Array:
     """Impulses by which sticking pairs stay at rest on their walls, of a unit one at each other pair."""
-    count, pairs = whole.in_space.shape
+    count, pairs = equations.in_space.shape
     reaction = np.zeros((count, pairs, pairs))
     if 0 < sticking.size < pairs:
         others = np.delete(np.arange(pairs), sticking)
-        mobility = whole.force[:, :, sticking].mT @ np.linalg.solve(whole.M, whole.force)
+        mobility = equations.force[:, :, sticking].mT @ np.linalg.solve(equations.M, equations.force)
         reaction[np.ix_(np.arange(count), sticking, others)] = -np.linalg.solve(
             mobility[:, :, sticking], mobility[:, :, others]
         )
     return reaction
 
 
-def _drives(loads: Array, whole: Array) -> NDArray[np.bool_]:
-    """Whether some loads are more than the rounding of all, (F,)."""
-    largest = np.abs(whole).max(axis=(1, 2), initial=0.0)
+def _drives(loads: Array, all_loads: Array) -> NDArray[np.bool_]:
+    """True for systems of which some loads are more than the rounding of all, (F,)."""
+    largest = np.abs(all_loads).max(axis=(1, 2), initial=0.0)
     return np.asarray(np.any(np.abs(loads) > 1e-12 * largest[:, None, None], axis=(1, 2)))
 
 
-def _free_bases(whole: Equations, contact: _Contact) -> list[tuple[Integers, Array]]:
+def _free_bases(equations: Equations, contact: _Contact) -> list[tuple[Integers, Array]]:
     """Bases of the motions that sticking pairs leave, (F, d, motions), of systems with as many.
 
     Where the structure has rigid motions, a ball that is pressed moves with its place beside its coordinate: that
     is then its gap, and nothing stiffens a rigid motion of all.
     """
-    n, every = whole.dofs, np.arange(whole.M.shape[0])
-    stops = contact.sticking[whole.stop[contact.sticking]]
-    is_loose = ~(whole.K[:, :n, :n] != 0.0).any(axis=1).all(axis=1)
+    n, every = equations.dofs, np.arange(equations.M.shape[0])
+    stops = contact.sticking[equations.stop[contact.sticking]]
+    is_loose = ~(equations.K[:, :n, :n] != 0.0).any(axis=1).all(axis=1)
     if stops.size == 0:
         left = [np.eye(n)] * every.size
     else:
         for f in every:
-            require_met(part_of(whole, int(f)), contact.sticking)
-        left = [scipy.linalg.null_space(-force[:n, stops].T) for force in whole.force]
+            require_met(part_of(equations, int(f)), contact.sticking)
+        left = [scipy.linalg.null_space(-force[:n, stops].T) for force in equations.force]
     motions = np.array([each.shape[1] for each in left])
     found = []
     for members in groups_of_equal_marks(is_loose[:, None], motions[:, None]):
-        carried = contact.pressed & ~whole.stop if is_loose[members[0]] else np.zeros_like(whole.stop)
-        own = stack([left[f] for f in members])
-        found.append((members, _basis_of(part_of(whole, members), own, contact.sticking, np.flatnonzero(carried))))
+        carried = contact.pressed & ~equations.stop if is_loose[members[0]] else np.zeros_like(equations.stop)
+        bases = stack([left[f] for f in members])
+        found.append(
+            (members, _basis_of(part_of(equations, members), bases, contact.sticking, np.flatnonzero(carried)))
+        )
     return found
 
 
-def _basis_of(whole: Equations, left: Array, sticking: Integers, carried: Integers) -> Array:
+def _basis_of(equations: Equations, left: Array, sticking: Integers, carried: Integers) -> Array:
     """Motions (F, n, m) of the structure with the balls that stick or are carried, and all other coordinates."""
-    n, (count, size, _) = whole.dofs, whole.M.shape
+    n, (count, size, _) = equations.dofs, equations.M.shape
     motions, held = left.shape[2], set(sticking.tolist())
     moving = [i for i in range(n, size) if i - n not in held]
     basis = np.zeros((count, size, motions + len(moving)))
     basis[:, :n, :motions] = left
     basis[:, moving, motions + np.arange(len(moving))] = 1.0
-    for j in (*sticking[~whole.stop[sticking]], *carried):
+    for j in (*sticking[~equations.stop[sticking]], *carried):
         # a ball at a place that a stop holds is at rest to the last bit
-        push = whole.force[:, None, :n, j]
+        push = equations.force[:, None, :n, j]
         basis[:, n + j, :motions] = _without_rounding(push @ left, np.abs(push) @ np.abs(left))[:, 0]
     return basis
 
@@ -441,17 +445,17 @@ def _without_rounding(sums: Array, sizes: Array) -> Array:
 
 
 def _compliant_forces(
-    whole: Equations, forms: ClosedForms, loads: _Loads, response: _SteadyResponse, contact: _Contact
+    equations: Equations, forms: ClosedForms, loads: _Loads, response: _SteadyResponse, contact: _Contact
 ) -> Rows:
     """Forces k (x - w) + c x' of every compliant pair; of those in contact without a difference of near numbers."""
-    P, active = -whole.force.mT, contact.active
-    x, rate = gap_rows(whole, forms.position, OF_DISPLACEMENT), gap_rows(whole, forms.velocity, OF_VELOCITY)
+    P, active = -equations.force.mT, contact.active
+    x, rate = gap_rows(equations, forms.position, OF_DISPLACEMENT), gap_rows(equations, forms.velocity, OF_VELOCITY)
     depth = P @ response.constant
     wall = np.where(active[:, None], -loads.unmet, -np.eye(active.size))
-    own = np.where(active[:, None], 0.0, P @ loads.offset)
+    offset = np.where(active[:, None], 0.0, P @ loads.offset)
     x.constant[:, :, 0] = depth[:, :, 0]
-    x.constant[:, :, 1:] = depth[:, :, 1:] + own + wall
-    moved = -_times(loads.unmet, whole.in_space)
+    x.constant[:, :, 1:] = depth[:, :, 1:] + offset + wall
+    moved = -_times(loads.unmet, equations.in_space)
     follow_depth = _times(P, response.follow[:, 0]) + moved
     x.follow[:, 0] = np.where(active, follow_depth, x.follow[:, 0])
     x.through[:, 2] = np.where(active, moved, x.through[:, 2])
@@ -461,11 +465,11 @@ def _compliant_forces(
 
 
 def _with_sticking(
-    whole: Equations, forms: ClosedForms, loads: _Loads, response: _SteadyResponse, sticking: Integers, force: Rows
+    equations: Equations, forms: ClosedForms, loads: _Loads, response: _SteadyResponse, sticking: Integers, force: Rows
 ) -> Rows:
     """Forces of the pairs that stick: what the equations of motion leave over."""
-    M, C, K = whole.M, loads.C, loads.K
-    directions = whole.force[:, :, sticking]
+    M, C, K = equations.M, loads.C, loads.K
+    directions = equations.force[:, :, sticking]
     inverse = np.linalg.solve(M, directions)
     # F = (P^T M^-1 P)^-1 P^T M^-1 (M p'' + C p' + K p - loads)
     coupling = np.linalg.inv(directions.mT @ inverse)

@@ -53,10 +53,12 @@ def part_of(
     """Some of the items of a dataclass of arrays (F, ...), or one of them without the axis."""
     given: Any = items
     common = getattr(given, "COMMON", ())
-    own = {item.name: getattr(given, item.name) for item in fields(given) if item.name not in common}
-    if isinstance(members, np.ndarray) and members.size == _count(own):
+    values = {item.name: getattr(given, item.name) for item in fields(given) if item.name not in common}
+    if isinstance(members, np.ndarray) and members.size == _count(values):
         return items
-    chosen = {name: part_of(value, members) if is_dataclass(value) else value[members] for name, value in own.items()}
+    chosen = {
+        name: part_of(value, members) if is_dataclass(value) else value[members] for name, value in values.items()
+    }
     changed: T = replace(given, **chosen)
     return changed
 
@@ -103,9 +105,9 @@ def diagonal_where_apart(X: Complex, S: Complex) -> tuple[Complex, Complex]:
     """The pair without couplings of the size of rounding; diagonal where its eigenvectors are well apart."""
     S = np.where(np.abs(S) > ROUNDING * float(np.abs(np.diag(S)).max()), S, np.diag(np.diag(S)))
     if np.any(np.triu(S, 1)):
-        own, vectors = scipy.linalg.eig(S)
+        values, vectors = scipy.linalg.eig(S)
         if np.linalg.cond(vectors) <= WELL_APART:
-            X, S = X @ vectors, np.diag(own)
+            X, S = X @ vectors, np.diag(values)
     return X, S
 
 
@@ -183,8 +185,8 @@ class ComplexModes:
         """|lambda| of every entry, ndarray (F, K); within a block its norm: no motion of it is faster."""
         size: Array = np.abs(self.exponent)
         for first, count in self.blocks:
-            own = slice(first, first + count)
-            size[:, own] = np.linalg.norm(self.rate[:, own, own], 2, axis=(1, 2))[:, None]
+            of_block = slice(first, first + count)
+            size[:, of_block] = np.linalg.norm(self.rate[:, of_block, of_block], 2, axis=(1, 2))[:, None]
         return size
 
     @cached_property
@@ -226,7 +228,7 @@ class _Component:
 
     @property
     def alone(self) -> NDArray[np.bool_]:
-        """Whether an eigenvalue lies with no other one, (F, 2 m)."""
+        """True for eigenvalues that lie with no other one, (F, 2 m)."""
         return np.asarray(np.count_nonzero(self.near, axis=2) == 1)
 
 
@@ -250,7 +252,7 @@ def complex_modes(
     found = []
     for members in groups_of_equal_marks(coupled, kinds):
         square, D = omega_squared[members], damping[members]
-        components = [_component(own, square, D) for own in _linked(coupled[members[0]]) if own.size > 1]
+        components = [_component(linked, square, D) for linked in _linked(coupled[members[0]]) if linked.size > 1]
         for part in _groups_of_equal_eigenvalues(components, np.any(kinds[members] == CRITICAL, axis=1)):
             parts = _uncoupled(kinds[members[0]], square[part], np.diagonal(D[part], axis1=1, axis2=2))
             for each in components:
@@ -283,19 +285,19 @@ def _joined(parts: list[_Part], n: int, count: int) -> ComplexModes:
     from_u, from_v = np.zeros((2, count, size, n), dtype=complex)
     sizes, first = np.ones(size, dtype=np.int64), 0
     for part in parts:
-        own = slice(first, first + part.S.shape[1])
-        entries, first = np.arange(own.start, own.stop), own.stop
+        columns = slice(first, first + part.S.shape[1])
+        entries, first = np.arange(columns.start, columns.stop), columns.stop
         if part.S.ndim == 2:
             S[:, entries, entries], shape[:, part.members, entries] = part.S, part.X
             from_u[:, entries, part.members], from_v[:, entries, part.members] = part.from_u, part.from_v
-            key[:, own] = np.abs(part.S)
+            key[:, columns] = np.abs(part.S)
             continue
-        S[:, own, own], shape[:, part.members, own] = part.S, part.X
-        from_u[:, own, part.members], from_v[:, own, part.members] = part.from_u, part.from_v
-        key[:, own] = np.abs(np.diagonal(part.S, axis1=1, axis2=2))
+        S[:, columns, columns], shape[:, part.members, columns] = part.S, part.X
+        from_u[:, columns, part.members], from_v[:, columns, part.members] = part.from_u, part.from_v
+        key[:, columns] = np.abs(np.diagonal(part.S, axis1=1, axis2=2))
         if count == 1 and np.any(np.triu(part.S, 1)):
             # entries of a block stay side by side
-            key[:, own], sizes[own] = key[:, own].mean(), entries.size
+            key[:, columns], sizes[columns] = key[:, columns].mean(), entries.size
     order = np.argsort(key, axis=1, kind="stable")
     each = np.arange(count)[:, None]
     S, sizes = S[each[:, :, None], order[:, :, None], order[:, None, :]], sizes[order[0]]
@@ -361,8 +363,8 @@ def _uncoupled(kinds: NDArray[np.int64], omega_squared: Array, damping: Array) -
     """Coordinates that move alone: lambda = -c/2 +- sqrt(c^2/4 - omega^2)."""
     parts = []
     for i in np.flatnonzero(kinds == CRITICAL):
-        own = np.array([i])
-        parts += _coupled(_component(own, omega_squared, damping[:, :, None] * np.eye(kinds.size)))
+        coordinate = np.array([i])
+        parts += _coupled(_component(coordinate, omega_squared, damping[:, :, None] * np.eye(kinds.size)))
     root = np.sqrt(np.abs(0.25 * damping * damping - omega_squared))
     swinging, creeping = np.flatnonzero(kinds == SWINGING), np.flatnonzero(kinds == CREEPING)
     if swinging.size:
@@ -390,8 +392,8 @@ def _component(members: NDArray[np.intp], omega_squared: Array, damping: Array) 
     # (unit u, u'): the norm of the state is its energy, and no motion grows in it
     unit = np.sqrt(np.maximum(square, 1e-12 * np.maximum(square.max(axis=1), 1.0)[:, None]))
     n = members.size
-    state, own = np.zeros((square.shape[0], 2 * n, 2 * n)), np.arange(n)
-    state[:, own, n + own], state[:, n + own, own], state[:, n:, n:] = unit, -square / unit, -D
+    state, i = np.zeros((square.shape[0], 2 * n, 2 * n)), np.arange(n)
+    state[:, i, n + i], state[:, n + i, i], state[:, n:, n:] = unit, -square / unit, -D
     values, right = np.linalg.eig(state)
     both = np.abs(values[:, :, None]), np.abs(values[:, None, :])
     near = 2.0 * np.abs(values[:, :, None] - values[:, None, :]) <= TOGETHER * (both[0] + both[1])
@@ -402,7 +404,7 @@ def _coupled(given: _Component) -> list[_Part]:
     """Entries of coordinates that damping couples, one of every two conjugate ones; blocks of one structure alone."""
     parts, alone = list[_Part](), given.alone
     if not np.all(alone):
-        parts = [_block(given, own) for own in _linked(given.near[0]) if own.size > 1 and _is_kept(given, own)]
+        parts = [_block(given, block) for block in _linked(given.near[0]) if block.size > 1 and _is_kept(given, block)]
     chosen = alone & (given.values.imag >= 0.0)
     if np.any(chosen):
         # as many of each structure
@@ -411,17 +413,17 @@ def _coupled(given: _Component) -> list[_Part]:
     return parts
 
 
-def _is_kept(given: _Component, own: NDArray[np.intp]) -> bool:
-    """Whether some eigenvalues are not the conjugate ones of others that are kept."""
-    return not np.all(given.values[0, own].imag < 0.0)
+def _is_kept(given: _Component, members: NDArray[np.intp]) -> bool:
+    """True unless the eigenvalues are the conjugate ones of others that are kept."""
+    return not np.all(given.values[0, members].imag < 0.0)
 
 
-def _block(given: _Component, own: NDArray[np.intp]) -> _Part:
+def _block(given: _Component, members: NDArray[np.intp]) -> _Part:
     """Entries of some eigenvalues that lie together, of one structure."""
     values, damping = given.values[0], given.damping[0]
-    X, S = invariant_pair(given.state[0], given.unit[0], values, own, given.omega_squared[0], damping)
+    X, S = invariant_pair(given.state[0], given.unit[0], values, members, given.omega_squared[0], damping)
     X, S = diagonal_where_apart(X, S)
-    weight = 1.0 if bool(np.any(values[own].imag <= 0.0)) else 2.0
+    weight = 1.0 if bool(np.any(values[members].imag <= 0.0)) else 2.0
     n, turned = X.shape[0], damping @ X
     G = X.T @ turned + X.T @ X @ S + S.T @ X.T @ X
     both = np.linalg.solve(G, np.hstack([turned.T + S.T @ X.T, X.T])).astype(complex)

@@ -37,9 +37,9 @@ class Sampling:
 
 @dataclass(frozen=True, eq=False)
 class Held:
-    """What a run of one case has reached."""
+    """State of a run of one case where it ended."""
 
-    sampling: Sampling  # its own, from its end on
+    sampling: Sampling  # of the run, from its end on
     # arrays of `loop_data.Cases` by their names, in the closed form of the contact states; none where only the contacts
     # go on
     motion: Mapping[str, Array | Complex]
@@ -50,7 +50,7 @@ class Held:
 
 
 def held_by(initial: State, system: System, excitation: Excitation) -> Held | None:
-    """What goes on of the run that ended at an initial state.
+    """The state of the run that ended at an initial state, as far as it goes on; None where none does.
 
     Another acceleration of the base jumps, and with it the force of a pair that sticks: whether it still does is
     found anew.
@@ -109,11 +109,11 @@ def final_state(
     copies = {name: _copy(values) for name, values in motion.items()}
     held = Held(sampling, copies, *(_copy(values[0]) for values in contacts))
     places, rates = ((_copy(row[:n]), _copy(row[n:])) for row in coordinates)
-    left = Continuation(KIND, held, places, rates, time, system, excitation, touching(held, system))
+    left = Continuation(KIND, held, places, rates, time, system, excitation, contacts_in_progress(held, system))
     return State(places[0], rates[0], places[1], rates[1], time=time, continuation=left)
 
 
-def touching(held: Held | None, system: System) -> tuple[str, ...]:
+def contacts_in_progress(held: Held | None, system: System) -> tuple[str, ...]:
     """Names of the contacts in progress."""
     states = np.zeros(0) if held is None else held.state
     return tuple(pair.name for pair, state in zip(system.contacts, states, strict=False) if state != FREE)

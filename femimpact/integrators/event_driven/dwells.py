@@ -44,7 +44,7 @@ BLOCKS = 8
 
 
 OF_LEDGER = ("residual", "bound", "loss", "stored")
-"""What the ledger of a case gives."""
+"""Energies of a case that its ledger gives: fields of `DwellStatistics`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,8 +101,8 @@ def _run_block(
 def _begin_free(block: Block) -> None:
     """Make the closed forms without contact before the first call: every case needs one."""
     cases = block.cases
-    own = np.hstack([block.system_of[:, None], cases.stiffness, cases.damping])
-    parameters, of_case = np.unique(own, axis=0, return_inverse=True)
+    keys = np.hstack([block.system_of[:, None], cases.stiffness, cases.damping])
+    parameters, of_case = np.unique(keys, axis=0, return_inverse=True)
     pairs = block.pairs.rigid.size
     wanted = [WantedForm(0, row[1 : 1 + pairs].copy(), row[1 + pairs :].copy(), int(row[0])) for row in parameters]
     first = np.array(block.store.first_forms(wanted))
@@ -110,12 +110,12 @@ def _begin_free(block: Block) -> None:
 
 
 def _energies(block: Block, measured: NDArray[np.int64], instants: int) -> tuple[Array, Array, Array, Array]:
-    """What `OF_LEDGER` names; the residual is that of the start and of the ends of measured cycles."""
+    """The energies that `OF_LEDGER` names; the residual is that of the start and of the ends of measured cycles."""
     ledger = cast(Ledger, block.ledger)
     table = np.concatenate([ledger.start[:, None], block.grid.energy], axis=1)[:, :, : len(ENERGY_COLUMNS)]
     # a case with fewer cycles than others: its last row stands for those after it
-    own = np.minimum(np.arange(table.shape[1]), instants * measured[:, None] + 1)
-    table = np.take_along_axis(table, own[:, :, None], axis=1)
+    row = np.minimum(np.arange(table.shape[1]), instants * measured[:, None] + 1)
+    table = np.take_along_axis(table, row[:, :, None], axis=1)
     kinetic, strain, ball, contact, work, lost, in_contact = table.T
     stored, lost = kinetic + strain + ball + contact, lost + in_contact
     ends = np.append(0, np.arange(1, table.shape[1], instants))
@@ -147,8 +147,8 @@ def event_driven_cases(
         for given, row in cases.systems or ((system, observed),)
     ]
     rigid = np.array([pair.parameters.kind == RIGID for pair in system.contacts], dtype=bool)
-    whole, outputs, derived = sources[0]
-    store = FormStore(whole, rigid, outputs, rate=None, derived=derived)
+    equations, outputs, derived = sources[0]
+    store = FormStore(equations, rigid, outputs, rate=None, derived=derived)
     for source in sources[1:]:
         store.add_system(*source)
     inputs, systems = _inputs(system, cases), [given for given, _ in cases.systems] or [system]
@@ -213,16 +213,16 @@ def _parameters(system: System, cases: SineCases) -> dict[str, Any]:
         laws = cases.laws[law_of]
         contacts = cases.systems[system_of][0].contacts if cases.systems else system.contacts
         # a law of a kind that was found sound: of many laws the members need not be looked for each time
-        own = [
+        parameters = [
             law.parameters(pair.effective_mass) if type(law) in known else resolve(law, pair.effective_mass)
             for law, pair in zip(laws, contacts, strict=True)
         ]
         known.update(map(type, laws))
-        same = tuple(numbers.kind for numbers in own) == kinds
+        same = tuple(numbers.kind for numbers in parameters) == kinds
         require(same, "laws", ", ".join(law.name for law in laws), "", "must be laws of the kinds of the system's")
-        sets.append(own)
+        sets.append(parameters)
     names, shape = ("stiffness", "damping", "restitution"), (len(sets), len(kinds))
-    values = {name: [[getattr(numbers, name) for numbers in own] for own in sets] for name in names}
+    values = {name: [[getattr(numbers, name) for numbers in parameters] for parameters in sets] for name in names}
     return {name: np.array(rows, dtype=float).reshape(shape)[set_of] for name, rows in values.items()}
 
 
@@ -241,17 +241,17 @@ def _starts(system: System, cases: SineCases) -> tuple[Array, Array]:
         return _starts_of(system, cases)
     position, velocity = np.zeros((2, cases.frequency.size, system.dofs + len(system.balls)))
     # a rigid motion and the directions of pairs are other ones on other modes
-    for rows, own in _groups_of_equal_start(cases, cases.system_of):
-        position[rows], velocity[rows] = _starts_of(own, cases.of(rows))
+    for rows, given in _groups_of_equal_start(cases, cases.system_of):
+        position[rows], velocity[rows] = _starts_of(given, cases.of(rows))
     return position, velocity
 
 
 def _groups_of_equal_start(cases: SineCases, system_of: NDArray[np.int64]) -> Iterator[tuple[NDArray[np.intp], System]]:
     """Cases whose starts follow from one system; those that are not static do not hang on masses of balls."""
     found: dict[Any, list[int]] = {}
-    for number, (own, _) in enumerate(cases.systems):
-        same = id(own.rigid_translation), *(id(pair.direction) for pair in own.contacts)
-        found.setdefault(number if cases.initial.is_static_on(own) else same, []).append(number)
+    for number, (system, _) in enumerate(cases.systems):
+        same = id(system.rigid_translation), *(id(pair.direction) for pair in system.contacts)
+        found.setdefault(number if cases.initial.is_static_on(system) else same, []).append(number)
     for numbers in found.values():
         rows = np.flatnonzero(np.isin(system_of, numbers))
         if rows.size:
@@ -288,7 +288,7 @@ def _starts_of(system: System, cases: SineCases) -> tuple[Array, Array]:
 
 
 def _starts_one_by_one(system: System, cases: SineCases) -> tuple[Array, Array]:
-    balls, own = len(system.balls), cases.initial
+    balls = len(system.balls)
     starts = []
     for c in range(cases.frequency.size):
         laws, gaps = cases.laws[int(cases.law_of[c])], cases.gaps[c].tolist()
@@ -298,12 +298,12 @@ def _starts_one_by_one(system: System, cases: SineCases) -> tuple[Array, Array]:
         )
         unchanged = all(one is other for one, other in zip(contacts, system.contacts, strict=True))
         placed = not np.isnan(cases.ball_displacement[c]).any()
-        start = replace(own, ball_velocity=cases.ball_velocity[c])
+        start = replace(cases.initial, ball_velocity=cases.ball_velocity[c])
         if placed and balls:
             start = replace(start, ball_displacement=cases.ball_displacement[c])
-        whole = system if unchanged else replace(system, contacts=contacts)
+        started = system if unchanged else replace(system, contacts=contacts)
         base = Sine(float(cases.amplitude[c]), float(cases.frequency[c]), float(cases.phase[c]))
-        starts.append(start.relative_to_base(whole, base))
+        starts.append(start.relative_to_base(started, base))
     return (
         np.array([np.concatenate([u, y[:balls]]) for u, _, y, _ in starts]),
         np.array([np.concatenate([v, y_rate[:balls]]) for _, v, _, y_rate in starts]),
@@ -311,7 +311,7 @@ def _starts_one_by_one(system: System, cases: SineCases) -> tuple[Array, Array]:
 
 
 def _fault(method: EventSettings, time: float, rms: float, residual: float, ledger: bool) -> str:
-    """What is wrong with a case beyond rounding, or nothing."""
+    """The fault of a case that is beyond rounding, in words; an empty text where there is none."""
     if math.isfinite(time):
         return unending(time, method)
     if not math.isfinite(rms) or (ledger and not math.isfinite(residual)):

@@ -23,7 +23,7 @@ GIVING_WAY = 1e-6
 """Share of the largest deflection under the pushes of soft stops below which they are not met each, but give way."""
 
 INDEPENDENT = 1e-9
-"""Share of its own mobility that a rigid stop must keep where others hold the structure, to be met beside them."""
+"""Share of its mobility that a rigid stop must keep where others hold the structure, to be met beside them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,8 +53,8 @@ class Equations:
 def stacked(items: Sequence[Equations]) -> Equations:
     """Equations of several systems with the same coordinates and pairs, in one."""
     first = items[0]
-    own = [item.name for item in fields(Equations) if item.name not in Equations.COMMON]
-    arrays: dict[str, Any] = {name: stack([getattr(each, name) for each in items]) for name in own}
+    names = [item.name for item in fields(Equations) if item.name not in Equations.COMMON]
+    arrays: dict[str, Any] = {name: stack([getattr(each, name) for each in items]) for name in names}
     return replace(first, **arrays)
 
 
@@ -63,8 +63,8 @@ def equations_of(system: System, drive: Drive) -> Equations:
     n, balls = system.dofs, len(system.balls)
     size = n + balls
     M, C, K = (np.zeros((size, size)) for _ in range(3))
-    for matrix, own in ((M, system.M), (C, system.C), (K, system.K)):
-        matrix[:n, :n] = own.toarray()
+    for matrix, of_structure in ((M, system.M), (C, system.C), (K, system.K)):
+        matrix[:n, :n] = of_structure.toarray()
     load, given = np.zeros(size), np.zeros(size)
     load[:n] = drive.load
     given[:n] = system.constant_load
@@ -86,24 +86,26 @@ def equations_of(system: System, drive: Drive) -> Equations:
 
 
 def require_met(
-    whole: Equations,
-    sticking: NDArray[np.intp],  # numbers of the pairs that stick. A ball always can: it has its own coordinate.
+    equations: Equations,
+    sticking: NDArray[np.intp],  # numbers of the pairs that stick. A ball always can: it is a coordinate by itself.
 ) -> None:
     """Refuse rigid stops that the modes kept cannot meet at once.
 
     Raises `InputError` naming the stop that the others leave no motion.
     """
-    if not np.any(whole.stop[sticking]):
+    if not np.any(equations.stop[sticking]):
         return
-    n, met = whole.dofs, list[int]()
-    lower = np.linalg.cholesky(whole.M[:n, :n])
+    n, met = equations.dofs, list[int]()
+    lower = np.linalg.cholesky(equations.M[:n, :n])
     basis = np.zeros((n, 0))
-    for stop in sticking[whole.stop[sticking]].tolist():
+    for stop in sticking[equations.stop[sticking]].tolist():
         # its square is the mobility; of what is left of it, that beside those met
-        push = np.linalg.solve(lower, whole.force[:n, stop])
+        push = np.linalg.solve(lower, equations.force[:n, stop])
         left = push - basis @ (basis.T @ push)
         left -= basis @ (basis.T @ left)
-        found = " and ".join(whole.names[j] for j in met) + f" hold the structure where {whole.names[stop]} is met"
+        found = (
+            " and ".join(equations.names[j] for j in met) + f" hold the structure where {equations.names[stop]} is met"
+        )
         allowed = (
             f"must keep modes in which all rigid stops in touch can be met: the {n} kept leave none; keep more, or"
         )
@@ -114,7 +116,7 @@ def require_met(
 
 
 def wall_offsets(
-    whole: Equations,  # of F systems
+    equations: Equations,  # of F systems
     active: NDArray[np.bool_],  # (pairs,)
     sticking: NDArray[np.intp],  # numbers of the pairs in contact that stick; see `require_met`
 ) -> Array:  # (F, d, pairs)
@@ -122,26 +124,28 @@ def wall_offsets(
 
     Pairs that stick are so exactly. Where pressed stops cannot be met beside them, the nearest.
     """
-    if np.any(active & whole.stop):
-        return np.stack([_offsets_at_stops(part_of(whole, f), active, sticking) for f in range(whole.M.shape[0])])
+    if np.any(active & equations.stop):
+        return np.stack(
+            [_offsets_at_stops(part_of(equations, f), active, sticking) for f in range(equations.M.shape[0])]
+        )
     # a ball at a wall 1 m away, of a structure that is undeformed
-    offset, carried = np.zeros(whole.force.shape), np.flatnonzero(active)
-    offset[:, whole.dofs + carried, carried] = 1.0
+    offset, carried = np.zeros(equations.force.shape), np.flatnonzero(active)
+    offset[:, equations.dofs + carried, carried] = 1.0
     return offset
 
 
-def _offsets_at_stops(whole: Equations, active: NDArray[np.bool_], sticking: NDArray[np.intp]) -> Array:
+def _offsets_at_stops(equations: Equations, active: NDArray[np.bool_], sticking: NDArray[np.intp]) -> Array:
     """Those of one system, (d, pairs), where stops are in contact."""
-    n, offset = whole.dofs, np.zeros(whole.force.shape)
-    held = sticking[whole.stop[sticking]]
-    stops = np.concatenate([held, np.setdiff1d(np.flatnonzero(active & whole.stop), held)])
+    n, offset = equations.dofs, np.zeros(equations.force.shape)
+    held = sticking[equations.stop[sticking]]
+    stops = np.concatenate([held, np.setdiff1d(np.flatnonzero(active & equations.stop), held)])
     # the static deflection under a push: its force does no work on the motions that are left
-    push = whole.force[:n, stops]
-    deflection = np.asarray(np.linalg.lstsq(whole.K[:n, :n], push, rcond=None)[0], dtype=float)
-    shape: Array = deflection if np.allclose(whole.K[:n, :n] @ deflection, push) else push
+    push = equations.force[:n, stops]
+    deflection = np.asarray(np.linalg.lstsq(equations.K[:n, :n], push, rcond=None)[0], dtype=float)
+    shape: Array = deflection if np.allclose(equations.K[:n, :n] @ deflection, push) else push
     offset[:n, stops] = _columns_meeting(shape, push, held.size)
-    for j in np.flatnonzero(active & ~whole.stop):
-        offset[n + j] = whole.force[:n, j] @ offset[:n]
+    for j in np.flatnonzero(active & ~equations.stop):
+        offset[n + j] = equations.force[:n, j] @ offset[:n]
         offset[n + j, j] += 1.0
     return offset
 
@@ -174,14 +178,14 @@ def undamped_modes(K: Array, M: Array) -> tuple[Array, Array]:
     alone = unheld & ((M != 0.0).sum(axis=1) == 1)
     omega_squared, vectors = np.zeros(K.shape[:2]), np.zeros_like(K)
     for members in groups_of_equal_marks(uncoupled, unheld, alone):
-        own, first = (K[members], M[members]), members[0]
+        matrices, first = (K[members], M[members]), members[0]
         if uncoupled[first]:
-            stiffness, mass = (matrix[:, diagonal] for matrix in own)
+            stiffness, mass = (matrix[:, diagonal] for matrix in matrices)
             found = stiffness / mass, diagonal / np.sqrt(mass)[:, None, :]
         elif np.any(unheld[first] & ~alone[first]):
-            found = _beside_rigid_motions(*own, unheld[first])
+            found = _beside_rigid_motions(*matrices, unheld[first])
         else:
-            found = _held_modes(*own, alone[first])
+            found = _held_modes(*matrices, alone[first])
         omega_squared[members], vectors[members] = found
     return omega_squared, vectors
 
@@ -189,22 +193,22 @@ def undamped_modes(K: Array, M: Array) -> tuple[Array, Array]:
 def _held_modes(K: Array, M: Array, alone: NDArray[np.bool_]) -> tuple[Array, Array]:
     """Modes where what is not stiffened is a mass that moves alone."""
     bound, free = np.flatnonzero(~alone), np.flatnonzero(alone)
-    own = np.ix_(np.arange(K.shape[0]), bound, bound)
+    block = np.ix_(np.arange(K.shape[0]), bound, bound)
     try:
-        lower = np.linalg.cholesky(K[own])
+        lower = np.linalg.cholesky(K[block])
     except np.linalg.LinAlgError:
         return _by_stiffness(K, M, alone)
     # of the flexibility, whose largest eigenvalue is the slowest mode; solve_triangular would start BLAS
     # threads, which takes a thousand times as long as these few numbers
-    flexible = np.linalg.solve(lower, np.linalg.solve(lower, M[own]).mT)
+    flexible = np.linalg.solve(lower, np.linalg.solve(lower, M[block]).mT)
     values, z = np.linalg.eigh(0.5 * (flexible + flexible.mT))
     lost = np.flatnonzero(values.min(axis=1, initial=np.inf) <= 0.0)
     if lost.size:
         spread = "must not spread over so many decades: the fastest motions are lost in rounding; keep fewer modes"
         require(False, "stiffness", float(np.diag(K[lost[0]])[bound].max()), "N/m", spread)
     omega_squared, vectors = np.zeros(K.shape[:2]), np.zeros_like(K)
-    omega_squared[:, bound], vectors[own] = _fast_corrected(
-        1.0 / values, np.linalg.solve(lower.mT, z) / np.sqrt(values)[:, None, :], K[own], M[own]
+    omega_squared[:, bound], vectors[block] = _fast_corrected(
+        1.0 / values, np.linalg.solve(lower.mT, z) / np.sqrt(values)[:, None, :], K[block], M[block]
     )
     vectors[:, free, free] = 1.0 / np.sqrt(M[:, free, free])
     return omega_squared, vectors
@@ -224,15 +228,15 @@ def _beside_rigid_motions(K: Array, M: Array, unheld: NDArray[np.bool_]) -> tupl
 
     M_RR z_R + M_RE z_E = 0 leaves K_EE z_E = omega^2 (M_EE - M_ER M_RR^-1 M_RE) z_E of the others.
     """
-    every, own, others = np.arange(K.shape[0]), np.flatnonzero(unheld), np.flatnonzero(~unheld)
-    of_own, of_others = np.ix_(every, own, own), np.ix_(every, others, others)
-    lower = np.linalg.cholesky(M[of_own])
-    carried = np.linalg.solve(M[of_own], M[np.ix_(every, own, others)])
-    left = M[of_others] - M[np.ix_(every, others, own)] @ carried
+    every, rigid, others = np.arange(K.shape[0]), np.flatnonzero(unheld), np.flatnonzero(~unheld)
+    of_rigid, of_others = np.ix_(every, rigid, rigid), np.ix_(every, others, others)
+    lower = np.linalg.cholesky(M[of_rigid])
+    carried = np.linalg.solve(M[of_rigid], M[np.ix_(every, rigid, others)])
+    left = M[of_others] - M[np.ix_(every, others, rigid)] @ carried
     omega_squared, vectors = np.zeros(K.shape[:2]), np.zeros_like(K)
     omega_squared[:, others], z = undamped_modes(K[of_others], 0.5 * (left + left.mT))
-    vectors[of_others], vectors[np.ix_(every, own, others)] = z, -carried @ z
-    vectors[of_own] = np.linalg.inv(lower).mT
+    vectors[of_others], vectors[np.ix_(every, rigid, others)] = z, -carried @ z
+    vectors[of_rigid] = np.linalg.inv(lower).mT
     return omega_squared, vectors
 
 
@@ -243,9 +247,9 @@ def _fast_corrected(omega_squared: Array, vectors: Array, K: Array, M: Array) ->
     """
     vectors = vectors.copy()
     for i in range(omega_squared.shape[1] - 1, -1, -1):
-        slower, own = vectors[:, :, i + 1 :], vectors[:, :, i : i + 1]
-        own = own - slower @ (slower.mT @ (M @ own))
-        vectors[:, :, i : i + 1] = own / np.sqrt(own.mT @ M @ own)
+        slower, mode = vectors[:, :, i + 1 :], vectors[:, :, i : i + 1]
+        mode = mode - slower @ (slower.mT @ (M @ mode))
+        vectors[:, :, i : i + 1] = mode / np.sqrt(mode.mT @ M @ mode)
     fast = omega_squared > 1e-4 * omega_squared.max(axis=1, initial=0.0)[:, None]
     exact = (vectors * (K @ vectors)).sum(axis=1)
     return np.where(fast, exact, omega_squared), vectors

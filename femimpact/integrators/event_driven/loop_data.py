@@ -1,4 +1,4 @@
-"""What the compiled loop works on: the numbers of the method, the instants that are read, and its arrays by name."""
+"""Input of the compiled loop: the settings of the method, the instants that are read, and its arrays by name."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ LEAST_SAMPLES = 8
 """Readings in a base cycle, of which its rms and harmonic are taken."""
 
 WHOLE = 1e-9
-"""Share of itself by which rounding may put a number of samples off a whole one."""
+"""Share of itself by which rounding may put a number of samples off an integer."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ class ReadingGrid:
     """Instants at which a run is read."""
 
     interval: float  # s
-    # samples in what counts as a base cycle: those of a period of a sine, which need not be a whole number; under a
+    # samples in what counts as a base cycle: those of a period of a sine, which need not be an integer; under a
     # drive by samples `LEAST_SAMPLES` or more
     per_cycle: float
     follows_cycles: bool = False  # whether there are `EventSettings.samples_per_cycle` in each
@@ -145,13 +145,13 @@ are found; the same with the motion of an earlier run in that form; or as a star
 found."""
 
 BEGUN, TOUCH_SPEED, PUSHED, LARGEST_FORCE, LASTED, LOST = range(6)
-"""What a contact that has not ended adds up to: start (s), approach speed (m/s), impulse (N s), largest force (N),
-duration (s) and loss (J)."""
+"""Rows of `Cases.touch`, of a contact that has not ended: start (s), approach speed (m/s), impulse (N s), largest force
+(N), duration (s) and loss (J)."""
 
 
 DONE, FORM_WANTED, RESONANT, UNENDING = range(4)
-"""What a case stopped for: its end, a closed form not made before, a steady motion that is unbounded, or events that
-do not end."""
+"""Why a case stopped: at its end, for a closed form not made before, an unbounded steady motion, or events that do not
+end."""
 
 
 # ---- closed forms ----------------------------------------------------------------------------------
@@ -166,7 +166,7 @@ class Forms(NamedTuple):
     number: Integers  # (F,) among those of the same contact parameters
     entries: Integers  # (F,)
     rigid_bodies: Integers  # (F,)
-    driven: Integers  # (F,) entries, the slowest ones, that have their whole response to a polynomial
+    driven: Integers  # (F,) entries, the slowest ones, that take all of their response to a polynomial
     exponent: Complex  # (F, K)
     coupling: Complex  # (F, K, K); see Scalars
     blocks: Integers  # (F, B, 2)
@@ -203,7 +203,7 @@ class Forms(NamedTuple):
 
 
 class Pairs(NamedTuple):
-    """What all cases have in common."""
+    """Contact pairs, as far as all cases have them in common."""
 
     direction: Array  # (R, d) of a force on the structure
     in_space: Array  # (R,) -1 for a stop that does not move with the base, whose x is w + ub; else 0
@@ -213,7 +213,7 @@ class Pairs(NamedTuple):
 
 
 class Cases(NamedTuple):
-    """What every case is given, and where it is."""
+    """Inputs and present state of every case."""
 
     omega: Array  # (C,)
     amplitude: Array  # (C,)
@@ -254,11 +254,11 @@ class Cases(NamedTuple):
 
 
 class Grid(NamedTuple):
-    """What is read on a grid of times."""
+    """Grid of times, and the values read on it."""
 
     start: Array  # (C,) s, of sample 0
     interval: Array  # (C,) s
-    per_cycle: float  # samples, which need not be whole
+    per_cycle: float  # samples, not always an integer
     origin: Integers  # (C,) sample with which the first cycle begins
     cycle: Integers  # (C,) cycle whose peak is being looked for
     cycles: Array  # (C, cycles, 8); see columns.CYCLE_COLUMNS, then the times of maximum and minimum (s)
@@ -268,7 +268,7 @@ class Grid(NamedTuple):
 
 
 class Snapshots(NamedTuple):
-    """Whole motions of a single case."""
+    """Displacements and velocities of all coordinates of a single case at some samples."""
 
     shown: Integers  # (samples,) number of the snapshot, -1 for none; no samples where none is wanted
     fields: Array  # (snapshots, 2, d)
@@ -284,7 +284,7 @@ class Tables(NamedTuple):
 
 
 class Ledger(NamedTuple):
-    """What the ledger needs of the equations, and what it has summed of every case; n coordinates of structure."""
+    """Coefficients of the equations for the ledger, and its sums of every case; n coordinates of structure."""
 
     mass: Array  # (d,)
     damping: Array  # (d,)
@@ -301,7 +301,7 @@ class Ledger(NamedTuple):
 
 
 class Task(NamedTuple):
-    """Which cases a call takes where, and what it says of them."""
+    """Cases of a call, the samples to which it takes them, and why each stopped."""
 
     members: Integers  # (members,) cases
     begin: Integers  # (C,) samples after which is read
@@ -324,7 +324,7 @@ class Motion(NamedTuple):
 
 
 class Search(NamedTuple):
-    """What a search leaves behind, and its scratch space; R scalars, K entries."""
+    """Results of a search, and its scratch space; R scalars, K entries."""
 
     leaving: Array  # (R,) side of a bound just left, or at which another bound was met at rest; else 0
     at_wall: Array  # (R,) side of the wall touched at this instant, else 0
@@ -371,8 +371,8 @@ class Space(NamedTuple):
     begin: Motion  # where the present closed form began
     trial: Motion
     mark: Motion  # up to where the ledger is written
-    spare: Motion
-    crest: Motion
+    scratch: Motion  # advanced to read the motion at other instants
+    peak_trial: Motion  # the same, to an estimate of a peak, or to the end of a cycle
     search: Search
     bounds: Bounds
     products: Products

@@ -25,7 +25,13 @@ from femimpact.integrators.event_driven.block import (
     no_cycles,
     run_block,
 )
-from femimpact.integrators.event_driven.continued import Sampling, final_state, held_by, sampling_from, touching
+from femimpact.integrators.event_driven.continued import (
+    Sampling,
+    contacts_in_progress,
+    final_state,
+    held_by,
+    sampling_from,
+)
 from femimpact.integrators.event_driven.equations import equations_of, require_met
 from femimpact.integrators.event_driven.loop_data import (
     BEGUN,
@@ -113,9 +119,9 @@ def block_alone(
     Block, Sampling
     """
     rigid = np.array([pair.parameters.kind == RIGID for pair in system.contacts], dtype=bool)
-    whole = equations_of(system, drive)
+    equations = equations_of(system, drive)
     store = FormStore(
-        whole, rigid, outputs, rate=None if drive.pieces is None else drive.pieces.rate, derived=system.derived
+        equations, rigid, outputs, rate=None if drive.pieces is None else drive.pieces.rate, derived=system.derived
     )
     u, v, y, y_rate = initial.relative_to_base(system, excitation)
     balls, held = len(system.balls), held_by(initial, system, excitation)
@@ -142,7 +148,8 @@ def block_alone(
 def pieces(grid: ReadingGrid, recorder: Recorder, samples: int) -> Iterator[tuple[int, int]]:
     """First and last sample of each piece, after the beginning: a run has its bits in the same pieces only.
 
-    Where base cycles are whole samples these are whole cycles, and if possible no more than a piece for the sink.
+    Where a base cycle is an integer number of samples, a piece is an integer number of cycles, and if possible no
+    longer than one for the sink.
     """
     most = 0 if recorder.sink is None else recorder.piece_samples * max(recorder.every, 1)
     if grid.follows_cycles:
@@ -161,9 +168,9 @@ def pieces(grid: ReadingGrid, recorder: Recorder, samples: int) -> Iterator[tupl
 
 
 def sample_to_keep(grid: ReadingGrid, recorder: Recorder, samples: int) -> int:
-    """Sample after the beginning at which the state is kept, 0 for none: where cycles are whole samples, at their end.
+    """Sample after the beginning at which the state is kept, 0 for none.
 
-    Another one is the sample before the time.
+    The last end of a cycle before the time where a cycle is an integer number of samples, else the sample before it.
     """
     if recorder.state_at is None:
         return 0
@@ -210,9 +217,9 @@ def _largest(
     parts = list(pieces(grid, recorder.seen_from(initial.time), samples))
     outputs = outputs_alone(system, channel_rows(system, drive, (channel,), springs_apart=True), drive)
     # a piece takes the place of a base cycle
-    whole = replace(grid, per_cycle=float(max(end - done for done, end in parts)))
+    grid_of_pieces = replace(grid, per_cycle=float(max(end - done for done, end in parts)))
     block, sampling = block_alone(
-        system, excitation, drive, method, outputs, initial, whole, float(np.inf), None, 0
+        system, excitation, drive, method, outputs, initial, grid_of_pieces, float(np.inf), None, 0
     )  # fmt: skip
     extremes, most = no_cycles(1, 1), float(method.most_events)
     for done, end in parts:
@@ -244,7 +251,7 @@ class _Keep:
 
 @dataclass(eq=False)
 class _Run:
-    """What a run works on, and what it has read."""
+    """A run under way: its inputs, the block that it advances, and the history read so far."""
 
     system: System
     excitation: Excitation
@@ -339,7 +346,7 @@ def _rows_kept(keep: _Keep, done: int, count: int) -> tuple[NDArray[np.int64], N
 
 
 def _read_start(run: _Run) -> None:
-    """What is kept of the state at the start: a piece of no length that reads its own beginning.
+    """Read the state at the start into the history: a piece of no length of which the beginning is read.
 
     All but the contact forces is taken from what was given: a start at rest is at rest to the last bit.
     """
@@ -350,9 +357,9 @@ def _read_start(run: _Run) -> None:
         return
     _call(run, -1, 1, np.array([0 if kept else -1]), np.array([0 if shown else -1]), measured=False)
     block.cases.sample[0] = run.sampling.first
-    given, own = outputs.position @ position + outputs.rate @ velocity, ~np.any(outputs.force, axis=1)
+    given, of_motion = outputs.position @ position + outputs.rate @ velocity, ~np.any(outputs.force, axis=1)
     for sample in run.samples:
-        sample[:, own] = given[own]
+        sample[:, of_motion] = given[of_motion]
     for energy in run.energy:
         energy[:] = block.ledger.start if block.ledger is not None else 0.0
     for shot in run.fields:
@@ -397,7 +404,7 @@ def _call(
     block.grid = block.grid._replace(cycles=cycles)
     if block.stopped[0] == UNENDING:
         # walls that hold the structure between them are another fault than too many events
-        require_met(block.store.whole, np.flatnonzero(block.cases.released[0]))
+        require_met(block.store.equations, np.flatnonzero(block.cases.released[0]))
         raise DivergenceError(unending(float(block.cases.clock[0, 0]), run.method))
     _require_finite(block.grid.values, float(run.sampling.time(done + count)))
     run.samples.append(block.grid.values[0][kept >= 0])
@@ -431,7 +438,7 @@ def not_finite(when: str) -> str:
 
 
 def _history(run: _Run, samples_before: int, snapshots_before: int) -> HistoryPiece:
-    """What the run holds of its history now."""
+    """The history that was read since the last piece was handed over."""
     keep, width = run.keep, len(run.channels) + 1
     values = np.concatenate([np.zeros((0, width)), *run.samples])
     number = samples_before + np.arange(values.shape[0])
@@ -482,7 +489,9 @@ def _response(run: _Run, stream: Stream, samples: int, begin: float) -> Response
         system=system,
         warnings=tuple(warnings),
         notes=(
-            *begun_anew(run.initial.continuation, touching(held_by(run.initial, system, run.excitation), system)),
+            *begun_anew(
+                run.initial.continuation, contacts_in_progress(held_by(run.initial, system, run.excitation), system)
+            ),
             *truncation_notes(system),
             *reaction_notes(system, run.drive, run.channels),
             *_open_contacts(run),

@@ -57,7 +57,7 @@ class WantedForm(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Outputs:
-    """What is read at every sample: rows of coordinates p, of rates p' and of the forces of pairs in contact."""
+    """Scalars read at every sample: rows of coordinates p, of rates p' and of the forces of pairs in contact."""
 
     position: Array  # (O, d)
     rate: Array  # (O, d)
@@ -90,18 +90,18 @@ def outputs_of(
 
 def outputs_alone(system: System, rows: ChannelRows, drive: Drive) -> Outputs:
     """The row of a channel as that of the observed place, with what it reads of the base, the drive and constants."""
-    whole = outputs_of(system, np.zeros(system.dofs), rows)
+    all_rows = outputs_of(system, np.zeros(system.dofs), rows)
     # of a force the base stands still
     of_base = drive.share * rows.base[:1, ::-1].T
     of_base[0] += rows.drive[:1]
-    return Outputs(whole.position[1:], whole.rate[1:], whole.force[1:], of_base, rows.constant[:1])
+    return Outputs(all_rows.position[1:], all_rows.rate[1:], all_rows.force[1:], of_base, rows.constant[:1])
 
 
 @dataclass(frozen=True, eq=False)
 class _Source:
-    """A system of which closed forms are made: its equations, what is read of it, and what is kept with it."""
+    """A system of which closed forms are made: its equations, its outputs, and what earlier calls derived of it."""
 
-    whole: Equations
+    equations: Equations
     outputs: Outputs
     derived: dict[Any, Any]
 
@@ -111,7 +111,7 @@ class FormStore:
 
     Parameters
     ----------
-    whole : Equations
+    equations : Equations
     rigid : ndarray (pairs,) of bool
     outputs : Outputs
     rate : float or None, 1/s
@@ -122,29 +122,29 @@ class FormStore:
 
     def __init__(
         self,
-        whole: Equations,
+        equations: Equations,
         rigid: NDArray[np.bool_],
         outputs: Outputs,
         rate: float | None,
         derived: dict[Any, Any] | None = None,
     ) -> None:
-        self.whole = whole
+        self.equations = equations
         self.rigid = rigid
         self.outputs = outputs
         self.rate = rate
-        self.sources = [_Source(whole, outputs, {} if derived is None else derived)]
+        self.sources = [_Source(equations, outputs, {} if derived is None else derived)]
         self.lock = threading.Lock()
         self.known: dict[tuple[bytes, int], int] = {}
         self.last: dict[bytes, tuple[int, int]] = {}
         self.first: dict[bytes, int] = {}
         self.count = 0
         # entries, rigid-body coordinates and blocks of the largest form: with one entry a coordinate nothing must grow
-        self.most = (whole.M.shape[0], 1, 1)
+        self.most = (equations.M.shape[0], 1, 1)
         self.forms = self._empty(4)
 
-    def add_system(self, whole: Equations, outputs: Outputs, derived: dict[Any, Any]) -> int:
+    def add_system(self, equations: Equations, outputs: Outputs, derived: dict[Any, Any]) -> int:
         """Number of a system more, with as many coordinates, pairs and outputs; before the first form is asked for."""
-        self.sources.append(_Source(whole, outputs, derived))
+        self.sources.append(_Source(equations, outputs, derived))
         return len(self.sources) - 1
 
     def first_forms(self, wanted: Sequence[WantedForm]) -> list[int]:
@@ -160,7 +160,7 @@ class FormStore:
                 if (item.parameters, item.key) not in self.known:
                     missing.setdefault(item.key, {})[item.parameters] = item
             # a system's entries may need as many matrices as it has coordinates, each of their size
-            most = max(MOST_NUMBERS // self.whole.M.shape[0] ** 3, 1)
+            most = max(MOST_NUMBERS // self.equations.M.shape[0] ** 3, 1)
             for key, items in missing.items():
                 together = list(items.values())
                 for begin in range(0, len(together), most):
@@ -177,28 +177,28 @@ class FormStore:
                 missing.append(item)
             else:
                 forms, number = kept
-                whole = stacked([self.sources[item.system].whole])
-                made.append(([item], whole, part_of(forms, np.array([number]))))
+                equations = stacked([self.sources[item.system].equations])
+                made.append(([item], equations, part_of(forms, np.array([number]))))
         if missing:
-            whole = stacked([self.sources[item.system].whole for item in missing])
+            equations = stacked([self.sources[item.system].equations for item in missing])
             stiffness, damping = (np.array([getattr(item, name) for item in missing]) for name in CONTACT_NUMBERS)
-            for members, forms in closed_forms(whole, active, self.rigid, stiffness, damping):
-                own = [missing[f] for f in members]
-                made.append((own, part_of(whole, members), forms))
-                for number, item in enumerate(own):
+            for members, forms in closed_forms(equations, active, self.rigid, stiffness, damping):
+                items = [missing[f] for f in members]
+                made.append((items, part_of(equations, members), forms))
+                for number, item in enumerate(items):
                     derived = self.sources[item.system].derived
                     if len(derived) < MOST_KEPT:
                         derived[self._kept_key(item, active)] = forms, number
         allowed = "must have stiffness in every braked motion for this excitation or constant force"
-        for items, whole, forms in made:
+        for items, equations, forms in made:
             unheld = np.any(forms.unheld if self.rate is not None else forms.unheld[:, 0])
             require(not unheld, "system", None, "", allowed)
-            self._add(items, whole, forms, active)
+            self._add(items, equations, forms, active)
 
     def _kept_key(self, item: WantedForm, active: NDArray[np.bool_]) -> tuple[Any, ...]:
         """Key of a closed form among what is kept with a system: also of the place where the drive acts."""
-        whole = self.sources[item.system].whole
-        of_drive = whole.drive.tobytes(), whole.in_space.tobytes()
+        equations = self.sources[item.system].equations
+        of_drive = equations.drive.tobytes(), equations.in_space.tobytes()
         return "closed form", *of_drive, active.tobytes(), item.stiffness.tobytes(), item.damping.tobytes()
 
     def snapshot(self) -> Forms:
@@ -207,7 +207,7 @@ class FormStore:
             return self.forms._replace(made=self.count)
 
     def _empty(self, capacity: int) -> Forms:
-        (d, pairs), (entries, rigid_bodies, blocks) = self.whole.force.shape, self.most
+        (d, pairs), (entries, rigid_bodies, blocks) = self.equations.force.shape, self.most
         rows, f = 2 * pairs + self.outputs.force.shape[0], capacity
         real: dict[str, tuple[int, ...]] = {
             "size": (f, entries),
@@ -228,7 +228,7 @@ class FormStore:
             "impulse_rigid_body": (f, rigid_bodies, pairs),
             "reaction": (f, pairs, pairs),
         }
-        whole: dict[str, tuple[int, ...]] = {
+        integers: dict[str, tuple[int, ...]] = {
             "key": (f,), "following": (f,), "number": (f,), "entries": (f,), "rigid_bodies": (f,), "driven": (f,),
             "blocks": (f, blocks, 2), "first": (f, d + 1), "members": (f, d * entries),
         }  # fmt: skip
@@ -244,7 +244,7 @@ class FormStore:
             "impulse_entry": (f, entries, pairs),
         }
         arrays: dict[str, NDArray[Any]] = {name: np.zeros(shape) for name, shape in real.items()}
-        arrays |= {name: np.zeros(shape, dtype=np.int64) for name, shape in whole.items()}
+        arrays |= {name: np.zeros(shape, dtype=np.int64) for name, shape in integers.items()}
         arrays |= {name: np.zeros(shape, dtype=complex) for name, shape in complexes.items()}
         return Forms(made=0, **arrays, together=np.zeros((f, entries, entries), dtype=bool))
 
@@ -262,20 +262,20 @@ class FormStore:
         self.forms = larger
 
     def _add(
-        self, items: Sequence[WantedForm], whole: Equations, made: ClosedForms, active: NDArray[np.bool_]
+        self, items: Sequence[WantedForm], equations: Equations, made: ClosedForms, active: NDArray[np.bool_]
     ) -> None:  # fmt: skip
         """Write closed forms with as many entries behind those that are there."""
         count, modes, first = len(items), made.modes, self.count
         self._enlarge((modes.exponent.shape[1], made.rigid_body_drive.shape[1], len(modes.blocks)), count)
         outputs = _stacked_outputs([self.sources[item.system].outputs for item in items])
         rows = _stacked_rows(
-            gap_rows(whole, made.position, OF_DISPLACEMENT),
+            gap_rows(equations, made.position, OF_DISPLACEMENT),
             made.contact_force,
             _output_rows(outputs, made, active),
         )
         driven = driven_entries(modes, self.rate)
         follow, position, velocity = (
-            followed(own, modes, made.load, driven) for own in (rows, made.position, made.velocity)
+            followed(each, modes, made.load, driven) for each in (rows, made.position, made.velocity)
         )
         earlier = [self.last.get(item.parameters, (-1, -1)) for item in items]
         values: dict[str, Any] = {
@@ -315,11 +315,11 @@ def _uses_of_entries(made: ClosedForms, all_together: bool) -> dict[str, NDArray
     count, coordinates, entries = used.shape
     together = used.mT.astype(int) @ used.astype(int) > 0
     form, _, entry = np.nonzero(used)
-    own = used.sum(axis=2).cumsum(axis=1)
-    before = np.concatenate([[0], np.cumsum(own[:, -1])])
+    ends = used.sum(axis=2).cumsum(axis=1)
+    before = np.concatenate([[0], np.cumsum(ends[:, -1])])
     members = np.zeros((count, coordinates * entries), dtype=np.int64)
     members[form, np.arange(form.size) - before[form]] = entry
-    first = np.concatenate([np.zeros((count, 1), dtype=np.int64), own], axis=1)
+    first = np.concatenate([np.zeros((count, 1), dtype=np.int64), ends], axis=1)
     return {"together": together | all_together, "first": first, "members": members}
 
 

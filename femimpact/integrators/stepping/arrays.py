@@ -28,12 +28,12 @@ from femimpact.system.system import System
 
 @dataclass(frozen=True, eq=False)
 class Inputs:
-    """What each case of a block is given; all excitations act along one load."""
+    """Inputs of each case of a block; all excitations act along one load."""
 
     excitations: Sequence[Excitation]
-    # length of each case; the block runs to the longest, and what a case does after its own end does not count
+    # length of each case; the block runs to the longest, and what a case does after its end does not count
     steps: Sequence[int]
-    window_start: Sequence[int]  # step after the beginning from which impacts are counted, to the case's own end
+    window_start: Sequence[int]  # step after the beginning from which impacts are counted, to the end of the case
     initial: State = field(default_factory=State)
     # of one case alone it may be within the run that it goes on from
     beginning: Beginning = field(default_factory=Beginning)
@@ -68,7 +68,7 @@ def pairs_of(
     system: System, operator: layout.Operator, drive: Drive, lanes: int, forces: Sequence[ForcePointer | None],
     each: Sequence[tuple[System, State]] = (),
 ) -> layout.Pairs:  # fmt: skip
-    """Contact pairs: the row that each reads, its law and its numbers, which may be each case's own."""
+    """Contact pairs: the row that each reads, its law and its numbers, which may differ among cases."""
     contacts = system.contacts
     rows = [next(i for i, row in enumerate(operator.rows) if np.array_equal(row, pair.direction)) for pair in contacts]
     constants = np.zeros((11, len(contacts), lanes))
@@ -79,8 +79,8 @@ def pairs_of(
         constants[layout.SHARE, j] = 0.0 if pair.is_stop else drive.share
         for row, values in _of_contact(pair).items():
             constants[row, j] = values
-        for c, (own, _) in enumerate(each):
-            for row, values in _of_contact(own.contacts[j]).items():
+        for c, (given, _) in enumerate(each):
+            for row, values in _of_contact(given.contacts[j]).items():
                 constants[row, j, c] = values
     obstacles = [j for j, pair in enumerate(contacts) if pair.fixed_to == "space" and drive.share != 0.0]
     return layout.Pairs(
@@ -121,8 +121,8 @@ def motion_of(
     lanes, dofs, count = len(drives), system.dofs, len(system.contacts)
     each = inputs.each or [(system, inputs.initial)] * lanes
     states = [
-        start.relative_to_base(own, excitation)
-        for (own, start), excitation in zip(each, inputs.excitations, strict=True)
+        start.relative_to_base(given, excitation)
+        for (given, start), excitation in zip(each, inputs.excitations, strict=True)
     ]
     q, v, y, y_rate = (np.ascontiguousarray(np.array(columns).T) for columns in zip(*states, strict=True))
     constants, w, w_rate = pairs.constants, operator.rows @ q, operator.rows @ v
@@ -189,12 +189,12 @@ def motion_of(
 def _placed(values: Array, place: int) -> Array:
     """A copy that begins with a cache line, at another distance from the page's start for each place.
 
-    Loads across two lines cost twice, and arrays whole pages apart look like one another to the processor.
+    Loads across two lines cost twice, and accesses a multiple of the page size apart are mistaken for one another.
     """
-    spare = np.empty(values.size + 1024)
-    line, page = spare.ctypes.data // 8, 512
+    memory = np.empty(values.size + 1024)
+    line, page = memory.ctypes.data // 8, 512
     start = (-line) % 8 + ((place * 168 - (line + (-line) % 8)) % page) // 8 * 8
-    copy = spare[start : start + values.size].reshape(values.shape)
+    copy = memory[start : start + values.size].reshape(values.shape)
     copy[...] = values
     return copy
 
@@ -236,7 +236,7 @@ def _approach_within(pair: ContactPair, depth: float, rate: float) -> float:
     """Approach speed (m/s) of a contact that a run starts in, at a depth (m) and its rate; see `State`."""
     if pair.parameters.kind in (KELVIN_VOIGT, SWITCHING_SPRING):
         return max(rate, 0.0)
-    # of a law of one's own the energy may depend on the speed itself
+    # of a custom law the energy may depend on the speed itself
     stored = pair.law.potential(depth, pair.effective_mass, abs(rate) or 1.0)
     return math.sqrt(rate**2 + 2.0 * stored / pair.effective_mass)
 
@@ -303,7 +303,7 @@ def _table(drives: Sequence[Drive], inputs: Inputs, method: SteppingMethod) -> A
 
 
 def _at_steps(drive: Drive, time: Array, refine: int) -> Array:
-    """Values of a drive at all fine steps; those at whole steps are made for these."""
+    """Values of a drive at all fine steps; those at coarse steps are among them."""
     values = drive.value_at_steps(time)
     if refine > 1:
         values[::refine] = drive.value_at_steps(time[::refine])
@@ -348,7 +348,7 @@ def limits_of(
     """Displacement (m) of the observed place beyond which a case counts as diverging.
 
     A multiple of what the drive does at resonance, the initial state, and a ball's motion within
-    one radian of the first mode can amount to; without an elastic mode, within the whole run.
+    one radian of the first mode can amount to; without an elastic mode, within the run.
     """
     alpha, beta = system.rayleigh or (0.0, 0.0)
     omega = 2.0 * math.pi * system.first_frequency
@@ -370,7 +370,7 @@ def limits_of(
 
 
 def _acceleration(system: System, drive: Drive, values: Array | None) -> float:
-    """Largest acceleration (m/s^2) that a force on the structure gives to its own place; by its values if no sine."""
+    """Largest acceleration (m/s^2) that a force on the structure gives to its place; by its values if no sine."""
     largest = abs(drive.sine.amplitude) if values is None else float(np.abs(values).max())
     free = scipy.sparse.linalg.spsolve(system.M.tocsc(), drive.load)
     return largest * float(np.atleast_1d(free) @ drive.load)

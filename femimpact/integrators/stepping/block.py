@@ -42,7 +42,7 @@ from femimpact.system.system import System
 
 
 def check_recorder(recorder: Recorder) -> None:
-    """Raise `InputError` for an interval of readings: a method with steps has its own."""
+    """Raise `InputError` for an interval of readings: a method with steps has a step."""
     allowed = "is for EventDriven: a method with steps is read at its steps, of which `every` keeps one in so many"
     require(recorder.interval is None, "record.interval", recorder.interval, "s", allowed)
 
@@ -133,7 +133,7 @@ class Block:
 
 
 def _lanes(cases: int) -> int:
-    """Width of the case axis: one alone, else whole packs."""
+    """Width of the case axis: one alone, else a multiple of the pack."""
     return 1 if cases == 1 else layout.WIDTH * math.ceil(cases / layout.WIDTH)
 
 
@@ -254,14 +254,14 @@ def run_block(
 
 @dataclass(frozen=True, eq=False)
 class Recorded:
-    """What a run's history is read for: its excitation, and the channels with their rows."""
+    """Excitation of a run, and the channels read from its history with their rows."""
 
     excitation: Excitation
     drive: Drive
     channels: tuple[Channel, ...]
     rows: ChannelRows
     refilled: bool
-    """Whether the arrays of the record are filled again once they were read."""
+    """True where the arrays of the record are filled again once they were read."""
 
 
 def history_of(
@@ -351,7 +351,7 @@ def impacts_of(block: Block, system: System, excitation: Excitation) -> Impacts:
 def sticking_of(block: Block, system: System) -> StickingPhases:
     """Rigid contacts that took an impulse in three or more steps in a row: a ball that moves with its wall.
 
-    Each begins with an impact, which has its own row in the table of impacts once the contact has ended;
+    Each begins with an impact, which has a row in the table of impacts once the contact has ended;
     the impulses of the two tables are the same.
     """
     record, touch, dt = block.record, block.motion.touch[:, :, 0], block.scheme.dt

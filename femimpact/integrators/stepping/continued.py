@@ -25,7 +25,7 @@ GAPS = [layout.GAP_PLUS, layout.GAP_MINUS]
 
 @dataclass(frozen=True, eq=False)
 class Held:
-    """What a run of one case has reached."""
+    """State of a run of one case where it ended."""
 
     origin: float  # s: time of its step 0
     step: int
@@ -35,7 +35,7 @@ class Held:
     # (pairs, n) J: what contacts in progress have given to each mode; without columns where it was not summed
     to_modes: Array
 
-    def touching(self, system: System) -> tuple[str, ...]:
+    def contacts_in_progress(self, system: System) -> tuple[str, ...]:
         """Names of the contacts in progress."""
         opened = self.motion["touch"][layout.OPEN, :, 0] != 0.0
         return tuple(pair.name for pair, is_open in zip(system.contacts, opened, strict=True) if is_open)
@@ -49,16 +49,16 @@ class Beginning:
     step: int = 0  # step at which the run begins: that at which the run ended that this one goes on from, or 0
     held: Held | None = None  # contacts in progress, where they go on
     # whether all else that is held goes on as well: the drive, the accelerations and the base cycle are the same
-    whole: bool = False
+    complete: bool = False
 
     @property
     def cycle(self) -> int:
         """Base cycles that were finished before."""
-        return int(self.held.cycles["number"][0]) if self.held is not None and self.whole else 0
+        return int(self.held.cycles["number"][0]) if self.held is not None and self.complete else 0
 
     def going_on(self, system: System) -> tuple[str, ...]:
         """Names of the contacts in progress that go on."""
-        return () if self.held is None else self.held.touching(system)
+        return () if self.held is None else self.held.contacts_in_progress(system)
 
     def times(self, steps: int, method: SteppingMethod) -> Array:
         """Times (s) of all fine steps from step 0 until a number of steps after the beginning."""
@@ -73,7 +73,7 @@ def beginning_of(initial: State, system: System, excitation: Excitation, method:
         return Beginning(initial.time)
     held: Held = left.held
     if left.has_equations_of(system, excitation, initial.time):
-        return Beginning(held.origin, held.step, held, whole=True)
+        return Beginning(held.origin, held.step, held, complete=True)
     return Beginning(initial.time, 0, held)
 
 
@@ -81,7 +81,7 @@ def resume_contacts(held: Held, beginning: Beginning, pairs: layout.Pairs, touch
     """Contacts in progress go on; their forces (N) on the structure, those of centring springs included."""
     pairs.constants[GAPS] = held.gaps
     touch[...] = held.motion["touch"]
-    if not beginning.whole:
+    if not beginning.complete:
         # of steps that are counted anew
         touch[layout.START] -= held.step * time_step
     return np.broadcast_to(held.motion["ball"][layout.FORCE], touch.shape[1:])
@@ -97,7 +97,7 @@ def go_on(beginning: Beginning, motion: layout.Motion, cycles: layout.Cycles) ->
     else:
         # it was not summed before
         motion.to_modes[held.motion["touch"][layout.OPEN, :, 0] != 0.0] = np.nan
-    if not beginning.whole:
+    if not beginning.complete:
         return
     for arrays, target in ((held.motion, motion), (held.cycles, cycles)):
         for name, values in arrays.items():
@@ -122,7 +122,7 @@ def final_state(
         (_copy(of_dofs[:, 0]), _copy(motion.ball[row, :balls, 0]))
         for of_dofs, row in ((motion.q, layout.Y), (motion.v, layout.Y_RATE))
     )
-    left = Continuation(_kind(method), held, places, rates, time, system, excitation, held.touching(system))
+    left = Continuation(_kind(method), held, places, rates, time, system, excitation, held.contacts_in_progress(system))
     return State(places[0], rates[0], places[1], rates[1], time=time, continuation=left)
 
 

@@ -1,6 +1,6 @@
-"""What the core's loop over steps is handed, by name: how arrays are laid out and which belong together.
+"""Arguments of the compiled loop over steps, by name: how arrays are laid out and which belong together.
 
-The core reads these named tuples by its own table (`core/stepping/loop_data.hpp`); a test compares names, types, order
+The core reads these named tuples by a table (`core/stepping/loop_data.hpp`); a test compares names, types, order
 and numbers of axes. The case axis comes last: cases lie side by side, one alone or in packs of `WIDTH`.
 """
 
@@ -42,7 +42,7 @@ class Scheme(NamedTuple):
 
     M [(1 - alpha_m) a1 + alpha_m a0] + C v_f + K u_f = F_f + b [(1 - alpha_f) f1 + alpha_f f0], where
     . _f is (1 - alpha_f) . 1 + alpha_f . 0, or, with one mean force f kept out of the acceleration,
-    M a + C v + K u = F and v1 gains dt M^-1 b f, u1 gains give_u M^-1 b f.
+    M a + C v + K u = F and v1 gains dt M^-1 b f, u1 gains mass_response_u M^-1 b f.
     """
 
     dt: float
@@ -53,9 +53,9 @@ class Scheme(NamedTuple):
     alpha_f: float
     alpha_m: float
     carry: float  # alpha_f/(1 - alpha_f): share of the last step's contact force
-    give_a: float  # what a force of 1 N does to a free mass of 1 kg in a step
-    give_u: float
-    give_v: float
+    mass_response_a: float  # what a force of 1 N does to a free mass of 1 kg in a step
+    mass_response_u: float
+    mass_response_v: float
     spring_now: float  # share of x1 in the force of a centring spring, the rest is that of x0
     mean: bool  # one mean contact force per step, kept out of the acceleration
     rigid: bool  # that force is an impulse that sets the rebound
@@ -158,7 +158,7 @@ class Cycles(NamedTuple):
 
 
 class Record(NamedTuple):
-    """What case 0 keeps."""
+    """Samples, snapshots and impacts of case 0."""
 
     used: Integers  # (channels, 4) 1 where a channel has a row of q, of v, of the balls, or of forces
     rows: Array  # (channels, 2, n) of q and v

@@ -46,7 +46,7 @@ def stepped_restitution(
     approach_speed: float,  # m/s
     phases: int,  # at how many instants within a step the touch is tried
 ) -> AchievedRestitution:
-    """Send the pair's effective mass against a wall with the method's own step, and look at the rebound.
+    """Send the pair's effective mass against a wall with the step of the method, and look at the rebound.
 
     Raises `InputError` if a collision does not end with this step, or a custom law gives a force that is not
     finite.
@@ -85,8 +85,8 @@ AT_ONCE = 64
 """Cases of a sweep that are in memory together on each thread."""
 
 
-class SteppingAnswers:
-    """The answers of a method with steps, for one that satisfies `operators.SteppingMethod`."""
+class SteppingMembers:
+    """Members of `methods.Method` that methods with steps share, for one that satisfies `operators.SteppingMethod`."""
 
     @classmethod
     def for_system(cls, system: System, **settings: Any) -> Self:
@@ -96,7 +96,7 @@ class SteppingAnswers:
 
     @property
     def unit(self) -> str:
-        """What the instants are called at which a run can be read."""
+        """Name of the instants at which a run can be read."""
         return "steps"
 
     @property
@@ -153,7 +153,7 @@ class SteppingAnswers:
         return stepped_restitution(pair, self, approach_speed, phases)
 
     def cost(self: SteppingMethod, system: System, frequency: float) -> MethodCost:
-        """What a cycle of a frequency (Hz) takes on a system."""
+        """Time and memory that a cycle of a frequency (Hz) takes on a system."""
         kind = "modal" if system.is_diagonal else "physical"
         steps = 1e-9 * max(system.dofs, 4) / (frequency * self.dt)
         return MethodCost(NANOSECONDS[kind] * steps, WITHOUT_BALLS * BESIDE_OTHERS[kind] * steps, CYCLE, AT_ONCE)
@@ -169,12 +169,12 @@ class SteppingAnswers:
         self: SteppingMethod, system: System, cases: SineCases, observed: NDArray[np.float64], instants: int,
         workers: int, progress: Progress | None = None,
     ) -> SineDwellResults:  # fmt: skip
-        """Many cases side by side, each with its own gaps, laws and start; see `runs.run_cases`."""
+        """Many cases side by side, each with its gaps, laws and start; see `runs.run_cases`."""
         return stepped_cases(system, cases, self, observed, instants, workers, progress)
 
 
 @dataclass(frozen=True)
-class Newmark(SteppingAnswers):
+class Newmark(SteppingMembers):
     """Newmark's method: M a1 + C v1 + K u1 = F1 + b f1.
 
     The defaults are the constant average acceleration. (Newmark, 1959.)
@@ -234,7 +234,7 @@ class Newmark(SteppingAnswers):
 
 
 @dataclass(frozen=True)
-class HHT(SteppingAnswers):
+class HHT(SteppingMembers):
     """Hilber, Hughes and Taylor: M a1 + (1 + alpha)(C v1 + K u1 - F1) = alpha (C v0 + K u0 - F0), contacts included.
 
     gamma = 1/2 - alpha, beta = (1 - alpha)^2/4: order 2, with high modes damped. (Hilber et al., 1977.)
@@ -271,7 +271,7 @@ class HHT(SteppingAnswers):
 
 
 @dataclass(frozen=True)
-class WBZ(SteppingAnswers):
+class WBZ(SteppingMembers):
     """Wood, Bossak and Zienkiewicz: M [(1 - alpha) a1 + alpha a0] + C v1 + K u1 = F1 + b f1.
 
     gamma = 1/2 - alpha, beta = (1 - alpha)^2/4: order 2, with high modes damped. (Wood et al., 1980.)
@@ -301,7 +301,7 @@ class WBZ(SteppingAnswers):
 
 
 @dataclass(frozen=True)
-class GeneralizedAlpha(SteppingAnswers):
+class GeneralizedAlpha(SteppingMembers):
     """Generalised alpha: M a_m + C v_f + K u_f = F_f + b f_f, each taken within the step.
 
     alpha_m = (2 r - 1)/(r + 1), alpha_f = r/(r + 1), gamma = 1/2 - alpha_m + alpha_f,
@@ -334,7 +334,7 @@ class GeneralizedAlpha(SteppingAnswers):
 
 
 @dataclass(frozen=True)
-class MoreauJean(SteppingAnswers):
+class MoreauJean(SteppingMembers):
     """Time stepping with impulses for rigid contacts: velocities jump, no impact is a separate event.
 
     M (v1 - v0) = dt (F - C v - K u)_theta + b P, u1 = u0 + dt v_theta, with ._theta = theta .1 + (1 - theta) .0;

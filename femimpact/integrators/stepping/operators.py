@@ -22,7 +22,7 @@ from femimpact.system.system import System
 class SteppingMethod(Protocol):
     """A method with steps, as its run takes it.
 
-    Whoever satisfies it can take the answers of `stepping.newmark.SteppingAnswers`, and is then a whole method.
+    A class that satisfies it becomes a complete method with the members of `stepping.newmark.SteppingMembers`.
     """
 
     @property
@@ -35,7 +35,7 @@ class SteppingMethod(Protocol):
 
     @property
     def allow_coarse_step(self) -> bool:
-        """Whether a step passes that does not resolve the contact."""
+        """True where a step that does not resolve the contact is taken."""
 
     @property
     def divergence_limit(self) -> float:
@@ -50,7 +50,7 @@ class SteppingMethod(Protocol):
 
 
 def scheme_of(method: SteppingMethod, dt: float | None = None) -> Scheme:
-    """Constants of a method for its own step (s), or for a finer one."""
+    """Constants of a method for its step (s), or for a finer one."""
     return method.scheme(method.dt if dt is None else checked("dt", dt, quantity("s", above=0.0)))
 
 
@@ -64,11 +64,11 @@ def family_scheme(
     gamma = 0.5 - alpha_m + alpha_f if gamma is None else gamma
     beta = 0.25 * (1.0 - alpha_m + alpha_f) ** 2 if beta is None else beta
     weights = newmark_weights(h, beta, gamma)
-    give = (1.0 - alpha_f) / (1.0 - alpha_m)
+    acceleration = (1.0 - alpha_f) / (1.0 - alpha_m)
     return Scheme(
         h, *weights, alpha_f, alpha_m,
-        carry=alpha_f / (1.0 - alpha_f), give_a=give, give_u=give * weights[2], give_v=give * weights[3],
-        spring_now=1.0, mean=False, rigid=False,
+        carry=alpha_f / (1.0 - alpha_f), mass_response_a=acceleration, mass_response_u=acceleration * weights[2],
+        mass_response_v=acceleration * weights[3], spring_now=1.0, mean=False, rigid=False,
     )  # fmt: skip
 
 
@@ -81,7 +81,8 @@ def mean_scheme(h: float, weights: tuple[float, float, float, float], theta: flo
     """Constants where one mean contact force per step is kept out of the acceleration."""
     return Scheme(
         h, *weights, 0.0, 0.0,
-        carry=0.0, give_a=0.0, give_u=h * h * theta, give_v=h, spring_now=theta, mean=True, rigid=rigid,
+        carry=0.0, mass_response_a=0.0, mass_response_u=h * h * theta, mass_response_v=h, spring_now=theta, mean=True,
+        rigid=rigid,
     )  # fmt: skip
 
 
@@ -306,16 +307,16 @@ def _constant_rows(table: Array, s: Scheme, a: Array) -> Array:
 
 
 def _responses(system: System, s: Scheme, factor: tuple[Array, bool]) -> tuple[Array, Array, Array]:
-    """What a force of 1 N along each b does in one step to accelerations, displacements and velocities.
+    """Accelerations, displacements and velocities that a force of 1 N along each b adds in one step.
 
     Within the balance: a = (1 - alpha_f) S^-1 b. As one mean force beside it, v gains dt M^-1 b and
-    u gains give_u M^-1 b, to which the accelerations answer by -S^-1 (C dt + K give_u) M^-1 b.
+    u gains mass_response_u M^-1 b, which changes the accelerations by -S^-1 (C dt + K mass_response_u) M^-1 b.
     """
     b = np.array([pair.direction for pair in system.contacts]).reshape(-1, system.dofs).T
     impulse_u = impulse_v = np.zeros_like(b)
     if s.mean:
         free = scipy.linalg.solveh_banded(bands(system.M), b, lower=True) if b.size else b
-        impulse_u, impulse_v = s.give_u * free, s.give_v * free
+        impulse_u, impulse_v = s.mass_response_u * free, s.mass_response_v * free
         b = -(system.C @ impulse_v + system.K @ impulse_u)
     a = (1.0 - s.alpha_f) * scipy.linalg.cho_solve_banded(factor, b) if b.size else b
     return (

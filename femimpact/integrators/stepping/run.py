@@ -1,4 +1,4 @@
-"""Many dwells by a method with steps: blocks of cases side by side, each with its own numbers and start."""
+"""Many dwells by a method with steps: blocks of cases side by side, each with separate numbers and start."""
 
 from __future__ import annotations
 
@@ -201,7 +201,7 @@ def _state(block: Block, system: System, excitation: Excitation, method: Steppin
 
 
 def _share_of(progress: Progress, done: int, end: int, steps: int) -> Progress:
-    """Progress of a whole run, told by the share of the steps from `done` to `end`."""
+    """Progress of the run, told by the share of the steps from `done` to `end`."""
     return lambda share: progress((done + share * (end - done)) / steps)
 
 
@@ -278,7 +278,7 @@ WIDEST_BLOCK = 64
 """Cases side by side beyond which a block no longer gains speed but leaves the cache."""
 
 MOST_STEPS = 1e15
-"""Of a dwell: more are a mistake, and no whole number of the loop."""
+"""Of a dwell: more are a mistake, and no integer of the loop."""
 
 ALIKE = 1.05
 """Longest over shortest run up to which cases count as equally long."""
@@ -348,18 +348,18 @@ def _blocks(ends: NDArray[np.int64], workers: int) -> list[NDArray[np.intp]]:
 
 
 def _motion(block: Block, cycles: NDArray[np.int64], measured: NDArray[np.int64]) -> SteadyMotion:
-    # slower cases of the block run on beyond their own dwell: leave those cycles out
+    # slower cases of the block run on beyond their dwell: leave those cycles out
     statistics = block.cycle_statistics
-    own = np.arange(statistics.samples.shape[0])[:, None] < cycles
-    return steady_motion(replace(statistics, samples=np.where(own, statistics.samples, 0.0)), measured)
+    of_dwell = np.arange(statistics.samples.shape[0])[:, None] < cycles
+    return steady_motion(replace(statistics, samples=np.where(of_dwell, statistics.samples, 0.0)), measured)
 
 
 def _residuals(block: Block, cycles: NDArray[np.int64]) -> Array:
     energy = block.cycles.energy[:, :, : block.cases]
-    # slower cases run on beyond their own dwell: its last row stands for those after it
-    own = np.minimum(np.arange(energy.shape[0])[:, None, None], cycles)
+    # slower cases run on beyond their dwell: its last row stands for those after it
+    row = np.minimum(np.arange(energy.shape[0])[:, None, None], cycles)
     kinetic, strain, ball, contact, work, structure_loss, contact_loss = np.moveaxis(
-        np.take_along_axis(energy, own, axis=0), 1, 0
+        np.take_along_axis(energy, row, axis=0), 1, 0
     )
     with np.errstate(invalid="ignore", over="ignore"):
         residual = energy_residual(kinetic + strain + ball + contact, work, structure_loss + contact_loss)
