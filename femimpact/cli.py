@@ -134,7 +134,10 @@ app = App(
     suppress_keyboard_interrupt=False,
 )
 
-app.register_install_completion_command(help="Install shell completion of femimpact for bash, zsh or fish.")
+app.register_install_completion_command(
+    help="Install shell completion of femimpact: adds two lines to ~/.bashrc (bash), ~/.zshrc (zsh without oh-my-zsh) or "
+    "the profile of PowerShell, and edits no file for fish. What the shell reads is a new file, which is printed."
+)
 
 Output = Annotated[Path | None, Parameter(name=["-o", "--output"], help="Directory of the results.")]
 Force = Annotated[bool, Parameter(negative="", help="Replace results of the same names.")]

@@ -21,6 +21,7 @@ from femimpact.export.figures.drawing import (
     channel_name,
     last_cycles,
     legend_above,
+    name_at,
     panel,
     panels,
     place_of,
@@ -290,17 +291,18 @@ def phase_portrait(
     chosen = None if of is None else channel_key(of, "of")
     if chosen in balls or (chosen is None and balls):
         pair = ball_of(response, chosen)
-        beam_at(response, pair)
-        names, place = (pair.name, f"{pair.name}.velocity"), place_of(response, pair)
-        minus: tuple[str, ...] = (str(place), f"{place}.velocity")
+        place = place_of(response, pair) or name_at(response.system, pair.position) or f"{pair.position:g}"
+        names, minus = _with_velocity(pair.name), _with_velocity(place)
     else:
         known = [*balls, *response.channels]
         require(chosen is None or chosen in known, "of", chosen, "", suggestion(str(chosen), known))
         pair, minus = None, ()
-        name = channel_name(response, chosen)
-        names = (name, f"{name}.velocity")
+        names = _with_velocity(channel_name(response, chosen))
+    # only a displacement has a velocity that can be recorded
+    moves = response.units.get(names[0], "m") == "m"
+    recorder = f": run with record=fi.Recorder(channels={(*minus, *names)})" if moves else ""
     for name in (*names, *minus):
-        require(name in response.channels, "channels", list(response.channels), "", f"must hold {name!r}")
+        require(name in response.channels, "channels", list(response.channels), "", f"must hold {name!r}{recorder}")
     start, shown = last_cycles(response, cycles)
     x, rate = _curve(response, start, names, minus, None if pair is None else pair.name)
     drawn = phase if np.isfinite(response.base.phase) else None
@@ -324,6 +326,11 @@ def phase_portrait(
     axis.set_xlabel(f"{'ball' if pair else names[0]} relative to {to} (mm)")
     axis.set_ylabel(f"velocity relative to {to} (mm/s)")
     return axis
+
+
+def _with_velocity(name: str) -> tuple[str, ...]:
+    """Names of the channels of a displacement and of its velocity."""
+    return name, f"{name}.velocity"
 
 
 def _pair(
