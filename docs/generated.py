@@ -48,6 +48,7 @@ def write(folder: Path) -> None:
     folder.mkdir(exist_ok=True)
     pages = {
         "index.rst": api_page(),
+        **subject_pages(),
         "keys.inc.md": "\n".join(key_page()),
         "commands.inc.md": "\n".join(command_page()),
         "channels.inc.md": "\n".join(channel_page()),
@@ -77,17 +78,38 @@ API_HEAD = """Python names
 Everything in the first parts of this page is called as ``import femimpact as fi``, then ``fi.NAME``; the last parts are
 modules. Values are in SI units, and ``frequency`` is in Hz. Each name has a page with its arguments, shapes, units and
 errors, and with the examples that use it.
+
+.. toctree::
+   :hidden:
+
 """
 
 
-def api_page() -> str:
-    """Tables of all public names with the first sentence of each, every name with a separate page."""
-    lines = [API_HEAD]
+def subjects() -> dict[str, tuple[str, str, str, list[str]]]:
+    """Names by the page of their subject: what the page is called, its heading, its module, and the names."""
+    found = {}
     for key, names in groups().items():
-        lines += autosummary(SUBJECTS.get(key, key.capitalize()), "femimpact", names)
+        heading = SUBJECTS.get(key, key.capitalize())
+        found[key] = (heading.partition(":")[0], heading, "femimpact", names)
     for module, (place, heading) in SUBMODULES.items():
-        lines += autosummary(f"{heading}: ``{module}``", place, _functions(place))
+        found[module] = (heading, f"{heading}: ``{module}``", place, _functions(place))
+    return found
+
+
+def api_page() -> str:
+    """Tables of all public names with the first sentence of each, below the heading of their subject."""
+    pages = subjects()
+    lines = [API_HEAD + "\n".join(f"   {short} <of_{page}>" for page, (short, *_) in pages.items())]
+    for _, heading, module, names in pages.values():
+        lines += autosummary(heading, module, names)
     return "\n".join(lines)
+
+
+def subject_pages() -> dict[str, str]:
+    """A page for each subject, below which every name has its own: so the sidebar shows names by subject."""
+    pages = subjects().items()
+    made = {f"of_{page}.rst": autosummary(heading, module, names, "=") for page, (_, heading, module, names) in pages}
+    return {name: "\n".join(lines).lstrip("\n") for name, lines in made.items()}
 
 
 def _functions(place: str) -> list[str]:
@@ -98,21 +120,12 @@ def _functions(place: str) -> list[str]:
     return [name for name in module.__all__ if callable(getattr(module, name))]
 
 
-def autosummary(heading: str, module: str, names: Iterable[str]) -> list[str]:
-    """A heading and the table of the names below it."""
+def autosummary(heading: str, module: str, names: Iterable[str], underline: str = "-") -> list[str]:
+    """A heading and the table of the names below it; below that of a page (=) each name has a page of its own."""
     rows = [f"   {name}" for name in names]
-    head = [
-        heading,
-        "-" * len(heading),
-        "",
-        f".. currentmodule:: {module}",
-        "",
-        ".. autosummary::",
-        "   :toctree: .",
-        "   :nosignatures:",
-        "",
-    ]
-    return ["", *head, *rows, ""]
+    head = [heading, underline * len(heading), "", f".. currentmodule:: {module}", "", ".. autosummary::"]
+    pages = ["   :toctree: ."] if underline == "=" else []
+    return ["", *head, *pages, "   :nosignatures:", "", *rows, ""]
 
 
 def plain_docstring(_app: Any, _what: str, _name: str, _object: Any, _options: Any, lines: list[str]) -> None:
@@ -248,14 +261,33 @@ def channel_page() -> Iterator[str]:
     yield "| `shaker_force`, without a place | the base | N | `shaker_force` |"
 
 
+KEYWORDS = {
+    "howto/mode_shapes_in_paraview": ("mode shapes paraview", "vtk", "animation of a mode"),
+    "reference/words": ("units", "SI units", "transmissibility", "logarithmic decrement", "laser vibrometer"),
+    "howto/parameter_studies": ("optimal gap", "optimum", "tolerance of the gap", "sensitivity"),
+    "theory/identification": ("logarithmic decrement", "damping from a measurement", "quality factor"),
+    "howto/restitution_values": ("coefficient of restitution", "contact duration", "drop test"),
+    "howto/installation": ("windows", "macos", "pip error", "no-build-isolation"),
+    "howto/measured_base": ("accelerometer", "shaker record", "sine sweep"),
+    "howto/root_stress": ("fatigue", "strain gauge", "rainflow"),
+}
+"""What a reader may search for, by the page that answers it: the search finds it though the page has other words."""
+
+
 def fill_lists(_app: Any, name: str, content: list[str]) -> None:
-    """Fill lists of pages: the gallery by subject, and the how-to list with every page that no other list names."""
+    """Fill lists of pages: the gallery by subject, and the how-to list with every page that no other list names.
+
+    A page of `KEYWORDS` has them in the index of the search.
+    """
     if name == "gallery/index":
         content[0] = gallery_with_headings(content[0])
     if name == "howto/index":
         listed = {"index", *re.findall(r"^([a-z_]+)$", content[0], flags=re.MULTILINE)}
         rest = sorted({page.stem for page in (HERE / "howto").glob("*.md")} - listed)
         content[0] = content[0].replace("MORE_PAGES", "\n".join(rest))
+    if words := KEYWORDS.get(name):
+        title, rest = content[0].split("\n", 1)
+        content[0] = f"{title}\n\n```{{index}} {'; '.join(f'single: {word}' for word in words)}\n```\n{rest}"
 
 
 # ---- the gallery ----------------------------------------------------------------------------------
