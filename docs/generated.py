@@ -287,7 +287,7 @@ def fill_lists(_app: Any, name: str, content: list[str]) -> None:
         content[0] = content[0].replace("MORE_PAGES", "\n".join(rest))
     if words := KEYWORDS.get(name):
         title, rest = content[0].split("\n", 1)
-        content[0] = f"{title}\n\n```{{index}} {'; '.join(f'single: {word}' for word in words)}\n```\n{rest}"
+        content[0] = f"{title}\n\n```{{index}} {', '.join(words)}\n```\n{rest}"
 
 
 # ---- the gallery ----------------------------------------------------------------------------------
@@ -314,6 +314,92 @@ EXAMPLES = {
     "Accuracy": ("mesh_convergence", "step_size"),
 }  # fmt: skip
 """Headings of the gallery, and the examples below each in their order."""
+
+
+PANELS = {"best_ball_mass": 1, "preloaded_stop": 1}
+"""Which panel of an example's picture its thumbnail shows, where that is not the first."""
+
+MOVIE = "damped_resonance"
+"""The example whose thumbnail moves."""
+
+THUMBNAIL = (400, 280)
+"""Size of a thumbnail in pixels."""
+
+
+def scrape(block: Any, block_vars: Any, gallery_conf: Any) -> str:
+    """Keep the pictures of an example, and one panel of the first without words, for its thumbnail."""
+    from matplotlib import pyplot
+    from sphinx_gallery.scrapers import matplotlib_scraper
+
+    figures = [pyplot.figure(number) for number in pyplot.get_fignums()]
+    listed = matplotlib_scraper(block, block_vars, gallery_conf)
+    if figures:
+        name = Path(block_vars["src_file"]).stem
+        _draw_large(figures[0], PANELS.get(name, 0), HERE / "gallery" / "images" / f"large_{name}.png")
+    return str(listed)
+
+
+def _draw_large(figure: Any, number: int, path: Path) -> None:
+    shown = figure.axes[number]
+    figure.set_layout_engine("none")
+    for axes in figure.axes:
+        if axes is not shown:
+            axes.remove()
+    if legend := shown.get_legend():
+        legend.remove()
+    for text in list(shown.texts):
+        text.remove()
+    shown.set(xlabel="", ylabel="", position=(0.02, 0.03, 0.96, 0.94))
+    for place in ("left", "center", "right"):
+        shown.set_title("", loc=place)
+    shown.tick_params(which="both", length=0, labelleft=False, labelbottom=False)
+    for line in shown.lines:
+        line.set(linewidth=2.5 * line.get_linewidth(), markersize=1.5 * line.get_markersize())
+    figure.set_size_inches(THUMBNAIL[0] / 100, THUMBNAIL[1] / 100)
+    figure.savefig(path, dpi=100)
+
+
+def draw_thumbnails(app: Any) -> None:
+    """Put the pictures of `scrape` and the movie in the place of the thumbnails, which show whole figures in small."""
+    images = HERE / "gallery" / "images"
+    for path in images.glob("large_*.png"):
+        path.replace(images / "thumb" / f"sphx_glr_{path.stem.removeprefix('large_')}_thumb.png")
+    moving = images / "thumb" / f"sphx_glr_{MOVIE}_thumb.png"
+    if app.config.sphinx_gallery_conf["plot_gallery"] and moving.exists():
+        frames = list(_frames())
+        frames[0].save(moving, save_all=True, append_images=frames[1:], duration=40, loop=0)
+
+
+def _frames() -> Iterator[Any]:
+    """Beam, box and ball over three cycles of the base, every frame a picture."""
+    import numpy as np
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+    from PIL import Image
+
+    from femimpact.study.demo import paper_study
+
+    structure = paper_study().structure
+    length, gap = structure.beam.length, 4e-3
+    places = np.linspace(0.0, length, 13)[1:]
+    names = tuple(f"{place:.6g}" for place in places[:-1])
+    record = fi.Recorder(channels=(*names, "tip", "ball"))
+    system = fi.reduce(fi.assemble(structure, elements=24), modes=4)
+    run = fi.integrate(system, fi.Sine(0.2e-3, 5.2), fi.EventDriven(samples_per_cycle=20), 15.0, record)
+    largest = 1e3 * (np.abs(run["tip"][-61:]).max() + 3 * gap)
+    for i in range(run.time.size - 60, run.time.size):
+        figure = Figure(figsize=(THUMBNAIL[0] / 100, THUMBNAIL[1] / 100), dpi=100)
+        canvas = FigureCanvasAgg(figure)
+        axes = figure.add_axes((0.0, 0.0, 1.0, 1.0), xlim=(-0.06, 1.2), ylim=(-largest, largest))
+        axes.axis("off")
+        tip = 1e3 * run["tip"][i]
+        axes.plot([0.0, *places / length], [0.0, *(1e3 * run[name][i] for name in (*names, "tip"))], "0.3", linewidth=5)
+        axes.plot([0.0, 0.0], [-0.4 * largest, 0.4 * largest], "0.1", linewidth=8)
+        high = 2e3 * gap
+        axes.fill([1.0, 1.1, 1.1, 1.0], [tip - high, tip - high, tip + high, tip + high], fill=False, ec="C0", linewidth=4)
+        axes.plot(1.05, 1e3 * run["ball"][i], "o", color="C1", markersize=15)
+        canvas.draw()
+        yield Image.fromarray(np.asarray(canvas.buffer_rgba())[:, :, :3].copy()).quantize(64)
 
 
 class BySubject:
