@@ -287,7 +287,7 @@ def fill_lists(_app: Any, name: str, content: list[str]) -> None:
         content[0] = content[0].replace("MORE_PAGES", "\n".join(rest))
     if words := KEYWORDS.get(name):
         title, rest = content[0].split("\n", 1)
-        content[0] = f"{title}\n\n```{{index}} {', '.join(words)}\n```\n{rest}"
+        content[0] = f"{title}\n\n```{{index}} {', '.join(f'! {word}' for word in words)}\n```\n{rest}"
 
 
 # ---- the gallery ----------------------------------------------------------------------------------
@@ -386,7 +386,8 @@ def _frames() -> Iterator[Any]:
     record = fi.Recorder(channels=(*names, "tip", "ball"))
     system = fi.reduce(fi.assemble(structure, elements=24), modes=4)
     run = fi.integrate(system, fi.Sine(0.2e-3, 5.2), fi.EventDriven(samples_per_cycle=20), 15.0, record)
-    largest = 1e3 * (np.abs(run["tip"][-61:]).max() + 3 * gap)
+    high = 1e3 * gap + 1.0
+    largest = 1e3 * np.abs(run["tip"][-60:]).max() + high + 0.5
     for i in range(run.time.size - 60, run.time.size):
         figure = Figure(figsize=(THUMBNAIL[0] / 100, THUMBNAIL[1] / 100), dpi=100)
         canvas = FigureCanvasAgg(figure)
@@ -395,9 +396,10 @@ def _frames() -> Iterator[Any]:
         tip = 1e3 * run["tip"][i]
         axes.plot([0.0, *places / length], [0.0, *(1e3 * run[name][i] for name in (*names, "tip"))], "0.3", linewidth=5)
         axes.plot([0.0, 0.0], [-0.4 * largest, 0.4 * largest], "0.1", linewidth=8)
-        high = 2e3 * gap
-        axes.fill([1.0, 1.1, 1.1, 1.0], [tip - high, tip - high, tip + high, tip + high], fill=False, ec="C0", linewidth=4)
-        axes.plot(1.05, 1e3 * run["ball"][i], "o", color="C1", markersize=15)
+        axes.fill(
+            [1.0, 1.1, 1.1, 1.0], [tip - high, tip - high, tip + high, tip + high], fill=False, ec="C0", linewidth=4
+        )
+        axes.plot(1.05, 1e3 * run["ball"][i], "o", color="C1", markersize=24)
         canvas.draw()
         yield Image.fromarray(np.asarray(canvas.buffer_rgba())[:, :, :3].copy()).quantize(64)
 

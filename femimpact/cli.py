@@ -135,8 +135,9 @@ app = App(
 )
 
 app.register_install_completion_command(
-    help="Install shell completion of femimpact: adds two lines to ~/.bashrc (bash), ~/.zshrc (zsh without oh-my-zsh) or "
-    "the profile of PowerShell, and edits no file for fish. What the shell reads is a new file, which is printed."
+    help="Install shell completion of femimpact: adds two lines to ~/.bashrc (bash), ~/.zshrc (zsh without oh-my-zsh) "
+    "or the profile of PowerShell; for fish no file is edited. The script that the shell reads is a new file, whose "
+    "path is printed."
 )
 
 Output = Annotated[Path | None, Parameter(name=["-o", "--output"], help="Directory of the results.")]
