@@ -234,7 +234,9 @@ def test_the_two_commands_stand_on_lines_of_their_own():
 def test_the_readme_has_at_most_1200_words_and_the_result_before_the_build():
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     assert len(text.split()) <= 1200
-    assert text.index("response.png)") < text.index("CONTRIBUTING.md") and "hatchling" not in text
+    assert text.index("response.png)") < text.index("CONTRIBUTING.md")
+    # the build's troubles have a page
+    assert "hatchling" not in text
     assert "](docs/howto/installation.md)" in text
 
 
