@@ -340,15 +340,15 @@ def scrape(block: Any, block_vars: Any, gallery_conf: Any) -> str:
 
 
 def _draw_large(figure: Any, number: int, path: Path) -> None:
+    from matplotlib.legend import Legend
+
     shown = figure.axes[number]
     figure.set_layout_engine("none")
     for axes in figure.axes:
         if axes is not shown:
             axes.remove()
-    if legend := shown.get_legend():
-        legend.remove()
-    for text in list(shown.texts):
-        text.remove()
+    for words in (*shown.texts, *figure.texts, *figure.findobj(Legend)):
+        words.remove()
     shown.set(xlabel="", ylabel="", position=(0.02, 0.03, 0.96, 0.94))
     for place in ("left", "center", "right"):
         shown.set_title("", loc=place)
