@@ -104,6 +104,7 @@ sphinx_gallery_conf = {
     "matplotlib_animations": False,
     "default_thumb_file": str(HERE / "pictures" / "overview.png"),
     "capture_repr": (),
+    "image_scrapers": ("generated.scrape",),
     # the environment says whether examples run; without them the gallery has their text and code
     "plot_gallery": os.environ.get("FEMIMPACT_GALLERY", "1") == "1",
 }
@@ -112,5 +113,6 @@ sphinx_gallery_conf = {
 def setup(app):
     """Pages that code writes, and the words of docstrings as they are meant."""
     generated.write(HERE / "api")
+    app.connect("builder-inited", generated.draw_thumbnails, priority=900)
     app.connect("autodoc-process-docstring", generated.plain_docstring)
     app.connect("source-read", generated.fill_lists)

@@ -48,6 +48,7 @@ def write(folder: Path) -> None:
     folder.mkdir(exist_ok=True)
     pages = {
         "index.rst": api_page(),
+        **subject_pages(),
         "keys.inc.md": "\n".join(key_page()),
         "commands.inc.md": "\n".join(command_page()),
         "channels.inc.md": "\n".join(channel_page()),
@@ -77,17 +78,38 @@ API_HEAD = """Python names
 Everything in the first parts of this page is called as ``import femimpact as fi``, then ``fi.NAME``; the last parts are
 modules. Values are in SI units, and ``frequency`` is in Hz. Each name has a page with its arguments, shapes, units and
 errors, and with the examples that use it.
+
+.. toctree::
+   :hidden:
+
 """
 
 
-def api_page() -> str:
-    """Tables of all public names with the first sentence of each, every name with a separate page."""
-    lines = [API_HEAD]
+def subjects() -> dict[str, tuple[str, str, str, list[str]]]:
+    """Names by the page of their subject: what the page is called, its heading, its module, and the names."""
+    found = {}
     for key, names in groups().items():
-        lines += autosummary(SUBJECTS.get(key, key.capitalize()), "femimpact", names)
+        heading = SUBJECTS.get(key, key.capitalize())
+        found[key] = (heading.partition(":")[0], heading, "femimpact", names)
     for module, (place, heading) in SUBMODULES.items():
-        lines += autosummary(f"{heading}: ``{module}``", place, _functions(place))
+        found[module] = (heading, f"{heading}: ``{module}``", place, _functions(place))
+    return found
+
+
+def api_page() -> str:
+    """Tables of all public names with the first sentence of each, below the heading of their subject."""
+    pages = subjects()
+    lines = [API_HEAD + "\n".join(f"   {short} <of_{page}>" for page, (short, *_) in pages.items())]
+    for _, heading, module, names in pages.values():
+        lines += autosummary(heading, module, names)
     return "\n".join(lines)
+
+
+def subject_pages() -> dict[str, str]:
+    """A page for each subject, below which every name has its own: so the sidebar shows names by subject."""
+    pages = subjects().items()
+    made = {f"of_{page}.rst": autosummary(heading, module, names, "=") for page, (_, heading, module, names) in pages}
+    return {name: "\n".join(lines).lstrip("\n") for name, lines in made.items()}
 
 
 def _functions(place: str) -> list[str]:
@@ -98,21 +120,12 @@ def _functions(place: str) -> list[str]:
     return [name for name in module.__all__ if callable(getattr(module, name))]
 
 
-def autosummary(heading: str, module: str, names: Iterable[str]) -> list[str]:
-    """A heading and the table of the names below it."""
+def autosummary(heading: str, module: str, names: Iterable[str], underline: str = "-") -> list[str]:
+    """A heading and the table of the names below it; below that of a page (=) each name has a page of its own."""
     rows = [f"   {name}" for name in names]
-    head = [
-        heading,
-        "-" * len(heading),
-        "",
-        f".. currentmodule:: {module}",
-        "",
-        ".. autosummary::",
-        "   :toctree: .",
-        "   :nosignatures:",
-        "",
-    ]
-    return ["", *head, *rows, ""]
+    head = [heading, underline * len(heading), "", f".. currentmodule:: {module}", "", ".. autosummary::"]
+    pages = ["   :toctree: ."] if underline == "=" else []
+    return ["", *head, *pages, "   :nosignatures:", "", *rows, ""]
 
 
 def plain_docstring(_app: Any, _what: str, _name: str, _object: Any, _options: Any, lines: list[str]) -> None:
@@ -248,14 +261,33 @@ def channel_page() -> Iterator[str]:
     yield "| `shaker_force`, without a place | the base | N | `shaker_force` |"
 
 
+KEYWORDS = {
+    "howto/mode_shapes_in_paraview": ("mode shapes paraview", "vtk", "animation of a mode"),
+    "reference/words": ("units", "SI units", "transmissibility", "logarithmic decrement", "laser vibrometer"),
+    "howto/parameter_studies": ("optimal gap", "optimum", "tolerance of the gap", "sensitivity"),
+    "theory/identification": ("logarithmic decrement", "damping from a measurement", "quality factor"),
+    "howto/restitution_values": ("coefficient of restitution", "contact duration", "drop test"),
+    "howto/installation": ("windows", "macos", "pip error", "no-build-isolation"),
+    "howto/measured_base": ("accelerometer", "shaker record", "sine sweep"),
+    "howto/root_stress": ("fatigue", "strain gauge", "rainflow"),
+}
+"""What a reader may search for, by the page that answers it: the search finds it though the page has other words."""
+
+
 def fill_lists(_app: Any, name: str, content: list[str]) -> None:
-    """Fill lists of pages: the gallery by subject, and the how-to list with every page that no other list names."""
+    """Fill lists of pages: the gallery by subject, and the how-to list with every page that no other list names.
+
+    A page of `KEYWORDS` has them in the index of the search.
+    """
     if name == "gallery/index":
         content[0] = gallery_with_headings(content[0])
     if name == "howto/index":
         listed = {"index", *re.findall(r"^([a-z_]+)$", content[0], flags=re.MULTILINE)}
         rest = sorted({page.stem for page in (HERE / "howto").glob("*.md")} - listed)
         content[0] = content[0].replace("MORE_PAGES", "\n".join(rest))
+    if words := KEYWORDS.get(name):
+        title, rest = content[0].split("\n", 1)
+        content[0] = f"{title}\n\n```{{index}} {', '.join(f'! {word}' for word in words)}\n```\n{rest}"
 
 
 # ---- the gallery ----------------------------------------------------------------------------------
@@ -282,6 +314,94 @@ EXAMPLES = {
     "Accuracy": ("mesh_convergence", "step_size"),
 }  # fmt: skip
 """Headings of the gallery, and the examples below each in their order."""
+
+
+PANELS = {"best_ball_mass": 1, "preloaded_stop": 1}
+"""Which panel of an example's picture its thumbnail shows, where that is not the first."""
+
+MOVIE = "damped_resonance"
+"""The example whose thumbnail moves."""
+
+THUMBNAIL = (400, 280)
+"""Size of a thumbnail in pixels."""
+
+
+def scrape(block: Any, block_vars: Any, gallery_conf: Any) -> str:
+    """Keep the pictures of an example, and one panel of the first without words, for its thumbnail."""
+    from matplotlib import pyplot
+    from sphinx_gallery.scrapers import matplotlib_scraper
+
+    figures = [pyplot.figure(number) for number in pyplot.get_fignums()]
+    listed = matplotlib_scraper(block, block_vars, gallery_conf)
+    if figures:
+        name = Path(block_vars["src_file"]).stem
+        _draw_large(figures[0], PANELS.get(name, 0), HERE / "gallery" / "images" / f"large_{name}.png")
+    return str(listed)
+
+
+def _draw_large(figure: Any, number: int, path: Path) -> None:
+    from matplotlib.legend import Legend
+
+    shown = figure.axes[number]
+    figure.set_layout_engine("none")
+    for axes in figure.axes:
+        if axes is not shown:
+            axes.remove()
+    for words in (*shown.texts, *figure.texts, *figure.findobj(Legend)):
+        words.remove()
+    shown.set(xlabel="", ylabel="", position=(0.02, 0.03, 0.96, 0.94))
+    for place in ("left", "center", "right"):
+        shown.set_title("", loc=place)
+    shown.tick_params(which="both", length=0, labelleft=False, labelbottom=False)
+    for line in shown.lines:
+        line.set(linewidth=2.5 * line.get_linewidth(), markersize=1.5 * line.get_markersize())
+    figure.set_size_inches(THUMBNAIL[0] / 100, THUMBNAIL[1] / 100)
+    figure.savefig(path, dpi=100)
+
+
+def draw_thumbnails(app: Any) -> None:
+    """Put the pictures of `scrape` and the movie in the place of the thumbnails, which show whole figures in small."""
+    images = HERE / "gallery" / "images"
+    for path in images.glob("large_*.png"):
+        path.replace(images / "thumb" / f"sphx_glr_{path.stem.removeprefix('large_')}_thumb.png")
+    moving = images / "thumb" / f"sphx_glr_{MOVIE}_thumb.png"
+    if app.config.sphinx_gallery_conf["plot_gallery"] and moving.exists():
+        frames = list(_frames())
+        frames[0].save(moving, save_all=True, append_images=frames[1:], duration=40, loop=0)
+
+
+def _frames() -> Iterator[Any]:
+    """Beam, box and ball over three cycles of the base, every frame a picture."""
+    import numpy as np
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+    from PIL import Image
+
+    from femimpact.study.demo import paper_study
+
+    structure = paper_study().structure
+    length, gap = structure.beam.length, 4e-3
+    places = np.linspace(0.0, length, 13)[1:]
+    names = tuple(f"{place:.6g}" for place in places[:-1])
+    record = fi.Recorder(channels=(*names, "tip", "ball"))
+    system = fi.reduce(fi.assemble(structure, elements=24), modes=4)
+    run = fi.integrate(system, fi.Sine(0.2e-3, 5.2), fi.EventDriven(samples_per_cycle=20), 15.0, record)
+    high = 1e3 * gap + 1.0
+    largest = 1e3 * np.abs(run["tip"][-60:]).max() + high + 0.5
+    for i in range(run.time.size - 60, run.time.size):
+        figure = Figure(figsize=(THUMBNAIL[0] / 100, THUMBNAIL[1] / 100), dpi=100)
+        canvas = FigureCanvasAgg(figure)
+        axes = figure.add_axes((0.0, 0.0, 1.0, 1.0), xlim=(-0.06, 1.2), ylim=(-largest, largest))
+        axes.axis("off")
+        tip = 1e3 * run["tip"][i]
+        axes.plot([0.0, *places / length], [0.0, *(1e3 * run[name][i] for name in (*names, "tip"))], "0.3", linewidth=5)
+        axes.plot([0.0, 0.0], [-0.4 * largest, 0.4 * largest], "0.1", linewidth=8)
+        axes.fill(
+            [1.0, 1.1, 1.1, 1.0], [tip - high, tip - high, tip + high, tip + high], fill=False, ec="C0", linewidth=4
+        )
+        axes.plot(1.05, 1e3 * run["ball"][i], "o", color="C1", markersize=24)
+        canvas.draw()
+        yield Image.fromarray(np.asarray(canvas.buffer_rgba())[:, :, :3].copy()).quantize(64)
 
 
 class BySubject:

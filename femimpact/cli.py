@@ -134,7 +134,11 @@ app = App(
     suppress_keyboard_interrupt=False,
 )
 
-app.register_install_completion_command(help="Install shell completion of femimpact for bash, zsh or fish.")
+app.register_install_completion_command(
+    help="Install shell completion of femimpact: adds two lines to ~/.bashrc (bash), ~/.zshrc (zsh without oh-my-zsh) "
+    "or the profile of PowerShell; for fish no file is edited. The script that the shell reads is a new file, whose "
+    "path is printed."
+)
 
 Output = Annotated[Path | None, Parameter(name=["-o", "--output"], help="Directory of the results.")]
 Force = Annotated[bool, Parameter(negative="", help="Replace results of the same names.")]

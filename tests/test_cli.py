@@ -26,6 +26,18 @@ def ran(finished):
     return finished / "out"
 
 
+def test_the_help_of_the_completion_names_the_file_that_it_edits(tmp_path, monkeypatch):
+    shown = femimpact_process("--install-completion", "--help", cwd=tmp_path).stdout
+    monkeypatch.setenv("HOME", str(tmp_path))
+    for shell, edited in (("bash", ".bashrc"), ("zsh", ".zshrc"), ("fish", None)):
+        before = set(tmp_path.glob(".*rc"))
+        monkeypatch.delenv("ZSH", raising=False)
+        monkeypatch.delenv("ZSH_CUSTOM", raising=False)
+        femimpact_process("--install-completion", "--shell", shell, cwd=tmp_path)
+        assert {path.name for path in set(tmp_path.glob(".*rc")) - before} == ({edited} if edited else set())
+        assert edited is None or f"~/{edited}" in shown
+
+
 def test_init_then_check(tmp_path):
     femimpact("init", "mine.toml", cwd=tmp_path)
     # as a user calls it: in a separate process

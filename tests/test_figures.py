@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import ast
 import dataclasses
 import math
+import re
 import subprocess
 import sys
 
 import numpy as np
 import pytest
-from builders import reduced, with_ball
+from builders import REFERENCE, reduced, with_ball
 
 import femimpact as fi
 from femimpact.export.figures.portraits import changes_of_contact, corners_of, phase_curve
@@ -298,8 +300,22 @@ def test_the_portrait_holds_the_motion_in_the_box_with_its_section(run):
     assert {found.get_xdata()[0] for found in axis.lines if len(found.get_xdata()) == 2} == {4.0, -4.0}
     tip = fi.figures.phase_portrait(run, "tip", phase=None)
     np.testing.assert_allclose(tip.lines[0].get_xdata()[::16], 1e3 * run["tip"])
-    with pytest.raises(fi.InputError, match=r"must hold 'contact_force\.velocity'"):
+    with pytest.raises(fi.InputError, match=r"must hold 'contact_force\.velocity'$"):
         fi.figures.phase_portrait(run, "contact_force")
+
+
+@pytest.mark.parametrize("recorded", [("tip", "ball"), ("tip",), ("ball", "ball.gap", "tip.velocity"), ("mid",)])
+@pytest.mark.parametrize("of", [None, 0])
+def test_a_portrait_without_its_channels_names_a_recorder_with_which_it_is_drawn(of, recorded):
+    def run_with(channels):
+        record = fi.Recorder(channels=channels)
+        return fi.integrate(reduced(REFERENCE, 3), fi.Sine(0.2e-3, 5.0), fi.EventDriven(), 2.0, record)
+
+    of = of if of is None else recorded[of]
+    with pytest.raises(fi.InputError, match=r"run with record=fi\.Recorder\(channels=\(") as refused:
+        fi.figures.phase_portrait(run_with(recorded), of)
+    named = ast.literal_eval(re.search(r"Recorder\(channels=(.*)\)", str(refused.value))[1])
+    fi.figures.phase_portrait(run_with(named), of)
 
 
 def test_a_curve_through_samples_of_a_cubic_is_the_cubic():

@@ -229,3 +229,22 @@ def test_the_two_commands_stand_on_lines_of_their_own():
     lines = (ROOT / "README.md").read_text(encoding="utf-8").splitlines()
     assert """python3 -m venv .venv && .venv/bin/pip install -e ".[movie,test]" && .venv/bin/femimpact demo""" in lines
     assert ".venv/bin/python -m pytest" in lines
+
+
+def test_the_readme_has_at_most_1200_words_and_the_result_before_the_build():
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert len(text.split()) <= 1200
+    assert text.index("response.png)") < text.index("CONTRIBUTING.md")
+    # the build's troubles have a page
+    assert "hatchling" not in text
+    assert "](docs/howto/installation.md)" in text
+
+
+def test_the_page_on_typical_values_runs_as_it_stands(capsys):
+    names = ran("docs/howto/restitution_values.md")
+    text = (ROOT / "docs/howto/restitution_values.md").read_text(encoding="utf-8")
+    printed = capsys.readouterr().out.splitlines()
+    assert "\n".join(printed[1:]) in text
+    # Hertz's time of the table's row "steel, aluminium", rounded to two digits
+    assert f"| steel | aluminium | 4.1 | {1e3 * float(printed[0]):.2g} |" in text
+    assert names["speed"].max() < 1.5

@@ -22,6 +22,25 @@ def test_every_public_name_has_a_page():
     assert [name for name in listed if f"   {name}" not in page] == []
 
 
+def test_every_public_name_stands_on_the_page_of_one_subject():
+    pages = SITE["subject_pages"]()
+    for name in {*fi.__all__} - {"__version__", "figures"}:
+        below = [
+            page for page, text in pages.items() if "currentmodule:: femimpact\n" in text and f"   {name}\n" in text
+        ]
+        assert len(below) == 1, name
+    # the first page leads to each of them
+    assert [page for page in pages if f"<{page.removesuffix('.rst')}>" not in SITE["api_page"]()] == []
+
+
+def test_pages_with_keywords_have_them_below_their_title():
+    for name, words in SITE["KEYWORDS"].items():
+        content = [(DOCS / f"{name}.md").read_text(encoding="utf-8")]
+        title = content[0].splitlines()[0]
+        SITE["fill_lists"](None, name, content)
+        assert content[0].startswith(f"{title}\n\n```{{index}} ! {words[0]}")
+
+
 def test_every_key_of_a_study_file_is_shown_with_its_unit_and_range():
     text = "\n".join(SITE["key_page"]())
     for name in TABLES:

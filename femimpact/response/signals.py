@@ -276,5 +276,5 @@ def deflection_warnings(
     share = largest / length
     return (
         f"the beam deflects by up to {largest:.4g} m, {share:.3g} of its length, beyond {LARGE:g}: linear beam theory "
-        f"neglects terms of the size of the square of that share, {100.0 * share * share:.2g} %",
+        f"has an error of about the square of this share, {100.0 * share * share:.2g} %",
     )

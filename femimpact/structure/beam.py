@@ -60,6 +60,12 @@ class Segment:
 
     def __post_init__(self) -> None:
         faults = []
+        for name in ("width", "thickness"):
+            value, allowed = (
+                getattr(self, name),
+                f"must be one number: the other end of a tapered Segment is end_{name}",
+            )
+            require(not isinstance(value, tuple | list), name, value, "m", allowed)
         given = {n for n in ("width", "thickness", "area", "second_moment") if getattr(self, n) is not None}
         if given not in ({"width", "thickness"}, {"area", "second_moment"}):
             allowed = "give width and thickness (m), or area (m^2) and second_moment (m^4)"

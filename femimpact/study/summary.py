@@ -87,7 +87,7 @@ def _estimates(curve: FrequencyResponse) -> tuple[DampingEstimate, DampingEstima
     irregular = (curve.steadiness != "periodic") & (curve.impacts_per_cycle > 0.0)
     if not np.any(irregular & around):
         return curve.damping, curve.damping_half_power
-    why = "the motion around the peak does not repeat: its width is no damping"
+    why = "the motion around the peak does not repeat: no damping can be read from its width"
     none = DampingEstimate(math.nan, math.nan, (math.nan, math.nan), "none", (why,))
     return none, none
 

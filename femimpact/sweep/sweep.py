@@ -104,7 +104,11 @@ def frequency_sweep(
     acceleration : float, m/s^2
         the amplitude of the base's acceleration, the same at all frequencies.
     frequencies : array_like (n,), Hz
+        Of the base, each above 0. Near a resonance they should lie closer than a quarter of its width at half power,
+        2 zeta f0.
     method : Newmark, HHT, WBZ, GeneralizedAlpha, MoreauJean or EventDriven
+        How the motion is computed. `EventDriven()`, for a reduced system with rigid or Kelvin-Voigt contacts, has no
+        step; the others take `dt=recommended_step(system)`.
     cycles : int
         Length of each dwell in base cycles; the last third is measured. Or
     duration : float, s

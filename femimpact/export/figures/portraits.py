@@ -22,6 +22,7 @@ from femimpact.export.figures.drawing import (
     label_axes,
     last_cycles,
     legend_above,
+    name_at,
     panel,
     panels,
     place_of,
@@ -318,17 +319,24 @@ def _drawn_channels(response: Response, chosen: str | None) -> tuple[Any, tuple[
     pair, minus = None, tuple[str, ...]()
     if chosen in balls or (chosen is None and balls):
         pair = ball_of(response, chosen)
-        beam_at(response, pair)
-        name, place = pair.name, place_of(response, pair)
-        minus = (str(place), f"{place}.velocity")
+        place = place_of(response, pair) or name_at(response.system, pair.position) or f"{pair.position:g}"
+        name, minus = pair.name, _with_velocity(place)
     else:
         known = [*balls, *response.channels]
         require(chosen is None or chosen in known, "of", chosen, "", suggestion(str(chosen), known))
         name = channel_name(response, chosen)
-    names = (name, f"{name}.velocity")
+    names = _with_velocity(name)
+    # only a displacement has a velocity that can be recorded
+    moves = response.units.get(name, "m") == "m"
+    recorder = f": run with record=fi.Recorder(channels={(*minus, *names)})" if moves else ""
     for needed in (*names, *minus):
-        require(needed in response.channels, "channels", list(response.channels), "", f"must hold {needed!r}")
+        require(needed in response.channels, "channels", list(response.channels), "", f"must hold {needed!r}{recorder}")
     return pair, names, minus
+
+
+def _with_velocity(name: str) -> tuple[str, ...]:
+    """Names of the channels of a displacement and of its velocity."""
+    return name, f"{name}.velocity"
 
 
 def _pair(
