@@ -301,17 +301,22 @@ def schema(
 
 
 @app.command
-def check(study: Path) -> None:
-    """Validate a study and print what would run: dofs, step, contact time, steps, memory, time.
+def check(study: Path, *, strict: bool = False) -> None:
+    """Validate a study and print what would run and what it can show: dofs, steps, memory, time; numbers by limits.
 
     Example: femimpact check study.toml
+
+    Parameters
+    ----------
+    strict
+        End with status 2 where a limit is passed beyond which the test does not show what it is made for.
     """
-    from femimpact.study.prepared import plan_lines
+    from femimpact.study.planned_test import lines_of_check
     from femimpact.study.study_file import load_study
 
     with _waiting("check", quiet=False):
         plan = load_study(study)
-        lines = plan_lines(plan)
+        lines, found = lines_of_check(plan)
     for line in lines:
         print(line)
     if plan.plan is not None:
@@ -319,6 +324,8 @@ def check(study: Path) -> None:
 
         for line in study_lines(plan):
             print(line)
+    if strict and found.passed:
+        _fail(f"check --strict: {len(found.passed)} limits are passed: {'; '.join(r.what for r in found.passed)}", 2)
 
 
 @app.command

@@ -37,8 +37,8 @@ from femimpact.response.response import Recorder
 from femimpact.response.signals import LARGE, deflection_warnings
 from femimpact.structure.damping import ModalDamping
 from femimpact.structure.structure import Structure
-from femimpact.study.prepared import refined_grid
-from femimpact.study.study import Study, build, method_for
+from femimpact.study.prepared import lines_of_plan, prepare, refined_grid
+from femimpact.study.study import Study, build
 from femimpact.sweep.curve import TRANSIENT_LEFT
 from femimpact.system.modes import Modes, first_elastic_frequency, first_resonance, solve_modes
 from femimpact.system.reduction import reduce
@@ -217,7 +217,7 @@ def preflight(
         given = (excitation, duration, frequencies, cycles, structure, method, initial)
         alone = all(value is None for value in given)
         require(alone, "plan", "a Study", "", "must be the only argument: the rest follows from the study file")
-        return preflight_of_study(plan, *build(plan)[1:])
+        return preflight_of_study(plan, build(plan)[1])
     require_type(plan, System, "plan")
     if excitation is not None:
         require_excitation(excitation)
@@ -245,14 +245,25 @@ def preflight(
     return Preflight(tuple(rows))
 
 
-def preflight_of_study(study: Study, small: System, method: Method) -> Preflight:
-    """The rows of a study with the system that is integrated and its method."""
+def lines_of_check(study: Study) -> tuple[list[str], Preflight]:
+    """Lines on what would run and what it can show, and the numbers beside their limits.
+
+    Raises `InputError` for everything that would stop the run before it starts.
+    """
+    prepared = prepare(study)
+    found = preflight_of_study(study, prepared.small)
+    said = {f"warning: {row.instead}" for row in found.passed}
+    lines = [line for line in lines_of_plan(prepared) if line not in said]
+    return lines + [f"{'limit passed' if row.passed else 'test'}: {row}" for row in found.rows], found
+
+
+def preflight_of_study(study: Study, small: System) -> Preflight:
+    """The rows of a study with the system that is integrated."""
     base, plan = study.base, study.sweep
     grid = None if plan is None else refined_grid(plan, without_impactors(small), None)
     return preflight(
         small, base.excitation, duration=base.history_duration, frequencies=grid,
-        cycles=plan.cycles if plan else None, structure=study.structure,
-        method=method_for(study, without_impactors(small)), initial=study.initial,
+        cycles=plan.cycles if plan else None, structure=study.structure, initial=study.initial,
     )  # fmt: skip
 
 

@@ -211,8 +211,12 @@ def plan_lines(study: Study) -> list[str]:
 
     Raises `InputError` for everything that would stop the run before it starts.
     """
-    prepared = prepare(study)
-    full, small, method = prepared.full, prepared.small, prepared.method
+    return lines_of_plan(prepare(study))
+
+
+def lines_of_plan(prepared: PreparedStudy) -> list[str]:
+    """The same of a study made ready."""
+    study, full, small, method = prepared.study, prepared.full, prepared.small, prepared.method
     grid = method.interval(small, study.excitation, study.base.history_duration, prepared.record)
     steps = round(study.base.history_duration / grid)
     contact_time = shortest_contact(small)
