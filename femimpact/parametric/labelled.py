@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from femimpact.arrays import Array
 from femimpact.parametric.definition import ParameterStudy
 from femimpact.parametric.evaluation import BlockValues
+from femimpact.parametric.measures import better_of
 from femimpact.study.study import Study
 from femimpact.study.study_file import study_text
 from femimpact.system.system import System
@@ -150,6 +151,7 @@ def labels_of(study: ParameterStudy) -> dict[str, Any]:
             "seed": study.seed,
             **({"cycles": study.dwell, "measured_cycles": study.dwell // 3} if study.has_cycle else {}),
             "place": str(study.observed),
+            "contact_laws": ", ".join(f"{pair.name}: {pair.law.name}" for pair in study.nominal.contacts),
             **_told(study),
         },
     }  # fmt: skip
@@ -262,6 +264,9 @@ def dataset_of(
     if not columns.done.any():
         for item in (item for item in columns.measures if not item["is_text"]):
             enter(item["name"], np.full(columns.cases, np.nan), item["unit"], item["words"])
+    for item in columns.measures:
+        if better := better_of(item["name"], item["words"]):
+            data[item["name"]][2]["better"] = better
     enter("periodic_starts", columns.periodic, "1", "starts from which the motion repeats, or has no impacts")
     enter("failed_starts", columns.failed, "1", "starts that have no values")
     enter("failure", columns.failure, "", "why the first of them has none")

@@ -15,7 +15,15 @@ from femimpact.errors import require, require_path
 from femimpact.export.placed import DrawnSystem, drawn_system, placed_structure
 from femimpact.export.report.page import Conclusion, Page, write_page
 from femimpact.export.report.structure_drawing import structure_element, structure_words
-from femimpact.export.tables import axis_names, axis_words, measure_names, single_samples, value_words
+from femimpact.export.tables import (
+    SHOWN,
+    axis_names,
+    axis_words,
+    measure_names,
+    single_samples,
+    unit_text,
+    value_words,
+)
 from femimpact.structure.structure import Structure
 from femimpact.study.picture_data import read_parts, read_run_parts
 from femimpact.study.result_conclusions import ResultReading, conclusions_of, convergence_conclusions, texts_of
@@ -47,9 +55,6 @@ MOST_NAMES = 20
 
 MOST_MEASURES = 8
 """Measures that have conclusions."""
-
-SHOWN = {"m": (1e3, "mm"), "Pa": (1e-6, "MPa"), "N s": (1e3, "mN s")}
-"""Units of axes and measures that are shown in another one, by its factor and its name."""
 
 
 def study_lead(data: xarray.Dataset) -> list[str]:
@@ -126,9 +131,7 @@ def _value(one: xarray.Dataset, name: str) -> str:
 
 def _text(value: Any, attributes: Mapping[str, Any]) -> str:
     """A value with its unit."""
-    factor, unit = SHOWN.get(attributes.get("units", "1"), (1.0, attributes.get("units", "1")))
-    shown = number_text(factor * float(value))
-    return shown if unit in ("", "1") else f"{shown} {unit}"
+    return unit_text(value, attributes.get("units", "1"))
 
 
 def study_missing(data: xarray.Dataset) -> tuple[str, ...]:

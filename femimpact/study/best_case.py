@@ -1,0 +1,548 @@
+"""The best case of a parameter study where the worst over some axes counts, and how sure it is.
+
+Cases that agree in all axes but those of `worst_over` are one design, and its value is the worst of them. Axes of the
+excitation are no choice of the user: what is best is said for each of their values, unless they are in `worst_over`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femimpact.arrays import Array
+from femimpact.errors import Fault, InputError, kind_of, quantity, require, suggestion
+from femimpact.errors import checked as checked_value
+from femimpact.export.tables import BESIDE, STATISTICS, axis_names, unit_text, value_text
+
+if TYPE_CHECKING:
+    import xarray
+
+FREQUENCY = "base.frequency"
+EXCITATION = "base."
+"""Beginning of the paths of the axes that are no choice of the user."""
+
+MORE = 0.15
+"""Share by which the value may grow where an axis is off."""
+
+CLIFF = 2.0
+"""How many times as far an axis may be off to the other side where a side is the cliff."""
+
+MOST_NAMED = 4
+"""Designs that are named in a line; of more their number."""
+
+NUMBER = quantity("1")
+
+BETTER = ("small", "large")
+SAY_IT = 'set dataset[measure].attrs["better"] = "small" or "large"'
+NO_CHOICE = ", where those of the excitation (base.*) are no choice"
+
+OF_LAW = ("peak_force", "cycle_mean_force")
+"""Measures that a contact law may not give."""
+
+
+@dataclass(frozen=True)
+class AxisMargin:
+    """How far the value of an axis may be off to each side of the best case, the other axes as they are.
+
+    Parameters
+    ----------
+    axis, unit : str
+        Path, and unit of all numbers.
+    value : float
+        Of the best case.
+    below, above : float
+        Distances at which the value is 15 % worse, or a limit is passed, linear between the cases.
+    below_found, above_found : bool
+        Whether there is such a place within the cases; else the distance is that to the last case with a value.
+    cliff : {"", "below", "above"}
+        The side that is passed in less than half the distance of the other.
+    bound : {"", "lowest", "highest"}
+        Whether the case has the lowest or the highest value of the axis: a better one may lie beyond.
+    """
+
+    axis: str
+    unit: str
+    value: float
+    below: float
+    above: float
+    below_found: bool
+    above_found: bool
+    cliff: str
+    bound: str
+
+
+@dataclass(frozen=True, eq=False)
+class BestDesign:
+    """The best of the designs for one value of each axis of the excitation that is no part of the worst.
+
+    Parameters
+    ----------
+    at : mapping
+        Those values by the paths of their axes; empty where there are none.
+    values : mapping
+        Of the other axes, by their paths: numbers, texts or pairs of gaps. Empty where there is no best.
+    value : float
+        Worst value of the measure, of several starts of the medians.
+    low, high : float
+        Ends of the 90 % interval of the median, each the worst of the cases; not numbers of less than 5 starts.
+    worst_at : mapping
+        Where the measure is worst: values of the axes of `worst_over`.
+    case : int
+        Number of that case, as `run_case` takes it; -1 where there is no best.
+    limited : mapping of str to float
+        Worst values of the limited measures, of several starts of the largest.
+    alike : tuple of mapping
+        Values of the designs that keep the limits and that the starts cannot tell from the best: intervals overlap.
+    margins : tuple of AxisMargin
+        Of every axis of numbers that has several values.
+    without_value : tuple of (mapping, str)
+        Designs that have no value, and why: a case has failed, has not been run, or is not there.
+    reason : str
+        Why there is no best; empty where there is one.
+    """
+
+    at: Mapping[str, Any]
+    values: Mapping[str, Any]
+    value: float
+    low: float
+    high: float
+    worst_at: Mapping[str, Any]
+    case: int
+    limited: Mapping[str, float]
+    alike: tuple[Mapping[str, Any], ...]
+    margins: tuple[AxisMargin, ...]
+    without_value: tuple[tuple[Mapping[str, Any], str], ...]
+    reason: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class BestCase:
+    """What `best_case` finds; as a text, some lines for the eye.
+
+    Parameters
+    ----------
+    measure : str
+    better : {"small", "large"}
+        Which of its values are better.
+    worst_over : tuple of str
+        Paths of the axes over which the worst counts.
+    limits : mapping of str to float
+    starts : int
+        Of each case.
+    units : mapping of str to str
+        Of axes and measures, by their names.
+    designs : tuple of BestDesign
+        One for each combination of the values of the excitation's other axes, which is one without such axes.
+    """
+
+    measure: str
+    better: str
+    worst_over: tuple[str, ...]
+    limits: Mapping[str, float]
+    starts: int
+    units: Mapping[str, str]
+    designs: tuple[BestDesign, ...]
+
+    def __str__(self) -> str:
+        return "\n".join(line for design in self.designs for line in self.lines_of(design))
+
+    @property
+    def label(self) -> str:
+        """What the value is, as "smallest worst peak"."""
+        worst = "worst " if self.worst_over else ""
+        return f"{'largest' if self.better == 'large' else 'smallest'} {worst}{self.measure.replace('_', ' ')}"
+
+    def lines_of(self, design: BestDesign) -> Iterator[str]:
+        """The lines about one design."""
+        level = f" for {self.told(design.at)}" if design.at else ""
+        if design.reason:
+            yield f"{self.label}{level}: none, {design.reason}"
+        else:
+            yield f"{self.label}{level}: {self.number(design.value)} at {self.told(design.values)}"
+            yield from (f"  {line}" for line in self.notes_of(design))
+        if design.without_value:
+            named = "; ".join(f"{self.told(values)}: {why}" for values, why in design.without_value[:MOST_NAMED])
+            more = len(design.without_value) - MOST_NAMED
+            yield f"  without a value: {named}{f'; and {more} more' if more > 0 else ''}"
+
+    def notes_of(self, design: BestDesign) -> Iterator[str]:
+        """What is known of a best design beside its value."""
+        if design.worst_at:
+            yield f"worst at {self.told(design.worst_at)}"
+        for name, value in design.limited.items():
+            limit = unit_text(self.limits[name], self.units[name])
+            yield f"{name} {unit_text(value, self.units[name])}, limit {limit}"
+        if math.isfinite(design.low):
+            interval = f"{unit_text(design.low, self.units[self.measure])} to {self.number(design.high)}"
+            names = "; ".join(map(self.told, design.alike[:MOST_NAMED]))
+            more = len(design.alike) - MOST_NAMED
+            told = f"not told from it by the starts: {names}{f'; and {more} more' if more > 0 else ''}"
+            yield f"interval of the median {interval}; {told if design.alike else 'no other case overlaps it'}"
+        else:
+            yield f"starts = {self.starts} give no interval: take 5 or more to see which cases are as good"
+        for margin in design.margins:
+            yield self.margin_words(margin)
+
+    def margin_words(self, margin: AxisMargin) -> str:
+        """How far an axis may be off."""
+        change = "less" if self.better == "large" else "more"
+        sides = []
+        for side, found, word in (
+            (margin.below, margin.below_found, "less"), (margin.above, margin.above_found, "more"),
+        ):  # fmt: skip
+            least = "" if found else "at least "
+            sides.append(f"{least}{unit_text(side, margin.unit)} {word}" if side or found else f"{word} was not run")
+        cliff = f"; the cliff is {margin.cliff} it" if margin.cliff else ""
+        bound = f"; it is the {margin.bound} value of the axis" if margin.bound else ""
+        return f"{margin.axis} for {100.0 * MORE:g} % {change}: {', '.join(sides)}{cliff}{bound}"
+
+    def number(self, value: float) -> str:
+        """A value of the measure with its unit."""
+        return unit_text(value, self.units[self.measure])
+
+    def told(self, values: Mapping[str, Any]) -> str:
+        """Values of axes."""
+        return ", ".join(f"{name} = {value_text(value, self.units[name])}" for name, value in values.items())
+
+
+def best_case(
+    dataset: xarray.Dataset,
+    measure: str,
+    worst_over: Sequence[str] | None = None,
+    limits: Mapping[str, float] | None = None,
+) -> BestCase:
+    """The best case of a parameter study where the worst over some axes counts, and how sure it is.
+
+    Cases that agree in all other axes are one design, in a grid, a list or a sample, and the value of a design is the
+    worst of its cases. What is best is said for each value of the excitation's other axes (`base.amplitude`, ...),
+    which are no choice of the user, unless they are named in `worst_over`.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        Of `parameter_study`.
+    measure : str
+        Of which small values are better, or large ones: its attribute "better" says which, and can be set on a
+        measure of one's own, `dataset[measure].attrs["better"] = "small"`.
+    worst_over : sequence of str, optional
+        Paths of axes. By default `base.frequency`, where another axis remains.
+    limits : mapping of str to float, optional
+        What the worst value of a measure, of several starts the largest, may be at most; of a measure of which large
+        values are better the smallest, at least.
+
+    Returns
+    -------
+    BestCase
+
+    Raises
+    ------
+    InputError
+        If an axis or a measure is not known, nothing is left to choose between, or no case has a value within the
+        limits.
+
+    Examples
+    --------
+    >>> import femimpact as fi
+    >>> study = fi.load_study("meshes/stepped_cantilever.toml")
+    >>> axes = {"impactor.ball.gap": [1e-3, 2e-3], "base.frequency": [8.5, 9.0]}
+    >>> found = fi.parameter_study(study, axes, ["peak"], cycles=30)
+    >>> fi.best_case(found, "peak").worst_over
+    ('base.frequency',)
+    """
+    require_study(dataset)
+    axes = axes_of(dataset)
+    known = better_of_measures(dataset)
+    worst, most = check_best(measure, worst_over, limits, axes, known)
+    require(dataset["finished"].size > 1, "dataset", "one case", "", "has nothing to choose between")
+    for name in (measure, *most):
+        _require_values(dataset, name)
+    table = _Designs(dataset, axes, worst, measure, most, known)
+    found = tuple(table.best(level) for level in range(table.levels))
+    if all(design.reason for design in found):
+        raise InputError([Fault("measure", measure, "", f"has no best case: {found[0].reason}")])
+    units = {name: str(dataset[name].attrs.get("units", "")) for name in (*axes, measure, *most)}
+    return BestCase(measure, known[measure], worst, most, int(dataset.attrs.get("starts", 1)), units, found)
+
+
+def require_study(dataset: Any) -> None:
+    """Raise `InputError` unless the value is the dataset of a parameter study."""
+    names = getattr(dataset, "data_vars", ())
+    sound = hasattr(dataset, "coords") and "finished" in names and "failed_starts" in names
+    require(sound, "dataset", kind_of(dataset), "", "must be what parameter_study returns")
+
+
+def default_worst(
+    axes: Sequence[str],  # paths
+) -> tuple[str, ...]:
+    """Axes over which the worst counts where none is named: the frequency, where another axis remains."""
+    return (FREQUENCY,) if FREQUENCY in axes and len(axes) > 1 else ()
+
+
+def check_best(
+    measure: Any,
+    worst_over: Any,
+    limits: Any,
+    axes: Sequence[str],  # paths of the study
+    known: Mapping[str, str],  # its measures that are numbers, with what is better
+) -> tuple[tuple[str, ...], dict[str, float]]:
+    """The axes over which the worst counts, and the limits.
+
+    Raises `InputError` if they, or the measure, do not fit the study.
+    """
+    mapping = limits is None or isinstance(limits, Mapping)
+    require(mapping, "limits", limits, "", "must be numbers by the names of measures")
+    for key, name in (("measure", measure), *(("limits", name) for name in limits or ())):
+        require(isinstance(name, str), key, kind_of(name), "", "must be the name of a measure")
+        require(name in known, key, name, "", f"is no number of the study: {suggestion(name, known)}")
+    told = ", ".join(name for name, better in known.items() if better)
+    allowed = (
+        f"does not say whether small or large values are better: {f'take one of {told}, or ' if told else ''}{SAY_IT}"
+    )
+    require(known[measure] in BETTER, "measure", measure, "", allowed)
+    several = worst_over is None or (isinstance(worst_over, Sequence) and not isinstance(worst_over, (str, bytes)))
+    require(several, "worst_over", worst_over, "", "must be a list of paths of axes")
+    worst = default_worst(axes) if worst_over is None else tuple(dict.fromkeys(worst_over))
+    for name in worst:
+        require(name in axes, "worst_over", name, "", f"is no axis of the study: {suggestion(str(name), axes)}")
+    free = [name for name in axes if name not in worst and not name.startswith(EXCITATION)]
+    require(bool(free), "worst_over", list(worst), "", f"leaves no axis to choose on: {', '.join(axes)}{NO_CHOICE}")
+    return worst, {
+        name: float(checked_value(f"limits.{name}", value, NUMBER)) for name, value in (limits or {}).items()
+    }
+
+
+def axes_of(dataset: xarray.Dataset) -> tuple[str, ...]:
+    """Paths of the axes over which the cases of a dataset are."""
+    dims = dataset["finished"].dims
+    return tuple(name for name in axis_names(dataset) if name in dims or "case" in dataset[name].dims)
+
+
+def better_of_measures(dataset: xarray.Dataset) -> dict[str, str]:
+    """Measures that are numbers, with which of their values are better: "small", "large" or, where none says it, ""."""
+    beside = {f"{name}{end}" for name in dataset.data_vars for end in STATISTICS} | BESIDE
+    return {
+        str(name): str(values.attrs.get("better", ""))
+        for name, values in dataset.data_vars.items()
+        if values.dtype.kind == "f" and name not in beside
+    }
+
+
+def _require_values(dataset: xarray.Dataset, name: str) -> None:
+    """Refuse a measure that no case has, with the contact laws where they are why."""
+    values, failed = dataset[name].to_numpy(), dataset["failed_starts"].to_numpy() > 0
+    if failed.all():
+        first = next((str(reason) for reason in dataset["failure"].to_numpy().ravel() if reason), "not known")
+        allowed = f"has no value: all {failed.size} cases have failed, the first: {first}"
+        raise InputError([Fault(name, None, "", allowed)])
+    laws = dataset.attrs.get("contact_laws", "")
+    none = np.isnan(values) & ~failed & (dataset["finished"].to_numpy() > 0)
+    if name in OF_LAW and laws and none.any():
+        allowed = f"has no value of contacts without a contact time ({laws}): take another law, as kelvin-voigt"
+        raise InputError([Fault(name, None, "", allowed)])
+    require(bool(np.isfinite(values).any()), name, None, "", "has no value in any case")
+
+
+def _numbered(
+    codes: Sequence[NDArray[np.int64]],  # (cases,) each: numbers from 0
+    count: int,
+) -> NDArray[np.int64]:
+    """A number (cases,) for each distinct combination, in the order of the first codes, then of the next."""
+    number = np.zeros(count, dtype=np.int64)
+    for code in codes:
+        number = np.unique(number * (code.max(initial=0) + 1) + code, return_inverse=True)[1].reshape(-1)
+    return number
+
+
+class _Designs:
+    """Designs (rows) of a dataset with their worst values, small ones the better: large ones are turned.
+
+    Rows are in the order of the values of the axes, axes by their names: what is found does not hang on how a dataset
+    is sorted.
+    """
+
+    def __init__(
+        self, dataset: xarray.Dataset, axes: Sequence[str], worst: Sequence[str], measure: str,
+        limits: Mapping[str, float], better: Mapping[str, str],
+    ) -> None:  # fmt: skip
+        self.dataset, self.measure, self.worst = dataset, measure, worst
+        self.values: dict[str, list[Any]] = {}
+        self.codes: dict[str, NDArray[np.int64]] = {}
+        for axis in axes:
+            self.values[axis], self.codes[axis] = self._coded(axis)
+        self.given = [axis for axis in self.codes if axis not in worst and axis.startswith(EXCITATION)]
+        self.chosen = [axis for axis in self.codes if axis not in worst and axis not in self.given]
+        self._make_rows()
+        self.sign = -1.0 if better[measure] == "large" else 1.0
+        ends = ("_median_low", "_median_high")[:: int(self.sign)]
+        of_measure = [self._column(measure, end, self.sign) for end in ("", *ends)]
+        # of a limit the sign, the worst values and what they may be
+        signs = {name: -1.0 if better[name] == "large" else 1.0 for name in limits}
+        of_limits = {name: self._column(name, "_high" if sign > 0.0 else "_low", sign) for name, sign in signs.items()}
+        self.case_values = of_measure[0]
+        self.lost = (self._flat("failed_starts") > 0) | (self._flat("finished") == 0)
+        for column in (of_measure[0], *of_limits.values()):
+            self.lost |= np.isnan(column)
+        self.has_value = ~self._any(self.lost) & (self.counts == self.counts.max())
+        self.value, self.low, self.high = (self._worst(column) for column in of_measure)
+        self.limits = {
+            name: (sign, self._worst(of_limits[name]), sign * limits[name]) for name, sign in signs.items()
+        }  # fmt: skip
+
+    def _flat(self, name: str) -> NDArray[Any]:
+        """A variable of all cases (cases,)."""
+        whole = self.dataset[name].broadcast_like(self.dataset["finished"])
+        return np.asarray(whole.transpose(*self.dataset["finished"].dims).to_numpy()).reshape(-1)
+
+    def _column(self, name: str, end: str, sign: float) -> Array:
+        """A statistic of a measure where there is one, else its value."""
+        return sign * self._flat(f"{name}{end}" if f"{name}{end}" in self.dataset else name).astype(float)
+
+    def _coded(self, axis: str) -> tuple[list[Any], NDArray[np.int64]]:
+        """Distinct values of an axis in their order, and which of them each case has."""
+        if f"{axis}.plus" in self.dataset.coords:
+            pairs = np.stack([self._flat(f"{axis}.{side}") for side in ("plus", "minus")], axis=1)
+            found, codes = np.unique(pairs, axis=0, return_inverse=True)
+            return [tuple(pair) for pair in found.tolist()], codes.reshape(-1)
+        values = self._flat(axis)
+        found, codes = np.unique(values if values.dtype.kind in "iuf" else values.astype(str), return_inverse=True)
+        return found.tolist(), codes.reshape(-1)
+
+    def _make_rows(self) -> None:
+        count = self.dataset["finished"].size
+        level = _numbered([self.codes[axis] for axis in sorted(self.given)], count)
+        row = _numbered([level, *(self.codes[axis] for axis in sorted(self.chosen))], count)
+        self.order = np.argsort(row, kind="stable")
+        self.counts = np.bincount(row)
+        self.begins = np.cumsum(self.counts) - self.counts
+        self.first = self.order[self.begins]  # a case of each row
+        self.level = level[self.first]
+        self.levels = int(self.level.max()) + 1
+        require(self.counts.size > 1, "dataset", "one design", "", "has nothing to choose between")
+        shown = ", ".join(self.given)
+        allowed = (
+            f"has no two designs that agree in {shown}: name it in worst_over, or study a grid or a list where some do"
+        )
+        require(bool((np.bincount(self.level) > 1).any()), "dataset", None, "", allowed)
+        distinct = _numbered([self.codes[axis] for axis in self.worst], count).max()
+        allowed = (
+            f"has no two cases that agree in all axes but {', '.join(self.worst)}: study a grid, or a list in which "
+            "each design is at every value of these, or give worst_over = []"
+        )
+        require(distinct == 0 or bool((self.counts > 1).any()), "dataset", None, "", allowed)
+
+    def _worst(self, column: Array) -> Array:
+        """The largest of the cases of each row; not a number where one is none."""
+        return np.asarray(np.maximum.reduceat(column[self.order], self.begins))
+
+    def _any(self, column: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        return np.asarray(np.logical_or.reduceat(column[self.order], self.begins))
+
+    def _told(self, case: int, axes: Sequence[str]) -> dict[str, Any]:
+        """Values of some axes in a case."""
+        return {axis: self.values[axis][self.codes[axis][case]] for axis in axes}
+
+    def _cases(self, row: int) -> NDArray[np.int64]:
+        return self.order[self.begins[row] : self.begins[row] + self.counts[row]]
+
+    def _why(self, row: int) -> str:
+        """Why a row has no value."""
+        lost = [case for case in self._cases(row) if self.lost[case]]
+        if not lost:
+            return f"{self.counts[row]} of {self.counts.max()} cases are there"
+        if self._flat("finished")[lost[0]] == 0:
+            return "a case has not been run"
+        reason = self._flat("failure")[lost[0]] if "failure" in self.dataset else ""
+        return f"a case failed: {reason}" if reason else "a case has no value"
+
+    def best(self, level: int) -> BestDesign:
+        """The best of the rows of a level."""
+        rows = np.flatnonzero(self.level == level)
+        at = self._told(self.first[rows[0]], self.given)
+        without = tuple(
+            (self._told(self.first[row], self.chosen), self._why(row)) for row in rows[~self.has_value[rows]]
+        )
+        kept = rows[self.has_value[rows]]
+        reason = "no design has a value" + (f": {without[0][1]}" if without else "") if not kept.size else ""
+        for _, values, most in self.limits.values():
+            kept = kept[values[kept] <= most]
+        if not kept.size:
+            reason = reason or f"no design keeps the limits{self._nearest(rows)}"
+            none = math.nan
+            return BestDesign(at, {}, none, none, none, {}, -1, {}, (), (), without, reason)
+        # of equal values the first, by the values of the axes
+        row = int(kept[np.argmin(self.value[kept])])
+        cases = self._cases(row)
+        case = int(cases[np.argmax(self.case_values[cases])])
+        low, high = self.low[row], self.high[row]
+        alike = kept[(self.low[kept] <= high) & (kept != row)]
+        known = f"{self.measure}_median_low" in self.dataset
+        low, high = sorted((self.sign * low, self.sign * high)) if known else (math.nan, math.nan)
+        return BestDesign(
+            at, self._told(case, self.chosen), float(self.sign * self.value[row]), float(low), float(high),
+            self._told(case, self.worst), case,
+            {name: float(sign * values[row]) for name, (sign, values, _) in self.limits.items()},
+            tuple(self._told(self.first[other], self.chosen) for other in alike),
+            tuple(self._margins(row, rows)), without,
+        )  # fmt: skip
+
+    def _nearest(self, rows: NDArray[np.int64]) -> str:
+        """The smallest worst value of each limited measure, in words."""
+        found = []
+        for name, (sign, values, _) in self.limits.items():
+            own = values[rows][self.has_value[rows]]
+            unit = str(self.dataset[name].attrs.get("units", ""))
+            found.append(f"{name} is {unit_text(sign * float(own.min()), unit)} at {'best' if sign < 0 else 'least'}")
+        return f": {', '.join(found)}"
+
+    def _margins(self, row: int, rows: NDArray[np.int64]) -> Iterator[AxisMargin]:
+        """How far each axis of numbers may be off."""
+        tops = [(self.value, self.value[row] + MORE * abs(self.value[row]))]
+        tops += [(values, most) for _, values, most in self.limits.values()]
+        for axis in self.chosen:
+            values = self.values[axis]
+            if len(values) < 2 or not all(isinstance(value, (int, float)) for value in values):
+                continue
+            same = np.ones(rows.size, dtype=bool)
+            for other in self.chosen:
+                if other != axis:
+                    codes = self.codes[other][self.first]
+                    same &= codes[rows] == codes[row]
+            line = rows[same]  # in the order of the values
+            x = np.array(values, dtype=float)[self.codes[axis][self.first[line]]]
+            place = int(np.flatnonzero(line == row)[0])
+            excess = [np.where(self.has_value, column - top, np.nan)[line] for column, top in tops]
+            below, above = (
+                min((_reach(x[side], one[side]) for one in excess), key=lambda found: (found[0], not found[1]))
+                for side in (slice(place, None, -1), slice(place, None))
+            )
+            value, bounds = float(x[place]), {values[0]: "lowest", values[-1]: "highest"}
+            unit = str(self.dataset[axis].attrs.get("units", ""))
+            yield AxisMargin(
+                axis, unit, value, below[0], above[0], below[1], above[1], _cliff(below, above), bounds.get(value, "")
+            )
+
+
+def _reach(
+    x: Array,  # (points,) from the best outwards
+    excess: Array,  # (points,) above 0 is too much
+) -> tuple[float, bool]:
+    """Distance to where the excess is 0, linear between the points, or to the last value; and whether it is met."""
+    for i in range(1, x.size):
+        if np.isnan(excess[i]):
+            return abs(float(x[i - 1] - x[0])), False
+        if excess[i] > 0.0:
+            share = -excess[i - 1] / (excess[i] - excess[i - 1])
+            return abs(float(x[i - 1] + share * (x[i] - x[i - 1]) - x[0])), True
+    return abs(float(x[-1] - x[0])), False
+
+
+def _cliff(below: tuple[float, bool], above: tuple[float, bool]) -> str:
+    """The side on which it takes less than half the distance of the other; neither where that is not known."""
+    if below[1] and above[0] > CLIFF * below[0]:
+        return "below"
+    return "above" if above[1] and below[0] > CLIFF * above[0] else ""
