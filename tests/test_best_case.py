@@ -215,7 +215,7 @@ def test_designs_whose_intervals_overlap_are_not_told_from_the_best():
         del columns[f"peak_median_{end}"]
     few = fi.best_case(dataset({GAP: GAPS[:4], FREQUENCY: [4.0, 5.0]}, columns, starts=3), "peak")
     assert np.isnan(only(few).low)
-    assert "starts = 3 give no interval" in str(few)
+    assert "with starts = 3 there is no interval" in str(few)
 
 
 def test_limits_hold_for_the_largest_start_of_the_worst_case():

@@ -149,65 +149,7 @@ class BestCase:
     designs: tuple[BestDesign, ...]
 
     def __str__(self) -> str:
-        return "\n".join(line for design in self.designs for line in self.lines_of(design))
-
-    @property
-    def label(self) -> str:
-        """What the value is, as "smallest worst peak"."""
-        worst = "worst " if self.worst_over else ""
-        return f"{'largest' if self.better == 'large' else 'smallest'} {worst}{self.measure.replace('_', ' ')}"
-
-    def lines_of(self, design: BestDesign) -> Iterator[str]:
-        """The lines about one design."""
-        level = f" for {self.told(design.at)}" if design.at else ""
-        if design.reason:
-            yield f"{self.label}{level}: none, {design.reason}"
-        else:
-            yield f"{self.label}{level}: {self.number(design.value)} at {self.told(design.values)}"
-            yield from (f"  {line}" for line in self.notes_of(design))
-        if design.without_value:
-            named = "; ".join(f"{self.told(values)}: {why}" for values, why in design.without_value[:MOST_NAMED])
-            more = len(design.without_value) - MOST_NAMED
-            yield f"  without a value: {named}{f'; and {more} more' if more > 0 else ''}"
-
-    def notes_of(self, design: BestDesign) -> Iterator[str]:
-        """What is known of a best design beside its value."""
-        if design.worst_at:
-            yield f"worst at {self.told(design.worst_at)}"
-        for name, value in design.limited.items():
-            limit = unit_text(self.limits[name], self.units[name])
-            yield f"{name} {unit_text(value, self.units[name])}, limit {limit}"
-        if math.isfinite(design.low):
-            interval = f"{unit_text(design.low, self.units[self.measure])} to {self.number(design.high)}"
-            names = "; ".join(map(self.told, design.alike[:MOST_NAMED]))
-            more = len(design.alike) - MOST_NAMED
-            told = f"not told from it by the starts: {names}{f'; and {more} more' if more > 0 else ''}"
-            yield f"interval of the median {interval}; {told if design.alike else 'no other case overlaps it'}"
-        else:
-            yield f"starts = {self.starts} give no interval: take 5 or more to see which cases are as good"
-        for margin in design.margins:
-            yield self.margin_words(margin)
-
-    def margin_words(self, margin: AxisMargin) -> str:
-        """How far an axis may be off."""
-        change = "less" if self.better == "large" else "more"
-        sides = []
-        for side, found, word in (
-            (margin.below, margin.below_found, "less"), (margin.above, margin.above_found, "more"),
-        ):  # fmt: skip
-            least = "" if found else "at least "
-            sides.append(f"{least}{unit_text(side, margin.unit)} {word}" if side or found else f"{word} was not run")
-        cliff = f"; the cliff is {margin.cliff} it" if margin.cliff else ""
-        bound = f"; it is the {margin.bound} value of the axis" if margin.bound else ""
-        return f"{margin.axis} for {100.0 * MORE:g} % {change}: {', '.join(sides)}{cliff}{bound}"
-
-    def number(self, value: float) -> str:
-        """A value of the measure with its unit."""
-        return unit_text(value, self.units[self.measure])
-
-    def told(self, values: Mapping[str, Any]) -> str:
-        """Values of axes."""
-        return ", ".join(f"{name} = {value_text(value, self.units[name])}" for name, value in values.items())
+        return "\n".join(line for design in self.designs for line in design_lines(self, design))
 
 
 def best_case(
@@ -267,6 +209,68 @@ def best_case(
         raise InputError([Fault("measure", measure, "", f"has no best case: {found[0].reason}")])
     units = {name: str(dataset[name].attrs.get("units", "")) for name in (*axes, measure, *most)}
     return BestCase(measure, known[measure], worst, most, int(dataset.attrs.get("starts", 1)), units, found)
+
+
+def label_of(best: BestCase) -> str:
+    """What its value is, as "smallest worst peak"."""
+    worst = "worst " if best.worst_over else ""
+    return f"{'largest' if best.better == 'large' else 'smallest'} {worst}{best.measure.replace('_', ' ')}"
+
+
+def design_lines(best: BestCase, design: BestDesign) -> Iterator[str]:
+    """What is known of a best design, in lines for the eye."""
+    level = f" for {_shown(best, design.at)}" if design.at else ""
+    if design.reason:
+        yield f"{label_of(best)}{level}: none, {design.reason}"
+    else:
+        value = unit_text(design.value, best.units[best.measure])
+        yield f"{label_of(best)}{level}: {value} at {_shown(best, design.values)}"
+        yield from (f"  {line}" for line in design_notes(best, design))
+    if design.without_value:
+        named = [f"{_shown(best, values)}: {why}" for values, why in design.without_value]
+        yield f"  without a value: {_first_of(named)}"
+
+
+def design_notes(best: BestCase, design: BestDesign) -> Iterator[str]:
+    """What is known of a best design beside its value."""
+    if design.worst_at:
+        yield f"worst at {_shown(best, design.worst_at)}"
+    for name, value in design.limited.items():
+        yield f"{name} {unit_text(value, best.units[name])}, limit {unit_text(best.limits[name], best.units[name])}"
+    if math.isfinite(design.low):
+        low, high = (unit_text(value, best.units[best.measure]) for value in (design.low, design.high))
+        alike = _first_of([_shown(best, values) for values in design.alike])
+        told = f"the starts do not tell from it {alike}" if alike else "no other case overlaps it"
+        yield f"interval of the median {low} to {high}; {told}"
+    else:
+        yield f"with starts = {best.starts} there is no interval: from 5 on cases that are as good are named"
+    for margin in design.margins:
+        yield margin_words(best, margin)
+
+
+def margin_words(best: BestCase, margin: AxisMargin) -> str:
+    """How far an axis may be off."""
+    sides = []
+    for distance, found, word in (
+        (margin.below, margin.below_found, "less"), (margin.above, margin.above_found, "more"),
+    ):  # fmt: skip
+        known = f"{'' if found else 'at least '}{unit_text(distance, margin.unit)} {word}"
+        sides.append(known if distance or found else f"{word} was not run")
+    change = "less" if best.better == "large" else "more"
+    cliff = f"; the cliff is {margin.cliff} it" if margin.cliff else ""
+    bound = f"; it is the {margin.bound} value of the axis" if margin.bound else ""
+    return f"{margin.axis} for {100.0 * MORE:g} % {change}: {', '.join(sides)}{cliff}{bound}"
+
+
+def _shown(best: BestCase, values: Mapping[str, Any]) -> str:
+    """Values of axes."""
+    return ", ".join(f"{name} = {value_text(value, best.units[name])}" for name, value in values.items())
+
+
+def _first_of(named: Sequence[str]) -> str:
+    """The first of some names, and how many more there are."""
+    more = f"; and {len(named) - MOST_NAMED} more" if len(named) > MOST_NAMED else ""
+    return "; ".join(named[:MOST_NAMED]) + more
 
 
 def require_study(dataset: Any) -> None:
