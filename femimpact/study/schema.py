@@ -19,7 +19,7 @@ from femimpact.integrators.methods import METHODS
 from femimpact.structure.beam import Segment
 from femimpact.structure.damping import ModalDamping, Rayleigh
 from femimpact.study.base_motion import OWN, SIGNALS, RecordedMotion, SignalMotion
-from femimpact.study.parameter_plan import DISTRIBUTIONS, MOST_POINTS, ParameterPlan, SamplePlan
+from femimpact.study.parameter_plan import DISTRIBUTIONS, MOST_POINTS, BestPlan, ParameterPlan, SamplePlan
 from femimpact.study.study import BaseMotion
 from femimpact.study.study_file import TABLES, chosen_later
 
@@ -58,7 +58,7 @@ def study_schema() -> dict[str, Any]:
         "properties": {name: _table(name) for name in TABLES},
         "required": [name for name, table in TABLES.items() if table.required],
         "additionalProperties": False,
-        "$defs": {"axes": _axes()},
+        "$defs": {"axes": _axes(), "limits": _limits()},
     }
 
 
@@ -226,7 +226,15 @@ def _method() -> dict[str, Any]:
 
 def _study() -> dict[str, Any]:
     axes = {"$ref": "#/$defs/axes", "description": "What the study goes over: see [study.axes]."}
-    return _noun(ParameterPlan, axes=axes, sample=_noun(SamplePlan))
+    limits = {"$ref": "#/$defs/limits", "description": _meanings(BestPlan)["limits"]}
+    return _noun(ParameterPlan, axes=axes, sample=_noun(SamplePlan), best=_noun(BestPlan, limits=limits))
+
+
+def _limits() -> dict[str, Any]:
+    """Schema of [study.best.limits]; without quotes TOML takes the dots of a channel for tables in one another."""
+    forms = [_number_of(quantity("1")), {"title": "a part of a name", "$ref": "#/$defs/limits"}]
+    about = "Limits of the worst values, by the names of the measures; in the units of the measures."
+    return {"type": "object", "description": about, "additionalProperties": {"anyOf": forms}}
 
 
 def _axes() -> dict[str, Any]:
