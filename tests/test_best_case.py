@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +12,11 @@ import xarray
 from builders import with_ball
 
 import femimpact as fi
-from femimpact.study.demo import paper_study
+from femimpact.parametric.study_command import plan_lines, summary_lines, write_parameter_study
+from femimpact.study.best_case import best_cases
+from femimpact.study.demo import paper_study, paper_study_text
+from femimpact.study.result_page import study_conclusions
+from femimpact.study.study_file import read_study, study_text
 
 GAP, RESTITUTION = "impactor.ball.gap", "impactor.ball.contact.restitution"
 FREQUENCY, LEVEL = "base.frequency", "base.amplitude"
@@ -349,3 +355,79 @@ def test_a_measure_says_what_is_better_and_a_limit_without_a_value_names_the_law
     assert best.low <= best.value <= best.high
     with pytest.raises(fi.InputError, match=r"peak_force: has no value.*ball: rigid"):
         fi.best_case(found, "peak", limits={"peak_force": 50.0})
+
+
+STUDIED = """
+[study]
+measures = ["peak", "rms", "impacts_per_cycle"]
+starts = 5
+cycles = 9
+[study.axes]
+"impactor.ball.gap" = [0.001, 0.003, 0.009]
+"base.frequency" = [4.9, 5.3]
+"""
+BEST = '[study.best]\nmeasure = "rms"\nworst_over = ["base.frequency"]\nlimits = { peak = 1.0 }\n'
+
+
+def study(table=""):
+    """The paper's case on two modes, event-driven, with a parameter study."""
+    text = paper_study_text().replace('name = "newmark"', 'name = "event-driven"') + STUDIED + table
+    given = read_study(text, Path("study.toml"))
+    smaller = replace(given, mesh=replace(given.mesh, elements=6), reduction=replace(given.reduction, modes=2))
+    return replace(smaller, output=replace(given.output, figures=False), text="")
+
+
+@pytest.mark.impacts
+def test_command_report_and_study_file_say_the_same_and_another_table_resumes_the_study(tmp_path):
+    first = write_parameter_study(study(), tmp_path)
+    blocks = {path.name: path.read_bytes() for path in (tmp_path / "blocks").glob("*.block")}
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "Smallest worst peak" in page
+    # what the words of the cells hide: the smallest of all cells is another value
+    best = only(fi.best_case(first, "peak"))
+    shown = study_conclusions(first, best_cases(first, None)[0])[0]
+    assert float(shown.value) == pytest.approx(1e3 * best.value, rel=1e-3)  # of four digits
+    assert any(line.startswith("  smallest worst peak") for line in summary_lines(first, tmp_path))
+    # a measure that does not say what is better keeps both ends
+    assert any("impacts_per_cycle" in line and "smallest at" in line for line in summary_lines(first, tmp_path))
+    assert "Smallest impacts per cycle" in page
+    again = study(BEST)
+    second = write_parameter_study(again, tmp_path)
+    assert {path.name: path.read_bytes() for path in (tmp_path / "blocks").glob("*.block")} == blocks
+    np.testing.assert_array_equal(second["peak"], first["peak"])
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert page.index("Smallest worst rms") < page.index("Smallest worst peak")
+    lines = summary_lines(second, tmp_path, again.plan.best)
+    assert any("limit 1000 mm" in line for line in lines)
+
+
+def test_a_table_of_the_best_goes_round_and_is_checked_before_the_first_case():
+    given = study(BEST.replace("peak = 1.0", '"peak" = 1.0'))
+    assert read_study(study_text(given), Path("study.toml")).plan == given.plan
+    assert plan_lines(given) == plan_lines(study())
+    dotted = study('[study.best]\nmeasure = "peak"\n[study.best.limits]\ntip.velocity = 1.0\n')
+    assert dotted.plan.best.limits == {"tip.velocity": 1.0}
+    with pytest.raises(fi.InputError, match=r"study.best.limits = 'tip.velocity': is no number of the study"):
+        plan_lines(dotted)
+
+
+@pytest.mark.parametrize(
+    ("table", "words"),
+    [
+        ('measure = "peek"', r"study.best.measure = 'peek'.*did you mean 'peak'"),
+        ("", "study.best.measure: is missing"),
+        ('measure = "peak"\nworst = ["base.frequency"]', r"study.best.worst: unknown; did you mean 'worst_over'"),
+        ('measure = "peak"\nworst_over = ["gap"]', r"study.best.worst_over = 'gap': is no axis of the study"),
+        ('measure = "peak"\nworst_over = "gap"', r"study.best.worst_over = 'gap': must be texts"),
+        ('measure = "peak"\nlimits = { peak = "low" }', r"study.best.limits.peak = 'low'"),
+        ('measure = "peak"\nlimits = 3.0', r"study.best.limits = 3.0: must be numbers"),
+        (
+            'measure = "impacts_per_cycle"',
+            "does not say whether small or large values are better: take one of peak, rms",
+        ),
+    ],
+)
+def test_a_wrong_table_of_the_best_is_named_by_its_key(table, words):
+    with pytest.raises(fi.InputError, match=words) as caught:
+        plan_lines(study(f"[study.best]\n{table}\n"))
+    assert "\n" not in str(caught.value)

@@ -18,6 +18,7 @@ from femimpact.arrays import Array
 from femimpact.errors import Fault, InputError, kind_of, quantity, require, suggestion
 from femimpact.errors import checked as checked_value
 from femimpact.export.tables import BESIDE, STATISTICS, axis_names, unit_text, value_text
+from femimpact.study.parameter_plan import BestPlan
 
 if TYPE_CHECKING:
     import xarray
@@ -36,6 +37,8 @@ MOST_NAMED = 4
 """Designs that are named in a line; of more their number."""
 
 NUMBER = quantity("1")
+
+NO_NAMES: Mapping[str, str] = {}
 
 BETTER = ("small", "large")
 SAY_IT = 'set dataset[measure].attrs["better"] = "small" or "large"'
@@ -217,38 +220,46 @@ def label_of(best: BestCase) -> str:
     return f"{'largest' if best.better == 'large' else 'smallest'} {worst}{best.measure.replace('_', ' ')}"
 
 
+def told_lines(best: BestCase) -> Iterator[str]:
+    """The lines about its designs, of many the first."""
+    for design in best.designs[:MOST_NAMED]:
+        yield from design_lines(best, design)
+    if len(best.designs) > MOST_NAMED:
+        yield f"and {len(best.designs) - MOST_NAMED} more, for other values of {', '.join(best.designs[0].at)}"
+
+
 def design_lines(best: BestCase, design: BestDesign) -> Iterator[str]:
     """What is known of a best design, in lines for the eye."""
-    level = f" for {_shown(best, design.at)}" if design.at else ""
+    level = f" for {told(best, design.at)}" if design.at else ""
     if design.reason:
         yield f"{label_of(best)}{level}: none, {design.reason}"
     else:
         value = unit_text(design.value, best.units[best.measure])
-        yield f"{label_of(best)}{level}: {value} at {_shown(best, design.values)}"
+        yield f"{label_of(best)}{level}: {value} at {told(best, design.values)}"
         yield from (f"  {line}" for line in design_notes(best, design))
     if design.without_value:
-        named = [f"{_shown(best, values)}: {why}" for values, why in design.without_value]
+        named = [f"{told(best, values)}: {why}" for values, why in design.without_value]
         yield f"  without a value: {_first_of(named)}"
 
 
-def design_notes(best: BestCase, design: BestDesign) -> Iterator[str]:
+def design_notes(best: BestCase, design: BestDesign, names: Mapping[str, str] = NO_NAMES) -> Iterator[str]:
     """What is known of a best design beside its value."""
     if design.worst_at:
-        yield f"worst at {_shown(best, design.worst_at)}"
+        yield f"worst at {told(best, design.worst_at, names)}"
     for name, value in design.limited.items():
         yield f"{name} {unit_text(value, best.units[name])}, limit {unit_text(best.limits[name], best.units[name])}"
     if math.isfinite(design.low):
         low, high = (unit_text(value, best.units[best.measure]) for value in (design.low, design.high))
-        alike = _first_of([_shown(best, values) for values in design.alike])
-        told = f"the starts do not tell from it {alike}" if alike else "no other case overlaps it"
-        yield f"interval of the median {low} to {high}; {told}"
+        alike = _first_of([told(best, values, names) for values in design.alike])
+        apart = f"the starts do not tell from it {alike}" if alike else "no other case overlaps it"
+        yield f"interval of the median {low} to {high}; {apart}"
     else:
         yield f"with starts = {best.starts} there is no interval: from 5 on cases that are as good are named"
     for margin in design.margins:
-        yield margin_words(best, margin)
+        yield margin_words(best, margin, names)
 
 
-def margin_words(best: BestCase, margin: AxisMargin) -> str:
+def margin_words(best: BestCase, margin: AxisMargin, names: Mapping[str, str] = NO_NAMES) -> str:
     """How far an axis may be off."""
     sides = []
     for distance, found, word in (
@@ -259,18 +270,46 @@ def margin_words(best: BestCase, margin: AxisMargin) -> str:
     change = "less" if best.better == "large" else "more"
     cliff = f"; the cliff is {margin.cliff} it" if margin.cliff else ""
     bound = f"; it is the {margin.bound} value of the axis" if margin.bound else ""
-    return f"{margin.axis} for {100.0 * MORE:g} % {change}: {', '.join(sides)}{cliff}{bound}"
+    return f"{names.get(margin.axis, margin.axis)} for {100.0 * MORE:g} % {change}: {', '.join(sides)}{cliff}{bound}"
 
 
-def _shown(best: BestCase, values: Mapping[str, Any]) -> str:
-    """Values of axes."""
-    return ", ".join(f"{name} = {value_text(value, best.units[name])}" for name, value in values.items())
+def told(best: BestCase, values: Mapping[str, Any], names: Mapping[str, str] = NO_NAMES) -> str:
+    """Values of axes, by their paths or, where there are some, by their names in words."""
+    return ", ".join(
+        f"{names.get(name, f'{name} =')} {value_text(value, best.units[name])}" for name, value in values.items()
+    )
 
 
 def _first_of(named: Sequence[str]) -> str:
     """The first of some names, and how many more there are."""
     more = f"; and {len(named) - MOST_NAMED} more" if len(named) > MOST_NAMED else ""
     return "; ".join(named[:MOST_NAMED]) + more
+
+
+def best_cases(
+    dataset: xarray.Dataset,
+    plan: BestPlan | None,  # of the study file
+) -> tuple[dict[str, BestCase], tuple[str, ...]]:
+    """The best case by each measure that says what is better, that of the plan first; and why one has none.
+
+    The worst counts over the same axes for all; the limits hold for the measure of the plan.
+    """
+    axes, found, reasons = axes_of(dataset), dict[str, BestCase](), list[str]()
+    if plan is None and not any(
+        np.unique(dataset[axis].to_numpy().astype(str)).size > 1 for axis in axes if not axis.startswith(EXCITATION)
+    ):
+        return {}, ()
+    known = [name for name, better in better_of_measures(dataset).items() if better]
+    first = [] if plan is None else [plan.measure]
+    for name in dict.fromkeys((*first, *known)):
+        of_plan = plan if name in first else None
+        try:
+            found[name] = best_case(
+                dataset, name, plan.worst_over if plan else None, of_plan.limits if of_plan else None
+            )
+        except InputError as error:
+            reasons.append(f"no best case by {name}: {' '.join(str(error).split())}")
+    return found, tuple(reasons)
 
 
 def require_study(dataset: Any) -> None:

@@ -25,6 +25,7 @@ from femimpact.export.tables import (
     value_words,
 )
 from femimpact.structure.structure import Structure
+from femimpact.study.best_case import BestCase, best_cases, design_notes, label_of, told
 from femimpact.study.picture_data import read_parts, read_run_parts
 from femimpact.study.result_conclusions import ResultReading, conclusions_of, convergence_conclusions, texts_of
 from femimpact.study.result_directory import (
@@ -55,6 +56,11 @@ MOST_NAMES = 20
 
 MOST_MEASURES = 8
 """Measures that have conclusions."""
+
+MOST_LEVELS = 4
+"""Values of the excitation's other axes of which each has its best case among the conclusions."""
+
+NO_BEST_CASES: Mapping[str, BestCase] = {}
 
 
 def study_lead(data: xarray.Dataset) -> list[str]:
@@ -90,11 +96,15 @@ def _unit_of_words(data: xarray.Dataset, name: str) -> str:
     return " mm" if f"{name}.plus" in data.coords else ""
 
 
-def study_conclusions(data: xarray.Dataset) -> tuple[Conclusion, ...]:
-    """The smallest and the largest value of every measure, where they are, and the scatter of the first."""
+def study_conclusions(data: xarray.Dataset, best: Mapping[str, BestCase] = NO_BEST_CASES) -> tuple[Conclusion, ...]:
+    """The best case by every measure that has one, else its smallest and its largest value; where they are.
+
+    The first has all that is known of it, each its scatter.
+    """
     samples, starts = single_samples(data), int(data.attrs["starts"])
-    found = []
-    for name in measure_names(data)[:MOST_MEASURES]:
+    names = [name for name in measure_names(data) if name not in best]
+    found = [one for name in best for one in _of_best(data, best[name], name == next(iter(best)))]
+    for name in names[: max(MOST_MEASURES - len(best), 0)]:
         values = data[name]
         array = values.to_numpy()
         least, most = (
@@ -114,6 +124,35 @@ def study_conclusions(data: xarray.Dataset) -> tuple[Conclusion, ...]:
             )
         )  # fmt: skip
     return tuple(found)
+
+
+def _of_best(data: xarray.Dataset, best: BestCase, all_of_it: bool) -> Iterator[Conclusion]:
+    """The best design, for each value of the excitation's other axes; of many the first ones."""
+    names = {axis: axis_words(data, axis) for axis in axis_names(data)}
+    values, starts, samples = data[best.measure], best.starts, single_samples(data).reshape(-1)
+    array = values.to_numpy()
+    factor, unit = SHOWN.get(values.attrs.get("units", "1"), (1.0, values.attrs.get("units", "1")))
+    other, find = ("smallest", np.nanargmin) if best.better == "large" else ("largest", np.nanargmax)
+    most = np.unravel_index(int(find(array)), array.shape)
+    rest = f"the {other} is {_text(array[most], values.attrs)}, at {_place(data, values.dims, most)}"
+    for design in best.designs[: MOST_LEVELS if all_of_it else 1]:
+        level = f"for {told(best, design.at, names)}: " if design.at else ""
+        if design.reason:
+            yield Conclusion(label_of(best).capitalize(), "none", note=f"{level}{design.reason}")
+            continue
+        scatter = ""
+        if starts > 1 and f"{best.measure}_low" in data:
+            low, high = (
+                _text(data[f"{best.measure}{end}"].to_numpy().reshape(-1)[design.case], values.attrs)
+                for end in ("_low", "_high")
+            )
+            scatter = f"{low} to {high} over {starts} starts"
+        notes = design_notes(best, design, names) if all_of_it else ()
+        yield Conclusion(
+            label_of(best).capitalize(), number_text(factor * design.value, zeros=True), "" if unit == "1" else unit,
+            scatter, bool(samples[design.case]) and not scatter,
+            "; ".join((f"{level}at {told(best, design.values, names)}", rest, *notes)),
+        )  # fmt: skip
 
 
 def _place(data: xarray.Dataset, dims: tuple[Any, ...], index: Any) -> str:
@@ -280,10 +319,12 @@ def _of_parameter_study(results: ResultReading, directory: Path, study: Study | 
     for text in results.attempt(name, lambda: study_missing(data)) or ():
         results.miss(text)
     about = results.attempt(name, lambda: study_versions(data)) or {}
+    plan = None if study is None or study.plan is None else study.plan.best
+    best, reasons = results.attempt(name, lambda: best_cases(data, plan)) or ({}, ())
     return _Studied(
         tuple(results.attempt(name, lambda: study_lead(data)) or ()),
-        results.attempt(name, lambda: study_conclusions(data)) or (),
-        results.attempt(name, lambda: study_failures(data)) or (),
+        results.attempt(name, lambda: study_conclusions(data, best)) or (),
+        (*reasons, *(results.attempt(name, lambda: study_failures(data)) or ())),
         about,
         int(data.attrs.get("starts", 1)) > 1,
     )
