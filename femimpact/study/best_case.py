@@ -34,7 +34,7 @@ CLIFF = 2.0
 """How many times as far an axis may be off to the other side where a side is the cliff."""
 
 MOST_NAMED = 4
-"""Designs that are named in a line; of more their number."""
+"""Designs that are told; of more their number."""
 
 NUMBER = quantity("1")
 
@@ -224,8 +224,14 @@ def told_lines(best: BestCase) -> Iterator[str]:
     """The lines about its designs, of many the first."""
     for design in best.designs[:MOST_NAMED]:
         yield from design_lines(best, design)
-    if len(best.designs) > MOST_NAMED:
-        yield f"and {len(best.designs) - MOST_NAMED} more, for other values of {', '.join(best.designs[0].at)}"
+    if more := more_designs(best):
+        yield more
+
+
+def more_designs(best: BestCase) -> str:
+    """How many designs there are beside the first, where not all are told."""
+    more = len(best.designs) - MOST_NAMED
+    return f"and {more} more, for other values of {', '.join(best.designs[0].at)}" if more > 0 else ""
 
 
 def design_lines(best: BestCase, design: BestDesign) -> Iterator[str]:
@@ -270,7 +276,9 @@ def margin_words(best: BestCase, margin: AxisMargin, names: Mapping[str, str] = 
     change = "less" if best.better == "large" else "more"
     cliff = f"; the cliff is {margin.cliff} it" if margin.cliff else ""
     bound = f"; it is the {margin.bound} value of the axis" if margin.bound else ""
-    return f"{names.get(margin.axis, margin.axis)} for {100.0 * MORE:g} % {change}: {', '.join(sides)}{cliff}{bound}"
+    change += " or a limit passed" if best.limits else ""
+    axis = names.get(margin.axis, margin.axis)
+    return f"{axis} for {100.0 * MORE:g} % {change}: {', '.join(sides)}{cliff}{bound}"
 
 
 def told(best: BestCase, values: Mapping[str, Any], names: Mapping[str, str] = NO_NAMES) -> str:

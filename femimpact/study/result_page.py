@@ -25,7 +25,7 @@ from femimpact.export.tables import (
     value_words,
 )
 from femimpact.structure.structure import Structure
-from femimpact.study.best_case import BestCase, best_cases, design_notes, label_of, told
+from femimpact.study.best_case import MOST_NAMED, BestCase, best_cases, design_notes, label_of, more_designs, told
 from femimpact.study.picture_data import read_parts, read_run_parts
 from femimpact.study.result_conclusions import ResultReading, conclusions_of, convergence_conclusions, texts_of
 from femimpact.study.result_directory import (
@@ -56,9 +56,6 @@ MOST_NAMES = 20
 
 MOST_MEASURES = 8
 """Measures that have conclusions."""
-
-MOST_LEVELS = 4
-"""Values of the excitation's other axes of which each has its best case among the conclusions."""
 
 NO_BEST_CASES: Mapping[str, BestCase] = {}
 
@@ -104,7 +101,8 @@ def study_conclusions(data: xarray.Dataset, best: Mapping[str, BestCase] = NO_BE
     samples, starts = single_samples(data), int(data.attrs["starts"])
     names = [name for name in measure_names(data) if name not in best]
     found = [one for name in best for one in _of_best(data, best[name], name == next(iter(best)))]
-    for name in names[: max(MOST_MEASURES - len(best), 0)]:
+    found = found[:MOST_MEASURES]
+    for name in names[: MOST_MEASURES - len(found)]:
         values = data[name]
         array = values.to_numpy()
         least, most = (
@@ -135,7 +133,8 @@ def _of_best(data: xarray.Dataset, best: BestCase, all_of_it: bool) -> Iterator[
     other, find = ("smallest", np.nanargmin) if best.better == "large" else ("largest", np.nanargmax)
     most = np.unravel_index(int(find(array)), array.shape)
     rest = f"the {other} is {_text(array[most], values.attrs)}, at {_place(data, values.dims, most)}"
-    for design in best.designs[: MOST_LEVELS if all_of_it else 1]:
+    shown = best.designs[:MOST_NAMED]
+    for design in shown:
         level = f"for {told(best, design.at, names)}: " if design.at else ""
         if design.reason:
             yield Conclusion(label_of(best).capitalize(), "none", note=f"{level}{design.reason}")
@@ -147,7 +146,8 @@ def _of_best(data: xarray.Dataset, best: BestCase, all_of_it: bool) -> Iterator[
                 for end in ("_low", "_high")
             )
             scatter = f"{low} to {high} over {starts} starts"
-        notes = design_notes(best, design, names) if all_of_it else ()
+        notes = [*design_notes(best, design, names)] if all_of_it else []
+        notes += [more_designs(best)] if design is shown[-1] and more_designs(best) else []
         yield Conclusion(
             label_of(best).capitalize(), number_text(factor * design.value, zeros=True), "" if unit == "1" else unit,
             scatter, bool(samples[design.case]) and not scatter,
