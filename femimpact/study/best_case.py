@@ -473,18 +473,24 @@ class _Designs:
         self.first = self.order[self.begins]  # a case of each row
         self.level = level[self.first]
         self.levels = int(self.level.max()) + 1
+        self._check_rows()
+
+    def _check_rows(self) -> None:
+        """Refuse cases among which nothing can be chosen, with what to run instead."""
+        count = self.dataset["finished"].size
         require(self.counts.size > 1, "dataset", "one design", "", "has nothing to choose between")
-        shown = ", ".join(self.given)
-        allowed = (
-            f"has no two designs that agree in {shown}: name it in worst_over, or study a grid or a list where some do"
-        )
-        require(bool((np.bincount(self.level) > 1).any()), "dataset", None, "", allowed)
-        distinct = _numbered([self.codes[axis] for axis in self.worst], count).max()
+        designs = _numbered([self.codes[axis] for axis in sorted(self.chosen)], count).max() + 1
+        other = f", or name {'it' if len(self.given) == 1 else 'them'} in worst_over" if designs < count else ""
+        allowed = f"has no two designs that agree in {', '.join(self.given)}: study a grid, or a list in which some do"
+        require(bool((np.bincount(self.level) > 1).any()), "dataset", None, "", f"{allowed}{other}")
+        values = _numbered([self.codes[axis] for axis in self.worst], count).max() + 1
+        of_base = any(axis.startswith(EXCITATION) for axis in self.worst)
+        other = "" if of_base else ", or give worst_over = []"
         allowed = (
             f"has no two cases that agree in all axes but {', '.join(self.worst)}: study a grid, or a list in which "
-            "each design is at every value of these, or give worst_over = []"
+            "each design is at every value of these"
         )
-        require(distinct == 0 or bool((self.counts > 1).any()), "dataset", None, "", allowed)
+        require(values == 1 or bool((self.counts > 1).any()), "dataset", None, "", f"{allowed}{other}")
 
     def _worst(self, column: Array) -> Array:
         """The largest of the cases of each row; not a number where one is none."""
