@@ -355,8 +355,10 @@ def check_best(
         f"does not say whether small or large values are better: {f'take one of {told}, or ' if told else ''}{SAY_IT}"
     )
     require(known[measure] in BETTER, "measure", measure, "", allowed)
-    several = worst_over is None or (isinstance(worst_over, Sequence) and not isinstance(worst_over, (str, bytes)))
+    several = worst_over is None or isinstance(worst_over, (list, tuple))
     require(several, "worst_over", worst_over, "", "must be a list of paths of axes")
+    for name in worst_over or ():
+        require(isinstance(name, str), "worst_over", kind_of(name), "", "must be a list of paths of axes")
     worst = default_worst(axes) if worst_over is None else tuple(dict.fromkeys(worst_over))
     for name in worst:
         require(name in axes, "worst_over", name, "", f"is no axis of the study: {suggestion(str(name), axes)}")
