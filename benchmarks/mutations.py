@@ -27,9 +27,9 @@ LIMIT = 600.0
 
 CHILD = """
 import json, sys
-from femimpact.validation import reference_cases
+from femimpact.validation import REFERENCE_CASES
 found = {}
-for make in reference_cases.REFERENCE_CASES:
+for make in REFERENCE_CASES:
     try:
         case = make()
     except Exception as error:

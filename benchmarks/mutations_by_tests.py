@@ -82,8 +82,8 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
         ),
         Mutation(
             "gravity_of_a_study",
-            'given["gravity"] = made["gravity"].acceleration',
-            'given["gravity"] = -made["gravity"].acceleration',
+            "None if made is None else made.acceleration",
+            "None if made is None else -made.acceleration",
         ),
     ),
     "test_study_springs.py": (
@@ -131,7 +131,7 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
     "test_damaged_results.py": (
         Mutation("checksum_of_pictures", "return checksum(path) != expected", "return not path.exists()"),
     ),
-    "test_pictures.py": (Mutation("two_movies", "(MOVIES - names if names & MOVIES else frozenset())", "frozenset()"),),
+    "test_pictures.py": (Mutation("two_movies", "(movies - names if names & movies else frozenset())", "frozenset()"),),
     "test_inputs.py": (
         Mutation(
             "truth_for_a_number",

@@ -129,7 +129,7 @@ def plain_docstring(_app: Any, _what: str, _name: str, _object: Any, _options: A
 
 def key_page() -> Iterator[str]:
     """A table of keys for every table of the study file, from the JSON schema."""
-    from femimpact.study.schema import study_schema
+    from femimpact.study.study_file import study_schema
 
     schema = study_schema()
     required = set(schema["required"])

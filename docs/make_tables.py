@@ -20,8 +20,7 @@ import re
 import sys
 from pathlib import Path
 
-from femimpact.validation.case import Case
-from femimpact.validation.reference_cases import markdown_table
+from femimpact.validation.case import Case, markdown_table
 
 HERE = Path(__file__).parent
 BLOCK = re.compile(r"(<!-- table (\w+) -->\n).*?(<!-- end of table -->)", flags=re.DOTALL)

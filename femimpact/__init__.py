@@ -67,7 +67,7 @@ if TYPE_CHECKING:
     from femimpact.excitation import Sum as Sum
     from femimpact.export import figures as figures
     from femimpact.export.report.script_page import report as report
-    from femimpact.export.vtk.writers import to_pyvista as to_pyvista
+    from femimpact.export.vtk import to_pyvista as to_pyvista
     from femimpact.fem.assembly import assemble as assemble
     from femimpact.fem.discretisation import Discretisation as Discretisation
     from femimpact.fem.discretisation import discretise as discretise
@@ -128,13 +128,13 @@ if TYPE_CHECKING:
     from femimpact.study.study_file import load_study as load_study
     from femimpact.sweep import FrequencyResponse as FrequencyResponse
     from femimpact.sweep import frequency_sweep as frequency_sweep
+    from femimpact.system.added_terms import add_terms as add_terms
     from femimpact.system.contact_pair import ContactPair as ContactPair
     from femimpact.system.hermite import Reaction as Reaction
     from femimpact.system.matrix_files import read_matrix as read_matrix
     from femimpact.system.modes import Modes as Modes
     from femimpact.system.modes import solve_modes as solve_modes
     from femimpact.system.modes import with_damping as with_damping
-    from femimpact.system.own_terms import add_terms as add_terms
     from femimpact.system.reduction import reduce as reduce
     from femimpact.system.reduction import truncation_notes as truncation_notes
     from femimpact.system.state import State as State
@@ -144,185 +144,67 @@ if TYPE_CHECKING:
     from femimpact.versions import show_versions as show_versions
 
 _MODULES = {
-    "calibration": (
-        "RestitutionScan",
-        "scan_restitution",
-    ),
+    "calibration": ("RestitutionScan", "scan_restitution"),
     "contact": (
-        "ALUMINIUM",
-        "Collision",
-        "ContactLaw",
-        "CustomLaw",
-        "Material",
-        "STEEL",
-        "collide",
-        "contact_force",
-        "contact_potential",
-        "hertz_stiffness",
-        "integrated_collision",
+        "ALUMINIUM", "Collision", "ContactLaw", "CustomLaw", "Material", "STEEL", "collide", "contact_force",
+        "contact_potential", "hertz_stiffness", "integrated_collision",
     ),
     "contact.laws": (
-        "ContactParameters",
-        "Flores",
-        "GonthierCarvalhoMartins",
-        "Hertz",
-        "HuntCrossley",
-        "KelvinVoigt",
-        "LankaraniNikravesh",
-        "PowerLaw",
-        "Rigid",
-        "SwitchingSpring",
+        "ContactParameters", "Flores", "GonthierCarvalhoMartins", "Hertz", "HuntCrossley", "KelvinVoigt",
+        "LankaraniNikravesh", "PowerLaw", "Rigid", "SwitchingSpring",
     ),
     "convergence": (
-        "BendingMoment",
-        "ContactStatistics",
-        "ConvergenceStudy",
-        "ConvergenceTable",
-        "Frequencies",
-        "ModeConvergence",
-        "ModeShapes",
-        "OverMeshes",
-        "OverModes",
-        "OverSteps",
-        "SteadyResponse",
-        "SupportReaction",
-        "SurfaceStress",
-        "converge_elements",
-        "converge_step",
-        "convergence_study",
-        "mode_convergence",
+        "BendingMoment", "ContactStatistics", "ConvergenceStudy", "ConvergenceTable", "Frequencies", "ModeConvergence",
+        "ModeShapes", "OverMeshes", "OverModes", "OverSteps", "SteadyResponse", "SupportReaction", "SurfaceStress",
+        "converge_elements", "converge_step", "convergence_study", "mode_convergence",
     ),
-    "errors": (
-        "DivergenceError",
-        "FemimpactError",
-        "InputError",
-        "InputWarning",
-    ),
+    "errors": ("DivergenceError", "FemimpactError", "InputError", "InputWarning"),
     "excitation": (
-        "Chirp",
-        "HammerBlow",
-        "PiecewisePolynomial",
-        "PointForce",
-        "RandomBase",
-        "RecordedBase",
-        "Shock",
-        "Sine",
-        "SteppedSine",
-        "Sum",
+        "Chirp", "HammerBlow", "PiecewisePolynomial", "PointForce", "RandomBase", "RecordedBase", "Shock", "Sine",
+        "SteppedSine", "Sum",
     ),
     "export.report.script_page": ("report",),
-    "export.vtk.writers": ("to_pyvista",),
+    "export.vtk": ("to_pyvista",),
     "fem.assembly": ("assemble",),
-    "fem.discretisation": (
-        "Discretisation",
-        "discretise",
-    ),
-    "fem.mesh": (
-        "Mesh",
-        "graded_mesh",
-        "random_mesh",
-        "uniform_mesh",
-    ),
+    "fem.discretisation": ("Discretisation", "discretise"),
+    "fem.mesh": ("Mesh", "graded_mesh", "random_mesh", "uniform_mesh"),
     "fem.mesh_files": ("read_mesh",),
-    "identification": (
-        "DampingEstimate",
-        "amplitude_ratio_damping",
-        "fit_one_pole",
-        "half_power",
-    ),
+    "identification": ("DampingEstimate", "amplitude_ratio_damping", "fit_one_pole", "half_power"),
     "integrators.event_driven": ("EventDriven",),
-    "integrators.runs": (
-        "achieved_restitution",
-        "integrate",
-    ),
-    "integrators.stepping.newmark": (
-        "GeneralizedAlpha",
-        "HHT",
-        "MoreauJean",
-        "Newmark",
-        "WBZ",
-    ),
+    "integrators.runs": ("achieved_restitution", "integrate"),
+    "integrators.stepping.newmark": ("GeneralizedAlpha", "HHT", "MoreauJean", "Newmark", "WBZ"),
     "integrators.stepping.operators": ("recommended_step",),
-    "laser": (
-        "Laser",
-        "LaserReading",
-        "extrapolate",
-    ),
+    "laser": ("Laser", "LaserReading", "extrapolate"),
     "parametric": (
-        "AxisMargin",
-        "BestCase",
-        "BestDesign",
-        "ParameterStudy",
-        "StudyProgress",
-        "best_case",
-        "load_parameter_study",
-        "parameter_study",
-        "run_case",
+        "AxisMargin", "BestCase", "BestDesign", "ParameterStudy", "StudyProgress", "best_case", "load_parameter_study",
+        "parameter_study", "run_case",
     ),
     "response.energy": ("EnergyLedger",),
-    "response.history": (
-        "HistoryPiece",
-        "StroboscopicSection",
-    ),
-    "response.impacts": (
-        "ImpactStatistics",
-        "Impacts",
-    ),
-    "response.response": (
-        "Recorder",
-        "Response",
-    ),
+    "response.history": ("HistoryPiece", "StroboscopicSection"),
+    "response.impacts": ("ImpactStatistics", "Impacts"),
+    "response.response": ("Recorder", "Response"),
     "response.signals": ("Largest",),
-    "structure.beam": (
-        "Beam",
-        "Segment",
-    ),
-    "structure.damping": (
-        "ModalDamping",
-        "Rayleigh",
-    ),
+    "structure.beam": ("Beam", "Segment"),
+    "structure.damping": ("ModalDamping", "Rayleigh"),
     "structure.structure": (
-        "Dashpot",
-        "Impactor",
-        "PointMass",
-        "Spring",
-        "Stop",
-        "Structure",
-        "Support",
-        "glue_impactors",
+        "Dashpot", "Impactor", "PointMass", "Spring", "Stop", "Structure", "Support", "glue_impactors",
     ),
-    "study.results": (
-        "StudyResults",
-        "load",
-    ),
+    "study.results": ("StudyResults", "load"),
     "study.run": ("run_study",),
     "study.study": ("Study",),
     "study.study_file": ("load_study",),
-    "sweep": (
-        "FrequencyResponse",
-        "frequency_sweep",
-    ),
+    "sweep": ("FrequencyResponse", "frequency_sweep"),
+    "system.added_terms": ("add_terms",),
     "system.contact_pair": ("ContactPair",),
     "system.hermite": ("Reaction",),
     "system.matrix_files": ("read_matrix",),
-    "system.modes": (
-        "Modes",
-        "solve_modes",
-        "with_damping",
-    ),
-    "system.own_terms": ("add_terms",),
-    "system.reduction": (
-        "reduce",
-        "truncation_notes",
-    ),
+    "system.modes": ("Modes", "solve_modes", "with_damping"),
+    "system.reduction": ("reduce", "truncation_notes"),
     "system.state": ("State",),
     "system.static": ("static_state",),
-    "system.system": (
-        "System",
-        "without_impactors",
-    ),
+    "system.system": ("System", "without_impactors"),
     "versions": ("show_versions",),
-}
+}  # fmt: skip
 _MODULE_OF = {name: module for module, names in _MODULES.items() for name in names}
 _SUBMODULES = {"figures": "export.figures"}
 

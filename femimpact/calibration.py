@@ -96,7 +96,7 @@ class RestitutionScan:
 
     @property
     def is_sample(self) -> NDArray[np.bool_]:
-        """Whether the largest peak is one start's value of a motion that is not periodic, (n,) of bool."""
+        """True where the largest peak is one start's value of a motion that is not periodic, (n,) of bool."""
         return np.asarray((self.steadiness != "periodic") & (self.starts == 1))
 
     def __getitem__(self, name: str) -> Array:
@@ -253,9 +253,9 @@ def scan_systems(
     points = real_array("frequencies", frequencies, "Hz", "must be finite numbers")
     require(points.size >= LEAST_POINTS, "frequencies", points.size, "points", f"must hold at least {LEAST_POINTS}")
     curves: list[FrequencyResponse] = []
-    for method, alike in _by_method(systems):
+    for method, systems_of_method in _by_method(systems):
         curves += peak_curves(
-            alike,
+            systems_of_method,
             method,
             frequencies,
             cycles,

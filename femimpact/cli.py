@@ -38,7 +38,7 @@ PIPE = 180
 
 
 def console() -> Console:
-    """Where a command prints."""
+    """Console on which a command prints."""
     from rich.console import Console
 
     return Console(highlight=False, width=None if sys.stdout.isatty() else PIPE)
@@ -167,7 +167,7 @@ def main() -> None:
     except OSError as error:
         _fail(_with_notes(f"{error.filename or 'file system'}: {error.strerror or error}", error), 2)
     except ImportError as error:
-        # of a library that does not fit into a limited memory, or is not whole
+        # of a library that does not fit into a limited memory, or is incomplete
         _fail(_with_notes(f"a library cannot be loaded: {error}", error), 2)
     except KeyboardInterrupt as error:
         _fail(_with_notes("interrupted", error), 130)
@@ -285,7 +285,7 @@ def schema(
     import json
 
     from femimpact.export.files import atomic_write
-    from femimpact.study.schema import study_schema
+    from femimpact.study.study_file import study_schema
 
     text = json.dumps(study_schema(), indent=2)
     if output is None:
@@ -420,8 +420,7 @@ def report(
     from femimpact.study.result_page import write_report
 
     if output is not None:
-        require(force or not output.exists(), "output", str(output), "", "exists already: choose another, or --force")
-        require(output.resolve().parent.is_dir(), "output", str(output), "", "must be in an existing directory")
+        _require_new_file(output, force)
     path = write_report(directory, output)
     if not quiet:
         print(f"wrote {path}")
@@ -496,7 +495,8 @@ def validate(
     Example: femimpact validate -o validation.csv
     """
     from femimpact.export.tables import write_csv
-    from femimpact.validation.reference_cases import HEADER, case_columns, run_validation, table_row
+    from femimpact.validation import run_validation
+    from femimpact.validation.case import HEADER, case_columns, table_row
 
     if output is not None:
         _require_new_file(output, force)
@@ -558,7 +558,6 @@ def _draw_again(directory: Path, kind: str, quiet: bool) -> None:
 
 
 def _print_results(study: Study, results: StudyResults) -> None:
-    from femimpact.study.summary import contacts_of
     from femimpact.sweep import ONE_START
 
     where, summary, marks = console(), results.summary, [""]
@@ -578,39 +577,46 @@ def _print_results(study: Study, results: StudyResults) -> None:
     if "amplitude_ratio" in summary:
         where.print(f"amplitude ratio without / with ball: {summary['amplitude_ratio']:.4g}{max(marks)}")
     if "history" in summary:
-        history = summary["history"]
-        # under a record or without a cycle no motion is periodic, whatever the start
-        driven = any(getattr(study.base, name, None) is not None for name in ("record", "kind"))
-        steady = history["steadiness"] == "periodic" or driven
-        mark = "" if steady or history["peak"] is None else "*"
-        marks.append(mark)
-        where.print(
-            f"history {_base_words(study, history.get('frequency'))}: "
-            f"peak {_number(history['peak'], 1e3)}{mark} mm, rms {_number(history['rms'], 1e3)}{mark} mm, "
-            f"{history['steadiness']}; {history['impacts']} impacts, "
-            f"{history['regime']['label']}"
-        )
-        for name, channel in history["channels"].items():
-            where.print(
-                f"{name}: largest {_number(channel['largest'])}{mark} {channel['unit']} and rms "
-                f"{_number(channel['rms'])}{mark} {channel['unit']} over the last third; largest of the run "
-                f"{_number(channel['largest_of_run'])} {channel['unit']} at {_number(channel['time_of_largest'])} s"
-            )
-        averaged = "cycle-averaged" if "frequency" in history else "mean"
-        for name, contact in contacts_of(summary).items():
-            where.print(
-                f"{name} ({contact['law']}): peak force {_number(contact['peak_force'])}{mark} N, mean impulse "
-                f"{1e3 * contact['mean_impulse']:.4g}{mark} mN s, {averaged} force "
-                f"{contact['cycle_mean_force']:.4g}{mark} N; "
-                f"{_restitution_words(contact)}"
-            )
+        marks.append(_print_history(where, study, summary))
     if any(marks):
         where.print(f"* {ONE_START}")
     _print_closing(where, results)
 
 
+def _print_history(where: Console, study: Study, summary: Mapping[str, Any]) -> str:
+    """Print the numbers of a history; the star behind those of one start, or nothing."""
+    from femimpact.study.summary import contacts_of
+
+    history = summary["history"]
+    # under a record or without a cycle no motion is periodic, whatever the start
+    driven = any(getattr(study.base, name, None) is not None for name in ("record", "kind"))
+    steady = history["steadiness"] == "periodic" or driven
+    mark = "" if steady or history["peak"] is None else "*"
+    where.print(
+        f"history {_base_words(study, history.get('frequency'))}: "
+        f"peak {_number(history['peak'], 1e3)}{mark} mm, rms {_number(history['rms'], 1e3)}{mark} mm, "
+        f"{history['steadiness']}; {history['impacts']} impacts, "
+        f"{history['regime']['label']}"
+    )
+    for name, channel in history["channels"].items():
+        where.print(
+            f"{name}: largest {_number(channel['largest'])}{mark} {channel['unit']} and rms "
+            f"{_number(channel['rms'])}{mark} {channel['unit']} over the last third; largest of the run "
+            f"{_number(channel['largest_of_run'])} {channel['unit']} at {_number(channel['time_of_largest'])} s"
+        )
+    averaged = "cycle-averaged" if "frequency" in history else "mean"
+    for name, contact in contacts_of(summary).items():
+        where.print(
+            f"{name} ({contact['law']}): peak force {_number(contact['peak_force'])}{mark} N, mean impulse "
+            f"{1e3 * contact['mean_impulse']:.4g}{mark} mN s, {averaged} force "
+            f"{contact['cycle_mean_force']:.4g}{mark} N; "
+            f"{_restitution_words(contact)}"
+        )
+    return mark
+
+
 def _base_words(study: Study, frequency: float | None) -> str:
-    """What drove a history, in words that follow its name."""
+    """Words on the motion that drove a history, which follow its name."""
     record, kind = getattr(study.base, "record", None), getattr(study.base, "kind", None)
     if kind is not None:
         return f"of the {kind} motion, its last third"

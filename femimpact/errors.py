@@ -78,7 +78,7 @@ def _shown(value: object) -> str:
 
 
 def _beginning(value: object, room: int) -> str:
-    """How a value is shown, to some characters at least: what is large, or contains itself, is not shown to its end."""
+    """Text of a value, to some characters at least: what is large, or contains itself, is cut off."""
     kind = type(value)
     if kind in (str, bytes, bytearray):
         return repr(value[: room + 1])  # type: ignore[index]
@@ -99,7 +99,7 @@ def _beginning(value: object, room: int) -> str:
 
 def _in_words(value: object) -> str:
     if isinstance(value, numbers.Number) and hasattr(value, "item"):
-        # a number of numpy's own would show its type
+        # a number of numpy would show its type
         value = value.item()
     if hasattr(value, "dtype") and getattr(value, "shape", ()) != ():
         return f"array of {value.dtype} of shape {value.shape}"  # type: ignore[attr-defined]
@@ -128,7 +128,7 @@ def _call_of(noun: Any) -> str:
 
 
 def kind_of(value: object) -> object:
-    """What a line shows of a value that is of the wrong kind: the name of its kind, or the class that it is itself."""
+    """Text for a value of the wrong kind: the name of its class, or the class itself where the value is one."""
     return value if isinstance(value, (type, types.FunctionType)) else type(value).__name__
 
 
@@ -208,7 +208,7 @@ def quantity(
 
 
 def _number_schema(bounds: Mapping[str, float], integer: bool, finite: bool) -> dict[str, Any]:
-    """What a JSON schema can say of the numbers that `_number` takes; it has no word for what is not a number."""
+    """JSON schema of the numbers that `_number` takes; it cannot name what is not a number."""
     words = {"above": "exclusiveMinimum", "at_least": "minimum", "at_most": "maximum", "below": "exclusiveMaximum"}
     schema: dict[str, Any] = {"type": "integer" if integer else "number"}
     if integer:
@@ -339,7 +339,7 @@ def _numbers(value: Any, take: Callable[[Any], float]) -> float | tuple[float, .
 
 
 def _truth(value: Any) -> bool:
-    # numpy's own truth value is one, without numpy being loaded for it
+    # a truth value of numpy is one, without numpy being loaded for it
     of_numpy = getattr(getattr(value, "dtype", None), "kind", "") == "b" and value.shape == ()
     if not isinstance(value, bool) and not of_numpy:
         raise _Refused
@@ -353,7 +353,7 @@ def _place(value: Any) -> str | float:
 def _instance(value: Any, kinds: tuple[Any, ...], among: tuple[str, ...] | None = None) -> Any:
     if not isinstance(value, kinds) or (among is not None and value not in among):
         raise _Refused
-    # numpy's own text is one, but of another type
+    # a text of numpy is one, but of another type
     return str(value) if isinstance(value, str) and type(value) is not str else value
 
 
@@ -412,7 +412,7 @@ def _unmasked(value: Any) -> NDArray[Any]:
 
 
 def _is_endless(value: Any) -> bool:
-    """Whether a list contains itself, lies too deep for an array, or has more entries than memory is taken for."""
+    """True if a list contains itself, lies too deep for an array, or has more entries than memory is taken for."""
     known: dict[int, float] = {}
 
     def size(rows: Any, above: tuple[int, ...]) -> float:
@@ -461,7 +461,7 @@ def allowed_range(metadata: Mapping[str, Any]) -> str:
 
 
 def in_range(value: object, metadata: Mapping[str, Any]) -> bool:
-    """Whether a value is what a field's metadata allows: a number within its range, one of its names, ..."""
+    """True if a value is what a field's metadata allows: a number within its range, one of its names, ..."""
     try:
         metadata["take"](value)
     except _Refused:
@@ -583,7 +583,7 @@ def with_ranges(words: str | None, declared: Iterable[_Declared]) -> str | None:
     ranges = {one.name: one.allowed for one in declared}
 
     def entry(found: re.Match[str]) -> str:
-        # the first entry of a name is its own: one of the values returned may have the same name
+        # the first entry of a name is the argument's: one of the values returned may have the same name
         given = {name: ranges.pop(name) for name in found[2].split(", ") if name in ranges}
         if len(set(given.values())) == 1:
             words = next(iter(given.values()))
@@ -604,7 +604,7 @@ class _DocstringWithRanges:
 
 
 def show_ranges(kind: Any) -> None:
-    """Have `help` and the site show the allowed ranges of its fields in the docstring of a dataclass."""
+    """Put the allowed ranges of its fields into the docstring of a dataclass, for `help` and the site."""
     if dataclasses.is_dataclass(kind):
         kind.__doc__ = _DocstringWithRanges(kind.__doc__)  # type: ignore[assignment]
 
@@ -627,7 +627,7 @@ def takes(**metadata: Mapping[str, Any]) -> Callable[[Callable[P, R]], Callable[
             except TypeError:
                 bound = None
             if bound is None:
-                # Python's own words for it name the function
+                # the error that Python raises names the function
                 return function(*given, **named)
             bound.apply_defaults()
             values, faults = _taken(declared, bound.arguments.__getitem__)
@@ -650,8 +650,8 @@ def rising_numbers(key: str, values: Any, most: int) -> NDArray[np.int64]:
     allowed = f"must be three or more increasing numbers, whole and 1 to {most}"
     given = real_array(key, values, "", allowed)
     rising = given.ndim == 1 and given.size >= 3 and bool((given[1:] > given[:-1]).all())
-    whole = rising and bool((given % 1 == 0).all()) and given[0] >= 1 and given[-1] <= most
-    require(whole, key, values, "", allowed)
+    in_bounds = rising and bool((given % 1 == 0).all()) and given[0] >= 1 and given[-1] <= most
+    require(in_bounds, key, values, "", allowed)
     return given.astype(int)
 
 
@@ -675,8 +675,8 @@ def suggestion(name: str, known: Iterable[str]) -> str:
 
     def nearness(other: str) -> tuple[float, int]:
         # of two that are as like, the one that begins like it
-        alike = [mine == its for mine, its in zip(name, other, strict=False)]
-        return difflib.SequenceMatcher(None, other, name).ratio(), [*alike, False].index(False)
+        equal = [mine == its for mine, its in zip(name, other, strict=False)]
+        return difflib.SequenceMatcher(None, other, name).ratio(), [*equal, False].index(False)
 
     names = sorted(known)
     close = max(difflib.get_close_matches(name, names), key=nearness, default="")

@@ -24,7 +24,7 @@ ROUNDING = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class LaserReading:
-    """What a laser has read.
+    """Displacement that a laser has read.
 
     Parameters
     ----------
@@ -107,12 +107,12 @@ class Laser:
         require(kept and response.time.size > 1, "at", self.at, "", allowed)
         time, moved = response.time, response.channels[name]
         if rate is not None:
-            own = float(np.diff(time).max())
+            spacing = float(np.diff(time).max())
             allowed = (
-                f"must be at most {1.0 / own:.6g} Hz, at which the response was recorded: run with "
+                f"must be at most {1.0 / spacing:.6g} Hz, at which the response was recorded: run with "
                 f"fi.Recorder(channels=({name!r},), interval={1.0 / rate:g}) for EventDriven, or a smaller step"
             )
-            require(own * rate <= 1.0 + ROUNDING, "sample_rate", rate, "Hz", allowed)
+            require(spacing * rate <= 1.0 + ROUNDING, "sample_rate", rate, "Hz", allowed)
             count = int(np.floor((time[-1] - time[0]) * rate + ROUNDING)) + 1
             instants = np.minimum(time[0] + np.arange(count) / rate, time[-1])
             time, moved = instants, CubicSpline(response.time, moved)(instants)

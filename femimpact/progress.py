@@ -1,4 +1,4 @@
-"""How far a long computation has come: told to a function, or drawn as a bar."""
+"""Progress of a long computation: passed to a function, or drawn as a bar."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Progress = Callable[[float], None]
 
 
 def check_progress(progress: Progress | bool | None) -> Progress | None:
-    """What is called with the share done, if anything; what cannot be called is refused."""
+    """The function called with the share done, or None; `InputError` for what cannot be called."""
     usable = progress is None or (callable(progress) and not isinstance(progress, type))
     require(usable, "progress", kind_of(progress), "", "must be True, or callable with the share done")
     return progress if callable(progress) else None
@@ -33,7 +33,7 @@ def draws_progress(function: Callable[P, R]) -> Callable[P, R]:
         try:
             bound = signature.bind(*given, **named)
         except TypeError:
-            # Python's own words for it name the function
+            # the error that Python raises names the function
             return function(*given, **named)
         progress = bound.arguments.get("progress")
         if isinstance(progress, bool):
@@ -49,7 +49,7 @@ def draws_progress(function: Callable[P, R]) -> Callable[P, R]:
 
 @contextmanager
 def _bar(what: str) -> Iterator[Progress]:
-    """What draws the share done as a bar."""
+    """Context with a function that draws the share done as a bar."""
     drawn = bars()
     task = drawn.add_task(what, total=1.0)
     with drawn:

@@ -64,7 +64,7 @@ def read_regular(
     path: str | Path,
     most: int,  # bytes that it may hold, whatever size it states
 ) -> bytes:
-    """What a file holds that is read in one piece.
+    """Bytes of a file, read in one piece.
 
     Raises `OSError` as of `open_regular`.
     """

@@ -91,7 +91,7 @@ def frame_of(
 
 
 class Head(NamedTuple):
-    """What the repr of a table, or of a few named values, shows."""
+    """Cells that the repr of a table, or of a few named values, shows."""
 
     title: str
     rows: tuple[tuple[str, ...], ...]  # cells, equally many in every row
@@ -100,7 +100,7 @@ class Head(NamedTuple):
     @property
     def text(self) -> str:
         """Lines of at most 80 characters; the last one names the columns that do not fit."""
-        # a number stands under the end of its column's name, a value behind its own name
+        # a number stands under the end of its column's name, a value behind its name
         justify = str.rjust if self.headings else str.ljust
         columns = list(zip(*self.rows, strict=True))
         widths = [max(map(len, column)) for column in columns]
@@ -155,13 +155,13 @@ def head_of_columns(
     """The first three and the last two rows of a table, or all where they are six or fewer."""
     given = marks or {}
     count = min((values.shape[0] for values in columns.values()), default=0)
-    whole = count <= FIRST + LAST + 1
-    shown = [*range(count)] if whole else [*range(FIRST), *range(count - LAST, count)]
+    complete = count <= FIRST + LAST + 1
+    shown = [*range(count)] if complete else [*range(FIRST), *range(count - LAST, count)]
     rows = [
         tuple(_cell(values[i]) + "*" * int(name in given and given[name][i]) for name, values in columns.items())
         for i in shown
     ]
-    if not whole:
+    if not complete:
         rows.insert(FIRST, ("...",) * len(columns))
     return Head(title, (tuple(columns), tuple(units[name] for name in columns), *rows), 2)
 

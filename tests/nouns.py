@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 import femimpact as fi
+from femimpact.contact import collision as closed_forms
 from femimpact.contact import resolve
-from femimpact.contact import restitution as closed_forms
 from femimpact.convergence.mesh_and_step import MeshConvergence, StepConvergence
 from femimpact.identification import one_pole_amplitude
 from femimpact.integrators.cases import AchievedRestitution
@@ -19,9 +19,9 @@ from femimpact.response.impacts import StickingPhases
 from femimpact.response.regimes import Regime, RegimeCriteria, classify, impacts_per_cycle, significant
 from femimpact.response.signals import CycleStatistics, steady_motion
 from femimpact.structure.damping import rayleigh_coefficients, realised_damping_ratio
-from femimpact.study.base_motion import RecordedMotion
+from femimpact.study.base_motion import BaseMotion, RecordedMotion
 from femimpact.study.demo import paper_study
-from femimpact.study.study import BaseMotion, Gravity, MeshChoice, Output, Reduction, SweepPlan
+from femimpact.study.study import Gravity, MeshChoice, Output, Reduction, SweepPlan
 from femimpact.sweep import on_grid
 from femimpact.system.hermite import hermite_rows, shape_functions
 from femimpact.system.modes import solve_stiffness

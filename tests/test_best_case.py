@@ -15,7 +15,7 @@ import femimpact as fi
 from femimpact.parametric.study_command import plan_lines, summary_lines, write_parameter_study
 from femimpact.study.best_case import best_cases
 from femimpact.study.demo import paper_study, paper_study_text
-from femimpact.study.result_page import study_conclusions
+from femimpact.study.result_conclusions import study_conclusions
 from femimpact.study.study_file import read_study, study_text
 
 GAP, RESTITUTION = "impactor.ball.gap", "impactor.ball.contact.restitution"

@@ -10,7 +10,7 @@ from scipy.integrate import quad, solve_ivp
 
 import femimpact as fi
 from femimpact import contact, core
-from femimpact.contact import restitution
+from femimpact.contact.collision import contact_time_of, damping_ratio_for_restitution, restitution_of_damping_ratio
 
 pytestmark = pytest.mark.impacts
 
@@ -33,13 +33,13 @@ def collision(damping_ratio):
 def test_restitution_and_contact_time_are_those_of_the_differential_equation(z):
     expected, time = collision(z)
     # the integrator's tolerance of 1e-12 over a dozen steps
-    assert restitution.restitution_of_damping_ratio(z) == pytest.approx(expected, rel=1e-8)
-    assert restitution.contact_time_of(1.0, 2 * z, 1.0) == pytest.approx(time, rel=1e-8)
+    assert restitution_of_damping_ratio(z) == pytest.approx(expected, rel=1e-8)
+    assert contact_time_of(1.0, 2 * z, 1.0) == pytest.approx(time, rel=1e-8)
 
 
 def test_restitution_is_smooth_across_critical_damping():
     z = 1.0 + np.array([-3e-6, -2e-6, -1e-6, -1e-7, 0, 1e-7, 1e-6, 2e-6, 3e-6])
-    e = np.array([restitution.restitution_of_damping_ratio(float(value)) for value in z])
+    e = np.array([restitution_of_damping_ratio(float(value)) for value in z])
     # d(ln e)/dz at z = 1: e = exp(-2 z a), a = 1 - (z-1)/3, so -2 (1 - 1/3); curvature adds 1e-11, acos rounds to 1e-10
     np.testing.assert_allclose(np.log(e), -2.0 - 4.0 / 3.0 * (z - 1.0), rtol=0, atol=1e-9)
 
@@ -48,15 +48,13 @@ def test_mixing_up_the_pulling_and_the_pushing_contact_reads_0_632_for_0_6():
     log = math.log(0.6)
     pulling = -log / math.hypot(math.pi, log)  # exp(-pi z/sqrt(1 - z^2)) = 0.6
     # published figure, 3 digits
-    assert restitution.restitution_of_damping_ratio(pulling) == pytest.approx(0.632, abs=5e-4)
+    assert restitution_of_damping_ratio(pulling) == pytest.approx(0.632, abs=5e-4)
 
 
 @pytest.mark.parametrize("e", [1e-4, 0.01, 0.135, math.exp(-2), 0.136, 0.3, 0.6, 0.9, 0.999, 1.0])
 def test_damping_ratio_for_a_restitution_is_the_inverse(e):
     # brentq to 1e-15, times the slope of e
-    assert restitution.restitution_of_damping_ratio(restitution.damping_ratio_for_restitution(e)) == pytest.approx(
-        e, rel=1e-8
-    )
+    assert restitution_of_damping_ratio(damping_ratio_for_restitution(e)) == pytest.approx(e, rel=1e-8)
 
 
 @pytest.mark.parametrize("e", [0.05, 0.3, 0.6, 0.95, 1.0])

@@ -10,9 +10,8 @@ import pytest
 from builders import NO_PICTURES, short_study
 
 import femimpact as fi
-from femimpact.study.cost import history_cost, mesh_memory, picture_seconds, sweep_cost
 from femimpact.study.demo import paper_study
-from femimpact.study.prepared import plan_lines, prepare
+from femimpact.study.prepared import history_cost, mesh_memory, picture_seconds, plan_lines, prepare, sweep_cost
 from femimpact.study.run import run_modes, run_study
 from femimpact.study.study import MeshChoice, Reduction, SweepPlan
 from femimpact.sweep import on_grid

@@ -183,8 +183,8 @@ def test_a_study_leaves_the_record_and_sticking_only_where_something_stuck(run, 
 
     result = request.getfixturevalue(run)
     running._write_impacts(tmp_path, result)
-    assert tables.read_csv(tmp_path / FILES["impacts"])["time"].size == len(result.impacts)
-    assert (tmp_path / FILES["impact_data"]).is_file()
+    assert tables.read_csv(tmp_path / FILES["impacts"].name)["time"].size == len(result.impacts)
+    assert (tmp_path / FILES["impact_data"].name).is_file()
     assert (tmp_path / STICKING_FILE).is_file() == (len(result.sticking) > 0) == (run == "event_driven")
     if run == "event_driven":
         back = tables.read_csv(tmp_path / STICKING_FILE)

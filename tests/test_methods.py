@@ -10,8 +10,8 @@ from builders import oscillator, reduced, with_ball
 
 import femimpact as fi
 from femimpact.integrators.cases import SineCases
-from femimpact.integrators.methods import ANSWERS, METHODS, require_method
-from femimpact.integrators.stepping.newmark import SteppingAnswers
+from femimpact.integrators.methods import MEMBERS, METHODS, require_method
+from femimpact.integrators.stepping.newmark import SteppingMembers
 from femimpact.integrators.stepping.operators import family_scheme, scheme_of
 
 pytestmark = pytest.mark.impacts
@@ -314,7 +314,7 @@ def test_a_sweep_takes_every_method(reference):
 
 
 @dataclass(frozen=True)
-class LinearAcceleration(SteppingAnswers):
+class LinearAcceleration(SteppingMembers):
     """A method of the user's own, here one that is known: linear acceleration, Newmark with beta = 1/6."""
 
     dt: float
@@ -336,7 +336,7 @@ class Renamed:
     """A method that has only its answers, and no class in common with others."""
 
     def __init__(self, inner):
-        for name in ANSWERS:
+        for name in MEMBERS:
             setattr(self, name, getattr(inner, name))
         self.run_dwells = partial(self.dwells, inner)
 

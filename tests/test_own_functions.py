@@ -689,7 +689,7 @@ def test_a_change_of_what_a_function_takes_is_another_study(sources, texts):
 
 @pytest.mark.parametrize("texts", REFUSED.values(), ids=REFUSED)
 def test_what_cannot_be_followed_asks_for_a_version(sources, texts):
-    with pytest.raises(fi.InputError, match=r"measure.*: uses values that cannot be compared .*: give version='...'"):
+    with pytest.raises(fi.InputError, match=r"measure.*: uses a value that .* cannot recognise .*: give version='...'"):
         sources.load(*texts, "FACTOR = 1")
 
 

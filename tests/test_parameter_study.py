@@ -31,7 +31,7 @@ from femimpact.parametric.study_command import definition_of, summary_lines, tab
 from femimpact.parametric.workers import block_cases
 from femimpact.study.base_motion import SignalMotion
 from femimpact.study.demo import paper_study, paper_study_text
-from femimpact.study.result_page import study_conclusions, study_lead
+from femimpact.study.result_conclusions import study_conclusions, study_lead
 from femimpact.study.study_file import read_study, study_text
 from femimpact.svg import markup
 
@@ -640,7 +640,7 @@ def test_a_full_disk_is_an_error_that_names_the_file_and_leaves_what_was_finishe
     ("changes", "words"),
     [
         ({"axes": {"impactor.ball.gapp": [1e-3]}}, "impactor.ball.gapp: unknown; did you mean 'impactor.ball.gap'"),
-        ({"axes": {GAP: []}}, "axes.impactor.ball.gap = 'no value'"),
+        ({"axes": {GAP: []}}, r"axes.impactor.ball.gap = \[\]: must have one value or more"),
         ({"axes": {}}, "axes = 'none'"),
         ({"axes": {GAP: [1e-3, 2e-3, 1e-3]}}, r"axes.impactor.ball.gap = 0.001: is given twice"),
         ({"axes": {GAP: [1e-3, (1e-3, 1e-3)]}}, r"axes.impactor.ball.gap = \(0.001, 0.001\): is given twice"),
@@ -651,6 +651,7 @@ def test_a_full_disk_is_an_error_that_names_the_file_and_leaves_what_was_finishe
         ({"axes": {"beam.thickness": [0.0]}}, "beam.thickness = 0.0 m: must be a finite number > 0"),
         ({"axes": {"start.ball.position": [0.0]}, "starts": 2}, "start.ball.position: must not be an axis with starts"),
         ({"measures": ["peek"]}, "measures = 'peek': unknown; did you mean 'peak'"),
+        ({"measures": ["tip.velocty"]}, "must be a channel, whose largest value is measured: .* 'tip.velocity'"),
         ({"measures": ["peak", "peak"]}, "measures = 'peak': is asked for twice"),
         ({"measures": []}, "measures = 'none'"),
         ({"axes": {GAP: {"from": 1e-3, "to": 2e-3}}}, "is a distribution, and there is no sample"),
@@ -818,7 +819,7 @@ def test_a_study_file_goes_round_and_its_table_has_a_row_for_every_case():
 @pytest.mark.parametrize(
     ("line", "words"),
     [
-        ('"impactor.ball.gap" = []', "study.axes.impactor.ball.gap = 'no value'"),
+        ('"impactor.ball.gap" = []', r"study.axes.impactor.ball.gap = \[\]: must have one value or more"),
         ('"impactor.ball.gap" = [1e-3]\nimpactor.ball.gap = [2e-3]', "study.axes.impactor.ball.gap: is given twice"),
         ('"impactor.ball.gap" = [1e-3, 1e-3]', "study.axes.impactor.ball.gap = 0.001: is given twice"),
         (f'"impactor.ball.gap" = [1{"0" * 400}]', "study.axes.impactor.ball.gap = 1000.*: must be finite numbers"),

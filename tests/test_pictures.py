@@ -70,22 +70,22 @@ def encoder(folder, monkeypatch, script):
 def test_pictures_stand_in_the_summary_and_are_all_there(ran):
     summary = fi.load(ran).summary
     assert summary["pictures"] == {"figures": "drawn", "movie": "drawn"}
-    assert all((ran / FILES[name]).stat().st_size > 1000 for name in FIGURES)
-    assert {FILES[name] for name in FIGURES} <= set(summary["checksums"])
+    assert all((ran / FILES[name].name).stat().st_size > 1000 for name in FIGURES)
+    assert {FILES[name].name for name in FIGURES} <= set(summary["checksums"])
 
 
 def test_what_is_stored_is_what_was_computed(ran, study):
     # the same call gives the same bits: a round trip through the files
     prepared = prepare(study)
     summary, response, sweeps = read_summary(ran), run_simulation(prepared), run_sweep(prepared)
-    film, (run, end) = read_film(ran, summary), read_last_cycles(ran, summary)
+    (filmed, structure, _), (run, end) = read_film(ran, summary), read_last_cycles(ran, summary)
     for field in dataclasses.fields(response.snapshots):
-        stored, computed = (getattr(of.snapshots, field.name) for of in (film.response, response))
+        stored, computed = (getattr(of.snapshots, field.name) for of in (filmed, response))
         np.testing.assert_array_equal(stored, computed)
-    assert film.structure.beam == study.structure.beam
-    assert film.structure.supports == study.structure.supports
-    assert film.structure.masses == study.structure.masses
-    pair, drawn = response.system.balls[0], film.response.system.balls[0]
+    assert structure.beam == study.structure.beam
+    assert structure.supports == study.structure.supports
+    assert structure.masses == study.structure.masses
+    pair, drawn = response.system.balls[0], filmed.system.balls[0]
     assert (drawn.name, drawn.position, drawn.mass, drawn.gaps) == (pair.name, pair.position, pair.mass, pair.gaps)
     for name in ("time", "impulse", "side", "impactor", "restitution", "mode_share"):
         np.testing.assert_array_equal(getattr(run.impacts, name), getattr(response.impacts, name))
@@ -124,7 +124,7 @@ def test_stored_modes_are_drawn_with_the_same_parts_as_those_in_memory(tmp_path)
     )
     system = fi.assemble(structure, elements=8)
     modes = fi.solve_modes(system, count=3)
-    write_mode_shapes(tmp_path / FILES["mode_shapes"], system, modes, structure)
+    write_mode_shapes(tmp_path / FILES["mode_shapes"].name, system, modes, structure)
     off_screen = figures.OffScreen()
     drawn = [
         figures.mode_shapes(*given[:2], structure=given[2], figure=off_screen)
@@ -155,13 +155,13 @@ def unpacked(folder, *removed):
 def test_results_are_drawn_without_their_mesh_file_and_without_their_record(tmp_path):
     out = unpacked(tmp_path / "out", "base_record.csv")
     summary = read_summary(out)
-    figure_names = {FILES[name] for name in FIGURES} - {FILES["mode_figure"], FILES["response_figure"]}
+    figure_names = {FILES[name].name for name in FIGURES} - {FILES["mode_figure"].name, FILES["response_figure"].name}
     assert pictures.draw(out, tmp_path, "figures") is None
     assert {path.name for path in tmp_path.glob("*.png")} == figure_names
-    film = read_film(out, summary)
-    drawn = movie.write_movie(tmp_path / "two.gif", film.response, film.structure, most=2, renderer="matplotlib")
+    response, structure, _ = read_film(out, summary)
+    drawn = movie.write_movie(tmp_path / "two.gif", response, structure, most=2, renderer="matplotlib")
     assert drawn.stat().st_size > 1000
-    ball, stop = film.response.system.contacts
+    ball, stop = response.system.contacts
     assert (ball.name, ball.position, ball.gaps, ball.law) == ("ball", 0.25, (1e-3, 2e-3), "kelvin-voigt")
     assert (stop.is_stop, stop.position, stop.gaps, stop.fixed_to) == (True, 0.1, (0.2e-3, np.inf), "space")
 
@@ -186,10 +186,10 @@ def test_the_exaggeration_of_a_study_is_that_of_movie_and_paraview_alike(tmp_pat
     study = short_study(1.0, frames=4, figures=False, movie=False)
     study = dataclasses.replace(study, sweep=None, output=dataclasses.replace(study.output, exaggeration=3.0))
     run_study(study, tmp_path / "out", parts=("simulate",))
-    film = read_film(tmp_path / "out", read_summary(tmp_path / "out"))
-    assert film.exaggeration == 3.0
-    assert "drawn 3 times as large" in movie._film(film.response, film.structure, film.exaggeration, 25, 4).caption
-    reader = pyvista.get_reader(tmp_path / "out" / FILES["deflection_scene"])
+    response, structure, exaggeration = read_film(tmp_path / "out", read_summary(tmp_path / "out"))
+    assert exaggeration == 3.0
+    assert "drawn 3 times as large" in movie._film(response, structure, exaggeration, 25, 4).caption
+    reader = pyvista.get_reader(tmp_path / "out" / FILES["deflection_scene"].name)
     assert reader.read()[0].field_data["exaggeration"][0] == 3.0
 
 
@@ -243,7 +243,7 @@ def test_a_hanging_encoder_is_ended_with_all_that_it_started(results, tmp_path, 
             return super().wait(0.5)
 
     monkeypatch.setattr(pictures.subprocess, "Popen", Impatient)
-    (results / FILES["movie"]).unlink()
+    (results / FILES["movie"].name).unlink()
     before = {path: path.read_bytes() for path in results.iterdir() if path.is_file()}
     with pytest.raises(fi.InputError, match=r"movie = .*not drawn: not done within 600 s"):
         pictures.draw_again(results, "movie", no_report)
@@ -276,28 +276,28 @@ def test_figures_are_made_again_by_the_package_that_runs(results, tmp_path, monk
         (tmp_path / f"{name}.py").write_text("raise SystemExit('from the current directory')")
     monkeypatch.chdir(tmp_path)
     monkeypatch.delenv("PYTHONPATH", raising=False)
-    before = {name: (results / FILES[name]).read_bytes() for name in FIGURES}
+    before = {name: (results / FILES[name].name).read_bytes() for name in FIGURES}
     for name in FIGURES:
-        (results / FILES[name]).unlink()
-    assert set(pictures.draw_again(results, "figures", no_report)) == {FILES[name] for name in FIGURES}
+        (results / FILES[name].name).unlink()
+    assert set(pictures.draw_again(results, "figures", no_report)) == {FILES[name].name for name in FIGURES}
     # the same data by the same code
-    assert {name: (results / FILES[name]).read_bytes() for name in FIGURES} == before
+    assert {name: (results / FILES[name].name).read_bytes() for name in FIGURES} == before
 
 
 def test_what_can_not_be_drawn_does_not_take_the_other_figures_with_it(results):
     # no curve to draw: the file is read, but holds not-a-numbers
     import xarray
 
-    data = xarray.load_dataset(results / FILES["sweep_data"], engine="h5netcdf")
+    data = xarray.load_dataset(results / FILES["sweep_data"].name, engine="h5netcdf")
     data["peak"][:] = np.nan
-    data.to_netcdf(results / FILES["sweep_data"], engine="h5netcdf")
-    (results / FILES["response_figure"]).unlink()
-    (results / FILES["force_figure"]).unlink()
+    data.to_netcdf(results / FILES["sweep_data"].name, engine="h5netcdf")
+    (results / FILES["response_figure"].name).unlink()
+    (results / FILES["force_figure"].name).unlink()
     with pytest.raises(fi.InputError, match=r"figures = .*not drawn: response.png"):
         pictures.draw_again(results, "figures", no_report)
     summary = json.loads((results / "summary.json").read_text())
     assert summary["pictures"]["figures"].startswith("not drawn: response.png: ")
-    assert (results / FILES["force_figure"]).exists()
+    assert (results / FILES["force_figure"].name).exists()
 
 
 def test_the_childs_of_a_killed_run_end_with_it(results, tmp_path):

@@ -13,8 +13,8 @@ from command import femimpact
 
 import femimpact as fi
 from femimpact.study.demo import paper_study_text
-from femimpact.study.schema import NOT_IN_SCHEMA, study_schema
-from femimpact.study.study_file import TABLES, load_study
+from femimpact.study.schema import NOT_IN_SCHEMA
+from femimpact.study.study_file import TABLES, load_study, study_schema
 
 jsonschema = pytest.importorskip("jsonschema")
 

@@ -130,7 +130,7 @@ def test_functions_that_take_one_another_and_those_of_libraries_have_a_key():
 def test_a_function_that_takes_what_cannot_be_compared_asks_for_a_version(tmp_path):
     measure = of_module(TEXT, FACTOR=threading.Lock())
     assert isinstance(measure, FunctionType)
-    with pytest.raises(fi.InputError, match=r"measure.*: uses values that cannot be compared .*: give version="):
+    with pytest.raises(fi.InputError, match=r"measure.*: uses a value that .* cannot recognise .*: give version="):
         small(tmp_path, measures=[measure])
 
 

@@ -11,12 +11,12 @@ import pytest
 
 import femimpact as fi
 from femimpact.cli import app
+from femimpact.study.base_motion import BaseMotion
 from femimpact.study.convergence import write_convergence
 from femimpact.study.picture_data import read_film, read_last_cycles
 from femimpact.study.pictures import draw_again
 from femimpact.study.prepared import plan_lines, prepare
-from femimpact.study.result_directory import OTHER_FILES, ResultsWarning
-from femimpact.study.study import BaseMotion
+from femimpact.study.result_directory import FILES, ResultsWarning
 from femimpact.study.study_file import load_study, same_study, study_text
 
 pytestmark = pytest.mark.impacts
@@ -154,9 +154,9 @@ def test_results_are_whole_without_the_file_of_the_record(tmp_path, shaker):
     # what was read once is not read again
     results = fi.run_study(study, tmp_path / "out")
     run, end = read_last_cycles(results.directory, results.summary)
-    film = read_film(results.directory, results.summary)
+    filmed, _, _ = read_film(results.directory, results.summary)
     times = np.linspace(0.0, study.base.history_duration, 101)
-    for response in (run, end, film.response):
+    for response in (run, end, filmed):
         assert np.array_equal(response.base.displacement(times), study.excitation.displacement(times))
         assert np.isnan(response.base.phase)
     assert set(end.channels) == set(results.summary["history"]["channels"])
@@ -168,7 +168,7 @@ def test_results_are_whole_without_the_file_of_the_record(tmp_path, shaker):
 def test_the_study_of_the_results_runs_again_from_there(tmp_path, shaker):
     study = load_study(written(tmp_path, BEAM + BALL + BASE))
     first = fi.run_study(study, tmp_path / "out")
-    copy = first.directory / OTHER_FILES["base_record"]
+    copy = first.directory / FILES["base_record"].name
     assert copy.read_text() == shaker.read_text()
     assert copy.name in json.loads((first.directory / "summary.json").read_text())["checksums"]
     # as it was written, but for the name of the record
@@ -189,10 +189,10 @@ def test_the_study_of_the_results_runs_again_from_there(tmp_path, shaker):
 def test_a_later_run_with_a_sine_leaves_no_record_beside_its_results(tmp_path, shaker):
     out = tmp_path / "out"
     fi.run_study(load_study(written(tmp_path, BEAM + BASE)), out, parts=("modes",))
-    assert (out / OTHER_FILES["base_record"]).exists()
+    assert (out / FILES["base_record"].name).exists()
     sine = "[base]\namplitude = 1e-4\nfrequency = 5.0\n"
     fi.run_study(load_study(written(tmp_path, BEAM + sine)), out, parts=("modes",), force=True)
-    assert not (out / OTHER_FILES["base_record"]).exists()
+    assert not (out / FILES["base_record"].name).exists()
 
 
 @pytest.mark.parametrize(
@@ -204,7 +204,7 @@ def test_a_changed_record_is_written_anew_and_read_as_the_same_study(tmp_path, s
     changed = dataclasses.replace(study, base=dataclasses.replace(study.base, **changes))
     results = fi.run_study(changed, tmp_path / "out", parts=("modes",))
     found = load_study(results.directory / "study.toml")
-    renamed = dataclasses.replace(changed.base, record=OTHER_FILES["base_record"])
+    renamed = dataclasses.replace(changed.base, record=FILES["base_record"].name)
     assert same_study(found, dataclasses.replace(changed, base=renamed))
     data = tomllib.loads((results.directory / "study.toml").read_text(encoding="utf-8"))
     assert "content" not in data["base"]

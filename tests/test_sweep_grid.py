@@ -8,9 +8,8 @@ import pytest
 
 import femimpact as fi
 from femimpact.identification import UNRESOLVED, one_pole_amplitude, peak_resolution
-from femimpact.study.cost import finer_grid_words, most_frequencies, refined_grid
 from femimpact.study.demo import paper_study
-from femimpact.study.prepared import prepare
+from femimpact.study.prepared import finer_grid_words, most_frequencies, prepare, refined_grid
 from femimpact.study.run import run_sweep
 from femimpact.study.summary import summary_of
 

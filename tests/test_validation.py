@@ -13,7 +13,7 @@ import pytest
 from femimpact import cli, validation
 from femimpact.errors import InputError
 from femimpact.export.tables import read_csv
-from femimpact.validation import Case, case_columns, markdown_table, reference_cases, run_validation
+from femimpact.validation import REFERENCE_CASES, Case, case_columns, markdown_table, run_validation
 
 pytestmark = pytest.mark.impacts
 
@@ -32,7 +32,7 @@ def cases():
     return found
 
 
-@pytest.mark.parametrize("index", range(len(reference_cases.REFERENCE_CASES)))
+@pytest.mark.parametrize("index", range(len(REFERENCE_CASES)))
 def test_a_case_is_within_its_bound(cases, index):
     case = cases[index]
     assert case.passes, f"{case.name}: {case.computed!r} for {case.reference!r}, error {case.error:.3g}"
@@ -54,9 +54,9 @@ def test_every_list_of_cases_is_in_the_table():
         importlib.import_module(f"femimpact.validation.{item.name}") for item in iter_modules(validation.__path__)
     ]
     lists = [item for module in modules for name, item in vars(module).items() if name.endswith("CASES")]
-    listed = [case for item in lists if item is not reference_cases.REFERENCE_CASES for case in item]
+    listed = [case for item in lists if item is not REFERENCE_CASES for case in item]
     assert len(lists) > 2
-    assert sorted(map(id, listed)) == sorted(map(id, reference_cases.REFERENCE_CASES))
+    assert sorted(map(id, listed)) == sorted(map(id, REFERENCE_CASES))
 
 
 def test_an_error_is_relative_or_absolute_where_the_reference_is_zero():
@@ -68,7 +68,7 @@ def test_an_error_is_relative_or_absolute_where_the_reference_is_zero():
 
 
 def test_the_command_prints_the_table_and_writes_it(monkeypatch, tmp_path, capsys):
-    monkeypatch.setattr(reference_cases, "REFERENCE_CASES", (lambda: GOOD,))
+    monkeypatch.setattr(validation, "REFERENCE_CASES", (lambda: GOOD,))
     cli.validate(output=tmp_path / "table.csv")
     printed = capsys.readouterr().out
     assert "speed (m/s)" in printed
@@ -80,7 +80,7 @@ def test_the_command_prints_the_table_and_writes_it(monkeypatch, tmp_path, capsy
 
 @pytest.mark.parametrize("quiet", [False, True])
 def test_a_failing_case_makes_the_command_exit_with_1(monkeypatch, capsys, quiet):
-    monkeypatch.setattr(reference_cases, "REFERENCE_CASES", (lambda: GOOD, lambda: BAD))
+    monkeypatch.setattr(validation, "REFERENCE_CASES", (lambda: GOOD, lambda: BAD))
     with pytest.raises(SystemExit) as ended:
         cli.validate(quiet=quiet)
     assert ended.value.code == 1

@@ -3,8 +3,7 @@
 from femimpact.contact.collision import Collision, integrated_collision
 from femimpact.contact.custom_law import CustomLaw
 from femimpact.contact.law import ContactLaw, a_law, collide, contact_force, contact_potential, require_law, resolve
-from femimpact.contact.laws import loss_factor, spring_and_dashpot
-from femimpact.contact.restitution import ALUMINIUM, STEEL, Material, hertz_stiffness
+from femimpact.contact.laws import ALUMINIUM, STEEL, Material, hertz_stiffness, loss_factor, spring_and_dashpot
 
 __all__ = [
     "ALUMINIUM",

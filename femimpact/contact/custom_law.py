@@ -44,15 +44,15 @@ class ForcePointer:
     function: Callable[[float, float, float], float]
     """The same for Python to call."""
     kept_alive: object
-    """What the address is of."""
+    """Object whose memory holds the code at the address."""
     in_python: bool
-    """Whether each call of it is one of Python."""
+    """True if each call runs a function of Python."""
     raised: threading.local = field(default_factory=threading.local)
-    """What the function of Python last raised in this thread."""
+    """Last exception of the function of Python in this thread."""
 
 
 def is_force(force: object) -> bool:
-    """Whether a value may be a law's force; its signature is looked at by `force_pointer`."""
+    """True if a value may be a law's force; its signature is checked by `force_pointer`."""
     return not inspect.isclass(force) and (callable(force) or isinstance(force, LowLevelCallable))
 
 
@@ -134,7 +134,7 @@ def speed_note(name: str, pointer: ForcePointer) -> str:
 
 
 def _is_plain(force: object) -> bool:
-    """Whether it is a function of Python, and no pointer."""
+    """True for a function of Python, which is no pointer."""
     return callable(force) and not isinstance(force, POINTER | LowLevelCallable) and not hasattr(force, "ctypes")
 
 
@@ -187,7 +187,7 @@ def _compiled(force: Callable[[float, float, float], float]) -> Any:
 def _of_pointer(force: Any) -> ForcePointer:
     """The pointer of a C function."""
     if isinstance(force, LowLevelCallable):
-        # a tuple of a capsule, what it was made of and the user data; the tuple's own access is barred
+        # a tuple of a capsule, what it was made of and the user data; its class forbids indexing
         if force.signature.replace(" ", "") != SIGNATURE.replace(" ", "") or force.user_data is not None:
             raise _refused(force)
         capsule = tuple.__getitem__(force, 0)
@@ -280,11 +280,11 @@ class CustomLaw:
         return self.force
 
     def shown_numbers(self, effective_mass: float) -> tuple[tuple[str, float, str], ...]:
-        """Empty: of a function no number is known."""
+        """Empty, as no number characterises a function."""
         return ()
 
     def with_restitution(self, restitution: float) -> None:
-        """None: the function decides the restitution."""
+        """None, as the function decides the restitution."""
 
     def _finite_force(self, depth: float, rate: float, approach_speed: float) -> float:
         try:

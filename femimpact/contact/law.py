@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from typing import Any, Protocol, runtime_checkable
 
-from femimpact.contact.collision import Collision, mass_and_speed
+from femimpact.contact.collision import EFFECTIVE_MASS, Collision, mass_and_speed
 from femimpact.contact.custom_law import ForceFunction, is_force
 from femimpact.contact.laws import CUSTOM, KINDS, ContactParameters
-from femimpact.contact.restitution import EFFECTIVE_MASS
 from femimpact.errors import checked, having, quantity, require
 
 
@@ -21,7 +20,7 @@ class ContactLaw(Protocol):
 
     @property
     def name(self) -> str:
-        """As results and messages show it."""
+        """Name of the law in results and messages."""
         ...
 
     @property
@@ -31,7 +30,7 @@ class ContactLaw(Protocol):
 
     @property
     def may_be_preloaded(self) -> bool:
-        """Whether a stop may press on the structure at rest: not where a spring acts from the middle of the gaps."""
+        """True if a stop may press on the structure at rest: not where a spring acts from the middle of the gaps."""
         ...
 
     def normal_force(self, depth: float, rate: float, approach_speed: float, effective_mass: float) -> float:
@@ -85,10 +84,10 @@ def require_law(law: object, key: str = "law") -> None:
     missing = [name for name in VALUES if not hasattr(law, name)]
     missing += [f"{name}()" for name in METHODS if not callable(getattr(law, name, None))]
     allowed = "must be a contact law (KelvinVoigt, ..., Rigid)"
-    own = not isinstance(law, type)
-    if own and missing and len(missing) < len(VALUES) + len(METHODS):
+    is_object = not isinstance(law, type)
+    if is_object and missing and len(missing) < len(VALUES) + len(METHODS):
         allowed += f"; as one of your own it has no {', '.join(missing)}"
-    require(own and not missing, key, law, "", allowed)
+    require(is_object and not missing, key, law, "", allowed)
 
 
 def resolve(law: ContactLaw, effective_mass: float) -> ContactParameters:

@@ -10,10 +10,12 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from femimpact import core
-from femimpact.contact.collision import Collision, collision_of, crest
-from femimpact.contact.restitution import (
+from femimpact.contact.collision import (
     EFFECTIVE_MASS,
+    Collision,
+    collision_of,
     contact_time_of,
+    crest,
     damping_ratio_for_restitution,
     linear_angle,
     loss_factor_for_restitution,
@@ -43,7 +45,7 @@ class ContactParameters(NamedTuple):
 
     @property
     def is_rigid(self) -> bool:
-        """Whether the contact is an impulse, without force and duration."""
+        """True if the contact is an impulse, without force and duration."""
         return self.kind == RIGID
 
 
@@ -86,7 +88,7 @@ class Rigid:
         """None: the time loop has a branch for rigid contacts."""
 
     def shown_numbers(self, effective_mass: float) -> tuple[tuple[str, float, str], ...]:
-        """Nothing beside the restitution."""
+        """Empty: the restitution alone characterises it."""
         return ()
 
     def with_restitution(self, restitution: float) -> Rigid:
@@ -327,7 +329,10 @@ def Hertz(stiffness: float, exponent: float = 1.5, reference_speed: float = 0.25
 def HuntCrossley(  # noqa: N802
     stiffness: float, restitution: float, exponent: float = 1.5, reference_speed: float = 0.25
 ) -> PowerLaw:
-    """`PowerLaw` with d = 3 (1 - e)/2: its restitution is near the one given where that is near 1.
+    """`PowerLaw` with the loss factor d = 3 (1 - e)/2 of the restitution e given.
+
+    The restitution of a collision under this law is close to e only where e is near 1. The stiffness is in
+    N/m^exponent, the reference speed in m/s.
 
     Hunt and Crossley, 1975.
     """
@@ -450,7 +455,7 @@ class SwitchingSpring:
         check_fields(self)
 
     def normal_force(self, depth: float, rate: float, approach_speed: float, effective_mass: float) -> float:
-        """Force (N) k_I p beside a wall at gap 0."""
+        """Contact force (N): k_I times the depth beyond a wall at gap 0, and zero before the wall."""
         return self.stiffness * max(depth, 0.0)
 
     def potential(self, depth: float, effective_mass: float, approach_speed: float) -> float:
@@ -490,3 +495,53 @@ LAWS: Mapping[str, tuple[Any, Mapping[str, Any]]] = {
     "rigid": (Rigid, {}),
 }
 """Noun of each law by its name in study files, and the fields that the name fixes."""
+
+
+@dataclass(frozen=True)
+class Material:
+    """Elastic constants of a body in contact.
+
+    Parameters
+    ----------
+    young_modulus : float, Pa
+    poisson_ratio : float, 1
+    """
+
+    young_modulus: float = field(metadata=quantity("Pa", above=0.0))
+    poisson_ratio: float = field(metadata=quantity("1", above=-1.0, at_most=0.5))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+
+
+STEEL = Material(210e9, 0.30)
+ALUMINIUM = Material(70e9, 0.33)
+
+
+def hertz_stiffness(radius: float, ball: Material, wall: Material) -> float:
+    """Stiffness (N/m^1.5) of a sphere on a flat wall: k = 4/3 E* sqrt(R), 1/E* = sum of (1 - nu^2)/E.
+
+    Parameters
+    ----------
+    radius : float, m
+        Of the ball.
+    ball, wall : Material
+
+    Returns
+    -------
+    float, N/m^1.5
+
+    Raises
+    ------
+    InputError
+        If the radius is not > 0, or a body is no material.
+
+    Notes
+    -----
+    Hertz (1882); Johnson, Contact Mechanics (1985).
+    """
+    size = checked("radius", radius, quantity("m", above=0.0))
+    for key, body in (("ball", ball), ("wall", wall)):
+        require_type(body, Material, key)
+    compliance = sum((1.0 - body.poisson_ratio**2) / body.young_modulus for body in (ball, wall))
+    return 4.0 / 3.0 / compliance * math.sqrt(size)

@@ -1,4 +1,4 @@
-"""What the mesh, the step and the number of kept modes do to a result."""
+"""Convergence of results with the mesh, the step and the number of kept modes."""
 
 from femimpact.convergence.cases import OverMeshes, OverModes, OverSteps
 from femimpact.convergence.mesh_and_step import MeshConvergence, StepConvergence, converge_elements, converge_step

@@ -333,7 +333,7 @@ class OverMeshes:
         return all(abs(one / other - 1.0) <= SIMILAR and one < 1.0 for one, other in falls)
 
     def limit(self, plan: Plan, finest: Case) -> Case:
-        """The refinement of the finest mesh: what is extrapolated from it leaves the rows' own orders unforced."""
+        """The refinement of the finest mesh: a value extrapolated from it does not impose an order on the rows."""
         mesh = [mesh for mesh in self.meshes if isinstance(mesh, Mesh)][-1]
         system = assemble(plan.structure, mesh=mesh.refined())
         return Case("mesh", system, system, plan.base, is_limit=True)

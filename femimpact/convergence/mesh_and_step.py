@@ -43,7 +43,7 @@ class MeshConvergence:
     `convergence["error"]` reads a column.
 
     Raises `InputError` if the arrays do not have one row for each mesh and one column for each mode, or a number of
-    elements is not whole.
+    elements is not an integer.
     """
 
     elements: NDArray[np.int64] = field(metadata=column("1", "meshes", of="whole number"))  # (n,)
@@ -195,7 +195,7 @@ def converge_step(system: System, excitation: Sine, method: Newmark, halvings: i
     dt = method.dt / 2.0 ** np.arange(halvings + 1, dtype=float)
     finest = replace(method, dt=float(dt[-1] / 4.0))
     bare = without_impactors(system)
-    # whole coarse steps, so that all runs end at the same instant
+    # a multiple of the coarsest step, so that all runs end at the same instant
     cycles = method.dt * round(3.0 / (excitation.frequency * method.dt))
     linear = _errors(bare, excitation, method, dt, finest, cycles)[0]
     notes = ["linear part: the tip over 3 base cycles from rest"]

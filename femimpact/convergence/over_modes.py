@@ -108,7 +108,7 @@ class ModeConvergence:
     Raises
     ------
     InputError
-        If a column is not of shape (n, 2), a count is not whole, or `scatter` names none of these columns.
+        If a column is not of shape (n, 2), a count is not an integer, or `scatter` names none of these columns.
     """
 
     counts: NDArray[np.int64] = field(metadata=column("1", "counts", of="whole number"))
@@ -191,7 +191,7 @@ def run_statistics(
 
     The peak is that of `SteadyMotion`, over the last third of the run: the largest |w|, instants of impact included.
     At another place than the one that every run observes it is read by a sweep of one frequency, whose base has no
-    phase. The scatter of the peak is that of samples, which miss the crests of all parts alike, by 0.1 % or less.
+    phase. The scatter of the peak is that of samples, which miss the maxima of all parts equally, by 0.1 % or less.
     """
     require_method(method)
     every = method.stride(excitation.frequency, POINTS_PER_CYCLE)
@@ -199,7 +199,7 @@ def run_statistics(
     run = integrate(system, excitation, method, duration, keep)
     period = 1.0 / excitation.frequency
     edges = run.time[-1] - period * cycles * np.linspace(1.0, 0.0, PARTS + 1)
-    whole = _over(run, at, edges[0], edges[-1], cycles)
+    values = _over(run, at, edges[0], edges[-1], cycles)
     pieces = [_over(run, at, *ends, cycles // PARTS) for ends in pairwise(edges)]
     spread = {}
     for name in STATISTICS:
@@ -208,8 +208,8 @@ def run_statistics(
         error = float(np.std(parts, ddof=1)) if parts.size > 1 else math.nan
         spread[name] = error if name == "peak" else error / math.sqrt(max(parts.size, 1))
     assert run.energy is not None
-    whole["peak"] = _peak(system, excitation, method, duration, at, run)
-    return whole | {"peak_force": run.statistics.peak_force, "residual": run.energy.residual}, spread
+    values["peak"] = _peak(system, excitation, method, duration, at, run)
+    return values | {"peak_force": run.statistics.peak_force, "residual": run.energy.residual}, spread
 
 
 def _peak(system: System, excitation: Sine, method: Method, duration: float, at: Position, run: Response) -> float:
@@ -297,9 +297,9 @@ def mode_convergence(
     *,
     at: Position | None = None,
 ) -> ModeConvergence:
-    """What the number of kept modes does to an impacting response, with and without static correction.
+    """Impacting response over the number of kept modes, with and without static correction.
 
-    Two questions are kept apart. The statistics are of a whole run from rest, over its last third;
+    Two questions are kept apart. The statistics are of a run from rest, over its last third;
     impacting motion is often chaotic, two counts then never give the same history, and only differences
     beyond the scatter mean something: take a long duration. The first impact is one event from one state,
     the same for every count, and does converge: the displacement always; the loss in the contact of a rigid
@@ -388,7 +388,7 @@ def _errors(counts: NDArray[np.int64], columns: dict[str, Array]) -> dict[str, A
         exact = values[-1, 1]
         scale = abs(exact) if exact else 1.0
         columns[f"{name}_error"] = np.abs(values - exact) / scale
-        # the largest count is its own reference
+        # the largest count is the reference, and so has no error
         orders[f"{name}_order"] = np.array([
             -slope(counts[:-1], error, np.isfinite(error) & (error > 0.0)) for error in columns[f"{name}_error"][:-1].T
         ])  # fmt: skip

@@ -1,4 +1,4 @@
-"""What a convergence study watches: each a small noun that reads its values of a case, with the order to expect."""
+"""Quantities of a convergence study: each is a record that reads its values of a case, with the order to expect."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from femimpact.convergence.cases import Case, newmark_frequency, time_factors
 from femimpact.errors import check_fields, checked, optional, place, quantity, require, text
 from femimpact.structure.structure import Position
 from femimpact.system.hermite import hermite_rows, place_in_element
-from femimpact.system.matrices import Matrix
 from femimpact.system.system import System
 
 
@@ -118,19 +117,17 @@ def _shape_distances(case: Case, finest: Case, most: int) -> tuple[Array, Array]
     x = (0.5 * (joint[1:] + joint[:-1])[:, None] + 0.5 * length[:, None] * points).ravel()
     weight = (0.5 * length[:, None] * weights).ravel()
     shapes = [(s.system, s.modes(count if s is case else most).vectors[:, :count]) for s in (case, finest)]
-    (w, w2), (v, v2) = ([_curves(system, x, order) @ phi for order in (0, 2)] for system, phi in shapes)
+    (w, w2), (v, v2) = (
+        [hermite_rows(system.nodes, x, order) @ system.expansion @ phi for order in (0, 2)] for system, phi in shapes
+    )
     stiff = weight * _bending_stiffness(finest.system, x)
-    product, own = weight @ (w * v), (weight @ w**2) * (weight @ v**2)
+    product, norms = weight @ (w * v), (weight @ w**2) * (weight @ v**2)
     sign = np.where(product < 0.0, -1.0, 1.0)
     energy[:count] = np.sqrt((stiff @ (sign * w2 - v2) ** 2) / (stiff @ v2**2))
     # the squared sine from the difference itself: 1 - cos^2 would lose half the digits
     apart = w - v * (product / (weight @ v**2))
-    deficiency[:count] = (weight @ apart**2) * (weight @ v**2) / own
+    deficiency[:count] = (weight @ apart**2) * (weight @ v**2) / norms
     return energy, deficiency
-
-
-def _curves(system: System, x: Array, derivative: int) -> Matrix | Array:
-    return hermite_rows(system.nodes, x, derivative) @ system.expansion
 
 
 def _bending_stiffness(system: System, x: Array) -> Array:
@@ -177,7 +174,7 @@ class SteadyResponse:
 
 
 def _carries_mass(finest: Case, at: Position) -> bool:
-    """Whether a place is a free end with a body: the one place named besides where bodies are."""
+    """True if a place is a free end with a body: the one place named besides where bodies are."""
     system = finest.system
     bodies = set(system.points) - {"root", "tip", "mid"}
     return at == "tip" and any(system.points[name] == system.points["tip"] for name in bodies)
@@ -277,18 +274,14 @@ def _of_curvature(
         order = {"mesh": 2.0, "step": 2.0, "modes": 2.0 if clamped else 3.0}[case.axis]
         return (Reading(f"{what} {at}", unit, factor * abs(complex(row @ case.steady)), order),)
     name, per = f"{what} {at}, mode {watched.mode}", f"{unit} m^-1 kg^-0.5"
-    order = 4.0 if clamped and not _tapers(case.system, watched) else 2.0
+    sections = case.system.sections
+    element, _ = place_in_element(case.system.nodes, np.array([case.system.position_of(watched.at)]), watched.side)
+    tapers = sections is not None and bool(sections.is_tapered[element[0]])
+    order = 4.0 if clamped and not tapers else 2.0
     if watched.mode > case.system.dofs:
         return (Reading(name, per, math.nan, order),)
     shape = case.modes(watched.mode).vectors[:, watched.mode - 1]
     return (Reading(name, per, factor * abs(float(row @ shape)), order),)
-
-
-def _tapers(system: System, watched: BendingMoment | SurfaceStress) -> bool:
-    """Whether the section tapers in the element that is read."""
-    place = np.array([system.position_of(watched.at)])
-    element, _ = place_in_element(system.nodes, place, watched.side)
-    return system.sections is not None and bool(system.sections.is_tapered[element[0]])
 
 
 @dataclass(frozen=True)

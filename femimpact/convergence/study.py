@@ -58,7 +58,7 @@ def measured_of(case: Case | FemimpactError, finest: Case, watched: Sequence[Wat
 
 
 class Trial(NamedTuple):
-    """What the cases of recommended numbers are made and read of; those that were are kept."""
+    """Axis, plan and reference case on which recommended numbers are tried; cases that were computed are kept."""
 
     axis: Axis
     plan: Plan
@@ -73,7 +73,9 @@ class Trial(NamedTuple):
             self.known[number] = self.axis.case(self.plan, number)
         return self.known[number]
 
-    def error(self, number: float, watched: Watched, part: int, reference: float, own: float) -> float | None:
+    def error(
+        self, number: float, watched: Watched, part: int, reference: float, reference_error: float
+    ) -> float | None:
         """Relative error of a quantity in the case of a number; None where there is no case to read it of.
 
         Beyond the rows of a reference that is extrapolated, it is that from a case of twice the number, with what this
@@ -95,14 +97,16 @@ class Trial(NamedTuple):
         reading = found[0][part]
         order = reading.order - LOSS
         if reading.is_distance:
-            return math.hypot(reading.value, reading.value / math.sqrt(4.0**order - 1.0) if beyond else own)
+            return math.hypot(reading.value, reading.value / math.sqrt(4.0**order - 1.0) if beyond else reference_error)
         if exact is not None:
             reference = extrapolated(reading.value, exact[0][part].value, 2.0, order)
         return abs(reading.value - reference) / abs(reference) if reference else math.inf
 
 
-def number_tried(trial: Trial, watched: Watched, part: int, column: dict[str, Any], own: float, number: Array) -> float:
-    """The recommended number, or the next larger one whose own case has the accuracy.
+def number_tried(
+    trial: Trial, watched: Watched, part: int, column: dict[str, Any], reference_error: float, number: Array
+) -> float:
+    """The recommended number, or the next larger one whose case has the accuracy when it is computed.
 
     Between the rows a place may lie otherwise in its element, and lengths fall otherwise on each side of a joint.
     Beyond them it is a multiple of the first number that an order is fitted to, so that a place which is a node of the
@@ -118,7 +122,7 @@ def number_tried(trial: Trial, watched: Watched, part: int, column: dict[str, An
     wanted = admitted(column["recommended"])
     enough = number[(number >= wanted) & (column["error"] <= trial.accuracy)]
     while math.isfinite(wanted) and wanted not in enough:
-        error = trial.error(wanted, watched, part, column["reference"], own)
+        error = trial.error(wanted, watched, part, column["reference"], reference_error)
         if error is None or error <= trial.accuracy:
             return float(wanted)
         beyond = math.ceil(STRIDE * wanted)
@@ -226,29 +230,25 @@ def _table(
     for i, row in enumerate(rows):
         measured.append(measured_of(row.case, finest, watched))
         progress((i + 1) / len(rows))
-    known = [found for found in measured if not isinstance(found, FemimpactError)]
-    if not known:
-        raise next(found for found in measured if isinstance(found, FemimpactError))
-    heads = _flat(known[-1])
-    independent = [type(one).__name__ for one, found in zip(watched, known[-1], strict=True) if not found]
+    found = next((one for one in reversed(measured) if not isinstance(one, FemimpactError)), None)
+    if found is None:
+        raise next(one for one in measured if isinstance(one, FemimpactError))
+    heads = _flat(found)
+    independent = [type(one).__name__ for one, readings in zip(watched, found, strict=True) if not readings]
     require(len(heads) > 0, "watch", None, "", f"must hold a quantity that depends on the {axis.name}")
-    value, scatter = np.full((2, len(rows), len(heads)), np.nan)
-    for i, found in enumerate(measured):
-        if not isinstance(found, FemimpactError):
-            value[i], scatter[i] = [one.value for one in _flat(found)], [one.scatter for one in _flat(found)]
-    bound = measured_of(limit, finest, watched)
-    limits = [math.nan] * len(heads) if isinstance(bound, FemimpactError) else [one.value for one in _flat(bound)]
+    value, scatter = _values([*measured, measured_of(limit, finest, watched)], len(heads))
+    value, limits, scatter = value[:-1], value[-1], scatter[:-1]
     size, number = np.array([row.size for row in rows]), np.array([row.number for row in rows], dtype=float)
     columns = [
-        _column(head, value[:, j], scatter[:, j], size, number, axis, limits[j], accuracy)
+        _column(head, value[:, j], scatter[:, j], size, number, axis, float(limits[j]), accuracy)
         for j, head in enumerate(heads)
     ]
     trial = Trial(axis, plan, finest, float(np.nanmax(number)), accuracy, {})
-    owners = [(one, i) for one, found in zip(watched, known[-1], strict=True) for i in range(len(found))]
-    for column, (one, i) in zip(columns, owners, strict=True):
-        own = column.pop("own")
-        if math.isfinite(own):
-            column["recommended"] = number_tried(trial, one, i, column, own, number)
+    parts = [(one, i) for one, readings in zip(watched, found, strict=True) for i in range(len(readings))]
+    for column, (one, i) in zip(columns, parts, strict=True):
+        reference_error = column.pop("reference_error")
+        if math.isfinite(reference_error):
+            column["recommended"] = number_tried(trial, one, i, column, reference_error, number)
     return ConvergenceTable(
         axis=axis.name,
         label=np.array([row.label for row in rows]),
@@ -267,6 +267,15 @@ def _table(
     )
 
 
+def _values(measured: Sequence[Measured], count: int) -> tuple[Array, Array]:
+    """Values and their scatter, (cases, quantities) each; not numbers of a case without readings."""
+    value, scatter = np.full((2, len(measured), count), np.nan)
+    for i, found in enumerate(measured):
+        if not isinstance(found, FemimpactError):
+            value[i], scatter[i] = [one.value for one in _flat(found)], [one.scatter for one in _flat(found)]
+    return value, scatter
+
+
 def _flat(found: tuple[tuple[Reading, ...], ...]) -> tuple[Reading, ...]:
     return tuple(reading for readings in found for reading in readings)
 
@@ -280,7 +289,7 @@ def _column(
     known = np.flatnonzero(np.isfinite(value))
     error, nothing = np.full(value.size, np.nan), math.nan
     column: dict[str, Any] = {"error": error, "order": error.copy()}
-    column |= dict.fromkeys(("fitted_order", "reference", "floor", "own", "recommended"), nothing)
+    column |= dict.fromkeys(("fitted_order", "reference", "floor", "reference_error", "recommended"), nothing)
     if known.size == 0:
         return column
     if np.any(scatter[known] > 0.0):
@@ -288,12 +297,12 @@ def _column(
     h, v = size[known], value[known]
     reference, floor, order = nothing, nothing, head.order
     if head.is_distance:
-        own = _own_distance(h, v, order, axis, limit)
-        e = np.hypot(v, own)
+        reference_error = _reference_distance(h, v, order, axis, limit)
+        e = np.hypot(v, reference_error)
     else:
         reference, floor = _reference(h, v, order, axis, limit)
         e = relative_error(v, reference)
-        own = float(relative_error(limit if math.isfinite(limit) else v[-1], reference))
+        reference_error = float(relative_error(limit if math.isfinite(limit) else v[-1], reference))
     bottom = FLOOR if math.isnan(floor) else max(floor, FLOOR)
     if head.is_distance and head.order > 4.0:
         # a squared sine, whose rounding is squared too
@@ -301,11 +310,12 @@ def _column(
     error[known] = e
     column["order"][known] = local_orders(h, e, bottom)
     found = fitted_order(h, e, 3.0 * bottom)
-    wanted = number_of_case(number[known], e, own, accuracy)
+    wanted = number_of_case(number[known], e, reference_error, accuracy)
     if agrees(found, order) and wanted != number[known[0]]:
         wanted = number_for(number[known], e, found, accuracy, 0.0 if math.isnan(floor) else floor)
     return column | {
-        "fitted_order": found, "reference": reference, "floor": floor, "recommended": wanted, "own": own,
+        "fitted_order": found, "reference": reference, "floor": floor, "recommended": wanted,
+        "reference_error": reference_error,
     }  # fmt: skip
 
 
@@ -343,7 +353,7 @@ def _reference(size: Array, value: Array, order: float, axis: Axis, limit: float
     return extrapolated(v[-2], v[-1], h[-2] / h[-1], expected), floor
 
 
-def _own_distance(size: Array, value: Array, order: float, axis: Axis, limit: float) -> float:
+def _reference_distance(size: Array, value: Array, order: float, axis: Axis, limit: float) -> float:
     """Distance from the exact shape of the reference case, which is the limit, or the finest row without one.
 
     It follows from that of the row before it and the order. Both add up as the sides of a right angle, since the error
@@ -357,7 +367,7 @@ def _own_distance(size: Array, value: Array, order: float, axis: Axis, limit: fl
 
 
 def _problem(plan: Plan, scatter: Array) -> str:
-    """What the values of a table are of."""
+    """Description of the motion that the values of a table are read of."""
     scatters = np.any(scatter > 0.0, axis=0)
     if plan.base is None:
         return "Free vibration of the structure without contacts"

@@ -41,7 +41,7 @@ ABOVE_FLOOR = 10.0
 
 
 def agrees(found: float, expected: float) -> bool:
-    """Whether a found order is the expected one, so that errors between the rows and beyond follow from it."""
+    """True if a found order is the expected one, so that errors between the rows and beyond follow from it."""
     return bool(abs(found - expected) <= AGREED)
 
 
@@ -51,12 +51,12 @@ def extrapolated(coarse: float, fine: float, ratio: float, order: float) -> floa
 
 
 def is_finer(size: Array) -> NDArray[np.bool_]:
-    """Whether each row has a smaller size than the one before, (n - 1,)."""
+    """True where a row has a smaller size than the one before, (n - 1,)."""
     return np.asarray(size[1:] < (1.0 - FALL) * size[:-1])
 
 
 def usable_rows(size: Array, value: Array, order: float) -> int:
-    """How many leading rows (n,) converge; in those behind, rounding decides.
+    """Number of leading rows that converge; rounding decides in those behind.
 
     Rounding is taken to begin where a relative difference below 1e-6 has not fallen by at least the root of what
     follows from the order.
@@ -338,12 +338,12 @@ class ConvergenceTable:
 
     @property
     def is_statistic(self) -> NDArray[np.bool_]:
-        """Whether a quantity scatters, (quantities,) of bool."""
+        """True for quantities that scatter, (quantities,) of bool."""
         return np.asarray(np.any(self.scatter > 0.0, axis=0))
 
     @property
     def recommended_is_bound(self) -> NDArray[np.bool_]:
-        """Whether fewer than the recommended number may do, (quantities,) of bool.
+        """True where fewer than the recommended number may do, (quantities,) of bool.
 
         It is where already the coarsest case has the accuracy, and where the fitted order is not the expected one: the
         number is then that of a case that has the accuracy, and none is read between the cases.
@@ -356,7 +356,7 @@ class ConvergenceTable:
 
     @property
     def meaningful(self) -> NDArray[np.bool_]:
-        """Whether a difference from the reference is beyond three standard errors, (cases, quantities) of bool."""
+        """True where a difference from the reference is beyond three standard errors, (cases, quantities) of bool."""
         noise = MEANINGFUL * np.hypot(self.scatter, self.scatter[self._finest])
         apart = self.error * np.abs(self.reference) > noise
         return np.asarray(apart | (self.scatter == 0.0))

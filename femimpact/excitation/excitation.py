@@ -113,7 +113,10 @@ class BrokenLine:
         return frequency, np.asarray(np.abs(np.fft.rfft(rest)))
 
     def motion_at(self, time: float) -> Array:
-        """ub, ub', s and s' at a time (s), as (4,): exact integrals of the line, and its slope from there on."""
+        """Base displacement ub and velocity ub' at a time (s), with the history s and its slope s', as (4,).
+
+        ub and ub' are exact integrals of s. At a sample the slope is that of the line after it.
+        """
         s, h, last = np.asarray(self.samples, dtype=float), self.interval, len(self.samples) - 1
         k = math.floor(time / h + AT_SAMPLE)
         # late in a long record the quotient at a sample itself may be rounded to less

@@ -12,12 +12,30 @@ from numpy.typing import ArrayLike, NDArray
 
 from femimpact.errors import check_fields, kind_of, place, quantity, require
 from femimpact.excitation.excitation import MEMBERS, Harmonic, has_cycle, times
-from femimpact.excitation.piecewise_polynomial import PiecewisePolynomial, fitted, pieces_of
+from femimpact.excitation.piecewise_polynomial import PiecewisePolynomial, half_sine, pieces_of
 from femimpact.excitation.sums import Sum, added, force_form_of, parts_of
 
 
+class BaseAtRest:
+    """Displacement, velocity and acceleration of a base that does not move while a force acts."""
+
+    @property
+    def amplitude(self) -> float:
+        """Amplitude of the base's motion: 0 m."""
+        return 0.0
+
+    def displacement(self, time: ArrayLike) -> NDArray[np.float64]:
+        """Base displacement: zero, m."""
+        return np.zeros_like(times(time))
+
+    velocity = displacement
+    acceleration = displacement
+
+    __add__ = added
+
+
 @dataclass(frozen=True)
-class PointForce:
+class PointForce(BaseAtRest):
     """Force on the structure at one place, the base at rest: F(t) = history(t), read as newtons.
 
     What a history was given by is the force, with its sign: the displacement where that is an amplitude (of a sine, a
@@ -62,7 +80,7 @@ class PointForce:
 
     @property
     def frequency(self) -> float:
-        """Of the force, Hz."""
+        """Frequency of the force, Hz."""
         return float(self.history.frequency)
 
     @property
@@ -72,13 +90,8 @@ class PointForce:
 
     @property
     def phase(self) -> float:
-        """Of the force at t = 0, rad."""
+        """Phase of the force at t = 0, rad."""
         return float(self.history.phase)
-
-    @property
-    def amplitude(self) -> float:
-        """Of the base's motion: none, 0 m."""
-        return 0.0
 
     def force(self, time: ArrayLike) -> NDArray[np.float64]:
         """Force (N) at times in s."""
@@ -89,13 +102,6 @@ class PointForce:
             return np.asarray(form.amplitude * np.sin(form.omega * times(time) + form.phase))
         return pieces_of(form).value(time)
 
-    def displacement(self, time: ArrayLike) -> NDArray[np.float64]:
-        """Base displacement: zero, m."""
-        return np.zeros_like(times(time))
-
-    velocity = displacement
-    acceleration = displacement
-
     @property
     def closed_form(self) -> Any:
         """Force, N."""
@@ -105,15 +111,9 @@ class PointForce:
         """The same with a closed form up to a time (s), of a sum of sines."""
         return replace(self, history=self.history.until(end)) if isinstance(self.history, Sum) else self
 
-    __add__ = added
-
-
-PIECES = 12
-"""Polynomials of degree 5 in half a sine."""
-
 
 @dataclass(frozen=True)
-class HammerBlow:
+class HammerBlow(BaseAtRest):
     """Half a sine of force at one place, the base at rest: F = pi impulse/(2 duration) sin(pi (t - begin)/duration).
 
     The history is made of 12 polynomials of degree 5, within 1e-9 of its largest value.
@@ -138,7 +138,7 @@ class HammerBlow:
 
     @property
     def frequency(self) -> float:
-        """Of the sine of which it is a half, Hz: a blow has no cycle."""
+        """Frequency of the sine of which it is a half, Hz: a blow has no cycle."""
         return 0.5 / self.duration
 
     @property
@@ -148,30 +148,14 @@ class HammerBlow:
 
     @property
     def phase(self) -> float:
-        """Not a number."""
+        """Not a number: a blow has no phase."""
         return math.nan
-
-    @property
-    def amplitude(self) -> float:
-        """Of the base's motion: none, 0 m."""
-        return 0.0
 
     @cached_property
     def closed_form(self) -> PiecewisePolynomial:
         """Force, N."""
-        largest = 0.5 * np.pi * self.impulse / self.duration
-        knots = self.begin + np.linspace(0.0, self.duration, PIECES + 1)
-        return fitted(lambda t: largest * np.sin(np.pi * (t - self.begin) / self.duration), knots)
+        return half_sine(0.5 * np.pi * self.impulse / self.duration, self.duration, self.begin)
 
     def force(self, time: ArrayLike) -> NDArray[np.float64]:
         """Force (N) at times in s."""
         return self.closed_form.value(time)
-
-    def displacement(self, time: ArrayLike) -> NDArray[np.float64]:
-        """Base displacement: zero, m."""
-        return np.zeros_like(times(time))
-
-    velocity = displacement
-    acceleration = displacement
-
-    __add__ = added

@@ -100,7 +100,7 @@ class PiecewiseMotion:
 
     @property
     def phase(self) -> float:
-        """Not a number: impacts have no phase in it."""
+        """Not a number: a motion without a cycle has no phase."""
         return math.nan
 
     @property
@@ -197,12 +197,12 @@ class SteppedSine(PiecewiseMotion):
 
     @property
     def duration(self) -> float:
-        """Of all cycles, s."""
+        """Duration of all cycles, s."""
         return float(np.sum(self.cycles / self.steps))
 
     @property
     def frequency(self) -> float:
-        """The highest one, Hz: there is no cycle that all of it has."""
+        """Highest of its frequencies, Hz: the motion has no single cycle."""
         return float(max(self.frequencies))
 
     @cached_property
@@ -347,9 +347,14 @@ class Chirp(PiecewiseMotion):
         """Acceleration of the base, m/s^2."""
         knots = self._knots
         if self.by == "amplitude":
+
+            def acceleration(time: Array) -> Array:
+                phase, rate = self.phase_at(time), 2.0 * np.pi * self.frequency_at(time)
+                return self.level * (rate * self._slope(time) * np.cos(phase) - rate**2 * np.sin(phase))
+
             phase, rate = self.phase_at(knots), 2.0 * np.pi * self.frequency_at(knots)
             starts = self.level * np.column_stack([np.sin(phase), rate * np.cos(phase)])
-            return fitted(self._acceleration_of_amplitude, knots, starts)
+            return fitted(acceleration, knots, starts)
         pieces = fitted(lambda t: self.level * np.sin(self.phase_at(t)), knots)
         end = knots.size - 1 if self.stop >= self.start else 0
         speed, place = self._integrals_at(float(knots[end]))
@@ -372,10 +377,6 @@ class Chirp(PiecewiseMotion):
         if self.kind == "linear":
             return np.asarray((self.stop - self.start) / self.duration / self.frequency_at(time))
         return np.full(np.shape(time), math.log(self.stop / self.start) / self.duration)
-
-    def _acceleration_of_amplitude(self, time: Array) -> Array:
-        phase, rate = self.phase_at(time), 2.0 * np.pi * self.frequency_at(time)
-        return self.level * (rate * self._slope(time) * np.cos(phase) - rate**2 * np.sin(phase))
 
     def _integrals_at(self, time: float) -> tuple[float, float]:
         """Velocity and displacement by acceleration at one end, from the asymptotic series of the integrals.

@@ -117,7 +117,7 @@ class PiecewisePolynomial:
 
     @property
     def degree(self) -> int:
-        """Of the pieces."""
+        """Degree of the pieces."""
         return int(self.coefficients.shape[1]) - 1
 
     @property
@@ -137,7 +137,7 @@ class PiecewisePolynomial:
 
     @cached_property
     def rate(self) -> float:
-        """How fast the pieces change (1/s): the largest n-th root of |d^n s/dt^n| over the largest |s|; 0 of lines."""
+        """Rate of change of the pieces (1/s): largest n-th root of |d^n s/dt^n| over the largest |s|; 0 of lines."""
         if self.degree <= 1:
             return 0.0
         h = np.diff(self.knots)
@@ -206,6 +206,16 @@ def fitted(
     h = np.diff(knots)
     values = np.asarray(history(knots[:-1, None] + 0.5 * h[:, None] * (1.0 + NODES)))
     return PiecewisePolynomial(knots, coefficients_through(values, h), initial[0], initial[1], starts)
+
+
+PIECES_OF_HALF_SINE = 12
+"""Polynomials of degree 5 in half a sine."""
+
+
+def half_sine(largest: float, duration: float, begin: float = 0.0) -> PiecewisePolynomial:
+    """Half a sine of a duration (s) from a time (s) on, within 1e-9 of its largest value (m/s^2 or N)."""
+    knots = begin + np.linspace(0.0, duration, PIECES_OF_HALF_SINE + 1)
+    return fitted(lambda t: largest * np.sin(np.pi * (t - begin) / duration), knots)
 
 
 def coefficients_through(values: Array, lengths: Array) -> Array:

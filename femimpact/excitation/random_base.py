@@ -72,7 +72,9 @@ class RandomBase(PiecewiseMotion):
         allowed = "must be 2 or more pairs of a frequency (Hz) and a density ((m/s^2)^2/Hz), all > 0"
         psd = real_array("psd", self.psd, "", allowed)
         good = psd.ndim == 2 and psd.shape[0] >= 2 and psd.shape[1] == 2 and bool(np.all(psd > 0.0))
-        require(good, "psd", _shown(psd), "", allowed)
+        low = psd[psd <= 0.0]
+        shown = f"{low[0]:g} among its values" if low.size and psd.ndim == 2 else f"array of shape {psd.shape}"
+        require(good, "psd", shown, "", allowed)
         falling = np.flatnonzero(np.diff(psd[:, 0]) <= 0.0)
         if falling.size:
             which = f"{psd[falling[0], 0]:.6g} and then {psd[falling[0] + 1, 0]:.6g}"
@@ -137,8 +139,3 @@ class RandomBase(PiecewiseMotion):
         knots = np.linspace(0.0, self.duration, count + 1)
         coefficients = coefficients_through(values, np.full(count, h))
         return PiecewisePolynomial(knots, coefficients, starts=np.vstack([starts, starts[0]]))
-
-
-def _shown(psd: Array) -> str:
-    low = psd[psd <= 0.0]
-    return f"{low[0]:g} among its values" if low.size and psd.ndim == 2 else f"array of shape {psd.shape}"

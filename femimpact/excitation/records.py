@@ -248,7 +248,7 @@ def _header(path: Path, text: str, columns: tuple[int | str, ...]) -> tuple[tupl
 
 
 def _kind(fields: Sequence[str], place: int) -> str:
-    """What kind of cell stands at a place of a line, without what it holds."""
+    """Kind of the cell at a place of a line: "nothing", "a text" or "a number"."""
     if place >= len(fields) or not fields[place]:
         return "nothing"
     return "a text" if decimal_number(fields[place].replace(",", ".")) is None else "a number"
@@ -502,7 +502,7 @@ class RecordedBase:
 
     @cached_property
     def has_cycle(self) -> bool:
-        """Whether half of the energy of the samples is in the largest line of the spectrum and the two on either side.
+        """True if half of the energy of the samples is in the largest line of the spectrum and the two on either side.
 
         That of a recorded sine is; noise, a pulse and a chirp have no cycle after which anything could repeat. What is
         said of `frequency` holds here: without the line of least squares, and with 2 cycles or more in the record.

@@ -80,7 +80,7 @@ def motion_warnings(
 
 
 def _distance(excitation: Excitation) -> float:
-    """How far the base moves at most (m), in a sum by the parts whose record is no pulse."""
+    """Largest displacement of the base (m), in a sum that of the parts whose record is no pulse."""
     if not isinstance(excitation, Sum):
         return float(excitation.amplitude)
     forms = [(part, getattr(part, "closed_form", None)) for part in excitation.parts]
@@ -164,12 +164,6 @@ def _total(samples: Array) -> float:
     return float(samples.sum() - 0.5 * (samples[0] + samples[-1]))
 
 
-def _levels_of_ends(samples: Array) -> tuple[float, float]:
-    """Means of the first and of the last 2 % of some samples."""
-    few = max(samples.size // PARTS, 1)
-    return float(samples[:few].mean()), float(samples[-few:].mean())
-
-
 def is_pulse(
     samples: Array,  # (n,) m/s^2
 ) -> bool:
@@ -186,7 +180,9 @@ def is_pulse(
     total, size = abs(_total(samples)), float(np.abs(samples).sum())
     if total <= LEAST_CHANGE * size:
         return False
-    ends = max(map(abs, _levels_of_ends(samples)))
+    # means of the first and of the last 2 %
+    few = max(samples.size // PARTS, 1)
+    ends = max(abs(float(samples[:few].mean())), abs(float(samples[-few:].mean())))
     bare = ends < AT_REST * abs(float(samples.mean())) and total >= ONE_SIGNED * size
     return bare or _changes_at_once(samples)
 

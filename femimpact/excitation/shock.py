@@ -9,13 +9,7 @@ import numpy as np
 
 from femimpact.errors import check_fields, choice, quantity, truth
 from femimpact.excitation.harmonic import PiecewiseMotion
-from femimpact.excitation.piecewise_polynomial import (
-    PiecewisePolynomial,
-    fitted,
-)
-
-PIECES = 12
-"""Polynomials of degree 5 in half a sine."""
+from femimpact.excitation.piecewise_polynomial import PiecewisePolynomial, half_sine
 
 RAMP = 0.1
 """Share of a trapezoid in which it rises, and in which it falls."""
@@ -68,7 +62,7 @@ class Shock(PiecewiseMotion):
 
     @property
     def frequency(self) -> float:
-        """Of the sine of which a half-sine is a half, Hz: a pulse has no cycle."""
+        """Frequency of the sine of which a half-sine is a half, Hz: a pulse has no cycle."""
         return 0.5 / self.duration
 
     @cached_property
@@ -76,7 +70,7 @@ class Shock(PiecewiseMotion):
         """Acceleration of the base, m/s^2."""
         a, d = self.level, self.duration
         if self.kind == "half-sine":
-            pulse = fitted(lambda t: a * np.sin(np.pi * t / d), np.linspace(0.0, d, PIECES + 1))
+            pulse = half_sine(a, d)
         elif self.kind == "terminal-sawtooth":
             pulse = PiecewisePolynomial([0.0, d], [[0.0, a / d]])
         else:

@@ -81,7 +81,7 @@ class Sum:
 
     @property
     def phase(self) -> float:
-        """Of the displacement at t = 0 where all are sines of one frequency, rad; else not a number."""
+        """Phase of the displacement at t = 0 where all are sines of one frequency, rad; else not a number."""
         wave = self._harmonic
         return math.nan if wave is None else (wave.phase + 2.0 * np.pi) % (2.0 * np.pi) - np.pi
 
@@ -113,7 +113,7 @@ class Sum:
 
     @cached_property
     def force_form(self) -> Form | None:
-        """What the parts are as forces, added up, N; None as of `closed_form`."""
+        """Sum of the forces (N) that the parts are; None as of `closed_form`."""
         return _sum_of([force_form_of(part) for part in parts_of(self)], self.end)
 
     def __add__(self, other: Any) -> Any:
@@ -121,7 +121,7 @@ class Sum:
 
 
 def added(first: Any, second: Any) -> Any:
-    """Both motions of the base at the same time."""
+    """Sum of two motions of the base."""
     if any(not hasattr(second, name) for name in MEMBERS):
         return NotImplemented
     return Sum((*parts_of(first), *parts_of(second)))
@@ -135,9 +135,9 @@ def parts_of(history: Any) -> tuple[Any, ...]:
 
 
 def force_form_of(history: Any) -> Form | None:
-    """What a history is as a force (N): by what it was given, else its acceleration; None without a closed form."""
-    own: Form | None = getattr(history, "force_form", None)
-    return getattr(history, "closed_form", None) if own is None else own
+    """Closed form of a history read as a force (N): that of its level, else of its acceleration; None without one."""
+    force_form: Form | None = getattr(history, "force_form", None)
+    return getattr(history, "closed_form", None) if force_form is None else force_form
 
 
 def _one_sine(forms: Sequence[Form | None]) -> Harmonic | None:
@@ -145,8 +145,8 @@ def _one_sine(forms: Sequence[Form | None]) -> Harmonic | None:
     sines = [form for form in forms if isinstance(form, Harmonic)]
     if len(sines) < len(forms) or len({form.omega for form in sines}) > 1:
         return None
-    whole = sum(form.amplitude * np.exp(1j * form.phase) for form in sines)
-    return Harmonic(float(abs(whole)), sines[0].omega, float(np.angle(whole)))
+    phasor = sum(form.amplitude * np.exp(1j * form.phase) for form in sines)
+    return Harmonic(float(abs(phasor)), sines[0].omega, float(np.angle(phasor)))
 
 
 def _sum_of(

@@ -1,4 +1,4 @@
-"""Files are written whole or not at all: under a temporary name beside the target, then renamed."""
+"""Files written under a temporary name beside the target and then renamed, so that none is left incomplete."""
 
 from __future__ import annotations
 
@@ -68,13 +68,13 @@ def atomic_path(
 
 
 def atomic_write(path: str | Path, content: str | bytes) -> None:
-    """Write text (UTF-8) or bytes to a file, whole or not at all."""
+    """Write text (UTF-8) or bytes to a file, which is complete or stays as it was."""
     with atomic_path(path) as temporary:
         temporary.write_bytes(content.encode("utf-8") if isinstance(content, str) else content)
 
 
 def to_disk(path: Path) -> None:
-    """Have the disk hold what was written to a file, or the names in a directory, before a rename relies on it."""
+    """Write a file, or the names in a directory, through to the disk, before a rename relies on it."""
     if path.is_dir() and os.name != "posix":  # no such thing outside POSIX
         return
     file = os.open(path, os.O_RDONLY if os.name == "posix" else os.O_RDWR)

@@ -339,34 +339,24 @@ def build_scene(
     structure: Structure,
     system: System,  # gives nodes and contact pairs
     exaggeration: float = 1.0,  # scales motion and clearance together, so that a ball stays in its box
-) -> Scene:
-    """The beam of its real cross-section, a box and a ball for each impactor, and the stops: what a movie shows."""
-    pieces, placed = Pieces(), placed_structure(structure, system)
-    stretches = add_beam(pieces, placed, system.nodes)
-    add_contacts(pieces, placed, exaggeration, marked=False)
-    return _scene(pieces, system, stretches, exaggeration)
-
-
-def build_whole_scene(
-    structure: Structure,
-    system: System,
-    exaggeration: float = 1.0,
     subdivisions: int = 1,  # cells of the beam for each element, at least
+    *,
+    all_parts: bool = False,  # supports, bodies, springs, dashpots and points of contact of the balls too
 ) -> Scene:
-    """The same with supports, bodies, springs, dashpots and points of contact of the balls."""
+    """The beam of its real cross-section, a box and a ball for each impactor, and the stops, as a movie shows them."""
     pieces, placed, length = Pieces(), placed_structure(structure, system), structure.beam.length
     stretches = add_beam(pieces, placed, system.nodes, subdivisions)
-    for support, x in placed.supports:
+    for support, x in placed.supports if all_parts else ():
         add_support(pieces, support.kind, x, length, structure.beam.rectangle_at(x))
-    for body, x in placed.bodies:
+    for body, x in placed.bodies if all_parts else ():
         if body.mass > 0.0:
             add_body(pieces, body, x, structure.beam.rectangle_at(x)[0])
-    for level, (_, (at, *to)) in enumerate(placed.connections):
+    for level, (_, (at, *to)) in enumerate(placed.connections if all_parts else ()):
         if to:
             add_tie(pieces, (at, to[0]), length, level)
         else:
             add_connection(pieces, at, length)
-    add_contacts(pieces, placed, exaggeration, marked=True)
+    add_contacts(pieces, placed, exaggeration, marked=all_parts)
     return _scene(pieces, system, stretches, exaggeration)
 
 

@@ -85,13 +85,13 @@ def axis_value(dataset: xarray.Dataset, axis: str, index: int) -> tuple[str, str
     return axis_words(dataset, axis), value, "" if unit == "1" else unit
 
 
-SHOWN = {"m": (1e3, "mm"), "Pa": (1e-6, "MPa"), "N s": (1e3, "mN s")}
+PREFIXES = {"m": (1e3, "mm"), "Pa": (1e-6, "MPa"), "N s": (1e3, "mN s")}
 """Units of axes and measures that are shown in another one, by its factor and its name."""
 
 
 def unit_text(value: float, unit: str) -> str:
     """A number for the eye, with its unit."""
-    factor, name = SHOWN.get(unit, (1.0, unit))
+    factor, name = PREFIXES.get(unit, (1.0, unit))
     shown = number_text(factor * float(value))
     return shown if name in ("", "1") else f"{shown} {name}"
 

@@ -1,4 +1,4 @@
-"""From a structure and a mesh to the semi-discrete equations."""
+"""Assembly of the semi-discrete equations of a structure on a mesh."""
 
 from __future__ import annotations
 
@@ -19,9 +19,10 @@ from femimpact.errors import InputWarning
 from femimpact.fem.discretisation import Discretisation, discretise, kind_of
 from femimpact.fem.mesh import Mesh
 from femimpact.structure.structure import SUPPORTS, Dashpot, Impactor, Spring, Stop, Structure, unusual_numbers
+from femimpact.system.added_terms import add_terms
 from femimpact.system.contact_pair import ContactPair, contact_pair
 from femimpact.system.hermite import Reaction, hermite_rows
-from femimpact.system.matrices import Matrix
+from femimpact.system.matrices import Matrix, frozen_row
 from femimpact.system.modes import (
     Modes,
     computed_system,
@@ -31,7 +32,6 @@ from femimpact.system.modes import (
     flexibility,
     with_checked_fields,
 )
-from femimpact.system.own_terms import add_terms
 from femimpact.system.system import System
 
 
@@ -231,14 +231,14 @@ def _undamped(grid: Discretisation) -> System:
     free, rigid = grid.free, np.zeros(grid.dofs)
     rigid[0::2] = 1.0
     momentum = M.times(rigid)
-    load = _frozen(grid.structure.gravity * momentum[free])
+    load = frozen_row(grid.structure.gravity * momentum[free])
     return computed_system(
         M=M.on(free, grid.dofs),
         C=sparse.csr_array((free.size, free.size)),
         K=K.on(free, grid.dofs),
         stiffness_factor=factor[:, free],
-        base_load=_frozen(momentum[free]),
-        rigid_translation=_frozen(rigid[free]),
+        base_load=frozen_row(momentum[free]),
+        rigid_translation=frozen_row(rigid[free]),
         nodes=grid.mesh.nodes,
         expansion=_expansion(grid),
         points=_points(grid),
@@ -256,7 +256,7 @@ def _undamped(grid: Discretisation) -> System:
 
 
 def _expansion(grid: Discretisation) -> Matrix:
-    """From the free dofs to all, (dofs, free dofs)."""
+    """Matrix from the free dofs to all, (dofs, free dofs)."""
     count = grid.free.size
     first = np.searchsorted(grid.free, np.arange(grid.dofs + 1))
     return sparse.csr_array((np.ones(count), np.arange(count), first), shape=(grid.dofs, count))
@@ -331,14 +331,14 @@ def _reactions(grid: Discretisation, M: Entries, K: Entries, momentum: Array) ->
         node = grid.node_of(support)
         for kind in SUPPORTS[support.kind]:
             held.setdefault(*((2 * node, f"{at}.force") if kind == "w" else (2 * node + 1, f"{at}.moment")))
-    still = _frozen(np.zeros(grid.free.size))
+    still = frozen_row(np.zeros(grid.free.size))
     return {
         name: Reaction(
             dof=dof,
             unit="N m" if dof % 2 else "N",
-            on_acceleration=_frozen(M.row_of(dof, grid.dofs)[grid.free]),
+            on_acceleration=frozen_row(M.row_of(dof, grid.dofs)[grid.free]),
             on_velocity=still,
-            on_displacement=_frozen(K.row_of(dof, grid.dofs)[grid.free]),
+            on_displacement=frozen_row(K.row_of(dof, grid.dofs)[grid.free]),
             on_base_acceleration=float(momentum[dof]),
             constant=float(grid.structure.gravity * momentum[dof]),
         )
@@ -351,13 +351,13 @@ def _forces_to_base(grid: Discretisation, items: Sequence[Spring | Dashpot], kin
     to_base = [item for item in items if item.to is None]
     if not to_base:
         return {}
-    still = _frozen(np.zeros(grid.free.size))
+    still = frozen_row(np.zeros(grid.free.size))
     forces = {}
     for item, row in zip(to_base, _connection_rows(grid, to_base, kind)[:, grid.free].toarray(), strict=True):
         if isinstance(item, Dashpot):
-            on_velocity, on_displacement = _frozen(-item.damping * row), still
+            on_velocity, on_displacement = frozen_row(-item.damping * row), still
         else:
-            on_velocity, on_displacement = still, _frozen(-item.stiffness * row)
+            on_velocity, on_displacement = still, frozen_row(-item.stiffness * row)
         forces[f"{item.name}.force"] = Reaction(None, "N", still, on_velocity, on_displacement, 0.0)
     return forces
 
@@ -383,9 +383,3 @@ def _points(grid: Discretisation) -> dict[str, float]:
         if body.name not in places:
             places[body.name] = grid.position_of(body.at, f"mass.{body.name}.at")
     return places
-
-
-def _frozen(array: Array) -> Array:
-    array = np.array(array, dtype=float)
-    array.setflags(write=False)
-    return array

@@ -193,7 +193,10 @@ def discretise(structure: Structure, elements: int | None = None, mesh: Mesh | N
         require(not isinstance(elements, Mesh), "elements", kind, "", "must be a whole number; pass a mesh as mesh=")
         mesh = uniform_mesh(structure, elements)  # type: ignore[arg-type]
     _check_length(structure.beam, mesh)
-    _check_names(structure, mesh)
+    bodies: tuple[Impactor | Stop, ...] = (*structure.impactors, *structure.stops)
+    for item in bodies:
+        key, allowed = f"{kind_of(item)}.{item.name}.name", "must not be the name of a point of the mesh"
+        require(item.name not in mesh.points, key, item.name, "", allowed)
     # what is refused, before what is warned of
     free = np.delete(np.arange(2 * mesh.nodes.size), _held_dofs(structure, mesh))
     sections = _sections(structure.beam, mesh)
@@ -321,13 +324,6 @@ def _held_dofs(structure: Structure, mesh: Mesh) -> list[int]:
     stiff = apart or (bool(pinned) and any(dof % 2 for dof in held)) or bool(structure.springs_to_base)
     require(stiff, "supports", len(held), "held dofs", "must hold two places of the mesh, or one place and a slope")
     return sorted(held)
-
-
-def _check_names(structure: Structure, mesh: Mesh) -> None:
-    pairs: tuple[Impactor | Stop, ...] = (*structure.impactors, *structure.stops)
-    for item in pairs:
-        free = item.name not in mesh.points
-        require(free, f"{kind_of(item)}.{item.name}.name", item.name, "", "must not be the name of a point of the mesh")
 
 
 def _check_length(beam: Beam, mesh: Mesh) -> None:

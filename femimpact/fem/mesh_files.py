@@ -7,7 +7,6 @@ import os
 import queue
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import closing, suppress
@@ -18,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.arrays import Array
+from femimpact.child_process import child_process
 from femimpact.errors import Fault, InputError, require, require_path
 from femimpact.fem.mesh import MOST_ELEMENTS, SAME_PLACE, Mesh
 from femimpact.regular_file import check_regular
@@ -74,7 +74,7 @@ def read_mesh(path: str | Path) -> Mesh:
 
 
 def read_outcomes(paths: Sequence[Path]) -> list[Mesh | InputError]:
-    """For each file, a mesh or the fault that it has; one process reads them until it has to be ended."""
+    """The mesh of each file, or its fault; one process reads them until it has to be ended."""
     unread = {path: reason for path in paths if (reason := _why_not_read(path))}
     # closed here, so that no process outlives the call
     with closing(_read_files([path for path in paths if path not in unread])) as contents:
@@ -109,49 +109,41 @@ def _outcome(path: Path, read: Mapping[str, Any] | str) -> Mesh | InputError:
 
 def _read_files(paths: Sequence[Path]) -> Generator[Mapping[str, Any]]:
     """The content of each file, or why it could not be read, in order."""
+    # one thread: each thread of linear algebra takes address space
+    environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "PYTHONIOENCODING": "utf-8"}
     done = 0
     while done < len(paths):
-        with _Reader(paths[done:]) as reader:
-            while done < len(paths) and not reader.ended:
+        left, contents = map(str, map(Path.resolve, paths[done:])), _Contents()
+        command = [sys.executable, "-P", "-W", "ignore", str(CHILD), str(MEMORY_LIMIT), *left]
+        with child_process(command, contents.listen, stderr=subprocess.DEVNULL, env=environment) as process:
+            while done < len(paths) and not contents.ended:
                 done += 1
-                yield reader.next_answer()
+                yield contents.next(process)
 
 
-class _Reader:
-    """A process that reads files, from its start to its end.
+class _Contents:
+    """What the process that reads files prints: a line for each."""
 
-    A separate thread waits for the output of the process: Windows can wait for no pipe with a time limit. It reads
-    the pipe without a buffer. The lock of a buffer that a thread waits in stops Python where it ends meanwhile.
-    """
-
-    def __init__(self, paths: Sequence[Path]) -> None:
-        # one thread: each thread of linear algebra takes address space
-        environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "PYTHONIOENCODING": "utf-8"}
+    def __init__(self) -> None:
         self.ended = False
         self._output: queue.Queue[bytes] = queue.Queue()
         self._rest = b""
-        self._process = subprocess.Popen(
-            [sys.executable, "-P", "-W", "ignore", str(CHILD), str(MEMORY_LIMIT), *map(str, map(Path.resolve, paths))],
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=environment, bufsize=0,
-        )  # fmt: skip
-        self._listener = threading.Thread(target=self._listen, args=(self._process.stdout,), daemon=True)
-        self._listener.start()
 
-    def _listen(self, pipe: IO[bytes]) -> None:
+    def listen(self, pipe: IO[bytes]) -> None:
         # no bytes mean that the process has ended
         while part := pipe.read(PIPE_BYTES):
             self._output.put(part)
         self._output.put(b"")
 
-    def next_answer(self) -> Mapping[str, Any]:
+    def next(self, process: subprocess.Popen[bytes]) -> Mapping[str, Any]:
         """The content of the next file, or why it could not be read; `ended` if the process did not survive it."""
         reason = f"not done within {TIME_LIMIT:g} s"
         with suppress(queue.Empty):
             line = self._next_line(time.monotonic() + TIME_LIMIT)
             if line is not None:
-                answer: Mapping[str, Any] = json.loads(line)
-                return answer
-            reason = f"the process that reads ended with status {self._process.wait()}"
+                content: Mapping[str, Any] = json.loads(line)
+                return content
+            reason = f"the process that reads ended with status {process.wait()}"
         self.ended = True
         return {"failure": reason}
 
@@ -166,19 +158,6 @@ class _Reader:
         line, _, self._rest = b"".join(parts).partition(b"\n")
         return line
 
-    def __enter__(self) -> _Reader:
-        return self
-
-    def __exit__(self, *_about: object) -> None:
-        # the pipe ends with the process, and the thread with the pipe
-        self._process.kill()
-        self._process.wait()
-        self._listener.join(10.0)
-        for pipe in (self._process.stdin, self._process.stdout):
-            if pipe is not None:
-                with suppress(OSError):
-                    pipe.close()
-
 
 # ---- from what a file holds to a beam -------------------------------------------------------------
 
@@ -189,7 +168,10 @@ def _beam_mesh(read: Mapping[str, Any], label: str) -> Mesh:
     require(not unsupported, "mesh.file", label, "", f"must hold two-node lines only, found {unsupported}")
     count = sum(len(data) for kind, data in cells if kind == "line")
     require(0 < count <= 2 * MOST_ELEMENTS, "mesh.file", label, "", f"must hold line elements, 1 to {MOST_ELEMENTS}")
-    points = _coordinates(read["points"], label)
+    points = np.asarray(read["points"], dtype=float)
+    located = points.ndim == 2 and points.shape[1] in (1, 2, 3) and bool(np.all(np.isfinite(points)))
+    require(located, "mesh.file", label, "", "must hold finite coordinates in x, y and z")
+    points = np.hstack([points, np.zeros((len(points), 3 - points.shape[1]))])
     for kind, data in cells:
         ends = np.asarray(data)
         shaped = len(data) == 0 or (ends.ndim == 2 and ends.shape[1] == {"line": 2, "vertex": 1}[kind])
@@ -200,7 +182,10 @@ def _beam_mesh(read: Mapping[str, Any], label: str) -> Mesh:
     lines, owner = _merged(lines, members)
     _check_branches(lines, points, label)
     used = np.unique(lines)
-    _check_axis(points[used], label)
+    x, *beside = np.ptp(points[used], axis=0)
+    size = f"x {x:.4g}, y {beside[0]:.4g}, z {beside[1]:.4g} m"
+    along_x = x > 0 and max(beside) <= SAME_PLACE * x
+    require(along_x, "mesh.file", label, "", f"must lie along the x axis; its extent is {size}")
     order = used[np.argsort(points[used, 0], kind="stable")]
     nodes = points[order, 0] - points[order[0], 0]
     rank = np.full(len(points), -1)
@@ -211,13 +196,6 @@ def _beam_mesh(read: Mapping[str, Any], label: str) -> Mesh:
     _check_row(ends, nodes, points[order[0], 0], label, unsaved)
     regions = {name: np.unique(ends[owner[chosen], 0]) for name, chosen in members.items() if chosen.size}
     return Mesh(nodes, _named_points(read, cells, rank, nodes), regions)
-
-
-def _coordinates(given: Any, label: str) -> Array:
-    points = np.asarray(given, dtype=float)
-    located = points.ndim == 2 and points.shape[1] in (1, 2, 3) and bool(np.all(np.isfinite(points)))
-    require(located, "mesh.file", label, "", "must hold finite coordinates in x, y and z")
-    return np.hstack([points, np.zeros((len(points), 3 - points.shape[1]))])
 
 
 def _members(groups: Mapping[str, Any], cells: Sequence[tuple[str, Any]]) -> dict[str, NDArray[np.int64]]:
@@ -260,13 +238,6 @@ def _check_branches(lines: NDArray[np.int64], points: Array, label: str) -> None
     place = ", ".join(f"{x:.6g}" for x in points[busy])
     allowed = f"must be one unbroken row of line elements: a branch at ({place}) m, where {degree[busy]} lines meet"
     require(degree[busy] <= 2, "mesh.file", label, "", allowed)
-
-
-def _check_axis(points: Array, label: str) -> None:
-    extent = np.ptp(points, axis=0)
-    along_x = extent[0] > 0 and max(extent[1], extent[2]) <= SAME_PLACE * extent[0]
-    size = f"x {extent[0]:.4g}, y {extent[1]:.4g}, z {extent[2]:.4g} m"
-    require(along_x, "mesh.file", label, "", f"must lie along the x axis; its extent is {size}")
 
 
 def _check_row(ends: NDArray[np.int64], nodes: Array, root: float, label: str, unsaved: str) -> None:

@@ -1,4 +1,4 @@
-"""Damping and frequency from a response curve: arrays in, estimates out, measured or simulated alike."""
+"""Damping and frequency from a response curve: arrays of a measured or simulated curve in, estimates out."""
 
 from femimpact.identification.bandwidth import (
     UNRESOLVED,

@@ -1,4 +1,4 @@
-"""The half-power bandwidth of a response curve, whether its points resolve a peak, and the estimate of damping."""
+"""Estimates of damping, half-power bandwidth of a response curve, and resolution of a peak by its points."""
 
 from __future__ import annotations
 
@@ -127,7 +127,7 @@ class PeakResolution:
 
     @property
     def resolved(self) -> bool:
-        """Whether the width holds enough steps for a damping ratio and a peak."""
+        """True if the width holds enough steps for a damping ratio and a peak."""
         return self.width >= RESOLVED * self.step
 
     @property

@@ -21,7 +21,7 @@ DRAWS = 1999
 """Simulated curves of noise."""
 
 SEED = 20240607
-"""Of the simulated noise: the same misfits are judged alike in every call."""
+"""Of the simulated noise: every call judges the same misfits in the same way."""
 
 BLOCK = 2_000_000
 """Numbers that are drawn at a time."""
@@ -36,22 +36,23 @@ def pattern_in(
     # what a further term of the model, by its name, adds per unit of each of its k parameters
     shapes: Mapping[str, Array],
 ) -> str:
-    """What is seen in the misfits of a least-squares fit that noise seldom shows, in words; nothing otherwise.
+    """Text on a pattern in the misfits of a least-squares fit that noise seldom shows; empty where there is none.
 
     Seldom is in 1 of 200 curves or fewer with independent noise of one size at all points, for each of
 
     - the correlation of neighbours, sum r_i r_(i+1) / sum r_i^2, which smooth misfits make large;
     - the largest share of sum r_i^2 that one of the shapes takes away.
     """
-    own, _ = np.linalg.qr(tangents)
-    bases = [_beyond(own, shape) for shape in shapes.values()]
-    correlation, share, which = (float(x[0]) for x in _read(misfit[:, None] - own @ (own.T @ misfit[:, None]), bases))
+    tangent_basis, _ = np.linalg.qr(tangents)
+    bases = [_beyond(tangent_basis, shape) for shape in shapes.values()]
+    left = misfit[:, None] - tangent_basis @ (tangent_basis.T @ misfit[:, None])
+    correlation, share, which = (float(x[0]) for x in _read(left, bases))
     random, counts = np.random.default_rng(SEED), np.zeros(2)
     block = max(1, BLOCK // misfit.size)
     for first in range(0, DRAWS, block):
         noise = random.standard_normal((misfit.size, min(block, DRAWS - first)))
-        alike, taken, _ = _read(noise - own @ (own.T @ noise), bases)
-        counts += np.sum(alike >= correlation), np.sum(taken >= share)
+        correlations, shares, _ = _read(noise - tangent_basis @ (tangent_basis.T @ noise), bases)
+        counts += np.sum(correlations >= correlation), np.sum(shares >= share)
     seldom = (1.0 + counts) / (1.0 + DRAWS) <= LEVEL
     found = []
     if seldom[0]:
@@ -61,9 +62,9 @@ def pattern_in(
     return " and ".join(found)
 
 
-def _beyond(own: Array, shape: Array) -> Array:
-    """Orthonormal columns (n, k or fewer) of what a shape has beyond the fit's own tangents."""
-    left = shape - own @ (own.T @ shape)
+def _beyond(tangent_basis: Array, shape: Array) -> Array:
+    """Orthonormal columns (n, k or fewer) of the part of a shape that is orthogonal to the tangents of the fit."""
+    left = shape - tangent_basis @ (tangent_basis.T @ shape)
     columns, size, _ = np.linalg.svd(left, full_matrices=False)
     return np.asarray(columns[:, size > INDEPENDENT * np.linalg.norm(shape)])
 
@@ -71,9 +72,9 @@ def _beyond(own: Array, shape: Array) -> Array:
 def _read(misfit: Array, bases: Sequence[Array]) -> tuple[Array, Array, NDArray[np.intp]]:
     """Correlation of neighbours, the largest share that a shape takes, and which one, of each column of misfits."""
     size = np.sum(misfit**2, axis=0)
-    alike = np.sum(misfit[1:] * misfit[:-1], axis=0) / size
+    correlation = np.sum(misfit[1:] * misfit[:-1], axis=0) / size
     taken = [np.sum((basis.T @ misfit) ** 2, axis=0) for basis in bases]
-    return alike, np.max(taken, axis=0) / size, np.argmax(taken, axis=0)
+    return correlation, np.max(taken, axis=0) / size, np.argmax(taken, axis=0)
 
 
 ENOUGH_POINTS = 15
@@ -155,9 +156,9 @@ def fit_one_pole(
     DampingEstimate
         With the 95 % interval of the linearised fit for independent noise of one size at all points. There is none
         where fewer than 15 points are fitted, or the misfit shows a pattern that such noise shows in at most 1 of 100
-        curves, by a Monte Carlo test (Hope, 1968): neighbours alike, or a second pole or a constant beside the first
-        that would take much of it away (see `femimpact.identification.one_pole`). There is no ratio where the points do
-        not determine it or the largest amplitude is at an end of the grid.
+        curves, by a Monte Carlo test (Hope, 1968): neighbouring residuals are correlated, or a second pole or a
+        constant added to the fit would remove much of the misfit (see `femimpact.identification.one_pole`). There is
+        no ratio where the points do not determine it or the largest amplitude is at an end of the grid.
 
     Raises
     ------
@@ -273,7 +274,7 @@ def _spread_of_logarithm(jacobian: Array, squares: float, quantile: Any) -> floa
 
 
 def _further_terms(f: Array, pole: Array, at: float) -> dict[str, Array]:
-    """What a constant and second poles add to a curve of one pole, per unit of the parts of their complex factor.
+    """Derivatives of a curve of one pole by the complex factors of a constant and of second poles added to it.
 
     d|X + c Y| by the real and the imaginary part of c, at none of it. Second poles are as wide as the first and stand
     a half-power width apart, from two widths before the first point to two behind the last.

@@ -1,4 +1,4 @@
-"""What a method returns, and the cases that it is handed: starts, contacts, memory, threads."""
+"""Cases of a method and their results; starts, contacts, memory and threads of cases."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class AchievedRestitution:
 
 @dataclass(frozen=True)
 class MethodCost:
-    """What one base cycle of one case takes, roughly, on one core of a 2024 server."""
+    """Approximate cost of one base cycle of one case, on one core of a 2024 server."""
 
     history_seconds: float  # s: of a run alone; of a case of a sweep, with what the sweep without balls takes beside it
     sweep_seconds: float  # s
@@ -65,14 +65,14 @@ class SineDwells:
 
     amplitude: float  # m: of the base
     frequency: Array  # (n,) Hz
-    cycles: NDArray[np.int64]  # (n,) whole base cycles run
+    cycles: NDArray[np.int64]  # (n,) complete base cycles run
     measured: NDArray[np.int64]  # (n,) of these at the end
     phase: float = 0.0  # rad: of the base at t = 0
 
 
 @dataclass(frozen=True, eq=False)
 class SineCases:
-    """Dwells of one system under sine motions of the base, each with its own numbers."""
+    """Dwells of one system under sine motions of the base, each with its frequency, amplitude, gaps, laws and start."""
 
     frequency: Array  # (n,) of the base: Hz, m and rad
     amplitude: Array  # (n,)
@@ -85,9 +85,9 @@ class SineCases:
     # not numbers the balls are where the initial state has them.
     ball_displacement: Array
     ball_velocity: Array  # (n, balls)
-    cycles: NDArray[np.int64]  # (n,) whole base cycles run, and how many of them at the end are measured
+    cycles: NDArray[np.int64]  # (n,) complete base cycles run, and how many of them at the end are measured
     measured: NDArray[np.int64]  # (n,)
-    # (dofs,) systems in place of the common one, with the row of the observed place of each: alike in the number of
+    # (dofs,) systems in place of the common one, with the row of the observed place of each: equal in the number of
     # dofs, and in their pairs but for numbers. For methods with a member `run_cases`; none for the common one.
     systems: tuple[tuple[System, Array], ...] = ()
     system_of: NDArray[np.int64] | None = None  # (n,) which of them a case has
@@ -95,8 +95,8 @@ class SineCases:
     def of(self, members: NDArray[np.intp]) -> SineCases:
         """Some of the cases."""
         common = ("laws", "initial", "systems")
-        own = {item.name: getattr(self, item.name) for item in fields(self) if item.name not in common}
-        return replace(self, **{name: values[members] for name, values in own.items() if values is not None})
+        columns = {item.name: getattr(self, item.name) for item in fields(self) if item.name not in common}
+        return replace(self, **{name: values[members] for name, values in columns.items() if values is not None})
 
     def system(self, case: int, common: System) -> System:
         """That of a case."""
@@ -185,7 +185,7 @@ def memory_needed(
 
 
 def modes_kept(system: System, recorder: Recorder) -> int:
-    """For how many modes the energies are kept separately: all of a system on its modes, with a ledger."""
+    """Number of modes whose energies are kept separately: all of a system on its modes, with a ledger."""
     return system.dofs if recorder.ledger and system.is_diagonal else 0
 
 
@@ -212,7 +212,7 @@ def check_memory(
 
 
 def kept_rows(recorder: Recorder, steps: int, dt: float) -> tuple[int, int]:
-    """Rows for samples and snapshots: of the whole run, or of the largest piece of it."""
+    """Rows for samples and snapshots: of the run, or of its largest piece where it has a sink."""
     first, first_field = first_steps(recorder, steps, dt)
     samples = (steps - first) // recorder.every + 1
     snapshots = (steps - first_field) // recorder.snapshots + 1 if recorder.snapshots else 0

@@ -47,7 +47,7 @@ class Drive:
 
     @property
     def in_pieces(self) -> bool:
-        """Whether s(t) is made of polynomials between knots, straight lines among them."""
+        """True if s(t) is made of polynomials between knots, straight lines among them."""
         return isinstance(self.closed_form, BrokenLine | PiecewisePolynomial)
 
     @cached_property
@@ -58,12 +58,12 @@ class Drive:
 
     @property
     def is_sine(self) -> bool:
-        """Whether s(t) is a sine; the values of anything else are tabulated by methods that take steps."""
+        """True if s(t) is a sine; the values of anything else are tabulated by methods that take steps."""
         return isinstance(self.closed_form, Harmonic)
 
     @property
     def base_amplitude(self) -> float:
-        """Of the base's displacement under a sine, m."""
+        """Amplitude of the base's displacement under a sine, m."""
         return -self.share * self.sine.amplitude / self.omega**2
 
     def value(self, time: Array) -> Array:
@@ -234,10 +234,10 @@ def _free_of_reactions(system: System, drive: Drive, reading: Reading) -> Readin
         item, weight = items[i], reading.reaction[i]
         contact = weight * system.contact_shares[i]
         springs = contact * [pair.free_stiffness for pair in system.contacts]
-        own = [spring * pair.direction for spring, pair in zip(springs, system.contacts, strict=True)]
+        pulls = [spring * pair.direction for spring, pair in zip(springs, system.contacts, strict=True)]
         reading = replace(
             reading,
-            displacement=reading.displacement + weight * item.on_displacement + np.sum(own, axis=0),
+            displacement=reading.displacement + weight * item.on_displacement + np.sum(pulls, axis=0),
             velocity=reading.velocity + weight * item.on_velocity,
             acceleration=reading.acceleration + weight * item.on_acceleration,
             ball_displacement=reading.ball_displacement - springs,
@@ -257,25 +257,27 @@ def _row(
     balls = np.array([not pair.is_stop for pair in system.contacts], dtype=bool)
     y, y_rate = reading.ball_displacement * balls, reading.ball_velocity * balls
     driven, constant = reading.point_force * (1.0 - drive.share), reading.constant
-    # what accelerations read of all that a pair does to structure and ball
-    whole = np.zeros(len(system.contacts))
+    # accelerations read, by the force of each pair on structure and ball
+    per_force = np.zeros(len(system.contacts))
     if np.any(reading.acceleration):
         z = np.atleast_1d(scipy.sparse.linalg.spsolve(system.M.tocsc(), reading.acceleration))
         displacement -= system.K.T @ z
         velocity -= system.C.T @ z
         driven += float(drive.load @ z)
         constant += float(np.asarray(system.constant_load) @ z)
-        whole += [float(pair.direction @ z) for pair in system.contacts]
+        per_force += [float(pair.direction @ z) for pair in system.contacts]
     for j, pair in enumerate(system.contacts):
         if pair.is_stop:
             continue
         weight = reading.ball_acceleration[j]
-        whole[j] -= weight * pair.mobility
+        per_force[j] -= weight * pair.mobility
         driven -= weight * drive.share
         constant += weight * pair.acceleration
         if springs_apart:
-            spring = pair.free_stiffness * whole[j]
+            spring = pair.free_stiffness * per_force[j]
             y[j] += spring
             displacement -= spring * pair.direction
-    contact, pairs = (reading.contact_force + whole, 0.0 * whole) if springs_apart else (reading.contact_force, whole)
+    contact, pairs = reading.contact_force, per_force
+    if springs_apart:
+        contact, pairs = contact + per_force, 0.0 * per_force
     return displacement, velocity, y, y_rate, contact, pairs, reading.base, driven, constant

@@ -1,4 +1,4 @@
-"""What a method answers for itself, and the methods by the names of a study file."""
+"""Protocol of a method of time integration, and the methods by the names of a study file."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Method(Protocol):
     """A method of time integration, from a system and an excitation to a response.
 
     A user's class with these members is a method like those of `METHODS`; one with steps of the Newmark
-    family has them all from `stepping.newmark.SteppingAnswers` but its scheme.
+    family has them all from `stepping.newmark.SteppingMembers` but its scheme.
     """
 
     @classmethod
@@ -33,10 +33,10 @@ class Method(Protocol):
 
     @property
     def unit(self) -> str:
-        """What the instants are called at which a run can be read: "steps" or "samples"."""
+        """Name of the instants at which a run can be read: "steps" or "samples"."""
 
     def description(self, frequency: float, origin: str) -> str:
-        """How it advances in time under a drive of a frequency (Hz), in words; `origin` says where fields come from."""
+        """Words for its scheme and step under a drive of a frequency (Hz); `origin` says where fields come from."""
 
     def check(self, system: System) -> tuple[str, ...]:
         """Warnings on a system; `InputError` for one that the method does not take."""
@@ -68,7 +68,7 @@ class Method(Protocol):
         """Restitution of a collision at a speed (m/s) with the method's step; None where it has none for the law."""
 
     def cost(self, system: System, frequency: float) -> MethodCost:
-        """What one cycle of a frequency (Hz) takes on a system."""
+        """Time and memory that one cycle of a frequency (Hz) takes on a system."""
 
     def run(
         self, system: System, excitation: Excitation, duration: float, recorder: Recorder, initial: State,
@@ -107,15 +107,15 @@ METHODS: Mapping[str, type[Method]] = {
 }
 """Methods by the name that a study file gives them."""
 
-ANSWERS = tuple(name for name in vars(Method) if not name.startswith("_"))
+MEMBERS = tuple(name for name in vars(Method) if not name.startswith("_"))
 """Members that a value must have to be a method, beside one of `run_cases` and `run_dwells`."""
 
 
 def require_method(method: object) -> None:
-    """Raise `InputError` unless the value answers as a method does, and name what one of the user's own lacks."""
+    """Raise `InputError`, naming the missing members, unless the value has all members of a method."""
     *others, last = (noun.__name__ for noun in METHODS.values())
     allowed = f"must be a {', '.join(others)} or {last}"
-    needed = ANSWERS if hasattr(method, "run_cases") else (*ANSWERS, "run_dwells")
+    needed = MEMBERS if hasattr(method, "run_cases") else (*MEMBERS, "run_dwells")
     missing = [name for name in needed if not hasattr(method, name)]
     if missing and len(missing) < len(needed):
         allowed += f", or a method of your own that also has {', '.join(missing)}"

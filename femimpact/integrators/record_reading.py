@@ -1,11 +1,9 @@
-"""What straight lines between the samples of a record change: the peak without contacts, beside a cubic spline."""
+"""Warning of a coarse record: peaks without contacts by straight lines and by a cubic spline through its samples."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,7 +48,9 @@ def record_warnings(
     Compared is the default place's peak up to a time, from rest at t = 0, of the structure without contacts in its
     first mode, and the second one if that is below half the sampling rate.
     """
-    records = _records_of(excitation)
+    parts = getattr(getattr(excitation, "history", excitation), "parts", (excitation,))
+    forms = (getattr(part, "closed_form", None) for part in parts)
+    records = [form for form in forms if isinstance(form, BrokenLine)]
     if not records or end <= 0.0:
         return ()
     interval = min(line.interval for line in records)
@@ -69,13 +69,6 @@ def record_warnings(
     )
 
 
-def _records_of(excitation: Any) -> list[BrokenLine]:
-    """The samples of a record, or of those in a sum."""
-    parts = getattr(getattr(excitation, "history", excitation), "parts", (excitation,))
-    forms = (getattr(part, "closed_form", None) for part in parts)
-    return [form for form in forms if isinstance(form, BrokenLine)]
-
-
 def _peaks(bare: System, excitation: Excitation, records: list[BrokenLine], end: float) -> tuple[float, float]:
     """Largest |w| (m) of the default place by straight lines and by cubic splines."""
     drive, interval = drive_of(bare, excitation), min(line.interval for line in records)
@@ -89,7 +82,9 @@ def _peaks(bare: System, excitation: Excitation, records: list[BrokenLine], end:
     # integral of e^{lambda (step - t)} s(t) over a step, its real and imaginary part: a real product is fast
     weights = (0.5 * step * WEIGHTS * np.exp(poles[:, None] * (step - inside))).T.copy().view(float)
     held, peaks = np.zeros((2, poles.size), dtype=complex), np.zeros(2)
-    for time in _pieces(step, end):
+    count = max(math.ceil(end / step - 1e-6), 1)
+    for first in range(0, count, PIECE):
+        time = np.asarray(step * np.arange(first, min(first + PIECE, count)))
         within = time[:, None] + inside
         by_lines = drive.value(within.ravel()).reshape(within.shape)
         more = sum((_beside_lines(line, within) for line in records), np.zeros_like(by_lines))
@@ -118,13 +113,6 @@ def _modes(bare: System, drive: Drive, most: float) -> tuple[NDArray[np.complex1
     return poles, (bare.point_row(bare.default_place) @ vectors) * (drive.load @ vectors) / poles.imag
 
 
-def _pieces(step: float, end: float) -> Iterator[Array]:
-    """Instants (s) from 0 up to a time, some at once."""
-    count = max(math.ceil(end / step - 1e-6), 1)
-    for first in range(0, count, PIECE):
-        yield np.asarray(step * np.arange(first, min(first + PIECE, count)))
-
-
 def _beside_lines(line: BrokenLine, time: Array) -> Array:
     """The cubic spline through samples less the straight lines, at rising times (s); zero beyond the last sample."""
     from scipy.interpolate import CubicSpline
@@ -134,8 +122,8 @@ def _beside_lines(line: BrokenLine, time: Array) -> Array:
     last = min(int(time[-1, -1] / h) + BESIDE, samples.size)
     if last - first < 3:
         return np.zeros_like(time)
-    knots, own = h * np.arange(first, last), samples[first:last]
-    apart = CubicSpline(knots, own)(time) - np.interp(time, knots, own)
+    knots, values = h * np.arange(first, last), samples[first:last]
+    apart = CubicSpline(knots, values)(time) - np.interp(time, knots, values)
     return np.where(time < h * (samples.size - 1), apart, 0.0)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import fields
 from typing import Any, cast, overload
 
@@ -91,9 +91,9 @@ def integrate(
     excitation : Sine, PointForce, RecordedBase or another `Excitation`, or a sequence of them
         Each of a sequence has a separate run.
     method : Newmark, HHT, WBZ, GeneralizedAlpha, MoreauJean or EventDriven
-        Or any other that has the answers of `methods.Method`.
+        Or any other with the members of `methods.Method`.
     duration : float, s
-        Rounded to whole steps, or to whole samples.
+        Rounded to a whole number of steps or of samples.
     record : Recorder, optional
         What to keep of each run; by default the tip, the balls and the contact forces at every
         step. Its memory limit holds for one run.
@@ -129,12 +129,7 @@ def integrate(
     share_done = check_progress(progress)
     workers = workers_of(threads)
     several = isinstance(excitation, Sequence) and not isinstance(excitation, (str, bytes))
-    drives = list[Any]()
-    for drive in cast(Sequence[Any], excitation) if several else (excitation,):
-        # each before the next: of a long range none is made
-        require_excitation(drive)
-        drives.append(drive)
-    require(len(drives) > 0, "excitation", None, "", "must be one or more")
+    drives = _checked_drives(cast(Sequence[Any], excitation) if several else (excitation,))
     alone = recorder.sink is None or len(drives) == 1
     require(alone, "record.sink", None, "", "must serve one run: pieces of several could not be distinguished")
 
@@ -143,26 +138,44 @@ def integrate(
         if isinstance(drive, Sum | PointForce) and in_range(duration, quantity("s", above=0.0)):
             drive = drive.until(start.time + duration + 0.5 * (recorder.interval or 0.0))
         response = _without_cycles(method.run(system, drive, duration, recorder, start, report))
-        warnings = motion_warnings(drive, system.length)
-        warnings += drive_warnings(drive, system.highest_kept, system.first_left_out)
-        warnings += record_warnings(system, drive, start.time + duration)
-        warnings += deflection_warnings(_largest_deflections(response, recorder), system.length)
-        notes = (
-            *motion_notes(drive, system.length, start.time + duration),
-            *_other_end(response, start.time + duration),
-            *_stops_not_met(response),
-            *_begins_within(system, drive, start),
-        )
-        if not (warnings or notes):
-            return response
-        return changed(response, warnings=(*response.warnings, *warnings), notes=(*response.notes, *notes))
+        return _with_remarks(response, system, drive, recorder, start, start.time + duration)
 
     responses = run_each(run, drives, workers, share_done)
     return responses if several else responses[0]
 
 
+def _checked_drives(excitations: Iterable[Any]) -> list[Any]:
+    """The excitations, one or more, each checked before the next: of a long range none is made."""
+    drives = list[Any]()
+    for drive in excitations:
+        require_excitation(drive)
+        drives.append(drive)
+    require(len(drives) > 0, "excitation", None, "", "must be one or more")
+    return drives
+
+
+def _with_remarks(
+    response: Response, system: System, drive: Excitation, recorder: Recorder, start: State,
+    end: float,  # s: asked for
+) -> Response:  # fmt: skip
+    """The response with warnings and notes on its excitation, deflections, end, stops and start."""
+    warnings = motion_warnings(drive, system.length)
+    warnings += drive_warnings(drive, system.highest_kept, system.first_left_out)
+    warnings += record_warnings(system, drive, end)
+    warnings += deflection_warnings(_largest_deflections(response, recorder), system.length)
+    notes = (
+        *motion_notes(drive, system.length, end),
+        *_other_end(response, end),
+        *_stops_not_met(response),
+        *_begins_within(system, drive, start),
+    )
+    if not (warnings or notes):
+        return response
+    return changed(response, warnings=(*response.warnings, *warnings), notes=(*response.notes, *notes))
+
+
 def _without_cycles(response: Response) -> Response:
-    """The same with no impacts per cycle where the excitation has no cycle, and the rms of the whole last third."""
+    """The same with no impacts per cycle where the excitation has no cycle, and the rms of all of the last third."""
     if has_cycle(response.base):
         return response
     values = response.channels.get(response.system.default_place)
@@ -174,7 +187,7 @@ def _without_cycles(response: Response) -> Response:
 
 
 def _other_end(response: Response, asked: float) -> tuple[str, ...]:
-    """A note on a run whose end (s), at a whole step or reading, is another one than was asked for."""
+    """A note on a run that ends, at a step or a reading, at another time (s) than was asked for."""
     end = asked if response.final_state is None else response.final_state.time
     if abs(end - asked) <= OTHER_END * (asked - response.start):
         return ()
@@ -214,7 +227,7 @@ def _stops_not_met(response: Response) -> list[str]:
 
 
 def _largest_deflections(response: Response, recorder: Recorder) -> list[float]:
-    """Largest |w| (m): of the default place over the last third of the run, of recorded places over the whole run."""
+    """Largest |w| (m): of the default place over the last third of the run, of recorded places over all of the run."""
     system, found = response.system, [float(response.steady.peak[0])]
     balls = [pair.name for pair in system.contacts]
     for channel in resolve_channels(system, recorder.channels):
@@ -260,15 +273,15 @@ def run_cases(
     InputError
         If a case cannot be run at all.
     """
-    own: Callable[..., SineDwellResults] | None = getattr(method, "run_cases", None)
-    if own is not None and (getattr(method, "takes_several_systems", False) or _are_plain(system, cases)):
-        return own(system, cases, observed, instants, workers, progress)
+    run_all: Callable[..., SineDwellResults] | None = getattr(method, "run_cases", None)
+    if run_all is not None and (getattr(method, "takes_several_systems", False) or _are_plain(system, cases)):
+        return run_all(system, cases, observed, instants, workers, progress)
     groups, parts, done = equal_groups(cases, "amplitude", "phase"), list[SineDwellResults](), 0
     for members in groups:
         first, share = int(members[0]), _share_of(progress, done, members.size, cases.frequency.size)
         with_contacts = with_contacts_of(system, cases, first)
-        if own is not None:
-            parts.append(own(with_contacts, cases.of(members), observed, instants, workers, share))
+        if run_all is not None:
+            parts.append(run_all(with_contacts, cases.of(members), observed, instants, workers, share))
         else:
             dwells = SineDwells(
                 float(cases.amplitude[first]), cases.frequency[members], cases.cycles[members], cases.measured[members],
@@ -289,7 +302,7 @@ def _share_of(progress: Progress | None, done: int, count: int, total: int) -> P
 
 
 def _are_plain(system: System, cases: SineCases) -> bool:
-    """Whether no start follows from statics, and no law is a function: the cases of a step may differ in the rest."""
+    """True if no start follows from statics, and no law is a function: the cases of a step may differ in the rest."""
     static = cases.initial.is_static_on(system) or bool(np.any(cases.gaps < 0.0))
     pairs = [(law, pair) for laws in cases.laws for law, pair in zip(laws, system.contacts, strict=True)]
     return not static and all(law.force_function(pair.effective_mass) is None for law, pair in pairs)
@@ -315,7 +328,7 @@ def _in_order(parts: list[SineDwellResults], order: NDArray[np.intp]) -> SineDwe
 def achieved_restitution(
     pair: ContactPair, method: Method, approach_speed: float, phases: int = 32
 ) -> AchievedRestitution:
-    """Restitution that a method achieves when the pair's effective mass collides with a wall in its own steps.
+    """Restitution that a method achieves when the pair's effective mass collides with a wall, computed with its steps.
 
     Parameters
     ----------

@@ -1,30 +1,23 @@
-"""What a parameter study is: its axes, its measures and its starts, checked before the first case."""
+"""`ParameterStudy`: axes, measures and starts, checked before the first case; and the table of its cases."""
 
 from __future__ import annotations
 
 import inspect
+import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from femimpact.errors import (
-    Fault,
-    InputError,
-    check_fields,
-    kind_of,
-    optional,
-    quantity,
-    require,
-    require_type,
-)
+from femimpact.arrays import Integers
+from femimpact.errors import Fault, InputError, check_fields, kind_of, optional, quantity, require, require_type
 from femimpact.excitation import Sine
 from femimpact.integrators.methods import Method, require_method
-from femimpact.parametric.cases import CaseSystems, CaseTable, full_grid, listed_cases, sampled_cases
 from femimpact.parametric.measures import Measure, check_names, measures_of
 from femimpact.parametric.paths import (
+    CaseSystems,
     Place,
     Stage,
     paths_of_function,
@@ -34,9 +27,9 @@ from femimpact.parametric.paths import (
     unknown_path,
 )
 from femimpact.structure.structure import Position
-from femimpact.study.base_motion import SignalMotion
+from femimpact.study.base_motion import BaseMotion, SignalMotion
 from femimpact.study.parameter_plan import MOST_STARTS, AxisValues, Distribution, SamplePlan, axis_from
-from femimpact.study.study import BaseMotion, Study
+from femimpact.study.study import Study
 from femimpact.system.system import System
 
 CHECKED = 500
@@ -44,6 +37,8 @@ CHECKED = 500
 
 CYCLES = 300
 """Of the base in a case, where neither the call nor the study says."""
+
+MOST_CASES = 100_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +72,7 @@ class ParameterStudy:
     elements, modes : int
         Of the structures that a function returns.
     version : str, optional
-        Of functions of the user's own, in place of their code.
+        Of the functions given, in place of their code.
 
     Raises
     ------
@@ -153,7 +148,7 @@ class ParameterStudy:
 
     @property
     def distributions(self) -> dict[str, Distribution]:
-        """Those of the axes of a sample, by their paths."""
+        """Distributions of the axes of a sample, by their paths."""
         return {path: axis for path, axis in self._axes.items() if isinstance(axis, Distribution)}
 
     @cached_property
@@ -171,7 +166,7 @@ class ParameterStudy:
 
     @cached_property
     def known(self) -> dict[str, Place]:
-        """Every value that an axis may have."""
+        """All values that an axis may change, by their paths."""
         if isinstance(self.study, Study):
             return paths_of_study(self.study)
         if isinstance(self.study, System):
@@ -193,14 +188,14 @@ class ParameterStudy:
     def table(self) -> CaseTable:
         """All cases."""
         if self._rows is not None:
-            return listed_cases(self.places, self._rows)
+            return _of_columns(self.places, [tuple(row[place.path] for row in self._rows) for place in self.places])
         if self.plan_of_sample is not None:
             return sampled_cases(self.places, self._axes, self.plan_of_sample)
         return full_grid(self.places, self._axes)
 
     @cached_property
     def systems(self) -> CaseSystems:
-        """What makes the systems of cases."""
+        """Systems and methods of cases, made when they are asked for."""
         return CaseSystems(self.study, self.method, self.elements, self.modes)
 
     @cached_property
@@ -223,12 +218,12 @@ class ParameterStudy:
 
     @property
     def has_cycle(self) -> bool:
-        """Whether the base moves by a sine: cases of other motions are runs of their whole history."""
+        """True if the base moves by a sine: cases of other motions are runs of the complete history."""
         return not isinstance(self.study, Study) or isinstance(self.study.base, BaseMotion)
 
     @property
     def _motion(self) -> str:
-        """What the base does, where it has no cycle."""
+        """Name of the motion of a base that has no cycle."""
         base: Any = self.study.base  # type: ignore[union-attr]
         return f"a motion of kind {base.kind!r}" if isinstance(base, SignalMotion) else f"the record {base.record!r}"
 
@@ -303,7 +298,7 @@ class ParameterStudy:
             require(given or one.kind in (one.VAR_POSITIONAL, one.VAR_KEYWORD), one.name, None, "", allowed)
 
     def _faults_of(self, place: Place, values: Sequence[Any]) -> list[Fault]:
-        """What is wrong with values of an axis, each alone: they may still not fit those of other axes."""
+        """The first fault among values of an axis, each alone: they may still not fit those of other axes."""
         if len(values) > CHECKED and all(isinstance(value, (int, float)) for value in values):
             values = (min(values), max(values))
         for value in values:
@@ -329,7 +324,7 @@ class ParameterStudy:
             _check_pair(self.nominal, place, value)
 
     def _check_nominal(self) -> None:
-        """Refuse what would stop every case: a place, a measure or a method that the system does not take."""
+        """Refuse a place, a measure or a method that the system does not take: every case would fail."""
         self.nominal.point_row(self.observed)
         check_names(self.chosen, tuple(self._axes))
         if not any(place.stage == Stage.METHOD for place in self.places):
@@ -338,8 +333,6 @@ class ParameterStudy:
 
 def _check_pair(system: System, place: Place, value: Any) -> None:
     """Refuse a value that the pair of a system does not take."""
-    from dataclasses import replace
-
     pair = next(pair for pair in system.contacts if pair.name == place.part)
     if place.field == "gap":
         replace(pair, gaps=value if isinstance(value, tuple) else (value, value))
@@ -347,3 +340,109 @@ def _check_pair(system: System, place: Place, value: Any) -> None:
         replace(pair, law=replace(pair.law, **{place.field.removeprefix("contact."): value}))  # type: ignore[type-var]
     else:
         replace(pair, **{place.field: value})
+
+
+# ---- table of the cases -----------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class CaseTable:
+    """Values of all cases: of each axis its levels, and the number of the level that a case has."""
+
+    places: tuple[Place, ...]
+    levels: tuple[tuple[Any, ...], ...]  # values of each axis
+    codes: tuple[Integers, ...]  # (cases,) which of them a case has
+    shape: tuple[int, ...]  # of a grid the number of values of each axis, of a list or a sample the number of cases
+    is_grid: bool
+
+    @property
+    def size(self) -> int:
+        """Number of cases."""
+        return math.prod(self.shape)
+
+    def value(self, axis: int, case: int) -> Any:
+        """Value of an axis in a case."""
+        return self.levels[axis][int(self.codes[axis][case])]
+
+    def values(self, case: int) -> dict[str, Any]:
+        """Values of a case by their paths."""
+        return {place.path: self.value(axis, case) for axis, place in enumerate(self.places)}
+
+    def axes_before(self, stage: Stage) -> tuple[int, ...]:
+        """Numbers of the axes whose values make a case anew before some stage."""
+        return tuple(axis for axis, place in enumerate(self.places) if place.stage < stage)
+
+    @cached_property
+    def running_order(self) -> Integers:
+        """Cases in the order in which they run: those that share their modes next to one another."""
+        axes = sorted(self.axes_before(Stage.CASE), key=lambda axis: self.places[axis].stage)
+        if not axes:
+            return np.arange(self.size)
+        return np.lexsort([np.arange(self.size), *(self.codes[axis] for axis in reversed(axes))])
+
+
+def full_grid(places: Sequence[Place], axes: Mapping[str, AxisValues | Distribution]) -> CaseTable:
+    """Every value of every axis with every value of the others.
+
+    Raises `InputError` if an axis is a distribution, or there are more cases than anyone means.
+    """
+    levels = []
+    for place in places:
+        axis = axes[place.path]
+        if isinstance(axis, Distribution):
+            allowed = "is a distribution, and there is no sample: give sample, or in a study file [study.sample]"
+            raise InputError([Fault(place.path, axis.name, "", allowed)])
+        levels.append(axis.values)
+    shape = tuple(len(values) for values in levels)
+    _check_size(math.prod(shape))
+    grid = np.indices(shape).reshape(len(shape), -1)
+    return CaseTable(tuple(places), tuple(levels), tuple(grid), shape, True)
+
+
+def sampled_cases(
+    places: Sequence[Place], axes: Mapping[str, AxisValues | Distribution], plan: SamplePlan
+) -> CaseTable:  # fmt: skip
+    """Cases from the distributions of the axes.
+
+    Raises `InputError` if an axis has values in place of a distribution.
+    """
+    from scipy.stats import qmc
+
+    for place in places:
+        axis = axes[place.path]
+        if isinstance(axis, AxisValues):
+            allowed = "must be a distribution in a sample, as {from = .., to = ..} or {normal = [mean, deviation]}"
+            raise InputError([Fault(place.path, f"{len(axis.values)} values", "", allowed)])
+    _check_size(plan.points)
+    count = len(places)
+    engines: dict[str, Any] = {"sobol": qmc.Sobol, "halton": qmc.Halton, "latin-hypercube": qmc.LatinHypercube}
+    if plan.method == "random":
+        shares = np.random.default_rng(plan.seed).random((plan.points, count))
+    else:
+        engine = engines[plan.method]
+        # the argument that seeds a sequence is `rng` from scipy 1.15 on
+        name = "rng" if "rng" in inspect.signature(engine).parameters else "seed"
+        shares = engine(count, **{name: np.random.default_rng(plan.seed)}).random(plan.points)
+    # where a share is 0 a distribution without bounds has no value
+    shares = np.clip(shares, 2.0**-53, 1.0 - 2.0**-53)
+    columns = []
+    for j, place in enumerate(places):
+        axis = axes[place.path]
+        distribution = axis if isinstance(axis, Distribution) else Distribution("uniform", (0.0, 1.0))
+        columns.append(tuple(distribution.quantile(shares[:, j]).tolist()))
+    return _of_columns(places, columns)
+
+
+def _of_columns(places: Sequence[Place], columns: Sequence[tuple[Any, ...]]) -> CaseTable:
+    """Cases given one by one, by the values (cases,) of each place."""
+    levels, codes = [], []
+    for column in columns:
+        number: dict[Any, int] = {}
+        codes.append(np.array([number.setdefault(value, len(number)) for value in column], dtype=np.int64))
+        levels.append(tuple(number))
+    return CaseTable(tuple(places), tuple(levels), tuple(codes), (len(columns[0]),), False)
+
+
+def _check_size(cases: int) -> None:
+    if cases > MOST_CASES:
+        raise InputError([Fault("axes", f"{cases:.4g} cases", "", f"must be at most {MOST_CASES:.0g} cases")])

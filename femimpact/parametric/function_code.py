@@ -1,4 +1,4 @@
-"""Code of a function as read without running it: library or not, the names that it uses, its source files."""
+"""Code of functions, read without running it: its names, imports and source files, and what is a library."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ HEAP_TYPE = 1 << 9
 
 
 class NotComparableError(Exception):
-    """Why something has no form that could be compared with that of another call."""
+    """A value has no form that could be compared with that of another call; the message names it."""
 
 
 # ---- libraries ---------------------------------------------------------------------------------------
@@ -157,11 +157,11 @@ def _takes_literal(steps: list[dis.Instruction]) -> bool:
     return False
 
 
-# ---- modules and their files ---------------------------------------------------------------------------
+# ---- imports and source files ------------------------------------------------------------------------
 
 
 def imported_modules(code: types.CodeType, names: Mapping[str, Any]) -> list[types.ModuleType]:
-    """Modules of the user that code imports when it runs, those within it included."""
+    """Modules of the user (not of libraries) that a function's code, or a function within it, imports when it runs."""
     found: dict[str, types.ModuleType] = {}
     package = str(names.get("__package__") or "")
     for part in _codes(code):

@@ -1,4 +1,10 @@
-"""Plain data of a study, and the key under which its blocks are kept: equal data have equal results."""
+"""The key of a study: a hash of its data, of the code of its functions, of femimpact's sources and of library versions.
+
+Equal keys have equal results. Values are written as plain data, in types of JSON: nouns by their fields, arrays by a
+hash of their content, functions and classes of the user by their code and by all that it takes from elsewhere, those
+of libraries by their names. Code is read, not run (`function_code`). What cannot be followed is refused: it needs a
+version in its place.
+"""
 
 from __future__ import annotations
 
@@ -44,9 +50,21 @@ NUMERICAL = ("contact", "excitation", "fem", "integrators", "response", "structu
 """Folders whose sources decide the numbers."""
 
 BESIDE = ("study/study.py", "study/parameter_plan.py", "study/base_motion.py")
+"""Files of other folders whose sources do."""
 
 WITHOUT = ("text", "path", "plan", "output", "sweep")
-"""Fields of a study that its cases do not hang on."""
+"""Fields of a study that do not change its cases."""
+
+COMPILED_PLAINLY = {"nopython": True, "boundscheck": None}
+"""Options of a function that Numba has compiled, where none is given."""
+
+OF_INTERPRETER = {
+    "__dict__", "__weakref__", "__doc__", "__module__", "__firstlineno__", "__static_attributes__",
+    "__annotations_cache__", "__slotnames__", "_abc_impl", "_value2member_map_",
+}  # fmt: skip
+"""Attributes of a class that do not decide what it does, or that are filled while it is used."""
+
+# ---- the key -----------------------------------------------------------------------------------------
 
 
 @cache
@@ -68,7 +86,7 @@ def code_key() -> str:
 
 
 def plain_study(study: ParameterStudy) -> dict[str, Any]:
-    """The study in what JSON has; two that are equal give the same results with the same code.
+    """The study as plain data: two that are equal give the same results with the same code.
 
     Raises `InputError` if a function has no code that could be compared, and there is no version.
     """
@@ -81,7 +99,7 @@ def plain_study(study: ParameterStudy) -> dict[str, Any]:
         "study": _compared(given, study.version),
         "mesh": None if study.systems.mesh is None else _compared(study.systems.mesh, None),
         "axes": axes,
-        # in which the cases are counted
+        # decides the numbers of the cases
         "order": list(axes),
         "cases": "grid" if study.table.is_grid else [_digest(codes) for codes in study.table.codes],
         "measures": [
@@ -103,33 +121,29 @@ def study_key(plain: Mapping[str, Any]) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def first_difference(one: Any, other: Any, path: str = "") -> str:
-    """Where two plain data differ first, in words; nothing where they do not."""
-    if isinstance(one, Mapping) and isinstance(other, Mapping):
-        for name in dict.fromkeys((*one, *other)):
-            inner = f"{path}.{name}" if path else str(name)
-            if name not in one or name not in other:
-                return f"{inner} is in one of them only"
-            found = first_difference(one[name], other[name], inner)
-            if found:
-                return found
-        return ""
-    if isinstance(one, list) and isinstance(other, list):
-        for i, (mine, its) in enumerate(zip(one, other, strict=False)):
-            found = first_difference(mine, its, f"{path}[{i}]")
-            if found:
-                return found
-        return "" if len(one) == len(other) else f"{path} has {len(one)} entries there, {len(other)} here"
-    there, here = (text if len(text) <= 60 else f"{text[:57]}..." for text in map(json.dumps, (one, other)))
-    return "" if one == other else f"{path} is {there} there, {here} here"
+def _compared(value: Any, version: str | None) -> Any:
+    """A value as plain data; `InputError` if it cannot be compared."""
+    try:
+        return _plain(value, _Walk(version))
+    except Exception as error:
+        # also one that an object of the user raises when it is looked at
+        what = "too many that hold one another" if isinstance(error, RecursionError) else error
+        allowed = (
+            f"uses a value that a later call cannot recognise ({what}): "
+            "give version='...', a text that you change whenever the numbers change"
+        )
+        raise InputError([Fault("study", _name(value), "", allowed)]) from None
+
+
+# ---- values ------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
 class _Walk:
-    """The state of the walk from a value to all that it depends on."""
+    """State of the walk from a value to all that it depends on."""
 
     version: str | None = None  # in place of the code of functions
-    # what the module of the first function holds: its file does not count, but what is taken from it
+    # names of the module of the first function: its file does not count, but what is taken from it
     home: Mapping[str, Any] = field(default_factory=dict)
     # functions, lists and modules that hold the value: one that holds itself is not looked at again
     above: tuple[Any, ...] = ()
@@ -139,40 +153,16 @@ class _Walk:
     files: dict[str, str] = field(default_factory=dict)
 
     def into(self, value: Any) -> _Walk:
-        """The way on from a value."""
+        """The walk below a value."""
         return replace(self, above=(*self.above, value))
 
     def is_above(self, value: Any) -> bool:
         return any(item is value for item in self.above)
 
 
-SCALARS = (type(None), bool, int, str)
-
-COMPILED_PLAINLY = {"nopython": True, "boundscheck": None}
-"""Options of a function that Numba has compiled, where none is given."""
-
-OF_INTERPRETER = {
-    "__dict__", "__weakref__", "__doc__", "__module__", "__firstlineno__", "__static_attributes__",
-    "__annotations_cache__", "__slotnames__", "_abc_impl", "_value2member_map_",
-}  # fmt: skip
-"""Attributes of a class that do not decide what it does, or that are filled while it is used."""
-
-
-def _compared(value: Any, version: str | None) -> Any:
-    """A value in what JSON has."""
-    try:
-        return _plain(value, _Walk(version))
-    except Exception as error:
-        # also one that an object of the user raises when it is looked at
-        what = "too many that hold one another" if isinstance(error, RecursionError) else error
-        name = str(getattr(value, "__qualname__", type(value).__name__))
-        allowed = f"uses values that cannot be compared with those of another call ({what}): give version='...'"
-        raise InputError([Fault("study", name, "", allowed)]) from None
-
-
 def _plain(value: Any, walk: _Walk) -> Any:
-    """A value in what JSON has: nouns by their fields, arrays by their content, functions by their code."""
-    if type(value) in SCALARS:
+    """A value as plain data."""
+    if type(value) in (type(None), bool, int, str):
         return value
     if walk.version is None and not isinstance(value, type) and not is_library(type(value)):
         return _once(value, _object, walk)
@@ -241,12 +231,12 @@ def _once(value: Any, described: Callable[[Any, _Walk], Any], walk: _Walk) -> An
     return described(value, walk)
 
 
-def _of_file(names: Mapping[str, Any], walk: _Walk) -> dict[str, Any]:
-    """The files of a module of the user that were not met yet, unless the first function is from it."""
-    at_home = names is walk.home or names.get("__name__") in ("__main__", walk.home.get("__name__"))
-    files = {} if at_home or is_library_module(names) else source_files(names, walk.files)
-    walk.files.update(files)
-    return {"files": files} if files else {}
+def _digest(*arrays: Any) -> str:
+    digest = hashlib.sha256()
+    for array in arrays:
+        digest.update(f"{np.asarray(array).dtype.str} {np.shape(array)}".encode())
+        digest.update(np.ascontiguousarray(array).tobytes())
+    return digest.hexdigest()
 
 
 def _object(value: Any, walk: _Walk) -> Any:
@@ -296,59 +286,13 @@ def _parts(value: Any) -> list[Any]:
     return [made_by, arguments, state, list(items or ()), list(pairs or ())]
 
 
-def _at_home(names: Mapping[str, Any], walk: _Walk) -> _Walk:
-    """The way on, which began in the module that holds these names if it has just begun."""
-    return walk if walk.home else replace(walk, home=names)
-
-
-def _class(value: Any, walk: _Walk) -> Any:
-    """A class of the user, by its bases and all its attributes."""
-    names = vars(sys.modules[value.__module__]) if value.__module__ in sys.modules else {}
-    walk = _at_home(names, walk)
-    return {
-        "class": value.__qualname__,
-        "made_by": _plain(type(value), walk),
-        "bases": [_plain(base, walk) for base in value.__bases__],
-        "attributes": {
-            name: _plain(item, walk) for name, item in sorted(vars(value).items()) if name not in OF_INTERPRETER
-        },
-        **_of_file(names, walk),
-    }
-
-
-def _module(value: types.ModuleType, used: set[str], walk: _Walk) -> Any:
-    """A module of a library by its name, one of the user by its file and by what is used of it."""
-    names, found = vars(value), {"module": value.__name__}
-    if walk.is_above(value):
-        return found
-    library, inner = is_library_module(names), walk.into(value)
-    if not library and (value.__name__ == "__main__" or not ({"__file__", "__path__"} & names.keys())):
-        raise NotComparableError(f"the module {value.__name__} as a whole")
-    taken = {
-        name: _module(item, used, inner) if isinstance(item, types.ModuleType) else _plain(item, inner)
-        for name, item in sorted(names.items())
-        # of a library what the user's module has put there
-        if name in used and not name.startswith("__") and (not library or _is_at_home(item, walk))
-    }
-    files = {} if library else _of_file(names, walk)
-    return found | files | ({"taken": taken} if taken else {})
-
-
-def _is_at_home(value: Any, walk: _Walk) -> bool:
-    """True for a function or class of the module in which the walk began."""
-    if isinstance(value, types.FunctionType):
-        return value.__globals__ is walk.home
-    return isinstance(value, type) and value.__module__ == walk.home.get("__name__")
-
-
-def _name(value: Any) -> str:
-    return str(getattr(value, "__qualname__", getattr(value, "__name__", type(value).__name__)))
+# ---- functions, classes and modules ------------------------------------------------------------------
 
 
 def _function(value: Any, walk: _Walk) -> Any:
     """A callable: of Python by its code, of a library by its name, any other by what it is made from."""
     if walk.version is not None:
-        return {"function": str(getattr(value, "__qualname__", type(value).__name__)), "version": walk.version}
+        return {"function": _name(value), "version": walk.version}
     if isinstance(value, type):
         return {"name": value.__qualname__} if is_library(value) else _once(value, _class, walk)
     if isinstance(value, partial):
@@ -429,9 +373,58 @@ def _unwrapped(value: Any) -> Any:
     return value if plain or not callable(value) else inspect.unwrap(value)
 
 
-def _digest(*arrays: Any) -> str:
-    digest = hashlib.sha256()
-    for array in arrays:
-        digest.update(f"{np.asarray(array).dtype.str} {np.shape(array)}".encode())
-        digest.update(np.ascontiguousarray(array).tobytes())
-    return digest.hexdigest()
+def _class(value: Any, walk: _Walk) -> Any:
+    """A class of the user, by its bases and all its attributes."""
+    names = vars(sys.modules[value.__module__]) if value.__module__ in sys.modules else {}
+    walk = _at_home(names, walk)
+    return {
+        "class": value.__qualname__,
+        "made_by": _plain(type(value), walk),
+        "bases": [_plain(base, walk) for base in value.__bases__],
+        "attributes": {
+            name: _plain(item, walk) for name, item in sorted(vars(value).items()) if name not in OF_INTERPRETER
+        },
+        **_of_file(names, walk),
+    }
+
+
+def _module(value: types.ModuleType, used: set[str], walk: _Walk) -> Any:
+    """A module of a library by its name, one of the user by its file and by what is used of it."""
+    names, found = vars(value), {"module": value.__name__}
+    if walk.is_above(value):
+        return found
+    library, inner = is_library_module(names), walk.into(value)
+    if not library and (value.__name__ == "__main__" or not ({"__file__", "__path__"} & names.keys())):
+        raise NotComparableError(f"the module {value.__name__} as a whole")
+    taken = {
+        name: _module(item, used, inner) if isinstance(item, types.ModuleType) else _plain(item, inner)
+        for name, item in sorted(names.items())
+        # of a library what the user's module has put there
+        if name in used and not name.startswith("__") and (not library or _is_at_home(item, walk))
+    }
+    files = {} if library else _of_file(names, walk)
+    return found | files | ({"taken": taken} if taken else {})
+
+
+def _at_home(names: Mapping[str, Any], walk: _Walk) -> _Walk:
+    """The way on, which began in the module that holds these names if it has just begun."""
+    return walk if walk.home else replace(walk, home=names)
+
+
+def _is_at_home(value: Any, walk: _Walk) -> bool:
+    """True for a function or class of the module in which the walk began."""
+    if isinstance(value, types.FunctionType):
+        return value.__globals__ is walk.home
+    return isinstance(value, type) and value.__module__ == walk.home.get("__name__")
+
+
+def _of_file(names: Mapping[str, Any], walk: _Walk) -> dict[str, Any]:
+    """The files of a module of the user that were not met yet, unless the first function is from it."""
+    at_home = names is walk.home or names.get("__name__") in ("__main__", walk.home.get("__name__"))
+    files = {} if at_home or is_library_module(names) else source_files(names, walk.files)
+    walk.files.update(files)
+    return {"files": files} if files else {}
+
+
+def _name(value: Any) -> str:
+    return str(getattr(value, "__qualname__", getattr(value, "__name__", type(value).__name__)))

@@ -1,10 +1,10 @@
-"""Values of all cases as they are found, and the labelled dataset of a study."""
+"""Statistics over the starts of all cases, and the labelled dataset of a study."""
 
 from __future__ import annotations
 
 import sys
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import is_dataclass
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
@@ -13,10 +13,10 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from femimpact.arrays import Array
+from femimpact.arrays import Array, Integers
 from femimpact.parametric.definition import ParameterStudy
-from femimpact.parametric.evaluation import BlockValues
 from femimpact.parametric.measures import better_of
+from femimpact.parametric.runs import BlockValues
 from femimpact.study.study import Study
 from femimpact.study.study_file import study_text
 from femimpact.system.system import System
@@ -79,10 +79,10 @@ def over_starts(
     found = {name: np.full(cases, np.nan) for name in names}
     # cases of which as many starts have values are done together
     for n in np.unique(count[count > 0]).tolist():
-        own = count == n
-        for name, column in _of_sorted(ordered[own, :n]).items():
+        rows = count == n
+        for name, column in _of_sorted(ordered[rows, :n]).items():
             if name in found:
-                found[name][own] = column
+                found[name][rows] = column
     return found
 
 
@@ -125,7 +125,7 @@ WORDS = {
 
 
 def labels_of(study: ParameterStudy) -> dict[str, Any]:
-    """What the dataset of a study is labelled by, in what JSON has."""
+    """Labels of the dataset of a study, in types of JSON."""
     table = study.table
     return {
         "axes": [
@@ -152,27 +152,27 @@ def labels_of(study: ParameterStudy) -> dict[str, Any]:
             **({"cycles": study.dwell, "measured_cycles": study.dwell // 3} if study.has_cycle else {}),
             "place": str(study.observed),
             "contact_laws": ", ".join(f"{pair.name}: {pair.law.name}" for pair in study.nominal.contacts),
-            **_told(study),
+            **_description(study),
         },
     }  # fmt: skip
 
 
-def _told(study: ParameterStudy) -> dict[str, str]:
-    """The study in words: its file, or what a system or a function was given with it, and its sample."""
+def _description(study: ParameterStudy) -> dict[str, str]:
+    """Attributes that describe the study: its file, or system or function with base and method; and the sample."""
     given, plan = study.study, study.plan_of_sample
-    told = {} if plan is None else {"sample": f"{plan.points} points, {plan.method}, seed {plan.seed}"}
+    sample = {} if plan is None else {"sample": f"{plan.points} points, {plan.method}, seed {plan.seed}"}
     if isinstance(given, Study):
-        return {**told, "study": study_text(given)}
+        return {**sample, "study": study_text(given)}
     known = ", ".join(f"{name} {value}" for name, value in study.base.items() if value is not None)
     method = study.method or study.systems.method_of(study.nominal, {})
     # what is no dataclass may show its address, which no two processes share
     words = repr(method) if is_dataclass(method) else type(method).__name__
     name = f"System of {given.dofs} dofs" if isinstance(given, System) else getattr(given, "__qualname__", "function")
-    return {**told, "study": name, "base": f"sine, {known}", "method": words}
+    return {**sample, "study": name, "base": f"sine, {known}", "method": words}
 
 
 def _words(owner: str, part: str, name: str) -> str:
-    """A long name of an axis."""
+    """Words for an axis in a dataset, as "gap of impactor ball"."""
     shown = name.replace("contact.", "").replace("_", " ")
     if owner == "function":
         return shown
@@ -223,13 +223,13 @@ class Columns:
             for end, column in over_starts(block.values[:, :, m]).items():
                 self._column(f"{item['name']}{end}")[cases] = column
 
-    def _add_words(self, name: str, cases: NDArray[np.int64], words: tuple[str, ...]) -> None:
+    def _add_words(self, name: str, cases: Integers, words: Sequence[str]) -> None:
         """The most frequent word of the starts, of several the first by its letters; and how many there are."""
         for row, case in enumerate(cases.tolist()):
-            own = Counter(word for word in words[row * self.starts : (row + 1) * self.starts] if word)
-            self.words[name][case] = min(own, key=lambda word: (-own[word], word)) if own else ""
+            counts = Counter(word for word in words[row * self.starts : (row + 1) * self.starts] if word)
+            self.words[name][case] = min(counts, key=lambda word: (-counts[word], word)) if counts else ""
             if self.starts > 1:
-                self._column(f"{name}_groups")[case] = len(own)
+                self._column(f"{name}_groups")[case] = len(counts)
 
     def _column(self, name: str) -> NDArray[np.float64]:
         return self.numbers.setdefault(name, np.full(self.cases, np.nan))
@@ -259,8 +259,8 @@ def dataset_of(
             enter(name, columns.words[name], unit, f"{words}, of most starts" if columns.starts > 1 else words)
         for end, form in WORDS.items():
             if f"{name}{end}" in columns.numbers:
-                own = words if columns.starts == 1 else form.format(words)
-                enter(f"{name}{end}", columns.numbers[f"{name}{end}"], "1" if end == "_groups" else unit, own)
+                long_name = words if columns.starts == 1 else form.format(words)
+                enter(f"{name}{end}", columns.numbers[f"{name}{end}"], "1" if end == "_groups" else unit, long_name)
     if not columns.done.any():
         for item in (item for item in columns.measures if not item["is_text"]):
             enter(item["name"], np.full(columns.cases, np.nan), item["unit"], item["words"])

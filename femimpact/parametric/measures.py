@@ -1,4 +1,4 @@
-"""What a study can measure of a case: names, units, and of what each is read."""
+"""Measures of a case: names, units, and how each is read from dwells or from a run with its history."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from femimpact.system.system import System
 
 
 class Source(Enum):
-    """Of what a measure is read."""
+    """Results from which a measure is read."""
 
     DWELL = "the statistics of the compiled call"
     LEDGER = "the energy ledger of the compiled call, where the method sums it up; else a run of the case"
@@ -39,7 +39,7 @@ class Measure:
     long_name: str
     source: Source
     is_text: bool = False
-    function: Callable[[Response], Any] | None = None  # the user's own, of a `Response`
+    function: Callable[[Response], Any] | None = None  # of the user, of a `Response`
     channel: str = ""  # whose largest value it is; empty for any other
     better: str = ""  # "small" or "large": which of its values are better; empty where that depends on the purpose
 
@@ -70,7 +70,7 @@ MEASURES = {
 """Measures by their names."""
 
 OF_CYCLES = ("first_harmonic", "impacts_per_cycle", "cycle_mean_force", "loss_per_cycle", "damping", "regime")
-"""Those that a motion without cycles has not."""
+"""Measures that need cycles of the base."""
 
 OF_CHANNEL = "largest size of the channel"
 """Beginning of the long name of a measure that is read from a channel."""
@@ -82,7 +82,7 @@ INSTANTS = 16
 def measures_of(
     given: Sequence[Any],
     system: System,
-    without_cycle: str = "",  # what the base does where it has no cycle; empty where it has
+    without_cycle: str = "",  # the motion of the base where it has no cycle; empty where it has
 ) -> tuple[Measure, ...]:
     """The measures asked for: by their names, by a channel whose largest value is meant, or functions of a response.
 
@@ -115,11 +115,11 @@ def check_names(
     for item in measures:
         sound = bool(item.name) and "/" not in item.name
         require(sound, "measures", item.name, "", "must have a name that a variable can have: no empty one, and no /")
-        own = {f"{item.name}{end}" for end in ("", *STATISTICS)}
-        shared = sorted(own & taken)
+        variables = {f"{item.name}{end}" for end in ("", *STATISTICS)}
+        shared = sorted(variables & taken)
         allowed = f"has a name that is taken: {', '.join(shared)} is another variable, or an axis"
         require(not shared, "measures", item.name, "", allowed)
-        taken |= own
+        taken |= variables
 
 
 def _measure(item: Any, system: System) -> Measure:
@@ -137,7 +137,7 @@ def _measure(item: Any, system: System) -> Measure:
     except InputError as error:
         allowed = suggestion(item, MEASURES)
         if "." in item:
-            allowed += f"; nor is it a channel whose largest value could be taken: {error.faults[0].allowed}"
+            allowed = f"with a dot it must be a channel, whose largest value is measured: {error.faults[0].allowed}"
         raise InputError([Fault("measures", item, "", allowed)]) from None
     words = f"{OF_CHANNEL} {channel.name} over the last third"
     return Measure(item, channel.unit, words, Source.RUN, channel=channel.name)
@@ -194,3 +194,38 @@ def of_response(
     if measure.name == "loss_per_second":
         return loss * response.base.frequency
     return loss if measure.name == "loss_per_cycle" else float(_damping(loss, float(np.max(energy.stored[last]))))
+
+
+def of_history(
+    measure: Measure,  # one that needs no cycle
+    response: Response,  # with the channel of the observed place
+    observed: str,
+    bare: Response | None = None,  # the same without balls, for `peak_ratio`
+) -> float:
+    """A measure that is read from a run over the complete history of the base."""
+    if measure.function is not None:
+        return float(measure.function(response))
+    if measure.channel or measure.name in ("peak", "peak_ratio"):
+        size = abs(float(response.largest(measure.channel or observed).value))
+        if measure.name != "peak_ratio":
+            return size
+        reference = abs(bare.largest(observed).value) if bare is not None else 0.0
+        return size / reference if reference > 0.0 else math.nan
+    if measure.name == "rms":
+        return math.sqrt(float(np.mean(response[observed] ** 2)))
+    impacts, energy, duration = response.impacts, response.energy, float(response.time[-1] - response.time[0])
+    if measure.name == "impacts_per_second":
+        return (len(impacts) + impacts.dropped) / duration
+    if measure.name in ("loss_per_second", "energy_residual"):
+        if energy is None:
+            return math.nan
+        lost = energy.structure_loss + energy.contact_loss
+        return float(energy.residual if measure.name == "energy_residual" else (lost[-1] - lost[0]) / duration)
+    columns = {
+        "mean_approach_speed": impacts.approach_speed, "largest_approach_speed": impacts.approach_speed,
+        "mean_impulse": impacts.impulse, "peak_force": impacts.peak_force,
+    }  # fmt: skip
+    sizes = np.abs(columns[measure.name])
+    if not sizes.size:
+        return 0.0
+    return float(sizes.mean() if measure.name.startswith("mean") else sizes.max())

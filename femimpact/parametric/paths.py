@@ -1,27 +1,44 @@
-"""Where the balls of a case start: the same unit draws for every case, scaled to its gaps and its base."""
+"""Values of a study by their paths, the study with some of them changed, and the system and method of a case."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+import math
+import threading
+import warnings
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from typing import Any
 
 import numpy as np
 
-from femimpact.arrays import Array
-from femimpact.errors import Fault, InputError, suggestion
-from femimpact.excitation import Excitation
-from femimpact.integrators.methods import METHODS
-from femimpact.study.base_motion import SignalMotion
-from femimpact.study.study import BaseMotion, Gravity, MeshChoice, Reduction, Study
-from femimpact.system.state import State
+from femimpact.errors import Fault, InputError, require, suggestion
+from femimpact.fem.assembly import assemble, assembled_with_modes
+from femimpact.fem.mesh import Mesh
+from femimpact.integrators.event_driven import EventDriven
+from femimpact.integrators.methods import METHODS, Method
+from femimpact.integrators.stepping.newmark import Newmark
+from femimpact.structure.damping import ModalDamping, Rayleigh
+from femimpact.structure.structure import Structure
+from femimpact.study.base_motion import BaseMotion, SignalMotion
+from femimpact.study.study import (
+    Gravity,
+    MeshChoice,
+    Reduction,
+    Study,
+    build_systems,
+    check_method,
+    method_for,
+    read_mesh_of,
+)
+from femimpact.system.modes import rayleigh_of, with_checked_pairs, with_damping, with_modal_damping
+from femimpact.system.reduction import reduce, reduced_on
 from femimpact.system.system import System
 
 
 class Stage(IntEnum):
-    """From where on a changed value makes a case anew; what comes first in running order is the lowest."""
+    """The first step of making a case that a changed value repeats, in the order of the steps."""
 
     MODES = 0
     DAMPING = 1
@@ -48,7 +65,7 @@ PARTS = {
 """Tables of a study file, and the fields of `Structure` that they become."""
 
 OF_BALL = ("mass", "free_stiffness", "acceleration")
-"""Numbers of a ball in a system; its acceleration there is the whole, with gravity."""
+"""Numbers of a ball in a system; its acceleration there includes gravity."""
 
 BASE = {"frequency": "Hz", "amplitude": "m", "phase": "rad", "start": ""}
 
@@ -72,8 +89,8 @@ def paths_of_system(system: System) -> dict[str, Place]:
 
 def paths_of_function(names: tuple[str, ...], system: System) -> dict[str, Place]:
     """The same of a function that returns a structure or a system, whose arguments are values, too."""
-    own = {name: Place(name, "", Stage.MODES, "function", "", name) for name in names}
-    return {**paths_of_system(system), **own}
+    arguments = {name: Place(name, "", Stage.MODES, "function", "", name) for name in names}
+    return {**paths_of_system(system), **arguments}
 
 
 def _places(study: Study) -> Iterator[Place]:
@@ -145,12 +162,12 @@ def _fields_of(noun: Any, owner: str, part: str, stage: Stage) -> Iterator[Place
         is_place = item.name in ("at", "to")
         if not unit and not is_place:
             continue
-        own = stage
+        changed = stage
         if owner in ("impactor", "stop"):
             # an acceleration is added to gravity, which the structure has
             of_ball = item.name in OF_BALL and item.name != "acceleration"
-            own = Stage.CASE if item.name == "gap" else Stage.BALL if of_ball else stage
-        yield _place(owner, part, item.name, "m" if is_place else unit, own)
+            changed = Stage.CASE if item.name == "gap" else Stage.BALL if of_ball else stage
+        yield _place(owner, part, item.name, "m" if is_place else unit, changed)
 
 
 def _law_of(owner: str, part: str, law: Any) -> Iterator[Place]:
@@ -232,46 +249,149 @@ def _item_with(item: Any, name: str, value: Any) -> Any:
 
 
 def unknown_path(path: str, known: Mapping[str, Place], of_system: bool) -> Fault:
-    """What is wrong with a path that is not known."""
+    """The fault of a path that is not known."""
     parts = ("beam", "mass", "damping", "mesh", "reduction", "gravity", "spring", "dashpot", "support")
     if of_system and path.partition(".")[0] in parts:
         return Fault(path, None, "", f"{FIXED}: give a Study, or a function that returns a structure")
     return Fault(path, None, "", suggestion(path, known))
 
 
-def unit_draws(starts: int, balls: int, seed: int) -> Array:
-    """Numbers (starts, balls, 2) from 0 to 1, for the place and the speed of each ball; those of fewer starts first."""
-    return np.random.default_rng(seed).random((starts, balls, 2))
+# ---- the system and the method of a case ------------------------------------------------------------
+
+KEPT = 16
+"""Systems that are kept for later cases."""
+
+Values = Mapping[Place, Any]
 
 
-def scaled_starts(
-    draws: Array,  # (starts, balls, 2)
-    gaps: Array,  # (cases, balls, 2) m: to the + and to the - side
-    speed: Array,  # (cases,) m/s: amplitude times angular frequency of the base
-) -> tuple[Array, Array]:  # (cases, starts, balls) m and m/s
-    """Places of balls, uniform in their gaps, and speeds, uniform within +- a speed, relative to the structure."""
-    plus, minus = gaps[:, None, :, 0], gaps[:, None, :, 1]
-    displacement = -minus + (plus + minus) * draws[None, :, :, 0]
-    return displacement, speed[:, None, None] * (2.0 * draws[None, :, :, 1] - 1.0)
+@dataclass(eq=False)
+class CaseSystems:
+    """Makes the systems of cases from what a study is given."""
+
+    given: Study | System | Callable[..., Any]  # of a callable its arguments are values of the case
+    method: Method | None  # for all cases; None takes that of the study, or the one that suits the system
+    elements: int  # of the structures that a function returns
+    modes: int
+    mesh: Mesh | None = None
+    made: dict[tuple[Any, ...], System] = field(default_factory=dict)
+    lock: threading.Lock = field(default_factory=threading.Lock)
+    making: Any = field(default_factory=threading.RLock)
+
+    def __post_init__(self) -> None:
+        if isinstance(self.given, Study):
+            self.mesh = read_mesh_of(self.given)
+
+    def __getstate__(self) -> dict[str, Any]:
+        # what was made is made again where it is sent to, and a lock cannot be sent
+        return {name: getattr(self, name) for name in ("given", "method", "elements", "modes", "mesh")}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self.made, self.lock, self.making = {}, threading.Lock(), threading.RLock()
+
+    def of(self, values: Values) -> System:
+        """The system of a case, for its values before `Stage.METHOD`.
+
+        Raises `InputError` if there is no such system.
+        """
+        key = tuple((place.path, values[place]) for place in values if place.stage < Stage.METHOD)
+        with self.lock:
+            found = self.made.pop(key, None)
+            if found is not None:
+                # the one that was asked for last is dropped last
+                self.made[key] = found
+                return found
+        # one thread at a time: several at so many small calls would take longer than one after the other
+        with self.making:
+            system = self._made(values)
+        with self.lock:
+            while len(self.made) >= KEPT:
+                self.made.pop(next(iter(self.made)))
+            return self.made.setdefault(key, system)
+
+    def _made(self, values: Values) -> System:
+        of_modes = {place: value for place, value in values.items() if place.stage == Stage.MODES}
+        of_damping = {place: value for place, value in values.items() if place.stage == Stage.DAMPING}
+        of_balls = {place: value for place, value in values.items() if place.stage == Stage.BALL}
+        if of_balls:
+            rest = {place: value for place, value in values.items() if place.stage < Stage.BALL}
+            return _with_balls(self.of(rest), of_balls)
+        if of_damping and isinstance(self.given, Study):
+            damping = damping_with(self.given, of_damping)
+            if _is_damping_of_modes(self.given, damping):
+                return _damped(self.of(of_modes), damping)
+        with warnings.catch_warnings():
+            # of numbers that are unusual the nominal study has warned
+            warnings.simplefilter("ignore")
+            return self._built({**of_modes, **of_damping})
+
+    def _built(self, values: Values) -> System:
+        if isinstance(self.given, System):
+            return self.given
+        if isinstance(self.given, Study):
+            return _built_of_study(study_with(self.given, values), self.mesh, bool(values))
+        found = self.given(**{place.field: value for place, value in values.items()})
+        if isinstance(found, System):
+            return found
+        kind = type(found).__name__
+        require(isinstance(found, Structure), "study", kind, "", "must return a Structure or a System")
+        return reduce(assemble(found, elements=self.elements), self.modes)
+
+    def method_of(self, system: System, values: Values) -> Method:
+        """The method for a system with the contacts of a case.
+
+        Of a system or a function it is by default event-driven, or Newmark's where that does not take the system.
+
+        Raises `InputError` if it does not take the system.
+        """
+        if self.method is not None:
+            self.method.check(system)
+            return self.method
+        if not isinstance(self.given, Study):
+            try:
+                EventDriven().check(system)
+            except InputError:
+                return Newmark.for_system(system)
+            return EventDriven()
+        study = study_with(self.given, {place: v for place, v in values.items() if place.stage == Stage.METHOD})
+        method = method_for(study, system)
+        check_method(study, system, method)
+        return method
 
 
-def structure_at_balls(system: System, initial: State, base: Excitation) -> Array:
-    """Displacement (m) of the structure at each ball where a run starts, (balls,): of a static state it is not zero."""
-    u, *_ = initial.relative_to_base(system, base)
-    return np.array([pair.direction @ u for pair in system.balls])
+def _built_of_study(study: Study, mesh: Mesh | None, is_changed: bool) -> System:
+    """The system of a study; of one that is changed its modes are solved once, for its damping and its reduction."""
+    if study.reduction is None or not is_changed:
+        return build_systems(study, mesh)[1]
+    kept, elements = study.reduction.modes, None if mesh else study.mesh.elements
+    full, modes = assembled_with_modes(study.structure, elements, mesh, kept + 1)
+    require(kept <= full.dofs, "reduction.modes", kept, "", f"must be <= {full.dofs}, the dofs of this mesh")
+    return reduced_on(full, modes, kept) if modes.natural_frequency[0] > 0.0 else reduce(full, kept)
 
 
-def placed_balls(
-    given: Array,  # (balls,) m: not a number where no axis places a ball; zero is a place as any other
-    system: System,
-    initial: State,  # from which the run starts
-    base: Excitation,
-) -> Array:
-    """Displacements (m) of the balls, (balls,), those that are not given where they lie; all not given stay so."""
-    left = np.isnan(given)
-    if left.all() or not left.any():
-        return given
-    if not initial.is_static_on(system):
-        return np.where(left, 0.0, given)
-    *_, other, _ = initial.relative_to_base(system, base)
-    return np.where(left, other[: given.size], given)
+def _damped(system: System, damping: Rayleigh | ModalDamping | None) -> System:
+    """The system with another damping; one on its modes has their frequencies in its matrices."""
+    if not (system.is_diagonal and isinstance(damping, Rayleigh)):
+        return with_damping(system, damping)
+    square = system.K.diagonal() / system.M.diagonal()
+    alpha, beta = rayleigh_of(damping, np.sort(np.sqrt(square)))
+    return with_modal_damping(system, alpha, beta)
+
+
+def _with_balls(system: System, values: Values) -> System:
+    """The system with other masses, centring springs and accelerations of its balls."""
+    contacts = list(system.contacts)
+    for place, value in values.items():
+        j = next(i for i, pair in enumerate(contacts) if pair.name == place.part)
+        contacts[j] = replace(contacts[j], **{place.field: value})
+    return with_checked_pairs(system, tuple(contacts))
+
+
+def _is_damping_of_modes(study: Study, damping: Rayleigh | ModalDamping | None) -> bool:
+    """True if the damping of the reduced system follows from these ratios alone."""
+    kept = study.reduction.modes if study.reduction else math.inf
+    if study.structure.dashpots or damping is None:
+        return False
+    if isinstance(damping, ModalDamping):
+        return len(damping.each) <= kept
+    return damping.modes is None or max(damping.modes) <= kept

@@ -1,4 +1,4 @@
-"""What `femimpact study` does: the parameter study of a study file, its table and its figures."""
+"""`femimpact study`: the parameter study of a study file, its table, figures, cost and summary."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from femimpact.parametric.verb import StudyProgress, run_parameter_study, to_std
 from femimpact.parametric.workers import block_cases, connected
 from femimpact.response.response import Recorder
 from femimpact.study.best_case import best_cases, check_best, told_lines
-from femimpact.study.cost import START, history_cost
 from femimpact.study.parameter_plan import BestPlan
-from femimpact.study.result_directory import FILES, OTHER_FILES
+from femimpact.study.prepared import START, history_cost
+from femimpact.study.result_directory import FILES
 from femimpact.study.result_page import add_report
 from femimpact.study.study import Study
 from femimpact.study.study_file import study_text
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 
 SECONDS_OF_MODES = 0.006
-"""Making the system of a case whose modes are its own, s."""
+"""Making a system with other modes, s."""
 
 SECONDS_OF_FIGURE = 0.5
 """Drawing a measure, s."""
@@ -121,9 +121,9 @@ def write_parameter_study(
         dataset = run_parameter_study(
             definition, directory=directory, client=client, progress=progress, say=to_stderr if progress else None
         )
-    atomic_write(directory / FILES["study"], study_text(study))
+    atomic_write(directory / FILES["study"].name, study_text(study))
     columns, units = table_of(dataset)
-    tables.write_csv(directory / OTHER_FILES["parameter_table"], columns, units)
+    tables.write_csv(directory / FILES["parameter_table"].name, columns, units)
     if study.output.figures:
         _draw(dataset, directory)
     if study.output.report:
@@ -140,8 +140,8 @@ def table_of(
     units: dict[str, str] = {}
     for group in (dataset.coords, dataset.data_vars):
         for name, values in group.items():
-            whole = values.broadcast_like(dataset["finished"]).transpose(*dataset["finished"].dims)
-            columns[str(name)] = np.asarray(whole.to_numpy()).reshape(int(np.prod(shape)))
+            column = values.broadcast_like(dataset["finished"]).transpose(*dataset["finished"].dims)
+            columns[str(name)] = np.asarray(column.to_numpy()).reshape(int(np.prod(shape)))
             unit = str(values.attrs.get("units", ""))
             if unit and unit != "1":
                 units[str(name)] = unit
@@ -172,7 +172,7 @@ def _drawn(dataset: xarray.Dataset, name: str) -> Any:
 
 
 def plan_lines(study: Study) -> list[str]:
-    """What the parameter study of a study file would take: cases, time, memory and disk.
+    """Lines on the number of cases, time, memory and disk space of the parameter study of a study file.
 
     Raises `InputError` as of `definition_of`.
     """
@@ -228,7 +228,7 @@ def _disk(given: ParameterStudy, study: Study) -> float:
 
 
 def summary_lines(dataset: xarray.Dataset, directory: Path, best: BestPlan | None = None) -> list[str]:
-    """What a study found, in a few lines; all that is known of the best case by one measure."""
+    """Lines on each measure's range and best case, all that is known of the first, and on cases that failed."""
     found_best, reasons = best_cases(dataset, best)
     lines = list[str]()
     for name in itertools.islice((str(name) for name in dataset.data_vars), 40):

@@ -1,11 +1,10 @@
-"""The results of a study as far as it is, from its directory, while it runs or after it was ended."""
+"""`parameter_study`: runs the blocks that are not on disk yet, and `load_parameter_study` reads those that are."""
 
 from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,14 +18,13 @@ from femimpact.integrators.cases import workers_of
 from femimpact.integrators.methods import Method
 from femimpact.parametric.block_files import BlockFolder, blocks_of, read_manifest
 from femimpact.parametric.definition import ParameterStudy
-from femimpact.parametric.evaluation import BlockValues
 from femimpact.parametric.identity import plain_study, study_key
 from femimpact.parametric.labelled import Columns, dataset_of, labels_of
 from femimpact.parametric.workers import block_cases, check_client, run_blocks
 from femimpact.progress import draws_progress
 from femimpact.structure.structure import Position
 from femimpact.study.parameter_plan import SamplePlan
-from femimpact.study.result_directory import OTHER_FILES, Lock
+from femimpact.study.result_directory import FILES, Lock
 from femimpact.study.study import Study
 from femimpact.system.system import System
 
@@ -144,7 +142,7 @@ def parameter_study(
 
 
 def to_stderr(line: str) -> None:
-    """Print a line where progress belongs."""
+    """Print a line to standard error, beside the progress."""
     print(line, file=sys.stderr, flush=True)
 
 
@@ -157,44 +155,36 @@ def run_parameter_study(
     progress: Callable[[StudyProgress], None] | None = None,
     say: Callable[[str], None] | None = None,
 ) -> xarray.Dataset:
-    """Run what `parameter_study` makes of its arguments; see there."""
+    """Run a study that has been checked; the other arguments are those of `parameter_study`."""
     check_client(client)
     workers = workers_of(threads)
-    labels = labels_of(study)
-    columns, blocks = Columns(labels), block_cases(study)
+    columns = Columns(labels_of(study))
     if directory is None:
-        _run(study, columns, blocks, None, workers, client, progress, say)
+        _run(study, columns, None, workers, client, progress, say)
         return dataset_of(columns)
     require_path(directory, "directory", "a directory")
     target = Path(directory)
     require(not target.exists() or target.is_dir(), "directory", str(directory), "", "must be a directory")
     plain = plain_study(study)
-    with locked(target):
-        folder = BlockFolder(target, {"study": plain, "table": labels}, study_key(plain), say)
+    lock = Lock(target)
+    try:
+        folder = BlockFolder(target, {"study": plain, "table": columns.labels}, study_key(plain), say)
         folder.remove_unfinished()
-        _run(study, columns, blocks, folder, workers, client, progress, say)
+        _run(study, columns, folder, workers, client, progress, say)
         dataset = dataset_of(columns)
-        write_netcdf(target / OTHER_FILES["parameter_study"], dataset)
+        write_netcdf(target / FILES["parameter_study"].name, dataset)
+    finally:
+        lock.release()
     return dataset
 
 
-@contextmanager
-def locked(target: Path) -> Iterator[None]:
-    """Sole use of a directory of results, which is made where there is none."""
-    lock = Lock(target)
-    try:
-        yield
-    finally:
-        lock.release()
-
-
 def _run(
-    study: ParameterStudy, columns: Columns, blocks: list[Any], folder: BlockFolder | None, threads: int,
-    client: Any, progress: Callable[[StudyProgress], None] | None, say: Callable[[str], None] | None,
+    study: ParameterStudy, columns: Columns, folder: BlockFolder | None, threads: int, client: Any,
+    progress: Callable[[StudyProgress], None] | None, say: Callable[[str], None] | None,
 ) -> None:  # fmt: skip
     """Fill the columns from the blocks on disk, then from those that are run now."""
     left, begun = [], time.monotonic()
-    for cases in blocks:
+    for cases in block_cases(study):
         known = None if folder is None else folder.finished(cases)
         if known is None:
             left.append(cases)
@@ -212,19 +202,14 @@ def _run(
 
     report()
     for block in run_blocks(study, left, threads, client):
-        keep(block, columns, folder)
+        if folder is not None:
+            folder.write(block)
+        columns.add(block)
         report()
 
 
-def keep(block: BlockValues, columns: Columns, folder: BlockFolder | None) -> None:
-    """Put a finished block on disk, then into the columns."""
-    if folder is not None:
-        folder.write(block)
-    columns.add(block)
-
-
 def load_parameter_study(directory: str | Path) -> xarray.Dataset:
-    """The dataset of a study from its finished blocks; what is not finished is not a number, and `finished` says so.
+    """The dataset of a study from the blocks in its directory; cases that are not finished have no values.
 
     Parameters
     ----------

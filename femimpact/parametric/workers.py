@@ -1,4 +1,4 @@
-"""Where blocks run: on threads of this process, or on the workers of a cluster that run the same code."""
+"""Blocks of a study, run on threads of this process or on the workers of a cluster."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from typing import Any
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from femimpact import core
 from femimpact.arrays import Integers
 from femimpact.errors import Fault, InputError, InputWarning, kind_of, require
 from femimpact.parametric.definition import ParameterStudy
-from femimpact.parametric.evaluation import BlockValues, evaluated
+from femimpact.parametric.evaluation import evaluated
 from femimpact.parametric.identity import sources_key
+from femimpact.parametric.runs import BlockValues
 from femimpact.regular_file import read_regular
 
 NEEDED = ("get_executor", "submit", "run", "nthreads")
-"""Members of a client that are used."""
+"""Members that a client must have."""
 
 TIMEOUT = "10s"
-"""For which a scheduler is waited for."""
+"""Of a connection to a scheduler."""
 
 SCHEDULER = "must be the address of a running scheduler, as tcp://host:8786, or its scheduler file"
 
@@ -37,7 +37,7 @@ MOST_BYTES = 10_000_000
 
 
 def check_client(client: object) -> None:
-    """Refuse what is no client of a cluster."""
+    """Raise `InputError` unless the value is None or a client of a cluster."""
     fits = client is None or (not isinstance(client, type) and all(hasattr(client, name) for name in NEEDED))
     require(fits, "client", kind_of(client), "", "must be a distributed.Client")
 
@@ -65,7 +65,7 @@ def connected(scheduler: str) -> Iterator[Any]:
 
 
 def _address_of(scheduler: str) -> str:
-    """An address as it is, since it has a port; of a scheduler file the one that is written there."""
+    """The address of a scheduler: the text itself where it has a port, else the one in the file of that name."""
     if ":" in scheduler and not os.path.lexists(scheduler):
         return scheduler
     try:
@@ -84,7 +84,7 @@ def _address_of(scheduler: str) -> str:
 
 
 def worker_facts() -> dict[str, str]:
-    """What decides the numbers of a worker: sources and versions, and its processor."""
+    """Sources, versions and processor of a worker, which decide its numbers."""
     return {**_versions(), "processor": f"{core.build_info()['target']} {platform.machine()} {_model()}"}
 
 
@@ -95,7 +95,7 @@ def _versions() -> dict[str, str]:
 
 
 def _model() -> str:
-    """The name of the processor, where the system says it."""
+    """Name of the processor; empty where the system does not tell it."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:
@@ -125,11 +125,11 @@ def check_workers(client: Any) -> None:
 
 def _check_versions(worker: str, facts: Mapping[str, str], expected: Mapping[str, str], whose: str) -> None:
     """Refuse a worker of another version."""
-    for name, own in expected.items():
+    for name, version in expected.items():
         # an earlier version may not tell all of it
         other = facts.get(name, "unknown")
-        allowed = f"has {name} {other[:12]}, and {whose} {own[:12]}: install the same femimpact"
-        require(other == own, worker, None, "", allowed)
+        allowed = f"has {name} {other[:12]}, and {whose} {version[:12]}: install the same femimpact"
+        require(other == version, worker, None, "", allowed)
 
 
 @contextmanager
@@ -157,7 +157,7 @@ def _received(study: ParameterStudy, versions: dict[str, str]) -> tuple[Paramete
     return study, versions
 
 
-def evaluated_there(sent: tuple[ParameterStudy, dict[str, str]], cases: NDArray[np.int64]) -> BlockValues:
+def evaluated_there(sent: tuple[ParameterStudy, dict[str, str]], cases: Integers) -> BlockValues:
     """`evaluated` on a worker, which may have come after the others were checked.
 
     Raises `InputError` if the worker has another version than the process of the client.
@@ -195,20 +195,7 @@ def block_cases(study: ParameterStudy) -> list[Integers]:
 def run_blocks(
     study: ParameterStudy, blocks: Sequence[Integers], threads: int, client: Any = None
 ) -> Iterator[BlockValues]:  # fmt: skip
-    """Values of all blocks as they are finished, whatever their order.
-
-    Parameters
-    ----------
-    study : ParameterStudy
-    blocks : sequence of ndarray of int
-    threads : int
-    client : distributed.Client, optional
-        On whose workers they run, in place of threads.
-
-    Yields
-    ------
-    BlockValues
-    """
+    """Values of all blocks as they are finished, in any order, from threads or from the workers of a client."""
     if not blocks:
         return
     if client is not None:
@@ -222,7 +209,7 @@ def run_blocks(
 def _as_finished(
     pool: Executor, evaluate: Callable[[Any, Integers], BlockValues], study: Any, blocks: Sequence[Integers], most: int
 ) -> Iterator[BlockValues]:  # fmt: skip
-    """The same by any executor, which is handed no more than some blocks at a time."""
+    """Values of all blocks from an executor, which has at most `most` of them at a time."""
     waiting: set[Future[BlockValues]] = set()
     left = iter(blocks)
     try:

@@ -1,6 +1,6 @@
 """Channels: what is recorded of a run, each a linear reading of the state.
 
-A new built-in channel is a class in a separate file and a line in `QUANTITIES`.
+A new built-in channel is a class and a line in `QUANTITIES`.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ class Channel(Protocol):
 
     @property
     def name(self) -> str:
-        """Under which a response holds it."""
+        """Name under which a response holds the channel."""
 
     @property
     def unit(self) -> str:
@@ -99,7 +99,7 @@ class Channel(Protocol):
 
 
 def _pair_number(system: System, pair: str | None) -> int:
-    """Where a pair stands among the contacts; None is the only one."""
+    """Number of a pair among the contacts; None is the only one."""
     names = [contact.name for contact in system.contacts]
     if pair is None:
         require(len(names) == 1, "channels", pair, "", f"must name one of the contacts: {', '.join(names) or 'none'}")
@@ -109,14 +109,18 @@ def _pair_number(system: System, pair: str | None) -> int:
 
 
 @dataclass(frozen=True)
-class Gap:
-    """Displacement x (m) that the gaps bound: ball minus beam, or the beam's deflection at a stop.
+class ContactReading:
+    """Gap or contact force of a ball or a stop.
 
-    At a stop fixed in space it is the absolute deflection.
+    - gap (m): the displacement x that the gaps bound, ball minus beam, or the beam's deflection at a stop; at a stop
+      fixed in space the absolute deflection;
+    - contact_force (N): force of contact on the beam, positive in the direction of w; a centring spring has no share in
+      it. With Moreau-Jean and with an energy-consistent contact it is the mean over a step.
 
-    Raises `InputError` if the value is no name; when it is read, if there is no such pair.
+    Raises `InputError` if a value is out of range; when it is read, if there is no such pair.
     """
 
+    quantity: str = field(metadata=choice("gap", "contact_force"))
     pair: str | None = field(default=None, metadata=optional(text()))  # name of a ball or a stop; None is the only one
 
     def __post_init__(self) -> None:
@@ -124,52 +128,23 @@ class Gap:
 
     @property
     def name(self) -> str:
-        """The pair's name with "gap" behind it."""
-        return "gap" if self.pair is None else f"{self.pair}.gap"
+        """The pair's name with what is read of it."""
+        return self.quantity if self.pair is None else f"{self.pair}.{self.quantity}"
 
     @property
     def unit(self) -> str:
         """Unit of the values."""
-        return "m"
+        return "m" if self.quantity == "gap" else "N"
 
     def reading(self, system: System) -> Reading:
-        """x_j = y_j - b_j u, and ub more at a stop fixed in space."""
+        """x_j = y_j - b_j u, and ub more at a stop fixed in space; or F_j, a stop's b_j pointing against w."""
         j, nothing = _pair_number(system, self.pair), zero_reading(system)
-        pair = system.contacts[j]
-        ball = np.zeros(len(system.contacts)) if pair.is_stop else np.eye(len(system.contacts))[j]
+        pair, chosen = system.contacts[j], np.eye(len(system.contacts))[j]
+        if self.quantity == "contact_force":
+            return changed(nothing, contact_force=(-1.0 if pair.is_stop else 1.0) * chosen)
+        ball = np.zeros(len(system.contacts)) if pair.is_stop else chosen
         base = np.array([1.0, 0.0, 0.0]) if pair.fixed_to == "space" else nothing.base
         return changed(nothing, displacement=-pair.direction, ball_displacement=ball, base=base)
-
-
-@dataclass(frozen=True)
-class ContactForce:
-    """Force (N) of contact of a pair on the beam, positive in the direction of w; a centring spring has no share in it.
-
-    With Moreau-Jean and with an energy-consistent contact it is the mean over a step.
-
-    Raises `InputError` if the value is no name; when it is read, if there is no such pair.
-    """
-
-    pair: str | None = field(default=None, metadata=optional(text()))  # name of a ball or a stop; None is the only one
-
-    def __post_init__(self) -> None:
-        check_fields(self)
-
-    @property
-    def name(self) -> str:
-        """The pair's name with "contact_force" behind it."""
-        return "contact_force" if self.pair is None else f"{self.pair}.contact_force"
-
-    @property
-    def unit(self) -> str:
-        """Unit of the values."""
-        return "N"
-
-    def reading(self, system: System) -> Reading:
-        """F_j; a stop's direction b_j points against w."""
-        j = _pair_number(system, self.pair)
-        sign = -1.0 if system.contacts[j].is_stop else 1.0
-        return changed(zero_reading(system), contact_force=sign * np.eye(len(system.contacts))[j])
 
 
 NAMES = ("displacement", "velocity", "acceleration")
@@ -373,7 +348,7 @@ class ShakerForce:
 
     @property
     def name(self) -> str:
-        """Always the same: there is one base."""
+        """Always "shaker_force": there is one base."""
         return "shaker_force"
 
     @property
@@ -433,8 +408,8 @@ QUANTITIES: Mapping[str, Quantity] = {
     },
     "reaction_force": Quantity(("place",), SupportReaction),
     "reaction_moment": Quantity(("place",), partial(SupportReaction, quantity="moment")),
-    "gap": Quantity(("ball", "stop"), Gap),
-    "contact_force": Quantity(("ball", "stop"), ContactForce),
+    "gap": Quantity(("ball", "stop"), partial(ContactReading, "gap")),
+    "contact_force": Quantity(("ball", "stop"), partial(ContactReading, "contact_force")),
 }
 """Quantities by the part of a name behind its dot; without a dot a place or a ball gives its relative displacement."""
 

@@ -135,7 +135,7 @@ class EnergyLedger:
 
     @property
     def residual_history(self) -> Array:
-        """Signed residual over time; see `energy_residual`."""
+        """Signed residual of the energy balance over time, over the energy put in; see `energy_residual`."""
         return energy_residual(self.stored, self.work, self.structure_loss + self.contact_loss)
 
     @property

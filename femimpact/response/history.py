@@ -187,7 +187,7 @@ def _take(ledger: EnergyLedger, rows: list[int]) -> EnergyLedger:
 
 @dataclass(eq=False)
 class Stream:
-    """Where the history of a run goes: piece by piece to a sink, or in one piece to the response."""
+    """Passes the history of a run piece by piece to a sink, or in one piece to the response."""
 
     # what the run holds now, given how many samples and snapshots were taken from it before
     read: Callable[[int, int], HistoryPiece]

@@ -1,4 +1,4 @@
-"""Which kind of motion a window of impacts shows: k impacts in n cycles, sticking, chatter, or no period up to n."""
+"""Kind of motion in a window of impacts: k impacts in n cycles, sticking, chatter, or no period up to n."""
 
 from __future__ import annotations
 
@@ -148,9 +148,12 @@ def classify(
     window = _window(impacts, frequency, start, end)
     count, period = _smallest_period(window, rules)
     repeated = f"{count}:{period} periodic" if period else ""
+    chatter = (
+        f"runs of at least {rules.chatter_impacts} impacts on one wall, each slower and sooner than the one before,"
+    )
     for kind, seen, what in (
         ("sticking", _sticking_cycles(sticking, window), "something sticks"),
-        ("chatter", _chattering_cycles(window, rules.chatter_impacts), _chatter_words(rules)),
+        ("chatter", _chattering_cycles(window, rules.chatter_impacts), chatter),
     ):
         if len(seen) >= rules.cycle_share * max(window.cycles, 1):
             words = f"{what} in {len(seen)} of {window.cycles} cycles, at least {rules.cycle_share:g} of them"
@@ -196,10 +199,6 @@ def _period_words(rules: RegimeCriteria) -> str:
         f"phase (within {rules.phase_tolerance:g} rad) and approach speed (within {rules.speed_tolerance:g} of it) "
         f"over at least {rules.repeats} repeats"
     )
-
-
-def _chatter_words(rules: RegimeCriteria) -> str:
-    return f"runs of at least {rules.chatter_impacts} impacts on one wall, each slower and sooner than the one before,"
 
 
 def _require_table(table: object, kind: type, key: str) -> None:
@@ -297,17 +296,17 @@ def _sticking_cycles(sticking: StickingPhases, window: _Window) -> set[int]:
 def _chattering_cycles(window: _Window, shortest: int) -> set[int]:
     cycles: set[int] = set()
     for impactor in sorted(set(window.impactor.tolist())):
-        own = window.only(window.impactor == impactor)
-        interval = np.diff(own.time, prepend=0.0)
-        length = min(own.time.size, 1)
-        for i in range(1, own.time.size):
-            if own.side[i] != own.side[i - 1] or own.speed[i] >= own.speed[i - 1]:
+        of_pair = window.only(window.impactor == impactor)
+        interval = np.diff(of_pair.time, prepend=0.0)
+        length = min(of_pair.time.size, 1)
+        for i in range(1, of_pair.time.size):
+            if of_pair.side[i] != of_pair.side[i - 1] or of_pair.speed[i] >= of_pair.speed[i - 1]:
                 length = 1
             elif length == 1 or interval[i] < interval[i - 1]:
                 length += 1
             else:
                 length = 2  # slower but later: a new run may begin with the impact before
             if length >= shortest:
-                first = float(own.time[i - length + 1])
-                cycles.update(range(own.cycle_of(first), own.cycle_of(float(own.time[i])) + 1))
+                first = float(of_pair.time[i - length + 1])
+                cycles.update(range(of_pair.cycle_of(first), of_pair.cycle_of(float(of_pair.time[i])) + 1))
     return cycles

@@ -99,8 +99,8 @@ class Recorder:
         any length needs the memory of a piece. The response itself then holds no history. An
         exception in it ends the run. Statistics of base cycles stay, some 100 bytes a cycle.
     piece_samples : int
-        Most samples in a piece; an event-driven run with whole samples in a base cycle passes on whole cycles, and
-        the first piece has the state at the start besides.
+        Most samples in a piece; an event-driven run with a whole number of samples in a base cycle passes on complete
+        cycles, and the first piece has the state at the start besides.
     """
 
     channels: Sequence[Position | Channel] | None = None
@@ -133,7 +133,8 @@ class Recorder:
             object.__setattr__(self, "channels", tuple(self.channels))
         faults = []
         if self.channels is not None and not (
-            isinstance(self.channels, tuple) and all(map(_is_channel, self.channels))
+            isinstance(self.channels, tuple)
+            and all(isinstance(one, (str, Channel)) or in_range(one, quantity("m")) for one in self.channels)
         ):
             allowed = "must be names of places or balls, metres from the root, or channels with name, unit and reading"
             faults.append(Fault("channels", self.channels, "", allowed))
@@ -141,20 +142,12 @@ class Recorder:
             faults.append(Fault("sink", type(self.sink).__name__, "", "must be callable, with one HistoryPiece"))
         check_fields(self, *faults)
         if self.channels is not None:
-            plain = tuple(map(_plain, self.channels))
-            object.__setattr__(self, "channels", plain)
-
-
-def _is_channel(channel: object) -> bool:
-    """True if a channel is a name, a finite number of metres, or has name, unit and reading."""
-    return isinstance(channel, (str, Channel)) or in_range(channel, quantity("m"))
-
-
-def _plain(channel: Any) -> Position | Channel:
-    """The same with numpy's texts and numbers as Python's."""
-    if isinstance(channel, Channel):
-        return channel
-    return str(channel) if isinstance(channel, str) else float(channel)
+            # numpy's texts and numbers become Python's
+            plain = (
+                one if isinstance(one, Channel) else str(one) if isinstance(one, str) else float(one)
+                for one in self.channels
+            )
+            object.__setattr__(self, "channels", tuple(plain))
 
 
 @runtime_checkable
@@ -203,8 +196,8 @@ class Response:
     statistics_of : mapping of str to ImpactStatistics
         The same for each ball.
     steady : SteadyMotion
-        Of the tip over the last third of the run's whole base cycles, arrays of one entry. Where the excitation has no
-        cycle its rms is that of the samples kept of the last third, if the tip is recorded.
+        Of the tip over the last third of the run's complete base cycles, arrays of one entry. Where the excitation has
+        no cycle its rms is that of the samples kept of the last third, if the tip is recorded.
     energy : EnergyLedger or None
         Of a streamed run, the few samples that decide the residual of all: the first, those of the
         largest imbalance and of the largest work, the last.

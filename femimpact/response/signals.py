@@ -45,7 +45,7 @@ class CycleStatistics:
 @short_repr
 @dataclass(frozen=True, eq=False)
 class SteadyMotion:
-    """Amplitudes over a window of whole base cycles, and whether the motion was steady there.
+    """Amplitudes over a window of complete base cycles, and the steadiness of the motion there.
 
     Parameters
     ----------
@@ -113,19 +113,7 @@ def steady_motion(
     longest_period = checked("longest_period", longest_period, quantity("cycles", at_least=1, integer=True))
     finished = np.count_nonzero(cycles.samples, axis=0)
     length = np.minimum(finished, measured.astype(int))
-    # back from each case's end; rows beyond its window have no weight
-    back = np.arange(max(int(length.max(initial=0)), 1))[:, None]
-    rows, in_window = np.maximum(finished - 1 - back, 0), back < length
-    if finished.size and np.all(finished == finished[0]) and np.all(length == back.size):
-        # of one length, as the cases of a study are: no rows beyond a window
-        first, last = int(finished[0]) - back.size, int(finished[0])
-        window_of = (getattr(cycles, item.name)[first:last][::-1] for item in fields(CycleStatistics))
-    else:
-        window_of = (
-            np.where(in_window, np.take_along_axis(getattr(cycles, item.name), rows, axis=0), 0.0)
-            for item in fields(CycleStatistics)
-        )
-    maximum, minimum, square, sine, cosine, samples = window_of
+    (maximum, minimum, square, sine, cosine, samples), in_window = _rows_from_end(cycles, finished, length)
     total = _total(samples)
     with np.errstate(invalid="ignore", divide="ignore"):
         in_phase, in_quadrature = 2.0 * _total(sine) / total, 2.0 * _total(cosine) / total
@@ -142,6 +130,26 @@ def steady_motion(
     )
 
 
+def _rows_from_end(
+    cycles: CycleStatistics,
+    finished: NDArray[np.int64],  # (cases,) cycles that have ended
+    length: NDArray[np.int64],  # (cases,) cycles of each window
+) -> tuple[list[Array], NDArray[np.bool_]]:
+    """Columns of the windows, (rows, cases), rows leading back from each case's end; which rows are in its window.
+
+    Rows beyond a window are zero.
+    """
+    columns = [getattr(cycles, item.name) for item in fields(CycleStatistics)]
+    back = np.arange(max(int(length.max(initial=0)), 1))[:, None]
+    in_window = back < length
+    if finished.size and np.all(finished == finished[0]) and np.all(length == back.size):
+        # of one length, as the cases of a study are: no rows beyond a window
+        first, last = int(finished[0]) - back.size, int(finished[0])
+        return [column[first:last][::-1] for column in columns], in_window
+    rows = np.maximum(finished - 1 - back, 0)
+    return [np.where(in_window, np.take_along_axis(column, rows, axis=0), 0.0) for column in columns], in_window
+
+
 def no_steady_motion() -> SteadyMotion:
     """The amplitudes of a run shorter than one base cycle: not a number, and a transient."""
     nothing = np.full(1, np.nan)
@@ -154,7 +162,7 @@ def _total(values: Array) -> Array:
 
 
 def _repeats(maximum: Array, in_window: NDArray[np.bool_], tolerance: float, longest_period: int) -> NDArray[np.bool_]:
-    """Which cases repeat their maxima after a few cycles; rows lead back from the end."""
+    """True for cases that repeat their maxima after a few cycles; rows lead back from the end."""
     scale = tolerance * np.max(np.abs(maximum), axis=0)
     found = np.zeros(maximum.shape[1], dtype=bool)
     for period in range(1, min(longest_period, maximum.shape[0] // 2) + 1):
@@ -171,7 +179,7 @@ def _repeats(maximum: Array, in_window: NDArray[np.bool_], tolerance: float, lon
 def _halves_agree(
     mean_square: Array, length: NDArray[np.int64], tolerance: float, standard_errors: float
 ) -> NDArray[np.bool_]:
-    """In which cases the two halves of the window are one population of cycles; rows lead back from the end."""
+    """True for cases in which both halves of the window are one population of cycles; rows lead back from the end."""
     place = length - 1 - np.arange(mean_square.shape[0])[:, None]
     shorter, longer = np.divmod(length, PARTS)
     ahead = longer * (shorter + 1)

@@ -1,4 +1,4 @@
-"""Numbers of a structure that are allowed, and so unusual that another unit may have been meant."""
+"""The structure on the shaker: its parts and places; numbers of it that may be meant in another unit."""
 
 from __future__ import annotations
 
@@ -26,75 +26,6 @@ from femimpact.structure.beam import Beam
 from femimpact.structure.damping import ModalDamping, Rayleigh
 from femimpact.table import Head, head_of_values, short_repr
 
-
-@dataclass(frozen=True)
-class Spring:
-    """A linear spring along the deflection, to the moving base or between two places of the beam.
-
-    The force on the beam at `at` is -stiffness (w(at) - w(to)), and the opposite one acts at `to`. A place need not be
-    a node of the mesh: the force acts through the interpolation of its element.
-
-    Parameters
-    ----------
-    name : str
-        A name that no other part of the structure has.
-    at : str or float
-        Place on the beam: "root", "tip", "mid", a body's name, a point of the mesh, or metres from the root.
-    stiffness : float, N/m
-        Force over elongation.
-    to : str or float, optional
-        The other end's place on the beam; None is the base.
-
-    Raises
-    ------
-    InputError
-        If both ends are at one place.
-    """
-
-    name: str = field(metadata=text())
-    at: str | float = field(metadata=place())
-    stiffness: float = field(metadata=quantity("N/m", at_least=0.0))
-    to: str | float | None = field(default=None, metadata=optional(place()))
-
-    def __post_init__(self) -> None:
-        check_fields(self)
-        require(self.to != self.at, "to", self.to, "", "must be another place than the one at `at`, or None")
-
-
-@dataclass(frozen=True)
-class Dashpot:
-    """A viscous damper along the deflection, to the moving base or between two places of the beam.
-
-    The force on the beam at `at` is -damping (w'(at) - w'(to)) with the velocities w' relative to the base, and the
-    opposite one acts at `to`. The damping no longer decouples on the normal modes (`reduce`), but by chance.
-
-    Parameters
-    ----------
-    name : str
-        A name that no other part of the structure has.
-    at : str or float
-        Place on the beam: "root", "tip", "mid", a body's name, a point of the mesh, or metres from the root.
-    damping : float, N s/m
-        Force over speed.
-    to : str or float, optional
-        The other end's place on the beam; None is the base.
-
-    Raises
-    ------
-    InputError
-        If both ends are at one place.
-    """
-
-    name: str = field(metadata=text())
-    at: str | float = field(metadata=place())
-    damping: float = field(metadata=quantity("N s/m", at_least=0.0))
-    to: str | float | None = field(default=None, metadata=optional(place()))
-
-    def __post_init__(self) -> None:
-        check_fields(self)
-        require(self.to != self.at, "to", self.to, "", "must be another place than the one at `at`, or None")
-
-
 Position = str | float
 """A place on the beam: "root", "tip", "mid", a name that the mesh gives, a body's name, or metres from the root."""
 
@@ -121,14 +52,6 @@ def require_preload(gaps: tuple[float, ...], law: ContactLaw) -> None:
     fits = min(gaps) >= 0.0 or law.may_be_preloaded
     allowed = "must be another law for a preloaded stop: its spring acts from the middle of its gaps"
     require(fits, "contact", law.name, "", allowed)
-
-
-def _as_tuple(instance: Any, *names: str) -> None:
-    """Turn list-valued fields of a frozen dataclass into tuples."""
-    for name in names:
-        value = getattr(instance, name)
-        if isinstance(value, list):
-            object.__setattr__(instance, name, tuple(value))
 
 
 @dataclass(frozen=True)
@@ -289,6 +212,79 @@ class Stop:
         return self.gap if isinstance(self.gap, tuple) else (self.gap, self.gap)
 
 
+def _check_ends(connection: Any) -> None:
+    """Refuse a spring or a dashpot whose fields are out of range, or whose ends are at one place."""
+    check_fields(connection)
+    allowed = "must be another place than the one at `at`, or None"
+    require(connection.to != connection.at, "to", connection.to, "", allowed)
+
+
+@dataclass(frozen=True)
+class Spring:
+    """A linear spring along the deflection, to the moving base or between two places of the beam.
+
+    The force on the beam at `at` is -stiffness (w(at) - w(to)), and the opposite one acts at `to`. A place need not be
+    a node of the mesh: the force acts through the interpolation of its element.
+
+    Parameters
+    ----------
+    name : str
+        A name that no other part of the structure has.
+    at : str or float
+        Place on the beam: "root", "tip", "mid", a body's name, a point of the mesh, or metres from the root.
+    stiffness : float, N/m
+        Force over elongation.
+    to : str or float, optional
+        The other end's place on the beam; None is the base.
+
+    Raises
+    ------
+    InputError
+        If both ends are at one place.
+    """
+
+    name: str = field(metadata=text())
+    at: str | float = field(metadata=place())
+    stiffness: float = field(metadata=quantity("N/m", at_least=0.0))
+    to: str | float | None = field(default=None, metadata=optional(place()))
+
+    def __post_init__(self) -> None:
+        _check_ends(self)
+
+
+@dataclass(frozen=True)
+class Dashpot:
+    """A viscous damper along the deflection, to the moving base or between two places of the beam.
+
+    The force on the beam at `at` is -damping (w'(at) - w'(to)) with the velocities w' relative to the base, and the
+    opposite one acts at `to`. The damping no longer decouples on the normal modes (`reduce`), but by chance.
+
+    Parameters
+    ----------
+    name : str
+        A name that no other part of the structure has.
+    at : str or float
+        Place on the beam: "root", "tip", "mid", a body's name, a point of the mesh, or metres from the root.
+    damping : float, N s/m
+        Force over speed.
+    to : str or float, optional
+        The other end's place on the beam; None is the base.
+
+    Raises
+    ------
+    InputError
+        If both ends are at one place.
+    """
+
+    name: str = field(metadata=text())
+    at: str | float = field(metadata=place())
+    damping: float = field(metadata=quantity("N s/m", at_least=0.0))
+    to: str | float | None = field(default=None, metadata=optional(place()))
+
+    def __post_init__(self) -> None:
+        _check_ends(self)
+
+
 @short_repr
 @dataclass(frozen=True)
 class Structure:
@@ -333,7 +329,9 @@ class Structure:
             "masses": PointMass, "impactors": Impactor, "supports": Support, "stops": Stop, "springs": Spring,
             "dashpots": Dashpot,
         }  # fmt: skip
-        _as_tuple(self, *kinds)
+        for key in kinds:
+            if isinstance(getattr(self, key), list):
+                object.__setattr__(self, key, tuple(getattr(self, key)))
         check_fields(self)
         require_type(self.beam, Beam, "beam")
         for key, kind in kinds.items():

@@ -1,4 +1,4 @@
-"""The base motion of a study: a record beside the study file, a chirp, a stepped sine, a random motion or a shock."""
+"""Motions of the base in a study: a sine, a record, a chirp, a stepped sine, a random motion and a shock."""
 
 from __future__ import annotations
 
@@ -11,11 +11,57 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from femimpact.errors import Fault, InputError, check_fields, checked, choice, optional, quantity, suggestion, text
-from femimpact.excitation import Chirp, RandomBase, RecordedBase, Shock, SteppedSine
+from femimpact.excitation import Chirp, RandomBase, RecordedBase, Shock, Sine, SteppedSine
 from femimpact.excitation.records import record_text
 
 NUMBER = quantity("1", at_least=0, integer=True)
-"""Of a column that has no name."""
+"""Allowed numbers of a column without a name."""
+
+
+@dataclass(frozen=True)
+class BaseMotion:
+    """`[base]`: amplitude of the sine; frequency, phase and duration of the simulated history; start.
+
+    Parameters
+    ----------
+    amplitude : float, m
+        Amplitude of the base's displacement, in the history and in the sweep.
+    frequency : float, Hz
+        Frequency of the simulated history.
+    duration : float, s
+        Duration of the simulated history.
+    phase : float, rad
+        Phase of the sine at t = 0.
+    start : {"base", "space", "static"}
+        At rest relative to the base, at rest in the inertial frame, or in the static state (`State.static`).
+    """
+
+    FREQUENCY_KEY: ClassVar[str] = "base.frequency"
+    """Key of the study file that sets the frequency of a cycle."""
+
+    amplitude: float = field(metadata=quantity("m", above=0.0))
+    frequency: float = field(metadata=quantity("Hz", above=0.0))
+    duration: float = field(default=30.0, metadata=quantity("s", above=0.0))
+    phase: float = field(default=0.0, metadata=quantity("rad"))
+    start: str = field(default="base", metadata=choice("base", "space", "static"))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+
+    @property
+    def excitation(self) -> Sine:
+        """The motion that drives the history."""
+        return Sine(self.amplitude, self.frequency, self.phase)
+
+    @property
+    def history_duration(self) -> float:
+        """Time (s) that the history takes."""
+        return self.duration
+
+    @property
+    def words(self) -> str:
+        """How long the history is, and what drives it."""
+        return f"{self.duration:g} s at {self.frequency:g} Hz"
 
 
 @dataclass(frozen=True)
@@ -35,7 +81,7 @@ class RecordedMotion:
     columns : two of int or str
         Time and acceleration, by their numbers from 0 or their names in the header.
     duration : float or None, s
-        Of the simulated history; None is that of the record.
+        Duration of the simulated history; None is that of the record.
     start : {"base", "space", "static"}
         At rest relative to the base, at rest in the inertial frame, or in the static state (`State.static`).
 
@@ -46,7 +92,7 @@ class RecordedMotion:
     """
 
     FREQUENCY_KEY: ClassVar[str] = "base.record"
-    """What a study file has where the frequency of a cycle comes from."""
+    """Key of the study file that sets the frequency of a cycle."""
 
     record: str = field(metadata=text())
     content: str = field(repr=False, metadata=text())
@@ -72,7 +118,7 @@ class RecordedMotion:
 
     @property
     def frequency(self) -> float:
-        """What a cycle means, Hz: that of the largest line of the record's spectrum."""
+        """Frequency of a cycle, Hz: that of the largest line of the record's spectrum."""
         return self.excitation.frequency
 
     @property
@@ -92,7 +138,7 @@ class RecordedMotion:
 
 
 def record_beside(folder: Path, record: str) -> str:
-    """What the file of a record holds, its path being given from a folder.
+    """Text of the file of a record, whose path is given from a folder.
 
     Raises
     ------
@@ -122,8 +168,8 @@ SIGNALS: Mapping[str, tuple[type[Signal], Mapping[str, str]]] = {
 }
 """Each kind of [base]: its noun, and the keys of a study file whose fields have another name."""
 
-OWN = ("history", "initial")
-"""Keys of [base] that are not the noun's."""
+HISTORY_KEYS = ("history", "initial")
+"""Keys of [base] on the history, beside the fields of the motion."""
 
 
 @dataclass(frozen=True)
@@ -137,7 +183,7 @@ class SignalMotion:
         Fields of `Chirp`, `SteppedSine`, `RandomBase` or `Shock`, lists as tuples. A chirp's kind is called `rate`
         here, a shock's `pulse`.
     history : float or None, s
-        Of the simulated history; None is the duration of the motion. A shock needs one.
+        Duration of the simulated history; None is that of the motion. A shock needs one.
     initial : {"base", "space", "static"}
         At rest relative to the base, at rest in the inertial frame, or in the static state (`State.static`). The key is
         not called start, which is the first frequency of a chirp.
@@ -149,7 +195,7 @@ class SignalMotion:
     """
 
     FREQUENCY_KEY: ClassVar[str] = "base.kind"
-    """What a study file has where the highest frequency comes from."""
+    """Key of the study file that sets the highest frequency."""
 
     kind: str = field(metadata=choice(*SIGNALS))
     values: tuple[tuple[str, Any], ...]
@@ -183,7 +229,7 @@ class SignalMotion:
 
     @property
     def frequency(self) -> float:
-        """The highest one, Hz: there is no cycle."""
+        """Highest frequency of the motion, Hz. It has no cycle."""
         return float(self.excitation.frequency)
 
     @property
@@ -199,9 +245,9 @@ class SignalMotion:
 
     @property
     def table(self) -> dict[str, Any]:
-        """What a study file has in [base] of it."""
-        own = {"history": self.history, "initial": None if self.initial == "base" else self.initial}
-        given = {name: value for name, value in own.items() if value is not None}
+        """Keys and values of [base] in a study file."""
+        optional_keys = {"history": self.history, "initial": None if self.initial == "base" else self.initial}
+        given = {name: value for name, value in optional_keys.items() if value is not None}
         return {"kind": self.kind, **dict(self.values), **given}
 
 
@@ -213,7 +259,7 @@ def _check_keys(kind: str, values: Mapping[str, Any]) -> None:
         for name, item in inspect.signature(noun).parameters.items()
         if name not in ("level", "by")
     }
-    faults = [Fault(name, None, "", suggestion(name, [*known, *OWN])) for name in values if name not in known]
+    faults = [Fault(name, None, "", suggestion(name, [*known, *HISTORY_KEYS])) for name in values if name not in known]
     missing = [name for name, default in known.items() if default is inspect.Parameter.empty and name not in values]
     faults += [Fault(name, None, "", f"is missing in [base] of kind {kind!r}") for name in missing]
     if faults:
@@ -221,7 +267,7 @@ def _check_keys(kind: str, values: Mapping[str, Any]) -> None:
 
 
 def numbers_of_signal(signal: Signal) -> dict[str, Any]:
-    """What makes a motion again: its kind, and its fields by name."""
+    """The kind of a motion and its fields by name, from which `signal_of_numbers` makes it again."""
     kind = next(kind for kind, (noun, _) in SIGNALS.items() if isinstance(signal, noun))
     return {"signal": kind, "fields": {item.name: getattr(signal, item.name) for item in fields(signal)}}
 

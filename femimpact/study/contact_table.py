@@ -1,4 +1,4 @@
-"""What the contacts of a study return, with which force and in how many steps, over the approach speed."""
+"""Table of one collision of each contact of a study over the approach speed: restitution, force and steps."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.contact import ContactLaw, collide
+from femimpact.contact import collide
 from femimpact.errors import require
 from femimpact.export import figures, tables
 from femimpact.integrators.methods import Method
-from femimpact.study.result_directory import FILES, OTHER_FILES, prepare_directory
+from femimpact.study.result_directory import FILES, prepare_directory
 from femimpact.study.study import Study, build_systems, method_for, read_mesh_of
 from femimpact.system.contact_pair import ContactPair
 
@@ -78,10 +78,10 @@ def write_contact_table(
     # speeds far apart would leave the slow loops too small to see
     shown = np.linspace(max(speed_min, 0.25 * speed_max), speed_max, 3)
     with prepare_directory(directory, force) as staging:
-        tables.write_csv(staging.folder / OTHER_FILES["contact_table"], columns, UNITS)
+        tables.write_csv(staging.folder / FILES["contact_table"].name, columns, UNITS)
         staging.finish_part("table")
         drawn = figures.contact_laws(contacts, shown.tolist(), figures.OffScreen())
-        figures.save_figure(drawn, staging.folder / FILES["force_figure"])
+        figures.save_figure(drawn, staging.folder / FILES["force_figure"].name)
     return columns
 
 
@@ -99,30 +99,18 @@ def _table(pairs: tuple[ContactPair, ...], method: Method, speeds: NDArray[np.fl
 
 def _row(pair: ContactPair, method: Method, speed: float) -> dict[str, Any]:
     found = collide(pair.law, pair.effective_mass, speed)
+    # none where the method does not step, or not this law
+    stepped = method.achieved_restitution(pair, speed)
     return {
         "impactor": pair.name,
         "law": pair.law.name,
         "approach_speed": speed,
-        "restitution_asked": _asked(pair.law),
+        "restitution_asked": math.nan if pair.law.restitution is None else pair.law.restitution,
         "restitution": found.restitution,
-        "restitution_with_step": _stepped(pair, method, speed),
+        "restitution_with_step": math.nan if stepped is None else stepped.mean,
         "contact_time": found.contact_time,
-        "steps_per_contact": _steps(pair, method, found.contact_time),
+        "steps_per_contact": math.nan if pair.parameters.is_rigid else method.steps_in(found.contact_time),
         "peak_force": found.peak_force,
         "largest_penetration": found.largest_penetration,
         "energy_loss": found.energy_loss,
     }
-
-
-def _asked(law: ContactLaw) -> float:
-    return math.nan if law.restitution is None else law.restitution
-
-
-def _steps(pair: ContactPair, method: Method, contact_time: float) -> float:
-    return math.nan if pair.parameters.is_rigid else method.steps_in(contact_time)
-
-
-def _stepped(pair: ContactPair, method: Method, speed: float) -> float:
-    """Mean restitution with the method's step; none where the method does not step, or not this law."""
-    achieved = method.achieved_restitution(pair, speed)
-    return math.nan if achieved is None else achieved.mean

@@ -1,4 +1,4 @@
-"""What a convergence study prints: its tables and notes, in 80 columns."""
+"""Convergence of a study over mesh, step and modes: its tables, figures and printed lines."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ from femimpact.integrators.methods import Method
 from femimpact.integrators.stepping.newmark import Newmark
 from femimpact.structure.structure import Position
 from femimpact.study.picture_data import structure_parts
-from femimpact.study.result_directory import OTHER_FILES, prepare_directory
+from femimpact.study.result_directory import FILES, prepare_directory
 from femimpact.study.result_page import add_report
 from femimpact.study.run import Report
 from femimpact.study.study import Study, build_systems, check_method, method_for, read_mesh_of, sine_of
@@ -66,7 +66,7 @@ COARSEST_STEPS = 40
 
 @dataclass(frozen=True, eq=False)
 class WrittenConvergence:
-    """What a convergence study found, and where its files are."""
+    """Results of the convergence studies of a study, and the directory of their files."""
 
     tables: ConvergenceStudy  # over the mesh and the modes, and over the step where the study's method is Newmark's
     statistics: ConvergenceTable | None  # of event-driven runs with contacts over the mesh
@@ -101,12 +101,12 @@ def write_convergence(
         If the mesh or the method does not fit the study, or its base does not move by a sine.
     """
     sine_of(study, "converge")
-    own = read_mesh_of(study)
-    full, small = build_systems(study, own)
+    mesh_of_file = read_mesh_of(study)
+    full, small = build_systems(study, mesh_of_file)
     method = method_for(study, small)
     check_method(study, small, method)
-    meshes = _meshes(study, own)
-    mesh = own if own is not None else uniform_mesh(study.structure, cast(int, study.mesh.elements))
+    meshes = _meshes(study, mesh_of_file)
+    mesh = mesh_of_file if mesh_of_file is not None else uniform_mesh(study.structure, cast(int, study.mesh.elements))
     in_steps = study.method.get("name", "newmark") == "newmark"
     axes: list[Axis] = [meshes, OverModes(mesh, _counts(full.dofs))]
     notes = []
@@ -125,7 +125,7 @@ def write_convergence(
         staging.finish_part("quantities")
         statistics, why = _statistics(study, meshes, _moving(full)[0], accuracy, report)
         if statistics is not None:
-            tables.write_csv(folder / OTHER_FILES["statistics_over_mesh"], *statistics.columns())
+            tables.write_csv(folder / FILES["statistics_over_mesh"].name, *statistics.columns())
             staging.finish_part("statistics")
         step = None
         if in_steps:
@@ -135,7 +135,7 @@ def write_convergence(
             _write_steps(folder, step)
             staging.finish_part("steps")
         written = WrittenConvergence(found, statistics, frequencies, step, (*notes, *why), directory)
-        tables.write_json(folder / OTHER_FILES["convergence_notes"], _about(study, full, written, accuracy))
+        tables.write_json(folder / FILES["convergence_notes"].name, _about(study, full, written, accuracy))
         staging.finish_part("notes")
     if study.output.report:
         add_report(directory, report)
@@ -145,9 +145,9 @@ def write_convergence(
 # ---- what is studied ------------------------------------------------------------------------------
 
 
-def _meshes(study: Study, own: Mesh | None) -> OverMeshes:
+def _meshes(study: Study, mesh: Mesh | None) -> OverMeshes:
     """Uniform meshes of the study's structure, or the mesh of its file and its refinements."""
-    if own is None:
+    if mesh is None:
         made: list[Mesh] = []
         for count in MESHES:
             try:
@@ -157,12 +157,12 @@ def _meshes(study: Study, own: Mesh | None) -> OverMeshes:
                 if count == MESHES[-1]:
                     raise
         return OverMeshes(tuple(made), make=partial(uniform_mesh, study.structure))
-    times = max(int(math.log2(MOST_REFINED / own.elements)) if own.elements < MOST_REFINED else 0, 1)
-    return OverMeshes.refinements(own, min(times, 4))
+    times = max(int(math.log2(MOST_REFINED / mesh.elements)) if mesh.elements < MOST_REFINED else 0, 1)
+    return OverMeshes.refinements(mesh, min(times, 4))
 
 
 def _steps(study: Study, mesh: Mesh, method: Method) -> OverSteps:
-    """From a fortieth of the base's period down to the study's step, three to ten halvings."""
+    """Time steps to compare: a fortieth of the base's period, halved three to ten times, down to the study's step."""
     given = cast(Newmark, method)
     coarse = 1.0 / (COARSEST_STEPS * study.base.frequency)
     halvings = math.ceil(math.log2(coarse / given.dt)) if coarse > given.dt else 0
@@ -235,7 +235,7 @@ def _statistics(
 
 
 def _about(study: Study, system: System, found: WrittenConvergence, accuracy: float) -> dict[str, Any]:
-    """What a report of the tables says besides: the structure, what was studied, notes and versions."""
+    """The structure, the problem, notes and versions, for the report of the tables."""
     studied = found.tables.tables.values()
     notes = [note for table in studied for note in table.notes]
     more = [*found.notes, *found.mesh.notes, *(found.step.notes if found.step else ())]
@@ -256,20 +256,20 @@ def _about(study: Study, system: System, found: WrittenConvergence, accuracy: fl
 def _write_tables(folder: Path, found: ConvergenceStudy, mesh: MeshConvergence) -> None:
     off_screen = figures.OffScreen()
     for axis, table in found.tables.items():
-        tables.write_csv(folder / OTHER_FILES[f"quantities_over_{axis}"], *table.columns())
+        tables.write_csv(folder / FILES[f"quantities_over_{axis}"].name, *table.columns())
         figures.save_figure(
             figures.convergence_panels(table, off_screen),
-            folder / OTHER_FILES[f"quantities_over_{axis}_figure"],
+            folder / FILES[f"quantities_over_{axis}_figure"].name,
         )
-    tables.write_csv(folder / OTHER_FILES["convergence_summary"], *_summary(list(found.tables.values())))
+    tables.write_csv(folder / FILES["convergence_summary"].name, *_summary(list(found.tables.values())))
     columns: dict[str, Any] = {"elements": mesh.elements}
     for i in range(mesh.reference.size):
         columns[f"natural_frequency_{i + 1}"] = mesh.natural_frequency[:, i]
         columns[f"error_{i + 1}"] = mesh.error[:, i]
     units = {name: "Hz" if "frequency" in name else "1" for name in columns if name != "elements"}
-    tables.write_csv(folder / OTHER_FILES["mesh_convergence"], columns, units)
+    tables.write_csv(folder / FILES["mesh_convergence"].name, columns, units)
     drawn = figures.mesh_convergence(mesh, slope=None, ax=off_screen)
-    figures.save_figure(drawn, folder / OTHER_FILES["mesh_convergence_figure"])
+    figures.save_figure(drawn, folder / FILES["mesh_convergence_figure"].name)
 
 
 def _summary(found: Sequence[ConvergenceTable]) -> tuple[dict[str, Any], dict[str, str]]:
@@ -283,9 +283,9 @@ def _summary(found: Sequence[ConvergenceTable]) -> tuple[dict[str, Any], dict[st
 
 def _write_steps(folder: Path, step: StepConvergence) -> None:
     columns = {name: getattr(step, name) for name in ("dt", "linear_error", "first_impact_error", "energy_residual")}
-    tables.write_csv(folder / OTHER_FILES["step_convergence"], columns, {"dt": "s"})
+    tables.write_csv(folder / FILES["step_convergence"].name, columns, {"dt": "s"})
     drawn = figures.step_convergence(step, slope=None, ax=figures.OffScreen())
-    figures.save_figure(drawn, folder / OTHER_FILES["step_convergence_figure"])
+    figures.save_figure(drawn, folder / FILES["step_convergence_figure"].name)
 
 
 def convergence_lines(found: WrittenConvergence) -> list[str]:

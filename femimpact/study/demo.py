@@ -20,7 +20,8 @@ from femimpact.errors import Fault, InputError
 from femimpact.export import figures, tables
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.study.prepared import PreparedStudy, prepare, with_base
-from femimpact.study.result_directory import OTHER_FILES, prepare_directory
+from femimpact.study.result_conclusions import STARTS
+from femimpact.study.result_directory import FILES, prepare_directory
 from femimpact.study.result_page import add_report
 from femimpact.study.results import StudyResults, load
 from femimpact.study.run import (
@@ -52,8 +53,6 @@ PUBLISHED: Mapping[str, float] = {
     "impact_force_theory": 0.02,
 }
 """The paper's Table 1 and section 5: Hz, 1 and N."""
-
-STARTS = {"base": "at rest relative to the base", "space": "at rest in the inertial frame"}
 
 OFF_CENTRE = 0.1e-3
 """The starts of one frame differ by where the ball lies: up to so far (m) from the middle of its box."""
@@ -126,7 +125,7 @@ def run_demo(
         keep_modes(staging, prepared, Found(modes), ("sweep", "history"))
         samples = _scans(prepared, scan or ScanPlan(), report)
         scans = {start: median_scan(found) for start, found in samples.items()}
-        # only the first of them is kept whole
+        # the files of a sweep are of the first start, with its energy ledger
         sweeps = {start: _sweep_from(prepared, start, start == "base", report) for start in STARTS}
         keep_sweeps(staging, prepared, Found(modes, None, sweeps["base"]), ("history",))
         _write_scans(staging.folder, scans, sweeps)
@@ -290,7 +289,7 @@ def _write_curves(folder: Path, curves: Mapping[str, Sequence[FrequencyResponse]
         for name, found in (("median", np.median), ("low", np.min), ("high", np.max)):
             columns[f"{start}_{name}"] = found(peaks, axis=0)
     units = {name: "Hz" if name == "frequency" else "m" for name in columns}
-    tables.write_csv(folder / OTHER_FILES["curves_of_starts"], columns, units)
+    tables.write_csv(folder / FILES["curves_of_starts"].name, columns, units)
 
 
 def _sweep_row(sweeps: SweepPair) -> dict[str, Any]:
@@ -375,27 +374,21 @@ def _write_scans(folder: Path, scans: Mapping[str, RestitutionScan], sweeps: Map
         columns |= {f"{start}_{name}": getattr(scan, name) for name in names}
     units = {name: "Hz" if "frequency" in name else "m" if "peak_amplitude" in name else "1" for name in columns}
     units |= {name: "" for name in columns if name.endswith("steadiness")}
-    tables.write_csv(folder / OTHER_FILES["restitution"], columns, units)
+    tables.write_csv(folder / FILES["restitution"].name, columns, units)
     labelled = [(STARTS[start], scan) for start, scan in scans.items()]
     published = (PUBLISHED["frequency_ball_experiment"], PUBLISHED["amplitude_ratio"])
     off_screen = figures.OffScreen()
     drawn: Any = figures.restitution_scan(labelled, *published, figure=off_screen)
-    figures.save_figure(drawn, folder / OTHER_FILES["restitution_figure"])
+    figures.save_figure(drawn, folder / FILES["restitution_figure"].name)
     curves = {f"with ball, {STARTS[start]}": pair.ball for start, pair in sweeps.items() if pair.ball is not None}
     named = {"without ball": sweeps["base"].empty, **curves}
     drawn = figures.response_curve(named, coarse=sweeps["base"].coarse, ax=off_screen)
-    figures.save_figure(drawn, folder / OTHER_FILES["response_of_starts"])
+    figures.save_figure(drawn, folder / FILES["response_of_starts"].name)
 
 
 def _write_comparison(folder: Path, comparison: tuple[tuple[Any, ...], ...]) -> None:
     names = (
-        "quantity",
-        "unit",
-        "paper_theory",
-        "paper_experiment",
-        "from_rest_on_base",
-        "from_rest_in_space",
-        "method",
-    )
+        "quantity", "unit", "paper_theory", "paper_experiment", "from_rest_on_base", "from_rest_in_space", "method",
+    )  # fmt: skip
     rows = [["" if value is None else value for value in row] for row in comparison]
-    tables.write_csv(folder / OTHER_FILES["comparison"], dict(zip(names, zip(*rows, strict=True), strict=True)), {})
+    tables.write_csv(folder / FILES["comparison"].name, dict(zip(names, zip(*rows, strict=True), strict=True)), {})

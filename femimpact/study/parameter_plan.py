@@ -24,7 +24,7 @@ from femimpact.errors import (
 )
 
 MOST_POINTS = 10_000_000
-"""Of an axis or of a sample; more is taken for a mistake."""
+"""Largest number of points of an axis or a sample; more is taken for a mistake."""
 
 MOST_STARTS = 100_000
 
@@ -40,7 +40,7 @@ DISTRIBUTIONS: Mapping[str, tuple[str, str]] = {
 GRID = {"from", "to", "points"}
 
 AXIS = (
-    "must be a list of values, { from = .., to = .., points = .. }, or in a sample { from = .., to = .. } or one of "
+    "must be a list of values or { from = .., to = .., points = .. }; of a sample it may be { from = .., to = .. }, "
     + ", ".join(f"{{ {name} = [{first}, {second}] }}" for name, (first, second) in DISTRIBUTIONS.items())
 )
 
@@ -97,7 +97,7 @@ class SamplePlan:
     method : str
         Sequence or design that spreads them, or "random".
     seed : int
-        Of the sample.
+        Seed of the random numbers of the sample.
 
     Raises
     ------
@@ -158,11 +158,11 @@ class ParameterPlan:
     axes : mapping of str to AxisValues or Distribution
         By the study path of the value.
     starts : int
-        Of each case, by which the balls start at different places and speeds; of several the median is taken.
+        Number of starts of each case, with the balls at different places and speeds; of several the median is taken.
     seed : int
-        Of the starts.
+        Seed of the random numbers of the starts.
     cycles : int or None
-        Of the base in each case, the last third of which is measured. Absent: those of [sweep].
+        Base cycles in each case, the last third of which is measured. Absent: those of [sweep].
     sample : SamplePlan or None
         Absent: the full grid of the axes.
     best : BestPlan or None
@@ -189,7 +189,7 @@ def axis_from(key: str, given: Any) -> AxisValues | Distribution:
     Parameters
     ----------
     key : str
-        Of faults.
+        Key of the study file that faults name.
     given : sequence, mapping, frozen distribution of scipy's, AxisValues or Distribution
 
     Returns
@@ -212,7 +212,7 @@ def axis_from(key: str, given: Any) -> AxisValues | Distribution:
         raise InputError([Fault(key, given, "", AXIS)])
     values = tuple(_value(key, value) for value in _entries(key, given))
     if not values:
-        raise InputError([Fault(key, "no value", "", "must have one value or more")])
+        raise InputError([Fault(key, [], "", "must have one value or more")])
     known = set[Any]()
     for value in values:
         # a gap that is a number has it on both sides

@@ -1,4 +1,4 @@
-"""What the pictures of a run show, stored with its results and read back: they can be drawn again at any time."""
+"""Data of pictures, stored with the results of a run and read back: pictures can be drawn again at any time."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import dataclasses
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -24,7 +23,7 @@ from femimpact.response.signals import no_steady_motion
 from femimpact.structure.beam import Beam, Segment
 from femimpact.structure.structure import Dashpot, PointMass, Spring, Structure, Support
 from femimpact.study.base_motion import Signal, numbers_of_signal, signal_of_numbers
-from femimpact.study.result_directory import FILES, OTHER_FILES
+from femimpact.study.result_directory import FILES
 from femimpact.study.results import read_dataset, read_sticking, read_table
 from femimpact.sweep import SWEEP_UNITS, FrequencyResponse
 from femimpact.system.modes import Modes
@@ -47,15 +46,6 @@ SNAPSHOT_DIMS = {
     "ball_velocity": "ball",
     "contact_force": "contact",
 }
-
-
-@dataclass(frozen=True, eq=False)
-class Film:
-    """What a movie shows: a response with snapshots, its structure, the factor of the motion (None: chosen)."""
-
-    response: Response
-    structure: Structure
-    exaggeration: float | None
 
 
 # ---- modes ----------------------------------------------------------------------------------------
@@ -132,7 +122,7 @@ def read_run_parts(
 
 
 def _structure(about: Mapping[str, Any]) -> Structure:
-    """What `_parts` wrote; results of earlier versions have fewer parts."""
+    """The structure that `_parts` wrote; results of earlier versions have fewer parts."""
     return Structure(
         beam=Beam(tuple(Segment(**segment) for segment in about["segments"])),
         supports=tuple(Support(**support) for support in about["supports"]),
@@ -183,7 +173,7 @@ def _system(
 
 
 def write_snapshots(path: Path, structure: Structure, response: Response, exaggeration: float | None) -> None:
-    """Write the whole deflections of a response, with what a movie needs beside them."""
+    """Write the snapshots of a response, with the data that a movie needs beside them."""
     snapshots = response.snapshots
     if snapshots is None:
         raise AssertionError("only of a response with snapshots")
@@ -202,7 +192,7 @@ def write_snapshots(path: Path, structure: Structure, response: Response, exagge
 def write_last_cycles(
     path: Path,
     structure: Structure,
-    response: Response,  # the whole run
+    response: Response,  # the run
     end: Response,  # its last cycles
 ) -> None:
     """Write the channels of the last cycles of a run at every step."""
@@ -221,19 +211,19 @@ def _write(path: Path, data: dict[str, Any], time: Array) -> None:
 
 
 def _about(structure: Structure, response: Response) -> dict[str, Any]:
-    """All that pictures of a run show besides its arrays."""
+    """Structure, base, contacts and statistics of a run, for its pictures."""
     return _parts(structure) | {
         "base": _base_numbers(response.base),
         "contacts": _contacts(response.system),
         "points": dict(response.system.points),
         "end": response.window[1],
         "statistics": dataclasses.asdict(response.statistics),
-        "statistics_of": {name: dataclasses.asdict(own) for name, own in response.statistics_of.items()},
+        "statistics_of": {name: dataclasses.asdict(one) for name, one in response.statistics_of.items()},
     }
 
 
 def _base_numbers(base: Excitation) -> dict[str, Any]:
-    """What makes a sine, a record or another motion again, but for the samples of a record."""
+    """Numbers from which a motion is made again, but for the samples of a record."""
     if isinstance(base, RecordedBase):
         return {"interval": base.interval, "initial_velocity": base.initial_velocity}
     if isinstance(base, Signal):
@@ -250,7 +240,7 @@ def _base_arrays(response: Response) -> dict[str, Any]:
 
 
 def _base(data: xarray.Dataset, about: Mapping[str, Any]) -> Sine | RecordedBase | Signal:
-    """What `_base_numbers` and `_base_arrays` wrote."""
+    """The motion that `_base_numbers` and `_base_arrays` wrote."""
     if BASE_SAMPLES in data:
         return RecordedBase(data[BASE_SAMPLES].to_numpy(), **about["base"])
     if "signal" in about["base"]:
@@ -258,8 +248,8 @@ def _base(data: xarray.Dataset, about: Mapping[str, Any]) -> Sine | RecordedBase
     return Sine(**about["base"])
 
 
-def read_film(folder: Path, summary: Mapping[str, Any]) -> Film | None:
-    """What a movie shows; None where the results have no snapshots."""
+def read_film(folder: Path, summary: Mapping[str, Any]) -> tuple[Response, Structure, float | None] | None:
+    """A response with snapshots, its structure and the scale of its motion (None: chosen); None without snapshots."""
     data = read_dataset(folder, "snapshots", summary)
     if data is None:
         return None
@@ -267,7 +257,7 @@ def read_film(folder: Path, summary: Mapping[str, Any]) -> Film | None:
     arrays = {name: data[name].to_numpy() for name in SNAPSHOT_DIMS}
     snapshots = Snapshots(time=data["time"].to_numpy(), **arrays)
     response = _response(folder, summary, about, data["node"].to_numpy(), _base(data, about))
-    return Film(dataclasses.replace(response, snapshots=snapshots), _structure(about), about["exaggeration"])
+    return dataclasses.replace(response, snapshots=snapshots), _structure(about), about["exaggeration"]
 
 
 def read_last_cycles(folder: Path, summary: Mapping[str, Any]) -> tuple[Response, Response] | None:
@@ -286,13 +276,14 @@ def read_last_cycles(folder: Path, summary: Mapping[str, Any]) -> tuple[Response
 def _response(
     folder: Path, summary: Mapping[str, Any], about: Mapping[str, Any], nodes: Array, base: Excitation
 ) -> Response:
-    """A response without a history: its impacts, its end, and what pictures show of its system."""
+    """A response without a history: its impacts, its end, and the places and contacts of its system."""
+    sticking = read_sticking(folder, summary)
     return Response(
         time=np.array([about["end"]]),
         channels={},
         units={},
         impacts=_impacts(folder, summary),
-        sticking=_sticking(folder, summary),
+        sticking=StickingPhases.none() if sticking is None else StickingPhases(**sticking),
         statistics=_statistics(about["statistics"]),
         statistics_of={name: _statistics(given) for name, given in about["statistics_of"].items()},
         steady=no_steady_motion(),
@@ -314,7 +305,7 @@ def _finite_or(value: Any, other: float) -> Any:
 
 def _impacts(folder: Path, summary: Mapping[str, Any]) -> Impacts:
     data = read_dataset(folder, "impact_data", summary)
-    require(data is not None, "file", str(folder / FILES["impact_data"]), "", "is missing")
+    require(data is not None, "file", str(folder / FILES["impact_data"].name), "", "is missing")
     data = cast("xarray.Dataset", data)
     columns = {name: data[name].to_numpy() for name in IMPACT_UNITS if name not in DERIVED}
     columns["impactor"] = columns["impactor"].astype(str)
@@ -326,11 +317,6 @@ def _impacts(folder: Path, summary: Mapping[str, Any]) -> Impacts:
 
 DERIVED = ("contact_law", "energy_to_higher_modes")
 """Columns of a table of impacts that follow from others."""
-
-
-def _sticking(folder: Path, summary: Mapping[str, Any]) -> StickingPhases:
-    table = read_sticking(folder, summary)
-    return StickingPhases.none() if table is None else StickingPhases(**table)
 
 
 # ---- sweep ----------------------------------------------------------------------------------------
@@ -358,7 +344,7 @@ def read_curves(folder: Path, summary: Mapping[str, Any]) -> tuple[dict[str, Fre
 
 def read_bands(folder: Path, summary: Mapping[str, Any]) -> list[tuple[str, Array, Array, Array]]:
     """Words, frequencies (Hz), smallest and largest peaks (m) of the starts of the demo in each frame; else none."""
-    columns = read_table(folder, OTHER_FILES["curves_of_starts"], summary)
+    columns = read_table(folder, FILES["curves_of_starts"].name, summary)
     if columns is None:
         return []
     frames = {"base": "relative to the base", "space": "in the inertial frame"}

@@ -18,6 +18,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import IO, Any
 
+from femimpact.child_process import child_process
 from femimpact.contact.laws import Rigid
 from femimpact.errors import Fault, InputError, require
 from femimpact.study.picture_data import read_bands, read_curves, read_film, read_last_cycles, read_mode_shapes
@@ -25,7 +26,7 @@ from femimpact.study.result_directory import FILES, update_results
 from femimpact.study.results import read_summary, write_summary
 
 KINDS = ("figures", "movie")
-"""In the order in which they are drawn: what fails most comes last."""
+"""Kinds of pictures in the order in which they are drawn: the one that fails most often comes last."""
 
 TIME_LIMIT = 600.0
 """Seconds for all pictures of a run; the movie of a usual one takes ten."""
@@ -93,10 +94,10 @@ def _drawn_figures(source: Path, target: Path, summary: Mapping[str, Any]) -> It
     require(bool(plans), "figures", None, "", "the results hold no data for any")
     for name, make in plans:
         try:
-            figures.save_figure(make(), target / FILES[name])
+            figures.save_figure(make(), target / FILES[name].name)
             yield None
         except Exception as error:
-            yield f"{FILES[name]}: {_in_words(error)}"
+            yield f"{FILES[name].name}: {_in_words(error)}"
 
 
 def _figures(source: Path, summary: Mapping[str, Any]) -> Iterator[tuple[str, Callable[[], Any]]]:
@@ -137,7 +138,8 @@ def _draw_movie(source: Path, target: Path, summary: Mapping[str, Any]) -> None:
         raise InputError([Fault("movie", None, "", allowed)])
     from femimpact.export import movie
 
-    movie.write_movie(target / FILES["movie"], film.response, film.structure, exaggeration=film.exaggeration)
+    response, structure, exaggeration = film
+    movie.write_movie(target / FILES["movie"].name, response, structure, exaggeration=exaggeration)
 
 
 # ---- in the parent --------------------------------------------------------------------------------
@@ -148,10 +150,8 @@ def draw_in_child(
     target: Path,  # where the pictures go
     kinds: Sequence[str],  # of `KINDS`
     report: Report,  # called with "pictures" and the share that is done
-    time_limit: float | None = None,  # s: for all of them; `TIME_LIMIT` by default
 ) -> dict[str, str | None]:
-    """Draw in a child process; for each kind why it failed, or None."""
-    limit = TIME_LIMIT if time_limit is None else time_limit
+    """Draw in a child process, within `TIME_LIMIT`; for each kind why it failed, or None."""
     found: dict[str, str | None] = {}
     report("pictures", 0.0)
 
@@ -165,47 +165,23 @@ def draw_in_child(
     package = Path(__file__).parents[1]
     where = [str(package / "__init__.py"), str(package), str(source.resolve()), str(target.resolve())]
     with tempfile.TemporaryFile() as errors:
+        why = f"not done within {TIME_LIMIT:g} s"
         try:
-            process = subprocess.Popen(
-                [sys.executable, "-P", "-c", CHILD, *where, *kinds],
-                stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=errors, start_new_session=True,
-            )  # fmt: skip
+            with (
+                child_process([sys.executable, "-P", "-c", CHILD, *where, *kinds], listen, stderr=errors) as process,
+                suppress(subprocess.TimeoutExpired),
+            ):
+                process.wait(TIME_LIMIT)
+                why = ""
         except OSError as error:
             return dict.fromkeys(kinds, f"the process that draws could not be started: {error.strerror or error}")
-        ended = _ended(process, listen, limit)
         errors.seek(0)
         last = (errors.read().decode(errors="replace").strip().splitlines() or [""])[-1]
     for left in target.glob(".*"):
         # of a file that was not finished
         left.unlink()
-    why = _why(process.returncode, last) if ended else f"not done within {limit:g} s"
+    why = why or _why(process.returncode, last)
     return {kind: found.get(kind, why) for kind in kinds}
-
-
-def _ended(process: subprocess.Popen[bytes], listen: Callable[[IO[bytes]], None], limit: float) -> bool:
-    """Wait for a child; whether it ended by itself. Nothing that it started is left running."""
-    stdout = process.stdout
-    if stdout is None:
-        raise AssertionError("the output is a pipe")
-    listener = threading.Thread(target=listen, args=(stdout,), daemon=True)
-    listener.start()
-    try:
-        process.wait(limit)
-        return True
-    except subprocess.TimeoutExpired:
-        return False
-    finally:
-        with suppress(OSError):
-            if hasattr(os, "killpg"):
-                os.killpg(process.pid, signal.SIGKILL)
-            else:
-                process.kill()
-        process.wait()
-        listener.join(10.0)
-        for pipe in (process.stdin, stdout):
-            if pipe is not None:
-                with suppress(OSError):
-                    pipe.close()
 
 
 def _why(status: int, last: str) -> str:

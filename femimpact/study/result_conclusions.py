@@ -1,10 +1,10 @@
-"""What results have found, as the conclusions of their report; a file that cannot be read is noted."""
+"""Conclusions of a report of results. A file of the results that cannot be read is noted."""
 
 from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -14,9 +14,19 @@ import numpy as np
 
 from femimpact.export import tables
 from femimpact.export.report.page import Conclusion
+from femimpact.export.tables import (
+    PREFIXES,
+    axis_names,
+    axis_words,
+    measure_names,
+    single_samples,
+    unit_text,
+    value_words,
+)
 from femimpact.structure.structure import Structure
+from femimpact.study.best_case import MOST_NAMED, BestCase, design_notes, label_of, more_designs, told
 from femimpact.study.picture_data import read_mode_shapes
-from femimpact.study.result_directory import FILES, OTHER_FILES, ResultsWarning
+from femimpact.study.result_directory import FILES, ResultsWarning
 from femimpact.study.results import read_dataset, read_table
 from femimpact.study.summary import Spread, contacts_of
 from femimpact.svg import number_text
@@ -32,14 +42,14 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, eq=False)
 class ResultReading:
-    """A directory of results while it is read."""
+    """A directory of results with the data read from it, and notes on what could not be read."""
 
     folder: Path  # with the files
     summary: dict[str, Any]  # empty where there is none
     missing: list[str] = field(default_factory=list)  # what could not be read, and why
 
     def attempt(self, what: str, make: Callable[[], T]) -> T | None:
-        """What `make` returns; None, and a line of what is missing, where it fails."""
+        """The value of `make()`; where it fails None, and a line in `missing`."""
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             try:
@@ -57,18 +67,18 @@ class ResultReading:
     @cached_property
     def history(self) -> xarray.Dataset | None:
         """The history; None where there is none, or it cannot be read."""
-        return self.attempt(FILES["history"], lambda: read_dataset(self.folder, "history", self.summary))
+        return self.attempt(FILES["history"].name, lambda: read_dataset(self.folder, "history", self.summary))
 
     @cached_property
     def parameter_study(self) -> xarray.Dataset | None:
         """The dataset of a parameter study, as the history."""
-        name = OTHER_FILES["parameter_study"]
+        name = FILES["parameter_study"].name
         return self.attempt(name, lambda: read_dataset(self.folder, "parameter_study", self.summary))
 
     @cached_property
     def modes(self) -> tuple[System, Modes, Structure | None] | None:
         """The mode shapes, as the history."""
-        return self.attempt(FILES["mode_shapes"], lambda: read_mode_shapes(self.folder, self.summary))
+        return self.attempt(FILES["mode_shapes"].name, lambda: read_mode_shapes(self.folder, self.summary))
 
     def miss(self, text: str) -> None:
         """Note what is missing, with names of files alone: a report does not hang on where its directory is."""
@@ -86,13 +96,11 @@ class ResultReading:
 
 
 def texts_of(values: Any) -> tuple[str, ...]:
-    """What a summary has for a list of texts, whatever stands there."""
+    """Texts of a list in a summary; none where something else stands there."""
     return tuple(str(one) for one in values) if isinstance(values, (list, tuple)) else ()
 
 
-FRAMES = {"base": "at rest relative to the base", "space": "at rest in the inertial frame"}
-
-PREFIXES = {"m": (1e3, "mm"), "Pa": (1e-6, "MPa"), "N s": (1e3, "mN s")}
+STARTS = {"base": "at rest relative to the base", "space": "at rest in the inertial frame"}
 
 
 def conclusions_of(summary: Mapping[str, Any]) -> tuple[Conclusion, ...]:
@@ -125,10 +133,7 @@ def _number(data: Any, *keys: str) -> float | None:
 def _peaks(summary: Mapping[str, Any]) -> list[Conclusion]:
     found = []
     for case, words in (("empty", "without ball"), ("ball", "with ball")):
-        peak, frequency = (
-            _number(summary, "sweep", case, "peak_amplitude"),
-            _number(summary, "sweep", case, "peak_frequency"),
-        )
+        peak, frequency = (_number(summary, "sweep", case, f"peak_{name}") for name in ("amplitude", "frequency"))
         if peak is None or frequency is None:
             continue
         low = _number(summary, "sweep", case, "peak_too_low_at_most")
@@ -153,7 +158,7 @@ def _spread(summary: Mapping[str, Any], start: str, name: str) -> Spread | None:
 
 def _from_starts(summary: Mapping[str, Any], name: str, label: str, unit: str, scale: float = 1.0) -> list[Conclusion]:
     """A quantity that was taken over several starts: in the first frame of them, and in the others in words."""
-    spreads = [(words, _spread(summary, start, name)) for start, words in FRAMES.items()]
+    spreads = [(words, _spread(summary, start, name)) for start, words in STARTS.items()]
     known = [(words, spread.text(scale)) for words, spread in spreads if spread is not None]
     if not known:
         return []
@@ -219,14 +224,10 @@ def _history(summary: Mapping[str, Any]) -> list[Conclusion]:
         unit, largest = _at(about, "unit"), _number(about, "largest_of_run")
         if unit in ("Pa", "N m") and largest is not None:
             scale, shown = PREFIXES.get(unit, (1.0, unit))
-            words = f"largest of the run{_when(about)}"
+            time = _number(about, "time_of_largest")
+            words = "largest of the run" if time is None else f"largest of the run, at {number_text(time)} s"
             found.append(Conclusion(str(name), _shown(scale * largest), shown, one_sample=sample, note=words))
     return found
-
-
-def _when(about: Any) -> str:
-    time = _number(about, "time_of_largest")
-    return "" if time is None else f", at {number_text(time)} s"
 
 
 def _contacts(summary: Mapping[str, Any]) -> list[Conclusion]:
@@ -317,3 +318,155 @@ def convergence_conclusions(
             )
         )
     return tuple(found)
+
+
+# ---- of a parameter study ------------------------------------------------------------------------
+
+
+MOST_NAMES = 20
+"""Values of an axis of names that are listed."""
+
+MOST_MEASURES = 8
+"""Measures that have conclusions."""
+
+NO_BEST_CASES: Mapping[str, BestCase] = {}
+
+
+def study_lead(data: xarray.Dataset) -> list[str]:
+    """Sentences on the cases, starts and axes of a parameter study."""
+    sizes, starts = tuple(data["finished"].sizes.values()), int(data.attrs["starts"])
+    shape = f" ({' x '.join(map(str, sizes))})" if len(sizes) > 1 else ""
+    each = f"{starts} starts each" if starts > 1 else "one start each"
+    run = "a case is a run of the whole history of the base"
+    if "cycles" in data.attrs:
+        cycles, measured = (int(data.attrs[name]) for name in ("cycles", "measured_cycles"))
+        run = f"{cycles} cycles of the base, of which the last {measured} are measured"
+    return [
+        f"Parameter study: {int(np.prod(sizes))} cases{shape}, {each}; {run}, at {data.attrs['place']}.",
+        f"Axes: {'; '.join(_axes(data))}.",
+    ]
+
+
+def _axes(data: xarray.Dataset) -> Iterator[str]:
+    """Every axis with its reach."""
+    for name in axis_names(data):
+        words, names, found = axis_words(data, name), value_words(data, name), data[name].to_numpy()
+        if names is not None:
+            distinct = list(dict.fromkeys(names))
+            more = f" and {len(distinct) - MOST_NAMES} more" if len(distinct) > MOST_NAMES else ""
+            yield f"{words}: {'; '.join(distinct[:MOST_NAMES])}{more}{_unit_of_words(data, name)}"
+            continue
+        low, high = (_text(value, data[name].attrs) for value in (found.min(), found.max()))
+        yield f"{words}: {low} to {high}, {np.unique(found).size} values"
+
+
+def _unit_of_words(data: xarray.Dataset, name: str) -> str:
+    """Unit of the words of an axis, which pairs of gaps alone have."""
+    return " mm" if f"{name}.plus" in data.coords else ""
+
+
+def study_conclusions(data: xarray.Dataset, best: Mapping[str, BestCase] = NO_BEST_CASES) -> tuple[Conclusion, ...]:
+    """The best case by every measure that has one, else its smallest and its largest value; where they are.
+
+    The first has all that is known of it, each its scatter.
+    """
+    samples, starts = single_samples(data), int(data.attrs["starts"])
+    names = [name for name in measure_names(data) if name not in best]
+    found = [one for name in best for one in _of_best(data, best[name], name == next(iter(best)))]
+    found = found[:MOST_MEASURES]
+    for name in names[: MOST_MEASURES - len(found)]:
+        values = data[name]
+        array = values.to_numpy()
+        least, most = (
+            np.unravel_index(int(find(array)), array.shape) for find in (np.nanargmin, np.nanargmax)
+        )  # fmt: skip
+        factor, unit = PREFIXES.get(values.attrs.get("units", "1"), (1.0, values.attrs.get("units", "1")))
+        scatter = ""
+        if starts > 1 and f"{name}_low" in data:
+            low, high = (_text(data[f"{name}{end}"].to_numpy()[least], values.attrs) for end in ("_low", "_high"))
+            scatter = f"{low} to {high} over {starts} starts"
+        found.append(
+            Conclusion(
+                f"Smallest {name.replace('_', ' ')}", number_text(factor * float(array[least]), zeros=True),
+                "" if unit == "1" else unit, scatter, bool(samples[least]) and not scatter,
+                f"at {_place(data, values.dims, least)}; the largest is {_text(array[most], values.attrs)}, "
+                f"at {_place(data, values.dims, most)}",
+            )
+        )  # fmt: skip
+    return tuple(found)
+
+
+def _of_best(data: xarray.Dataset, best: BestCase, all_of_it: bool) -> Iterator[Conclusion]:
+    """The best design, for each value of the excitation's other axes; of many the first ones."""
+    names = {axis: axis_words(data, axis) for axis in axis_names(data)}
+    values, starts, samples = data[best.measure], best.starts, single_samples(data).reshape(-1)
+    array = values.to_numpy()
+    factor, unit = PREFIXES.get(values.attrs.get("units", "1"), (1.0, values.attrs.get("units", "1")))
+    other, find = ("smallest", np.nanargmin) if best.better == "large" else ("largest", np.nanargmax)
+    most = np.unravel_index(int(find(array)), array.shape)
+    rest = f"the {other} is {_text(array[most], values.attrs)}, at {_place(data, values.dims, most)}"
+    shown = best.designs[:MOST_NAMED]
+    for design in shown:
+        level = f"for {told(best, design.at, names)}: " if design.at else ""
+        if design.reason:
+            yield Conclusion(label_of(best).capitalize(), "none", note=f"{level}{design.reason}")
+            continue
+        scatter = ""
+        if starts > 1 and f"{best.measure}_low" in data:
+            low, high = (
+                _text(data[f"{best.measure}{end}"].to_numpy().reshape(-1)[design.case], values.attrs)
+                for end in ("_low", "_high")
+            )
+            scatter = f"{low} to {high} over {starts} starts"
+        notes = [*design_notes(best, design, names)] if all_of_it else []
+        notes += [more_designs(best)] if design is shown[-1] and more_designs(best) else []
+        yield Conclusion(
+            label_of(best).capitalize(), number_text(factor * design.value, zeros=True), "" if unit == "1" else unit,
+            scatter, bool(samples[design.case]) and not scatter,
+            "; ".join((f"{level}at {told(best, design.values, names)}", rest, *notes)),
+        )  # fmt: skip
+
+
+def _place(data: xarray.Dataset, dims: tuple[Any, ...], index: Any) -> str:
+    """Values of the axes of a case."""
+    chosen = dict(zip(dims, (int(i) for i in index), strict=True))
+    return ", ".join(_value(data.isel(chosen), name) for name in axis_names(data))
+
+
+def _value(one: xarray.Dataset, name: str) -> str:
+    """The value of an axis in one case."""
+    names = value_words(one, name)
+    shown = _text(one[name].item(), one[name].attrs) if names is None else f"{names[0]}{_unit_of_words(one, name)}"
+    return f"{axis_words(one, name)} {shown}"
+
+
+def _text(value: Any, attributes: Mapping[str, Any]) -> str:
+    """A value with its unit."""
+    return unit_text(value, attributes.get("units", "1"))
+
+
+def study_missing(data: xarray.Dataset) -> tuple[str, ...]:
+    """A line on the cases that were not run; none where all were."""
+    finished = data["finished"].to_numpy()
+    left = int(np.count_nonzero(finished == 0))
+    if not left:
+        return ()
+    return (f"{left} of {finished.size} cases: the study was not finished; the same femimpact study goes on with it",)
+
+
+def study_failures(data: xarray.Dataset) -> tuple[str, ...]:
+    """A line on the cases with failed starts, and the reason of the first; none where no start failed."""
+    failed = data["failed_starts"].to_numpy()
+    if not failed.any():
+        return ()
+    first = next((str(reason) for reason in data["failure"].to_numpy().ravel() if reason), "not known")
+    return (f"{int(np.count_nonzero(failed))} of {failed.size} cases have starts that failed, the first: {first}",)
+
+
+def study_versions(data: xarray.Dataset) -> dict[str, Any]:
+    """Versions and seeds of a study, by the names that a summary has for them."""
+    versions = {name: data.attrs[name] for name in ("femimpact", "numpy", "scipy", "python") if name in data.attrs}
+    starts = int(data.attrs["starts"])
+    seeds = [f"{data.attrs['seed']} of the {starts} starts"] if starts > 1 else []
+    seeds += [f"sample: {data.attrs['sample']}"] if "sample" in data.attrs else []
+    return {"versions": versions, "seeds": "; ".join(seeds)}

@@ -8,7 +8,7 @@ import re
 import shutil
 import stat
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from enum import Enum
@@ -19,77 +19,89 @@ from femimpact.export.files import to_disk
 
 SUMMARY = "summary.json"
 
-FILES = {
-    "summary": SUMMARY,
-    "study": "study.toml",
-    "modes": "modes.csv",
-    "mode_shapes": "modes.nc",
-    "sweep": "sweep.csv",
-    "sweep_data": "sweep.nc",
-    "history": "history.nc",
-    "impacts": "impacts.csv",
-    "impact_data": "impacts.nc",
-    "snapshots": "snapshots.nc",
-    "last_cycles": "last_cycles.nc",
-    "modes_scene": "modes.pvd",
-    "modes_script": "modes_paraview.py",
-    **{f"mode_{i}_scene": f"mode_{i}.pvd" for i in range(1, 5)},
-    **{f"mode_{i}_script": f"mode_{i}_paraview.py" for i in range(1, 5)},
-    "deflection_scene": "deflection.pvd",
-    "deflection_script": "deflection_paraview.py",
-    "movie": "deflection.mp4",
-    "mode_figure": "modes.png",
-    "response_figure": "response.png",
-    "force_figure": "contact_force.png",
-    "portrait_figure": "phase_portrait.png",
-    "impact_histograms": "impact_histograms.png",
-    "impulse_phase": "impulse_phase.png",
+
+@dataclass(frozen=True)
+class ResultFile:
+    """A file that a command may leave in a directory of results."""
+
+    name: str
+    purpose: str  # shown in the list of files of a report
+    writer: str  # the commands, or the parts of `run`, that write it, and under which condition
+    # {"result", "scene", "movie", "input"}: a scene has a folder of frames; of two movies only the newer stays; an
+    # input may be the user's, and stays unless another run brings one
+    group: str = "result"
+
+
+_ROWS: Mapping[str, tuple[str, ...]] = {
+    "summary": (SUMMARY, "the numbers of this page, machine-readable", "run"),
+    "study": ("study.toml", "the study that was run, from which it can be run again", "run, study", "input"),
+    "modes": ("modes.csv", "frequencies, damping and effective masses of the modes", "modes"),
+    "mode_shapes": ("modes.nc", "mode shapes with labels (netCDF, xarray)", "modes"),
+    "sweep": ("sweep.csv", "response curves, a row for each frequency", "sweep"),
+    "sweep_data": ("sweep.nc", "response curves with labels (netCDF, xarray)", "sweep"),
+    "history": ("history.nc", "every channel over time (netCDF, xarray)", "history"),
+    "impacts": ("impacts.csv", "every impact, a row each", "history"),
+    "impact_data": ("impacts.nc", "impacts with the energy to each mode (netCDF, xarray)", "history"),
+    "snapshots": ("snapshots.nc", "whole deflections, from which player and movie are drawn", "history"),
+    "last_cycles": ("last_cycles.nc", "channels of the last cycles at every step", "pictures"),
+    "modes_scene": ("modes.pvd", "mode shapes for ParaView", "modes", "scene"),
+    "modes_script": ("modes_paraview.py", "opens modes.pvd in ParaView", "modes"),
+    **{
+        f"mode_{i}_{key}": (name.format(i), f"mode {i} over its period, for ParaView", "modes", *group)
+        for i in range(1, 5)
+        for key, name, *group in (("scene", "mode_{}.pvd", "scene"), ("script", "mode_{}_paraview.py"))
+    },
+    "deflection_scene": ("deflection.pvd", "the moving beam for ParaView, also at every impact", "history", "scene"),
+    "deflection_script": ("deflection_paraview.py", "opens deflection.pvd in ParaView", "history"),
+    "movie": ("deflection.mp4", "the moving beam in slow motion", "pictures", "movie"),
+    "mode_figure": ("modes.png", "mode shapes", "pictures"),
+    "response_figure": ("response.png", "response curves", "pictures"),
+    "force_figure": ("contact_force.png", "contact force over the last cycles", "pictures, contact"),
+    "portrait_figure": ("phase_portrait.png", "phase portraits", "pictures"),
+    "impact_histograms": ("impact_histograms.png", "how often which impact speed and impulse came", "pictures"),
+    "impulse_phase": ("impulse_phase.png", "impulse over the phase of the base", "pictures"),
+    "deflection_hdf": ("deflection.vtkhdf", "the moving beam for ParaView in one file", "history with output.vtkhdf"),
+    "sticking": ("sticking.csv", "times in which a ball and its wall moved together", "history in which a ball sticks"),
+    "old_sticking": ("riding.csv", "times in which a ball and its wall moved together", "earlier versions"),
+    "base_record": ("base_record.csv", "the record that moved the base", "run with a record of the base", "input"),
+    "contact_table": ("contact.csv", "one collision of every contact over its speed", "contact"),
+    "movie_without_encoder": ("deflection.gif", "the moving beam in slow motion", "pictures, no encoder", "movie"),
+    "comparison": ("comparison.csv", "the paper beside ours", "demo"),
+    "restitution": ("restitution.csv", "scan of the restitution", "demo"),
+    "restitution_figure": ("restitution.png", "scan of the restitution", "demo"),
+    "response_of_starts": ("response_of_starts.png", "response curves of both starts", "demo"),
+    "curves_of_starts": (
+        "curves_of_starts.csv",
+        "peaks with ball over the frequency: median, smallest and largest of the starts in each frame",
+        "demo",
+    ),
+    "mesh_convergence": ("mesh_convergence.csv", "natural frequencies over the mesh", "converge"),
+    "mesh_convergence_figure": ("mesh_convergence.png", "natural frequencies over the mesh", "converge"),
+    "step_convergence": ("step_convergence.csv", "errors of runs in steps", "converge"),
+    "step_convergence_figure": ("step_convergence.png", "errors of runs in steps", "converge"),
+    **{
+        f"quantities_over_{axis}{key}": (f"quantities_over_{axis}.{suffix}", words.format(axis), "converge")
+        for axis in ("mesh", "step", "modes")
+        for key, suffix, words in (
+            ("", "csv", "values and errors over the {}"),
+            ("_figure", "png", "the same as a figure: quantities_over_{}.csv"),
+        )
+    },
+    "statistics_over_mesh": ("statistics_over_mesh.csv", "means of runs with contacts over the mesh", "converge"),
+    "convergence_summary": ("convergence_summary.csv", "orders and recommended numbers", "converge"),
+    "parameter_study": ("study.nc", "every measure over the axes of the study, with labels (netCDF, xarray)", "study"),
+    "parameter_table": ("study.csv", "every measure and its statistics, a row for each case", "study"),
+    "convergence_notes": ("convergence.json", "what was studied, with versions and notes", "converge"),
+    "report": ("report.html", "this page", "run, converge, study, report"),
 }
-"""Every file that a study can leave behind."""
 
-OTHER_FILES = {
-    "deflection_hdf": "deflection.vtkhdf",
-    "sticking": "sticking.csv",
-    "old_sticking": "riding.csv",
-    "base_record": "base_record.csv",
-    "contact_table": "contact.csv",
-    "movie_without_encoder": "deflection.gif",
-    "comparison": "comparison.csv",
-    "restitution": "restitution.csv",
-    "restitution_figure": "restitution.png",
-    "response_of_starts": "response_of_starts.png",
-    "curves_of_starts": "curves_of_starts.csv",
-    "mesh_convergence": "mesh_convergence.csv",
-    "mesh_convergence_figure": "mesh_convergence.png",
-    "step_convergence": "step_convergence.csv",
-    "step_convergence_figure": "step_convergence.png",
-    "quantities_over_mesh": "quantities_over_mesh.csv",
-    "quantities_over_mesh_figure": "quantities_over_mesh.png",
-    "quantities_over_step": "quantities_over_step.csv",
-    "quantities_over_step_figure": "quantities_over_step.png",
-    "quantities_over_modes": "quantities_over_modes.csv",
-    "quantities_over_modes_figure": "quantities_over_modes.png",
-    "statistics_over_mesh": "statistics_over_mesh.csv",
-    "convergence_summary": "convergence_summary.csv",
-    "parameter_study": "study.nc",
-    "parameter_table": "study.csv",
-    "convergence_notes": "convergence.json",
-    "report": "report.html",
-}
-"""What is left besides: one file of deflections where the study has `vtkhdf`, what a history leaves in which something
-stuck (and its name in results of earlier versions), the record of the base, what a table of contacts, a movie
-without an encoder, the demo, a convergence study and a parameter study leave, and the report of any of them."""
+FILES = {key: ResultFile(*row) for key, row in _ROWS.items()}
+"""Every file of results, by the key under which the package asks for it."""
 
-NAMES = sorted((*FILES.values(), *OTHER_FILES.values()), key=lambda name: (name == SUMMARY, name))
-"""All of them, the summary last."""
-
-SCENES = tuple(name.removesuffix(".pvd") for name in NAMES if name.endswith(".pvd"))
-"""Folders of frames, beside the collections that name them."""
+NAMES = sorted((file.name for file in FILES.values()), key=lambda name: (name == SUMMARY, name))
+"""Names in the order in which files are moved: the summary is the last."""
 
 FRAME = re.compile(r"[0-9]{4,}\.vtu")
-
-PLACES = (*NAMES, *(f"{scene}/0000.vtu" for scene in SCENES))
-"""Every name, with one frame of each scene."""
 
 STUDY_BLOCKS = "blocks"
 """The folder in which a parameter study keeps its finished blocks, from which it goes on."""
@@ -97,13 +109,8 @@ STUDY_BLOCKS = "blocks"
 STUDY_FIGURE = re.compile(r"study_[\w-]+\.png")
 """Names of the figures of a parameter study, one for each measure."""
 
-REPORT = OTHER_FILES["report"]
-"""It is made from the other files, and can be made again at any time."""
-
-INPUTS = frozenset({FILES["study"], OTHER_FILES["base_record"]})
-"""What a run is made from: it goes only where another run brings its own, for it may be the user's."""
-
-MOVIES = frozenset({FILES["movie"], OTHER_FILES["movie_without_encoder"]})
+REPORT = FILES["report"].name
+"""Name of the report, which is made from the other files and can be made again at any time."""
 
 
 def result_files(folder: Path) -> list[str]:
@@ -114,30 +121,41 @@ def result_files(folder: Path) -> list[str]:
 def earlier_files(folder: Path, new: Iterable[str] = ()) -> list[str]:
     """Names of the results in a folder that new ones supersede, the summary first; links of such a name, too."""
     found = _standing(folder, lambda mode: stat.S_ISREG(mode) or stat.S_ISLNK(mode))
-    kept = frozenset() if FILES["study"] in new else INPUTS
+    kept = () if FILES["study"].name in new else _in_group("input")
     return [name for name in reversed(found) if name not in kept]
 
 
 def replaced_by(added: Iterable[str]) -> frozenset[str]:
     """Names of results that must be gone before some are added to them: the summary, and the other of two movies."""
-    names = frozenset(added)
-    return names & {SUMMARY} | (MOVIES - names if names & MOVIES else frozenset())
+    names, movies = frozenset(added), frozenset(_in_group("movie"))
+    return names & {SUMMARY} | (movies - names if names & movies else frozenset())
+
+
+def _in_group(group: str) -> list[str]:
+    """Names of the files of a group, in the order of `NAMES`."""
+    members = {file.name for file in FILES.values() if file.group == group}
+    return [name for name in NAMES if name in members]
+
+
+def _scenes() -> list[str]:
+    """Folders of frames, each beside the collection that names them."""
+    return [name.removesuffix(".pvd") for name in _in_group("scene")]
 
 
 def is_file(path: Path) -> bool:
-    """Whether this is a regular file itself, and no link to one."""
+    """True for a regular file, not for a link to one."""
     return stat.S_ISREG(_mode(path))
 
 
 def is_folder(path: Path) -> bool:
-    """Whether this is a folder itself, and no link to one."""
+    """True for a folder, not for a link to one."""
     return stat.S_ISDIR(_mode(path))
 
 
 def _standing(folder: Path, kind: Callable[[int], bool]) -> list[str]:
     frames = [
         f"{scene}/{name}"
-        for scene in SCENES
+        for scene in _scenes()
         if is_folder(folder / scene)
         for name in sorted(os.listdir(folder / scene))
         if FRAME.fullmatch(name)
@@ -146,7 +164,7 @@ def _standing(folder: Path, kind: Callable[[int], bool]) -> list[str]:
 
 
 def _mode(path: Path) -> int:
-    """Kind and permissions of what stands there, of a link its own; 0 where nothing does."""
+    """Kind and permissions at a path, without following a link; 0 where nothing is there."""
     try:
         return path.lstat().st_mode
     except (FileNotFoundError, NotADirectoryError):
@@ -157,7 +175,7 @@ RUNNING = ".running"
 LOCK = "lock"
 
 NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP)
-"""What a file system without locks answers."""
+"""Errors of a file system without locks."""
 
 
 class Lock:
@@ -192,7 +210,7 @@ class Lock:
 
     @staticmethod
     def is_held(running: Path) -> bool:
-        """Whether a living process holds the lock."""
+        """True while a living process holds the lock."""
         try:
             file = _open_lock(running)
         except OSError:
@@ -240,7 +258,7 @@ def _lock_file(file: int) -> None:
 
 
 def is_ours(running: Path) -> bool:
-    """Whether there is no folder of that name, or one that a run made: the content of another must not be removed."""
+    """True for a folder that a run made or none at all: the content of another must not be removed."""
     if not is_folder(running):
         return not os.path.lexists(running)
     return is_file(running / LOCK) or not os.listdir(running)
@@ -260,7 +278,7 @@ class ResultsWarning(UserWarning):
 
 
 class _Left(Enum):
-    """What a run that is not done has left, and what to do about it."""
+    """States of an unfinished run, in words with what to do."""
 
     MOVE = "its results are moved in part: 'femimpact finish {target}' finishes the move, --force runs again"
     PARTS = "it holds a run that ended after {parts}: 'femimpact finish {target}' keeps that, or run it again"
@@ -302,7 +320,7 @@ def prepare_directory(
     """
     target = Path(directory)
     with _named(target, "output"):
-        _check_places(target, PLACES)
+        _check_places(target, (*NAMES, *(f"{scene}/0000.vtu" for scene in _scenes())))
     reported = _holds_parts(target)
     with _taken(target, force) as running:
         with _named(target, None):
@@ -375,7 +393,7 @@ def finish_results(
 
 
 def unfinished_state(target: Path) -> str | None:
-    """What a directory holds of a run that is not done, in words with what to do; None where there is nothing."""
+    """State of an unfinished run in a directory, in words with what to do; None where there is none."""
     running = target / RUNNING
     if Lock.is_held(running):
         return "a run is writing into it"
@@ -388,7 +406,7 @@ def _in_words(left: _Left, target: Path) -> str:
 
 
 def _left(running: Path) -> _Left | None:
-    """What is left of a run, by the names of its folders."""
+    """State of an unfinished run, by the names of its folders; None where nothing is left."""
     try:
         if not is_folder(running) or not is_ours(running):
             return None
@@ -464,7 +482,7 @@ def _check_target(target: Path, occupied: bool, reported: bool) -> None:
 
 
 def _holds_parts(target: Path) -> bool:
-    """Whether a directory holds parts of an ended run: a report beside them is of these."""
+    """True where a directory holds parts of an ended run; a report beside them was made from these."""
     return _left(target / RUNNING) is _Left.PARTS
 
 

@@ -18,7 +18,6 @@ from femimpact.export import tables
 from femimpact.regular_file import check_regular, open_regular
 from femimpact.study.result_directory import (
     FILES,
-    OTHER_FILES,
     SUMMARY,
     ResultsWarning,
     replaced_by,
@@ -31,11 +30,11 @@ if TYPE_CHECKING:
     import xarray
 
 
-STICKING_FILE = OTHER_FILES["sticking"]
+STICKING_FILE = FILES["sticking"].name
 
 T = TypeVar("T")
 
-CHECKSUMS, OWN_CHECKSUM = "checksums", "checksum"
+CHECKSUMS, SUMMARY_CHECKSUM = "checksums", "checksum"
 """Keys of the summary: of every other file, and of the summary without this key (SHA-256)."""
 
 
@@ -82,7 +81,7 @@ class StudyResults:
 def read_sticking(folder: Path, summary: Mapping[str, Any]) -> Mapping[str, Any] | None:
     """Table of sticking phases, also of an earlier version; None where nothing stuck."""
     table = read_table(folder, STICKING_FILE, summary)
-    return read_table(folder, OTHER_FILES["old_sticking"], summary) if table is None else table
+    return read_table(folder, FILES["old_sticking"].name, summary) if table is None else table
 
 
 def load(directory: str | Path) -> StudyResults:
@@ -126,8 +125,8 @@ def load(directory: str | Path) -> StudyResults:
     results = StudyResults(
         folder,
         summary,
-        modes=table(FILES["modes"]),
-        impacts=table(FILES["impacts"]),
+        modes=table(FILES["modes"].name),
+        impacts=table(FILES["impacts"].name),
         sweep=dataset("sweep_data"),
         history=dataset("history"),
         impact_data=dataset("impact_data"),
@@ -135,8 +134,8 @@ def load(directory: str | Path) -> StudyResults:
     )
     read = {
         STICKING_FILE,
-        OTHER_FILES["old_sticking"],
-        *(FILES[name] for name in ("modes", "impacts", "sweep_data", "history", "impact_data")),
+        FILES["old_sticking"].name,
+        *(FILES[name].name for name in ("modes", "impacts", "sweep_data", "history", "impact_data")),
     }
     _check_others(folder, summary, read)
     return results
@@ -179,7 +178,7 @@ def read_summary(folder: Path) -> dict[str, Any]:
         raise _damaged(path, _in_words(error)) from None
     if not isinstance(summary, dict) or not isinstance(summary.get(CHECKSUMS, {}), dict):
         raise _damaged(path, "no summary of a study")
-    if CHECKSUMS in summary and summary.get(OWN_CHECKSUM) != _of_summary(summary):
+    if CHECKSUMS in summary and summary.get(SUMMARY_CHECKSUM) != _of_summary(summary):
         _warn_changed(path)
     return summary
 
@@ -202,11 +201,11 @@ def read_json(path: Path) -> dict[str, Any]:
 
 
 def read_dataset(folder: Path, name: str, summary: Mapping[str, Any]) -> xarray.Dataset | None:
-    """One of the netCDF files of `FILES` or `OTHER_FILES`; None where the results have none.
+    """One of the netCDF files of `FILES`, by its key; None where the results have none.
 
     Raises `InputError` if it is missing or cannot be read.
     """
-    return _read(folder, {**OTHER_FILES, **FILES}[name], summary, _load_dataset)
+    return _read(folder, FILES[name].name, summary, _load_dataset)
 
 
 def _load_dataset(path: Path) -> xarray.Dataset:
@@ -283,7 +282,7 @@ def checksum(path: Path) -> str:
 
 
 def _of_summary(summary: Mapping[str, Any]) -> str:
-    rest = {key: value for key, value in summary.items() if key != OWN_CHECKSUM}
+    rest = {key: value for key, value in summary.items() if key != SUMMARY_CHECKSUM}
     return hashlib.sha256(json.dumps(rest, sort_keys=True).encode()).hexdigest()
 
 
@@ -301,8 +300,8 @@ def write_summary(
         gone = replaced_by(result_files(folder))
         sums = {name: value for name, value in known.items() if name not in gone and (beside / name).exists()}
     sums |= _checksums(folder)
-    whole = tables.plain({**summary, CHECKSUMS: sums})
-    tables.write_json(folder / SUMMARY, {**whole, OWN_CHECKSUM: _of_summary(whole)})
+    plain = tables.plain({**summary, CHECKSUMS: sums})
+    tables.write_json(folder / SUMMARY, {**plain, SUMMARY_CHECKSUM: _of_summary(plain)})
 
 
 def _checksums(folder: Path) -> dict[str, str]:

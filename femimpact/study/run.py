@@ -1,4 +1,4 @@
-"""What `run` does with a study: modes, history, sweeps, and every file of them."""
+"""The run of a study: modes, history, sweeps, and the files of each."""
 
 from __future__ import annotations
 
@@ -22,21 +22,22 @@ from femimpact.response.impacts import STICKING_UNITS, impact_columns
 from femimpact.response.response import Response
 from femimpact.structure.structure import glue_impactors
 from femimpact.study.base_motion import RecordedMotion
-from femimpact.study.cost import even_grid, refined_grid
 from femimpact.study.picture_data import write_last_cycles, write_mode_shapes, write_snapshots
 from femimpact.study.pictures import draw_in_child, with_pictures
-from femimpact.study.prepared import PARTS, PreparedStudy, last_cycles_start, prepare
-from femimpact.study.result_directory import FILES, OTHER_FILES, Staging, prepare_directory
+from femimpact.study.prepared import PARTS, PreparedStudy, even_grid, last_cycles_start, prepare, refined_grid
+from femimpact.study.result_directory import FILES, Staging, prepare_directory
 from femimpact.study.result_page import add_report
 from femimpact.study.results import STICKING_FILE, StudyResults, load, write_summary
 from femimpact.study.study import Study, assemble_on
 from femimpact.study.study_file import study_text, with_record
 from femimpact.study.summary import SweepPair, summary_of
 from femimpact.sweep import SWEEP_UNITS, frequency_sweep, on_grid
+from femimpact.sweep.curve import IMPACT_NAMES
 from femimpact.system.modes import Modes, solve_modes
 from femimpact.system.state import State
 
 MODES_LISTED = 4
+
 
 SAMPLES_PER_CONTACT = 20
 """Instants at which a figure shows the force of one contact, at least."""
@@ -84,7 +85,7 @@ def last_cycles(prepared: PreparedStudy, response: Response) -> Response:
         channels = {name: values[first:] for name, values in response.channels.items()}
         return replace(response, time=response.time[first:], channels=channels, energy=None, snapshots=None)
     initial = response.kept_state or study.initial
-    # whole steps, so that no rounding of a time adds one
+    # an integer number of steps, so that no rounding of a time adds one
     duration = (steps - round(initial.time / grid)) * grid
     record = replace(record, every=1, start=start, snapshots=0, ledger=False, interval=interval)
     return integrate(prepared.small, study.excitation, finely, duration, record, initial)
@@ -131,8 +132,9 @@ def run_sweep(
         )  # fmt: skip
         peak_with_ball = first.peak_frequency
     frequencies = refined_grid(plan, bare, peak_with_ball)
+    without_balls = State(state.displacement, state.velocity, frame=state.frame, equilibrium=state.equilibrium)
     empty = frequency_sweep(
-        bare, amplitude, frequencies, bare_method, plan.cycles, initial=_structure_only(state), ledger=ledger,
+        bare, amplitude, frequencies, bare_method, plan.cycles, initial=without_balls, ledger=ledger,
         progress=lambda share: report("sweep without ball", share),
     )  # fmt: skip
     ball = None
@@ -144,13 +146,9 @@ def run_sweep(
     return SweepPair(empty, ball, coarse)
 
 
-def _structure_only(state: State) -> State:
-    return State(state.displacement, state.velocity, frame=state.frame, equilibrium=state.equilibrium)
-
-
 @dataclass(frozen=True, eq=False)
 class Found:
-    """What a run has found so far; None where it has not, or will not."""
+    """Results of the parts of a run that are done; None for the others."""
 
     modes: tuple[Modes, Modes | None] | None = None  # (Modes, Modes or None) as of `run_modes`
     response: Response | None = None
@@ -226,18 +224,37 @@ def run_study(
 def keep_study(staging: Staging, study: Study) -> None:
     """Write the study file, that of the study as it is run, and the record that it names."""
     if isinstance(study.base, RecordedMotion):
-        name, path = OTHER_FILES["base_record"], staging.folder / FILES["study"]
+        name, path = FILES["base_record"].name, staging.folder / FILES["study"].name
         atomic_write(staging.folder / name, study.base.content)
         text = with_record(study.text, name)
         study = replace(study, base=replace(study.base, record=name), path=path, text=text)
-    atomic_write(staging.folder / FILES["study"], study_text(study))
+    atomic_write(staging.folder / FILES["study"].name, study_text(study))
 
 
 def keep_modes(staging: Staging, prepared: PreparedStudy, found: Found, left: Sequence[str] = ()) -> None:
     """Write what `run_modes` found; `left` names the parts of the run that are still to come."""
     if found.modes is None:
         raise AssertionError("there are modes to keep")
-    _write_modes(prepared, staging.folder, *found.modes)
+    folder, full, study, (modes, glued) = staging.folder, prepared.full, prepared.study, found.modes
+    columns: dict[str, Any] = {
+        "mode": list(range(1, modes.natural_frequency.size + 1)),
+        "natural_frequency": modes.natural_frequency,
+        "damping_ratio": modes.damping_ratio,
+        "participation_factor": modes.participation_factor,
+        "effective_mass": modes.effective_mass,
+    }
+    units = {"natural_frequency": "Hz", "damping_ratio": "1", "participation_factor": "kg^0.5", "effective_mass": "kg"}
+    if glued is not None:
+        columns["natural_frequency_glued"], units["natural_frequency_glued"] = glued.natural_frequency, "Hz"
+    tables.write_csv(folder / FILES["modes"].name, columns, units)
+    write_mode_shapes(folder / FILES["mode_shapes"].name, full, modes, study.structure)
+    if study.output.paraview:
+        from femimpact.export import vtk
+
+        vtk.write_modes(folder / FILES["modes_scene"].name, full, modes, study.structure)
+        # a rigid motion has no period to be shown over
+        for mode in (1 + np.flatnonzero(modes.natural_frequency > 0.0)).tolist():
+            vtk.write_mode(folder / FILES[f"mode_{mode}_scene"].name, full, modes, study.structure, mode)
     _finish(staging, prepared, found, "modes", left)
 
 
@@ -259,9 +276,31 @@ def keep_history(staging: Staging, prepared: PreparedStudy, found: Found, left: 
 
 def keep_sweeps(staging: Staging, prepared: PreparedStudy, found: Found, left: Sequence[str] = ()) -> None:
     """Write what `run_sweep` found."""
+    import xarray
+
     if found.sweeps is None:
         raise AssertionError("there are sweeps to keep")
-    _write_sweeps(staging.folder, found.sweeps)
+    folder, sweeps = staging.folder, found.sweeps
+    curves = {"empty": sweeps.empty, **({"ball": sweeps.ball} if sweeps.ball is not None else {})}
+    frequency = sweeps.empty.frequency
+    columns: dict[str, Any] = {"frequency": frequency}
+    units = {"frequency": "Hz"}
+    columns["grid"] = np.where(on_grid(frequency, sweeps.coarse), "even", "refined")
+    for label, curve in curves.items():
+        for name in (*SWEEP_UNITS, "steadiness"):
+            if label == "empty" and name in IMPACT_NAMES:
+                continue
+            columns[f"{label}_{name}"] = getattr(curve, name)
+            units[f"{label}_{name}"] = SWEEP_UNITS.get(name, "")
+    tables.write_csv(folder / FILES["sweep"].name, columns, units)
+    data = xarray.concat(
+        [curve.to_xarray() for curve in curves.values()],
+        xarray.Variable("case", list(curves)),
+        combine_attrs="override",
+    )
+    data = data.assign_coords(grid=("frequency", columns["grid"]))
+    laws = "; ".join(f"{label}: {curve.law}" for label, curve in curves.items())
+    tables.write_netcdf(folder / FILES["sweep_data"].name, data.assign_attrs(contact_law=laws))
     _finish(staging, prepared, found, "sweep", left)
 
 
@@ -278,7 +317,7 @@ def keep_pictures(
     if output.figures and found.response is not None and found.response.system.contacts:
         report("last cycles, for figures", 0.0)
         end = last_cycles(prepared, found.response)
-        write_last_cycles(folder / FILES["last_cycles"], study.structure, found.response, end)
+        write_last_cycles(folder / FILES["last_cycles"].name, study.structure, found.response, end)
         report("last cycles, for figures", 1.0)
     filmed = found.response is not None and found.response.snapshots is not None
     kinds = [*(["figures"] if output.figures else []), *(["movie"] if output.movie and filmed else [])]
@@ -302,68 +341,13 @@ def _finish(staging: Staging, prepared: PreparedStudy, found: Found, part: str, 
     staging.finish_part(part)
 
 
-def _write_modes(prepared: PreparedStudy, folder: Path, modes: Modes, glued: Modes | None) -> None:
-    full, study = prepared.full, prepared.study
-    columns: dict[str, Any] = {
-        "mode": list(range(1, modes.natural_frequency.size + 1)),
-        "natural_frequency": modes.natural_frequency,
-        "damping_ratio": modes.damping_ratio,
-        "participation_factor": modes.participation_factor,
-        "effective_mass": modes.effective_mass,
-    }
-    units = {"natural_frequency": "Hz", "damping_ratio": "1", "participation_factor": "kg^0.5", "effective_mass": "kg"}
-    if glued is not None:
-        columns["natural_frequency_glued"], units["natural_frequency_glued"] = glued.natural_frequency, "Hz"
-    tables.write_csv(folder / FILES["modes"], columns, units)
-    write_mode_shapes(folder / FILES["mode_shapes"], full, modes, study.structure)
-    if study.output.paraview:
-        from femimpact.export import vtk
-
-        vtk.write_modes(folder / FILES["modes_scene"], full, modes, study.structure)
-        # a rigid motion has no period to be shown over
-        for mode in (1 + np.flatnonzero(modes.natural_frequency > 0.0)).tolist():
-            vtk.write_mode(folder / FILES[f"mode_{mode}_scene"], full, modes, study.structure, mode)
-
-
-def _write_sweeps(folder: Path, sweeps: SweepPair) -> None:
-    import xarray
-
-    curves = {"empty": sweeps.empty, **({"ball": sweeps.ball} if sweeps.ball is not None else {})}
-    frequency = sweeps.empty.frequency
-    columns: dict[str, Any] = {"frequency": frequency}
-    units = {"frequency": "Hz"}
-    columns["grid"] = np.where(on_grid(frequency, sweeps.coarse), "even", "refined")
-    for label, curve in curves.items():
-        for name in (*SWEEP_UNITS, "steadiness"):
-            if label == "empty" and name not in (
-                "peak",
-                "rms",
-                "first_harmonic",
-                "phase",
-                "energy_residual",
-                "steadiness",
-            ):
-                continue
-            columns[f"{label}_{name}"] = getattr(curve, name)
-            units[f"{label}_{name}"] = SWEEP_UNITS.get(name, "")
-    tables.write_csv(folder / FILES["sweep"], columns, units)
-    data = xarray.concat(
-        [curve.to_xarray() for curve in curves.values()],
-        xarray.Variable("case", list(curves)),
-        combine_attrs="override",
-    )
-    data = data.assign_coords(grid=("frequency", columns["grid"]))
-    laws = "; ".join(f"{label}: {curve.law}" for label, curve in curves.items())
-    tables.write_netcdf(folder / FILES["sweep_data"], data.assign_attrs(contact_law=laws))
-
-
 def _write_history(study: Study, folder: Path, response: Response) -> None:
-    tables.write_netcdf(folder / FILES["history"], response.to_xarray())
+    tables.write_netcdf(folder / FILES["history"].name, response.to_xarray())
     _write_impacts(folder, response)
     if response.snapshots is None:
         return
     exaggeration = study.output.exaggeration
-    write_snapshots(folder / FILES["snapshots"], study.structure, response, exaggeration)
+    write_snapshots(folder / FILES["snapshots"].name, study.structure, response, exaggeration)
     for scene in _deflection_scenes(study):
         from femimpact.export import vtk
 
@@ -373,13 +357,13 @@ def _write_history(study: Study, folder: Path, response: Response) -> None:
 def _deflection_scenes(study: Study) -> list[str]:
     """Names of the files for ParaView; the last one is the one that its script opens."""
     output = study.output
-    scenes = {OTHER_FILES["deflection_hdf"]: output.vtkhdf, FILES["deflection_scene"]: output.paraview}
+    scenes = {FILES["deflection_hdf"].name: output.vtkhdf, FILES["deflection_scene"].name: output.paraview}
     return [name for name, written in scenes.items() if written]
 
 
 def _write_impacts(folder: Path, response: Response) -> None:
-    tables.write_csv(folder / FILES["impacts"], *impact_columns(response.impacts))
-    tables.write_netcdf(folder / FILES["impact_data"], response.impacts.to_xarray())
+    tables.write_csv(folder / FILES["impacts"].name, *impact_columns(response.impacts))
+    tables.write_netcdf(folder / FILES["impact_data"].name, response.impacts.to_xarray())
     if len(response.sticking):
         sticking = {name: getattr(response.sticking, name) for name in STICKING_UNITS}
         tables.write_csv(folder / STICKING_FILE, sticking, STICKING_UNITS)

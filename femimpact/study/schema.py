@@ -10,7 +10,6 @@ import inspect
 import re
 import sys
 from collections.abc import Mapping
-from functools import partial
 from typing import Any
 
 from femimpact.contact.laws import LAWS, PowerLaw
@@ -18,10 +17,8 @@ from femimpact.errors import quantity
 from femimpact.integrators.methods import METHODS
 from femimpact.structure.beam import Segment
 from femimpact.structure.damping import ModalDamping, Rayleigh
-from femimpact.study.base_motion import OWN, SIGNALS, RecordedMotion, SignalMotion
+from femimpact.study.base_motion import HISTORY_KEYS, SIGNALS, BaseMotion, RecordedMotion, SignalMotion
 from femimpact.study.parameter_plan import DISTRIBUTIONS, MOST_POINTS, BestPlan, ParameterPlan, SamplePlan
-from femimpact.study.study import BaseMotion
-from femimpact.study.study_file import TABLES, chosen_later
 
 NOT_IN_SCHEMA = (
     "what is not a number (nan), for which a schema has no word",
@@ -43,42 +40,7 @@ CONTENT = {"content"}
 """Fields of a noun that no key of a study file gives."""
 
 
-def study_schema() -> dict[str, Any]:
-    """JSON schema (draft 2020-12) of a study file as parsed from TOML.
-
-    Every key has its type and range, a `description`, and as `x-unit` and `x-range` its unit and range in words.
-
-    Returns: of what `json.dump` writes.
-    """
-    return {
-        "$schema": "https://json-schema.org/draft/2020-12/schema",
-        "title": "femimpact study",
-        "description": "A structure on a moving base, and what is computed of it. SI units.",
-        "type": "object",
-        "properties": {name: _table(name) for name in TABLES},
-        "required": [name for name, table in TABLES.items() if table.required],
-        "additionalProperties": False,
-        "$defs": {"axes": _axes(), "limits": _limits()},
-    }
-
-
-def _table(name: str) -> dict[str, Any]:
-    """Schema of one table, or of a list of them."""
-    table = TABLES[name]
-    made = _FORMS[name]() if name in _FORMS else _of_maker(table.make)
-    return {"type": "array", "items": made} if table.many else made
-
-
-def _of_maker(make: Any) -> dict[str, Any]:
-    """Schema of a table that becomes one noun, with its contact where it has one."""
-    if not isinstance(make, partial):
-        raise TypeError(f"no schema is known for a table made by {make}")
-    noun = make.args[0]
-    has_contact = any(item.name == "contact" for item in dataclasses.fields(noun))
-    return _noun(noun, contact=_contact()) if has_contact and noun not in METHODS.values() else _noun(noun)
-
-
-def _noun(noun: Any, without: frozenset[str] = frozenset(), title: str = "", **given: Any) -> dict[str, Any]:
+def noun_schema(noun: Any, without: frozenset[str] = frozenset(), title: str = "", **given: Any) -> dict[str, Any]:
     """Schema of a table with the keys of a noun's fields."""
     about, properties, required = _meanings(noun), {}, []
     for item in dataclasses.fields(noun):
@@ -117,18 +79,18 @@ LISTS: Mapping[str, dict[str, Any]] = {
         "x-range": "rows of a frequency, rising, and a level > 0",
     },
 }
-"""Of the keys that are lists of numbers."""
+"""Schemas of the keys that are lists of numbers."""
 
 _COLUMNS = {
     "type": "array",
     "items": {"anyOf": [{"type": "string"}, {"type": "integer", "minimum": 0}]},
     "x-range": "numbers from 0 or names of two columns: time, acceleration",
 }
-"""Of the columns of a record, the one key that is neither a number nor a text."""
+"""Schema of the columns of a record, the one key that is neither a number nor a text."""
 
 
 def _meanings(noun: Any) -> dict[str, str]:
-    """What the Parameters section of a noun's docstring says of each field."""
+    """Meaning of each field, from the Parameters section of a noun's docstring."""
     text = inspect.getdoc(noun) or ""
     section = re.search(r"^Parameters\n-+\n(.*?)(?=^\w+\n-+$|\Z)", text, re.MULTILINE | re.DOTALL)
     found: dict[str, str] = {}
@@ -140,11 +102,11 @@ def _meanings(noun: Any) -> dict[str, str]:
     return found
 
 
-def _contact() -> dict[str, Any]:
+def contact_schema() -> dict[str, Any]:
     """Schema of a contact: a law by its name, with the fields that the name leaves open."""
     laws = []
     for name, (noun, fixed) in LAWS.items():
-        schema = _noun(noun, frozenset(fixed), name)
+        schema = noun_schema(noun, frozenset(fixed), name)
         schema["properties"] = {"law": {"const": name, "description": "the contact law"}, **schema["properties"]}
         schema["required"] = ["law", *schema.get("required", [])]
         if noun is PowerLaw:
@@ -153,9 +115,10 @@ def _contact() -> dict[str, Any]:
     return {"description": "the contact law of the walls", "oneOf": laws}
 
 
-def _beam() -> dict[str, Any]:
-    one = _noun(Segment, title="a beam of one segment")
-    part = _noun(Segment, title="one of several segments")
+def beam_schema() -> dict[str, Any]:
+    """Schema of [beam]: a segment, or a list of them."""
+    one = noun_schema(Segment, title="a beam of one segment")
+    part = noun_schema(Segment, title="one of several segments")
     about = "from the root to the tip, [[beam.segment]]"
     segments = {"type": "array", "items": part, "minItems": 1, "description": about}
     several = {
@@ -165,13 +128,15 @@ def _beam() -> dict[str, Any]:
     return {"description": "The beam: one segment with the keys below, or a list of them.", "oneOf": [one, several]}
 
 
-def _damping() -> dict[str, Any]:
-    forms = [_noun(Rayleigh, title="proportional"), _noun(ModalDamping, title="mode by mode")]
+def damping_schema() -> dict[str, Any]:
+    """Schema of [damping]: the two forms of it."""
+    forms = [noun_schema(Rayleigh, title="proportional"), noun_schema(ModalDamping, title="mode by mode")]
     return {"description": "Damping of the structure alone; without the table it has none.", "oneOf": forms}
 
 
-def _base() -> dict[str, Any]:
-    forms = [_noun(BaseMotion, title="a sine"), _noun(RecordedMotion, title="a record")]
+def base_schema() -> dict[str, Any]:
+    """Schema of [base]: a form for each kind of motion."""
+    forms = [noun_schema(BaseMotion, title="a sine"), noun_schema(RecordedMotion, title="a record")]
     for form, kind in zip(forms, ("sine", "record"), strict=True):
         form["properties"] = {"kind": {"const": kind, "description": "the kind of motion"}, **form["properties"]}
     forms += [_signal(kind) for kind in SIGNALS]
@@ -184,9 +149,9 @@ def _base() -> dict[str, Any]:
 def _signal(kind: str) -> dict[str, Any]:
     """Schema of a motion with the arguments of its noun."""
     noun, other = SIGNALS[kind]
-    schema = _noun(noun, frozenset({"level", "by", *other.values()}), kind, **LISTS)
+    schema = noun_schema(noun, frozenset({"level", "by", *other.values()}), kind, **LISTS)
     keys, fields = schema["properties"], {item.name: item for item in dataclasses.fields(noun)}
-    about, own = _meanings(noun), {item.name: item for item in dataclasses.fields(SignalMotion)}
+    about, history = _meanings(noun), {item.name: item for item in dataclasses.fields(SignalMotion)}
     for key, name in other.items():
         keys[key] = _key(fields[name], about.get(name, ""))
     arguments = inspect.signature(noun).parameters
@@ -196,7 +161,7 @@ def _signal(kind: str) -> dict[str, Any]:
             words = {"description": meaning, "x-unit": unit, "x-range": "a finite number >= 0"}
             keys[name] = {"type": "number", "minimum": 0, **words}
     meanings = _meanings(SignalMotion)
-    keys |= {name: _key(own[name], meanings[name]) for name in OWN}
+    keys |= {name: _key(history[name], meanings[name]) for name in HISTORY_KEYS}
     schema["properties"] = {"kind": {"const": kind, "description": "the kind of motion"}, **keys}
     for name, item in arguments.items():
         if isinstance(item.default, str):
@@ -211,10 +176,16 @@ def _key_of(other: Mapping[str, str], name: str) -> str:
     return next((key for key, field in other.items() if field == name), name)
 
 
-def _method() -> dict[str, Any]:
+def chosen_later(noun: Any) -> tuple[str, ...]:
+    """Fields of a method that a study may leave to `Method.for_system`: those without a default."""
+    return tuple(item.name for item in dataclasses.fields(noun) if item.default is dataclasses.MISSING)
+
+
+def method_schema() -> dict[str, Any]:
+    """Schema of [method]: a form for each method."""
     forms = []
     for name, noun in METHODS.items():
-        schema = _noun(noun, title=name)
+        schema = noun_schema(noun, title=name)
         later = chosen_later(noun)
         schema["properties"] = {"name": {"const": name, "description": "the method"}, **schema["properties"]}
         schema["required"] = [key for key in schema.pop("required", []) if key not in later]
@@ -224,20 +195,22 @@ def _method() -> dict[str, Any]:
     return {"description": "How time runs; without dt the recommended step is taken.", "oneOf": forms}
 
 
-def _study() -> dict[str, Any]:
+def plan_schema() -> dict[str, Any]:
+    """Schema of [study]."""
     axes = {"$ref": "#/$defs/axes", "description": "What the study goes over: see [study.axes]."}
     limits = {"$ref": "#/$defs/limits", "description": _meanings(BestPlan)["limits"]}
-    return _noun(ParameterPlan, axes=axes, sample=_noun(SamplePlan), best=_noun(BestPlan, limits=limits))
+    best = noun_schema(BestPlan, limits=limits)
+    return noun_schema(ParameterPlan, axes=axes, sample=noun_schema(SamplePlan), best=best)
 
 
-def _limits() -> dict[str, Any]:
+def limits_schema() -> dict[str, Any]:
     """Schema of [study.best.limits]; without quotes TOML takes the dots of a channel for tables in one another."""
     forms = [_number_of(quantity("1")), {"title": "a part of a name", "$ref": "#/$defs/limits"}]
     about = "Limits of the worst values, by the names of the measures; in the units of the measures."
     return {"type": "object", "description": about, "additionalProperties": {"anyOf": forms}}
 
 
-def _axes() -> dict[str, Any]:
+def axes_schema() -> dict[str, Any]:
     """Schema of [study.axes]; without quotes TOML takes the dots of a path for tables in one another."""
     number = _number_of(quantity("1"))
     value = {"anyOf": [
@@ -281,7 +254,3 @@ def _two_numbers(distribution: str) -> dict[str, Any]:
     first = positive if distribution == "lognormal" else anything
     second = anything if distribution == "uniform" else positive
     return {"type": "array", "prefixItems": [first, second], "minItems": 2, "maxItems": 2}
-
-
-_FORMS = {"beam": _beam, "damping": _damping, "base": _base, "method": _method, "study": _study}
-"""Tables that have several forms."""

@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 from femimpact.errors import (
     Fault,
     InputError,
     check_fields,
-    choice,
     instance,
     optional,
     quantity,
@@ -26,7 +25,7 @@ from femimpact.fem.mesh import Mesh
 from femimpact.fem.mesh_files import read_mesh
 from femimpact.integrators.methods import METHODS, Method
 from femimpact.structure.structure import Structure
-from femimpact.study.base_motion import RecordedMotion, Signal, SignalMotion
+from femimpact.study.base_motion import BaseMotion, RecordedMotion, Signal, SignalMotion
 from femimpact.study.parameter_plan import ParameterPlan
 from femimpact.system.reduction import reduce
 from femimpact.system.state import State
@@ -92,52 +91,6 @@ class Gravity:
 
 
 @dataclass(frozen=True)
-class BaseMotion:
-    """`[base]`: amplitude of the sine; frequency, phase and duration of the simulated history; start.
-
-    Parameters
-    ----------
-    amplitude : float, m
-        Of the base's displacement, of the history and of the sweep.
-    frequency : float, Hz
-        Of the simulated history.
-    duration : float, s
-        Of the simulated history.
-    phase : float, rad
-        Of the sine at t = 0.
-    start : {"base", "space", "static"}
-        At rest relative to the base, at rest in the inertial frame, or in the static state (`State.static`).
-    """
-
-    FREQUENCY_KEY: ClassVar[str] = "base.frequency"
-    """What a study file has where the frequency of a cycle comes from."""
-
-    amplitude: float = field(metadata=quantity("m", above=0.0))
-    frequency: float = field(metadata=quantity("Hz", above=0.0))
-    duration: float = field(default=30.0, metadata=quantity("s", above=0.0))
-    phase: float = field(default=0.0, metadata=quantity("rad"))
-    start: str = field(default="base", metadata=choice("base", "space", "static"))
-
-    def __post_init__(self) -> None:
-        check_fields(self)
-
-    @property
-    def excitation(self) -> Sine:
-        """The motion that drives the history."""
-        return Sine(self.amplitude, self.frequency, self.phase)
-
-    @property
-    def history_duration(self) -> float:
-        """Time (s) that the history takes."""
-        return self.duration
-
-    @property
-    def words(self) -> str:
-        """How long the history is, and what drives it."""
-        return f"{self.duration:g} s at {self.frequency:g} Hz"
-
-
-@dataclass(frozen=True)
 class SweepPlan:
     """`[sweep]`: an even grid, and how many points refine it around each resonance.
 
@@ -146,9 +99,9 @@ class SweepPlan:
     start, stop : float, Hz
         First and last frequency of the even grid.
     points : int
-        Of the even grid.
+        Number of frequencies of the even grid.
     cycles : int
-        Of the base at each frequency; the last third is measured.
+        Base cycles at each frequency; the last third is measured.
     refine : int
         Points added around each resonance.
 
@@ -171,7 +124,7 @@ class SweepPlan:
 
 @dataclass(frozen=True)
 class Output:
-    """`[output]`: what is written.
+    """`[output]`: channels, snapshots, files and pictures that are written.
 
     Parameters
     ----------
@@ -185,11 +138,11 @@ class Output:
         Kept in the history besides those of the tip, the middle, the balls and the contacts, by their names, as
         "root.reaction_force"; the reference has a page of channels.
     frames : int
-        Whole deflections that are kept for ParaView and the movie.
+        Number of snapshots of the deflection that are kept for ParaView and the movie.
     frame_cycles : float
         Last base cycles over which they are spread; of a motion without one, cycles of its highest frequency.
     exaggeration : float
-        Scales motion and gaps there. Absent: chosen by the movie, 1 for ParaView.
+        Scale of motion and gaps in these. Absent: chosen by the movie, 1 for ParaView.
     memory_limit : float, bytes
         A run that would keep more is refused.
     figures, paraview, movie : bool

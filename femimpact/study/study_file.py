@@ -1,4 +1,4 @@
-"""The study file: its tables read and checked against the fields of the nouns, and written from a study."""
+"""The study file: its tables read and checked against the fields of the nouns, described, and written."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ from femimpact.regular_file import read_regular
 from femimpact.structure.beam import Beam, Segment
 from femimpact.structure.damping import ModalDamping, Rayleigh
 from femimpact.structure.structure import Dashpot, Impactor, PointMass, Spring, Stop, Structure, Support
-from femimpact.study.base_motion import OWN, SIGNALS, RecordedMotion, SignalMotion, record_beside
+from femimpact.study.base_motion import HISTORY_KEYS, SIGNALS, BaseMotion, RecordedMotion, SignalMotion, record_beside
 from femimpact.study.parameter_plan import (
     DISTRIBUTIONS,
     AxisValues,
@@ -31,10 +32,22 @@ from femimpact.study.parameter_plan import (
     SamplePlan,
     axis_from,
 )
-from femimpact.study.study import BaseMotion, Gravity, MeshChoice, Output, Reduction, Study, SweepPlan
+from femimpact.study.schema import (
+    axes_schema,
+    base_schema,
+    beam_schema,
+    chosen_later,
+    contact_schema,
+    damping_schema,
+    limits_schema,
+    method_schema,
+    noun_schema,
+    plan_schema,
+)
+from femimpact.study.study import Gravity, MeshChoice, Output, Reduction, Study, SweepPlan
 
 MOST_BYTES = 10_000_000
-"""Of the text of a study."""
+"""Largest size of a study file, bytes."""
 
 DEEPEST = 20
 """Tables and lists in one another; the deepest of a sound study are four."""
@@ -44,6 +57,10 @@ LONG_NUMBER = re.compile(r"\d[\d_]{4000,}")
 OF_SINE = frozenset({"amplitude", "frequency", "phase"})
 OF_RECORD = frozenset({"scale", "detrend", "columns", "file", "samples"})
 """Keys of [base] that only one of its motions has, or might be taken to have."""
+
+
+RECORD_LINE = re.compile(r"""^(\s*record\s*=\s*)("[^"\n]*"|'[^'\n]*')""", re.MULTILINE)
+"""The usual line of a record in a study file, and the quoted path in it."""
 
 
 def load_study(path: str | Path) -> Study:
@@ -106,6 +123,57 @@ def read_study(
     return _from_tables(data, path, text)
 
 
+def study_schema() -> dict[str, Any]:
+    """JSON schema (draft 2020-12) of a study file as parsed from TOML.
+
+    Every key has its type and range, a `description`, and as `x-unit` and `x-range` its unit and range in words.
+
+    Returns: of what `json.dump` writes.
+    """
+    made = {name: table.schema() for name, table in TABLES.items()}
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "femimpact study",
+        "description": "A structure on a moving base, and what is computed of it. SI units.",
+        "type": "object",
+        "properties": {n: {"type": "array", "items": made[n]} if TABLES[n].many else made[n] for n in TABLES},
+        "required": [name for name, table in TABLES.items() if table.required],
+        "additionalProperties": False,
+        "$defs": {"axes": axes_schema(), "limits": limits_schema()},
+    }
+
+
+def study_text(study: Study) -> str:
+    """A study file that gives this study.
+
+    Returns: the text that the study was read from, with its comments, unless the study was changed since. A contact law
+    that has no name in study files is named in a comment; such a file cannot be loaded, and says where.
+    """
+    try:
+        if same_study(read_study(study.text, study.path), study):
+            return study.text
+    except InputError:
+        pass
+    return "\n".join(_lines(study)) + "\n"
+
+
+def same_study(one: Study, other: Study) -> bool:
+    """True where two studies are equal, whatever their paths and texts are."""
+    names = [item.name for item in dataclasses.fields(Study) if item.name not in ("path", "text")]
+    return all(getattr(one, name) == getattr(other, name) for name in names)
+
+
+def with_record(text: str, record: str) -> str:
+    """The text of a study file with another path of its record, where that stands on a separate line.
+
+    Where it stands elsewhere the text does not fit its study any more, which `study_text` finds.
+    """
+    return RECORD_LINE.sub(lambda found: found[1] + _value(record), text, count=1)
+
+
+# ---- reading --------------------------------------------------------------------------------------
+
+
 def _depth(data: Any) -> int:
     """How many tables and lists are in one another at most, of which Python could show or compare no more than some."""
     depth, inner = 0, [data]
@@ -123,42 +191,25 @@ def _from_tables(data: Mapping[str, Any], path: Path, text: str) -> Study:
     faults += [Fault(name, None, "", suggestion(name, TABLES)) for name in unknown]
     missing = [name for name, table in TABLES.items() if table.required and name not in data]
     faults += [Fault(name, None, "", f"table [{name}] is missing") for name in missing]
+    # with what is sound, so that faults between tables are found in the same pass
     made: dict[str, Any] = {}
-    base = dataclasses.replace(TABLES["base"], make=partial(_base, folder=path.parent))
-    for name, table in {**TABLES, "base": base}.items():
-        if name in data and name not in unknown:
+    for name, table in TABLES.items():
+        if name in data:
             before = len(faults)
-            made[name] = _table(name, table, data[name], faults)
-            if len(faults) > before:
-                made[name] = None
-    structure = None
-    if made.get("beam") is not None:
-        # with what is sound of the rest, so that faults between tables are found in the same pass
-        parts = {
-            "masses": "mass", "impactors": "impactor", "stops": "stop", "supports": "support", "springs": "spring",
-            "dashpots": "dashpot", "damping": "damping",
-        }  # fmt: skip
-        given = {key: made[name] for key, name in parts.items() if made.get(name) is not None}
-        if made.get("gravity") is not None:
-            given["gravity"] = made["gravity"].acceleration
-        structure = _collected("", partial(Structure, beam=made["beam"], **given), faults)
-    mesh = made.get("mesh")
+            read = partial(_base, folder=path.parent) if name == "base" else table.read
+            found = _table(name, read, table.many, data[name], faults)
+            if len(faults) == before and found is not None:
+                made[table.place] = found
+    structure, mesh = None, made.get("mesh")
+    if "structure.beam" in made:
+        parts = {place.removeprefix("structure."): made.pop(place) for place in list(made) if "." in place}
+        structure = _collected("", partial(Structure, **parts), faults)
     if structure is not None and mesh is not None and mesh.elements is not None:
         _collected("", partial(uniform_mesh, structure, mesh.elements), faults)
     if faults or structure is None:
         raise InputError(faults)
-    return Study(
-        structure=structure,
-        mesh=made["mesh"],
-        base=made["base"],
-        reduction=made.get("reduction"),
-        method=made.get("method") or {},
-        sweep=made.get("sweep"),
-        output=made.get("output") or Output(),
-        path=path,
-        text=text,
-        plan=made.get("study"),
-    )
+    absent: dict[str, Any] = {"reduction": None, "method": {}, "sweep": None, "output": Output()}
+    return Study(structure=structure, path=path, text=text, **{**absent, **made})
 
 
 def _collected(prefix: str, make: Callable[[], Any], faults: list[Fault]) -> Any:
@@ -170,31 +221,23 @@ def _collected(prefix: str, make: Callable[[], Any], faults: list[Fault]) -> Any
         return None
 
 
-@dataclass(frozen=True)
-class _Table:
-    """How one TOML table becomes a noun."""
-
-    make: Callable[[str, Mapping[str, Any], list[Fault]], Any]
-    many: bool = False
-    required: bool = False
-
-
-def _table(name: str, table: _Table, value: Any, faults: list[Fault]) -> Any:
-    if not table.many:
+def _table(name: str, read: Reader, many: bool, value: Any, faults: list[Fault]) -> Any:
+    """The noun or nouns made of a table or a list of tables; None with the faults noted."""
+    if not many:
         if not isinstance(value, dict):
             faults.append(Fault(name, value, "", f"must be a table, [{name}]"))
             return None
-        return table.make(name, value, faults)
+        return read(name, value, faults)
     if not isinstance(value, list) or not all(isinstance(item, dict) for item in value):
         faults.append(Fault(name, None, "", f"must be a list of tables, [[{name}]]"))
         return None
     labels = [str(item.get("name", item.get("at", i + 1))) for i, item in enumerate(value)]
-    made = [table.make(f"{name}.{label}", item, faults) for label, item in zip(labels, value, strict=True)]
+    made = [read(f"{name}.{label}", item, faults) for label, item in zip(labels, value, strict=True)]
     return None if any(item is None for item in made) else made
 
 
 def _noun(noun: Any, prefix: str, values: Mapping[str, Any], faults: list[Fault], **given: Any) -> Any:
-    """Check keys, types and ranges against the noun's own fields, then make it."""
+    """Check keys, types and ranges against the fields of a noun, then make it."""
     before = len(faults)
     faults += _key_faults(noun, prefix, values, without=given)
     if len(faults) > before or any(value is None for value in given.values()):
@@ -230,7 +273,7 @@ def _beam(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any:
         return Beam((segment,)) if segment is not None else None
     for name in sorted(set(values) - {"segment"}):
         faults.append(Fault(f"{prefix}.{name}", None, "", "belongs into each [[beam.segment]] of a stepped beam"))
-    segments = _table(f"{prefix}.segment", _Table(partial(_noun, Segment), many=True), values["segment"], faults)
+    segments = _table(f"{prefix}.segment", partial(_noun, Segment), True, values["segment"], faults)
     if segments == []:
         faults.append(Fault(f"{prefix}.segment", None, "", "must hold at least one segment"))
     return _collected(prefix, lambda: Beam(tuple(segments)), faults) if segments else None
@@ -257,6 +300,11 @@ def _damping(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any
     return _noun(ModalDamping if "ratios" in values else Rayleigh, prefix, values, faults)
 
 
+def _gravity(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any:
+    made = _noun(Gravity, prefix, values, faults)
+    return None if made is None else made.acceleration
+
+
 def _base(prefix: str, values: Mapping[str, Any], faults: list[Fault], folder: Path = Path()) -> Any:
     """A sine, a record whose path is given from a folder, or another kind of motion with the fields of its noun."""
     kind = values.get("kind", "record" if "record" in values else "sine")
@@ -267,7 +315,9 @@ def _base(prefix: str, values: Mapping[str, Any], faults: list[Fault], folder: P
         return None
     values = {name: value for name, value in values.items() if name != "kind"}
     if kind in SIGNALS:
-        return _signal(prefix, kind, values, faults)
+        motion = tuple((name, _plain(value)) for name, value in values.items() if name not in HISTORY_KEYS)
+        history = {name: values[name] for name in HISTORY_KEYS if name in values}
+        return _collected(prefix, lambda: SignalMotion(kind, motion, **history), faults)
     if kind == "sine" and "record" in values:
         faults.append(Fault(f"{prefix}.record", None, "", 'belongs to kind = "record", and [base] is of kind "sine"'))
         return None
@@ -291,13 +341,6 @@ def _base(prefix: str, values: Mapping[str, Any], faults: list[Fault], folder: P
     rest = {name: value for name, value in values.items() if name not in OF_SINE}
     noun = _noun(RecordedMotion, prefix, rest, faults, content=content)
     return noun if len(faults) == before else None
-
-
-def _signal(prefix: str, kind: str, values: Mapping[str, Any], faults: list[Fault]) -> Any:
-    """A motion by the name of its kind."""
-    own = {name: values[name] for name in OWN if name in values}
-    given = tuple((name, _plain(value)) for name, value in values.items() if name not in OWN)
-    return _collected(prefix, lambda: SignalMotion(kind, given, **own), faults)
 
 
 def _plain(value: Any) -> Any:
@@ -367,7 +410,7 @@ def _dotted(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, A
 
 
 def _flat(axes: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Axes by their whole paths: without quotes TOML takes the dots of a path for tables in one another."""
+    """Axes by their full paths: without quotes TOML takes the dots of a path for tables in one another."""
     for name, given in axes.items():
         inner = isinstance(given, dict) and any(isinstance(value, (dict, list)) for value in given.values())
         if inner and not set(given) <= set(DISTRIBUTIONS):
@@ -376,61 +419,7 @@ def _flat(axes: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]
             yield f"{prefix}{name}", given
 
 
-def chosen_later(noun: Any) -> tuple[str, ...]:
-    """Fields of a method that a study may leave to `Method.for_system`: those without a default."""
-    return tuple(item.name for item in dataclasses.fields(noun) if item.default is dataclasses.MISSING)
-
-
-TABLES: Mapping[str, _Table] = {
-    "beam": _Table(_beam, required=True),
-    "mesh": _Table(partial(_noun, MeshChoice), required=True),
-    "mass": _Table(partial(_noun, PointMass), many=True),
-    "impactor": _Table(partial(_with_contact, Impactor), many=True),
-    "stop": _Table(partial(_with_contact, Stop), many=True),
-    "support": _Table(partial(_noun, Support), many=True),
-    "spring": _Table(partial(_noun, Spring), many=True),
-    "dashpot": _Table(partial(_noun, Dashpot), many=True),
-    "damping": _Table(_damping),
-    "gravity": _Table(partial(_noun, Gravity)),
-    "reduction": _Table(partial(_noun, Reduction)),
-    "base": _Table(_base, required=True),
-    "method": _Table(_method),
-    "sweep": _Table(partial(_noun, SweepPlan)),
-    "output": _Table(partial(_noun, Output)),
-    "study": _Table(_plan),
-}
-
-
-RECORD_LINE = re.compile(r"""^(\s*record\s*=\s*)("[^"\n]*"|'[^'\n]*')""", re.MULTILINE)
-"""The usual line of a record in a study file, and the quoted path in it."""
-
-
-def study_text(study: Study) -> str:
-    """A study file that gives this study.
-
-    Returns: the text that the study was read from, with its comments, unless the study was changed since. A contact law
-    that has no name in study files is named in a comment; such a file cannot be loaded, and says where.
-    """
-    try:
-        if same_study(read_study(study.text, study.path), study):
-            return study.text
-    except InputError:
-        pass
-    return "\n".join(_lines(study)) + "\n"
-
-
-def same_study(one: Study, other: Study) -> bool:
-    """Whether two studies mean the same, wherever and however they are written."""
-    names = [item.name for item in dataclasses.fields(Study) if item.name not in ("path", "text")]
-    return all(getattr(one, name) == getattr(other, name) for name in names)
-
-
-def with_record(text: str, record: str) -> str:
-    """The text of a study file with another path of its record, where that stands on a separate line.
-
-    Where it stands elsewhere the text does not fit its study any more, which `study_text` finds.
-    """
-    return RECORD_LINE.sub(lambda found: found[1] + _value(record), text, count=1)
+# ---- writing --------------------------------------------------------------------------------------
 
 
 def _lines(study: Study) -> Iterator[str]:
@@ -439,36 +428,22 @@ def _lines(study: Study) -> Iterator[str]:
     if not structure.supports:
         # without a word of them the root is clamped; keys come before all tables
         yield "support = []"
-    segments = structure.beam.segments
-    if len(segments) == 1:
-        yield from _table_lines("[beam]", _given(segments[0]))
-    for segment in segments if len(segments) > 1 else ():
+    for name, table in TABLES.items():
+        found = attrgetter(table.place)(study)
+        for part in found if table.many else [found] if found else []:
+            yield from table.write(f"[[{name}]]" if table.many else f"[{name}]", part)
+
+
+def _beam_lines(header: str, beam: Beam) -> Iterator[str]:
+    if len(beam.segments) == 1:
+        yield from _noun_lines(header, beam.segments[0])
+    for segment in beam.segments if len(beam.segments) > 1 else ():
         yield from _table_lines("[[beam.segment]]", {"name": segment.name, **_given(segment)})
-    yield from _table_lines("[mesh]", _given(study.mesh))
-    for name, parts in (("mass", structure.masses), ("impactor", structure.impactors), ("stop", structure.stops),
-                        ("support", structure.supports), ("spring", structure.springs),
-                        ("dashpot", structure.dashpots)):  # fmt: skip
-        for part in parts:
-            yield from _table_lines(f"[[{name}]]", _given(part))
-    if structure.damping is not None:
-        yield from _table_lines("[damping]", _given(structure.damping))
-    if structure.gravity:
-        yield from _table_lines("[gravity]", {"acceleration": structure.gravity})
-    for name, table in (("reduction", study.reduction), ("base", study.base)):
-        if table is not None:
-            yield from _table_lines(f"[{name}]", table.table if isinstance(table, SignalMotion) else _given(table))
-    if study.method:
-        yield from _table_lines("[method]", study.method)
-    if study.sweep is not None:
-        yield from _table_lines("[sweep]", _given(study.sweep))
-    yield from _table_lines("[output]", _given(study.output))
-    if study.plan is not None:
-        yield from _plan_lines(study.plan)
 
 
-def _plan_lines(plan: ParameterPlan) -> Iterator[str]:
-    own = _given(plan)
-    yield from _table_lines("[study]", {name: own[name] for name in own if name not in ("axes", "sample", "best")})
+def _plan_lines(header: str, plan: ParameterPlan) -> Iterator[str]:
+    given = _given(plan)
+    yield from _table_lines(header, {name: given[name] for name in given if name not in ("axes", "sample", "best")})
     yield from _table_lines("[study.axes]", {json.dumps(path): axis for path, axis in plan.axes.items()})
     if plan.sample is not None:
         yield from _table_lines("[study.sample]", {"points": plan.sample.points, **_given(plan.sample)})
@@ -479,10 +454,18 @@ def _plan_lines(plan: ParameterPlan) -> Iterator[str]:
         yield from _table_lines("[study.best.limits]", limits) if limits else ()
 
 
+def _noun_lines(header: str, noun: Any) -> Iterator[str]:
+    return _table_lines(header, noun.table if isinstance(noun, SignalMotion) else _given(noun))
+
+
 def _given(noun: Any) -> dict[str, Any]:
     """Fields of a noun that are not as they are by default, but for those that its text leaves out."""
     values = {item.name: (getattr(noun, item.name), item.default) for item in dataclasses.fields(noun) if item.repr}
     return {name: value for name, (value, default) in values.items() if value != default}
+
+
+def _gravity_lines(header: str, acceleration: float) -> Iterator[str]:
+    return _table_lines(header, {"acceleration": acceleration})
 
 
 def _table_lines(header: str, values: Mapping[str, Any]) -> Iterator[str]:
@@ -499,11 +482,8 @@ def _law(name: str, law: ContactLaw) -> Iterator[str]:
         yield f"# {name}: the law {law.name!r} ({type(law).__name__}) has no name in study files"
         return
     left = {key: value for key, value in _given(law).items() if key not in fixed}
-    yield f"{name} = {{ {', '.join(_pairs({'law': law.name, **left}))} }}"
-
-
-def _pairs(values: Mapping[str, Any]) -> Iterable[str]:
-    return (f"{name} = {_value(value)}" for name, value in values.items())
+    pairs = (f"{key} = {_value(value)}" for key, value in {"law": law.name, **left}.items())
+    yield f"{name} = {{ {', '.join(pairs)} }}"
 
 
 def _value(value: Any) -> str:
@@ -520,3 +500,51 @@ def _value(value: Any) -> str:
     if isinstance(value, (tuple, list)):
         return f"[{', '.join(map(_value, value))}]"
     return repr(value)
+
+
+# ---- the tables -----------------------------------------------------------------------------------
+
+
+Reader = Callable[[str, Mapping[str, Any], list[Fault]], Any]
+"""Makes something of a table by its name in the file, its keys and values, and a list to which faults are added."""
+
+
+@dataclass(frozen=True)
+class _Table:
+    """A TOML table: how it is read, described and written."""
+
+    place: str  # in a `Study`, of what is read from the table
+    read: Reader
+    schema: Callable[[], dict[str, Any]]  # JSON schema
+    write: Callable[[str, Any], Iterable[str]] = _noun_lines  # lines of a file, from the header and what stands there
+    many: bool = False  # a list of tables
+    required: bool = False
+
+
+def _of(noun: Any, place: str, many: bool = False, required: bool = False) -> _Table:
+    """The table whose keys are the fields of a noun, with a table `contact` where the noun has one."""
+    if any(item.name == "contact" for item in dataclasses.fields(noun)):
+        read, schema = partial(_with_contact, noun), lambda: noun_schema(noun, contact=contact_schema())
+        return _Table(place, read, schema, many=many, required=required)
+    return _Table(place, partial(_noun, noun), partial(noun_schema, noun), many=many, required=required)
+
+
+TABLES: Mapping[str, _Table] = {
+    "beam": _Table("structure.beam", _beam, beam_schema, _beam_lines, required=True),
+    "mesh": _of(MeshChoice, "mesh", required=True),
+    "mass": _of(PointMass, "structure.masses", many=True),
+    "impactor": _of(Impactor, "structure.impactors", many=True),
+    "stop": _of(Stop, "structure.stops", many=True),
+    "support": _of(Support, "structure.supports", many=True),
+    "spring": _of(Spring, "structure.springs", many=True),
+    "dashpot": _of(Dashpot, "structure.dashpots", many=True),
+    "damping": _Table("structure.damping", _damping, damping_schema),
+    "gravity": _Table("structure.gravity", _gravity, partial(noun_schema, Gravity), _gravity_lines),
+    "reduction": _of(Reduction, "reduction"),
+    "base": _Table("base", _base, base_schema, required=True),
+    "method": _Table("method", _method, method_schema, _table_lines),
+    "sweep": _of(SweepPlan, "sweep"),
+    "output": _of(Output, "output"),
+    "study": _Table("plan", _plan, plan_schema, _plan_lines),
+}
+"""Every table of a study file. Reading, schema and writing go over them in this order."""

@@ -25,8 +25,7 @@ from femimpact.identification import (
 )
 from femimpact.integrators.methods import Method
 from femimpact.response.response import Response
-from femimpact.study.cost import finer_grid_words
-from femimpact.study.prepared import PreparedStudy
+from femimpact.study.prepared import PreparedStudy, finer_grid_words
 from femimpact.sweep import FrequencyResponse, on_grid
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.modes import Modes
@@ -63,7 +62,7 @@ class Spread:
         if not 0.0 < wanted < math.inf:
             return f"{middle:.4g}"
         decade = 10.0 ** math.floor(math.log10(wanted))
-        # a grid's step is its own unit: 0.05 is not more than 0.05 by rounding
+        # the step of a grid, 0.05, is taken as the unit itself, not as more than it by rounding
         unit = next(n * decade for n in (1.0, 2.0, 5.0, 10.0) if n * decade >= wanted * (1.0 - 1e-9))
         digits = max(-math.floor(math.log10(unit) + 1e-9), 0)
         beyond = step + (high - low) / 4.0
@@ -213,10 +212,10 @@ def summary_of(
 
 
 def _channel_summary(response: Response) -> dict[str, Any]:
-    """Of every channel: its unit, largest absolute value and rms over the last third, the largest of the whole run.
+    """Unit of every channel, its largest absolute value and rms over the last third, and the largest of the run.
 
-    The first two are of the samples that the history keeps, and the tip's peak between samples is the history's own;
-    the largest of the run, and its time (s), are those of `Response.largest`.
+    The first two are of the samples that the history keeps; the peak of the tip between samples is `peak` of the
+    history. The largest of the run, and its time (s), are those of `Response.largest`.
     """
     steady = response.time >= response.window[0]
     found = {}
@@ -233,7 +232,7 @@ def _channel_summary(response: Response) -> dict[str, Any]:
 
 
 def contacts_of(summary: Mapping[str, Any]) -> dict[str, Any]:
-    """What a summary says of every contact, by name: none where the study has none."""
+    """Entries of a summary on every contact, by name; none where the study has no contact."""
     first = summary.get("contact")
     return {} if first is None else {first["name"]: first, **summary.get("further_contacts", {})}
 
@@ -263,7 +262,7 @@ def _contact_summary(pair: ContactPair, method: Method, response: Response | Non
         fast = mine & (response.impacts.approach_speed >= 0.2 * statistics.mean_approach_speed)
         result |= {
             "impacts": int(mine.sum()),
-            # slow touches, in which the beam's own motion counts as rebound, are left out
+            # slow touches, in which the motion of the beam counts as rebound, are left out
             "observed_restitution": float(np.median(response.impacts.restitution[fast])) if fast.any() else math.nan,
             "peak_force": statistics.peak_force,
             "mean_impulse": statistics.mean_impulse,

@@ -67,7 +67,7 @@ OF_THE_CHANNEL = ("peak", "rms", "first_harmonic")
 """Those of them that have the unit of what a sweep observes, m unless it is another channel."""
 
 ONE_START = "one start's value: the motion is not periodic"
-"""What the mark of a value of `FrequencyResponse.is_sample` means, a star or a dot: another start has another value."""
+"""Legend of the mark of a value of `FrequencyResponse.is_sample`, a star or a dot: another start has another value."""
 
 IMPACT_NAMES = (
     "impacts_per_cycle", "mean_approach_speed", "largest_approach_speed", "mean_impulse", "peak_force",
@@ -75,12 +75,15 @@ IMPACT_NAMES = (
 )  # fmt: skip
 """Those of them that are statistics of impacts."""
 
+MOTION_NAMES = ("peak", "rms", "first_harmonic", "phase", "steadiness")
+"""Columns that are read from the steady motion."""
+
 
 def on_grid(
     frequency: ArrayLike,  # (n,) Hz
     grid: ArrayLike,  # (m,) Hz
 ) -> NDArray[np.bool_]:
-    """Which frequencies are points of a grid, (n,) of bool.
+    """True for the frequencies that are points of a grid, (n,).
 
     Raises `InputError` if one of them holds anything but finite numbers.
     """
@@ -127,7 +130,7 @@ class FrequencyResponse:
     amplitude : float or None, m
         Of the base, the same at all frequencies; None of a sweep at constant acceleration.
     cycles : int or None
-        Whole dwell at each frequency; None where it is a duration.
+        Of the dwell at each frequency; None where the dwell is a duration.
     at : str or float
         The observed place, or the name of the channel.
     start : str
@@ -135,7 +138,7 @@ class FrequencyResponse:
     law : str
     warnings, notes : tuple of str
     duration, window : float or None, s
-        Whole dwell at each frequency and the measured end of it; None where it is a number of cycles.
+        Of the dwell at each frequency, and of the measured part at its end; None where the dwell is a number of cycles.
     unit : str
         Of peak, rms and first harmonic.
     acceleration : float or None, m/s^2
@@ -225,7 +228,7 @@ class FrequencyResponse:
 
     @property
     def is_sample(self) -> NDArray[np.bool_]:
-        """Whether the values are one start's of a motion that is not periodic, (n,) of bool; not where a case failed.
+        """True where the values are one start's of a motion that is not periodic, (n,); False where a case failed.
 
         Chaotic and transient motions have other values from another start. A mark says so: a star in printed tables,
         a dot in figures; in files it is the column `steadiness`.
@@ -234,7 +237,7 @@ class FrequencyResponse:
 
     @property
     def peak_is_sample(self) -> bool:
-        """Whether the largest peak of the curve is one start's value."""
+        """True if the largest peak of the curve is one start's value."""
         return bool(self.is_sample[np.nanargmax(self.peak)])
 
     @cached_property
@@ -303,54 +306,63 @@ TRANSIENT_LEFT = 0.03
 """Share of the first mode's transient that may be left where measuring begins without a warning."""
 
 
-def columns_of_dwells(found: SineDwellResults, f: Array, ledger: bool) -> tuple[dict[str, NDArray[Any]], list[str]]:
-    """Columns of all cases that have come to their end, and warnings of those that have not.
+Columns = dict[str, NDArray[Any]]
 
-    Raises `DivergenceError` if none has.
+
+def empty_columns(*shape: int) -> Columns:
+    """Columns of frequencies that all have failed."""
+    columns: Columns = {name: np.full(shape, np.nan) for name in SWEEP_UNITS}
+    columns["steadiness"] = np.full(shape, "failed", dtype="<U11")
+    return columns
+
+
+def columns_of_dwells(found: SineDwellResults, f: Array, ledger: bool) -> tuple[Columns, list[str]]:
+    """Columns of the dwells of one compiled call, and its warnings, with one for each dwell that failed.
+
+    Raises `DivergenceError` if all have.
     """
-    columns: dict[str, NDArray[Any]] = {name: np.full(f.size, np.nan) for name in SWEEP_UNITS}
-    columns["steadiness"] = np.full(f.size, "failed", dtype="<U11")
+    columns = empty_columns(f.size)
     statistics = statistics_of_cases(found.totals, found.duration, f)
-    fine = np.array([not failure for failure in found.failures])
-    for name in ("peak", "rms", "first_harmonic", "phase", "steadiness"):
-        columns[name][fine] = getattr(found.motion, name)[fine]
+    completed = np.array([not failure for failure in found.failures])
+    for name in MOTION_NAMES:
+        columns[name][completed] = getattr(found.motion, name)[completed]
     for name in IMPACT_NAMES:
-        columns[name][fine] = statistics[name][fine]
-    columns["energy_residual"][fine] = found.residual[fine]
-    failures = [failure for failure in found.failures if failure]
-    if not fine.any():
-        raise DivergenceError(failures[0])
-    warnings = [*found.warnings, *failures]
+        columns[name][completed] = statistics[name][completed]
+    columns["energy_residual"][completed] = found.residual[completed]
+    warnings = [*found.warnings, *_failures(found.failures)]
     if ledger:
-        # those that failed have said so
-        warnings += residual_warnings(f, np.where(fine, found.residual, 0.0), found.bound)
+        # a dwell that failed has a warning already
+        warnings += residual_warnings(f, np.where(completed, found.residual, 0.0), found.bound)
     return columns, warnings
 
 
-def columns_of_runs(runs: Sequence[DwellRun], f: Array, ledger: bool) -> tuple[dict[str, NDArray[Any]], list[str]]:
+def columns_of_runs(runs: Sequence[DwellRun]) -> tuple[Columns, list[str]]:
     """The same of dwells that are separate runs."""
-    columns: dict[str, NDArray[Any]] = {name: np.full(f.size, np.nan) for name in SWEEP_UNITS}
-    columns["steadiness"] = np.full(f.size, "failed", dtype="<U11")
+    columns = empty_columns(len(runs))
     for i, run in enumerate(runs):
         if run.motion is None or run.statistics is None:
             continue
-        for name in ("peak", "rms", "first_harmonic", "phase", "steadiness"):
+        for name in MOTION_NAMES:
             columns[name][i] = getattr(run.motion, name)[0]
         for name in IMPACT_NAMES:
             columns[name][i] = getattr(run.statistics, name)
         columns["energy_residual"][i] = run.residual
-    failures = [run.failure for run in runs if run.failure]
-    if len(failures) == len(runs):
+    failures = _failures([run.failure for run in runs])
+    return columns, [*dict.fromkeys(text for run in runs for text in run.warnings), *failures]
+
+
+def _failures(failures: Sequence[str]) -> list[str]:
+    """Those that are not empty; `DivergenceError` if none is."""
+    if all(failures):
         raise DivergenceError(failures[0])
-    warnings = [*dict.fromkeys(text for run in runs for text in run.warnings), *failures]
-    return columns, warnings
+    return [failure for failure in failures if failure]
 
 
 def curve_of(
-    system: System, method: Method, cases: SineCases, found: tuple[dict[str, NDArray[Any]], list[str]],
+    system: System, method: Method, cases: SineCases, found: tuple[Columns, list[str]],
     about: Mapping[str, Any],
 ) -> FrequencyResponse:  # fmt: skip
-    """The curve of columns, with what there is to say of it."""
+    """The curve of columns, with its warnings and notes."""
     columns, warnings = found
     f = cases.frequency
     values: dict[str, Any] = {name: _read_only(column) for name, column in columns.items()}
@@ -371,7 +383,7 @@ def curve_of(
 
 
 def start_of(state: State, system: System) -> str:
-    """In one word where all runs start."""
+    """Name of the state from which all runs start: its frame, "static" or "given"."""
     if not state.is_at_rest:
         return "given"
     return "static" if state.is_static_on(system) else state.frame
@@ -388,7 +400,7 @@ def _steadiness_warnings(f: Array, steadiness: NDArray[np.str_]) -> list[str]:
 
 
 def _dwell_warnings(system: System, cases: SineCases) -> list[str]:
-    """What is left of the structure's own transient where measuring begins, when that is much."""
+    """A warning where much of the first mode's transient is left when measuring begins."""
     if system.rayleigh is None:
         return []
     first = first_elastic_frequency(system)
@@ -408,7 +420,7 @@ def _dwell_warnings(system: System, cases: SineCases) -> list[str]:
 
 
 def _grid_warnings(system: System, f: Array) -> list[str]:
-    """Where the grid is too coarse for the first resonance of a structure without contacts, whose width is known."""
+    """A warning where the grid is too coarse for the first resonance of a structure without contacts."""
     if system.contacts or np.unique(f).size < 2:
         return []
     near, ratio = first_resonance(system)

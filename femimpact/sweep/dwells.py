@@ -1,4 +1,4 @@
-"""Dwells of a sweep: the cases of its frequencies, and how a method runs them."""
+"""Dwells of a sweep: its cases, and dwells that are run one by one."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def dwell_cycles(
 ) -> tuple[Array, NDArray[np.int64], NDArray[np.int64]]:
     """Frequencies of dwells and their base cycles, all and measured, from a number of cycles or from a duration.
 
-    Of a duration the whole cycles from t = 0 are run, of a window those that lie within the last of it.
+    Of a duration all complete cycles from t = 0 are run; measured are those that lie within the window at its end.
 
     Raises `InputError` if neither or both ways are taken, or less than one whole cycle would be measured.
     """
@@ -58,8 +58,9 @@ def dwell_cycles(
         return f, np.full(f.size, count), np.full(f.size, count // 3)
     least = LEAST_CYCLES / float(f.min())
     allowed = f"must be a finite number >= {LEAST_CYCLES} base cycles, {least:g} s"
-    whole = in_range(duration, quantity("s", at_least=least - ROUNDING_OF_CYCLES, at_most=MOST_CYCLES / float(f.max())))
-    require(whole, "duration", duration, "s", allowed)
+    most = MOST_CYCLES / float(f.max())
+    sound = in_range(duration, quantity("s", at_least=least - ROUNDING_OF_CYCLES, at_most=most))
+    require(sound, "duration", duration, "s", allowed)
     duration = float(duration)
     last = duration / 3.0 if window is None else window
     fits = in_range(last, quantity("s", above=0.0, at_most=duration))
@@ -113,7 +114,7 @@ ROUNDING = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class DwellRun:
-    """What one dwell gives."""
+    """Results of one dwell."""
 
     motion: SteadyMotion | None  # of the channel over the measured cycles; None of a dwell that failed
     statistics: ImpactStatistics | None  # over the measured cycles
@@ -127,28 +128,9 @@ def dwells_apart(
     system: System, cases: SineCases, method: Method, channel: Channel, ledger: bool, workers: int,
     progress: Progress | None,
 ) -> list[DwellRun]:  # fmt: skip
-    """Dwells that all begin with the initial state, spread over threads.
+    """Dwells of a channel that all begin with the initial state, spread over threads.
 
-    Parameters
-    ----------
-    system : System
-    cases : SineCases
-        Of which frequency, amplitude, cycles and initial state are used.
-    method : Method
-    channel : Channel
-        What is measured.
-    ledger : bool
-    workers : int
-    progress : callable, optional
-
-    Returns
-    -------
-    list of DwellRun
-
-    Raises
-    ------
-    InputError
-        If a dwell cannot be run at all.
+    Raises `InputError` if a dwell cannot be run at all.
     """
 
     def run(case: int, _: Progress | None) -> DwellRun:
@@ -158,34 +140,15 @@ def dwells_apart(
 
 
 def dwell_chain(
-    system: System, cases: SineCases, order: Sequence[int], method: Method, channel: Channel, ledger: bool,
-    progress: Progress | None,
+    system: System, cases: SineCases,
+    order: Sequence[int],  # numbers of cases; one may occur more than once
+    method: Method, channel: Channel, ledger: bool, progress: Progress | None,
 ) -> list[DwellRun]:  # fmt: skip
     """Dwells in some order, each of which begins where the last one that has not failed ended.
 
     The base is at zero where the frequency changes: its displacement is continuous, and the motion relative to it.
 
-    Parameters
-    ----------
-    system : System
-    cases : SineCases
-        As of `dwells_apart`.
-    order : sequence of int
-        Numbers of cases; one may occur more than once.
-    method : Method
-    channel : Channel
-    ledger : bool
-    progress : callable, optional
-
-    Returns
-    -------
-    list of DwellRun
-        In that order.
-
-    Raises
-    ------
-    InputError
-        If a dwell cannot be run at all.
+    Raises `InputError` if a dwell cannot be run at all.
     """
     state, found = cases.initial, list[DwellRun]()
     for case in order:
@@ -210,7 +173,8 @@ def _dwell(
         if cycles > 3 * measured:
             before = method.run(system, base, (cycles - 3 * measured) / f, _recorder((), False), state, None)
             state = _end_of(before)
-        default = _is_default(system, channel)
+        # of the default place every run has the amplitudes
+        default = channel == channel_of(system, system.default_place)
         begin = None if default else state.time + (2.0 * measured + ROUNDING) / f
         record = replace(_recorder((), ledger), state_at=begin)
         run = method.run(system, base, 3 * measured / f, record, state, None)
@@ -221,13 +185,8 @@ def _dwell(
     return DwellRun(motion, run.statistics, residual, _end_of(run), warnings=run.warnings)
 
 
-def _is_default(system: System, channel: Channel) -> bool:
-    """Whether a channel is the displacement of the place of which every run has the amplitudes."""
-    return channel == channel_of(system, system.default_place)
-
-
 def _recorder(channels: tuple[Channel, ...], ledger: bool) -> Recorder:
-    """What a run keeps; a ledger that does not close is the curve's warning, not the run's."""
+    """The recorder of a run; of a ledger that does not close the curve warns, not the run."""
     return Recorder(channels, ledger=ledger, memory_limit=1e15, residual_limit=BALANCED)
 
 
@@ -242,7 +201,7 @@ def _motion(system: System, base: Sine, run: Response, method: Method, channel: 
     state = run.kept_state
     assert state is not None
     again = method.run(system, base, measured / base.frequency, _recorder((channel,), False), state, None)
-    # the first sample is the last one of what came before; the others are those of whole cycles
+    # the first sample is the last one of the cycle before
     values, time = again.channels[channel.name][1:], again.time[1:]
     phase = base.omega * time + base.phase
     turns = base.frequency * (time - state.time)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import fields, replace
 from typing import Any, Literal, cast, overload
 
 import numpy as np
@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from femimpact.arrays import Array
 from femimpact.errors import DivergenceError, checked, quantity, require, require_type, truth
-from femimpact.integrators.cases import SineCases, SineDwellResults, workers_of
+from femimpact.integrators.cases import SineCases, workers_of
 from femimpact.integrators.methods import Method, require_method
 from femimpact.integrators.runs import run_cases
 from femimpact.progress import Progress, check_progress, draws_progress
@@ -20,11 +20,11 @@ from femimpact.response.channels import Channel, channel_of
 from femimpact.structure.structure import Position
 from femimpact.sweep.curve import (
     OF_THE_CHANNEL,
-    SWEEP_UNITS,
     FrequencyResponse,
     columns_of_dwells,
     columns_of_runs,
     curve_of,
+    empty_columns,
     start_of,
 )
 from femimpact.sweep.dwells import cases_of, dwell_chain, dwell_cycles, dwells_apart
@@ -106,11 +106,11 @@ def frequency_sweep(
     frequencies : array_like (n,), Hz
     method : Newmark, HHT, WBZ, GeneralizedAlpha, MoreauJean or EventDriven
     cycles : int
-        Whole dwell in base cycles; the last third is measured. Or
+        Length of each dwell in base cycles; the last third is measured. Or
     duration : float, s
-        the whole dwell in time, of which
+        its length in time.
     window : float, s
-        is measured at its end: the whole base cycles in it. The last third by default.
+        The end of the duration, of which all complete base cycles are measured. The last third by default.
     direction : {"up", "down", "both"}, optional
         Each frequency begins with the end of the one before it, in rising or falling order; both ways are one chain,
         first up. The base is at zero where the frequency changes, and the motion relative to it goes on. By default
@@ -147,16 +147,8 @@ def frequency_sweep(
     require_type(system, System, "system")
     require_type(state, State, "initial")
     require_method(method)
-    method = cast(Method, method)
-    report = check_progress(progress)
-    state = replace(state, time=0.0)
-    one = (amplitude is None) != (acceleration is None)
-    given = None if amplitude is None else "both"
-    require(one, "amplitude", given, "", "must be given alone: one of amplitude (m) and acceleration (m/s^2)")
-    if amplitude is None:
-        acceleration = checked("acceleration", acceleration, quantity("m/s^2", at_least=0.0))
-    else:
-        amplitude = checked("amplitude", amplitude, quantity("m", at_least=0.0))
+    method, state, report = cast(Method, method), replace(state, time=0.0), check_progress(progress)
+    amplitude, acceleration = _checked_level(amplitude, acceleration)
     ledger = checked("ledger", ledger, truth())
     ways = ("up", "down", "both")
     require(direction is None or direction in ways, "direction", direction, "", f"must be one of {', '.join(ways)}")
@@ -179,32 +171,46 @@ def frequency_sweep(
     cases, workers = cases_of(system, state, amplitude, acceleration, dwells), workers_of(threads)
     if direction is not None:
         cases = cases.of(np.argsort(cases.frequency, kind="stable"))
-    f = cases.frequency
-    if direction is not None:
-        both = direction == "both"
-        run = ["up", "down"] if both else [str(direction)]
-        forward = list(range(f.size))
-        chain = [number for way in run for number in (forward if way == "up" else forward[::-1])]
-        runs = dwell_chain(system, cases, chain, method, measured, ledger, report)
-        parts = {way: runs[i * f.size : (i + 1) * f.size] for i, way in enumerate(run)}
-        curves = {
-            way: curve_of(
-                system, method, cases, columns_of_runs(own if way == "up" else own[::-1], f, ledger),
-                {**about, "direction": way},
-            )
-            for way, own in parts.items()
-        }  # fmt: skip
-        return curves if both else curves[run[0]]
+        curves = _chained_curves(system, method, cases, direction, measured, ledger, report, about)
+        return curves if direction == "both" else curves[direction]
     row = _row(system, measured)
     if row is None:
         runs = dwells_apart(system, cases, method, measured, ledger, workers, report)
-        return curve_of(system, method, cases, columns_of_runs(runs, f, ledger), about)
+        return curve_of(system, method, cases, columns_of_runs(runs), about)
     # methods with steps end a run whose observed value leaves all bounds of a displacement
     scale = 1.0 if measured.unit == "m" else 2.0 ** math.ceil(math.log2(max(float(np.max(np.abs(row))), 1e-300)))
     found = run_cases(system, cases, method, row / scale, int(ledger), workers, report)
-    columns, warnings = columns_of_dwells(found, f, ledger)
+    columns, warnings = columns_of_dwells(found, cases.frequency, ledger)
     columns |= {name: scale * columns[name] for name in OF_THE_CHANNEL}
     return curve_of(system, method, cases, (columns, warnings), about)
+
+
+def _checked_level(amplitude: Any, acceleration: Any) -> tuple[float | None, float | None]:
+    """Amplitude (m) or acceleration (m/s^2) of the base, of which one is given."""
+    one = (amplitude is None) != (acceleration is None)
+    given = None if amplitude is None else "both"
+    require(one, "amplitude", given, "", "must be given alone: one of amplitude (m) and acceleration (m/s^2)")
+    if amplitude is None:
+        return None, checked("acceleration", acceleration, quantity("m/s^2", at_least=0.0))
+    return checked("amplitude", amplitude, quantity("m", at_least=0.0)), None
+
+
+def _chained_curves(
+    system: System, method: Method, cases: SineCases, direction: str, channel: Channel, ledger: bool,
+    progress: Progress | None, about: dict[str, Any],
+) -> dict[str, FrequencyResponse]:  # fmt: skip
+    """Curves by their direction, of one chain of dwells, in which each begins with the end of the one before it."""
+    ways = ["up", "down"] if direction == "both" else [direction]
+    count = cases.frequency.size
+    rising = list(range(count))
+    chain = [number for way in ways for number in (rising if way == "up" else rising[::-1])]
+    runs = dwell_chain(system, cases, chain, method, channel, ledger, progress)
+    curves = {}
+    for i, way in enumerate(ways):
+        part = runs[i * count : (i + 1) * count]
+        columns = columns_of_runs(part if way == "up" else part[::-1])
+        curves[way] = curve_of(system, method, cases, columns, {**about, "direction": way})
+    return curves
 
 
 def _row(system: System, channel: Channel) -> Array | None:
@@ -216,16 +222,6 @@ def _row(system: System, channel: Channel) -> Array | None:
 
 SKIRT = 0.6
 """Of the largest peak: where neither neighbour reaches it no larger one is looked for. A resonance has skirts."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Swept:
-    """What is known of some systems (k) at all frequencies (n)."""
-
-    columns: dict[str, NDArray[Any]]
-    known: NDArray[np.bool_]
-    warnings: list[str] = field(default_factory=list)
-    failures: dict[int, list[str]] = field(default_factory=dict)
 
 
 def peak_curves(
@@ -241,7 +237,7 @@ def peak_curves(
     Parameters
     ----------
     systems : sequence of System
-        Alike but for numbers of their contact laws.
+        Equal but for numbers of their contact laws.
     method : Method
     frequencies : array_like (n,), Hz
         Rising.
@@ -267,64 +263,42 @@ def peak_curves(
     """
     state, first = replace(initial, time=0.0), systems[0]
     cases = cases_of(first, state, amplitude, acceleration, dwell_cycles(frequencies, cycles, None, None))
-    row, swept = first.point_row("tip"), _nothing(len(systems), cases.frequency.size)
-    wanted = np.zeros_like(swept.known)
+    laws = tuple(tuple(pair.law for pair in system.contacts) for system in systems)
+    row, shape = first.point_row("tip"), (len(systems), cases.frequency.size)
+    columns, known, wanted = empty_columns(*shape), np.zeros(shape, dtype=bool), np.zeros(shape, dtype=bool)
+    failures: list[list[str]] = [[] for _ in systems]
+    warnings = list[str]()
     wanted[:, ::step] = True
     while np.any(wanted):
         number, place = np.nonzero(wanted)
-        own = _of_systems(cases.of(place), systems, number)
-        found = run_cases(first, own, method, row, 0, workers_of(None), progress)
-        _add(swept, number, place, found, cases.frequency[place])
+        part = replace(cases.of(place), laws=laws, law_of=number)
+        found = run_cases(first, part, method, row, 0, workers_of(None), progress)
+        known[number, place] = True
+        warnings.extend(found.warnings)
+        for k, failure in zip(number.tolist(), found.failures, strict=True):
+            failures[k].extend([failure] if failure else [])
+        if not all(found.failures):
+            for name, values in columns_of_dwells(found, part.frequency, ledger=False)[0].items():
+                columns[name][number, place] = values
         step //= 2
-        wanted = _beside_peaks(swept, step) if step else np.zeros_like(wanted)
+        wanted = _beside_peaks(columns["peak"], known, step) if step else np.zeros_like(known)
     about = {"amplitude": amplitude, "acceleration": acceleration, "cycles": cycles, "at": "tip"}
     about |= {"start": start_of(state, first)}
-    return tuple(_curve(system, method, cases, swept, k, about) for k, system in enumerate(systems))
+    curves = []
+    for k, system in enumerate(systems):
+        if len(failures[k]) == np.count_nonzero(known[k]):
+            raise DivergenceError(failures[k][0])
+        swept = {name: values[k, known[k]] for name, values in columns.items()}
+        said = [*dict.fromkeys(warnings), *failures[k]]
+        curves.append(curve_of(system, method, cases.of(np.flatnonzero(known[k])), (swept, said), about))
+    return tuple(curves)
 
 
-def _nothing(systems: int, frequencies: int) -> _Swept:
-    shape = (systems, frequencies)
-    columns: dict[str, NDArray[Any]] = {name: np.full(shape, np.nan) for name in SWEEP_UNITS}
-    columns["steadiness"] = np.full(shape, "failed", dtype="<U11")
-    return _Swept(columns, np.zeros(shape, dtype=bool))
-
-
-def _of_systems(cases: SineCases, systems: Sequence[System], number: NDArray[np.intp]) -> SineCases:
-    """The same cases, each with the laws of its system."""
-    laws = tuple(tuple(pair.law for pair in system.contacts) for system in systems)
-    return replace(cases, laws=laws, law_of=number)
-
-
-def _add(swept: _Swept, number: NDArray[np.intp], place: NDArray[np.intp], found: SineDwellResults, f: Array) -> None:
-    """Enter the results of cases by the numbers of their systems and frequencies; the latter are `f` (Hz)."""
-    swept.known[number, place] = True
-    swept.warnings.extend(found.warnings)
-    for k, failure in zip(number.tolist(), found.failures, strict=True):
-        if failure:
-            swept.failures.setdefault(k, []).append(failure)
-    if all(found.failures):
-        return
-    columns, _ = columns_of_dwells(found, f, ledger=False)
-    for name, values in columns.items():
-        swept.columns[name][number, place] = values
-
-
-def _beside_peaks(swept: _Swept, step: int) -> NDArray[np.bool_]:
-    """Frequencies not swept yet beside the points that reach the share `SKIRT` of their system's largest."""
-    peak = np.where(swept.known, np.nan_to_num(swept.columns["peak"]), -np.inf)
+def _beside_peaks(peaks: Array, known: NDArray[np.bool_], step: int) -> NDArray[np.bool_]:
+    """Frequencies not swept yet beside the points that reach the share `SKIRT` of their system's largest peak."""
+    peak = np.where(known, np.nan_to_num(peaks), -np.inf)
     high = peak >= SKIRT * peak.max(axis=1, keepdims=True)
     beside = np.zeros_like(high)
     beside[:, step:] |= high[:, :-step]
     beside[:, :-step] |= high[:, step:]
-    return np.asarray(beside & ~swept.known)
-
-
-def _curve(
-    system: System, method: Method, cases: SineCases, swept: _Swept, k: int, about: dict[str, Any]
-) -> FrequencyResponse:
-    known, failures = swept.known[k], swept.failures.get(k, [])
-    if len(failures) == np.count_nonzero(known):
-        raise DivergenceError(failures[0])
-    columns = {name: values[k, known] for name, values in swept.columns.items()}
-    warnings = [*dict.fromkeys(swept.warnings), *failures]
-    return curve_of(system, method, cases.of(np.flatnonzero(known)), (columns, warnings), about)
+    return np.asarray(beside & ~known)

@@ -6,14 +6,12 @@ import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
-import numpy as np
-from numpy.typing import ArrayLike
-
 from femimpact.arrays import Array
 from femimpact.contact import ContactLaw, require_law, resolve
 from femimpact.contact.laws import ContactParameters
 from femimpact.errors import check_fields, choice, column, quantity, require, require_type, text
 from femimpact.structure.structure import Impactor, Stop, require_preload, sound_gaps
+from femimpact.system.matrices import frozen_row
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,10 +152,3 @@ def contact_pair(
     # a law that has no numbers for this mass is refused here, not in the middle of a run
     require_type(pair.parameters, ContactParameters, "parameters")
     return pair
-
-
-def frozen_row(values: ArrayLike) -> Array:
-    """A read-only copy of numbers."""
-    array = np.array(values, dtype=float)
-    array.setflags(write=False)
-    return array

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from femimpact.arrays import Array
 from femimpact.errors import (
+    changed,
     check_fields,
     checked,
     choice,
@@ -23,7 +24,7 @@ from femimpact.errors import (
     require_type,
     text,
 )
-from femimpact.system.matrices import Matrix
+from femimpact.system.matrices import Matrix, frozen_row
 
 OFF_BEAM = 1e-6
 """Share of the length by which a position in single precision may lie off the beam."""
@@ -183,7 +184,7 @@ class SectionFields:
 
     @property
     def is_tapered(self) -> NDArray[np.bool_]:
-        """Which elements taper, (elements,)."""
+        """True for elements that taper, (elements,)."""
         return np.asarray((self.width_taper != 0.0) | (self.thickness_taper != 0.0))
 
     @property
@@ -281,16 +282,9 @@ class Reaction:
 def damped_reactions(reactions: Mapping[str, Reaction], alpha: float, beta: float) -> dict[str, Reaction]:
     """The same reactions with C = alpha M + beta K (1/s, s), whose rows at held dofs follow from those of M and K."""
     return {
-        name: _with_row(item, on_velocity=_row(alpha * item.on_acceleration + beta * item.on_displacement))
+        name: changed(item, on_velocity=frozen_row(alpha * item.on_acceleration + beta * item.on_displacement))
         for name, item in reactions.items()
     }
-
-
-def _with_row(item: Reaction, **rows: Array) -> Reaction:
-    """The same reaction with rows that follow from it: the checks would take longer than making them."""
-    copied = object.__new__(Reaction)
-    copied.__dict__.update(item.__dict__ | rows)
-    return copied
 
 
 def reduced_reactions(reactions: Mapping[str, Reaction], phi: Array) -> dict[str, Reaction]:
@@ -298,9 +292,9 @@ def reduced_reactions(reactions: Mapping[str, Reaction], phi: Array) -> dict[str
     return {
         name: replace(
             item,
-            on_acceleration=_row(item.on_acceleration @ phi),
-            on_velocity=_row(item.on_velocity @ phi),
-            on_displacement=_row(item.on_displacement @ phi),
+            on_acceleration=frozen_row(item.on_acceleration @ phi),
+            on_velocity=frozen_row(item.on_velocity @ phi),
+            on_displacement=frozen_row(item.on_displacement @ phi),
         )
         for name, item in reactions.items()
     }
@@ -319,9 +313,3 @@ def check_reactions(reactions: Any, dofs: int) -> None:
         require_type(item, Reaction, f"reactions.{name}")
         allowed = f"must have rows of {dofs} entries, one for each dof"
         require(item.on_displacement.size == dofs, f"reactions.{name}", item.on_displacement.size, "", allowed)
-
-
-def _row(values: ArrayLike) -> Array:
-    row = np.array(values, dtype=float)
-    row.setflags(write=False)
-    return row

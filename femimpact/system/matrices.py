@@ -153,6 +153,13 @@ def checked_row(key: str, value: ArrayLike, dofs: int) -> Array:
     return row
 
 
+def frozen_row(values: ArrayLike) -> Array:
+    """A read-only copy of numbers."""
+    array = np.array(values, dtype=float)
+    array.setflags(write=False)
+    return array
+
+
 def checked_shapes(nodes: ArrayLike | None, expansion: Any, dofs: int) -> tuple[Array, Matrix]:
     """Nodes (n,) and the matrix (2 n, dofs) that reads w and w' there; none of either where none is given.
 
@@ -194,8 +201,9 @@ def definite_factor(name: str, matrix: Array, strictly: bool = False) -> tuple[A
 def banded_factor(matrix: Matrix, semidefinite: bool = False) -> Matrix | None:
     """Upper triangular G (dofs, dofs) with A = G^T G of a sparse symmetric A, by Cholesky's method on its band.
 
-    None where A is not positive definite or, where that is enough, semidefinite: rows of a motion without stiffness
-    are then zero in G. Rounding is that of A with its diagonal scaled to ones.
+    None where A is not positive definite. With `semidefinite`, A may be singular: G then has a zero row for each
+    motion without stiffness, and None is returned where A is indefinite. A is scaled to a unit diagonal first, so that
+    rounding does not depend on the units of the dofs.
     """
     size = matrix.shape[0]
     entries = sparse.coo_array(sparse.triu(matrix))

@@ -142,7 +142,7 @@ class _Layout:
         return value if self.dense else place if self.pattern else f"{place} and {value}"
 
     def are_sound(self, table: Array) -> NDArray[np.bool_]:
-        """Which lines (entries, width) of numbers are what they must be."""
+        """True for lines (entries, width) of numbers that the format allows."""
         places = table[:, : 0 if self.dense else 2]
         largest = (self.rows, self.columns)[: places.shape[1]]
         integers = table[:, : self.width if self.integer else places.shape[1]]

@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import scipy.linalg
 import scipy.sparse as sparse
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from femimpact.arrays import Array
 from femimpact.errors import check_fields, column, in_range, quantity, real_array, require, require_type
 from femimpact.structure.damping import ModalDamping, Rayleigh, rayleigh_coefficients, realised_damping_ratio
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.hermite import damped_reactions
-from femimpact.system.matrices import FINITE, diagonal_matrix, rigid_motions, stiffness_solver
+from femimpact.system.matrices import FINITE, diagonal_matrix, frozen_row, rigid_motions, stiffness_solver
 from femimpact.system.static import TOGETHER, SystemOrigin
 from femimpact.system.system import System
 from femimpact.table import Head, frame_of, head_of_columns, short_repr
@@ -237,7 +237,7 @@ def _vectors(system: System, count: int, rigid: Array) -> tuple[Array, Array]:
 
 
 def _dense_modes(system: System, count: int, rigid: Array) -> Array:
-    """From the singular values of G L^-T with K = G^T G and M = L L^T: omega, not omega squared. Without rigid ones."""
+    """Elastic modes from the singular values of G L^-T, K = G^T G and M = L L^T: omega, not omega squared."""
     lower = scipy.linalg.cholesky(system.M.toarray(), lower=True)
     factor = scipy.linalg.solve_triangular(lower, system.stiffness_factor.toarray().T, lower=True).T
     if rigid.shape[1]:
@@ -407,18 +407,9 @@ def _by_modes(system: System, modes: Modes, ratio: NDArray[np.float64]) -> Syste
     vectors = modes.vectors[:, : ratio.size]
     momentum = system.M @ vectors
     full = (momentum * size) @ momentum.T
-    reactions = {
-        name: replace(
-            item,
-            on_velocity=_row(beta * item.on_displacement + ((item.on_acceleration @ vectors) * size) @ momentum.T),
-        )
-        for name, item in system.reactions.items()
-    }
+    reactions = {}
+    for name, item in system.reactions.items():
+        row = beta * item.on_displacement + ((item.on_acceleration @ vectors) * size) @ momentum.T
+        reactions[name] = replace(item, on_velocity=frozen_row(row))
     C = sparse.csr_array(beta * system.K + sparse.csr_array(0.5 * (full + full.T)))
     return with_checked_fields(system, C=C, rayleigh=None, reactions=reactions)
-
-
-def _row(values: ArrayLike) -> NDArray[np.float64]:
-    row = np.array(values, dtype=float)
-    row.setflags(write=False)
-    return row

@@ -6,14 +6,13 @@ import math
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import ArrayLike
 
 from femimpact.arrays import Array
 from femimpact.errors import checked, require, require_type, truth
 from femimpact.structure.damping import realised_damping_ratio
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.hermite import reduced_reactions
-from femimpact.system.matrices import diagonal_matrix
+from femimpact.system.matrices import diagonal_matrix, frozen_row
 from femimpact.system.modes import Modes, mode_count, solve_modes, solve_stiffness, with_checked_fields
 from femimpact.system.system import System
 
@@ -77,7 +76,7 @@ def reduced_on(
 
 
 def _on_modes(system: System, found: Modes, ratio: Array, count: int, static_correction: bool) -> System:
-    """The system on the lowest of some modes, whose damping ratios are these."""
+    """The system reduced to the lowest `count` modes found, with the damping ratio given for each; see `reduce`."""
     frequency = found.natural_frequency
     next_one = float(frequency[count]) if count < frequency.size else math.inf
     phi, omega = np.ascontiguousarray(found.vectors[:, :count]), 2.0 * math.pi * frequency[:count]
@@ -88,19 +87,21 @@ def _on_modes(system: System, found: Modes, ratio: Array, count: int, static_cor
         ratio = np.append(ratio, _damping_ratio(system, extra, extra_omega))
     if system.rayleigh is None:
         _check_decoupled(phi.T @ (system.C @ phi))
-    contacts = tuple(pair.along(_row(pair.direction @ phi)) for pair in system.contacts)
+    # of rigid motions, which may be damped, though they have no ratio
+    damping_of_rigid = _modal_damping(system, phi) if system.rayleigh is None else system.rayleigh[0]
+    contacts = tuple(pair.along(frozen_row(pair.direction @ phi)) for pair in system.contacts)
     return with_checked_fields(
         system,
         M=diagonal_matrix(np.ones(omega.size)),
-        C=diagonal_matrix(np.where(omega > 0.0, 2.0 * ratio * omega, _damping_of_rigid(system, phi))),
+        C=diagonal_matrix(np.where(omega > 0.0, 2.0 * ratio * omega, damping_of_rigid)),
         K=diagonal_matrix(omega**2),
         stiffness_factor=diagonal_matrix(omega),
-        base_load=_row(phi.T @ system.base_load),
-        rigid_translation=_row(phi.T @ (system.M @ system.rigid_translation)),
+        base_load=frozen_row(phi.T @ system.base_load),
+        rigid_translation=frozen_row(phi.T @ (system.M @ system.rigid_translation)),
         expansion=np.asarray(system.expansion @ phi),
         contacts=contacts,
-        directions={name: _row(row @ phi) for name, row in system.directions.items()},
-        constant_load=_row(phi.T @ system.constant_load),
+        directions={name: frozen_row(row @ phi) for name, row in system.directions.items()},
+        constant_load=frozen_row(phi.T @ system.constant_load),
         # `constant_resultant` stays: nothing is left out of a resultant, as nothing is of the total mass
         reactions=reduced_reactions(system.reactions, phi),
         first_left_out=min(next_one, system.first_left_out),
@@ -131,11 +132,6 @@ def _attachment_vectors(system: System, phi: Array, omega: Array) -> tuple[Array
     inverse_square, mix = scipy.linalg.eigh(psi.T @ (system.M @ psi))
     psi = (psi @ mix / np.sqrt(inverse_square))[:, ::-1]
     return psi, np.linalg.norm(system.stiffness_factor @ psi, axis=0)
-
-
-def _damping_of_rigid(system: System, vectors: Array) -> Array | float:
-    """phi^T C phi (1/s) of rigid motions, which may be damped, though they have no ratio."""
-    return _modal_damping(system, vectors) if system.rayleigh is None else system.rayleigh[0]
 
 
 def _modal_damping(system: System, vectors: Array) -> Array:
@@ -232,9 +228,3 @@ def _check_decoupled(damping: Array) -> None:
     allowed = "must decouple on the normal modes (Rayleigh does) to reduce the system"
     decoupled = bool(np.all(off <= 1e-6 * np.outer(diagonal, diagonal) + 1e-300))
     require(decoupled, "damping", float(off.max()), "1/s", allowed)
-
-
-def _row(array: ArrayLike) -> Array:
-    row = np.array(array, dtype=float)
-    row.setflags(write=False)
-    return row

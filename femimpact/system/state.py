@@ -1,4 +1,4 @@
-"""Where a run begins: displacements and velocities, or the static state, at a time."""
+"""The state at the start of a run: displacements and velocities, or the static state, and its time."""
 
 from __future__ import annotations
 
@@ -286,7 +286,7 @@ class State:
 
     @takes(system=SYSTEM, base=BASE)
     def static_contacts(self, system: System, base: Excitation) -> StaticContacts | None:
-        """Static state of a system with its contact forces, where the start is one; see `is_static_on`."""
+        """Static state of a system with its contact forces; None where `is_static_on` is False."""
         if not self.is_static_on(system):
             return None
         require(self.frame == "base", "initial.frame", self.frame, "", STATIC_FRAME)

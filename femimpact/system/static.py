@@ -16,7 +16,7 @@ import scipy.linalg
 import scipy.sparse as sparse
 
 from femimpact.arrays import Array
-from femimpact.contact.laws import KELVIN_VOIGT, POWER, RIGID
+from femimpact.contact.laws import KELVIN_VOIGT, POWER, RIGID, ContactParameters
 from femimpact.errors import Fault, InputError, checked, kind_of, quantity, require, require_name, require_type
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.hermite import check_reactions
@@ -107,11 +107,13 @@ def check_damping(system: Any) -> None:
 
 
 def check_unchanged(system: Any, origin: SystemOrigin) -> bool:
-    """Refuse fields that others follow from; whether the damping, from which none does, is another one."""
+    """Refuse replaced fields that others follow from; True if the damping, from which none follows, was replaced."""
+    numbers = (float, tuple)
     changed = [
         name
         for name, kept in zip(TOGETHER, origin.fields, strict=True)
-        if getattr(system, name) is not kept and not _same_number(getattr(system, name), kept)
+        if (value := getattr(system, name)) is not kept
+        and not (isinstance(kept, numbers) and isinstance(value, numbers) and value == kept)
     ]
     stale = [name for name in changed if name not in ("C", "rayleigh")]
     if stale:
@@ -122,10 +124,6 @@ def check_unchanged(system: Any, origin: SystemOrigin) -> bool:
         )
         raise InputError([Fault(name, None, "", allowed) for name in stale])
     return bool(changed)
-
-
-def _same_number(value: Any, kept: Any) -> bool:
-    return isinstance(kept, float | tuple) and isinstance(value, float | tuple) and value == kept
 
 
 def check_contacts(system: Any, origin: SystemOrigin) -> None:
@@ -154,17 +152,6 @@ class StaticContacts(NamedTuple):
     other: Array  # (pairs,) y: the balls' displacements, and of stops the one given; m
     normal: Array  # (pairs,) force of the walls, positive at the + wall; N
     depth: Array  # (pairs,) penetration >= 0 of compliant walls; m
-
-
-class _Wall(NamedTuple):
-    """One wall of one stop."""
-
-    pair: int
-    side: float
-    kind: int
-    stiffness: float  # N/m, or N/m^n; infinite of a rigid wall
-    exponent: float
-    gap: float  # m
 
 
 def static_state(system: Any, stop_displacement: float = 0.0) -> tuple[Array, Array]:
@@ -226,7 +213,11 @@ def static_contacts(system: Any, stop_displacement: float = 0.0) -> StaticContac
             load += pair.direction * (pair.mass * pair.acceleration)
     _require_no_work(rigid, load, system.M.diagonal())
     u = solve(load)
-    walls = [wall for j, pair in enumerate(pairs) if pair.is_stop for wall in _walls(j, pair)]
+    walls = [
+        (j, side, gap)
+        for j, pair in enumerate(pairs) if pair.is_stop
+        for side, gap in zip((1.0, -1.0), pair.gaps, strict=True) if math.isfinite(gap)
+    ]  # fmt: skip
     if walls:
         u = _pushed(system, walls, solve, u, y, normal, depth)
     pressed = [pair.name for j, pair in enumerate(pairs) if pair.is_stop and normal[j] != 0.0]
@@ -272,13 +263,9 @@ def _ball_at_rest(pair: ContactPair) -> tuple[float, float, float]:
         if spring > 0.0:
             from scipy.optimize import brentq
 
-            force = _power(parameters.stiffness, parameters.exponent)
-            depth = brentq(lambda p: force(p) + spring * p - pressed, 0.0, depth, xtol=1e-300, rtol=1e-15)
+            k, n = parameters.stiffness, parameters.exponent
+            depth = brentq(lambda p: k * p**n + spring * p - pressed, 0.0, depth, xtol=1e-300, rtol=1e-15)
     return side * (gap + depth), side * (pressed - spring * depth), depth
-
-
-def _power(stiffness: float, exponent: float) -> Callable[[float], float]:
-    return lambda depth: stiffness * depth**exponent
 
 
 def _is_static(pair: ContactPair) -> bool:
@@ -291,54 +278,48 @@ def _require_static(pair: ContactPair) -> None:
     require(_is_static(pair), f"{pair.name}.contact", pair.law.name, "", LAWS)
 
 
-def _walls(j: int, pair: ContactPair) -> list[_Wall]:
-    numbers = pair.parameters
-    return [
-        _Wall(j, side, numbers.kind, numbers.stiffness, numbers.exponent, gap)
-        for side, gap in zip((1.0, -1.0), pair.gaps, strict=True)
-        if math.isfinite(gap)
-    ]
-
-
 def _pushed(
-    system: Any, walls: list[_Wall], solve: Callable[[Array], Array], u: Array, y: Array, normal: Array, depth: Array
-) -> Array:
+    system: Any,
+    walls: list[tuple[int, float, float]],  # of stops: number of the pair, side and gap (m)
+    solve: Callable[[Array], Array], u: Array, y: Array, normal: Array, depth: Array,
+) -> Array:  # fmt: skip
     """Displacements with the forces of the stops' walls, which are written into `normal` and `depth`."""
     pairs = system.contacts
-    directions = np.array([wall.side * pairs[wall.pair].direction for wall in walls])
-    shift = np.array([wall.side * y[wall.pair] - wall.gap for wall in walls])
-    answer = solve(directions.T)
-    compliance = directions @ answer
+    directions = np.array([side * pairs[j].direction for j, side, _ in walls])
+    shift = np.array([side * y[j] - gap for j, side, gap in walls])
+    displacements = solve(directions.T)
+    compliance = directions @ displacements
     compliance = 0.5 * (compliance + compliance.T)
-    known = np.array([_is_static(pairs[wall.pair]) for wall in walls])
+    laws = [pairs[j].parameters for j, _, _ in walls]
+    known = np.array([_is_static(pairs[j]) for j, _, _ in walls])
     force = np.zeros(len(walls))
     if np.any(known):
-        names = ", ".join(dict.fromkeys(pairs[wall.pair].name for wall in walls))
-        chosen = [wall for wall, fine in zip(walls, known, strict=True) if fine]
+        names = ", ".join(dict.fromkeys(pairs[j].name for j, _, _ in walls))
+        chosen = [law for law, fine in zip(laws, known, strict=True) if fine]
         free = (shift - directions @ u)[known]
         force[known] = _forces_of_laws(chosen, compliance[np.ix_(known, known)], free, names)
-    u = u + answer @ force
+    u = u + displacements @ force
     found = shift - directions @ u
-    rigid = (force > 0.0) & np.array([wall.kind == RIGID for wall in walls])
+    rigid = (force > 0.0) & np.array([law.kind == RIGID for law in laws])
     if np.any(rigid):
         # once more for what rounding has left of the gaps
         more = np.linalg.lstsq(compliance[np.ix_(rigid, rigid)], found[rigid])[0]
-        u = u + answer[:, rigid] @ more
+        u = u + displacements[:, rigid] @ more
         found = shift - directions @ u
-    for i, wall in enumerate(walls):
+    for i, (j, side, _) in enumerate(walls):
         if not known[i] and found[i] > 0.0:
-            _require_static(pairs[wall.pair])
+            _require_static(pairs[j])
         if force[i] > 0.0:
-            normal[wall.pair] = wall.side * force[i]
-            depth[wall.pair] = 0.0 if wall.kind == RIGID else max(found[i], 0.0)
+            normal[j] = side * force[i]
+            depth[j] = 0.0 if laws[i].kind == RIGID else max(found[i], 0.0)
     return u
 
 
-def _forces_of_laws(walls: list[_Wall], compliance: Array, free: Array, names: str) -> Array:
+def _forces_of_laws(laws: list[ContactParameters], compliance: Array, free: Array, names: str) -> Array:
     """Forces (N) of the walls by their laws; `free` is the penetration (m) of each without any contact."""
-    stiffness = np.array([wall.stiffness for wall in walls])
-    exponent = np.array([wall.exponent for wall in walls])
-    curved = np.array([wall.kind == POWER and wall.exponent != 1.0 for wall in walls])
+    stiffness = np.array([law.stiffness for law in laws])
+    exponent = np.array([law.exponent for law in laws])
+    curved = np.array([law.kind == POWER and law.exponent != 1.0 for law in laws])
     softness = np.where(curved, 0.0, 1.0 / stiffness)
     if not np.any(curved):
         return _complementary(compliance, softness, free, names)
@@ -385,7 +366,7 @@ def _complementary(compliance: Array, softness: Array, free: Array, names: str) 
 
 
 def _solved(part: Array, target: Array) -> tuple[Array, bool]:
-    """The problem with ones on its diagonal, and whether it has been solved.
+    """Solution of the problem with ones on its diagonal, and True where one was found.
 
     F are the multipliers of the least |z| with H^T z >= q, where H^T H is the matrix: with x >= 0 of the least
     |[H; q^T] x - [0; 1]|, F = x/(1 - q^T x), and there is none where 1 - q^T x = 0.

@@ -36,7 +36,7 @@ from femimpact.errors import (
 )
 from femimpact.structure.structure import Impactor, Position, Stop
 from femimpact.svg import Chart, Line, axis_of
-from femimpact.system.contact_pair import ContactPair, contact_pair, frozen_row
+from femimpact.system.contact_pair import ContactPair, contact_pair
 from femimpact.system.hermite import (
     Reaction,
     Section,
@@ -47,7 +47,15 @@ from femimpact.system.hermite import (
     positions_on_beam,
     unloaded_reactions,
 )
-from femimpact.system.matrices import MOST_FULL, Matrix, checked_matrix, checked_row, checked_shapes, definite_factor
+from femimpact.system.matrices import (
+    MOST_FULL,
+    Matrix,
+    checked_matrix,
+    checked_row,
+    checked_shapes,
+    definite_factor,
+    frozen_row,
+)
 from femimpact.system.static import (
     TOGETHER,
     SystemOrigin,
@@ -221,19 +229,9 @@ class System:
         InputError
             For shapes that do not fit, matrices that are not symmetric or not definite, unknown names.
         """
-        require_type(points, Mapping, "points")
-        for name in points:
-            require_type(name, str, "points")
-        given: tuple[tuple[str, Any, Any], ...] = (("impactors", impactors, Impactor), ("stops", stops, Stop))
-        for key, bodies, kind in given:
-            require(isinstance(bodies, (list, tuple)), key, type(bodies).__name__, "", "must be a list")
-            for item in bodies:
-                require_type(item, kind, key)
-        matrices = {name: checked_matrix(name, value) for name, value in (("M", M), ("C", C), ("K", K))}
+        _check_parts(points, impactors, stops)
+        matrices = _checked_matrices(M, C, K)
         dofs = matrices["M"].shape[0]
-        require(dofs <= MOST_FULL, "M", (dofs, dofs), "", f"must have at most {MOST_FULL:,} dofs, as a full matrix")
-        for name, matrix in matrices.items():
-            require(matrix.shape[0] == dofs, name, matrix.shape, "", f"must have the shape of M, {dofs} by {dofs}")
         require(len(points) > 0, "points", "none", "", 'must name at least one place, as {"tip": [1.0]}')
         rows = {name: checked_row(f"points.{name}", row, dofs) for name, row in points.items()}
         dense = {name: matrix.toarray() for name, matrix in matrices.items()}
@@ -309,7 +307,7 @@ class System:
 
     @property
     def length(self) -> float:
-        """From the first node to the last, m; 0 without nodes."""
+        """Distance from the first node to the last, m; 0 without nodes."""
         return float(self.nodes[-1] - self.nodes[0]) if self.nodes.size else 0.0
 
     @property
@@ -320,7 +318,8 @@ class System:
     @cached_property
     def is_diagonal(self) -> bool:
         """True if M, C and K are diagonal, as in modal coordinates."""
-        return all(_is_diagonal(matrix) for matrix in (self.M, self.C, self.K))
+        entries = (matrix.tocoo(copy=False) for matrix in (self.M, self.C, self.K))
+        return all(bool(np.all((one.coords[0] == one.coords[1]) | (one.data == 0.0))) for one in entries)
 
     def position_of(self, at: Position) -> float:
         """Metres from the root of a named place or of a number, checked to lie on the beam.
@@ -534,6 +533,28 @@ class System:
         return {name: value for name, value in self.__dict__.items() if not name.startswith("derived")}
 
 
+def _check_parts(points: Any, impactors: Any, stops: Any) -> None:
+    """Refuse named places, balls and stops that are of the wrong kind."""
+    require_type(points, Mapping, "points")
+    for name in points:
+        require_type(name, str, "points")
+    given: tuple[tuple[str, Any, Any], ...] = (("impactors", impactors, Impactor), ("stops", stops, Stop))
+    for key, bodies, kind in given:
+        require(isinstance(bodies, (list, tuple)), key, type(bodies).__name__, "", "must be a list")
+        for item in bodies:
+            require_type(item, kind, key)
+
+
+def _checked_matrices(M: Any, C: Any, K: Any) -> dict[str, Matrix]:
+    """Symmetric matrices of one shape, by their names."""
+    matrices = {name: checked_matrix(name, value) for name, value in (("M", M), ("C", C), ("K", K))}
+    dofs = matrices["M"].shape[0]
+    require(dofs <= MOST_FULL, "M", (dofs, dofs), "", f"must have at most {MOST_FULL:,} dofs, as a full matrix")
+    for name, matrix in matrices.items():
+        require(matrix.shape[0] == dofs, name, matrix.shape, "", f"must have the shape of M, {dofs} by {dofs}")
+    return matrices
+
+
 def _place_of_row(row: Array, nodes: Array, expansion: Matrix) -> float:
     """Position (m) of the node whose deflection a row reads; not a number where there is none."""
     same = np.flatnonzero(np.all(np.abs(expansion[0::2].toarray() - row) <= 1e-9 * np.abs(row).max(), axis=1))
@@ -563,11 +584,6 @@ def _contacts_of_matrices(
         contacts.append(contact_pair(item, row, math.nan, first, flexibility))
     first_frequency = math.sqrt(float(omega_squared[0])) / (2.0 * math.pi) if elastic else 0.0
     return first_frequency, tuple(contacts)
-
-
-def _is_diagonal(matrix: Matrix) -> bool:
-    entries = matrix.tocoo(copy=False)
-    return bool(np.all((entries.coords[0] == entries.coords[1]) | (entries.data == 0.0)))
 
 
 def without_impactors(system: System) -> System:

@@ -104,8 +104,8 @@ def _modal_series(frequency: float, alpha: float, beta: float) -> float:
     omega, total = 2 * math.pi * frequency, 0j
     for n, x in enumerate((*ROOTS, *((n + 0.5) * math.pi for n in range(5, 10)))):
         s = (math.sinh(x) - math.sin(x)) / (math.cosh(x) + math.cos(x))
-        own = 2 * math.pi * beam_frequency(x)
-        total += (-1) ** n * 4 * s / x * omega**2 / (own**2 - omega**2 + 1j * omega * (alpha + beta * own**2))
+        natural = 2 * math.pi * beam_frequency(x)
+        total += (-1) ** n * 4 * s / x * omega**2 / (natural**2 - omega**2 + 1j * omega * (alpha + beta * natural**2))
     return abs(total)
 
 
@@ -238,7 +238,7 @@ class TaperedCantilever:
         return curve
 
     def _row(self, order: int, x: float, k: float, signs: tuple[float, ...]) -> NDArray[np.float64]:
-        """J, Y, I and K of an order at 2 k sqrt(x), (4,), with signs, and I and K in a scale of the whole beam."""
+        """J, Y, I and K of an order at 2 k sqrt(x), (4,), with signs, and I and K in a scale common to the beam."""
         from scipy.special import iv, jv, kv, yv
 
         z, low, high = (2.0 * k * math.sqrt(place) for place in (x, *sorted(self.ends)))

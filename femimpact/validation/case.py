@@ -1,9 +1,11 @@
-"""One case of the reference cases: a number that is known, the same number computed, and how close it must be."""
+"""A reference case: a known number, the same number computed, and how close it must be; and tables of cases."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 
 @dataclass(frozen=True)
@@ -27,5 +29,30 @@ class Case:
 
     @property
     def passes(self) -> bool:
-        """Whether the error is a number within the bound."""
+        """True if the error is a number within the bound."""
         return math.isfinite(self.error) and self.error <= self.bound
+
+
+HEADER = ("case", "source", "quantity", "reference", "computed", "error", "bound", "pass")
+
+
+def table_row(case: Case) -> tuple[str, ...]:
+    """One case as the words of a table's row, by `HEADER`."""
+    quantity = case.quantity if case.unit == "1" else f"{case.quantity} ({case.unit})"
+    # + 0.0: a zero has no sign
+    numbers = (f"{case.reference + 0.0:.8g}", f"{case.computed + 0.0:.8g}", f"{case.error:.1e}", f"{case.bound:.1e}")
+    return case.name, case.source, quantity, *numbers, "yes" if case.passes else "NO"
+
+
+def case_columns(cases: Sequence[Case]) -> dict[str, list[Any]]:
+    """The cases as columns of plain values, with their units and the reasons of their bounds."""
+    names = ("name", "source", "quantity", "unit", "reference", "computed", "error", "bound", "passes", "reason")
+    return {name: [getattr(case, name) for case in cases] for name in names}
+
+
+def markdown_table(cases: Sequence[Case]) -> str:
+    """The table as Markdown, each bound with its reason."""
+    header = (*HEADER, "why this bound")
+    # a bar inside a cell would end it
+    rows = [[word.replace("|", "\\|") for word in (*table_row(case), case.reason)] for case in cases]
+    return "\n".join(f"| {' | '.join(row)} |" for row in (header, ["---"] * len(header), *rows)) + "\n"

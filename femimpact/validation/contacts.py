@@ -59,7 +59,7 @@ PUBLISHED = (
 
 
 def _integrated(law: ContactLaw) -> Collision:
-    """One collision under the law's own force, by integration in time, not by the law's closed form."""
+    """One collision under the law's force, by integration in time, not by the closed form."""
 
     def force(depth: float, rate: float, approach_speed: float) -> float:
         return contact_force(law, depth, rate, approach_speed, MASS)
@@ -110,7 +110,7 @@ def restitution_of(loss: float) -> float:
 
 
 def published_law(law: Published, asked: float) -> Case:
-    """What a law with a published loss factor returns."""
+    """Restitution of a law with a published loss factor."""
     return Case(
         f"{law.name}, e = {asked:g} asked", f"{law.source}; {RELATION}", "restitution", "1",
         restitution_of(law.loss(asked)), _integrated(law.make(STIFFNESS, asked)).restitution, 1e-6,

@@ -82,7 +82,7 @@ def impulse_of_a_cycle() -> Case:
 
 
 def force_of_a_cycle() -> Case:
-    """What a wall carries on average is the ball's weight, but for where the window cuts a cycle."""
+    """Mean force of a wall: the ball's weight, but for where the window cuts a cycle."""
     run = _bouncing(0.5)
     first, last = run.window
     inside = int(np.count_nonzero((run.impacts.time >= first) & (run.impacts.time < last)))
@@ -93,7 +93,7 @@ def force_of_a_cycle() -> Case:
 
 
 def force_across_a_window(event_driven: bool) -> Case:
-    """A contact that began long before the window counts in it from its start on: weight and own change of momentum."""
+    """A contact that began long before the window counts in it from its start on: weight and change of momentum."""
     table = Sine(0.4 * GRAVITY / (2 * math.pi * FREQUENCY) ** 2 if event_driven else 0.0, FREQUENCY)
     ball = Impactor(
         "ball",
@@ -119,7 +119,7 @@ def force_across_a_window(event_driven: bool) -> Case:
 
 
 def laser_end(side: int) -> Case:
-    """What a laser reads of a larger motion ends at the middle of its range, and half the range from there."""
+    """Reading of a laser under a larger motion: it ends at the middle of its range, and half the range from there."""
     system = shaken_floor(1.0, (1.0, 1.0))
     run = integrate(system, Sine(0.0, 1.0), EventDriven(), 10.0, Recorder(("ball",)), State(ball_velocity=[0.3]))
     moved = Laser("ball", range=0.6, offset=0.2).measure(run).displacement
@@ -161,7 +161,7 @@ def bandwidth() -> Case:
 
 
 def drop_of_the_peak() -> Case:
-    """Five times less amplitude is five times the damping: the paper's own estimate."""
+    """Five times less amplitude is five times the damping: the paper's estimate."""
     empty = DampingEstimate(RATIO, NATURAL, (RATIO, RATIO), "given")
     return Case(
         "amplitude ratio of 5", "derived here (peak of one pole)", "damping ratio", "1", 5 * RATIO,

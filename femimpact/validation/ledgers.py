@@ -236,7 +236,7 @@ def centring_spring(event_driven: bool) -> Case:
 
 
 def sticking_impulse() -> Case:
-    """A ball that lies on a table A sin(w t): its contact's impulse is m g T and its own change of momentum."""
+    """A ball that lies on a table A sin(w t): its contact's impulse is m g T and its change of momentum."""
     table = Sine(0.4 * GRAVITY / (2 * math.pi * FREQUENCY) ** 2, FREQUENCY)
     run = integrate(shaken_floor(0.4, (1.0, 0.0), -GRAVITY), table, EventDriven(), 1.0125)
     begin = float(run.sticking.start[0])

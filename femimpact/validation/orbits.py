@@ -26,7 +26,7 @@ ORBITS = (
     (0.05, 0.7, 0.005, 1.0, 40.0, 3.954411, 15.249852, 0.9604),
     (0.1, 0.8, 0.01, 0.98, 20.0, 5.187468, 9.475270, 1.2605),
 )
-"""Two impacts in each cycle, M = K = F = 1: the project's own table, held to an event-driven simulation before."""
+"""Two impacts in each cycle, M = K = F = 1: the project's table, compared with an event-driven simulation before."""
 
 Orbit = tuple[float, float, float, float, float, float, float, float]
 

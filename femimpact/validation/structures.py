@@ -127,7 +127,7 @@ def _damping(root: complex) -> float:
 
 
 def period_elongation(method: Method) -> Case:
-    """How much too long a free vibration is."""
+    """Relative error of the period of a free vibration."""
     exact, found = _root(method)
     return Case(
         f"{method.name}: period, {STEPS} steps a period", f"{method.source}, amplification matrix",
@@ -290,7 +290,7 @@ def _closed_mode(mode: int, mass: float) -> tuple[float, float]:
 
 
 def effective_mass(mode: int) -> Case:
-    """What a mode takes part in a motion of the base: (phi^T M r)^2/(phi^T M phi)."""
+    """Effective mass of a mode under a motion of the base: (phi^T M r)^2/(phi^T M phi)."""
     mass = 0.5
     structure = Structure(uniform_beam(), masses=(PointMass("box", "tip", mass * BEAM_MASS),))
     found = float(solve_modes(assemble(structure, ELEMENTS), mode).effective_mass[mode - 1])
@@ -343,7 +343,7 @@ def _corrected(coefficients: bool = True) -> System:
 
 
 def residual_vector() -> Case:
-    """One mode and the residual vector of the tip have the whole static flexibility there, L^3/(3 E I)."""
+    """One mode and the residual vector of the tip have the static flexibility of all modes there, L^3/(3 E I)."""
     system = _corrected()
     direction = system.contacts[0].direction
     return Case(
@@ -368,9 +368,11 @@ def residual_root(quantity: str) -> Case:
         return 0.5 * z**2 * (3 - z)
 
     pairs = ((mode, mode), (mode, bent), (bent, bent))
-    own, both, static = (quad(lambda z, f=f, g=g: f(z) * g(z), 0.0, 1.0, epsrel=1e-12)[0] for f, g in pairs)
+    products = [quad(lambda z, f=f, g=g: f(z) * g(z), 0.0, 1.0, epsrel=1e-12)[0] for f, g in pairs]
+    shape_shape, shape_static, static_static = products
     # the mode turns K into x^4 M; of the other, the integral of (3 - 3 z)^2 is 3
-    squares = eigh([[x**4 * own, x**4 * both], [x**4 * both, 3.0]], [[own, both], [both, static]], eigvals_only=True)
+    stiffness = [[x**4 * shape_shape, x**4 * shape_static], [x**4 * shape_static, 3.0]]
+    squares = eigh(stiffness, [[shape_shape, shape_static], [shape_static, static_static]], eigvals_only=True)
     system = _corrected(not quantity.endswith("by C"))
     omega, root = math.sqrt(float(system.K.diagonal()[1])), float(squares[1]) ** 0.25
     reference, computed = root, LENGTH * math.pow(omega**2 * MASS_PER_LENGTH / BENDING_STIFFNESS, 0.25)

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.excitation import Sine
-from femimpact.parametric.paths import unit_draws
+from femimpact.parametric.runs import unit_draws
 from femimpact.parametric.verb import parameter_study
 from femimpact.response.response import Response
-from femimpact.study.result_page import study_conclusions
+from femimpact.study.result_conclusions import study_conclusions
 from femimpact.validation.case import Case
 from femimpact.validation.contacts import shaken_floor
 
@@ -28,7 +28,7 @@ GAPS = ((2e-3, 6e-3), (5e-3, 1e-3))
 
 
 def place(response: Response) -> float:
-    """Where the ball lies at the end, m."""
+    """Place of the ball at the end, m."""
     return float(response["ball"][-1])
 
 
@@ -68,7 +68,7 @@ def median_interval(end: str) -> Case:
 
 
 def reported_scatter(end: str) -> Case:
-    """The range of the smallest value's own case in the words of a report, "... to ... over 20 starts"."""
+    """The range of the case with the smallest value in the words of a report, "... to ... over 20 starts"."""
     words = study_conclusions(_study())[0].scatter.replace("\N{MINUS SIGN}", "-").split()
     return Case(
         f"report of a parameter study: scatter of the smallest value, {end} end", "derived here (linear in the draws)",

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from femimpact.arrays import Array
 from femimpact.contact import ContactLaw, a_law, collide, contact_force, resolve
-from femimpact.contact.restitution import EFFECTIVE_MASS
+from femimpact.contact.collision import EFFECTIVE_MASS
 from femimpact.errors import instance, quantity, require, takes, text
 from femimpact.excitation.excitation import words_of
 from femimpact.export.figures.drawing import (
@@ -19,6 +19,7 @@ from femimpact.export.figures.drawing import (
     LEGEND,
     WALLS,
     OffScreen,
+    label_axes,
     legend_above,
     panel,
     panels,
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
 
 @takes(response=instance(Response))
 def impact_histograms(response: Response, figure: FigureBase | OffScreen | None = None) -> NDArray[np.object_]:
-    """How often impacts of a size happen in the last third of a run: approach speed, impulse, energy loss.
+    """Histograms of the impacts in the last third of a run: approach speed, impulse, energy loss.
 
     Both walls are stacked; the dashed line is the mean.
 
@@ -114,10 +115,9 @@ def impulse_phase(response: Response, ax: Axes | OffScreen | None = None) -> Axe
     else:
         axis.set_xlim(start, end)
     axis.set_ylim(0.0, 1.05 * (impulse.max(initial=0.0) or 1.0))
-    axis.set_xlabel("phase of the base (degrees)" if has_phase else "time (s)")
-    axis.set_ylabel(f"impulse ({unit})")
-    label = response.regime.label.replace(": ", ":\n", 1)
-    axis.set_title(f"{words_of(response.base)}, {start:.4g} to {end:.4g} s: {label}", loc="left")
+    regime = response.regime.label.replace(": ", ":\n", 1)
+    title = f"{words_of(response.base)}, {start:.4g} to {end:.4g} s: {regime}"
+    label_axes(axis, "phase of the base (degrees)" if has_phase else "time (s)", f"impulse ({unit})", title)
     legend_above(axis)
     return axis
 
@@ -210,9 +210,8 @@ def contact_laws(
 
 
 def _loops(axis: Any, name: str, law: ContactLaw, mass: float, speeds: Sequence[float]) -> None:
-    axis.set_title(f"{name}: {law.name}, effective mass {1e3 * mass:.4g} g", loc="left")
-    axis.set_xlabel("penetration (micrometres)")
-    axis.set_ylabel("contact force (N)")
+    title = f"{name}: {law.name}, effective mass {1e3 * mass:.4g} g"
+    label_axes(axis, "penetration (micrometres)", "contact force (N)", title)
     if resolve(law, mass).is_rigid:
         axis.set_xticks([])
         axis.set_yticks([])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,6 +15,7 @@ from femimpact.export.figures.drawing import (
     DARK,
     GREY,
     OffScreen,
+    label_axes,
     legend_above,
     panel,
     panels,
@@ -78,11 +79,7 @@ def response_curve(
     InputError
         If there is no curve, or something else than one.
     """
-    named = {"": curves} if isinstance(curves, FrequencyResponse) else curves
-    require_type(named, Mapping, "curves")
-    require(len(named) > 0, "curves", "none", "", "must be one or more response curves")
-    for label, curve in named.items():
-        require_type(curve, FrequencyResponse, f"curves.{label}")
+    named = _by_label(curves)
     peaks = rows_of("published", published, label=text(), frequency=FREQUENCY, amplitude=quantity("m", finite=False))
     ranges = rows_of("bands", bands, label=text(), frequency=column("Hz", "n"), low=column("m", "n"),
                      high=column("m", "n"))  # fmt: skip
@@ -112,12 +109,20 @@ def response_curve(
     first = next(iter(named.values()))
     if not _scatter(first, join_all)[np.nanargmax(first.peak)]:
         _annotate_peak(axis, first)
-    axis.set_title(title or _level(first), loc="left")
-    axis.set_xlabel("base frequency (Hz)")
-    axis.set_ylabel(_observed(first))
+    label_axes(axis, "base frequency (Hz)", _observed(first), title or _level(first))
     plain_log_ticks(axis.yaxis)
     _legend(axis, named, coarse, join_all, filled, marks)
     return axis
+
+
+def _by_label(curves: Any) -> Mapping[str, FrequencyResponse]:
+    """One or more response curves by their labels."""
+    named = {"": curves} if isinstance(curves, FrequencyResponse) else curves
+    require_type(named, Mapping, "curves")
+    require(len(named) > 0, "curves", "none", "", "must be one or more response curves")
+    for label, curve in named.items():
+        require_type(curve, FrequencyResponse, f"curves.{label}")
+    return cast(Mapping[str, FrequencyResponse], named)
 
 
 def _annotate_peak(axis: Axes, curve: FrequencyResponse) -> None:

@@ -1,4 +1,4 @@
-"""What figures share: colours and style, axes and legends, channels of a response, springs and dashpots."""
+"""Common parts of figures: colours and style, axes and legends, channels of a response, springs and dashpots."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ CYCLES: Any = quantity("1", above=0.0)
 
 @dataclass(frozen=True)
 class OffScreen:
-    """In the place of axes or of a figure: a new figure that no window and no notebook shows, for a file."""
+    """Stands for axes or a figure: a new one that no window and no notebook shows, for a file."""
 
 
 # ---- cycles of the base -------------------------------------------------------------------------------
@@ -169,6 +169,12 @@ def plain_log_ticks(axis: Any) -> None:
     axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axis.set_minor_formatter(NullFormatter())
+
+
+def label_axes(axis: Axes, x: str, y: str, title: str = "") -> None:
+    """Set the labels of both axes, and a title on the left."""
+    axis.set(xlabel=x, ylabel=y)
+    axis.set_title(title, loc="left")
 
 
 def legend_above(

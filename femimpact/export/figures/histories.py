@@ -23,6 +23,7 @@ from femimpact.export.figures.drawing import (
     WALLS,
     OffScreen,
     channel_name,
+    label_axes,
     last_cycles,
     legend_above,
     panel,
@@ -89,9 +90,8 @@ def energies(response: Response, figure: FigureBase | OffScreen | None = None) -
         axis.set_ylabel(f"energy ({unit})")
         legend_above(axis)
     axes[2].plot(ledger.time, ledger.residual_history, color=PURPLE, linewidth=1.2)
-    axes[2].set_ylabel("residual (1)")
-    axes[2].set_title(f"energy unaccounted for over the energy put in: at most {ledger.residual:.2g}", loc="left")
-    axes[2].set_xlabel("time (s)")
+    title = f"energy unaccounted for over the energy put in: at most {ledger.residual:.2g}"
+    label_axes(axes[2], "time (s)", "residual (1)", title)
     return axes
 
 
@@ -137,7 +137,7 @@ def spectrum(
     highest: float | None = None,
     ax: Axes | OffScreen | None = None,
 ) -> Axes:
-    """Amplitude spectrum of a channel over the whole base cycles of the last third of a run; else a spectral density.
+    """Amplitude spectrum of a channel over complete base cycles in the last third of a run; else a spectral density.
 
     Where the excitation has no cycle, or is a record, the one-sided spectral density over the run is drawn, by
     the averages of Hann windows that overlap by half (Welch), and no frequency of the base.
@@ -183,9 +183,8 @@ def spectrum(
     axis.semilogy(frequency[shown], factor * amplitude[shown], color=BLUE, linewidth=1.2, label=name)
     axis.set_ylim(bottom=max(factor * largest * 1e-6, float((factor * amplitude[shown]).min()) or 1e-300))
     axis.set_xlim(0.0, top)
-    axis.set_xlabel("frequency (Hz)")
-    axis.set_ylabel(f"amplitude of {name.replace('_', ' ')} ({unit})")
-    axis.set_title(f"last {cycles} cycles, lines {base / cycles:.3g} Hz apart, Hann window", loc="left")
+    title = f"last {cycles} cycles, lines {base / cycles:.3g} Hz apart, Hann window"
+    label_axes(axis, "frequency (Hz)", f"amplitude of {name.replace('_', ' ')} ({unit})", title)
     legend_above(axis)
     return axis
 
@@ -205,12 +204,11 @@ def _density(response: Response, name: str, highest: float | None, ax: Axes | Of
     colour = COLOURS[len(axis.get_lines()) % len(COLOURS)]
     axis.semilogy(frequency[shown], density[shown], color=colour, linewidth=1.2, label=label)
     axis.set_xlim(0.0, top)
-    axis.set_xlabel("frequency (Hz)")
     unit = response.units[name].replace("^2", "²")
     # brackets only where the square would be read as that of a part of the unit
     squared = f"{unit}²" if unit.isalpha() else f"({unit})²"
-    axis.set_ylabel(f"spectral density of {name.replace('_', ' ')}, {squared}/Hz")
-    axis.set_title(f"lines {frequency[1]:.3g} Hz apart, Hann windows", loc="left")
+    label = f"spectral density of {name.replace('_', ' ')}, {squared}/Hz"
+    label_axes(axis, "frequency (Hz)", label, f"lines {frequency[1]:.3g} Hz apart, Hann windows")
     legend_above(axis)
     return axis
 
@@ -220,7 +218,7 @@ def _density(response: Response, name: str, highest: float | None, ax: Axes | Of
 
 @takes(response=instance(Response))
 def cycle_averaged_force(response: Response) -> tuple[Array, Array]:
-    """Normal force between balls, stops and beam, averaged over each whole base cycle of a run.
+    """Normal force between balls, stops and beam, averaged over each complete base cycle of a run.
 
     The average of a cycle is the sum of the impulses of the impacts that touch in it, and of the sticking phases
     by the time that they share with it, times the base's frequency.
@@ -301,10 +299,9 @@ def contact_force(
         axes[1].axhline(statistics.cycle_mean_force, color=GREY, linestyle="--", linewidth=1.2)
         mean = "cycle-averaged" if cyclic else "mean"
         title += f"dashed: {mean} force {1e3 * statistics.cycle_mean_force:.3g} mN;\n"
-    axes[1].set_title(f"{title}mean impulse {1e3 * statistics.mean_impulse:.3g} mN s", loc="left")
+    title += f"mean impulse {1e3 * statistics.mean_impulse:.3g} mN s"
+    label_axes(axes[1], "time (s)", "peak force (N)", title)
     axes[1].set_ylim(0.0, 1.05 * (np.nanmax(impacts.peak_force, initial=0.0) or 1.0))
-    axes[1].set_ylabel("peak force (N)")
-    axes[1].set_xlabel("time (s)")
     legend_above(axes[1])
     return axes
 
@@ -316,10 +313,7 @@ def _last_cycles(axis: Any, response: Response, names: list[str], cycles: float)
         owner = name.rpartition(".")[0]
         label = f"{owner} (rigid: force only while sticking)" if laws.get(owner) == Rigid.name else owner or None
         axis.plot(response.time[last], response[name][last], color=colour, label=label)
-    axis.set_ylabel("force on the beam (N)")
-    axis.set_xlabel("time (s)")
-    law = response.statistics.law
-    axis.set_title(f"{words}, law: {law}", loc="left")
+    label_axes(axis, "time (s)", "force on the beam (N)", f"{words}, law: {response.statistics.law}")
     if len(names) > 1:
         legend_above(axis)
 
@@ -330,8 +324,5 @@ def _averages(axis: Any, response: Response) -> None:
     mean, mean_unit = scaled(response.statistics.cycle_mean_force, "N")
     axis.plot(time, shown, color=BLUE, linewidth=1.0, marker=".", markersize=4.0)
     axis.set_ylim(0.0, 1.15 * (shown.max(initial=0.0) or 1.0))
-    axis.set_ylabel(f"average force ({unit})")
-    axis.set_xlabel("time (s)")
-    axis.set_title(
-        f"normal force averaged over each base cycle; over the last third {mean:.3g} {mean_unit}", loc="left"
-    )
+    title = f"normal force averaged over each base cycle; over the last third {mean:.3g} {mean_unit}"
+    label_axes(axis, "time (s)", f"average force ({unit})", title)

@@ -17,6 +17,7 @@ from femimpact.export.figures.drawing import (
     GREY,
     ORANGE,
     OffScreen,
+    label_axes,
     legend_above,
     panel,
     panels,
@@ -106,8 +107,7 @@ def convergence(
         axis.axhspan(LOWEST, floor, color="#eeeeee", zorder=0, label=f"round-off floor: {floor:.0e}")
     axis.axhline(table.accuracy, color=GREY, linewidth=1.0, label=f"accuracy asked for: {100.0 * table.accuracy:g} %")
     plain_log_ticks(axis.xaxis)
-    axis.set_xlabel(label)
-    axis.set_ylabel("relative error")
+    label_axes(axis, label, "relative error")
     axis.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False, fontsize=9.0)
     return axis
 
@@ -191,8 +191,7 @@ def mesh_convergence(result: MeshConvergence, slope: float | None = 4.0, ax: Axe
     axis.axhspan(1e-16, 1e-12, color="#eeeeee", zorder=0, label="round-off floor")
     axis.set_ylim(bottom=1e-16)
     plain_log_ticks(axis.xaxis)
-    axis.set_xlabel("elements")
-    axis.set_ylabel("relative error of the natural frequency")
+    label_axes(axis, "elements", "relative error of the natural frequency")
     legend_above(axis)
     return axis
 
@@ -224,8 +223,7 @@ def step_convergence(result: StepConvergence, slope: float | None = 2.0, ax: Axe
             axis.loglog(1e6 * result.dt, values, style, color=colour, label=label)
     if slope is not None:
         _reference(axis, 1e6 * result.dt, result.linear_error[:, None], slope, 0.5, f"reference: order {slope:g}")
-    axis.set_xlabel("step dt (microseconds)")
-    axis.set_ylabel("relative error")
+    label_axes(axis, "step dt (microseconds)", "relative error")
     legend_above(axis)
     return axis
 
@@ -263,20 +261,25 @@ def mode_convergence(result: ModeConvergence, figure: FigureBase | OffScreen | N
     """
     axes: NDArray[np.object_] = panels(figure, 12.0, 4.6, 1, 3)[0]
     displacement, loss, damping = axes
-    _draw(displacement, result, (("rms", "-", ""),), "m", "displacement")
-    _draw(loss, result, (("contact_loss", "-", "contact"), ("structure_loss", ":", "structure")), "J", "loss per cycle")
-    _draw(damping, result, (("damping", "-", ""),), "%", "equivalent damping ratio")
-    displacement.set_title(f"rms displacement: {result.at}", loc="left")
-    loss.set_title("loss per cycle", loc="left")
-    damping.set_title("equivalent damping ratio", loc="left")
+    losses = (("contact_loss", "-", "contact"), ("structure_loss", ":", "structure"))
+    _draw(displacement, result, (("rms", "-", ""),), "m", "displacement", f"rms displacement: {result.at}")
+    _draw(loss, result, losses, "J", "loss per cycle", "loss per cycle")
+    _draw(damping, result, (("damping", "-", ""),), "%", "equivalent damping ratio", "equivalent damping ratio")
+    errors = (
+        f"{result.displacement_error[-2, k]:.1g} {case} (order {result.displacement_order[k]:.2g})"
+        for k, *_, case in CASES
+    )
     axes[0].figure.suptitle(
-        f"law: {result.law}; bars: scatter between 8 parts of the last {result.cycles} base cycles\n" + _first(result),
+        f"law: {result.law}; bars: scatter between 8 parts of the last {result.cycles} base cycles\n"
+        f"displacement after one first impact, error at {result.counts[-2]} modes: {', '.join(errors)}",
         x=0.01, ha="left", fontsize=11.0,
     )  # fmt: skip
     return axes
 
 
-def _draw(axis: Any, result: ModeConvergence, rows: tuple[tuple[str, str, str], ...], unit: str, label: str) -> None:
+def _draw(
+    axis: Any, result: ModeConvergence, rows: tuple[tuple[str, str, str], ...], unit: str, label: str, title: str
+) -> None:  # fmt: skip
     """Each row of the result, without and with correction, in a unit that reads well."""
     largest = max(float(np.nanmax(np.abs(getattr(result, name)))) for name, *_ in rows)
     scale = 100.0
@@ -293,15 +296,5 @@ def _draw(axis: Any, result: ModeConvergence, rows: tuple[tuple[str, str, str], 
     axis.set_xscale("log")
     plain_log_ticks(axis.xaxis)
     axis.set_ylim(bottom=0.0, top=(1.2 + 0.15 * len(rows)) * axis.get_ylim()[1])
-    axis.set_xlabel("normal modes kept")
-    axis.set_ylabel(f"{label} ({unit})")
+    label_axes(axis, "normal modes kept", f"{label} ({unit})", title)
     axis.legend(loc="upper right", frameon=False, fontsize=9.0)
-
-
-def _first(result: ModeConvergence) -> str:
-    """The part that converges, in words."""
-    cells = [
-        f"{result.displacement_error[-2, k]:.1g} {case} (order {result.displacement_order[k]:.2g})"
-        for k, *_, case in CASES
-    ]
-    return f"displacement after one first impact, error at {result.counts[-2]} modes: " + ", ".join(cells)

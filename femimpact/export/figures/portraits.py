@@ -19,6 +19,7 @@ from femimpact.export.figures.drawing import (
     ball_of,
     beam_at,
     channel_name,
+    label_axes,
     last_cycles,
     legend_above,
     panel,
@@ -286,21 +287,7 @@ def phase_portrait(
         If the run holds no history, or a channel is missing, which is named.
     """
     require_history(response)
-    balls = [pair.name for pair in response.system.balls]
-    chosen = None if of is None else channel_key(of, "of")
-    if chosen in balls or (chosen is None and balls):
-        pair = ball_of(response, chosen)
-        beam_at(response, pair)
-        names, place = (pair.name, f"{pair.name}.velocity"), place_of(response, pair)
-        minus: tuple[str, ...] = (str(place), f"{place}.velocity")
-    else:
-        known = [*balls, *response.channels]
-        require(chosen is None or chosen in known, "of", chosen, "", suggestion(str(chosen), known))
-        pair, minus = None, ()
-        name = channel_name(response, chosen)
-        names = (name, f"{name}.velocity")
-    for name in (*names, *minus):
-        require(name in response.channels, "channels", list(response.channels), "", f"must hold {name!r}")
+    pair, names, minus = _drawn_channels(response, None if of is None else channel_key(of, "of"))
     start, shown = last_cycles(response, cycles)
     x, rate = _curve(response, start, names, minus, None if pair is None else pair.name)
     drawn = phase if np.isfinite(response.base.phase) else None
@@ -319,11 +306,29 @@ def phase_portrait(
     else:
         _walls(axis, pair, x)
         title, to = f"{pair.name} in its box, {shown}; grey: inside the walls", "the box"
-    axis.set_title(title, loc="left")
+    moving = "ball" if pair else names[0]
+    label_axes(axis, f"{moving} relative to {to} (mm)", f"velocity relative to {to} (mm/s)", title)
     legend_above(axis)
-    axis.set_xlabel(f"{'ball' if pair else names[0]} relative to {to} (mm)")
-    axis.set_ylabel(f"velocity relative to {to} (mm/s)")
     return axis
+
+
+def _drawn_channels(response: Response, chosen: str | None) -> tuple[Any, tuple[str, ...], tuple[str, ...]]:
+    """A ball or None, its channels or those of a place, and the channels of the beam that are taken off a ball's."""
+    balls = [pair.name for pair in response.system.balls]
+    pair, minus = None, tuple[str, ...]()
+    if chosen in balls or (chosen is None and balls):
+        pair = ball_of(response, chosen)
+        beam_at(response, pair)
+        name, place = pair.name, place_of(response, pair)
+        minus = (str(place), f"{place}.velocity")
+    else:
+        known = [*balls, *response.channels]
+        require(chosen is None or chosen in known, "of", chosen, "", suggestion(str(chosen), known))
+        name = channel_name(response, chosen)
+    names = (name, f"{name}.velocity")
+    for needed in (*names, *minus):
+        require(needed in response.channels, "channels", list(response.channels), "", f"must hold {needed!r}")
+    return pair, names, minus
 
 
 def _pair(
@@ -418,7 +423,6 @@ def bifurcation(
     values, unit = scaled(np.concatenate(last), responses[0].units[name])
     axis = panel(ax, 8.0, 5.0)
     axis.plot(frequency, values, ".", color=BLUE, markersize=2.5, markeredgewidth=0.0)
-    axis.set_xlabel("base frequency (Hz)")
-    axis.set_ylabel(f"{name.replace('_', ' ')} once per cycle ({unit})")
-    axis.set_title(f"last third of each run, base at {math.degrees(phase):.4g} degrees", loc="left")
+    title = f"last third of each run, base at {math.degrees(phase):.4g} degrees"
+    label_axes(axis, "base frequency (Hz)", f"{name.replace('_', ' ')} once per cycle ({unit})", title)
     return axis

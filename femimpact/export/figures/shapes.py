@@ -17,6 +17,7 @@ from femimpact.export.figures.drawing import (
     OffScreen,
     draw_connection,
     draw_ground,
+    label_axes,
     panel,
     panels,
 )
@@ -80,13 +81,12 @@ def beam_mesh(mesh: Mesh, structure: Structure | None = None, ax: Axes | OffScre
     top = 1.8 * tallest
     if discretised is not None:
         top = max(top, _draw_connections(axis, discretised, tallest) + 0.6 * tallest)
-    axis.set_xlabel("distance from the root (mm)")
-    axis.set_ylabel("distance from the axis (mm)" if structure is not None else "")
     if structure is None:
         axis.set_yticks([])
     axis.set_ylim(-2.6 * tallest, top)
     lengths = 1e3 * np.diff(mesh.nodes)
-    axis.set_title(f"{mesh.elements} elements of {lengths.min():.3g} to {lengths.max():.3g} mm", loc="left")
+    title = f"{mesh.elements} elements of {lengths.min():.3g} to {lengths.max():.3g} mm"
+    label_axes(axis, "distance from the root (mm)", "" if structure is None else "distance from the axis (mm)", title)
     _, labels = axis.get_legend_handles_labels()
     place: dict[str, Any] = {"loc": "upper right"}
     if structure is not None and structure.connections:

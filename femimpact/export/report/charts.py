@@ -164,15 +164,16 @@ def history_section(
     history: xarray.Dataset, last: Mapping[str, tuple[Array, Array, str]] | None = None, key: str = "motion",
     heading: str = "Motion", words: Sequence[str] = (),
 ) -> Section:  # fmt: skip
-    """Every channel of a history over time.
+    """Section of a report: the channels of a history over time, in one chart or more for each unit.
 
     Parameters
     ----------
     history : xarray.Dataset
         As of `Response.to_xarray`.
     last : mapping of str to (time, values, unit), optional
-        Channels of the last cycles with every step.
+        Channels over the last cycles at every step, drawn besides; by default the last twentieth of a long history.
     key, heading : str
+        Identifier of the section on its page, and its title.
     words : sequence of str
         Sentences above the charts.
     """

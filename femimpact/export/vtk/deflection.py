@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from femimpact.arrays import Array
 from femimpact.errors import checked, quantity, require_name
 from femimpact.export.placed import BALL_DENSITY, ball_radius
-from femimpact.export.scene import EXAGGERATION, Scene, build_whole_scene, snapshots_of
+from femimpact.export.scene import EXAGGERATION, Scene, build_scene, snapshots_of
 from femimpact.export.tables import thinned
 from femimpact.export.vtk.formats import Frame, Series, Value
 from femimpact.export.vtk.modes import PARTS_IN_WORDS, beam_fields, in_words
@@ -355,7 +355,7 @@ def deflection_series(
     most = checked("most", most, quantity("frames", at_least=1, integer=True))
     require_name(frame, ("base", "space"), "frame")
     frames = frames_of(response, most)
-    scene = build_whole_scene(structure, response.system, exaggeration)
+    scene = build_scene(structure, response.system, exaggeration, all_parts=True)
     fields = beam_fields(scene, structure, response.system)
     fixed = _about(response, exaggeration, frame, frames.mismatch)
     times, absolute = [float(t) for t in frames.snapshots.time], frame == "space"

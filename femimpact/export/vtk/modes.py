@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from femimpact.arrays import Array
 from femimpact.errors import checked, quantity, require
-from femimpact.export.scene import BEAM, PARTS, Scene, build_whole_scene, sections_along
+from femimpact.export.scene import BEAM, PARTS, Scene, build_scene, sections_along
 from femimpact.export.vtk.formats import Frame, Series, Value
 from femimpact.structure.structure import Structure
 from femimpact.system.hermite import hermite_rows, place_in_element
@@ -181,7 +181,7 @@ class _Shapes:
         height = 0.1 * structure.beam.length if scale is None else checked("scale", scale, SCALE)
         require_modes_of(system.dofs, modes)
         self.modes, self.height = modes, height
-        self.scene = build_whole_scene(structure, system, 1.0, subdivisions)
+        self.scene = build_scene(structure, system, 1.0, subdivisions, all_parts=True)
         self.fields = beam_fields(self.scene, structure, system)
         nodal = np.asarray(system.expansion @ modes.vectors)
         x = np.concatenate(self.scene.stretches)

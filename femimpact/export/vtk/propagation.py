@@ -126,9 +126,17 @@ class Transition:
     ) -> Array:
         """The state at `end`, with no event in between."""
         compliant = [touch for touch in touching if not self.system.contacts[touch.pair].parameters.is_rigid]
-        linear = frozenset((touch.pair, touch.side) for touch in compliant if self._is_linear(touch.pair))
+        # a stop fixed in space has the base's motion in its force, which is not linear in the state
+        pairs = self.system.contacts
+        linear = frozenset(
+            (touch.pair, touch.side)
+            for touch in compliant
+            if pairs[touch.pair].parameters.kind == KELVIN_VOIGT and pairs[touch.pair].fixed_to == "base"
+        )
         nonlinear = [touch for touch in compliant if (touch.pair, touch.side) not in linear]
-        knots, matrix = self._knots(start, end), self._matrix(sticking, linear)
+        if (sticking, linear) not in self._known:
+            self._known[sticking, linear] = self._matrix(sticking, linear)
+        knots, matrix = self._knots(start, end), self._known[sticking, linear]
         shortest = min((touch.duration for touch in nonlinear if touch.duration > 0.0), default=math.inf)
         for a, b in itertools.pairwise(knots):
             state = self._driven(state, a, b)
@@ -174,19 +182,8 @@ class Transition:
         along = self.inverse @ rows.T
         return np.asarray(np.eye(self.size) - along @ np.linalg.solve(rows @ along, rows))
 
-    def _is_linear(self, j: int) -> bool:
-        """True where a pair's contact is linear in the state: spring and dashpot, but not of a stop fixed in space."""
-        pair = self.system.contacts[j]
-        return pair.parameters.kind == KELVIN_VOIGT and pair.fixed_to == "base"
-
     def _matrix(self, sticking: frozenset[int], linear: frozenset[tuple[int, int]]) -> Array:
         """Rate of the state, as a matrix, with pairs that stick and contacts (pair, side) of spring and dashpot."""
-        key = sticking, linear
-        if key not in self._known:
-            self._known[key] = self._new_matrix(*key)
-        return self._known[key]
-
-    def _new_matrix(self, sticking: frozenset[int], linear: frozenset[tuple[int, int]]) -> Array:
         system, n, u = self.system, self.size, self.system.dofs
         stiffness, damping, preload = np.zeros((n, n)), np.zeros((n, n)), np.zeros(n)
         stiffness[:u, :u], damping[:u, :u] = system.K.toarray(), system.C.toarray()

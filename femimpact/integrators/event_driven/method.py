@@ -139,5 +139,5 @@ class EventDriven:
         self, system: System, cases: SineCases, observed: NDArray[np.float64], instants: int, workers: int,
         progress: Progress | None = None,
     ) -> SineDwellResults:  # fmt: skip
-        """Many cases side by side, each with separate numbers; see `runs.run_cases`."""
+        """Results of many sine dwells, each with a system, start, gaps and laws of its case; see `runs.run_cases`."""
         return event_driven_cases(system, cases, self, observed, instants, workers, progress)

@@ -85,8 +85,8 @@ AT_ONCE = 64
 """Cases of a sweep that are in memory together on each thread."""
 
 
-class SteppingAnswers:
-    """The answers of a method with steps, for one that satisfies `operators.SteppingMethod`."""
+class SteppingMembers:
+    """Members of `methods.Method` for a method with steps, from those of `operators.SteppingMethod`."""
 
     @classmethod
     def for_system(cls, system: System, **settings: Any) -> Self:
@@ -174,7 +174,7 @@ class SteppingAnswers:
 
 
 @dataclass(frozen=True)
-class Newmark(SteppingAnswers):
+class Newmark(SteppingMembers):
     """Newmark's method: M a1 + C v1 + K u1 = F1 + b f1.
 
     The defaults are the constant average acceleration. (Newmark, 1959.)
@@ -234,7 +234,7 @@ class Newmark(SteppingAnswers):
 
 
 @dataclass(frozen=True)
-class HHT(SteppingAnswers):
+class HHT(SteppingMembers):
     """Hilber, Hughes and Taylor: M a1 + (1 + alpha)(C v1 + K u1 - F1) = alpha (C v0 + K u0 - F0), contacts included.
 
     gamma = 1/2 - alpha, beta = (1 - alpha)^2/4: order 2, with high modes damped. (Hilber et al., 1977.)
@@ -271,7 +271,7 @@ class HHT(SteppingAnswers):
 
 
 @dataclass(frozen=True)
-class WBZ(SteppingAnswers):
+class WBZ(SteppingMembers):
     """Wood, Bossak and Zienkiewicz: M [(1 - alpha) a1 + alpha a0] + C v1 + K u1 = F1 + b f1.
 
     gamma = 1/2 - alpha, beta = (1 - alpha)^2/4: order 2, with high modes damped. (Wood et al., 1980.)
@@ -301,7 +301,7 @@ class WBZ(SteppingAnswers):
 
 
 @dataclass(frozen=True)
-class GeneralizedAlpha(SteppingAnswers):
+class GeneralizedAlpha(SteppingMembers):
     """Generalised alpha: M a_m + C v_f + K u_f = F_f + b f_f, each taken within the step.
 
     alpha_m = (2 r - 1)/(r + 1), alpha_f = r/(r + 1), gamma = 1/2 - alpha_m + alpha_f,
@@ -334,7 +334,7 @@ class GeneralizedAlpha(SteppingAnswers):
 
 
 @dataclass(frozen=True)
-class MoreauJean(SteppingAnswers):
+class MoreauJean(SteppingMembers):
     """Time stepping with impulses for rigid contacts: velocities jump, no impact is a separate event.
 
     M (v1 - v0) = dt (F - C v - K u)_theta + b P, u1 = u0 + dt v_theta, with ._theta = theta .1 + (1 - theta) .0;

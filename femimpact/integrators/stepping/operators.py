@@ -22,7 +22,7 @@ from femimpact.system.system import System
 class SteppingMethod(Protocol):
     """A method with steps, as its run takes it.
 
-    Whoever satisfies it can take the answers of `stepping.newmark.SteppingAnswers`, and is then a whole method.
+    With `stepping.newmark.SteppingMembers` as a base class it is a complete method.
     """
 
     @property

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from femimpact.errors import Fault, InputError, require, require_type
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.hermite import Reaction
-from femimpact.system.matrices import Matrix, banded_factor, checked_matrix, checked_row
+from femimpact.system.matrices import Matrix, banded_factor, checked_matrix, checked_row, frozen_row
 from femimpact.system.modes import first_mode_at, flexibility, solve_modes
 from femimpact.system.system import System
 
@@ -82,7 +82,7 @@ def add_terms(
     require(assembled, "system", f"{system.dofs} dofs", "", made)
     size, expansion = 2 * system.nodes.size, sparse.csr_array(system.expansion)
     terms = {"stiffness": stiffness, "mass": mass, "damping": damping}
-    given = {name: _own_matrix(name, value, size) for name, value in terms.items()}
+    given = {name: _matrix_on_basis(name, value, size) for name, value in terms.items()}
     force = np.zeros(size) if load is None else checked_row("load", load, size)
     free = {name: sparse.csr_array(expansion.T @ matrix @ expansion) for name, matrix in given.items()}
     rigid = np.zeros(size)
@@ -90,7 +90,7 @@ def add_terms(
     momentum = given["mass"] @ rigid
     loaded: dict[str, Any] = {
         "rayleigh": system.rayleigh if damping is None else None,
-        "constant_load": _row(system.constant_load + expansion.T @ force),
+        "constant_load": frozen_row(system.constant_load + expansion.T @ force),
         "constant_resultant": None,
         "reactions": {
             name: _with_terms(item, system.rayleigh, given, momentum, force, expansion)
@@ -101,8 +101,19 @@ def add_terms(
     if mass is None and stiffness is None:
         # modes and compliances stay
         return replace(system, C=sparse.csr_array(system.C + free["damping"]), **loaded)
+    return _with_new_matrices(system, free, expansion.T @ momentum, float(rigid @ momentum), loaded)
+
+
+def _with_new_matrices(
+    system: System,
+    free: dict[str, Matrix],  # added stiffness, mass and damping on the free dofs
+    base_load: NDArray[np.float64],  # (dofs,) kg: of the added mass
+    total_mass: float,  # kg: of the added mass
+    loaded: dict[str, Any],  # other fields
+) -> System:
+    """The system with added mass, stiffness and damping, and all that follows from them."""
     M, K = sparse.csr_array(system.M + free["mass"]), sparse.csr_array(system.K + free["stiffness"])
-    if mass is not None:
+    if free["mass"].nnz:
         require(banded_factor(M) is not None, "mass", None, "", "must leave the mass matrix positive definite")
     C = system.C + free["damping"]
     if system.rayleigh is not None:
@@ -114,8 +125,8 @@ def add_terms(
         C=sparse.csr_array(C),
         K=K,
         stiffness_factor=_stiffness_factor(system, free["stiffness"], K),
-        base_load=_row(system.base_load + expansion.T @ momentum),
-        total_mass=system.total_mass + float(rigid @ momentum),
+        base_load=frozen_row(system.base_load + base_load),
+        total_mass=system.total_mass + total_mass,
         first_frequency=math.nan,
         contacts=(),
         **loaded,
@@ -123,7 +134,7 @@ def add_terms(
     return _with_contacts(bare, system.contacts)
 
 
-def _own_matrix(name: str, value: Any, size: int) -> Matrix:
+def _matrix_on_basis(name: str, value: Any, size: int) -> Matrix:
     if value is None:
         return sparse.csr_array((size, size))
     matrix = checked_matrix(name, value)
@@ -162,9 +173,9 @@ def _with_terms(
     damped = alpha * added["mass"] + beta * added["stiffness"] + added["damping"]
     return replace(
         item,
-        on_acceleration=_row(item.on_acceleration + added["mass"]),
-        on_velocity=_row(item.on_velocity + damped),
-        on_displacement=_row(item.on_displacement + added["stiffness"]),
+        on_acceleration=frozen_row(item.on_acceleration + added["mass"]),
+        on_velocity=frozen_row(item.on_velocity + damped),
+        on_displacement=frozen_row(item.on_displacement + added["stiffness"]),
         on_base_acceleration=item.on_base_acceleration + float(momentum[item.dof]),
         constant=item.constant + float(force[item.dof]),
     )
@@ -181,9 +192,3 @@ def _with_contacts(bare: System, contacts: tuple[ContactPair, ...]) -> System:
     )
     frequency = float(modes.natural_frequency[0])
     return replace(bare, first_frequency=frequency, contacts=pairs, computed_together=None)
-
-
-def _row(values: ArrayLike) -> NDArray[np.float64]:
-    row = np.array(values, dtype=float)
-    row.setflags(write=False)
-    return row
