@@ -92,8 +92,12 @@ if TYPE_CHECKING:
     from femimpact.laser import Laser as Laser
     from femimpact.laser import LaserReading as LaserReading
     from femimpact.laser import extrapolate as extrapolate
+    from femimpact.parametric import AxisMargin as AxisMargin
+    from femimpact.parametric import BestCase as BestCase
+    from femimpact.parametric import BestDesign as BestDesign
     from femimpact.parametric import ParameterStudy as ParameterStudy
     from femimpact.parametric import StudyProgress as StudyProgress
+    from femimpact.parametric import best_case as best_case
     from femimpact.parametric import load_parameter_study as load_parameter_study
     from femimpact.parametric import parameter_study as parameter_study
     from femimpact.parametric import run_case as run_case
@@ -174,7 +178,10 @@ _MODULES = {
     "integrators.stepping.newmark": ("GeneralizedAlpha", "HHT", "MoreauJean", "Newmark", "WBZ"),
     "integrators.stepping.operators": ("recommended_step",),
     "laser": ("Laser", "LaserReading", "extrapolate"),
-    "parametric": ("ParameterStudy", "StudyProgress", "load_parameter_study", "parameter_study", "run_case"),
+    "parametric": (
+        "AxisMargin", "BestCase", "BestDesign", "ParameterStudy", "StudyProgress", "best_case", "load_parameter_study",
+        "parameter_study", "run_case",
+    ),
     "response.energy": ("EnergyLedger",),
     "response.history": ("HistoryPiece", "StroboscopicSection"),
     "response.impacts": ("ImpactStatistics", "Impacts"),

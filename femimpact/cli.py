@@ -409,7 +409,7 @@ def parameter_study(
         found = write_parameter_study(plan, directory, report, scheduler)
     if quiet:
         return
-    *lines, where = summary_lines(found, directory)
+    *lines, where = summary_lines(found, directory, plan.plan.best if plan.plan else None)
     for line in lines:
         print(line)
     _print_report(console(), directory)

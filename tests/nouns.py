@@ -307,6 +307,10 @@ VERBS = {
         "system": fi.without_impactors(small()), "amplitude": 1e-4, "frequencies": [5.0, 6.0],
         "method": fi.Newmark(1e-3, allow_coarse_step=True), "duration": 2.0, "window": 1.0, "threads": 1,
     }),
+    "best_case": (fi.best_case, lambda: {
+        "dataset": fi.parameter_study(**parameter_study(), threads=1), "measure": "peak", "worst_over": (),
+        "limits": {"peak": 1.0},
+    }),
     "parameter_study": (fi.parameter_study, lambda: {**parameter_study(), "threads": 1, "client": None}),
     "parameter_study of a sample": (fi.parameter_study, lambda: {
         **parameter_study(), "axes": {"impactor.ball.gap": {"uniform": [1e-3, 2e-3]}}, "sample": {"points": 2},
@@ -424,7 +428,8 @@ VERBS = {
 """Every verb by its name: the function, and good arguments of it."""
 
 OTHERS = {
-    "ALUMINIUM", "STEEL", "ContactLaw", "ContactParameters", "DivergenceError", "FemimpactError", "InputError",
-    "InputWarning", "StudyResults", "__version__", "figures", "load_parameter_study", "report", "show_versions",
+    "ALUMINIUM", "STEEL", "AxisMargin", "BestCase", "BestDesign", "ContactLaw", "ContactParameters", "DivergenceError",
+    "FemimpactError", "InputError", "InputWarning", "StudyResults", "__version__", "figures", "load_parameter_study",
+    "report", "show_versions",
 }  # fmt: skip
-"""Public names that take no numbers: constants, errors, what only `load` makes, protocols, figures and files."""
+"""Public names that take no numbers: constants, errors, what a verb alone makes, protocols, figures and files."""

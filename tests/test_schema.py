@@ -33,6 +33,10 @@ damping.ratio = { lognormal = [0.003, 0.2] }
 points = 64
 seed = 1
 method = "halton"
+[study.best]
+measure = "peak"
+worst_over = ["base.frequency"]
+limits = { peak_force = 50.0 }
 """
 STEPPED = """
 damping = { ratios = [0.003, 0.004] }

@@ -17,6 +17,7 @@ from femimpact.arrays import Array
 from femimpact.errors import require
 from femimpact.export.files import GuardedFile, atomic_path, atomic_write, file_path
 from femimpact.regular_file import decimal_number, open_regular
+from femimpact.svg import number_text
 
 if TYPE_CHECKING:
     import xarray
@@ -83,6 +84,26 @@ def axis_value(dataset: xarray.Dataset, axis: str, index: int) -> tuple[str, str
         return axis_words(dataset, axis), names[index], "mm" if f"{axis}.plus" in dataset.coords else ""
     value = float(dataset[axis].to_numpy().reshape(-1)[index])
     return axis_words(dataset, axis), value, "" if unit == "1" else unit
+
+
+PREFIXES = {"m": (1e3, "mm"), "Pa": (1e-6, "MPa"), "N s": (1e3, "mN s")}
+"""Units of axes and measures that are shown in another one, by its factor and its name."""
+
+
+def unit_text(value: float, unit: str) -> str:
+    """A number for the eye, with its unit."""
+    factor, name = PREFIXES.get(unit, (1.0, unit))
+    shown = number_text(factor * float(value))
+    return shown if name in ("", "1") else f"{shown} {name}"
+
+
+def value_text(value: Any, unit: str) -> str:
+    """A value of an axis for the eye: a name, a number or a pair of gaps."""
+    if isinstance(value, str):
+        return value
+    if isinstance(value, tuple):
+        return f"({', '.join(f'{1e3 * side:.4g}' for side in value)}) mm"
+    return unit_text(value, unit)
 
 
 def sample_axes(dataset: xarray.Dataset) -> list[str]:

@@ -3,5 +3,16 @@
 from femimpact.parametric.definition import ParameterStudy
 from femimpact.parametric.evaluation import run_case
 from femimpact.parametric.verb import StudyProgress, load_parameter_study, parameter_study
+from femimpact.study.best_case import AxisMargin, BestCase, BestDesign, best_case
 
-__all__ = ["ParameterStudy", "StudyProgress", "load_parameter_study", "parameter_study", "run_case"]
+__all__ = [
+    "AxisMargin",
+    "BestCase",
+    "BestDesign",
+    "ParameterStudy",
+    "StudyProgress",
+    "best_case",
+    "load_parameter_study",
+    "parameter_study",
+    "run_case",
+]

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from femimpact.arrays import Array, Integers
 from femimpact.parametric.definition import ParameterStudy
+from femimpact.parametric.measures import better_of
 from femimpact.parametric.runs import BlockValues
 from femimpact.study.study import Study
 from femimpact.study.study_file import study_text
@@ -150,6 +151,7 @@ def labels_of(study: ParameterStudy) -> dict[str, Any]:
             "seed": study.seed,
             **({"cycles": study.dwell, "measured_cycles": study.dwell // 3} if study.has_cycle else {}),
             "place": str(study.observed),
+            "contact_laws": ", ".join(f"{pair.name}: {pair.law.name}" for pair in study.nominal.contacts),
             **_description(study),
         },
     }  # fmt: skip
@@ -262,6 +264,9 @@ def dataset_of(
     if not columns.done.any():
         for item in (item for item in columns.measures if not item["is_text"]):
             enter(item["name"], np.full(columns.cases, np.nan), item["unit"], item["words"])
+    for item in columns.measures:
+        if better := better_of(item["name"], item["words"]):
+            data[item["name"]][2]["better"] = better
     enter("periodic_starts", columns.periodic, "1", "starts from which the motion repeats, or has no impacts")
     enter("failed_starts", columns.failed, "1", "starts that have no values")
     enter("failure", columns.failure, "", "why the first of them has none")

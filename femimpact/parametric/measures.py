@@ -41,21 +41,24 @@ class Measure:
     is_text: bool = False
     function: Callable[[Response], Any] | None = None  # of the user, of a `Response`
     channel: str = ""  # whose largest value it is; empty for any other
+    better: str = ""  # "small" or "large": which of its values are better; empty where that depends on the purpose
 
 
 MEASURES = {
     item.name: item
     for item in (
-        Measure("peak", "m", "largest displacement of the observed place relative to the base", Source.DWELL),
-        Measure("rms", "m", "root mean square of the displacement of the observed place", Source.DWELL),
-        Measure("first_harmonic", "m", "amplitude at the frequency of the base", Source.DWELL),
-        Measure("peak_ratio", "1", "peak over that of the same case without balls", Source.BARE),
+        Measure(
+            "peak", "m", "largest displacement of the observed place relative to the base", Source.DWELL, better="small"
+        ),
+        Measure("rms", "m", "root mean square of the displacement of the observed place", Source.DWELL, better="small"),
+        Measure("first_harmonic", "m", "amplitude at the frequency of the base", Source.DWELL, better="small"),
+        Measure("peak_ratio", "1", "peak over that of the same case without balls", Source.BARE, better="small"),
         Measure("impacts_per_cycle", "1", "impacts in a cycle of the base", Source.DWELL),
-        Measure("mean_approach_speed", "m/s", "mean approach speed of the impacts", Source.DWELL),
-        Measure("largest_approach_speed", "m/s", "largest approach speed of an impact", Source.DWELL),
-        Measure("mean_impulse", "N s", "mean impulse of the impacts", Source.DWELL),
-        Measure("peak_force", "N", "largest contact force under the contact law", Source.DWELL),
-        Measure("cycle_mean_force", "N", "cycle-averaged contact force", Source.DWELL),
+        Measure("mean_approach_speed", "m/s", "mean approach speed of the impacts", Source.DWELL, better="small"),
+        Measure("largest_approach_speed", "m/s", "largest approach speed of an impact", Source.DWELL, better="small"),
+        Measure("mean_impulse", "N s", "mean impulse of the impacts", Source.DWELL, better="small"),
+        Measure("peak_force", "N", "largest contact force under the contact law", Source.DWELL, better="small"),
+        Measure("cycle_mean_force", "N", "cycle-averaged contact force", Source.DWELL, better="small"),
         Measure("impacts_per_second", "1/s", "impacts in a second", Source.DWELL),
         Measure("loss_per_second", "W", "energy lost by structure and contacts in a second", Source.LEDGER),
         Measure("loss_per_cycle", "J", "energy lost by structure and contacts in a cycle of the base", Source.LEDGER),
@@ -68,6 +71,9 @@ MEASURES = {
 
 OF_CYCLES = ("first_harmonic", "impacts_per_cycle", "cycle_mean_force", "loss_per_cycle", "damping", "regime")
 """Measures that need cycles of the base."""
+
+OF_CHANNEL = "largest size of the channel"
+"""Beginning of the long name of a measure that is read from a channel."""
 
 INSTANTS = 16
 """Of a cycle at which the energy stored is read for the damping."""
@@ -133,8 +139,18 @@ def _measure(item: Any, system: System) -> Measure:
         if "." in item:
             allowed = f"with a dot it must be a channel, whose largest value is measured: {error.faults[0].allowed}"
         raise InputError([Fault("measures", item, "", allowed)]) from None
-    words = f"largest size of the channel {channel.name} over the last third"
+    words = f"{OF_CHANNEL} {channel.name} over the last third"
     return Measure(item, channel.unit, words, Source.RUN, channel=channel.name)
+
+
+def better_of(
+    name: str,
+    words: str,  # long name
+) -> str:
+    """Which values of a measure are better, "small" or "large"; empty where it does not say."""
+    if name in MEASURES:
+        return MEASURES[name].better
+    return "small" if words.startswith(OF_CHANNEL) else ""
 
 
 def columns_of(found: SineDwellResults, frequency: Array, measured: NDArray[np.int64]) -> dict[str, Array]:

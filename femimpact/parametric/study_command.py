@@ -16,9 +16,12 @@ from femimpact.export.files import atomic_write
 from femimpact.export.tables import measure_names, value_words
 from femimpact.parametric.definition import ParameterStudy
 from femimpact.parametric.labelled import over_starts
+from femimpact.parametric.measures import better_of
 from femimpact.parametric.verb import StudyProgress, run_parameter_study, to_stderr
 from femimpact.parametric.workers import block_cases, connected
 from femimpact.response.response import Recorder
+from femimpact.study.best_case import best_cases, check_best, told_lines
+from femimpact.study.parameter_plan import BestPlan
 from femimpact.study.prepared import START, history_cost
 from femimpact.study.result_directory import FILES
 from femimpact.study.result_page import add_report
@@ -62,11 +65,23 @@ def definition_of(study: Study) -> ParameterStudy:
     require(study.plan is not None, "study", None, "", "table [study] is missing from the study")
     plan: Any = study.plan
     try:
-        return ParameterStudy(
+        found = ParameterStudy(
             study, plan.axes, plan.measures, starts=plan.starts, seed=plan.seed, sample=plan.sample, cycles=plan.cycles
         )
     except InputError as error:
         raise InputError([_in_file(study, fault) for fault in error.faults]) from None
+    if plan.best is not None:
+        _check_best(plan, found)
+    return found
+
+
+def _check_best(plan: Any, found: ParameterStudy) -> None:
+    """Raise `InputError` where [study.best] does not fit the axes and measures of the study."""
+    known = {item.name: better_of(item.name, item.long_name) for item in found.chosen if not item.is_text}
+    try:
+        check_best(plan.best.measure, plan.best.worst_over, plan.best.limits, tuple(plan.axes), known)
+    except InputError as error:
+        raise InputError([fault.under("study.best") for fault in error.faults]) from None
 
 
 def _in_file(study: Study, fault: Fault) -> Fault:
@@ -212,8 +227,9 @@ def _disk(given: ParameterStudy, study: Study) -> float:
     return blocks + listed + dataset + table + figures_of + report
 
 
-def summary_lines(dataset: xarray.Dataset, directory: Path) -> list[str]:
-    """Lines on the range of each measure and on cases that failed."""
+def summary_lines(dataset: xarray.Dataset, directory: Path, best: BestPlan | None = None) -> list[str]:
+    """Lines on each measure's range and best case, all that is known of the first, and on cases that failed."""
+    found_best, reasons = best_cases(dataset, best)
     lines = list[str]()
     for name in itertools.islice((str(name) for name in dataset.data_vars), 40):
         values = dataset[name]
@@ -225,11 +241,18 @@ def summary_lines(dataset: xarray.Dataset, directory: Path) -> list[str]:
             continue
         unit = str(values.attrs.get("units", ""))
         low, high = float(np.nanmin(found)), float(np.nanmax(found))
+        reach = f"{name}: {low:.4g} to {high:.4g}{f' {unit}' if unit not in ('', '1') else ''}"
+        if name in found_best:
+            told = list(told_lines(found_best[name]))
+            detailed = name == next(iter(found_best))
+            lines += [reach, *(f"  {line}" for line in told if detailed or not line.startswith(" "))]
+            continue
         where = np.unravel_index(int(np.nanargmin(found)), found.shape)
         at = ", ".join(
             f"{axis} = {_value(dataset, str(axis), index)}" for axis, index in zip(values.dims, where, strict=True)
         )
-        lines.append(f"{name}: {low:.4g} to {high:.4g}{f' {unit}' if unit not in ('', '1') else ''}; smallest at {at}")
+        lines.append(f"{reach}; smallest at {at}")
+    lines += reasons
     failed = dataset["failed_starts"].to_numpy()
     if failed.any():
         first = next(str(reason) for reason in dataset["failure"].to_numpy().ravel() if reason)

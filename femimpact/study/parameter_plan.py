@@ -118,6 +118,36 @@ class SamplePlan:
 
 
 @dataclass(frozen=True)
+class BestPlan:
+    """`[study.best]`: which case is the best of the study; no case hangs on it.
+
+    Parameters
+    ----------
+    measure : str
+        One of the study's, of which small or large values are better.
+    worst_over : tuple of str or None
+        Study paths of the axes over which the worst counts. Absent: the frequency, where another axis remains.
+    limits : mapping of str to float, or None
+        What the worst value of a measure, of several starts the largest, may be at most. Absent: none.
+
+    Raises
+    ------
+    InputError
+        If a limit is not a finite number.
+    """
+
+    measure: str = field(metadata=text())
+    worst_over: tuple[str, ...] | None = field(default=None, metadata=optional(text(several=True)))
+    limits: Mapping[str, float] | None = field(default=None, metadata=optional(instance(Mapping)))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        given = self.limits or {}
+        limits = {name: float(checked(f"limits.{name}", value, NUMBER)) for name, value in given.items()} or None
+        object.__setattr__(self, "limits", limits)
+
+
+@dataclass(frozen=True)
 class ParameterPlan:
     """`[study]`: what is measured over which axes, and from how many starts.
 
@@ -135,6 +165,8 @@ class ParameterPlan:
         Base cycles in each case, the last third of which is measured. Absent: those of [sweep].
     sample : SamplePlan or None
         Absent: the full grid of the axes.
+    best : BestPlan or None
+        Absent: the best of each measure is told, without limits.
     """
 
     measures: tuple[str, ...] = field(metadata=text(several=True))
@@ -145,6 +177,7 @@ class ParameterPlan:
         default=None, metadata=optional(quantity("1", at_least=3, at_most=10_000_000, integer=True))
     )
     sample: SamplePlan | None = field(default=None, metadata=optional(instance(SamplePlan)))
+    best: BestPlan | None = field(default=None, metadata=optional(instance(BestPlan)))
 
     def __post_init__(self) -> None:
         check_fields(self)

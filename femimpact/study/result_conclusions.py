@@ -14,8 +14,17 @@ import numpy as np
 
 from femimpact.export import tables
 from femimpact.export.report.page import Conclusion
-from femimpact.export.tables import axis_names, axis_words, measure_names, single_samples, value_words
+from femimpact.export.tables import (
+    PREFIXES,
+    axis_names,
+    axis_words,
+    measure_names,
+    single_samples,
+    unit_text,
+    value_words,
+)
 from femimpact.structure.structure import Structure
+from femimpact.study.best_case import MOST_NAMED, BestCase, design_notes, label_of, more_designs, told
 from femimpact.study.picture_data import read_mode_shapes
 from femimpact.study.result_directory import FILES, ResultsWarning
 from femimpact.study.results import read_dataset, read_table
@@ -92,9 +101,6 @@ def texts_of(values: Any) -> tuple[str, ...]:
 
 
 STARTS = {"base": "at rest relative to the base", "space": "at rest in the inertial frame"}
-
-PREFIXES = {"m": (1e3, "mm"), "Pa": (1e-6, "MPa"), "N s": (1e3, "mN s")}
-"""Units that are shown in another one, by its factor and its name."""
 
 
 def conclusions_of(summary: Mapping[str, Any]) -> tuple[Conclusion, ...]:
@@ -323,6 +329,8 @@ MOST_NAMES = 20
 MOST_MEASURES = 8
 """Measures that have conclusions."""
 
+NO_BEST_CASES: Mapping[str, BestCase] = {}
+
 
 def study_lead(data: xarray.Dataset) -> list[str]:
     """Sentences on the cases, starts and axes of a parameter study."""
@@ -357,11 +365,16 @@ def _unit_of_words(data: xarray.Dataset, name: str) -> str:
     return " mm" if f"{name}.plus" in data.coords else ""
 
 
-def study_conclusions(data: xarray.Dataset) -> tuple[Conclusion, ...]:
-    """The smallest and the largest value of every measure, where they are, and the scatter of the first."""
+def study_conclusions(data: xarray.Dataset, best: Mapping[str, BestCase] = NO_BEST_CASES) -> tuple[Conclusion, ...]:
+    """The best case by every measure that has one, else its smallest and its largest value; where they are.
+
+    The first has all that is known of it, each its scatter.
+    """
     samples, starts = single_samples(data), int(data.attrs["starts"])
-    found = []
-    for name in measure_names(data)[:MOST_MEASURES]:
+    names = [name for name in measure_names(data) if name not in best]
+    found = [one for name in best for one in _of_best(data, best[name], name == next(iter(best)))]
+    found = found[:MOST_MEASURES]
+    for name in names[: MOST_MEASURES - len(found)]:
         values = data[name]
         array = values.to_numpy()
         least, most = (
@@ -383,6 +396,37 @@ def study_conclusions(data: xarray.Dataset) -> tuple[Conclusion, ...]:
     return tuple(found)
 
 
+def _of_best(data: xarray.Dataset, best: BestCase, all_of_it: bool) -> Iterator[Conclusion]:
+    """The best design, for each value of the excitation's other axes; of many the first ones."""
+    names = {axis: axis_words(data, axis) for axis in axis_names(data)}
+    values, starts, samples = data[best.measure], best.starts, single_samples(data).reshape(-1)
+    array = values.to_numpy()
+    factor, unit = PREFIXES.get(values.attrs.get("units", "1"), (1.0, values.attrs.get("units", "1")))
+    other, find = ("smallest", np.nanargmin) if best.better == "large" else ("largest", np.nanargmax)
+    most = np.unravel_index(int(find(array)), array.shape)
+    rest = f"the {other} is {_text(array[most], values.attrs)}, at {_place(data, values.dims, most)}"
+    shown = best.designs[:MOST_NAMED]
+    for design in shown:
+        level = f"for {told(best, design.at, names)}: " if design.at else ""
+        if design.reason:
+            yield Conclusion(label_of(best).capitalize(), "none", note=f"{level}{design.reason}")
+            continue
+        scatter = ""
+        if starts > 1 and f"{best.measure}_low" in data:
+            low, high = (
+                _text(data[f"{best.measure}{end}"].to_numpy().reshape(-1)[design.case], values.attrs)
+                for end in ("_low", "_high")
+            )
+            scatter = f"{low} to {high} over {starts} starts"
+        notes = [*design_notes(best, design, names)] if all_of_it else []
+        notes += [more_designs(best)] if design is shown[-1] and more_designs(best) else []
+        yield Conclusion(
+            label_of(best).capitalize(), number_text(factor * design.value, zeros=True), "" if unit == "1" else unit,
+            scatter, bool(samples[design.case]) and not scatter,
+            "; ".join((f"{level}at {told(best, design.values, names)}", rest, *notes)),
+        )  # fmt: skip
+
+
 def _place(data: xarray.Dataset, dims: tuple[Any, ...], index: Any) -> str:
     """Values of the axes of a case."""
     chosen = dict(zip(dims, (int(i) for i in index), strict=True))
@@ -398,9 +442,7 @@ def _value(one: xarray.Dataset, name: str) -> str:
 
 def _text(value: Any, attributes: Mapping[str, Any]) -> str:
     """A value with its unit."""
-    factor, unit = PREFIXES.get(attributes.get("units", "1"), (1.0, attributes.get("units", "1")))
-    shown = number_text(factor * float(value))
-    return shown if unit in ("", "1") else f"{shown} {unit}"
+    return unit_text(value, attributes.get("units", "1"))
 
 
 def study_missing(data: xarray.Dataset) -> tuple[str, ...]:

@@ -36,6 +36,7 @@ from femimpact.export.report.page import (
 from femimpact.export.report.player import player_element
 from femimpact.export.report.structure_drawing import structure_element, structure_words
 from femimpact.structure.structure import Structure
+from femimpact.study.best_case import best_cases
 from femimpact.study.picture_data import (
     read_bands,
     read_curves,
@@ -139,7 +140,7 @@ def page_of(
     conclusions = results.attempt("conclusions", lambda: conclusions_of(summary)) or ()
     recommended, accuracy = results.table(FILES["convergence_summary"].name), written.get("accuracy")
     conclusions += results.attempt("conclusions", lambda: convergence_conclusions(recommended, accuracy)) or ()
-    studied, more, failures, about = _of_parameter_study(results, directory)
+    studied, more, failures, about = _of_parameter_study(results, directory, study)
     data = results.parameter_study
     many_starts = data is not None and int(data.attrs.get("starts", 1)) > 1
     sections.append(about_section(summary or written or about, None if many_starts else study))
@@ -206,7 +207,7 @@ def _stored_structure(
 
 
 def _of_parameter_study(
-    results: ResultReading, directory: Path
+    results: ResultReading, directory: Path, study: Study | None
 ) -> tuple[list[str], tuple[Conclusion, ...], tuple[str, ...], Mapping[str, Any]]:
     """Sentences, conclusions, failures and versions of a parameter study; cases that were not run are missing."""
     data, name = results.parameter_study, FILES["parameter_study"].name
@@ -217,10 +218,12 @@ def _of_parameter_study(
     for text in results.attempt(name, lambda: study_missing(data)) or ():
         results.miss(text)
     about = results.attempt(name, lambda: study_versions(data)) or {}
+    plan = None if study is None or study.plan is None else study.plan.best
+    best, reasons = results.attempt(name, lambda: best_cases(data, plan)) or ({}, ())
     return (
         results.attempt(name, lambda: study_lead(data)) or [],
-        results.attempt(name, lambda: study_conclusions(data)) or (),
-        results.attempt(name, lambda: study_failures(data)) or (),
+        results.attempt(name, lambda: study_conclusions(data, best)) or (),
+        (*reasons, *(results.attempt(name, lambda: study_failures(data)) or ())),
         about,
     )
 

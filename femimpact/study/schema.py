@@ -18,7 +18,7 @@ from femimpact.integrators.methods import METHODS
 from femimpact.structure.beam import Segment
 from femimpact.structure.damping import ModalDamping, Rayleigh
 from femimpact.study.base_motion import HISTORY_KEYS, SIGNALS, BaseMotion, RecordedMotion, SignalMotion
-from femimpact.study.parameter_plan import DISTRIBUTIONS, MOST_POINTS, ParameterPlan, SamplePlan
+from femimpact.study.parameter_plan import DISTRIBUTIONS, MOST_POINTS, BestPlan, ParameterPlan, SamplePlan
 
 NOT_IN_SCHEMA = (
     "what is not a number (nan), for which a schema has no word",
@@ -198,7 +198,16 @@ def method_schema() -> dict[str, Any]:
 def plan_schema() -> dict[str, Any]:
     """Schema of [study]."""
     axes = {"$ref": "#/$defs/axes", "description": "What the study goes over: see [study.axes]."}
-    return noun_schema(ParameterPlan, axes=axes, sample=noun_schema(SamplePlan))
+    limits = {"$ref": "#/$defs/limits", "description": _meanings(BestPlan)["limits"]}
+    best = noun_schema(BestPlan, limits=limits)
+    return noun_schema(ParameterPlan, axes=axes, sample=noun_schema(SamplePlan), best=best)
+
+
+def limits_schema() -> dict[str, Any]:
+    """Schema of [study.best.limits]; without quotes TOML takes the dots of a channel for tables in one another."""
+    forms = [_number_of(quantity("1")), {"title": "a part of a name", "$ref": "#/$defs/limits"}]
+    about = "Limits of the worst values, by the names of the measures; in the units of the measures."
+    return {"type": "object", "description": about, "additionalProperties": {"anyOf": forms}}
 
 
 def axes_schema() -> dict[str, Any]:

@@ -23,7 +23,15 @@ from femimpact.structure.beam import Beam, Segment
 from femimpact.structure.damping import ModalDamping, Rayleigh
 from femimpact.structure.structure import Dashpot, Impactor, PointMass, Spring, Stop, Structure, Support
 from femimpact.study.base_motion import HISTORY_KEYS, SIGNALS, BaseMotion, RecordedMotion, SignalMotion, record_beside
-from femimpact.study.parameter_plan import DISTRIBUTIONS, AxisValues, Distribution, ParameterPlan, SamplePlan, axis_from
+from femimpact.study.parameter_plan import (
+    DISTRIBUTIONS,
+    AxisValues,
+    BestPlan,
+    Distribution,
+    ParameterPlan,
+    SamplePlan,
+    axis_from,
+)
 from femimpact.study.schema import (
     axes_schema,
     base_schema,
@@ -31,6 +39,7 @@ from femimpact.study.schema import (
     chosen_later,
     contact_schema,
     damping_schema,
+    limits_schema,
     method_schema,
     noun_schema,
     plan_schema,
@@ -130,7 +139,7 @@ def study_schema() -> dict[str, Any]:
         "properties": {n: {"type": "array", "items": made[n]} if TABLES[n].many else made[n] for n in TABLES},
         "required": [name for name, table in TABLES.items() if table.required],
         "additionalProperties": False,
-        "$defs": {"axes": axes_schema()},
+        "$defs": {"axes": axes_schema(), "limits": limits_schema()},
     }
 
 
@@ -358,8 +367,9 @@ def _method(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any:
 
 
 def _plan(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any:
-    """Axes and sample are tables within the table."""
+    """Axes, sample and best are tables within the table."""
     before, inner = len(faults), {"axes": values.get("axes", {}), "sample": values.get("sample")}
+    inner["best"] = values.get("best")
     for name, table in inner.items():
         if table is not None and not isinstance(table, dict):
             faults.append(Fault(f"{prefix}.{name}", table, "", f"must be a table, [{prefix}.{name}]"))
@@ -374,9 +384,29 @@ def _plan(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any:
             faults.append(Fault(f"{prefix}.axes.{path}", None, "", "is given twice: an axis must be given once"))
         axes[path] = _collected("", partial(axis_from, f"{prefix}.axes.{path}", given), faults)
     sample = _noun(SamplePlan, f"{prefix}.sample", inner["sample"], faults) if inner["sample"] is not None else None
+    best = _best(f"{prefix}.best", inner["best"], faults) if inner["best"] is not None else None
     rest = {key: value for key, value in values.items() if key not in inner}
-    plan = _noun(ParameterPlan, prefix, rest, faults, axes=axes, **({"sample": sample} if inner["sample"] else {}))
+    own = {name: made for name, made in (("sample", sample), ("best", best)) if inner[name]}
+    plan = _noun(ParameterPlan, prefix, rest, faults, axes=axes, **own)
     return plan if len(faults) == before else None
+
+
+def _best(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any:
+    """Limits are numbers by the names of measures, of which those of channels have dots."""
+    limits = values.get("limits", {})
+    if not isinstance(limits, dict):
+        faults.append(Fault(f"{prefix}.limits", limits, "", "must be numbers by the names of measures"))
+        return None
+    return _noun(BestPlan, prefix, {**values, "limits": dict(_dotted(limits))}, faults)
+
+
+def _dotted(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Values of tables in one another by their whole names."""
+    for name, value in table.items():
+        if isinstance(value, dict):
+            yield from _dotted(value, f"{prefix}{name}.")
+        else:
+            yield f"{prefix}{name}", value
 
 
 def _flat(axes: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
@@ -413,10 +443,15 @@ def _beam_lines(header: str, beam: Beam) -> Iterator[str]:
 
 def _plan_lines(header: str, plan: ParameterPlan) -> Iterator[str]:
     given = _given(plan)
-    yield from _table_lines(header, {name: given[name] for name in given if name not in ("axes", "sample")})
+    yield from _table_lines(header, {name: given[name] for name in given if name not in ("axes", "sample", "best")})
     yield from _table_lines("[study.axes]", {json.dumps(path): axis for path, axis in plan.axes.items()})
     if plan.sample is not None:
         yield from _table_lines("[study.sample]", {"points": plan.sample.points, **_given(plan.sample)})
+    if plan.best is not None:
+        best = _given(plan.best)
+        limits = {json.dumps(name): limit for name, limit in (plan.best.limits or {}).items()}
+        yield from _table_lines("[study.best]", {name: best[name] for name in best if name != "limits"})
+        yield from _table_lines("[study.best.limits]", limits) if limits else ()
 
 
 def _noun_lines(header: str, noun: Any) -> Iterator[str]:

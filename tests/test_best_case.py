@@ -1,0 +1,433 @@
+"""The best case of a study: the worst counts, a failed case never wins, and what starts cannot tell apart is named."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray
+from builders import with_ball
+
+import femimpact as fi
+from femimpact.parametric.study_command import plan_lines, summary_lines, write_parameter_study
+from femimpact.study.best_case import best_cases
+from femimpact.study.demo import paper_study, paper_study_text
+from femimpact.study.result_conclusions import study_conclusions
+from femimpact.study.study_file import read_study, study_text
+
+GAP, RESTITUTION = "impactor.ball.gap", "impactor.ball.contact.restitution"
+FREQUENCY, LEVEL = "base.frequency", "base.amplitude"
+UNITS = {GAP: "m", RESTITUTION: "1", FREQUENCY: "Hz", LEVEL: "m"}
+GAPS = 1e-3 * np.arange(1.0, 7.0)
+FREQUENCIES = np.linspace(4.0, 6.0, 9)
+
+
+def dataset(axes, columns, *, grid=True, starts=1, failed=None, better="small", units="m"):
+    """A dataset as a study leaves it: columns of numbers over a grid of axes, or along the cases of a list."""
+    dims = tuple(axes) if grid else ("case",)
+    coordinates = {
+        name: ((name,) if grid else ("case",), np.asarray(values), {"units": UNITS.get(name, "")})
+        for name, values in axes.items()
+    }
+    shape = next(iter(columns.values())).shape
+    failed = np.zeros(shape, dtype=np.int32) if failed is None else failed.astype(np.int32)
+    data = {name: (dims, values, {"units": units, "better": better}) for name, values in columns.items()}
+    data["failed_starts"] = (dims, failed)
+    data["failure"] = (dims, np.where(failed > 0, "diverged", "").astype(object))
+    data["finished"] = (dims, np.ones(shape, dtype=np.int8))
+    return xarray.Dataset(data, coords=coordinates, attrs={"starts": starts})
+
+
+def resonance(gap, frequency):
+    """A peak around 5 Hz whose height is least at a gap of 3 mm, and which is low beside it at the widest gap alone."""
+    height = 3e-3 + 1e-3 * np.abs(1e3 * gap - 3.0)
+    width = 0.2 / (1.0 + (1e3 * gap - 1.0))
+    return height / (1.0 + ((frequency - 5.0) / width) ** 2)
+
+
+def grid(**more):
+    """The same on a grid."""
+    axes = {GAP: GAPS, FREQUENCY: FREQUENCIES}
+    return dataset(axes, {"peak": resonance(GAPS[:, None], FREQUENCIES[None, :])}, **more)
+
+
+def only(found):
+    """The one design of a study without other axes of the excitation."""
+    (design,) = found.designs
+    return design
+
+
+# ---- which is best -----------------------------------------------------------------------------------
+
+
+def test_a_cell_beside_the_resonance_does_not_win():
+    given = grid()
+    smallest = given["peak"].argmin(...)
+    assert GAPS[int(smallest[GAP])] != 3e-3  # what a search over all cells would find
+    found = fi.best_case(given, "peak")
+    assert found.worst_over == (FREQUENCY,)
+    best = only(found)
+    assert (best.values, best.worst_at) == ({GAP: 3e-3}, {FREQUENCY: 5.0})
+    assert best.value == 3e-3
+    assert given["peak"].to_numpy().flat[best.case] == best.value
+
+
+def test_without_a_frequency_every_case_is_a_design():
+    given = dataset({GAP: GAPS}, {"peak": (GAPS - 4e-3) ** 2})
+    found = fi.best_case(given, "peak")
+    assert (found.worst_over, only(found).values, only(found).worst_at) == ((), {GAP: 4e-3}, {})
+
+
+def brute_force(rows, values, failed, worst, most=None, limited=None):
+    """The best design of a list by plain loops: its values and the worst of them; designs that have none."""
+    designs = defaultdict(list)
+    for i, row in enumerate(rows):
+        designs[tuple(sorted((name, value) for name, value in row.items() if name not in worst))].append(i)
+    size = max(map(len, designs.values()))
+    sound = {key: cases for key, cases in designs.items() if len(cases) == size and not any(failed[i] for i in cases)}
+    kept = {
+        key: max(values[i] for i in cases)
+        for key, cases in sound.items()
+        if most is None or max(limited[i] for i in cases) <= most
+    }
+    if not kept:
+        return None
+    key = min(kept, key=lambda one: (kept[one], one))
+    return dict(key), kept[key], len(designs) - len(sound)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_list_has_the_best_of_a_search_through_all_its_designs(seed):
+    rng = np.random.default_rng(seed)
+    rows = [
+        {GAP: gap, RESTITUTION: restitution, FREQUENCY: frequency}
+        for gap in (1e-3, 2e-3, 4e-3)
+        for restitution in (0.5, 0.6, 0.7)
+        for frequency in (4.0, 5.0, 6.0)
+    ]
+    rows = [rows[i] for i in rng.permutation(len(rows))[: 25 if seed % 2 else 27]]
+    # of few values, so that some are equal
+    values, force = rng.integers(1, 20, len(rows)).astype(float), rng.integers(1, 20, len(rows)).astype(float)
+    failed = rng.random(len(rows)) < 0.05
+    values[failed] = np.nan
+    axes = {name: [row[name] for row in rows] for name in rows[0]}
+    given = dataset(axes, {"peak": values, "peak_force": force}, grid=False, failed=failed)
+    for worst in ((FREQUENCY,), (FREQUENCY, RESTITUTION)):
+        for limits in ({}, {"peak_force": 19.0}, {"peak_force": 18.0}):
+            expected = brute_force(rows, values, failed, worst, limits.get("peak_force"), force)
+            if expected is None:
+                with pytest.raises(fi.InputError, match=r"no design (has a value|keeps the limits)"):
+                    fi.best_case(given, "peak", worst, limits)
+                continue
+            best = only(fi.best_case(given, "peak", worst, limits))
+            assert (best.values, best.value, len(best.without_value)) == expected
+            assert rows[best.case] == best.values | best.worst_at
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_neither_the_order_of_the_axes_nor_that_of_their_values_changes_the_winner(seed):
+    rng = np.random.default_rng(seed)
+    axes = {GAP: GAPS, RESTITUTION: [0.4, 0.6, 0.8], FREQUENCY: FREQUENCIES}
+    # of few values, so that several designs are as good
+    given = dataset(axes, {"peak": rng.integers(1, 4, (6, 3, 9)).astype(float)})
+    best = only(fi.best_case(given, "peak"))
+    for other in (
+        given.transpose(RESTITUTION, FREQUENCY, GAP),
+        given.isel({GAP: slice(None, None, -1)}),
+        given.isel({name: rng.permutation(given.sizes[name]) for name in axes}),
+    ):
+        again = only(fi.best_case(other, "peak"))
+        assert (again.values, again.value) == (best.values, best.value)
+        assert {one.axis: one for one in again.margins} == {one.axis: one for one in best.margins}
+        assert other["peak"].to_numpy().flat[again.case] == again.value
+    listed = given.stack(case=list(axes)).reset_index("case")
+    assert only(fi.best_case(listed, "peak")).values == best.values
+
+
+def test_the_best_is_said_for_each_level_unless_it_is_one_of_the_worst():
+    levels = np.array([1e-4, 2e-4, 4e-4])
+    # the best gap is ten times the level, and what is wrong with it counts by the level
+    value = np.abs(GAPS[:, None] - 10.0 * levels[None, :]) * levels[None, :] + 1e-3
+    given = dataset({GAP: GAPS, LEVEL: levels}, {"peak": value})
+    found = fi.best_case(given, "peak")
+    assert [(design.at[LEVEL], design.values[GAP]) for design in found.designs] == [
+        (1e-4, 1e-3), (2e-4, 2e-3), (4e-4, 4e-3),
+    ]  # fmt: skip
+    best = only(fi.best_case(given, "peak", [LEVEL]))
+    assert best.value == value.max(axis=1).min()
+    assert best.values[GAP] == GAPS[value.max(axis=1).argmin()]
+
+
+def test_a_design_with_a_failed_case_has_no_value_and_is_named():
+    failed = np.zeros((6, 9), dtype=bool)
+    failed[2, 0] = True
+    given = grid(failed=failed)
+    given["peak"][2, 0] = np.nan
+    found = fi.best_case(given, "peak")
+    best = only(found)
+    assert best.values[GAP] in (2e-3, 4e-3)
+    assert best.without_value == (({GAP: 3e-3}, "a case failed: diverged"),)
+    assert "without a value: impactor.ball.gap = 3 mm: a case failed: diverged" in str(found)
+    # one start of several is enough
+    given["peak"][2, 0] = 1e-3
+    assert only(fi.best_case(given, "peak")).values == best.values
+
+
+def test_a_design_that_was_not_run_to_the_end_has_no_value():
+    given = grid()
+    given["finished"][2, 4], given["peak"][2, 4] = 0, np.nan
+    best = only(fi.best_case(given, "peak"))
+    assert best.without_value == (({GAP: 3e-3}, "a case has not been run"),)
+
+
+def test_of_a_measure_of_which_large_values_are_better_the_largest_smallest_wins():
+    small, large = grid(), grid(better="large")
+    large["peak"][...] = -large["peak"]
+    one, other = only(fi.best_case(small, "peak")), only(fi.best_case(large, "peak"))
+    assert (other.values, other.value, other.worst_at) == (one.values, -one.value, one.worst_at)
+    assert other.margins == one.margins
+    limited = only(fi.best_case(large, "peak", limits={"peak": -3.5e-3}))
+    assert limited.limited == {"peak": -3e-3}
+    with pytest.raises(fi.InputError, match=r"no design keeps the limits: peak is .3 mm at best"):
+        fi.best_case(large, "peak", limits={"peak": -2e-3})
+
+
+def test_pairs_of_gaps_and_names_are_designs_too():
+    values = np.array([[3.0, 2.0], [1.0, 5.0], [4.0, 4.5]])
+    pairs = {f"{GAP}.plus": (GAP, [1e-3, 2e-3, 3e-3]), f"{GAP}.minus": (GAP, [1e-3, 4e-3, 3e-3])}
+    given = dataset({GAP: np.arange(3), "base.start": np.array(["base", "space"], dtype=object)}, {"peak": values})
+    given = given.assign_coords(pairs)
+    assert [design.values[GAP] for design in fi.best_case(given, "peak").designs] == [(2e-3, 4e-3), (1e-3, 1e-3)]
+    best = only(fi.best_case(given, "peak", ["base.start"]))
+    assert (best.values, best.worst_at, best.margins) == ({GAP: (1e-3, 1e-3)}, {"base.start": "base"}, ())
+
+
+# ---- how sure it is ----------------------------------------------------------------------------------
+
+
+def test_designs_whose_intervals_overlap_are_not_told_from_the_best():
+    median = np.array([[3.0, 2.0], [2.2, 2.1], [2.0, 2.6], [1.0, 4.0]])
+    columns = {
+        "peak": median, "peak_low": median - 0.5, "peak_high": median + 0.5,
+        "peak_median_low": median - 0.25, "peak_median_high": median + 0.25,
+    }  # fmt: skip
+    best = only(fi.best_case(dataset({GAP: GAPS[:4], FREQUENCY: [4.0, 5.0]}, columns, starts=8), "peak"))
+    assert (best.value, best.low, best.high) == (2.2, 2.2 - 0.25, 2.2 + 0.25)
+    assert best.alike == ({GAP: 3e-3},)  # 2.35 to 2.85, and not 2.75 to 3.25
+    for end in ("low", "high"):
+        del columns[f"peak_median_{end}"]
+    few = fi.best_case(dataset({GAP: GAPS[:4], FREQUENCY: [4.0, 5.0]}, columns, starts=3), "peak")
+    assert np.isnan(only(few).low)
+    assert "with starts = 3 there is no interval" in str(few)
+
+
+def test_limits_hold_for_the_largest_start_of_the_worst_case():
+    columns = {"peak": resonance(GAPS[:, None], FREQUENCIES[None, :])}
+    columns["peak_force"] = np.repeat(np.array([[9.0], [9.0], [40.0], [10.0], [9.0], [9.0]]), 9, axis=1)
+    columns["peak_force_low"] = columns["peak_force"] - 5.0
+    columns["peak_force_high"] = columns["peak_force"] + 10.0
+    given = dataset({GAP: GAPS, FREQUENCY: FREQUENCIES}, columns, starts=3)
+
+    def gap(most):
+        return only(fi.best_case(given, "peak", limits={"peak_force": most})).values[GAP]
+
+    assert (gap(50.0), gap(49.9), gap(19.0)) == (3e-3, 2e-3, 2e-3)
+    assert only(fi.best_case(given, "peak", limits={"peak_force": 60.0})).limited == {"peak_force": 50.0}
+    with pytest.raises(fi.InputError, match="no design keeps the limits: peak_force is 19000 mm at least"):
+        fi.best_case(given, "peak", limits={"peak_force": 18.0})
+
+
+def test_a_symmetric_problem_has_the_same_margin_on_both_sides_and_no_cliff():
+    gaps = np.linspace(1e-3, 5e-3, 41)
+    given = dataset({GAP: gaps}, {"peak": 1.0 + np.abs(gaps - 3e-3) / 1e-3})
+    (margin,) = only(fi.best_case(given, "peak")).margins
+    # 15 % of 1 at a slope of 1 in a millimetre; rounding of the gaps
+    assert (margin.below, margin.above) == pytest.approx((0.15e-3, 0.15e-3), rel=1e-9)
+    assert (margin.below_found, margin.above_found, margin.cliff, margin.bound) == (True, True, "", "")
+
+
+def test_the_steep_side_is_the_cliff_and_a_mirror_turns_it():
+    gaps = np.array([2.0, 2.5, 3.0, 3.5, 4.0])
+    peak = np.array([6.0, 4.4, 2.7, 3.2, 3.4])
+    (margin,) = only(fi.best_case(dataset({RESTITUTION: gaps}, {"peak": peak}), "peak")).margins
+    assert margin.below == pytest.approx(0.5 * 0.15 * 2.7 / 1.7, rel=1e-12)
+    assert margin.above == pytest.approx(0.5 * 0.15 * 2.7 / 0.5, rel=1e-12)
+    assert margin.cliff == "below"
+    (turned,) = only(fi.best_case(dataset({RESTITUTION: -gaps}, {"peak": peak}), "peak")).margins
+    assert (turned.below, turned.above, turned.cliff) == (margin.above, margin.below, "above")
+
+
+def test_a_best_at_the_end_of_an_axis_says_so_and_what_was_not_run_is_no_margin():
+    given = dataset({GAP: GAPS}, {"peak": 1.0 + 0.01 * np.arange(6.0)})
+    found = fi.best_case(given, "peak")
+    (margin,) = only(found).margins
+    assert (margin.below, margin.below_found, margin.bound) == (0.0, False, "lowest")
+    assert (margin.above, margin.above_found) == (pytest.approx(5e-3), False)
+    assert "less was not run, at least 5 mm more; it is the lowest value of the axis" in str(found)
+
+
+def test_a_margin_ends_before_a_failed_case_and_where_a_limit_is_passed():
+    failed = np.array([0, 0, 0, 0, 1, 0])
+    columns = {"peak": np.array([1.01, 1.01, 1.0, 1.01, 1.01, 9.0]), "rms": np.array([5.0, 3.0, 1.0, 1.0, 1.0, 1.0])}
+    given = dataset({RESTITUTION: np.arange(6.0)}, columns, failed=failed)
+    (margin,) = only(fi.best_case(given, "peak", limits={"rms": 2.0})).margins
+    assert (margin.above, margin.above_found) == (1.0, False)
+    assert (margin.below, margin.below_found) == (0.5, True)
+
+
+# ---- what is refused ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"measure": "peek"}, "measure = 'peek': is no number of the study: unknown; did you mean 'peak'"),
+        ({"measure": 3}, "measure = 'int': must be the name of a measure"),
+        ({"measure": "damping"}, "does not say whether small or large values are better: take one of peak, peak_force"),
+        ({"worst_over": ["base.frequenzy"]}, "worst_over = 'base.frequenzy': is no axis of the study"),
+        ({"worst_over": FREQUENCY}, "worst_over = 'base.frequency': must be a list of paths of axes"),
+        ({"worst_over": [FREQUENCY, GAP]}, "leaves no axis to choose on"),
+        ({"limits": {"force": 1.0}}, "limits = 'force': is no number of the study"),
+        ({"limits": {"peak": "low"}}, "limits.peak = 'low'"),
+        ({"limits": 3.0}, "limits = 3.0: must be numbers by the names of measures"),
+        ({"limits": {"peak_force": 1.0}}, r"peak_force: .* without a contact time \(ball: rigid\)"),
+        ({"dataset": 3}, "dataset = 'int': must be what parameter_study returns"),
+        ({"dataset": xarray.Dataset()}, "must be what parameter_study returns"),
+    ],
+)  # fmt: skip
+def test_bad_input_is_one_line(arguments, words):
+    given = grid()
+    given["damping"] = given["peak"].assign_attrs(better="")
+    given["peak_force"] = given["peak"] * np.nan
+    given["peak_force"].attrs["better"] = "small"
+    given.attrs["contact_laws"] = "ball: rigid"
+    with pytest.raises(fi.InputError, match=words) as caught:
+        fi.best_case(**{"dataset": given, "measure": "peak", **arguments})
+    assert "\n" not in str(caught.value)
+
+
+def test_a_study_in_which_nothing_can_be_chosen_is_one_line():
+    given = grid()
+    for one in (given.isel({GAP: [2], FREQUENCY: [4]}), given.isel({GAP: [2]})):
+        with pytest.raises(fi.InputError, match=r"one (case|design).*nothing to choose between"):
+            fi.best_case(one, "peak")
+    with pytest.raises(fi.InputError, match=r"leaves no axis to choose on: base.frequency"):
+        fi.best_case(given.isel({GAP: 2}), "peak")
+    failed = grid(failed=np.ones((6, 9), dtype=bool))
+    failed["peak"][...] = np.nan
+    with pytest.raises(fi.InputError, match="peak: has no value: all 54 cases have failed, the first: diverged"):
+        fi.best_case(failed, "peak")
+
+
+def test_a_sample_in_which_no_cases_agree_is_refused_with_what_to_do():
+    rng = np.random.default_rng(0)
+    given = dataset(
+        {GAP: rng.random(16), FREQUENCY: rng.random(16), LEVEL: np.ones(16)}, {"peak": rng.random(16)}, grid=False
+    )
+    with pytest.raises(fi.InputError, match=r"no two cases that agree in all axes but base.frequency: study a grid"):
+        fi.best_case(given, "peak")
+    with pytest.raises(fi.InputError, match=r"no two designs that agree in base.frequency"):
+        fi.best_case(given, "peak", [])
+    without = given.drop_vars(FREQUENCY)
+    assert only(fi.best_case(without, "peak")).value == float(given["peak"].min())
+
+
+# ---- of a real study ---------------------------------------------------------------------------------
+
+
+@pytest.mark.impacts
+def test_a_measure_says_what_is_better_and_a_limit_without_a_value_names_the_law():
+    paper = paper_study()
+    structure = with_ball(paper.structure, contact=fi.Rigid(0.6))
+    system = fi.reduce(fi.assemble(structure, elements=6), modes=2)
+    axes = {GAP: [1e-3, 3e-3, 9e-3], FREQUENCY: [4.9, 5.0, 5.1]}
+    measures = ["peak", "damping", "peak_force", "tip.velocity"]
+    found = fi.parameter_study(system, axes, measures, excitation=fi.Sine(0.2e-3, 5.0), starts=5, cycles=30)
+    better = {name: found[name].attrs.get("better", "") for name in measures}
+    assert better == {"peak": "small", "damping": "", "peak_force": "small", "tip.velocity": "small"}
+    best = only(fi.best_case(found, "peak"))
+    worst = found["peak"].max(FREQUENCY)
+    assert best.value == float(worst.min())
+    assert best.values[GAP] == float(worst[GAP][int(worst.to_numpy().argmin())])
+    assert best.low <= best.value <= best.high
+    with pytest.raises(fi.InputError, match=r"peak_force: has no value.*ball: rigid"):
+        fi.best_case(found, "peak", limits={"peak_force": 50.0})
+
+
+STUDIED = """
+[study]
+measures = ["peak", "rms", "impacts_per_cycle"]
+starts = 5
+cycles = 9
+[study.axes]
+"impactor.ball.gap" = [0.001, 0.003, 0.009]
+"base.frequency" = [4.9, 5.3]
+"""
+BEST = '[study.best]\nmeasure = "rms"\nworst_over = ["base.frequency"]\nlimits = { peak = 1.0 }\n'
+
+
+def study(table=""):
+    """The paper's case on two modes, event-driven, with a parameter study."""
+    text = paper_study_text().replace('name = "newmark"', 'name = "event-driven"') + STUDIED + table
+    given = read_study(text, Path("study.toml"))
+    smaller = replace(given, mesh=replace(given.mesh, elements=6), reduction=replace(given.reduction, modes=2))
+    return replace(smaller, output=replace(given.output, figures=False), text="")
+
+
+@pytest.mark.impacts
+def test_command_report_and_study_file_say_the_same_and_another_table_resumes_the_study(tmp_path):
+    first = write_parameter_study(study(), tmp_path)
+    blocks = {path.name: path.read_bytes() for path in (tmp_path / "blocks").glob("*.block")}
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "Smallest worst peak" in page
+    # what the words of the cells hide: the smallest of all cells is another value
+    best = only(fi.best_case(first, "peak"))
+    shown = study_conclusions(first, best_cases(first, None)[0])[0]
+    assert float(shown.value) == pytest.approx(1e3 * best.value, rel=1e-3)  # of four digits
+    assert any(line.startswith("  smallest worst peak") for line in summary_lines(first, tmp_path))
+    # a measure that does not say what is better keeps both ends
+    assert any("impacts_per_cycle" in line and "smallest at" in line for line in summary_lines(first, tmp_path))
+    assert "Smallest impacts per cycle" in page
+    again = study(BEST)
+    second = write_parameter_study(again, tmp_path)
+    assert {path.name: path.read_bytes() for path in (tmp_path / "blocks").glob("*.block")} == blocks
+    np.testing.assert_array_equal(second["peak"], first["peak"])
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert page.index("Smallest worst rms") < page.index("Smallest worst peak")
+    lines = summary_lines(second, tmp_path, again.plan.best)
+    assert any("limit 1000 mm" in line for line in lines)
+
+
+def test_a_table_of_the_best_goes_round_and_is_checked_before_the_first_case():
+    given = study(BEST.replace("peak = 1.0", '"peak" = 1.0'))
+    assert read_study(study_text(given), Path("study.toml")).plan == given.plan
+    assert plan_lines(given) == plan_lines(study())
+    dotted = study('[study.best]\nmeasure = "peak"\n[study.best.limits]\ntip.velocity = 1.0\n')
+    assert dotted.plan.best.limits == {"tip.velocity": 1.0}
+    with pytest.raises(fi.InputError, match=r"study.best.limits = 'tip.velocity': is no number of the study"):
+        plan_lines(dotted)
+
+
+@pytest.mark.parametrize(
+    ("table", "words"),
+    [
+        ('measure = "peek"', r"study.best.measure = 'peek'.*did you mean 'peak'"),
+        ("", "study.best.measure: is missing"),
+        ('measure = "peak"\nworst = ["base.frequency"]', r"study.best.worst: unknown; did you mean 'worst_over'"),
+        ('measure = "peak"\nworst_over = ["gap"]', r"study.best.worst_over = 'gap': is no axis of the study"),
+        ('measure = "peak"\nworst_over = "gap"', r"study.best.worst_over = 'gap': must be texts"),
+        ('measure = "peak"\nlimits = { peak = "low" }', r"study.best.limits.peak = 'low'"),
+        ('measure = "peak"\nlimits = 3.0', r"study.best.limits = 3.0: must be numbers"),
+        (
+            'measure = "impacts_per_cycle"',
+            "does not say whether small or large values are better: take one of peak, rms",
+        ),
+    ],
+)
+def test_a_wrong_table_of_the_best_is_named_by_its_key(table, words):
+    with pytest.raises(fi.InputError, match=words) as caught:
+        plan_lines(study(f"[study.best]\n{table}\n"))
+    assert "\n" not in str(caught.value)
