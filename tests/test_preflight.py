@@ -94,6 +94,18 @@ def test_a_ball_moves_where_its_gap_is_below_the_named_displacement(drive: objec
         assert (run.impacts.time.size > 0) is moves
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_the_nearer_of_two_walls_decides(sign: float) -> None:
+    # half a cycle of 2 mm to one side on a stiff support: the ball at rest nears the wall on the other side of the box
+    ball = fi.Impactor("ball", "mass", 1e-3, (3e-3, 1e-3), fi.Rigid(0.6))
+    system = oscillator((2.0 * np.pi * 50.0) ** 2, 2.0 * np.pi * 50.0, impactors=[ball])
+    drive = fi.Sine(2e-3, 1.0, phase=0.0 if sign > 0.0 else np.pi)
+    found = row(fi.preflight(system, drive, duration=0.5, initial=SPACE), "beside its gap")
+    # x = y - b u goes to - where the base goes to +, and 1 mm is there
+    assert found.limit == (1e-3 if sign > 0.0 else 3e-3)
+    assert found.passed is (sign < 0.0)
+
+
 def test_only_a_start_at_rest_in_space_has_a_row_of_the_ball() -> None:
     system, drive = reduced(REFERENCE, 3), fi.Sine(1e-6, 5.3)
     assert "beside its gap" in words(fi.preflight(system, drive, duration=10.0, initial=SPACE))

@@ -29,7 +29,7 @@ from femimpact.excitation import Chirp, Excitation, RandomBase, Sine, SteppedSin
 from femimpact.excitation.excitation import BrokenLine, has_cycle
 from femimpact.excitation.piecewise_polynomial import PiecewisePolynomial
 from femimpact.excitation.remarks import drive_above_modes, drive_warnings, frequency_warnings, is_pulse
-from femimpact.identification import peak_resolution, resolution_warnings
+from femimpact.identification import resolution_warnings
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.methods import Method, require_method
 from femimpact.integrators.runs import integrate
@@ -39,7 +39,7 @@ from femimpact.structure.damping import ModalDamping
 from femimpact.structure.structure import Structure
 from femimpact.study.prepared import lines_of_plan, prepare, refined_grid
 from femimpact.study.study import Study, build
-from femimpact.sweep.curve import TRANSIENT_LEFT
+from femimpact.sweep.curve import TRANSIENT_LEFT, grid_resolution, transient_left
 from femimpact.system.modes import Modes, first_elastic_frequency, first_resonance, solve_modes
 from femimpact.system.reduction import reduce
 from femimpact.system.state import State
@@ -485,6 +485,8 @@ def _of_linear_run(
     free = [pair for pair in system.balls if pair.free_stiffness == 0.0 and pair.acceleration == 0.0]
     at_rest_in_space = initial.is_at_rest and initial.frame == "space"
     names = [f"{pair.name}.gap" for pair in free] if at_rest_in_space else []
+    if any(pair.gaps[0] != pair.gaps[1] for pair in free):
+        record = replace(record, channels=tuple(names))
     try:
         run = integrate(bare, excitation, method, duration, record, initial)
         found = run.largest_of((system.default_place, *names))
@@ -493,18 +495,23 @@ def _of_linear_run(
     if system.length > 0.0:
         yield _deflection(system, abs(found[0].value), "")
     for pair, largest in zip(free if names else (), found[1:], strict=True):
-        # the ball at rest moves towards the + wall of its box where the box moves to the - side
-        gap = min(pair.gaps)
-        instead = f"{pair.name} never meets a wall: take a gap below {abs(largest.value):.3g} m or a larger drive"
-        what = f"largest absolute displacement of the place of {pair.name} beside its gap"
-        yield _row(what, abs(largest.value), "m", gap, instead, at_least=True)
+        moved, gap = abs(largest.value), pair.gaps[0]
+        if pair.gaps[0] != pair.gaps[1]:
+            # to the + and to the - wall, as it was read
+            values = run.channels[f"{pair.name}.gap"]
+            sides = zip((values.max(), -values.min()), pair.gaps, strict=True)
+            moved, gap = max(sides, key=lambda side: side[0] / side[1])
+        instead = f"{pair.name} never meets a wall: take a gap below {moved:.3g} m or a larger drive"
+        yield _row(
+            f"largest absolute displacement of the place of {pair.name} beside its gap", moved, "m", gap, instead,
+            at_least=True,
+        )  # fmt: skip
 
 
 def _transient(system: System, begin: float, key: str) -> Iterator[PreflightRow]:
     """Share of the first mode's transient that is left at a time (s) at which measuring begins."""
-    first, ratio = first_resonance(without_impactors(system))
+    first, ratio, left = transient_left(system, begin)
     decay = 2.0 * math.pi * first * ratio
-    left = math.exp(-decay * begin)
     if decay > 0.0:
         needed = _rounded_up(-math.log(TRANSIENT_LEFT) / decay)
         instead = f"begin to measure after {needed:g} s or later, of {key}"
@@ -522,9 +529,8 @@ def _of_grid(system: System, f: Array, cycles: int | None, excitation: Excitatio
     inside = int(np.count_nonzero((natural >= f[0]) & (natural <= f[-1])))
     instead = f"the sweep has no resonance: the first natural frequency is {natural.min(initial=math.inf):.4g} Hz"
     yield _row("natural frequencies within the sweep", inside, "1", 1, instead, at_least=True)
-    near, ratio = first_resonance(bare)
-    if f.size > 1 and f[0] < near < f[-1] and ratio > 0.0:
-        grid = peak_resolution(f, near, 2.0 * ratio * near)
+    grid = grid_resolution(bare, f)
+    if grid is not None:
         instead = "; ".join(resolution_warnings(grid))
         yield _row(f"frequency step at {grid.frequency:.4g} Hz", grid.step, "Hz", grid.step_needed, instead)
     what, value, unit, limit = drive_above_modes(Sine(1.0, float(f[-1])), bare.highest_kept, bare.first_left_out)

@@ -26,7 +26,14 @@ from femimpact.errors import (
 )
 from femimpact.excitation import Sine
 from femimpact.excitation.remarks import frequency_warnings, motion_warnings
-from femimpact.identification import DampingEstimate, fit_one_pole, half_power, peak_resolution, resolution_warnings
+from femimpact.identification import (
+    DampingEstimate,
+    PeakResolution,
+    fit_one_pole,
+    half_power,
+    peak_resolution,
+    resolution_warnings,
+)
 from femimpact.integrators.cases import SineCases, SineDwellResults
 from femimpact.integrators.methods import Method
 from femimpact.response.energy import residual_warnings
@@ -38,7 +45,7 @@ from femimpact.svg import Chart, Line, axis_of
 from femimpact.sweep.dwells import DwellRun
 from femimpact.system.modes import first_elastic_frequency, first_resonance
 from femimpact.system.state import State
-from femimpact.system.system import System
+from femimpact.system.system import System, without_impactors
 from femimpact.table import Head, flat_columns, frame_of, head_of_columns, named_column, short_repr
 
 if TYPE_CHECKING:
@@ -401,15 +408,10 @@ def _steadiness_warnings(f: Array, steadiness: NDArray[np.str_]) -> list[str]:
 
 def _dwell_warnings(system: System, cases: SineCases) -> list[str]:
     """A warning where much of the first mode's transient is left when measuring begins."""
-    if system.rayleigh is None:
+    if system.rayleigh is None or first_elastic_frequency(system) == 0.0:
         return []
-    first = first_elastic_frequency(system)
-    if first == 0.0:
-        return []
-    omega = 2.0 * math.pi * first
-    ratio = float(realised_damping_ratio(*system.rayleigh, omega))
     begin = float(((cases.cycles - cases.measured) / cases.frequency).min())
-    left = math.exp(-ratio * omega * begin)
+    first, ratio, left = transient_left(system, begin)
     if left <= TRANSIENT_LEFT:
         return []
     return [
@@ -419,15 +421,30 @@ def _dwell_warnings(system: System, cases: SineCases) -> list[str]:
     ]
 
 
+def transient_left(system: System, begin: float) -> tuple[float, float, float]:
+    """First natural frequency (Hz), its damping ratio, and the share exp(-ratio omega t) of its transient left at t."""
+    first = first_elastic_frequency(system)
+    omega = 2.0 * math.pi * first
+    if system.rayleigh is None or first == 0.0:
+        first, ratio = first_resonance(without_impactors(system))
+        omega = 2.0 * math.pi * first
+    else:
+        ratio = float(realised_damping_ratio(*system.rayleigh, omega))
+    return first, ratio, math.exp(-ratio * omega * begin)
+
+
 def _grid_warnings(system: System, f: Array) -> list[str]:
     """A warning where the grid is too coarse for the first resonance of a structure without contacts."""
-    if system.contacts or np.unique(f).size < 2:
-        return []
+    found = None if system.contacts else grid_resolution(system, f)
+    return [] if found is None else list(resolution_warnings(found))
+
+
+def grid_resolution(system: System, f: Array) -> PeakResolution | None:
+    """Resolution of the first resonance by frequencies (Hz); None where it is not among them or has no width."""
     near, ratio = first_resonance(system)
-    width = 2.0 * ratio * near
-    if not f.min() < near < f.max() or width == 0.0:
-        return []
-    return list(resolution_warnings(peak_resolution(np.unique(f), near, width)))
+    if np.unique(f).size < 2 or not f.min() < near < f.max() or ratio == 0.0:
+        return None
+    return peak_resolution(np.unique(f), near, 2.0 * ratio * near)
 
 
 def _read_only(array: NDArray[Any]) -> NDArray[Any]:
