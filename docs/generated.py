@@ -268,6 +268,7 @@ KEYWORDS = {
     "theory/identification": ("logarithmic decrement", "damping from a measurement", "quality factor"),
     "howto/restitution_values": ("coefficient of restitution", "contact duration", "drop test"),
     "howto/installation": ("windows", "macos", "pip error", "no-build-isolation"),
+    "howto/before_the_test": ("sweep rate", "swept sine", "test plan", "shaker limits"),
     "howto/measured_base": ("accelerometer", "shaker record", "sine sweep"),
     "howto/root_stress": ("fatigue", "strain gauge", "rainflow"),
 }
@@ -300,7 +301,7 @@ def script_path(_gallery: Any, script: str) -> None:
 
 EXAMPLES = {
     "Ball dampers": (
-        "damped_resonance", "best_ball_mass", "clearance_restitution_map", "gap_and_tolerance", "two_balls",
+        "damped_resonance", "best_ball_mass", "design_map", "clearance_restitution_map", "gap_and_tolerance", "two_balls",
         "two_starts",
     ),
     "Energy and stress": ("energy_ledger", "root_stress"),

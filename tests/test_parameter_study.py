@@ -862,7 +862,7 @@ def test_maps_of_three_axes_name_the_marks_that_they_have():
     assert not unsure_cells(found, "m").any()
     axes = fi.figures.study_maps(found, "m", figure=fi.figures.OffScreen())
     assert all(len(one.patches) for one in axes.ravel())
-    assert "corner marked: the starts differ" in axes[0, 0].figure.get_suptitle()
+    assert "corner marked: starts differ" in axes[0, 0].figure.get_suptitle()
 
 
 @pytest.mark.parametrize("starts", [1, 5])

@@ -18,7 +18,7 @@ from typing import Any
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
 PAGES = ("measured_base", "own_mesh", "root_stress", "start", "two_balls")
-EXAMPLES = ("gap_and_tolerance",)
+EXAMPLES = ("design_map", "gap_and_tolerance")
 """Whose pictures pages show."""
 MESHES = {f"beam_{n}.msh": ROOT / "meshes" / f"graded_{n}.msh" for n in (6, 12, 24, 48)}
 """What gmsh makes of the geometry on the page on meshes."""
@@ -58,13 +58,12 @@ def main(names: tuple[str, ...] = (*PAGES, *EXAMPLES), folder: Path = HERE) -> l
     matplotlib.use("agg")
     made = []
     for name in names:
-        page = page_of(name)
         with tempfile.TemporaryDirectory() as directory, contextlib.chdir(directory):
             if name in EXAMPLES:
                 runpy.run_path(str(ROOT / "examples" / f"{name}.py"), run_name="__main__")
             else:
-                prepare(page, Path(directory))
-                ran(page)
+                prepare(page_of(name), Path(directory))
+                ran(page_of(name))
             for picture in sorted(Path(directory).glob("*.png")):
                 made.append(folder / picture.name)
                 with Image.open(picture) as whole:

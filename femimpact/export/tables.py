@@ -152,7 +152,7 @@ def unsure_cells(dataset: xarray.Dataset, measure: str) -> NDArray[np.bool_]:
     return np.asarray(width > largest)
 
 
-UNSURE = "the starts differ by more than the neighbouring cells do (90 % interval of the median)"
+UNSURE = "starts differ by more than neighbouring cells do"
 """Meaning of the mark in the corner of a cell of `unsure_cells`."""
 
 LOGARITHMIC = 10.0

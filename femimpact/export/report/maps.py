@@ -57,7 +57,7 @@ CORNER = 0.3
 DOTS = (("#000000", "7px"), ("#ffffff", "4px"))
 """Colours and widths of the dot in a cell, drawn one over the other: one is visible on any colour."""
 
-MARKED = f"A mark in the corner of a cell: {UNSURE}."
+MARKED = f"A mark in the corner of a cell: {UNSURE} (90 % interval of the median)."
 
 MOTIONS = "A dot in a cell: its motion does not repeat, the value is one sample, and another start has another."
 
