@@ -132,7 +132,7 @@ def study_map(
     image = _cells(axis, dataset, measure, factor, _colours(norm, factor * values))
     starts = int(dataset.attrs.get("starts", 1))
     words = dataset[measure].attrs.get("long_name", measure)
-    bar: Any = axis.figure.colorbar(image, ax=axis)
+    bar: Any = axis.figure.colorbar(image, ax=axis, format="%g")
     bar.set_label(_label(words, unit, starts))
     axis.set_title(title, loc="left")
     _map_legend(axis, dataset, measure)
@@ -188,7 +188,7 @@ def study_maps(
                 axes[i, j].set_xlabel("")
             if j:
                 axes[i, j].set_ylabel("")
-    bar = axes[0, 0].figure.colorbar(image, ax=axes)
+    bar = axes[0, 0].figure.colorbar(image, ax=axes, format="%g")
     bar.set_label(_label(dataset[measure].attrs.get("long_name", measure), unit, int(dataset.attrs.get("starts", 1))))
     told = [f"at {', '.join(_told(dataset, name, index) for name, index in middle.items())}"] if middle else []
     # of what is drawn: a map has fewer neighbours than the dataset
