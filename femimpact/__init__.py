@@ -109,6 +109,7 @@ if TYPE_CHECKING:
     from femimpact.structure.beam import Segment as Segment
     from femimpact.structure.damping import ModalDamping as ModalDamping
     from femimpact.structure.damping import Rayleigh as Rayleigh
+    from femimpact.structure.structure import Absorber as Absorber
     from femimpact.structure.structure import Dashpot as Dashpot
     from femimpact.structure.structure import Impactor as Impactor
     from femimpact.structure.structure import PointMass as PointMass
@@ -274,6 +275,7 @@ _MODULES = {
         "Rayleigh",
     ),
     "structure.structure": (
+        "Absorber",
         "Dashpot",
         "Impactor",
         "PointMass",

@@ -32,7 +32,7 @@ from femimpact.errors import (
 )
 from femimpact.fem.mesh import SAME_PLACE, Mesh, uniform_mesh
 from femimpact.structure.beam import Beam, Segment
-from femimpact.structure.structure import SUPPORTS, Impactor, Position, Stop, Structure, Support
+from femimpact.structure.structure import SUPPORTS, Absorber, Impactor, Position, Stop, Structure, Support
 from femimpact.system.hermite import SectionFields, shape_functions
 
 OFF_MESH = 1e-6
@@ -208,9 +208,9 @@ def _basis(nodes: bytes, degree: int) -> Any:
     return Basis(MeshLine(np.frombuffer(nodes)), ElementLineHermiteReference(), intorder=degree)
 
 
-def kind_of(item: Impactor | Stop) -> str:
-    """The key of a ball or a stop in messages and study files."""
-    return "stop" if isinstance(item, Stop) else "impactor"
+def kind_of(item: Impactor | Absorber | Stop) -> str:
+    """The key of a ball, an absorber or a stop in messages and study files."""
+    return {Stop: "stop", Absorber: "absorber"}.get(type(item), "impactor")
 
 
 def _sections(beam: Beam, mesh: Mesh) -> SectionFields:
@@ -324,7 +324,7 @@ def _held_dofs(structure: Structure, mesh: Mesh) -> list[int]:
 
 
 def _check_names(structure: Structure, mesh: Mesh) -> None:
-    pairs: tuple[Impactor | Stop, ...] = (*structure.impactors, *structure.stops)
+    pairs: tuple[Impactor | Absorber | Stop, ...] = (*structure.impactors, *structure.absorbers, *structure.stops)
     for item in pairs:
         free = item.name not in mesh.points
         require(free, f"{kind_of(item)}.{item.name}.name", item.name, "", "must not be the name of a point of the mesh")

@@ -157,7 +157,7 @@ class ChannelRows:
     ball_displacement: Array  # (R, B) of y and y'; zero for stops
     ball_velocity: Array  # (R, B)
     contact_force: Array  # (R, B) of the forces of contact on the structure along b_j
-    pair_force: Array  # (R, B) of the same with those of centring springs; zero where the time loop holds these apart
+    pair_force: Array  # (R, B) of the same with those of springs and dashpots; zero where the time loop holds these apart
     base: Array  # (R, 3) of ub, ub' and ub''
     drive: Array  # (R,) of s(t)
     constant: Array  # (R,)
@@ -179,7 +179,7 @@ def channel_rows(
     drive: Drive,
     channels: tuple[Channel, ...],
     *,
-    # whether the time loop holds no forces of pairs with those of their centring springs, k0 x_j, in them
+    # whether the time loop holds no forces of pairs with those of their centring springs and dashpots in them
     springs_apart: bool,
 ) -> ChannelRows:
     """Rows of channels; the accelerations are M^-1 (load s + constant load - C u' - K u + sum_j b_j F_j) and so on."""
@@ -233,14 +233,17 @@ def _free_of_reactions(system: System, drive: Drive, reading: Reading) -> Readin
     for i in numbers:
         item, weight = items[i], reading.reaction[i]
         contact = weight * system.contact_shares[i]
-        springs = contact * [pair.free_stiffness for pair in system.contacts]
-        own = [spring * pair.direction for spring, pair in zip(springs, system.contacts, strict=True)]
+        springs, dashpots = (
+            contact * [getattr(pair, name) for pair in system.contacts] for name in ("free_stiffness", "free_damping")
+        )
+        directions = np.array([pair.direction for pair in system.contacts]).reshape(-1, system.dofs)
         reading = replace(
             reading,
-            displacement=reading.displacement + weight * item.on_displacement + np.sum(own, axis=0),
-            velocity=reading.velocity + weight * item.on_velocity,
+            displacement=reading.displacement + weight * item.on_displacement + np.sum(springs[:, None] * directions, axis=0),
+            velocity=reading.velocity + weight * item.on_velocity + np.sum(dashpots[:, None] * directions, axis=0),
             acceleration=reading.acceleration + weight * item.on_acceleration,
             ball_displacement=reading.ball_displacement - springs,
+            ball_velocity=reading.ball_velocity - dashpots,
             base=reading.base + np.array([0.0, 0.0, weight * item.on_base_acceleration]),
             contact_force=reading.contact_force - contact,
             point_force=reading.point_force - weight * applied[i],
@@ -277,5 +280,8 @@ def _row(
             spring = pair.free_stiffness * whole[j]
             y[j] += spring
             displacement -= spring * pair.direction
+            dashpot = pair.free_damping * whole[j]
+            y_rate[j] += dashpot
+            velocity -= dashpot * pair.direction
     contact, pairs = (reading.contact_force + whole, 0.0 * whole) if springs_apart else (reading.contact_force, whole)
     return displacement, velocity, y, y_rate, contact, pairs, reading.base, driven, constant

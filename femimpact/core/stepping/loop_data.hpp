@@ -56,7 +56,8 @@ enum : Index {
     RESTITUTION,
     FREE_STIFFNESS,
     ACCELERATION,
-    SHARE
+    SHARE,
+    FREE_DAMPING
 };
 // Rows of Motion.touch; BUSY: the pair must be looked at in every step.
 enum : Index { BUSY, OPEN, SIDE, START, APPROACH, IMPULSE, PEAK, DURATION, LOSS, NORMAL, DISSIPATIVE, REBOUND };
@@ -140,7 +141,7 @@ struct Pairs {
     ARRAY(row, "P", GivenIndices);
     ARRAY(kind, "P", GivenIndices);
     ARRAY(address, "P", GivenIndices); // of a custom law's function
-    ARRAY(constants, "9+2 P C", GivenBlock);
+    ARRAY(constants, "9+3 P C", GivenBlock);
     ARRAY(obstacles, "o", GivenIndices); // stops fixed in space, their pairs, where the base moves; else none
     // of each custom law: depth, rate and approach speed of its first force that is no number
     ARRAY(refused, "P 3", Matrix);

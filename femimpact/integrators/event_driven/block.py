@@ -295,13 +295,14 @@ def _new_ledger(system: System, whole: Equations, count: int, everywhere: bool) 
 
 
 def _of_equations(system: System, whole: Equations) -> dict[str, Any]:
-    """What the ledger needs of the equations; without the springs of balls, which it has for itself."""
+    """What the ledger needs of the equations; without the springs and dashpots of balls, which it has for itself."""
     n, d = system.dofs, whole.M.shape[0]
     damping, stiffness = np.zeros(d), np.zeros(d)
     damping[:n], stiffness[:n] = system.C.diagonal(), system.K.diagonal()
     return {
         "mass": whole.M.diagonal().copy(), "damping": damping, "stiffness": stiffness, "load": whole.drive,
         "given": whole.given, "free_stiffness": np.array([pair.free_stiffness for pair in system.contacts]),
+        "free_damping": np.array([pair.free_damping for pair in system.contacts]),
     }  # fmt: skip
 
 
