@@ -44,10 +44,11 @@ class Place:
 
 PARTS = {
     "mass": "masses", "impactor": "impactors", "stop": "stops", "spring": "springs", "dashpot": "dashpots",
+    "absorber": "absorbers",
 }  # fmt: skip
 """Tables of a study file, and the fields of `Structure` that they become."""
 
-OF_BALL = ("mass", "free_stiffness", "acceleration")
+OF_BALL = ("mass", "free_stiffness", "acceleration", "free_damping")
 """Numbers of a ball in a system; its acceleration there is the whole, with gravity."""
 
 BASE = {"frequency": "Hz", "amplitude": "m", "phase": "rad", "start": ""}
@@ -95,7 +96,8 @@ def _places(study: Study) -> Iterator[Place]:
     if study.reduction is not None:
         yield from _fields_of(study.reduction, "reduction", "", Stage.MODES)
     yield from _fields_of(METHODS[study.method.get("name", "newmark")], "method", "", Stage.METHOD)
-    yield from _excitation_and_start([ball.name for ball in structure.impactors], _units_of_base(study.base))
+    moving = [item.name for item in (*structure.impactors, *structure.absorbers)]
+    yield from _excitation_and_start(moving, _units_of_base(study.base))
 
 
 def _units_of_base(base: Any) -> Mapping[str, str]:
@@ -117,9 +119,10 @@ def _units_of_base(base: Any) -> Mapping[str, str]:
 def _places_of_system(system: System) -> Iterator[Place]:
     for pair in system.contacts:
         owner = "stop" if pair.is_stop else "impactor"
-        yield _place(owner, pair.name, "gap", "m", Stage.CASE)
+        if pair.has_walls:
+            yield _place(owner, pair.name, "gap", "m", Stage.CASE)
         if not pair.is_stop:
-            units = {"mass": "kg", "free_stiffness": "N/m", "acceleration": "m/s^2"}
+            units = {"mass": "kg", "free_stiffness": "N/m", "acceleration": "m/s^2", "free_damping": "N s/m"}
             for name in OF_BALL:
                 yield _place(owner, pair.name, name, units[name], Stage.BALL)
         yield from _law_of(owner, pair.name, pair.law)
@@ -249,8 +252,11 @@ def scaled_starts(
     gaps: Array,  # (cases, balls, 2) m: to the + and to the - side
     speed: Array,  # (cases,) m/s: amplitude times angular frequency of the base
 ) -> tuple[Array, Array]:  # (cases, starts, balls) m and m/s
-    """Places of balls, uniform in their gaps, and speeds, uniform within +- a speed, relative to the structure."""
-    plus, minus = gaps[:, None, :, 0], gaps[:, None, :, 1]
+    """Places of balls, uniform in their gaps, and speeds, uniform within +- a speed, relative to the structure.
+
+    The body of an absorber, without walls, is in the middle.
+    """
+    plus, minus = np.moveaxis(np.where(np.isfinite(gaps), gaps, 0.0)[:, None], -1, 0)
     displacement = -minus + (plus + minus) * draws[None, :, :, 0]
     return displacement, speed[:, None, None] * (2.0 * draws[None, :, :, 1] - 1.0)
 

@@ -20,7 +20,7 @@ from femimpact.integrators.methods import METHODS
 from femimpact.regular_file import read_regular
 from femimpact.structure.beam import Beam, Segment
 from femimpact.structure.damping import ModalDamping, Rayleigh
-from femimpact.structure.structure import Dashpot, Impactor, PointMass, Spring, Stop, Structure, Support
+from femimpact.structure.structure import Absorber, Dashpot, Impactor, PointMass, Spring, Stop, Structure, Support
 from femimpact.study.base_motion import OWN, SIGNALS, RecordedMotion, SignalMotion, record_beside
 from femimpact.study.parameter_plan import DISTRIBUTIONS, AxisValues, Distribution, ParameterPlan, SamplePlan, axis_from
 from femimpact.study.study import BaseMotion, Gravity, MeshChoice, Output, Reduction, Study, SweepPlan
@@ -128,7 +128,7 @@ def _from_tables(data: Mapping[str, Any], path: Path, text: str) -> Study:
         # with what is sound of the rest, so that faults between tables are found in the same pass
         parts = {
             "masses": "mass", "impactors": "impactor", "stops": "stop", "supports": "support", "springs": "spring",
-            "dashpots": "dashpot", "damping": "damping",
+            "dashpots": "dashpot", "absorbers": "absorber", "damping": "damping",
         }  # fmt: skip
         given = {key: made[name] for key, name in parts.items() if made.get(name) is not None}
         if made.get("gravity") is not None:
@@ -361,6 +361,7 @@ TABLES: Mapping[str, _Table] = {
     "support": _Table(partial(_noun, Support), many=True),
     "spring": _Table(partial(_noun, Spring), many=True),
     "dashpot": _Table(partial(_noun, Dashpot), many=True),
+    "absorber": _Table(partial(_noun, Absorber), many=True),
     "damping": _Table(_damping),
     "gravity": _Table(partial(_noun, Gravity)),
     "reduction": _Table(partial(_noun, Reduction)),
@@ -418,7 +419,7 @@ def _lines(study: Study) -> Iterator[str]:
     yield from _table_lines("[mesh]", _given(study.mesh))
     for name, parts in (("mass", structure.masses), ("impactor", structure.impactors), ("stop", structure.stops),
                         ("support", structure.supports), ("spring", structure.springs),
-                        ("dashpot", structure.dashpots)):  # fmt: skip
+                        ("dashpot", structure.dashpots), ("absorber", structure.absorbers)):  # fmt: skip
         for part in parts:
             yield from _table_lines(f"[[{name}]]", _given(part))
     if structure.damping is not None:

@@ -316,12 +316,15 @@ def phase_portrait(
         axis.plot(*points, "o", color=ORANGE, markersize=4.5, linestyle="none", label=label)
     if pair is None:
         title, to = f"{names[0]}, {shown}", "the base"
-    else:
+    elif pair.has_walls:
         _walls(axis, pair, x)
         title, to = f"{pair.name} in its box, {shown}; grey: inside the walls", "the box"
+    else:
+        title, to = f"{pair.name}, {shown}", "the beam"
     axis.set_title(title, loc="left")
     legend_above(axis)
-    axis.set_xlabel(f"{'ball' if pair else names[0]} relative to {to} (mm)")
+    moving = "ball" if pair is not None and pair.has_walls else names[0]
+    axis.set_xlabel(f"{moving} relative to {to} (mm)")
     axis.set_ylabel(f"velocity relative to {to} (mm/s)")
     return axis
 
