@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
+    from femimpact.absorber import tuned_absorber as tuned_absorber
     from femimpact.calibration import RestitutionScan as RestitutionScan
     from femimpact.calibration import scan_restitution as scan_restitution
     from femimpact.contact import ALUMINIUM as ALUMINIUM
@@ -141,6 +142,7 @@ if TYPE_CHECKING:
     from femimpact.versions import show_versions as show_versions
 
 _MODULES = {
+    "absorber": ("tuned_absorber",),
     "calibration": (
         "RestitutionScan",
         "scan_restitution",
