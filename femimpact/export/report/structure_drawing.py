@@ -29,9 +29,14 @@ def structure_words(structure: Structure, contacts: Sequence[Contact]) -> str:
         (absorbers, "absorber", "absorbers"), (stops, "stop", "stops"), (len(structure.springs), "spring", "springs"),
         (len(structure.dashpots), "dashpot", "dashpots"),
     ]  # fmt: skip
-    *first, last = [f"{'a' if n == 1 else n} {one if n == 1 else many}" for n, one, many in counts if n] or [""]
+    *first, last = [f"{_article(one) if n == 1 else n} {one if n == 1 else many}" for n, one, many in counts if n] or [""]
     on_it = f" with {', '.join(first)}{' and ' if first else ''}{last}" if last else ""
     return f"{held} of {millimetres(structure.beam.length)}{on_it}"
+
+
+def _article(noun: str) -> str:
+    """The indefinite article of a noun."""
+    return "an" if noun[0] in "aeiou" else "a"
 
 
 def _at(place: Position) -> str:
