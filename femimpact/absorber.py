@@ -11,24 +11,27 @@ import scipy.sparse.linalg
 from scipy.optimize import minimize
 
 from femimpact.arrays import Array, Complex
-from femimpact.errors import instance, place, quantity, require, takes, text
+from femimpact.errors import LARGEST, instance, place, quantity, require, takes, text
 from femimpact.fem.assembly import assemble
 from femimpact.structure.structure import Absorber, Position, Structure
 from femimpact.system.modes import solve_modes
 from femimpact.system.system import System
 
-BAND = (0.4, 2.0)
+BAND = (0.3, 2.0)
 """Lowest and highest frequency of the search, over that of the first mode."""
 
-POINTS = 600
-"""Frequencies of the search: of curves as broad as those of a tuned absorber, their peaks are met to 1e-5."""
+POINTS = 400
+"""Frequencies of the search around both peaks, and half as many over the band."""
+
+RATIOS = (1e-6, 1.0)
+"""Masses of absorbers that are looked for, over that of the first mode at their place."""
 
 STILL = 1e-9
 """Share of the largest motion of a mode below which a place is at rest in it, but for rounding."""
 
 
 @takes(
-    structure=instance(Structure), mass=quantity("kg", above=0.0), at=place(), name=text(),
+    structure=instance(Structure), mass=quantity("kg", above=0.0, at_most=LARGEST), at=place(), name=text(),
     elements=quantity("1", at_least=1, integer=True),
 )  # fmt: skip
 def tuned_absorber(
@@ -59,7 +62,8 @@ def tuned_absorber(
     Raises
     ------
     InputError
-        If the structure is not held, or the place is at rest in its first mode.
+        If the structure is not held, the place is at rest in its first mode, or the mass is below 1e-6 or above 1 of
+        that of the mode there.
 
     Notes
     -----
@@ -88,17 +92,22 @@ def tuned_absorber(
     moved = abs(float(row @ shape))
     still = moved <= STILL * float(np.linalg.norm(row) * np.linalg.norm(shape))
     require(not still, "at", at, "", "must be a place that moves in mode 1")
+    ratio, (least, most) = mass * moved**2, RATIOS
+    allowed = f"must be {least / moved**2:.4g} to {most / moved**2:.4g} kg: the mass of mode 1 there is {moved**-2:.4g} kg"
+    require(least <= ratio <= most, "mass", mass, "kg", allowed)
     following = 2.0 * math.pi * float(modes.natural_frequency[-1])
     # halfway to the second mode, on a scale of octaves, its own resonance begins
     highest = min(BAND[1], math.sqrt(following / first)) if system.dofs > 1 else BAND[1]
-    omega = first * np.linspace(BAND[0], highest, POINTS)
+    # the peaks of a light absorber lie sqrt(mu) apart, or within the width of the structure's own
+    around = 2.0 * max(math.sqrt(ratio), float(modes.damping_ratio[0])) * np.linspace(-1.0, 1.0, POINTS)
+    shares = np.concatenate([1.0 + around, np.linspace(BAND[0], highest, POINTS // 2)])
+    omega = first * shares[(shares >= BAND[0]) & (shares <= highest)]
     to_base, to_force = _structure_alone(system, row, omega)
-    mu = min(mass * moved**2, 1.5)
-    start = math.sqrt(1.0 - 0.5 * mu) / (1.0 + mu), math.sqrt(3.0 * mu / (4.0 * (1.0 + mu) * (2.0 - mu)))
+    start = math.sqrt(1.0 - 0.5 * ratio) / (1.0 + ratio), math.sqrt(0.75 * ratio / ((1.0 + ratio) * (2.0 - ratio)))
 
     def largest(logarithms: Array) -> float:
-        tuning, ratio = np.exp(logarithms)
-        pull = _pull(mass, mass * (tuning * first) ** 2, 2.0 * ratio * mass * tuning * first, omega)
+        tuning, damped = np.exp(logarithms)
+        pull = _pull(mass, mass * (tuning * first) ** 2, 2.0 * damped * mass * tuning * first, omega)
         return float(np.abs((to_base + to_force * pull) / (1.0 - to_force * pull)).max())
 
     found = np.log(start)
@@ -107,8 +116,8 @@ def tuned_absorber(
         simplex = found + size * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
         options: Any = {"initial_simplex": simplex, "xatol": 1e-6, "fatol": 1e-9, "maxiter": 400}
         found = minimize(largest, found, method="Nelder-Mead", options=options).x
-    tuning, ratio = (float(value) for value in np.exp(found))
-    return Absorber(name, at, mass, mass * (tuning * first) ** 2, 2.0 * ratio * mass * tuning * first)
+    tuning, damped = (float(value) for value in np.exp(found))
+    return Absorber(name, at, mass, mass * (tuning * first) ** 2, 2.0 * damped * mass * tuning * first)
 
 
 def _pull(mass: float, stiffness: float, damping: float, omega: Array) -> Complex:

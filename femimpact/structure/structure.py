@@ -276,7 +276,7 @@ class Absorber:
 
     name: str = field(metadata=text())
     at: Position = field(metadata=place())
-    mass: float = field(metadata=quantity("kg", above=0.0))
+    mass: float = field(metadata=quantity("kg", above=0.0, at_most=LARGEST))
     stiffness: float = field(metadata=quantity("N/m", above=0.0))
     damping: float = field(metadata=quantity("N s/m", at_least=0.0))
 
