@@ -70,7 +70,11 @@ if __name__ == "__main__":
         left.loglog(1e3 * levels, by_level[name], label=name)
         right.plot(1e2 * shifts, by_shift[name])
     right.axvspan(-10.0, 10.0, color="#eeeeee", zorder=0)
-    left.set(xlabel="amplitude of the base (mm)", ylabel="largest motion of the tip over the base's", title="the beam of the design")
+    left.set(
+        xlabel="amplitude of the base (mm)",
+        ylabel="largest motion of the tip over the base's",
+        title="the beam of the design",
+    )
     right.set(xlabel=f"first frequency off by (%), base {1e3 * LEVEL:g} mm", title="another beam; grey: 10 %")
     figure.legend(loc="outside lower center", ncols=3)
     print("wrote", fi.figures.save_figure(figure, "absorber_or_ball.png"))

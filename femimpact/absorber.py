@@ -93,7 +93,9 @@ def tuned_absorber(
     still = moved <= STILL * float(np.linalg.norm(row) * np.linalg.norm(shape))
     require(not still, "at", at, "", "must be a place that moves in mode 1")
     ratio, (least, most) = mass * moved**2, RATIOS
-    allowed = f"must be {least / moved**2:.4g} to {most / moved**2:.4g} kg: the mass of mode 1 there is {moved**-2:.4g} kg"
+    allowed = (
+        f"must be {least / moved**2:.4g} to {most / moved**2:.4g} kg: the mass of mode 1 there is {moved**-2:.4g} kg"
+    )
     require(least <= ratio <= most, "mass", mass, "kg", allowed)
     following = 2.0 * math.pi * float(modes.natural_frequency[-1])
     # halfway to the second mode, on a scale of octaves, its own resonance begins

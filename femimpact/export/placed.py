@@ -11,7 +11,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from femimpact.arrays import Array
-from femimpact.structure.structure import Absorber, Dashpot, Impactor, PointMass, Position, Spring, Stop, Structure, Support
+from femimpact.structure.structure import (
+    Absorber,
+    Dashpot,
+    Impactor,
+    PointMass,
+    Position,
+    Spring,
+    Stop,
+    Structure,
+    Support,
+)
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.hermite import hermite_rows
 from femimpact.system.system import System

@@ -204,7 +204,14 @@ def _plane_views(figure: Any, film: Film) -> list[Draw]:
     for j, pair in enumerate(contacts):
         half = 1e3 * (s * film.room(j) + 1.6 * ball_radius(pair.mass))
         close = figure.add_axes((CLOSE_UPS + j * (width + SPACE), 0.435, width, 0.435))
-        _fit(close, 1e3 * pair.position, 1.6e3 * ball_radius(pair.mass), half, s, f"relative to the {_carrier(pair)} (mm)")
+        _fit(
+            close,
+            1e3 * pair.position,
+            1.6e3 * ball_radius(pair.mass),
+            half,
+            s,
+            f"relative to the {_carrier(pair)} (mm)",
+        )
         close.set_xlabel("")
         if j > 0:
             close.set_ylabel("")

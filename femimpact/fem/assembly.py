@@ -18,7 +18,16 @@ from femimpact.arrays import Array
 from femimpact.errors import InputWarning
 from femimpact.fem.discretisation import Discretisation, discretise, kind_of
 from femimpact.fem.mesh import Mesh
-from femimpact.structure.structure import SUPPORTS, Absorber, Dashpot, Impactor, Spring, Stop, Structure, unusual_numbers
+from femimpact.structure.structure import (
+    SUPPORTS,
+    Absorber,
+    Dashpot,
+    Impactor,
+    Spring,
+    Stop,
+    Structure,
+    unusual_numbers,
+)
 from femimpact.system.contact_pair import ContactPair, contact_pair
 from femimpact.system.hermite import Reaction, hermite_rows
 from femimpact.system.matrices import Matrix

@@ -92,10 +92,7 @@ inline double solve(bool mean, double dt, const Law &law, const FreePair &free) 
     if (free.gate == 0.0)
         return {pull, 0.0};
     double x = free.x - free.give_u * pull, rate = free.rate - free.give_v * pull;
-    FreePair beside = {free.gate,        x,
-                       rate,             free.x_before,
-                       free.rate_before, free.give_u * left,
-                       free.give_v * left};
+    FreePair beside = {free.gate, x, rate, free.x_before, free.rate_before, free.give_u * left, free.give_v * left};
     double force = wall_force(s, law, beside);
     return {pull + left * force, free.gate * force};
 }

@@ -56,7 +56,16 @@ def stepped_restitution(
     pointer = None if force is None else force_pointer(force)
     address = 0 if pointer is None else pointer.address
     numbers = Law(
-        law.kind, 0.0, np.inf, law.stiffness, law.damping, law.exponent, law.restitution, 0.0, 0.0, approach_speed,
+        law.kind,
+        0.0,
+        np.inf,
+        law.stiffness,
+        law.damping,
+        law.exponent,
+        law.restitution,
+        0.0,
+        0.0,
+        approach_speed,
         address,
     )
     starts = (np.arange(phases) + 0.5) / phases
