@@ -52,7 +52,8 @@ def main(levels, shifts, starts=5, cycles=300):
     by_level, by_shift = {}, {}
     for name, own in dampers.items():
         # what is linear has one answer, from every start, and two broad or narrow peaks
-        run = dict(span=NEAR, starts=starts, cycles=cycles) if name == "ball" else dict(span=WIDE, cycles=2 * cycles)
+        several = {"span": NEAR, "starts": starts, "cycles": cycles}
+        run = several if name == "ball" else {"span": WIDE, "cycles": 2 * cycles}
         by_level[name] = amplification(cantilever(**own), levels, **run)
         by_shift[name] = np.array([float(amplification(cantilever(s, **own), [LEVEL], **run)[0]) for s in shifts])
     return by_level, by_shift
@@ -64,15 +65,15 @@ if __name__ == "__main__":
     plt.rcParams.update(fi.figures.STYLE)
     by_level, by_shift = main(levels := np.geomspace(2e-5, 1e-3, 18), shifts := np.linspace(-0.3, 0.3, 25))
     figure, (left, right) = plt.subplots(1, 2, figsize=(11, 4.4), layout="constrained", sharey=True)
-    for name in by_level:
-        print(f"{name}: {by_level[name].min():.1f} to {by_level[name].max():.1f}, within 10 % to", end=" ")
-        print(f"{by_shift[name][np.abs(shifts) < 0.101].max():.1f}, within 30 % to {by_shift[name].max():.1f}")
+    for name, own in by_shift.items():
+        near = own[np.abs(shifts) < 0.101]
+        print(name, *(f"{edge:.1f}" for values in (by_level[name], near, own) for edge in (values.min(), values.max())))
         left.loglog(1e3 * levels, by_level[name], label=name)
-        right.plot(1e2 * shifts, by_shift[name])
+        right.plot(1e2 * shifts, own)
     right.axvspan(-10.0, 10.0, color="#eeeeee", zorder=0)
     left.set(
         xlabel="amplitude of the base (mm)",
-        ylabel="largest motion of the tip over the base's",
+        ylabel="largest motion, tip over base",
         title="the beam of the design",
     )
     right.set(xlabel=f"first frequency off by (%), base {1e3 * LEVEL:g} mm", title="another beam; grey: 10 %")

@@ -56,7 +56,8 @@ def test_steady_motion_is_that_of_two_coupled_masses(name):
     share = 1e-8 if name == "event-driven" else 1e-3
     relative = exact[1] - exact[0]
     wanted = {
-        "tip": exact[0], "absorber": exact[1], "absorber.gap": relative, "absorber.velocity": 1j * BASE.omega * exact[1],
+        "tip": exact[0], "absorber": exact[1], "absorber.gap": relative,
+        "absorber.velocity": 1j * BASE.omega * exact[1],
     }  # fmt: skip
     if name not in ("energy-consistent", "moreau-jean"):
         # those keep a mean force for a step, and no acceleration at its end

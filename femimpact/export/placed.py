@@ -42,7 +42,7 @@ def body_side(mass: float) -> float:
 
 @dataclass(frozen=True)
 class DrawnContact:
-    """A ball, an absorber or a stop as pictures show it; the fields are those of `ContactPair` of these names, but for the law."""
+    """A ball, an absorber or a stop as pictures show it; fields are those of `ContactPair`, but for the law."""
 
     name: str
     position: float  # m
@@ -110,7 +110,8 @@ def drawn_system(
         hung = (one.stiffness, one.damping) if isinstance(one, Absorber) else ()
         return DrawnContact(one.name, place, mass, one.gaps, fixed_to, one.contact.name, *hung)
 
-    balls = [drawn(ball, ball.mass) for ball in (*structure.impactors, *structure.absorbers)]
+    balls = [drawn(ball, ball.mass) for ball in structure.impactors]
+    balls += [drawn(body, body.mass) for body in structure.absorbers]
     stops = [drawn(stop, math.inf, stop.fixed_to) for stop in structure.stops]
     return replace(system, contacts=(*balls, *stops))
 

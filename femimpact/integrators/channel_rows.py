@@ -157,9 +157,7 @@ class ChannelRows:
     ball_displacement: Array  # (R, B) of y and y'; zero for stops
     ball_velocity: Array  # (R, B)
     contact_force: Array  # (R, B) of the forces of contact on the structure along b_j
-    pair_force: (
-        Array  # (R, B) of the same with those of springs and dashpots; zero where the time loop holds these apart
-    )
+    pair_force: Array  # (R, B) of the same with those of springs and dashpots; zero where the loop holds these apart
     base: Array  # (R, 3) of ub, ub' and ub''
     drive: Array  # (R,) of s(t)
     constant: Array  # (R,)
@@ -239,12 +237,13 @@ def _free_of_reactions(system: System, drive: Drive, reading: Reading) -> Readin
             contact * [getattr(pair, name) for pair in system.contacts] for name in ("free_stiffness", "free_damping")
         )
         directions = np.array([pair.direction for pair in system.contacts]).reshape(-1, system.dofs)
+        on_u, on_v = (np.sum(each[:, None] * directions, axis=0) for each in (springs, dashpots))
         reading = replace(
             reading,
             displacement=reading.displacement
             + weight * item.on_displacement
             + np.sum(springs[:, None] * directions, axis=0),
-            velocity=reading.velocity + weight * item.on_velocity + np.sum(dashpots[:, None] * directions, axis=0),
+            velocity=reading.velocity + weight * item.on_velocity + on_v,
             acceleration=reading.acceleration + weight * item.on_acceleration,
             ball_displacement=reading.ball_displacement - springs,
             ball_velocity=reading.ball_velocity - dashpots,

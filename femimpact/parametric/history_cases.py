@@ -106,7 +106,8 @@ def value_of_history(
 def _with_contacts(system: System, changed: Study) -> System:
     """The system with the gaps and the laws of a study."""
     items: dict[str, Any] = {item.name: item for item in changed.structure.impactors}
-    items |= {item.name: item for item in (*changed.structure.absorbers, *changed.structure.stops)}
+    items |= {item.name: item for item in changed.structure.absorbers}
+    items |= {item.name: item for item in changed.structure.stops}
     contacts = tuple(
         replace(pair, gaps=items[pair.name].gaps, law=items[pair.name].contact) for pair in system.contacts
     )

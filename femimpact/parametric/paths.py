@@ -96,7 +96,7 @@ def _places(study: Study) -> Iterator[Place]:
     if study.reduction is not None:
         yield from _fields_of(study.reduction, "reduction", "", Stage.MODES)
     yield from _fields_of(METHODS[study.method.get("name", "newmark")], "method", "", Stage.METHOD)
-    moving = [item.name for item in (*structure.impactors, *structure.absorbers)]
+    moving = [ball.name for ball in structure.impactors] + [body.name for body in structure.absorbers]
     yield from _excitation_and_start(moving, _units_of_base(study.base))
 
 

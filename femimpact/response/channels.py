@@ -488,7 +488,7 @@ def channel_of(
 
 
 def resolve_channels(system: System, channels: Sequence[Position | Channel] | None) -> tuple[Channel, ...]:
-    """The channels that names stand for; by default the default place, every ball and absorber, and every contact force.
+    """The channels that names stand for; by default the default place, balls and absorbers, and contact forces.
 
     Raises
     ------

@@ -200,7 +200,7 @@ class Support:
 class Impactor:
     """A free ball in a cavity that is fixed to the beam.
 
-    m (y'' + ub'') = m acceleration - free_stiffness x - free_damping x' - N(p, p'), x = y - w, both relative to the base.
+    m (y'' + ub'') = m acceleration - free_stiffness x - free_damping x' - N(p, p'), x = y - w, relative to the base.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""One ball between its walls, an absorber without any, or the structure beside a stop: a scalar gap along one direction vector."""
+"""One ball between its walls, an absorber, or the structure beside a stop: a scalar gap along one direction vector."""
 
 from __future__ import annotations
 

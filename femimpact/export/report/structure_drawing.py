@@ -29,9 +29,7 @@ def structure_words(structure: Structure, contacts: Sequence[Contact]) -> str:
         (absorbers, "absorber", "absorbers"), (stops, "stop", "stops"), (len(structure.springs), "spring", "springs"),
         (len(structure.dashpots), "dashpot", "dashpots"),
     ]  # fmt: skip
-    *first, last = [f"{_article(one) if n == 1 else n} {one if n == 1 else many}" for n, one, many in counts if n] or [
-        ""
-    ]
+    *first, last = [f"{_article(one)} {one}" if n == 1 else f"{n} {many}" for n, one, many in counts if n] or [""]
     on_it = f" with {', '.join(first)}{' and ' if first else ''}{last}" if last else ""
     return f"{held} of {millimetres(structure.beam.length)}{on_it}"
 
