@@ -63,7 +63,8 @@ if __name__ == "__main__":
     import matplotlib.pyplot as plt
 
     plt.rcParams.update(fi.figures.STYLE)
-    by_level, by_shift = main(levels := np.geomspace(2e-5, 1e-3, 18), shifts := np.linspace(-0.3, 0.3, 25))
+    levels, shifts = np.geomspace(2e-5, 1e-3, 18), np.linspace(-0.3, 0.3, 25)
+    by_level, by_shift = main(levels, shifts)
     figure, (left, right) = plt.subplots(1, 2, figsize=(11, 4.4), layout="constrained", sharey=True)
     for name, own in by_shift.items():
         near = own[np.abs(shifts) < 0.101]
@@ -71,11 +72,7 @@ if __name__ == "__main__":
         left.loglog(1e3 * levels, by_level[name], label=name)
         right.plot(1e2 * shifts, own)
     right.axvspan(-10.0, 10.0, color="#eeeeee", zorder=0)
-    left.set(
-        xlabel="amplitude of the base (mm)",
-        ylabel="largest motion, tip over base",
-        title="the beam of the design",
-    )
-    right.set(xlabel=f"first frequency off by (%), base {1e3 * LEVEL:g} mm", title="another beam; grey: 10 %")
+    left.set(xlabel="amplitude of the base (mm)", ylabel="largest motion, tip over base", title="as designed")
+    right.set(xlabel=f"first frequency off by (%), base {1e3 * LEVEL:g} mm", title="out of tune; grey: 10 %")
     figure.legend(loc="outside lower center", ncols=3)
     print("wrote", fi.figures.save_figure(figure, "absorber_or_ball.png"))

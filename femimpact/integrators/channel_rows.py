@@ -240,9 +240,7 @@ def _free_of_reactions(system: System, drive: Drive, reading: Reading) -> Readin
         on_u, on_v = (np.sum(each[:, None] * directions, axis=0) for each in (springs, dashpots))
         reading = replace(
             reading,
-            displacement=reading.displacement
-            + weight * item.on_displacement
-            + np.sum(springs[:, None] * directions, axis=0),
+            displacement=reading.displacement + weight * item.on_displacement + on_u,
             velocity=reading.velocity + weight * item.on_velocity + on_v,
             acceleration=reading.acceleration + weight * item.on_acceleration,
             ball_displacement=reading.ball_displacement - springs,
