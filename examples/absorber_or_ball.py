@@ -52,8 +52,7 @@ def main(levels, shifts, starts=5, cycles=300):
     by_level, by_shift = {}, {}
     for name, own in dampers.items():
         # what is linear has one answer, from every start, and two broad or narrow peaks
-        several = {"span": NEAR, "starts": starts, "cycles": cycles}
-        run = several if name == "ball" else {"span": WIDE, "cycles": 2 * cycles}
+        run = {"cycles": cycles} | ({"span": NEAR, "starts": starts} if name == "ball" else {"span": WIDE})
         by_level[name] = amplification(cantilever(**own), levels, **run)
         by_shift[name] = np.array([float(amplification(cantilever(s, **own), [LEVEL], **run)[0]) for s in shifts])
     return by_level, by_shift
@@ -67,8 +66,7 @@ if __name__ == "__main__":
     by_level, by_shift = main(levels, shifts)
     figure, (left, right) = plt.subplots(1, 2, figsize=(11, 4.4), layout="constrained", sharey=True)
     for name, own in by_shift.items():
-        near = own[np.abs(shifts) < 0.101]
-        print(name, *(f"{edge:.1f}" for values in (by_level[name], near, own) for edge in (values.min(), values.max())))
+        print(name, *(f"{v.min():.1f} to {v.max():.1f}" for v in (by_level[name], own[np.abs(shifts) < 0.101], own)))
         left.loglog(1e3 * levels, by_level[name], label=name)
         right.plot(1e2 * shifts, own)
     right.axvspan(-10.0, 10.0, color="#eeeeee", zorder=0)
