@@ -118,7 +118,7 @@ def _units_of_base(base: Any) -> Mapping[str, str]:
 
 def _places_of_system(system: System) -> Iterator[Place]:
     for pair in system.contacts:
-        owner = "stop" if pair.is_stop else "impactor"
+        owner = "stop" if pair.is_stop else "impactor" if pair.has_walls else "absorber"
         if pair.has_walls:
             yield _place(owner, pair.name, "gap", "m", Stage.CASE)
         if not pair.is_stop:
