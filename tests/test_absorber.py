@@ -355,3 +355,46 @@ def test_bad_input_is_one_line(make, words):
 def test_default_channels_have_no_contact_force_of_an_absorber():
     run = shaken(ABSORBER, fi.EventDriven(), 2, fi.Recorder())
     assert set(run.channels) == {"tip", "absorber"}
+
+
+CASES = {
+    "two equal": [(3e-3, 3.0, 0.04), (3e-3, 3.0, 0.04)],
+    "critically damped": [(3e-3, 3.0, 2.0 * math.sqrt(3.0 * 3e-3))],
+    "nearly rigid dashpot": [(3e-3, 3.0, 1e3)],
+    "nearly no spring": [(3e-3, 1e-6, 1e-9)],
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_balance_closes_where_eigenvalues_meet_or_lie_far_apart(case):
+    bodies = [fi.Absorber(f"body {i}", "tip", *numbers) for i, numbers in enumerate(CASES[case])]
+    system = fi.reduce(fi.assemble(replace(REFERENCE, impactors=(), absorbers=bodies), 6), 3)
+    run = fi.integrate(system, fi.Sine(2e-4, 5.0), fi.EventDriven(), 3.0)
+    # rounding, times what the dashpot of 1e3 N s/m is beside the others
+    assert run.energy.residual < 1e-9
+
+
+def test_forces_at_the_base_agree_where_an_absorber_stands_on_the_support():
+    bodies = [fi.Absorber("low", "root", 2e-3, 3.0, 0.04), fi.Absorber("high", "tip", 3e-3, 3.0, 0.04)]
+    system = fi.assemble(replace(REFERENCE, impactors=(), damping=None, absorbers=bodies), 4)
+    record = fi.Recorder(channels=("root.reaction_force", "shaker_force"))
+    for one, method in ((system, fi.Newmark(dt=1e-4)), (fi.reduce(system, system.dofs), fi.EventDriven())):
+        run = fi.integrate(one, fi.Sine(2e-4, 5.0), method, 0.3, record)
+        reaction, shaker = (run.channels[name] for name in record.channels)
+        # the balance of momentum, to the rounding of a stiff mesh
+        np.testing.assert_allclose(reaction, shaker, rtol=0.0, atol=1e-9 * np.abs(shaker).max())
+
+
+def test_results_and_pictures_show_the_absorber(tmp_path):
+    study = read_study(STUDY, tmp_path / "study.toml")
+    plain = replace(study.structure, impactors=())
+    output = replace(study.output, frames=4, frame_cycles=1.0, movie=False)
+    study = replace(study, structure=plain, method={"name": "event-driven"}, output=output)
+    results = fi.run_study(study, tmp_path / "out", parts=("modes", "simulate"))
+    assert {"body", "body.velocity", "body.gap"} <= set(results.history.data_vars)
+    assert {"phase_portrait.png", "deflection.pvd", "report.html"} <= {p.name for p in (tmp_path / "out").iterdir()}
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert "cantilever of 200 mm with an absorber" in page
+    assert "2 g on 5.5 N/m and 0.01235 N s/m at 200 mm" in page
+    # what is drawn again from the results is the same
+    assert fi.load(tmp_path / "out").summary == results.summary
