@@ -137,6 +137,7 @@ NOUNS = {
     "SteadyResponse": lambda: fi.SteadyResponse(("tip", 0.1)),
     "SupportReaction": lambda: fi.SupportReaction("root.force"),
     "SurfaceStress": lambda: fi.SurfaceStress("root", 1, "left"),
+    "Absorber": lambda: fi.Absorber("absorber", "mid", 1e-3, 4.0, 0.02),
     "Beam": lambda: STRUCTURE.beam,
     "ContactPair": lambda: system().contacts[0],
     "CustomLaw": lambda: fi.CustomLaw(lambda depth, rate, speed: 1e4 * depth),
@@ -296,6 +297,9 @@ VERBS = {
     "reduce": (fi.reduce, lambda: {"system": system(), "modes": 2, "static_correction": True}),
     "truncation_notes": (fi.truncation_notes, lambda: {"system": small()}),
     "glue_impactors": (fi.glue_impactors, lambda: {"structure": STRUCTURE}),
+    "tuned_absorber": (fi.tuned_absorber, lambda: {
+        "structure": STRUCTURE, "mass": 1e-3, "at": "tip", "name": "absorber", "elements": 2,
+    }),
     "with_damping": (fi.with_damping, lambda: {"system": system(), "damping": fi.ModalDamping((0.01, 0.02))}),
     "without_impactors": (fi.without_impactors, lambda: {"system": small()}),
     "frequency_sweep": (fi.frequency_sweep, lambda: {
