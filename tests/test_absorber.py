@@ -310,6 +310,34 @@ def test_axes_of_a_parameter_study(tmp_path):
             np.testing.assert_allclose(single["peak"][i, j], 1e-4 * response_of(system, body, [20.0]), rtol=2e-2)
 
 
+def test_case_under_a_chirp_is_the_run_of_its_absorber(tmp_path):
+    chirp = 'kind = "chirp"\nstart = 18.0\nstop = 22.0\namplitude = 1e-4\nduration = 1.0'
+    text = STUDY.replace("amplitude = 1e-4\nfrequency = 20.0\nduration = 1.0", chirp)
+    study = read_study(text, tmp_path / "study.toml")
+    study = replace(study, method={"name": "event-driven"}, structure=replace(study.structure, impactors=()))
+    stiffness = [4.0, 6.0]
+    found = fi.parameter_study(study, {"absorber.body.stiffness": stiffness}, measures=["peak"], starts=2, threads=1)
+    assert np.all(np.isfinite(found["peak"]))
+    one = fi.parameter_study(study, {"absorber.body.stiffness": stiffness}, measures=["peak"], threads=1)
+    for value, each in zip(one["peak"], stiffness, strict=True):
+        body = fi.Absorber("body", "tip", 2e-3, each, 0.0123456789012345)
+        system = fi.reduce(fi.assemble(replace(study.structure, absorbers=(body,)), 4), 2)
+        run = fi.integrate(system, study.base.excitation, fi.EventDriven(), 1.0, fi.Recorder(interval=1e-3))
+        # the largest is found between samples by both
+        assert value == pytest.approx(abs(run.largest("tip").value), rel=1e-3)
+
+
+def test_planned_test_has_no_contact_and_no_wall_of_an_absorber():
+    body = fi.Absorber("absorber", "tip", 1e-3, 1.0, 0.01)
+    system = fi.reduce(fi.assemble(replace(REFERENCE, impactors=(), absorbers=(body,)), 8), 3)
+    found = fi.preflight(system, fi.Sine(1e-4, 5.0), duration=20.0, initial=fi.State.at_rest("space"))
+    assert not [row.what for row in found.rows if "absorber" in row.what]
+    run = fi.integrate(system, fi.Sine(1e-4, 5.0), fi.EventDriven(), 20.0, initial=fi.State.at_rest("space"))
+    (deflection,) = (row for row in found.rows if row.what.startswith("largest deflection"))
+    # the absorber of the run is that of the test
+    assert deflection.value == pytest.approx(abs(run.largest("tip").value) / system.length, rel=1e-9)
+
+
 WRONG = {
     "mass": (0.0, "mass = 0.0 kg: must be a finite number > 0 and <= 1e+30 kg"),
     "stiffness": (0.0, "stiffness = 0.0 N/m: must be a finite number > 0 N/m"),
