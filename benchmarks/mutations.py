@@ -156,8 +156,8 @@ MUTATIONS = (
     Mutation("mean_rate", "mass_response_v=h,", "mass_response_v=1.1 * h,"),
     Mutation(
         "jean_restitution",
-        "(rate + law.restitution * free.rate_before) / compliance_v",
-        "(rate + 1.02 * law.restitution * free.rate_before) / compliance_v",
+        "(free.rate + law.restitution * free.rate_before) / free.compliance_v",
+        "(free.rate + 1.02 * law.restitution * free.rate_before) / free.compliance_v",
     ),
     Mutation("stepped_contact_loss", "m.ledger(CONTACT_LOSS, c) += loss", "m.ledger(CONTACT_LOSS, c) += 0.0"),
     Mutation("stepped_ball_work", "MASS, j), c) * acting * increment", "MASS, j), c) * 0.0 * increment"),
@@ -179,7 +179,7 @@ MUTATIONS = (
         "touch(PUSHED, j) += 0.0 * impulse;",
     ),
     Mutation("impact_loss", "0.5 * push * (1.0 - e) * fastest", "0.5 * push * fastest"),
-    Mutation("contact_loss", "double loss = c.damping(j) * square_of(rate", "double loss = 0.0 * square_of(rate"),
+    Mutation("contact_loss", "double loss = c.damping(j) * square_of_rate", "double loss = 0.0 * square_of_rate"),
     Mutation("ball_work", "0.5 * (after * after - before * before)", "0.4 * (after * after - before * before)"),
     Mutation(
         "energy_to_modes",

@@ -302,7 +302,7 @@ def script_path(_gallery: Any, script: str) -> None:
 EXAMPLES = {
     "Ball dampers": (
         "damped_resonance", "best_ball_mass", "design_map", "clearance_restitution_map", "gap_and_tolerance",
-        "two_balls", "two_starts",
+        "two_balls", "absorber_or_ball", "two_starts",
     ),
     "Energy and stress": ("energy_ledger", "root_stress"),
     "Contact laws": (

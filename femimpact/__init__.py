@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
+    from femimpact.absorber import tuned_absorber as tuned_absorber
     from femimpact.calibration import RestitutionScan as RestitutionScan
     from femimpact.calibration import scan_restitution as scan_restitution
     from femimpact.contact import ALUMINIUM as ALUMINIUM
@@ -113,6 +114,7 @@ if TYPE_CHECKING:
     from femimpact.structure.beam import Segment as Segment
     from femimpact.structure.damping import ModalDamping as ModalDamping
     from femimpact.structure.damping import Rayleigh as Rayleigh
+    from femimpact.structure.structure import Absorber as Absorber
     from femimpact.structure.structure import Dashpot as Dashpot
     from femimpact.structure.structure import Impactor as Impactor
     from femimpact.structure.structure import PointMass as PointMass
@@ -147,6 +149,7 @@ if TYPE_CHECKING:
     from femimpact.versions import show_versions as show_versions
 
 _MODULES = {
+    "absorber": ("tuned_absorber",),
     "calibration": ("RestitutionScan", "scan_restitution"),
     "contact": (
         "ALUMINIUM", "Collision", "ContactLaw", "CustomLaw", "Material", "STEEL", "collide", "contact_force",
@@ -190,7 +193,7 @@ _MODULES = {
     "structure.beam": ("Beam", "Segment"),
     "structure.damping": ("ModalDamping", "Rayleigh"),
     "structure.structure": (
-        "Dashpot", "Impactor", "PointMass", "Spring", "Stop", "Structure", "Support", "glue_impactors",
+        "Absorber", "Dashpot", "Impactor", "PointMass", "Spring", "Stop", "Structure", "Support", "glue_impactors",
     ),
     "study.planned_test": ("Preflight", "PreflightRow", "preflight"),
     "study.results": ("StudyResults", "load"),

@@ -137,6 +137,7 @@ NOUNS = {
     "SteadyResponse": lambda: fi.SteadyResponse(("tip", 0.1)),
     "SupportReaction": lambda: fi.SupportReaction("root.force"),
     "SurfaceStress": lambda: fi.SurfaceStress("root", 1, "left"),
+    "Absorber": lambda: fi.Absorber("absorber", "mid", 1e-3, 4.0, 0.02),
     "Beam": lambda: STRUCTURE.beam,
     "ContactPair": lambda: system().contacts[0],
     "CustomLaw": lambda: fi.CustomLaw(lambda depth, rate, speed: 1e4 * depth),
@@ -296,6 +297,9 @@ VERBS = {
     "reduce": (fi.reduce, lambda: {"system": system(), "modes": 2, "static_correction": True}),
     "truncation_notes": (fi.truncation_notes, lambda: {"system": small()}),
     "glue_impactors": (fi.glue_impactors, lambda: {"structure": STRUCTURE}),
+    "tuned_absorber": (fi.tuned_absorber, lambda: {
+        "structure": STRUCTURE, "mass": 1e-3, "at": "tip", "name": "absorber", "elements": 2,
+    }),
     "with_damping": (fi.with_damping, lambda: {"system": system(), "damping": fi.ModalDamping((0.01, 0.02))}),
     "without_impactors": (fi.without_impactors, lambda: {"system": small()}),
     "frequency_sweep": (fi.frequency_sweep, lambda: {
@@ -306,6 +310,10 @@ VERBS = {
     "frequency_sweep of a duration": (fi.frequency_sweep, lambda: {
         "system": fi.without_impactors(small()), "amplitude": 1e-4, "frequencies": [5.0, 6.0],
         "method": fi.Newmark(1e-3, allow_coarse_step=True), "duration": 2.0, "window": 1.0, "threads": 1,
+    }),
+    "preflight": (fi.preflight, lambda: {
+        "plan": small(), "excitation": fi.Sine(1e-4, 5.0), "duration": 1.0, "frequencies": [5.0, 6.0], "cycles": 30,
+        "structure": REFERENCE, "method": fi.EventDriven(), "initial": fi.State(),
     }),
     "best_case": (fi.best_case, lambda: {
         "dataset": fi.parameter_study(**parameter_study(), threads=1), "measure": "peak", "worst_over": (),
@@ -428,7 +436,7 @@ VERBS = {
 """Every verb by its name: the function, and good arguments of it."""
 
 OTHERS = {
-    "ALUMINIUM", "STEEL", "AxisMargin", "BestCase", "BestDesign", "ContactLaw", "ContactParameters", "DivergenceError",
+    "ALUMINIUM", "STEEL", "AxisMargin", "BestCase", "BestDesign", "ContactLaw", "ContactParameters", "DivergenceError", "Preflight", "PreflightRow",
     "FemimpactError", "InputError", "InputWarning", "StudyResults", "__version__", "figures", "load_parameter_study",
     "report", "show_versions",
 }  # fmt: skip

@@ -213,7 +213,8 @@ def test_one_change_is_in_the_text_and_nothing_else_is(changes):
 
 def test_every_table_of_a_study_file_can_be_written(study):
     springs, dashpots = (fi.Spring("stay", 0.05, 20.0),), (fi.Dashpot("damper", 0.05, 0.1),)
-    structure = dataclasses.replace(structure_with(fi.Rigid(0.5)), springs=springs, dashpots=dashpots)
+    hung = {"springs": springs, "dashpots": dashpots, "absorbers": (fi.Absorber("body", "mid", 1e-3, 5.0, 0.1 + 0.2),)}
+    structure = dataclasses.replace(structure_with(fi.Rigid(0.5)), **hung)
     plan = ParameterPlan(("peak",), {"base.amplitude": AxisValues((1e-4, 2e-4))})
     everything = dataclasses.replace(study, structure=structure, method={"name": "event-driven"}, plan=plan)
     text = study_text(everything)

@@ -165,7 +165,7 @@ def test_a_structure_that_can_move_as_a_rigid_body_is_refused(supports):
 
 
 def test_names_are_distinct_among_masses_impactors_and_segments():
-    with pytest.raises(fi.InputError, match="must be distinct among masses, impactors, stops, springs and dashpots"):
+    with pytest.raises(fi.InputError, match="distinct among masses, impactors, stops, springs, dashpots and absorbers"):
         fi.Structure(BEAM, masses=[fi.PointMass("ball", "tip", 0.1)], impactors=[fi.Impactor(**BALL)])
     with pytest.raises(fi.InputError, match="must have distinct names"):
         fi.Beam((fi.Segment(**SEGMENT), fi.Segment(**SEGMENT)))

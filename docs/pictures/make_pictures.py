@@ -18,7 +18,7 @@ from typing import Any
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
 PAGES = ("measured_base", "own_mesh", "root_stress", "start", "two_balls")
-EXAMPLES = ("design_map", "gap_and_tolerance")
+EXAMPLES = ("absorber_or_ball", "design_map", "gap_and_tolerance")
 """Whose pictures pages show."""
 MESHES = {f"beam_{n}.msh": ROOT / "meshes" / f"graded_{n}.msh" for n in (6, 12, 24, 48)}
 """What gmsh makes of the geometry on the page on meshes."""

@@ -97,6 +97,41 @@ class Rigid:
 
 
 @dataclass(frozen=True)
+class NoWalls:
+    """The law of a body that has no walls to meet: no force, for every method."""
+
+    name: ClassVar[str] = "no walls"
+    may_be_preloaded: ClassVar[bool] = False
+    restitution: ClassVar[None] = None
+
+    def normal_force(self, depth: float, rate: float, approach_speed: float, effective_mass: float) -> float:
+        """Force (N): none."""
+        return 0.0
+
+    def potential(self, depth: float, effective_mass: float, approach_speed: float) -> float:
+        """Energy (J) stored: none."""
+        return 0.0
+
+    def collide(self, effective_mass: float, approach_speed: float) -> Collision:
+        """No collision: a mass that meets no wall goes on."""
+        return collision_of(0.0, math.inf, 0.0, math.inf, effective_mass, approach_speed)
+
+    def parameters(self, effective_mass: float) -> ContactParameters:
+        """Numbers for the time loop: a spring without stiffness, which no motion reaches."""
+        return ContactParameters(KELVIN_VOIGT, 0.0, 0.0, math.inf, 0.0)
+
+    def force_function(self, effective_mass: float) -> None:
+        """None: the time loop has a branch for springs."""
+
+    def shown_numbers(self, effective_mass: float) -> tuple[tuple[str, float, str], ...]:
+        """Nothing."""
+        return ()
+
+    def with_restitution(self, restitution: float) -> None:
+        """None: there is no impact."""
+
+
+@dataclass(frozen=True)
 class KelvinVoigt:
     """Spring and dashpot in parallel at each wall, without pull: N = max(0, k p + c p').
 

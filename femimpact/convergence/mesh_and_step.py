@@ -230,7 +230,7 @@ def _past_first_impact(system: System, base: Sine, method: Newmark) -> float | N
     probe = integrate(system, base, method, 40.0 / base.frequency, Recorder(channels=("tip",), every=50, ledger=False))
     if len(probe.impacts) == 0:
         return None
-    contact_time = max(pair.parameters.contact_time for pair in system.contacts)
+    contact_time = max(pair.parameters.contact_time for pair in system.contacts if pair.has_walls)
     return float(method.dt * round((probe.impacts.time[0] + 4.0 * contact_time) / method.dt))
 
 

@@ -21,7 +21,16 @@ from femimpact.excitation.excitation import words_of
 from femimpact.export.figures.drawing import BLUE, DARK, ORANGE
 from femimpact.export.files import atomic_path, file_path
 from femimpact.export.placed import ball_radius, placed_structure
-from femimpact.export.scene import BALL, BEAM, BOX, EXAGGERATION, build_scene, chosen_exaggeration, snapshots_of
+from femimpact.export.scene import (
+    BALL,
+    BEAM,
+    BOX,
+    CONNECTION,
+    EXAGGERATION,
+    build_scene,
+    chosen_exaggeration,
+    snapshots_of,
+)
 from femimpact.export.sheet import HEIGHT, VIEWS, WIDTH, Film, sheets
 from femimpact.export.tables import thinned
 from femimpact.response.history import Snapshots
@@ -145,7 +154,9 @@ def write_movie(
 def _film(response: Response, structure: Structure, exaggeration: float | None, fps: int, most: int) -> Film:
     snapshots = snapshots_of(response)
     if exaggeration is None:
-        exaggeration = chosen_exaggeration(snapshots.displacement[:, 0::2], structure, response.system.balls)
+        balls = response.system.balls
+        hung = snapshots.ball_displacement[:, [not pair.has_walls for pair in balls]]
+        exaggeration = chosen_exaggeration(np.hstack([snapshots.displacement[:, 0::2], hung]), structure, balls)
     chosen = thinned(snapshots.time.size, most)
     shown = float(snapshots.time[chosen[-1]] - snapshots.time[chosen[0]])
     slow = f"   Slowed {(chosen.size - 1) / fps / shown:.2g} times." if shown > 0.0 else ""
@@ -272,10 +283,14 @@ def _pieces(film: Film) -> list[tuple[Any, NDArray[np.intp], dict[str, Any], tup
     plan: list[tuple[NDArray[np.intp], dict[str, Any], tuple[int, int] | None]]
     plan = [(np.flatnonzero(scene.part == BEAM), {"color": "#a3acb6", "ambient": 0.4}, None)]
     for j in range(len(film.response.system.balls)):
-        plus, minus, floor = np.flatnonzero((scene.part == BOX) & (scene.pair == j))[:, None]
-        plan.append((plus, {"color": "#7b8a9a", "ambient": 0.4}, (j, 1)))
-        plan.append((minus, {"color": "#7b8a9a", "ambient": 0.4}, (j, -1)))
-        plan.append((floor, {"color": "#c3ced9"}, None))
+        if film.response.system.balls[j].has_walls:
+            plus, minus, floor = np.flatnonzero((scene.part == BOX) & (scene.pair == j))[:, None]
+            plan.append((plus, {"color": "#7b8a9a", "ambient": 0.4}, (j, 1)))
+            plan.append((minus, {"color": "#7b8a9a", "ambient": 0.4}, (j, -1)))
+            plan.append((floor, {"color": "#c3ced9"}, None))
+        else:
+            line = np.flatnonzero((scene.part == CONNECTION) & (scene.pair == j))
+            plan.append((line, {"color": DARK, "line_width": 3.0}, None))
         plan.append((np.flatnonzero((scene.part == BALL) & (scene.pair == j)), shiny, (j, 0)))
     plan += [(np.array([cell]), {"color": DARK, "ambient": 0.4}, (j, side)) for cell, j, side in film.stops()]
     pieces = []
@@ -336,7 +351,7 @@ def _aim(plotter: Any, film: Film, j: int) -> None:
         pair, radius = balls[j], ball_radius(balls[j].mass)
         height = 0.5 * film.structure.beam.rectangle_at(pair.position)[0] + 1.3 * radius
         target = (pair.position, 0.0, height)
-        high = upright * (film.scene.exaggeration * max(pair.gaps) + 2.2 * radius)
+        high = upright * (film.scene.exaggeration * film.room(j) + 2.2 * radius)
         scale = max(high, 1.6 * radius * len(balls) / aspect)
     else:
         target = (0.5 * length, 0.0, 0.25 * film.structure.beam.segments[0].rectangle[0])

@@ -11,7 +11,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from femimpact.arrays import Array
-from femimpact.structure.structure import Dashpot, Impactor, PointMass, Position, Spring, Stop, Structure, Support
+from femimpact.structure.structure import (
+    Absorber,
+    Dashpot,
+    Impactor,
+    PointMass,
+    Position,
+    Spring,
+    Stop,
+    Structure,
+    Support,
+)
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.hermite import hermite_rows
 from femimpact.system.system import System
@@ -32,7 +42,7 @@ def body_side(mass: float) -> float:
 
 @dataclass(frozen=True)
 class DrawnContact:
-    """A ball or a stop as pictures show it; the fields are those of `ContactPair` of these names, but for the law."""
+    """A ball, an absorber or a stop as pictures show it; fields are those of `ContactPair`, but for the law."""
 
     name: str
     position: float  # m
@@ -40,11 +50,18 @@ class DrawnContact:
     gaps: tuple[float, float]  # m: on the + and on the - side
     fixed_to: str = "base"
     law: str = ""  # its name; empty where it is not known
+    free_stiffness: float = math.nan  # N/m and N s/m, of an absorber
+    free_damping: float = math.nan
 
     @property
     def is_stop(self) -> bool:
         """True of a fixed obstacle, false of a ball."""
         return math.isinf(self.mass)
+
+    @property
+    def has_walls(self) -> bool:
+        """False of an absorber."""
+        return min(self.gaps) < math.inf
 
 
 Contact = ContactPair | DrawnContact
@@ -56,7 +73,7 @@ class DrawnSystem:
 
     nodes: Array  # (n,) m
     points: Mapping[str, float]  # m
-    contacts: tuple[DrawnContact, ...] = ()  # balls first, then stops
+    contacts: tuple[DrawnContact, ...] = ()  # balls first, then absorbers and stops
     total_mass: float = math.nan  # kg
     first_frequency: float = math.nan  # Hz: not a number where it was not kept
 
@@ -88,11 +105,13 @@ def drawn_system(
     length = structure.beam.length
     system = DrawnSystem(np.zeros(0), {"root": 0.0, "tip": length, "mid": 0.5 * length, **points})
 
-    def drawn(one: Impactor | Stop, mass: float, fixed_to: str = "base") -> DrawnContact:
+    def drawn(one: Impactor | Absorber | Stop, mass: float, fixed_to: str = "base") -> DrawnContact:
         place = system.position_of(structure.place_of(one.at))
-        return DrawnContact(one.name, place, mass, one.gaps, fixed_to, one.contact.name)
+        hung = (one.stiffness, one.damping) if isinstance(one, Absorber) else ()
+        return DrawnContact(one.name, place, mass, one.gaps, fixed_to, one.contact.name, *hung)
 
     balls = [drawn(ball, ball.mass) for ball in structure.impactors]
+    balls += [drawn(body, body.mass) for body in structure.absorbers]
     stops = [drawn(stop, math.inf, stop.fixed_to) for stop in structure.stops]
     return replace(system, contacts=(*balls, *stops))
 

@@ -245,22 +245,33 @@ def add_stop(pieces: Pieces, j: int, stop: Contact, structure: Structure, exagge
         pieces.mark((x, side * face, 0.6 * width), math.nan, j, side, True, in_space=in_space)
 
 
+def add_suspension(pieces: Pieces, j: int, x: float, height: float) -> None:
+    """A line from above the beam's axis to the middle of an absorber's body, for its spring and its dashpot."""
+    pieces.add(np.array([(x, 0.0, height)]), x, [], CONNECTION, j)
+    # -1 is the point before
+    pieces.add(np.array([(x, 0.0, height)]), math.nan, [(LINE, [-1, 0])], CONNECTION, j, ball=j)
+
+
 def add_contacts(
     pieces: Pieces,
     placed: PlacedStructure,  # whose balls come before its stops
     exaggeration: float,
     marked: bool,  # whether the points of contact of balls are added
 ) -> None:
-    """Balls in their boxes, and stops."""
+    """Balls in their boxes, absorbers on their springs, and stops."""
     for j, pair in enumerate(placed.contacts):
         if pair.is_stop:
             add_stop(pieces, j, pair, placed.structure, exaggeration)
             continue
         x, radius = pair.position, ball_radius(pair.mass)
         width, _ = placed.structure.beam.rectangle_at(x)
-        add_box(pieces, j, pair, width, exaggeration)
+        if pair.has_walls:
+            add_box(pieces, j, pair, width, exaggeration)
         # in front of the ball, or the ball would hide the arrows that begin there
         height = float(add_ball(pieces, j, pair, width)[2]) + 1.3 * radius
+        if not pair.has_walls:
+            add_suspension(pieces, j, x, height - 1.3 * radius)
+            continue
         for side, gap in ((1, pair.gaps[0]), (-1, pair.gaps[1])) if marked else ():
             pieces.mark((x, side * (exaggeration * gap + radius), height), x, j, side, False)
             pieces.mark((x, side * radius, height), math.nan, j, side, True, ball=j)
@@ -279,7 +290,8 @@ def chosen_exaggeration(
     balls: Sequence[Contact],
 ) -> float:
     """Factor, of one digit, with which the largest deflection and gap are a good size beside the beam."""
-    reach = float(np.abs(deflection).max()) + max((max(pair.gaps) for pair in balls), default=0.0)
+    gaps = [max(pair.gaps) for pair in balls if pair.has_walls]
+    reach = float(np.abs(deflection).max()) + max(gaps, default=0.0)
     return float(f"{SWING * structure.beam.length / max(reach, 1e-12):.1g}")
 
 

@@ -60,6 +60,12 @@ class Film:
         rows = hermite_rows(self.response.system.nodes, [position])
         return np.asarray((rows @ self.snapshots.displacement.T)[0])
 
+    def room(self, j: int) -> float:
+        """Largest distance (m) of the ball of pair j from its middle: the wider gap, or what an absorber moves."""
+        pair = self.response.system.balls[j]
+        moved = np.abs(self.snapshots.ball_displacement[:, j] - self.at_pair(j))
+        return max(pair.gaps) if pair.has_walls else float(moved.max())
+
     def stops(self) -> list[tuple[int, int, int]]:
         """Cell, pair and side of each block of a stop, in the order of the scene."""
         cells = iter(np.flatnonzero(self.scene.part == STOP).tolist())
@@ -111,6 +117,11 @@ def sheets(
     return frame
 
 
+def _carrier(pair: Any) -> str:
+    """What a ball or an absorber moves on, in a word."""
+    return "box" if pair.has_walls else "beam"
+
+
 def _titles(film: Film, plane: bool) -> list[tuple[float, str]]:
     """Words above the two views, with the sizes that an exaggerated picture cannot be measured for."""
     titles = [(0.02, f"Whole beam ({1e3 * film.structure.beam.length:.4g} mm), relative to the moving base")]
@@ -118,7 +129,8 @@ def _titles(film: Film, plane: bool) -> list[tuple[float, str]]:
     for j, pair in enumerate(balls):
         plus, minus = (1e3 * gap for gap in pair.gaps)
         gaps = f"gaps {plus:.3g} mm" if plus == minus else f"gaps +{plus:.3g}, -{minus:.3g} mm"
-        name = "Close-up, moving with the box" if len(balls) == 1 else pair.name
+        gaps = gaps if pair.has_walls else "absorber"
+        name = f"Close-up, moving with the {_carrier(pair)}" if len(balls) == 1 else pair.name
         first, width = (CLOSE_UPS, 0.98 + SPACE - CLOSE_UPS) if plane else (0.52, 0.5)
         titles.append((first + width * j / len(balls), f"{name} ({gaps})"))
     return titles
@@ -165,7 +177,8 @@ def _history(axis: Any, film: Film, j: int) -> None:
     wall, ball = 1e3 * film.at_pair(j), 1e3 * snapshots.ball_displacement[:, j]
     inside = (wall - 1e3 * pair.gaps[1], wall + 1e3 * pair.gaps[0])
     place = name_at(film.response.system, pair.position) or "beam at the box"
-    axis.fill_between(time, *inside, color="#e6eaee", label="between the walls")
+    if pair.has_walls:
+        axis.fill_between(time, *inside, color="#e6eaee", label="between the walls")
     axis.plot(time, wall, color=BEAM_COLOUR, label=place if len(balls) == 1 else "beam at the box")
     axis.plot(time, ball, color=BLUE, label=pair.name if len(balls) == 1 else "ball")
     at = impacts.time[(impacts.impactor == pair.name) & (impacts.time >= time[0]) & (impacts.time <= time[-1])]
@@ -189,9 +202,16 @@ def _plane_views(figure: Any, film: Film) -> list[Draw]:
         # one for all: below each of several it would be wider than its view
         figure.text(0.5 * (CLOSE_UPS + 0.98), 0.378, axis.get_xlabel(), ha="center", va="center")
     for j, pair in enumerate(contacts):
-        half = 1e3 * (s * max(pair.gaps) + 1.6 * ball_radius(pair.mass))
+        half = 1e3 * (s * film.room(j) + 1.6 * ball_radius(pair.mass))
         close = figure.add_axes((CLOSE_UPS + j * (width + SPACE), 0.435, width, 0.435))
-        _fit(close, 1e3 * pair.position, 1.6e3 * ball_radius(pair.mass), half, s, "relative to the box (mm)")
+        _fit(
+            close,
+            1e3 * pair.position,
+            1.6e3 * ball_radius(pair.mass),
+            half,
+            s,
+            f"relative to the {_carrier(pair)} (mm)",
+        )
         close.set_xlabel("")
         if j > 0:
             close.set_ylabel("")
@@ -242,7 +262,8 @@ def _moving_parts(axis: Any, film: Film, follow: int | None) -> Draw:
         moved = 1e3 * film.moved(i)[:, :2]
         if follow is not None:
             moved[:, 1] -= 1e3 * scene.exaggeration * film.at_pair(follow)[film.chosen[i]]
-        colours = [colour for j in range(len(contacts)) for colour in _box_colours(film, i, j)]
+        boxed = [j for j, pair in enumerate(contacts) if pair.has_walls]
+        colours = [colour for j in boxed for colour in _box_colours(film, i, j)]
         colours += [BEAM_COLOUR] * len(beam)
         colours += [ORANGE if film.touches(i, j, side) else DARK for _, j, side in stops]
         collection.set(verts=moved[faces], facecolors=colours, edgecolors=colours)

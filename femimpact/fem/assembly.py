@@ -18,7 +18,16 @@ from femimpact.arrays import Array
 from femimpact.errors import InputWarning
 from femimpact.fem.discretisation import Discretisation, discretise, kind_of
 from femimpact.fem.mesh import Mesh
-from femimpact.structure.structure import SUPPORTS, Dashpot, Impactor, Spring, Stop, Structure, unusual_numbers
+from femimpact.structure.structure import (
+    SUPPORTS,
+    Absorber,
+    Dashpot,
+    Impactor,
+    Spring,
+    Stop,
+    Structure,
+    unusual_numbers,
+)
 from femimpact.system.added_terms import add_terms
 from femimpact.system.contact_pair import ContactPair, contact_pair
 from femimpact.system.hermite import Reaction, hermite_rows
@@ -165,7 +174,7 @@ USUAL_FREQUENCY = (0.01, 1e5)
 
 
 def assemble(structure: Structure, elements: int | None = None, mesh: Mesh | None = None) -> System:
-    """Euler-Bernoulli beam with consistent mass, lumped bodies, and one contact pair per ball.
+    """Euler-Bernoulli beam with consistent mass, lumped bodies, and one contact pair per ball, absorber and stop.
 
     Parameters
     ----------
@@ -282,9 +291,9 @@ def _warn_of_unusual(structure: Structure, first_frequency: float) -> None:
 
 
 def _contacts(system: System, grid: Discretisation, modes: Modes) -> tuple[ContactPair, ...]:
-    """The pairs of balls and stops, with what they take from stiffness and first mode."""
+    """The pairs of balls, absorbers and stops, with what they take from stiffness and first mode."""
     structure = grid.structure
-    items: tuple[Impactor | Stop, ...] = (*structure.impactors, *structure.stops)
+    items: tuple[Impactor | Absorber | Stop, ...] = (*structure.impactors, *structure.absorbers, *structure.stops)
     places = [grid.position_of(item.at, f"{kind_of(item)}.{item.name}.at") for item in items]
     rows = np.array([system.point_row(place) for place in places]).reshape(len(items), system.dofs)
     compliance = flexibility(system, rows)

@@ -32,7 +32,7 @@ from femimpact.errors import (
 )
 from femimpact.fem.mesh import SAME_PLACE, Mesh, uniform_mesh
 from femimpact.structure.beam import Beam, Segment
-from femimpact.structure.structure import SUPPORTS, Impactor, Position, Stop, Structure, Support
+from femimpact.structure.structure import SUPPORTS, Absorber, Impactor, Position, Stop, Structure, Support
 from femimpact.system.hermite import SectionFields, shape_functions
 
 OFF_MESH = 1e-6
@@ -193,7 +193,7 @@ def discretise(structure: Structure, elements: int | None = None, mesh: Mesh | N
         require(not isinstance(elements, Mesh), "elements", kind, "", "must be a whole number; pass a mesh as mesh=")
         mesh = uniform_mesh(structure, elements)  # type: ignore[arg-type]
     _check_length(structure.beam, mesh)
-    bodies: tuple[Impactor | Stop, ...] = (*structure.impactors, *structure.stops)
+    bodies: tuple[Impactor | Absorber | Stop, ...] = (*structure.impactors, *structure.absorbers, *structure.stops)
     for item in bodies:
         key, allowed = f"{kind_of(item)}.{item.name}.name", "must not be the name of a point of the mesh"
         require(item.name not in mesh.points, key, item.name, "", allowed)
@@ -211,9 +211,9 @@ def _basis(nodes: bytes, degree: int) -> Any:
     return Basis(MeshLine(np.frombuffer(nodes)), ElementLineHermiteReference(), intorder=degree)
 
 
-def kind_of(item: Impactor | Stop) -> str:
-    """The key of a ball or a stop in messages and study files."""
-    return "stop" if isinstance(item, Stop) else "impactor"
+def kind_of(item: Impactor | Absorber | Stop) -> str:
+    """The key of a ball, an absorber or a stop in messages and study files."""
+    return {Stop: "stop", Absorber: "absorber"}.get(type(item), "impactor")
 
 
 def _sections(beam: Beam, mesh: Mesh) -> SectionFields:

@@ -157,7 +157,7 @@ class ChannelRows:
     ball_displacement: Array  # (R, B) of y and y'; zero for stops
     ball_velocity: Array  # (R, B)
     contact_force: Array  # (R, B) of the forces of contact on the structure along b_j
-    pair_force: Array  # (R, B) of the same with those of centring springs; zero where the time loop holds these apart
+    pair_force: Array  # (R, B) of the same with those of springs and dashpots; zero where the loop holds these apart
     base: Array  # (R, 3) of ub, ub' and ub''
     drive: Array  # (R,) of s(t)
     constant: Array  # (R,)
@@ -179,7 +179,7 @@ def channel_rows(
     drive: Drive,
     channels: tuple[Channel, ...],
     *,
-    # whether the time loop holds no forces of pairs with those of their centring springs, k0 x_j, in them
+    # whether the time loop holds no forces of pairs with those of their centring springs and dashpots in them
     springs_apart: bool,
 ) -> ChannelRows:
     """Rows of channels; the accelerations are M^-1 (load s + constant load - C u' - K u + sum_j b_j F_j) and so on."""
@@ -233,14 +233,18 @@ def _free_of_reactions(system: System, drive: Drive, reading: Reading) -> Readin
     for i in numbers:
         item, weight = items[i], reading.reaction[i]
         contact = weight * system.contact_shares[i]
-        springs = contact * [pair.free_stiffness for pair in system.contacts]
-        pulls = [spring * pair.direction for spring, pair in zip(springs, system.contacts, strict=True)]
+        springs, dashpots = (
+            contact * [getattr(pair, name) for pair in system.contacts] for name in ("free_stiffness", "free_damping")
+        )
+        directions = np.array([pair.direction for pair in system.contacts]).reshape(-1, system.dofs)
+        on_u, on_v = (np.sum(each[:, None] * directions, axis=0) for each in (springs, dashpots))
         reading = replace(
             reading,
-            displacement=reading.displacement + weight * item.on_displacement + np.sum(pulls, axis=0),
-            velocity=reading.velocity + weight * item.on_velocity,
+            displacement=reading.displacement + weight * item.on_displacement + on_u,
+            velocity=reading.velocity + weight * item.on_velocity + on_v,
             acceleration=reading.acceleration + weight * item.on_acceleration,
             ball_displacement=reading.ball_displacement - springs,
+            ball_velocity=reading.ball_velocity - dashpots,
             base=reading.base + np.array([0.0, 0.0, weight * item.on_base_acceleration]),
             contact_force=reading.contact_force - contact,
             point_force=reading.point_force - weight * applied[i],
@@ -277,6 +281,9 @@ def _row(
             spring = pair.free_stiffness * per_force[j]
             y[j] += spring
             displacement -= spring * pair.direction
+            dashpot = pair.free_damping * per_force[j]
+            y_rate[j] += dashpot
+            velocity -= dashpot * pair.direction
     contact, pairs = reading.contact_force, per_force
     if springs_apart:
         contact, pairs = contact + per_force, 0.0 * per_force

@@ -61,10 +61,11 @@ class Place:
 
 PARTS = {
     "mass": "masses", "impactor": "impactors", "stop": "stops", "spring": "springs", "dashpot": "dashpots",
+    "absorber": "absorbers",
 }  # fmt: skip
 """Tables of a study file, and the fields of `Structure` that they become."""
 
-OF_BALL = ("mass", "free_stiffness", "acceleration")
+OF_BALL = ("mass", "free_stiffness", "acceleration", "free_damping")
 """Numbers of a ball in a system; its acceleration there includes gravity."""
 
 BASE = {"frequency": "Hz", "amplitude": "m", "phase": "rad", "start": ""}
@@ -112,7 +113,8 @@ def _places(study: Study) -> Iterator[Place]:
     if study.reduction is not None:
         yield from _fields_of(study.reduction, "reduction", "", Stage.MODES)
     yield from _fields_of(METHODS[study.method.get("name", "newmark")], "method", "", Stage.METHOD)
-    yield from _excitation_and_start([ball.name for ball in structure.impactors], _units_of_base(study.base))
+    moving = [ball.name for ball in structure.impactors] + [body.name for body in structure.absorbers]
+    yield from _excitation_and_start(moving, _units_of_base(study.base))
 
 
 def _units_of_base(base: Any) -> Mapping[str, str]:
@@ -133,10 +135,11 @@ def _units_of_base(base: Any) -> Mapping[str, str]:
 
 def _places_of_system(system: System) -> Iterator[Place]:
     for pair in system.contacts:
-        owner = "stop" if pair.is_stop else "impactor"
-        yield _place(owner, pair.name, "gap", "m", Stage.CASE)
+        owner = "stop" if pair.is_stop else "impactor" if pair.has_walls else "absorber"
+        if pair.has_walls:
+            yield _place(owner, pair.name, "gap", "m", Stage.CASE)
         if not pair.is_stop:
-            units = {"mass": "kg", "free_stiffness": "N/m", "acceleration": "m/s^2"}
+            units = {"mass": "kg", "free_stiffness": "N/m", "acceleration": "m/s^2", "free_damping": "N s/m"}
             for name in OF_BALL:
                 yield _place(owner, pair.name, name, units[name], Stage.BALL)
         yield from _law_of(owner, pair.name, pair.law)
@@ -379,7 +382,7 @@ def _damped(system: System, damping: Rayleigh | ModalDamping | None) -> System:
 
 
 def _with_balls(system: System, values: Values) -> System:
-    """The system with other masses, centring springs and accelerations of its balls."""
+    """The system with other masses, centring springs, dashpots and accelerations of its balls."""
     contacts = list(system.contacts)
     for place, value in values.items():
         j = next(i for i, pair in enumerate(contacts) if pair.name == place.part)

@@ -345,8 +345,11 @@ def scaled_starts(
     gaps: Array,  # (cases, balls, 2) m: to the + and to the - side
     speed: Array,  # (cases,) m/s: amplitude times angular frequency of the base
 ) -> tuple[Array, Array]:  # (cases, starts, balls) m and m/s
-    """Places of balls, uniform in their gaps, and speeds, uniform within +- a speed, relative to the structure."""
-    plus, minus = gaps[:, None, :, 0], gaps[:, None, :, 1]
+    """Places of balls, uniform in their gaps, and speeds, uniform within +- a speed, relative to the structure.
+
+    The body of an absorber, without walls, is in the middle.
+    """
+    plus, minus = np.moveaxis(np.where(np.isfinite(gaps), gaps, 0.0)[:, None], -1, 0)
     displacement = -minus + (plus + minus) * draws[None, :, :, 0]
     return displacement, speed[:, None, None] * (2.0 * draws[None, :, :, 1] - 1.0)
 
@@ -420,7 +423,7 @@ def history_of_case(
     given: Any = study.study
     changed = study_with(given, {place: value for place, value in values.items() if place.stage is Stage.CASE})
     structure: Any = changed.structure
-    bodies = {item.name: item for item in (*structure.impactors, *structure.stops)}
+    bodies = {item.name: item for item in (*structure.impactors, *structure.absorbers, *structure.stops)}
     system = study.systems.of(values)
     contacts = tuple(
         replace(pair, gaps=bodies[pair.name].gaps, law=bodies[pair.name].contact) for pair in system.contacts

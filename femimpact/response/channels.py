@@ -463,7 +463,7 @@ def channel_of(
 
 
 def resolve_channels(system: System, channels: Sequence[Position | Channel] | None) -> tuple[Channel, ...]:
-    """The channels that names stand for; by default the default place, every ball and every contact force.
+    """The channels that names stand for; by default the default place, balls and absorbers, and contact forces.
 
     Raises
     ------
@@ -471,8 +471,9 @@ def resolve_channels(system: System, channels: Sequence[Position | Channel] | No
         Naming the first unknown or ambiguous channel and the known ones, or a name that two channels have.
     """
     if channels is None:
-        pairs = [pair.name for pair in system.contacts]
-        forces = [f"{pair}.contact_force" for pair in pairs] if len(pairs) > 1 else ["contact_force"] * len(pairs)
+        pairs = [pair.name for pair in system.contacts if pair.has_walls]
+        alone = len(pairs) == len(system.contacts) == 1
+        forces = ["contact_force"] if alone else [f"{pair}.contact_force" for pair in pairs]
         channels = (system.default_place, *(pair.name for pair in system.balls), *forces)
     found = tuple(channel_of(system, channel) for channel in channels)
     names: dict[str, Channel] = {}

@@ -89,7 +89,7 @@ class EnergyLedger:
     kinetic, strain : ndarray (samples,), J
         Of the beam and the bodies on it.
     ball : ndarray (samples,), J
-        Kinetic energy of the balls.
+        Kinetic energy of balls and absorbers.
     contact : ndarray (samples,), J
         Stored in contact and centring springs.
     work : ndarray (samples,), J
@@ -98,7 +98,8 @@ class EnergyLedger:
     structure_loss : ndarray (samples,), J
         Dissipated by the structure's damping since t = 0.
     contact_loss : ndarray (samples,), J
-        Integral of (F - k p) p', since t = 0: summed directly, never a remainder.
+        Integral of (F - k p) p', and of c x'^2 in the dashpots of absorbers and beside centring springs, since t = 0:
+        summed directly, never a remainder.
     structure_loss_of_mode : ndarray (samples, modes), J
         The same as `structure_loss`, mode by mode; no columns for physical dofs.
     """

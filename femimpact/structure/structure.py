@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from femimpact.contact import ContactLaw, require_law
+from femimpact.contact.laws import NoWalls
 from femimpact.errors import (
     LARGEST,
     Fault,
@@ -52,6 +53,12 @@ def require_preload(gaps: tuple[float, ...], law: ContactLaw) -> None:
     fits = min(gaps) >= 0.0 or law.may_be_preloaded
     allowed = "must be another law for a preloaded stop: its spring acts from the middle of its gaps"
     require(fits, "contact", law.name, "", allowed)
+
+
+def require_free_damping(damping: float, law: ContactLaw) -> None:
+    """Refuse a dashpot (N s/m) beside a law that has a centring spring itself."""
+    allowed = f"must be 0 N s/m with the law {law.name}, whose spring acts everywhere"
+    require(damping == 0.0 or not hasattr(law, "free_stiffness"), "free_damping", damping, "N s/m", allowed)
 
 
 @dataclass(frozen=True)
@@ -116,7 +123,7 @@ class Support:
 class Impactor:
     """A free ball in a cavity that is fixed to the beam.
 
-    m (y'' + ub'') = m acceleration - free_stiffness x - N(p, p'), x = y - w, both relative to the base.
+    m (y'' + ub'') = m acceleration - free_stiffness x - free_damping x' - N(p, p'), x = y - w, relative to the base.
 
     Parameters
     ----------
@@ -135,11 +142,13 @@ class Impactor:
         Centring spring between ball and beam, acting everywhere.
     acceleration : float, m/s^2
         Constant acceleration along the ball's path (gravity for a vertical motion).
+    free_damping : float, N s/m
+        Dashpot beside the centring spring, acting everywhere.
 
     Raises
     ------
     InputError
-        If the contact is no contact law.
+        If the contact is no contact law, or is one with a spring of its own beside a dashpot.
     """
 
     name: str = field(metadata=text())
@@ -149,17 +158,63 @@ class Impactor:
     contact: ContactLaw
     free_stiffness: float = field(default=0.0, metadata=quantity("N/m", at_least=0.0))
     acceleration: float = field(default=0.0, metadata=quantity("m/s^2"))
+    free_damping: float = field(default=0.0, metadata=quantity("N s/m", at_least=0.0))
 
     def __post_init__(self) -> None:
         check_fields(self)
         pair = not isinstance(self.gap, tuple) or len(self.gap) == 2
         require(pair, "gap", self.gap, "m", "must be one number or two (d1 on the + side, d2 on the - side)")
         require_law(self.contact, "contact")
+        require_free_damping(self.free_damping, self.contact)
 
     @property
     def gaps(self) -> tuple[float, float]:
         """Gap (m) on the + side and on the - side."""
         return self.gap if isinstance(self.gap, tuple) else (self.gap, self.gap)
+
+
+@dataclass(frozen=True)
+class Absorber:
+    """A body on a spring and a dashpot on the beam, without walls: a tuned mass damper.
+
+    m (y'' + ub'') = m gravity - stiffness x - damping x', x = y - w, both relative to the base.
+
+    Parameters
+    ----------
+    name : str
+        By which it is named in results: as a ball, `name` is its displacement and `name.gap` is x.
+    at : str or float
+        Place on the beam: "root", "tip", "mid", a body's name, a point of the mesh, or metres from the root.
+    mass : float, kg
+        Of the body.
+    stiffness : float, N/m
+        Of the spring between body and beam.
+    damping : float, N s/m
+        Of the dashpot beside it.
+
+    See Also
+    --------
+    tuned_absorber : the stiffness and damping that leave the smallest resonance.
+    """
+
+    name: str = field(metadata=text())
+    at: Position = field(metadata=place())
+    mass: float = field(metadata=quantity("kg", above=0.0, at_most=LARGEST))
+    stiffness: float = field(metadata=quantity("N/m", above=0.0))
+    damping: float = field(metadata=quantity("N s/m", at_least=0.0))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+
+    @property
+    def gaps(self) -> tuple[float, float]:
+        """Infinite on both sides (m)."""
+        return math.inf, math.inf
+
+    @property
+    def contact(self) -> NoWalls:
+        """The law of walls that are not there."""
+        return NoWalls()
 
 
 @dataclass(frozen=True)
@@ -288,7 +343,7 @@ class Dashpot:
 @short_repr
 @dataclass(frozen=True)
 class Structure:
-    """Beam, supports, bodies, balls and stops, and the structure's damping.
+    """Beam, supports, bodies, balls, absorbers and stops, and the structure's damping.
 
     Parameters
     ----------
@@ -307,6 +362,7 @@ class Structure:
         Those to the base hold the beam, so that there may be no supports. About a single one, without supports, the
         beam is free to turn: a rigid motion of frequency 0.
     dashpots : sequence of Dashpot
+    absorbers : sequence of Absorber
 
     Raises
     ------
@@ -323,11 +379,12 @@ class Structure:
     gravity: float = field(default=0.0, metadata=quantity("m/s^2"))
     springs: Sequence[Spring] = ()
     dashpots: Sequence[Dashpot] = ()
+    absorbers: Sequence[Absorber] = ()
 
     def __post_init__(self) -> None:
         kinds = {
             "masses": PointMass, "impactors": Impactor, "supports": Support, "stops": Stop, "springs": Spring,
-            "dashpots": Dashpot,
+            "dashpots": Dashpot, "absorbers": Absorber,
         }  # fmt: skip
         for key in kinds:
             if isinstance(getattr(self, key), list):
@@ -338,9 +395,10 @@ class Structure:
             require_type(getattr(self, key), tuple, key)
             for item in getattr(self, key):
                 require_type(item, kind, key)
-        named: tuple[Any, ...] = (*self.masses, *self.impactors, *self.stops, *self.springs, *self.dashpots)
+        hung = (*self.springs, *self.dashpots, *self.absorbers)
+        named: tuple[Any, ...] = (*self.masses, *self.impactors, *self.stops, *hung)
         names = [item.name for item in named]
-        allowed = "must be distinct among masses, impactors, stops, springs and dashpots"
+        allowed = "must be distinct among masses, impactors, stops, springs, dashpots and absorbers"
         require(len(set(names)) == len(names), "name", names, "", allowed)
         for name in names:
             plain = isinstance(name, str) and re.fullmatch(r"[A-Za-z][\w -]*", name) and name not in RESERVED
@@ -363,7 +421,7 @@ class Structure:
     @property
     def _head(self) -> Head:
         """Summary of the beam, its bodies and where they are."""
-        lists = ("supports", "masses", "impactors", "stops", "springs", "dashpots")
+        lists = ("supports", "masses", "impactors", "stops", "springs", "dashpots", "absorbers")
         given = {key: [getattr(one, "name", getattr(one, "kind", "")) for one in getattr(self, key)] for key in lists}
         places = {key: [one.at for one in getattr(self, key)] for key in lists}
         shown = {
@@ -377,11 +435,12 @@ class Structure:
         return head_of_values(f"Structure: beam of {self.beam.length:g} m, {self.beam.mass:.4g} kg", shown)
 
     @property
-    def attachments(self) -> tuple[tuple[str, PointMass | Impactor | Support | Stop], ...]:
+    def attachments(self) -> tuple[tuple[str, PointMass | Impactor | Absorber | Support | Stop], ...]:
         """Everything that sits on a node of the beam, each with its key path."""
         return (
             *((f"mass.{body.name}", body) for body in self.masses),
             *((f"impactor.{ball.name}", ball) for ball in self.impactors),
+            *((f"absorber.{body.name}", body) for body in self.absorbers),
             *((f"support.{support.kind}", support) for support in self.supports),
             *((f"stop.{stop.name}", stop) for stop in self.stops),
         )
@@ -503,10 +562,12 @@ def _of_masses(structure: Structure) -> Iterator[str]:
         yield f"mass.{body.name}.mass = {body.mass:.4g} kg: {usual}; {_in_grams(body.mass)}"
     # beside a body in grams a ball in grams is not heavy
     rest = beam + math.fsum(body.mass for body in structure.masses if body not in heavy)
-    for ball in structure.impactors:
+    carried: list[tuple[str, Impactor | Absorber]] = [("impactor", ball) for ball in structure.impactors]
+    carried += [("absorber", body) for body in structure.absorbers]
+    for owner, ball in carried:
         if ball.mass > rest:
             usual = f"more than beam and bodies together, {rest:.4g} kg"
-            yield f"impactor.{ball.name}.mass = {ball.mass:.4g} kg: {usual}; {_in_grams(ball.mass)}"
+            yield f"{owner}.{ball.name}.mass = {ball.mass:.4g} kg: {usual}; {_in_grams(ball.mass)}"
 
 
 def _in_millimetres(metres: float) -> str:

@@ -88,8 +88,9 @@ def write_contact_table(
 def _contacts(study: Study) -> tuple[tuple[ContactPair, ...], Method]:
     """The pairs of the integrated system, and the study's method with its step."""
     _, system = build_systems(study, read_mesh_of(study))
-    require(bool(system.contacts), "impactor", None, "", "table [[impactor]] is missing from the study")
-    return tuple(system.contacts), method_for(study, system)
+    pairs = tuple(pair for pair in system.contacts if pair.has_walls)
+    require(bool(pairs), "impactor", None, "", "table [[impactor]] is missing from the study")
+    return pairs, method_for(study, system)
 
 
 def _table(pairs: tuple[ContactPair, ...], method: Method, speeds: NDArray[np.float64]) -> dict[str, list[Any]]:

@@ -142,6 +142,8 @@ def _contacts(system: System) -> list[dict[str, Any]]:
             # read by earlier versions
             "rigid": pair.parameters.is_rigid,
             "fixed_to": pair.fixed_to,
+            "free_stiffness": pair.free_stiffness,
+            "free_damping": pair.free_damping,
         }
         for pair in system.contacts
     ]
@@ -163,6 +165,8 @@ def _system(
             # results of earlier versions do not have it
             fixed_to=contact.get("fixed_to", "base"),
             law=laws.get(contact["name"], ""),
+            free_stiffness=contact.get("free_stiffness", math.nan),
+            free_damping=contact.get("free_damping", math.nan),
         )
         for contact in about["contacts"]
     )

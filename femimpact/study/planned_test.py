@@ -295,7 +295,7 @@ def _of_contacts(system: System) -> Iterator[PreflightRow]:
     limit = LONGEST_CONTACT / first
     instead = f"take at most {limit:.2g} s, a fifth of the first period: is it in milliseconds?"
     for pair in system.contacts:
-        if not pair.parameters.is_rigid:
+        if pair.has_walls and not pair.parameters.is_rigid:
             yield _row(f"contact time of {pair.name}", pair.parameters.contact_time, "s", limit, instead)
 
 
@@ -475,14 +475,17 @@ def _of_linear_run(
     """
     if has_cycle(excitation):
         yield from _transient(system, 2.0 / 3.0 * duration, f"duration = {duration:g} s")
-    wide = tuple(pair if pair.is_stop else replace(pair, gaps=(WIDE, WIDE), law=Rigid(1.0)) for pair in system.contacts)
+    wide = tuple(
+        pair if pair.is_stop or not pair.has_walls else replace(pair, gaps=(WIDE, WIDE), law=Rigid(1.0))
+        for pair in system.contacts
+    )
     bare, record = replace(system, contacts=wide), Recorder(channels=())
     if method is None:
         bare = bare if bare.is_diagonal else reduce(bare, min(MODES, bare.dofs))
         method = EventDriven()
     if isinstance(method, EventDriven) and isinstance(excitation, (Chirp, RandomBase, SteppedSine)):
         record = replace(record, interval=1.0 / (SAMPLES * excitation.frequency))
-    free = [pair for pair in system.balls if pair.free_stiffness == 0.0 and pair.acceleration == 0.0]
+    free = [pair for pair in system.balls if pair.free_stiffness == pair.free_damping == pair.acceleration == 0.0]
     at_rest_in_space = initial.is_at_rest and initial.frame == "space"
     names = [f"{pair.name}.gap" for pair in free] if at_rest_in_space else []
     if any(pair.gaps[0] != pair.gaps[1] for pair in free):

@@ -109,7 +109,7 @@ def history_record(study: Study, small: System, method: Method) -> Recorder:
         if place not in (None, "tip"):
             channels += [str(place), f"{place}.velocity"]
         moving = [] if pair.is_stop else [pair.name, f"{pair.name}.velocity"]
-        channels += [*moving, f"{pair.name}.contact_force"]
+        channels += [*moving, f"{pair.name}.contact_force" if pair.has_walls else f"{pair.name}.gap"]
     return Recorder(
         channels=tuple(dict.fromkeys([*channels, *output.channels])),
         every=_stride(study, method),
@@ -220,10 +220,11 @@ def lines_of_plan(prepared: PreparedStudy) -> list[str]:
     grid = method.interval(small, study.excitation, study.base.history_duration, prepared.record)
     steps = round(study.base.history_duration / grid)
     contact_time = shortest_contact(small)
-    kind = "modal" if small.is_diagonal else "physical"
+    kind, absorbers = "modal" if small.is_diagonal else "physical", len(study.structure.absorbers)
     lines = [
         f"dofs: {full.dofs} of the mesh ({full.nodes.size - 1} elements), {small.dofs} integrated ({kind}), "
-        f"{len(small.balls)} ball(s), {len(small.contacts) - len(small.balls)} stop(s)",
+        f"{len(small.balls) - absorbers} ball(s), {len(small.contacts) - len(small.balls)} stop(s)"
+        f"{f', {absorbers} absorber(s)' if absorbers else ''}",
         f"first natural frequency: {first_elastic_frequency(small):.6g} Hz"
         f"{' without ball' if small.balls else ''}"
         f"{'' if small.first_frequency > 0.0 else ', above a rigid motion at 0 Hz'}",
@@ -232,6 +233,13 @@ def lines_of_plan(prepared: PreparedStudy) -> list[str]:
     if study.structure.gravity:
         lines.append(f"gravity: {study.structure.gravity:g} m/s^2 along the deflection")
     for pair in small.contacts:
+        if not pair.has_walls:
+            tuned = math.sqrt(pair.free_stiffness / pair.mass)
+            lines.append(
+                f"absorber {pair.name}: {1e3 * pair.mass:.4g} g, {tuned / (2.0 * math.pi):.5g} Hz on a structure at "
+                f"rest, damping ratio {pair.free_damping / (2.0 * tuned * pair.mass):.4g}"
+            )
+            continue
         fixed = ", fixed in space" if pair.fixed_to == "space" else ""
         preload = f", preloaded by {-1e3 * min(pair.gaps):.4g} mm" if pair.is_preloaded else ""
         lines.append(

@@ -21,7 +21,7 @@ from femimpact.integrators.methods import METHODS
 from femimpact.regular_file import read_regular
 from femimpact.structure.beam import Beam, Segment
 from femimpact.structure.damping import ModalDamping, Rayleigh
-from femimpact.structure.structure import Dashpot, Impactor, PointMass, Spring, Stop, Structure, Support
+from femimpact.structure.structure import Absorber, Dashpot, Impactor, PointMass, Spring, Stop, Structure, Support
 from femimpact.study.base_motion import HISTORY_KEYS, SIGNALS, BaseMotion, RecordedMotion, SignalMotion, record_beside
 from femimpact.study.parameter_plan import (
     DISTRIBUTIONS,
@@ -538,6 +538,7 @@ TABLES: Mapping[str, _Table] = {
     "support": _of(Support, "structure.supports", many=True),
     "spring": _of(Spring, "structure.springs", many=True),
     "dashpot": _of(Dashpot, "structure.dashpots", many=True),
+    "absorber": _of(Absorber, "structure.absorbers", many=True),
     "damping": _Table("structure.damping", _damping, damping_schema),
     "gravity": _Table("structure.gravity", _gravity, partial(noun_schema, Gravity), _gravity_lines),
     "reduction": _of(Reduction, "reduction"),

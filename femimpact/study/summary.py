@@ -168,8 +168,9 @@ def summary_of(
         summary["damping_ratio"] = empty.damping_ratio
         if glued is not None:
             summary["natural_frequency"]["glued"] = glued.natural_frequency
-    if small.contacts:
-        contacts = {pair.name: _contact_summary(pair, method, response) for pair in small.contacts}
+    pairs = [pair for pair in small.contacts if pair.has_walls]
+    if pairs:
+        contacts = {pair.name: _contact_summary(pair, method, response) for pair in pairs}
         first, *others = contacts
         summary["restitution"] = contacts[first]["restitution"]
         summary["contact"] = {"name": first, **contacts[first]}

@@ -1,4 +1,4 @@
-"""One ball between its walls, or the structure beside a stop: a scalar gap along one direction vector."""
+"""One ball between its walls, an absorber, or the structure beside a stop: a scalar gap along one direction vector."""
 
 from __future__ import annotations
 
@@ -10,13 +10,15 @@ from femimpact.arrays import Array
 from femimpact.contact import ContactLaw, require_law, resolve
 from femimpact.contact.laws import ContactParameters
 from femimpact.errors import check_fields, choice, column, quantity, require, require_type, text
-from femimpact.structure.structure import Impactor, Stop, require_preload, sound_gaps
+from femimpact.structure.structure import Absorber, Impactor, Stop, require_free_damping, require_preload, sound_gaps
 from femimpact.system.matrices import frozen_row
 
 
 @dataclass(frozen=True, eq=False)
 class ContactPair:
     """One ball between its two walls, or the beam between two stops: a scalar gap along one direction vector.
+
+    An absorber is a ball whose gaps are infinite.
 
     Parameters
     ----------
@@ -41,6 +43,8 @@ class ContactPair:
         Constant one of the ball, gravity included.
     fixed_to : {"base", "space"}
         What a stop stands on; a ball's cavity moves with the structure.
+    free_damping : float, N s/m
+        Of the dashpot beside the centring spring.
     """
 
     name: str = field(metadata=text())
@@ -54,6 +58,7 @@ class ContactPair:
     free_stiffness: float = field(default=0.0, metadata=quantity("N/m", at_least=0.0))
     acceleration: float = field(default=0.0, metadata=quantity("m/s^2"))
     fixed_to: str = field(default="base", metadata=choice("base", "space"))
+    free_damping: float = field(default=0.0, metadata=quantity("N s/m", at_least=0.0))
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -65,11 +70,17 @@ class ContactPair:
         require(based, "fixed_to", self.fixed_to, "", "must be 'base' for a ball: its cavity moves with the structure")
         require_law(self.law)
         require_preload(self.gaps, self.law)
+        require_free_damping(self.free_damping, self.law)
 
     @property
     def is_stop(self) -> bool:
         """True if the other side is a fixed obstacle, not a ball."""
         return math.isinf(self.mass)
+
+    @property
+    def has_walls(self) -> bool:
+        """False of an absorber, whose body meets nothing."""
+        return min(self.gaps) < math.inf
 
     @property
     def is_preloaded(self) -> bool:
@@ -115,13 +126,14 @@ class ContactPair:
 
 
 def contact_pair(
-    item: Impactor | Stop, row: Array, position: float, first_mode: float, flexibility: float, gravity: float = 0.0
-) -> ContactPair:
-    """The pair of an impactor or a stop, its law resolved for the first mode's mass.
+    item: Impactor | Absorber | Stop, row: Array, position: float, first_mode: float, flexibility: float,
+    gravity: float = 0.0,
+) -> ContactPair:  # fmt: skip
+    """The pair of an impactor, an absorber or a stop, its law resolved for the first mode's mass.
 
     Parameters
     ----------
-    item : Impactor or Stop
+    item : Impactor, Absorber or Stop
     row : ndarray (dofs,)
         Reads the structure's displacement at the place.
     position : float, m
@@ -135,19 +147,26 @@ def contact_pair(
     -------
     ContactPair
     """
-    ball = item if isinstance(item, Impactor) else None
+    stop = item if isinstance(item, Stop) else None
+    if isinstance(item, Absorber):
+        stiffness, damping, acceleration = item.stiffness, item.damping, gravity
+    elif isinstance(item, Impactor):
+        stiffness, damping, acceleration = item.free_stiffness, item.free_damping, item.acceleration + gravity
+    else:
+        stiffness, damping, acceleration = 0.0, 0.0, 0.0
     pair = ContactPair(
         name=item.name,
-        direction=frozen_row(row if ball else -row),
+        direction=frozen_row(-row if stop else row),
         position=position,
-        mass=ball.mass if ball else math.inf,
+        mass=math.inf if isinstance(item, Stop) else item.mass,
         gaps=item.gaps,
         law=item.contact,
         first_mode=first_mode,
         flexibility=flexibility,
-        free_stiffness=ball.free_stiffness if ball else 0.0,
-        acceleration=ball.acceleration + gravity if ball else 0.0,
-        fixed_to="base" if ball else item.fixed_to,  # type: ignore[union-attr]
+        free_stiffness=stiffness,
+        acceleration=acceleration,
+        fixed_to=stop.fixed_to if stop else "base",
+        free_damping=damping,
     )
     # a law that has no numbers for this mass is refused here, not in the middle of a run
     require_type(pair.parameters, ContactParameters, "parameters")

@@ -91,7 +91,7 @@ def same_excitation(first: Any, second: Any) -> bool:
 def _same_contacts(first: Any, second: Any) -> bool:
     if first is second or first.contacts is second.contacts:
         return True
-    names = ("name", "gaps", "law", "mass", "fixed_to", "free_stiffness", "acceleration")
+    names = ("name", "gaps", "law", "mass", "fixed_to", "free_stiffness", "free_damping", "acceleration")
     return len(first.contacts) == len(second.contacts) and all(
         all(getattr(a, name) == getattr(b, name) for name in names) and np.array_equal(a.direction, b.direction)
         for a, b in zip(first.contacts, second.contacts, strict=True)

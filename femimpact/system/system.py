@@ -34,7 +34,7 @@ from femimpact.errors import (
     require_type,
     suggestion,
 )
-from femimpact.structure.structure import Impactor, Position, Stop
+from femimpact.structure.structure import Absorber, Impactor, Position, Stop
 from femimpact.svg import Chart, Line, axis_of
 from femimpact.system.contact_pair import ContactPair, contact_pair
 from femimpact.system.hermite import (
@@ -199,6 +199,7 @@ class System:
         constant_load: ArrayLike | None = None,
         nodes: ArrayLike | None = None,
         expansion: Any = None,
+        absorbers: Sequence[Absorber] = (),
     ) -> System:
         """Any linear structure by its matrices: M u'' + C u' + K u = -base_load ub'' + constant_load + sum_j b_j F_j.
 
@@ -210,7 +211,7 @@ class System:
             Each named place by the row that reads its displacement (m).
         base_load : array_like (dofs,), kg
             M r with r the rigid translation; the default r = 1 in every dof.
-        impactors, stops : sequences
+        impactors, stops, absorbers : sequences
             Their `at` is a name among the points.
         constant_load : array_like (dofs,), N
             Constant force on the structure; the default is none. Balls have an `acceleration` each.
@@ -229,7 +230,7 @@ class System:
         InputError
             For shapes that do not fit, matrices that are not symmetric or not definite, unknown names.
         """
-        _check_parts(points, impactors, stops)
+        _check_parts(points, impactors, absorbers, stops)
         matrices = _checked_matrices(M, C, K)
         dofs = matrices["M"].shape[0]
         require(len(points) > 0, "points", "none", "", 'must name at least one place, as {"tip": [1.0]}')
@@ -259,7 +260,7 @@ class System:
             directions=rows,
             constant_load=None if constant_load is None else checked_row("constant_load", constant_load, dofs),
         )
-        first, contacts = _contacts_of_matrices(bare, dense, rank, (*impactors, *stops))
+        first, contacts = _contacts_of_matrices(bare, dense, rank, (*impactors, *absorbers, *stops))
         return replace(bare, first_frequency=first, contacts=contacts, computed_together=None)
 
     @property
@@ -277,6 +278,8 @@ class System:
         for pair in self.contacts:
             body = "stop" if pair.is_stop else f"{pair.mass:.5g} kg"
             values[pair.name] = f"{body}, gaps {pair.gaps[0]:.5g} and {pair.gaps[1]:.5g} m, {pair.law.name}"
+            if not pair.has_walls:
+                values[pair.name] = f"{body} on {pair.free_stiffness:.5g} N/m and {pair.free_damping:.5g} N s/m"
         return head_of_values(f"System: {self.dofs} dofs, contacts: {len(self.contacts)}", values)
 
     @property
@@ -286,7 +289,7 @@ class System:
             return None
         nodes = 1e3 * np.asarray(self.nodes)
         lines = [Line("beam and its nodes", nodes, 0.0 * nodes, 0, marked=np.ones(nodes.size, dtype=bool))]
-        for i, pair in enumerate(self.contacts[:MOST_DRAWN]):
+        for i, pair in enumerate([pair for pair in self.contacts if pair.has_walls][:MOST_DRAWN]):
             walls = 1e3 * np.array([-pair.gaps[1], pair.gaps[0]])
             known = walls[np.isfinite(walls)]
             name = f"{pair.name}, {'gaps of the stop' if pair.is_stop else 'free travel'}"
@@ -533,12 +536,13 @@ class System:
         return {name: value for name, value in self.__dict__.items() if not name.startswith("derived")}
 
 
-def _check_parts(points: Any, impactors: Any, stops: Any) -> None:
-    """Refuse named places, balls and stops that are of the wrong kind."""
+def _check_parts(points: Any, impactors: Any, absorbers: Any, stops: Any) -> None:
+    """Refuse named places, balls, absorbers and stops that are of the wrong kind."""
     require_type(points, Mapping, "points")
     for name in points:
         require_type(name, str, "points")
-    given: tuple[tuple[str, Any, Any], ...] = (("impactors", impactors, Impactor), ("stops", stops, Stop))
+    given: tuple[tuple[str, Any, Any], ...]
+    given = ("impactors", impactors, Impactor), ("absorbers", absorbers, Absorber), ("stops", stops, Stop)
     for key, bodies, kind in given:
         require(isinstance(bodies, (list, tuple)), key, type(bodies).__name__, "", "must be a list")
         for item in bodies:
@@ -562,7 +566,7 @@ def _place_of_row(row: Array, nodes: Array, expansion: Matrix) -> float:
 
 
 def _contacts_of_matrices(
-    system: System, dense: Mapping[str, Array], rank: int, items: Sequence[Impactor | Stop]
+    system: System, dense: Mapping[str, Array], rank: int, items: Sequence[Impactor | Absorber | Stop]
 ) -> tuple[float, tuple[ContactPair, ...]]:
     """First natural frequency (Hz) of a system given by matrices, and its contact pairs."""
     omega_squared, vectors = scipy.linalg.eigh(dense["K"], dense["M"])
@@ -587,7 +591,7 @@ def _contacts_of_matrices(
 
 
 def without_impactors(system: System) -> System:
-    """The same system with its cavities empty: no ball, no contact but that of stops.
+    """The same system with its cavities empty: no ball, no absorber, no contact but that of stops.
 
     Raises
     ------

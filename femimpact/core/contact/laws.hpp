@@ -20,6 +20,7 @@ struct Law {
     NUMBER(exponent, double);    // 1
     NUMBER(restitution, double); // 1
     NUMBER(spring, double);      // N/m, of the centring spring
+    NUMBER(dashpot, double);     // N s/m, of the dashpot beside it
     NUMBER(approach, double);    // m/s, speed at which the contact opened
     NUMBER(address, Index);      // of a custom law's function
     FIELDS_END;

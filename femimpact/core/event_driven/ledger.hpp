@@ -81,10 +81,11 @@ constexpr double PLACES = 16.0 * 2.220446049250313e-16;
     const Products &s = space.products;
     const Motion &mark = space.mark, &motion = space.motion;
     double duration = motion.clock(0) - mark.clock(0);
-    bool active = false, moving = false;
+    bool active = false, moving = false, braked = false;
     for (Index j = 0; j < c.state.size(); j++) {
         active = active || is_active(c.state(j));
         moving = moving || (is_active(c.state(j)) && pairs.in_space(j) != 0.0);
+        braked = braked || b.free_damping(j) > 0.0;
     }
     bool compliant = any_compliant(c, pairs);
     read_coordinates(form.shapes, motion, s.after);
@@ -92,7 +93,7 @@ constexpr double PLACES = 16.0 * 2.220446049250313e-16;
         read_coordinates(form.shapes, mark, s.before);
         if (compliant)
             b.contact_loss(c.number) += add_separating(pairs, c, space);
-        if (has_blocks(scalars) || moving || (scalars.degree >= 0 && active) ||
+        if (has_blocks(scalars) || moving || (scalars.degree >= 0 && (active || braked)) ||
             are_mixed(form.shapes, scalars.driven, b.mass.size())) {
             sum_over_points(duration, form, pairs, c, space, b);
             read_coordinates(form.shapes, motion, s.after);
@@ -108,6 +109,9 @@ constexpr double PLACES = 16.0 * 2.220446049250313e-16;
                     sum_products(terms, duration, form, c, space, b);
                 for (Index p = 0; p < form.shapes.rigid_bodies; p++)
                     b.work(c.number) += work_on_rigid_body(p, form, mark, motion);
+                for (Index j = 0; j < c.state.size(); j++)
+                    if (b.free_damping(j) > 0.0)
+                        b.contact_loss(c.number) += b.free_damping(j) * square_of_rate(j, terms, pairs, s);
             }
             for (Index j = 0; j < c.state.size(); j++)
                 if (is_active(c.state(j)) && !pairs.rigid(j)) {

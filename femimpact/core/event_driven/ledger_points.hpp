@@ -31,6 +31,10 @@ namespace FEMIMPACT_TARGET {
                     b.loss_of_mode(c.number, i) += share * b.damping(i) * v * v;
             }
             for (Index j = 0; j < c.state.size(); j++) {
+                if (b.free_damping(j) > 0.0) {
+                    double rate = gap_of(j, pairs, after.row(1), base_rate);
+                    b.contact_loss(c.number) += share * b.free_damping(j) * rate * rate;
+                }
                 if (!is_active(c.state(j)))
                     continue;
                 double force = value_now(c.state.size() + j, scalars.exponent.size(), phase, scalars, scratch);

@@ -136,6 +136,18 @@ inline double square_of(GivenComplexArray a, const ComplexMatrix &plus, const Co
     b.work(c.number) += work;
 }
 
+// Integral of the square of a pair's relative speed; its row of strengths holds that speed's terms.
+[[gnu::noinline]] inline double square_of_rate(Index j, Index terms, const Pairs &pairs, const Products &s) {
+    Index d = s.before.shape[1];
+    ComplexArray rate = s.strength.row(d + j);
+    for (Index k = 0; k < terms; k++) {
+        rate(k) = {0.0, 0.0};
+        for (Index i = 0; i < d; i++)
+            rate(k) -= pairs.direction(j, i) * s.strength(i, k);
+    }
+    return square_of(rate, s.plus, s.minus, terms);
+}
+
 // Loss of one contact; adds the work of its force on every mode.
 [[gnu::noinline]] inline double add_contact_work(Index j, Index terms, const Scalars &scalars, const Pairs &pairs,
                                                  const Case &c, const Space &space) {
@@ -143,15 +155,9 @@ inline double square_of(GivenComplexArray a, const ComplexMatrix &plus, const Co
     const Motion &mark = space.mark;
     Index d = s.before.shape[1], entries = scalars.exponent.size(), r = c.state.size() + j;
     Index modes = c.to_modes.shape[1];
-    ComplexArray rate = s.strength.row(d + j);
-    for (Index k = 0; k < terms; k++) {
-        rate(k) = {0.0, 0.0};
-        for (Index i = 0; i < d; i++)
-            rate(k) -= pairs.direction(j, i) * s.strength(i, k);
-    }
-    double loss = c.damping(j) * square_of(rate, s.plus, s.minus, terms);
+    double loss = c.damping(j) * square_of_rate(j, terms, pairs, s);
     // the loss is summed: its row may now hold the force
-    ComplexArray force = rate;
+    ComplexArray force = s.strength.row(d + j);
     for (Index k = 0; k < entries; k++)
         force(k) = scalars.weight(r, k) * mark.entry(k);
     force(entries) = scalars.sine(r) * unit_phase(scalars.omega, mark.clock);

@@ -284,6 +284,7 @@ struct Ledger {
     ARRAY(load, "d", GivenArray);  // per unit of s(t)
     ARRAY(given, "d", GivenArray); // N
     ARRAY(free_stiffness, "R", GivenArray);
+    ARRAY(free_damping, "R", GivenArray);
     ARRAY(work, "C", Array);            // J
     ARRAY(contact_loss, "C", Array);    // J
     ARRAY(rounding, "C", Array);        // J, what rounding may have made of the energies of contacts

@@ -21,7 +21,7 @@ struct Collision {
 // contact, and the law's approach speed is that of this collision. The mass is the ball of a block of one case; the
 // structure of that block has no degree of freedom, and stands still.
 inline Collision collide(const Law &law, double mass, double speed, double start, const Scheme &s) {
-    double ball[RATE_BEFORE + 1] = {}, touch[REBOUND + 1] = {}, constants[SHARE + 1] = {}, ledger[HELD + 1] = {};
+    double ball[RATE_BEFORE + 1] = {}, touch[REBOUND + 1] = {}, constants[FREE_DAMPING + 1] = {}, ledger[HELD + 1] = {};
     double totals[FORCE_TIME + 1] = {}, scratch[6] = {}, still[2] = {};
     Index tally[4] = {}, window[2] = {};
     const Index pair = 0;
@@ -38,7 +38,7 @@ inline Collision collide(const Law &law, double mass, double speed, double start
     op.rows = op.response_a = op.response_u = op.response_v = {still, {1, 0}};
     op.compliance_u = op.compliance_v = {still, {1, 1}};
     Cases cases = {};
-    cases.pairs = {{&pair, {1}}, {&law.kind, {1}},     {&law.address, {1}}, {constants, {SHARE + 1, 1, 1}},
+    cases.pairs = {{&pair, {1}}, {&law.kind, {1}},     {&law.address, {1}}, {constants, {FREE_DAMPING + 1, 1, 1}},
                    {},           {law.refused, {1, 3}}};
     Motion &m = cases.motion;
     m.w = {still, {1, 1}};

@@ -27,6 +27,7 @@ inline Law law_of(Index j, Index c, double approach, const Pairs &pairs) {
         .exponent = constants(EXPONENT, j, c),
         .restitution = constants(RESTITUTION, j, c),
         .spring = constants(FREE_STIFFNESS, j, c),
+        .dashpot = constants(FREE_DAMPING, j, c),
         .approach = approach,
         .address = pairs.address(j),
         .refused = pairs.refused.row(j).data,
@@ -138,7 +139,8 @@ inline void record_contact(Index j, Index c, const PairSolution &found, GivenArr
     Index kind = pairs.kind(j), step = record.tally(STEP);
     double gate = found.gate, normal = found.normal;
     double side = penetration(m.ball(X, j, c), constants(GAP_PLUS, j, c), constants(GAP_MINUS, j, c)).side;
-    double always = kind == SWITCHING_SPRING || constants(FREE_STIFFNESS, j, c) > 0.0 ? 1.0 : 0.0;
+    double always =
+        kind == SWITCHING_SPRING || constants(FREE_STIFFNESS, j, c) + constants(FREE_DAMPING, j, c) > 0.0 ? 1.0 : 0.0;
     if (kind == SWITCHING_SPRING) {
         normal = side != 0.0 ? normal : 0.0;
         gate = side;

@@ -32,7 +32,7 @@ ENUMERATION(LEDGER_NAMES, WORK, STRUCTURE_LOSS, CONTACT_LOSS, LOAD_BEFORE, REFIN
 // Rows of Pairs.constants; a stop has no mass (its energy) and no mobility (1/m); SHARE of the drive that acts as an
 // acceleration of the base on the ball.
 ENUMERATION(CONSTANT_NAMES, MASS, MOBILITY, GAP_PLUS, GAP_MINUS, STIFFNESS, DAMPING, EXPONENT, RESTITUTION,
-            FREE_STIFFNESS, ACCELERATION, SHARE);
+            FREE_STIFFNESS, ACCELERATION, SHARE, FREE_DAMPING);
 // Rows of Motion.touch; BUSY: the pair must be looked at in every step.
 ENUMERATION(TOUCH_NAMES, BUSY, OPEN, SIDE, START, APPROACH, IMPULSE, PEAK, DURATION, LOSS, NORMAL, DISSIPATIVE,
             REBOUND);
@@ -119,7 +119,7 @@ struct Pairs {
     ARRAY(row, "P", GivenIndices);
     ARRAY(kind, "P", GivenIndices);
     ARRAY(address, "P", GivenIndices); // of a custom law's function
-    ARRAY(constants, "9+2 P C", GivenBlock);
+    ARRAY(constants, "9+3 P C", GivenBlock);
     ARRAY(obstacles, "o", GivenIndices); // stops fixed in space, their pairs, where the base moves; else none
     // of each custom law: depth, rate and approach speed of its first force that is no number
     ARRAY(refused, "P 3", Matrix);

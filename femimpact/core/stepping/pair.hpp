@@ -20,7 +20,7 @@ struct FreePair {
     double compliance_v; // m/(s N)
 };
 
-// On the structure (N), centring spring included, and its normal part, positive where its wall pushes.
+// On the structure (N), centring spring and its dashpot included, and its normal part, positive where its wall pushes.
 struct PairForce {
     double total, normal;
 };
@@ -68,8 +68,41 @@ inline double solve(bool mean, double dt, const Law &law, const FreePair &free) 
     return force;
 }
 
+// Normal force of the wall at hand (N, signed), whose rigid law has an impulse.
+[[gnu::always_inline]] inline double wall_force(const Scheme &s, const Law &law, const FreePair &free) {
+    double gate = free.gate;
+    if (law.kind == RIGID)
+        return gate * larger(gate * (free.rate + law.restitution * free.rate_before) / free.compliance_v, 0.0);
+    if (law.kind == KELVIN_VOIGT && !s.mean) {
+        double depth = gate * free.x - (gate > 0.0 ? law.gap_plus : law.gap_minus);
+        double denominator = 1.0 + law.stiffness * free.compliance_u + law.damping * free.compliance_v;
+        return gate * kelvin_voigt_force(depth, gate * free.rate, law.stiffness, law.damping) / denominator;
+    }
+    return solve(s.mean, s.dt, law, free);
+}
+
+// Forces of a pair that has a dashpot beside its centring spring.
+//
+// A mean force has the mean rate of the step, travel over dt, one at the step's end has the rate there.
+[[gnu::noinline]] inline PairForce braked_force(const Scheme &s, const Law &law, const FreePair &free) {
+    double on_travel = s.mean ? law.dashpot / s.dt : 0.0, on_rate = s.mean ? 0.0 : law.dashpot;
+    double on_x = law.spring * s.spring_now + on_travel;
+    double old = (law.spring * (1.0 - s.spring_now) - on_travel) * free.x_before;
+    double left = 1.0 / (1.0 + free.compliance_u * on_x + free.compliance_v * on_rate);
+    double pull = left * (on_x * free.x + on_rate * free.rate + old);
+    if (free.gate == 0.0)
+        return {pull, 0.0};
+    double x = free.x - free.compliance_u * pull, rate = free.rate - free.compliance_v * pull;
+    FreePair beside = {
+        free.gate, x, rate, free.x_before, free.rate_before, free.compliance_u * left, free.compliance_v * left};
+    double force = wall_force(s, law, beside);
+    return {pull + left * force, free.gate * force};
+}
+
 // Forces of one pair at a step's end.
 inline PairForce pair_force(const Scheme &s, const Law &law, const FreePair &free) {
+    if (law.dashpot > 0.0)
+        return braked_force(s, law, free);
     double spring = law.spring, gate = free.gate;
     if (law.kind == SWITCHING_SPRING)
         // decided by the state before the step, as printed
@@ -85,15 +118,7 @@ inline PairForce pair_force(const Scheme &s, const Law &law, const FreePair &fre
     double rate = free.rate - free.compliance_v * pull;
     double compliance_u = free.compliance_u * compliance_factor;
     double compliance_v = free.compliance_v * (1.0 - free.compliance_u * compliance_factor * s.spring_now * spring);
-    double force;
-    if (law.kind == RIGID)
-        force = gate * larger(gate * (rate + law.restitution * free.rate_before) / compliance_v, 0.0);
-    else if (law.kind == KELVIN_VOIGT && !s.mean) {
-        double depth = gate * x - (gate > 0.0 ? law.gap_plus : law.gap_minus);
-        double denominator = 1.0 + law.stiffness * compliance_u + law.damping * compliance_v;
-        force = gate * kelvin_voigt_force(depth, gate * rate, law.stiffness, law.damping) / denominator;
-    } else
-        force = solve(s.mean, s.dt, law, {gate, x, rate, free.x_before, free.rate_before, compliance_u, compliance_v});
+    double force = wall_force(s, law, {gate, x, rate, free.x_before, free.rate_before, compliance_u, compliance_v});
     return {force + spring * s.spring_now * (x - compliance_u * force) + old, gate * force};
 }
 

@@ -133,6 +133,10 @@ inline void contact_step(Index c, double time, const Operator &op, const Scheme 
         const Index r = pairs.row(j);
         m.ball(X, j, c) = m.ball(Y, j, c) - m.w(r, c);
         m.ball(RATE, j, c) = m.ball(Y_RATE, j, c) - m.w_rate(r, c);
+        double braked = constants(FREE_DAMPING, j, c), travel = m.ball(X, j, c) - m.ball(X_BEFORE, j, c);
+        if (braked > 0.0)
+            // the mean rate of the step is travel over dt
+            m.ledger(CONTACT_LOSS, c) += braked / s.dt * travel * travel;
         record_contact(j, c, {time, gate(j), x_free(j), approach(j), normal(j)}, op.rows.row(r), s, pairs, m,
                        cases.record);
     }

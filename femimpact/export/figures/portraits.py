@@ -304,10 +304,12 @@ def phase_portrait(
         axis.plot(*points, "o", color=ORANGE, markersize=4.5, linestyle="none", label=label)
     if pair is None:
         title, to = f"{names[0]}, {shown}", "the base"
-    else:
+    elif pair.has_walls:
         _walls(axis, pair, x)
         title, to = f"{pair.name} in its box, {shown}; grey: inside the walls", "the box"
-    moving = "ball" if pair else names[0]
+    else:
+        title, to = f"{pair.name}, {shown}", "the beam"
+    moving = "ball" if pair is not None and pair.has_walls else names[0]
     label_axes(axis, f"{moving} relative to {to} (mm)", f"velocity relative to {to} (mm/s)", title)
     legend_above(axis)
     return axis

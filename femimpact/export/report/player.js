@@ -98,7 +98,7 @@ document.querySelectorAll(".player").forEach(function (root) {
   const high = (function () {
     let found = 1.15 * data.larger * reach + 0.05 * data.length;
     for (const contact of data.contacts) {
-      if (!contact.stop) found = Math.max(found, data.larger * (reach + Math.max(...contact.gaps)) + 2.4 * contact.radius);
+      if (!contact.stop) found = Math.max(found, data.larger * (reach + contact.room) + 2.4 * contact.radius);
       else for (const gap of contact.gaps) if (gap !== null) found = Math.max(found, Math.min(data.larger * gap + 0.04 * data.length, 0.25 * data.length));
     }
     for (const body of data.bodies) found = Math.max(found, data.larger * reach + 0.6 * body.side);
@@ -228,6 +228,8 @@ document.querySelectorAll(".player").forEach(function (root) {
   }
 
   function drawBox(pen, contact, j, scale, s, paint) {
+    // an absorber has no walls
+    if (contact.gaps[0] === null) return;
     const r = contact.radius;
     const [plus, minus] = [s * contact.gaps[0] + r, -s * contact.gaps[1] - r];
     const wall = Math.max(0.3 * r * scale, 2);
@@ -242,6 +244,14 @@ document.querySelectorAll(".player").forEach(function (root) {
 
   function drawBall(pen, contact, j, offset, scale, paint) {
     const lit = Math.max(flash(j, 1), flash(j, -1));
+    if (contact.gaps[0] === null) {
+      pen.strokeStyle = paint.solid;
+      pen.lineWidth = 2;
+      pen.beginPath();
+      pen.moveTo(0, 0);
+      pen.lineTo(0, -scale * offset);
+      pen.stroke();
+    }
     if (lit > 0 && !still.matches) {
       pen.globalAlpha = 0.35 * lit;
       pen.fillStyle = paint.hit;
@@ -274,7 +284,7 @@ document.querySelectorAll(".player").forEach(function (root) {
     }
     const contact = data.contacts[j];
     const s = state.scale;
-    const high = s * Math.max(...contact.gaps) + 1.55 * contact.radius;
+    const high = s * contact.room + 1.55 * contact.radius;
     const scale = Math.min(height / (2 * high), width / (3.4 * contact.radius));
     pen.setTransform(ratio, 0, 0, ratio, 0, 0);
     pen.clearRect(0, 0, width, height);

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.arrays import Array
-from femimpact.export.placed import PlacedStructure, ball_radius, body_side, placed_structure
+from femimpact.export.placed import Contact, PlacedStructure, ball_radius, body_side, placed_structure
 from femimpact.export.scene import chosen_exaggeration
 from femimpact.export.tables import thinned
 from femimpact.response.history import Snapshots
@@ -150,7 +150,8 @@ def player_element(
         return None
     placed = placed_structure(structure, response.system)
     balls = list(response.system.balls)
-    larger = exaggeration or max(chosen_exaggeration(frames.deflection, structure, balls), 1e-3)
+    hung = frames.balls[:, [not pair.has_walls for pair in balls]]
+    larger = exaggeration or max(chosen_exaggeration(np.hstack([frames.deflection, hung]), structure, balls), 1e-3)
     span = float(frames.time[-1] - frames.time[0])
     speed = min(SPEEDS, key=lambda share: abs(math.log(span / share / WANTED)))
     data = _data(frames, placed) | {"larger": larger, "speed": speed}
@@ -159,7 +160,10 @@ def player_element(
     factors = {factor: "true" if factor == 1.0 else f"motion and gaps {TIMES} {factor:g}" for factor in (larger, 1.0)}
     scales = [element("option", text, value=repr(float(factor))) for factor, text in factors.items()]
     close = [
-        _view(f"{pair.name}, moving with its box", str(j), f"{pair.name} in its box") for j, pair in enumerate(balls)
+        _view(f"{pair.name}, moving with its box", str(j), f"{pair.name} in its box")
+        if pair.has_walls
+        else _view(f"{pair.name}, moving with the beam", str(j), f"{pair.name} on its spring")
+        for j, pair in enumerate(balls)
     ]
     stage = element(
         "div.stage.beside" if balls else "div.stage",
@@ -197,6 +201,8 @@ def _data(frames: Frames, placed: PlacedStructure) -> dict[str, Any]:
     unit, steepest = (largest or 1.0) / FULL, (float(np.abs(frames.slope).max(initial=0.0)) or 1.0) / FULL
     beam = placed.structure.beam
     middles = 0.5 * (frames.stations[1:] + frames.stations[:-1])
+    nearest = [int(np.argmin(np.abs(frames.stations - pair.position))) for pair in placed.contacts]
+    at_pairs = frames.deflection[:, nearest]
     return {
         "time": [round(float(t), 9) for t in frames.time],
         "stations": [round(float(x), 9) for x in frames.stations],
@@ -215,14 +221,20 @@ def _data(frames: Frames, placed: PlacedStructure) -> dict[str, Any]:
                 "x": pair.position,
                 "radius": 0.0 if pair.is_stop else ball_radius(pair.mass),
                 "gaps": [gap if math.isfinite(gap) else None for gap in pair.gaps],
+                "room": 0.0 if pair.is_stop else _room(pair, frames.balls[:, j], at_pairs[:, j]),
                 "stop": bool(pair.is_stop),
                 "space": pair.fixed_to == "space",
             }
-            for pair in placed.contacts
+            for j, pair in enumerate(placed.contacts)
         ],
         "supports": [{"kind": support.kind, "x": x} for support, x in placed.supports],
         "bodies": [{"x": x, "offset": body.offset, "side": body_side(body.mass)} for body, x in placed.bodies],
     }
+
+
+def _room(pair: Contact, ball: Array, beam: Array) -> float:
+    """Largest distance (m) of a ball from its middle: the wider gap, or what an absorber moves."""
+    return max(pair.gaps) if pair.has_walls else float(np.abs(ball - beam).max())
 
 
 def _packed(values: Array) -> str:
@@ -238,7 +250,7 @@ def _history(response: Response, frames: Frames) -> Chart:
     for j, pair in enumerate(balls[:4]):
         at = int(np.argmin(np.abs(frames.stations - pair.position)))
         beam, ball = 1e3 * frames.deflection[:, at], 1e3 * frames.balls[:, j]
-        if len(balls) == 1:
+        if len(balls) == 1 and pair.has_walls:
             gaps = (1e3 * pair.gaps[0], 1e3 * pair.gaps[1])
             bands.append(Band("between the walls", time, beam - gaps[1], beam + gaps[0], 0))
         hit = np.zeros(time.size, dtype=bool)

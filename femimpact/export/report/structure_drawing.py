@@ -20,17 +20,23 @@ from femimpact.svg import MINUS, TIMES, Element, element, number_text
 def structure_words(structure: Structure, contacts: Sequence[Contact]) -> str:
     """A structure in a few words: how it is held, its length, its bodies, contacts, springs and dashpots."""
     stops = sum(1 for one in contacts if one.is_stop)
+    absorbers = sum(1 for one in contacts if not one.has_walls)
     kinds = [f"{one.kind} at {_at(one.at)}" for one in structure.supports]
     root_only = len(kinds) == 1 and structure.supports[0].kind == "clamped" and structure.supports[0].at == "root"
     held = "cantilever" if root_only else f"beam ({', '.join(kinds) or 'on springs'})"
     counts = [
-        (len(structure.masses), "body", "bodies"), (len(contacts) - stops, "ball", "balls"),
-        (stops, "stop", "stops"), (len(structure.springs), "spring", "springs"),
+        (len(structure.masses), "body", "bodies"), (len(contacts) - stops - absorbers, "ball", "balls"),
+        (absorbers, "absorber", "absorbers"), (stops, "stop", "stops"), (len(structure.springs), "spring", "springs"),
         (len(structure.dashpots), "dashpot", "dashpots"),
     ]  # fmt: skip
-    *first, last = [f"{'a' if n == 1 else n} {one if n == 1 else many}" for n, one, many in counts if n] or [""]
+    *first, last = [f"{_article(one)} {one}" if n == 1 else f"{n} {many}" for n, one, many in counts if n] or [""]
     on_it = f" with {', '.join(first)}{' and ' if first else ''}{last}" if last else ""
     return f"{held} of {millimetres(structure.beam.length)}{on_it}"
+
+
+def _article(noun: str) -> str:
+    """The indefinite article of a noun."""
+    return "an" if noun[0] in "aeiou" else "a"
 
 
 def _at(place: Position) -> str:
@@ -86,6 +92,9 @@ def _contact_words(one: Contact) -> str:
     if one.is_stop:
         held = "space" if one.fixed_to == "space" else "the base"
         return f"fixed obstacle at {millimetres(one.position)}, {gap_words(one)}, fixed to {held}{law}"
+    if not one.has_walls:
+        hung = f"{number_text(one.free_stiffness)} N/m and {number_text(one.free_damping)} N s/m"
+        return f"{number_text(1e3 * one.mass)} g on {hung} at {millimetres(one.position)}"
     return (
         f"{number_text(1e3 * one.mass)} g, free between its walls at {millimetres(one.position)}: {gap_words(one)}{law}"
     )
@@ -119,7 +128,7 @@ def structure_element(placed: PlacedStructure) -> Element:
             _detail(placed.structure, ball),
             element("figcaption", f"{letters[ball.name]}  {ball.name} in its box, {gap_words(ball)}"),
         )
-        for ball in [one for one in placed.contacts if not one.is_stop][:MOST_CLOSE]
+        for ball in [one for one in placed.contacts if not one.is_stop and one.has_walls][:MOST_CLOSE]
     ]
     parts = (element("li", element("b", head), f" {words}") for head, words in part_words(placed, letters))
     scale = "Lengths, thicknesses, gaps and balls are to one scale. Balls and bodies are drawn as steel of their mass."
@@ -235,7 +244,7 @@ def _bodies(canvas: _Canvas, placed: PlacedStructure) -> list[Element]:
 
 
 def _contact(canvas: _Canvas, structure: Structure, one: Contact) -> list[Element]:
-    """The box of a ball, or the blocks of a stop."""
+    """The box of a ball, or the blocks of a stop; an absorber has none."""
     x, length = one.position, structure.beam.length
     if one.is_stop:
         half, thick = 0.5 * structure.beam.rectangle_at(x)[1], 0.02 * length
@@ -244,6 +253,8 @@ def _contact(canvas: _Canvas, structure: Structure, one: Contact) -> list[Elemen
             for side, gap in ((1.0, one.gaps[0]), (-1.0, one.gaps[1]))
             if math.isfinite(gap)
         ]
+    if not one.has_walls:
+        return []
     radius = ball_radius(one.mass)
     wall, plus, minus = 0.3 * radius, one.gaps[0] + radius, -one.gaps[1] - radius
     left, right = x - 1.25 * radius, x + 1.25 * radius

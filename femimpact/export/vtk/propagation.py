@@ -189,6 +189,7 @@ class Transition:
         stiffness[:u, :u], damping[:u, :u] = system.K.toarray(), system.C.toarray()
         for row, pair in zip(self.rows, system.contacts, strict=True):
             stiffness += pair.free_stiffness * np.outer(row, row)
+            damping += pair.free_damping * np.outer(row, row)
         for j, side in linear:
             row, pair = self.rows[j], system.contacts[j]
             stiffness += pair.parameters.stiffness * np.outer(row, row)

@@ -338,8 +338,10 @@ class SeriesSummary:
                 of_pair = series.connectivity[pair_of_entry == pair]
                 self.contacts.setdefault(int(pair), Space()).add(moved[of_pair])
                 marks = series.connectivity[(pair_of_entry == pair) & (part_of_entry == CONTACT_POINT)]
-                reach = moved[of_pair, 0].max() - moved[marks, 0].min()
-                self.half_width = max(self.half_width, float(reach))
+                # an absorber has no points of contact
+                if marks.size:
+                    reach = moved[of_pair, 0].max() - moved[marks, 0].min()
+                    self.half_width = max(self.half_width, float(reach))
             self.parts = [int(part) for part in np.unique(found.cells["part"])]
             self.frames[k] = _summary_of(series, found, k, pair_of_entry)
             return found

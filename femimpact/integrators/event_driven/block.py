@@ -295,13 +295,14 @@ def _new_ledger(system: System, equations: Equations, count: int, everywhere: bo
 
 
 def _of_equations(system: System, equations: Equations) -> dict[str, Any]:
-    """Fields of `Ledger` that the equations give; the springs of balls stand apart, not in the stiffness."""
+    """Fields of `Ledger` that the equations give; springs and dashpots of balls stand apart."""
     n, d = system.dofs, equations.M.shape[0]
     damping, stiffness = np.zeros(d), np.zeros(d)
     damping[:n], stiffness[:n] = system.C.diagonal(), system.K.diagonal()
     return {
         "mass": equations.M.diagonal().copy(), "damping": damping, "stiffness": stiffness, "load": equations.drive,
         "given": equations.given, "free_stiffness": np.array([pair.free_stiffness for pair in system.contacts]),
+        "free_damping": np.array([pair.free_damping for pair in system.contacts]),
     }  # fmt: skip
 
 

@@ -78,6 +78,8 @@ def equations_of(system: System, drive: Drive) -> Equations:
         load[n + j] = -pair.mass * drive.share
         given[n + j] = pair.mass * pair.acceleration
         K += pair.free_stiffness * np.outer(force[:, j], force[:, j])
+        if pair.free_damping:
+            C += pair.free_damping * np.outer(force[:, j], force[:, j])
     stop = np.array([pair.is_stop for pair in system.contacts], dtype=bool)
     # where a force drives, the base rests in space
     fixed = np.array([pair.fixed_to == "space" for pair in system.contacts], dtype=bool)

@@ -292,6 +292,7 @@ class Ledger(NamedTuple):
     load: Array  # (d,) per unit of s(t)
     given: Array  # (d,) N
     free_stiffness: Array  # (R,)
+    free_damping: Array  # (R,)
     work: Array  # (C,) J
     contact_loss: Array  # (C,) J
     rounding: Array  # (C,) J, what rounding may have made of the energies of contacts

@@ -536,7 +536,7 @@ def _impacts(run: _Run) -> Impacts:
         phase=_read_only(np.mod(2.0 * np.pi * excitation.frequency * time + excitation.phase, 2.0 * np.pi)),
         impactor=names[pair.astype(int)],
         energy_to_modes=_read_only(table[:, len(IMPACT_COLUMNS) :]),
-        law={contact.name: contact.law.name for contact in contacts},
+        law={contact.name: contact.law.name for contact in contacts if contact.has_walls},
         dropped=count - table.shape[0],
     )
 

@@ -294,7 +294,7 @@ class FormStore:
             "load": made.load, "to_entry_u": made.to_entry_u, "to_entry_v": made.to_entry_v,
             "to_rigid_body": made.to_rigid_body, "impulse_entry": made.impulse_entry,
             "impulse_rigid_body": made.impulse_rigid_body, "reaction": made.reaction,
-            **_uses_of_entries(made, bool(np.any(active & ~self.rigid))),
+            **_uses_of_entries(made, bool(np.any(active & ~self.rigid)) or _is_coupled(equations.C)),
         }  # fmt: skip
         for name, value in values.items():
             target = getattr(self.forms, name)
@@ -321,6 +321,11 @@ def _uses_of_entries(made: ClosedForms, all_together: bool) -> dict[str, NDArray
     members[form, np.arange(form.size) - before[form]] = entry
     first = np.concatenate([np.zeros((count, 1), dtype=np.int64), ends], axis=1)
     return {"together": together | all_together, "first": first, "members": members}
+
+
+def _is_coupled(damping: Array) -> bool:
+    """Whether dashpots of balls couple coordinates, whose relative speeds the ledger reads."""
+    return bool(np.any(damping * ~np.eye(damping.shape[-1], dtype=bool)))
 
 
 def _output_rows(out: Outputs, made: ClosedForms, active: NDArray[np.bool_]) -> Rows:

@@ -71,7 +71,7 @@ def pairs_of(
     """Contact pairs: the row that each reads, its law and its numbers, which may differ among cases."""
     contacts = system.contacts
     rows = [next(i for i, row in enumerate(operator.rows) if np.array_equal(row, pair.direction)) for pair in contacts]
-    constants = np.zeros((11, len(contacts), lanes))
+    constants = np.zeros((12, len(contacts), lanes))
     for j, pair in enumerate(contacts):
         constants[layout.MASS, j] = 0.0 if pair.is_stop else pair.mass
         constants[layout.MOBILITY, j] = pair.mobility
@@ -104,6 +104,7 @@ def _of_contact(pair: ContactPair) -> dict[int, float]:
         layout.EXPONENT: numbers.exponent,
         layout.RESTITUTION: numbers.restitution,
         layout.FREE_STIFFNESS: pair.free_stiffness + getattr(pair.law, "free_stiffness", 0.0),
+        layout.FREE_DAMPING: pair.free_damping,
     }
 
 
@@ -132,11 +133,12 @@ def motion_of(
     ball[layout.Y_RATE] = y_rate
     ball[layout.X] = ball[layout.X_BEFORE] = y - w[pairs.row]
     ball[layout.RATE] = ball[layout.RATE_BEFORE] = y_rate - w_rate[pairs.row]
-    springs = constants[layout.FREE_STIFFNESS] * ball[layout.X]
-    # where contact forces are no part of the acceleration, neither are those of centring springs
+    springs = constants[layout.FREE_STIFFNESS] * ball[layout.X] + constants[layout.FREE_DAMPING] * ball[layout.RATE]
+    # where contact forces are no part of the acceleration, neither are those of centring springs and their dashpots
     inside = np.zeros_like(springs) if scheme_of(method).mean else springs
     touch = np.zeros((12, count, lanes))
-    touch[layout.BUSY] = (pairs.kind[:, None] == SWITCHING_SPRING) | (constants[layout.FREE_STIFFNESS] > 0.0)
+    free = constants[layout.FREE_STIFFNESS] + constants[layout.FREE_DAMPING]
+    touch[layout.BUSY] = (pairs.kind[:, None] == SWITCHING_SPRING) | (free > 0.0)
     # any speed > 0: a law's potential is asked for before its first contact
     touch[layout.APPROACH] = 1.0
     held = inputs.beginning.held

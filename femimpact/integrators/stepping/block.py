@@ -343,7 +343,7 @@ def impacts_of(block: Block, system: System, excitation: Excitation) -> Impacts:
         impactor=impactor,
         phase=_own(np.mod(2.0 * np.pi * excitation.frequency * columns["time"] + excitation.phase, 2.0 * np.pi)),
         energy_to_modes=_own(record.impacts[:count, len(IMPACT_COLUMNS) :]),
-        law={pair.name: pair.law.name for pair in system.contacts},
+        law={pair.name: pair.law.name for pair in system.contacts if pair.has_walls},
         dropped=int(record.tally[3]) - count,
     )
 

@@ -32,7 +32,8 @@ WORK, STRUCTURE_LOSS, CONTACT_LOSS, LOAD_BEFORE, REFINED, OWN_WORK, OWN_LOSS, HE
 # SHARE of the drive that acts as an acceleration of the base on the ball
 (
     MASS, MOBILITY, GAP_PLUS, GAP_MINUS, STIFFNESS, DAMPING, EXPONENT, RESTITUTION, FREE_STIFFNESS, ACCELERATION, SHARE,
-) = range(11)  # fmt: skip
+    FREE_DAMPING,
+) = range(12)  # fmt: skip
 # rows of Motion.touch (., pairs, cases); BUSY: the pair must be looked at in every step
 BUSY, OPEN, SIDE, START, APPROACH, IMPULSE, PEAK, DURATION, LOSS, NORMAL, DISSIPATIVE, REBOUND = range(12)
 
@@ -116,7 +117,7 @@ class Pairs(NamedTuple):
     row: Integers  # (pairs,)
     kind: Integers  # (pairs,)
     address: Integers  # (pairs,) of a custom law's compiled function
-    constants: Array  # (11, pairs, cases)
+    constants: Array  # (12, pairs, cases)
     obstacles: Integers  # (stops fixed in space,) their pairs, where the base moves; else none
     refused: Array  # (pairs, 3) depth, rate and approach speed for which a custom law first gave no number; else zero
 
@@ -194,6 +195,7 @@ class Law(NamedTuple):
     exponent: float
     restitution: float
     spring: float  # N/m, of the centring spring
+    dashpot: float  # N s/m, of the dashpot beside it
     approach: float  # m/s, speed at which the contact opened
     address: int  # of a custom law's function
 

@@ -56,7 +56,17 @@ def stepped_restitution(
     pointer = None if force is None else force_pointer(force)
     address = 0 if pointer is None else pointer.address
     numbers = Law(
-        law.kind, 0.0, np.inf, law.stiffness, law.damping, law.exponent, law.restitution, 0.0, approach_speed, address
+        law.kind,
+        0.0,
+        np.inf,
+        law.stiffness,
+        law.damping,
+        law.exponent,
+        law.restitution,
+        0.0,
+        0.0,
+        approach_speed,
+        address,
     )
     starts = (np.arange(phases) + 0.5) / phases
     runs = [core.collide(numbers, pair.effective_mass, approach_speed, start, scheme) for start in starts]

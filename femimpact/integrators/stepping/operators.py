@@ -163,6 +163,8 @@ def _check_laws(system: System, method: SteppingMethod) -> None:
     """Refuse a rigid contact without impulses, and a compliant one with them."""
     name, impulses = type(method).__name__, scheme_of(method).rigid
     for pair in system.contacts:
+        if not pair.has_walls:
+            continue
         rigid = pair.parameters.kind == RIGID
         if impulses:
             allowed = f"must be Rigid(restitution) for {name}; compliant laws are for Newmark and its family"
