@@ -313,7 +313,7 @@ VERBS = {
     }),
     "preflight": (fi.preflight, lambda: {
         "plan": small(), "excitation": fi.Sine(1e-4, 5.0), "duration": 1.0, "frequencies": [5.0, 6.0], "cycles": 30,
-        "structure": REFERENCE, "method": fi.EventDriven(), "initial": fi.State(),
+        "structure": STRUCTURE, "method": fi.EventDriven(), "initial": fi.State(),
     }),
     "best_case": (fi.best_case, lambda: {
         "dataset": fi.parameter_study(**parameter_study(), threads=1), "measure": "peak", "worst_over": (),
@@ -436,7 +436,8 @@ VERBS = {
 """Every verb by its name: the function, and good arguments of it."""
 
 OTHERS = {
-    "ALUMINIUM", "STEEL", "AxisMargin", "BestCase", "BestDesign", "ContactLaw", "ContactParameters", "DivergenceError", "Preflight", "PreflightRow",
+    "ALUMINIUM", "STEEL", "AxisMargin", "BestCase", "BestDesign", "ContactLaw", "ContactParameters", "DivergenceError",
+    "Preflight", "PreflightRow",
     "FemimpactError", "InputError", "InputWarning", "StudyResults", "__version__", "figures", "load_parameter_study",
     "report", "show_versions",
 }  # fmt: skip

@@ -227,7 +227,9 @@ def preflight(
     f: Array | None = None
     if frequencies is not None:
         f = np.unique(real_array("frequencies", frequencies, "Hz", "must be finite numbers"))
-        require(f.size > 0 and f[0] > 0.0, "frequencies", f[0] if f.size else None, "Hz", "must be > 0 Hz")
+        require(f.size > 0, "frequencies", "none", "Hz", "must be one or more")
+        for end in (f[0], f[-1]):
+            checked_value("frequencies", float(end), quantity("Hz", above=0.0))
     if cycles is not None:
         cycles = checked_value("cycles", cycles, quantity("1", at_least=1, integer=True))
     for key, value, kind in (("structure", structure, Structure), ("initial", initial, State)):
