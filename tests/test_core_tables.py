@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import ast
-import inspect
-import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,47 +16,48 @@ from femimpact.integrators.stepping import block as stepping_block
 from femimpact.integrators.stepping import layout
 from femimpact.response import impacts
 
-TYPES = {
-    "Array": "float64", "Complex": "complex128", "Integers": "int64", "NDArray[np.bool_]": "bool",
-    "int": "int", "float": "float", "bool": "bool number",
-}  # fmt: skip
+TYPES = {"float64": "Array", "complex128": "Complex", "int64": "Integers", "bool": "NDArray[np.bool_]"}
 
 SINE = fi.Sine(1e-4, 5.0)
 
-HANDED = {
-    "task": loop_data.Task, "job": loop_data.Job, "ledger": loop_data.Ledger,
-    "block": layout.Stepped, "fine": layout.Fine, "law": layout.Law,
-}  # fmt: skip
+
+def annotation(kind, shape):
+    """A row of the core as its field stands in a stub."""
+    if kind == "tuple":
+        return shape
+    axes = shape.split()
+    return f"{TYPES[kind]}  # ({', '.join(axes)}{',' if len(axes) == 1 else ''})" if axes else kind
 
 
-def fields_of(noun, prefix):
-    """Names, types and number of axes of a named tuple and those within it, as its source says them."""
-    module = inspect.getmodule(noun)
-    tree, lines = ast.parse(inspect.getsource(module)), inspect.getsource(module).splitlines()
-    body = next(node for node in tree.body if isinstance(node, ast.ClassDef) and node.name == noun.__name__).body
-    for item in body:
-        if not isinstance(item, ast.AnnAssign):
-            continue
-        name, kind = f"{prefix}.{item.target.id}", ast.unparse(item.annotation)
-        inner = getattr(module, kind, None)
-        if inspect.isclass(inner) and issubclass(inner, tuple):
-            yield from fields_of(inner, name)
-            continue
-        shape = re.search(r"# \(([^)]*)\)", lines[item.lineno - 1])
-        axes = len([axis for axis in shape[1].split(",") if axis.strip()]) if shape else 0
-        yield name, TYPES[kind], axes
-
-
-def rows_of(name):
-    """The same of the core."""
+@pytest.mark.parametrize("name", core.ARGUMENTS)
+def test_stubs_have_the_structs_of_the_core(name):
+    fields, structs = {}, {}
     for path, kind, shape, _ in core.tables():
-        if path.partition(".")[0] == name:
-            yield path, "bool number" if kind == "bool" and not shape else kind, len(shape.split())
+        outer, _, field = path.rpartition(".")
+        if outer in structs:
+            fields[structs[outer]][field] = annotation(kind, shape)
+        if kind == "tuple" and path.partition(".")[0] in core.ARGUMENTS[name]:
+            structs[path] = shape
+            fields.setdefault(shape, {})
+    wanted = [
+        "\n".join([f"class {struct}(NamedTuple):", *(f"    {field}: {each}" for field, each in of_struct.items())])
+        for struct, of_struct in fields.items()
+    ]
+    stub = Path(core.__file__).with_name(f"{name}.pyi").read_text(encoding="utf-8")
+    assert stub[stub.index("class ") :] == "\n\n".join(wanted) + "\n"
+    made = {struct: list(noun._fields) for struct, noun in vars(getattr(core, name)).items()}
+    assert made == {struct: list(of_struct) for struct, of_struct in fields.items()}
 
 
-@pytest.mark.parametrize("name", HANDED)
-def test_names_types_and_axes_are_those_of_the_core(name):
-    assert list(fields_of(HANDED[name], name)) == list(rows_of(name))
+def test_a_struct_has_the_same_fields_wherever_it_is_handed_over():
+    of_struct = {}
+    tables = core.tables()
+    for path, kind, name, _ in tables:
+        if kind == "tuple":
+            rows = [(row[0].removeprefix(f"{path}."), *row[1:]) for row in tables if row[0].startswith(f"{path}.")]
+            space = next(space for space, roots in core.ARGUMENTS.items() if path.partition(".")[0] in roots)
+            assert of_struct.setdefault((space, name), rows) == rows
+    assert len(of_struct) > 25
 
 
 ROWS = {
@@ -224,7 +223,9 @@ def names_of(arguments):
 
 def test_what_is_only_read_may_be_read_only_and_what_is_written_may_not(function, arguments):
     table = core.tables()
-    rows = [row for root in CALLS[function][1] for row in table if row[0].partition(".")[0] == root]
+    rows = [
+        row for root in CALLS[function][1] for row in table if row[0].partition(".")[0] == root and row[1] != "tuple"
+    ]
     given = [(path, value) for path, value in places(arguments) if len(path) > 1]
     refused = 0
     for (path, value), (_, _, _, writable) in zip(given, rows, strict=True):

@@ -3,6 +3,9 @@ from typing import Any, TypedDict
 import numpy as np
 from numpy.typing import NDArray
 
+from femimpact.core import events as events
+from femimpact.core import steps as steps
+
 class _BuildInfo(TypedDict):
     target: str
     targets: tuple[str, ...]

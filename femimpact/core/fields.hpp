@@ -42,7 +42,7 @@ template <int N, int END, class Struct, class Visitor> void visit_places(Struct 
 // A struct within the struct: a tuple within the tuple.
 #define GROUP_AS(handed, name, type)                                                                                   \
     template <class Visitor> void field(Place<__LINE__>, Visitor &visit) {                                             \
-        visit.group(handed, name);                                                                                     \
+        visit.group(handed, name, #type);                                                                              \
     }                                                                                                                  \
     type name
 #define GROUP(name, type) GROUP_AS(#name, name, type)

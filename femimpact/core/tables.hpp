@@ -130,7 +130,7 @@ class FromTuple {
         return true;
     }
 
-    template <class Struct> void group(const char *name, Struct &values) {
+    template <class Struct> void group(const char *name, Struct &values, const char *) {
         PyObject *tuple = next(name);
         if (tuple != nullptr)
             read(name, tuple, values);
@@ -284,8 +284,9 @@ class ToList {
   public:
     explicit ToList(PyObject *list) : list_(list) {}
 
-    template <class Struct> void group(const char *name, Struct &values) {
+    template <class Struct> void group(const char *name, Struct &values, const char *type) {
         const char *outer = prefix_;
+        add(name, "tuple", type, false);
         char path[80];
         snprintf(path, sizeof path, "%s%s.", outer, name);
         prefix_ = path;

@@ -58,10 +58,10 @@ inline void list_tables(ToList &rows) {
     Job job;
     Ledger ledger;
     SearchCall search_call;
-    rows.group("task", task);
-    rows.group("job", job);
-    rows.group("ledger", ledger);
-    rows.group("search_call", search_call);
+    rows.group("task", task, "Task");
+    rows.group("job", job, "Job");
+    rows.group("ledger", ledger, "Ledger");
+    rows.group("search_call", search_call, "SearchCall");
     rows.enumeration("case", ENTRY_NAMES);
     rows.enumeration("touch of events", TOUCH_NAMES);
     rows.enumeration("stop", STOP_NAMES);

@@ -244,17 +244,6 @@ inline Index run_case(Index begin, double until, double most, const Case &c, con
     };
 }
 
-// Which cases a call takes where, and what it says of them.
-struct Task {
-    FIELDS_BEGIN;
-    ARRAY(members, "M", GivenIndices);   // cases
-    ARRAY(begin, "C", GivenIndices);     // samples after which is read
-    ARRAY(end, "C", GivenIndices);       // samples to which is gone
-    ARRAY(most, "C", GivenArray);        // events allowed in all
-    ARRAY(stopped, "C", View<Index, 1>); // what each one stopped for
-    FIELDS_END;
-};
-
 // Takes some cases from where they are to their sample `end`, reading those after `begin`.
 inline void run_cases(const Task &task, const Job &job, const Ledger *b) {
     const Cases &cases = job.cases;

@@ -71,7 +71,7 @@ struct Motion {
     FIELDS_END;
 };
 
-// What a search leaves behind, and its scratch space: R pairs, K entries.
+// Results of a search, and its scratch space; R pairs, K entries.
 struct Search {
     FIELDS_BEGIN;
     ARRAY(leaving, "2R", Array); // side of a bound just left, or at which another bound was met at rest; else 0
@@ -133,7 +133,7 @@ struct Forms {
     ARRAY(to_rigid_body, "F P d", View<const double, 3>);
     ARRAY(impulse_entry, "F K R", View<const Complex, 3>); // what a unit impulse on the structure at a pair adds
     ARRAY(impulse_rigid_body, "F P R", View<const double, 3>);
-    ARRAY(reaction, "F R R", View<const double, 3>); // impulses at the pairs that stick (rows) by a unit one elsewhere
+    ARRAY(reaction, "F R R", View<const double, 3>);        // impulses at the pairs that stick (rows) by one elsewhere
     ARRAY(together, "F K K", View<const unsigned char, 3>); // whether the product of two terms occurs in the ledger
     ARRAY(first, "F d+1", View<const Index, 2>); // entries that move coordinate i: members[first[i]:first[i + 1]]
     ARRAY(members, "F dK", View<const Index, 2>);
@@ -170,7 +170,7 @@ struct Form {
 
 // ---- cases ------------------------------------------------------------------------------------------
 
-// What all cases have in common.
+// Contact pairs, as far as all cases have them in common.
 struct Pairs {
     FIELDS_BEGIN;
     ARRAY(direction, "R d", GivenMatrix); // of a force on the structure
@@ -181,7 +181,7 @@ struct Pairs {
     FIELDS_END;
 };
 
-// What every case is given, and where it is.
+// Inputs and present state of every case.
 struct Cases {
     FIELDS_BEGIN;
     ARRAY(omega, "C", GivenArray);
@@ -215,8 +215,8 @@ struct Cases {
     ARRAY(rigid_body_sine, "C N P", View<Complex, 3>);
     ARRAY(touch, "C 6 R", View<double, 3>);    // contacts that have not ended; see BEGUN
     ARRAY(to_modes, "C R m", View<double, 3>); // J, what these have given to each mode; m is n or 0
-    ARRAY(window, "C 2", GivenMatrix);         // s, in which impacts are counted
-    ARRAY(totals, "C 6 R", View<double, 3>);   // sums over them; see COUNT
+    ARRAY(window, "C 2", GivenMatrix);       // s, of which the totals are: impacts that end in it, and the forces in it
+    ARRAY(totals, "C 6 R", View<double, 3>); // sums over them; see COUNT
     FIELDS_END;
 };
 
@@ -241,7 +241,7 @@ struct Case {
 
 // ---- what is read and written -----------------------------------------------------------------------
 
-// What is read on a grid of times.
+// Grid of times, and the values read on it.
 struct Grid {
     FIELDS_BEGIN;
     ARRAY(start, "C", GivenArray);     // s, of sample 0
@@ -257,7 +257,7 @@ struct Grid {
     FIELDS_END;
 };
 
-// Whole motions of a single case.
+// Displacements and velocities of all coordinates of a single case at some samples.
 struct Snapshots {
     FIELDS_BEGIN;
     ARRAY(shown, "s", GivenIndices); // number of the snapshot, -1 for none; no samples where none is wanted
@@ -275,7 +275,7 @@ struct Tables {
     FIELDS_END;
 };
 
-// What the ledger needs of the equations, and what it has summed of every case; n coordinates of structure.
+// Coefficients of the equations for the ledger, and its sums of every case; n coordinates of structure.
 struct Ledger {
     FIELDS_BEGIN;
     ARRAY(mass, "d", GivenArray);
@@ -294,6 +294,17 @@ struct Ledger {
     FIELDS_END;
 };
 
+// Cases of a call, the samples to which it takes them, and why each stopped.
+struct Task {
+    FIELDS_BEGIN;
+    ARRAY(members, "M", GivenIndices);   // cases
+    ARRAY(begin, "C", GivenIndices);     // samples after which is read
+    ARRAY(end, "C", GivenIndices);       // samples to which is gone
+    ARRAY(most, "C", GivenArray);        // events allowed in all
+    ARRAY(stopped, "C", View<Index, 1>); // what each one stopped for; see DONE
+    FIELDS_END;
+};
+
 // ---- working space ----------------------------------------------------------------------------------
 
 // Working space for integrals of products: T terms of a motion, its entries, its sine, and what is constant.
@@ -305,7 +316,7 @@ struct Products {
     ARRAY(growth, "K+2", ComplexArray);
     ARRAY(plus, "K+2 K+2", ComplexMatrix);
     ARRAY(minus, "K+2 K+2", ComplexMatrix);
-    ARRAY(moments, "K 6", ComplexMatrix); // see `set_moments`
+    ARRAY(moments, "K 6", ComplexMatrix); // integrals of powers of the time times e^{mu s}; see `set_moments`
     ARRAY(rates, "d 9+9+6", Matrix);      // Taylor series of what driven entries move
     FIELDS_END;
 };
@@ -339,7 +350,7 @@ struct Space {
     GROUP(products, Products);
     ARRAY(turn, "K", ComplexArray); // growth of the entries between two samples
     ARRAY(impulse, "R", Array);
-    ARRAY(row, "R", View<Index, 1>); // (R,) in the table, or behind it, of the last impact of each pair
+    ARRAY(row, "R", View<Index, 1>); // in the table, or behind it, of the last impact of each pair
     ARRAY(samples, "S", Array);      // w of the cycle that goes on, as far as it is read
     ARRAY(extremes, "8", Array);     // extremes of a contact force and their times, as in a row of `Grid.cycles`
     FIELDS_END;

@@ -205,9 +205,9 @@ inline void list_tables(ToList &rows) {
     Stepped block;
     Fine fine;
     Law law;
-    rows.group("block", block);
-    rows.group("fine", fine);
-    rows.group("law", law);
+    rows.group("block", block, "Stepped");
+    rows.group("fine", fine, "Fine");
+    rows.group("law", law, "Law");
     rows.enumeration("last", LAST_NAMES);
     rows.enumeration("ball", BALL_NAMES);
     rows.enumeration("drive", DRIVE_NAMES);

@@ -40,7 +40,11 @@ ENUMERATION(TOUCH_NAMES, BUSY, OPEN, SIDE, START, APPROACH, IMPULSE, PEAK, DURAT
 // Rows of Record.tally: the present step, and how many samples, snapshots and impacts there are.
 enum : Index { STEP, SAMPLES_KEPT, SNAPSHOTS_KEPT, IMPACTS_MET };
 
-// Constants of a one-step method for one step size; see femimpact/integrators/stepping/layout.py.
+// Constants of a one-step method for one step size, acting on the accelerations a0 and a1.
+//
+// M [(1 - alpha_m) a1 + alpha_m a0] + C v_f + K u_f = F_f + b [(1 - alpha_f) f1 + alpha_f f0], where . _f is
+// (1 - alpha_f) . 1 + alpha_f . 0, or, with one mean force f kept out of the acceleration, M a + C v + K u = F and v1
+// gains dt M^-1 b f, u1 gains mass_response_u M^-1 b f.
 struct Scheme {
     FIELDS_BEGIN;
     NUMBER(dt, double);
@@ -126,7 +130,7 @@ struct Pairs {
     FIELDS_END;
 };
 
-// State at the present step.
+// State at the present step; the case axis last.
 struct Motion {
     FIELDS_BEGIN;
     ARRAY(q, "n C", Matrix);
@@ -164,23 +168,23 @@ struct Cycles {
     FIELDS_END;
 };
 
-// What case 0 keeps.
+// Samples, snapshots and impacts of case 0.
 struct Record {
     FIELDS_BEGIN;
     ARRAY(used, "h 4", View<const Index, 2>); // 1 where a channel has a row of q, of v, of the balls, or of forces
     ARRAY(rows, "h 2 n", GivenBlock);         // of q and v
     ARRAY(pair_rows, "h 4 P", GivenBlock);    // of Y, Y_RATE, FORCE and of the force of contact
-    ARRAY(channels, "h a", Matrix);
-    ARRAY(energy, "g d", Matrix); // columns and modes
-    ARRAY(snapshots, "j 2 n+P", Block);
+    ARRAY(channels, "h a", Matrix);           // (channels, samples)
+    ARRAY(energy, "g d", Matrix);             // (columns and modes, samples)
+    ARRAY(snapshots, "j 2 n+P", Block);       // displacements and velocities of each
     ARRAY(forces, "j P", Matrix);
-    ARRAY(impacts, "q u", Matrix);     // columns and modes
+    ARRAY(impacts, "q u", Matrix);     // (most, columns and modes)
     ARRAY(stride, "4", GivenIndices);  // every, first sample, snapshot stride, first snapshot
     ARRAY(tally, "4", View<Index, 1>); // step, samples, snapshots, impacts met
     FIELDS_END;
 };
 
-// A block of cases side by side: where they are, what is kept of them, and scratch space.
+// A block of cases side by side: where they are, what is kept of them, and working space.
 struct Cases {
     FIELDS_BEGIN;
     GROUP(pairs, Pairs);

@@ -25,21 +25,7 @@ from femimpact.integrators.event_driven.loop_data import (
     FORM_WANTED,
     RESONANT,
     STARTING,
-    Bounds,
-    Cases,
     EventSettings,
-    Forms,
-    Grid,
-    Job,
-    Ledger,
-    Motion,
-    Pairs,
-    Products,
-    Search,
-    Snapshots,
-    Space,
-    Tables,
-    Task,
 )
 from femimpact.integrators.event_driven.store import FormStore, WantedForm
 from femimpact.response.impacts import CYCLE_COLUMNS, ENERGY_COLUMNS, IMPACT_COLUMNS
@@ -124,16 +110,16 @@ class Block:
     """Arrays of some cases under way; the compiled loop writes into them. C cases."""
 
     store: FormStore
-    pairs: Pairs
-    cases: Cases
-    grid: Grid
-    tables: Tables
-    ledger: Ledger | None
+    pairs: core.events.Pairs
+    cases: core.events.Cases
+    grid: core.events.Grid
+    tables: core.events.Tables
+    ledger: core.events.Ledger | None
     stopped: NDArray[np.int64]  # (C,)
     system_of: NDArray[np.int64]  # (C,) which of them a case has
     # of each system of the store that a case has, where there are several: separate constants, common sums
-    systems: dict[int, tuple[Pairs, Ledger | None]]
-    space: Space | None = None  # working space, of the size for the closed forms of the last call
+    systems: dict[int, tuple[core.events.Pairs, core.events.Ledger | None]]
+    space: core.events.Space | None = None  # working space, of the size for the closed forms of the last call
 
 
 def new_block(
@@ -162,7 +148,7 @@ def new_block(
         store=store,
         pairs=_pairs(equations, store, method),
         cases=_new_cases(store, inputs, n if most_rows else 0),
-        grid=Grid(
+        grid=core.events.Grid(
             start=np.full(count, inputs.start),
             interval=period / method.samples_per_cycle,
             per_cycle=float(method.samples_per_cycle),
@@ -174,7 +160,7 @@ def new_block(
             energy=np.zeros((count, 0, len(ENERGY_COLUMNS) + n)),
         ),
         # not set to zero: that takes longer than a short run does, and only rows that were written are read
-        tables=Tables(
+        tables=core.events.Tables(
             np.empty((most_rows, len(IMPACT_COLUMNS) + n)), np.empty((most_rows, 5)), np.zeros(2, dtype=np.int64)
         ),
         ledger=None if ledger is None else _new_ledger(system, equations, count, ledger),
@@ -199,8 +185,8 @@ def share_block(
         block.systems[number] = _pairs(equations, block.store, method), ledger
 
 
-def _pairs(equations: Equations, store: FormStore, method: EventSettings) -> Pairs:
-    return Pairs(
+def _pairs(equations: Equations, store: FormStore, method: EventSettings) -> core.events.Pairs:
+    return core.events.Pairs(
         direction=np.ascontiguousarray(equations.force.T),
         in_space=equations.in_space,
         rigid=store.rigid,
@@ -209,7 +195,7 @@ def _pairs(equations: Equations, store: FormStore, method: EventSettings) -> Pai
     )
 
 
-def _new_cases(store: FormStore, inputs: Inputs, modes: int) -> Cases:
+def _new_cases(store: FormStore, inputs: Inputs, modes: int) -> core.events.Cases:
     pairs, d = store.rigid.size, store.equations.M.shape[0]
     count, pieces = inputs.omega.size, inputs.pieces
     rows = 2 * pairs + store.outputs.force.shape[0]
@@ -218,7 +204,7 @@ def _new_cases(store: FormStore, inputs: Inputs, modes: int) -> Cases:
     if pieces is not None:
         drive[:] = motion_at(pieces, inputs.start)
         piece = piece_at(pieces, inputs.start)
-    cases = Cases(
+    cases = core.events.Cases(
         omega=inputs.omega.copy() if inputs.is_sine else np.zeros(count),
         amplitude=inputs.amplitude.copy(),
         knots=knots,
@@ -275,15 +261,17 @@ def no_cycles(cases: int, cycles: int) -> Array:
     return table
 
 
-def no_snapshots(block: Block) -> Snapshots:
+def no_snapshots(block: Block) -> core.events.Snapshots:
     """Snapshots of which none is kept."""
     nothing = np.zeros(0, dtype=np.int64)
-    return Snapshots(nothing, np.zeros((0, 2, block.cases.coordinates.shape[2])), np.zeros((0, block.pairs.rigid.size)))
+    return core.events.Snapshots(
+        nothing, np.zeros((0, 2, block.cases.coordinates.shape[2])), np.zeros((0, block.pairs.rigid.size))
+    )
 
 
-def _new_ledger(system: System, equations: Equations, count: int, everywhere: bool) -> Ledger:
+def _new_ledger(system: System, equations: Equations, count: int, everywhere: bool) -> core.events.Ledger:
     n = system.dofs
-    return Ledger(
+    return core.events.Ledger(
         **_of_equations(system, equations),
         work=np.zeros(count),
         contact_loss=np.zeros(count),
@@ -295,7 +283,7 @@ def _new_ledger(system: System, equations: Equations, count: int, everywhere: bo
 
 
 def _of_equations(system: System, equations: Equations) -> dict[str, Any]:
-    """Fields of `Ledger` that the equations give; springs and dashpots of balls stand apart."""
+    """Fields of the ledger that the equations give; springs and dashpots of balls stand apart."""
     n, d = system.dofs, equations.M.shape[0]
     damping, stiffness = np.zeros(d), np.zeros(d)
     damping[:n], stiffness[:n] = system.C.diagonal(), system.K.diagonal()
@@ -311,7 +299,7 @@ def run_block(
     begin: NDArray[np.int64],  # (C,)
     end: NDArray[np.int64],  # (C,)
     most: Array,  # (C,) events beyond which a case is given up
-    snapshots: Snapshots | None = None,
+    snapshots: core.events.Snapshots | None = None,
 ) -> None:
     """Take all cases to their sample `end`, reading those after `begin`.
 
@@ -326,9 +314,9 @@ def run_block(
         needed = forms.exponent.shape[1], forms.rigid_body_drive.shape[1]
         if block.space is None or (block.space.motion.entry.size, block.space.motion.rigid_body.size) != needed:
             block.space = working_space(block, forms)
-        job = Job(block.pairs, block.cases, forms, block.grid, snapshots, block.tables, block.space)
+        job = core.events.Job(block.pairs, block.cases, forms, block.grid, snapshots, block.tables, block.space)
         for pairs, ledger, cases in _by_system(block, members):
-            core.run_cases(Task(cases, begin, end, most, block.stopped), job._replace(pairs=pairs), ledger)
+            core.run_cases(core.events.Task(cases, begin, end, most, block.stopped), job._replace(pairs=pairs), ledger)
         resonant = np.flatnonzero(block.stopped == RESONANT)
         if resonant.size:
             frequency = float(block.cases.omega[resonant[0]]) / (2.0 * np.pi)
@@ -342,7 +330,7 @@ def run_block(
 
 def _by_system(
     block: Block, members: NDArray[np.intp]
-) -> Iterator[tuple[Pairs, Ledger | None, NDArray[np.intp]]]:  # fmt: skip
+) -> Iterator[tuple[core.events.Pairs, core.events.Ledger | None, NDArray[np.intp]]]:  # fmt: skip
     """Pairs, ledger and cases of each system."""
     if not block.systems:
         yield block.pairs, block.ledger, members
@@ -352,7 +340,9 @@ def _by_system(
         yield *block.systems[number], members[numbers == number]
 
 
-def _add_forms(members: NDArray[np.intp], cases: Cases, store: FormStore, system_of: NDArray[np.int64]) -> None:
+def _add_forms(
+    members: NDArray[np.intp], cases: core.events.Cases, store: FormStore, system_of: NDArray[np.int64]
+) -> None:
     """Make the closed forms of the cases' contact states for their contact parameters, unless they are there."""
     keys = np.hstack([cases.stiffness[members], cases.damping[members], np.abs(cases.state[members]) == CONTACT])
     wanted: dict[bytes, WantedForm] = {}
@@ -365,7 +355,7 @@ def _add_forms(members: NDArray[np.intp], cases: Cases, store: FormStore, system
     cases.form[members, 0] = [first[key] for key in of_case]
 
 
-def _fitted(cases: Cases, forms: Forms) -> Cases:
+def _fitted(cases: core.events.Cases, forms: core.events.Forms) -> core.events.Cases:
     """The cases, with arrays of the size that the closed forms need now."""
     entries, rigid_bodies = forms.exponent.shape[1], forms.rigid_body_drive.shape[1]
     count = 1 + int(forms.number[: forms.made].max(initial=0))
@@ -382,13 +372,13 @@ def _fitted(cases: Cases, forms: Forms) -> Cases:
     return cases._replace(**larger) if larger else cases
 
 
-def working_space(block: Block, forms: Forms) -> Space:
+def working_space(block: Block, forms: core.events.Forms) -> core.events.Space:
     """Working space that belongs to one call alone."""
     entries, rigid_bodies = forms.exponent.shape[1], forms.rigid_body_drive.shape[1]
     pairs, rows, d = block.pairs.rigid.size, forms.constant.shape[1], block.cases.coordinates.shape[2]
     terms = entries + 2
 
-    search = Search(
+    search = core.events.Search(
         leaving=np.zeros(2 * pairs),
         at_wall=np.zeros(2 * pairs),
         rate=np.zeros(2 * pairs),
@@ -400,7 +390,7 @@ def working_space(block: Block, forms: Forms) -> Space:
         negligible=np.zeros(1),
     )
     square = np.zeros((terms, terms), dtype=complex)
-    bounds = Bounds(
+    bounds = core.events.Bounds(
         upper=np.zeros(2 * pairs + 1),
         lower=np.zeros(2 * pairs + 1),
         lasting=np.zeros(2 * pairs),
@@ -411,7 +401,7 @@ def working_space(block: Block, forms: Forms) -> Space:
         wall=np.zeros(1 + pairs),
         steady=np.zeros((2, entries), dtype=complex),
     )
-    products = Products(
+    products = core.events.Products(
         before=np.zeros((2, d)),
         after=np.zeros((2, d)),
         strength=np.zeros((d + pairs, terms), dtype=complex),
@@ -428,7 +418,7 @@ def working_space(block: Block, forms: Forms) -> Space:
         np.zeros(math.ceil(block.grid.per_cycle) + 1),
         np.zeros(len(CYCLE_COLUMNS) + EXTREMES),
     ]
-    motion = Motion(
+    motion = core.events.Motion(
         entry=np.zeros(entries, dtype=complex),
         rigid_body=np.zeros(rigid_bodies),
         rigid_body_rate=np.zeros(rigid_bodies),
@@ -436,7 +426,7 @@ def working_space(block: Block, forms: Forms) -> Space:
         drive=np.zeros(ORDERS),
     )
     *groups, rest = _together(*[motion] * 6, search, bounds, products, rest)
-    return Space._make((*groups, *rest))
+    return core.events.Space._make((*groups, *rest))
 
 
 def _together(*groups: Any) -> list[Any]:

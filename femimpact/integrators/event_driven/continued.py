@@ -9,10 +9,11 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from femimpact import core
 from femimpact.arrays import Array, Complex
 from femimpact.contact.laws import RIGID
 from femimpact.excitation import Excitation
-from femimpact.integrators.event_driven.loop_data import BEGUN, FREE, RESUMED, STARTED, Cases, Forms
+from femimpact.integrators.event_driven.loop_data import BEGUN, FREE, RESUMED, STARTED
 from femimpact.system.state import Continuation, State
 from femimpact.system.system import System
 
@@ -40,13 +41,13 @@ class Held:
     """State of a run of one case where it ended."""
 
     sampling: Sampling  # of the run, from its end on
-    # arrays of `loop_data.Cases` by their names, in the closed form of the contact states; none where only the contacts
-    # go on
+    # arrays of `core.events.Cases` by their names, in the closed form of the contact states; none where only the
+    # contacts go on
     motion: Mapping[str, Array | Complex]
     state: Array  # (pairs,) contact states
     touch: Array  # (6, pairs) what those in progress have added up to; see `loop_data.BEGUN`
     to_modes: Array  # (pairs, n) J: what they have given to each mode; without columns where it was not summed
-    leaving: Array  # (2 pairs,) see `motion.Search`
+    leaving: Array  # (2 pairs,) see `core.events.Search`
 
 
 def held_by(initial: State, system: System, excitation: Excitation) -> Held | None:
@@ -79,7 +80,7 @@ def sampling_from(held: Held | None, time: float, interval: float) -> Sampling:
     return Sampling(time, interval)
 
 
-def resumed(held: Held, cases: Cases) -> Cases:
+def resumed(held: Held, cases: core.events.Cases) -> core.events.Cases:
     """A case alone that goes on with its contacts in progress, and with the motion where that is held."""
     cases.state[0], cases.touch[0], cases.leaving[0] = held.state, held.touch, held.leaving
     if held.to_modes.shape == cases.to_modes[0].shape:
@@ -97,7 +98,8 @@ def resumed(held: Held, cases: Cases) -> Cases:
 
 
 def final_state(
-    system: System, excitation: Excitation, cases: Cases, forms: Forms, coordinates: Array, sampling: Sampling
+    system: System, excitation: Excitation, cases: core.events.Cases, forms: core.events.Forms, coordinates: Array,
+    sampling: Sampling,
 ) -> State:  # fmt: skip
     """Where a case alone stands at the beginning of a sampling, with its coordinates (2, d)."""
     n, f, time = system.dofs, cases.form[0, 1], float(sampling.time(0))

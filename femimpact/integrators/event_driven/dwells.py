@@ -10,6 +10,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from femimpact import core
 from femimpact.arrays import Array
 from femimpact.contact import resolve
 from femimpact.contact.laws import RIGID, ContactParameters
@@ -26,7 +27,7 @@ from femimpact.integrators.event_driven.block import (
     share_block,
 )
 from femimpact.integrators.event_driven.equations import equations_of
-from femimpact.integrators.event_driven.loop_data import DONE, EventSettings, Ledger, check_events
+from femimpact.integrators.event_driven.loop_data import DONE, EventSettings, check_events
 from femimpact.integrators.event_driven.run import not_finite, peaks_of_forces, unending
 from femimpact.integrators.event_driven.store import FormStore, WantedForm, outputs_of
 from femimpact.progress import Progress
@@ -111,7 +112,7 @@ def _begin_free(block: Block) -> None:
 
 def _energies(block: Block, measured: NDArray[np.int64], instants: int) -> tuple[Array, Array, Array, Array]:
     """The energies that `OF_LEDGER` names; the residual is that of the start and of the ends of measured cycles."""
-    ledger = cast(Ledger, block.ledger)
+    ledger = cast("core.events.Ledger", block.ledger)
     table = np.concatenate([ledger.start[:, None], block.grid.energy], axis=1)[:, :, : len(ENERGY_COLUMNS)]
     # a case with fewer cycles than others: its last row stands for those after it
     row = np.minimum(np.arange(table.shape[1]), instants * measured[:, None] + 1)

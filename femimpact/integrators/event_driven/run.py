@@ -10,13 +10,13 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from femimpact import core
 from femimpact.arrays import Array
 from femimpact.contact.laws import RIGID
 from femimpact.errors import DivergenceError, changed, in_range, made, quantity, require
 from femimpact.excitation import Excitation
 from femimpact.integrators.cases import check_memory
 from femimpact.integrators.channel_rows import ChannelRows, Drive, channel_rows, drive_of, reaction_notes
-from femimpact.integrators.event_driven import loop_data
 from femimpact.integrators.event_driven.block import (
     EXTREMES,
     Block,
@@ -394,7 +394,7 @@ def _call(
         energy=np.zeros((1, int(kept.max(initial=-1)) + 1 if run.ledger else 0, block.grid.energy.shape[2])),
     )
     pictures, pairs = int(shown.max(initial=-1)) + 1, block.pairs.rigid.size
-    snapshots = loop_data.Snapshots(
+    snapshots = core.events.Snapshots(
         shown if pictures else np.zeros(0, dtype=np.int64),
         np.zeros((pictures, 2, block.cases.coordinates.shape[2])),
         np.zeros((pictures, pairs)),

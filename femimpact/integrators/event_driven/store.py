@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from femimpact import core
 from femimpact.arrays import Array
 from femimpact.errors import require
 from femimpact.excitation.piecewise_polynomial import ORDERS
@@ -25,7 +26,6 @@ from femimpact.integrators.event_driven.closed_form import (
 )
 from femimpact.integrators.event_driven.complex_modes import part_of, stack
 from femimpact.integrators.event_driven.equations import Equations, stacked
-from femimpact.integrators.event_driven.loop_data import Forms
 from femimpact.system.system import System
 
 CONTACT_NUMBERS = ("stiffness", "damping")
@@ -201,12 +201,12 @@ class FormStore:
         of_drive = equations.drive.tobytes(), equations.in_space.tobytes()
         return "closed form", *of_drive, active.tobytes(), item.stiffness.tobytes(), item.damping.tobytes()
 
-    def snapshot(self) -> Forms:
+    def snapshot(self) -> core.events.Forms:
         """All forms known now."""
         with self.lock:
             return self.forms._replace(made=self.count)
 
-    def _empty(self, capacity: int) -> Forms:
+    def _empty(self, capacity: int) -> core.events.Forms:
         (d, pairs), (entries, rigid_bodies, blocks) = self.equations.force.shape, self.most
         rows, f = 2 * pairs + self.outputs.force.shape[0], capacity
         real: dict[str, tuple[int, ...]] = {
@@ -246,7 +246,7 @@ class FormStore:
         arrays: dict[str, NDArray[Any]] = {name: np.zeros(shape) for name, shape in real.items()}
         arrays |= {name: np.zeros(shape, dtype=np.int64) for name, shape in integers.items()}
         arrays |= {name: np.zeros(shape, dtype=complex) for name, shape in complexes.items()}
-        return Forms(made=0, **arrays, together=np.zeros((f, entries, entries), dtype=bool))
+        return core.events.Forms(made=0, **arrays, together=np.zeros((f, entries, entries), dtype=bool))
 
     def _enlarge(self, needed: tuple[int, int, int], count: int) -> None:
         """Larger arrays where so many forms more would not fit; those in use elsewhere stay as they are."""

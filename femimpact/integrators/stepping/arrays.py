@@ -42,9 +42,9 @@ class Inputs:
     each: Sequence[tuple[System, State]] = ()
 
 
-def empty_record(dofs: int, pairs: int) -> layout.Record:
+def empty_record(dofs: int, pairs: int) -> core.steps.Record:
     """A record that keeps nothing."""
-    return layout.Record(
+    return core.steps.Record(
         used=np.zeros((0, 4), dtype=np.int64),
         rows=np.zeros((0, 2, dofs)),
         pair_rows=np.zeros((0, 4, pairs)),
@@ -65,9 +65,9 @@ def forces_of(system: System) -> tuple[ForcePointer | None, ...]:
 
 
 def pairs_of(
-    system: System, operator: layout.Operator, drive: Drive, lanes: int, forces: Sequence[ForcePointer | None],
+    system: System, operator: core.steps.Operator, drive: Drive, lanes: int, forces: Sequence[ForcePointer | None],
     each: Sequence[tuple[System, State]] = (),
-) -> layout.Pairs:  # fmt: skip
+) -> core.steps.Pairs:  # fmt: skip
     """Contact pairs: the row that each reads, its law and its numbers, which may differ among cases."""
     contacts = system.contacts
     rows = [next(i for i, row in enumerate(operator.rows) if np.array_equal(row, pair.direction)) for pair in contacts]
@@ -83,7 +83,7 @@ def pairs_of(
             for row, values in _of_contact(given.contacts[j]).items():
                 constants[row, j, c] = values
     obstacles = [j for j, pair in enumerate(contacts) if pair.fixed_to == "space" and drive.share != 0.0]
-    return layout.Pairs(
+    return core.steps.Pairs(
         row=np.array(rows, dtype=np.int64),
         kind=np.array([pair.parameters.kind for pair in contacts], dtype=np.int64),
         address=np.array([0 if force is None else force.address for force in forces], dtype=np.int64),
@@ -110,14 +110,14 @@ def _of_contact(pair: ContactPair) -> dict[int, float]:
 
 def motion_of(
     system: System,
-    operator: layout.Operator,
-    pairs: layout.Pairs,
+    operator: core.steps.Operator,
+    pairs: core.steps.Pairs,
     inputs: Inputs,
     drives: Sequence[Drive],
     method: SteppingMethod,
     modal: bool,
-    record: layout.Record,
-) -> layout.Motion:
+    record: core.steps.Record,
+) -> core.steps.Motion:
     """State at the start: displacements, velocities and the accelerations that the balance gives."""
     lanes, dofs, count = len(drives), system.dofs, len(system.contacts)
     each = inputs.each or [(system, inputs.initial)] * lanes
@@ -165,7 +165,7 @@ def motion_of(
     q, v, a, w, w_rate, ball, touch, ledger = (
         _placed(values, place) for place, values in enumerate((q, v, a, w, w_rate, ball, touch, ledger))
     )
-    return layout.Motion(
+    return core.steps.Motion(
         q=q,
         v=v,
         a=a,
@@ -202,7 +202,7 @@ def _placed(values: Array, place: int) -> Array:
 
 
 def _contacts_at_start(
-    system: System, inputs: Inputs, pairs: layout.Pairs, ball: Array, touch: Array
+    system: System, inputs: Inputs, pairs: core.steps.Pairs, ball: Array, touch: Array
 ) -> Array:  # fmt: skip
     """Contacts that a start is in: they are open from the start on. Returns the forces (N) of compliant ones.
 
@@ -244,7 +244,7 @@ def _approach_within(pair: ContactPair, depth: float, rate: float) -> float:
 
 
 def _static_contacts_at_start(
-    system: System, inputs: Inputs, pairs: layout.Pairs, ball: Array, touch: Array, pushes: Array
+    system: System, inputs: Inputs, pairs: core.steps.Pairs, ball: Array, touch: Array, pushes: Array
 ) -> None:  # fmt: skip
     """Those of them that a static start is in, with their forces (N) in `pushes`."""
     found: dict[float, Any] = {}
@@ -321,14 +321,14 @@ def _travel(drives: Sequence[Drive], inputs: Inputs, method: SteppingMethod, obs
     return np.ascontiguousarray(np.moveaxis(np.array(values), 0, -1))
 
 
-def cycles_of(inputs: Inputs, motion: layout.Motion, dt: float, ledger: bool) -> layout.Cycles:
+def cycles_of(inputs: Inputs, motion: core.steps.Motion, dt: float, ledger: bool) -> core.steps.Cycles:
     """Statistics per cycle of each excitation, empty but for the place of the motion's start."""
     lanes = len(inputs.excitations)
     period = np.array([1.0 / (excitation.frequency * dt) for excitation in inputs.excitations])
     most = int((inputs.beginning.step + max(inputs.steps)) / period.min()) + 1
     sums = np.zeros((len(CYCLE_COLUMNS), lanes))
     sums[MAXIMUM] = sums[MINIMUM] = motion.w[0]
-    return layout.Cycles(
+    return core.steps.Cycles(
         next_wrap=np.ceil(period).astype(np.int64),
         number=np.zeros(lanes, dtype=np.int64),
         period=period,
@@ -343,8 +343,8 @@ def limits_of(
     system: System,
     inputs: Inputs,
     drives: Sequence[Drive],
-    operator: layout.Operator,
-    motion: layout.Motion,
+    operator: core.steps.Operator,
+    motion: core.steps.Motion,
     method: SteppingMethod,
 ) -> Array:
     """Displacement (m) of the observed place beyond which a case counts as diverging.

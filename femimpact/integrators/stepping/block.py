@@ -63,7 +63,7 @@ def record_of(
     method: SteppingMethod,
     drive: Drive,
     first: int,
-) -> layout.Record:
+) -> core.steps.Record:
     """Arrays for what is kept from the step `first` on, refused before the run when they would not fit."""
     dt, modes = method.dt, modes_kept(system, recorder)
     # a recorded motion is spread over all fine steps before the first
@@ -76,7 +76,7 @@ def record_of(
     start, start_field = (first + number for number in first_steps(recorder, steps, dt))
     of_state = np.stack([rows.displacement, rows.velocity], axis=1)
     of_pairs = np.stack([rows.ball_displacement, rows.ball_velocity, rows.pair_force, rows.contact_force], axis=1)
-    return layout.Record(
+    return core.steps.Record(
         used=np.column_stack(
             [np.any(of_state, axis=2), np.any(of_pairs[:, :2], axis=(1, 2)), np.any(of_pairs[:, 2:], axis=(1, 2))]
         ).astype(np.int64),
@@ -100,13 +100,13 @@ STEPS_BETWEEN_CHECKS = 4_000_000
 class Block:
     """Arrays of one compiled run; the kernel writes into them."""
 
-    operator: layout.Operator
-    scheme: layout.Scheme
-    fine: layout.Fine | None
-    pairs: layout.Pairs
-    motion: layout.Motion
-    cycles: layout.Cycles
-    record: layout.Record
+    operator: core.steps.Operator
+    scheme: core.steps.Scheme
+    fine: core.steps.Fine | None
+    pairs: core.steps.Pairs
+    motion: core.steps.Motion
+    cycles: core.steps.Cycles
+    record: core.steps.Record
     ledger: bool
     steps: int
     beginning: Beginning
@@ -118,11 +118,11 @@ class Block:
     forces: tuple[ForcePointer | None, ...]
     """The C functions of the pairs' laws, which are kept alive here."""
 
-    def handed(self) -> layout.Stepped:
+    def handed(self) -> core.steps.Stepped:
         """The block as functions of the core take it, with scratch space of this call."""
         scratch = np.zeros((6, len(self.pairs.row))), np.zeros(len(ENERGY_COLUMNS))
-        cases = layout.Cases(self.pairs, self.motion, self.cycles, self.record, *scratch)
-        return layout.Stepped(self.operator, self.scheme, cases, self.ledger)
+        cases = core.steps.Cases(self.pairs, self.motion, self.cycles, self.record, *scratch)
+        return core.steps.Stepped(self.operator, self.scheme, cases, self.ledger)
 
     @property
     def cycle_statistics(self) -> CycleStatistics:
@@ -144,7 +144,7 @@ def prepare(
     *,
     observed: Array,
     ledger: bool,
-    record: layout.Record | None = None,
+    record: core.steps.Record | None = None,
 ) -> Block:
     """Lay out all arrays of a block; nothing runs yet.
 
@@ -156,7 +156,7 @@ def prepare(
     observed : ndarray (dofs,)
         Row whose value gets cycle statistics.
     ledger : bool
-    record : layout.Record, optional
+    record : core.steps.Record, optional
         What case 0 keeps.
 
     Returns
@@ -177,10 +177,10 @@ def prepare(
     drives = [drive_of(system, excitation) for excitation in padded.excitations]
     scheme = scheme_of(method)
     operator = operator_of(system, scheme, observed, drives[0].load)
-    fine = layout.Fine(1, operator, scheme) if scheme.rigid else None
+    fine = core.steps.Fine(1, operator, scheme) if scheme.rigid else None
     if method.refine > 1:
         fine_scheme = scheme_of(method, method.dt / method.refine)
-        fine = layout.Fine(method.refine, operator_of(system, fine_scheme, observed, drives[0].load), fine_scheme)
+        fine = core.steps.Fine(method.refine, operator_of(system, fine_scheme, observed, drives[0].load), fine_scheme)
     kept = record or empty_record(system.dofs, len(system.contacts))
     forces = forces_of(system)
     pairs = pairs_of(system, operator, drives[0], lanes, forces, padded.each)
@@ -307,7 +307,7 @@ def _with(history: Array, of_time: Array | float) -> Array:
     return _own(history + of_time) if np.any(of_time) else history
 
 
-def _snapshots(record: layout.Record, system: System, time: Array) -> Snapshots:
+def _snapshots(record: core.steps.Record, system: System, time: Array) -> Snapshots:
     fields, forces = record.snapshots[: time.size], record.forces[: time.size]
     dofs, balls = system.dofs, slice(system.dofs, system.dofs + len(system.balls))
     return made(

@@ -9,6 +9,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from femimpact import core
 from femimpact.arrays import Array
 from femimpact.excitation import Excitation
 from femimpact.integrators.stepping import layout
@@ -29,7 +30,7 @@ class Held:
 
     origin: float  # s: time of its step 0
     step: int
-    motion: Mapping[str, Array]  # arrays of `layout.Motion` and `layout.Cycles` by their names
+    motion: Mapping[str, Array]  # arrays of `core.steps.Motion` and `core.steps.Cycles` by their names
     cycles: Mapping[str, Array | NDArray[np.int64]]
     gaps: Array  # (2, pairs, 1) m: of rigid contacts that the run began in, these are the start's
     # (pairs, n) J: what contacts in progress have given to each mode; without columns where it was not summed
@@ -77,7 +78,7 @@ def beginning_of(initial: State, system: System, excitation: Excitation, method:
     return Beginning(initial.time, 0, held)
 
 
-def resume_contacts(held: Held, beginning: Beginning, pairs: layout.Pairs, touch: Array, time_step: float) -> Array:
+def resume_contacts(held: Held, beginning: Beginning, pairs: core.steps.Pairs, touch: Array, time_step: float) -> Array:
     """Contacts in progress go on; their forces (N) on the structure, those of centring springs included."""
     pairs.constants[GAPS] = held.gaps
     touch[...] = held.motion["touch"]
@@ -87,7 +88,7 @@ def resume_contacts(held: Held, beginning: Beginning, pairs: layout.Pairs, touch
     return np.broadcast_to(held.motion["ball"][layout.FORCE], touch.shape[1:])
 
 
-def go_on(beginning: Beginning, motion: layout.Motion, cycles: layout.Cycles) -> None:
+def go_on(beginning: Beginning, motion: core.steps.Motion, cycles: core.steps.Cycles) -> None:
     """Set motion and cycles to what the run has reached that this one goes on from."""
     held = beginning.held
     if held is None:
@@ -106,7 +107,7 @@ def go_on(beginning: Beginning, motion: layout.Motion, cycles: layout.Cycles) ->
 
 def final_state(
     system: System, excitation: Excitation, method: SteppingMethod, beginning: Beginning, step: int,
-    pairs: layout.Pairs, motion: layout.Motion, cycles: layout.Cycles,
+    pairs: core.steps.Pairs, motion: core.steps.Motion, cycles: core.steps.Cycles,
 ) -> State:  # fmt: skip
     """Where a run of one case stands at a step, with all that the same method needs to go on."""
     held = Held(

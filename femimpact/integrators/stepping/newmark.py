@@ -20,7 +20,6 @@ from femimpact.errors import check_fields, choice, quantity, require, truth
 from femimpact.excitation import Excitation
 from femimpact.integrators.cases import AchievedRestitution, MethodCost, SineCases, SineDwellResults
 from femimpact.integrators.stepping.block import check_recorder
-from femimpact.integrators.stepping.layout import Law, Scheme
 from femimpact.integrators.stepping.operators import (
     SteppingMethod,
     check_sampling,
@@ -55,7 +54,7 @@ def stepped_restitution(
     law, force = pair.parameters, pair.law.force_function(pair.effective_mass)
     pointer = None if force is None else force_pointer(force)
     address = 0 if pointer is None else pointer.address
-    numbers = Law(
+    numbers = core.steps.Law(
         law.kind,
         0.0,
         np.inf,
@@ -236,7 +235,7 @@ class Newmark(SteppingMembers):
         """Largest dt omega (1) that is stable: infinite where 2 beta >= gamma."""
         return 1.0 / math.sqrt(0.5 * self.gamma - self.beta) if 2.0 * self.beta < self.gamma else math.inf
 
-    def scheme(self, step: float) -> Scheme:
+    def scheme(self, step: float) -> core.steps.Scheme:
         """Constants for a step in s."""
         if self.contact == "energy-consistent":
             return mean_scheme(step, newmark_weights(step, self.beta, self.gamma), 0.5, rigid=False)
@@ -275,7 +274,7 @@ class HHT(SteppingMembers):
     def __post_init__(self) -> None:
         check_fields(self)
 
-    def scheme(self, step: float) -> Scheme:
+    def scheme(self, step: float) -> core.steps.Scheme:
         """Constants for a step in s."""
         return family_scheme(step, alpha_m=0.0, alpha_f=-self.alpha)
 
@@ -305,7 +304,7 @@ class WBZ(SteppingMembers):
     def __post_init__(self) -> None:
         check_fields(self)
 
-    def scheme(self, step: float) -> Scheme:
+    def scheme(self, step: float) -> core.steps.Scheme:
         """Constants for a step in s."""
         return family_scheme(step, alpha_m=self.alpha, alpha_f=0.0)
 
@@ -336,7 +335,7 @@ class GeneralizedAlpha(SteppingMembers):
     def __post_init__(self) -> None:
         check_fields(self)
 
-    def scheme(self, step: float) -> Scheme:
+    def scheme(self, step: float) -> core.steps.Scheme:
         """Constants for a step in s."""
         r = self.spectral_radius
         alpha_m, alpha_f = (2.0 * r - 1.0) / (r + 1.0), r / (r + 1.0)
@@ -382,7 +381,7 @@ class MoreauJean(SteppingMembers):
         """A rigid contact has nothing to resolve: 1."""
         return 1
 
-    def scheme(self, step: float) -> Scheme:
+    def scheme(self, step: float) -> core.steps.Scheme:
         """Constants for a step in s."""
         h, th = step, self.theta
         weights = h * h * th * (1.0 - th), h * (1.0 - th), h * h * th * th, h * th

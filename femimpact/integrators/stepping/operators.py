@@ -10,10 +10,10 @@ import scipy.linalg
 import scipy.sparse as sparse
 from numpy.typing import NDArray
 
+from femimpact import core
 from femimpact.arrays import Array
 from femimpact.contact.laws import RIGID
 from femimpact.errors import Fault, InputError, checked, quantity, require, require_type
-from femimpact.integrators.stepping.layout import BandedStep, ModalStep, Operator, Scheme
 from femimpact.system.matrices import Matrix
 from femimpact.system.modes import first_elastic_frequency
 from femimpact.system.system import System
@@ -45,18 +45,18 @@ class SteppingMethod(Protocol):
     def stability_limit(self) -> float:
         """Largest product of step and angular frequency (1) at which the method is stable; infinite where any is."""
 
-    def scheme(self, step: float) -> Scheme:
+    def scheme(self, step: float) -> core.steps.Scheme:
         """Constants of the method for a step in s."""
 
 
-def scheme_of(method: SteppingMethod, dt: float | None = None) -> Scheme:
+def scheme_of(method: SteppingMethod, dt: float | None = None) -> core.steps.Scheme:
     """Constants of a method for its step (s), or for a finer one."""
     return method.scheme(method.dt if dt is None else checked("dt", dt, quantity("s", above=0.0)))
 
 
 def family_scheme(
     h: float, alpha_m: float, alpha_f: float, beta: float | None = None, gamma: float | None = None
-) -> Scheme:
+) -> core.steps.Scheme:
     """Constants of the Newmark family, one balance of forces at alpha_m and alpha_f within the step h (s).
 
     Without beta and gamma they are those of order 2 that damp high modes most.
@@ -65,7 +65,7 @@ def family_scheme(
     beta = 0.25 * (1.0 - alpha_m + alpha_f) ** 2 if beta is None else beta
     weights = newmark_weights(h, beta, gamma)
     acceleration = (1.0 - alpha_f) / (1.0 - alpha_m)
-    return Scheme(
+    return core.steps.Scheme(
         h, *weights, alpha_f, alpha_m,
         carry=alpha_f / (1.0 - alpha_f), mass_response_a=acceleration, mass_response_u=acceleration * weights[2],
         mass_response_v=acceleration * weights[3], spring_now=1.0, mean=False, rigid=False,
@@ -77,9 +77,9 @@ def newmark_weights(h: float, beta: float, gamma: float) -> tuple[float, float, 
     return h * h * (0.5 - beta), h * (1.0 - gamma), h * h * beta, h * gamma
 
 
-def mean_scheme(h: float, weights: tuple[float, float, float, float], theta: float, rigid: bool) -> Scheme:
+def mean_scheme(h: float, weights: tuple[float, float, float, float], theta: float, rigid: bool) -> core.steps.Scheme:
     """Constants where one mean contact force per step is kept out of the acceleration."""
-    return Scheme(
+    return core.steps.Scheme(
         h, *weights, 0.0, 0.0,
         carry=0.0, mass_response_a=0.0, mass_response_u=h * h * theta, mass_response_v=h, spring_now=theta, mean=True,
         rigid=rigid,
@@ -220,10 +220,10 @@ def _widened(band: Array, width: int) -> Array:
 
 def operator_of(
     system: System,
-    s: Scheme,
+    s: core.steps.Scheme,
     observed: Array,  # (dofs,) row read every step
     load: Array,  # (dofs,) of the drive
-) -> Operator:
+) -> core.steps.Operator:
     """Operator of a system for a scheme.
 
     S = (1 - alpha_m) M + (1 - alpha_f)(correct_v C + correct_u K), S a1 = load s - K u0
@@ -240,9 +240,9 @@ def operator_of(
     constant = _constant(system, s, (factor, True))
     lower = factor.copy()
     lower[0] = 1.0 / lower[0]
-    return Operator(
+    return core.steps.Operator(
         banded=not diagonal,
-        modes=ModalStep(
+        modes=core.steps.ModalStep(
             load=load / scale,
             inertia=(s.alpha_m * m + felt * (s.predict_v * c + s.predict_u * k)) / scale,
             damping=(c + felt * s.dt * k) / scale,
@@ -269,11 +269,11 @@ def operator_of(
     )
 
 
-def _banded_step(system: System, s: Scheme, factor: Array) -> BandedStep:
+def _banded_step(system: System, s: core.steps.Scheme, factor: Array) -> core.steps.BandedStep:
     """Up to four bands dof by dof, as the banded step reads them once from the first to the last."""
     most, n = factor.shape
     if most > 4 or system.is_diagonal:
-        return BandedStep(np.zeros(0), np.zeros(0))
+        return core.steps.BandedStep(np.zeros(0), np.zeros(0))
     narrow, unit = np.zeros((n + 6, 12)), np.zeros((n + 6, 4))
     for first, matrix in ((0, system.C), (4, system.K), (8, s.alpha_m * system.M)):
         band = bands(matrix)
@@ -281,7 +281,7 @@ def _banded_step(system: System, s: Scheme, factor: Array) -> BandedStep:
     unit[3:-3, 0] = 1.0 / factor[0] ** 2
     for k in range(1, most):
         unit[3 + k : -3, k] = -(factor[k] / factor[0])[: n - k]
-    return BandedStep(narrow.ravel(), unit.ravel())
+    return core.steps.BandedStep(narrow.ravel(), unit.ravel())
 
 
 def _rows(system: System, observed: Array) -> Array:
@@ -293,7 +293,7 @@ def _rows(system: System, observed: Array) -> Array:
     return np.ascontiguousarray(rows)
 
 
-def _constant(system: System, s: Scheme, factor: tuple[Array, bool]) -> tuple[Array, Array]:
+def _constant(system: System, s: core.steps.Scheme, factor: tuple[Array, bool]) -> tuple[Array, Array]:
     """The constant load (N) and what it does in one step to the accelerations, S^-1 f; nothing where there is none."""
     load = np.array(system.constant_load)
     if not np.any(load):
@@ -301,14 +301,14 @@ def _constant(system: System, s: Scheme, factor: tuple[Array, bool]) -> tuple[Ar
     return load, np.asarray(scipy.linalg.cho_solve_banded(factor, load))
 
 
-def _constant_rows(table: Array, s: Scheme, a: Array) -> Array:
+def _constant_rows(table: Array, s: core.steps.Scheme, a: Array) -> Array:
     if a.size == 0:
         return np.zeros((2, 0))
     read = table @ a
     return np.ascontiguousarray([s.correct_u * read, s.correct_v * read])
 
 
-def _responses(system: System, s: Scheme, factor: tuple[Array, bool]) -> tuple[Array, Array, Array]:
+def _responses(system: System, s: core.steps.Scheme, factor: tuple[Array, bool]) -> tuple[Array, Array, Array]:
     """Accelerations, displacements and velocities that a force of 1 N along each b adds in one step.
 
     Within the balance: a = (1 - alpha_f) S^-1 b. As one mean force beside it, v gains dt M^-1 b and
