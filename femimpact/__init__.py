@@ -102,6 +102,8 @@ if TYPE_CHECKING:
     from femimpact.parametric import load_parameter_study as load_parameter_study
     from femimpact.parametric import parameter_study as parameter_study
     from femimpact.parametric import run_case as run_case
+    from femimpact.refinement import Refinement as Refinement
+    from femimpact.refinement import refine as refine
     from femimpact.response.energy import EnergyLedger as EnergyLedger
     from femimpact.response.history import HistoryPiece as HistoryPiece
     from femimpact.response.history import StroboscopicSection as StroboscopicSection
@@ -185,6 +187,7 @@ _MODULES = {
         "AxisMargin", "BestCase", "BestDesign", "ParameterStudy", "StudyProgress", "best_case", "load_parameter_study",
         "parameter_study", "run_case",
     ),
+    "refinement": ("Refinement", "refine"),
     "response.energy": ("EnergyLedger",),
     "response.history": ("HistoryPiece", "StroboscopicSection"),
     "response.impacts": ("ImpactStatistics", "Impacts"),

@@ -311,6 +311,10 @@ VERBS = {
         "system": fi.without_impactors(small()), "amplitude": 1e-4, "frequencies": [5.0, 6.0],
         "method": fi.Newmark(1e-3, allow_coarse_step=True), "duration": 2.0, "window": 1.0, "threads": 1,
     }),
+    "refine": (fi.refine, lambda: {
+        "study": small(), "measure": "peak", "axes": {"impactor.ball.gap": (1e-3, 2e-3)}, "worst_over": (),
+        "limits": {"peak": 1.0}, "rounds": 0, "starts": 1, "seed": 0, "excitation": fi.Sine(1e-4, 5.0), "cycles": 3,
+    }),
     "preflight": (fi.preflight, lambda: {
         "plan": small(), "excitation": fi.Sine(1e-4, 5.0), "duration": 1.0, "frequencies": [5.0, 6.0], "cycles": 30,
         "structure": STRUCTURE, "method": fi.EventDriven(), "initial": fi.State(),
@@ -437,7 +441,7 @@ VERBS = {
 
 OTHERS = {
     "ALUMINIUM", "STEEL", "AxisMargin", "BestCase", "BestDesign", "ContactLaw", "ContactParameters", "DivergenceError",
-    "Preflight", "PreflightRow",
+    "Preflight", "PreflightRow", "Refinement",
     "FemimpactError", "InputError", "InputWarning", "StudyResults", "__version__", "figures", "load_parameter_study",
     "report", "show_versions",
 }  # fmt: skip

@@ -10,6 +10,8 @@ from builders import REFERENCE
 import femimpact as fi
 from femimpact.study.study_file import read_study, study_text
 
+pytestmark = pytest.mark.impacts
+
 MASS, STIFFNESS, DAMPING = 0.1, 0.08, 0.03
 SYSTEM = {"M": [[1.0]], "C": [[0.01]], "K": [[1.0]], "points": {"tip": [1.0]}}
 ABSORBER = fi.Absorber("absorber", "tip", MASS, STIFFNESS, DAMPING)

@@ -12,6 +12,8 @@ from scipy.integrate import quad
 import femimpact as fi
 from femimpact.study.planned_test import swept_envelope, swept_peak
 
+pytestmark = pytest.mark.impacts
+
 SPACE = fi.State.at_rest("space")
 
 

@@ -214,6 +214,22 @@ def best_case(
     return BestCase(measure, known[measure], worst, most, int(dataset.attrs.get("starts", 1)), units, found)
 
 
+def ranked_designs(
+    dataset: xarray.Dataset,
+    measure: str,
+    worst_over: Sequence[str],
+    limits: Mapping[str, float] | None,
+    count: int,
+) -> list[dict[str, Any]]:
+    """Values of the axes of at most so many best designs; where none keeps the limits, of those nearest to them."""
+    require_study(dataset)
+    axes, known = axes_of(dataset), better_of_measures(dataset)
+    worst, most = check_best(measure, worst_over, limits, axes, known)
+    for name in (measure, *most):
+        _require_values(dataset, name)
+    return _Designs(dataset, axes, worst, measure, most, known).ranked(count)
+
+
 def label_of(best: BestCase) -> str:
     """What its value is, as "smallest worst peak"."""
     worst = "worst " if best.worst_over else ""
@@ -548,6 +564,15 @@ class _Designs:
             tuple(self._told(self.first[other], self.chosen) for other in alike),
             tuple(self._margins(row, rows)), without,
         )  # fmt: skip
+
+    def ranked(self, count: int) -> list[dict[str, Any]]:
+        """Values of the axes of the best rows of all levels; where none keeps the limits, of those nearest to them."""
+        rows = np.flatnonzero(self.has_value)
+        beyond = np.zeros(rows.size)
+        for _, values, most in self.limits.values():
+            beyond = np.maximum(beyond, np.maximum(values[rows] - most, 0.0) / (abs(most) or 1.0))
+        order = np.lexsort((self.value[rows], beyond))[:count]
+        return [self._told(self.first[row], [*self.given, *self.chosen]) for row in rows[order]]
 
     def _nearest(self, rows: NDArray[np.int64]) -> str:
         """The smallest worst value of each limited measure, in words."""

@@ -1,0 +1,184 @@
+"""The best design between the cases of a study: rounds of designs, each closer around the best of all before."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from femimpact.arrays import Array
+from femimpact.errors import Fault, InputError, in_range, kind_of, quantity, require
+from femimpact.errors import checked as checked_value
+from femimpact.parametric import parameter_study
+from femimpact.parametric.measures import MEASURES
+from femimpact.study.best_case import FREQUENCY, BestCase, best_case, check_best, ranked_designs
+from femimpact.study.parameter_plan import AxisValues
+from femimpact.study.study import Study
+from femimpact.system.system import System
+
+if TYPE_CHECKING:
+    import xarray
+
+FIRST, AROUND, BEST = 32, 8, 3
+"""Designs of the first round, designs around each of the best in a later one, and how many these are."""
+
+
+@dataclass(frozen=True, eq=False)
+class Refinement:
+    """What `refine` finds.
+
+    Parameters
+    ----------
+    best : BestCase
+        Among the designs of all rounds.
+    dataset : xarray.Dataset
+        All cases of all rounds, as `parameter_study` returns a list of cases.
+    """
+
+    best: BestCase
+    dataset: xarray.Dataset
+
+    def __str__(self) -> str:
+        return str(self.best)
+
+
+def refine(
+    study: Study | System | Callable[..., Any],
+    measure: str,
+    axes: Mapping[str, Any] | None = None,
+    *,
+    worst_over: Sequence[str] | None = None,
+    limits: Mapping[str, float] | None = None,
+    rounds: int = 2,
+    starts: int = 5,
+    seed: int = 0,
+    directory: str | Path | None = None,
+    **more: Any,
+) -> Refinement:
+    """The best case between the bounds of some axes: 32 designs, then 8 around each of the three best, again and again.
+
+    The first designs are Sobol points (Sobol, 1967) of the box of the bounds. In round k = 1, 2, ... those around one
+    of the three best fill a box of half-width 32^(-1/d) 8^((1 - k)/d) of each of the d bounds. Every round is a
+    parameter study of a list of cases from the same draws of the starts.
+
+    Parameters
+    ----------
+    study : Study, System or function
+        As of `parameter_study`.
+    measure : str
+        Which of its values are better, `best_case` says.
+    axes : mapping, optional
+        By paths: (low, high) of an axis that is searched, all values of one of `worst_over`. By default those of
+        `[study.axes]`, from the smallest to the largest value.
+    worst_over : sequence of str, optional
+        Paths of the axes over which the worst counts; by default the frequency of the base, where it is an axis.
+    limits : mapping of str to float, optional
+        As of `best_case`.
+    rounds : int
+        After the first.
+    starts, seed : int
+        Of each case, and of their draws and the designs.
+    directory : str or Path, optional
+        Where each round is kept as a study, in `round_1`, `round_2`, ...: the same call goes on from there.
+    **more
+        Further arguments of `parameter_study`.
+
+    Returns
+    -------
+    Refinement
+
+    Raises
+    ------
+    InputError
+        If an axis has no two bounds, or what `parameter_study` and `best_case` refuse.
+    """
+    rounds = checked_value("rounds", rounds, quantity("1", at_least=0, at_most=100, integer=True))
+    seed = checked_value("seed", seed, quantity("1", at_least=0, integer=True))
+    given = _axes_of_study(study) if axes is None else axes
+    sound = isinstance(given, Mapping) and len(given) > 0 and all(isinstance(name, str) for name in given)
+    require(sound, "axes", kind_of(given), "", "must be bounds by paths")
+    names = tuple(given)
+    worst, most = check_best(measure, worst_over, limits, names, _known_measures(measure, limits))
+    bounds = {name: _bounds(name, given[name]) for name in names if name not in worst}
+    met = {name: _values(name, given[name]) for name in worst}
+    measures, found = list(dict.fromkeys((measure, *most))), list[Any]()
+    box = np.array(list(bounds.values())).T
+    designs = box[0] + _sobol(FIRST, len(bounds), seed) * (box[1] - box[0])
+    for number in range(rounds + 1):
+        cases = [
+            dict(zip((*bounds, *met), (*design, *values), strict=True))
+            for design in designs.tolist()
+            for values in itertools.product(*met.values())
+        ]
+        folder = None if directory is None else Path(directory) / f"round_{number + 1}"
+        try:
+            found.append(parameter_study(study, cases, measures, starts=starts, seed=seed, directory=folder, **more))
+        except InputError as error:
+            faults = [replace(each, key="measure") if each.key == "measures" else each for each in error.faults]
+            raise InputError(faults) from None
+        dataset = _together(found)
+        if number < rounds:
+            best = ranked_designs(dataset, measure, worst, limits, BEST)
+            half = FIRST ** (-1.0 / len(bounds)) * AROUND ** (-number / len(bounds))
+            designs = _around([[one[name] for name in bounds] for one in best], box, half, seed + number + 1)
+    return Refinement(best_case(dataset, measure, worst, limits), dataset)
+
+
+def _axes_of_study(study: Any) -> dict[str, Any]:
+    """Axes of the table [study.axes] of a study: the smallest and the largest value, of the frequency all."""
+    plan = study.plan if isinstance(study, Study) else None
+    if plan is None:
+        raise InputError([Fault("axes", None, "", "must be given: the study has no table [study.axes]")])
+    values = {name: list(axis.values) for name, axis in plan.axes.items() if isinstance(axis, AxisValues)}
+    over = plan.best.worst_over if plan.best is not None and plan.best.worst_over is not None else (FREQUENCY,)
+    return {name: each if name in over else (min(each), max(each)) for name, each in values.items()}
+
+
+def _known_measures(measure: Any, limits: Any) -> dict[str, str]:
+    """Measures that are numbers, and channels that are asked for, with which of their values are better."""
+    channels = (measure, *(limits if isinstance(limits, Mapping) else ()))
+    known = {name: item.better for name, item in MEASURES.items() if not item.is_text}
+    return known | {name: "small" for name in channels if isinstance(name, str) and "." in name}
+
+
+def _values(name: str, value: Any) -> list[Any]:
+    """All values of an axis over which the worst counts."""
+    several = isinstance(value, (list, tuple)) or (isinstance(value, np.ndarray) and value.ndim == 1)
+    require(several and len(value) > 0, f"axes.{name}", kind_of(value), "", "must be a list of values")
+    return list(value)
+
+
+def _bounds(name: str, value: Any) -> tuple[float, float]:
+    """Lowest and highest value of an axis that is searched."""
+    two = isinstance(value, (tuple, list)) and len(value) == 2
+    two = two and all(in_range(end, quantity("")) for end in value) and value[0] < value[1]
+    require(two, f"axes.{name}", value, "", "must be (low, high), two numbers with low < high")
+    return float(value[0]), float(value[1])
+
+
+def _sobol(count: int, axes: int, seed: int) -> Array:
+    """Points (count, axes) between 0 and 1."""
+    from scipy.stats import qmc
+
+    return np.asarray(qmc.Sobol(axes, seed=seed).random(count))
+
+
+def _around(best: list[list[float]], box: Array, half: float, seed: int) -> Array:
+    """Designs (n, axes) in boxes around the best, of a half-width over that of the bounds, cut at the bounds."""
+    width, boxes = box[1] - box[0], []
+    for number, centre in enumerate(best):
+        low, high = np.maximum(centre - half * width, box[0]), np.minimum(centre + half * width, box[1])
+        boxes.append(low + _sobol(AROUND, width.size, seed + 1000 * number) * (high - low))
+    return np.concatenate(boxes)
+
+
+def _together(found: list[Any]) -> Any:
+    """One dataset of the cases of several lists."""
+    import xarray
+
+    both = xarray.concat(found, "case", combine_attrs="override") if len(found) > 1 else found[0]
+    return both.assign_coords(case=np.arange(both.sizes["case"]))

@@ -1,0 +1,98 @@
+"""`refine` finds the best design between the cases of a study, and goes on from what is on disk."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from builders import oscillator
+
+import femimpact as fi
+
+RATIO, LEVEL = 0.05, 1e-3
+FREQUENCIES = [4.0, 6.0]
+DRIVE = {"excitation": fi.Sine(LEVEL, 5.0), "cycles": 60, "starts": 1}
+
+
+def mass_on(natural: float) -> fi.System:
+    """An oscillator of a natural frequency (Hz)."""
+    omega = 2.0 * np.pi * natural
+    return oscillator(omega**2, 2.0 * RATIO * omega)
+
+
+def relative_peak(natural: float, frequency: float) -> float:
+    """Steady peak (m) relative to the base, r^2/|1 - r^2 + 2 i zeta r| of the base's amplitude."""
+    r = frequency / natural
+    return LEVEL * r**2 / abs(1.0 - r**2 + 2j * RATIO * r)
+
+
+def search(bounds: tuple[float, float] = (4.1, 5.9), **more: object) -> fi.Refinement:
+    """The natural frequency whose worst peak under two frequencies of the base is smallest."""
+    return fi.refine(mass_on, "peak", {"natural": bounds, "base.frequency": FREQUENCIES}, **{**DRIVE, **more})
+
+
+def test_the_best_of_a_closed_form_is_found_to_the_last_spacing() -> None:
+    natural = np.linspace(4.1, 5.9, 18_001)
+    worst = np.max([[relative_peak(one, f) for f in FREQUENCIES] for one in natural], axis=1)
+    found = search().best.designs[0]
+    # boxes of half-width 1/32 and 1/256 of the bounds, the first with 8 points
+    assert found.values["natural"] == pytest.approx(natural[worst.argmin()], abs=1.8 / 128)
+    # a transient of e^(-2 pi 0.05 40) = 3e-6 is left when measuring begins
+    assert found.value == pytest.approx(worst.min(), rel=0.02)
+    assert found.value >= worst.min() * (1.0 - 1e-4)
+
+
+def test_more_rounds_are_no_worse_and_come_closer() -> None:
+    values = [search(rounds=rounds).best.designs[0].value for rounds in (0, 1, 2)]
+    assert values[0] >= values[1] >= values[2]
+
+
+def test_a_best_at_a_bound_is_found_there() -> None:
+    # far above both frequencies the peak falls with the natural frequency
+    found = search((10.0, 20.0))
+    assert found.best.designs[0].values["natural"] > 20.0 - 10.0 / 32
+    assert found.dataset["natural"].max() <= 20.0
+
+
+def test_limits_hold_for_the_winner() -> None:
+    free = search(rounds=0).best.designs[0]
+    found = search(limits={"rms": 0.99 * relative_peak(free.values["natural"], 4.0)})
+    assert found.best.designs[0].limited["rms"] <= found.best.limits["rms"]
+
+
+def test_the_same_call_goes_on_from_what_is_on_disk(tmp_path: Path) -> None:
+    whole = search(directory=tmp_path / "a")
+    blocks = {path: path.stat().st_mtime_ns for path in sorted((tmp_path / "a").rglob("*.block"))}
+    again = search(directory=tmp_path / "a")
+    assert blocks == {path: path.stat().st_mtime_ns for path in sorted((tmp_path / "a").rglob("*.block"))}
+    assert len({path.parents[1] for path in blocks}) == 3
+    assert str(again) == str(whole)
+    assert again.dataset.drop_attrs().equals(whole.dataset.drop_attrs())
+
+
+@pytest.mark.parametrize(
+    ("axes", "more", "words"),
+    [
+        (
+            {"natural": (5.0, 4.0), "base.frequency": [4.0]},
+            {},
+            r"axes\.natural = \(5\.0, 4\.0\): must be \(low, high\)",
+        ),
+        ({"natural": [4.0, 5.0, 6.0]}, {}, r"axes\.natural"),
+        ({"base.frequency": [4.0, 5.0]}, {}, "no axis to choose on"),
+        ({"natural": (4.0, 5.0)}, {"worst_over": ["base.amplitude"]}, "worst_over"),
+        (None, {}, r"no table \[study.axes\]"),
+        ({"natural": (4.0, 5.0), "base.frequency": [4.0, 5.0]}, {"rounds": -1}, "rounds"),
+        (
+            {"natural": (4.0, 5.0), "base.frequency": [4.0, 5.0]},
+            {"measure": "damping"},
+            "small or large values are better",
+        ),
+        ({"natural": (4.0, 5.0), "base.frequency": [4.0, 5.0]}, {"limits": {"peek": 1.0}}, "peek"),
+    ],
+)
+def test_bad_input_is_one_line(axes: object, more: dict[str, object], words: str) -> None:
+    with pytest.raises(fi.InputError, match=words) as refused:
+        fi.refine(mass_on, axes=axes, **{"measure": "peak", **DRIVE, **more})
+    assert len(str(refused.value).splitlines()) == 1
