@@ -44,7 +44,7 @@ MOST = 10**15
 
 
 SMALLEST, LARGEST = 1e-30, 1e30
-"""Of a finite number that must be above zero: products and powers of a few beyond are zero, or no numbers."""
+"""Range of numbers that must be above zero: beyond it, products and powers of a few underflow or overflow."""
 
 
 class FemimpactError(Exception):

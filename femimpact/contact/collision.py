@@ -12,7 +12,7 @@ import numpy as np
 from femimpact.errors import check_fields, checked, quantity, require
 
 EFFECTIVE_MASS: Any = quantity("kg", above=0.0, at_most=1e15)
-"""Of a contact; a heavier one has stiffnesses and energies beyond those of numbers."""
+"""Effective mass of a contact, kg; with a larger one stiffnesses and energies overflow."""
 
 
 @dataclass(frozen=True)
