@@ -541,11 +541,6 @@ def _fields_of(instance: Any) -> tuple[dict[str, Any], list[Fault]]:
     return _taken(_declared(instance.__class__), functools.partial(getattr, instance))
 
 
-def field_faults(instance: Any) -> list[Fault]:
-    """Every field of a dataclass that is outside its declared range."""
-    return _fields_of(instance)[1]
-
-
 def check_fields(instance: Any, *more: Fault) -> None:
     """Raise `InputError` naming every field outside its declared range, and more faults where there are any.
 
