@@ -61,7 +61,7 @@ def collision_of(
     return Collision(restitution, contact_time, peak_force, largest_penetration, loss)
 
 
-def crest(values: Any) -> float:
+def largest_by_parabola(values: Any) -> float:
     """Largest value, by the parabola through the largest sample and its neighbours."""
     i = int(np.argmax(values))
     if i == 0 or i == values.size - 1:
