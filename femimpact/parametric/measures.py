@@ -70,7 +70,7 @@ OF_CYCLES = ("first_harmonic", "impacts_per_cycle", "cycle_mean_force", "loss_pe
 """Measures that need cycles of the base."""
 
 INSTANTS = 16
-"""Of a cycle at which the energy stored is read for the damping."""
+"""Number of instants of a cycle at which the energy stored is read for the damping."""
 
 
 def measures_of(
