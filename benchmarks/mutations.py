@@ -68,7 +68,6 @@ MUTATIONS = (
         "bending, modulus = segment.bending_stiffness",
         "bending, modulus = beam.segments[0].bending_stiffness",
     ),
-    Mutation("taper_of_mass", "self.mass_per_length[element] * (a * b)", "self.mass_per_length[element] * a"),
     Mutation("gauss_points_of_taper", "np.ones(a.size), a + 3.0 * b", "np.ones(a.size), a + 2.9 * b"),
     Mutation("pinned_is_clamped", '"pinned": ("w",)', '"pinned": ("w", "slope")'),
     Mutation("rotary_inertia", "(inertia * turn)[:, :, None]", "(0.5 * inertia * turn)[:, :, None]"),

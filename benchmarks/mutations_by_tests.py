@@ -29,7 +29,10 @@ FAILED = re.compile(r"^(?:FAILED|ERROR) tests/(.+?)(?: - (.*))?$", re.MULTILINE)
 """A test that failed, and the beginning of what it says."""
 
 MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
-    "test_taper.py": (Mutation("gauss_points_of_taper", "first = m1 / m0", "first = 0.5 * m1 / m0"),),
+    "test_taper.py": (
+        Mutation("gauss_points_of_taper", "first = m1 / m0", "first = 0.5 * m1 / m0"),
+        Mutation("taper_of_mass", "self.mass_per_length[element] * (a * b)", "self.mass_per_length[element] * a"),
+    ),
     "test_cli.py": (
         Mutation(
             "status_of_bad_input",

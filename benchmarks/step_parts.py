@@ -113,7 +113,7 @@ def shares(binary: Path, found: Counter[int]) -> Counter[str]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--table", help="CSV file of the table on the page docs/speed.md")
+    parser.add_argument("--table", help="CSV file of the table on the page docs/paper/speed.md")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         binary = built_with_lines(Path(name))

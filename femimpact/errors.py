@@ -44,7 +44,7 @@ MOST = 10**15
 
 
 SMALLEST, LARGEST = 1e-30, 1e30
-"""Of a finite number that must be above zero: products and powers of a few beyond are zero, or no numbers."""
+"""Range of numbers that must be above zero: beyond it, products and powers of a few underflow or overflow."""
 
 
 class FemimpactError(Exception):
@@ -539,11 +539,6 @@ def _taken(declared: Iterable[_Declared], value_of: Callable[[str], Any]) -> tup
 
 def _fields_of(instance: Any) -> tuple[dict[str, Any], list[Fault]]:
     return _taken(_declared(instance.__class__), functools.partial(getattr, instance))
-
-
-def field_faults(instance: Any) -> list[Fault]:
-    """Every field of a dataclass that is outside its declared range."""
-    return _fields_of(instance)[1]
 
 
 def check_fields(instance: Any, *more: Fault) -> None:

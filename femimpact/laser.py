@@ -19,7 +19,7 @@ STILL = 1e-9
 """Share of the largest motion of a mode below which a place is at rest in it, but for rounding."""
 
 ROUNDING = 1e-6
-"""Of an interval between samples: so near to one of the response, an instant is that sample."""
+"""Share of an interval between samples: an instant this near to a sample of the response is that sample."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ import numpy as np
 from femimpact.errors import check_fields, checked, quantity, require
 
 EFFECTIVE_MASS: Any = quantity("kg", above=0.0, at_most=1e15)
-"""Of a contact; a heavier one has stiffnesses and energies beyond those of numbers."""
+"""Effective mass of a contact, kg; with a larger one stiffnesses and energies overflow."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ def collision_of(
     return Collision(restitution, contact_time, peak_force, largest_penetration, loss)
 
 
-def crest(values: Any) -> float:
+def largest_by_parabola(values: Any) -> float:
     """Largest value, by the parabola through the largest sample and its neighbours."""
     i = int(np.argmax(values))
     if i == 0 or i == values.size - 1:

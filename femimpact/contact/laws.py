@@ -15,8 +15,8 @@ from femimpact.contact.collision import (
     Collision,
     collision_of,
     contact_time_of,
-    crest,
     damping_ratio_for_restitution,
+    largest_by_parabola,
     linear_angle,
     loss_factor_for_restitution,
     restitution_of_damping_ratio,
@@ -198,7 +198,9 @@ class KelvinVoigt:
             np.exp(-z * omega * t) * (np.cosh(root * omega * t) - z / root * np.sinh(root * omega * t))
         )
         force = np.maximum(stiffness * p + damping * rate, 0.0)
-        return collision_of(restitution_of_damping_ratio(z), time, crest(force), crest(p), mass, speed)
+        return collision_of(
+            restitution_of_damping_ratio(z), time, largest_by_parabola(force), largest_by_parabola(p), mass, speed
+        )
 
     def parameters(self, effective_mass: float) -> ContactParameters:
         """Numbers for the time loop."""
@@ -332,7 +334,7 @@ class PowerLaw:
         depths = [_depth(_potential_of_speed(d, r) * mass * speed**2, k, n) for r in ratios]
         force = k * np.array(depths) ** n * (1.0 + d * ratios)
         time = power_contact_time(k, n, d, mass, speed)
-        return collision_of(restitution_of_loss_factor(d), time, crest(force), deepest, mass, speed)
+        return collision_of(restitution_of_loss_factor(d), time, largest_by_parabola(force), deepest, mass, speed)
 
     def parameters(self, effective_mass: float) -> ContactParameters:
         """Numbers for the time loop; the contact time is that at the reference speed."""

@@ -172,7 +172,7 @@ NAME, CELL = 25, 9
 """Characters of a quantity's name, or more where one is longer, and of a number."""
 
 WIDTHS = (7, 9, 9, 11)
-"""Of a row of orders."""
+"""Widths of the columns of a row of orders, in characters."""
 
 COUNTED = {"mesh": "elements", "step": "steps in a first period", "modes": "modes"}
 

@@ -37,7 +37,7 @@ COMMON_FLAGS = (
 )  # fmt: skip
 
 KINDS = ("release", "checked", "sanitized", "zig")
-"""Of a build; "zig" is a release by the other compiler."""
+"""Kinds of a build; "zig" is a release by the other compiler."""
 
 KIND_FLAGS = {
     "release": ("-O3", "-DNDEBUG"),

@@ -235,7 +235,7 @@ class SteppedSine(PiecewiseMotion):
 
 
 TERMS = 12
-"""Of the asymptotic series of an integral, at most: it ends with its smallest term."""
+"""Most terms of the asymptotic series of an integral: it ends with its smallest term."""
 
 
 @dataclass(frozen=True, init=False)

@@ -16,7 +16,7 @@ from femimpact.errors import check_fields, quantity, real_array, require
 from femimpact.excitation.excitation import AT_SAMPLE, BrokenLine, times
 
 HIGHEST_DEGREE = 5
-"""Of a piece."""
+"""Highest degree of the polynomial of a piece."""
 
 ORDERS = HIGHEST_DEGREE + 3
 """Numbers that begin a piece: ub, ub', s, and the derivatives of s to the fifth."""
@@ -242,7 +242,7 @@ def pieces_of(line: BrokenLine | PiecewisePolynomial) -> PiecewisePolynomial:
 # ---- what excitations that are made of pieces share -----------------------------------------------------------------
 
 PHASE_OF_PIECE = 0.27
-"""Of a sine, rad: its polynomials of degree 5 are then within 1e-9 of it, 23 in a cycle."""
+"""Phase of a sine in one piece, rad: its polynomials of degree 5 are then within 1e-9 of it, 23 in a cycle."""
 
 
 def knots_of(rate: Callable[[Array], Array], duration: float) -> Array:

@@ -38,10 +38,10 @@ UNEVEN = 0.25
 """Share of the interval by which a time may lie off the even grid: rounding is less, a lost sample half or more."""
 
 MOST_LINES = 10_001_000
-"""Of the file of a record: 10 million rows, behind a header, are read within 1 GB of memory."""
+"""Most lines of the file of a record: 10 million rows, behind a header, are read within 1 GB of memory."""
 
 MOST_BYTES = 600_000_000
-"""Of the file of a record: rows of two numbers to the last bit have 51."""
+"""Most bytes of the file of a record: rows of two numbers to the last bit have 51."""
 
 PIECE = 1 << 23
 """Bytes of a file, or letters of a text, that are gone through at once."""

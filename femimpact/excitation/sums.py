@@ -23,7 +23,7 @@ BEYOND = 2
 """Pieces of sines after the end of a run: it may end by half a reading, or half a step, later."""
 
 MOST_PIECES = 50_000_000
-"""Of sines, which take some gigabytes: a sum with more has no closed form."""
+"""Most pieces of sines in a sum, which take some gigabytes: a sum with more has no closed form."""
 
 
 @dataclass(frozen=True)

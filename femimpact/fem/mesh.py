@@ -19,7 +19,7 @@ SAME_PLACE = 1e-9
 
 
 MOST_ELEMENTS = 100_000
-"""Of a mesh made here; more is taken for a mistake."""
+"""Most elements of a mesh made here; more is taken for a mistake."""
 
 
 @short_repr

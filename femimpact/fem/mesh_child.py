@@ -19,7 +19,7 @@ import meshio
 import numpy as np
 
 MOST_NODES = 1_000_000
-"""Of a mesh file; no beam has as many."""
+"""Most nodes of a mesh file; no beam has as many."""
 
 
 MOST_VALUES = 64

@@ -29,7 +29,7 @@ MEMORY_LIMIT = 3_000_000_000
 """Bytes of address space of the process that reads, libraries included."""
 
 MOST_BYTES = 1_000_000_000
-"""Of a file; what the process may allocate holds no larger one."""
+"""Most bytes of a mesh file: a larger one does not fit in the memory that the reading process may allocate."""
 
 PIPE_BYTES = 65536
 """Read of a pipe at once; Linux keeps as many."""

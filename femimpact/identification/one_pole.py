@@ -21,7 +21,7 @@ DRAWS = 1999
 """Simulated curves of noise."""
 
 SEED = 20240607
-"""Of the simulated noise: every call judges the same misfits in the same way."""
+"""Seed of the simulated noise: every call judges the same misfits in the same way."""
 
 BLOCK = 2_000_000
 """Numbers that are drawn at a time."""

@@ -16,10 +16,11 @@ from femimpact.system.modes import solve_modes
 from femimpact.system.system import System
 
 DIFFERENCE = 0.01
-"""Of the peak by straight lines from that by a cubic spline, as a share of the latter, which is warned of."""
+"""Difference of the peak by straight lines from that by a cubic spline, as a share of the latter, above which a
+warning is given."""
 
 MODES = 2
-"""Of the structure, the lowest ones, that the peak is made of."""
+"""Number of the structure's lowest modes from which the peak is computed."""
 
 PER_CYCLE, LEAST = 24, 6
 """Instants in a cycle of the first of these modes, and of the fastest one, which adds little to the peak."""

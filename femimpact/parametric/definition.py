@@ -36,7 +36,7 @@ CHECKED = 500
 """Values of an axis up to which each is checked; of more the smallest and the largest."""
 
 CYCLES = 300
-"""Of the base in a case, where neither the call nor the study says."""
+"""Cycles of the base in a case, where neither the call nor the study says."""
 
 MOST_CASES = 100_000_000
 

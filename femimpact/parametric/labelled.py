@@ -31,7 +31,7 @@ LEAST_FOR_QUANTILES = 40
 """Starts from which quantiles of 5 and 95 % are given."""
 
 CONFIDENCE = 0.9
-"""Of the interval of the median."""
+"""Least confidence of the interval of the median."""
 
 APART = 0.1
 """Share of the median that the widest distance between neighbours must exceed for two groups."""

@@ -76,7 +76,7 @@ OF_CHANNEL = "largest size of the channel"
 """Beginning of the long name of a measure that is read from a channel."""
 
 INSTANTS = 16
-"""Of a cycle at which the energy stored is read for the damping."""
+"""Number of instants of a cycle at which the energy stored is read for the damping."""
 
 
 def measures_of(

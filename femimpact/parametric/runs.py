@@ -29,7 +29,7 @@ from femimpact.system.state import State
 from femimpact.system.system import System, without_impactors
 
 HISTORY_INSTANTS = 4096
-"""Of a motion at which its largest speed is looked for, which scales the speeds of starts."""
+"""Number of instants at which the largest speed of a motion is looked for; it scales the speeds of starts."""
 
 Flags = NDArray[np.bool_]
 

@@ -39,7 +39,7 @@ SECONDS_OF_FIGURE = 0.5
 """Drawing a measure, s."""
 
 COLUMN_BYTES = 8.0
-"""Of a number; the rest of a row takes as much as eight."""
+"""Bytes of a number; the rest of a row takes as much as eight numbers."""
 
 BYTES_OF_BLOCK, BYTES_OF_FILE, BYTES_OF_VARIABLE = 1300.0, 14e3, 1400.0
 """On disk, beside the numbers: of a block, of the description of the study, and of a variable of the dataset."""

@@ -28,12 +28,12 @@ NEEDED = ("get_executor", "submit", "run", "nthreads")
 """Members that a client must have."""
 
 TIMEOUT = "10s"
-"""Of a connection to a scheduler."""
+"""Time limit of a connection to a scheduler."""
 
 SCHEDULER = "must be the address of a running scheduler, as tcp://host:8786, or its scheduler file"
 
 MOST_BYTES = 10_000_000
-"""Of a scheduler file."""
+"""Most bytes of a scheduler file."""
 
 
 def check_client(client: object) -> None:

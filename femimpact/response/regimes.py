@@ -13,7 +13,7 @@ from femimpact.errors import check_fields, checked, choice, kind_of, quantity, r
 from femimpact.response.impacts import Impacts, StickingPhases
 
 MOST_CYCLES = 1e8
-"""Of a window; more is taken for a mistake."""
+"""Most cycles of a window; more is taken for a mistake."""
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from femimpact.response.channels import Channel
 from femimpact.table import Head, column_units, head_of_columns, short_repr
 
 PARTS = 8
-"""Of a window, by whose scatter its two halves are compared."""
+"""Parts of a window: their scatter tells how far its two halves may differ."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -60,7 +60,7 @@ class BaseMotion:
 
     @property
     def words(self) -> str:
-        """How long the history is, and what drives it."""
+        """Words for the length of the history and for its excitation."""
         return f"{self.duration:g} s at {self.frequency:g} Hz"
 
 
@@ -128,7 +128,7 @@ class RecordedMotion:
 
     @property
     def words(self) -> str:
-        """How long the history is, and what drives it."""
+        """Words for the length of the history and for its excitation."""
         base = self.excitation
         cycle = "a cycle is that of its largest line" if base.has_cycle else "no cycle; its largest line is at"
         return (
@@ -239,7 +239,7 @@ class SignalMotion:
 
     @property
     def words(self) -> str:
-        """How long the history is, and what drives it."""
+        """Words for the length of the history and for its excitation."""
         highest = "" if self.kind == "shock" else f", up to {self.frequency:.4g} Hz"
         return f"{self.history_duration:g} s of a {self.kind} motion of the base{highest}"
 

@@ -66,7 +66,7 @@ NEAR = 1.5
 
 @dataclass(frozen=True)
 class ScanPlan:
-    """How the restitution is scanned."""
+    """Plan of the scan of the restitution."""
 
     restitutions: tuple[float, ...] = (0.3, 0.5, 0.65, 0.7, 0.76, 0.78, 0.8, 0.84, 0.92, 0.96)
     points: int = 41  # frequencies of the grid on which peaks are looked for
@@ -79,7 +79,7 @@ class ScanPlan:
 
 @dataclass(frozen=True, eq=False)
 class Demo:
-    """Everything the demo found."""
+    """Results of the demo."""
 
     results: StudyResults
     # (quantity, unit, paper theory, paper experiment, femimpact from rest relative to the base, from rest in the

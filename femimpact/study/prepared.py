@@ -339,7 +339,7 @@ def refined_grid(
 
 
 def most_frequencies(plan: SweepPlan) -> int:
-    """How many frequencies a sweep has at most."""
+    """Largest number of frequencies of a sweep."""
     return plan.points + (2 * plan.refine + 1 if plan.refine else 0)
 
 

@@ -359,7 +359,7 @@ def columns_of_runs(runs: Sequence[DwellRun]) -> tuple[Columns, list[str]]:
 
 
 def _failures(failures: Sequence[str]) -> list[str]:
-    """Those that are not empty; `DivergenceError` if none is."""
+    """Texts of the failures of the cases, without empty ones; `DivergenceError` where all cases failed."""
     if all(failures):
         raise DivergenceError(failures[0])
     return [failure for failure in failures if failure]

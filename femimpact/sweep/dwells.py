@@ -28,10 +28,10 @@ LEAST_CYCLES = 3
 """Fewest base cycles of a dwell: the last third is measured."""
 
 MOST_CYCLES = 10**9
-"""Of a dwell; more is taken for a mistake."""
+"""Most cycles of a dwell; more is taken for a mistake."""
 
 ROUNDING_OF_CYCLES = 1e-9
-"""Of a number of cycles: 4.1 Hz for 10 s are 41 of them."""
+"""Relative rounding allowed in a number of cycles: 4.1 Hz for 10 s are 41 of them."""
 
 
 def dwell_cycles(
@@ -109,7 +109,7 @@ def cases_of(
 
 
 ROUNDING = 1e-6
-"""Of a cycle: what is so near to the end of one is at its end."""
+"""Share of a cycle: an instant this near to the end of a cycle is at its end."""
 
 
 @dataclass(frozen=True, eq=False)

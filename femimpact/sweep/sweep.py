@@ -225,7 +225,7 @@ def _row(system: System, channel: Channel) -> Array | None:
 
 
 SKIRT = 0.6
-"""Of the largest peak: where neither neighbour reaches it no larger one is looked for. A resonance has skirts."""
+"""Share of the largest peak. Where neither neighbour reaches it, no larger peak is looked for: a resonance is wider."""
 
 
 def peak_curves(

@@ -34,7 +34,7 @@ AT_NODE = 1e-9
 """Share of the length within which a position is at a node."""
 
 SIDE = choice("left", "right")
-"""Which of the two elements at a node: towards the root, or towards the tip."""
+"""Element that is read at a node: the one towards the root, or towards the tip."""
 
 DERIVATIVE = quantity("1", at_least=0, at_most=3, integer=True)
 """Orders of derivative that a cubic has."""

@@ -76,7 +76,7 @@ RANK_TOLERANCE = 1e-13
 
 
 NEGLIGIBLE_ROW = 1e-12
-"""Of a matrix with ones on its diagonal: what is left of a row below this is taken as zero."""
+"""Limit for a matrix scaled to a unit diagonal: a remainder of a row below it is taken as zero."""
 
 ROUNDING = 1e-8
 """Share of a row's sum by which two products of one matrix may differ."""
@@ -84,7 +84,7 @@ ROUNDING = 1e-8
 FINITE = "must hold finite numbers"
 
 MOST_DOFS = 1_000_000
-"""Of a sparse matrix; no model of a beam has as many."""
+"""Most dofs of a sparse matrix; no model of a beam has as many."""
 
 MOST_FULL = 20_000
 """Dofs of a system by its matrices: a full one of as many takes 3 GB."""

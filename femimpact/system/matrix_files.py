@@ -24,10 +24,10 @@ from femimpact.system.matrices import MOST_DOFS, Matrix, checked_matrix
 SUFFIXES = (".mtx", ".mtx.gz", ".npz")
 
 MOST_BYTES = 2_000_000_000
-"""Of a file, and of what it holds where it is compressed."""
+"""Most bytes of a file, and of its content where it is compressed."""
 
 MOST_ENTRIES = 50_000_000
-"""Of a Matrix Market file."""
+"""Most entries of a Matrix Market file."""
 
 LINES = 100_000
 """Read at once of a text file."""

@@ -182,7 +182,7 @@ CASES: tuple[Callable[[], Case], ...] = (
 
 GRAVITY = 9.81
 FREQUENCY = 20.0
-"""Of the vibrating table, Hz."""
+"""Frequency of the vibrating table, Hz."""
 
 
 def free_masses(masses: list[float], restitution: float) -> System:

@@ -26,7 +26,7 @@ from femimpact.validation.case import Case
 from femimpact.validation.contacts import FREQUENCY, GRAVITY, shaken_floor
 
 MASS, SPEED = 0.05, 0.3
-"""Of the ball, kg and m/s."""
+"""Mass (kg) and speed (m/s) of the ball."""
 COMPLIANT = KelvinVoigt(stiffness=2000.0, damping=3.0)
 STILL = Sine(0.0, 50.0)
 

@@ -33,7 +33,7 @@ from femimpact.system.contact_pair import ContactPair
 from femimpact.system.system import System
 
 SERIES_TERMS = 24
-"""Of a driven entry, at most."""
+"""Most terms of the series of a driven entry."""
 
 LONGEST_SERIES = 0.5
 """Longest time in which a driven entry is advanced at once, times the rate of the polynomials."""

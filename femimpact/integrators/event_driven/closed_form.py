@@ -40,7 +40,7 @@ from femimpact.integrators.event_driven.complex_modes import (
 from femimpact.integrators.event_driven.equations import Equations, require_met, undamped_modes, wall_offsets
 
 OF_DISPLACEMENT, OF_VELOCITY = (2, 0), (1, 1)
-"""Where ub and ub' stand in `Rows.through` and in `Rows.follow`."""
+"""Indices of ub and ub' in `Rows.through` and in `Rows.follow`."""
 
 SLOW = 1.0
 """|lambda| over the rate of the polynomials up to which an entry takes all of its response to them."""

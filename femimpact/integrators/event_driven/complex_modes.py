@@ -330,7 +330,7 @@ def _check_complete(modes: ComplexModes) -> None:
 
 
 def _coupled_coordinates(damping: Array) -> NDArray[np.bool_]:
-    """Which coordinates damping couples, (F, n, n); terms of the size of rounding couple nothing."""
+    """Mask of pairs of coordinates that damping couples, (F, n, n); terms of the size of rounding couple nothing."""
     diagonal = np.diagonal(damping, axis1=1, axis2=2)
     # a dashpot that does not act on a mode may leave rounding below zero
     scale = np.sqrt(np.abs(diagonal[:, :, None] * diagonal[:, None, :]))

@@ -236,7 +236,7 @@ def _largest(
 
 
 WHOLE = 1e-9
-"""Of a base cycle, which rounding may lack at the end of a run."""
+"""Share of a base cycle that rounding may take from the last cycle of a run."""
 
 
 @dataclass(frozen=True)

@@ -44,7 +44,7 @@ class Held:
 
 @dataclass(frozen=True, eq=False)
 class Beginning:
-    """Where a run begins."""
+    """Initial state of a run."""
 
     origin: float = 0.0  # s: time of step 0
     step: int = 0  # step at which the run begins: that at which the run ended that this one goes on from, or 0

@@ -195,7 +195,7 @@ def _step_to_keep(recorder: Recorder, steps: int, method: SteppingMethod) -> tup
 
 
 def _state(block: Block, system: System, excitation: Excitation, method: SteppingMethod) -> State:
-    """Where a block stands."""
+    """State of the cases of a block at its last step."""
     step = int(block.record.tally[0])
     return final_state(system, excitation, method, block.beginning, step, block.pairs, block.motion, block.cycles)
 
@@ -278,7 +278,7 @@ WIDEST_BLOCK = 64
 """Cases side by side beyond which a block no longer gains speed but leaves the cache."""
 
 MOST_STEPS = 1e15
-"""Of a dwell: more are a mistake, and no integer of the loop."""
+"""Most steps of a dwell: more are a mistake, and do not fit in an integer of the loop."""
 
 ALIKE = 1.05
 """Longest over shortest run up to which cases count as equally long."""
