@@ -236,3 +236,38 @@ def test_further_axes_have_a_map_for_each_value_on_one_scale_of_colours(shape, m
     assert len({re.search(r'fi-title">([^<]*)<', text)[1] for text in texts}) == maps
     scales = {re.search(r"</span> ([^<]* to [^<]*)<", text)[1] for text in texts}
     assert len(scales) == 1
+
+
+# ---- the head of the page -------------------------------------------------------------------------
+
+
+def test_title_author_and_date_stand_at_the_head_and_the_same_study_goes_on(results):
+    def written():
+        blocks = [path for path in (results / "blocks").rglob("*") if path.is_file() and path.name != "study.json"]
+        return {path: path.stat().st_mtime_ns for path in blocks}
+
+    blocks = written()
+    assert blocks
+    words = {"title": "Damper of arm <3>", "author": "A. Author & B. Author", "date": "24 November 2026"}
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        write_parameter_study(study(**words), results)
+    assert written() == blocks
+    text = text_of(results)
+    head = Parsed(text[: text.index("<main")]).text
+    for word in words.values():
+        assert word in head
+    assert "230.3 mm" in head
+    # the study file of the results gives the page again
+    before = text
+    write_report(results)
+    assert text_of(results) == before
+
+
+def test_a_report_has_no_date_of_its_own(sound):
+    assert 'class="by"' not in text_of(sound)
+
+
+def test_a_date_that_is_no_text_is_one_line():
+    with pytest.raises(fi.InputError, match=r"output\.date.*must be a text"):
+        read_study(paper_study_text().replace("[output]", "[output]\ndate = 2026-11-24", 1), Path("study.toml"))

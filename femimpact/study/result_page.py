@@ -71,7 +71,7 @@ from femimpact.study.result_directory import (
     update_results,
 )
 from femimpact.study.results import read_json, read_summary
-from femimpact.study.study import Study
+from femimpact.study.study import Output, Study
 from femimpact.study.study_file import load_study
 from femimpact.svg import Element, element
 from femimpact.system.system import System
@@ -150,9 +150,11 @@ def page_of(
         sections.append(section)
         results.missing.extend(text for text in lost if text not in results.missing)
     title = name if structure is None else f"{name}: {structure_words(structure, system.contacts if system else ())}"
+    given_title, by = ("", "") if study is None else _head(study.output)
     return Page(
-        title=title,
-        lead=(*studied, *_lead(study, summary, written)),
+        title=given_title or title,
+        by=by,
+        lead=(*([f"{title}."] if given_title else []), *studied, *_lead(study, summary, written)),
         drawing=drawing,
         conclusions=(*conclusions, *more),
         missing=tuple(results.missing),
@@ -226,6 +228,12 @@ def _of_parameter_study(
         (*reasons, *(results.attempt(name, lambda: study_failures(data)) or ())),
         about,
     )
+
+
+def _head(output: Output) -> tuple[str, str]:
+    """Title that the study gives its report, and a line with author and date; each empty where it gives none."""
+    title, *by = (" ".join(words.split()) for words in (output.title, output.author, output.date))
+    return title, ", ".join(filter(None, by))
 
 
 def _lead(study: Study | None, summary: Mapping[str, Any], written: Mapping[str, Any]) -> list[str]:
