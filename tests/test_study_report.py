@@ -18,8 +18,10 @@ from test_svg import Parsed
 import femimpact as fi
 from femimpact.export.report.maps import maps_section
 from femimpact.export.tables import measure_names, unsure_cells
-from femimpact.parametric.study_command import plan_lines, write_parameter_study
+from femimpact.parametric.study_command import plan_lines, summary_lines, write_parameter_study
+from femimpact.study.best_case import best_cases
 from femimpact.study.demo import paper_study, paper_study_text
+from femimpact.study.result_conclusions import study_conclusions
 from femimpact.study.result_directory import ResultsWarning
 from femimpact.study.result_page import write_report
 from femimpact.study.study_file import read_study
@@ -271,3 +273,45 @@ def test_a_report_has_no_date_of_its_own(sound):
 def test_a_date_that_is_no_text_is_one_line():
     with pytest.raises(fi.InputError, match=r"output\.date.*must be a text"):
         read_study(paper_study_text().replace("[output]", "[output]\ndate = 2026-11-24", 1), Path("study.toml"))
+
+
+# ---- studies without a best case ------------------------------------------------------------------
+
+
+def curve_study(**axes):
+    """A dataset as of a study whose peak is smallest beside its resonance at 5 Hz."""
+    frequency = np.array(axes["base.frequency"])
+    about = {"units": "m", "better": "small"}
+    coords = {name: ("case", np.array(values)) for name, values in axes.items()} if len(axes) > 1 else axes
+    dims = ("case",) if len(axes) > 1 else ("base.frequency",)
+    whole = np.ones(frequency.shape, dtype=int)
+    found = xarray.Dataset(
+        {
+            "peak": (dims, 1e-3 / (0.01 + np.abs(frequency - 5.0)), about), "finished": (dims, whole),
+            "failed_starts": (dims, 0 * whole), "periodic_starts": (dims, whole),
+        },
+        coords, {"starts": 1, "place": "the tip"},
+    )  # fmt: skip
+    return found
+
+
+@pytest.mark.parametrize(
+    ("axes", "reason"),
+    [
+        ({"base.frequency": [4.8, 5.0, 5.8]}, "all axes that have several values are of the excitation"),
+        ({"base.frequency": [4.8, 5.0, 5.8], "impactor.ball.gap": [1e-3, 2e-3, 3e-3]}, "study a grid, or a list"),
+    ],
+    ids=["excitation alone", "a sample in which none agree"],
+)
+def test_a_study_without_a_best_case_shows_the_resonance_and_says_why(axes, reason, tmp_path):
+    data = curve_study(**axes)
+    best, reasons = best_cases(data, None)
+    assert not best
+    shown = study_conclusions(data, best, reasons)[0]
+    assert (shown.label, float(shown.value)) == ("Largest peak", pytest.approx(100.0))
+    assert reason in shown.note
+    assert "5.8" not in shown.note
+    lines = summary_lines(data, tmp_path)
+    assert any("largest at" in line for line in lines)
+    assert any(reason in line for line in lines)
+    assert not any("smallest at" in line for line in lines)

@@ -247,12 +247,14 @@ def summary_lines(dataset: xarray.Dataset, directory: Path, best: BestPlan | Non
             detailed = name == next(iter(found_best))
             lines += [reach, *(f"  {line}" for line in told if detailed or not line.startswith(" "))]
             continue
-        where = np.unravel_index(int(np.nanargmin(found)), found.shape)
+        # of a measure without a best case the worst: its smallest value may be one beside a resonance
+        word = "largest" if name in reasons and values.attrs.get("better") == "small" else "smallest"
+        where = np.unravel_index(int((np.nanargmax if word == "largest" else np.nanargmin)(found)), found.shape)
         at = ", ".join(
             f"{axis} = {_value(dataset, str(axis), index)}" for axis, index in zip(values.dims, where, strict=True)
         )
-        lines.append(f"{reach}; smallest at {at}")
-    lines += reasons
+        lines.append(f"{reach}; {word} at {at}")
+        lines += [f"  no best case: {reasons[name]}"] if name in reasons else []
     failed = dataset["failed_starts"].to_numpy()
     if failed.any():
         first = next(str(reason) for reason in dataset["failure"].to_numpy().ravel() if reason)

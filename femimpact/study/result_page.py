@@ -221,11 +221,11 @@ def _of_parameter_study(
         results.miss(text)
     about = results.attempt(name, lambda: study_versions(data)) or {}
     plan = None if study is None or study.plan is None else study.plan.best
-    best, reasons = results.attempt(name, lambda: best_cases(data, plan)) or ({}, ())
+    best, reasons = results.attempt(name, lambda: best_cases(data, plan)) or ({}, {})
     return (
         results.attempt(name, lambda: study_lead(data)) or [],
-        results.attempt(name, lambda: study_conclusions(data, best)) or (),
-        (*reasons, *(results.attempt(name, lambda: study_failures(data)) or ())),
+        results.attempt(name, lambda: study_conclusions(data, best, reasons)) or (),
+        results.attempt(name, lambda: study_failures(data)) or (),
         about,
     )
 
