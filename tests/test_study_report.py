@@ -21,7 +21,7 @@ from femimpact.export.tables import measure_names, unsure_cells
 from femimpact.parametric.study_command import plan_lines, summary_lines, write_parameter_study
 from femimpact.study.best_case import best_cases
 from femimpact.study.demo import paper_study, paper_study_text
-from femimpact.study.result_conclusions import study_conclusions
+from femimpact.study.result_conclusions import study_conclusions, study_lead
 from femimpact.study.result_directory import ResultsWarning
 from femimpact.study.result_page import write_report
 from femimpact.study.study_file import read_study
@@ -285,14 +285,13 @@ def curve_study(**axes):
     coords = {name: ("case", np.array(values)) for name, values in axes.items()} if len(axes) > 1 else axes
     dims = ("case",) if len(axes) > 1 else ("base.frequency",)
     whole = np.ones(frequency.shape, dtype=int)
-    found = xarray.Dataset(
+    return xarray.Dataset(
         {
             "peak": (dims, 1e-3 / (0.01 + np.abs(frequency - 5.0)), about), "finished": (dims, whole),
             "failed_starts": (dims, 0 * whole), "periodic_starts": (dims, whole),
         },
         coords, {"starts": 1, "place": "the tip"},
     )  # fmt: skip
-    return found
 
 
 @pytest.mark.parametrize(
@@ -315,3 +314,24 @@ def test_a_study_without_a_best_case_shows_the_resonance_and_says_why(axes, reas
     assert any("largest at" in line for line in lines)
     assert any(reason in line for line in lines)
     assert not any("smallest at" in line for line in lines)
+
+
+def test_a_script_that_gives_the_dataset_has_what_the_page_of_the_study_holds(sound, tmp_path):
+    data = xarray.load_dataset(sound / "study.nc", engine="h5netcdf")
+    fi.report(tmp_path / "page.html", {"Study": data})
+    script, own = (path.read_text(encoding="utf-8") for path in (tmp_path / "page.html", sound / "report.html"))
+    assert Parsed(section(script, "conclusions")).text == Parsed(section(own, "conclusions")).text
+    for lead in study_lead(data):
+        assert lead in Parsed(script).text
+    for words in ("A row for each case", "peak (mm)", "gap of impactor ball (mm)", "0 of the 5 starts"):
+        assert words in Parsed(script).text.replace("\u00a0", " ")
+    assert section(script, "part-1").count("<figure") == section(own, "study").count("<figure")
+    # numbers of one quantity have one unit in cards, maps and tables; the files stay in SI
+    assert "(m)" not in Parsed(own).text.replace("\u00a0", " ")
+    assert "peak [m]" in (sound / "study.csv").read_text()
+
+
+def test_parts_of_a_study_make_a_report_too(sound, tmp_path):
+    data = xarray.load_dataset(sound / "study.nc", engine="h5netcdf")
+    for i, part in enumerate((data.isel({data["peak"].dims[0]: 0}), data[["peak"]], data.drop_attrs())):
+        assert fi.report(tmp_path / f"{i}.html", {"Study": part}).exists()

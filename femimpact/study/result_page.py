@@ -35,6 +35,7 @@ from femimpact.export.report.page import (
 )
 from femimpact.export.report.player import player_element
 from femimpact.export.report.structure_drawing import structure_element, structure_words
+from femimpact.export.tables import in_shown_units
 from femimpact.structure.structure import Structure
 from femimpact.study.best_case import best_cases
 from femimpact.study.picture_data import (
@@ -407,21 +408,24 @@ def _parameter_study(results: ResultReading) -> list[Section]:
     """Every measure over the axes of the study, and a row for each case."""
     data = results.parameter_study
     maps = None if data is None else maps_section(data, "study", "The measures over the axes")
-    cases = _rows(results, "parameter_table", "cases", "Cases", "A row for each case")
+    cases = _of_table(
+        results, "parameter_table", lambda columns, name: cases_section(columns, results.units(name), name)
+    )
     return cases if maps is None else [maps, *cases]
 
 
-def _rows(results: ResultReading, key: str, place: str, heading: str, title: str) -> list[Section]:
-    """A section that shows a table as it is."""
-
-    def shown(columns: Any, name: str) -> Section:
-        return Section(place, heading, (table_element(table_of(title, columns, results.units(name), name)),))
-
-    return _of_table(results, key, shown)
+def cases_section(columns: Mapping[str, Any], units: Mapping[str, str], file: str = "", key: str = "cases") -> Section:
+    """A row for each case of a parameter study, in the units of its maps and conclusions."""
+    table = table_of("A row for each case", *in_shown_units(columns, units), file)
+    return Section(key, "Cases", (table_element(table),))
 
 
 def _contact_table(results: ResultReading) -> list[Section]:
-    return _rows(results, "contact_table", "contact", "Contacts alone", "One collision, by its approach speed")
+    def shown(columns: Any, name: str) -> Section:
+        table = table_of("One collision, by its approach speed", columns, results.units(name), name)
+        return Section("contact", "Contacts alone", (table_element(table),))
+
+    return _of_table(results, "contact_table", shown)
 
 
 SECTIONS: tuple[tuple[str, Callable[[ResultReading], list[Section]]], ...] = (
