@@ -86,6 +86,9 @@ def axis_value(dataset: xarray.Dataset, axis: str, index: int) -> tuple[str, str
     return axis_words(dataset, axis), value, "" if unit == "1" else unit
 
 
+GRAVITY = 9.80665
+"""Standard acceleration of gravity, m/s^2."""
+
 PREFIXES = {"m": (1e3, "mm"), "Pa": (1e-6, "MPa"), "N s": (1e3, "mN s"), "kg": (1e3, "g")}
 """Units of axes and measures that are shown in another one, by its factor and its name: the same wherever they are."""
 
@@ -122,8 +125,14 @@ def case_columns(
 def unit_text(value: float, unit: str) -> str:
     """A number for the eye, with its unit."""
     factor, name = PREFIXES.get(unit, (1.0, unit))
-    shown = number_text(factor * float(value))
-    return shown if name in ("", "1") else f"{shown} {name}"
+    return f"{number_text(factor * float(value))} {unit_words(value, name)}".rstrip()
+
+
+def unit_words(value: float, unit: str) -> str:
+    """The unit that stands behind a number, of an acceleration with the number in g."""
+    if unit == "m/s^2":
+        return f"{unit} ({number_text(float(value) / GRAVITY, 3)} g)"
+    return "" if unit == "1" else unit
 
 
 def value_text(value: Any, unit: str) -> str:
