@@ -67,7 +67,6 @@ if TYPE_CHECKING:
     from femimpact.excitation import SteppedSine as SteppedSine
     from femimpact.excitation import Sum as Sum
     from femimpact.export import figures as figures
-    from femimpact.export.report.script_page import report as report
     from femimpact.export.vtk import to_pyvista as to_pyvista
     from femimpact.fem.assembly import assemble as assemble
     from femimpact.fem.discretisation import Discretisation as Discretisation
@@ -131,6 +130,7 @@ if TYPE_CHECKING:
     from femimpact.study.results import StudyResults as StudyResults
     from femimpact.study.results import load as load
     from femimpact.study.run import run_study as run_study
+    from femimpact.study.script_page import report as report
     from femimpact.study.study import Study as Study
     from femimpact.study.study_file import load_study as load_study
     from femimpact.sweep import FrequencyResponse as FrequencyResponse
@@ -171,7 +171,6 @@ _MODULES = {
         "Chirp", "HammerBlow", "PiecewisePolynomial", "PointForce", "RandomBase", "RecordedBase", "Shock", "Sine",
         "SteppedSine", "Sum",
     ),
-    "export.report.script_page": ("report",),
     "export.vtk": ("to_pyvista",),
     "fem.assembly": ("assemble",),
     "fem.discretisation": ("Discretisation", "discretise"),
@@ -201,6 +200,7 @@ _MODULES = {
     "study.planned_test": ("Preflight", "PreflightRow", "preflight"),
     "study.results": ("StudyResults", "load"),
     "study.run": ("run_study",),
+    "study.script_page": ("report",),
     "study.study": ("Study",),
     "study.study_file": ("load_study",),
     "sweep": ("FrequencyResponse", "frequency_sweep"),

@@ -61,9 +61,9 @@ def refine(
 ) -> Refinement:
     """The best case between the bounds of some axes: 32 designs, then 8 around each of the three best, again and again.
 
-    The first designs are Sobol points (`scipy.stats.qmc.Sobol`) of the box of the bounds. In round k = 1, 2, ... those around one
-    of the three best fill a box of half-width 32^(-1/d) 8^((1 - k)/d) of each of the d bounds. Every round is a
-    parameter study of a list of cases from the same draws of the starts.
+    The first designs are Sobol points (`scipy.stats.qmc.Sobol`) of the box of the bounds. In round k = 1, 2, ... those
+    around one of the three best fill a box of half-width 32^(-1/d) 8^((1 - k)/d) of each of the d bounds. Every round
+    is a parameter study of a list of cases from the same draws of the starts.
 
     Parameters
     ----------

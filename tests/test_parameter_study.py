@@ -21,13 +21,13 @@ from builders import REFERENCE, with_ball
 import femimpact as fi
 from femimpact.export.figures.drawing import prefixed
 from femimpact.export.report.maps import maps_section
-from femimpact.export.tables import unsure_cells
+from femimpact.export.tables import case_columns, unsure_cells
 from femimpact.parametric import evaluation
 from femimpact.parametric.block_files import BLOCKS
 from femimpact.parametric.evaluation import evaluated
 from femimpact.parametric.labelled import median_ranks, over_starts
 from femimpact.parametric.paths import study_with
-from femimpact.parametric.study_command import definition_of, summary_lines, table_of
+from femimpact.parametric.study_command import definition_of, summary_lines
 from femimpact.parametric.workers import block_cases
 from femimpact.study.base_motion import SignalMotion
 from femimpact.study.demo import paper_study, paper_study_text
@@ -810,7 +810,7 @@ def test_a_study_file_goes_round_and_its_table_has_a_row_for_every_case():
     definition = definition_of(given)
     assert definition.table.shape == (2, 3)
     dataset = fi.parameter_study(given, given.plan.axes, given.plan.measures, starts=5, cycles=6)
-    columns, units = table_of(dataset)
+    columns, units = case_columns(dataset)
     assert {len(column) for column in columns.values()} == {6}
     assert units["impactor.ball.mass"] == "kg"
     np.testing.assert_array_equal(columns["peak_low"] <= columns["peak"], True)

@@ -11,7 +11,7 @@ from builders import REFERENCE, reduced
 import femimpact as fi
 from femimpact.export.report.page import MOST_BYTES, Page, Section, page_bytes
 from femimpact.export.report.player import player_element
-from femimpact.export.report.script_page import bounded_page, thinned_path
+from femimpact.study.script_page import bounded_page, thinned_path
 from femimpact.svg import element, path_of
 
 

@@ -18,8 +18,10 @@ from test_svg import Parsed
 import femimpact as fi
 from femimpact.export.report.maps import maps_section
 from femimpact.export.tables import measure_names, unsure_cells
-from femimpact.parametric.study_command import plan_lines, write_parameter_study
+from femimpact.parametric.study_command import plan_lines, summary_lines, write_parameter_study
+from femimpact.study.best_case import best_cases
 from femimpact.study.demo import paper_study, paper_study_text
+from femimpact.study.result_conclusions import study_conclusions, study_lead
 from femimpact.study.result_directory import ResultsWarning
 from femimpact.study.result_page import write_report
 from femimpact.study.study_file import read_study
@@ -236,3 +238,100 @@ def test_further_axes_have_a_map_for_each_value_on_one_scale_of_colours(shape, m
     assert len({re.search(r'fi-title">([^<]*)<', text)[1] for text in texts}) == maps
     scales = {re.search(r"</span> ([^<]* to [^<]*)<", text)[1] for text in texts}
     assert len(scales) == 1
+
+
+# ---- the head of the page -------------------------------------------------------------------------
+
+
+def test_title_author_and_date_stand_at_the_head_and_the_same_study_goes_on(results):
+    def written():
+        blocks = [path for path in (results / "blocks").rglob("*") if path.is_file() and path.name != "study.json"]
+        return {path: path.stat().st_mtime_ns for path in blocks}
+
+    blocks = written()
+    assert blocks
+    words = {"title": "Damper of arm <3>", "author": "A. Author & B. Author", "date": "24 November 2026"}
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        write_parameter_study(study(**words), results)
+    assert written() == blocks
+    text = text_of(results)
+    head = Parsed(text[: text.index("<main")]).text
+    for word in words.values():
+        assert word in head
+    assert "230.3 mm" in head
+    # the study file of the results gives the page again
+    before = text
+    write_report(results)
+    assert text_of(results) == before
+
+
+def test_a_report_has_no_date_of_its_own(sound):
+    assert 'class="by"' not in text_of(sound)
+
+
+def test_a_date_that_is_no_text_is_one_line():
+    with pytest.raises(fi.InputError, match=r"output\.date.*must be a text"):
+        read_study(paper_study_text().replace("[output]", "[output]\ndate = 2026-11-24", 1), Path("study.toml"))
+
+
+# ---- studies without a best case ------------------------------------------------------------------
+
+
+def curve_study(**axes):
+    """A dataset as of a study whose peak is smallest beside its resonance at 5 Hz."""
+    frequency = np.array(axes["base.frequency"])
+    about = {"units": "m", "better": "small"}
+    coords = {name: ("case", np.array(values)) for name, values in axes.items()} if len(axes) > 1 else axes
+    dims = ("case",) if len(axes) > 1 else ("base.frequency",)
+    whole = np.ones(frequency.shape, dtype=int)
+    return xarray.Dataset(
+        {
+            "peak": (dims, 1e-3 / (0.01 + np.abs(frequency - 5.0)), about), "finished": (dims, whole),
+            "failed_starts": (dims, 0 * whole), "periodic_starts": (dims, whole),
+        },
+        coords, {"starts": 1, "place": "the tip"},
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("axes", "reason"),
+    [
+        ({"base.frequency": [4.8, 5.0, 5.8]}, "all axes that have several values are of the excitation"),
+        ({"base.frequency": [4.8, 5.0, 5.8], "impactor.ball.gap": [1e-3, 2e-3, 3e-3]}, "study a grid, or a list"),
+    ],
+    ids=["excitation alone", "a sample in which none agree"],
+)
+def test_a_study_without_a_best_case_shows_the_resonance_and_says_why(axes, reason, tmp_path):
+    data = curve_study(**axes)
+    best, reasons = best_cases(data, None)
+    assert not best
+    shown = study_conclusions(data, best, reasons)[0]
+    assert (shown.label, float(shown.value)) == ("Largest peak", pytest.approx(100.0))
+    assert reason in shown.note
+    assert "5.8" not in shown.note
+    lines = summary_lines(data, tmp_path)
+    assert any("largest at" in line for line in lines)
+    assert any(reason in line for line in lines)
+    assert not any("smallest at" in line for line in lines)
+
+
+def test_a_script_that_gives_the_dataset_has_what_the_page_of_the_study_holds(sound, tmp_path):
+    data = xarray.load_dataset(sound / "study.nc", engine="h5netcdf")
+    fi.report(tmp_path / "page.html", {"Study": data})
+    script, own = (path.read_text(encoding="utf-8") for path in (tmp_path / "page.html", sound / "report.html"))
+    assert Parsed(section(script, "conclusions")).text == Parsed(section(own, "conclusions")).text
+    for lead in study_lead(data):
+        assert lead in Parsed(script).text
+    for words in ("A row for each case", "peak (mm)", "gap of impactor ball (mm)", "0 of the 5 starts"):
+        assert words in Parsed(script).text.replace("\u00a0", " ")
+    assert section(script, "part-1").count("<figure") == section(own, "study").count("<figure")
+    # numbers of one quantity have one unit in cards, maps and tables; the files stay in SI
+    assert "(m)" not in Parsed(own).text.replace("\u00a0", " ")
+    assert "peak [m]" in (sound / "study.csv").read_text()
+
+
+def test_parts_of_a_study_make_a_report_too(sound, tmp_path):
+    data = xarray.load_dataset(sound / "study.nc", engine="h5netcdf")
+    for i, part in enumerate((data.isel({data["peak"].dims[0]: 0}), data[["peak"]], data.drop_attrs())):
+        assert fi.report(tmp_path / f"{i}.html", {"Study": part}).exists()

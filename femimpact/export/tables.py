@@ -86,15 +86,53 @@ def axis_value(dataset: xarray.Dataset, axis: str, index: int) -> tuple[str, str
     return axis_words(dataset, axis), value, "" if unit == "1" else unit
 
 
-PREFIXES = {"m": (1e3, "mm"), "Pa": (1e-6, "MPa"), "N s": (1e3, "mN s")}
-"""Units of axes and measures that are shown in another one, by its factor and its name."""
+GRAVITY = 9.80665
+"""Standard acceleration of gravity, m/s^2."""
+
+PREFIXES = {"m": (1e3, "mm"), "Pa": (1e-6, "MPa"), "N s": (1e3, "mN s"), "kg": (1e3, "g")}
+"""Units of axes and measures that are shown in another one, by its factor and its name: the same wherever they are."""
+
+
+def in_shown_units(columns: Mapping[str, Any], units: Mapping[str, str]) -> tuple[dict[str, Any], dict[str, str]]:
+    """Columns of numbers in the units in which they are shown, and these units."""
+    shown = {name: PREFIXES.get(unit, (1.0, unit)) for name, unit in units.items()}
+    scaled = {
+        name: shown[name][0] * np.asarray(values)
+        if name in shown and np.asarray(values).dtype.kind in "iuf"
+        else values
+        for name, values in columns.items()
+    }
+    return scaled, {name: unit for name, (_, unit) in shown.items()}
+
+
+def case_columns(
+    dataset: xarray.Dataset,  # of `parameter_study`
+) -> tuple[dict[str, Any], dict[str, str]]:
+    """A row for every case: values of the axes, then of the measures; and units."""
+    shape = dataset["finished"].shape
+    columns: dict[str, Any] = {}
+    units: dict[str, str] = {}
+    for group in (dataset.coords, dataset.data_vars):
+        for name, values in group.items():
+            column = values.broadcast_like(dataset["finished"]).transpose(*dataset["finished"].dims)
+            columns[str(name)] = np.asarray(column.to_numpy()).reshape(int(np.prod(shape)))
+            unit = str(values.attrs.get("units", ""))
+            if unit and unit != "1":
+                units[str(name)] = unit
+    return columns, units
 
 
 def unit_text(value: float, unit: str) -> str:
     """A number for the eye, with its unit."""
     factor, name = PREFIXES.get(unit, (1.0, unit))
-    shown = number_text(factor * float(value))
-    return shown if name in ("", "1") else f"{shown} {name}"
+    return f"{number_text(factor * float(value))} {unit_words(value, name)}".rstrip()
+
+
+def unit_words(value: float, unit: str) -> str:
+    """The unit that stands behind a number, of an acceleration with the number in g."""
+    if unit == "m/s^2":
+        return f"{unit} ({number_text(float(value) / GRAVITY, 3)} g)"
+    return "" if unit == "1" else unit
 
 
 def value_text(value: Any, unit: str) -> str:

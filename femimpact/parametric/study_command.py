@@ -13,7 +13,7 @@ import numpy as np
 from femimpact.errors import Fault, InputError, require
 from femimpact.export import figures, tables
 from femimpact.export.files import atomic_write
-from femimpact.export.tables import measure_names, value_words
+from femimpact.export.tables import measure_names, unit_text, value_words
 from femimpact.parametric.definition import ParameterStudy
 from femimpact.parametric.labelled import over_starts
 from femimpact.parametric.measures import better_of
@@ -122,30 +122,13 @@ def write_parameter_study(
             definition, directory=directory, client=client, progress=progress, say=to_stderr if progress else None
         )
     atomic_write(directory / FILES["study"].name, study_text(study))
-    columns, units = table_of(dataset)
+    columns, units = tables.case_columns(dataset)
     tables.write_csv(directory / FILES["parameter_table"].name, columns, units)
     if study.output.figures:
         _draw(dataset, directory)
     if study.output.report:
         add_report(directory, lambda part, share: None)
     return dataset
-
-
-def table_of(
-    dataset: xarray.Dataset,  # xarray.Dataset: of `parameter_study`
-) -> tuple[dict[str, Any], dict[str, str]]:
-    """A row for every case: values of the axes, then of the measures; and units."""
-    shape = dataset["finished"].shape
-    columns: dict[str, Any] = {}
-    units: dict[str, str] = {}
-    for group in (dataset.coords, dataset.data_vars):
-        for name, values in group.items():
-            column = values.broadcast_like(dataset["finished"]).transpose(*dataset["finished"].dims)
-            columns[str(name)] = np.asarray(column.to_numpy()).reshape(int(np.prod(shape)))
-            unit = str(values.attrs.get("units", ""))
-            if unit and unit != "1":
-                units[str(name)] = unit
-    return columns, units
 
 
 def _draw(dataset: xarray.Dataset, directory: Path) -> None:
@@ -241,18 +224,20 @@ def summary_lines(dataset: xarray.Dataset, directory: Path, best: BestPlan | Non
             continue
         unit = str(values.attrs.get("units", ""))
         low, high = float(np.nanmin(found)), float(np.nanmax(found))
-        reach = f"{name}: {low:.4g} to {high:.4g}{f' {unit}' if unit not in ('', '1') else ''}"
+        reach = f"{name}: {unit_text(low, unit)} to {unit_text(high, unit)}"
         if name in found_best:
             told = list(told_lines(found_best[name]))
             detailed = name == next(iter(found_best))
             lines += [reach, *(f"  {line}" for line in told if detailed or not line.startswith(" "))]
             continue
-        where = np.unravel_index(int(np.nanargmin(found)), found.shape)
+        # of a measure without a best case the worst: its smallest value may be one beside a resonance
+        word = "largest" if name in reasons and values.attrs.get("better") == "small" else "smallest"
+        where = np.unravel_index(int((np.nanargmax if word == "largest" else np.nanargmin)(found)), found.shape)
         at = ", ".join(
             f"{axis} = {_value(dataset, str(axis), index)}" for axis, index in zip(values.dims, where, strict=True)
         )
-        lines.append(f"{reach}; smallest at {at}")
-    lines += reasons
+        lines.append(f"{reach}; {word} at {at}")
+        lines += [f"  no best case: {reasons[name]}"] if name in reasons else []
     failed = dataset["failed_starts"].to_numpy()
     if failed.any():
         first = next(str(reason) for reason in dataset["failure"].to_numpy().ravel() if reason)
@@ -266,4 +251,4 @@ def _value(dataset: xarray.Dataset, axis: str, index: Any) -> str:
     words = value_words(dataset, axis)
     if words is not None:
         return f"{words[index]}{' mm' if f'{axis}.plus' in dataset.coords else ''}"
-    return f"{dataset[axis].to_numpy()[index]:.4g}"
+    return unit_text(dataset[axis].to_numpy()[index], str(dataset[axis].attrs.get("units", "")))

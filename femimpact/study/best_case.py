@@ -42,6 +42,7 @@ NO_NAMES: Mapping[str, str] = {}
 
 BETTER = ("small", "large")
 SAY_IT = 'set dataset[measure].attrs["better"] = "small" or "large"'
+NOTHING_TO_CHOOSE = "all axes that have several values are of the excitation (base.*), which is no choice"
 NO_CHOICE = ", where those of the excitation (base.*) are no choice"
 
 OF_LAW = ("peak_force", "cycle_mean_force")
@@ -313,17 +314,19 @@ def _first_of(named: Sequence[str]) -> str:
 def best_cases(
     dataset: xarray.Dataset,
     plan: BestPlan | None,  # of the study file
-) -> tuple[dict[str, BestCase], tuple[str, ...]]:
+) -> tuple[dict[str, BestCase], dict[str, str]]:
     """The best case by each measure that says what is better, that of the plan first; and why one has none.
 
     The worst counts over the same axes for all; the limits hold for the measure of the plan.
     """
-    axes, found, reasons = axes_of(dataset), dict[str, BestCase](), list[str]()
+    axes, found, reasons = axes_of(dataset), dict[str, BestCase](), dict[str, str]()
+    known = [name for name, better in better_of_measures(dataset).items() if better]
+    if dataset["finished"].size < 2:
+        return {}, {}
     if plan is None and not any(
         np.unique(dataset[axis].to_numpy().astype(str)).size > 1 for axis in axes if not axis.startswith(EXCITATION)
     ):
-        return {}, ()
-    known = [name for name, better in better_of_measures(dataset).items() if better]
+        return {}, dict.fromkeys(known, NOTHING_TO_CHOOSE)
     first = [] if plan is None else [plan.measure]
     for name in dict.fromkeys((*first, *known)):
         of_plan = plan if name in first else None
@@ -332,8 +335,8 @@ def best_cases(
                 dataset, name, plan.worst_over if plan else None, of_plan.limits if of_plan else None
             )
         except InputError as error:
-            reasons.append(f"no best case by {name}: {' '.join(str(error).split())}")
-    return found, tuple(reasons)
+            reasons[name] = " ".join(str(error).split())
+    return found, reasons
 
 
 def require_study(dataset: Any) -> None:

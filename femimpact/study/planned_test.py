@@ -29,6 +29,7 @@ from femimpact.excitation import Chirp, Excitation, RandomBase, Sine, SteppedSin
 from femimpact.excitation.excitation import BrokenLine, has_cycle
 from femimpact.excitation.piecewise_polynomial import PiecewisePolynomial
 from femimpact.excitation.remarks import drive_above_modes, drive_warnings, frequency_warnings, is_pulse
+from femimpact.export.tables import GRAVITY
 from femimpact.identification import resolution_warnings
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.methods import Method, require_method
@@ -48,9 +49,6 @@ from femimpact.table import frame_of
 
 if TYPE_CHECKING:
     import pandas
-
-GRAVITY = 9.80665
-"""Standard acceleration of gravity, m/s^2, in which a shaker's limit is often given."""
 
 SWEEP_RATE, RATE_ADVISED = 0.2, 0.1
 """b = 2 pi rate/(zeta omega)^2 up to which a swept peak is 1 % low, and the one that is advised (0.3 % low)."""

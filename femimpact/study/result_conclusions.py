@@ -330,6 +330,7 @@ MOST_MEASURES = 8
 """Measures that have conclusions."""
 
 NO_BEST_CASES: Mapping[str, BestCase] = {}
+NO_REASONS: Mapping[str, str] = {}
 
 
 def study_lead(data: xarray.Dataset) -> list[str]:
@@ -365,10 +366,15 @@ def _unit_of_words(data: xarray.Dataset, name: str) -> str:
     return " mm" if f"{name}.plus" in data.coords else ""
 
 
-def study_conclusions(data: xarray.Dataset, best: Mapping[str, BestCase] = NO_BEST_CASES) -> tuple[Conclusion, ...]:
+def study_conclusions(
+    data: xarray.Dataset,
+    best: Mapping[str, BestCase] = NO_BEST_CASES,
+    reasons: Mapping[str, str] = NO_REASONS,  # why a measure that says what is better has no best case, by its name
+) -> tuple[Conclusion, ...]:
     """The best case by every measure that has one, else its smallest and its largest value; where they are.
 
-    The first has all that is known of it, each its scatter.
+    The first has all that is known of it, each its scatter. A measure with a reason has its worst value and the reason:
+    its smallest value of all cases may be one beside a resonance.
     """
     samples, starts = single_samples(data), int(data.attrs["starts"])
     names = [name for name in measure_names(data) if name not in best]
@@ -380,17 +386,22 @@ def study_conclusions(data: xarray.Dataset, best: Mapping[str, BestCase] = NO_BE
         least, most = (
             np.unravel_index(int(find(array)), array.shape) for find in (np.nanargmin, np.nanargmax)
         )  # fmt: skip
+        (word, at), (other, end) = ("smallest", least), ("largest", most)
+        rest = f"the {other} is {_text(array[end], values.attrs)}, at {_place(data, values.dims, end)}"
+        if name in reasons:
+            if values.attrs.get("better") == "small":
+                (word, at), (other, end) = (other, end), (word, at)
+            rest = f"no best case: {reasons[name]}; the {other} of all cases is {_text(array[end], values.attrs)}"
         factor, unit = PREFIXES.get(values.attrs.get("units", "1"), (1.0, values.attrs.get("units", "1")))
         scatter = ""
         if starts > 1 and f"{name}_low" in data:
-            low, high = (_text(data[f"{name}{end}"].to_numpy()[least], values.attrs) for end in ("_low", "_high"))
+            low, high = (_text(data[f"{name}{side}"].to_numpy()[at], values.attrs) for side in ("_low", "_high"))
             scatter = f"{low} to {high} over {starts} starts"
         found.append(
             Conclusion(
-                f"Smallest {name.replace('_', ' ')}", number_text(factor * float(array[least]), zeros=True),
-                "" if unit == "1" else unit, scatter, bool(samples[least]) and not scatter,
-                f"at {_place(data, values.dims, least)}; the largest is {_text(array[most], values.attrs)}, "
-                f"at {_place(data, values.dims, most)}",
+                f"{word.capitalize()} {name.replace('_', ' ')}", number_text(factor * float(array[at]), zeros=True),
+                "" if unit == "1" else unit, scatter, bool(samples[at]) and not scatter,
+                f"at {_place(data, values.dims, at)}; {rest}",
             )
         )  # fmt: skip
     return tuple(found)

@@ -35,6 +35,7 @@ from femimpact.export.report.page import (
 )
 from femimpact.export.report.player import player_element
 from femimpact.export.report.structure_drawing import structure_element, structure_words
+from femimpact.export.tables import in_shown_units
 from femimpact.structure.structure import Structure
 from femimpact.study.best_case import best_cases
 from femimpact.study.picture_data import (
@@ -71,7 +72,7 @@ from femimpact.study.result_directory import (
     update_results,
 )
 from femimpact.study.results import read_json, read_summary
-from femimpact.study.study import Study
+from femimpact.study.study import Output, Study
 from femimpact.study.study_file import load_study
 from femimpact.svg import Element, element
 from femimpact.system.system import System
@@ -150,9 +151,11 @@ def page_of(
         sections.append(section)
         results.missing.extend(text for text in lost if text not in results.missing)
     title = name if structure is None else f"{name}: {structure_words(structure, system.contacts if system else ())}"
+    given_title, by = ("", "") if study is None else _head(study.output)
     return Page(
-        title=title,
-        lead=(*studied, *_lead(study, summary, written)),
+        title=given_title or title,
+        by=by,
+        lead=(*([f"{title}."] if given_title else []), *studied, *_lead(study, summary, written)),
         drawing=drawing,
         conclusions=(*conclusions, *more),
         missing=tuple(results.missing),
@@ -219,13 +222,19 @@ def _of_parameter_study(
         results.miss(text)
     about = results.attempt(name, lambda: study_versions(data)) or {}
     plan = None if study is None or study.plan is None else study.plan.best
-    best, reasons = results.attempt(name, lambda: best_cases(data, plan)) or ({}, ())
+    best, reasons = results.attempt(name, lambda: best_cases(data, plan)) or ({}, {})
     return (
         results.attempt(name, lambda: study_lead(data)) or [],
-        results.attempt(name, lambda: study_conclusions(data, best)) or (),
-        (*reasons, *(results.attempt(name, lambda: study_failures(data)) or ())),
+        results.attempt(name, lambda: study_conclusions(data, best, reasons)) or (),
+        results.attempt(name, lambda: study_failures(data)) or (),
         about,
     )
+
+
+def _head(output: Output) -> tuple[str, str]:
+    """Title that the study gives its report, and a line with author and date; each empty where it gives none."""
+    title, *by = (" ".join(words.split()) for words in (output.title, output.author, output.date))
+    return title, ", ".join(filter(None, by))
 
 
 def _lead(study: Study | None, summary: Mapping[str, Any], written: Mapping[str, Any]) -> list[str]:
@@ -399,21 +408,24 @@ def _parameter_study(results: ResultReading) -> list[Section]:
     """Every measure over the axes of the study, and a row for each case."""
     data = results.parameter_study
     maps = None if data is None else maps_section(data, "study", "The measures over the axes")
-    cases = _rows(results, "parameter_table", "cases", "Cases", "A row for each case")
+    cases = _of_table(
+        results, "parameter_table", lambda columns, name: cases_section(columns, results.units(name), name)
+    )
     return cases if maps is None else [maps, *cases]
 
 
-def _rows(results: ResultReading, key: str, place: str, heading: str, title: str) -> list[Section]:
-    """A section that shows a table as it is."""
-
-    def shown(columns: Any, name: str) -> Section:
-        return Section(place, heading, (table_element(table_of(title, columns, results.units(name), name)),))
-
-    return _of_table(results, key, shown)
+def cases_section(columns: Mapping[str, Any], units: Mapping[str, str], file: str = "", key: str = "cases") -> Section:
+    """A row for each case of a parameter study, in the units of its maps and conclusions."""
+    table = table_of("A row for each case", *in_shown_units(columns, units), file)
+    return Section(key, "Cases", (table_element(table),))
 
 
 def _contact_table(results: ResultReading) -> list[Section]:
-    return _rows(results, "contact_table", "contact", "Contacts alone", "One collision, by its approach speed")
+    def shown(columns: Any, name: str) -> Section:
+        table = table_of("One collision, by its approach speed", columns, results.units(name), name)
+        return Section("contact", "Contacts alone", (table_element(table),))
+
+    return _of_table(results, "contact_table", shown)
 
 
 SECTIONS: tuple[tuple[str, Callable[[ResultReading], list[Section]]], ...] = (

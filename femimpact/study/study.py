@@ -151,6 +151,8 @@ class Output:
         Whether the deflections are in one temporal VTKHDF file too.
     report : bool
         Whether `report.html` is written.
+    title, author, date : str
+        Stand at the head of the report as they are; a title takes the place of the name of the study.
     """
 
     every: int | None = field(default=None, metadata=quantity("samples", at_least=1, integer=True))
@@ -165,6 +167,9 @@ class Output:
     vtkhdf: bool = field(default=False, metadata=truth())
     movie: bool = field(default=True, metadata=truth())
     report: bool = field(default=True, metadata=truth())
+    title: str = field(default="", metadata=text())
+    author: str = field(default="", metadata=text())
+    date: str = field(default="", metadata=text())
 
     def __post_init__(self) -> None:
         check_fields(self)

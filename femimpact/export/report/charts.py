@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from femimpact.arrays import Array
 from femimpact.export.figures.drawing import prefixed
 from femimpact.export.report.page import Section, Table, table_element, table_of
+from femimpact.export.tables import unit_text
 from femimpact.svg import MINUS, Axis, Band, Chart, Element, Line, axis_of, chart_element, element, number_text
 from femimpact.sweep import FrequencyResponse
 
@@ -65,7 +66,7 @@ def _dwell(curve: FrequencyResponse) -> Element:
     length = f"{curve.cycles} cycles" if curve.cycles is not None else f"{curve.duration:g} s"
     start = STARTS.get(curve.start, "from a given state")
     if curve.amplitude is None:
-        driven = f"accelerates by {curve.acceleration:.4g} m/s^2"
+        driven = f"accelerates by {unit_text(curve.acceleration, 'm/s^2')}"
     else:
         driven = f"moves by {1e3 * curve.amplitude:.4g} mm"
     text = f"Each frequency is held for {length}, from a start {start}; the end of it is measured. The base {driven}."
@@ -241,9 +242,9 @@ def _chart(channels: Mapping[str, tuple[Array, Array, str]], names: Sequence[str
     lines = tuple(lines[i] for i in sorted(range(len(lines)), key=lambda i: -sizes[i]))
     title = f"{names[0] if len(names) == 1 else quantity.capitalize()}, {when}"
     time = axis_of("time (s)", *(line.x for line in lines), tight=True)
-    return Chart(
-        title, time, axis_of(f"{quantity} ({shown})" if shown != "1" else quantity, *(line.y for line in lines)), lines
-    )
+    heights = axis_of(f"{quantity} ({shown})" if shown != "1" else quantity, *(line.y for line in lines))
+    note = f"Largest: {unit_text(_largest(*arrays), unit)}." if unit == "m/s^2" else ""
+    return Chart(title, time, heights, lines, note=note)
 
 
 def _largest(*arrays: NDArray[Any]) -> float:

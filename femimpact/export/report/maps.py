@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.export.figures.drawing import prefixed
 from femimpact.export.report.page import Section
 from femimpact.export.tables import (
     STATISTICS,
@@ -18,6 +17,7 @@ from femimpact.export.tables import (
     axis_value,
     axis_words,
     has_logarithmic_colours,
+    in_shown_units,
     map_panels,
     measure_names,
     sample_axes,
@@ -80,7 +80,7 @@ def maps_section(
     Returns: none where there is nothing to draw.
     """
     drawn: list[Element] = []
-    data = in_shown_units(data)
+    data = _in_shown_units(data)
     for name in measure_names(data):
         # a dimension with one value is not drawn as an axis
         longer = [str(dim) for dim, size in data[name].sizes.items() if size > 1]
@@ -99,20 +99,20 @@ def maps_section(
     return Section(key, heading, (element("div.charts", *drawn[:MOST_MAPS]), *(words if left > 0 else [])))
 
 
-def in_shown_units(data: xarray.Dataset) -> xarray.Dataset:
-    """The same dataset in the units in which it is shown: mm, MPa, g, as the largest value of each quantity needs."""
-    names = measure_names(data)
-    sides = {str(name) for name in data.coords if f"{name}.plus" in data.coords}
-    changed = {}
-    for name in [*names, *(str(n) for n in data.coords if str(n) not in sides and data[n].dtype.kind == "f")]:
-        unit, values = str(data[name].attrs.get("units", "")), data[name].to_numpy()
-        largest = float(np.max(np.abs(values[np.isfinite(values)]), initial=0.0))
-        factor, shown = prefixed(largest, unit) if unit not in ("", "1") else (1.0, unit)
-        if factor == 1.0 or name.endswith((".plus", ".minus")):
-            continue
-        for each in (name, *(f"{name}{end}" for end in STATISTICS if end != "_groups" and name in names)):
-            if each in data:
-                changed[each] = (data[each].dims, factor * data[each].to_numpy(), data[each].attrs | {"units": shown})
+def _in_shown_units(data: xarray.Dataset) -> xarray.Dataset:
+    """The same dataset in the units in which measures and axes are shown."""
+    measures = measure_names(data)
+    names = [*measures, *(f"{name}{end}" for name in measures for end in STATISTICS if end != "_groups")]
+    # the sides of a pair of gaps are read in m
+    names += [str(name) for name in data.coords if not str(name).endswith((".plus", ".minus"))]
+    about = {name: data[name] for name in names if name in data.variables}
+    units = {name: str(values.attrs["units"]) for name, values in about.items() if "units" in values.attrs}
+    columns, shown = in_shown_units({name: about[name].to_numpy() for name in units}, units)
+    changed = {
+        name: (about[name].dims, columns[name], about[name].attrs | {"units": unit})
+        for name, unit in shown.items()
+        if unit != units[name]
+    }
     return data.assign({k: v for k, v in changed.items() if k in data.data_vars}).assign_coords(
         {k: v for k, v in changed.items() if k in data.coords}
     )

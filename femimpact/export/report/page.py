@@ -226,6 +226,7 @@ class Page:
     """Content of a report, from top to bottom."""
 
     title: str
+    by: str = ""  # author and date
     lead: tuple[str, ...] = ()  # what was computed, in sentences
     drawing: Element | None = None  # the structure
     conclusions: tuple[Conclusion, ...] = ()
@@ -263,6 +264,7 @@ def page_bytes(page: Page) -> bytes:
             "header",
             element("p.maker", "femimpact"),
             element("h1", page.title),
+            element("p.by", page.by) if page.by else None,
             *(element("p.lead", text) for text in page.lead),
         ),
         element(

@@ -37,9 +37,19 @@ from femimpact.export.report.page import (
 )
 from femimpact.export.report.player import player_element
 from femimpact.export.report.structure_drawing import structure_element
+from femimpact.export.tables import case_columns
 from femimpact.response.impacts import impact_columns
 from femimpact.response.response import Response
 from femimpact.structure.structure import Structure
+from femimpact.study.best_case import best_cases
+from femimpact.study.result_conclusions import (
+    study_conclusions,
+    study_failures,
+    study_lead,
+    study_missing,
+    study_versions,
+)
+from femimpact.study.result_page import about_section, cases_section
 from femimpact.svg import Element, element, markup, number_text, thinned_line
 from femimpact.sweep import FrequencyResponse
 from femimpact.table import column_units
@@ -148,7 +158,8 @@ def report(
     path : str or Path
     parts : mapping of str to result
         Each under its heading: a `Response`, a `FrequencyResponse` or a mapping of names to several, a
-        `ConvergenceTable`, a `ConvergenceStudy`, an `xarray.Dataset` (quantities over two axes become maps), a
+        `ConvergenceTable`, a `ConvergenceStudy`, the dataset of `parameter_study` (what is best, maps and
+        cases), another `xarray.Dataset` (quantities over two axes become maps), a
         `pandas.DataFrame`, any record with `to_pandas`, or a mapping of names to columns.
     structure : Structure, optional
         Is drawn, and gives the player of a response with snapshots its beam.
@@ -179,12 +190,20 @@ def report(
         section for i, (heading, part) in enumerate(parts.items()) for section in _sections(i, heading, part, structure)
     ]
     responses = {heading: part for heading, part in parts.items() if isinstance(part, Response)}
+    studies = {heading: part for heading, part in parts.items() if is_parameter_study(part)}
+    best = {heading: best_cases(part, None) for heading, part in studies.items()}
     curves = {heading: curve for heading, part in parts.items() for _, curve in _curves(heading, part).items()}
     page = Page(
         title=title,
+        lead=tuple(text for part in studies.values() for text in study_lead(part)),
         drawing=_drawing(structure, responses),
-        conclusions=(*_of_curves(parts), *_of_responses(responses)),
-        warnings=_said("warnings", {**responses, **curves}),
+        conclusions=(
+            *_of_curves(parts),
+            *_of_responses(responses),
+            *(one for heading, part in studies.items() for one in study_conclusions(part, *best[heading])),
+        ),
+        missing=_of_studies(studies, study_missing),
+        warnings=(*_said("warnings", {**responses, **curves}), *_of_studies(studies, study_failures)),
         notes=(*notes, *_said("notes", {**responses, **curves})),
         sections=tuple(made),
     )
@@ -203,6 +222,26 @@ def _curves(heading: str, part: Any) -> dict[str, FrequencyResponse]:
 def _said(kind: str, found: Mapping[str, Any]) -> tuple[str, ...]:
     texts = [f"{heading}: {said}" for heading, part in found.items() for said in getattr(part, kind)]
     return tuple(dict.fromkeys(texts))
+
+
+def is_parameter_study(part: Any) -> bool:
+    """True for the dataset of `parameter_study` that has what it tells of its cases."""
+    names, about = getattr(part, "data_vars", ()), getattr(part, "attrs", {})
+    return {"finished", "failed_starts", "periodic_starts", "failure"} <= {*names} and {"starts", "place"} <= {*about}
+
+
+def _of_studies(studies: Mapping[str, Any], lines: Callable[[Any], tuple[str, ...]]) -> tuple[str, ...]:
+    """Lines on parameter studies, each with its heading."""
+    return tuple(f"{heading}: {line}" for heading, part in studies.items() for line in lines(part))
+
+
+def _study(key: str, heading: str, data: Any) -> list[Section]:
+    """Maps of a parameter study, a row for each case, and what made it."""
+    maps = maps_section(data, key, heading)
+    cases = cases_section(*case_columns(data), key=f"{key}-cases")
+    about = about_section(study_versions(data), None)
+    rest = [cases, replace(about, key=f"{key}-versions")]
+    return [*([maps] if maps is not None else []), *(replace(one, heading=f"{heading}: {one.heading}") for one in rest)]
 
 
 def _drawing(structure: Structure | None, responses: Mapping[str, Response]) -> Element | None:
@@ -255,6 +294,8 @@ def _sections(number: int, heading: str, part: Any, structure: Structure | None)
     if curves:
         section = curves_section(curves, key, heading)
         return [Section(key, heading, (*section.content, table_element(curve_table(curves))))]
+    if is_parameter_study(part):
+        return _study(key, heading, part)
     for kind, make in KINDS.items():
         if isinstance(part, kind):
             return [
