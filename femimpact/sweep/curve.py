@@ -366,7 +366,7 @@ def curve_of(
     columns, warnings = found
     f = cases.frequency
     values: dict[str, Any] = {name: _read_only(column) for name, column in columns.items()}
-    warnings = warnings + _steadiness_warnings(f, columns["steadiness"]) + _dwell_warnings(system, cases)
+    warnings = warnings + _steadiness_warnings(system, cases, columns) + _dwell_warnings(system, cases)
     warnings += _grid_warnings(system, f)
     curve = FrequencyResponse(
         frequency=_read_only(f),
@@ -389,13 +389,23 @@ def start_of(state: State, system: System) -> str:
     return "static" if state.is_static_on(system) else state.frame
 
 
-def _steadiness_warnings(f: Array, steadiness: NDArray[np.str_]) -> list[str]:
-    moving = f[steadiness == "transient"]
-    if moving.size == 0:
-        return []
+def _steadiness_warnings(system: System, cases: SineCases, columns: Columns) -> list[str]:
+    """Warnings where the halves of the measured time differ: of a motion that never repeats, and of one that settles.
+
+    With impacts, and little of the first mode's transient left, it is the motion that does not repeat.
+    """
+    f, unlike = cases.frequency, columns["steadiness"] == "transient"
+    chaotic = unlike & (columns["impacts_per_cycle"] > 0.0) & (not _dwell_warnings(system, cases))
+    texts = (
+        (chaotic, "the motion never repeats, and its peaks are those of one start; a longer dwell does not help: take the "
+                  "median of several starts (starts of a study file, or a parameter study)"),
+        (unlike & ~chaotic, "the two halves of the measured time differ; take a longer dwell"),
+    )  # fmt: skip
     return [
-        f"not steady at {moving.size} of {f.size} frequencies ({moving.min():.4g} to {moving.max():.4g} Hz): "
-        "the two halves of the measured time differ; take a longer dwell"
+        f"not steady at {np.count_nonzero(which)} of {f.size} frequencies ({f[which].min():.4g} to "
+        f"{f[which].max():.4g} Hz): {text}"
+        for which, text in texts
+        if np.any(which)
     ]
 
 
