@@ -576,6 +576,8 @@ def _print_results(study: Study, results: StudyResults) -> None:
         columns = list(results.modes)
         print_table(where, columns, zip(*results.modes.values(), strict=True), "Modes (Hz, 1, kg^0.5, kg)")
     for label, curve in summary.get("sweep", {}).items():
+        if label == "ball" and "starts_of_sweep" in summary:
+            continue
         coarse = curve.get("resolved") is False
         # results of earlier versions do not say
         marks.append("*" if curve.get("peak_is_one_start") else "")
@@ -585,9 +587,10 @@ def _print_results(study: Study, results: StudyResults) -> None:
             f"{curve['peak_frequency']:.5g} Hz; damping {_percent(curve['damping_fit'])} by fit, "
             f"{_percent(curve['damping_half_power'])} by half-power{' (not resolved)' if coarse else ''}"
         )
-    if "amplitude_ratio" in summary:
+    if "starts_of_sweep" in summary:
+        _print_sweep_starts(where, summary)
+    elif "amplitude_ratio" in summary:
         where.print(f"amplitude ratio without / with ball: {summary['amplitude_ratio']:.4g}{max(marks)}")
-    _print_sweep_starts(where, summary)
     if "history" in summary:
         marks.append(_print_history(where, study, summary))
     if any(marks):
@@ -612,8 +615,9 @@ def _print_history(where: Console, study: Study, summary: Mapping[str, Any]) -> 
 
     peak, rms = number(history["peak"], "peak", scale=1e3), number(history["rms"], "rms", scale=1e3)
     where.print(
-        f"history {_base_words(study, history.get('frequency'))}: peak {peak} mm{' of the whole run' if driven else ''}, "
-        f"rms {rms} mm{' of the last third' if driven else ''}, {history['steadiness']}; {history['impacts']} impacts, "
+        f"history {_base_words(study, history.get('frequency'))}: "
+        f"peak {peak} mm{' of the whole run' if driven else ''}, rms {rms} mm{' of the last third' if driven else ''}, "
+        f"{history['steadiness']}; {history['impacts']} impacts, "
         f"{history['regime']['label']}{_of_starts(starts)}"
     )
     for name, channel in history["channels"].items():
@@ -641,17 +645,17 @@ def _print_history(where: Console, study: Study, summary: Mapping[str, Any]) -> 
 
 
 def _print_sweep_starts(where: Console, summary: Mapping[str, Any]) -> None:
-    """Print medians and ranges of the sweep with balls, where a run has several starts."""
-    count = summary.get("starts_of_sweep")
-    for starts in summary["starts"].values() if count else ():
+    """Print medians and ranges of the sweep with balls from several starts."""
+    count = summary["starts_of_sweep"]
+    for starts in summary["starts"].values():
         peak, at, ratio, damping = (
             _range_words(starts, name, scale=scale)
             for name, scale in (("peak_amplitude", 1e3), ("peak_frequency", 1.0), ("amplitude_ratio", 1.0),
                                 ("damping_amplitude_ratio", 100.0))
         )  # fmt: skip
         where.print(
-            f"sweep, ball, median and range of {count} starts: peak {peak} mm at {at} Hz; amplitude ratio without / with "
-            f"ball {ratio}; damping by the drop of the peak {damping} %"
+            f"sweep, ball, median and range of {count} starts: peak {peak} mm at {at} Hz; "
+            f"amplitude ratio without / with ball: {ratio}; damping by the drop of the peak {damping} %"
         )
 
 
@@ -697,7 +701,7 @@ def _percent(value: float | None, digits: int = 3) -> str:
 
 
 def _print_closing(where: Console, results: StudyResults) -> None:
-    from femimpact.study.summary import WARNINGS_PAGE
+    from femimpact.export.report.page import WARNINGS_PAGE
 
     residual = results.summary.get("energy_residual")
     if residual is not None:

@@ -404,4 +404,6 @@ def _start_of_history(
     placed = _placed_balls(placed, system, state, base)
     # what is not given may be that of the static state
     given: dict[str, Any] = {"ball_displacement": placed} if placed.size and not np.isnan(placed).any() else {}
-    return replace(state, **given, **({"ball_velocity": moving} if np.any(moving) else {}))
+    if np.any(moving):
+        given["ball_velocity"] = moving
+    return replace(state, **given)

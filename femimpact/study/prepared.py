@@ -245,7 +245,8 @@ def lines_of_plan(prepared: PreparedStudy) -> list[str]:
     history = history_cost(study, small, method, prepared.record)
     lines.append(
         f"history: {steps} {method.unit}, {grid:.4g} s apart, {study.base.words}, "
-        f"takes about {history.memory / 1e6:.3g} MB and {history.seconds:.2g} s{_starts_words(small, study.output.starts)}"
+        f"takes about {history.memory / 1e6:.3g} MB and {history.seconds:.2g} s"
+        f"{_starts_words(small, study.output.starts)}"
     )
     if study.sweep is not None:
         plan = study.sweep

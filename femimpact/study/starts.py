@@ -94,7 +94,9 @@ def drawn_state(
     if initial.is_static_on(system):
         placed = placed + _structure_at_balls(system, initial, base)
     given: dict[str, Any] = {"ball_displacement": placed} if placed.size else {}
-    return replace(initial, **given, **({"ball_velocity": moving} if np.any(moving) else {}))
+    if np.any(moving):
+        given["ball_velocity"] = moving
+    return replace(initial, **given)
 
 
 def _largest_speed(base: Excitation, duration: float) -> Array:

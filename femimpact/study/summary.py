@@ -34,10 +34,6 @@ RESTITUTION_MISSED = 0.1
 """Difference between a law's restitution and the median seen in a run that is warned of."""
 
 
-WARNINGS_PAGE = "docs/reference/warnings.md"
-"""The page on what each warning means and what helps."""
-
-
 @dataclass(frozen=True, eq=False)
 class SweepPair:
     """The sweep of a study without and with its balls, on one grid of frequencies."""

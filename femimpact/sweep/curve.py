@@ -397,8 +397,8 @@ def _steadiness_warnings(system: System, cases: SineCases, columns: Columns) -> 
     f, unlike = cases.frequency, columns["steadiness"] == "transient"
     chaotic = unlike & (columns["impacts_per_cycle"] > 0.0) & (not _dwell_warnings(system, cases))
     texts = (
-        (chaotic, "the motion never repeats, and its peaks are those of one start; a longer dwell does not help: take the "
-                  "median of several starts (starts of a study file, or a parameter study)"),
+        (chaotic, "the motion never repeats, and no longer dwell helps: the values are those of one start; take the "
+                  "median of several (starts, in a study file)"),
         (unlike & ~chaotic, "the two halves of the measured time differ; take a longer dwell"),
     )  # fmt: skip
     return [
