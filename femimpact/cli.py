@@ -649,7 +649,7 @@ def _print_sweep_starts(where: Console, summary: Mapping[str, Any]) -> None:
     count = summary["starts_of_sweep"]
     for starts in summary["starts"].values():
         peak, at, ratio, damping = (
-            _range_words(starts, name, scale=scale)
+            _range_words(starts, name, scale=scale) or "none"
             for name, scale in (("peak_amplitude", 1e3), ("peak_frequency", 1.0), ("amplitude_ratio", 1.0),
                                 ("damping_amplitude_ratio", 100.0))
         )  # fmt: skip

@@ -395,10 +395,11 @@ def _steadiness_warnings(system: System, cases: SineCases, columns: Columns) -> 
     With impacts, and little of the first mode's transient left, it is the motion that does not repeat.
     """
     f, unlike = cases.frequency, columns["steadiness"] == "transient"
-    chaotic = unlike & (columns["impacts_per_cycle"] > 0.0) & (not _dwell_warnings(system, cases))
+    chaotic = unlike & (columns["impacts_per_cycle"] > 0.0)
+    if np.any(chaotic):
+        chaotic = chaotic & (_transient_left(cases, *first_resonance(system))[1] <= TRANSIENT_LEFT)
     texts = (
-        (chaotic, "the motion never repeats, and no longer dwell helps: the values are those of one start; take the "
-                  "median of several (starts, in a study file)"),
+        (chaotic, "the motion never repeats; take medians of several (starts = 5)"),
         (unlike & ~chaotic, "the two halves of the measured time differ; take a longer dwell"),
     )  # fmt: skip
     return [
@@ -416,10 +417,8 @@ def _dwell_warnings(system: System, cases: SineCases) -> list[str]:
     first = first_elastic_frequency(system)
     if first == 0.0:
         return []
-    omega = 2.0 * math.pi * first
-    ratio = float(realised_damping_ratio(*system.rayleigh, omega))
-    begin = float(((cases.cycles - cases.measured) / cases.frequency).min())
-    left = math.exp(-ratio * omega * begin)
+    ratio = float(realised_damping_ratio(*system.rayleigh, 2.0 * math.pi * first))
+    begin, left = _transient_left(cases, first, ratio)
     if left <= TRANSIENT_LEFT:
         return []
     return [
@@ -427,6 +426,12 @@ def _dwell_warnings(system: System, cases: SineCases) -> list[str]:
         f"(damping ratio {ratio:.3g}) is left there: peaks and damping near {first:.4g} Hz need a "
         "longer dwell"
     ]
+
+
+def _transient_left(cases: SineCases, natural_frequency: float, ratio: float) -> tuple[float, float]:
+    """Time (s) at which the shortest dwell begins to measure, and the share of a mode's transient left there."""
+    begin = float(((cases.cycles - cases.measured) / cases.frequency).min())
+    return begin, math.exp(-ratio * (2.0 * math.pi * natural_frequency) * begin)
 
 
 def _grid_warnings(system: System, f: Array) -> list[str]:
