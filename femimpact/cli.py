@@ -576,6 +576,8 @@ def _print_results(study: Study, results: StudyResults) -> None:
         columns = list(results.modes)
         print_table(where, columns, zip(*results.modes.values(), strict=True), "Modes (Hz, 1, kg^0.5, kg)")
     for label, curve in summary.get("sweep", {}).items():
+        if label == "ball" and "starts_of_sweep" in summary:
+            continue
         coarse = curve.get("resolved") is False
         # results of earlier versions do not say
         marks.append("*" if curve.get("peak_is_one_start") else "")
@@ -585,7 +587,9 @@ def _print_results(study: Study, results: StudyResults) -> None:
             f"{curve['peak_frequency']:.5g} Hz; damping {_percent(curve['damping_fit'])} by fit, "
             f"{_percent(curve['damping_half_power'])} by half-power{' (not resolved)' if coarse else ''}"
         )
-    if "amplitude_ratio" in summary:
+    if "starts_of_sweep" in summary:
+        _print_sweep_starts(where, summary)
+    elif "amplitude_ratio" in summary:
         where.print(f"amplitude ratio without / with ball: {summary['amplitude_ratio']:.4g}{max(marks)}")
     if "history" in summary:
         marks.append(_print_history(where, study, summary))
@@ -602,36 +606,77 @@ def _print_history(where: Console, study: Study, summary: Mapping[str, Any]) -> 
     # under a record or without a cycle no motion is periodic, whatever the start
     driven = any(getattr(study.base, name, None) is not None for name in ("record", "kind"))
     steady = history["steadiness"] == "periodic" or driven
-    mark = "" if steady or history["peak"] is None else "*"
+    starts = summary.get("history_starts", {})
+    mark = "" if steady or history["peak"] is None or starts else "*"
+
+    def number(value: float | None, *keys: str, scale: float = 1.0) -> str:
+        """A value with its mark; with several starts their median and range."""
+        return _range_words(starts, *keys, scale=scale) or f"{_number(value, scale)}{mark}"
+
+    peak, rms = number(history["peak"], "peak", scale=1e3), number(history["rms"], "rms", scale=1e3)
     where.print(
         f"history {_base_words(study, history.get('frequency'))}: "
-        f"peak {_number(history['peak'], 1e3)}{mark} mm, rms {_number(history['rms'], 1e3)}{mark} mm, "
+        f"peak {peak} mm{' of the whole run' if driven else ''}, rms {rms} mm{' of the last third' if driven else ''}, "
         f"{history['steadiness']}; {history['impacts']} impacts, "
-        f"{history['regime']['label']}"
+        f"{history['regime']['label']}{_of_starts(starts)}"
     )
     for name, channel in history["channels"].items():
-        where.print(
-            f"{name}: largest {_number(channel['largest'])}{mark} {channel['unit']} and rms "
-            f"{_number(channel['rms'])}{mark} {channel['unit']} over the last third; largest of the run "
-            f"{_number(channel['largest_of_run'])} {channel['unit']} at {_number(channel['time_of_largest'])} s"
+        largest, rms = (number(channel[key], "channels", name, key) for key in ("largest", "rms"))
+        of_run = _range_words(starts, "channels", name, "largest_of_run") or _number(channel["largest_of_run"])
+        unit, at = channel["unit"], _number(channel["time_of_largest"])
+        when = (
+            f" ({_number(channel['largest_of_run'])} at {at} s of the study's own start)" if starts else f" at {at} s"
         )
+        whole = f"largest of the run {of_run} {unit}{when}"
+        third = f"largest {largest} {unit} and rms {rms} {unit} over the last third"
+        where.print(f"{name}: {whole}; {third}" if driven else f"{name}: {third}; {whole}")
     averaged = "cycle-averaged" if "frequency" in history else "mean"
     for name, contact in contacts_of(summary).items():
+        force, mean, impulse = (
+            number(contact[key], "contacts", name, key, scale=scale)
+            for key, scale in (("peak_force", 1.0), ("cycle_mean_force", 1.0), ("mean_impulse", 1e3))
+        )
         where.print(
-            f"{name} ({contact['law']}): peak force {_number(contact['peak_force'])}{mark} N, mean impulse "
-            f"{1e3 * contact['mean_impulse']:.4g}{mark} mN s, {averaged} force "
-            f"{contact['cycle_mean_force']:.4g}{mark} N; "
+            f"{name} ({contact['law']}): peak force {force} N{' of the whole run' if driven else ''}, mean impulse "
+            f"{impulse} mN s, {averaged} force {mean} N{' over the last third' if driven else ''}; "
             f"{_restitution_words(contact)}"
         )
     return mark
+
+
+def _print_sweep_starts(where: Console, summary: Mapping[str, Any]) -> None:
+    """Print medians and ranges of the sweep with balls from several starts."""
+    count = summary["starts_of_sweep"]
+    for starts in summary["starts"].values():
+        peak, at, ratio, damping = (
+            _range_words(starts, name, scale=scale) or "none"
+            for name, scale in (("peak_amplitude", 1e3), ("peak_frequency", 1.0), ("amplitude_ratio", 1.0),
+                                ("damping_amplitude_ratio", 100.0))
+        )  # fmt: skip
+        where.print(
+            f"sweep, ball, median and range of {count} starts: peak {peak} mm at {at} Hz; "
+            f"amplitude ratio without / with ball: {ratio}; damping by the drop of the peak {damping} %"
+        )
+
+
+def _of_starts(starts: Mapping[str, Any]) -> str:
+    return f"; medians and ranges of {starts['count']} starts" if starts else ""
+
+
+def _range_words(starts: Mapping[str, Any], *keys: str, scale: float = 1.0) -> str:
+    """Median and range of a quantity over several starts; nothing where it has none."""
+    from femimpact.study.result_conclusions import spread_at
+
+    spread = spread_at(starts, *keys)
+    return "" if spread is None else spread.text(scale)
 
 
 def _base_words(study: Study, frequency: float | None) -> str:
     """Words on the motion that drove a history, which follow its name."""
     record, kind = getattr(study.base, "record", None), getattr(study.base, "kind", None)
     if kind is not None:
-        return f"of the {kind} motion, its last third"
-    return f"at {frequency:.5g} Hz" if record is None else f"of the record {record!r}, its last third"
+        return f"of the {kind} motion"
+    return f"at {frequency:.5g} Hz" if record is None else f"of the record {record!r}"
 
 
 def _restitution_words(contact: Mapping[str, Any]) -> str:
@@ -656,6 +701,8 @@ def _percent(value: float | None, digits: int = 3) -> str:
 
 
 def _print_closing(where: Console, results: StudyResults) -> None:
+    from femimpact.export.report.page import WARNINGS_PAGE
+
     residual = results.summary.get("energy_residual")
     if residual is not None:
         where.print(f"energy unaccounted for: {residual:.2g} of the energy put in")
@@ -663,6 +710,8 @@ def _print_closing(where: Console, results: StudyResults) -> None:
         where.print(f"note: {text}")
     for text in results.summary.get("warnings", []):
         where.print(f"warning: {text}", style="yellow")
+    if results.summary.get("warnings"):
+        where.print(f"what warnings mean and what to do: {WARNINGS_PAGE}")
     _print_report(where, results.directory)
     where.print(f"results in {results.directory}")
 

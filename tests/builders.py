@@ -95,7 +95,7 @@ def short_study(duration: float, points: int = 5, **output: object) -> fi.Study:
         paper,
         base=replace(paper.base, duration=duration),
         sweep=SweepPlan(4.0, 6.0, points=points, cycles=24),
-        output=replace(paper.output, **output),
+        output=replace(paper.output, **{"starts": 1, **output}),
     )
 
 
@@ -108,6 +108,7 @@ SMALL_STUDY = (
     .replace("refine = 40 ", "refine = 6 ")
     .replace("cycles = 600 ", "cycles = 60 ")
     .replace("frames = 160 ", "frames = 6 ")
+    .replace("\nstarts = 5 ", "\nstarts = 1 ")
 )
 """The paper's study with a short run and a short sweep, and with few frames of all that is drawn."""
 

@@ -23,13 +23,11 @@ from femimpact.integrators.methods import Method
 from femimpact.parametric.definition import ParameterStudy
 from femimpact.parametric.paths import Place, Stage, study_with
 from femimpact.response.response import Recorder, Response
+from femimpact.study.starts import drawn_state, placed_about_structure, scaled_starts, unit_draws
 from femimpact.study.study import Study
 from femimpact.system.modes import with_checked_pairs
 from femimpact.system.state import State
 from femimpact.system.system import System, without_impactors
-
-HISTORY_INSTANTS = 4096
-"""Number of instants at which the largest speed of a motion is looked for; it scales the speeds of starts."""
 
 Flags = NDArray[np.bool_]
 
@@ -112,7 +110,7 @@ def case_groups(study: ParameterStudy, block: BlockValues) -> Iterator[CaseGroup
             runs = _runs(study, system, block.cases[members[chosen]], laws, law_of[chosen], values)
             if len(systems) > 1:
                 runs = _with_systems(study, systems, system_of[chosen], runs)
-            runs = _placed_about_structure(runs, system) if study.starts > 1 else _with_all_placed(runs, system)
+            runs = placed_about_structure(runs, system) if study.starts > 1 else _with_all_placed(runs, system)
             yield CaseGroup(values, system, method, members[chosen], runs)
 
 
@@ -335,52 +333,6 @@ def _gaps(study: ParameterStudy, system: System, cases: Integers) -> Array:
     return gaps
 
 
-def unit_draws(starts: int, balls: int, seed: int) -> Array:
-    """Numbers (starts, balls, 2) from 0 to 1, for the place and the speed of each ball; those of fewer starts first."""
-    return np.random.default_rng(seed).random((starts, balls, 2))
-
-
-def scaled_starts(
-    draws: Array,  # (starts, balls, 2)
-    gaps: Array,  # (cases, balls, 2) m: to the + and to the - side
-    speed: Array,  # (cases,) m/s: amplitude times angular frequency of the base
-) -> tuple[Array, Array]:  # (cases, starts, balls) m and m/s
-    """Places of balls, uniform in their gaps, and speeds, uniform within +- a speed, relative to the structure.
-
-    The body of an absorber, without walls, is in the middle.
-    """
-    plus, minus = np.moveaxis(np.where(np.isfinite(gaps), gaps, 0.0)[:, None], -1, 0)
-    displacement = -minus + (plus + minus) * draws[None, :, :, 0]
-    return displacement, speed[:, None, None] * (2.0 * draws[None, :, :, 1] - 1.0)
-
-
-def _structure_at_balls(system: System, initial: State, base: Excitation) -> Array:
-    """Displacement (m) of the structure at each ball where a run starts, (balls,): of a static state it is not zero."""
-    u, *_ = initial.relative_to_base(system, base)
-    return np.array([pair.direction @ u for pair in system.balls])
-
-
-def _placed_about_structure(runs: SineCases, common: System) -> SineCases:
-    """The runs; those from a static state have their balls placed about the static displacement of the structure."""
-    places, known = runs.ball_displacement.copy(), dict[Any, Any]()
-    columns = [runs.amplitude, runs.frequency, runs.phase, runs.law_of, runs.gaps.reshape(len(places), -1)]
-    rows = np.column_stack(columns)
-    for run in range(len(places)):
-        system = runs.system(run, common)
-        if not (runs.initial.is_static_on(system) or np.any(runs.gaps[run] < 0.0)):
-            continue
-        key = id(system), rows[run].tobytes()
-        if key not in known:
-            base = _base_of(runs, run)
-            try:
-                known[key] = _structure_at_balls(with_contacts_of(system, runs, run), runs.initial, base)
-            except FemimpactError:
-                # the run itself fails with this error
-                known[key] = 0.0
-        places[run] += known[key]
-    return replace(runs, ball_displacement=places)
-
-
 def _with_all_placed(runs: SineCases, common: System) -> SineCases:
     """The runs; where axes place some of the balls the others have the places of the initial state."""
     places = runs.ball_displacement.copy()
@@ -440,23 +392,18 @@ def _start_of_history(
     study: ParameterStudy, system: System, changed: Study, values: dict[Place, Any], start: int
 ) -> State:  # fmt: skip
     """The start of a case: that of its base, with the balls where the axes or the draws have them."""
-    balls, frame, base = len(system.balls), changed.base.start, changed.base.excitation
-    state = State.static() if frame == "static" else State.at_rest(frame)
+    state, base = changed.initial, changed.base.excitation
     if study.starts > 1:
-        gaps = np.array([[pair.gaps for pair in system.balls]], dtype=float).reshape(1, balls, 2)
-        draws = unit_draws(study.starts, balls, study.seed)
-        time = np.linspace(0.0, changed.base.history_duration, HISTORY_INSTANTS)
-        largest_speed = np.array([float(np.abs(base.velocity(time)).max())])
-        placed, moving = (both[0, start] for both in scaled_starts(draws, gaps, largest_speed))
-        if state.is_static_on(system):
-            placed = placed + _structure_at_balls(system, state, base)
-    else:
-        by_path = {place.path: value for place, value in values.items()}
-        placed, moving = (
-            np.array([float(by_path.get(f"start.{pair.name}.{name}", default)) for pair in system.balls])
-            for name, default in (("position", np.nan), ("speed", 0.0))
-        )
-        placed = _placed_balls(placed, system, state, base)
+        draws = unit_draws(study.starts, len(system.balls), study.seed)[start]
+        return drawn_state(system, state, base, changed.base.history_duration, draws)
+    by_path = {place.path: value for place, value in values.items()}
+    placed, moving = (
+        np.array([float(by_path.get(f"start.{pair.name}.{name}", default)) for pair in system.balls])
+        for name, default in (("position", np.nan), ("speed", 0.0))
+    )
+    placed = _placed_balls(placed, system, state, base)
     # what is not given may be that of the static state
-    given = {"ball_displacement": placed} if placed.size and not np.isnan(placed).any() else {}
-    return replace(state, **given, **({"ball_velocity": moving} if np.any(moving) else {}))
+    given: dict[str, Any] = {"ball_displacement": placed} if placed.size and not np.isnan(placed).any() else {}
+    if np.any(moving):
+        given["ball_velocity"] = moving
+    return replace(state, **given)

@@ -7,7 +7,7 @@ in its box the ball lies, rounded to what the ranges allow.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import as_file, files
 from pathlib import Path
@@ -36,6 +36,7 @@ from femimpact.study.run import (
     run_simulation,
     run_sweep,
 )
+from femimpact.study.starts import part_of, spreads_of, write_curves
 from femimpact.study.study import Study, sine_of
 from femimpact.study.study_file import load_study
 from femimpact.study.summary import Spread, SweepPair, spread_of, summary_of
@@ -130,8 +131,8 @@ def run_demo(
         keep_sweeps(staging, prepared, Found(modes, None, sweeps["base"]), ("history",))
         _write_scans(staging.folder, scans, sweeps)
         curves = {start: curves_of_starts(prepared, start, report) for start in STARTS}
-        spreads = {start: spreads_of(curves[start], sweeps["base"].empty) for start in STARTS}
-        _write_curves(staging.folder, curves)
+        spreads = {start: spreads_of(curves[start], sweeps["base"].empty, _step(curves[start])) for start in STARTS}
+        write_curves(staging.folder, curves)
         prepared = _at_resonance(prepared, sweeps["base"])
         keep_study(staging, prepared.study)
         found = Found(modes, run_simulation(prepared, report), sweeps["base"])
@@ -206,17 +207,12 @@ def _scans(prepared: PreparedStudy, plan: ScanPlan, report: Report) -> dict[str,
                 cycles=plan.cycles,
                 initial=state,
                 step=plan.step,
-                progress=_part(report, f"restitution scan, {STARTS[start]}", i, plan.starts),
+                progress=part_of(report, f"restitution scan, {STARTS[start]}", i, plan.starts),
             )
             for i, state in enumerate(states(start, plan.starts))
         )
 
     return {start: scan_from(start) for start in STARTS}
-
-
-def _part(report: Report, what: str, index: int, count: int) -> Callable[[float], None]:
-    """Progress of one of several equal parts."""
-    return lambda share: report(what, (index + share) / count)
 
 
 def median_scan(scans: Sequence[RestitutionScan]) -> RestitutionScan:
@@ -258,38 +254,15 @@ def curves_of_starts(prepared: PreparedStudy, start: str, report: Report) -> lis
     return [
         frequency_sweep(
             small, study.sine.amplitude, frequencies, EventDriven(), plan.cycles, initial=state, ledger=False,
-            progress=_part(report, f"{SAMPLES} starts, {STARTS[start]}", i, SAMPLES),
+            progress=part_of(report, f"{SAMPLES} starts, {STARTS[start]}", i, SAMPLES),
         )
         for i, state in enumerate(states(start, SAMPLES))
     ]  # fmt: skip
 
 
-def spreads_of(curves: Sequence[FrequencyResponse], empty: FrequencyResponse) -> dict[str, Spread]:
-    """Resonance and impacts at it over several starts in one frame: Hz, 1, N and N s."""
-    step = float(curves[0].frequency[1] - curves[0].frequency[0])
-    at_peak = [int(np.nanargmax(curve.peak)) for curve in curves]
-    ratio = empty.peak_amplitude / np.array([curve.peak_amplitude for curve in curves])
-    columns = {
-        name: spread_of([float(getattr(curve, name)[i]) for curve, i in zip(curves, at_peak, strict=True)])
-        for name in ("cycle_mean_force", "peak_force", "mean_impulse")
-    }
-    return {
-        "peak_frequency": spread_of([curve.peak_frequency for curve in curves], resolution=step),
-        "amplitude_ratio": spread_of(ratio),
-        "damping_amplitude_ratio": spread_of(empty.damping.ratio * ratio),
-        **columns,
-    }
-
-
-def _write_curves(folder: Path, curves: Mapping[str, Sequence[FrequencyResponse]]) -> None:
-    """Median, smallest and largest peak of the starts in each frame, over the frequency."""
-    columns: dict[str, Any] = {"frequency": next(iter(curves.values()))[0].frequency}
-    for start, several in curves.items():
-        peaks = np.array([curve.peak for curve in several])
-        for name, found in (("median", np.median), ("low", np.min), ("high", np.max)):
-            columns[f"{start}_{name}"] = found(peaks, axis=0)
-    units = {name: "Hz" if name == "frequency" else "m" for name in columns}
-    tables.write_csv(folder / FILES["curves_of_starts"].name, columns, units)
+def _step(curves: Sequence[FrequencyResponse]) -> float:
+    """Distance (Hz) of the frequencies of even curves."""
+    return float(curves[0].frequency[1] - curves[0].frequency[0])
 
 
 def _sweep_row(sweeps: SweepPair) -> dict[str, Any]:

@@ -347,18 +347,16 @@ def read_curves(folder: Path, summary: Mapping[str, Any]) -> tuple[dict[str, Fre
 
 
 def read_bands(folder: Path, summary: Mapping[str, Any]) -> list[tuple[str, Array, Array, Array]]:
-    """Words, frequencies (Hz), smallest and largest peaks (m) of the starts of the demo in each frame; else none."""
+    """Words, frequencies (Hz), smallest and largest peaks (m) of several starts in each frame; else none."""
     columns = read_table(folder, FILES["curves_of_starts"].name, summary)
     if columns is None:
         return []
-    frames = {"base": "relative to the base", "space": "in the inertial frame"}
+    frames = {"base": "relative to the base", "space": "in the inertial frame", "static": "in the static position"}
+    count = summary.get("starts_of_sweep")
+    words = {start: f"{count} starts of the ball" if count else f"starts from rest {frame}"
+             for start, frame in frames.items()}  # fmt: skip
     return [
-        (
-            f"with ball, starts from rest {words}",
-            columns["frequency"],
-            columns[f"{start}_low"],
-            columns[f"{start}_high"],
-        )
-        for start, words in frames.items()
+        (f"with ball, {text}", columns["frequency"], columns[f"{start}_low"], columns[f"{start}_high"])
+        for start, text in words.items()
         if f"{start}_low" in columns
     ]

@@ -254,6 +254,7 @@ def lines_of_plan(prepared: PreparedStudy) -> list[str]:
     lines.append(
         f"history: {steps} {method.unit}, {grid:.4g} s apart, {study.base.words}, "
         f"takes about {history.memory / 1e6:.3g} MB and {history.seconds:.2g} s"
+        f"{_starts_words(small, study.output.starts)}"
     )
     if study.sweep is not None:
         plan = study.sweep
@@ -263,6 +264,7 @@ def lines_of_plan(prepared: PreparedStudy) -> list[str]:
         lines.append(
             f"sweep: up to {cases} frequencies from {plan.start:g} to {plan.stop:g} Hz, {plan.cycles} cycles each, "
             f"{total:.3g} {method.unit}, takes about {swept.memory / 1e6:.3g} MB and {swept.seconds:.2g} s on one core"
+            f"{_starts_words(small, plan.starts)}"
         )
     if picture_seconds(study) > 0.0:
         lines.append(f"figures and movie: about {picture_seconds(study):.2g} s, when the rest is done")
@@ -284,6 +286,16 @@ def _files_elsewhere(study: Study) -> list[str]:
         for key, (name, place) in places.items()
         if not place.is_relative_to(folder)
     ]
+
+
+def _starts_words(small: System, starts: int) -> str:
+    """Words on further starts, whose time is in that of the run."""
+    return f", with {starts} further starts of the balls" if runs_of_starts(small, starts) > 1 else ""
+
+
+def runs_of_starts(small: System, starts: int) -> int:
+    """How many runs a part of a study takes: its own and those of several starts, which differ in the balls alone."""
+    return 1 + starts if starts > 1 and small.balls else 1
 
 
 def _clearance(gaps: tuple[float, float]) -> str:
@@ -458,7 +470,8 @@ def history_cost(study: Study, small: System, method: Method, record: Recorder) 
     rest = sum(parts.values()) - kept
     cycles = study.base.history_duration * study.base.frequency
     seconds = method.cost(small, study.base.frequency).history_seconds * cycles
-    return Cost(LEAST + COPIES * kept + rest, START + seconds + WRITING * kept)
+    runs = runs_of_starts(small, study.output.starts)
+    return Cost(LEAST + COPIES * kept + rest, START + runs * seconds + WRITING * kept)
 
 
 def sweep_cost(study: Study, small: System, method: Method) -> Cost:
@@ -470,4 +483,5 @@ def sweep_cost(study: Study, small: System, method: Method) -> Cost:
     cost = method.cost(small, 0.5 * (plan.start + plan.stop))
     at_once = min(cases, cost.cases_at_once * workers_of(None))
     memory = cost.sweep_memory * at_once * plan.cycles + POINT * cases
-    return Cost(LEAST + memory, START + cost.sweep_seconds * cases * plan.cycles)
+    runs = runs_of_starts(small, plan.starts)
+    return Cost(LEAST + memory, START + runs * cost.sweep_seconds * cases * plan.cycles)

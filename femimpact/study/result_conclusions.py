@@ -136,6 +136,10 @@ def _peaks(summary: Mapping[str, Any]) -> list[Conclusion]:
         peak, frequency = (_number(summary, "sweep", case, f"peak_{name}") for name in ("amplitude", "frequency"))
         if peak is None or frequency is None:
             continue
+        several = _from_starts(summary, "peak_amplitude", f"Largest peak {words}", "mm", 1e3) if case == "ball" else []
+        if several:
+            found += several
+            continue
         low = _number(summary, "sweep", case, "peak_too_low_at_most")
         coarse = _at(summary, "sweep", case, "resolved") is False and low is not None
         found.append(
@@ -149,23 +153,42 @@ def _peaks(summary: Mapping[str, Any]) -> list[Conclusion]:
     return found
 
 
-def _spread(summary: Mapping[str, Any], start: str, name: str) -> Spread | None:
-    median, lowest, highest = (_number(summary, "starts", start, name, key) for key in ("median", "lowest", "highest"))
+def spread_at(data: Any, *keys: str) -> Spread | None:
+    """Median and range in tables of tables; None where something else stands there."""
+    median, lowest, highest = (_number(data, *keys, key) for key in ("median", "lowest", "highest"))
     if median is None or lowest is None or highest is None:
         return None
-    return Spread(median, lowest, highest, _number(summary, "starts", start, name, "resolution") or 0.0)
+    return Spread(median, lowest, highest, _number(data, *keys, "resolution") or 0.0)
+
+
+def _of_spread(spread: Spread, label: str, unit: str, scale: float, words: str, note: str = "") -> Conclusion:
+    """A median with its range in words."""
+    value, _, scatter = spread.text(scale).partition(" (")
+    return Conclusion(label, value, unit, f"{scatter.rstrip(')')} over {words}" if scatter else words, note=note)
 
 
 def _from_starts(summary: Mapping[str, Any], name: str, label: str, unit: str, scale: float = 1.0) -> list[Conclusion]:
     """A quantity that was taken over several starts: in the first frame of them, and in the others in words."""
-    spreads = [(words, _spread(summary, start, name)) for start, words in STARTS.items()]
-    known = [(words, spread.text(scale)) for words, spread in spreads if spread is not None]
+    count, frames = _number(summary, "starts_of_sweep"), {**STARTS, "static": "in the static position"}
+    spreads = [(words, spread_at(summary, "starts", start, name)) for start, words in frames.items()]
+    known = [(words, spread) for words, spread in spreads if spread is not None]
     if not known:
         return []
-    (words, text), *others = known
-    value, _, scatter = text.partition(" (")
-    between = f"{scatter.rstrip(')')} over starts {words}" if scatter else words
-    return [Conclusion(label, value, unit, between, note="; ".join(f"{words}: {text}" for words, text in others))]
+    (words, first), *others = known
+    note = "; ".join(f"{words}: {spread.text(scale)}" for words, spread in others)
+    # of a run the balls are drawn, and the structure is at rest
+    text = f"starts {words}" if count is None else f"{count:.0f} starts of the ball, the beam {words}"
+    return [_of_spread(first, label, unit, scale, text, note)]
+
+
+def _from_history_starts(
+    summary: Mapping[str, Any], keys: tuple[str, ...], label: str, unit: str, scale: float = 1.0, note: str = ""
+) -> list[Conclusion]:
+    """A quantity of the history that was taken over several starts."""
+    spread, count = spread_at(summary, "history_starts", *keys), _number(summary, "history_starts", "count")
+    return (
+        [] if spread is None else [_of_spread(spread, label, unit, scale, f"{count or 0:.0f} starts of the ball", note)]
+    )
 
 
 def _ratio(summary: Mapping[str, Any]) -> list[Conclusion]:
@@ -215,10 +238,12 @@ def _history(summary: Mapping[str, Any]) -> list[Conclusion]:
         rate = f"{_shown(per_cycle)} impacts in a cycle" if per_cycle is not None else ""
         found.append(Conclusion("Kind of motion", label, scatter=rate, note=at))
     peak = _number(history, "peak")
-    if peak is not None:
-        found.append(
-            Conclusion("Peak of the tip", _shown(1e3 * peak), "mm", one_sample=sample, note=f"over the last third {at}")
-        )
+    over = f"over the last third {at}" if frequency is not None else "of the whole run"
+    several = _from_history_starts(summary, ("peak",), "Peak of the tip", "mm", 1e3, over)
+    if several:
+        found += several
+    elif peak is not None:
+        found.append(Conclusion("Peak of the tip", _shown(1e3 * peak), "mm", one_sample=sample, note=over))
     channels = history.get("channels")
     for name, about in channels.items() if isinstance(channels, Mapping) else ():
         unit, largest = _at(about, "unit"), _number(about, "largest_of_run")
@@ -226,7 +251,9 @@ def _history(summary: Mapping[str, Any]) -> list[Conclusion]:
             scale, shown = PREFIXES.get(unit, (1.0, unit))
             time = _number(about, "time_of_largest")
             words = "largest of the run" if time is None else f"largest of the run, at {number_text(time)} s"
-            found.append(Conclusion(str(name), _shown(scale * largest), shown, one_sample=sample, note=words))
+            keys = ("channels", str(name), "largest_of_run")
+            several = _from_history_starts(summary, keys, str(name), shown, scale, "largest of the run")
+            found += several or [Conclusion(str(name), _shown(scale * largest), shown, one_sample=sample, note=words)]
     return found
 
 
@@ -234,9 +261,10 @@ def _contacts(summary: Mapping[str, Any]) -> list[Conclusion]:
     sample = _at(summary, "history", "steadiness") != "periodic"
     several = _from_starts(summary, "cycle_mean_force", "Cycle-averaged contact force", "mN", 1e3)
     several += _from_starts(summary, "peak_force", "Largest contact force", "N")
-    if several:
+    if several and "history_starts" not in summary:
         return several
     found = []
+    whole = "of the whole run" if _number(summary, "history", "frequency") is None else "over the last third"
     averaged = "Mean" if _number(summary, "history", "frequency") is None else "Cycle-averaged"
     try:
         contacts = contacts_of(summary)
@@ -250,16 +278,16 @@ def _contacts(summary: Mapping[str, Any]) -> list[Conclusion]:
             continue
         impacts = f"{count:.0f} impacts of the run" if count is not None else ""
         if force is not None:
-            found.append(
-                Conclusion(
-                    f"Largest force of {name}", _shown(force), "N", one_sample=sample, note=f"law: {law}; {impacts}"
-                )
-            )
+            label, note = f"Largest force of {name}", f"{whole}; law: {law}; {impacts}"
+            found += _from_history_starts(summary, ("contacts", name, "peak_force"), label, "N", 1.0, note) or [
+                Conclusion(label, _shown(force), "N", one_sample=sample, note=note)
+            ]
         if mean is not None:
             scale, unit = (1e3, "mN") if mean < 1.0 else (1.0, "N")
-            found.append(
-                Conclusion(f"{averaged} force of {name}", _shown(scale * mean), unit, one_sample=sample, note=impacts)
-            )
+            keys, label = ("contacts", name, "cycle_mean_force"), f"{averaged} force of {name}"
+            found += _from_history_starts(summary, keys, label, unit, scale, impacts) or [
+                Conclusion(label, _shown(scale * mean), unit, one_sample=sample, note=impacts)
+            ]
     return found
 
 

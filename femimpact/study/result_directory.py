@@ -73,7 +73,7 @@ _ROWS: Mapping[str, tuple[str, ...]] = {
     "curves_of_starts": (
         "curves_of_starts.csv",
         "peaks with ball over the frequency: median, smallest and largest of the starts in each frame",
-        "demo",
+        "demo, sweep with starts",
     ),
     "mesh_convergence": ("mesh_convergence.csv", "natural frequencies over the mesh", "converge"),
     "mesh_convergence_figure": ("mesh_convergence.png", "natural frequencies over the mesh", "converge"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -24,10 +24,19 @@ from femimpact.structure.structure import glue_impactors
 from femimpact.study.base_motion import RecordedMotion
 from femimpact.study.picture_data import write_last_cycles, write_mode_shapes, write_snapshots
 from femimpact.study.pictures import draw_in_child, with_pictures
-from femimpact.study.prepared import PARTS, PreparedStudy, even_grid, last_cycles_start, prepare, refined_grid
+from femimpact.study.prepared import (
+    PARTS,
+    PreparedStudy,
+    even_grid,
+    last_cycles_start,
+    prepare,
+    refined_grid,
+    runs_of_starts,
+)
 from femimpact.study.result_directory import FILES, Staging, prepare_directory
 from femimpact.study.result_page import add_report
 from femimpact.study.results import STICKING_FILE, StudyResults, load, write_summary
+from femimpact.study.starts import drawn_curves, drawn_histories, spreads_of, write_curves
 from femimpact.study.study import Study, assemble_on
 from femimpact.study.study_file import study_text, with_record
 from femimpact.study.summary import SweepPair, summary_of
@@ -153,6 +162,7 @@ class Found:
     modes: tuple[Modes, Modes | None] | None = None  # (Modes, Modes or None) as of `run_modes`
     response: Response | None = None
     sweeps: SweepPair | None = None
+    starts: Mapping[str, Any] = field(default_factory=dict)  # of the summary: medians and ranges over several starts
 
 
 def run_study(
@@ -209,13 +219,36 @@ def run_study(
         if "simulate" in run:
             found = replace(found, response=run_simulation(prepared, report))
             found = keep_history(staging, prepared, found, [part for part in run if part == "sweep"])
+            found = _with_history_starts(prepared, found, report)
         if "sweep" in run:
             found = replace(found, sweeps=run_sweep(prepared, report))
             keep_sweeps(staging, prepared, found)
+            found = _with_sweep_starts(staging, prepared, found, report)
         keep_pictures(staging, prepared, found, report)
     if study.output.report:
         add_report(directory, report)
     return load(directory)
+
+
+def _with_history_starts(prepared: PreparedStudy, found: Found, report: Report) -> Found:
+    """The same with medians and ranges of the history, where the study has several starts."""
+    output = prepared.study.output
+    if runs_of_starts(prepared.small, output.starts) == 1:
+        return found
+    spreads = {"count": output.starts, **drawn_histories(prepared, report)}
+    return replace(found, starts={**found.starts, "history_starts": spreads})
+
+
+def _with_sweep_starts(staging: Staging, prepared: PreparedStudy, found: Found, report: Report) -> Found:
+    """The same of the sweep, whose bands are written."""
+    plan, sweeps, start = prepared.study.sweep, found.sweeps, prepared.study.base.start
+    if plan is None or sweeps is None or runs_of_starts(prepared.small, plan.starts) == 1:
+        return found
+    curves = drawn_curves(prepared, sweeps.empty.frequency, report)
+    write_curves(staging.folder, {start: curves})
+    step = float(sweeps.coarse[1] - sweeps.coarse[0])
+    spreads = {name: asdict(spread) for name, spread in spreads_of(curves, sweeps.empty, step).items()}
+    return replace(found, starts={**found.starts, "starts": {start: spreads}, "starts_of_sweep": plan.starts})
 
 
 # ---- what is kept of a run, in the order in which it is written -----------------------------------
@@ -313,7 +346,7 @@ def keep_pictures(
 ) -> None:
     """Write what the figures show besides, draw, and write the summary of it all."""
     folder, study, output = staging.folder, prepared.study, prepared.study.output
-    summary = summary_of(prepared, found.modes, found.response, found.sweeps) | dict(more or {})
+    summary = summary_of(prepared, found.modes, found.response, found.sweeps) | {**found.starts, **(more or {})}
     if output.figures and found.response is not None and found.response.system.contacts:
         report("last cycles, for figures", 0.0)
         end = last_cycles(prepared, found.response)
@@ -332,7 +365,7 @@ def keep_pictures(
 
 def _finish(staging: Staging, prepared: PreparedStudy, found: Found, part: str, left: Sequence[str]) -> None:
     """Write the summary of what there is so far, and note that the part is on disk."""
-    summary = summary_of(prepared, found.modes, found.response, found.sweeps)
+    summary = summary_of(prepared, found.modes, found.response, found.sweeps) | dict(found.starts)
     if left:
         summary["unfinished"] = list(left)
         text = f"the run was ended before its part{'s' if len(left) > 1 else ''} {' and '.join(left)}"

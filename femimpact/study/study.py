@@ -26,7 +26,7 @@ from femimpact.fem.mesh_files import read_mesh
 from femimpact.integrators.methods import METHODS, Method
 from femimpact.structure.structure import Structure
 from femimpact.study.base_motion import BaseMotion, RecordedMotion, Signal, SignalMotion
-from femimpact.study.parameter_plan import ParameterPlan
+from femimpact.study.parameter_plan import MOST_STARTS, ParameterPlan
 from femimpact.system.reduction import reduce
 from femimpact.system.state import State
 from femimpact.system.system import System
@@ -104,6 +104,9 @@ class SweepPlan:
         Base cycles at each frequency; the last third is measured.
     refine : int
         Points added around each resonance.
+    starts : int
+        Further sweeps with the balls at different places and speeds, as in [study]; the results have medians and ranges
+        of them. With 1 there are none.
 
     Raises
     ------
@@ -116,6 +119,7 @@ class SweepPlan:
     points: int = field(metadata=quantity("1", at_least=4, at_most=100_000, integer=True))
     cycles: int = field(metadata=quantity("1", at_least=24, at_most=10_000_000, integer=True))
     refine: int = field(default=0, metadata=quantity("1", at_least=0, at_most=100_000, integer=True))
+    starts: int = field(default=1, metadata=quantity("1", at_least=1, at_most=MOST_STARTS, integer=True))
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -153,6 +157,9 @@ class Output:
         Whether `report.html` is written.
     title, author, date : str
         Stand at the head of the report as they are; a title takes the place of the name of the study.
+    starts : int
+        Further histories with the balls at different places and speeds, as in [study]; the results have medians and
+        ranges of them, and the files are those of the study's own start. With 1 there are none.
     """
 
     every: int | None = field(default=None, metadata=quantity("samples", at_least=1, integer=True))
@@ -170,6 +177,7 @@ class Output:
     title: str = field(default="", metadata=text())
     author: str = field(default="", metadata=text())
     date: str = field(default="", metadata=text())
+    starts: int = field(default=1, metadata=quantity("1", at_least=1, at_most=MOST_STARTS, integer=True))
 
     def __post_init__(self) -> None:
         check_fields(self)

@@ -191,15 +191,16 @@ def summary_of(
             warnings += [f"sweep with ball: {text}" for text in summary["sweep"]["ball"]["warnings"]]
     if response is not None:
         warnings += [f"history: {text}" for text in response.warnings]
+        channels = channel_summary(response)
         summary["history"] = {
             **({"frequency": response.base.frequency} if has_cycle(response.base) else {}),
-            "peak": response.steady.peak[0],
+            "peak": peak_of_history(response, channels),
             "rms": response.steady.rms[0],
             "steadiness": str(response.steady.steadiness[0]),
             "impacts": len(response.impacts) + response.impacts.dropped,
             "impacts_per_cycle": response.statistics.impacts_per_cycle,
             "regime": asdict(response.regime),
-            "channels": _channel_summary(response),
+            "channels": channels,
         }
         summary["energy_residual"] = response.energy.residual if response.energy is not None else math.nan
         summary["notes"] = list(response.notes)
@@ -212,7 +213,7 @@ def summary_of(
     return summary
 
 
-def _channel_summary(response: Response) -> dict[str, Any]:
+def channel_summary(response: Response) -> dict[str, Any]:
     """Unit of every channel, its largest absolute value and rms over the last third, and the largest of the run.
 
     The first two are of the samples that the history keeps; the peak of the tip between samples is `peak` of the
@@ -230,6 +231,27 @@ def _channel_summary(response: Response) -> dict[str, Any]:
             "time_of_largest": largest.time,
         }
     return found
+
+
+def peak_of_history(response: Response, channels: Mapping[str, Any]) -> float:
+    """Peak of the tip (m): of the last third, and where the excitation has no cycle of the whole run."""
+    if has_cycle(response.base) or "tip" not in channels:
+        return float(response.steady.peak[0])
+    return float(channels["tip"]["largest_of_run"])
+
+
+def contact_forces(response: Response, name: str, channels: Mapping[str, Any]) -> dict[str, float]:
+    """Forces (N) and mean impulse (N s) of a contact; the peak force without a cycle is that of the whole run."""
+    statistics, force = response.statistics_of[name], channels.get(f"{name}.contact_force")
+    peak = statistics.peak_force
+    # the peak force of a rigid law is not a number
+    if not has_cycle(response.base) and force is not None and not math.isnan(peak):
+        peak = force["largest_of_run"]
+    return {
+        "peak_force": peak,
+        "mean_impulse": statistics.mean_impulse,
+        "cycle_mean_force": statistics.cycle_mean_force,
+    }
 
 
 def contacts_of(summary: Mapping[str, Any]) -> dict[str, Any]:
@@ -265,9 +287,7 @@ def _contact_summary(pair: ContactPair, method: Method, response: Response | Non
             "impacts": int(mine.sum()),
             # slow touches, in which the motion of the beam counts as rebound, are left out
             "observed_restitution": float(np.median(response.impacts.restitution[fast])) if fast.any() else math.nan,
-            "peak_force": statistics.peak_force,
-            "mean_impulse": statistics.mean_impulse,
-            "cycle_mean_force": statistics.cycle_mean_force,
+            **contact_forces(response, pair.name, channel_summary(response)),
             "mean_approach_speed": statistics.mean_approach_speed,
         }
     return result

@@ -373,7 +373,7 @@ def curve_of(
     columns, warnings = found
     f = cases.frequency
     values: dict[str, Any] = {name: _read_only(column) for name, column in columns.items()}
-    warnings = warnings + _steadiness_warnings(f, columns["steadiness"]) + _dwell_warnings(system, cases)
+    warnings = warnings + _steadiness_warnings(system, cases, columns) + _dwell_warnings(system, cases)
     warnings += _grid_warnings(system, f)
     curve = FrequencyResponse(
         frequency=_read_only(f),
@@ -396,13 +396,24 @@ def start_of(state: State, system: System) -> str:
     return "static" if state.is_static_on(system) else state.frame
 
 
-def _steadiness_warnings(f: Array, steadiness: NDArray[np.str_]) -> list[str]:
-    moving = f[steadiness == "transient"]
-    if moving.size == 0:
-        return []
+def _steadiness_warnings(system: System, cases: SineCases, columns: Columns) -> list[str]:
+    """Warnings where the halves of the measured time differ: of a motion that never repeats, and of one that settles.
+
+    With impacts, and little of the first mode's transient left, it is the motion that does not repeat.
+    """
+    f, unlike = cases.frequency, columns["steadiness"] == "transient"
+    chaotic = unlike & (columns["impacts_per_cycle"] > 0.0)
+    if np.any(chaotic):
+        chaotic = chaotic & (transient_left(system, _shortest_begin(cases))[2] <= TRANSIENT_LEFT)
+    texts = (
+        (chaotic, "the motion never repeats; take medians of several (starts = 5)"),
+        (unlike & ~chaotic, "the two halves of the measured time differ; take a longer dwell"),
+    )  # fmt: skip
     return [
-        f"not steady at {moving.size} of {f.size} frequencies ({moving.min():.4g} to {moving.max():.4g} Hz): "
-        "the two halves of the measured time differ; take a longer dwell"
+        f"not steady at {np.count_nonzero(which)} of {f.size} frequencies ({f[which].min():.4g} to "
+        f"{f[which].max():.4g} Hz): {text}"
+        for which, text in texts
+        if np.any(which)
     ]
 
 
@@ -410,7 +421,7 @@ def _dwell_warnings(system: System, cases: SineCases) -> list[str]:
     """A warning where much of the first mode's transient is left when measuring begins."""
     if system.rayleigh is None or first_elastic_frequency(system) == 0.0:
         return []
-    begin = float(((cases.cycles - cases.measured) / cases.frequency).min())
+    begin = _shortest_begin(cases)
     first, ratio, left = transient_left(system, begin)
     if left <= TRANSIENT_LEFT:
         return []
@@ -419,6 +430,11 @@ def _dwell_warnings(system: System, cases: SineCases) -> list[str]:
         f"(damping ratio {ratio:.3g}) is left there: peaks and damping near {first:.4g} Hz need a "
         "longer dwell"
     ]
+
+
+def _shortest_begin(cases: SineCases) -> float:
+    """Time (s) at which the shortest dwell begins to measure."""
+    return float(((cases.cycles - cases.measured) / cases.frequency).min())
 
 
 def transient_left(system: System, begin: float) -> tuple[float, float, float]:

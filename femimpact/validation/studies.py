@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.excitation import Sine
-from femimpact.parametric.runs import unit_draws
 from femimpact.parametric.verb import parameter_study
 from femimpact.response.response import Response
 from femimpact.study.result_conclusions import study_conclusions
+from femimpact.study.starts import unit_draws
 from femimpact.validation.case import Case
 from femimpact.validation.contacts import shaken_floor
 

@@ -65,10 +65,10 @@ def _dwell(curve: FrequencyResponse) -> Element:
     """Words for how each frequency is held, and how the base moves."""
     length = f"{curve.cycles} cycles" if curve.cycles is not None else f"{curve.duration:g} s"
     start = STARTS.get(curve.start, "from a given state")
-    if curve.amplitude is None:
+    if curve.acceleration is not None:
         driven = f"accelerates by {unit_text(curve.acceleration, 'm/s^2')}"
     else:
-        driven = f"moves by {1e3 * curve.amplitude:.4g} mm"
+        driven = f"moves by {1e3 * (curve.amplitude or 0.0):.4g} mm"
     text = f"Each frequency is held for {length}, from a start {start}; the end of it is measured. The base {driven}."
     return element("p", text)
 

@@ -278,6 +278,10 @@ def page_bytes(page: Page) -> bytes:
     return text.encode("utf-8")
 
 
+WARNINGS_PAGE = "docs/reference/warnings.md"
+"""The page on what each warning means and what to do."""
+
+
 def _found(page: Page) -> Section:
     """Conclusions, and what must be known before they are used."""
     content: list[Element] = []
@@ -289,7 +293,8 @@ def _found(page: Page) -> Section:
         (page.notes, "notes", "Notes"),
     ):
         if texts:
-            content.append(element(f"div.said.{kind}", element("h3", heading), list_element(texts, kind)))
+            page_of = [element("p", f"What each means and what to do: {WARNINGS_PAGE}")] if kind == "warnings" else []
+            content.append(element(f"div.said.{kind}", element("h3", heading), list_element(texts, kind), *page_of))
     if not content:
         content.append(element("p", "No numbers were found that could stand here."))
     return Section("conclusions", "What was found", tuple(content))

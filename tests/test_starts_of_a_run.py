@@ -1,0 +1,187 @@
+"""Several starts of a run: its medians and ranges are those of a parameter study, and one start changes nothing."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from builders import NO_PICTURES, UNDRAWN_STUDY, short_study
+
+import femimpact as fi
+from femimpact.cli import _print_results
+from femimpact.export.tables import read_csv
+from femimpact.integrators.runs import integrate
+from femimpact.parametric.identity import plain_study, study_key
+from femimpact.study.base_motion import SignalMotion
+from femimpact.study.picture_data import read_bands
+from femimpact.study.prepared import plan_lines, prepare
+from femimpact.study.result_conclusions import conclusions_of
+from femimpact.study.starts import spreads_of
+from femimpact.study.study_file import read_study
+
+pytestmark = pytest.mark.impacts
+
+STARTS = 5
+
+
+def study(starts=STARTS, **changes):
+    """The paper's case for some seconds on three modes, event-driven."""
+    paper = short_study(6.0, **NO_PICTURES, starts=starts, report=False)
+    given = {"method": {"name": "event-driven"}, "reduction": replace(paper.reduction, modes=3)}
+    sweep = replace(paper.sweep, points=5, cycles=60, starts=starts)
+    return replace(paper, mesh=replace(paper.mesh, elements=10), **{**given, "sweep": sweep, **changes})
+
+
+def shock(starts=1):
+    motion = (("pulse", "half-sine"), ("acceleration", 100.0), ("duration", 0.011))
+    return study(starts, base=SignalMotion("shock", motion, history=3.0), sweep=None)
+
+
+@pytest.fixture(scope="module")
+def ran(tmp_path_factory):
+    return fi.run_study(study(), tmp_path_factory.mktemp("starts") / "out")
+
+
+def test_the_ranges_are_those_of_a_parameter_study_of_as_many_starts(ran):
+    given = fi.parameter_study(study(), {"base.frequency": [4.0, 5.0]}, ["peak"], cycles=60, starts=STARTS, seed=0)
+    columns = read_csv(ran.directory / "curves_of_starts.csv")
+    at = [columns["frequency"].tolist().index(f) for f in (4.0, 5.0)]
+    # the same runs, so the same bits
+    np.testing.assert_array_equal(columns["base_median"][at], given["peak"])
+    np.testing.assert_array_equal(columns["base_low"][at], given["peak_low"])
+    np.testing.assert_array_equal(columns["base_high"][at], given["peak_high"])
+
+
+def test_bands_contain_the_median(ran):
+    columns = read_csv(ran.directory / "curves_of_starts.csv")
+    assert np.all(columns["base_low"] <= columns["base_median"])
+    assert np.all(columns["base_median"] <= columns["base_high"])
+    ((words, frequency, low, high),) = read_bands(ran.directory, ran.summary)
+    assert words == "with ball, 5 starts of the ball"
+    for name, values in (("frequency", frequency), ("base_low", low), ("base_high", high)):
+        np.testing.assert_array_equal(values, columns[name])
+
+    def leaves(table):
+        return [table] if "median" in table else [leaf for value in table.values() if isinstance(value, dict)
+                                                  for leaf in leaves(value)]  # fmt: skip
+
+    found = leaves(ran.summary["starts"]["base"]) + leaves(ran.summary["history_starts"])
+    assert len(found) > 20
+    # five points do not determine a damping ratio
+    known = [spread for spread in found if spread["median"] is not None]
+    assert len(known) >= len(found) - 1
+    for spread in known:
+        assert spread["lowest"] <= spread["median"] <= spread["highest"]
+
+
+def test_the_files_are_those_of_the_studys_own_start(ran, tmp_path):
+    alone = fi.run_study(study(1), tmp_path / "out")
+    assert "starts" not in alone.summary
+    assert "history_starts" not in alone.summary
+    assert not (tmp_path / "out" / "curves_of_starts.csv").exists()
+    np.testing.assert_array_equal(alone.sweep["peak"], ran.sweep["peak"])
+    np.testing.assert_array_equal(alone.history["tip"], ran.history["tip"])
+    assert {name: ran.summary[name] for name in ("sweep", "history", "amplitude_ratio")} == {
+        name: alone.summary[name] for name in ("sweep", "history", "amplitude_ratio")
+    }
+
+
+def test_the_median_of_one_start_is_that_run():
+    prepared = prepare(study(1))
+    args = (0.2e-3, np.linspace(4.5, 5.5, 5), fi.EventDriven(), 60)
+    curve, empty = (fi.frequency_sweep(system, *args) for system in (prepared.small, prepared.bare))
+    spreads = spreads_of([curve], empty, 0.25)
+    for name in ("peak_amplitude", "peak_frequency"):
+        spread = spreads[name]
+        assert spread.lowest == spread.median == spread.highest == getattr(curve, name)
+
+
+def test_starts_are_in_no_key_of_a_study_and_check_prints_the_time_of_all():
+    axes = {"impactor.ball.gap": [3e-3, 4e-3]}
+    keys = {study_key(plain_study(fi.ParameterStudy(study(n), axes, ["peak"]))) for n in (1, 5)}
+    assert len(keys) == 1
+    one, five = plan_lines(study(1)), plan_lines(study(5))
+    for name in ("history: ", "sweep: "):
+        (before,), (after,) = ([line for line in lines if line.startswith(name)] for lines in (one, five))
+        assert "further starts" not in before
+        assert "with 5 further starts" in after
+
+
+def test_headline_and_report_have_ranges_and_no_star(ran, capsys):
+    _print_results(study(), ran)
+    printed = capsys.readouterr().out
+    (sweep,) = [line for line in printed.splitlines() if line.startswith("sweep, ball")]
+    (history,) = [line for line in printed.splitlines() if line.startswith("history at")]
+    for line in (sweep, history):
+        assert " to " in line
+        assert "5 starts" in line
+        assert "*" not in line
+    cards = {one.label: one for one in conclusions_of(ran.summary)}
+    for label in ("Largest peak with ball", "Peak of the tip", "Largest force of ball", "Cycle-averaged force of ball",
+                  "Peak without ball over peak with it"):  # fmt: skip
+        assert "5 starts of the ball" in cards[label].scatter
+        assert not cards[label].one_sample
+
+
+def test_a_beam_without_a_ball_has_one_start(tmp_path):
+    one = study()
+    bare = replace(one, structure=replace(one.structure, impactors=()))
+    found = fi.run_study(bare, tmp_path / "out")
+    assert "starts" not in found.summary
+    assert "history_starts" not in found.summary
+    assert "further starts" not in "\n".join(plan_lines(bare))
+
+
+@pytest.mark.parametrize(("table", "value"), [("sweep", "0"), ("sweep", "2.5"), ("output", "-1"), ("output", '"5"')])
+def test_what_is_no_number_of_starts_is_refused(table, value, tmp_path):
+    text = UNDRAWN_STUDY.replace(f"[{table}]\nstarts = 1 ", f"[{table}]\nstarts = {value} ")
+    if table == "sweep":
+        text = UNDRAWN_STUDY.replace("\nstarts = 1 ", f"\nstarts = {value} ", 1)
+    with pytest.raises(fi.InputError, match="starts"):
+        read_study(text, tmp_path / "study.toml")
+
+
+@pytest.mark.parametrize("start", ["space", "static"])
+def test_other_frames_have_ranges_too(start, tmp_path):
+    one = study(2)
+    found = fi.run_study(replace(one, base=replace(one.base, start=start)), tmp_path / "out")
+    assert set(found.summary["starts"]) == {start}
+    assert len(read_bands(found.directory, found.summary)) == 1
+    assert any("2 starts" in card.scatter for card in conclusions_of(found.summary))
+
+
+# ---- drives without a cycle --------------------------------------------------------------------------
+
+
+def test_the_headline_of_a_shock_is_of_the_whole_run(tmp_path, capsys):
+    given = shock()
+    found = fi.run_study(given, tmp_path / "out")
+    prepared = prepare(given)
+    run = integrate(prepared.small, given.excitation, prepared.method, 3.0, prepared.record, given.initial)
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["history"]["peak"] == abs(run.largest("tip").value)
+    assert summary["contact"]["peak_force"] == abs(run.largest("ball.contact_force").value)
+    # the shock is over when the last third begins
+    assert summary["history"]["peak"] > 1.2 * summary["history"]["channels"]["tip"]["largest"]
+    # what an impulse of the last third is stays so
+    assert summary["contact"]["mean_impulse"] == run.statistics.mean_impulse
+    assert summary["history"]["rms"] == run.steady.rms[0]
+    _print_results(given, found)
+    printed = capsys.readouterr().out
+    assert f"history of the shock motion: peak {1e3 * abs(run.largest('tip').value):.4g} mm of the whole run" in printed
+    assert f"rms {1e3 * run.steady.rms[0]:.4g} mm of the last third" in printed
+    cards = {one.label: one for one in conclusions_of(summary)}
+    assert cards["Peak of the tip"].note == "of the whole run"
+    assert "of the whole run" in cards["Largest force of ball"].note
+
+
+def test_a_shock_has_ranges_too(tmp_path):
+    found = fi.run_study(shock(3), tmp_path / "out")
+    peak = found.summary["history_starts"]["peak"]
+    assert peak["lowest"] <= peak["median"] <= peak["highest"]
+    given = fi.parameter_study(shock(), {"impactor.ball.gap": [4e-3]}, ["rms"], starts=3, seed=0)
+    rms = found.summary["history_starts"]["rms"]
+    # the same motion, read at other instants
+    assert rms["median"] == pytest.approx(float(given["rms"][0]), rel=0.02)

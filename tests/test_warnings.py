@@ -1,0 +1,109 @@
+"""Every warning of a run has an anchor on the page of warnings, by its words: what it means, what to do, an example."""
+
+from __future__ import annotations
+
+import ast
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from builders import REFERENCE, reduced, with_ball
+
+import femimpact as fi
+from femimpact.export.report.page import WARNINGS_PAGE
+
+pytestmark = pytest.mark.impacts
+
+ROOT = Path(__file__).parent.parent
+SECTIONS = dict(
+    re.findall(r"^## (.*?)\n(.*?)(?=^## |\Z)", (ROOT / WARNINGS_PAGE).read_text("utf-8"), re.MULTILINE | re.DOTALL)
+)
+
+SITES = {
+    ("sweep/curve.py", "_steadiness_warnings"): ["the motion never repeats",
+                                                 "the two halves of the measured time differ"],
+    ("sweep/curve.py", "_dwell_warnings"): ["of the first mode's transient"],
+    ("identification/bandwidth.py", "resolution_warnings"): ["does not resolve the half-power width"],
+    ("identification/bandwidth.py", "half_power"): ["no half-power point"],
+    ("identification/one_pole.py", "fit_one_pole"): ["no resonance within", "no interval: the misfit of",
+                                                     "read the ratio as an equivalent one",
+                                                     "do not determine a damping ratio"],
+    ("excitation/remarks.py", "motion_warnings"): ["is the amplitude of the base in metres",
+                                                   "the mean acceleration of its record is"],
+    ("excitation/remarks.py", "_removed_of_pulse"): ["the record is a pulse that changes the velocity"],
+    ("excitation/remarks.py", "_kept"): ["no mode is kept"],
+    ("integrators/record_reading.py", "record_warnings"): ["the record is coarse"],
+    ("integrators/stepping/operators.py", "check_step"): ["coarse step"],
+    ("integrators/stepping/run.py", "_residual_warning"): ["energy residual", "are not in the table"],
+    ("integrators/event_driven/run.py", "_balance_warnings"): ["energy residual", "are not in the table"],
+    ("response/energy.py", "residual_warnings"): ["energy residual"],
+    ("response/signals.py", "deflection_warnings"): ["linear beam theory"],
+    ("study/prepared.py", "_coarse_history"): ["misses the extremes between them"],
+    ("study/prepared.py", "_empty_sweep"): ["no natural frequency lies between them"],
+    ("study/summary.py", "_restitution_warnings"): ["the law is made for the first mode's mass"],
+    ("study/summary.py", "_estimates"): ["the motion around the peak does not repeat"],
+    ("study/pictures.py", "with_pictures"): ["not drawn"],
+    ("study/run.py", "_finish"): ["the run was ended before"],
+    ("structure/structure.py", "unusual_numbers"): ["is it in Pa"],
+    ("fem/assembly.py", "_warn_of_unusual"): ["are units SI", "shear and rotary inertia"],
+}  # fmt: skip
+"""Functions that make warnings of a run, and headings of the page that are words of them or of their module."""
+
+BY_OTHERS = {"_estimate_warnings", "_curve_warnings", "_grid_warnings", "drive_warnings", "frequency_warnings"}
+"""Functions that hand on what those above make, or begin it."""
+
+
+def literals(path: Path) -> str:
+    """All text of a module's strings, with braces for what they are filled with."""
+    found = []
+    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+        if isinstance(node, ast.JoinedStr):
+            found.append("".join(str(p.value) if isinstance(p, ast.Constant) else "{}" for p in node.values))
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+            found.append(node.value)
+    return "\n".join(found)
+
+
+@pytest.mark.parametrize("site", SITES, ids=":".join)
+def test_the_words_of_each_heading_are_words_of_the_package(site):
+    path, function = site
+    assert f"def {function}(" in (ROOT / "femimpact" / path).read_text("utf-8")
+    text = literals(ROOT / "femimpact" / path)
+    for heading in SITES[site]:
+        assert heading in text
+        assert heading in SECTIONS
+
+
+def test_no_heading_is_of_a_warning_that_is_not_made():
+    assert set(SECTIONS) == {heading for headings in SITES.values() for heading in headings}
+
+
+@pytest.mark.parametrize("heading", SECTIONS)
+def test_each_says_what_it_means_what_to_do_and_has_an_example(heading):
+    for part in ("*Means:* ", "*Do:* ", "*Example:* "):
+        assert SECTIONS[heading].count(part) == 1
+
+
+def test_every_function_of_warnings_is_listed():
+    known = {name for _, name in SITES} | BY_OTHERS
+    for path in (ROOT / "femimpact").rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            if isinstance(node, ast.FunctionDef) and re.search(r"_warnings?$", node.name) and path.name != "cli.py":
+                assert node.name in known, (path, node.name)
+
+
+def test_impacts_that_never_repeat_are_told_from_what_has_not_died_out():
+    system = reduced(with_ball(REFERENCE), 3)
+    frequencies = np.linspace(4.9, 5.4, 26)
+    # the first mode's transient after 2/3 of the cycles: exp(-0.0029 * 2 pi * 5.3/f * n 2/3)
+    for cycles, words in ((60, "take a longer dwell"), (450, "the motion never repeats; take medians of several")):
+        curve = fi.frequency_sweep(system, 0.2e-3, frequencies, fi.EventDriven(), cycles, ledger=False)
+        said = [text for text in curve.warnings if text.startswith("not steady")]
+        assert said
+        assert all(words in text for text in said)
+        assert all(any(heading in text for heading in SECTIONS) for text in curve.warnings)
+    # without a ball nothing is chaotic, however short the dwell
+    curve = fi.frequency_sweep(fi.without_impactors(system), 0.2e-3, frequencies, fi.EventDriven(), 60, ledger=False)
+    assert any("take a longer dwell" in text for text in curve.warnings)
+    assert not any("never repeats" in text for text in curve.warnings)
