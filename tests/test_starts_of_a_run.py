@@ -179,9 +179,8 @@ def test_the_headline_of_a_shock_is_of_the_whole_run(tmp_path, capsys):
 
 def test_a_shock_has_ranges_too(tmp_path):
     found = fi.run_study(shock(3), tmp_path / "out")
+    given = fi.parameter_study(shock(), {"impactor.ball.gap": [4e-3]}, ["peak"], starts=3, seed=0)
     peak = found.summary["history_starts"]["peak"]
-    assert peak["lowest"] <= peak["median"] <= peak["highest"]
-    given = fi.parameter_study(shock(), {"impactor.ball.gap": [4e-3]}, ["rms"], starts=3, seed=0)
-    rms = found.summary["history_starts"]["rms"]
-    # the same motion, read at other instants
-    assert rms["median"] == pytest.approx(float(given["rms"][0]), rel=0.02)
+    # the same motion up to its largest deflection, some tenths of a second in: rounding, by which the records differ
+    for name, of_study in (("median", "peak"), ("lowest", "peak_low"), ("highest", "peak_high")):
+        assert peak[name] == pytest.approx(float(given[of_study][0]), rel=1e-9)
