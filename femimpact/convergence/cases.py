@@ -147,7 +147,7 @@ class Plan(NamedTuple):
     modes: int | None
 
     def integrated(self, system: System) -> System:
-        """The system that a run integrates."""
+        """The system of a case reduced to its number of modes; the system itself where the case names none."""
         return system if self.modes is None else reduce(system, min(self.modes, system.dofs))
 
 

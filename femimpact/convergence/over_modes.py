@@ -447,7 +447,7 @@ class ContactStatistics:
         check_fields(self)
 
     def read(self, case: Case, finest: Case) -> tuple[Reading, ...]:
-        """A reading with its standard error for each statistic."""
+        """Value and standard error of each statistic of the impacts in a run of the case."""
         system, base = case.integrated, case.base
         if case.is_limit:
             # means over starts are compared with the finest row, and not extrapolated

@@ -193,7 +193,7 @@ def _wrapped(text: str) -> list[str]:
 
 
 def row_line(name: str, cells: Iterable[str], width: int = NAME) -> str:
-    """A name and cells under those of the lines around it."""
+    """A line of a printed table: its name, and its cells in columns of equal width."""
     return f"{name:<{width}}{''.join(f'{entry:>{CELL}}' for entry in cells)}"[:WIDTH].rstrip()
 
 

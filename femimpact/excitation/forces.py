@@ -108,7 +108,7 @@ class PointForce(BaseAtRest):
         return force_form_of(self.history)
 
     def until(self, end: float) -> PointForce:
-        """The same with a closed form up to a time (s), of a sum of sines."""
+        """The force with a closed form up to a time (s) where its history is a sum; any other is returned as it is."""
         return replace(self, history=self.history.until(end)) if isinstance(self.history, Sum) else self
 
 

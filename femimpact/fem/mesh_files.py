@@ -91,7 +91,7 @@ def _why_not_read(path: Path) -> str:
 
 
 def _outcome(path: Path, read: Mapping[str, Any] | str) -> Mesh | InputError:
-    """The mesh of what a file holds, or what is wrong with it; words stand for a file that was not read."""
+    """The mesh that a file holds, or the error that says why there is none; `read` is a text of a file not read."""
     try:
         if isinstance(read, str):
             raise InputError([Fault("mesh.file", str(path), "", f"must be an existing mesh file: {read}")])

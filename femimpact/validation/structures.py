@@ -107,7 +107,7 @@ def _free_vibration(method: methods.Method, periods: int) -> Response:
 
 
 def _root(method: Method) -> tuple[complex, complex]:
-    """Principal root of one step: of the amplification matrix, and of the motion computed."""
+    """Principal root (complex) over one step of free vibration: of the amplification matrix, and of a computed run."""
     roots = np.linalg.eigvals(method.amplification(2 * math.pi / STEPS))
     exact = complex(max(roots, key=lambda root: (abs(root), root.imag)))
     # 100 steps on, the third root of a method has decayed

@@ -134,7 +134,7 @@ def new_block(
     inputs : Inputs
     method : EventDriven
     ledger : bool or None
-        False sums what compliant contacts lose only, for the table of impacts; None nothing.
+        True sums all energies; False the losses of compliant contacts alone, for the table of impacts; None no energy.
     most_rows : int
         Of the tables of impacts and sticking phases.
 
