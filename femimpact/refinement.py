@@ -95,6 +95,15 @@ def refine(
     ------
     InputError
         If an axis has no two bounds, or what `parameter_study` and `best_case` refuse.
+
+    Examples
+    --------
+    >>> import femimpact as fi
+    >>> study = fi.load_study("meshes/stepped_cantilever.toml")
+    >>> axes = {"impactor.ball.gap": (1e-3, 3e-3), "base.frequency": [8.5, 9.0]}
+    >>> found = fi.refine(study, "peak", axes, rounds=0, starts=1, cycles=3)
+    >>> found.dataset["peak"].size
+    64
     """
     rounds = checked_value("rounds", rounds, quantity("1", at_least=0, at_most=100, integer=True))
     seed = checked_value("seed", seed, quantity("1", at_least=0, integer=True))

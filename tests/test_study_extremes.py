@@ -43,7 +43,7 @@ SITES = dict(_sites())
 
 
 def test_every_key_is_found():
-    assert len(SITES) == 37
+    assert len(SITES) == 39
     assert {"beam.length", "impactor.contact_time", "damping.modes", "sweep.cycles", "output.movie"} <= set(SITES)
 
 
