@@ -235,8 +235,8 @@ MUTATIONS = (
     Mutation("rank_of_the_median", "return k - 1, starts - k", "return k, starts - 1 - k"),
     Mutation(
         "scatter_of_another_case",
-        ".to_numpy()[least], values.attrs) for end",
-        ".to_numpy()[most], values.attrs) for end",
+        ".to_numpy()[at], values.attrs) for side",
+        ".to_numpy()[end], values.attrs) for side",
     ),
 )
 
