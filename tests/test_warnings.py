@@ -102,15 +102,13 @@ def test_impacts_that_never_repeat_are_told_from_what_has_not_died_out():
     for cycles, words in ((60, "take a longer dwell"), (450, "the motion never repeats; take the median of starts")):
         curve = fi.frequency_sweep(system, 0.2e-3, frequencies, fi.EventDriven(), cycles, ledger=False)
         said = [text for text in curve.warnings if text.startswith("not steady")]
-        # whether the halves of a long chaotic dwell differ depends on the last bit of the modes
-        assert said or cycles > 60
         assert all(words in text for text in said)
         assert all(any(heading in text for heading in SECTIONS) for text in curve.warnings)
-    # such halves of dwells of 450 cycles, by hand
-    cases = SimpleNamespace(frequency=frequencies, cycles=np.full(26, 450), measured=np.full(26, 150))
-    columns = {"steadiness": np.full(26, "transient"), "impacts_per_cycle": np.full(26, 2.0)}
-    (text,) = _steadiness_warnings(system, cases, columns)
-    assert "never repeats" in text
+        # whether the halves of a chaotic dwell differ depends on the last bit of the modes: such halves by hand
+        cases = SimpleNamespace(frequency=frequencies, cycles=np.full(26, cycles), measured=np.full(26, cycles // 3))
+        columns = {"steadiness": np.full(26, "transient"), "impacts_per_cycle": np.full(26, 2.0)}
+        (text,) = _steadiness_warnings(system, cases, columns)
+        assert words in text
     # without a ball nothing is chaotic, however short the dwell
     curve = fi.frequency_sweep(fi.without_impactors(system), 0.2e-3, frequencies, fi.EventDriven(), 60, ledger=False)
     assert any("take a longer dwell" in text for text in curve.warnings)
