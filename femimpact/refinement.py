@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
 from femimpact.arrays import Array
 from femimpact.errors import Fault, InputError, in_range, kind_of, quantity, require
 from femimpact.errors import checked as checked_value
-from femimpact.parametric import parameter_study
+from femimpact.parametric import StudyProgress, parameter_study
 from femimpact.parametric.measures import MEASURES
-from femimpact.study.best_case import FREQUENCY, BestCase, best_case, check_best, ranked_designs
+from femimpact.progress import draws_progress
+from femimpact.study.best_case import EXCITATION, FREQUENCY, BestCase, best_case, check_best, ranked_designs
 from femimpact.study.parameter_plan import AxisValues
 from femimpact.study.study import Study
 from femimpact.system.system import System
@@ -46,6 +48,7 @@ class Refinement:
         return str(self.best)
 
 
+@draws_progress
 def refine(
     study: Study | System | Callable[..., Any],
     measure: str,
@@ -57,6 +60,7 @@ def refine(
     starts: int = 5,
     seed: int = 0,
     directory: str | Path | None = None,
+    progress: Callable[[StudyProgress], None] | bool | None = None,
     **more: Any,
 ) -> Refinement:
     """The best case between the bounds of some axes: 32 designs, then 8 around each of the three best, again and again.
@@ -75,7 +79,8 @@ def refine(
         By paths: (low, high) of an axis that is searched, all values of one of `worst_over`. By default those of
         `[study.axes]`, from the smallest to the largest value.
     worst_over : sequence of str, optional
-        Paths of the axes over which the worst counts; by default the frequency of the base, where it is an axis.
+        Paths of the axes over which the worst counts; by default those of `[study.best]`, or the frequency of the base,
+        where it is an axis.
     limits : mapping of str to float, optional
         As of `best_case`.
     rounds : int
@@ -84,6 +89,8 @@ def refine(
         Of each case, and of their draws and the designs.
     directory : str or Path, optional
         Where each round is kept as a study, in `round_1`, `round_2`, ...: the same call goes on from there.
+    progress : callable or bool, optional
+        Called with a `StudyProgress` of all rounds together; True draws a bar.
     **more
         Further arguments of `parameter_study`.
 
@@ -94,7 +101,8 @@ def refine(
     Raises
     ------
     InputError
-        If an axis has no two bounds, or what `parameter_study` and `best_case` refuse.
+        If an axis has no two bounds or is one of the excitation that is not in `worst_over`, or what `parameter_study`
+        and `best_case` refuse.
 
     Examples
     --------
@@ -107,15 +115,19 @@ def refine(
     """
     rounds = checked_value("rounds", rounds, quantity("1", at_least=0, at_most=100, integer=True))
     seed = checked_value("seed", seed, quantity("1", at_least=0, integer=True))
-    given = _axes_of_study(study) if axes is None else axes
+    if worst_over is None and isinstance(study, Study) and study.plan is not None and study.plan.best is not None:
+        worst_over = study.plan.best.worst_over
+    given = _axes_of_study(study, worst_over) if axes is None else axes
     sound = isinstance(given, Mapping) and len(given) > 0 and all(isinstance(name, str) for name in given)
     require(sound, "axes", kind_of(given), "", "must be bounds by paths")
     names = tuple(given)
     worst, most = check_best(measure, worst_over, limits, names, _known_measures(measure, limits))
-    bounds = {name: _bounds(name, given[name]) for name in names if name not in worst}
     met = {name: _values(name, given[name]) for name in worst}
+    bounds = {name: _bounds(name, given[name]) for name in names if name not in worst}
     measures, found = list(dict.fromkeys((measure, *most))), list[Any]()
     box = np.array(list(bounds.values())).T
+    # of each round after the first at most so many designs
+    most_cases = (FIRST + rounds * BEST * AROUND) * math.prod(len(values) for values in met.values())
     designs = box[0] + _sobol(FIRST, len(bounds), seed) * (box[1] - box[0])
     for number in range(rounds + 1):
         cases = [
@@ -124,8 +136,14 @@ def refine(
             for values in itertools.product(*met.values())
         ]
         folder = None if directory is None else Path(directory) / f"round_{number + 1}"
+        done = sum(one.sizes["case"] for one in found)
         try:
-            found.append(parameter_study(study, cases, measures, starts=starts, seed=seed, directory=folder, **more))
+            found.append(
+                parameter_study(
+                    study, cases, measures, starts=starts, seed=seed, directory=folder,
+                    progress=_of_all_rounds(progress, done, most_cases), **more,
+                )
+            )  # fmt: skip
         except InputError as error:
             faults = [replace(each, key="measure") if each.key == "measures" else each for each in error.faults]
             raise InputError(faults) from None
@@ -137,14 +155,28 @@ def refine(
     return Refinement(best_case(dataset, measure, worst, limits), dataset)
 
 
-def _axes_of_study(study: Any) -> dict[str, Any]:
-    """Axes of the table [study.axes] of a study: the smallest and the largest value, of the frequency all."""
+def _of_all_rounds(progress: Any, done: int, most: int) -> Any:
+    """Progress of a round as that of all rounds, of which some cases are done; what is no function is handed on."""
+    if not callable(progress):
+        return progress
+    return lambda one: progress(replace(one, finished=done + one.finished, found=done + one.found, cases=most))
+
+
+def _axes_of_study(study: Any, worst_over: Any) -> dict[str, Any]:
+    """Axes of the table [study.axes]: the smallest and the largest number, of one in `worst_over` all values."""
     plan = study.plan if isinstance(study, Study) else None
     if plan is None:
         raise InputError([Fault("axes", None, "", "must be given: the study has no table [study.axes]")])
-    values = {name: list(axis.values) for name, axis in plan.axes.items() if isinstance(axis, AxisValues)}
-    over = plan.best.worst_over if plan.best is not None and plan.best.worst_over is not None else (FREQUENCY,)
-    return {name: each if name in over else (min(each), max(each)) for name, each in values.items()}
+    over, found = worst_over if isinstance(worst_over, (list, tuple)) else (FREQUENCY,), dict[str, Any]()
+    for name, axis in plan.axes.items():
+        allowed = "must be a list of numbers to be searched between: give axes={...}"
+        require(isinstance(axis, AxisValues), f"study.axes.{name}", str(axis), "", allowed)
+        values = list(cast(AxisValues, axis).values)
+        if name not in over:
+            require(all(in_range(one, quantity("")) for one in values), f"study.axes.{name}", values, "", allowed)
+            values = [min(values), max(values)]
+        found[name] = values
+    return found
 
 
 def _known_measures(measure: Any, limits: Any) -> dict[str, str]:
@@ -163,6 +195,8 @@ def _values(name: str, value: Any) -> list[Any]:
 
 def _bounds(name: str, value: Any) -> tuple[float, float]:
     """Lowest and highest value of an axis that is searched."""
+    allowed = "is no choice of a design: name it in worst_over, or give its value with the excitation"
+    require(not name.startswith(EXCITATION), f"axes.{name}", value, "", allowed)
     two = isinstance(value, (tuple, list)) and len(value) == 2
     two = two and all(in_range(end, quantity("")) for end in value) and value[0] < value[1]
     require(two, f"axes.{name}", value, "", "must be (low, high), two numbers with low < high")

@@ -6,9 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from builders import oscillator
+from builders import oscillator, paper_study_text
 
 import femimpact as fi
+from femimpact.study.study_file import read_study
 
 RATIO, LEVEL = 0.05, 1e-3
 FREQUENCIES = [4.0, 6.0]
@@ -71,6 +72,38 @@ def test_the_same_call_goes_on_from_what_is_on_disk(tmp_path: Path) -> None:
     assert again.dataset.drop_attrs().equals(whole.dataset.drop_attrs())
 
 
+def test_progress_rises_over_all_rounds_to_one() -> None:
+    shares: list[float] = []
+    search(progress=lambda done: shares.append(float(done)))
+    assert shares == sorted(shares)
+    assert shares[0] == 0.0
+    assert shares[-1] == 1.0
+
+
+def test_axes_of_a_study_file_are_searched_between_their_ends_and_met_in_full() -> None:
+    text = (
+        paper_study_text()
+        + """
+[study]
+measures = ["peak"]
+[study.axes]
+"impactor.ball.gap" = [0.002, 0.003, 0.006]
+"damping.ratio" = [0.002, 0.003, 0.004]
+[study.best]
+measure = "peak"
+worst_over = ["damping.ratio"]
+"""
+    )
+    found = fi.refine(read_study(text, Path("study.toml")), "peak", rounds=0, starts=1, cycles=3)
+    assert found.best.worst_over == ("damping.ratio",)
+    assert sorted(set(found.dataset["damping.ratio"].values.tolist())) == [0.002, 0.003, 0.004]
+    gaps = found.dataset["impactor.ball.gap"]
+    assert 0.002 <= gaps.min() <= gaps.max() <= 0.006
+    other = text.replace("[0.002, 0.003, 0.006]", "{ normal = [0.004, 0.0002] }") + "[study.sample]\npoints = 4\n"
+    with pytest.raises(fi.InputError, match=r"study\.axes\.impactor\.ball\.gap.*list of numbers"):
+        fi.refine(read_study(other, Path("study.toml")), "peak", rounds=0, starts=1, cycles=3)
+
+
 @pytest.mark.parametrize(
     ("axes", "more", "words"),
     [
@@ -82,6 +115,7 @@ def test_the_same_call_goes_on_from_what_is_on_disk(tmp_path: Path) -> None:
         ({"natural": [4.0, 5.0, 6.0]}, {}, r"axes\.natural"),
         ({"base.frequency": [4.0, 5.0]}, {}, "no axis to choose on"),
         ({"natural": (4.0, 5.0)}, {"worst_over": ["base.amplitude"]}, "worst_over"),
+        ({"natural": (4.0, 5.0), "base.amplitude": (1e-3, 2e-3)}, {}, r"axes\.base\.amplitude.*name it in worst_over"),
         (None, {}, r"no table \[study.axes\]"),
         ({"natural": (4.0, 5.0), "base.frequency": [4.0, 5.0]}, {"rounds": -1}, "rounds"),
         (
