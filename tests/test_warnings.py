@@ -99,7 +99,10 @@ def test_impacts_that_never_repeat_are_told_from_what_has_not_died_out():
     system = reduced(with_ball(REFERENCE), 3)
     frequencies = np.linspace(4.9, 5.4, 26)
     # the first mode's transient after 2/3 of the cycles: exp(-0.0029 * 2 pi * 5.3/f * n 2/3)
-    for cycles, words in ((60, "take a longer dwell"), (450, "the motion never repeats; take the median of starts")):
+    for cycles, words in (
+        (60, "take a longer dwell"),
+        (450, "the motion never repeats; take medians over several starts"),
+    ):
         curve = fi.frequency_sweep(system, 0.2e-3, frequencies, fi.EventDriven(), cycles, ledger=False)
         said = [text for text in curve.warnings if text.startswith("not steady")]
         assert all(words in text for text in said)

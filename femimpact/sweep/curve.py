@@ -406,7 +406,7 @@ def _steadiness_warnings(system: System, cases: SineCases, columns: Columns) -> 
     if np.any(chaotic):
         chaotic = chaotic & (transient_left(system, _shortest_begin(cases))[2] <= TRANSIENT_LEFT)
     texts = (
-        (chaotic, "the motion never repeats; take the median of starts = 5"),
+        (chaotic, "the motion never repeats; take medians over several starts"),
         (unlike & ~chaotic, "the two halves of the measured time differ; take a longer dwell"),
     )  # fmt: skip
     return [
