@@ -582,10 +582,17 @@ def _print_results(study: Study, results: StudyResults) -> None:
         # results of earlier versions do not say
         marks.append("*" if curve.get("peak_is_one_start") else "")
         low = f" (up to {_percent(curve['peak_too_low_at_most'], 2)} too low)" if coarse else ""
+        dropped = curve.get("damping_amplitude_ratio")
+        # with impacts the width of a peak is no damping
+        damping = (
+            f"equivalent damping {_percent(dropped)} by the drop of the peak"
+            if dropped is not None
+            else f"damping {_percent(curve['damping_fit'])} by fit, "
+            f"{_percent(curve['damping_half_power'])} by half-power{' (not resolved)' if coarse else ''}"
+        )
         where.print(
             f"sweep, {label}: peak {_number(curve['peak_amplitude'], 1e3)}{marks[-1]} mm{low} at "
-            f"{curve['peak_frequency']:.5g} Hz; damping {_percent(curve['damping_fit'])} by fit, "
-            f"{_percent(curve['damping_half_power'])} by half-power{' (not resolved)' if coarse else ''}"
+            f"{curve['peak_frequency']:.5g} Hz; {damping}"
         )
     if "starts_of_sweep" in summary:
         _print_sweep_starts(where, summary)

@@ -155,6 +155,17 @@ def test_a_study_that_was_ended_has_a_report_that_says_so(results):
     assert "What is missing" not in text_of(results)
 
 
+def test_every_file_beside_the_page_is_in_one_group(sound):
+    part = section(text_of(sound), "files")
+    linked = re.findall(r'<a href="([^"]+)"', part)
+    assert len(linked) == len(set(linked))
+    present = {path.name + "/" * path.is_dir() for path in sound.iterdir() if not path.name.startswith(".")}
+    assert set(linked) == present
+    counts = re.findall(r"<summary>([^:<]+): (\d+) files?</summary>", part)
+    assert sum(int(count) for _, count in counts) == len(linked)
+    assert {group for group, _ in counts} <= {"Numbers and study", "Pictures and movie", "ParaView"}
+
+
 def test_a_case_that_fails_is_a_warning_of_the_report(results):
     data = xarray.load_dataset(results / "study.nc", engine="h5netcdf")
     data["failed_starts"][0, 0] = 5

@@ -275,7 +275,7 @@ def design_notes(best: BestCase, design: BestDesign, names: Mapping[str, str] = 
         low, high = (unit_text(value, best.units[best.measure]) for value in (design.low, design.high))
         alike = _first_of([told(best, values, names) for values in design.alike])
         apart = f"the starts do not tell from it {alike}" if alike else "no other case overlaps it"
-        yield f"interval of the median {low} to {high}; {apart}"
+        yield f"90 % interval of the median {low} to {high}; {apart}"
     else:
         yield f"with starts = {best.starts} there is no interval: from 5 on cases that are as good are named"
     for margin in design.margins:

@@ -21,6 +21,7 @@ from femimpact.export.tables import (
     measure_names,
     single_samples,
     unit_text,
+    unit_words,
     value_words,
 )
 from femimpact.structure.structure import Structure
@@ -201,26 +202,28 @@ def _ratio(summary: Mapping[str, Any]) -> list[Conclusion]:
     return [Conclusion("Peak without ball over peak with it", _shown(ratio), one_sample=bool(sample))]
 
 
+DROP = "Equivalent damping by the drop of the peak"
+"""With impacts the width of a peak is no damping."""
+
+
 def _damping(summary: Mapping[str, Any]) -> list[Conclusion]:
     found = []
     ratio = _number(summary, "sweep", "empty", "damping_fit")
     if ratio is not None:
         interval = _at(summary, "sweep", "empty", "damping_fit_interval")
         known = isinstance(interval, list) and len(interval) == 2 and all(isinstance(one, float) for one in interval)
-        words = f"interval {100 * interval[0]:.4g} to {100 * interval[1]:.4g} %" if known else ""
+        words = f"95 % interval {100 * interval[0]:.4g} to {100 * interval[1]:.4g} %" if known else ""
         found.append(
             Conclusion("Damping ratio without ball", _shown(100 * ratio), "%", words, note="one-pole fit of the curve")
         )
-    several = _from_starts(summary, "damping_amplitude_ratio", "Damping ratio with ball", "%", 100.0)
+    several = _from_starts(summary, "damping_amplitude_ratio", DROP, "%", 100.0)
     with_ball = _number(summary, "sweep", "ball", "damping_amplitude_ratio")
     if several or with_ball is None:
         return found + several
     sample = bool(_at(summary, "sweep", "ball", "peak_is_one_start"))
     return [
         *found,
-        Conclusion(
-            "Damping ratio with ball", _shown(100 * with_ball), "%", one_sample=sample, note="by the drop of the peak"
-        ),
+        Conclusion(DROP, _shown(100 * with_ball), "%", one_sample=sample, note="damping without ball times the ratio"),
     ]
 
 
@@ -428,7 +431,7 @@ def study_conclusions(
         found.append(
             Conclusion(
                 f"{word.capitalize()} {name.replace('_', ' ')}", number_text(factor * float(array[at]), zeros=True),
-                "" if unit == "1" else unit, scatter, bool(samples[at]) and not scatter,
+                unit_words(array[at], unit), scatter, bool(samples[at]) and not scatter,
                 f"at {_place(data, values.dims, at)}; {rest}",
             )
         )  # fmt: skip
@@ -457,12 +460,12 @@ def _of_best(data: xarray.Dataset, best: BestCase, all_of_it: bool) -> Iterator[
                 for end in ("_low", "_high")
             )
             scatter = f"{low} to {high} over {starts} starts"
-        notes = [*design_notes(best, design, names)] if all_of_it else []
-        notes += [more_designs(best)] if design is shown[-1] and more_designs(best) else []
+        notes = tuple(design_notes(best, design, names)) if all_of_it else ()
+        more = more_designs(best) if design is shown[-1] else ""
         yield Conclusion(
-            label_of(best).capitalize(), number_text(factor * design.value, zeros=True), "" if unit == "1" else unit,
+            label_of(best).capitalize(), number_text(factor * design.value, zeros=True), unit_words(design.value, unit),
             scatter, bool(samples[design.case]) and not scatter,
-            "; ".join((f"{level}at {told(best, design.values, names)}", rest, *notes)),
+            "; ".join(filter(None, (f"{level}at {told(best, design.values, names)}", rest, more))), notes,
         )  # fmt: skip
 
 

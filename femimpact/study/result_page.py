@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -35,7 +36,7 @@ from femimpact.export.report.page import (
 )
 from femimpact.export.report.player import player_element
 from femimpact.export.report.structure_drawing import structure_element, structure_words
-from femimpact.export.tables import in_shown_units
+from femimpact.export.tables import in_shown_units, unit_text
 from femimpact.structure.structure import Structure
 from femimpact.study.best_case import best_cases
 from femimpact.study.picture_data import (
@@ -243,11 +244,14 @@ def _lead(study: Study | None, summary: Mapping[str, Any], written: Mapping[str,
         return [str(written["problem"])] if "problem" in written else []
     said = [f"History: {study.base.words}." if "history" in summary else ""]
     amplitude = getattr(study.base, "amplitude", None)
-    base = f" The base moves by {1e3 * amplitude:.4g} mm." if amplitude is not None else ""
+    base = ""
+    if amplitude is not None:
+        reached = unit_text(amplitude * (2.0 * math.pi * study.base.frequency) ** 2, "m/s^2")
+        base = f" The base moves by {1e3 * amplitude:.4g} mm, with {reached} at {study.base.frequency:g} Hz."
     if "sweep" in summary and study.sweep is not None:
         plan = study.sweep
         said.append(
-            f"Sweep: {plan.start:g} to {plan.stop:g} Hz in {plan.points} steps, {plan.refine} more around each "
+            f"Sweep: {plan.start:g} to {plan.stop:g} Hz at {plan.points} points, {plan.refine} more around each "
             f"resonance; {plan.cycles} cycles at each frequency."
         )
     kept = f"on {study.reduction.modes} modes" if study.reduction is not None else "in physical degrees of freedom"
@@ -484,17 +488,43 @@ def files_section(folder: Path, summary: Mapping[str, Any]) -> tuple[Section, tu
         frames = [name for name in present if name.startswith(f"{scene}/")]
         total = sum((folder / name).stat().st_size for name in frames)
         rows.append((f"{scene}/", _size(total), f"{len(frames)} frames of {scene}.pvd"))
+    groups: dict[str, list[tuple[str, str, str]]] = {group: [] for group in FILE_GROUPS}
+    for row in sorted(rows):
+        groups[_group_of(row[0])].append(row)
+    shown = [_table_of_files(group, found) for group, found in groups.items() if found]
+    return Section("files", "Files", tuple(shown)), _lost(summary, present)
+
+
+FILE_GROUPS = ("Numbers and study", "Pictures and movie", "ParaView")
+
+
+def _group_of(name: str) -> str:
+    """Group of a file, or of a folder whose name ends with a stroke."""
+    if name.endswith((".png", ".mp4", ".gif")):
+        return FILE_GROUPS[1]
+    scene = name.endswith((".pvd", "_paraview.py", ".vtkhdf")) or (name.endswith("/") and name != f"{STUDY_BLOCKS}/")
+    return FILE_GROUPS[2] if scene else FILE_GROUPS[0]
+
+
+def _table_of_files(group: str, rows: Sequence[tuple[str, str, str]]) -> Element:
+    """The files of a group, folded but for the first group."""
     body = [
         element(
             "tr", element("td", element("a", name, href=name)), element("td.number", size), element("td", words),
         )
-        for name, size, words in sorted(rows)
+        for name, size, words in rows
     ]  # fmt: skip
     columns = (("th", "file"), ("th.number", "size"), ("th", "what it is for"))
-    head, title = element("tr", *(element(*column, scope="col") for column in columns)), "Files beside this page"
-    shown = element("table", element("caption", title), element("thead", head), element("tbody", *body))
-    holder = element("div.table", element("div.scroll", shown, tabindex="0", role="region", aria_label=title))
-    return Section("files", "Files", (holder,)), _lost(summary, present)
+    head, title = (
+        element("tr", *(element(*column, scope="col") for column in columns)),
+        f"{group}: {len(rows)} file{'s' if len(rows) > 1 else ''}",
+    )
+    table = element("table", element("caption", title), element("thead", head), element("tbody", *body))
+    holder = element("div.table", element("div.scroll", table, tabindex="0", role="region", aria_label=title))
+    folded = element("details", element("summary", title), holder)
+    if group == FILE_GROUPS[0]:
+        folded.set("open", "open")
+    return folded
 
 
 def _lost(summary: Mapping[str, Any], present: set[str]) -> tuple[str, ...]:

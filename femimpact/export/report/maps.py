@@ -51,7 +51,7 @@ MOST_DOTS = 60
 MOST_NUMBERS = 120
 """Cells of a map up to which each has its number."""
 
-CORNER = 0.3
+CORNER = 0.2
 """Sides of the mark in the corner of a cell, over those of the cell."""
 
 DOTS = (("#000000", "7px"), ("#ffffff", "4px"))
@@ -247,7 +247,8 @@ def _map(data: Any, name: str, colours: Colours, title: str) -> Element:
     if cells.size <= MOST_NUMBERS:
         _write_numbers(box, cells, level, left, top)
     some = f"; one of {stride} cells is drawn each way" if stride > 1 else ""
-    scale_words = ", logarithmic" if colours.is_logarithmic else ""
+    unit = str(data[name].attrs.get("units", ""))
+    scale_words = f"{f' {unit}' if unit not in ('', '1') else ''}{', logarithmic' if colours.is_logarithmic else ''}"
     scale = element("span.key", style=f"background:linear-gradient(to right,{','.join(COLOURS)})")
     frame.append(
         element("p.fi-note", scale, f" {number_text(colours.low)} to {number_text(colours.high)}{scale_words}{some}")

@@ -43,6 +43,7 @@ class Conclusion:
     scatter: str = ""  # its range over several starts, or its interval, in words
     one_sample: bool = False  # whether another start would have another value
     note: str = ""  # what it is of
+    details: tuple[str, ...] = ()  # what else is known of it, a line each
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +95,9 @@ def _conclusion(one: Conclusion) -> Element:
         one.value,
         element("span.unit", f" {one.unit}") if one.unit else None,
     )
-    return element("div", element("dt", one.label), value, *details)
+    if one.details:
+        details.append(element("dd.of", list_element(one.details, "known")))
+    return element("div.with-details" if one.details else "div", element("dt", one.label), value, *details)
 
 
 def list_element(texts: Sequence[str], kind: str) -> Element:
