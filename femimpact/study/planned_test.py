@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, overload
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -144,24 +144,6 @@ class Preflight:
 
     def __str__(self) -> str:
         return "\n".join(str(row) for row in self.rows)
-
-
-@overload
-def preflight(plan: Study) -> Preflight: ...
-
-
-@overload
-def preflight(
-    plan: System,
-    excitation: Excitation | None = None,
-    *,
-    duration: float | None = None,
-    frequencies: ArrayLike | None = None,
-    cycles: int | None = None,
-    structure: Structure | None = None,
-    method: Method | None = None,
-    initial: State | None = None,
-) -> Preflight: ...
 
 
 def preflight(
