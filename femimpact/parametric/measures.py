@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from enum import Enum
 from typing import Any
 
@@ -18,6 +18,7 @@ from femimpact.integrators.cases import SineDwellResults
 from femimpact.response.channels import resolve_channels
 from femimpact.response.impacts import statistics_of_cases
 from femimpact.response.response import Response
+from femimpact.response.signals import SteadyMotion
 from femimpact.system.system import System
 
 
@@ -44,14 +45,16 @@ class Measure:
     better: str = ""  # "small" or "large": which of its values are better; empty where that depends on the purpose
 
 
+OF_MOTION = [item for item in fields(SteadyMotion) if "words" in item.metadata]
+"""Measures that are read from the steady motion."""
+
 MEASURES = {
     item.name: item
     for item in (
-        Measure(
-            "peak", "m", "largest displacement of the observed place relative to the base", Source.DWELL, better="small"
+        *(
+            Measure(one.name, one.metadata["unit"], one.metadata["words"], Source.DWELL, better="small")
+            for one in OF_MOTION
         ),
-        Measure("rms", "m", "root mean square of the displacement of the observed place", Source.DWELL, better="small"),
-        Measure("first_harmonic", "m", "amplitude at the frequency of the base", Source.DWELL, better="small"),
         Measure("peak_ratio", "1", "peak over that of the same case without balls", Source.BARE, better="small"),
         Measure("impacts_per_cycle", "1", "impacts in a cycle of the base", Source.DWELL),
         Measure("mean_approach_speed", "m/s", "mean approach speed of the impacts", Source.DWELL, better="small"),
@@ -155,7 +158,7 @@ def better_of(
 
 def columns_of(found: SineDwellResults, frequency: Array, measured: NDArray[np.int64]) -> dict[str, Array]:
     """Measures of many dwells, (n,) each, as far as the compiled call has summed them up."""
-    columns = {name: getattr(found.motion, name) for name in ("peak", "rms", "first_harmonic")}
+    columns = {one.name: getattr(found.motion, one.name) for one in OF_MOTION}
     columns |= statistics_of_cases(found.totals, found.duration, frequency)
     columns["energy_residual"] = found.residual
     columns["impacts_per_second"] = columns["impacts_per_cycle"] * frequency

@@ -61,9 +61,15 @@ class SteadyMotion:
         "periodic", "statistical" or "transient".
     """
 
-    peak: Array = field(metadata=column("m", "cases"))
-    rms: Array = field(metadata=column("m", "cases"))
-    first_harmonic: Array = field(metadata=column("m", "cases"))
+    # every field is a column of a sweep; with words it is a measure of a parameter study, of which small values are
+    # better. A field in m has the unit of the observed channel.
+    peak: Array = field(
+        metadata=column("m", "cases") | {"words": "largest displacement of the observed place relative to the base"}
+    )
+    rms: Array = field(
+        metadata=column("m", "cases") | {"words": "root mean square of the displacement of the observed place"}
+    )
+    first_harmonic: Array = field(metadata=column("m", "cases") | {"words": "amplitude at the frequency of the base"})
     phase: Array = field(metadata=column("rad", "cases"))
     steadiness: NDArray[np.str_] = field(metadata=column("", "cases", of="text"))
 

@@ -261,7 +261,7 @@ def curves_of_starts(prepared: PreparedStudy, start: str, report: Report) -> lis
 
 
 def _step(curves: Sequence[FrequencyResponse]) -> float:
-    """Distance (Hz) of the frequencies of even curves."""
+    """Step (Hz) between the frequencies of curves on an even grid."""
     return float(curves[0].frequency[1] - curves[0].frequency[0])
 
 

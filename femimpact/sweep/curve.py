@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -38,7 +38,7 @@ from femimpact.integrators.cases import SineCases, SineDwellResults
 from femimpact.integrators.methods import Method
 from femimpact.response.energy import residual_warnings
 from femimpact.response.impacts import statistics_of_cases
-from femimpact.response.signals import deflection_warnings
+from femimpact.response.signals import SteadyMotion, deflection_warnings
 from femimpact.structure.damping import realised_damping_ratio
 from femimpact.structure.structure import Position
 from femimpact.svg import Chart, Line, axis_of
@@ -55,11 +55,11 @@ if TYPE_CHECKING:
 SAME_FREQUENCY = 2e-9
 """Difference (Hz) up to which two frequencies are one: they are rounded to nine digits behind the point."""
 
+MOTION_UNITS = {item.name: str(item.metadata["unit"]) for item in fields(SteadyMotion)}
+"""Columns that are read from the steady motion, and their units; "" for the steadiness, which is no number."""
+
 SWEEP_UNITS = {
-    "peak": "m",
-    "rms": "m",
-    "first_harmonic": "m",
-    "phase": "rad",
+    **{name: unit for name, unit in MOTION_UNITS.items() if unit},
     "impacts_per_cycle": "1",
     "mean_approach_speed": "m/s",
     "largest_approach_speed": "m/s",
@@ -70,7 +70,7 @@ SWEEP_UNITS = {
 }
 """Numeric columns of a sweep and their units."""
 
-OF_THE_CHANNEL = ("peak", "rms", "first_harmonic")
+OF_THE_CHANNEL = tuple(name for name, unit in MOTION_UNITS.items() if unit == "m")
 """Those of them that have the unit of what a sweep observes, m unless it is another channel."""
 
 ONE_START = "one start's value: the motion is not periodic"
@@ -81,9 +81,6 @@ IMPACT_NAMES = (
     "cycle_mean_force",
 )  # fmt: skip
 """Those of them that are statistics of impacts."""
-
-MOTION_NAMES = ("peak", "rms", "first_harmonic", "phase", "steadiness")
-"""Columns that are read from the steady motion."""
 
 
 def on_grid(
@@ -331,7 +328,7 @@ def columns_of_dwells(found: SineDwellResults, f: Array, ledger: bool) -> tuple[
     columns = empty_columns(f.size)
     statistics = statistics_of_cases(found.totals, found.duration, f)
     completed = np.array([not failure for failure in found.failures])
-    for name in MOTION_NAMES:
+    for name in MOTION_UNITS:
         columns[name][completed] = getattr(found.motion, name)[completed]
     for name in IMPACT_NAMES:
         columns[name][completed] = statistics[name][completed]
@@ -349,7 +346,7 @@ def columns_of_runs(runs: Sequence[DwellRun]) -> tuple[Columns, list[str]]:
     for i, run in enumerate(runs):
         if run.motion is None or run.statistics is None:
             continue
-        for name in MOTION_NAMES:
+        for name in MOTION_UNITS:
             columns[name][i] = getattr(run.motion, name)[0]
         for name in IMPACT_NAMES:
             columns[name][i] = getattr(run.statistics, name)

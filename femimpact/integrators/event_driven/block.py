@@ -262,7 +262,7 @@ def no_cycles(cases: int, cycles: int) -> Array:
 
 
 def no_snapshots(block: Block) -> core.events.Snapshots:
-    """Snapshots of which none is kept."""
+    """Snapshots of a run that keeps none."""
     nothing = np.zeros(0, dtype=np.int64)
     return core.events.Snapshots(
         nothing, np.zeros((0, 2, block.cases.coordinates.shape[2])), np.zeros((0, block.pairs.rigid.size))

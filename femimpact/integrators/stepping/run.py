@@ -5,7 +5,7 @@ from __future__ import annotations
 import heapq
 import math
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import replace
+from dataclasses import fields, replace
 from functools import partial
 from typing import Any
 
@@ -283,9 +283,6 @@ MOST_STEPS = 1e15
 ALIKE = 1.05
 """Longest over shortest run up to which cases count as equally long."""
 
-MOTION = ("peak", "rms", "first_harmonic", "phase")
-"""Numbers of a steady motion."""
-
 
 def stepped_cases(
     system: System, cases: SineCases, method: SteppingMethod, observed: Array, instants: int, workers: int,
@@ -305,7 +302,7 @@ def stepped_cases(
     require(steps <= MOST_STEPS, "frequencies", float(f.min()), "Hz", f"must take at most {MOST_STEPS:g} steps")
     ends = np.ceil(cases.cycles / (f * method.dt)).astype(int)
     begins = np.ceil((cases.cycles - cases.measured) / (f * method.dt)).astype(int)
-    motion: dict[str, NDArray[Any]] = {name: np.full(f.size, np.nan) for name in MOTION}
+    motion: dict[str, NDArray[Any]] = {item.name: np.full(f.size, np.nan) for item in fields(SteadyMotion)}
     motion["steadiness"] = np.full(f.size, "transient", dtype="<U11")
     totals = np.full((6, len(system.contacts), f.size), np.nan)
     duration, residual, diverged = np.full((3, f.size), np.nan)
