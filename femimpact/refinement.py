@@ -12,12 +12,21 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from femimpact.arrays import Array
+from femimpact.contact.laws import Rigid
 from femimpact.errors import Fault, InputError, in_range, kind_of, quantity, require
 from femimpact.errors import checked as checked_value
 from femimpact.parametric import StudyProgress, parameter_study
 from femimpact.parametric.measures import MEASURES
 from femimpact.progress import draws_progress
-from femimpact.study.best_case import EXCITATION, FREQUENCY, BestCase, best_case, check_best, ranked_designs
+from femimpact.study.best_case import (
+    EXCITATION,
+    FREQUENCY,
+    BestCase,
+    best_case,
+    check_best,
+    no_force_words,
+    ranked_designs,
+)
 from femimpact.study.parameter_plan import AxisValues
 from femimpact.study.study import Study
 from femimpact.system.system import System
@@ -125,6 +134,7 @@ def refine(
     met = {name: _values(name, given[name]) for name in worst}
     bounds = {name: _bounds(name, given[name]) for name in names if name not in worst}
     measures, found = list(dict.fromkeys((measure, *most))), list[Any]()
+    _require_forces(study, measures)
     box = np.array(list(bounds.values())).T
     # of each round after the first at most so many designs
     most_cases = (FIRST + rounds * BEST * AROUND) * math.prod(len(values) for values in met.values())
@@ -153,6 +163,17 @@ def refine(
             half = FIRST ** (-1.0 / len(bounds)) * AROUND ** (-number / len(bounds))
             designs = _around([[one[name] for name in bounds] for one in best], box, half, seed + number + 1)
     return Refinement(best_case(dataset, measure, worst, limits), dataset)
+
+
+def _require_forces(study: Any, measures: list[str]) -> None:
+    """Refuse the largest contact force of rigid contacts, which impacts in the first round would not give."""
+    contacts: Any = study.contacts if isinstance(study, System) else ()
+    if isinstance(study, Study):
+        contacts = (*study.structure.impactors, *study.structure.stops)
+    laws = {one.name: one.contact if isinstance(study, Study) else one.law for one in contacts}
+    if "peak_force" in measures and any(isinstance(law, Rigid) for law in laws.values()):
+        words = ", ".join(f"{name}: {law.name}" for name, law in laws.items())
+        raise InputError([Fault("peak_force", None, "", no_force_words(words))])
 
 
 def _of_all_rounds(progress: Any, done: int, most: int) -> Any:

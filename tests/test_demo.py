@@ -6,6 +6,7 @@ import dataclasses
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import femimpact as fi
@@ -99,15 +100,15 @@ def test_the_table_of_the_page_on_the_paper_has_the_rows_of_the_demo(found):
 @pytest.mark.parametrize(
     ("values", "resolution", "text"),
     [
-        ([4.03, 4.07, 4.12], 0.0, "4.05 (4.00 to 4.15)"),
-        ([9.24, 10.3, 10.97], 0.0, "10 (8 to 12)"),
+        ([4.03, 4.07, 4.12], 0.0, "4.070 (4.007 to 4.143)"),
+        ([9.24, 10.3, 10.97], 0.0, "10.30 (8.80 to 11.41)"),
         ([4.9, 4.9, 4.9], 0.05, "4.90 (4.85 to 4.95)"),
-        ([5.2, 5.45, 5.55], 0.05, "5.4 (5.0 to 5.8)"),
-        ([0.0183, 0.0186, 0.0192], 0.0, "0.0185 (0.0180 to 0.0195)"),
+        ([5.2, 5.45, 5.55], 0.05, "5.45 (5.06 to 5.69)"),
+        ([0.0183, 0.0186, 0.0192], 0.0, "0.01860 (0.01807 to 0.01943)"),
         ([2.0, 2.0], 0.0, "2.000 (2.000 to 2.000)"),
         ([0.0, 0.0], 0.0, "0"),
-        ([120.0, 250.0, 260.0], 0.0, "200 (0 to 300)"),
-        ([0.1, 2.0, 9.9], 0.0, "0 (0 to 15)"),
+        ([120.0, 250.0, 260.0], 0.0, "250 (85 to 295)"),
+        ([0.1, 2.0, 9.9], 0.0, "2.0 (0.0 to 12.4)"),
     ],
 )
 def test_a_spread_is_rounded_to_what_its_range_allows(values, resolution, text):
@@ -131,3 +132,22 @@ def test_a_free_directory_is_chosen_when_the_usual_one_is_taken(tmp_path, monkey
     assert demo.free_directory("femimpact-demo").name == "femimpact-demo"
     (tmp_path / "femimpact-demo").mkdir()
     assert demo.free_directory("femimpact-demo").name == "femimpact-demo-2"
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e3, 1e-4])
+def test_a_range_in_words_holds_all_starts_and_its_ends_and_median_can_be_read(scale):
+    rng = np.random.default_rng(0)
+    for width in 10.0 ** rng.uniform(-7.0, 3.0, 500):
+        middle = 10.0 ** rng.uniform(-3.0, 4.0)
+        values = middle + width * np.sort(rng.uniform(-0.5, 0.5, 3))
+        spread = spread_of(values)
+        texts = re.fullmatch(r"(\S+) \((\S+) to (\S+)\)", spread.text(scale)).groups()
+        median, low, high = map(float, texts)
+        lowest, true, highest = (scale * value for value in (spread.lowest, spread.median, spread.highest))
+        tiny = 1e-6 * (high - low)
+        assert low - tiny <= lowest and highest <= high + tiny, texts
+        assert low <= median <= high and low < high, texts
+        # two digits of half the range or four of the largest number, and two of the median whatever the range
+        unit = max((highest - lowest) / 20.0, 1.1e-3 * max(abs(low), abs(high)))
+        assert abs(median - true) <= min(unit, 0.1 * abs(true)) * 0.5001 + 1e-12 * abs(true), texts
+        assert all(len(text.lstrip("-0.").replace(".", "").rstrip("0")) <= 4 for text in texts), texts

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from builders import oscillator, paper_study_text
 
 import femimpact as fi
+from femimpact.study.study import build
 from femimpact.study.study_file import read_study
 
 RATIO, LEVEL = 0.05, 1e-3
@@ -130,3 +132,19 @@ def test_bad_input_is_one_line(axes: object, more: dict[str, object], words: str
     with pytest.raises(fi.InputError, match=words) as refused:
         fi.refine(mass_on, axes=axes, **{"measure": "peak", **DRIVE, **more})
     assert len(str(refused.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize("more", [{"measure": "peak_force"}, {"measure": "peak", "limits": {"peak_force": 50.0}}])
+def test_the_force_of_a_rigid_ball_is_refused_before_the_first_round(more: dict[str, object]) -> None:
+    contact = re.compile(r"^contact = .*$", re.MULTILINE)
+    text = contact.sub('contact = { law = "rigid", restitution = 0.78 }', paper_study_text())
+    study = read_study(text.replace('"newmark"', '"event-driven"'), Path("study.toml"))
+    axes = {"impactor.ball.gap": (1e-3, 3e-3), "base.frequency": [4.9, 5.0]}
+    begun: list[object] = []
+    for given in (study, build(study)[1]):
+        drive = {} if given is study else {"excitation": study.excitation}
+        named = axes if given is study else {"impactor.ball.gap": (1e-3, 3e-3), "base.frequency": [4.9, 5.0]}
+        with pytest.raises(fi.InputError, match=r"^peak_force: has no value .*\(ball: rigid\)") as refused:
+            fi.refine(given, axes=named, starts=1, cycles=3, progress=begun.append, **drive, **more)
+        assert len(str(refused.value).splitlines()) == 1
+    assert not begun

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 import warnings
 from pathlib import Path
 
@@ -412,3 +413,13 @@ def test_a_pair_of_dimensions_is_refused_with_the_key_of_the_other_end(name, pai
         fi.Segment(LENGTH, **MATERIAL, **given)
     with pytest.raises(fi.InputError, match=f"is end_{name}$"):
         fi.Beam.uniform(length=LENGTH, **MATERIAL, **given)
+
+
+@pytest.mark.parametrize("name", ["thickness", "width"])
+def test_a_pair_in_a_study_file_is_refused_with_the_key_of_the_other_end(name):
+    text = re.sub(rf"^{name} = .*$", f"{name} = [2e-3, 1e-3]", paper_study_text(), flags=re.MULTILINE)
+    with pytest.raises(fi.InputError, match=rf"^beam\.{name} = \[0\.002, 0\.001\] m: .* is end_{name}$"):
+        read_study(text, Path("study.toml"))
+    stepped = "\n".join(["[[beam.segment]]", 'name = "arm"', *text.split("[beam]")[1].split("\n")[1:]])
+    with pytest.raises(fi.InputError, match=rf"^beam\.segment\.arm\.{name} .* is end_{name}$"):
+        read_study(stepped, Path("study.toml"))

@@ -4,10 +4,23 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
-from femimpact.errors import Fault, check_fields, checked, quantity, require, require_type, text
+from femimpact.errors import Fault, InputError, check_fields, checked, quantity, require, require_type, text
+
+
+def require_single(values: Mapping[str, Any]) -> None:
+    """Refuse a width or a thickness that is a pair, with the name of the field that has the other end.
+
+    Raises `InputError`.
+    """
+    pairs = [name for name in ("width", "thickness") if isinstance(values.get(name), tuple | list)]
+    allowed = "must be one number: the other end of a tapered Segment is end_{}"
+    faults = [Fault(name, values[name], "m", allowed.format(name)) for name in pairs]
+    if faults:
+        raise InputError(faults)
 
 
 @dataclass(frozen=True)
@@ -60,12 +73,7 @@ class Segment:
 
     def __post_init__(self) -> None:
         faults = []
-        for name in ("width", "thickness"):
-            value, allowed = (
-                getattr(self, name),
-                f"must be one number: the other end of a tapered Segment is end_{name}",
-            )
-            require(not isinstance(value, tuple | list), name, value, "m", allowed)
+        require_single({name: getattr(self, name) for name in ("width", "thickness")})
         given = {n for n in ("width", "thickness", "area", "second_moment") if getattr(self, n) is not None}
         if given not in ({"width", "thickness"}, {"area", "second_moment"}):
             allowed = "give width and thickness (m), or area (m^2) and second_moment (m^4)"

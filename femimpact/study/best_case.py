@@ -404,6 +404,13 @@ def better_of_measures(dataset: xarray.Dataset) -> dict[str, str]:
     }
 
 
+def no_force_words(
+    laws: str,  # of the contacts, by their names
+) -> str:
+    """Why there is no contact force to be measured."""
+    return f"has no value of contacts without a contact time ({laws}): take another law, as kelvin-voigt"
+
+
 def _require_values(dataset: xarray.Dataset, name: str) -> None:
     """Refuse a measure that no case has, with the contact laws where they are why."""
     values, failed = dataset[name].to_numpy(), dataset["failed_starts"].to_numpy() > 0
@@ -414,8 +421,7 @@ def _require_values(dataset: xarray.Dataset, name: str) -> None:
     laws = dataset.attrs.get("contact_laws", "")
     none = np.isnan(values) & ~failed & (dataset["finished"].to_numpy() > 0)
     if name in OF_LAW and laws and none.any():
-        allowed = f"has no value of contacts without a contact time ({laws}): take another law, as kelvin-voigt"
-        raise InputError([Fault(name, None, "", allowed)])
+        raise InputError([Fault(name, None, "", no_force_words(laws))])
     require(bool(np.isfinite(values).any()), name, None, "", "has no value in any case")
 
 

@@ -19,7 +19,7 @@ from femimpact.errors import Fault, InputError, allowed_range, checked, require_
 from femimpact.fem.mesh import uniform_mesh
 from femimpact.integrators.methods import METHODS
 from femimpact.regular_file import read_regular
-from femimpact.structure.beam import Beam, Segment
+from femimpact.structure.beam import Beam, Segment, require_single
 from femimpact.structure.damping import ModalDamping, Rayleigh
 from femimpact.structure.structure import Absorber, Dashpot, Impactor, PointMass, Spring, Stop, Structure, Support
 from femimpact.study.base_motion import HISTORY_KEYS, SIGNALS, BaseMotion, RecordedMotion, SignalMotion, record_beside
@@ -267,13 +267,23 @@ def _key_faults(
     return [*faults, *(Fault(f"{prefix}.{name}", None, "", suggestion(name, fields)) for name in unknown)]
 
 
+def _segment(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any:
+    before = len(faults)
+    _collected(prefix, partial(require_single, values), faults)
+    if len(faults) == before:
+        return _noun(Segment, prefix, values, faults)
+    single = {name: value for name, value in values.items() if name not in ("width", "thickness")}
+    faults += _key_faults(Segment, prefix, single)
+    return None
+
+
 def _beam(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any:
     if "segment" not in values:
-        segment = _noun(Segment, prefix, values, faults)
+        segment = _segment(prefix, values, faults)
         return Beam((segment,)) if segment is not None else None
     for name in sorted(set(values) - {"segment"}):
         faults.append(Fault(f"{prefix}.{name}", None, "", "belongs into each [[beam.segment]] of a stepped beam"))
-    segments = _table(f"{prefix}.segment", partial(_noun, Segment), True, values["segment"], faults)
+    segments = _table(f"{prefix}.segment", _segment, True, values["segment"], faults)
     if segments == []:
         faults.append(Fault(f"{prefix}.segment", None, "", "must hold at least one segment"))
     return _collected(prefix, lambda: Beam(tuple(segments)), faults) if segments else None

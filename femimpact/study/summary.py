@@ -53,23 +53,34 @@ class Spread:
     resolution: float = 0.0  # what one start's value is exact to, as the step of a grid; 0 where it is rounding
 
     def text(self, scale: float = 1.0) -> str:
-        """Median and range in words: rounded to a 1, 2 or 5 that is half of the range or more.
+        """Median and range in words, to two digits of half the range, of at most four that are significant.
 
-        The range is rounded outwards, after a quarter of it at each end for the starts that were not run.
+        What is exact to the step of a grid has no more digits than the step. The range is rounded outwards, after a
+        quarter of it at each end for the starts that were not run.
         """
         low, middle, high, step = (scale * x for x in (self.lowest, self.median, self.highest, self.resolution))
-        wanted = max((high - low) / 2.0, step, 1e-3 * abs(middle))
-        if not 0.0 < wanted < math.inf:
+        largest = max(abs(low), abs(middle), abs(high))
+        if not 0.0 < largest < math.inf:
             return f"{middle:.4g}"
-        decade = 10.0 ** math.floor(math.log10(wanted))
-        # the step of a grid, 0.05, is taken as the unit itself, not as more than it by rounding
-        unit = next(n * decade for n in (1.0, 2.0, 5.0, 10.0) if n * decade >= wanted * (1.0 - 1e-9))
-        digits = max(-math.floor(math.log10(unit) + 1e-9), 0)
         beyond = step + (high - low) / 4.0
+        place = max(_place((high - low) / 2.0) - 1, _place(step), _place(largest + beyond) - 3)
+        unit = 10.0**place
         down, up = math.floor((low - beyond) / unit + 1e-6), math.ceil((high + beyond) / unit - 1e-6)
         if low >= 0.0:
             down = max(down, 0)
-        return f"{round(middle / unit) * unit:.{digits}f} ({down * unit:.{digits}f} to {up * unit:.{digits}f})"
+        # a median far below the largest value keeps two digits
+        of_middle = min(place, _place(middle) - 1) if middle else place
+        return f"{_at_place(middle, of_middle)} ({_at_place(down * unit, place)} to {_at_place(up * unit, place)})"
+
+
+def _place(value: float) -> int:
+    """Power of ten of the first digit of a size, far below all others for zero."""
+    return math.floor(math.log10(abs(value)) + 1e-9) if value else -400
+
+
+def _at_place(value: float, place: int) -> str:
+    """The value rounded to a power of ten."""
+    return f"{round(value, -place):.{max(-place, 0)}f}"
 
 
 def spread_of(
