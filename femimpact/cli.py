@@ -202,8 +202,18 @@ def _show_warning(message: Warning | str, *_about: Any) -> None:
 
 def _show_warnings(results: StudyResults) -> None:
     """The warnings of results, where nothing else of them is printed."""
-    for text in results.summary.get("warnings", []):
+    found = results.summary.get("warnings", [])
+    for text in found:
         _show_warning(text)
+    if found:
+        print(f"femimpact: {_warnings_page()}", file=sys.stderr)
+
+
+def _warnings_page() -> str:
+    """Words on where warnings are explained."""
+    from femimpact.export.report.page import WARNINGS_PAGE
+
+    return f"what warnings mean and what to do: {WARNINGS_PAGE}"
 
 
 def _fail(message: str, status: int) -> None:
@@ -317,13 +327,14 @@ def check(study: Path, *, strict: bool = False) -> None:
     with _waiting("check", quiet=False):
         plan = load_study(study)
         lines, found = lines_of_check(plan)
-    for line in lines:
-        print(line)
     if plan.plan is not None:
         from femimpact.parametric.study_command import plan_lines as study_lines
 
-        for line in study_lines(plan):
-            print(line)
+        lines += study_lines(plan)
+    for line in lines:
+        print(line)
+    if found.passed or any(line.startswith("warning: ") for line in lines):
+        print(_warnings_page())
     if strict and found.passed:
         _fail(f"check --strict: {len(found.passed)} limits are passed: {'; '.join(r.what for r in found.passed)}", 2)
 
@@ -708,8 +719,6 @@ def _percent(value: float | None, digits: int = 3) -> str:
 
 
 def _print_closing(where: Console, results: StudyResults) -> None:
-    from femimpact.export.report.page import WARNINGS_PAGE
-
     residual = results.summary.get("energy_residual")
     if residual is not None:
         where.print(f"energy unaccounted for: {residual:.2g} of the energy put in")
@@ -718,7 +727,7 @@ def _print_closing(where: Console, results: StudyResults) -> None:
     for text in results.summary.get("warnings", []):
         where.print(f"warning: {text}", style="yellow")
     if results.summary.get("warnings"):
-        where.print(f"what warnings mean and what to do: {WARNINGS_PAGE}")
+        where.print(_warnings_page())
     _print_report(where, results.directory)
     where.print(f"results in {results.directory}")
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -17,6 +18,7 @@ from command import femimpact, femimpact_process
 
 import femimpact as fi
 from femimpact import core
+from femimpact.export.report.page import WARNINGS_PAGE
 from femimpact.study.demo import paper_study_text
 
 
@@ -236,7 +238,8 @@ def test_interrupt_leaves_nothing_behind(tmp_path, request_to_end):
 
 
 def test_converge_writes_tables_and_figures(tmp_path):
-    (tmp_path / "small.toml").write_text(SMALL_STUDY, encoding="utf-8")
+    text = SMALL_STUDY.replace("[output]", '[output]\ntitle = "Mesh of an arm"\nauthor = "A. Author"', 1)
+    (tmp_path / "small.toml").write_text(text, encoding="utf-8")
     printed = femimpact("converge", "small.toml", "-o", "out", "--accuracy", "1e-4", cwd=tmp_path).stdout
     both = {f"{name}.{kind}" for kind in ("csv", "png") for name in (
         "mesh_convergence", "step_convergence", "quantities_over_mesh", "quantities_over_step", "quantities_over_modes",
@@ -248,6 +251,25 @@ def test_converge_writes_tables_and_figures(tmp_path):
     assert "Linear response without contacts, base motion of 0.2037 mm at 4.9 Hz" in printed
     assert "Runs with contacts, base motion of 0.2037 mm at 4.9 Hz" in printed
     assert max(map(len, printed.splitlines())) <= 80
+    page = (tmp_path / "out" / "report.html").read_text("utf-8")
+    assert "<title>Mesh of an arm" in page
+    assert "A. Author" in page[: page.index("<main")]
+
+
+def test_check_and_quiet_name_the_page_of_warnings_with_their_warnings(tmp_path):
+    clean, warned = (re.sub(r"^(points|refine) = .*$", rf"\1 = {n}", UNDRAWN_STUDY, flags=re.MULTILINE) for n in (9, 4))
+    (tmp_path / "study.toml").write_text(re.sub(r"^stop = .*$", "stop = 4.1", warned, flags=re.M), encoding="utf-8")
+    words = f"what warnings mean and what to do: {WARNINGS_PAGE}"
+    checked = femimpact("check", "study.toml", cwd=tmp_path).stdout.splitlines()
+    assert any(line.startswith("warning: ") for line in checked)
+    assert checked[-1] == words
+    quiet = femimpact("sweep", "study.toml", "--quiet", "-o", "out", cwd=tmp_path).stderr.splitlines()
+    assert quiet[0].startswith("femimpact: warning: ")
+    assert quiet.count(f"femimpact: {words}") == 1
+    assert quiet[-1] == f"femimpact: {words}"
+    (tmp_path / "study.toml").write_text(clean, encoding="utf-8")
+    quiet = femimpact("modes", "study.toml", "--quiet", "-o", "modes", cwd=tmp_path).stderr
+    assert (words in quiet) == ("warning: " in quiet)
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="needs a limit on address space")

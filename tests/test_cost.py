@@ -85,6 +85,20 @@ def test_the_plan_names_memory_and_time(study):
         assert words in text
 
 
+def test_the_run_that_finds_the_largest_values_is_in_the_time_of_a_history(study):
+    ready = prepare(study, ("simulate",))
+    sparse = dataclasses.replace(ready.record, every=1000, interval=None)
+
+    def seconds(times):
+        base = dataclasses.replace(study.base, duration=times * study.base.duration)
+        return history_cost(dataclasses.replace(study, base=base), ready.small, ready.method, sparse).seconds
+
+    cycles = study.base.duration * study.base.frequency
+    run = ready.method.cost(ready.small, study.base.frequency).history_seconds * cycles
+    # the samples that are written take a hundredth of a run
+    assert seconds(200.0) - seconds(100.0) == pytest.approx(100.0 * 2.0 * run, rel=0.05)
+
+
 def test_points_of_a_grid_are_found_in_linear_memory():
     coarse = np.linspace(4.0, 6.0, 30_001)
     frequency = np.unique(np.round(np.concatenate([coarse, np.linspace(4.9, 5.1, 20_011)]), 9))

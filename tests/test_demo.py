@@ -145,8 +145,10 @@ def test_a_range_in_words_holds_all_starts_and_its_ends_and_median_can_be_read(s
         median, low, high = map(float, texts)
         lowest, true, highest = (scale * value for value in (spread.lowest, spread.median, spread.highest))
         tiny = 1e-6 * (high - low)
-        assert low - tiny <= lowest and highest <= high + tiny, texts
-        assert low <= median <= high and low < high, texts
+        assert low - tiny <= lowest, texts
+        assert highest <= high + tiny, texts
+        assert low <= median <= high, texts
+        assert low < high, texts
         # two digits of half the range or four of the largest number, and two of the median whatever the range
         unit = max((highest - lowest) / 20.0, 1.1e-3 * max(abs(low), abs(high)))
         assert abs(median - true) <= min(unit, 0.1 * abs(true)) * 0.5001 + 1e-12 * abs(true), texts

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable
 from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,7 +23,7 @@ from femimpact.parametric.workers import block_cases, connected
 from femimpact.response.response import Recorder
 from femimpact.study.best_case import best_cases, check_best, told_lines
 from femimpact.study.parameter_plan import BestPlan
-from femimpact.study.prepared import START, history_cost
+from femimpact.study.prepared import RUNS_OF_HISTORY, START, history_cost
 from femimpact.study.result_directory import FILES
 from femimpact.study.result_page import add_report
 from femimpact.study.study import Study
@@ -168,8 +169,9 @@ def plan_lines(study: Study) -> list[str]:
     cost = method.cost(given.nominal, study.base.frequency)
     each, memory = cost.sweep_seconds * given.dwell, cost.sweep_memory * AT_ONCE * given.dwell
     if not given.has_cycle:
-        one = history_cost(study, given.nominal, method, Recorder((str(given.observed),)))
-        each, memory = RUN_FACTOR * (one.seconds - START), one.memory * cores()
+        alone = replace(study, output=replace(study.output, starts=1))
+        one = history_cost(alone, given.nominal, method, Recorder((str(given.observed),)))
+        each, memory = RUN_FACTOR * (one.seconds - START) / RUNS_OF_HISTORY, one.memory * cores()
     elif any(item.source is Source.RUN for item in given.chosen):
         each += RUN_FACTOR * cost.history_seconds * given.dwell
     seconds = each * given.runs

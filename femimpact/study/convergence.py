@@ -241,6 +241,7 @@ def _about(study: Study, system: System, found: WrittenConvergence, accuracy: fl
     more = [*found.notes, *found.mesh.notes, *(found.step.notes if found.step else ())]
     return {
         "study": study.path.name,
+        **{name: getattr(study.output, name) for name in ("title", "author", "date")},
         "problem": next((table.problem for table in studied), ""),
         "accuracy": accuracy,
         "notes": list(dict.fromkeys([*notes, *more])),

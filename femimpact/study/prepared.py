@@ -407,6 +407,10 @@ FIGURES, MOVIE, FRAME = 4.0, 2.0, 0.07
 """Drawing all figures, beginning a movie, and each frame of it, rendered without a graphics card, s."""
 
 
+RUNS_OF_HISTORY = 2
+"""A history, and the same run once more in which the largest values between its samples are found."""
+
+
 @dataclass(frozen=True)
 class Cost:
     """Peak of the memory (bytes) that a part of a run takes beyond the libraries', and its time (s) on one core."""
@@ -470,7 +474,7 @@ def history_cost(study: Study, small: System, method: Method, record: Recorder) 
     rest = sum(parts.values()) - kept
     cycles = study.base.history_duration * study.base.frequency
     seconds = method.cost(small, study.base.frequency).history_seconds * cycles
-    runs = runs_of_starts(small, study.output.starts)
+    runs = RUNS_OF_HISTORY * runs_of_starts(small, study.output.starts)
     return Cost(LEAST + COPIES * kept + rest, START + runs * seconds + WRITING * kept)
 
 

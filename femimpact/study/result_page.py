@@ -152,7 +152,8 @@ def page_of(
         sections.append(section)
         results.missing.extend(text for text in lost if text not in results.missing)
     title = name if structure is None else f"{name}: {structure_words(structure, system.contacts if system else ())}"
-    given_title, by = ("", "") if study is None else _head(study.output)
+    head = written if study is None else vars(study.output)
+    given_title, by = _head(*(str(head.get(name, "")) for name in ("title", "author", "date")))
     return Page(
         title=given_title or title,
         by=by,
@@ -232,9 +233,9 @@ def _of_parameter_study(
     )
 
 
-def _head(output: Output) -> tuple[str, str]:
+def _head(*given: str) -> tuple[str, str]:
     """Title that the study gives its report, and a line with author and date; each empty where it gives none."""
-    title, *by = (" ".join(words.split()) for words in (output.title, output.author, output.date))
+    title, *by = (" ".join(words.split()) for words in given)
     return title, ", ".join(filter(None, by))
 
 
