@@ -580,9 +580,10 @@ def _draw_again(directory: Path, kind: str, quiet: bool) -> None:
 
 
 def _print_results(study: Study, results: StudyResults) -> None:
+    from femimpact.study.results import carried_of
     from femimpact.sweep import ONE_START
 
-    where, summary, marks = console(), results.summary, [""]
+    where, summary, marks, carried = console(), results.summary, [""], carried_of(results.summary)
     if results.modes is not None:
         columns = list(results.modes)
         print_table(where, columns, zip(*results.modes.values(), strict=True), "Modes (Hz, 1, kg^0.5, kg)")
@@ -602,13 +603,14 @@ def _print_results(study: Study, results: StudyResults) -> None:
             f"{_percent(curve['damping_half_power'])} by half-power{' (not resolved)' if coarse else ''}"
         )
         where.print(
-            f"sweep, {label}: peak {_number(curve['peak_amplitude'], 1e3)}{marks[-1]} mm{low} at "
+            f"sweep, {carried if label == 'ball' else label}: "
+            f"peak {_number(curve['peak_amplitude'], 1e3)}{marks[-1]} mm{low} at "
             f"{curve['peak_frequency']:.5g} Hz; {damping}"
         )
     if "starts_of_sweep" in summary:
         _print_sweep_starts(where, summary)
     elif "amplitude_ratio" in summary:
-        where.print(f"amplitude ratio without / with ball: {summary['amplitude_ratio']:.4g}{max(marks)}")
+        where.print(f"amplitude ratio without / with {carried}: {summary['amplitude_ratio']:.4g}{max(marks)}")
     if "history" in summary:
         marks.append(_print_history(where, study, summary))
     if any(marks):
@@ -664,7 +666,9 @@ def _print_history(where: Console, study: Study, summary: Mapping[str, Any]) -> 
 
 def _print_sweep_starts(where: Console, summary: Mapping[str, Any]) -> None:
     """Print medians and ranges of the sweep with balls from several starts."""
-    count = summary["starts_of_sweep"]
+    from femimpact.study.results import carried_of
+
+    count, carried = summary["starts_of_sweep"], carried_of(summary)
     for starts in summary["starts"].values():
         peak, at, ratio, damping = (
             _range_words(starts, name, scale=scale) or "none"
@@ -672,8 +676,8 @@ def _print_sweep_starts(where: Console, summary: Mapping[str, Any]) -> None:
                                 ("damping_amplitude_ratio", 100.0))
         )  # fmt: skip
         where.print(
-            f"sweep, ball, median and range of {count} starts: peak {peak} mm at {at} Hz; "
-            f"amplitude ratio without / with ball: {ratio}; damping by the drop of the peak {damping} %"
+            f"sweep, {carried}, median and range of {count} starts: peak {peak} mm at {at} Hz; "
+            f"amplitude ratio without / with {carried}: {ratio}; damping by the drop of the peak {damping} %"
         )
 
 

@@ -1,11 +1,13 @@
 """Absorbers and dashpots of balls: closed-form responses, limits, energy balances, methods, files and the optimum."""
 
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from builders import REFERENCE
+from builders import REFERENCE, UNDRAWN_STUDY
+from command import femimpact
 
 import femimpact as fi
 from femimpact.study.study_file import read_study, study_text
@@ -330,10 +332,10 @@ def test_case_under_a_chirp_is_the_run_of_its_absorber(tmp_path):
 
 
 def test_planned_test_has_no_contact_and_no_wall_of_an_absorber():
-    body = fi.Absorber("absorber", "tip", 1e-3, 1.0, 0.01)
+    body = fi.Absorber("tuned", "tip", 1e-3, 1.0, 0.01)
     system = fi.reduce(fi.assemble(replace(REFERENCE, impactors=(), absorbers=(body,)), 8), 3)
     found = fi.preflight(system, fi.Sine(1e-4, 5.0), duration=20.0, initial=fi.State.at_rest("space"))
-    assert not [row.what for row in found.rows if "absorber" in row.what]
+    assert not [row.what for row in found.rows if "tuned" in row.what]
     run = fi.integrate(system, fi.Sine(1e-4, 5.0), fi.EventDriven(), 20.0, initial=fi.State.at_rest("space"))
     (deflection,) = (row for row in found.rows if row.what.startswith("largest deflection"))
     # the absorber of the run is that of the test
@@ -428,3 +430,27 @@ def test_results_and_pictures_show_the_absorber(tmp_path):
     assert "2 g on 5.5 N/m and 0.01235 N s/m at 200 mm" in page
     # what is drawn again from the results is the same
     assert fi.load(tmp_path / "out").summary == results.summary
+
+
+@pytest.mark.parametrize(
+    ("number", "absorbers", "words"),
+    [(0, 1, "absorber"), (0, 2, "absorbers"), (1, 0, "ball"), (2, 0, "balls"), (1, 1, "ball and absorber")],
+)
+def test_texts_name_what_the_structure_carries(tmp_path, number, absorbers, words):
+    text = UNDRAWN_STUDY
+    begin, end = text.index("[[impactor]]"), text.index("[damping]")
+    ball = text[begin:end]
+    bodies = "".join(ball.replace('name = "ball"', f'name = "b{i}"') for i in range(number))
+    for i in range(absorbers):
+        bodies += f'[[absorber]]\nname = "a{i}"\nat = "tip"\nmass = 3e-3\nstiffness = 3.0\ndamping = 0.03\n'
+    (tmp_path / "study.toml").write_text(text[:begin] + bodies + text[end:], encoding="utf-8")
+    printed = femimpact("run", "study.toml", "-o", "out", cwd=tmp_path).stdout
+    assert f"sweep, {words}: peak" in printed
+    assert f"amplitude ratio without / with {words}: " in printed
+    assert f" without {words}" in femimpact("check", "study.toml", cwd=tmp_path).stdout
+    page = (tmp_path / "out" / "report.html").read_text("utf-8")
+    page = re.sub(r"<(script|style).*?</\1>|<[^>]*>", " ", page, flags=re.DOTALL)
+    for label in (f"Largest peak without {words}", f"Largest peak with {words}"):
+        assert label in page
+    if "ball" not in words:
+        assert not re.search(r"(with|without) (the )?balls?\b", page)

@@ -24,7 +24,7 @@ from femimpact.structure.beam import Beam, Segment
 from femimpact.structure.structure import Dashpot, PointMass, Spring, Structure, Support
 from femimpact.study.base_motion import Signal, numbers_of_signal, signal_of_numbers
 from femimpact.study.result_directory import FILES
-from femimpact.study.results import read_dataset, read_sticking, read_table
+from femimpact.study.results import carried_of, read_dataset, read_sticking, read_table
 from femimpact.sweep import SWEEP_UNITS, FrequencyResponse
 from femimpact.system.modes import Modes
 from femimpact.system.system import System
@@ -353,10 +353,10 @@ def read_bands(folder: Path, summary: Mapping[str, Any]) -> list[tuple[str, Arra
         return []
     frames = {"base": "relative to the base", "space": "in the inertial frame", "static": "in the static position"}
     count = summary.get("starts_of_sweep")
-    words = {start: f"{count} starts of the ball" if count else f"starts from rest {frame}"
+    words = {start: f"{count} starts of the {carried_of(summary)}" if count else f"starts from rest {frame}"
              for start, frame in frames.items()}  # fmt: skip
     return [
-        (f"with ball, {text}", columns["frequency"], columns[f"{start}_low"], columns[f"{start}_high"])
+        (f"with {carried_of(summary)}, {text}", columns["frequency"], columns[f"{start}_low"], columns[f"{start}_high"])
         for start, text in words.items()
         if f"{start}_low" in columns
     ]

@@ -23,7 +23,7 @@ from femimpact.contact.laws import Rigid
 from femimpact.errors import Fault, InputError, require
 from femimpact.study.picture_data import read_bands, read_curves, read_film, read_last_cycles, read_mode_shapes
 from femimpact.study.result_directory import FILES, update_results
-from femimpact.study.results import read_summary, write_summary
+from femimpact.study.results import carried_of, read_summary, write_summary
 
 KINDS = ("figures", "movie")
 """Kinds of pictures in the order in which they are drawn: the one that fails most often comes last."""
@@ -112,7 +112,7 @@ def _figures(source: Path, summary: Mapping[str, Any]) -> Iterator[tuple[str, Ca
     swept = read_curves(source, summary)
     if swept is not None:
         curves, coarse = swept
-        labels = {"empty": "without ball", "ball": "with ball"}
+        labels = {"empty": f"without {carried_of(summary)}", "ball": f"with {carried_of(summary)}"}
         named = {label: curves[case] for case, label in labels.items() if case in curves}
         yield (
             "response_figure",

@@ -38,7 +38,7 @@ from femimpact.response.response import Recorder
 from femimpact.response.signals import LARGE, deflection_warnings
 from femimpact.structure.damping import ModalDamping
 from femimpact.structure.structure import Structure
-from femimpact.study.prepared import lines_of_plan, prepare, refined_grid
+from femimpact.study.prepared import carried_words, lines_of_plan, prepare, refined_grid
 from femimpact.study.study import Study, build
 from femimpact.sweep.curve import TRANSIENT_LEFT, grid_resolution, transient_left
 from femimpact.system.modes import Modes, first_elastic_frequency, first_resonance, solve_modes
@@ -530,7 +530,8 @@ def _of_grid(system: System, f: Array, cycles: int | None, excitation: Excitatio
 
 def _deflection(system: System, largest: float, of: str) -> PreflightRow:
     """The largest deflection (m) of a linear run over the length: of a system with balls, which lower it, no limit."""
-    what, limit = f"largest deflection{of} without balls, over the length", math.nan if system.balls else LARGE
+    without = f" without {carried_words(system)}" if system.balls else ""
+    what, limit = f"largest deflection{of}{without}, over the length", math.nan if system.balls else LARGE
     return _row(what, largest / system.length, "1", limit, "; ".join(deflection_warnings(largest, system.length)))
 
 

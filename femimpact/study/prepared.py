@@ -39,6 +39,16 @@ USUAL_STRIDE = 10
 """One of so many steps is kept in a history unless the study says otherwise or a base cycle has too few."""
 
 
+def carried_words(system: System) -> str:
+    """What a structure carries, or meets: "ball", "balls", "absorber", "ball and absorber", "stop", ..."""
+    counts = {"ball": 0, "absorber": 0, "stop": 0}
+    for pair in system.contacts:
+        counts["stop" if pair.is_stop else "ball" if pair.has_walls else "absorber"] += 1
+    if counts["ball"] or counts["absorber"]:
+        counts["stop"] = 0
+    return " and ".join(f"{name}{'s' if count > 1 else ''}" for name, count in counts.items() if count) or "ball"
+
+
 @dataclass(frozen=True, eq=False)
 class PreparedStudy:
     """A study with the mesh, systems, methods and record of its run."""
@@ -52,6 +62,11 @@ class PreparedStudy:
     bare_method: Method
     record: Recorder  # what the history keeps
     warnings: tuple[str, ...]  # of the method on the system
+
+    @property
+    def carried(self) -> str:
+        """What the structure carries, in words."""
+        return carried_words(self.small)
 
 
 def prepare(study: Study, parts: tuple[str, ...] = PARTS) -> PreparedStudy:
@@ -226,7 +241,7 @@ def lines_of_plan(prepared: PreparedStudy) -> list[str]:
         f"{len(small.balls) - absorbers} ball(s), {len(small.contacts) - len(small.balls)} stop(s)"
         f"{f', {absorbers} absorber(s)' if absorbers else ''}",
         f"first natural frequency: {first_elastic_frequency(small):.6g} Hz"
-        f"{' without ball' if small.balls else ''}"
+        f"{f' without {prepared.carried}' if small.balls else ''}"
         f"{'' if small.first_frequency > 0.0 else ', above a rigid motion at 0 Hz'}",
         f"contact time: {contact_time:.4g} s" if np.isfinite(contact_time) else "contact time: no contact",
     ]
@@ -290,7 +305,7 @@ def _files_elsewhere(study: Study) -> list[str]:
 
 def _starts_words(small: System, starts: int) -> str:
     """Words on further starts, whose time is in that of the run."""
-    return f", with {starts} further starts of the balls" if runs_of_starts(small, starts) > 1 else ""
+    return f", with {starts} further starts of the {carried_words(small)}" if runs_of_starts(small, starts) > 1 else ""
 
 
 def runs_of_starts(small: System, starts: int) -> int:

@@ -28,7 +28,7 @@ from femimpact.structure.structure import Structure
 from femimpact.study.best_case import MOST_NAMED, BestCase, design_notes, label_of, more_designs, told
 from femimpact.study.picture_data import read_mode_shapes
 from femimpact.study.result_directory import FILES, ResultsWarning
-from femimpact.study.results import read_dataset, read_table
+from femimpact.study.results import carried_of, read_dataset, read_table
 from femimpact.study.summary import Spread, contacts_of
 from femimpact.svg import number_text
 
@@ -133,7 +133,8 @@ def _number(data: Any, *keys: str) -> float | None:
 
 def _peaks(summary: Mapping[str, Any]) -> list[Conclusion]:
     found = []
-    for case, words in (("empty", "without ball"), ("ball", "with ball")):
+    carried = carried_of(summary)
+    for case, words in (("empty", f"without {carried}"), ("ball", f"with {carried}")):
         peak, frequency = (_number(summary, "sweep", case, f"peak_{name}") for name in ("amplitude", "frequency"))
         if peak is None or frequency is None:
             continue
@@ -178,7 +179,7 @@ def _from_starts(summary: Mapping[str, Any], name: str, label: str, unit: str, s
     (words, first), *others = known
     note = "; ".join(f"{words}: {spread.text(scale)}" for words, spread in others)
     # of a run the balls are drawn, and the structure is at rest
-    text = f"starts {words}" if count is None else f"{count:.0f} starts of the ball, the beam {words}"
+    text = f"starts {words}" if count is None else f"{count:.0f} starts of the {carried_of(summary)}, the beam {words}"
     return [_of_spread(first, label, unit, scale, text, note)]
 
 
@@ -188,18 +189,23 @@ def _from_history_starts(
     """A quantity of the history that was taken over several starts."""
     spread, count = spread_at(summary, "history_starts", *keys), _number(summary, "history_starts", "count")
     return (
-        [] if spread is None else [_of_spread(spread, label, unit, scale, f"{count or 0:.0f} starts of the ball", note)]
+        []
+        if spread is None
+        else [_of_spread(spread, label, unit, scale, f"{count or 0:.0f} starts of the {carried_of(summary)}", note)]
     )
 
 
 def _ratio(summary: Mapping[str, Any]) -> list[Conclusion]:
-    several = _from_starts(summary, "peak_frequency", "Frequency of the peak with ball", "Hz")
-    several += _from_starts(summary, "amplitude_ratio", "Peak without ball over peak with it", "")
+    carried = carried_of(summary)
+    them = "them" if carried.endswith("s") or " and " in carried else "it"
+    label = f"Peak without {carried} over peak with {them}"
+    several = _from_starts(summary, "peak_frequency", f"Frequency of the peak with {carried}", "Hz")
+    several += _from_starts(summary, "amplitude_ratio", label, "")
     ratio = _number(summary, "amplitude_ratio")
     if several or ratio is None:
         return several
     sample = any(_at(summary, "sweep", case, "peak_is_one_start") for case in ("empty", "ball"))
-    return [Conclusion("Peak without ball over peak with it", _shown(ratio), one_sample=bool(sample))]
+    return [Conclusion(label, _shown(ratio), one_sample=bool(sample))]
 
 
 DROP = "Equivalent damping by the drop of the peak"
@@ -207,14 +213,16 @@ DROP = "Equivalent damping by the drop of the peak"
 
 
 def _damping(summary: Mapping[str, Any]) -> list[Conclusion]:
-    found = []
+    found, carried = [], carried_of(summary)
     ratio = _number(summary, "sweep", "empty", "damping_fit")
     if ratio is not None:
         interval = _at(summary, "sweep", "empty", "damping_fit_interval")
         known = isinstance(interval, list) and len(interval) == 2 and all(isinstance(one, float) for one in interval)
         words = f"95 % interval {100 * interval[0]:.4g} to {100 * interval[1]:.4g} %" if known else ""
         found.append(
-            Conclusion("Damping ratio without ball", _shown(100 * ratio), "%", words, note="one-pole fit of the curve")
+            Conclusion(
+                f"Damping ratio without {carried}", _shown(100 * ratio), "%", words, note="one-pole fit of the curve"
+            )
         )
     several = _from_starts(summary, "damping_amplitude_ratio", DROP, "%", 100.0)
     with_ball = _number(summary, "sweep", "ball", "damping_amplitude_ratio")
@@ -223,7 +231,9 @@ def _damping(summary: Mapping[str, Any]) -> list[Conclusion]:
     sample = bool(_at(summary, "sweep", "ball", "peak_is_one_start"))
     return [
         *found,
-        Conclusion(DROP, _shown(100 * with_ball), "%", one_sample=sample, note="damping without ball times the ratio"),
+        Conclusion(
+            DROP, _shown(100 * with_ball), "%", one_sample=sample, note=f"damping without {carried} times the ratio"
+        ),
     ]
 
 
@@ -295,8 +305,8 @@ def _contacts(summary: Mapping[str, Any]) -> list[Conclusion]:
 
 
 def _frequencies(summary: Mapping[str, Any]) -> list[Conclusion]:
-    found = []
-    for case, words in (("empty", "without ball"), ("glued", "with the balls glued on")):
+    found, carried = [], carried_of(summary)
+    for case, words in (("empty", f"without {carried}"), ("glued", "with the balls glued on")):
         values = _at(summary, "natural_frequency", case)
         if isinstance(values, list) and values and isinstance(values[0], (int, float)):
             found.append(Conclusion("First natural frequency", _shown(float(values[0])), "Hz", note=words))

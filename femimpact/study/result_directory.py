@@ -72,7 +72,7 @@ _ROWS: Mapping[str, tuple[str, ...]] = {
     "response_of_starts": ("response_of_starts.png", "response curves of both starts", "demo"),
     "curves_of_starts": (
         "curves_of_starts.csv",
-        "peaks with ball over the frequency: median, smallest and largest of the starts in each frame",
+        "peaks with balls or absorbers over the frequency: median, smallest and largest of the starts in each frame",
         "demo, sweep with starts",
     ),
     "mesh_convergence": ("mesh_convergence.csv", "natural frequencies over the mesh", "converge"),

@@ -72,8 +72,8 @@ from femimpact.study.result_directory import (
     unfinished_state,
     update_results,
 )
-from femimpact.study.results import read_json, read_summary
-from femimpact.study.study import Output, Study
+from femimpact.study.results import carried_of, read_json, read_summary
+from femimpact.study.study import Study
 from femimpact.study.study_file import load_study
 from femimpact.svg import Element, element
 from femimpact.system.system import System
@@ -306,7 +306,8 @@ def _curves(results: ResultReading) -> list[Section]:
     if swept is None:
         return []
     curves, _ = swept
-    cases = {"empty": "without ball", "ball": "with ball"}
+    carried = carried_of(results.summary)
+    cases = {"empty": f"without {carried}", "ball": f"with {carried}"}
     named = {cases.get(case, case): curve for case, curve in curves.items()}
     return [curves_section(named, bands=read_bands(results.folder, results.summary))]
 
@@ -369,7 +370,12 @@ def _modes(results: ResultReading) -> list[Section]:
     table = (
         None
         if columns is None
-        else table_of("Modes without balls", {k: _whole(v) for k, v in columns.items()}, results.units(name), name)
+        else table_of(
+            f"Modes without {carried_of(results.summary)}",
+            {k: _whole(v) for k, v in columns.items()},
+            results.units(name),
+            name,
+        )
     )
     if found is None:
         return [] if table is None else [Section("modes", "Modes", (table_element(table),))]

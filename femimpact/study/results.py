@@ -183,6 +183,12 @@ def read_summary(folder: Path) -> dict[str, Any]:
     return summary
 
 
+def carried_of(summary: Mapping[str, Any]) -> str:
+    """What the structure carries, in words: "ball", "absorber", ...; results of earlier versions do not say."""
+    carried = summary.get("carried")
+    return carried if isinstance(carried, str) else "ball"
+
+
 def read_json(path: Path) -> dict[str, Any]:
     """A file of plain data; nothing where there is none.
 

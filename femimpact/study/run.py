@@ -137,20 +137,20 @@ def run_sweep(
     if plan.refine and small.contacts:
         first = frequency_sweep(
             small, amplitude, coarse, method, plan.cycles, initial=state, ledger=False,
-            progress=lambda share: report("sweep with ball, even grid", share),
+            progress=lambda share: report(f"sweep with {prepared.carried}, even grid", share),
         )  # fmt: skip
         peak_with_ball = first.peak_frequency
     frequencies = refined_grid(plan, bare, peak_with_ball)
     without_balls = State(state.displacement, state.velocity, frame=state.frame, equilibrium=state.equilibrium)
     empty = frequency_sweep(
         bare, amplitude, frequencies, bare_method, plan.cycles, initial=without_balls, ledger=ledger,
-        progress=lambda share: report("sweep without ball", share),
+        progress=lambda share: report(f"sweep without {prepared.carried}", share),
     )  # fmt: skip
     ball = None
     if small.contacts:
         ball = frequency_sweep(
             small, amplitude, frequencies, method, plan.cycles, initial=state, ledger=ledger,
-            progress=lambda share: report("sweep with ball", share),
+            progress=lambda share: report(f"sweep with {prepared.carried}", share),
         )  # fmt: skip
     return SweepPair(empty, ball, coarse)
 

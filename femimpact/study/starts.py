@@ -129,7 +129,7 @@ def drawn_curves(
     placed, moving = scaled_starts(draws, cases.gaps[:, : len(small.balls)], speed)
     about = {"amplitude": amplitude, "acceleration": None, "cycles": plan.cycles, "at": "tip"}
     about |= {"start": start_of(state, small)}
-    row, found, what = small.point_row("tip"), [], f"sweep with ball, {starts} starts"
+    row, found, what = small.point_row("tip"), [], f"sweep with {prepared.carried}, {starts} starts"
     for i in range(starts):
         drawn = replace(cases, ball_displacement=placed[:, i], ball_velocity=moving[:, i])
         part = placed_about_structure(drawn, small)

@@ -172,6 +172,7 @@ def summary_of(
         "core": core.build_info(),
         "method": str(study.method.get("name", "newmark")),
         "step": getattr(method, "dt", math.nan),
+        "carried": prepared.carried,
     }
     if modes is not None:
         empty, glued = modes
@@ -190,7 +191,7 @@ def summary_of(
         warnings += _restitution_warnings(contacts)
     if sweeps is not None:
         summary["sweep"] = {"empty": _curve_summary(sweeps.empty, sweeps.coarse, prepared)}
-        warnings += [f"sweep without ball: {text}" for text in summary["sweep"]["empty"]["warnings"]]
+        warnings += [f"sweep without {prepared.carried}: {text}" for text in summary["sweep"]["empty"]["warnings"]]
         if sweeps.ball is not None:
             summary["sweep"]["ball"] = _curve_summary(sweeps.ball, sweeps.coarse, prepared)
             ratio = sweeps.empty.peak_amplitude / sweeps.ball.peak_amplitude
@@ -199,7 +200,7 @@ def summary_of(
             )
             summary["amplitude_ratio"] = ratio
             summary["sweep"]["ball"]["damping_amplitude_ratio"] = by_ratio.ratio
-            warnings += [f"sweep with ball: {text}" for text in summary["sweep"]["ball"]["warnings"]]
+            warnings += [f"sweep with {prepared.carried}: {text}" for text in summary["sweep"]["ball"]["warnings"]]
     if response is not None:
         warnings += [f"history: {text}" for text in response.warnings]
         channels = channel_summary(response)
@@ -219,7 +220,8 @@ def summary_of(
         summary["energy_residual"] = float(np.nanmax((sweeps.ball or sweeps.empty).energy_residual))
     # a run repeats what is said of its study
     known = prepared.warnings
-    repeated = {f"{part}: {text}" for part in ("history", "sweep without ball", "sweep with ball") for text in known}
+    parts = ("history", *(f"sweep {word} {prepared.carried}" for word in ("without", "with")))
+    repeated = {f"{part}: {text}" for part in parts for text in known}
     summary["warnings"] = [text for text in dict.fromkeys(warnings) if text not in repeated]
     return summary
 

@@ -394,7 +394,7 @@ def _shapes(system: Any, modes: Any, nodes: Any) -> Chart:
         lines.append(Line(name, 1e3 * x, scaled, 1 + i))
     places = axis_of("distance from the root (mm)", 1e3 * x, tight=True)
     return Chart(
-        "Mode shapes, without balls", places, axis_of("deflection over its largest", [-1.0, 1.0]), tuple(lines)
+        "Mode shapes of the structure alone", places, axis_of("deflection over its largest", [-1.0, 1.0]), tuple(lines)
     )
 
 
