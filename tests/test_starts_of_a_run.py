@@ -14,10 +14,12 @@ from femimpact.cli import _print_results
 from femimpact.export.tables import read_csv
 from femimpact.integrators.runs import integrate
 from femimpact.parametric.identity import plain_study, study_key
+from femimpact.study import starts as starts_of
 from femimpact.study.base_motion import SignalMotion
 from femimpact.study.picture_data import read_bands
 from femimpact.study.prepared import plan_lines, prepare
 from femimpact.study.result_conclusions import conclusions_of
+from femimpact.study.result_directory import finish_results
 from femimpact.study.starts import spreads_of
 from femimpact.study.study_file import read_study
 
@@ -184,3 +186,64 @@ def test_a_shock_has_ranges_too(tmp_path):
     # the same motion up to its largest deflection, some tenths of a second in: rounding, by which the records differ
     for name, of_study in (("median", "peak"), ("lowest", "peak_low"), ("highest", "peak_high")):
         assert peak[name] == pytest.approx(float(given[of_study][0]), rel=1e-9)
+
+
+# ---- starts that fail, and runs that are ended ----------------------------------------------------
+
+
+def failing(work, numbers):
+    """The same function, whose calls of some numbers diverge."""
+    calls = []
+
+    def called(*arguments, **more):
+        calls.append(1)
+        if len(calls) in numbers:
+            raise fi.DivergenceError("the motion grows without bound")
+        return work(*arguments, **more)
+
+    return called
+
+
+@pytest.mark.parametrize(("name", "part", "counted"), [
+    ("integrate", "history", ("history_starts", "count")), ("run_cases", "sweep", ("starts_of_sweep",)),
+])  # fmt: skip
+def test_a_start_that_diverges_is_a_named_failure_and_the_others_have_ranges(
+    tmp_path, monkeypatch, ran, name, part, counted
+):
+    monkeypatch.setattr(f"femimpact.study.starts.{name}", failing(getattr(starts_of, name), {2}))
+    found = fi.run_study(study(), tmp_path / "out").summary
+    assert found["failed_starts"] == {part: {"start 2": "the motion grows without bound"}}
+    value = found
+    for key in counted:
+        value = value[key]
+    assert value == STARTS - 1
+    (said,) = [text for text in found["warnings"] if "failed" in text]
+    assert said.startswith(f"{part}: 1 ")
+    assert "start 2: the motion grows without bound" in said
+    # the draws of the others are the same, so their range lies within that of all
+    keys = ("history_starts", "peak") if part == "history" else ("starts", "base", "peak_amplitude")
+    some, every = found, ran.summary
+    for key in keys:
+        some, every = some[key], every[key]
+    assert every["lowest"] <= some["lowest"] <= some["highest"] <= every["highest"]
+    assert "failed_starts" not in ran.summary
+
+
+def test_where_all_starts_diverge_the_run_ends_with_one_line(tmp_path, monkeypatch):
+    monkeypatch.setattr("femimpact.study.starts.integrate", failing(integrate, set(range(1, STARTS + 1))))
+    with pytest.raises(fi.DivergenceError, match=r"^all 5 starts have failed, the first: the motion grows") as ended:
+        fi.run_study(study(), tmp_path / "out")
+    assert len(str(ended.value).splitlines()) == 1
+
+
+def test_ranges_of_a_history_stay_where_the_run_is_ended_in_its_sweep(tmp_path, monkeypatch, ran):
+    def end(*_arguments, **_more):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("femimpact.study.run.run_sweep", end)
+    with pytest.raises(KeyboardInterrupt):
+        fi.run_study(study(), tmp_path / "out")
+    finish_results(tmp_path / "out", False)
+    found = fi.load(tmp_path / "out").summary
+    assert found["unfinished"] == ["sweep"]
+    assert found["history_starts"] == ran.summary["history_starts"]

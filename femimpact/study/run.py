@@ -218,8 +218,12 @@ def run_study(
             keep_modes(staging, prepared, found, [part for part in run if part != "modes"])
         if "simulate" in run:
             found = replace(found, response=run_simulation(prepared, report))
-            found = keep_history(staging, prepared, found, [part for part in run if part == "sweep"])
+            left = [part for part in run if part == "sweep"]
+            found = keep_history(staging, prepared, found, left)
             found = _with_history_starts(prepared, found, report)
+            if found.starts:
+                # so that the ranges stay with the history, should the run end now
+                _finish(staging, prepared, found, "ranges of the history", left)
         if "sweep" in run:
             found = replace(found, sweeps=run_sweep(prepared, report))
             keep_sweeps(staging, prepared, found)
@@ -232,11 +236,10 @@ def run_study(
 
 def _with_history_starts(prepared: PreparedStudy, found: Found, report: Report) -> Found:
     """The same with medians and ranges of the history, where the study has several starts."""
-    output = prepared.study.output
-    if runs_of_starts(prepared.small, output.starts) == 1:
+    if runs_of_starts(prepared.small, prepared.study.output.starts) == 1:
         return found
-    spreads = {"count": output.starts, **drawn_histories(prepared, report)}
-    return replace(found, starts={**found.starts, "history_starts": spreads})
+    spreads, failed = drawn_histories(prepared, report)
+    return replace(found, starts={**found.starts, "history_starts": spreads, **_failed(found, "history", failed)})
 
 
 def _with_sweep_starts(staging: Staging, prepared: PreparedStudy, found: Found, report: Report) -> Found:
@@ -244,11 +247,28 @@ def _with_sweep_starts(staging: Staging, prepared: PreparedStudy, found: Found, 
     plan, sweeps, start = prepared.study.sweep, found.sweeps, prepared.study.base.start
     if plan is None or sweeps is None or runs_of_starts(prepared.small, plan.starts) == 1:
         return found
-    curves = drawn_curves(prepared, sweeps.empty.frequency, report)
+    curves, failed = drawn_curves(prepared, sweeps.empty.frequency, report)
     write_curves(staging.folder, {start: curves})
     step = float(sweeps.coarse[1] - sweeps.coarse[0])
     spreads = {name: asdict(spread) for name, spread in spreads_of(curves, sweeps.empty, step).items()}
-    return replace(found, starts={**found.starts, "starts": {start: spreads}, "starts_of_sweep": plan.starts})
+    several = {"starts": {start: spreads}, "starts_of_sweep": len(curves), **_failed(found, "sweep", failed)}
+    return replace(found, starts={**found.starts, **several})
+
+
+def _failed(found: Found, part: str, failed: Mapping[str, str]) -> dict[str, Any]:
+    """The starts of a part that failed, with the reason of each, beside those of the parts before; none without any."""
+    return {"failed_starts": {**found.starts.get("failed_starts", {}), part: dict(failed)}} if failed else {}
+
+
+def _summary(prepared: PreparedStudy, found: Found) -> dict[str, Any]:
+    """The summary of what there is, with a warning of the starts that failed."""
+    summary = summary_of(prepared, found.modes, found.response, found.sweeps) | dict(found.starts)
+    texts = [
+        f"{part}: {len(failed)} of the further starts failed and are in no range; {name}: {why}"
+        for part, failed in found.starts.get("failed_starts", {}).items()
+        for name, why in list(failed.items())[:1]
+    ]
+    return summary | {"warnings": [*summary["warnings"], *texts]}
 
 
 # ---- what is kept of a run, in the order in which it is written -----------------------------------
@@ -346,7 +366,7 @@ def keep_pictures(
 ) -> None:
     """Write what the figures show besides, draw, and write the summary of it all."""
     folder, study, output = staging.folder, prepared.study, prepared.study.output
-    summary = summary_of(prepared, found.modes, found.response, found.sweeps) | {**found.starts, **(more or {})}
+    summary = _summary(prepared, found) | dict(more or {})
     if output.figures and found.response is not None and found.response.system.contacts:
         report("last cycles, for figures", 0.0)
         end = last_cycles(prepared, found.response)
@@ -365,7 +385,7 @@ def keep_pictures(
 
 def _finish(staging: Staging, prepared: PreparedStudy, found: Found, part: str, left: Sequence[str]) -> None:
     """Write the summary of what there is so far, and note that the part is on disk."""
-    summary = summary_of(prepared, found.modes, found.response, found.sweeps) | dict(found.starts)
+    summary = _summary(prepared, found)
     if left:
         summary["unfinished"] = list(left)
         text = f"the run was ended before its part{'s' if len(left) > 1 else ''} {' and '.join(left)}"

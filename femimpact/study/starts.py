@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from femimpact.arrays import Array
-from femimpact.errors import FemimpactError
+from femimpact.errors import DivergenceError, FemimpactError
 from femimpact.excitation import Excitation, Sine
 from femimpact.export import tables
 from femimpact.integrators.cases import SineCases, with_contacts_of, workers_of
@@ -116,8 +116,11 @@ def drawn_curves(
     prepared: PreparedStudy,
     frequencies: Array,  # (n,) Hz
     report: Report,
-) -> list[FrequencyResponse]:
-    """The sweep with balls from each of the `starts` of [sweep]; a case is that of a parameter study."""
+) -> tuple[list[FrequencyResponse], dict[str, str]]:
+    """The sweep with balls from each of the `starts` of [sweep], and why some have none: their motion diverged.
+
+    A case is that of a parameter study. Raises `DivergenceError` where all starts fail.
+    """
     study, small, method = prepared.study, prepared.small, prepared.method
     plan = study.sweep
     if plan is None:
@@ -129,26 +132,39 @@ def drawn_curves(
     placed, moving = scaled_starts(draws, cases.gaps[:, : len(small.balls)], speed)
     about = {"amplitude": amplitude, "acceleration": None, "cycles": plan.cycles, "at": "tip"}
     about |= {"start": start_of(state, small)}
-    row, found, what = small.point_row("tip"), [], f"sweep with {prepared.carried}, {starts} starts"
+    found, failed = list[FrequencyResponse](), dict[str, str]()
+    row, what = small.point_row("tip"), f"sweep with {prepared.carried}, {starts} starts"
     for i in range(starts):
         drawn = replace(cases, ball_displacement=placed[:, i], ball_velocity=moving[:, i])
         part = placed_about_structure(drawn, small)
         of_start = part_of(report, what, i, starts)
-        results = run_cases(small, part, method, row, 0, workers_of(None), of_start)
+        try:
+            results = run_cases(small, part, method, row, 0, workers_of(None), of_start)
+        except DivergenceError as error:
+            failed[f"start {i + 1}"] = str(error)
+            continue
         found.append(curve_of(small, method, part, columns_of_dwells(results, part.frequency, False), about))
-    return found
+    _require_some(found, failed)
+    return found, failed
 
 
-def drawn_histories(prepared: PreparedStudy, report: Report) -> dict[str, Any]:
-    """Medians and ranges of the numbers of a history over the `starts` of [output], by their names in a summary."""
+def drawn_histories(prepared: PreparedStudy, report: Report) -> tuple[dict[str, Any], dict[str, str]]:
+    """Medians and ranges of the numbers of a history over the `starts` of [output], by their names in a summary.
+
+    Returns these and why some starts have none, as of `drawn_curves`.
+    """
     study, small, starts = prepared.study, prepared.small, prepared.study.output.starts
     base, duration = study.excitation, study.base.history_duration
     record = replace(prepared.record, snapshots=0, ledger=False, state_at=None)
-    draws, rows = unit_draws(starts, len(small.balls), SEED), []
+    draws, rows, failed = unit_draws(starts, len(small.balls), SEED), [], dict[str, str]()
     for i in range(starts):
         state = drawn_state(small, study.initial, base, duration, draws[i])
         progress = part_of(report, f"history, {starts} starts", i, starts)
-        run = integrate(small, base, prepared.method, duration, record, state, progress)
+        try:
+            run = integrate(small, base, prepared.method, duration, record, state, progress)
+        except DivergenceError as error:
+            failed[f"start {i + 1}"] = str(error)
+            continue
         channels = channel_summary(run)
         rows.append({
             "peak": peak_of_history(run, channels),
@@ -156,8 +172,14 @@ def drawn_histories(prepared: PreparedStudy, report: Report) -> dict[str, Any]:
             "channels": {name: {key: about[key] for key in OF_CHANNELS} for name, about in channels.items()},
             "contacts": {pair.name: contact_forces(run, pair.name, channels) for pair in small.contacts},
         })  # fmt: skip
-    found: dict[str, Any] = _spreads(rows)
-    return found
+    _require_some(rows, failed)
+    return {"count": len(rows), **_spreads(rows)}, failed
+
+
+def _require_some(found: Sequence[Any], failed: Mapping[str, str]) -> None:
+    """Raise `DivergenceError` where all starts have failed."""
+    if not found:
+        raise DivergenceError(f"all {len(failed)} starts have failed, the first: {next(iter(failed.values()))}")
 
 
 OF_CHANNELS = ("largest", "rms", "largest_of_run")
