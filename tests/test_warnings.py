@@ -23,6 +23,7 @@ SECTIONS = dict(
 )
 
 SITES = {
+    ("study/run.py", "_summary"): ["of the further starts failed"],
     ("sweep/curve.py", "_steadiness_warnings"): ["the motion never repeats",
                                                  "the two halves of the measured time differ"],
     ("sweep/curve.py", "_dwell_warnings"): ["of the first mode's transient"],
