@@ -57,6 +57,10 @@ def _bar(what: str) -> Iterator[Progress]:
         yield lambda done: drawn.update(
             task, completed=float(done), description=what if isinstance(done, (int, float)) else f"{what}: {done}"
         )
+        if drawn.console.is_jupyter:
+            # the end of a bar would be a second, empty output of the notebook's cell
+            drawn.refresh()
+            drawn.console.quiet = True
 
 
 def bars() -> Any:
