@@ -61,5 +61,5 @@ def test_three_figures_and_a_plot_of_ones_own_are_all_shown(tmp_path):
 
 def test_progress_is_one_output_of_a_cell(tmp_path):
     pytest.importorskip("rich")
-    run = "run = fi.integrate(system, fi.Sine(1e-4, 9.0), fi.EventDriven(), 0.5, progress=True)"
+    run = "run = fi.integrate(system, fi.Sine(1e-4, 9.0), fi.Newmark(1e-4), 0.5, progress=True)"
     assert len(_outputs([FIRST, run], tmp_path)[1]) == 1

@@ -176,22 +176,30 @@ def test_keys_step_and_go_from_impact_to_impact(browser, page):
     player = find(browser, ".player")
     data = json.loads(find(browser, ".player script").get_attribute("textContent"))
     times = data["time"]
-    player.send_keys(Keys.HOME)
-    assert time_of(browser) == pytest.approx(times[0], abs=6e-5)
-    player.send_keys(Keys.ARROW_RIGHT)
-    assert time_of(browser) == pytest.approx(times[1], abs=6e-5)
-    player.send_keys(Keys.END)
-    assert time_of(browser) == pytest.approx(times[-1], abs=6e-5)
-    player.send_keys(Keys.HOME)
     impacts = sorted({one[0] for one in data["impacts"]} - {0})
     assert len(impacts) > 2
-    for frame in impacts[:3]:
-        player.send_keys(Keys.PAGE_DOWN)
-        assert time_of(browser) == pytest.approx(times[frame], abs=6e-5)
-    player.send_keys(Keys.SPACE)
-    assert find(browser, "[data-do=play]").text == "Pause"
-    player.send_keys(Keys.SPACE)
-    assert find(browser, "[data-do=play]").text == "Play"
+    # of the player, and of the page while the player is in view
+    for element in (player, find(browser, "body")):
+        find(browser, ".player input[type=range]").send_keys(Keys.HOME)
+        browser.execute_script("document.activeElement.blur(); arguments[0].scrollIntoView({block: 'center'})", player)
+        assert time_of(browser) == pytest.approx(times[0], abs=6e-5)
+        element.send_keys(Keys.ARROW_RIGHT)
+        assert time_of(browser) == pytest.approx(times[1], abs=6e-5)
+        element.send_keys(Keys.ARROW_LEFT)
+        for frame in [one for one in impacts if one > 0][:3]:
+            element.send_keys(Keys.SHIFT, Keys.ARROW_RIGHT)
+            assert time_of(browser) == pytest.approx(times[frame], abs=6e-5)
+        element.send_keys(Keys.SHIFT, Keys.ARROW_LEFT)
+        assert time_of(browser) == pytest.approx(times[impacts[1]], abs=6e-5)
+        for words in ("Pause", "Play"):
+            element.send_keys(Keys.SPACE)
+            assert find(browser, "[data-do=play]").text == words
+    # out of view the page scrolls
+    begin = time_of(browser)
+    browser.execute_script("window.scrollTo(0, document.body.scrollHeight)")
+    browser.execute_async_script("setTimeout(arguments[0], 300)")
+    find(browser, "body").send_keys(Keys.ARROW_RIGHT)
+    assert time_of(browser) == begin
 
 
 def test_a_table_sorts_by_numbers_and_is_copied_with_all_digits(browser, page):

@@ -379,15 +379,20 @@ document.querySelectorAll(".player").forEach(function (root) {
     setPlaying(false);
     show(first + ((event.clientX - area.left) / area.width) * (last - first));
   });
-  root.addEventListener("keydown", (event) => {
-    const kind = event.target.tagName;
-    if (kind === "SELECT" || event.ctrlKey || event.altKey || event.metaKey) return;
+  // wherever the focus is on the page, while most of the player is in view: keys that a page scrolls with stay
+  let inView = false;
+  document.addEventListener("keydown", (event) => {
+    const focused = event.target instanceof Element ? event.target : document.body;
+    // or that has the key for itself: text, and tables that scroll sideways
+    const takes = focused.matches("select, textarea, input:not([type=range]), [contenteditable], [tabindex]");
+    if ((takes && focused !== root) || event.ctrlKey || event.altKey || event.metaKey || !(inView || root.contains(focused))) return;
     const at = frameAt(state.time);
     const keys = {
-      ArrowLeft: () => step(at - 1), ArrowRight: () => step(at + 1), ArrowDown: () => step(at - 1), ArrowUp: () => step(at + 1),
-      Home: () => step(0), End: () => step(frames - 1), PageUp: () => impact(-1), PageDown: () => impact(1), " ": doing.play,
+      ArrowLeft: () => (event.shiftKey ? impact(-1) : step(at - 1)),
+      ArrowRight: () => (event.shiftKey ? impact(1) : step(at + 1)),
+      " ": doing.play,
     };
-    if (!(event.key in keys) || (kind === "BUTTON" && event.key === " ")) return;
+    if (!(event.key in keys) || (event.key === " " && focused.matches("button, a, summary"))) return;
     chosen = true;
     event.preventDefault();
     keys[event.key]();
@@ -397,6 +402,7 @@ document.querySelectorAll(".player").forEach(function (root) {
     // it begins when it is seen, unless the reader wants no motion or has chosen something
     new IntersectionObserver((seen) => {
       const visible = seen.some((entry) => entry.isIntersecting);
+      inView = visible;
       if (!chosen && !still.matches) setPlaying(visible);
     }, { threshold: 0.4 }).observe(root.querySelector(".stage"));
   }

@@ -42,7 +42,7 @@ SPEEDS = (1.0, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001)
 MOST_CLOSE = 4
 """Balls that are shown close up."""
 
-KEYS = "Keys: space plays and pauses, arrows step by frames, page keys by impacts, home and end go to the ends."
+KEYS = "Keys: space plays and pauses, left and right step by frames, with shift by impacts."
 
 WANTED = 10.0
 """Seconds for which the motion is shown, about."""
