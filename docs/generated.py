@@ -37,7 +37,6 @@ SUBMODULES = {
     "femimpact.figures": ("femimpact.export.figures", "Figures of results"),
     "femimpact.export.vtk": ("femimpact.export.vtk", "Files for ParaView"),
     "femimpact.export.history": ("femimpact.export.history", "Histories written while a run goes on"),
-    "femimpact.export.movie": ("femimpact.export.movie", "Movies"),
     "femimpact.export.tables": ("femimpact.export.tables", "Tables as files"),
 }
 """Modules of public functions: how a script calls them, where they are, and their headings."""

@@ -67,6 +67,7 @@ if TYPE_CHECKING:
     from femimpact.excitation import SteppedSine as SteppedSine
     from femimpact.excitation import Sum as Sum
     from femimpact.export import figures as figures
+    from femimpact.export.movie import write_movie as write_movie
     from femimpact.export.vtk import to_pyvista as to_pyvista
     from femimpact.fem.assembly import assemble as assemble
     from femimpact.fem.discretisation import Discretisation as Discretisation
@@ -171,6 +172,7 @@ _MODULES = {
         "Chirp", "HammerBlow", "PiecewisePolynomial", "PointForce", "RandomBase", "RecordedBase", "Shock", "Sine",
         "SteppedSine", "Sum",
     ),
+    "export.movie": ("write_movie",),
     "export.vtk": ("to_pyvista",),
     "fem.assembly": ("assemble",),
     "fem.discretisation": ("Discretisation", "discretise"),

@@ -26,7 +26,7 @@ from nouns import (
 
 import femimpact as fi
 from femimpact.contact.laws import ContactParameters
-from femimpact.export import movie, tables, vtk
+from femimpact.export import tables, vtk
 from femimpact.export.history import history_writer
 
 SHEET = fi.figures.OffScreen()
@@ -186,7 +186,7 @@ CALLS = {
         "path": "page.html", "parts": {"run": drawn_run(), "curve": curve(), "columns": {"a": [1.0, 2.0]}},
         "structure": STRUCTURE, "title": "Title", "notes": ("a note",),
     }),
-    "write_movie": (movie.write_movie, lambda: {
+    "write_movie": (fi.write_movie, lambda: {
         "path": "movie.gif", "response": drawn_run(), "structure": STRUCTURE, "exaggeration": 2.0, "fps": 2, "most": 2,
         "renderer": "matplotlib",
     }),

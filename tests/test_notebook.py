@@ -60,6 +60,6 @@ def test_three_figures_and_a_plot_of_ones_own_are_all_shown(tmp_path):
 
 
 def test_progress_is_one_output_of_a_cell(tmp_path):
-    pytest.importorskip("rich")
+    pytest.importorskip("ipywidgets")
     run = "run = fi.integrate(system, fi.Sine(1e-4, 9.0), fi.Newmark(1e-4), 0.5, progress=True)"
     assert len(_outputs([FIRST, run], tmp_path)[1]) == 1

@@ -107,6 +107,7 @@ NAMES = """
     truncation_notes
     uniform_mesh
     without_impactors
+    write_movie
 """
 """Public names, and behind a colon what each class has."""
 

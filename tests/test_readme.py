@@ -87,7 +87,8 @@ def test_the_script_of_the_readme_runs_as_it_stands(monkeypatch, tmp_path, capsy
     assert first[0] - first[1] > 8 * (first[1] - first[2])
 
 
-def test_the_script_of_the_page_on_scripting_runs_as_it_stands(capsys):
+def test_the_script_of_the_page_on_scripting_runs_as_it_stands(capsys, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
     pyplot = pytest.importorskip("matplotlib.pyplot")
     pyplot.switch_backend("agg")
     names = ran("docs/howto/python.md", *(f"docs/howto/{name}.md" for name in GOING_ON))
@@ -114,6 +115,7 @@ def test_the_script_of_the_page_on_scripting_runs_as_it_stands(capsys):
     last = names["motion"][0, 1].lines[2].get_ydata()
     np.testing.assert_array_equal(last, 1e3 * names["run"]["tip"][-last.size :])
     assert names["section"]["tip"].shape == (151,)
+    assert names["path"].stat().st_size > 0
 
 
 @pytest.mark.parametrize("page", ["docs/howto/convergence.md", "meshes/README.md"])

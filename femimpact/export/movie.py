@@ -143,6 +143,13 @@ def write_movie(
     ------
     InputError
         If the response holds no snapshots, or the path cannot be written.
+
+    Examples
+    --------
+    >>> import femimpact as fi
+    >>> record = fi.Recorder(channels=("tip",), snapshots=4)
+    >>> run = fi.integrate(system, fi.Sine(1e-4, 5.0), fi.Newmark(1e-3), 0.1, record)
+    >>> fi.write_movie("run.gif", run, structure)  # doctest: +SKIP
     """
     file = file_path(path)
     film = _film(response, structure, exaggeration, fps, most)
