@@ -221,6 +221,8 @@ def _data(frames: Frames, placed: PlacedStructure) -> dict[str, Any]:
                 "x": pair.position,
                 "radius": 0.0 if pair.is_stop else ball_radius(pair.mass),
                 "gaps": [gap if math.isfinite(gap) else None for gap in pair.gaps],
+                "box": [] if pair.is_stop else [end - pair.position for end in placed.box_ends(pair)],
+                "foot": placed.half_height(pair.position),  # of an absorber's spring
                 "room": 0.0 if pair.is_stop else _room(pair, frames.balls[:, j], at_pairs[:, j]),
                 "stop": bool(pair.is_stop),
                 "space": pair.fixed_to == "space",
@@ -228,7 +230,7 @@ def _data(frames: Frames, placed: PlacedStructure) -> dict[str, Any]:
             for j, pair in enumerate(placed.contacts)
         ],
         "supports": [{"kind": support.kind, "x": x} for support, x in placed.supports],
-        "bodies": [{"x": x, "offset": body.offset, "side": body_side(body.mass)} for body, x in placed.bodies],
+        "bodies": [{"x": x, "offset": body.offset, "side": body_side(body.mass)} for body, x in placed.blocks],
     }
 
 
