@@ -341,6 +341,26 @@ def test_between_snapshots_the_beam_moves_as_it_did():
     assert np.abs(read - fine.snapshots.displacement[:, -2]).max() <= 1.02 * amplitude * (omega * step) ** 4 / 384
 
 
+@pytest.mark.parametrize(("damper", "cubes"), [("ball", 1), ("absorber", 2)])
+def test_the_box_of_a_ball_is_drawn_once_in_drawing_and_player(tmp_path, damper, cubes):
+    """A body at the place of a ball is its box and no cube; elsewhere, and beside an absorber, it is one."""
+    box, clip = fi.PointMass("box", at="tip", mass=0.02, offset=0.01), fi.PointMass("clip", at=0.1, mass=5e-3)
+    beam = fi.Beam.uniform(length=0.2, width=0.02, thickness=1e-3, young_modulus=70e9, density=2700)
+    ball = fi.Impactor("ball", "tip", 2e-3, 3e-3, fi.Rigid(0.6))
+    carried = {"impactors": [ball]} if damper == "ball" else {"absorbers": [fi.Absorber("a", "tip", 2e-3, 3.0, 0.01)]}
+    structure = fi.Structure(beam, [box, clip], **carried)
+    system = fi.reduce(fi.assemble(structure, elements=4), modes=3)
+    record = fi.Recorder(channels=("tip",), snapshots=10)
+    motion = fi.integrate(system, fi.Sine(amplitude=1e-4, frequency=5.0), fi.EventDriven(), 0.5, record)
+    fi.report(tmp_path / "page.html", {"run": motion}, structure)
+    assert (tmp_path / "page.html").read_text(encoding="utf-8").count('class="body"') == cubes
+    data = player_data(tmp_path / "page.html")
+    assert len(data["bodies"]) == cubes
+    (contact,) = data["contacts"]
+    # the middle of the box is its centre of mass
+    assert 0.5 * sum(contact["box"]) == pytest.approx(0.01 if damper == "ball" else 0.0)
+
+
 def test_a_player_of_a_long_record_on_a_fine_mesh_stays_small(tmp_path):
     structure = replace(REFERENCE, impactors=(replace(REFERENCE.impactors[0], contact=fi.Rigid(0.9)),))
     record = fi.Recorder(snapshots=1)

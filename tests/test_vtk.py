@@ -13,7 +13,7 @@ from grids import points_of
 
 import femimpact as fi
 from femimpact.export import vtk
-from femimpact.export.placed import ball_radius
+from femimpact.export.placed import ball_radius, body_side
 from femimpact.export.scene import BALL, BEAM, BODY, BOX, CONNECTION, CONTACT_POINT, SUPPORT
 from femimpact.export.vtk import deflection, formats
 from femimpact.export.vtk.deflection import frames_of
@@ -76,7 +76,7 @@ def test_deflection_read_back_is_the_response(tmp_path, response, reference, exa
         assert grid.field_data["TimeValue"][0] == times[k]
         assert grid.field_data["exaggeration"][0] == exaggeration
         assert "clearance" in grid.field_data["note"][0]
-    assert set(np.unique(grids[0]["part"])) == {BEAM, BOX, BALL, SUPPORT, BODY, CONTACT_POINT}
+    assert set(np.unique(grids[0]["part"])) == {BEAM, BOX, BALL, SUPPORT, CONTACT_POINT}
 
 
 @pytest.mark.parametrize("exaggeration", [0.5, 1.0, 20.0])
@@ -367,6 +367,47 @@ def test_offset_bodies_and_springs_move_with_their_section(tmp_path):
         beam, base = grid.get_cell(cell).point_ids
         assert grid["displacement"][beam, 1] == pytest.approx(w)
         assert grid["displacement"][base, 1] == 0.0
+
+
+def carrying(*masses, **attachments):
+    """A cantilever of 0.2 m with bodies, and a ball of 2 g at its tip where nothing else is given."""
+    attachments = attachments or {"impactors": [fi.Impactor("ball", "tip", 2e-3, 3e-3, fi.Rigid(0.6))]}
+    beam = fi.Beam.uniform(length=0.2, width=0.02, thickness=1e-3, young_modulus=70e9, density=2700)
+    return fi.Structure(beam, masses, **attachments)
+
+
+@pytest.mark.parametrize("offset", [0.0, 0.01, -0.02])
+def test_the_heaviest_body_at_the_place_of_a_ball_is_its_box_and_drawn_once(offset):
+    """The middle of the box is the body's centre of mass, and the ball is within the box."""
+    light, clip = fi.PointMass("sensor", "tip", 1e-3), fi.PointMass("clip", 0.1, 5e-3)
+    structure = carrying(light, fi.PointMass("box", "tip", 0.02, offset=offset), clip)
+    system = fi.assemble(structure, elements=4)
+    grid = vtk.to_pyvista(fi.solve_modes(system, 2), structure, system)[0]
+    box, ball, bodies = (grid.points[nodes_of(grid, part)] for part in (BOX, BALL, BODY))
+    low, high = box[:, 0].min(), box[:, 0].max()
+    assert 0.5 * (low + high) == pytest.approx(0.2 + offset)
+    assert low < ball[:, 0].min() < ball[:, 0].max() < high
+    # two walls and a floor; single precision of a file holds 1e-9 m
+    assert np.count_nonzero(grid["part"] == BOX) == 3
+    ends = [x + sign * 0.5 * body_side(body.mass) for body, x in ((clip, 0.1), (light, 0.2)) for sign in (-1, 1)]
+    np.testing.assert_allclose(np.unique(bodies[:, 0].round(9)), ends, atol=1e-8)
+
+
+def test_a_body_that_carries_an_absorber_or_a_stop_stays_a_body():
+    """Neither is in a box; the absorber's post stands on the beam, and its body is at the end of its spring."""
+    absorber = fi.Absorber("absorber", "tip", 2e-3, 3.0, 0.01)
+    stop = fi.Stop("stop", "tip", 3e-3, fi.Rigid(0.6), fixed_to="space")
+    for attachments in ({"absorbers": [absorber]}, {"stops": [stop]}):
+        structure = carrying(fi.PointMass("box", "tip", 0.02), **attachments)
+        system = fi.assemble(structure, elements=4)
+        grid = vtk.to_pyvista(fi.solve_modes(system, 2), structure, system)[0]
+        assert np.count_nonzero(grid["part"] == BODY) == 1
+        assert BOX not in grid["part"]
+        if "absorbers" in attachments:
+            lines = [grid.get_cell(cell).point_ids for cell in np.flatnonzero(grid["part"] == CONNECTION)]
+            (foot, top), (other, end) = lines
+            assert (top, grid.points[foot, 2]) == (other, pytest.approx(0.01))
+            np.testing.assert_allclose(grid.points[end], grid.points[nodes_of(grid, BALL)].mean(axis=0), atol=1e-12)
 
 
 def test_what_ties_two_places_of_the_beam_moves_with_both_sections(tmp_path):

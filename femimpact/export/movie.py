@@ -24,6 +24,7 @@ from femimpact.export.placed import ball_radius, placed_structure
 from femimpact.export.scene import (
     BALL,
     BEAM,
+    BODY,
     BOX,
     CONNECTION,
     EXAGGERATION,
@@ -31,7 +32,7 @@ from femimpact.export.scene import (
     chosen_exaggeration,
     snapshots_of,
 )
-from femimpact.export.sheet import HEIGHT, VIEWS, WIDTH, Film, sheets
+from femimpact.export.sheet import BODY_COLOUR, HEIGHT, VIEWS, WIDTH, Film, sheets
 from femimpact.export.tables import thinned
 from femimpact.response.history import Snapshots
 from femimpact.response.response import Response
@@ -289,6 +290,7 @@ def _pieces(film: Film) -> list[tuple[Any, NDArray[np.intp], dict[str, Any], tup
     shiny = {"color": BLUE, "smooth_shading": True, "ambient": 0.25, "specular": 0.4, "specular_power": 20.0}
     plan: list[tuple[NDArray[np.intp], dict[str, Any], tuple[int, int] | None]]
     plan = [(np.flatnonzero(scene.part == BEAM), {"color": "#a3acb6", "ambient": 0.4}, None)]
+    plan += [(body, {"color": BODY_COLOUR}, None) for body in np.flatnonzero(scene.part == BODY)[:, None]]
     for j in range(len(film.response.system.balls)):
         if film.response.system.balls[j].has_walls:
             plus, minus, floor = np.flatnonzero((scene.part == BOX) & (scene.pair == j))[:, None]
@@ -352,7 +354,6 @@ def _aim(plotter: Any, film: Film, j: int) -> None:
     """
     balls = film.response.system.balls
     aspect = (1 + (not balls)) * 0.5 * WIDTH / (VIEWS.stop - VIEWS.start)
-    length = film.structure.beam.length
     upright = 1.0 / np.hypot(1.0, TILT[1])
     if j >= 0:
         pair, radius = balls[j], ball_radius(balls[j].mass)
@@ -361,8 +362,9 @@ def _aim(plotter: Any, film: Film, j: int) -> None:
         high = upright * (film.scene.exaggeration * film.room(j) + 2.2 * radius)
         scale = max(high, 1.6 * radius * len(balls) / aspect)
     else:
-        target = (0.5 * length, 0.0, 0.25 * film.structure.beam.segments[0].rectangle[0])
-        scale = max(upright * 1.08 * film.reach, 0.56 * length / aspect)
+        middle, half = film.ends(-0.06, 1.06)
+        target = (middle, 0.0, 0.25 * film.structure.beam.segments[0].rectangle[0])
+        scale = max(upright * 1.08 * film.reach, half / aspect)
     plotter.enable_parallel_projection()
     plotter.camera.focal_point = target
     plotter.camera.position = tuple(np.add(target, TILT))

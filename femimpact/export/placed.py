@@ -30,6 +30,10 @@ BALL_DENSITY = 7850.0
 """kg/m^3. The model has no ball radius; a steel sphere of the ball's mass is drawn, and a steel cube of a body's."""
 
 
+SAME = 1e-9
+"""Share of the beam's length within which two positions are one."""
+
+
 def ball_radius(mass: float) -> float:
     """Radius (m) of the steel sphere that is drawn for a ball of this mass (kg)."""
     return float((3.0 * mass / (4.0 * math.pi * BALL_DENSITY)) ** (1.0 / 3.0))
@@ -131,6 +135,36 @@ class PlacedStructure:
     def length(self) -> float:
         """Length (m) of the beam."""
         return self.structure.beam.length
+
+    def at(self, x: float) -> list[PointMass]:
+        """Bodies at a place (m from the root)."""
+        return [body for body, place in self.bodies if abs(place - x) <= SAME * self.length]
+
+    def box_of(self, ball: Contact) -> PointMass | None:
+        """The body that is a ball's box: the heaviest at its place; None where there is none, and of all but balls."""
+        if ball.is_stop or not ball.has_walls:
+            return None
+        return max(self.at(ball.position), key=lambda body: body.mass, default=None)
+
+    def box_ends(self, ball: Contact) -> tuple[float, float]:
+        """Both ends (m from the root) of a ball's box: its middle is the centre of the body that it is."""
+        half, box = 1.3 * ball_radius(ball.mass), self.box_of(ball)
+        shift = 2.0 * box.offset if box else 0.0
+        return ball.position - half + min(shift, 0.0), ball.position + half + max(shift, 0.0)
+
+    def half_height(self, x: float, exaggeration: float = 1.0) -> float:
+        """Distance (m) from the axis to the top of the beam, and of cubes and boxes on it, at a place (m)."""
+        near = SAME * self.length
+        tops = [0.5 * self.structure.beam.rectangle_at(min(max(x, 0.0), self.length))[1]]
+        tops += [0.5 * body_side(body.mass) for body, place in self.blocks if abs(place - x) <= near]
+        boxed = [one for one in self.contacts if one.has_walls and not one.is_stop and abs(one.position - x) <= near]
+        return max(tops + [exaggeration * one.gaps[0] + 1.3 * ball_radius(one.mass) for one in boxed])
+
+    @property
+    def blocks(self) -> list[tuple[PointMass, float]]:
+        """Bodies that are drawn as cubes, with their places: those with a mass that are no ball's box."""
+        boxes = [self.box_of(one) for one in self.contacts]
+        return [(body, x) for body, x in self.bodies if body.mass > 0.0 and all(body is not box for box in boxes)]
 
 
 def placed_structure(structure: Structure, system: System | DrawnSystem) -> PlacedStructure:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from femimpact.arrays import Array
 from femimpact.errors import Fault, InputError, quantity
-from femimpact.export.placed import Contact, PlacedStructure, ball_radius, body_side, placed_structure
+from femimpact.export.placed import SAME, Contact, PlacedStructure, ball_radius, body_side, placed_structure
 from femimpact.response.history import Snapshots
 from femimpact.response.response import Response
 from femimpact.structure.structure import PointMass, Structure
@@ -33,9 +33,6 @@ STATIONS = 120
 
 MOST_STATIONS = 2000
 """Cells along the beam beyond which not every node of the mesh has a separate section."""
-
-SAME = 1e-9
-"""Share of the beam's length within which two positions are one."""
 
 BLOCK = list(range(8))
 
@@ -146,12 +143,14 @@ def add_beam(pieces: Pieces, placed: PlacedStructure, nodes: Array, subdivisions
     return stretches
 
 
-def add_box(pieces: Pieces, j: int, ball: Contact, width: float, exaggeration: float) -> None:
+def add_box(
+    pieces: Pieces, j: int, ball: Contact, ends: tuple[float, float], width: float, exaggeration: float
+) -> None:
     """Two end walls and a floor on the beam's upper edge; the inner faces stop the ball's surface."""
     x, radius = ball.position, ball_radius(ball.mass)
     wall, floor = 0.3 * radius, 0.5 * width
     inner = (exaggeration * ball.gaps[0] + radius, -exaggeration * ball.gaps[1] - radius)
-    left, right, top = x - radius - wall, x + radius + wall, floor + wall + 2.0 * radius
+    (left, right), top = ends, floor + wall + 2.0 * radius
     blocks = [
         _block((left, inner[0], floor), (right, inner[0] + wall, top)),
         _block((left, inner[1] - wall, floor), (right, inner[1], top)),
@@ -245,11 +244,12 @@ def add_stop(pieces: Pieces, j: int, stop: Contact, structure: Structure, exagge
         pieces.mark((x, side * face, 0.6 * width), math.nan, j, side, True, in_space=in_space)
 
 
-def add_suspension(pieces: Pieces, j: int, x: float, height: float) -> None:
-    """A line from above the beam's axis to the middle of an absorber's body, for its spring and its dashpot."""
-    pieces.add(np.array([(x, 0.0, height)]), x, [], CONNECTION, j)
+def add_suspension(pieces: Pieces, j: int, x: float, width: float, height: float) -> None:
+    """A post on the beam's upper edge, and a line from its top to an absorber's body, for its spring and dashpot."""
+    post = np.array([(x, 0.0, 0.5 * width), (x, 0.0, height)])
+    pieces.add(post, x, [(LINE, [0, 1])], CONNECTION, j)
     # -1 is the point before
-    pieces.add(np.array([(x, 0.0, height)]), math.nan, [(LINE, [-1, 0])], CONNECTION, j, ball=j)
+    pieces.add(post[1:], math.nan, [(LINE, [-1, 0])], CONNECTION, j, ball=j)
 
 
 def add_contacts(
@@ -266,11 +266,11 @@ def add_contacts(
         x, radius = pair.position, ball_radius(pair.mass)
         width, _ = placed.structure.beam.rectangle_at(x)
         if pair.has_walls:
-            add_box(pieces, j, pair, width, exaggeration)
+            add_box(pieces, j, pair, placed.box_ends(pair), width, exaggeration)
         # in front of the ball, or the ball would hide the arrows that begin there
         height = float(add_ball(pieces, j, pair, width)[2]) + 1.3 * radius
         if not pair.has_walls:
-            add_suspension(pieces, j, x, height - 1.3 * radius)
+            add_suspension(pieces, j, x, width, height - 1.3 * radius)
             continue
         for side, gap in ((1, pair.gaps[0]), (-1, pair.gaps[1])) if marked else ():
             pieces.mark((x, side * (exaggeration * gap + radius), height), x, j, side, False)
@@ -353,16 +353,18 @@ def build_scene(
     exaggeration: float = 1.0,  # scales motion and clearance together, so that a ball stays in its box
     subdivisions: int = 1,  # cells of the beam for each element, at least
     *,
-    all_parts: bool = False,  # supports, bodies, springs, dashpots and points of contact of the balls too
+    all_parts: bool = False,  # supports, springs, dashpots and points of contact of the balls too
 ) -> Scene:
-    """The beam of its real cross-section, a box and a ball for each impactor, and the stops, as a movie shows them."""
+    """The beam of its real cross-section, a box and a ball for each impactor, bodies and stops, as a movie shows them.
+
+    A body at the place of a ball is its box, and no cube beside it.
+    """
     pieces, placed, length = Pieces(), placed_structure(structure, system), structure.beam.length
     stretches = add_beam(pieces, placed, system.nodes, subdivisions)
     for support, x in placed.supports if all_parts else ():
         add_support(pieces, support.kind, x, length, structure.beam.rectangle_at(x))
-    for body, x in placed.bodies if all_parts else ():
-        if body.mass > 0.0:
-            add_body(pieces, body, x, structure.beam.rectangle_at(x)[0])
+    for body, x in placed.blocks:
+        add_body(pieces, body, x, structure.beam.rectangle_at(x)[0])
     for level, (_, (at, *to)) in enumerate(placed.connections if all_parts else ()):
         if to:
             add_tie(pieces, (at, to[0]), length, level)

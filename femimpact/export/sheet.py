@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from femimpact.export.figures.drawing import BLUE, DARK, GREY, ORANGE, STYLE, name_at
 from femimpact.export.placed import ball_radius, placed_structure
-from femimpact.export.scene import BALL, BEAM, BOX, CONTACT_POINT, STOP, Scene
+from femimpact.export.scene import BALL, BEAM, BODY, BOX, CONNECTION, CONTACT_POINT, STOP, Scene
 from femimpact.response.history import Snapshots
 from femimpact.response.response import Response
 from femimpact.structure.structure import Structure
@@ -24,7 +24,7 @@ VIEWS = slice(82, 462)
 """Rows of pixels that hold the two views."""
 CLOSE_UPS, SPACE = 0.64, 0.06
 """Left end of the close-ups in the plane of motion, and what is between them, by the width of the sheet."""
-BEAM_COLOUR = "#555b63"
+BEAM_COLOUR, BODY_COLOUR = "#555b63", "#c3ced9"
 
 Draw = Callable[[int], None]
 
@@ -76,6 +76,13 @@ class Film:
             if pair.is_stop and math.isfinite(gap)
         ]
         return [(cell, j, side) for cell, (j, side) in zip(cells, sides, strict=True)]
+
+    def ends(self, left: float, right: float) -> tuple[float, float]:
+        """Middle and half (m) of what is shown along the beam: these shares of its length, or all that is drawn."""
+        length, x = self.structure.beam.length, self.scene.points[:, 0]
+        low = min(left * length, float(x.min()) - 0.02 * length)
+        high = max(right * length, float(x.max()) + 0.02 * length)
+        return 0.5 * (low + high), 0.5 * (high - low)
 
     @property
     def reach(self) -> float:
@@ -181,8 +188,9 @@ def _history(axis: Any, film: Film, j: int) -> None:
         axis.fill_between(time, *inside, color="#e6eaee", label="between the walls")
     axis.plot(time, wall, color=BEAM_COLOUR, label=place if len(balls) == 1 else "beam at the box")
     axis.plot(time, ball, color=BLUE, label=pair.name if len(balls) == 1 else "ball")
-    at = impacts.time[(impacts.impactor == pair.name) & (impacts.time >= time[0]) & (impacts.time <= time[-1])]
-    axis.plot(at, np.interp(at, time, ball), "o", color=ORANGE, markersize=5.0, label="impact")
+    if pair.has_walls:
+        at = impacts.time[(impacts.impactor == pair.name) & (impacts.time >= time[0]) & (impacts.time <= time[-1])]
+        axis.plot(at, np.interp(at, time, ball), "o", color=ORANGE, markersize=5.0, label="impact")
     if len(balls) > 1:
         # beside the axes, where no curve is
         axis.text(1.005, 0.5, pair.name, transform=axis.transAxes, rotation=90.0, ha="left", va="center", color=GREY)
@@ -192,7 +200,8 @@ def _plane_views(figure: Any, film: Film) -> list[Draw]:
     """Axes of the beam, and of the close-up where there is a ball."""
     length, s, contacts = 1e3 * film.structure.beam.length, film.scene.exaggeration, film.response.system.balls
     axis = figure.add_axes((0.065, 0.435, 0.5 if contacts else 0.915, 0.435))
-    _fit(axis, 0.52 * length, 0.56 * length, 1.05e3 * film.reach, s, "relative to the base (mm)")
+    middle, half = film.ends(-0.04, 1.08)
+    _fit(axis, 1e3 * middle, 1e3 * half, 1.05e3 * film.reach, s, "relative to the base (mm)")
     for _, place in placed_structure(film.structure, film.response.system).supports:
         x = 1e3 * place
         axis.plot([x, x], [-0.05 * length, 0.05 * length], color="black", linewidth=5.0)
@@ -245,8 +254,11 @@ def _moving_parts(axis: Any, film: Film, follow: int | None) -> Draw:
     # the faces that look along z: of a hexahedron of the beam, and of one of a box
     beam = [cells[c][[0, 1, 5, 4]] for c in np.flatnonzero(scene.part == BEAM)]
     boxes = [cells[c][:4] for c in np.flatnonzero(scene.part == BOX)]
+    bodies = [cells[c][:4] for c in np.flatnonzero(scene.part == BODY)]
+    # there and back; its post looks along z
+    springs = [cells[c][[0, 1, 1, 0]] for c in np.flatnonzero(scene.part == CONNECTION)]
     stops = film.stops()
-    faces = np.array([*boxes, *beam, *(cells[cell][:4] for cell, _, _ in stops)])
+    faces = np.array([*bodies, *boxes, *beam, *springs, *(cells[cell][:4] for cell, _, _ in stops)])
     collection = PolyCollection([], linewidths=2.0, joinstyle="round", animated=True)
     axis.add_collection(collection, autolim=False)
     balls = [
@@ -263,8 +275,9 @@ def _moving_parts(axis: Any, film: Film, follow: int | None) -> Draw:
         if follow is not None:
             moved[:, 1] -= 1e3 * scene.exaggeration * film.at_pair(follow)[film.chosen[i]]
         boxed = [j for j, pair in enumerate(contacts) if pair.has_walls]
-        colours = [colour for j in boxed for colour in _box_colours(film, i, j)]
-        colours += [BEAM_COLOUR] * len(beam)
+        colours = [BODY_COLOUR] * len(bodies)
+        colours += [colour for j in boxed for colour in _box_colours(film, i, j)]
+        colours += [BEAM_COLOUR] * len(beam) + [DARK] * len(springs)
         colours += [ORANGE if film.touches(i, j, side) else DARK for _, j, side in stops]
         collection.set(verts=moved[faces], facecolors=colours, edgecolors=colours)
         axis.draw_artist(collection)

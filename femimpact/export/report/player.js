@@ -94,7 +94,8 @@ document.querySelectorAll(".player").forEach(function (root) {
 
   const MARGIN = 0.08;
 
-  // half of the height that is shown, in metres
+  // height of the middle of what is shown above the beam's axis, and half of the height that is shown, in metres
+  const rise = 0.5 * Math.max(0, ...data.contacts.map((contact) => (contact.stop ? 0 : lift(contact))));
   const high = (function () {
     let found = 1.15 * data.larger * reach + 0.05 * data.length;
     for (const contact of data.contacts) {
@@ -102,11 +103,21 @@ document.querySelectorAll(".player").forEach(function (root) {
       else for (const gap of contact.gaps) if (gap !== null) found = Math.max(found, Math.min(data.larger * gap + 0.04 * data.length, 0.25 * data.length));
     }
     for (const body of data.bodies) found = Math.max(found, data.larger * reach + 0.6 * body.side);
-    return 1.05 * found;
+    return 1.05 * found + rise;
+  })();
+
+  // ends of what is shown along the beam, in metres
+  const [low, far] = (function () {
+    const ends = [-MARGIN * data.length, (1 + MARGIN) * data.length];
+    const wider = (from, to) => { ends[0] = Math.min(ends[0], from); ends[1] = Math.max(ends[1], to); };
+    const margin = 0.02 * data.length;
+    for (const contact of data.contacts) if (!contact.stop) wider(contact.x + contact.box[0] - margin, contact.x + contact.box[1] + margin);
+    for (const body of data.bodies) wider(body.x + body.offset - 0.6 * body.side - margin, body.x + body.offset + 0.6 * body.side + margin);
+    return ends;
   })();
 
   function shape() {
-    return (2 * high) / (data.length * (1 + 2 * MARGIN));
+    return (2 * high) / (far - low);
   }
 
   function sizes(canvas) {
@@ -124,10 +135,9 @@ document.querySelectorAll(".player").forEach(function (root) {
   function drawBeamView(canvas, at, paint) {
     const { width, height, ratio } = sizes(canvas);
     const pen = canvas.getContext("2d");
-    const scale = Math.min(width / (data.length + 2 * MARGIN * data.length), height / (2 * high));
-    const left = 0.5 * (width - scale * data.length);
-    const X = (x) => left + scale * x;
-    const Y = (y) => 0.5 * height - scale * y;
+    const scale = Math.min(width / (far - low), height / (2 * high));
+    const X = (x) => 0.5 * width + scale * (x - 0.5 * (low + far));
+    const Y = (y) => 0.5 * height - scale * (y - rise);
     const s = state.scale;
     pen.setTransform(ratio, 0, 0, ratio, 0, 0);
     pen.clearRect(0, 0, width, height);
@@ -162,9 +172,7 @@ document.querySelectorAll(".player").forEach(function (root) {
       pen.save();
       pen.translate(X(body.x), Y(s * there.w));
       pen.rotate(-Math.atan(s * there.slope));
-      pen.globalAlpha = 0.5;
-      pen.fillStyle = paint.box;
-      pen.fillRect(scale * (body.offset - 0.5 * body.side), -0.5 * scale * body.side, scale * body.side, scale * body.side);
+      drawBody(pen, body, scale, paint);
       pen.restore();
     }
 
@@ -227,29 +235,48 @@ document.querySelectorAll(".player").forEach(function (root) {
     });
   }
 
+  function drawBody(pen, body, scale, paint) {
+    pen.globalAlpha = 0.5;
+    pen.fillStyle = paint.box;
+    pen.fillRect(scale * (body.offset - 0.5 * body.side), -0.5 * scale * body.side, scale * body.side, scale * body.side);
+    pen.globalAlpha = 1;
+  }
+
   function drawBox(pen, contact, j, scale, s, paint) {
     // an absorber has no walls
     if (contact.gaps[0] === null) return;
     const r = contact.radius;
     const [plus, minus] = [s * contact.gaps[0] + r, -s * contact.gaps[1] - r];
     const wall = Math.max(0.3 * r * scale, 2);
-    const half = 1.25 * r * scale;
+    const left = scale * contact.box[0];
+    const width = scale * contact.box[1] - left;
     pen.fillStyle = paint.floor;
-    pen.fillRect(-half, -scale * plus, 2 * half, scale * (plus - minus));
+    pen.fillRect(left, -scale * plus, width, scale * (plus - minus));
     pen.fillStyle = blend(paint.box, paint.hit, flash(j, 1));
-    pen.fillRect(-half, -scale * plus - wall, 2 * half, wall);
+    pen.fillRect(left, -scale * plus - wall, width, wall);
     pen.fillStyle = blend(paint.box, paint.hit, flash(j, -1));
-    pen.fillRect(-half, -scale * minus, 2 * half, wall);
+    pen.fillRect(left, -scale * minus, width, wall);
   }
 
-  function drawBall(pen, contact, j, offset, scale, paint) {
+  // height above the beam's axis at which an absorber's body rests, so that its spring never closes; 0 of a ball
+  function lift(contact) {
+    return contact.gaps[0] === null ? contact.foot + data.larger * contact.room + 2 * contact.radius : 0;
+  }
+
+  function drawBall(pen, contact, j, moved, scale, paint) {
     const lit = Math.max(flash(j, 1), flash(j, -1));
+    const offset = lift(contact) + moved;
     if (contact.gaps[0] === null) {
+      const turns = 8;
+      const end = offset - contact.radius;
       pen.strokeStyle = paint.solid;
-      pen.lineWidth = 2;
+      pen.lineWidth = 1.5;
       pen.beginPath();
-      pen.moveTo(0, 0);
-      pen.lineTo(0, -scale * offset);
+      pen.moveTo(0, -scale * contact.foot);
+      for (let i = 1; i < turns; i += 1) {
+        pen.lineTo((i % 2 ? 0.5 : -0.5) * scale * contact.radius, -scale * (contact.foot + ((i - 0.5) / (turns - 1)) * (end - contact.foot)));
+      }
+      pen.lineTo(0, -scale * end);
       pen.stroke();
     }
     if (lit > 0 && !still.matches) {
@@ -284,11 +311,18 @@ document.querySelectorAll(".player").forEach(function (root) {
     }
     const contact = data.contacts[j];
     const s = state.scale;
-    const high = s * contact.room + 1.55 * contact.radius;
+    const hung = contact.gaps[0] === null;
+    const high = hung ? 0.5 * (contact.foot + lift(contact) + data.larger * contact.room + 2 * contact.radius) : s * contact.room + 1.55 * contact.radius;
     const scale = Math.min(height / (2 * high), width / (3.4 * contact.radius));
     pen.setTransform(ratio, 0, 0, ratio, 0, 0);
     pen.clearRect(0, 0, width, height);
-    pen.translate(0.5 * width, 0.5 * height);
+    pen.translate(0.5 * width, hung ? height - 4 - scale * contact.foot : 0.5 * height);
+    if (hung) {
+      for (const body of data.bodies) if (Math.abs(body.x - contact.x) < 1e-9 * data.length) drawBody(pen, body, scale, paint);
+      pen.fillStyle = paint.beam;
+      const ends = [-contact.x, data.length - contact.x].map((x) => Math.min(Math.max(scale * x, -0.5 * width), 0.5 * width));
+      pen.fillRect(ends[0], -1.5, ends[1] - ends[0], 3);
+    }
     drawBox(pen, contact, j, scale, s, paint);
     drawBall(pen, contact, j, s * (mixed(flight, balls, number, at) - beamAt(contact.x, at).w), scale, paint);
   }

@@ -154,7 +154,7 @@ def player_element(
     larger = exaggeration or max(chosen_exaggeration(np.hstack([frames.deflection, hung]), structure, balls), 1e-3)
     span = float(frames.time[-1] - frames.time[0])
     speed = min(SPEEDS, key=lambda share: abs(math.log(span / share / WANTED)))
-    data = _data(frames, placed) | {"larger": larger, "speed": speed}
+    data = _data(frames, placed, larger) | {"larger": larger, "speed": speed}
     speeds = {share: "true" if share == 1.0 else f"1/{1.0 / share:.0f}" for share in SPEEDS}
     options = [element("option", text, value=repr(one), selected=one == speed) for one, text in speeds.items()]
     factors = {factor: "true" if factor == 1.0 else f"motion and gaps {TIMES} {factor:g}" for factor in (larger, 1.0)}
@@ -196,7 +196,7 @@ def _view(words: str, view: str, label: str) -> Element:
     return element("div.view", element("p", words), element("canvas", data_view=view, role="img", aria_label=label))
 
 
-def _data(frames: Frames, placed: PlacedStructure) -> dict[str, Any]:
+def _data(frames: Frames, placed: PlacedStructure, larger: float) -> dict[str, Any]:
     largest = max(float(np.abs(values).max(initial=0.0)) for values in (frames.deflection, frames.balls, frames.space))
     unit, steepest = (largest or 1.0) / FULL, (float(np.abs(frames.slope).max(initial=0.0)) or 1.0) / FULL
     beam = placed.structure.beam
@@ -221,6 +221,8 @@ def _data(frames: Frames, placed: PlacedStructure) -> dict[str, Any]:
                 "x": pair.position,
                 "radius": 0.0 if pair.is_stop else ball_radius(pair.mass),
                 "gaps": [gap if math.isfinite(gap) else None for gap in pair.gaps],
+                "box": [] if pair.is_stop else [end - pair.position for end in placed.box_ends(pair)],
+                "foot": placed.half_height(pair.position, larger),  # of an absorber's spring
                 "room": 0.0 if pair.is_stop else _room(pair, frames.balls[:, j], at_pairs[:, j]),
                 "stop": bool(pair.is_stop),
                 "space": pair.fixed_to == "space",
@@ -228,7 +230,7 @@ def _data(frames: Frames, placed: PlacedStructure) -> dict[str, Any]:
             for j, pair in enumerate(placed.contacts)
         ],
         "supports": [{"kind": support.kind, "x": x} for support, x in placed.supports],
-        "bodies": [{"x": x, "offset": body.offset, "side": body_side(body.mass)} for body, x in placed.bodies],
+        "bodies": [{"x": x, "offset": body.offset, "side": body_side(body.mass)} for body, x in placed.blocks],
     }
 
 

@@ -125,13 +125,15 @@ def structure_element(placed: PlacedStructure) -> Element:
     details = [
         element(
             "figure.drawing",
-            _detail(placed.structure, ball),
+            _detail(placed, ball),
             element("figcaption", f"{letters[ball.name]}  {ball.name} in its box, {gap_words(ball)}"),
         )
         for ball in [one for one in placed.contacts if not one.is_stop and one.has_walls][:MOST_CLOSE]
     ]
     parts = (element("li", element("b", head), f" {words}") for head, words in part_words(placed, letters))
-    scale = "Lengths, thicknesses, gaps and balls are to one scale. Balls and bodies are drawn as steel of their mass."
+    scale = "Lengths, thicknesses, gaps and balls are to one scale. Balls and bodies are drawn as steel of their mass"
+    boxed = any(placed.box_of(one) for one in placed.contacts)
+    scale += ", a body at the place of a ball as its box." if boxed else "."
     return element(
         "div",
         element("figure.drawing", _overview(placed, letters)),
@@ -166,24 +168,26 @@ def _overview(placed: PlacedStructure, letters: dict[str, str]) -> Element:
     """The structure with everything on it."""
     structure, length = placed.structure, placed.length
     left, right = -0.07 * length, 1.07 * length
-    for body, x in placed.bodies:
+    for body, x in placed.blocks:
         centre, half = x + body.offset, 0.5 * body_side(body.mass)
         left, right = min(left, centre - 1.3 * half), max(right, centre + 1.3 * half)
     for one in placed.contacts:
         if not one.is_stop:
-            radius = ball_radius(one.mass)
-            left, right = min(left, one.position - 1.8 * radius), max(right, one.position + 1.8 * radius)
+            margin = 0.5 * ball_radius(one.mass)
+            ends = placed.box_ends(one)
+            left, right = min(left, ends[0] - margin), max(right, ends[1] + margin)
     scale = WIDTH / (right - left)
     high = min(max(_reach(placed), 0.05 * length), 0.6 * length)
-    canvas = _Canvas(left, high + 34.0 / scale, scale)
+    rise = max((_lift(placed, one) for one in placed.contacts if not one.is_stop), default=0.0)
+    canvas = _Canvas(left, high + rise + 34.0 / scale, scale)
     below = 0.12 * length if placed.connections else 0.0
     height = canvas.y(-max(high, below)) + 62.0
     drawn = [
         *_supports(canvas, placed),
         *_bodies(canvas, placed),
-        *(shape for one in placed.contacts for shape in _contact(canvas, structure, one)),
+        *(shape for one in placed.contacts for shape in _contact(canvas, placed, one)),
         *_beam(canvas, structure),
-        *(_ball(canvas, one) for one in placed.contacts if not one.is_stop),
+        *(shape for one in placed.contacts if not one.is_stop for shape in _ball(canvas, placed, one)),
         *_connections(canvas, placed),
         *_names(canvas, placed, letters),
         *_scale_bar(canvas, length, height),
@@ -195,7 +199,7 @@ def _overview(placed: PlacedStructure, letters: dict[str, str]) -> Element:
 def _reach(placed: PlacedStructure) -> float:
     """Largest distance (m) from the axis of anything drawn."""
     found = [0.5 * max(segment.rectangle[1] for segment in placed.structure.beam.segments)]
-    found += [0.5 * body_side(body.mass) for body, _ in placed.bodies]
+    found += [0.5 * body_side(body.mass) for body, _ in placed.blocks]
     for one in placed.contacts:
         gap = max((gap for gap in one.gaps if math.isfinite(gap)), default=0.0)
         found.append(gap + (0.03 * placed.length if one.is_stop else 2.4 * ball_radius(one.mass)))
@@ -236,18 +240,17 @@ def _supports(canvas: _Canvas, placed: PlacedStructure) -> list[Element]:
 
 def _bodies(canvas: _Canvas, placed: PlacedStructure) -> list[Element]:
     shapes = []
-    for body, x in placed.bodies:
-        if body.mass > 0.0:
-            centre, half = x + body.offset, 0.5 * body_side(body.mass)
-            shapes.append(canvas.box("body", centre - half, -half, centre + half, half, opacity="0.55"))
+    for body, x in placed.blocks:
+        centre, half = x + body.offset, 0.5 * body_side(body.mass)
+        shapes.append(canvas.box("body", centre - half, -half, centre + half, half, opacity="0.55"))
     return shapes
 
 
-def _contact(canvas: _Canvas, structure: Structure, one: Contact) -> list[Element]:
+def _contact(canvas: _Canvas, placed: PlacedStructure, one: Contact) -> list[Element]:
     """The box of a ball, or the blocks of a stop; an absorber has none."""
-    x, length = one.position, structure.beam.length
+    x, length = one.position, placed.length
     if one.is_stop:
-        half, thick = 0.5 * structure.beam.rectangle_at(x)[1], 0.02 * length
+        half, thick = 0.5 * placed.structure.beam.rectangle_at(x)[1], 0.02 * length
         return [
             canvas.box("solid", x - 0.5 * thick, side * (gap + half), x + 0.5 * thick, side * (gap + half + thick))
             for side, gap in ((1.0, one.gaps[0]), (-1.0, one.gaps[1]))
@@ -257,7 +260,7 @@ def _contact(canvas: _Canvas, structure: Structure, one: Contact) -> list[Elemen
         return []
     radius = ball_radius(one.mass)
     wall, plus, minus = 0.3 * radius, one.gaps[0] + radius, -one.gaps[1] - radius
-    left, right = x - 1.25 * radius, x + 1.25 * radius
+    left, right = placed.box_ends(one)
     return [
         canvas.box("free", left, minus, right, plus),
         canvas.box("wall", left, plus, right, plus + wall),
@@ -265,9 +268,21 @@ def _contact(canvas: _Canvas, structure: Structure, one: Contact) -> list[Elemen
     ]
 
 
-def _ball(canvas: _Canvas, one: Contact) -> Element:
-    radius = ball_radius(one.mass)
-    return element("circle.ball", cx=canvas.x(one.position), cy=canvas.y(0.0), r=round(radius * canvas.scale, 2))
+def _lift(placed: PlacedStructure, one: Contact) -> float:
+    """Height (m) above the axis at which an absorber's body is drawn; 0 of a ball."""
+    return 0.0 if one.has_walls else placed.half_height(one.position) + 3.0 * ball_radius(one.mass)
+
+
+def _ball(canvas: _Canvas, placed: PlacedStructure, one: Contact) -> list[Element]:
+    """A ball, or the body of an absorber on its spring."""
+    x, radius, high = one.position, ball_radius(one.mass), _lift(placed, one)
+    circle = element("circle.ball", cx=canvas.x(x), cy=canvas.y(high), r=round(radius * canvas.scale, 2))
+    if one.has_walls:
+        return [circle]
+    foot = high - 3.0 * radius
+    turns = [(x + (-1) ** i * 0.5 * radius, foot + (0.25 + 0.25 * i) * radius) for i in range(7)]
+    corners = [(x, foot), *turns, (x, high - radius)]
+    return [element("path.thread", d=_thread(canvas, corners)), circle]
 
 
 def _connections(canvas: _Canvas, placed: PlacedStructure) -> list[Element]:
@@ -332,12 +347,14 @@ def _scale_bar(canvas: _Canvas, length: float, height: float) -> list[Element]:
     ]
 
 
-def _detail(structure: Structure, one: Contact) -> Element:
+def _detail(placed: PlacedStructure, one: Contact) -> Element:
     """A ball in its box, with the gaps between its surface and the walls."""
+    structure = placed.structure
     radius = ball_radius(one.mass)
     high = max(one.gaps) + 1.5 * radius
     scale = 120.0 / high
-    canvas = _Canvas(one.position - 160.0 / scale, high + 6.0 / scale, scale)
+    wide = 160.0 / scale
+    canvas = _Canvas(one.position - wide, high + 6.0 / scale, scale)
     x = canvas.x(one.position)
     marks = []
     for side, gap in ((1.0, one.gaps[0]), (-1.0, one.gaps[1])):
@@ -347,9 +364,9 @@ def _detail(structure: Structure, one: Contact) -> Element:
             marks.append(element("text", millimetres(gap), x=x + 12, y=round(0.5 * (near + far) + 4.5, 2)))
     half = max(0.5 * structure.beam.rectangle_at(min(one.position, structure.beam.length))[1], 0.6 / scale)
     shapes = [
-        *_contact(canvas, structure, one),
-        canvas.box("beam", one.position - 160.0 / scale, -half, one.position, half),
-        _ball(canvas, one),
+        *_contact(canvas, placed, one),
+        canvas.box("beam", max(one.position - wide, 0.0), -half, min(one.position + wide, placed.length), half),
+        *_ball(canvas, placed, one),
         *marks,
     ]
     words = f"{one.name} in its box, {gap_words(one)}"
