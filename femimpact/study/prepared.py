@@ -20,6 +20,7 @@ from femimpact.integrators.record_reading import record_warnings
 from femimpact.integrators.stepping.operators import shortest_contact
 from femimpact.response.channels import resolve_channels
 from femimpact.response.response import Recorder
+from femimpact.structure.structure import Structure
 from femimpact.study.base_motion import BaseMotion, RecordedMotion, SignalMotion
 from femimpact.study.study import Study, SweepPlan, build_systems, check_method, method_for, read_mesh_of
 from femimpact.system.contact_pair import ContactPair
@@ -115,10 +116,10 @@ def with_base(prepared: PreparedStudy, base: BaseMotion | RecordedMotion | Signa
 
 
 def history_record(study: Study, small: System, method: Method) -> Recorder:
-    """The recorder of the study's history: channels of every place with a ball and of the balls, and snapshots."""
+    """The recorder of the study's history: stress, channels of every place with a ball and of the balls, snapshots."""
     output, grid = study.output, _grid(study, small, method)
     kept = min(output.frame_cycles / study.base.frequency, study.base.history_duration)
-    channels: list[str | float] = ["tip", "tip.velocity", "mid"]
+    channels: list[str | float] = ["tip", "tip.velocity", "mid", *root_stress(study.structure, small)]
     for pair in small.contacts:
         place = next((name for name, x in small.points.items() if x == pair.position), None)
         if place not in (None, "tip"):
@@ -134,6 +135,15 @@ def history_record(study: Study, small: System, method: Method) -> Recorder:
         state_at=last_cycles_start(study),
         memory_limit=output.memory_limit,
     )
+
+
+def root_stress(structure: Structure, system: System) -> tuple[str, ...]:
+    """The channel of the stress at a clamped root; none where the root can turn, or the section's height is not given.
+
+    A section that is given by area and second moment has the height of a rectangle, which it may not be.
+    """
+    clamped = {"root.force", "root.moment"} <= set(system.reactions)
+    return ("root.surface_stress",) if clamped and structure.beam.segments[0].thickness is not None else ()
 
 
 def last_cycles_start(study: Study) -> float:
