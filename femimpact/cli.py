@@ -309,7 +309,8 @@ def check(study: Path, *, strict: bool = False) -> None:
     Parameters
     ----------
     strict
-        End with status 2 where a limit is passed beyond which the test does not show what it is made for.
+        End with status 2 where a limit is passed beyond which the test does not show what it is made for, or a warning
+        is printed.
     """
     from femimpact.study.planned_test import lines_of_check
     from femimpact.study.study_file import load_study
@@ -324,8 +325,9 @@ def check(study: Path, *, strict: bool = False) -> None:
 
         for line in study_lines(plan):
             print(line)
-    if strict and found.passed:
-        _fail(f"check --strict: {len(found.passed)} limits are passed: {'; '.join(r.what for r in found.passed)}", 2)
+    passed = [row.what for row in found.passed] + [line for line in lines if line.startswith("warning: ")]
+    if strict and passed:
+        _fail(f"check --strict: {len(passed)} limits are passed: {'; '.join(passed)}", 2)
 
 
 @app.command

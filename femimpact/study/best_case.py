@@ -581,7 +581,8 @@ class _Designs:
             self._told(case, self.worst), case,
             {name: float(sign * values[row]) for name, (sign, values, _) in self.limits.items()},
             tuple(self._told(self.first[other], self.chosen) for other in alike),
-            tuple(self._margins(row, rows)), without, "", self._bound(FREQUENCY, case) if FREQUENCY in self.worst else "",
+            tuple(self._margins(row, rows)), without, "",
+            self._bound(FREQUENCY, case) if FREQUENCY in self.worst else "",
         )  # fmt: skip
 
     def _bound(self, axis: str, case: int) -> str:
@@ -630,9 +631,7 @@ class _Designs:
             )
             value, bound = float(x[place]), self._bound(axis, self.first[row])
             unit = str(self.dataset[axis].attrs.get("units", ""))
-            yield AxisMargin(
-                axis, unit, value, below[0], above[0], below[1], above[1], _cliff(below, above), bound
-            )
+            yield AxisMargin(axis, unit, value, below[0], above[0], below[1], above[1], _cliff(below, above), bound)
 
 
 def _reach(
