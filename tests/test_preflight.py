@@ -197,7 +197,7 @@ def test_a_useless_test_is_named(name: str) -> None:
 
 def test_of_another_material_nothing_else_is_said():
     soft = changed_beam(young_modulus=70.0)
-    with pytest.warns(fi.InputWarning, match="is it in Pa"):
+    with pytest.warns(fi.InputWarning, match="is it in Pa|units SI"):
         system = reduced(soft, 3)
     found = fi.preflight(system, fi.Sine(1e-4, 5.0), structure=soft, duration=60.0)
     assert [each.what for each in found.passed] == ["Young's modulus of segment 'beam'"]
