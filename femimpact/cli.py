@@ -319,7 +319,8 @@ def check(study: Path, *, strict: bool = False) -> None:
     Parameters
     ----------
     strict
-        End with status 2 where a limit is passed beyond which the test does not show what it is made for.
+        End with status 2 where a limit is passed beyond which the test does not show what it is made for, or a warning
+        is printed.
     """
     from femimpact.study.planned_test import lines_of_check
     from femimpact.study.study_file import load_study
@@ -333,10 +334,12 @@ def check(study: Path, *, strict: bool = False) -> None:
         lines += study_lines(plan)
     for line in lines:
         print(line)
-    if found.passed or any(line.startswith("warning: ") for line in lines):
+    warned = [line for line in lines if line.startswith("warning: ")]
+    if found.passed or warned:
         print(_warnings_page())
-    if strict and found.passed:
-        _fail(f"check --strict: {len(found.passed)} limits are passed: {'; '.join(r.what for r in found.passed)}", 2)
+    passed = [row.what for row in found.passed] + warned
+    if strict and passed:
+        _fail(f"check --strict: limits passed: {'; '.join(passed)}", 2)
 
 
 @app.command

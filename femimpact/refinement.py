@@ -19,8 +19,8 @@ from femimpact.parametric import StudyProgress, parameter_study
 from femimpact.parametric.measures import MEASURES
 from femimpact.progress import draws_progress
 from femimpact.study.best_case import (
-    EXCITATION,
     FREQUENCY,
+    NO_DESIGN,
     BestCase,
     best_case,
     check_best,
@@ -216,8 +216,8 @@ def _values(name: str, value: Any) -> list[Any]:
 
 def _bounds(name: str, value: Any) -> tuple[float, float]:
     """Lowest and highest value of an axis that is searched."""
-    allowed = "is no choice of a design: name it in worst_over, or give its value with the excitation"
-    require(not name.startswith(EXCITATION), f"axes.{name}", value, "", allowed)
+    allowed = "is no choice of a design: name it in worst_over, or give its value with the study"
+    require(not name.startswith(NO_DESIGN), f"axes.{name}", value, "", allowed)
     two = isinstance(value, (tuple, list)) and len(value) == 2
     two = two and all(in_range(end, quantity("")) for end in value) and value[0] < value[1]
     require(two, f"axes.{name}", value, "", "must be (low, high), two numbers with low < high")

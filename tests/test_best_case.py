@@ -176,6 +176,46 @@ def test_a_design_with_a_failed_case_has_no_value_and_is_named():
     assert only(fi.best_case(given, "peak")).values == best.values
 
 
+@pytest.mark.parametrize("frequencies", [(4.0, 4.0), (4.0, 5.0, 5.0)])
+def test_a_design_at_fewer_frequencies_does_not_win_by_it(frequencies):
+    # as many cases as the other designs have, or more, and not at 6 Hz, which is the worst
+    rows = [(gap, f) for gap in (1e-3, 2e-3) for f in (4.0, 5.0, 6.0)] + [(4e-3, f) for f in frequencies]
+    axes = {GAP: [gap for gap, _ in rows], FREQUENCY: [f for _, f in rows]}
+    found = fi.best_case(dataset(axes, {"peak": np.array([f / gap for gap, f in rows])}, grid=False), "peak")
+    assert only(found).values == {GAP: 2e-3}
+    (((values, why),),) = [only(found).without_value]
+    assert values == {GAP: 4e-3}
+    assert f"{len(set(frequencies))} of 3 cases are there" in why
+
+
+def test_a_worst_at_the_end_of_the_frequencies_says_so():
+    at = [f for f in FREQUENCIES if f < 5.0]
+    beside = dataset({GAP: GAPS, FREQUENCY: at}, {"peak": resonance(GAPS[:, None], np.array(at)[None, :])})
+    assert only(fi.best_case(beside, "peak")).worst_bound == "highest"
+    assert "it is the highest frequency, and a worse one may lie beyond" in str(fi.best_case(beside, "peak"))
+    assert only(fi.best_case(grid(), "peak")).worst_bound == ""
+
+
+@pytest.mark.parametrize("axis", ["start.ball.position", "mesh.elements", "reduction.modes", "method.dt"])
+def test_neither_start_nor_numerics_are_a_choice(axis):
+    values = np.array([[3.0, 1.0], [2.0, 5.0]])
+    given = dataset({GAP: GAPS[:2], axis: [1.0, 2.0]}, {"peak": values})
+    assert [design.value for design in fi.best_case(given, "peak", []).designs] == [2.0, 1.0]
+    assert only(fi.best_case(given, "peak", [axis])).value == 3.0
+    with pytest.raises(fi.InputError, match="leaves no axis to choose on"):
+        fi.best_case(given.isel({GAP: 0}), "peak")
+
+
+def test_margins_of_a_sample_are_one_line():
+    rng = np.random.default_rng(1)
+    given = dataset({GAP: rng.random(8), RESTITUTION: rng.random(8)}, {"peak": rng.random(8)}, grid=False)
+    lines = str(fi.best_case(given, "peak")).splitlines()
+    (line,) = [line for line in lines if "may be off is not known" in line]
+    assert GAP in line
+    assert RESTITUTION in line
+    assert not any("was not run" in one for one in lines)
+
+
 def test_a_design_that_was_not_run_to_the_end_has_no_value():
     given = grid()
     given["finished"][2, 4], given["peak"][2, 4] = 0, np.nan

@@ -186,6 +186,20 @@ def test_check_refuses_what_run_would_refuse(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["s.toml"]
 
 
+def test_check_strict_has_status_2_where_a_limit_is_passed_or_a_warning_is_printed(tmp_path):
+    study = UNDRAWN_STUDY.replace("duration = 6.0 ", "duration = 60.0 ").replace("cycles = 60 ", "cycles = 600 ")
+    study = study.replace("refine = 6 ", "refine = 40 ")
+    for find, put, words in (
+        ("gap = 0.004 ", "gap = 0.004 ", ""),
+        ("gap = 0.004 ", "gap = 4.0 ", "impactor.ball.gap"),
+        ("# every = 10 ", "every = 400 ", "misses the extremes between them; take at most 102"),
+    ):
+        (tmp_path / "s.toml").write_text(study.replace(find, put), encoding="utf-8")
+        done = femimpact("check", "--strict", "s.toml", cwd=tmp_path, check=False)
+        assert done.returncode == (2 if words else 0)
+        assert words in done.stderr
+
+
 def test_an_output_that_cannot_be_made_is_one_line(tmp_path):
     (tmp_path / "small.toml").write_text(UNDRAWN_STUDY, encoding="utf-8")
     done = femimpact("modes", "small.toml", "-o", "small.toml/out", cwd=tmp_path, check=False)

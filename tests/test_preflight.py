@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from builders import REFERENCE, cantilever, oscillator, paper_study, reduced
+from builders import REFERENCE, cantilever, oscillator, paper_study, reduced, with_ball
 from scipy.integrate import quad
 
 import femimpact as fi
@@ -177,6 +177,13 @@ USELESS = {
     "a modulus in GPa": (None, {"structure": changed_beam(young_modulus=70.0)}, "Young's modulus"),
     "a modulus in MPa": (None, {"structure": changed_beam(young_modulus=70e3)}, "Young's modulus"),
     "a density in g/cm^3": (None, {"structure": changed_beam(density=2.7)}, "density"),
+    "a gap in mm": (None, {"structure": with_ball(REFERENCE, gap=4.0)}, "impactor.ball.gap"),
+    "a ball in g": (None, {"structure": with_ball(REFERENCE, mass=3.4)}, "impactor.ball.mass"),
+    "a thickness in cm": (None, {"structure": changed_beam(thickness=0.1)}, "beam.length"),
+    "an amplitude in mm": (fi.Sine(0.2, 5.0), {}, "largest displacement of the base"),
+    "short steps": (fi.SteppedSine(GRID, 60, amplitude=1e-5), {}, "transient"),
+    "coarse steps": (fi.SteppedSine(GRID, 600, amplitude=1e-5), {}, "frequency step"),
+    "a coarse record": (fi.RecordedBase(0.1 * np.cos(np.arange(400.0)), 0.05), {"duration": 19.0}, "of the record, 0"),
 }  # fmt: skip
 
 
@@ -186,6 +193,82 @@ def test_a_useless_test_is_named(name: str) -> None:
     found = [each for each in fi.preflight(reduced(REFERENCE, 3), drive, **more).passed if what in each.what]
     assert len(found) == 1
     assert found[0].instead
+
+
+def test_of_another_material_nothing_else_is_said():
+    soft = changed_beam(young_modulus=70.0)
+    with pytest.warns(fi.InputWarning, match="is it in Pa|units SI"):
+        system = reduced(soft, 3)
+    found = fi.preflight(system, fi.Sine(1e-4, 5.0), structure=soft, duration=60.0)
+    assert [each.what for each in found.passed] == ["Young's modulus of segment 'beam'"]
+
+
+@pytest.mark.parametrize("gaps", [(1.0, 1.0), (1.0, np.inf), (np.inf, 1.0)])
+def test_a_stop_that_is_not_met_is_named_with_a_gap_and_a_level_that_are(gaps):
+    def planned(gap, level=1.0):
+        stop = fi.Stop("stop", "tip", tuple(gap * np.array(gaps)), fi.Rigid(0.5), fixed_to="space")
+        system = reduced(replace(REFERENCE, impactors=(), stops=(stop,)), 3)
+        drive = fi.Sine(2e-5 * level, 4.6)
+        met = fi.integrate(system, drive, fi.EventDriven(), 20.0).impacts.time.size > 0
+        return met, row(fi.preflight(system, drive, duration=20.0), "beside its gap")
+
+    met, found = planned(0.02)
+    assert (met, found.passed) == (False, True)
+    gap = float(found.instead.split("at most ")[1].split()[0])
+    level = float(found.instead.split("a drive ")[1].split()[0])
+    for met, mended in (planned(gap), planned(0.02, level)):
+        assert (met, mended.passed) == (True, False)
+
+
+def test_the_named_gap_dwell_drive_and_high_pass_keep_their_limits():
+    system = reduced(REFERENCE, 3)
+    # two digits of 4.596e-5 rounded to the nearest would be above it
+    found = row(fi.preflight(system, fi.Sine(5e-6, 4.4), duration=60.0, initial=SPACE), "beside its gap")
+    assert float(found.instead.split("at most ")[1].split()[0]) <= found.value
+    cycles = int(row(fi.preflight(system, frequencies=GRID, cycles=60), "transient").instead.split("cycles = ")[1])
+    assert not row(fi.preflight(system, frequencies=GRID, cycles=cycles), "transient").passed
+    short = row(fi.preflight(system, fi.Sine(1e-4, 5.3), duration=10.0), "transient")
+    duration = float(short.instead.split("duration = ")[1].split()[0])
+    assert not row(fi.preflight(system, fi.Sine(1e-4, 5.3), duration=duration), "transient").passed
+    bare = reduced(replace(REFERENCE, impactors=()), 3)
+    large = row(fi.preflight(bare, fi.Sine(2e-3, 5.3), duration=60.0), "deflection")
+    share = float(large.instead.split("at most ")[1].split()[0])
+    assert not row(fi.preflight(bare, fi.Sine(2e-3 * share, 5.3), duration=60.0), "deflection").passed
+    # a sine of the acceleration from rest moves on; the line of least squares of an oscillation is not zero
+    t = np.arange(8000) / 200.0
+    record = fi.RecordedBase(np.sin(2.0 * np.pi * 4.4 * t) + 0.02, 1 / 200.0)
+    drift = row(fi.preflight(system, record), "drift")
+    high_pass = float(drift.instead.split("high_pass = ")[1].split(")")[0])
+    mended = fi.RecordedBase.from_displacement(record.displacement(t), 1 / 200.0, high_pass=high_pass)
+    assert drift.passed
+    assert not row(fi.preflight(system, mended), "drift").passed
+
+
+@pytest.mark.parametrize("frequency", [4.4, 5.25])
+@pytest.mark.parametrize("interval", [0.1, 0.03])
+def test_the_named_interval_of_a_record_is_short_enough(frequency, interval):
+    def planned(step):
+        record = fi.RecordedBase(0.1 * np.cos(2.0 * np.pi * frequency * np.arange(0.0, 31.0, step)), step)
+        return row(fi.preflight(reduced(REFERENCE, 3), record, duration=30.0), "samples of the record")
+
+    found = planned(interval)
+    assert found.passed
+    assert not planned(float(found.instead.split("every ")[1].split()[0])).passed
+
+
+SOUND = {
+    "a sine": (fi.Sine(2e-4, 5.2), {"duration": 120.0, "initial": SPACE}),
+    "a sweep": (fi.Sine(2e-4, 5.0), {"frequencies": np.linspace(4.8, 5.6, 201), "cycles": 600}),
+    "a shock": (fi.Shock("half-sine", 50.0, 0.011), {"duration": 3.0, "initial": SPACE}),
+    "a record": (fi.RecordedBase.from_displacement(2e-4 * np.sin(5.2 * np.arange(0.0, 400.0, 0.03)), 0.005), {}),
+    "steps": (fi.SteppedSine(np.linspace(5.2, 5.4, 41), 600, amplitude=1e-5), {}),
+}
+
+
+@pytest.mark.parametrize("name", SOUND)
+def test_a_sound_test_passes_no_limit(name):
+    drive, more = SOUND[name]
+    assert fi.preflight(reduced(REFERENCE, 3), drive, structure=REFERENCE, **more).passed == ()
 
 
 def test_a_contact_in_milliseconds_is_named() -> None:

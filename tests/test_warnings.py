@@ -48,8 +48,8 @@ SITES = {
     ("study/summary.py", "_estimates"): ["the motion around the peak does not repeat"],
     ("study/pictures.py", "with_pictures"): ["not drawn"],
     ("study/run.py", "_finish"): ["the run was ended before"],
-    ("structure/structure.py", "unusual_numbers"): ["is it in Pa"],
-    ("fem/assembly.py", "_warn_of_unusual"): ["are units SI", "shear and rotary inertia"],
+    ("structure/structure.py", "unusual_numbers"): ["is it in Pa", "shear and rotary inertia"],
+    ("fem/assembly.py", "_warn_of_unusual"): ["are units SI"],
 }  # fmt: skip
 """Functions that make warnings of a run, and headings of the page that are words of them or of their module."""
 

@@ -244,7 +244,9 @@ def frequency_warnings(frequencies: ArrayLike, highest: float, left_out: float) 
     if not np.any(above):
         return ()
     which = f", at {np.count_nonzero(above)} of {f.size} frequencies" if f.size > 1 else ""
-    return (f"the drive is at {'up to ' if which else ''}{f.max():.4g} Hz{which}, where {_kept(highest, left_out)}",)
+    most = f"{f.max():.4g} Hz"
+    words = f"the drive is at {'up to ' if which else ''}{most}{which}, where {_kept(highest, left_out)}"
+    return (f"{words}: all up to {most}",)
 
 
 def _band_above(excitation: Chirp | RandomBase, limit: float) -> tuple[float, str]:

@@ -166,9 +166,6 @@ def _gauss_points(polynomial: Array) -> tuple[Array, Array]:
 HEAVY = 1e3
 """Mass of a beam (kg) above which millimetres may have been typed as metres."""
 
-SLENDER = 5.0
-"""Length over thickness below which Euler-Bernoulli theory does not hold."""
-
 USUAL_FREQUENCY = (0.01, 1e5)
 """First natural frequency (Hz) of structures that are meant."""
 
@@ -274,19 +271,13 @@ def _expansion(grid: Discretisation) -> Matrix:
 def _warn_of_unusual(structure: Structure, first_frequency: float) -> None:
     """Warn where a number of the beam is so unusual that another unit may have been meant."""
     beam = structure.beam
-    slenderness = beam.length / max(max(part.rectangle[1], part.end_rectangle[1]) for part in beam.segments)
     low, high = USUAL_FREQUENCY
     found = []
     if beam.mass > HEAVY:
         found.append(f"beam.mass = {beam.mass:.4g} kg: more than {HEAVY:g} kg; are lengths in metres?")
-    if slenderness < SLENDER:
-        found.append(
-            f"beam.length = {slenderness:.3g} times the thickness: below {SLENDER:g}, where shear and rotary inertia, "
-            "which are left out, are no longer small"
-        )
     if not low <= first_frequency <= high:
         found.append(f"first mode at {first_frequency:.4g} Hz: outside {low:g} to {high:g} Hz; are units SI?")
-    for words in (*found, *unusual_numbers(structure)):
+    for words in (*found, *map(str, unusual_numbers(structure))):
         warnings.warn(words, InputWarning, stacklevel=3)
 
 

@@ -44,30 +44,42 @@ def record_warnings(
     excitation: Excitation,
     end: float,  # s
 ) -> tuple[str, ...]:
-    """A warning where a cubic spline through a record gives another peak than straight lines do, by more than 1 %.
+    """A warning where a cubic spline through a record gives another peak than straight lines do, by more than 1 %."""
+    interval, change = record_coarseness(system, excitation, end)
+    if abs(change) <= DIFFERENCE:
+        return ()
+    side = "below" if change < 0.0 else "above"
+    # the difference goes with the square of the interval, where that is long with less: half of what follows from it
+    needed = 0.5 * interval * math.sqrt(DIFFERENCE / abs(change))
+    return (
+        f"the record is coarse: straight lines between its samples, {interval:.4g} s apart, give a peak without "
+        f"contacts {100.0 * abs(change):.2g} % {side} that of a cubic spline through them; sample it faster, every "
+        f"{needed:.2g} s",
+    )
 
-    Compared is the default place's peak up to a time, from rest at t = 0, of the structure without contacts in its
-    first mode, and the second one if that is below half the sampling rate.
+
+def record_coarseness(
+    system: System,
+    excitation: Excitation,
+    end: float,  # s
+) -> tuple[float, float]:
+    """Interval (s) of a record, infinite where there is none, and by how much straight lines change the peak.
+
+    Compared with a cubic spline through the samples is the default place's peak up to a time, from rest at t = 0, of
+    the structure without contacts in its first mode, and the second one if that is below half the sampling rate.
     """
     parts = getattr(getattr(excitation, "history", excitation), "parts", (excitation,))
     forms = (getattr(part, "closed_form", None) for part in parts)
     records = [form for form in forms if isinstance(form, BrokenLine)]
     if not records or end <= 0.0:
-        return ()
+        return math.inf, 0.0
     interval = min(line.interval for line in records)
     try:
         by_lines, by_spline = _peaks(replace(system, contacts=()), excitation, records, end)
     except InputError:
         # modes that are no numbers, of matrices that a run may take
-        return ()
-    change = by_lines / by_spline - 1.0 if by_spline > 0.0 else 0.0
-    if abs(change) <= DIFFERENCE:
-        return ()
-    side = "below" if change < 0.0 else "above"
-    return (
-        f"the record is coarse: straight lines between its samples, {interval:.4g} s apart, give a peak without "
-        f"contacts {100.0 * abs(change):.2g} % {side} that of a cubic spline through them; sample it faster",
-    )
+        return interval, 0.0
+    return interval, by_lines / by_spline - 1.0 if by_spline > 0.0 else 0.0
 
 
 def _peaks(bare: System, excitation: Excitation, records: list[BrokenLine], end: float) -> tuple[float, float]:

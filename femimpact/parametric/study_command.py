@@ -14,7 +14,7 @@ import numpy as np
 from femimpact.errors import Fault, InputError, require
 from femimpact.export import figures, tables
 from femimpact.export.files import atomic_write
-from femimpact.export.tables import measure_names, unit_text, value_words
+from femimpact.export.tables import axis_names, measure_names, unit_text, value_words
 from femimpact.parametric.definition import ParameterStudy
 from femimpact.parametric.labelled import over_starts
 from femimpact.parametric.measures import better_of
@@ -235,9 +235,10 @@ def summary_lines(dataset: xarray.Dataset, directory: Path, best: BestPlan | Non
         # of a measure without a best case the worst: its smallest value may be one beside a resonance
         word = "largest" if name in reasons and values.attrs.get("better") == "small" else "smallest"
         where = np.unravel_index(int((np.nanargmax if word == "largest" else np.nanargmin)(found)), found.shape)
-        at = ", ".join(
-            f"{axis} = {_value(dataset, str(axis), index)}" for axis, index in zip(values.dims, where, strict=True)
-        )
+        # of a list or a sample all axes are along the cases
+        dims, listed = values.dims, [(axis, where[0]) for axis in axis_names(dataset)]
+        places = listed if dims == ("case",) else zip(dims, where, strict=True)
+        at = ", ".join(f"{axis} = {_value(dataset, str(axis), index)}" for axis, index in places)
         lines.append(f"{reach}; {word} at {at}")
         lines += [f"  no best case: {reasons[name]}"] if name in reasons else []
     failed = dataset["failed_starts"].to_numpy()
@@ -248,8 +249,6 @@ def summary_lines(dataset: xarray.Dataset, directory: Path, best: BestPlan | Non
 
 
 def _value(dataset: xarray.Dataset, axis: str, index: Any) -> str:
-    if axis == "case":
-        return str(index)
     words = value_words(dataset, axis)
     if words is not None:
         return f"{words[index]}{' mm' if f'{axis}.plus' in dataset.coords else ''}"

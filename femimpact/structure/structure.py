@@ -516,50 +516,76 @@ HEAVY_BODY = 100.0
 """Mass of a body over that of the beam above which grams may have been typed as kilograms."""
 
 
-def unusual_numbers(structure: Structure) -> list[str]:
-    """A line for every number that may be in another unit: its path, its value, its unit and what is usual."""
+SLENDER = 5.0
+"""Length over thickness below which Euler-Bernoulli theory does not hold."""
+
+
+@dataclass(frozen=True)
+class UnusualNumber:
+    """A number beyond the one that is usual, which may be in another unit."""
+
+    path: str
+    value: float
+    unit: str
+    limit: float
+    usual: str
+    instead: str  # a question
+
+    def __str__(self) -> str:
+        return f"{self.path} = {self.value:.4g} {self.unit}: {self.usual}; {self.instead}"
+
+
+def unusual_numbers(structure: Structure) -> list[UnusualNumber]:
+    """Every number that may be in another unit."""
     return [*_of_sections(structure), *_of_gaps(structure), *_of_masses(structure)]
 
 
-def _of_sections(structure: Structure) -> Iterator[str]:
+def _of_sections(structure: Structure) -> Iterator[UnusualNumber]:
     beam = structure.beam
+    thickness = max(max(part.rectangle[1], part.end_rectangle[1]) for part in beam.segments)
+    if beam.length < SLENDER * thickness:
+        usual = f"below {SLENDER:g}, where shear and rotary inertia, which are left out, are no longer small"
+        instead = f"is it in metres? take a thickness of at most {beam.length / SLENDER:.6g} m"
+        yield UnusualNumber("beam.length", beam.length / thickness, "times the thickness", SLENDER, usual, instead)
     for segment in beam.segments:
         path = "beam" if len(beam.segments) == 1 else f"beam.{segment.name}"
         low, high = USUAL_MODULUS
-        if not low <= segment.young_modulus <= high:
+        value = segment.young_modulus
+        if not low <= value <= high:
             usual = f"outside {low:g} to {high:g} Pa (rubber 1e6 to 1e8, aluminium 7e10, steel 2.1e11)"
-            yield f"{path}.young_modulus = {segment.young_modulus:.4g} Pa: {usual}; is it in Pa?"
+            limit = low if value < low else high
+            yield UnusualNumber(f"{path}.young_modulus", value, "Pa", limit, usual, "is it in Pa?")
         low, high = USUAL_DENSITY
-        if not low <= segment.density <= high:
+        value = segment.density
+        if not low <= value <= high:
             usual = f"outside {low:g} to {high:g} kg/m^3 (aluminium 2700, steel 7850)"
-            yield f"{path}.density = {segment.density:.4g} kg/m^3: {usual}; is it in kg/m^3?"
+            limit = low if value < low else high
+            yield UnusualNumber(f"{path}.density", value, "kg/m^3", limit, usual, "is it in kg/m^3?")
         if segment.width is not None and segment.width > beam.length:
             usual = f"wider than the beam is long, {beam.length:.4g} m, which is no beam"
-            yield f"{path}.width = {segment.width:.4g} m: {usual}; {_in_millimetres(segment.width)}"
+            yield _too_long(f"{path}.width", segment.width, beam.length, usual)
 
 
-def _of_gaps(structure: Structure) -> Iterator[str]:
+def _of_gaps(structure: Structure) -> Iterator[UnusualNumber]:
     length = structure.beam.length
     pairs = [(f"impactor.{ball.name}", ball.gaps) for ball in structure.impactors]
     for path, gaps in [*pairs, *((f"stop.{stop.name}", stop.gaps) for stop in structure.stops)]:
         # one wall out of reach may be meant
         if length < min(gaps):
-            usual = f"wider than the beam is long, {length:.4g} m"
-            yield f"{path}.gap = {min(gaps):.4g} m: {usual}; {_in_millimetres(min(gaps))}"
+            yield _too_long(f"{path}.gap", min(gaps), length, f"wider than the beam is long, {length:.4g} m")
     for body in structure.masses:
         if length < abs(body.offset):
-            usual = f"longer than the beam, {length:.4g} m"
-            yield f"mass.{body.name}.offset = {body.offset:.4g} m: {usual}; {_in_millimetres(body.offset)}"
+            yield _too_long(f"mass.{body.name}.offset", body.offset, length, f"longer than the beam, {length:.4g} m")
 
 
-def _of_masses(structure: Structure) -> Iterator[str]:
+def _of_masses(structure: Structure) -> Iterator[UnusualNumber]:
     beam = structure.beam.mass
     # a density out of range is named already
     solid = all(USUAL_DENSITY[0] <= segment.density for segment in structure.beam.segments)
     heavy = [body for body in structure.masses if solid and body.mass > HEAVY_BODY * beam]
     for body in heavy:
         usual = f"more than {HEAVY_BODY:g} times the beam's {beam:.4g} kg"
-        yield f"mass.{body.name}.mass = {body.mass:.4g} kg: {usual}; {_in_grams(body.mass)}"
+        yield _too_heavy(f"mass.{body.name}.mass", body.mass, HEAVY_BODY * beam, usual)
     # beside a body in grams a ball in grams is not heavy
     rest = beam + math.fsum(body.mass for body in structure.masses if body not in heavy)
     carried: list[tuple[str, Impactor | Absorber]] = [("impactor", ball) for ball in structure.impactors]
@@ -567,12 +593,14 @@ def _of_masses(structure: Structure) -> Iterator[str]:
     for owner, ball in carried:
         if ball.mass > rest:
             usual = f"more than beam and bodies together, {rest:.4g} kg"
-            yield f"{owner}.{ball.name}.mass = {ball.mass:.4g} kg: {usual}; {_in_grams(ball.mass)}"
+            yield _too_heavy(f"{owner}.{ball.name}.mass", ball.mass, rest, usual)
 
 
-def _in_millimetres(metres: float) -> str:
-    return f"is it in metres? {metres:.4g} mm are {1e-3 * metres:.4g} m"
+def _too_long(path: str, metres: float, limit: float, usual: str) -> UnusualNumber:
+    instead = f"is it in metres? {metres:.4g} mm are {1e-3 * metres:.4g} m"
+    return UnusualNumber(path, metres, "m", limit, usual, instead)
 
 
-def _in_grams(kilograms: float) -> str:
-    return f"is it in kilograms? {kilograms:.4g} g are {1e-3 * kilograms:.4g} kg"
+def _too_heavy(path: str, kilograms: float, limit: float, usual: str) -> UnusualNumber:
+    instead = f"is it in kilograms? {kilograms:.4g} g are {1e-3 * kilograms:.4g} kg"
+    return UnusualNumber(path, kilograms, "kg", limit, usual, instead)

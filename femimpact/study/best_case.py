@@ -1,7 +1,8 @@
 """The best case of a parameter study where the worst over some axes counts, and how sure it is.
 
 Cases that agree in all axes but those of `worst_over` are one design, and its value is the worst of them. Axes of the
-excitation are no choice of the user: what is best is said for each of their values, unless they are in `worst_over`.
+excitation, the start and the numerics are no choice of the user: what is best is said for each of their values, unless
+they are in `worst_over`.
 """
 
 from __future__ import annotations
@@ -24,8 +25,8 @@ if TYPE_CHECKING:
     import xarray
 
 FREQUENCY = "base.frequency"
-EXCITATION = "base."
-"""Beginning of the paths of the axes that are no choice of the user."""
+NO_DESIGN = ("base.", "start.", "mesh.", "reduction.", "method.")
+"""Beginnings of the paths of the axes that are no choice of the user: of the excitation, the start, the numerics."""
 
 MORE = 0.15
 """Share by which the value may grow where an axis is off."""
@@ -42,8 +43,9 @@ NO_NAMES: Mapping[str, str] = {}
 
 BETTER = ("small", "large")
 SAY_IT = 'set dataset[measure].attrs["better"] = "small" or "large"'
-NOTHING_TO_CHOOSE = "all axes that have several values are of the excitation (base.*), which is no choice"
-NO_CHOICE = ", where those of the excitation (base.*) are no choice"
+NOT_CHOSEN = f"of the excitation, the start or the numerics ({'*, '.join(NO_DESIGN)}*)"
+NOTHING_TO_CHOOSE = f"all axes that have several values are {NOT_CHOSEN}, which are no choice"
+NO_CHOICE = f", where those {NOT_CHOSEN} are no choice"
 
 OF_LAW = ("peak_force", "cycle_mean_force")
 """Measures that a contact law may not give."""
@@ -108,6 +110,8 @@ class BestDesign:
         Designs that have no value, and why: a case has failed, has not been run, or is not there.
     reason : str
         Why there is no best; empty where there is one.
+    worst_bound : {"", "lowest", "highest"}
+        Whether the worst is at the lowest or the highest frequency of the cases: a worse one may lie beyond.
     """
 
     at: Mapping[str, Any]
@@ -122,6 +126,7 @@ class BestDesign:
     margins: tuple[AxisMargin, ...]
     without_value: tuple[tuple[Mapping[str, Any], str], ...]
     reason: str = ""
+    worst_bound: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,8 +170,9 @@ def best_case(
     """The best case of a parameter study where the worst over some axes counts, and how sure it is.
 
     Cases that agree in all other axes are one design, in a grid, a list or a sample, and the value of a design is the
-    worst of its cases. What is best is said for each value of the excitation's other axes (`base.amplitude`, ...),
-    which are no choice of the user, unless they are named in `worst_over`.
+    worst of its cases, which must be there at all values of these axes at which another design is. What is best is said
+    for each value of the other axes of the excitation (`base.amplitude`, ...), the start (`start.*`) and the numerics
+    (`mesh.*`, `reduction.*`, `method.*`), which are no choice of the user, unless they are named in `worst_over`.
 
     Parameters
     ----------
@@ -268,7 +274,8 @@ def design_lines(best: BestCase, design: BestDesign) -> Iterator[str]:
 def design_notes(best: BestCase, design: BestDesign, names: Mapping[str, str] = NO_NAMES) -> Iterator[str]:
     """What is known of a best design beside its value."""
     if design.worst_at:
-        yield f"worst at {told(best, design.worst_at, names)}"
+        beyond = f"; it is the {design.worst_bound} frequency, and a worse one may lie beyond"
+        yield f"worst at {told(best, design.worst_at, names)}{beyond if design.worst_bound else ''}"
     for name, value in design.limited.items():
         yield f"{name} {unit_text(value, best.units[name])}, limit {unit_text(best.limits[name], best.units[name])}"
     if math.isfinite(design.low):
@@ -278,8 +285,10 @@ def design_notes(best: BestCase, design: BestDesign, names: Mapping[str, str] = 
         yield f"90 % interval of the median {low} to {high}; {apart}"
     else:
         yield f"with starts = {best.starts} there is no interval: from 5 on cases that are as good are named"
-    for margin in design.margins:
-        yield margin_words(best, margin, names)
+    run = [one for one in design.margins if one.below or one.below_found or one.above or one.above_found]
+    yield from (margin_words(best, margin, names) for margin in run)
+    if alone := [names.get(one.axis, one.axis) for one in design.margins if one not in run]:
+        yield f"how far {', '.join(alone)} may be off is not known: no other case differs in it alone"
 
 
 def margin_words(best: BestCase, margin: AxisMargin, names: Mapping[str, str] = NO_NAMES) -> str:
@@ -324,7 +333,7 @@ def best_cases(
     if dataset["finished"].size < 2:
         return {}, {}
     if plan is None and not any(
-        np.unique(dataset[axis].to_numpy().astype(str)).size > 1 for axis in axes if not axis.startswith(EXCITATION)
+        np.unique(dataset[axis].to_numpy().astype(str)).size > 1 for axis in axes if not axis.startswith(NO_DESIGN)
     ):
         return {}, dict.fromkeys(known, NOTHING_TO_CHOOSE)
     first = [] if plan is None else [plan.measure]
@@ -381,7 +390,7 @@ def check_best(
     worst = default_worst(axes) if worst_over is None else tuple(dict.fromkeys(worst_over))
     for name in worst:
         require(name in axes, "worst_over", name, "", f"is no axis of the study: {suggestion(str(name), axes)}")
-    free = [name for name in axes if name not in worst and not name.startswith(EXCITATION)]
+    free = [name for name in axes if name not in worst and not name.startswith(NO_DESIGN)]
     require(bool(free), "worst_over", list(worst), "", f"leaves no axis to choose on: {', '.join(axes)}{NO_CHOICE}")
     return worst, {
         name: float(checked_value(f"limits.{name}", value, NUMBER)) for name, value in (limits or {}).items()
@@ -452,7 +461,7 @@ class _Designs:
         self.codes: dict[str, NDArray[np.int64]] = {}
         for axis in axes:
             self.values[axis], self.codes[axis] = self._coded(axis)
-        self.given = [axis for axis in self.codes if axis not in worst and axis.startswith(EXCITATION)]
+        self.given = [axis for axis in self.codes if axis not in worst and axis.startswith(NO_DESIGN)]
         self.chosen = [axis for axis in self.codes if axis not in worst and axis not in self.given]
         self._make_rows()
         self.sign = -1.0 if better[measure] == "large" else 1.0
@@ -465,7 +474,7 @@ class _Designs:
         self.lost = (self._flat("failed_starts") > 0) | (self._flat("finished") == 0)
         for column in (of_measure[0], *of_limits.values()):
             self.lost |= np.isnan(column)
-        self.has_value = ~self._any(self.lost) & (self.counts == self.counts.max())
+        self.has_value = ~self._any(self.lost) & (self.met == self.to_meet)
         self.value, self.low, self.high = (self._worst(column) for column in of_measure)
         self.limits = {
             name: (sign, self._worst(of_limits[name]), sign * limits[name]) for name, sign in signs.items()
@@ -500,6 +509,12 @@ class _Designs:
         self.first = self.order[self.begins]  # a case of each row
         self.level = level[self.first]
         self.levels = int(self.level.max()) + 1
+        # of how many values of the axes of the worst a row has a case, and how many its level has
+        met = _numbered([self.codes[axis] for axis in self.worst], count)
+        self.met, at_level = (
+            np.bincount(np.unique(np.stack([of, met]), axis=1)[0], minlength=int(of.max()) + 1) for of in (row, level)
+        )
+        self.to_meet = at_level[self.level]
         self._check_rows()
 
     def _check_rows(self) -> None:
@@ -511,7 +526,7 @@ class _Designs:
         allowed = f"has no two designs that agree in {', '.join(self.given)}: study a grid, or a list in which some do"
         require(bool((np.bincount(self.level) > 1).any()), "dataset", None, "", f"{allowed}{other}")
         values = _numbered([self.codes[axis] for axis in self.worst], count).max() + 1
-        of_base = any(axis.startswith(EXCITATION) for axis in self.worst)
+        of_base = any(axis.startswith(NO_DESIGN) for axis in self.worst)
         other = "" if of_base else ", or give worst_over = []"
         allowed = (
             f"has no two cases that agree in all axes but {', '.join(self.worst)}: study a grid, or a list in which "
@@ -537,7 +552,8 @@ class _Designs:
         """Why a row has no value."""
         lost = [case for case in self._cases(row) if self.lost[case]]
         if not lost:
-            return f"{self.counts[row]} of {self.counts.max()} cases are there"
+            must = f"every design must be at the same values of {', '.join(self.worst)}"
+            return f"{self.met[row]} of {self.to_meet[row]} cases are there, and {must}"
         if self._flat("finished")[lost[0]] == 0:
             return "a case has not been run"
         reason = self._flat("failure")[lost[0]] if "failure" in self.dataset else ""
@@ -571,8 +587,14 @@ class _Designs:
             self._told(case, self.worst), case,
             {name: float(sign * values[row]) for name, (sign, values, _) in self.limits.items()},
             tuple(self._told(self.first[other], self.chosen) for other in alike),
-            tuple(self._margins(row, rows)), without,
+            tuple(self._margins(row, rows)), without, "",
+            self._bound(FREQUENCY, case) if FREQUENCY in self.worst else "",
         )  # fmt: skip
+
+    def _bound(self, axis: str, case: int) -> str:
+        """Whether a case has the lowest or the highest of several values of an axis."""
+        last = len(self.values[axis]) - 1
+        return {0: "lowest", last: "highest"}.get(int(self.codes[axis][case]), "") if last else ""
 
     def ranked(self, count: int) -> list[dict[str, Any]]:
         """Values of the axes of the best rows of all levels; where none keeps the limits, of those nearest to them."""
@@ -613,11 +635,9 @@ class _Designs:
                 min((_reach(x[side], one[side]) for one in excess), key=lambda found: (found[0], not found[1]))
                 for side in (slice(place, None, -1), slice(place, None))
             )
-            value, bounds = float(x[place]), {values[0]: "lowest", values[-1]: "highest"}
+            value, bound = float(x[place]), self._bound(axis, self.first[row])
             unit = str(self.dataset[axis].attrs.get("units", ""))
-            yield AxisMargin(
-                axis, unit, value, below[0], above[0], below[1], above[1], _cliff(below, above), bounds.get(value, "")
-            )
+            yield AxisMargin(axis, unit, value, below[0], above[0], below[1], above[1], _cliff(below, above), bound)
 
 
 def _reach(

@@ -7,7 +7,7 @@ choose instead. Rows whose data are not given are left out; a row without a limi
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -28,16 +28,24 @@ from femimpact.errors import checked as checked_value
 from femimpact.excitation import Chirp, Excitation, RandomBase, Sine, SteppedSine, require_excitation
 from femimpact.excitation.excitation import BrokenLine, has_cycle
 from femimpact.excitation.piecewise_polynomial import PiecewisePolynomial
-from femimpact.excitation.remarks import drive_above_modes, drive_warnings, frequency_warnings, is_pulse
+from femimpact.excitation.remarks import (
+    FAR,
+    drive_above_modes,
+    drive_warnings,
+    frequency_warnings,
+    is_pulse,
+    motion_warnings,
+)
 from femimpact.export.tables import GRAVITY
 from femimpact.identification import resolution_warnings
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.methods import Method, require_method
+from femimpact.integrators.record_reading import DIFFERENCE, record_coarseness, record_warnings
 from femimpact.integrators.runs import integrate
 from femimpact.response.response import Recorder
 from femimpact.response.signals import LARGE, deflection_warnings
 from femimpact.structure.damping import ModalDamping
-from femimpact.structure.structure import Structure
+from femimpact.structure.structure import Structure, unusual_numbers
 from femimpact.study.prepared import carried_words, lines_of_plan, prepare, refined_grid
 from femimpact.study.study import Study, build
 from femimpact.sweep.curve import TRANSIENT_LEFT, grid_resolution, transient_left
@@ -59,6 +67,8 @@ LARGEST_RATIO = 0.2
 LONGEST_CONTACT = 0.2
 """Contact time over the first period beyond which a contact is part of the motion, and no impact."""
 
+OF_MATERIAL = ("Young's modulus", "density")
+
 LEAST_MODULUS, LEAST_DENSITY = 1e6, 20.0
 """Pa and kg/m^3: rubber and foam; GPa, MPa and g/cm^3 give numbers below."""
 
@@ -74,8 +84,8 @@ MODES = 10
 SAMPLES = 64
 """Instants in a cycle at which a motion of the base is read for its extremes, 0.12 % low at most."""
 
-MOST_CYCLES = 2e4
-"""Cycles of the drive's highest frequency beyond which no run without contacts is made."""
+MOST_CYCLES = 5e4
+"""Cycles of the highest frequency of a chirp, steps or a random motion beyond which no run without contacts is made."""
 
 WIDE = 1e3
 """Gap (m) of a cavity whose walls are not met."""
@@ -217,7 +227,13 @@ def preflight(
             require_type(value, kind, key)
     if method is not None:
         require_method(method)
-    rows = [*_of_structure(structure), *_of_contacts(plan)]
+    rows = list(_of_structure(structure))
+    if _is_of_another_material(rows):
+        # what follows from its modes says nothing, as "keep more modes"
+        return Preflight(tuple(rows))
+    rows += _of_contacts(plan)
+    if isinstance(excitation, SteppedSine) and f is None and cycles is None:
+        f, cycles = np.unique(excitation.frequencies), excitation.cycles
     if excitation is not None:
         rows += [*_of_base(plan, excitation, duration), *_of_drive(plan, excitation, duration)]
         if duration is not None:
@@ -236,6 +252,8 @@ def lines_of_check(study: Study) -> tuple[list[str], Preflight]:
     found = preflight_of_study(study, prepared.small)
     said = {f"warning: {row.instead}" for row in found.passed}
     lines = [line for line in lines_of_plan(prepared) if line not in said]
+    if _is_of_another_material(found.rows):
+        lines = [line for line in lines if not line.startswith("warning: ")]
     return lines + [f"{'limit passed' if row.passed else 'test'}: {row}" for row in found.rows], found
 
 
@@ -267,6 +285,15 @@ def _of_structure(structure: Structure | None) -> Iterator[PreflightRow]:
         yield _row(f"Young's modulus{of}", modulus, "Pa", LEAST_MODULUS, instead, at_least=True)
         instead = f"is it in g/cm^3? {density:g} g/cm^3 are {1e3 * density:.4g} kg/m^3"
         yield _row(f"density{of}", density, "kg/m^3", LEAST_DENSITY, instead, at_least=True)
+    for one in unusual_numbers(structure):
+        if not one.path.endswith((".young_modulus", ".density")):
+            value, instead = abs(one.value), f"{one.usual}; {one.instead}"
+            yield _row(one.path, value, one.unit, one.limit, instead, at_least=value < one.limit)
+
+
+def _is_of_another_material(rows: Sequence[PreflightRow]) -> bool:
+    """Whether modulus or density are in another unit."""
+    return any(row.passed and row.what.startswith(OF_MATERIAL) for row in rows)
 
 
 def _of_contacts(system: System) -> Iterator[PreflightRow]:
@@ -275,7 +302,7 @@ def _of_contacts(system: System) -> Iterator[PreflightRow]:
     if first == 0.0:
         return
     limit = LONGEST_CONTACT / first
-    instead = f"take at most {limit:.2g} s, a fifth of the first period: is it in milliseconds?"
+    instead = f"take at most {_rounded_down(limit):g} s, a fifth of the first period: is it in milliseconds?"
     for pair in system.contacts:
         if pair.has_walls and not pair.parameters.is_rigid:
             yield _row(f"contact time of {pair.name}", pair.parameters.contact_time, "s", limit, instead)
@@ -308,7 +335,9 @@ def _of_base(system: System, excitation: Excitation, duration: float | None) -> 
     for name, size, unit in zip(
         ("displacement", "velocity", "acceleration"), sizes, ("m", "m/s", "m/s^2"), strict=True
     ):
-        yield _row(f"largest {name} of the base", size, unit)
+        far = motion_warnings(excitation, system.length) if name == "displacement" else ()
+        limit = FAR * system.length if far else math.nan
+        yield _row(f"largest {name} of the base", size, unit, limit, "; ".join(far))
     yield _row("largest acceleration of the base", sizes[2] / GRAVITY, "g")
     yield from _drift(system, excitation)
 
@@ -344,8 +373,8 @@ def _drift(system: System, excitation: Excitation) -> Iterator[PreflightRow]:
     slow = sosfiltfilt(butter(4, corner, output="sos"), displacement, padtype="odd", padlen=_padding(at.size, corner))
     limit = DRIFT * min(gaps)
     instead = (
-        f"it moves the box around a ball at rest: remove what is below {0.5 * first:.3g} Hz (offset and drift: "
-        'detrend = "line")'
+        f"it moves the box around a ball at rest: take RecordedBase.from_displacement(displacement, interval, "
+        f"high_pass = {_rounded_up(0.5 * first):g}) of the displacement of this record"
     )
     yield _row(f"drift of the record below {0.5 * first:.3g} Hz", np.abs(slow - slow[0]).max(), "m", limit, instead)
 
@@ -361,6 +390,10 @@ def _of_drive(system: System, excitation: Excitation, duration: float | None) ->
     what, value, unit, limit = drive_above_modes(excitation, *kept)
     if math.isfinite(limit) and unit:
         yield _row(what, value, unit, limit, "; ".join(drive_warnings(excitation, *kept)))
+    interval, change = record_coarseness(system, excitation, duration or 0.0)
+    if math.isfinite(interval) and duration is not None:
+        what = f"change of the peak by straight lines between the samples of the record, {interval:.4g} s apart"
+        yield _row(what, abs(change), "1", DIFFERENCE, "; ".join(record_warnings(system, excitation, duration)))
     bare = without_impactors(system)
     if isinstance(excitation, Chirp):
         yield from _sweep_rate(excitation, solve_modes(bare, min(MODES, bare.dofs)))
@@ -421,6 +454,12 @@ def swept_envelope(b: float, tau: Array) -> Array:
     return np.asarray(np.abs(0.5 * np.sqrt(np.pi) / p * wofz(1j * (1.0 + 1j * b * tau) / (2.0 * p))))
 
 
+def _rounded_down(value: float) -> float:
+    """The value with two digits, rounded down."""
+    digit = 10.0 ** (math.floor(math.log10(value)) - 1)
+    return float(f"{digit * math.floor(value / digit + 1e-9):.2g}")
+
+
 def _rounded_up(value: float) -> float:
     """The value with two digits, rounded up."""
     digit = 10.0 ** (math.floor(math.log10(value)) - 1)
@@ -456,12 +495,14 @@ def _of_linear_run(
     gap is the absolute displacement of its place. That run is linear where no stop is met.
     """
     if has_cycle(excitation):
-        yield from _transient(system, 2.0 / 3.0 * duration, f"duration = {duration:g} s")
+        yield from _transient(system, 2.0 / 3.0 * duration, lambda end: f"duration = {_rounded_up(1.5 * end):g} s")
     wide = tuple(
         pair if pair.is_stop or not pair.has_walls else replace(pair, gaps=(WIDE, WIDE), law=Rigid(1.0))
         for pair in system.contacts
     )
     bare, record = replace(system, contacts=wide), Recorder(channels=())
+    if duration * excitation.frequency > MOST_CYCLES and isinstance(excitation, (Chirp, RandomBase, SteppedSine)):
+        return
     if method is None:
         bare = bare if bare.is_diagonal else reduce(bare, min(MODES, bare.dofs))
         method = EventDriven()
@@ -469,8 +510,10 @@ def _of_linear_run(
         record = replace(record, interval=1.0 / (SAMPLES * excitation.frequency))
     free = [pair for pair in system.balls if pair.free_stiffness == pair.free_damping == pair.acceleration == 0.0]
     at_rest_in_space = initial.is_at_rest and initial.frame == "space"
-    names = [f"{pair.name}.gap" for pair in free] if at_rest_in_space else []
-    if any(pair.gaps[0] != pair.gaps[1] for pair in free):
+    stops = [pair for pair in system.contacts if pair.is_stop and min(pair.gaps) > 0.0]
+    met = [*(free if at_rest_in_space else []), *stops]
+    names = [f"{pair.name}.gap" for pair in met]
+    if any(pair.gaps[0] != pair.gaps[1] for pair in met):
         record = replace(record, channels=tuple(names))
     try:
         run = integrate(bare, excitation, method, duration, record, initial)
@@ -479,27 +522,34 @@ def _of_linear_run(
         return
     if system.length > 0.0:
         yield _deflection(system, abs(found[0].value), "")
-    for pair, largest in zip(free if names else (), found[1:], strict=True):
+    for pair, largest in zip(met, found[1:], strict=True):
         moved, gap = abs(largest.value), pair.gaps[0]
         if pair.gaps[0] != pair.gaps[1]:
             # to the + and to the - wall, as it was read
             values = run.channels[f"{pair.name}.gap"]
             sides = zip((values.max(), -values.min()), pair.gaps, strict=True)
             moved, gap = max(sides, key=lambda side: side[0] / side[1])
-        instead = f"{pair.name} never meets a wall: take a gap below {moved:.3g} m or a larger drive"
-        yield _row(
-            f"largest absolute displacement of the place of {pair.name} beside its gap", moved, "m", gap, instead,
-            at_least=True,
-        )  # fmt: skip
+        if pair.is_stop and np.any(run.impacts.impactor == pair.name):
+            moved = max(moved, gap)
+        of = f"displacement {'at' if pair.is_stop else 'of the place of'} {pair.name} beside its gap"
+        instead = f"{pair.name} {'is never met' if pair.is_stop else 'never meets a wall'}: {_nearer(moved, gap)}"
+        yield _row(f"largest {'' if pair.is_stop else 'absolute '}{of}", moved, "m", gap, instead, at_least=True)
 
 
-def _transient(system: System, begin: float, key: str) -> Iterator[PreflightRow]:
+def _nearer(moved: float, gap: float) -> str:
+    """What brings a wall that is not met within reach: motion without contacts goes with the drive."""
+    if moved <= 0.0:
+        return "nothing moves"
+    return f"take a gap of at most {_rounded_down(moved):g} m or a drive {_rounded_up(gap / moved):g} times as large"
+
+
+def _transient(system: System, begin: float, take: Callable[[float], str]) -> Iterator[PreflightRow]:
     """Share of the first mode's transient that is left at a time (s) at which measuring begins."""
     first, ratio, left = transient_left(system, begin)
     decay = 2.0 * math.pi * first * ratio
     if decay > 0.0:
-        needed = _rounded_up(-math.log(TRANSIENT_LEFT) / decay)
-        instead = f"begin to measure after {needed:g} s or later, of {key}"
+        needed = -math.log(TRANSIENT_LEFT) / decay
+        instead = f"the last third is measured, which must begin after {_rounded_up(needed):g} s: take {take(needed)}"
         yield _row(f"transient of the first mode left at {begin:.3g} s", left, "1", TRANSIENT_LEFT, instead)
 
 
@@ -523,7 +573,8 @@ def _of_grid(system: System, f: Array, cycles: int | None, excitation: Excitatio
         texts = frequency_warnings(f, bare.highest_kept, bare.first_left_out)
         yield _row(f"{what}, of the sweep", value, unit, limit, "; ".join(texts))
     if cycles is not None:
-        yield from _transient(bare, float((cycles - cycles // 3) / f[-1]), f"the dwell of {cycles} cycles")
+        begin = float((cycles - cycles // 3) / f[-1])
+        yield from _transient(bare, begin, lambda end: f"cycles = {math.ceil(_rounded_up(1.5 * end * float(f[-1])))}")
     if isinstance(excitation, Sine) and bare.length > 0.0:
         yield _deflection(system, excitation.amplitude * _linear_peak(bare, modes, f), " of the sweep")
 
@@ -532,7 +583,11 @@ def _deflection(system: System, largest: float, of: str) -> PreflightRow:
     """The largest deflection (m) of a linear run over the length: of a system with balls, which lower it, no limit."""
     without = f" without {carried_words(system)}" if system.balls else ""
     what, limit = f"largest deflection{of}{without}, over the length", math.nan if system.balls else LARGE
-    return _row(what, largest / system.length, "1", limit, "; ".join(deflection_warnings(largest, system.length)))
+    share = largest / system.length
+    instead = "; ".join(deflection_warnings(largest, system.length))
+    if share > LARGE:
+        instead += f"; take at most {_rounded_down(LARGE / share):g} of the drive"
+    return _row(what, share, "1", limit, instead)
 
 
 def _linear_peak(bare: System, modes: Modes, f: Array) -> float:

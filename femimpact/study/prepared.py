@@ -177,7 +177,10 @@ def _coarse_history(study: Study, small: System, method: Method) -> tuple[str, .
     samples = 1.0 / (study.base.frequency * _grid(study, small, method) * every)
     if samples >= LEAST_SAMPLES:
         return ()
-    mend = "a smaller one" if every > 1 else "a smaller method.dt or output.interval, or more method.samples_per_cycle"
+    most = max(int(every * samples / LEAST_SAMPLES), 1)
+    mend = (
+        f"at most {most}" if every > 1 else "a smaller method.dt or output.interval, or more method.samples_per_cycle"
+    )
     return (
         f"output.every = {every}: the history keeps {samples:.3g} samples of a base cycle, below "
         f"{LEAST_SAMPLES}, and misses the extremes between them; take {mend}",
