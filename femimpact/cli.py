@@ -321,7 +321,7 @@ def check(study: Path, *, strict: bool = False) -> None:
     strict
         End with status 2 where a limit is passed beyond which the test does not show what it is made for.
     """
-    from femimpact.study.planned_test import lines_of_check
+    from femimpact.parametric.planned_test import lines_of_check
     from femimpact.study.study_file import load_study
 
     with _waiting("check", quiet=False):
