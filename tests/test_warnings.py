@@ -18,9 +18,8 @@ from femimpact.sweep.curve import _steadiness_warnings
 pytestmark = pytest.mark.impacts
 
 ROOT = Path(__file__).parent.parent
-SECTIONS = dict(
-    re.findall(r"^## (.*?)\n(.*?)(?=^## |\Z)", (ROOT / WARNINGS_PAGE).read_text("utf-8"), re.MULTILINE | re.DOTALL)
-)
+PAGE = (ROOT / "docs" / "reference" / "warnings.md").read_text("utf-8")
+SECTIONS = dict(re.findall(r"^## (.*?)\n(.*?)(?=^## |\Z)", PAGE, re.MULTILINE | re.DOTALL))
 
 SITES = {
     ("study/run.py", "_summary"): ["of the further starts failed"],
@@ -76,6 +75,14 @@ def test_the_words_of_each_heading_are_words_of_the_package(site):
     for heading in SITES[site]:
         assert heading in text
         assert heading in SECTIONS
+
+
+def test_the_page_is_named_by_its_title_and_part_of_the_site():
+    title, part = re.findall(r'"(.*?)"', WARNINGS_PAGE)
+    assert PAGE.startswith(f"# {title}\n")
+    index = (ROOT / "docs" / "reference" / "index.md").read_text("utf-8")
+    assert index.startswith(f"# {part}\n")
+    assert "\nwarnings\n" in index
 
 
 def test_no_heading_is_of_a_warning_that_is_not_made():
