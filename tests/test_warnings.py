@@ -13,7 +13,8 @@ from builders import REFERENCE, reduced, with_ball
 
 import femimpact as fi
 from femimpact.export.report.page import WARNINGS_PAGE
-from femimpact.sweep.curve import _steadiness_warnings
+from femimpact.study.summary import _curve_warnings
+from femimpact.sweep.curve import TAKE_STARTS, _steadiness_warnings
 
 pytestmark = pytest.mark.impacts
 
@@ -95,6 +96,19 @@ def test_each_says_what_it_means_what_to_do_and_has_an_example(heading):
         assert SECTIONS[heading].count(part) == 1
 
 
+@pytest.mark.parametrize("starts", [1, 5])
+def test_a_study_with_several_starts_is_not_told_to_take_them(starts):
+    curve = SimpleNamespace(
+        warnings=(f"not steady at 1 of 9 frequencies (5 Hz): the motion never repeats; {TAKE_STARTS}",)
+    )
+    none = fi.DampingEstimate(np.nan, np.nan, (np.nan, np.nan), "none")
+    prepared = SimpleNamespace(study=SimpleNamespace(sweep=SimpleNamespace(starts=starts)))
+    (text,) = _curve_warnings(curve, none, none, prepared)
+    assert (TAKE_STARTS in text) == (starts == 1)
+    assert ("the 5 starts" in text) == (starts == 5)
+    assert "the motion never repeats" in text
+
+
 def test_every_function_of_warnings_is_listed():
     known = {name for _, name in SITES} | BY_OTHERS
     for path in (ROOT / "femimpact").rglob("*.py"):
@@ -120,6 +134,10 @@ def test_impacts_that_never_repeat_are_told_from_what_has_not_died_out():
         columns = {"steadiness": np.full(26, "transient"), "impacts_per_cycle": np.full(26, 2.0)}
         (text,) = _steadiness_warnings(system, cases, columns)
         assert words in text
+        assert "at 26 of 26 frequencies (4.9 to 5.4 Hz)" in text
+        columns["steadiness"] = np.where(np.arange(26) == 0, "transient", "periodic")
+        (text,) = _steadiness_warnings(system, cases, columns)
+        assert "at 1 of 26 frequencies (4.9 Hz)" in text
     # without a ball nothing is chaotic, however short the dwell
     curve = fi.frequency_sweep(fi.without_impactors(system), 0.2e-3, frequencies, fi.EventDriven(), 60, ledger=False)
     assert any("take a longer dwell" in text for text in curve.warnings)
