@@ -113,6 +113,9 @@ def test_values_of_one_start_have_a_star_on_the_terminal(ran, capsys):
     assert history["steadiness"] != "periodic"
     assert f"peak {1e3 * history['peak']:.4g}* mm" in printed
     assert f"peak force {results.summary['contact']['peak_force']:.4g}* N" in printed
+    # a place has one unit, that of the peak
+    assert f"tip: largest {1e3 * history['channels']['tip']['largest']:.4g}* mm" in printed
+    assert f"largest of the run {1e3 * history['channels']['tip']['largest_of_run']:.4g} mm" in printed
     assert "* one start's value: the motion is not periodic" in printed
 
 
