@@ -105,7 +105,7 @@ def test_a_study_with_several_starts_is_not_told_to_take_them(starts):
     prepared = SimpleNamespace(study=SimpleNamespace(sweep=SimpleNamespace(starts=starts)))
     (text,) = _curve_warnings(curve, none, none, prepared)
     assert (TAKE_STARTS in text) == (starts == 1)
-    assert ("the 5 starts" in text) == (starts == 5)
+    assert ("over the starts" in text) == (starts == 5)
     assert "the motion never repeats" in text
 
 

@@ -146,7 +146,7 @@ def _curve_warnings(
     coarse = [text for text in texts if UNRESOLVED in text]
     plan, resolution = prepared.study.sweep, _resolution(curve, fit)
     if plan is not None and plan.starts > 1:
-        taken = f"this curve is that of one start: read the medians and ranges of the {plan.starts} starts"
+        taken = "this curve is that of one start: read the medians and ranges over the starts"
         texts = [text.replace(TAKE_STARTS, taken) for text in texts]
     if coarse and resolution is not None and plan is not None:
         key = finer_grid_words(plan, prepared.bare, resolution)
