@@ -262,15 +262,26 @@ def channel_page() -> Iterator[str]:
 
 KEYWORDS = {
     "howto/mode_shapes_in_paraview": ("mode shapes paraview", "vtk", "animation of a mode"),
-    "reference/words": ("units", "SI units", "transmissibility", "logarithmic decrement", "laser vibrometer"),
-    "howto/parameter_studies": ("optimal gap", "optimum", "tolerance of the gap", "sensitivity"),
+    "reference/words": (
+        "units",
+        "SI units",
+        "transmissibility",
+        "logarithmic decrement",
+        "laser vibrometer",
+        "how sure",
+        "uncertainty",
+        "confidence interval",
+    ),
+    "howto/parameter_studies": (
+        "optimal gap", "choose a gap", "first gap", "optimum", "tolerance of the gap", "sensitivity",
+    ),
     "theory/identification": ("logarithmic decrement", "damping from a measurement", "quality factor"),
     "howto/restitution_values": ("coefficient of restitution", "contact duration", "drop test"),
     "howto/installation": ("windows", "macos", "pip error", "no-build-isolation"),
-    "howto/before_the_test": ("sweep rate", "swept sine", "test plan", "shaker limits"),
+    "howto/before_the_test": ("sweep too fast", "sweep rate", "swept sine", "test plan", "shaker limits"),
     "howto/measured_base": ("accelerometer", "shaker record", "sine sweep"),
     "howto/root_stress": ("fatigue", "strain gauge", "rainflow"),
-}
+}  # fmt: skip
 """What a reader may search for, by the page that answers it: the search finds it though the page has other words."""
 
 

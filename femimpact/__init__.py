@@ -102,6 +102,9 @@ if TYPE_CHECKING:
     from femimpact.parametric import load_parameter_study as load_parameter_study
     from femimpact.parametric import parameter_study as parameter_study
     from femimpact.parametric import run_case as run_case
+    from femimpact.parametric.planned_test import Preflight as Preflight
+    from femimpact.parametric.planned_test import PreflightRow as PreflightRow
+    from femimpact.parametric.planned_test import preflight as preflight
     from femimpact.refinement import Refinement as Refinement
     from femimpact.refinement import refine as refine
     from femimpact.response.energy import EnergyLedger as EnergyLedger
@@ -125,9 +128,6 @@ if TYPE_CHECKING:
     from femimpact.structure.structure import Structure as Structure
     from femimpact.structure.structure import Support as Support
     from femimpact.structure.structure import glue_impactors as glue_impactors
-    from femimpact.study.planned_test import Preflight as Preflight
-    from femimpact.study.planned_test import PreflightRow as PreflightRow
-    from femimpact.study.planned_test import preflight as preflight
     from femimpact.study.results import StudyResults as StudyResults
     from femimpact.study.results import load as load
     from femimpact.study.run import run_study as run_study
@@ -188,6 +188,7 @@ _MODULES = {
         "AxisMargin", "BestCase", "BestDesign", "ParameterStudy", "StudyProgress", "best_case", "load_parameter_study",
         "parameter_study", "run_case",
     ),
+    "parametric.planned_test": ("Preflight", "PreflightRow", "preflight"),
     "refinement": ("Refinement", "refine"),
     "response.energy": ("EnergyLedger",),
     "response.history": ("HistoryPiece", "StroboscopicSection"),
@@ -199,7 +200,6 @@ _MODULES = {
     "structure.structure": (
         "Absorber", "Dashpot", "Impactor", "PointMass", "Spring", "Stop", "Structure", "Support", "glue_impactors",
     ),
-    "study.planned_test": ("Preflight", "PreflightRow", "preflight"),
     "study.results": ("StudyResults", "load"),
     "study.run": ("run_study",),
     "study.script_page": ("report",),

@@ -322,7 +322,7 @@ def check(study: Path, *, strict: bool = False) -> None:
         End with status 2 where a limit is passed beyond which the test does not show what it is made for, or a warning
         is printed.
     """
-    from femimpact.study.planned_test import lines_of_check
+    from femimpact.parametric.planned_test import lines_of_check
     from femimpact.study.study_file import load_study
 
     with _waiting("check", quiet=False):
@@ -623,6 +623,7 @@ def _print_results(study: Study, results: StudyResults) -> None:
 
 def _print_history(where: Console, study: Study, summary: Mapping[str, Any]) -> str:
     """Print the numbers of a history; the star behind those of one start, or nothing."""
+    from femimpact.export.tables import PREFIXES
     from femimpact.study.summary import contacts_of
 
     history = summary["history"]
@@ -644,12 +645,11 @@ def _print_history(where: Console, study: Study, summary: Mapping[str, Any]) -> 
         f"{history['regime']['label']}{_of_starts(starts)}"
     )
     for name, channel in history["channels"].items():
-        largest, rms = (number(channel[key], "channels", name, key) for key in ("largest", "rms"))
-        of_run = _range_words(starts, "channels", name, "largest_of_run") or _number(channel["largest_of_run"])
-        unit, at = channel["unit"], _number(channel["time_of_largest"])
-        when = (
-            f" ({_number(channel['largest_of_run'])} at {at} s of the study's own start)" if starts else f" at {at} s"
-        )
+        scale, unit = PREFIXES.get(channel["unit"], (1.0, channel["unit"]))
+        largest, rms = (number(channel[key], "channels", name, key, scale=scale) for key in ("largest", "rms"))
+        own, at = _number(channel["largest_of_run"], scale), _number(channel["time_of_largest"])
+        of_run = _range_words(starts, "channels", name, "largest_of_run", scale=scale) or own
+        when = f" ({own} at {at} s of the study's own start)" if starts else f" at {at} s"
         whole = f"largest of the run {of_run} {unit}{when}"
         third = f"largest {largest} {unit} and rms {rms} {unit} over the last third"
         where.print(f"{name}: {whole}; {third}" if driven else f"{name}: {third}; {whole}")

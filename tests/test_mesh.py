@@ -169,7 +169,7 @@ def test_a_mesh_of_another_length_or_region_is_refused():
     [
         ("along_y.msh", "must lie along the x axis; its extent is x 0, y 0.25, z 0 m"),
         ("broken.msh", "must be one unbroken row of line elements"),
-        ("triangles.msh", "must hold two-node lines only, found ['triangle']"),
+        ("triangles.msh", "found ['triangle']: only beams are meshed; of a solid or a plate mesh the mid-line"),
         ("quadratic.msh", "must hold two-node lines only, found ['line3']"),
         ("missing.msh", "must be an existing mesh file"),
     ],

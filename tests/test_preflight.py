@@ -10,7 +10,8 @@ from builders import REFERENCE, cantilever, oscillator, paper_study, reduced, wi
 from scipy.integrate import quad
 
 import femimpact as fi
-from femimpact.study.planned_test import swept_envelope, swept_peak
+from femimpact.parametric.planned_test import swept_envelope, swept_peak
+from femimpact.study.parameter_plan import AxisValues, ParameterPlan
 
 pytestmark = pytest.mark.impacts
 
@@ -112,6 +113,42 @@ def test_only_a_start_at_rest_in_space_has_a_row_of_the_ball() -> None:
     system, drive = reduced(REFERENCE, 3), fi.Sine(1e-6, 5.3)
     assert "beside its gap" in words(fi.preflight(system, drive, duration=10.0, initial=SPACE))
     assert "beside its gap" not in str(fi.preflight(system, drive, duration=10.0))
+
+
+def test_the_first_gap_is_that_of_two_impacts_that_take_up_the_drive() -> None:
+    # a mass M on a spring: phi = 1/sqrt(M) and Gamma = sqrt(M) give d = pi^2 M ub/(8 m)
+    ball = fi.Impactor("ball", "mass", 0.02, 1e-3, fi.Rigid(0.6))
+    system = oscillator((2.0 * np.pi * 5.0) ** 2, 0.1, impactors=[ball])
+    found = row(fi.preflight(system, fi.Sine(2e-4, 4.0)), "first gap to try")
+    assert found.value == pytest.approx(np.pi**2 * 2e-4 / (8.0 * 0.02), rel=1e-12)
+    assert "restitution" in found.what
+    assert not found.passed
+
+
+def test_the_first_gap_is_of_the_mode_nearest_to_the_drive() -> None:
+    # steady impacts at the amplitude 0 of the mode: the ball crosses 2 d in half a cycle, at a speed v of 4 d f; its
+    # impulse m 2 v at the mode, phi, is what the base puts into it in half a cycle at resonance, pi/2 Gamma ub omega
+    system = reduced(REFERENCE, 3)
+    modes = fi.solve_modes(system, 3)
+    for k in range(2):
+        f = float(modes.natural_frequency[k])
+        found = row(fi.preflight(system, fi.Sine(1e-4, 1.01 * f)), f"mode {k + 1}")
+        impulse = 2.0 * system.contacts[0].mass * 4.0 * found.value * f
+        phi = abs(system.contacts[0].direction @ modes.vectors[:, k])
+        taken = 0.5 * np.pi * abs(modes.participation_factor[k]) * 1e-4 * 2.0 * np.pi * f
+        assert phi * impulse == pytest.approx(taken, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"free_stiffness": 1.0}, {"acceleration": 9.81}, {"free_damping": 0.1}, {"mass": 1e-30},
+    ],
+)  # fmt: skip
+def test_a_ball_that_is_not_free_has_no_first_gap(change: dict[str, float]) -> None:
+    ball = replace(REFERENCE.impactors[0], **change)
+    found = fi.preflight(reduced(replace(REFERENCE, impactors=(ball,)), 3), fi.Sine(1e-4, 5.3))
+    assert "first gap" not in str(found)
 
 
 # ---- the base --------------------------------------------------------------------------------------
@@ -293,6 +330,36 @@ def test_a_study_has_the_rows_of_its_parts() -> None:
     table = found.to_pandas()
     assert list(table.columns) == ["what", "value", "unit", "limit", "passed", "instead"]
     assert len(table) == len(found.rows)
+
+
+def test_a_coarse_axis_of_frequencies_is_named_as_a_coarse_sweep_is() -> None:
+    system, coarse = reduced(REFERENCE, 3), np.linspace(4.5, 6.0, 16)
+    axes = {"impactor.ball.gap": [1e-3, 2e-3], "base.frequency": coarse}
+    of_sweep = row(fi.preflight(system, frequencies=coarse), "frequency step")
+    plan = fi.ParameterStudy(system, axes, ["peak"], excitation=fi.Sine(1e-4, 5.0))
+    of_axis = row(fi.preflight(plan), "frequency step of the axis base.frequency")
+    assert (of_axis.value, of_axis.limit, of_axis.instead) == (of_sweep.value, of_sweep.limit, of_sweep.instead)
+    assert of_axis.passed
+    fine = {**axes, "base.frequency": np.arange(4.5, 6.0, 0.99 * of_axis.limit)}
+    assert not row(fi.preflight(replace(plan, axes=fine)), "frequency step").passed
+    # the cases of a list have the steps of their values, a sample has none
+    listed = [{"base.frequency": float(f)} for f in coarse[::-1]]
+    assert row(fi.preflight(replace(plan, axes=listed)), "frequency step").value == of_axis.value
+    drawn = replace(plan, axes={"base.frequency": {"from": 4.5, "to": 6.0}}, sample={"points": 8})
+    assert "frequency step" not in str(fi.preflight(drawn))
+
+
+def test_the_axis_of_a_study_is_beside_its_sweep() -> None:
+    values = AxisValues(tuple(np.linspace(4.5, 6.0, 16).tolist()))
+    study = replace(paper_study(), plan=ParameterPlan(("peak",), {"base.frequency": values}))
+    names = [each.what for each in fi.preflight(study).passed]
+    assert sum("frequency step of the axis base.frequency" in name for name in names) == 1
+    # axes given in Python stand for those of the file
+    given = fi.ParameterStudy(study, {"impactor.ball.gap": [1e-3, 2e-3]}, ["peak"])
+    assert "axis base.frequency" not in str(fi.preflight(given))
+    bad = replace(study, plan=ParameterPlan(("peak",), {"base.frequency": AxisValues(("a",))}))
+    with pytest.raises(fi.InputError, match=r"study\.axes\.base\.frequency"):
+        fi.preflight(bad)
 
 
 @pytest.mark.parametrize(

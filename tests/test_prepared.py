@@ -318,3 +318,16 @@ def test_a_study_without_a_contact_has_none_in_its_summary(study):
 def test_one_file_name_has_one_key():
     names = [file.name for file in FILES.values()]
     assert len(set(names)) == len(names)
+
+
+def test_bodies_are_counted_in_words(study):
+    ball = study.structure.impactors[0]
+    stop = fi.Stop("stop", "mid", 1e-3, fi.KelvinVoigt(restitution=0.6, contact_time=2e-3))
+    others = {
+        "no ball": {"impactors": ()},
+        "1 ball": {},
+        "2 balls, 1 stop": {"impactors": (ball, dataclasses.replace(ball, name="other")), "stops": (stop,)},
+    }
+    for words, change in others.items():
+        line = plan_lines(dataclasses.replace(study, structure=dataclasses.replace(study.structure, **change)))[0]
+        assert line.endswith(f"integrated (modal), {words}")

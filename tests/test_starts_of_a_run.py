@@ -120,6 +120,8 @@ def test_headline_and_report_have_ranges_and_no_star(ran, capsys):
         assert " to " in line
         assert "5 starts" in line
         assert "*" not in line
+    (place,) = [line for line in printed.splitlines() if line.startswith("tip: ")]
+    assert place.count(" mm") == 3
     cards = {one.label: one for one in conclusions_of(ran.summary)}
     for label in ("Largest peak with ball", "Peak of the tip", "Largest force of ball", "Cycle-averaged force of ball",
                   "Peak without ball over peak with it"):  # fmt: skip

@@ -188,6 +188,17 @@ def test_a_place_that_no_mesh_gives_is_named():
         fi.assemble(structure, mesh=fi.Mesh(np.linspace(0.0, 0.2, 5)))
 
 
+def test_the_known_places_of_a_mesh_are_those_that_mend_the_fault():
+    # the body that is to be placed is no place for itself; for another item it is one
+    lamp, mesh = fi.PointMass("lamp", "mid", 0.01), fi.Mesh(np.linspace(0.0, 0.2, 5))
+    boxed = fi.Structure(BEAM, masses=[fi.PointMass("box", "pocket", 0.02), lamp])
+    with pytest.raises(fi.InputError, match=r"unknown; known: lamp, mid, root, tip; .*physical point .*\.vtu$"):
+        fi.assemble(boxed, mesh=mesh)
+    balled = fi.Structure(BEAM, masses=[lamp], impactors=[fi.Impactor(**{**BALL, "at": "pocket"})])
+    with pytest.raises(fi.InputError, match=r"ball\.at = 'pocket': unknown; known: lamp, mid, root, tip; "):
+        fi.assemble(balled, mesh=mesh)
+
+
 def test_a_support_off_the_nodes_is_refused():
     structure = fi.Structure(BEAM, supports=[fi.Support("clamped", "root"), fi.Support("pinned", 0.06)])
     with pytest.raises(fi.InputError, match=r"support\.at = 0\.06: must be a node of the mesh"):

@@ -13,14 +13,14 @@ from builders import REFERENCE, reduced, with_ball
 
 import femimpact as fi
 from femimpact.export.report.page import WARNINGS_PAGE
-from femimpact.sweep.curve import _steadiness_warnings
+from femimpact.study.summary import _curve_warnings
+from femimpact.sweep.curve import TAKE_STARTS, _steadiness_warnings
 
 pytestmark = pytest.mark.impacts
 
 ROOT = Path(__file__).parent.parent
-SECTIONS = dict(
-    re.findall(r"^## (.*?)\n(.*?)(?=^## |\Z)", (ROOT / WARNINGS_PAGE).read_text("utf-8"), re.MULTILINE | re.DOTALL)
-)
+PAGE = (ROOT / "docs" / "reference" / "warnings.md").read_text("utf-8")
+SECTIONS = dict(re.findall(r"^## (.*?)\n(.*?)(?=^## |\Z)", PAGE, re.MULTILINE | re.DOTALL))
 
 SITES = {
     ("study/run.py", "_summary"): ["of the further starts failed"],
@@ -78,6 +78,14 @@ def test_the_words_of_each_heading_are_words_of_the_package(site):
         assert heading in SECTIONS
 
 
+def test_the_page_is_named_by_its_title_and_part_of_the_site():
+    title, part = re.findall(r'"(.*?)"', WARNINGS_PAGE)
+    assert PAGE.startswith(f"# {title}\n")
+    index = (ROOT / "docs" / "reference" / "index.md").read_text("utf-8")
+    assert index.startswith(f"# {part}\n")
+    assert "\nwarnings\n" in index
+
+
 def test_no_heading_is_of_a_warning_that_is_not_made():
     assert set(SECTIONS) == {heading for headings in SITES.values() for heading in headings}
 
@@ -86,6 +94,19 @@ def test_no_heading_is_of_a_warning_that_is_not_made():
 def test_each_says_what_it_means_what_to_do_and_has_an_example(heading):
     for part in ("*Means:* ", "*Do:* ", "*Example:* "):
         assert SECTIONS[heading].count(part) == 1
+
+
+@pytest.mark.parametrize("starts", [1, 5])
+def test_a_study_with_several_starts_is_not_told_to_take_them(starts):
+    curve = SimpleNamespace(
+        warnings=(f"not steady at 1 of 9 frequencies (5 Hz): the motion never repeats; {TAKE_STARTS}",)
+    )
+    none = fi.DampingEstimate(np.nan, np.nan, (np.nan, np.nan), "none")
+    prepared = SimpleNamespace(study=SimpleNamespace(sweep=SimpleNamespace(starts=starts)))
+    (text,) = _curve_warnings(curve, none, none, prepared)
+    assert (TAKE_STARTS in text) == (starts == 1)
+    assert ("over the starts" in text) == (starts == 5)
+    assert "the motion never repeats" in text
 
 
 def test_every_function_of_warnings_is_listed():
@@ -113,6 +134,10 @@ def test_impacts_that_never_repeat_are_told_from_what_has_not_died_out():
         columns = {"steadiness": np.full(26, "transient"), "impacts_per_cycle": np.full(26, 2.0)}
         (text,) = _steadiness_warnings(system, cases, columns)
         assert words in text
+        assert "at 26 of 26 frequencies (4.9 to 5.4 Hz)" in text
+        columns["steadiness"] = np.where(np.arange(26) == 0, "transient", "periodic")
+        (text,) = _steadiness_warnings(system, cases, columns)
+        assert "at 1 of 26 frequencies (4.9 Hz)" in text
     # without a ball nothing is chaotic, however short the dwell
     curve = fi.frequency_sweep(fi.without_impactors(system), 0.2e-3, frequencies, fi.EventDriven(), 60, ledger=False)
     assert any("take a longer dwell" in text for text in curve.warnings)

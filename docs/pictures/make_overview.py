@@ -1,12 +1,15 @@
 """Make pictures of pages from the results of the demo: `python docs/pictures/make_overview.py femimpact-demo`.
 
 That of README has a frame of the movie above the response curve, as wide as the frame.
-`paper_response.png` is the curve.
+`paper_response.png` is the curve, and `report.png` the head of the report, where there is Chromium to draw it.
 """
 
 from __future__ import annotations
 
+import shutil
+import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import imageio_ffmpeg
@@ -27,9 +30,25 @@ def frame_of(movie: Path) -> Image.Image:
     raise ValueError(f"{movie}: no frame")
 
 
+def draw_report(page: Path, target: Path) -> None:
+    """Write the first 1100 by 900 pixels of a page as a browser shows them."""
+    browser = shutil.which("chromium")
+    if browser is None:
+        print(f"no chromium here: {target.name} stays as it is")
+        return
+    with tempfile.TemporaryDirectory() as directory:
+        whole = Path(directory) / "whole.png"
+        options = ("--headless=new", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--window-size=1100,900")
+        command = [browser, *options, f"--user-data-dir={directory}", f"--screenshot={whole}", page.resolve().as_uri()]
+        subprocess.run(command, check=True, capture_output=True, timeout=120)
+        with Image.open(whole) as picture:
+            picture.convert("RGB").quantize(256).save(target, optimize=True)
+
+
 def main(results: Path) -> Path:
-    """Write the picture beside this file; its path."""
+    """Write the pictures beside this file; the path of the first."""
     target = Path(__file__).with_name("overview.png")
+    draw_report(results / "report.html", target.with_name("report.png"))
     above = frame_of(results / "deflection.mp4")
     with Image.open(results / "response.png") as picture:
         size = (above.width, round(picture.height * above.width / picture.width))

@@ -39,6 +39,12 @@ OFF_MESH = 1e-6
 """Share of the beam's length by which it and a mesh of single precision may differ."""
 
 
+NAMED_IN_FILES = (
+    "; a mesh file names a place by a physical point in Gmsh, by a point array that is 1 there and 0 elsewhere in .vtu"
+)
+"""Words on how a place gets a name."""
+
+
 class ElementLineHermiteReference(ElementLineHermite):  # type: ignore[misc]
     """Cubic Hermite line element in reference coordinates, dofs (u, u_x).
 
@@ -297,8 +303,9 @@ def _position(structure: Structure, mesh: Mesh, at: Position, key: str) -> float
         tip = float(mesh.nodes[-1])
         return min(float(checked(key, at, quantity("m", at_least=0.0, at_most=tip * (1.0 + OFF_MESH)))), tip)
     if at not in mesh.points:
-        known = [*mesh.points, *(body.name for body in structure.masses)]
-        require(False, key, at, "", suggestion(at, known))
+        # a body has no place before it is placed
+        known = [*mesh.points, *(body.name for body in structure.masses if key != f"mass.{body.name}.at")]
+        require(False, key, at, "", suggestion(at, known) + NAMED_IN_FILES)
     return float(mesh.points[at])
 
 

@@ -34,6 +34,12 @@ MOST_BYTES = 1_000_000_000
 PIPE_BYTES = 65536
 """Read of a pipe at once; Linux keeps as many."""
 
+BEAMS_ONLY = (
+    ": only beams are meshed; of a solid or a plate mesh the mid-line, and give its sections in the segments (width "
+    "and thickness, or area and second_moment)"
+)
+"""Words on a mesh of faces or volumes."""
+
 CHILD = Path(__file__).with_name("mesh_child.py")
 
 
@@ -165,7 +171,9 @@ class _Contents:
 def _beam_mesh(read: Mapping[str, Any], label: str) -> Mesh:
     cells = [(str(kind), data) for kind, data in read["cells"]]
     unsupported = sorted({kind for kind, _ in cells} - {"line", "vertex"})
-    require(not unsupported, "mesh.file", label, "", f"must hold two-node lines only, found {unsupported}")
+    solid = any(not kind.startswith("line") for kind in unsupported)
+    allowed = f"must hold two-node lines only, found {unsupported}{BEAMS_ONLY if solid else ''}"
+    require(not unsupported, "mesh.file", label, "", allowed)
     count = sum(len(data) for kind, data in cells if kind == "line")
     require(0 < count <= 2 * MOST_ELEMENTS, "mesh.file", label, "", f"must hold line elements, 1 to {MOST_ELEMENTS}")
     points = np.asarray(read["points"], dtype=float)

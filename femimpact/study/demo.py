@@ -332,7 +332,7 @@ def remark(
         "the middle of its box: the motion is chaotic, and one run is a sample",
         "the experiment's 5.05 Hz without ball and the theory's 5.30 Hz cannot both be met: the shifts to 4.95 and "
         "4.98 Hz mean mass ratios of 0.041 and 0.133; the model follows the theory's. The measured one, with rigid "
-        "impacts: docs/paper/rigid_reference_studies.py",
+        'impacts: page "The two reference studies, with rigid impacts" of the documentation',
         "the curve with ball is bent and chaotic: a fit or a half-power width of it is no damping of the ball; "
         "only the drop of the peak compares, and 1.4 % is the amplitude ratio times 0.29 %",
         "the paper's 0.02 N is what its eq. 31 leaves over, not a contact force; the cycle-averaged force is near it",

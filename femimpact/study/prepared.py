@@ -42,12 +42,18 @@ USUAL_STRIDE = 10
 
 def carried_words(system: System) -> str:
     """What a structure carries, or meets: "ball", "balls", "absorber", "ball and absorber", "stop", ..."""
-    counts = {"ball": 0, "absorber": 0, "stop": 0}
-    for pair in system.contacts:
-        counts["stop" if pair.is_stop else "ball" if pair.has_walls else "absorber"] += 1
+    counts = _counts(system)
     if counts["ball"] or counts["absorber"]:
         counts["stop"] = 0
     return " and ".join(f"{name}{'s' if count > 1 else ''}" for name, count in counts.items() if count) or "ball"
+
+
+def _counts(system: System) -> dict[str, int]:
+    """Numbers of balls, absorbers and stops."""
+    counts = {"ball": 0, "absorber": 0, "stop": 0}
+    for pair in system.contacts:
+        counts["stop" if pair.is_stop else "ball" if pair.has_walls else "absorber"] += 1
+    return counts
 
 
 @dataclass(frozen=True, eq=False)
@@ -248,11 +254,13 @@ def lines_of_plan(prepared: PreparedStudy) -> list[str]:
     grid = method.interval(small, study.excitation, study.base.history_duration, prepared.record)
     steps = round(study.base.history_duration / grid)
     contact_time = shortest_contact(small)
-    kind, absorbers = "modal" if small.is_diagonal else "physical", len(study.structure.absorbers)
+    kind = "modal" if small.is_diagonal else "physical"
     lines = [
         f"dofs: {full.dofs} of the mesh ({full.nodes.size - 1} elements), {small.dofs} integrated ({kind}), "
-        f"{len(small.balls) - absorbers} ball(s), {len(small.contacts) - len(small.balls)} stop(s)"
-        f"{f', {absorbers} absorber(s)' if absorbers else ''}",
+        + (
+            ", ".join(f"{count} {name}{'s' * (count > 1)}" for name, count in _counts(small).items() if count)
+            or "no ball"
+        ),
         f"first natural frequency: {first_elastic_frequency(small):.6g} Hz"
         f"{f' without {prepared.carried}' if small.balls else ''}"
         f"{'' if small.first_frequency > 0.0 else ', above a rigid motion at 0 Hz'}",

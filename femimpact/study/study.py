@@ -41,7 +41,9 @@ class MeshChoice:
     elements : int
         How many; each is at most as long as the others, between the places that have to be nodes.
     file : str
-        Path of a Gmsh 4.1 file, from the folder of the study file.
+        Path of a mesh of two-node lines along x, from the folder of the study file: Gmsh 2.2 or 4.1, VTU, VTK, XDMF,
+        Abaqus, MED and what else meshio reads. A place is a physical point of Gmsh, or in a format without names an
+        array of whole numbers on the points, 1 at one node and 0 elsewhere; regions likewise on curves and lines.
 
     Raises
     ------

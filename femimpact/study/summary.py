@@ -27,6 +27,7 @@ from femimpact.integrators.methods import Method
 from femimpact.response.response import Response
 from femimpact.study.prepared import PreparedStudy, finer_grid_words
 from femimpact.sweep import FrequencyResponse, on_grid
+from femimpact.sweep.curve import TAKE_STARTS
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.modes import Modes
 
@@ -144,6 +145,9 @@ def _curve_warnings(
     texts = list(dict.fromkeys([*curve.warnings, *_estimate_warnings(fit, half)]))
     coarse = [text for text in texts if UNRESOLVED in text]
     plan, resolution = prepared.study.sweep, _resolution(curve, fit)
+    if plan is not None and plan.starts > 1:
+        taken = "this curve is that of one start: read the medians and ranges over the starts"
+        texts = [text.replace(TAKE_STARTS, taken) for text in texts]
     if coarse and resolution is not None and plan is not None:
         key = finer_grid_words(plan, prepared.bare, resolution)
         texts = [text for text in texts if text not in coarse]

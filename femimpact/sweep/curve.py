@@ -76,6 +76,9 @@ OF_THE_CHANNEL = tuple(name for name, unit in MOTION_UNITS.items() if unit == "m
 ONE_START = "one start's value: the motion is not periodic"
 """Legend of the mark of a value of `FrequencyResponse.is_sample`, a star or a dot: another start has another value."""
 
+TAKE_STARTS = "take medians over several starts"
+"""What a motion that never repeats asks for, in a warning of a curve of one start."""
+
 IMPACT_NAMES = (
     "impacts_per_cycle", "mean_approach_speed", "largest_approach_speed", "mean_impulse", "peak_force",
     "cycle_mean_force",
@@ -403,15 +406,19 @@ def _steadiness_warnings(system: System, cases: SineCases, columns: Columns) -> 
     if np.any(chaotic):
         chaotic = chaotic & (transient_left(system, _shortest_begin(cases))[2] <= TRANSIENT_LEFT)
     texts = (
-        (chaotic, "the motion never repeats; take medians over several starts"),
+        (chaotic, f"the motion never repeats; {TAKE_STARTS}"),
         (unlike & ~chaotic, "the two halves of the measured time differ; take a longer dwell"),
     )  # fmt: skip
     return [
-        f"not steady at {np.count_nonzero(which)} of {f.size} frequencies ({f[which].min():.4g} to "
-        f"{f[which].max():.4g} Hz): {text}"
+        f"not steady at {np.count_nonzero(which)} of {f.size} frequencies ({_reach(f[which])}): {text}"
         for which, text in texts
         if np.any(which)
     ]
+
+
+def _reach(f: Array) -> str:
+    """Words on the first and the last of some frequencies (Hz)."""
+    return " to ".join(dict.fromkeys((f"{f.min():.4g}", f"{f.max():.4g}"))) + " Hz"
 
 
 def _dwell_warnings(system: System, cases: SineCases) -> list[str]:

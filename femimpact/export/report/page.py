@@ -281,8 +281,8 @@ def page_bytes(page: Page) -> bytes:
     return text.encode("utf-8")
 
 
-WARNINGS_PAGE = "docs/reference/warnings.md"
-"""The page on what each warning means and what to do."""
+WARNINGS_PAGE = 'page "Warnings" of the documentation, under "Reference"'
+"""The page on what each warning means and what to do, by its title."""
 
 
 def _found(page: Page) -> Section:
