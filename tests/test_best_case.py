@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections import defaultdict
 from dataclasses import replace
 from pathlib import Path
@@ -217,11 +218,71 @@ def test_designs_whose_intervals_overlap_are_not_told_from_the_best():
     best = only(fi.best_case(dataset({GAP: GAPS[:4], FREQUENCY: [4.0, 5.0]}, columns, starts=8), "peak"))
     assert (best.value, best.low, best.high) == (2.2, 2.2 - 0.25, 2.2 + 0.25)
     assert best.alike == ({GAP: 3e-3},)  # 2.35 to 2.85, and not 2.75 to 3.25
+    assert best.alike_values == (2.6,)
     for end in ("low", "high"):
         del columns[f"peak_median_{end}"]
     few = fi.best_case(dataset({GAP: GAPS[:4], FREQUENCY: [4.0, 5.0]}, columns, starts=3), "peak")
     assert np.isnan(only(few).low)
     assert "with starts = 3 there is no interval" in str(few)
+
+
+def test_designs_that_are_not_told_apart_have_their_values_and_their_groups_of_starts():
+    median, groups = np.array([2.0, 3.2, 2.5]), np.array([1.0, 2.0, 1.0])
+    columns = {
+        "peak": median, "peak_low": median - 1.5, "peak_high": median + 1.0,
+        "peak_median_low": median - 1.4, "peak_median_high": median + 0.5, "peak_groups": groups,
+    }  # fmt: skip
+    given = dataset({GAP: GAPS[:3]}, {name: 1e-3 * one for name, one in columns.items()}, starts=8)
+    given["peak_groups"] = (GAP, groups)
+    found = fi.best_case(given, "peak")
+    best = only(found)
+    # the nearest first
+    assert (best.alike, best.alike_values) == (({GAP: 3e-3}, {GAP: 2e-3}), (2.5e-3, 3.2e-3))
+    assert (best.groups, best.alike_groups) == ((), ((), pytest.approx((1.7e-3, 4.2e-3))))
+    assert "impactor.ball.gap = 3 mm (2.5 mm, 25 % more); impactor.ball.gap = 2 mm (3.2 mm, 60 % more; its" in str(
+        found
+    )
+    assert "its starts lie in two groups, 1.7 mm to 4.2 mm)" in str(found)
+    assert "two motions" not in str(found)
+    given["peak_groups"] = (GAP, groups[[1, 0, 2]])
+    assert only(fi.best_case(given, "peak")).groups == pytest.approx((0.5e-3, 3e-3))
+    assert "two motions: at its worst the starts lie in two groups, 0.5 mm to 3 mm" in str(fi.best_case(given, "peak"))
+
+
+def test_a_worst_case_at_an_end_of_its_axis_is_said_and_a_flat_axis_is_not():
+    def ends(values, worst=(FREQUENCY,)):
+        given = dataset({GAP: GAPS[:2], FREQUENCY: [4.0, 5.0, 6.0]}, {"peak": 1e-3 * np.array(values)})
+        found = fi.best_case(given, "peak", worst)
+        assert ("a worse one may lie beyond" in str(found)) == bool(only(found).worst_bounds)
+        return only(found).worst_bounds
+
+    assert ends([[1.0, 2.0, 3.0], [9.0, 9.0, 9.0]]) == {FREQUENCY: "highest"}
+    assert ends([[3.0, 2.0, 1.0], [9.0, 9.0, 9.0]]) == {FREQUENCY: "lowest"}
+    assert ends([[1.0, 3.0, 1.0], [9.0, 9.0, 9.0]]) == {}
+    assert ends([[3.0, 3.0, 3.0], [9.0, 9.0, 9.0]]) == {}
+    assert ends([[3.0, 1.0, 3.0], [9.0, 9.0, 9.0]]) == {}
+    # names have no order
+    names = dataset({GAP: GAPS[:2], "base.start": np.array(["base", "space"])}, {"peak": np.array([[1.0, 2], [3, 4]])})
+    assert only(fi.best_case(names, "peak", ["base.start"])).worst_bounds == {}
+
+
+def test_a_restitution_that_is_no_part_of_the_worst_counts_as_a_choice_and_says_so():
+    axes = {GAP: GAPS[:3], RESTITUTION: [0.5, 0.7, 0.9], FREQUENCY: [4.0, 5.0, 6.0]}
+    value = 1e-3 * np.array([[5.0, 5.0, 6.0], [3.0, 8.0, 14.0], [7.0, 7.0, 7.0]])
+    given = dataset(axes, {"peak": value[:, :, None] * np.array([0.5, 1.0, 0.5])})
+    found = fi.best_case(given, "peak")
+    assert found.uncertain == (RESTITUTION,)
+    assert only(found).over_uncertain == 14e-3
+    (line,) = [line for line in str(found).splitlines() if "counts as a choice" in line]
+    assert "over all its values impactor.ball.gap = 2 mm has up to 14 mm; to be safe over it, worst_over =" in line
+    # what it says to give
+    safe = fi.best_case(given, "peak", json.loads(line.partition("worst_over = ")[2]))
+    assert (safe.uncertain, only(safe).values, only(safe).value) == ((), {GAP: 1e-3}, 6e-3)
+    assert "choice" not in str(safe)
+    # of one value nothing is chosen, and without another axis there is no remedy
+    assert fi.best_case(given.isel({RESTITUTION: [1]}), "peak").uncertain == ()
+    for one in (given.isel({GAP: 0}, drop=True), given.isel({GAP: [0]})):
+        assert f"{RESTITUTION} counts as a choice: no other axis is left to choose on" in str(fi.best_case(one, "peak"))
 
 
 def test_limits_hold_for_the_largest_start_of_the_worst_case():
@@ -388,17 +449,28 @@ def test_command_report_and_study_file_say_the_same_and_another_table_resumes_th
     shown = study_conclusions(first, best_cases(first, None)[0])[0]
     assert float(shown.value) == pytest.approx(1e3 * best.value, rel=1e-3)  # of four digits
     assert any(line.startswith("  smallest worst peak") for line in summary_lines(first, tmp_path))
-    # a measure that does not say what is better keeps both ends
-    assert any("impacts_per_cycle" in line and "smallest at" in line for line in summary_lines(first, tmp_path))
-    assert "Smallest impacts per cycle" in page
+    # of the other measures the best is not asked for
+    assert [line for line in summary_lines(first, tmp_path) if "smallest" in line] == [
+        "  smallest worst peak: " + str(fi.best_case(first, "peak")).splitlines()[0].partition(": ")[2]
+    ]
+    assert [one.label for one in study_conclusions(first, *best_cases(first, None))] == ["Smallest worst peak"]
     again = study(BEST)
     second = write_parameter_study(again, tmp_path)
     assert {path.name: path.read_bytes() for path in (tmp_path / "blocks").glob("*.block")} == blocks
     np.testing.assert_array_equal(second["peak"], first["peak"])
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
-    assert page.index("Smallest worst rms") < page.index("Smallest worst peak")
+    assert "Smallest worst rms" in page
+    assert "Smallest worst peak" not in page
     lines = summary_lines(second, tmp_path, again.plan.best)
     assert any("limit 1000 mm" in line for line in lines)
+
+
+def test_the_commented_study_of_a_new_file_is_one_and_takes_the_worst_over_what_is_not_chosen():
+    given, commented = paper_study_text().split("# [study]\n")
+    lines = f"# [study]\n{commented.partition('# [study.sample]')[0]}".splitlines()
+    plan = read_study("\n".join([given, *(line.removeprefix("# ") for line in lines)]), Path("study.toml"))
+    assert plan_lines(plan)[0].startswith("study: 525 cases (5 x 5 x 21), 8 starts each")
+    assert set(plan.plan.best.worst_over) == set(plan.plan.axes) - {GAP}
 
 
 def test_a_table_of_the_best_goes_round_and_is_checked_before_the_first_case():

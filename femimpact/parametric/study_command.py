@@ -21,7 +21,8 @@ from femimpact.parametric.measures import better_of
 from femimpact.parametric.verb import StudyProgress, run_parameter_study, to_stderr
 from femimpact.parametric.workers import block_cases, connected
 from femimpact.response.response import Recorder
-from femimpact.study.best_case import best_cases, check_best, told_lines
+from femimpact.study.best_case import best_cases, check_best
+from femimpact.study.best_design import told_lines
 from femimpact.study.parameter_plan import BestPlan
 from femimpact.study.prepared import RUNS_OF_HISTORY, START, history_cost
 from femimpact.study.result_directory import FILES
@@ -213,7 +214,7 @@ def _disk(given: ParameterStudy, study: Study) -> float:
 
 
 def summary_lines(dataset: xarray.Dataset, directory: Path, best: BestPlan | None = None) -> list[str]:
-    """Lines on each measure's range and best case, all that is known of the first, and on cases that failed."""
+    """Lines on each measure's range, on the best case by one, and on cases that failed."""
     found_best, reasons = best_cases(dataset, best)
     lines = list[str]()
     for name in itertools.islice((str(name) for name in dataset.data_vars), 40):
@@ -228,9 +229,10 @@ def summary_lines(dataset: xarray.Dataset, directory: Path, best: BestPlan | Non
         low, high = float(np.nanmin(found)), float(np.nanmax(found))
         reach = f"{name}: {unit_text(low, unit)} to {unit_text(high, unit)}"
         if name in found_best:
-            told = list(told_lines(found_best[name]))
-            detailed = name == next(iter(found_best))
-            lines += [reach, *(f"  {line}" for line in told if detailed or not line.startswith(" "))]
+            lines += [reach, *(f"  {line}" for line in told_lines(found_best[name]))]
+            continue
+        if found_best and name not in reasons:
+            lines.append(reach)
             continue
         # of a measure without a best case the worst: its smallest value may be one beside a resonance
         word = "largest" if name in reasons and values.attrs.get("better") == "small" else "smallest"
