@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,19 +13,22 @@ import numpy as np
 
 from femimpact.errors import Fault, InputError, require
 from femimpact.export import figures, tables
+from femimpact.export.figures.studies import mark_best
 from femimpact.export.files import atomic_write
 from femimpact.export.tables import measure_names, unit_text, value_words
-from femimpact.parametric.definition import ParameterStudy
+from femimpact.parametric.definition import CaseTable, ParameterStudy
 from femimpact.parametric.labelled import over_starts
 from femimpact.parametric.measures import better_of
+from femimpact.parametric.paths import study_with
 from femimpact.parametric.verb import StudyProgress, run_parameter_study, to_stderr
 from femimpact.parametric.workers import block_cases, connected
 from femimpact.response.response import Recorder
 from femimpact.study.best_case import best_cases, check_best
-from femimpact.study.best_design import told_lines
+from femimpact.study.best_design import BestCase, told_lines
+from femimpact.study.best_picture import marks_of, worst_over_axes
 from femimpact.study.parameter_plan import BestPlan
 from femimpact.study.prepared import RUNS_OF_HISTORY, START, history_cost
-from femimpact.study.result_directory import FILES
+from femimpact.study.result_directory import BEST_FIGURE, FILES
 from femimpact.study.result_page import add_report
 from femimpact.study.study import Study
 from femimpact.study.study_file import study_text
@@ -126,15 +129,41 @@ def write_parameter_study(
     atomic_write(directory / FILES["study"].name, study_text(study))
     columns, units = tables.case_columns(dataset)
     tables.write_csv(directory / FILES["parameter_table"].name, columns, units)
+    plan: Any = study.plan
+    found, _ = best_cases(dataset, plan.best)
+    best = next(iter(found.values()), None)
+    _write_best(definition, best, directory)
     if study.output.figures:
-        _draw(dataset, directory)
+        _draw(dataset, best, directory)
     if study.output.report:
         add_report(directory, lambda part, share: None)
     return dataset
 
 
-def _draw(dataset: xarray.Dataset, directory: Path) -> None:
-    """A figure of every measure that is a number and has a value."""
+def _write_best(definition: ParameterStudy, best: BestCase | None, directory: Path) -> None:
+    """The study with the values of the best case, where there is one, to be run: `best.toml`."""
+    path = directory / FILES["best_study"].name
+    path.unlink(missing_ok=True)
+    design = next((one for one in best.designs if one.case >= 0), None) if best is not None else None
+    if design is None:
+        return
+    table: CaseTable = definition.table
+    places = {place: table.value(axis, design.case) for axis, place in enumerate(table.places)}
+    given: Any = definition.study
+    with suppress(InputError):
+        atomic_write(path, study_text(replace(study_with(given, places), plan=None)))
+
+
+def _draw(dataset: xarray.Dataset, best: BestCase | None, directory: Path) -> None:
+    """A figure of the best case, and of every measure that is a number and has a value."""
+    path = directory / BEST_FIGURE
+    path.unlink(missing_ok=True)
+    worst = worst_over_axes(dataset, best) if best is not None else None
+    if best is not None and worst is not None:
+        drawn = _drawn(worst, best.measure)
+        if worst[best.measure].ndim == 1:
+            drawn = mark_best(drawn, worst, best.measure, marks_of(best))
+        figures.save_figure(drawn, path)
     for name in measure_names(dataset):
         figures.save_figure(_drawn(dataset, name), directory / f"{_file_name(name)}.png")
 
