@@ -13,10 +13,13 @@ import xarray
 from builders import with_ball
 
 import femimpact as fi
+from femimpact.export.figures.studies import mark_best
 from femimpact.parametric.study_command import plan_lines, summary_lines, write_parameter_study
 from femimpact.study.best_case import best_cases
+from femimpact.study.best_picture import marks_of, worst_over_axes
 from femimpact.study.demo import paper_study, paper_study_text
 from femimpact.study.result_conclusions import study_conclusions
+from femimpact.study.study import build_systems
 from femimpact.study.study_file import read_study, study_text
 
 GAP, RESTITUTION = "impactor.ball.gap", "impactor.ball.contact.restitution"
@@ -463,6 +466,94 @@ def test_command_report_and_study_file_say_the_same_and_another_table_resumes_th
     assert "Smallest worst peak" not in page
     lines = summary_lines(second, tmp_path, again.plan.best)
     assert any("limit 1000 mm" in line for line in lines)
+    # the next step: a study file of the best case at its worst, without a study
+    best = only(fi.best_case(second, "rms", [FREQUENCY], {"peak": 1.0}))
+    chosen = fi.load_study(tmp_path / "best.toml")
+    assert (chosen.structure.impactors[0].gap, chosen.base.frequency) == (best.values[GAP], best.worst_at[FREQUENCY])
+    assert replace(chosen.structure, impactors=()) == replace(again.structure, impactors=())
+    assert chosen.plan is None
+    assert any(line.endswith(f"femimpact run {tmp_path / 'best.toml'}") for line in lines)
+    assert "'femimpact run best.toml' in the folder of this page" in page
+    # the ball of the drawing has the gap of the study file
+    assert page.count("gaps 4 mm, in the study file; gap is an axis of the study") == 1
+    assert "kelvin-voigt, in the study file; gap is an axis of the study" in page
+    assert page.index("The worst rms over what is chosen") < page.index("The structure")
+
+
+def test_of_a_study_without_a_best_case_nothing_is_left_of_an_earlier_one(tmp_path):
+    drawn = replace(study(), output=replace(study().output, figures=True, report=False))
+    first = write_parameter_study(drawn, tmp_path)
+    left = {"best.toml", "study_best.png"}
+    assert left <= {path.name for path in tmp_path.iterdir()}
+    # no case keeps the limit
+    limited = replace(drawn.plan, best=replace(study(BEST).plan.best, limits={"peak": 1e-9}))
+    second = write_parameter_study(replace(drawn, plan=limited), tmp_path)
+    assert not left & {path.name for path in tmp_path.iterdir()}
+    lines = summary_lines(second, tmp_path, limited.best)
+    assert any("no best case: measure = 'rms'" in line for line in lines)
+    assert not any("femimpact run" in line or "smallest worst" in line for line in lines)
+    found, reasons = best_cases(second, limited.best)
+    shown = {one.label: one.note for one in study_conclusions(first, found, reasons)}
+    assert "[study.best] asks for rms" in shown["Largest peak"]
+
+
+def test_the_study_of_the_best_case_finds_the_mesh_of_the_study_from_another_folder(tmp_path):
+    table = '[study]\nmeasures = ["peak"]\ncycles = 3\n[study.axes]\n"impactor.ball.gap" = [0.002, 0.003]\n'
+    path = Path("meshes/stepped_cantilever.toml")
+    given = read_study(path.read_text(encoding="utf-8") + table, path)
+    given = replace(given, output=replace(given.output, figures=False, report=False))
+    write_parameter_study(given, tmp_path / "results")
+    chosen = fi.load_study(tmp_path / "results" / "best.toml")
+    assert (tmp_path / "results" / chosen.mesh.file).resolve() == Path("meshes/stepped_cantilever.msh").resolve()
+    assert build_systems(chosen)
+
+
+def test_what_is_drawn_is_the_worst_over_what_is_not_chosen():
+    rng = np.random.default_rng(0)
+    axes = {GAP: GAPS, RESTITUTION: [0.5, 0.7, 0.9], FREQUENCY: FREQUENCIES}
+    for better, most in (("small", np.max), ("large", np.min)):
+        columns = {"peak": rng.random((6, 3, 9)), "peak_low": rng.random((6, 3, 9)), "rms": rng.random((6, 3, 9))}
+        given = dataset(axes, columns, better=better, starts=3)
+        given["periodic_starts"] = given["failed_starts"]
+        for name in axes:
+            given[name].attrs["long_name"] = name
+        for worst, over in (((FREQUENCY,), 2), ((RESTITUTION, FREQUENCY), (1, 2)), ((), ())):
+            found = fi.best_case(given, "peak", worst)
+            drawn = worst_over_axes(given, found)
+            assert drawn["peak"].dims == tuple(name for name in axes if name not in worst)
+            for name in ("peak", "peak_low"):
+                np.testing.assert_array_equal(drawn[name], most(columns[name], axis=over))
+            # the ring is at the best, and nothing of another measure is drawn
+            best = only(found)
+            assert drawn["peak"].to_numpy()[drawn["is_best"].to_numpy()] == [best.value]
+            assert "rms" not in drawn
+    failed = np.zeros((6, 3, 9), dtype=bool)
+    failed[2, 1, 4] = True
+    given = dataset(axes, {"peak": np.where(failed, np.nan, 1.0 + rng.random((6, 3, 9)))}, failed=failed)
+    given["periodic_starts"] = given["failed_starts"]
+    drawn = worst_over_axes(given, fi.best_case(given, "peak", [FREQUENCY]))
+    assert np.argwhere(np.isnan(drawn["peak"].to_numpy())).tolist() == [[2, 1]]
+    listed = given.stack(case=list(axes)).reset_index("case")
+    assert worst_over_axes(listed, fi.best_case(listed, "peak", [FREQUENCY])) is None
+
+
+def test_marks_of_a_line_are_the_level_of_15_percent_more_the_limit_and_the_margins():
+    given = grid()
+    found = fi.best_case(given, "peak", limits={"peak": 0.01})
+    (margin,) = only(found).margins
+    marks = marks_of(found)
+    assert marks.levels == (("15 % more", pytest.approx(3.45e-3)), ("limit", 0.01))
+    assert marks.spans == {GAP: (3e-3 - margin.below, 3e-3 + margin.above)}
+    given = given.assign(periodic_starts=given["failed_starts"])
+    drawn = worst_over_axes(given, found)
+    axes = mark_best(fi.figures.study_lines(drawn, "peak", ax=fi.figures.OffScreen()), drawn, "peak", marks)
+    assert {text.get_text() for text in axes.get_legend().get_texts()} == {
+        "value", "the best", "at most 15 % more than the best, within the limits",
+    }  # fmt: skip
+    # one millimetre of slope 1: 0.45 mm to each side, in millimetres
+    (span,) = axes.patches
+    assert span.get_x() == pytest.approx(2.55)
+    assert span.get_width() == pytest.approx(0.9)
 
 
 def test_the_commented_study_of_a_new_file_is_one_and_takes_the_worst_over_what_is_not_chosen():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import os
 from collections.abc import Callable
 from contextlib import nullcontext, suppress
 from dataclasses import replace
@@ -23,6 +24,7 @@ from femimpact.parametric.paths import study_with
 from femimpact.parametric.verb import StudyProgress, run_parameter_study, to_stderr
 from femimpact.parametric.workers import block_cases, connected
 from femimpact.response.response import Recorder
+from femimpact.study.base_motion import RecordedMotion
 from femimpact.study.best_case import best_cases, check_best
 from femimpact.study.best_design import BestCase, told_lines
 from femimpact.study.best_picture import marks_of, worst_over_axes
@@ -150,8 +152,19 @@ def _write_best(definition: ParameterStudy, best: BestCase | None, directory: Pa
     table: CaseTable = definition.table
     places = {place: table.value(axis, design.case) for axis, place in enumerate(table.places)}
     given: Any = definition.study
-    with suppress(InputError):
-        atomic_write(path, study_text(replace(study_with(given, places), plan=None)))
+    # a study without a file that says the same, or another drive
+    with suppress(InputError, ValueError):
+        atomic_write(path, study_text(_moved(replace(study_with(given, places), plan=None), directory)))
+
+
+def _moved(study: Study, directory: Path) -> Study:
+    """The study with the paths of its mesh and its record from another directory."""
+    here = os.path.relpath(study.path.parent, directory)
+    if study.mesh.file is not None:
+        study = replace(study, mesh=replace(study.mesh, file=os.path.join(here, study.mesh.file)))
+    if isinstance(study.base, RecordedMotion):
+        study = replace(study, base=replace(study.base, record=os.path.join(here, study.base.record)))
+    return study
 
 
 def _draw(dataset: xarray.Dataset, best: BestCase | None, directory: Path) -> None:
@@ -275,6 +288,9 @@ def summary_lines(dataset: xarray.Dataset, directory: Path, best: BestPlan | Non
     if failed.any():
         first = next(str(reason) for reason in dataset["failure"].to_numpy().ravel() if reason)
         lines.append(f"{int(np.count_nonzero(failed))} of {failed.size} cases failed, the first: {first}")
+    best_study = directory / FILES["best_study"].name
+    if best_study.exists():
+        lines.append(f"run the best case where it is worst, with its report: femimpact run {best_study}")
     return [*lines, f"results in {directory}"]
 
 

@@ -144,7 +144,10 @@ def page_of(
     drawing = None
     if structure is not None and system is not None:
         given = structure, system
-        drawing = results.attempt("drawing of the structure", lambda: structure_element(placed_structure(*given)))
+        varied = {} if study is None or results.parameter_study is None else _varied(study)
+        drawing = results.attempt(
+            "drawing of the structure", lambda: structure_element(placed_structure(*given), varied)
+        )  # fmt: skip
     conclusions = results.attempt("conclusions", lambda: conclusions_of(summary)) or ()
     recommended, accuracy = results.table(FILES["convergence_summary"].name), written.get("accuracy")
     conclusions += results.attempt("conclusions", lambda: convergence_conclusions(recommended, accuracy)) or ()
@@ -168,7 +171,7 @@ def page_of(
         conclusions=(*conclusions, *more),
         missing=tuple(results.missing),
         warnings=(*texts_of(summary.get("warnings")), *failures),
-        notes=(*texts_of(summary.get("notes")), *texts_of(written.get("notes"))),
+        notes=(*texts_of(summary.get("notes")), *texts_of(written.get("notes")), *_next_step(folder)),
         sections=tuple(sections),
         first=tuple(first),
     )
@@ -216,6 +219,24 @@ def _stored_structure(
     if "structure" not in written:
         return None
     return results.attempt(FILES["convergence_notes"].name, lambda: read_parts(written["structure"]))
+
+
+def _next_step(folder: Path) -> tuple[str, ...]:
+    """How to run the best case of a parameter study, where its study file is there."""
+    name = FILES["best_study"].name
+    line = (
+        f"'femimpact run {name}' in the folder of this page runs the best case where it is worst, with its own report"
+    )
+    return (line,) if (folder / name).exists() else ()
+
+
+def _varied(study: Study) -> dict[str, list[str]]:
+    """Fields that the axes of a study vary, by their parts as "impactor.ball"; "restitution" of a contact's."""
+    found: dict[str, list[str]] = {}
+    for path in study.plan.axes if study.plan is not None else ():
+        part, _, name = path.replace(".contact.", ".").rpartition(".")
+        found.setdefault(part, []).append(name.replace("_", " "))
+    return found
 
 
 def _of_parameter_study(
