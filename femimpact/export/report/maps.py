@@ -172,7 +172,8 @@ def _line(data: Any, name: str, marks: BestMarks) -> Element:
         at = data["is_best"].to_numpy()
         lines.append(Line(OUTLINED, x[at], y[at], colour=2, style="none", marked=np.ones(int(at.sum()), dtype=bool)))
     chart = Chart(
-        _label(data, name), axis_of(_label(data, dim), x, tight=True), up, tuple(lines), bands, marks.levels, note=note,
+        _label(data, name), axis_of(_label(data, dim), x, tight="is_best" not in data), up, tuple(lines), bands,
+        marks.levels, note=note,
     )  # fmt: skip
     return chart_element(chart)
 
