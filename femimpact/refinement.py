@@ -21,12 +21,12 @@ from femimpact.progress import draws_progress
 from femimpact.study.best_case import (
     FREQUENCY,
     NO_DESIGN,
-    BestCase,
     best_case,
     check_best,
     no_force_words,
     ranked_designs,
 )
+from femimpact.study.best_design import BestCase
 from femimpact.study.parameter_plan import AxisValues
 from femimpact.study.study import Study
 from femimpact.system.system import System

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections import defaultdict
 from dataclasses import replace
 from pathlib import Path
@@ -12,10 +13,13 @@ import xarray
 from builders import with_ball
 
 import femimpact as fi
+from femimpact.export.figures.studies import mark_best
 from femimpact.parametric.study_command import plan_lines, summary_lines, write_parameter_study
 from femimpact.study.best_case import best_cases
+from femimpact.study.best_picture import marks_of, worst_over_axes
 from femimpact.study.demo import paper_study, paper_study_text
 from femimpact.study.result_conclusions import study_conclusions
+from femimpact.study.study import read_mesh_of
 from femimpact.study.study_file import read_study, study_text
 
 GAP, RESTITUTION = "impactor.ball.gap", "impactor.ball.contact.restitution"
@@ -188,14 +192,6 @@ def test_a_design_at_fewer_frequencies_does_not_win_by_it(frequencies):
     assert f"{len(set(frequencies))} of 3 cases are there" in why
 
 
-def test_a_worst_at_the_end_of_the_frequencies_says_so():
-    at = [f for f in FREQUENCIES if f < 5.0]
-    beside = dataset({GAP: GAPS, FREQUENCY: at}, {"peak": resonance(GAPS[:, None], np.array(at)[None, :])})
-    assert only(fi.best_case(beside, "peak")).worst_bound == "highest"
-    assert "it is the highest frequency, and a worse one may lie beyond" in str(fi.best_case(beside, "peak"))
-    assert only(fi.best_case(grid(), "peak")).worst_bound == ""
-
-
 @pytest.mark.parametrize("axis", ["start.ball.position", "mesh.elements", "reduction.modes", "method.dt"])
 def test_neither_start_nor_numerics_are_a_choice(axis):
     values = np.array([[3.0, 1.0], [2.0, 5.0]])
@@ -257,11 +253,71 @@ def test_designs_whose_intervals_overlap_are_not_told_from_the_best():
     best = only(fi.best_case(dataset({GAP: GAPS[:4], FREQUENCY: [4.0, 5.0]}, columns, starts=8), "peak"))
     assert (best.value, best.low, best.high) == (2.2, 2.2 - 0.25, 2.2 + 0.25)
     assert best.alike == ({GAP: 3e-3},)  # 2.35 to 2.85, and not 2.75 to 3.25
+    assert best.alike_values == (2.6,)
     for end in ("low", "high"):
         del columns[f"peak_median_{end}"]
     few = fi.best_case(dataset({GAP: GAPS[:4], FREQUENCY: [4.0, 5.0]}, columns, starts=3), "peak")
     assert np.isnan(only(few).low)
     assert "with starts = 3 there is no interval" in str(few)
+
+
+def test_designs_that_are_not_told_apart_have_their_values_and_their_groups_of_starts():
+    median, groups = np.array([2.0, 3.2, 2.5]), np.array([1.0, 2.0, 1.0])
+    columns = {
+        "peak": median, "peak_low": median - 1.5, "peak_high": median + 1.0,
+        "peak_median_low": median - 1.4, "peak_median_high": median + 0.5, "peak_groups": groups,
+    }  # fmt: skip
+    given = dataset({GAP: GAPS[:3]}, {name: 1e-3 * one for name, one in columns.items()}, starts=8)
+    given["peak_groups"] = (GAP, groups)
+    found = fi.best_case(given, "peak")
+    best = only(found)
+    # the nearest first
+    assert (best.alike, best.alike_values) == (({GAP: 3e-3}, {GAP: 2e-3}), (2.5e-3, 3.2e-3))
+    assert (best.groups, best.alike_groups) == ((), ((), pytest.approx((1.7e-3, 4.2e-3))))
+    assert "impactor.ball.gap = 3 mm (2.5 mm, 25 % more); impactor.ball.gap = 2 mm (3.2 mm, 60 % more; its" in str(
+        found
+    )
+    assert "its starts lie in two groups, 1.7 mm to 4.2 mm)" in str(found)
+    assert "two motions" not in str(found)
+    given["peak_groups"] = (GAP, groups[[1, 0, 2]])
+    assert only(fi.best_case(given, "peak")).groups == pytest.approx((0.5e-3, 3e-3))
+    assert "two motions: at its worst the starts lie in two groups, 0.5 mm to 3 mm" in str(fi.best_case(given, "peak"))
+
+
+def test_a_worst_case_at_an_end_of_its_axis_is_said_and_a_flat_axis_is_not():
+    def ends(values, worst=(FREQUENCY,)):
+        given = dataset({GAP: GAPS[:2], FREQUENCY: [4.0, 5.0, 6.0]}, {"peak": 1e-3 * np.array(values)})
+        found = fi.best_case(given, "peak", worst)
+        assert ("a worse one may lie beyond" in str(found)) == bool(only(found).worst_bounds)
+        return only(found).worst_bounds
+
+    assert ends([[1.0, 2.0, 3.0], [9.0, 9.0, 9.0]]) == {FREQUENCY: "highest"}
+    assert ends([[3.0, 2.0, 1.0], [9.0, 9.0, 9.0]]) == {FREQUENCY: "lowest"}
+    assert ends([[1.0, 3.0, 1.0], [9.0, 9.0, 9.0]]) == {}
+    assert ends([[3.0, 3.0, 3.0], [9.0, 9.0, 9.0]]) == {}
+    assert ends([[3.0, 1.0, 3.0], [9.0, 9.0, 9.0]]) == {}
+    # names have no order
+    names = dataset({GAP: GAPS[:2], "base.start": np.array(["base", "space"])}, {"peak": np.array([[1.0, 2], [3, 4]])})
+    assert only(fi.best_case(names, "peak", ["base.start"])).worst_bounds == {}
+
+
+def test_a_restitution_that_is_no_part_of_the_worst_counts_as_a_choice_and_says_so():
+    axes = {GAP: GAPS[:3], RESTITUTION: [0.5, 0.7, 0.9], FREQUENCY: [4.0, 5.0, 6.0]}
+    value = 1e-3 * np.array([[5.0, 5.0, 6.0], [3.0, 8.0, 14.0], [7.0, 7.0, 7.0]])
+    given = dataset(axes, {"peak": value[:, :, None] * np.array([0.5, 1.0, 0.5])})
+    found = fi.best_case(given, "peak")
+    assert found.uncertain == (RESTITUTION,)
+    assert only(found).over_uncertain == 14e-3
+    (line,) = [line for line in str(found).splitlines() if "counts as a choice" in line]
+    assert "over all its values impactor.ball.gap = 2 mm has up to 14 mm; to be safe over it, worst_over =" in line
+    # what it says to give
+    safe = fi.best_case(given, "peak", json.loads(line.partition("worst_over = ")[2]))
+    assert (safe.uncertain, only(safe).values, only(safe).value) == ((), {GAP: 1e-3}, 6e-3)
+    assert "choice" not in str(safe)
+    # of one value nothing is chosen, and without another axis there is no remedy
+    assert fi.best_case(given.isel({RESTITUTION: [1]}), "peak").uncertain == ()
+    for one in (given.isel({GAP: 0}, drop=True), given.isel({GAP: [0]})):
+        assert f"{RESTITUTION} counts as a choice: no other axis is left to choose on" in str(fi.best_case(one, "peak"))
 
 
 def test_limits_hold_for_the_largest_start_of_the_worst_case():
@@ -428,17 +484,116 @@ def test_command_report_and_study_file_say_the_same_and_another_table_resumes_th
     shown = study_conclusions(first, best_cases(first, None)[0])[0]
     assert float(shown.value) == pytest.approx(1e3 * best.value, rel=1e-3)  # of four digits
     assert any(line.startswith("  smallest worst peak") for line in summary_lines(first, tmp_path))
-    # a measure that does not say what is better keeps both ends
-    assert any("impacts_per_cycle" in line and "smallest at" in line for line in summary_lines(first, tmp_path))
-    assert "Smallest impacts per cycle" in page
+    # of the other measures the best is not asked for
+    assert [line for line in summary_lines(first, tmp_path) if "smallest" in line] == [
+        "  smallest worst peak: " + str(fi.best_case(first, "peak")).splitlines()[0].partition(": ")[2]
+    ]
+    assert [one.label for one in study_conclusions(first, *best_cases(first, None))] == ["Smallest worst peak"]
     again = study(BEST)
     second = write_parameter_study(again, tmp_path)
     assert {path.name: path.read_bytes() for path in (tmp_path / "blocks").glob("*.block")} == blocks
     np.testing.assert_array_equal(second["peak"], first["peak"])
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
-    assert page.index("Smallest worst rms") < page.index("Smallest worst peak")
+    assert "Smallest worst rms" in page
+    assert "Smallest worst peak" not in page
     lines = summary_lines(second, tmp_path, again.plan.best)
     assert any("limit 1000 mm" in line for line in lines)
+    # the next step: a study file of the best case at its worst, without a study
+    best = only(fi.best_case(second, "rms", [FREQUENCY], {"peak": 1.0}))
+    chosen = fi.load_study(tmp_path / "best.toml")
+    assert (chosen.structure.impactors[0].gap, chosen.base.frequency) == (best.values[GAP], best.worst_at[FREQUENCY])
+    assert replace(chosen.structure, impactors=()) == replace(again.structure, impactors=())
+    assert chosen.plan is None
+    assert any(line.endswith(f"femimpact run {tmp_path / 'best.toml'}") for line in lines)
+    assert "'femimpact run best.toml' in the folder of this page" in page
+    # the ball of the drawing has the gap of the study file
+    assert page.count("gaps 4 mm, in the study file; gap is an axis of the study") == 1
+    assert "kelvin-voigt, in the study file; gap is an axis of the study" in page
+    assert page.index("The worst rms over what is chosen") < page.index("The structure")
+
+
+def test_of_a_study_without_a_best_case_nothing_is_left_of_an_earlier_one(tmp_path):
+    drawn = replace(study(), output=replace(study().output, figures=True, report=False))
+    first = write_parameter_study(drawn, tmp_path)
+    left = {"best.toml", "study_best.png"}
+    assert left <= {path.name for path in tmp_path.iterdir()}
+    # no case keeps the limit
+    limited = replace(drawn.plan, best=replace(study(BEST).plan.best, limits={"peak": 1e-9}))
+    second = write_parameter_study(replace(drawn, plan=limited), tmp_path)
+    assert not left & {path.name for path in tmp_path.iterdir()}
+    lines = summary_lines(second, tmp_path, limited.best)
+    assert any("no best case: measure = 'rms'" in line for line in lines)
+    assert not any("femimpact run" in line or "smallest worst" in line for line in lines)
+    found, reasons = best_cases(second, limited.best)
+    shown = {one.label: one.note for one in study_conclusions(first, found, reasons)}
+    assert "[study.best] asks for rms" in shown["Largest peak"]
+
+
+def test_the_study_of_the_best_case_finds_the_mesh_of_the_study_from_another_folder(tmp_path):
+    table = '[study]\nmeasures = ["peak"]\ncycles = 3\n[study.axes]\n"impactor.ball.gap" = [0.002, 0.003]\n'
+    path = Path("meshes/stepped_cantilever.toml")
+    given = read_study(path.read_text(encoding="utf-8") + table, path)
+    given = replace(given, output=replace(given.output, figures=False, report=False))
+    write_parameter_study(given, tmp_path / "results")
+    chosen = fi.load_study(tmp_path / "results" / "best.toml")
+    assert (tmp_path / "results" / chosen.mesh.file).resolve() == Path("meshes/stepped_cantilever.msh").resolve()
+    assert read_mesh_of(chosen) is not None
+
+
+def test_what_is_drawn_is_the_worst_over_what_is_not_chosen():
+    rng = np.random.default_rng(0)
+    axes = {GAP: GAPS, RESTITUTION: [0.5, 0.7, 0.9], FREQUENCY: FREQUENCIES}
+    for better, most in (("small", np.max), ("large", np.min)):
+        columns = {"peak": rng.random((6, 3, 9)), "peak_low": rng.random((6, 3, 9)), "rms": rng.random((6, 3, 9))}
+        given = dataset(axes, columns, better=better, starts=3)
+        given["periodic_starts"] = given["failed_starts"]
+        for name in axes:
+            given[name].attrs["long_name"] = name
+        for worst, over in (((FREQUENCY,), 2), ((RESTITUTION, FREQUENCY), (1, 2)), ((), ())):
+            found = fi.best_case(given, "peak", worst)
+            drawn = worst_over_axes(given, found)
+            assert drawn["peak"].dims == tuple(name for name in axes if name not in worst)
+            for name in ("peak", "peak_low"):
+                np.testing.assert_array_equal(drawn[name], most(columns[name], axis=over))
+            # the ring is at the best, and nothing of another measure is drawn
+            best_values = sorted(design.value for design in found.designs)
+            assert sorted(drawn["peak"].to_numpy()[drawn["is_best"].to_numpy()]) == best_values
+            assert "rms" not in drawn
+    failed = np.zeros((6, 3, 9), dtype=bool)
+    failed[2, 1, 4] = True
+    given = dataset(axes, {"peak": np.where(failed, np.nan, 1.0 + rng.random((6, 3, 9)))}, failed=failed)
+    given["periodic_starts"] = given["failed_starts"]
+    drawn = worst_over_axes(given, fi.best_case(given, "peak", [FREQUENCY]))
+    assert np.argwhere(np.isnan(drawn["peak"].to_numpy())).tolist() == [[2, 1]]
+    listed = given.stack(case=list(axes)).reset_index("case")
+    assert worst_over_axes(listed, fi.best_case(listed, "peak", [FREQUENCY])) is None
+
+
+def test_marks_of_a_line_are_the_level_of_15_percent_more_the_limit_and_the_margins():
+    given = grid()
+    found = fi.best_case(given, "peak", limits={"peak": 0.01})
+    (margin,) = only(found).margins
+    marks = marks_of(found)
+    assert marks.levels == (("15 % more", pytest.approx(3.45e-3)), ("limit", 0.01))
+    assert marks.spans == {GAP: (3e-3 - margin.below, 3e-3 + margin.above)}
+    given = given.assign(periodic_starts=given["finished"])
+    drawn = worst_over_axes(given, found)
+    axes = mark_best(fi.figures.study_lines(drawn, "peak", ax=fi.figures.OffScreen()), drawn, "peak", marks)
+    assert {text.get_text() for text in axes.get_legend().get_texts()} == {
+        "value", "the best", "at most 15 % more than the best, within the limits",
+    }  # fmt: skip
+    # one millimetre of slope 1: 0.45 mm to each side, in millimetres
+    (span,) = axes.patches
+    assert span.get_x() == pytest.approx(2.55)
+    assert span.get_width() == pytest.approx(0.9)
+
+
+def test_the_commented_study_of_a_new_file_is_one_and_takes_the_worst_over_what_is_not_chosen():
+    given, commented = paper_study_text().split("# [study]\n")
+    lines = f"# [study]\n{commented.partition('# [study.sample]')[0]}".splitlines()
+    plan = read_study("\n".join([given, *(line.removeprefix("# ") for line in lines)]), Path("study.toml"))
+    assert plan_lines(plan)[0].startswith("study: 525 cases (5 x 5 x 21), 8 starts each")
+    assert set(plan.plan.best.worst_over) == set(plan.plan.axes) - {GAP}
 
 
 def test_a_table_of_the_best_goes_round_and_is_checked_before_the_first_case():

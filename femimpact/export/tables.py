@@ -7,6 +7,7 @@ import io
 import json
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -192,6 +193,19 @@ def unsure_cells(dataset: xarray.Dataset, measure: str) -> NDArray[np.bool_]:
 
 UNSURE = "starts differ by more than neighbouring cells do"
 """Meaning of the mark in the corner of a cell of `unsure_cells`."""
+
+
+@dataclass(frozen=True)
+class BestMarks:
+    """What a line of a measure over one axis has besides, in SI units."""
+
+    within: str = ""  # words of the spans
+    levels: tuple[tuple[str, float], ...] = ()  # words and values of the measure
+    spans: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # by axis, its lowest and highest value
+
+
+OUTLINED, OUTLINE = "the best", "#e4002b"
+"""Meaning and colour of the outline of a cell at which `is_best` of a dataset is true."""
 
 LOGARITHMIC = 10.0
 """Largest over smallest value of a map beyond which its colours are logarithmic, where all values are above 0."""

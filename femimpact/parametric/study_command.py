@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import itertools
+import os
 from collections.abc import Callable
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,18 +14,23 @@ import numpy as np
 
 from femimpact.errors import Fault, InputError, require
 from femimpact.export import figures, tables
+from femimpact.export.figures.studies import mark_best
 from femimpact.export.files import atomic_write
 from femimpact.export.tables import axis_names, measure_names, unit_text, value_words
-from femimpact.parametric.definition import ParameterStudy
+from femimpact.parametric.definition import CaseTable, ParameterStudy
 from femimpact.parametric.labelled import over_starts
 from femimpact.parametric.measures import better_of
+from femimpact.parametric.paths import study_with
 from femimpact.parametric.verb import StudyProgress, run_parameter_study, to_stderr
 from femimpact.parametric.workers import block_cases, connected
 from femimpact.response.response import Recorder
-from femimpact.study.best_case import best_cases, check_best, told_lines
+from femimpact.study.base_motion import RecordedMotion
+from femimpact.study.best_case import best_cases, check_best
+from femimpact.study.best_design import BestCase, told_lines
+from femimpact.study.best_picture import marks_of, worst_over_axes
 from femimpact.study.parameter_plan import BestPlan
 from femimpact.study.prepared import RUNS_OF_HISTORY, START, history_cost
-from femimpact.study.result_directory import FILES
+from femimpact.study.result_directory import BEST_FIGURE, FILES
 from femimpact.study.result_page import add_report
 from femimpact.study.study import Study
 from femimpact.study.study_file import study_text
@@ -125,15 +131,52 @@ def write_parameter_study(
     atomic_write(directory / FILES["study"].name, study_text(study))
     columns, units = tables.case_columns(dataset)
     tables.write_csv(directory / FILES["parameter_table"].name, columns, units)
+    plan: Any = study.plan
+    found, _ = best_cases(dataset, plan.best)
+    best = next(iter(found.values()), None)
+    _write_best(definition, best, directory)
     if study.output.figures:
-        _draw(dataset, directory)
+        _draw(dataset, best, directory)
     if study.output.report:
         add_report(directory, lambda part, share: None)
     return dataset
 
 
-def _draw(dataset: xarray.Dataset, directory: Path) -> None:
-    """A figure of every measure that is a number and has a value."""
+def _write_best(definition: ParameterStudy, best: BestCase | None, directory: Path) -> None:
+    """The study with the values of the best case, where there is one, to be run: `best.toml`."""
+    path = directory / FILES["best_study"].name
+    path.unlink(missing_ok=True)
+    design = next((one for one in best.designs if one.case >= 0), None) if best is not None else None
+    if design is None:
+        return
+    table: CaseTable = definition.table
+    places = {place: table.value(axis, design.case) for axis, place in enumerate(table.places)}
+    given: Any = definition.study
+    # a study without a file that says the same, or another drive
+    with suppress(InputError, ValueError):
+        atomic_write(path, study_text(_moved(replace(study_with(given, places), plan=None), directory)))
+
+
+def _moved(study: Study, directory: Path) -> Study:
+    """The study with the paths of its mesh and its record from another directory."""
+    here = os.path.relpath(study.path.parent, directory)
+    if study.mesh.file is not None:
+        study = replace(study, mesh=replace(study.mesh, file=os.path.join(here, study.mesh.file)))
+    if isinstance(study.base, RecordedMotion):
+        study = replace(study, base=replace(study.base, record=os.path.join(here, study.base.record)))
+    return study
+
+
+def _draw(dataset: xarray.Dataset, best: BestCase | None, directory: Path) -> None:
+    """A figure of the best case, and of every measure that is a number and has a value."""
+    path = directory / BEST_FIGURE
+    path.unlink(missing_ok=True)
+    worst = worst_over_axes(dataset, best) if best is not None else None
+    if best is not None and worst is not None:
+        drawn = _drawn(worst, best.measure)
+        if worst[best.measure].ndim == 1:
+            drawn = mark_best(drawn, worst, best.measure, marks_of(best))
+        figures.save_figure(drawn, path)
     for name in measure_names(dataset):
         figures.save_figure(_drawn(dataset, name), directory / f"{_file_name(name)}.png")
 
@@ -213,7 +256,7 @@ def _disk(given: ParameterStudy, study: Study) -> float:
 
 
 def summary_lines(dataset: xarray.Dataset, directory: Path, best: BestPlan | None = None) -> list[str]:
-    """Lines on each measure's range and best case, all that is known of the first, and on cases that failed."""
+    """Lines on each measure's range, on the best case by one, and on cases that failed."""
     found_best, reasons = best_cases(dataset, best)
     lines = list[str]()
     for name in itertools.islice((str(name) for name in dataset.data_vars), 40):
@@ -228,9 +271,10 @@ def summary_lines(dataset: xarray.Dataset, directory: Path, best: BestPlan | Non
         low, high = float(np.nanmin(found)), float(np.nanmax(found))
         reach = f"{name}: {unit_text(low, unit)} to {unit_text(high, unit)}"
         if name in found_best:
-            told = list(told_lines(found_best[name]))
-            detailed = name == next(iter(found_best))
-            lines += [reach, *(f"  {line}" for line in told if detailed or not line.startswith(" "))]
+            lines += [reach, *(f"  {line}" for line in told_lines(found_best[name]))]
+            continue
+        if found_best and name not in reasons:
+            lines.append(reach)
             continue
         # of a measure without a best case the worst: its smallest value may be one beside a resonance
         word = "largest" if name in reasons and values.attrs.get("better") == "small" else "smallest"
@@ -245,6 +289,9 @@ def summary_lines(dataset: xarray.Dataset, directory: Path, best: BestPlan | Non
     if failed.any():
         first = next(str(reason) for reason in dataset["failure"].to_numpy().ravel() if reason)
         lines.append(f"{int(np.count_nonzero(failed))} of {failed.size} cases failed, the first: {first}")
+    best_study = directory / FILES["best_study"].name
+    if best_study.exists():
+        lines.append(f"run the best case where it is worst, with its report: femimpact run {best_study}")
     return [*lines, f"results in {directory}"]
 
 

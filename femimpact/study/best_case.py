@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,7 +17,8 @@ from numpy.typing import NDArray
 from femimpact.arrays import Array
 from femimpact.errors import Fault, InputError, kind_of, quantity, require, suggestion
 from femimpact.errors import checked as checked_value
-from femimpact.export.tables import BESIDE, STATISTICS, axis_names, unit_text, value_text
+from femimpact.export.tables import BESIDE, STATISTICS, axis_names, unit_text
+from femimpact.study.best_design import MORE, AxisMargin, BestCase, BestDesign
 from femimpact.study.parameter_plan import BestPlan
 
 if TYPE_CHECKING:
@@ -28,18 +28,13 @@ FREQUENCY = "base.frequency"
 NO_DESIGN = ("base.", "start.", "mesh.", "reduction.", "method.")
 """Beginnings of the paths of the axes that are no choice of the user: of the excitation, the start, the numerics."""
 
-MORE = 0.15
-"""Share by which the value may grow where an axis is off."""
-
 CLIFF = 2.0
 """How many times as far an axis may be off to the other side where a side is the cliff."""
 
-MOST_NAMED = 4
-"""Designs that are told; of more their number."""
-
 NUMBER = quantity("1")
 
-NO_NAMES: Mapping[str, str] = {}
+OF_CONTACT = ".contact."
+"""Part of the paths of the axes of contact laws, whose values one seldom knows."""
 
 BETTER = ("small", "large")
 SAY_IT = 'set dataset[measure].attrs["better"] = "small" or "large"'
@@ -49,116 +44,6 @@ NO_CHOICE = f", where those {NOT_CHOSEN} are no choice"
 
 OF_LAW = ("peak_force", "cycle_mean_force")
 """Measures that a contact law may not give."""
-
-
-@dataclass(frozen=True)
-class AxisMargin:
-    """How far the value of an axis may be off to each side of the best case, the other axes as they are.
-
-    Parameters
-    ----------
-    axis, unit : str
-        Path, and unit of all numbers.
-    value : float
-        Of the best case.
-    below, above : float
-        Distances at which the value is 15 % worse, or a limit is passed, linear between the cases.
-    below_found, above_found : bool
-        Whether there is such a place within the cases; else the distance is that to the last case with a value.
-    cliff : {"", "below", "above"}
-        The side that is passed in less than half the distance of the other.
-    bound : {"", "lowest", "highest"}
-        Whether the case has the lowest or the highest value of the axis: a better one may lie beyond.
-    """
-
-    axis: str
-    unit: str
-    value: float
-    below: float
-    above: float
-    below_found: bool
-    above_found: bool
-    cliff: str
-    bound: str
-
-
-@dataclass(frozen=True, eq=False)
-class BestDesign:
-    """The best of the designs for one value of each axis of the excitation that is no part of the worst.
-
-    Parameters
-    ----------
-    at : mapping
-        Those values by the paths of their axes; empty where there are none.
-    values : mapping
-        Of the other axes, by their paths: numbers, texts or pairs of gaps. Empty where there is no best.
-    value : float
-        Worst value of the measure, of several starts of the medians.
-    low, high : float
-        Ends of the 90 % interval of the median, each the worst of the cases; not numbers of less than 5 starts.
-    worst_at : mapping
-        Where the measure is worst: values of the axes of `worst_over`.
-    case : int
-        Number of that case, as `run_case` takes it; -1 where there is no best.
-    limited : mapping of str to float
-        Worst values of the limited measures, of several starts of the largest.
-    alike : tuple of mapping
-        Values of the designs that keep the limits and that the starts cannot tell from the best: intervals overlap.
-    margins : tuple of AxisMargin
-        Of every axis of numbers that has several values.
-    without_value : tuple of (mapping, str)
-        Designs that have no value, and why: a case has failed, has not been run, or is not there.
-    reason : str
-        Why there is no best; empty where there is one.
-    worst_bound : {"", "lowest", "highest"}
-        Whether the worst is at the lowest or the highest frequency of the cases: a worse one may lie beyond.
-    """
-
-    at: Mapping[str, Any]
-    values: Mapping[str, Any]
-    value: float
-    low: float
-    high: float
-    worst_at: Mapping[str, Any]
-    case: int
-    limited: Mapping[str, float]
-    alike: tuple[Mapping[str, Any], ...]
-    margins: tuple[AxisMargin, ...]
-    without_value: tuple[tuple[Mapping[str, Any], str], ...]
-    reason: str = ""
-    worst_bound: str = ""
-
-
-@dataclass(frozen=True, eq=False)
-class BestCase:
-    """What `best_case` finds; as a text, some lines for the eye.
-
-    Parameters
-    ----------
-    measure : str
-    better : {"small", "large"}
-        Which of its values are better.
-    worst_over : tuple of str
-        Paths of the axes over which the worst counts.
-    limits : mapping of str to float
-    starts : int
-        Of each case.
-    units : mapping of str to str
-        Of axes and measures, by their names.
-    designs : tuple of BestDesign
-        One for each combination of the values of the excitation's other axes, which is one without such axes.
-    """
-
-    measure: str
-    better: str
-    worst_over: tuple[str, ...]
-    limits: Mapping[str, float]
-    starts: int
-    units: Mapping[str, str]
-    designs: tuple[BestDesign, ...]
-
-    def __str__(self) -> str:
-        return "\n".join(line for design in self.designs for line in design_lines(self, design))
 
 
 def best_case(
@@ -218,7 +103,9 @@ def best_case(
     if all(design.reason for design in found):
         raise InputError([Fault("measure", measure, "", f"has no best case: {found[0].reason}")])
     units = {name: str(dataset[name].attrs.get("units", "")) for name in (*axes, measure, *most)}
-    return BestCase(measure, known[measure], worst, most, int(dataset.attrs.get("starts", 1)), units, found)
+    return BestCase(
+        measure, known[measure], worst, most, int(dataset.attrs.get("starts", 1)), units, found, table.uncertain
+    )  # fmt: skip
 
 
 def ranked_designs(
@@ -237,97 +124,11 @@ def ranked_designs(
     return _Designs(dataset, axes, worst, measure, most, known).ranked(count)
 
 
-def label_of(best: BestCase) -> str:
-    """What its value is, as "smallest worst peak"."""
-    worst = "worst " if best.worst_over else ""
-    return f"{'largest' if best.better == 'large' else 'smallest'} {worst}{best.measure.replace('_', ' ')}"
-
-
-def told_lines(best: BestCase) -> Iterator[str]:
-    """The lines about its designs, of many the first."""
-    for design in best.designs[:MOST_NAMED]:
-        yield from design_lines(best, design)
-    if more := more_designs(best):
-        yield more
-
-
-def more_designs(best: BestCase) -> str:
-    """How many designs there are beside the first, where not all are told."""
-    more = len(best.designs) - MOST_NAMED
-    return f"and {more} more, for other values of {', '.join(best.designs[0].at)}" if more > 0 else ""
-
-
-def design_lines(best: BestCase, design: BestDesign) -> Iterator[str]:
-    """What is known of a best design, in lines for the eye."""
-    level = f" for {told(best, design.at)}" if design.at else ""
-    if design.reason:
-        yield f"{label_of(best)}{level}: none, {design.reason}"
-    else:
-        value = unit_text(design.value, best.units[best.measure])
-        yield f"{label_of(best)}{level}: {value} at {told(best, design.values)}"
-        yield from (f"  {line}" for line in design_notes(best, design))
-    if design.without_value:
-        named = [f"{told(best, values)}: {why}" for values, why in design.without_value]
-        yield f"  without a value: {_first_of(named)}"
-
-
-def design_notes(best: BestCase, design: BestDesign, names: Mapping[str, str] = NO_NAMES) -> Iterator[str]:
-    """What is known of a best design beside its value."""
-    if design.worst_at:
-        beyond = f"; it is the {design.worst_bound} frequency, and a worse one may lie beyond"
-        yield f"worst at {told(best, design.worst_at, names)}{beyond if design.worst_bound else ''}"
-    for name, value in design.limited.items():
-        yield f"{name} {unit_text(value, best.units[name])}, limit {unit_text(best.limits[name], best.units[name])}"
-    if math.isfinite(design.low):
-        low, high = (unit_text(value, best.units[best.measure]) for value in (design.low, design.high))
-        alike = _first_of([told(best, values, names) for values in design.alike])
-        apart = f"the starts do not tell from it {alike}" if alike else "no other case overlaps it"
-        yield f"90 % interval of the median {low} to {high}; {apart}"
-    else:
-        yield f"with starts = {best.starts} there is no interval: from 5 on cases that are as good are named"
-    run = [one for one in design.margins if one.below or one.below_found or one.above or one.above_found]
-    yield from (margin_words(best, margin, names) for margin in run)
-    if alone := [names.get(one.axis, one.axis) for one in design.margins if one not in run]:
-        yield f"how far {', '.join(alone)} may be off is not known: no other case differs in it alone"
-
-
-def margin_words(best: BestCase, margin: AxisMargin, names: Mapping[str, str] = NO_NAMES) -> str:
-    """How far an axis may be off."""
-    sides = []
-    for distance, found, word in (
-        (margin.below, margin.below_found, "less"), (margin.above, margin.above_found, "more"),
-    ):  # fmt: skip
-        known = f"{'' if found else 'at least '}{unit_text(distance, margin.unit)} {word}"
-        sides.append(known if distance or found else f"{word} was not run")
-    change = "less" if best.better == "large" else "more"
-    cliff = f"; the cliff is {margin.cliff} it" if margin.cliff else ""
-    bound = f"; it is the {margin.bound} value of the axis" if margin.bound else ""
-    change += " or a limit passed" if best.limits else ""
-    axis = names.get(margin.axis, margin.axis)
-    return f"{axis} for {100.0 * MORE:g} % {change}: {', '.join(sides)}{cliff}{bound}"
-
-
-def told(best: BestCase, values: Mapping[str, Any], names: Mapping[str, str] = NO_NAMES) -> str:
-    """Values of axes, by their paths or, where there are some, by their names in words."""
-    return ", ".join(
-        f"{names.get(name, f'{name} =')} {value_text(value, best.units[name])}" for name, value in values.items()
-    )
-
-
-def _first_of(named: Sequence[str]) -> str:
-    """The first of some names, and how many more there are."""
-    more = f"; and {len(named) - MOST_NAMED} more" if len(named) > MOST_NAMED else ""
-    return "; ".join(named[:MOST_NAMED]) + more
-
-
 def best_cases(
     dataset: xarray.Dataset,
     plan: BestPlan | None,  # of the study file
 ) -> tuple[dict[str, BestCase], dict[str, str]]:
-    """The best case by each measure that says what is better, that of the plan first; and why one has none.
-
-    The worst counts over the same axes for all; the limits hold for the measure of the plan.
-    """
+    """The best case by the measure of the plan, else by the first that has one; and why those before it have none."""
     axes, found, reasons = axes_of(dataset), dict[str, BestCase](), dict[str, str]()
     known = [name for name, better in better_of_measures(dataset).items() if better]
     if dataset["finished"].size < 2:
@@ -336,15 +137,15 @@ def best_cases(
         np.unique(dataset[axis].to_numpy().astype(str)).size > 1 for axis in axes if not axis.startswith(NO_DESIGN)
     ):
         return {}, dict.fromkeys(known, NOTHING_TO_CHOOSE)
-    first = [] if plan is None else [plan.measure]
-    for name in dict.fromkeys((*first, *known)):
-        of_plan = plan if name in first else None
+    asked = known if plan is None else [plan.measure]
+    for name in asked:
         try:
-            found[name] = best_case(
-                dataset, name, plan.worst_over if plan else None, of_plan.limits if of_plan else None
-            )
+            found[name] = best_case(dataset, name, *((plan.worst_over, plan.limits) if plan else ()))
+            break
         except InputError as error:
             reasons[name] = " ".join(str(error).split())
+    if plan is not None and reasons:
+        reasons |= {name: f"[study.best] asks for {plan.measure}" for name in known if name not in reasons}
     return found, reasons
 
 
@@ -463,6 +264,7 @@ class _Designs:
             self.values[axis], self.codes[axis] = self._coded(axis)
         self.given = [axis for axis in self.codes if axis not in worst and axis.startswith(NO_DESIGN)]
         self.chosen = [axis for axis in self.codes if axis not in worst and axis not in self.given]
+        self.uncertain = tuple(axis for axis in self.chosen if OF_CONTACT in axis and len(self.values[axis]) > 1)
         self._make_rows()
         self.sign = -1.0 if better[measure] == "large" else 1.0
         ends = ("_median_low", "_median_high")[:: int(self.sign)]
@@ -576,10 +378,10 @@ class _Designs:
             return BestDesign(at, {}, none, none, none, {}, -1, {}, (), (), without, reason)
         # of equal values the first, by the values of the axes
         row = int(kept[np.argmin(self.value[kept])])
-        cases = self._cases(row)
-        case = int(cases[np.argmax(self.case_values[cases])])
+        case = self._worst_case(row)
         low, high = self.low[row], self.high[row]
         alike = kept[(self.low[kept] <= high) & (kept != row)]
+        alike = alike[np.argsort(self.value[alike], kind="stable")]
         known = f"{self.measure}_median_low" in self.dataset
         low, high = sorted((self.sign * low, self.sign * high)) if known else (math.nan, math.nan)
         return BestDesign(
@@ -587,14 +389,51 @@ class _Designs:
             self._told(case, self.worst), case,
             {name: float(sign * values[row]) for name, (sign, values, _) in self.limits.items()},
             tuple(self._told(self.first[other], self.chosen) for other in alike),
-            tuple(self._margins(row, rows)), without, "",
-            self._bound(FREQUENCY, case) if FREQUENCY in self.worst else "",
+            tuple(self._margins(row, rows)), without, "", tuple((self.sign * self.value[alike]).tolist()),
+            self._worst_bounds(row), self._groups(case),
+            tuple(self._groups(self._worst_case(other)) for other in alike), self._over_uncertain(row, rows),
         )  # fmt: skip
 
-    def _bound(self, axis: str, case: int) -> str:
-        """Whether a case has the lowest or the highest of several values of an axis."""
-        last = len(self.values[axis]) - 1
-        return {0: "lowest", last: "highest"}.get(int(self.codes[axis][case]), "") if last else ""
+    def _worst_case(self, row: int) -> int:
+        """The case of a row that has its value."""
+        cases = self._cases(row)
+        return int(cases[np.argmax(self.case_values[cases])])
+
+    def _groups(self, case: int) -> tuple[float, ...]:
+        """Smallest and largest start of a case whose starts lie in two groups; else nothing."""
+        if f"{self.measure}_groups" not in self.dataset or not self._flat(f"{self.measure}_groups")[case] > 1.0:
+            return ()
+        return tuple(float(self._flat(f"{self.measure}{end}")[case]) for end in ("_low", "_high"))
+
+    def _worst_bounds(self, row: int) -> dict[str, str]:
+        """Axes of the worst of which each worst case of a row has the lowest number, or each the highest."""
+        cases = self._cases(row)
+        cases = cases[self.case_values[cases] == self.value[row]]
+        found = dict[str, str]()
+        for axis in self.worst:
+            values, codes = self.values[axis], self.codes[axis][cases]
+            if len(values) > 1 and all(isinstance(value, (int, float)) for value in values):
+                for end, code in (("lowest", 0), ("highest", len(values) - 1)):
+                    if (codes == code).all():
+                        found[axis] = end
+        return found
+
+    def _over_uncertain(self, row: int, rows: NDArray[np.int64]) -> float:
+        """The worst value of the rows that agree with one in all axes but the uncertain ones."""
+        others = [axis for axis in self.chosen if axis not in self.uncertain and len(self.values[axis]) > 1]
+        if not self.uncertain or not others:
+            return math.nan
+        same = self._agree(row, rows, self.uncertain)
+        return float(self.sign * self.value[same][self.has_value[same]].max())
+
+    def _agree(self, row: int, rows: NDArray[np.int64], but: Sequence[str]) -> NDArray[np.int64]:
+        """Those of some rows that agree with one in all chosen axes but some."""
+        same = np.ones(rows.size, dtype=bool)
+        for axis in self.chosen:
+            if axis not in but:
+                codes = self.codes[axis][self.first]
+                same &= codes[rows] == codes[row]
+        return rows[same]
 
     def ranked(self, count: int) -> list[dict[str, Any]]:
         """Values of the axes of the best rows of all levels; where none keeps the limits, of those nearest to them."""
@@ -622,12 +461,7 @@ class _Designs:
             values = self.values[axis]
             if len(values) < 2 or not all(isinstance(value, (int, float)) for value in values):
                 continue
-            same = np.ones(rows.size, dtype=bool)
-            for other in self.chosen:
-                if other != axis:
-                    codes = self.codes[other][self.first]
-                    same &= codes[rows] == codes[row]
-            line = rows[same]  # in the order of the values
+            line = self._agree(row, rows, [axis])  # in the order of the values
             x = np.array(values, dtype=float)[self.codes[axis][self.first[line]]]
             place = int(np.flatnonzero(line == row)[0])
             excess = [np.where(self.has_value, column - top, np.nan)[line] for column, top in tops]
@@ -635,9 +469,11 @@ class _Designs:
                 min((_reach(x[side], one[side]) for one in excess), key=lambda found: (found[0], not found[1]))
                 for side in (slice(place, None, -1), slice(place, None))
             )
-            value, bound = float(x[place]), self._bound(axis, self.first[row])
+            value, bounds = float(x[place]), {values[0]: "lowest", values[-1]: "highest"}
             unit = str(self.dataset[axis].attrs.get("units", ""))
-            yield AxisMargin(axis, unit, value, below[0], above[0], below[1], above[1], _cliff(below, above), bound)
+            yield AxisMargin(
+                axis, unit, value, below[0], above[0], below[1], above[1], _cliff(below, above), bounds.get(value, "")
+            )
 
 
 def _reach(

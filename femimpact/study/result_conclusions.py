@@ -25,7 +25,7 @@ from femimpact.export.tables import (
     value_words,
 )
 from femimpact.structure.structure import Structure
-from femimpact.study.best_case import MOST_NAMED, BestCase, design_notes, label_of, more_designs, told
+from femimpact.study.best_design import MOST_NAMED, BestCase, design_notes, label_of, more_designs, told
 from femimpact.study.picture_data import read_mode_shapes
 from femimpact.study.result_directory import FILES, ResultsWarning
 from femimpact.study.results import carried_of, read_dataset, read_table
@@ -412,15 +412,14 @@ def study_conclusions(
     best: Mapping[str, BestCase] = NO_BEST_CASES,
     reasons: Mapping[str, str] = NO_REASONS,  # why a measure that says what is better has no best case, by its name
 ) -> tuple[Conclusion, ...]:
-    """The best case by every measure that has one, else its smallest and its largest value; where they are.
+    """The best case with all that is known of it; where there is none the smallest and largest value of each measure.
 
-    The first has all that is known of it, each its scatter. A measure with a reason has its worst value and the reason:
-    its smallest value of all cases may be one beside a resonance.
+    A measure with a reason has its worst value and the reason: its smallest value of all cases may be one beside a
+    resonance.
     """
     samples, starts = single_samples(data), int(data.attrs["starts"])
-    names = [name for name in measure_names(data) if name not in best]
-    found = [one for name in best for one in _of_best(data, best[name], name == next(iter(best)))]
-    found = found[:MOST_MEASURES]
+    names = [name for name in measure_names(data) if name not in best and (name in reasons or not best)]
+    found = [one for name in best for one in _of_best(data, best[name])][:MOST_MEASURES]
     for name in names[: MOST_MEASURES - len(found)]:
         values = data[name]
         array = values.to_numpy()
@@ -448,7 +447,7 @@ def study_conclusions(
     return tuple(found)
 
 
-def _of_best(data: xarray.Dataset, best: BestCase, all_of_it: bool) -> Iterator[Conclusion]:
+def _of_best(data: xarray.Dataset, best: BestCase) -> Iterator[Conclusion]:
     """The best design, for each value of the excitation's other axes; of many the first ones."""
     names = {axis: axis_words(data, axis) for axis in axis_names(data)}
     values, starts, samples = data[best.measure], best.starts, single_samples(data).reshape(-1)
@@ -470,7 +469,7 @@ def _of_best(data: xarray.Dataset, best: BestCase, all_of_it: bool) -> Iterator[
                 for end in ("_low", "_high")
             )
             scatter = f"{low} to {high} over {starts} starts"
-        notes = tuple(design_notes(best, design, names)) if all_of_it else ()
+        notes = tuple(design_notes(best, design, names))
         more = more_designs(best) if design is shown[-1] else ""
         yield Conclusion(
             label_of(best).capitalize(), number_text(factor * design.value, zeros=True), unit_words(design.value, unit),

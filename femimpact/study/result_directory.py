@@ -91,6 +91,7 @@ _ROWS: Mapping[str, tuple[str, ...]] = {
     "convergence_summary": ("convergence_summary.csv", "orders and recommended numbers", "converge"),
     "parameter_study": ("study.nc", "every measure over the axes of the study, with labels (netCDF, xarray)", "study"),
     "parameter_table": ("study.csv", "every measure and its statistics, a row for each case", "study"),
+    "best_study": ("best.toml", "the study with the values of the best case, to be run", "study", "input"),
     "convergence_notes": ("convergence.json", "what was studied, with versions and notes", "converge"),
     "report": ("report.html", "this page", "run, converge, study, report"),
 }
@@ -105,6 +106,8 @@ FRAME = re.compile(r"[0-9]{4,}\.vtu")
 
 STUDY_BLOCKS = "blocks"
 """The folder in which a parameter study keeps its finished blocks, from which it goes on."""
+
+BEST_FIGURE = "study_best.png"
 
 STUDY_FIGURE = re.compile(r"study_[\w-]+\.png")
 """Names of the figures of a parameter study, one for each measure."""

@@ -7,7 +7,7 @@ import warnings
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -39,6 +39,8 @@ from femimpact.export.report.structure_drawing import structure_element, structu
 from femimpact.export.tables import in_shown_units, unit_text
 from femimpact.structure.structure import Structure
 from femimpact.study.best_case import best_cases
+from femimpact.study.best_design import BestCase
+from femimpact.study.best_picture import marks_of, worst_over_axes
 from femimpact.study.picture_data import (
     read_bands,
     read_curves,
@@ -60,6 +62,7 @@ from femimpact.study.result_conclusions import (
     texts_of,
 )
 from femimpact.study.result_directory import (
+    BEST_FIGURE,
     FILES,
     REPORT,
     STUDY_BLOCKS,
@@ -77,6 +80,9 @@ from femimpact.study.study import Study
 from femimpact.study.study_file import load_study
 from femimpact.svg import Element, element
 from femimpact.system.system import System
+
+if TYPE_CHECKING:
+    import xarray
 
 
 def write_report(
@@ -138,11 +144,14 @@ def page_of(
     drawing = None
     if structure is not None and system is not None:
         given = structure, system
-        drawing = results.attempt("drawing of the structure", lambda: structure_element(placed_structure(*given)))
+        varied = {} if study is None or results.parameter_study is None else _varied(study)
+        drawing = results.attempt(
+            "drawing of the structure", lambda: structure_element(placed_structure(*given), varied)
+        )  # fmt: skip
     conclusions = results.attempt("conclusions", lambda: conclusions_of(summary)) or ()
     recommended, accuracy = results.table(FILES["convergence_summary"].name), written.get("accuracy")
     conclusions += results.attempt("conclusions", lambda: convergence_conclusions(recommended, accuracy)) or ()
-    studied, more, failures, about = _of_parameter_study(results, directory, study)
+    studied, more, failures, about, first = _of_parameter_study(results, directory, study)
     data = results.parameter_study
     many_starts = data is not None and int(data.attrs.get("starts", 1)) > 1
     sections.append(about_section(summary or written or about, None if many_starts else study))
@@ -162,8 +171,9 @@ def page_of(
         conclusions=(*conclusions, *more),
         missing=tuple(results.missing),
         warnings=(*texts_of(summary.get("warnings")), *failures),
-        notes=(*texts_of(summary.get("notes")), *texts_of(written.get("notes"))),
+        notes=(*texts_of(summary.get("notes")), *texts_of(written.get("notes")), *_next_step(folder)),
         sections=tuple(sections),
+        first=tuple(first),
     )
 
 
@@ -211,15 +221,36 @@ def _stored_structure(
     return results.attempt(FILES["convergence_notes"].name, lambda: read_parts(written["structure"]))
 
 
+def _next_step(folder: Path) -> tuple[str, ...]:
+    """How to run the best case of a parameter study, where its study file is there."""
+    name = FILES["best_study"].name
+    line = (
+        f"'femimpact run {name}' in the folder of this page runs the best case where it is worst, with its own report"
+    )
+    return (line,) if (folder / name).exists() else ()
+
+
+def _varied(study: Study) -> dict[str, list[str]]:
+    """Fields that the axes of a study vary, by their parts as "impactor.ball"; "restitution" of a contact's."""
+    found: dict[str, list[str]] = {}
+    for path in study.plan.axes if study.plan is not None else ():
+        part, _, name = path.replace(".contact.", ".").rpartition(".")
+        found.setdefault(part, []).append(name.replace("_", " "))
+    return found
+
+
 def _of_parameter_study(
     results: ResultReading, directory: Path, study: Study | None
-) -> tuple[list[str], tuple[Conclusion, ...], tuple[str, ...], Mapping[str, Any]]:
-    """Sentences, conclusions, failures and versions of a parameter study; cases that were not run are missing."""
+) -> tuple[list[str], tuple[Conclusion, ...], tuple[str, ...], Mapping[str, Any], list[Section]]:
+    """Sentences, conclusions, failures, versions and the picture of the best case of a parameter study.
+
+    Cases that were not run are missing.
+    """
     data, name = results.parameter_study, FILES["parameter_study"].name
     if data is None:
         if is_folder(directory / STUDY_BLOCKS) and not (results.folder / name).exists():
             results.miss(f"{name}: the parameter study was not finished; the same femimpact study goes on with it")
-        return [], (), (), {}
+        return [], (), (), {}, []
     for text in results.attempt(name, lambda: study_missing(data)) or ():
         results.miss(text)
     about = results.attempt(name, lambda: study_versions(data)) or {}
@@ -230,7 +261,19 @@ def _of_parameter_study(
         results.attempt(name, lambda: study_conclusions(data, best, reasons)) or (),
         results.attempt(name, lambda: study_failures(data)) or (),
         about,
+        results.attempt(name, lambda: best_sections(data, best)) or [],
     )
+
+
+def best_sections(data: xarray.Dataset, best: Mapping[str, BestCase], key: str = "best") -> list[Section]:
+    """The worst value over the axes that one chooses; nothing of a list of cases, or without a best case."""
+    made = list[Section]()
+    for measure, found in best.items():
+        worst = worst_over_axes(data, found)
+        heading = f"The {'worst ' if found.worst_over else ''}{measure.replace('_', ' ')} over what is chosen"
+        section = None if worst is None else maps_section(worst, key, heading, marks_of(found))
+        made += [section] if section is not None else []
+    return made
 
 
 def _head(*given: str) -> tuple[str, str]:
@@ -485,7 +528,13 @@ def files_section(folder: Path, summary: Mapping[str, Any]) -> tuple[Section, tu
         if file.name in present
     ]
     rows += [
-        (path.name, _size(path.stat().st_size), "a measure over the axes of the study")
+        (
+            path.name,
+            _size(path.stat().st_size),
+            "the best case: its measure over the axes that are chosen"
+            if path.name == BEST_FIGURE
+            else "a measure over the axes of the study",
+        )
         for path in sorted(folder.glob("study_*.png"))
         if STUDY_FIGURE.fullmatch(path.name)
     ]

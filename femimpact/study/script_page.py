@@ -49,7 +49,7 @@ from femimpact.study.result_conclusions import (
     study_missing,
     study_versions,
 )
-from femimpact.study.result_page import about_section, cases_section
+from femimpact.study.result_page import about_section, best_sections, cases_section
 from femimpact.svg import Element, element, markup, number_text, thinned_line
 from femimpact.sweep import FrequencyResponse
 from femimpact.table import column_units
@@ -206,6 +206,11 @@ def report(
         warnings=(*_said("warnings", {**responses, **curves}), *_of_studies(studies, study_failures)),
         notes=(*notes, *_said("notes", {**responses, **curves})),
         sections=tuple(made),
+        first=tuple(
+            one
+            for i, (heading, part) in enumerate(studies.items())
+            for one in best_sections(part, best[heading][0], f"best-{i + 1}")
+        ),
     )
     return write_page(file, bounded_page(page))
 

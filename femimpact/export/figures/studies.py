@@ -9,9 +9,12 @@ from numpy.typing import NDArray
 
 from femimpact.arrays import Array
 from femimpact.errors import require, require_name, require_type, takes, text
-from femimpact.export.figures.drawing import BLUE, DARK, OffScreen, legend_above, panel, panels, prefixed
+from femimpact.export.figures.drawing import BLUE, DARK, GREEN, OffScreen, legend_above, panel, panels, prefixed
 from femimpact.export.tables import (
+    OUTLINE,
+    OUTLINED,
     UNSURE,
+    BestMarks,
     axis_words,
     has_logarithmic_colours,
     map_panels,
@@ -89,6 +92,26 @@ def study_lines(
     axis.set(xlabel=label, ylabel=_label(dataset[measure].attrs.get("long_name", measure), unit, starts))
     axis.set_title(title, loc="left")
     legend_above(axis, entries)
+    return axis
+
+
+def mark_best(axis: Axes, dataset: xarray.Dataset, measure: str, marks: BestMarks) -> Axes:
+    """The axes of `study_lines` with levels across, a span of the axis shaded, and a ring at the best."""
+    factor, _ = _scale(dataset, measure, _values(dataset, measure, 1))
+    (name,) = (str(dim) for dim in dataset[measure].dims)
+    x, _, words = _axis_values(dataset, name)
+    for told, level in marks.levels:
+        axis.axhline(factor * level, color=DARK, linewidth=0.8, linestyle="--")
+        axis.annotate(told, (0.01, factor * level), xycoords=("axes fraction", "data"), ha="left", va="bottom",
+                      fontsize=9.0)  # fmt: skip
+    if words is None and name in marks.spans:
+        scale = x[np.argmax(np.abs(x))] / dataset[name].to_numpy()[np.argmax(np.abs(x))]
+        low, high = (scale * end for end in marks.spans[name])
+        axis.axvspan(low, high, color=GREEN, alpha=0.15, linewidth=0.0, label=marks.within)
+    at = dataset["is_best"].to_numpy()
+    axis.plot(x[at], factor * dataset[measure].to_numpy()[at], "o", markersize=11.0, fillstyle="none", color=OUTLINE,
+              label=OUTLINED)  # fmt: skip
+    legend_above(axis)
     return axis
 
 
@@ -319,7 +342,7 @@ def _cells(
     axis: Axes, dataset: xarray.Dataset, measure: str, factor: float, norm: Normalize, numbers: bool = True
 ) -> Any:
     """Coloured cells over the two axes of a dataset."""
-    from matplotlib.patches import PathPatch
+    from matplotlib.patches import PathPatch, Rectangle
 
     first, second = (str(name) for name in dataset[measure].dims)
     shown = factor * dataset[measure].to_numpy().T
@@ -332,6 +355,9 @@ def _cells(
         chosen = list(range(0, x.size, -(-x.size // (MOST_TICKS if numbers else MOST_TICKS_OF_PANEL))))
         set_ticks(chosen, [words[i] if words is not None else f"{x[i]:.3g}" for i in chosen])
         set_label(label)
+    if "is_best" in dataset:
+        for i, j in np.argwhere(dataset["is_best"].to_numpy().T):
+            axis.add_patch(Rectangle((j - 0.5, i - 0.5), 1.0, 1.0, fill=False, edgecolor=OUTLINE, linewidth=2.0))
     # of a cell without a value the colour is not read
     unsure, bright = unsure_cells(dataset, measure).T, np.ma.filled(norm(np.ma.masked_invalid(shown)), 0.0) >= 0.5
     for side, colour in ((False, "white"), (True, "black")):
@@ -375,8 +401,11 @@ def _write_numbers(axis: Axes, shown: Array, bright: NDArray[np.bool_], samples:
 def _map_legend(axis: Axes, dataset: xarray.Dataset, measure: str) -> None:
     """Legend of stars and marked corners, where there are any."""
     from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
 
     entries: list[Any] = []
+    if "is_best" in dataset:
+        entries.append(Patch(fill=False, edgecolor=OUTLINE, linewidth=2.0, label=OUTLINED))
     if single_samples(dataset).any():
         entries.append(Line2D([], [], color=DARK, marker="$*$", markersize=7.0, linestyle="none", label=ONE_START))
     if unsure_cells(dataset, measure).any():

@@ -12,8 +12,12 @@ from numpy.typing import NDArray
 
 from femimpact.export.report.page import Section
 from femimpact.export.tables import (
+    OUTLINE,
+    OUTLINED,
+    PREFIXES,
     STATISTICS,
     UNSURE,
+    BestMarks,
     axis_value,
     axis_words,
     has_logarithmic_colours,
@@ -69,17 +73,20 @@ def maps_section(
     data: xarray.Dataset,  # xarray.Dataset: coordinates and variables with `units` and `long_name` where they have them
     key: str = "maps",
     heading: str = "Maps of the study",
+    marks: BestMarks | None = None,  # of lines
 ) -> Section | None:
     """Every measure of a dataset: over two axes as a map, over one as a line, of a list of cases as dots.
 
     The first axis leads to the right and the second up, as in `figures.study_map`. There is a map for each value of
     a third axis and a fourth, all of one scale of colours; further axes are read at their middle value. Of several
     starts a line has the band from the smallest start to the largest; a cell has a mark in its corner where the
-    starts cannot tell it from its neighbours, and a dot where its value is a sample of a motion that does not repeat.
+    starts cannot tell it from its neighbours, a dot where its value is a sample of a motion that does not repeat, and
+    an outline where `is_best` is true.
 
     Returns: none where there is nothing to draw.
     """
     drawn: list[Element] = []
+    shown_marks = BestMarks() if marks is None else _in_units_of(data, marks)
     data = _in_shown_units(data)
     for name in measure_names(data):
         # a dimension with one value is not drawn as an axis
@@ -89,7 +96,7 @@ def maps_section(
         if one[name].dims == ("case",):
             drawn += _dots(one, name)
         elif len(longer) == 1:
-            drawn.append(_line(one, name))
+            drawn.append(_line(one, name, shown_marks))
         elif longer:
             drawn += _maps(one, name, longer)
     if not drawn:
@@ -118,6 +125,17 @@ def _in_shown_units(data: xarray.Dataset) -> xarray.Dataset:
     )
 
 
+def _in_units_of(data: xarray.Dataset, marks: BestMarks) -> BestMarks:
+    """Marks of the first measure of a dataset in the units in which it and its axes are shown."""
+    units = {str(name): str(data[name].attrs.get("units", "")) for name in data.variables}
+    factor = PREFIXES.get(units[measure_names(data)[0]], (1.0, ""))[0]
+    spans = dict[str, tuple[float, float]]()
+    for axis, (low, high) in marks.spans.items():
+        scale = PREFIXES.get(units.get(axis, ""), (1.0, ""))[0]
+        spans[axis] = (scale * low, scale * high)
+    return BestMarks(marks.within, tuple((told, factor * level) for told, level in marks.levels), spans)
+
+
 def _label(data: Any, name: str) -> str:
     about = data[name].attrs if name in data.variables else {}
     unit = str(about.get("units", ""))
@@ -130,8 +148,8 @@ def _places(data: Any, dim: str, count: int) -> NDArray[np.float64]:
     return np.asarray(values, dtype=float) if values.dtype.kind in "fiu" else np.arange(count, dtype=float)
 
 
-def _line(data: Any, name: str) -> Element:
-    """A measure over one axis, with the band of its starts."""
+def _line(data: Any, name: str, marks: BestMarks) -> Element:
+    """A measure over one axis, with the band of its starts and with the marks of the best."""
     values = data[name]
     dim = str(values.dims[0])
     x, y = _places(data, dim, values.size), np.asarray(values.to_numpy(), dtype=float)
@@ -145,9 +163,17 @@ def _line(data: Any, name: str) -> Element:
     dots = np.full(order.shape, order.size <= MOST_DOTS)
     # without a name a single line has no legend
     line = Line("median of the starts" if bands else name, x[order], y[order], marked=dots)
+    up = axis_of(_label(data, name), np.concatenate(reach), [level for _, level in marks.levels])
+    lines, note = [line], _names_of_places(data, dim)
+    if dim in marks.spans and not note:
+        ends = np.asarray(marks.spans[dim])
+        bands = (Band(marks.within, ends, np.full(2, up.low), np.full(2, up.high), colour=3), *bands)
+    if "is_best" in data:
+        at = data["is_best"].to_numpy()
+        lines.append(Line(OUTLINED, x[at], y[at], colour=2, style="none", marked=np.ones(int(at.sum()), dtype=bool)))
     chart = Chart(
-        _label(data, name), axis_of(_label(data, dim), x, tight=True),
-        axis_of(_label(data, name), np.concatenate(reach)), (line,), bands, note=_names_of_places(data, dim),
+        _label(data, name), axis_of(_label(data, dim), x, tight="is_best" not in data), up, tuple(lines), bands,
+        marks.levels, note=note,
     )  # fmt: skip
     return chart_element(chart)
 
@@ -244,6 +270,10 @@ def _map(data: Any, name: str, colours: Colours, title: str) -> Element:
     _mark(plot, "sample", DOTS, "".join(
         f"M{(left[j] + left[j + 1]) // 2} {(top[i] + top[i + 1]) // 2}h0" for i, j in np.argwhere(single).tolist()
     ))  # fmt: skip
+    best = rows_up(data["is_best"].to_numpy()) if "is_best" in data else np.zeros(cells.shape, dtype=bool)
+    path = "".join(f"M{left[j]} {top[i + 1]}H{left[j + 1]}V{top[i]}H{left[j]}Z" for i, j in np.argwhere(best).tolist())
+    if path:
+        plot.append(element("path.best", d=path, style=f"fill:none;stroke:{OUTLINE};stroke-width:3px"))
     if cells.size <= MOST_NUMBERS:
         _write_numbers(box, cells, level, left, top)
     some = f"; one of {stride} cells is drawn each way" if stride > 1 else ""
@@ -254,6 +284,7 @@ def _map(data: Any, name: str, colours: Colours, title: str) -> Element:
         element("p.fi-note", scale, f" {number_text(colours.low)} to {number_text(colours.high)}{scale_words}{some}")
     )
     notes = [
+        f"Outlined: {OUTLINED}." if best.any() else "",
         MARKED if unsure.any() else "",
         MOTIONS if single.any() else "",
         *(_names_of_places(data, d) for d in dims),

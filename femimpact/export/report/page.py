@@ -237,6 +237,7 @@ class Page:
     warnings: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     sections: tuple[Section, ...] = ()
+    first: tuple[Section, ...] = ()  # before the drawing
 
 
 def write_page(path: Path, page: Page) -> Path:
@@ -248,7 +249,7 @@ def write_page(path: Path, page: Page) -> Path:
 def page_bytes(page: Page) -> bytes:
     """A report as the bytes of its file."""
     structure = [] if page.drawing is None else [Section("structure", "The structure", (page.drawing,))]
-    sections = [_found(page), *structure, *page.sections]
+    sections = [_found(page), *page.first, *structure, *page.sections]
     links = [element("li", element("a", section.heading, href=f"#{section.key}")) for section in sections]
     head = element(
         "head",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -58,22 +58,48 @@ def gap_words(one: Contact) -> str:
     return f"gaps +{millimetres(plus)}, {MINUS}{millimetres(minus)}"
 
 
-def part_words(placed: PlacedStructure, letters: dict[str, str]) -> Iterable[tuple[str, str]]:
-    """Letter and name of each part, and words for it."""
+NO_AXES: Mapping[str, Sequence[str]] = {}
+
+
+def varied_words(names: Sequence[str]) -> str:
+    """That values of a part are those of the study file, for the study varies them; empty without any."""
+    axes = f"{' and '.join(names)} {'is an axis' if len(names) == 1 else 'are axes'} of the study"
+    return f", in the study file; {axes}" if names else ""
+
+
+def part_words(
+    placed: PlacedStructure, letters: dict[str, str], varied: Mapping[str, Sequence[str]] = NO_AXES
+) -> Iterable[tuple[str, str]]:
+    """Letter and name of each part, and words for it, with those of its values that a study varies."""
+    for head, owner, words in _part_words(placed, letters):
+        yield head, f"{words}{varied_words(varied.get(owner, ()))}"
+
+
+def _part_words(placed: PlacedStructure, letters: dict[str, str]) -> Iterable[tuple[str, str, str]]:
+    """Letter and name of each part, its table and name in a study file, and words for it."""
     structure = placed.structure
     for i, segment in enumerate(structure.beam.segments):
         name = "beam" if len(structure.beam.segments) == 1 else f"segment {segment.name or i + 1}"
-        yield name, _segment_words(segment)
+        owner = "beam" if len(structure.beam.segments) == 1 else f"beam.{segment.name}"
+        yield name, owner, _segment_words(segment)
     for support in structure.supports:
-        yield support.kind, f"at {_at(support.at)}"
+        yield support.kind, "support", f"at {_at(support.at)}"
     for body in structure.masses:
-        yield f"{letters[body.name]}  {body.name}", f"{number_text(1e3 * body.mass)} g at {_at(body.at)}"
+        words = f"{number_text(1e3 * body.mass)} g at {_at(body.at)}"
+        yield f"{letters[body.name]}  {body.name}", f"mass.{body.name}", words
     for one in placed.contacts:
-        yield f"{letters[one.name]}  {one.name}", _contact_words(one)
+        owner = "stop" if one.is_stop else "impactor" if one.has_walls else "absorber"
+        yield f"{letters[one.name]}  {one.name}", f"{owner}.{one.name}", _contact_words(one)
     for spring in structure.springs:
-        yield spring.name, f"spring of {number_text(spring.stiffness)} N/m at {_at(spring.at)}"
+        owner = f"spring.{spring.name}"
+        yield spring.name, owner, f"spring of {number_text(spring.stiffness)} N/m at {_at(spring.at)}"
     for dashpot in structure.dashpots:
-        yield dashpot.name, f"dashpot of {number_text(dashpot.damping)} N s/m at {_at(dashpot.at)}"
+        owner = f"dashpot.{dashpot.name}"
+        yield dashpot.name, owner, f"dashpot of {number_text(dashpot.damping)} N s/m at {_at(dashpot.at)}"
+
+
+def _of_gap(varied: Mapping[str, Sequence[str]], ball: Contact) -> str:
+    return varied_words([name for name in varied.get(f"impactor.{ball.name}", ()) if name == "gap"])
 
 
 def _segment_words(segment: Segment) -> str:
@@ -116,7 +142,10 @@ MOST_CLOSE = 4
 """Balls that are drawn in their boxes."""
 
 
-def structure_element(placed: PlacedStructure) -> Element:
+def structure_element(
+    placed: PlacedStructure,
+    varied: Mapping[str, Sequence[str]] = NO_AXES,  # fields that a study varies, by parts as "impactor.ball"
+) -> Element:
     """The structure at one scale, each ball in its box at a larger one, and the parts in words."""
     names = [*(body.name for body, _ in placed.bodies), *(one.name for one in placed.contacts)]
     letters = {
@@ -126,11 +155,13 @@ def structure_element(placed: PlacedStructure) -> Element:
         element(
             "figure.drawing",
             _detail(placed, ball),
-            element("figcaption", f"{letters[ball.name]}  {ball.name} in its box, {gap_words(ball)}"),
+            element(
+                "figcaption", f"{letters[ball.name]}  {ball.name} in its box, {gap_words(ball)}{_of_gap(varied, ball)}"
+            ),
         )
         for ball in [one for one in placed.contacts if not one.is_stop and one.has_walls][:MOST_CLOSE]
     ]
-    parts = (element("li", element("b", head), f" {words}") for head, words in part_words(placed, letters))
+    parts = (element("li", element("b", head), f" {words}") for head, words in part_words(placed, letters, varied))
     scale = "Lengths, thicknesses, gaps and balls are to one scale. Balls and bodies are drawn as steel of their mass"
     boxed = any(placed.box_of(one) for one in placed.contacts)
     scale += ", a body at the place of a ball as its box." if boxed else "."
