@@ -331,7 +331,9 @@ def test_a_script_that_gives_the_dataset_has_what_the_page_of_the_study_holds(so
     data = xarray.load_dataset(sound / "study.nc", engine="h5netcdf")
     fi.report(tmp_path / "page.html", {"Study": data})
     script, own = (path.read_text(encoding="utf-8") for path in (tmp_path / "page.html", sound / "report.html"))
-    assert Parsed(section(script, "conclusions")).text == Parsed(section(own, "conclusions")).text
+    # the study file of the best case lies beside a study's own page alone
+    beside = Parsed(section(own, "conclusions")).text.partition("Notes'femimpact run best.toml'")[0]
+    assert Parsed(section(script, "conclusions")).text.partition("Notes")[0] == beside
     for lead in study_lead(data):
         assert lead in Parsed(script).text
     for words in ("A row for each case", "peak (mm)", "gap of impactor ball (mm)", "0 of the 5 starts"):

@@ -207,8 +207,10 @@ def design_notes(best: BestCase, design: BestDesign, names: Mapping[str, str] = 
         yield f"with starts = {best.starts} there is no interval: from 5 on cases that are as good are named"
     if design.groups:
         yield f"two motions{motions_words(best, design.groups, ': at its worst the')}"
-    for margin in design.margins:
-        yield margin_words(best, margin, names)
+    run = [one for one in design.margins if one.below or one.below_found or one.above or one.above_found]
+    yield from (margin_words(best, margin, names) for margin in run)
+    if alone := [names.get(one.axis, one.axis) for one in design.margins if one not in run]:
+        yield f"how far {', '.join(alone)} may be off is not known: no other case differs in it alone"
 
 
 def motions_words(
