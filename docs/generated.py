@@ -263,13 +263,7 @@ def channel_page() -> Iterator[str]:
 KEYWORDS = {
     "howto/mode_shapes_in_paraview": ("mode shapes paraview", "vtk", "animation of a mode"),
     "reference/words": (
-        "units",
-        "SI units",
-        "transmissibility",
-        "logarithmic decrement",
-        "laser vibrometer",
-        "how sure",
-        "uncertainty",
+        "units", "SI units", "transmissibility", "logarithmic decrement", "laser vibrometer", "how sure", "uncertainty",
         "confidence interval",
     ),
     "howto/parameter_studies": (

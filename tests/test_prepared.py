@@ -306,7 +306,8 @@ def test_a_summary_has_every_channel_and_what_the_method_does_to_the_restitution
     printed = " ".join(capsys.readouterr().out.split())
     for name in asked:
         # one start of a motion that is not periodic
-        assert f"{name}: largest {found[name]['largest']:.4g}* {found[name]['unit']} and rms" in printed
+        scale, unit = {"Pa": (1e-6, "MPa"), "m": (1e3, "mm")}.get(found[name]["unit"], (1.0, found[name]["unit"]))
+        assert f"{name}: largest {scale * found[name]['largest']:.4g}* {unit} and rms" in printed
     assert ("with this step" in printed) == (by == "step")
 
 
