@@ -561,7 +561,7 @@ def test_the_commented_study_of_a_new_file_is_one_and_takes_the_worst_over_what_
     given, commented = paper_study_text().split("# [study]\n")
     lines = f"# [study]\n{commented.partition('# [study.sample]')[0]}".splitlines()
     plan = read_study("\n".join([given, *(line.removeprefix("# ") for line in lines)]), Path("study.toml"))
-    assert plan_lines(plan)[0].startswith("study: 525 cases (5 x 5 x 21), 8 starts each")
+    assert plan_lines(plan)[0].startswith("study: 1025 cases (5 x 5 x 41), 8 starts each")
     assert set(plan.plan.best.worst_over) == set(plan.plan.axes) - {GAP}
 
 
