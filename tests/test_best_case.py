@@ -19,6 +19,7 @@ from femimpact.study.best_case import best_cases
 from femimpact.study.best_picture import marks_of, worst_over_axes
 from femimpact.study.demo import paper_study, paper_study_text
 from femimpact.study.result_conclusions import study_conclusions
+from femimpact.study.result_page import best_sections
 from femimpact.study.study import read_mesh_of
 from femimpact.study.study_file import read_study, study_text
 
@@ -592,8 +593,25 @@ def test_the_commented_study_of_a_new_file_is_one_and_takes_the_worst_over_what_
     given, commented = paper_study_text().split("# [study]\n")
     lines = f"# [study]\n{commented.partition('# [study.sample]')[0]}".splitlines()
     plan = read_study("\n".join([given, *(line.removeprefix("# ") for line in lines)]), Path("study.toml"))
-    assert plan_lines(plan)[0].startswith("study: 525 cases (5 x 5 x 21), 8 starts each")
+    assert plan_lines(plan)[0].startswith("study: 1025 cases (5 x 5 x 41), 8 starts each")
     assert set(plan.plan.best.worst_over) == set(plan.plan.axes) - {GAP}
+
+
+def test_the_report_begins_with_a_map_with_the_best_outlined_or_a_line_with_its_marks():
+    axes = {GAP: GAPS, RESTITUTION: [0.5, 0.7, 0.9], FREQUENCY: FREQUENCIES}
+    given = dataset(axes, {"peak": 1e-3 * (1.0 + np.random.default_rng(0).random((6, 3, 9)))})
+    given = given.assign(periodic_starts=given["finished"])
+    for name in axes:
+        given[name].attrs["long_name"] = name
+    found = fi.best_case(given, "peak")
+    (mapped,) = best_sections(given, {"peak": found})
+    outlines = [path for part in mapped.content for path in part.iter("path") if path.get("class") == "best"]
+    assert len(outlines) == 1
+    (lined,) = best_sections(given, {"peak": fi.best_case(given, "peak", [FREQUENCY, RESTITUTION])})
+    words = {one.text for part in lined.content for one in part.iter() if one.text}
+    assert "15 % more" in words
+    legend = {one[0].tail for part in lined.content for one in part.iter("li")}
+    assert legend == {"peak", "the best", "at most 15 % more than the best"}
 
 
 def test_a_table_of_the_best_goes_round_and_is_checked_before_the_first_case():

@@ -67,7 +67,8 @@ def best_case(
         Of which small values are better, or large ones: its attribute "better" says which, and can be set on a
         measure of one's own, `dataset[measure].attrs["better"] = "small"`.
     worst_over : sequence of str, optional
-        Paths of axes. By default `base.frequency`, where another axis remains.
+        Paths of axes; any other but those of the base counts as a choice, a restitution too. By default
+        `base.frequency`, where another axis remains.
     limits : mapping of str to float, optional
         What the worst value of a measure, of several starts the largest, may be at most; of a measure of which large
         values are better the smallest, at least.

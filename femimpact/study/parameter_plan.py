@@ -126,7 +126,8 @@ class BestPlan:
     measure : str
         One of the study's, of which small or large values are better.
     worst_over : tuple of str or None
-        Study paths of the axes over which the worst counts. Absent: the frequency, where another axis remains.
+        Study paths of the axes over which the worst counts; any other but those of the base counts as a choice. Absent:
+        the frequency, where another axis remains.
     limits : mapping of str to float, or None
         What the worst value of a measure, of several starts the largest, may be at most. Absent: none.
 
@@ -166,7 +167,7 @@ class ParameterPlan:
     sample : SamplePlan or None
         Absent: the full grid of the axes.
     best : BestPlan or None
-        Absent: the best of each measure is told, without limits.
+        Absent: the best by the first measure that says what is better, without limits.
     """
 
     measures: tuple[str, ...] = field(metadata=text(several=True))

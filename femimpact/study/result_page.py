@@ -171,9 +171,9 @@ def page_of(
         conclusions=(*conclusions, *more),
         missing=tuple(results.missing),
         warnings=(*texts_of(summary.get("warnings")), *failures),
-        notes=(*texts_of(summary.get("notes")), *texts_of(written.get("notes")), *_next_step(folder)),
+        notes=(*texts_of(summary.get("notes")), *texts_of(written.get("notes"))),
         sections=tuple(sections),
-        first=tuple(first),
+        first=(*first, *_next_step(folder)),
     )
 
 
@@ -221,13 +221,13 @@ def _stored_structure(
     return results.attempt(FILES["convergence_notes"].name, lambda: read_parts(written["structure"]))
 
 
-def _next_step(folder: Path) -> tuple[str, ...]:
+def _next_step(folder: Path) -> list[Section]:
     """How to run the best case of a parameter study, where its study file is there."""
     name = FILES["best_study"].name
-    line = (
-        f"'femimpact run {name}' in the folder of this page runs the best case where it is worst, with its own report"
+    words = (
+        f"'femimpact run {name}' in the folder of this page runs the best case where it is worst, with its own report."
     )
-    return (line,) if (folder / name).exists() else ()
+    return [Section("next", "The next step", (element("p", words),))] if (folder / name).exists() else []
 
 
 def _varied(study: Study) -> dict[str, list[str]]:
