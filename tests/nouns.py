@@ -443,6 +443,6 @@ OTHERS = {
     "ALUMINIUM", "STEEL", "AxisMargin", "BestCase", "BestDesign", "ContactLaw", "ContactParameters", "DivergenceError",
     "Preflight", "PreflightRow", "Refinement",
     "FemimpactError", "InputError", "InputWarning", "StudyResults", "__version__", "figures", "load_parameter_study",
-    "report", "show_versions",
+    "report", "show_versions", "write_movie",
 }  # fmt: skip
 """Public names that take no numbers: constants, errors, what a verb alone makes, protocols, figures and files."""
