@@ -312,12 +312,12 @@ def check(study: Path, *, strict: bool = False) -> None:
         End with status 2 where a limit is passed beyond which the test does not show what it is made for.
     """
     from femimpact.study.planned_test import lines_of_check
-    from femimpact.study.study_file import load_study
+    from femimpact.study.study_file import load_study, unit_lines
 
     with _waiting("check", quiet=False):
         plan = load_study(study)
         lines, found = lines_of_check(plan)
-    for line in lines:
+    for line in (*unit_lines(plan), *lines):
         print(line)
     if plan.plan is not None:
         from femimpact.parametric.study_command import plan_lines as study_lines

@@ -128,10 +128,9 @@ def units_that_fit(unit: str) -> str:
 
 
 def in_si(key: str, value: Any, unit: str) -> Any:
-    """A value, or every entry of a list, with a number where it is a text with a unit.
+    """The number in SI that a text with a unit is; any other value as it is.
 
-    The number is the one nearest to the exact product, so that "4 mm" is 0.004. What is no text of a number and a unit
-    stays as it is.
+    The number is the one nearest to the exact product, so that "4 mm" is 0.004.
 
     Parameters
     ----------
@@ -150,8 +149,6 @@ def in_si(key: str, value: Any, unit: str) -> Any:
     InputError
         If the unit of a text is not of the field's dimension, with those that are.
     """
-    if isinstance(value, (list, tuple)):
-        return type(value)(in_si(key, entry, unit) for entry in value)
     found = _QUANTITY.fullmatch(value) if isinstance(value, str) and unit else None
     if found is None:
         return value

@@ -24,6 +24,7 @@ NOT_IN_SCHEMA = (
     "what is not a number (nan), for which a schema has no word",
     "pairs of keys that belong together, as width and thickness, or restitution and contact_time",
     "comparisons of two keys, as stop above start in [sweep], of the two numbers of an axis, of the rows of a density",
+    'units: whether that of a text, as of "4 mm", fits the key; a slope, which needs a level beside it',
     "axes: whether a path leads to a number of the study, and a measure is known; a power of two of a Sobol sequence",
     "how many numbers a list has: two for a gap and for the ratio, modes or frequencies of [damping]",
     "names: each once, none of those that mean a place, none with a dot; places and channels must exist",
@@ -76,6 +77,7 @@ LISTS: Mapping[str, dict[str, Any]] = {
         "minItems": 2,
         "description": "one-sided density of the acceleration, straight in a plot of its logarithms",
         "x-unit": "Hz, (m/s^2)^2/Hz",
+        "x-rows": "(m/s^2)^2/Hz",
         "x-range": "rows of a frequency, rising, and a level > 0",
     },
 }

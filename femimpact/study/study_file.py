@@ -23,14 +23,15 @@ from femimpact.structure.beam import Beam, Segment
 from femimpact.structure.damping import ModalDamping, Rayleigh
 from femimpact.structure.structure import Absorber, Dashpot, Impactor, PointMass, Spring, Stop, Structure, Support
 from femimpact.study.base_motion import HISTORY_KEYS, SIGNALS, BaseMotion, RecordedMotion, SignalMotion, record_beside
+from femimpact.study.file_units import QUOTED, Readings, in_si_units, with_numbers, with_texts
 from femimpact.study.parameter_plan import (
-    DISTRIBUTIONS,
     AxisValues,
     BestPlan,
     Distribution,
     ParameterPlan,
     SamplePlan,
     axis_from,
+    is_part_of_path,
 )
 from femimpact.study.schema import (
     axes_schema,
@@ -120,7 +121,21 @@ def read_study(
         reason = f"a number of {len(digits[0])} digits in line {line}" if digits else str(error)
     if reason:
         raise InputError([Fault("study", str(path), "", f"must be readable TOML: {reason}")])
-    return _from_tables(data, path, text)
+    data, readings = _in_si(data, text)
+    return _from_tables(data, path, text, readings.faults)
+
+
+def unit_lines(study: Study) -> list[str]:
+    """Lines of what a study file has as texts with a unit, with the numbers in SI that they are."""
+    _, readings = _in_si(tomllib.loads(study.text), study.text)
+    of = {unit: "" if unit == "1" else f" {unit}" for *_, unit in readings.found}
+    # a text may stand in several rows
+    return list(dict.fromkeys(f"{key} = {words}: {value:.9g}{of[unit]}" for key, words, value, unit in readings.found))
+
+
+def _in_si(data: dict[str, Any], text: str) -> tuple[dict[str, Any], Readings]:
+    """The tables of a study file with numbers in SI; without a text that begins with a number they have them."""
+    return in_si_units(data, study_schema()) if QUOTED.search(text) else (data, Readings())
 
 
 def study_schema() -> dict[str, Any]:
@@ -131,7 +146,7 @@ def study_schema() -> dict[str, Any]:
     Returns: of what `json.dump` writes.
     """
     made = {name: table.schema() for name, table in TABLES.items()}
-    return {
+    schema = {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "femimpact study",
         "description": "A structure on a moving base, and what is computed of it. SI units.",
@@ -139,20 +154,28 @@ def study_schema() -> dict[str, Any]:
         "properties": {n: {"type": "array", "items": made[n]} if TABLES[n].many else made[n] for n in TABLES},
         "required": [name for name, table in TABLES.items() if table.required],
         "additionalProperties": False,
-        "$defs": {"axes": axes_schema(), "limits": limits_schema()},
+        "$defs": {"axes": with_texts(axes_schema()), "limits": limits_schema()},
     }
+    return {**schema, "properties": with_texts(schema["properties"])}
 
 
 def study_text(study: Study) -> str:
-    """A study file that gives this study.
+    """A study file that gives this study, with numbers in SI.
 
-    Returns: the text that the study was read from, with its comments, unless the study was changed since. A contact law
+    Returns: the text that the study was read from, with its comments, unless the study was changed since, or a text
+    with a unit in it stands for two numbers. A contact law
     that has no name in study files is named in a comment; such a file cannot be loaded, and says where.
     """
     try:
-        if same_study(read_study(study.text, study.path), study):
-            return study.text
-    except InputError:
+        text = study.text
+        if QUOTED.search(text):
+            text = with_numbers(text, _in_si(tomllib.loads(text), text)[1])
+            # a text that is left stands for two numbers
+            if _in_si(tomllib.loads(text), text)[1].found:
+                raise InputError([])
+        if same_study(read_study(text, study.path), study):
+            return text
+    except (InputError, ValueError):
         pass
     return "\n".join(_lines(study)) + "\n"
 
@@ -185,7 +208,7 @@ def _depth(data: Any) -> int:
     return depth
 
 
-def _from_tables(data: Mapping[str, Any], path: Path, text: str) -> Study:
+def _from_tables(data: Mapping[str, Any], path: Path, text: str, of_units: list[Fault]) -> Study:
     faults: list[Fault] = []
     unknown = sorted(set(data) - set(TABLES))
     faults += [Fault(name, None, "", suggestion(name, TABLES)) for name in unknown]
@@ -206,6 +229,9 @@ def _from_tables(data: Mapping[str, Any], path: Path, text: str) -> Study:
         structure = _collected("", partial(Structure, **parts), faults)
     if structure is not None and mesh is not None and mesh.elements is not None:
         _collected("", partial(uniform_mesh, structure, mesh.elements), faults)
+    # what has no number in SI is no number of its field either
+    keys = {fault.key for fault in of_units}
+    faults = [*of_units, *(fault for fault in faults if fault.key not in keys)]
     if faults or structure is None:
         raise InputError(faults)
     absent: dict[str, Any] = {"reduction": None, "method": {}, "sweep": None, "output": Output()}
@@ -410,10 +436,9 @@ def _dotted(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, A
 
 
 def _flat(axes: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Axes by their full paths: without quotes TOML takes the dots of a path for tables in one another."""
+    """Axes by their full paths."""
     for name, given in axes.items():
-        inner = isinstance(given, dict) and any(isinstance(value, (dict, list)) for value in given.values())
-        if inner and not set(given) <= set(DISTRIBUTIONS):
+        if is_part_of_path(given):
             yield from _flat(given, f"{prefix}{name}.")
         else:
             yield f"{prefix}{name}", given
