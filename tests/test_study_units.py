@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ import femimpact as fi
 from femimpact.parametric.identity import plain_study, study_key
 from femimpact.parametric.study_command import definition_of, write_parameter_study
 from femimpact.study.demo import paper_study_text
-from femimpact.study.study_file import read_study, same_study, study_text, unit_lines
+from femimpact.study.study_file import load_study, read_study, same_study, study_text, unit_lines
 
 IN_UNITS = [
     ("0.23026615 ", '"230.26615 mm" '),
@@ -180,3 +181,76 @@ def test_check_tells_the_numbers_in_si(tmp_path: Path) -> None:
     (tmp_path / "study.toml").write_text(pair()[1].text, encoding="utf-8")
     told = femimpact("check", "study.toml", cwd=tmp_path).stdout
     assert "beam.young_modulus = 70 GPa: 7e+10 Pa" in told
+
+
+def chirp_base(acceleration: str) -> str:
+    return random_base("[]").replace(
+        'kind = "random"\npsd = []',
+        f'kind = "chirp"\nstart = "10 Hz"\nstop = 150\nrate = "logarithmic"\nacceleration = {acceleration}',
+    )
+
+
+def levels_of(study: fi.Study) -> Any:
+    return dict(study.base.values)["acceleration"]  # type: ignore[union-attr]
+
+
+def test_profile_of_displacement_and_acceleration_is_one_of_accelerations() -> None:
+    study = read(chirp_base('[["10 Hz", "0.075 mm"], [58.1, "1 g"], [100, "0.5 m/s"], [150, 3]]'))
+    rows = levels_of(study)
+    assert rows[0] == pytest.approx((10.0, 0.075e-3 * (20.0 * np.pi) ** 2), rel=1e-15)
+    assert rows[1:] == ((58.1, 9.80665), (100.0, pytest.approx(0.5 * 200.0 * np.pi, rel=1e-15)), (150.0, 3.0))
+    assert same_study(read(study_text(study)), study)
+    assert study.excitation == fi.Chirp(10.0, 150.0, 0.5, acceleration=rows, kind="logarithmic")
+    # an amplitude has slopes of 6 dB an octave for its frequency: constant velocity
+    slope = levels_of(read(chirp_base('[[10, 1.0], [150, "6.020599913279624 dB/oct"]]')))
+    assert slope[1] == pytest.approx((150.0, 15.0), rel=1e-12)
+
+
+def test_rows_come_from_a_file_and_are_kept_in_the_study(tmp_path: Path) -> None:
+    path = tmp_path / "study.toml"
+    (tmp_path / "levels.csv").write_text("# plan\nfrequency [Hz],level (g)\n10,0.5\n58.1,1\n150,2 m/s^2\n")
+    (tmp_path / "density.csv").write_text("f;density [g²/Hz]\n0.02 kHz;0.01\n\n80;0.04\n2000;-3 dB/oct\n")
+    path.write_text(chirp_base('"levels.csv"'), encoding="utf-8")
+    study = load_study(path)
+    assert levels_of(study) == ((10.0, 0.5 * 9.80665), (58.1, 9.80665), (150.0, 2.0))
+    assert "base.acceleration = levels.csv: 3 rows m/s^2" in unit_lines(study)
+    random = read_study(random_base('"density.csv"'), path)
+    psd = dict(random.base.values)["psd"]  # type: ignore[union-attr]
+    assert psd[:2] == ((20.0, pytest.approx(0.01 * 9.80665**2)), (80.0, pytest.approx(0.04 * 9.80665**2)))
+    # what is kept needs no file
+    text = study_text(study)
+    (tmp_path / "levels.csv").unlink()
+    assert same_study(read_study(text, path), study)
+
+
+@pytest.mark.parametrize(
+    ("rows", "words"),
+    [
+        ('"none.csv"', "base.acceleration = 'none.csv': must be an existing file of rows"),
+        ('[[10, "1 g"], [9, "1 g"], [150, 1]]', "10 Hz is followed by 9 Hz"),
+        ('[[10, "1 g"], [150, "0 g"]]', "rows of a frequency in Hz, which rises, and a level, all > 0"),
+        ('[[-10, "1 g"], [150, "1 g"]]', "rows of a frequency in Hz, which rises, and a level, all > 0"),
+        ('[["1 m", "1 g"], [150, "1 g"]]', "'1 m': must have a unit that fits: Hz"),
+        ('[[10, "1 kg"], [150, "1 g"]]', "'1 kg': must have a unit that fits: m/s^2"),
+        ('[[20, "1 g"], [150, "1 g"]]', "must reach from 10 to 150 Hz"),
+        ('[[10, 1, 2], [150, "1 g"]]', "rows of a frequency in Hz"),
+    ],
+)
+def test_bad_profile_is_one_line(rows: str, words: str) -> None:
+    with pytest.raises(fi.InputError) as error:
+        read(chirp_base(rows))
+    assert words in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_stepped_sine_of_a_plan() -> None:
+    text = random_base("[]").replace(
+        'kind = "random"\npsd = []\nduration = 0.5',
+        'kind = "stepped-sine"\nfrequencies = ["10 Hz", 20, "0.03 kHz"]\nseconds = "2 s"\nfade = "100 ms"\n'
+        'acceleration = [[10, "1 mm"], [16, "1 g"], [30, "1 g"]]',
+    )
+    study = read(text)
+    levels = dict(study.base.values)["acceleration"]  # type: ignore[union-attr]
+    expected = fi.SteppedSine([10, 20, 30], seconds=2.0, fade=0.1, acceleration=levels)
+    assert study.excitation == expected
+    assert same_study(read(study_text(study)), study)

@@ -36,7 +36,7 @@ def level_of(amplitude: float | None, acceleration: Any, level: Any, by: str | N
         return level, by
     allowed = "must be given alone: one of amplitude (m) and acceleration (m/s^2)"
     require(len(named) == 1, "amplitude", "both" if named else None, "", allowed)
-    if hasattr(given[named[0]], "__len__") and not isinstance(given[named[0]], str):
+    if hasattr(given[named[0]], "__len__"):
         allowed = "must be a number: a level over frequency is an acceleration, (2 pi f)^2 times the amplitude"
         require(named[0] == "acceleration", "amplitude", amplitude, "m", allowed)
         return checked("acceleration", acceleration, TABLE), "acceleration"

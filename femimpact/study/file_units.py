@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
-from femimpact.errors import Fault, InputError
+from femimpact.errors import Fault, InputError, require_path
+from femimpact.regular_file import decimal_number, read_regular
 from femimpact.study.parameter_plan import is_part_of_path
 from femimpact.units import TEXT_SCHEMA, in_si, read_unit
 
@@ -16,8 +19,14 @@ START = {"position": "m", "speed": "m/s"}
 
 SLOPE = re.compile(r"\s*([+-]?(?:\d{1,40}\.?\d{0,40}|\.\d{1,40}))\s*dB/oct\s*")
 
-QUOTED = re.compile(r""""(\s*[+-]?\.?\d[^"\n\\]*)"|'(\s*[+-]?\.?\d[^'\n]*)'""")
-"""A text of TOML that begins with a number."""
+QUOTED = re.compile(r""""([^"\n\\]*)"|'([^'\n]*)'""")
+"""A text of TOML in one line."""
+
+HEADER = re.compile(r"[\[(]\s*(\S[^\[\]]*?)\s*[\])]\s*$")
+"""A unit in brackets at the end of the name of a column."""
+
+MOST_BYTES = 10_000_000
+"""Largest size of a file of rows, bytes."""
 
 MOST_DECIBELS = 3000.0
 """Of one slope: more is beyond the range of numbers."""
@@ -29,7 +38,8 @@ NOT_OF_AXIS = ("points", "spacing")
 class Readings:
     """What a study file has as texts with a unit: each with its key, the number and the unit in SI, and the faults."""
 
-    found: list[tuple[str, str, float, str]] = field(default_factory=list)
+    folder: Path = Path()  # of the study file, beside which files of rows are
+    found: list[tuple[str, str, Any, str]] = field(default_factory=list)
     faults: list[Fault] = field(default_factory=list)
 
     def number(self, key: str, value: Any, unit: str) -> Any:
@@ -46,9 +56,9 @@ class Readings:
         return taken
 
 
-def in_si_units(data: Mapping[str, Any], schema: Mapping[str, Any]) -> tuple[dict[str, Any], Readings]:
+def in_si_units(data: Mapping[str, Any], schema: Mapping[str, Any], folder: Path) -> tuple[dict[str, Any], Readings]:
     """The tables of a study file with numbers in SI where they have texts with a unit, and what was read."""
-    readings, tables = Readings(), schema["properties"]
+    readings, tables = Readings(folder), schema["properties"]
     found = {
         name: _read(name, value, tables[name], readings) if name in tables else value for name, value in data.items()
     }
@@ -63,13 +73,14 @@ def with_numbers(text: str, readings: Readings) -> str:
 
     A text that stands for two numbers, as "10 g" of a mass and of an acceleration, is left in its place.
     """
-    values: dict[str, set[float]] = {}
+    values: dict[str, set[str]] = {}
     for _, words, value, _ in readings.found:
-        values.setdefault(words, set()).add(value)
+        # a list of Python's numbers is one of TOML
+        values.setdefault(words, set()).add(repr(value))
 
     def number(found: re.Match[str]) -> str:
         numbers = values.get(found[1] or found[2], set())
-        return repr(next(iter(numbers))) if len(numbers) == 1 else found[0]
+        return next(iter(numbers)) if len(numbers) == 1 else found[0]
 
     return QUOTED.sub(number, text)
 
@@ -82,7 +93,12 @@ def with_texts(schema: Any) -> Any:
         return schema
     if not any(read_unit(unit, (unit,)) for unit in (schema.get("x-unit", ""), schema.get("x-rows", ""))):
         return {name: with_texts(part) for name, part in schema.items()}
-    return _or_text(schema)
+    other = _or_text(schema)
+    if "x-rows" not in schema:
+        return other
+    about = {name: part for name, part in other.items() if name[:2] == "x-" or name in ("description", "default")}
+    rows = {name: part for name, part in other.items() if name not in about}
+    return {"anyOf": [*rows.pop("anyOf", [rows]), {"type": "string"}], **about}
 
 
 def _or_text(schema: Any) -> Any:
@@ -116,6 +132,8 @@ def _read(key: str, value: Any, schema: Mapping[str, Any], readings: Readings) -
         return [_read(f"{key}.{label}", part, items, readings) for label, part in zip(labels, value, strict=True)]
     if isinstance(value, list) and "x-rows" in schema and any(isinstance(row, list) for row in value):
         return _levels(key, value, schema["x-rows"], readings)
+    if isinstance(value, str) and "x-rows" in schema and not value[:1].isdigit():
+        return _rows_of_file(key, value, schema["x-rows"], readings)
     return readings.number(key, value, schema.get("x-unit", ""))
 
 
@@ -146,7 +164,7 @@ def _levels(key: str, rows: list[Any], unit: str, readings: Readings) -> list[An
     taken = [
         [readings.number(key, row[0], "Hz"), row[1]] if isinstance(row, list) and len(row) == 2 else row for row in rows
     ]
-    sound = [row for row in taken if isinstance(row, list) and isinstance(row[0], (int, float)) and row[0] > 0.0]
+    sound = [row for row in taken if isinstance(row, list) and len(row) == 2 and _is_positive(row[0])]
     if len(sound) < len(rows):
         # a fault of the field
         return taken
@@ -167,6 +185,10 @@ def _levels(key: str, rows: list[Any], unit: str, readings: Readings) -> list[An
     return taken
 
 
+def _is_positive(value: Any) -> bool:
+    return isinstance(value, (int, float)) and 0.0 < value < math.inf
+
+
 def _level(key: str, row: list[Any], unit: str, readings: Readings) -> Any:
     """The level of a row; that of another derivative times a power of 2 pi times the frequency."""
     frequency, value = row
@@ -178,6 +200,39 @@ def _level(key: str, row: list[Any], unit: str, readings: Readings) -> Any:
             readings.found.append((key, value, taken, unit))
             return taken
     return readings.number(key, value, unit)
+
+
+def _rows_of_file(key: str, name: str, unit: str, readings: Readings) -> Any:
+    """Rows of a frequency and a level from a file beside the study, in the units that its header has in brackets."""
+    rows: list[list[Any]] = []
+    units, inner = ["", ""], Readings()
+    try:
+        require_path(name, key, "a file of rows")
+        text = read_regular(readings.folder / name, MOST_BYTES).decode("utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "no text"
+        readings.faults.append(Fault(key, name, "", f"must be an existing file of rows, or rows: {reason}"))
+        return name
+    except InputError as error:
+        readings.faults += error.faults
+        return name
+    for line in filter(None, map(str.strip, text.splitlines())):
+        mark = next((mark for mark in ";\t," if mark in line), None)
+        cells = [cell.strip().strip('"') for cell in line.split(mark)]
+        if rows or re.match(r"[+-]?\.?\d", line):
+            rows.append([_cell(cell, of) for cell, of in itertools.zip_longest(cells, units, fillvalue="")])
+        elif line[0] != "#":
+            units = [found[1] if (found := HEADER.search(cell)) else "" for cell in cells]
+    levels = _levels(key, rows, unit, inner)
+    readings.faults += inner.faults
+    readings.found.append((key, name, levels, unit))
+    return levels
+
+
+def _cell(cell: str, unit: str) -> Any:
+    """A number in SI, or the text with its unit."""
+    number = decimal_number(cell)
+    return cell if number is None else f"{cell} {unit}" if unit else number
 
 
 def _axes(

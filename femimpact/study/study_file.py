@@ -8,14 +8,14 @@ import re
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
 from femimpact.contact import ContactLaw
 from femimpact.contact.laws import LAWS
-from femimpact.errors import Fault, InputError, allowed_range, checked, require_path, suggestion
+from femimpact.errors import Fault, InputError, allowed_range, checked, require, require_path, suggestion
 from femimpact.fem.mesh import uniform_mesh
 from femimpact.integrators.methods import METHODS
 from femimpact.regular_file import read_regular
@@ -23,7 +23,7 @@ from femimpact.structure.beam import Beam, Segment
 from femimpact.structure.damping import ModalDamping, Rayleigh
 from femimpact.structure.structure import Absorber, Dashpot, Impactor, PointMass, Spring, Stop, Structure, Support
 from femimpact.study.base_motion import HISTORY_KEYS, SIGNALS, BaseMotion, RecordedMotion, SignalMotion, record_beside
-from femimpact.study.file_units import QUOTED, Readings, in_si_units, with_numbers, with_texts
+from femimpact.study.file_units import Readings, in_si_units, with_numbers, with_texts
 from femimpact.study.parameter_plan import (
     AxisValues,
     BestPlan,
@@ -121,21 +121,28 @@ def read_study(
         reason = f"a number of {len(digits[0])} digits in line {line}" if digits else str(error)
     if reason:
         raise InputError([Fault("study", str(path), "", f"must be readable TOML: {reason}")])
-    data, readings = _in_si(data, text)
+    data, readings = in_si_units(data, _schema(), path.parent)
     return _from_tables(data, path, text, readings.faults)
+
+
+@cache
+def _schema() -> dict[str, Any]:
+    return study_schema()
+
+
+def _readings(study: Study, text: str) -> Readings:
+    """What a text of a study has as texts with a unit."""
+    return in_si_units(tomllib.loads(text), _schema(), study.path.parent)[1]
 
 
 def unit_lines(study: Study) -> list[str]:
     """Lines of what a study file has as texts with a unit, with the numbers in SI that they are."""
-    _, readings = _in_si(tomllib.loads(study.text), study.text)
-    of = {unit: "" if unit == "1" else f" {unit}" for *_, unit in readings.found}
     # a text may stand in several rows
-    return list(dict.fromkeys(f"{key} = {words}: {value:.9g}{of[unit]}" for key, words, value, unit in readings.found))
-
-
-def _in_si(data: dict[str, Any], text: str) -> tuple[dict[str, Any], Readings]:
-    """The tables of a study file with numbers in SI; without a text that begins with a number they have them."""
-    return in_si_units(data, study_schema()) if QUOTED.search(text) else (data, Readings())
+    return list(dict.fromkeys(
+        f"{key} = {words}: {f'{len(value)} rows' if isinstance(value, list) else f'{value:.9g}'}"
+        f"{'' if unit == '1' else f' {unit}'}"
+        for key, words, value, unit in _readings(study, study.text).found
+    ))  # fmt: skip
 
 
 def study_schema() -> dict[str, Any]:
@@ -167,12 +174,9 @@ def study_text(study: Study) -> str:
     that has no name in study files is named in a comment; such a file cannot be loaded, and says where.
     """
     try:
-        text = study.text
-        if QUOTED.search(text):
-            text = with_numbers(text, _in_si(tomllib.loads(text), text)[1])
-            # a text that is left stands for two numbers
-            if _in_si(tomllib.loads(text), text)[1].found:
-                raise InputError([])
+        text = with_numbers(study.text, _readings(study, study.text))
+        # a text that is left stands for two numbers
+        require(not _readings(study, text).found, "study", None, "", "must have numbers in SI")
         if same_study(read_study(text, study.path), study):
             return text
     except (InputError, ValueError):
