@@ -43,7 +43,7 @@ def level_of(amplitude: float | None, acceleration: Any, level: Any, by: str | N
     return given[named[0]], named[0]
 
 
-def _check_fade(fade: float, duration: float) -> None:
+def check_fade(fade: float, duration: float) -> None:
     """Raise `InputError` if both fades together are longer than the motion (s)."""
     require(fade <= 0.5 * duration, "fade", fade, "s", f"must be at most half the duration, {0.5 * duration:g} s")
 
@@ -213,7 +213,7 @@ class SteppedSine(PiecewiseMotion):
         allowed = "must be given alone: one of cycles and seconds"
         require((cycles is None) != (seconds is None), "cycles", cycles, "", allowed)
         require_reach(self.level, min(self.frequencies), max(self.frequencies))
-        _check_fade(self.fade, self.duration)
+        check_fade(self.fade, self.duration)
 
     @property
     def steps(self) -> Array:
@@ -374,7 +374,7 @@ class Chirp(PiecewiseMotion):
             object.__setattr__(self, name, value)
         check_fields(self)
         require_reach(self.level, min(self.start, self.stop), max(self.start, self.stop))
-        _check_fade(self.fade, self.duration)
+        check_fade(self.fade, self.duration)
 
     @property
     def frequency(self) -> float:

@@ -310,6 +310,11 @@ def _of_base(system: System, excitation: Excitation, duration: float | None) -> 
     ):
         yield _row(f"largest {name} of the base", size, unit)
     yield _row("largest acceleration of the base", sizes[2] / GRAVITY, "g")
+    if isinstance(excitation, RandomBase):
+        yield _row("kurtosis of the random motion", excitation.kurtosis, "1")
+        yield _row("crest factor of the random motion", excitation.crest, "1")
+        if excitation.clip is not None:
+            yield _row("share of the density lost by clipping", excitation.lost_share, "1")
     yield from _drift(system, excitation)
 
 

@@ -56,7 +56,7 @@ DEEPEST = 20
 LONG_NUMBER = re.compile(r"\d[\d_]{4000,}")
 
 OF_SINE = frozenset({"amplitude", "frequency", "phase"})
-OF_RECORD = frozenset({"scale", "detrend", "columns", "file", "samples"})
+OF_RECORD = frozenset({"scale", "detrend", "columns", "file", "samples", "high_pass"})
 """Keys of [base] that only one of its motions has, or might be taken to have."""
 
 
