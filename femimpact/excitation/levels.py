@@ -29,8 +29,10 @@ def require_reach(level: Level, lowest: float, highest: float) -> None:
     """Raise `InputError` unless the rows of a level reach over all frequencies (Hz)."""
     if isinstance(level, tuple):
         reaches = level[0][0] <= lowest * (1.0 + ROUNDING) and level[-1][0] >= highest * (1.0 - ROUNDING)
-        shown = f"rows from {level[0][0]:g} to {level[-1][0]:g}"
-        require(reaches, "acceleration", shown, "Hz", f"must reach from {lowest:g} to {highest:g} Hz")
+        allowed = (
+            f"must reach from {lowest:g} to {highest:g} Hz; its rows go from {level[0][0]:g} to {level[-1][0]:g} Hz"
+        )
+        require(reaches, "acceleration", None, "", allowed)
 
 
 def exponent_at(level: Level, frequency: float, below: bool) -> float:
