@@ -91,10 +91,10 @@ _WRITTEN = {"²": "^2", "³": "^3", "⁴": "^4", "µ": "u", "μ": "u", "·": " "
 _TOKEN = re.compile(r"\s*(?:(?P<symbol>[A-Za-z]+|%|1(?![\d.]))|(?P<mark>[()/])|\^?(?P<power>-?\d+(?:\.\d+)?))")
 
 _QUANTITY = re.compile(
-    r"\s*([+-]?(?:\d{1,40}(?:\.\d{0,40})?|\.\d{1,40})(?:[eE][+-]?\d{1,3})?)\s*([^\d\s.,][^\n]{0,40})"
+    r"\s*([+-]?(?:\d{1,40}(?:\.\d{0,40})?|\.\d{1,40})(?:[eE][+-]?\d{1,3})?)\s*((?:[^\d\s.,]|(?<=\s)1 ?/)[^\n]{0,40})"
 )
 
-TEXT_SCHEMA = {"type": "string", "pattern": r"^\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*[^\d\s.,]"}
+TEXT_SCHEMA = {"type": "string", "pattern": r"^\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?(\s*[^\d\s.,]|\s+1 ?/)"}
 """JSON schema of a text with a number and a unit."""
 
 

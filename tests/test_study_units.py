@@ -125,7 +125,7 @@ def test_names_stay_names() -> None:
         ("gap = 0.004 ", 'gap = ["4 mm", "4 g"] ', "impactor.ball.gap = '4 g': must have a unit that fits: m, cm"),
         ("2e-3 }", '"2 m" }', "impactor.ball.contact.contact_time = '2 m': must have a unit that fits: s, ms"),
         ("frequency = 4.9 ", 'frequency = "-5 Hz" ', "base.frequency = -5.0 Hz: must be a finite number > 0"),
-        ("modes = 8 ", 'modes = "8 mm" ', "reduction.modes = '8 mm': must have a unit that fits: %"),
+        ("modes = 8 ", 'modes = "8 mm" ', "reduction.modes = '8 mm': must be a whole number >= 1"),
     ],
 )
 def test_unit_that_does_not_fit_is_one_line(find: str, put: str, words: str) -> None:

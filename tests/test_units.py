@@ -42,6 +42,7 @@ def test_every_unit_of_the_table_is_of_its_dimension() -> None:
         ("90 deg", "rad", 0.5 * math.pi),
         ("5 %", "1", 0.05),
         ("1500 rpm", "Hz", 25.0),
+        ("1500 1/min", "Hz", 25.0),
         ("2 GB", "bytes", 2e9),
         ("1 kg m^2/s^2", "N m", 1.0),
         ("100 µm", "m", 1e-4),

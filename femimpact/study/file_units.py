@@ -134,7 +134,8 @@ def _read(key: str, value: Any, schema: Mapping[str, Any], readings: Readings) -
         return _levels(key, value, schema["x-rows"], readings)
     if isinstance(value, str) and "x-rows" in schema and not value[:1].isdigit():
         return _rows_of_file(key, value, schema["x-rows"], readings)
-    return readings.number(key, value, schema.get("x-unit", ""))
+    # a whole number counts something
+    return readings.number(key, value, "" if schema.get("type") == "integer" else schema.get("x-unit", ""))
 
 
 def _properties(schema: Mapping[str, Any], value: Mapping[str, Any]) -> dict[str, Any]:
