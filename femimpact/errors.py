@@ -220,19 +220,20 @@ def _number_schema(bounds: Mapping[str, float], integer: bool, finite: bool) -> 
     return schema | {words[name]: bound for name, bound in bounds.items()}
 
 
-def level_rows(unit: str, *, number: bool = True) -> dict[str, Any]:
+def level_rows(unit: str) -> dict[str, Any]:
     """Metadata of a dataclass field that holds rows of a frequency (Hz) and a level, or a number for all frequencies.
 
     Between the rows the level is straight in a plot of the logarithms.
     """
     rows = "rows of a frequency in Hz, which rises, and a level, all > 0"
-    allowed = f"must be a finite number >= 0 {unit}, or {rows}" if number else f"must be two or more {rows}"
     row = {"type": "array", "items": _number_schema({"above": 0.0}, False, True), "minItems": 2, "maxItems": 2}
-    table = {"type": "array", "items": row, "minItems": 2, "x-rows": unit}
-    one = _number_schema({"at_least": 0.0}, False, True)
-    schema = {"anyOf": [one, table], "x-rows": unit} if number else table
-    take = functools.partial(_level_rows, number=number)
-    return {"unit": unit, "allowed": allowed, "take": take, "schema": schema}
+    table = {"type": "array", "items": row, "minItems": 2}
+    return {
+        "unit": unit,
+        "allowed": f"must be a finite number >= 0 {unit}, or {rows}",
+        "take": _level_rows,
+        "schema": {"anyOf": [_number_schema({"at_least": 0.0}, False, True), table], "x-rows": unit},
+    }
 
 
 def choice(*names: str) -> dict[str, Any]:
@@ -353,12 +354,12 @@ def _numbers(value: Any, take: Callable[[Any], float]) -> float | tuple[float, .
     return tuple(take(entry) for entry in value)
 
 
-def _level_rows(value: Any, number: bool) -> Any:
+def _level_rows(value: Any) -> Any:
     if hasattr(value, "tolist") and getattr(value, "ndim", 0) == 2:
         value = value.tolist()
-    if number and not isinstance(value, (tuple, list)):
+    if not isinstance(value, (tuple, list)):
         return _number(value, {"at_least": 0.0}, False, True)
-    if not isinstance(value, (tuple, list)) or len(value) < 2:
+    if len(value) < 2:
         raise _Refused
     rows = []
     for row in value:

@@ -217,6 +217,9 @@ def test_rows_come_from_a_file_and_are_kept_in_the_study(tmp_path: Path) -> None
     random = read_study(random_base('"density.csv"'), path)
     psd = dict(random.base.values)["psd"]  # type: ignore[union-attr]
     assert psd[:2] == ((20.0, pytest.approx(0.01 * 9.80665**2)), (80.0, pytest.approx(0.04 * 9.80665**2)))
+    (tmp_path / "2nd.csv").write_text("10 .5\n150 2\n")
+    assert levels_of(read_study(chirp_base('"2nd.csv"'), path)) == ((10.0, 0.5), (150.0, 2.0))
+    assert levels_of(read_study(chirp_base('".5 g"'), path)) == 0.5 * 9.80665
     # what is kept needs no file
     text = study_text(study)
     (tmp_path / "levels.csv").unlink()

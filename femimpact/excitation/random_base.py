@@ -12,7 +12,7 @@ import numpy as np
 from femimpact.arrays import Array
 from femimpact.errors import check_fields, choice, optional, quantity, real_array, require
 from femimpact.excitation.harmonic import PiecewiseMotion, check_fade
-from femimpact.excitation.levels import faded, faded_force
+from femimpact.excitation.levels import faded, faded_force, level_at
 from femimpact.excitation.piecewise_polynomial import (
     NODES,
     PiecewisePolynomial,
@@ -116,8 +116,7 @@ class RandomBase(PiecewiseMotion):
         """Frequency (Hz), amplitude (m/s^2) and phase (rad) of every line."""
         first, last = self._numbers
         frequency = np.arange(first, last + 1) / self.duration
-        points = np.log(np.array(self.psd))
-        density = np.exp(np.interp(np.log(frequency), points[:, 0], points[:, 1]))
+        density = level_at(self.psd, frequency)
         generator = np.random.default_rng(self.seed)
         phase = generator.uniform(0.0, 2.0 * np.pi, frequency.size)
         amplitude = np.sqrt(2.0 * density / self.duration)

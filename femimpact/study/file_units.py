@@ -22,6 +22,9 @@ SLOPE = re.compile(r"\s*([+-]?(?:\d{1,40}\.?\d{0,40}|\.\d{1,40}))\s*dB/oct\s*")
 QUOTED = re.compile(r""""([^"\n\\]*)"|'([^'\n]*)'""")
 """A text of TOML in one line."""
 
+FILE, NUMBER = re.compile(r"\.[A-Za-z]\w*$"), re.compile(r"\s*[+-]?\.?\d")
+"""The end of the name of a file, and the beginning of a number."""
+
 HEADER = re.compile(r"[\[(]\s*(\S[^\[\]]*?)\s*[\])]\s*$")
 """A unit in brackets at the end of the name of a column."""
 
@@ -93,12 +96,7 @@ def with_texts(schema: Any) -> Any:
         return schema
     if not any(read_unit(unit, (unit,)) for unit in (schema.get("x-unit", ""), schema.get("x-rows", ""))):
         return {name: with_texts(part) for name, part in schema.items()}
-    other = _or_text(schema)
-    if "x-rows" not in schema:
-        return other
-    about = {name: part for name, part in other.items() if name[:2] == "x-" or name in ("description", "default")}
-    rows = {name: part for name, part in other.items() if name not in about}
-    return {"anyOf": [*rows.pop("anyOf", [rows]), {"type": "string"}], **about}
+    return _or(_or_text(schema), {"type": "string"}) if "x-rows" in schema else _or_text(schema)
 
 
 def _or_text(schema: Any) -> Any:
@@ -106,11 +104,16 @@ def _or_text(schema: Any) -> Any:
         return [_or_text(part) for part in schema]
     if not isinstance(schema, dict):
         return schema
-    if schema.get("type") != "number":
-        return {name: _or_text(part) for name, part in schema.items()}
+    if schema.get("type") == "number":
+        return _or(schema, TEXT_SCHEMA)
+    return {name: _or_text(part) for name, part in schema.items()}
+
+
+def _or(schema: dict[str, Any], other: dict[str, Any]) -> dict[str, Any]:
+    """A schema that allows what another does as well."""
     about = {name: part for name, part in schema.items() if name[:2] == "x-" or name in ("description", "default")}
-    number = {name: part for name, part in schema.items() if name not in about}
-    return {"anyOf": [number, TEXT_SCHEMA], **about}
+    first = {name: part for name, part in schema.items() if name not in about}
+    return {"anyOf": [*first.pop("anyOf", [first]), other], **about}
 
 
 # ---- the tables, each beside its schema -----------------------------------------------------------
@@ -132,7 +135,7 @@ def _read(key: str, value: Any, schema: Mapping[str, Any], readings: Readings) -
         return [_read(f"{key}.{label}", part, items, readings) for label, part in zip(labels, value, strict=True)]
     if isinstance(value, list) and "x-rows" in schema and any(isinstance(row, list) for row in value):
         return _levels(key, value, schema["x-rows"], readings)
-    if isinstance(value, str) and "x-rows" in schema and not value[:1].isdigit():
+    if isinstance(value, str) and "x-rows" in schema and (FILE.search(value) or not NUMBER.match(value)):
         return _rows_of_file(key, value, schema["x-rows"], readings)
     # a whole number counts something
     return readings.number(key, value, "" if schema.get("type") == "integer" else schema.get("x-unit", ""))
@@ -220,7 +223,7 @@ def _rows_of_file(key: str, name: str, unit: str, readings: Readings) -> Any:
     for line in filter(None, map(str.strip, text.splitlines())):
         mark = next((mark for mark in ";\t," if mark in line), None)
         cells = [cell.strip().strip('"') for cell in line.split(mark)]
-        if rows or re.match(r"[+-]?\.?\d", line):
+        if rows or NUMBER.match(line):
             rows.append([_cell(cell, of) for cell, of in itertools.zip_longest(cells, units, fillvalue="")])
         elif line[0] != "#":
             units = [found[1] if (found := HEADER.search(cell)) else "" for cell in cells]
