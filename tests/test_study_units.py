@@ -108,6 +108,22 @@ def test_keys_of_studies_are_equal_and_resume_each_other(tmp_path: Path) -> None
     assert '"4 mm"' not in (tmp_path / "s" / "study.toml").read_text()
 
 
+def test_limits_of_measures_have_their_units() -> None:
+    text = AXES.format(0.004, 0.005, 0.003, 0.004).replace('"peak"]', '"peak", "peak_force", "root.surface_stress"]')
+    best = (
+        '[study.best]\nmeasure = "peak"\n[study.best.limits]\npeak_force = "0.05 kN"\nroot.surface_stress = "60 MPa"\n'
+    )
+    study = read(paper_study_text() + text + best)
+    assert study.plan is not None
+    assert study.plan.best is not None
+    assert study.plan.best.limits == {"peak_force": 50.0, "root.surface_stress": 60e6}
+    assert same_study(read(study_text(study)), study)
+    with pytest.raises(
+        fi.InputError, match=r"study\.best\.limits\.peak_force = '5 mm': must have a unit that fits: N, mN"
+    ):
+        read(paper_study_text() + text + best.replace("0.05 kN", "5 mm"))
+
+
 def test_names_stay_names() -> None:
     study = read(
         paper_study_text() + '[study]\nmeasures = ["peak"]\n[study.axes]\n"impactor.ball.at" = ["tip", "mid"]\n'

@@ -12,7 +12,9 @@ from typing import Any
 
 from femimpact.errors import Fault, InputError, require_path
 from femimpact.regular_file import decimal_number, read_regular
+from femimpact.response.channels import QUANTITIES
 from femimpact.study.parameter_plan import is_part_of_path
+from femimpact.sweep.curve import SWEEP_UNITS
 from femimpact.units import TEXT_SCHEMA, in_si, read_unit
 
 START = {"position": "m", "speed": "m/s"}
@@ -65,9 +67,12 @@ def in_si_units(data: Mapping[str, Any], schema: Mapping[str, Any], folder: Path
     found = {
         name: _read(name, value, tables[name], readings) if name in tables else value for name, value in data.items()
     }
-    plan = found.get("study")
+    plan: Any = found.get("study")
     if isinstance(plan, dict) and isinstance(plan.get("axes"), dict):
-        found["study"] = {**plan, "axes": dict(_axes(plan["axes"], data, tables, readings))}
+        found["study"] = plan = {**plan, "axes": dict(_axes(plan["axes"], data, tables, readings))}
+    best = plan.get("best") if isinstance(plan, dict) else None
+    if isinstance(best, dict) and isinstance(best.get("limits"), dict):
+        found["study"] = {**plan, "best": {**best, "limits": _limits(best["limits"], readings)}}
     return found, readings
 
 
@@ -237,6 +242,20 @@ def _cell(cell: str, unit: str) -> Any:
     """A number in SI, or the text with its unit."""
     number = decimal_number(cell)
     return cell if number is None else f"{cell} {unit}" if unit else number
+
+
+def _limits(limits: Mapping[str, Any], readings: Readings, prefix: str = "") -> dict[str, Any]:
+    """Limits of measures, whose units are those of the columns of a sweep and of channels."""
+    return {
+        name: _limits(value, readings, f"{prefix}{name}.") if isinstance(value, dict)
+        else readings.number(f"study.best.limits.{prefix}{name}", value, _unit_of_measure(f"{prefix}{name}"))
+        for name, value in limits.items()
+    }  # fmt: skip
+
+
+def _unit_of_measure(name: str) -> str:
+    quantity = QUANTITIES.get(name.rpartition(".")[2])
+    return SWEEP_UNITS.get(name, "" if quantity is None else quantity.make("tip").unit)
 
 
 def _axes(

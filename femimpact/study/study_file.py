@@ -161,7 +161,7 @@ def study_schema() -> dict[str, Any]:
         "properties": {n: {"type": "array", "items": made[n]} if TABLES[n].many else made[n] for n in TABLES},
         "required": [name for name, table in TABLES.items() if table.required],
         "additionalProperties": False,
-        "$defs": {"axes": with_texts(axes_schema()), "limits": limits_schema()},
+        "$defs": {"axes": with_texts(axes_schema()), "limits": with_texts(limits_schema())},
     }
     return {**schema, "properties": with_texts(schema["properties"])}
 
