@@ -216,7 +216,8 @@ def _type(about: dict[str, Any]) -> str:
     if "enum" in about:
         return " or ".join(f'`"{name}"`' for name in about["enum"])
     if "anyOf" in about or "oneOf" in about:
-        parts = about.get("anyOf", about.get("oneOf"))
+        # every number may be a text with a unit: the page says so once
+        parts = [part for part in about.get("anyOf", about.get("oneOf")) if "pattern" not in part]
         return " or ".join(dict.fromkeys(_type(part) for part in parts))
     if "prefixItems" in about:
         return "list of two numbers"
@@ -274,6 +275,20 @@ KEYWORDS = {
     "howto/installation": ("windows", "macos", "pip error", "no-build-isolation"),
     "howto/before_the_test": ("sweep too fast", "sweep rate", "swept sine", "test plan", "shaker limits"),
     "howto/measured_base": ("accelerometer", "shaker record", "sine sweep"),
+    "howto/test_plan": (
+        "sine sweep",
+        "swept sine",
+        "dwell",
+        "bump test",
+        "random vibration test",
+        "test plan",
+        "crossover",
+        "notching",
+        "g^2/Hz",
+        "shock test",
+        "half-sine",
+        "units in study files",
+    ),
     "howto/root_stress": ("fatigue", "strain gauge", "rainflow"),
 }  # fmt: skip
 """What a reader may search for, by the page that answers it: the search finds it though the page has other words."""

@@ -323,11 +323,12 @@ def check(study: Path, *, strict: bool = False) -> None:
         is printed.
     """
     from femimpact.parametric.planned_test import lines_of_check
-    from femimpact.study.study_file import load_study
+    from femimpact.study.study_file import load_study, unit_lines
 
     with _waiting("check", quiet=False):
         plan = load_study(study)
         lines, found = lines_of_check(plan)
+        lines = [*unit_lines(plan), *lines]
     if plan.plan is not None:
         from femimpact.parametric.study_command import plan_lines as study_lines
 

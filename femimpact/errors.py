@@ -220,6 +220,22 @@ def _number_schema(bounds: Mapping[str, float], integer: bool, finite: bool) -> 
     return schema | {words[name]: bound for name, bound in bounds.items()}
 
 
+def level_rows(unit: str) -> dict[str, Any]:
+    """Metadata of a dataclass field that holds rows of a frequency (Hz) and a level, or a number for all frequencies.
+
+    Between the rows the level is straight in a plot of the logarithms.
+    """
+    rows = "rows of a frequency in Hz, which rises, and a level, all > 0"
+    row = {"type": "array", "items": _number_schema({"above": 0.0}, False, True), "minItems": 2, "maxItems": 2}
+    table = {"type": "array", "items": row, "minItems": 2}
+    return {
+        "unit": unit,
+        "allowed": f"must be a finite number >= 0 {unit}, or {rows}",
+        "take": _level_rows,
+        "schema": {"anyOf": [_number_schema({"at_least": 0.0}, False, True), table], "x-rows": unit},
+    }
+
+
 def choice(*names: str) -> dict[str, Any]:
     """Metadata of a dataclass field that holds one of a few names."""
     allowed = f"must be {' or '.join(repr(name) for name in names)}"
@@ -336,6 +352,23 @@ def _numbers(value: Any, take: Callable[[Any], float]) -> float | tuple[float, .
     if not value:
         raise _Refused
     return tuple(take(entry) for entry in value)
+
+
+def _level_rows(value: Any) -> Any:
+    if hasattr(value, "tolist") and getattr(value, "ndim", 0) == 2:
+        value = value.tolist()
+    if not isinstance(value, (tuple, list)):
+        return _number(value, {"at_least": 0.0}, False, True)
+    if len(value) < 2:
+        raise _Refused
+    rows = []
+    for row in value:
+        if not isinstance(row, (tuple, list)) or len(row) != 2:
+            raise _Refused
+        rows.append(tuple(_number(part, {"above": 0.0}, False, True) for part in row))
+        if len(rows) > 1 and rows[-1][0] <= rows[-2][0]:
+            raise _Refused(f": {rows[-2][0]:g} Hz is followed by {rows[-1][0]:g} Hz")
+    return tuple(rows)
 
 
 def _truth(value: Any) -> bool:

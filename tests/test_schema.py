@@ -99,6 +99,7 @@ RULES = (
         r": must (be > start|not be the value of from|be > 0, as to|be \[.*\], the (first|last)"
         r"|have frequencies that rise|hold 1 to [\d,]+ lines)",
     ),
+    ("units", r": must have a unit that fits|: must have a level beside it"),
     ("axes", r": must be a power of two"),
     ("how many numbers", r": must be (two different values|one number (>= 0 )?or two)"),
     ("names", r": must (be one of root, tip, mid|be letters, digits|be distinct|have distinct)"),
@@ -106,8 +107,8 @@ RULES = (
     ("structure", r": must be within the beam"),
 )
 """Words of `load_study` for each rule that the schema does not hold."""
-VALUES = (-1.0, 0.0, 1e40, float("inf"), float("nan"), 0.3, 7, "text", "", True, [], [0.1, 0.2], {}, 10**400)
-"""With a key left out and one of another name these are sixteen mutants of every key."""
+VALUES = (-1.0, 0.0, 1e40, float("inf"), float("nan"), 0.3, 7, "text", "7 furlongs", True, [], [0.1, 0.2], {}, 10**400)
+"""With a key left out and one of another name these are seventeen mutants of every key."""
 
 
 def toml(value):
@@ -200,6 +201,23 @@ def test_every_rule_that_is_left_out_is_named():
             ]
         },
         {"beam": {"segment": [dict(SOUND["beam"], name="a"), dict(SOUND["beam"], name="b", end_width=0.01)]}},
+        {
+            "reduction": {"modes": 4},
+            "gravity": {"acceleration": "-1 g"},
+            "mesh": {"elements": 9},
+            "beam": dict(SOUND["beam"], length="23 cm", young_modulus="70 GPa"),
+            "damping": {"ratio": "0.3 %", "modes": [1, 2]},
+            "sweep": None,
+            "base": {"kind": "random", "psd": [["20 Hz", "3 dB/oct"], [80, "0.1 g^2/Hz"]], "duration": "2 s"},
+            "impactor": [{**SOUND["impactor"][0], "gap": ["4 mm", 3e-3], "mass": "3 g"}],
+            "study": {
+                "measures": ["peak"],
+                "axes": {
+                    "impactor.ball.gap": ["4 mm", ["3 mm", 0.005]],
+                    "impactor.ball.mass": {"from": "3 g", "to": "4 g", "points": 2},
+                },
+            },
+        },
         {"gravity": {"acceleration": -9.81}, "spring": [{"name": "k", "at": "tip", "stiffness": 3, "to": 0.1}]},
     ],
     ids=lambda change: next(iter(change)),

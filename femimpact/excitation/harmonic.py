@@ -6,21 +6,25 @@ import cmath
 import math
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from femimpact.arrays import Array
-from femimpact.errors import check_fields, choice, quantity, real_array, require
+from femimpact.errors import check_fields, checked, choice, level_rows, optional, quantity, real_array, require
 from femimpact.excitation.excitation import Harmonic, times
+from femimpact.excitation.levels import Level, exponent_at, faded, faded_force, level_at, require_reach, with_breaks
 from femimpact.excitation.piecewise_polynomial import NODES, PiecewisePolynomial, coefficients_through, fitted, knots_of
 from femimpact.excitation.sums import added
 
+LEVEL, TABLE = level_rows("m or m/s^2"), level_rows("m/s^2")
+"""Metadata of a level, and of an acceleration that may be a table."""
 
-def level_of(
-    amplitude: float | None, acceleration: float | None, level: float | None, by: str | None
-) -> tuple[float | None, str | None]:
+FADE = quantity("s", at_least=0.0)
+
+
+def level_of(amplitude: float | None, acceleration: Any, level: Any, by: str | None) -> tuple[Any, str | None]:
     """The level and the name of what was given: exactly one of amplitude and acceleration, or level and `by`.
 
     Raises `InputError` if both or none of them are given.
@@ -32,7 +36,16 @@ def level_of(
         return level, by
     allowed = "must be given alone: one of amplitude (m) and acceleration (m/s^2)"
     require(len(named) == 1, "amplitude", "both" if named else None, "", allowed)
+    if hasattr(given[named[0]], "__len__"):
+        allowed = "must be a number: a level over frequency is an acceleration, (2 pi f)^2 times the amplitude"
+        require(named[0] == "acceleration", "amplitude", amplitude, "m", allowed)
+        return checked("acceleration", acceleration, TABLE), "acceleration"
     return given[named[0]], named[0]
+
+
+def check_fade(fade: float, duration: float) -> None:
+    """Raise `InputError` if both fades together are longer than the motion (s)."""
+    require(fade <= 0.5 * duration, "fade", fade, "s", f"must be at most half the duration, {0.5 * duration:g} s")
 
 
 @dataclass(frozen=True)
@@ -142,39 +155,50 @@ class SteppedSine(PiecewiseMotion):
     frequencies : array_like (n,), Hz
         Of the sines.
     cycles : int
-        At each frequency.
+        At each frequency; either this or `seconds`.
     amplitude : float, m
         Either this or `acceleration`.
-    acceleration : float, m/s^2
-        Amplitude of the base's acceleration.
+    acceleration : float or array_like (k, 2), m/s^2
+        Amplitude of the base's acceleration, or rows of a frequency (Hz) and an amplitude, straight in a plot of the
+        logarithms: each frequency then has its level, and the acceleration jumps where it changes.
     direction : {"given", "up", "down", "both"}
         Order of the frequencies: as given, from the lowest up, from the highest down, or up and then down.
-    level : float, m or m/s^2
+    level : float or array_like (k, 2), m or m/s^2
         What amplitude or acceleration was given as.
     by : {"amplitude", "acceleration"}
         Which of them was given.
+    seconds : float, s
+        At each frequency, as many whole cycles as last so long or longer.
+    fade : float, s
+        How long the motion takes to come, and to go at its end: the displacement is multiplied by
+        sin^2(pi t/(2 fade)).
 
     Raises
     ------
     InputError
-        If there is no frequency, or both or none of amplitude and acceleration are given.
+        If there is no frequency, both or none of amplitude and acceleration or of cycles and seconds are given, or rows
+        do not rise or reach over all frequencies.
     """
 
     frequencies: Any
-    cycles: int = field(metadata=quantity("1", at_least=1, integer=True))
+    cycles: int | None = field(metadata=optional(quantity("1", at_least=1, integer=True)))
     direction: str = field(metadata=choice("given", "up", "down", "both"))
-    level: float = field(metadata=quantity("m or m/s^2", at_least=0.0))
+    level: Level = field(metadata=LEVEL)
     by: str = field(metadata=choice("amplitude", "acceleration"))
+    seconds: float | None = field(default=None, metadata=optional(quantity("s", above=0.0)))
+    fade: float = field(default=0.0, metadata=FADE)
 
     def __init__(
         self,
         frequencies: Any,
-        cycles: int,
+        cycles: int | None = None,
         amplitude: float | None = None,
-        acceleration: float | None = None,
+        acceleration: Any = None,
         direction: str = "given",
+        seconds: float | None = None,
+        fade: float = 0.0,
         *,
-        level: float | None = None,
+        level: Any = None,
         by: str | None = None,
     ) -> None:
         level, by = level_of(amplitude, acceleration, level, by)
@@ -183,9 +207,13 @@ class SteppedSine(PiecewiseMotion):
         good = values.ndim == 1 and values.size > 0 and bool(np.all(values > 0.0))
         require(good, "frequencies", f"array of shape {values.shape}", "Hz", allowed)
         given = {"frequencies": tuple(values.tolist()), "cycles": cycles, "direction": direction}
-        for name, value in (given | {"level": level, "by": by}).items():
+        for name, value in (given | {"level": level, "by": by, "seconds": seconds, "fade": fade}).items():
             object.__setattr__(self, name, value)
         check_fields(self)
+        allowed = "must be given alone: one of cycles and seconds"
+        require((cycles is None) != (seconds is None), "cycles", cycles, "", allowed)
+        require_reach(self.level, min(self.frequencies), max(self.frequencies))
+        check_fade(self.fade, self.duration)
 
     @property
     def steps(self) -> Array:
@@ -196,9 +224,16 @@ class SteppedSine(PiecewiseMotion):
         return {"up": up, "down": up[::-1], "both": np.concatenate([up, up[-2::-1]])}[self.direction]
 
     @property
+    def cycles_of_steps(self) -> NDArray[np.int64]:
+        """Whole cycles at each of the frequencies, in their order in time."""
+        if self.seconds is None:
+            return np.full(self.steps.size, self.cycles)
+        return np.maximum(np.ceil(self.seconds * self.steps * (1.0 - 1e-12)), 1.0).astype(np.int64)
+
+    @property
     def duration(self) -> float:
         """Duration of all cycles, s."""
-        return float(np.sum(self.cycles / self.steps))
+        return float(np.sum(self.cycles_of_steps / self.steps))
 
     @property
     def frequency(self) -> float:
@@ -208,8 +243,8 @@ class SteppedSine(PiecewiseMotion):
     @cached_property
     def closed_form(self) -> PiecewisePolynomial:
         """Acceleration of the base, m/s^2."""
-        omega = np.repeat(2.0 * np.pi * self.steps, PIECES * self.cycles)
-        size = self.level * np.ones_like(omega) if self.by == "amplitude" else self.level / omega**2
+        omega, level = self._pieces
+        size = level * np.ones_like(omega) if self.by == "amplitude" else level / omega**2
         # the middle of the motion: the farthest place stays where the frequency changes
         middle = size[0] - size
         knots, angle = self._knots(omega)
@@ -217,15 +252,24 @@ class SteppedSine(PiecewiseMotion):
         values = -(size * omega**2)[:, None] * np.cos(angle[:, None] + np.pi / PIECES * (1.0 + NODES))
         starts = np.column_stack([middle + size * np.cos(angle), -size * omega * np.sin(angle)])
         last = [float(middle[-1] + size[-1]), 0.0]
-        return PiecewisePolynomial(knots, coefficients_through(values, h), starts=np.vstack([starts, last]))
+        form = PiecewisePolynomial(knots, coefficients_through(values, h), starts=np.vstack([starts, last]))
+        return faded(form, self.fade) if self.fade else form
 
     @cached_property
     def force_form(self) -> PiecewisePolynomial:
         """Displacement by amplitude, acceleration by acceleration, as a force in newtons: level times cosine."""
-        knots, angle = self._knots(np.repeat(2.0 * np.pi * self.steps, PIECES * self.cycles))
-        size = self.level if self.by == "amplitude" else -self.level
+        omega, level = self._pieces
+        knots, angle = self._knots(omega)
+        size = np.reshape(level if self.by == "amplitude" else -level, (-1, 1))
         values = size * np.cos(angle[:, None] + np.pi / PIECES * (1.0 + NODES))
-        return PiecewisePolynomial(knots, coefficients_through(values, np.diff(knots)))
+        form = PiecewisePolynomial(knots, coefficients_through(values, np.diff(knots)))
+        return faded_force(form, self.fade) if self.fade else form
+
+    @property
+    def _pieces(self) -> tuple[Array, Array]:
+        """Angular frequency (rad/s) and level of every piece."""
+        count = PIECES * self.cycles_of_steps
+        return np.repeat(2.0 * np.pi * self.steps, count), np.repeat(level_at(self.level, self.steps), count)
 
     def _knots(self, omega: Array) -> tuple[Array, Array]:
         """Times (s) of the knots, and the angle (rad) at the beginning of each piece."""
@@ -233,6 +277,9 @@ class SteppedSine(PiecewiseMotion):
         angle = 2.0 * np.pi / PIECES * (np.arange(omega.size) % PIECES)
         return np.concatenate([[0.0], np.cumsum(lengths)]), np.asarray(angle, dtype=float)
 
+
+BESIDE_LEVEL = 4e-7
+"""Largest share of the level that what keeps the base in its place adds to the acceleration, for each bend."""
 
 TERMS = 12
 """Most terms of the asymptotic series of an integral: it ends with its smallest term."""
@@ -250,7 +297,11 @@ class Chirp(PiecewiseMotion):
     By amplitude ub = amplitude sin(phase). By acceleration ub'' = acceleration sin(phase); velocity and displacement
     are those of its integrals that do not drift: they tend to a sine about zero where the frequency is highest. The
     history is made of polynomials of degree 5, 23 in a cycle: displacement, velocity and acceleration are exact
-    derivatives of one another, and the acceleration is within 1e-9 of its largest value.
+    derivatives of one another, and the acceleration is within 1e-9 of its largest value. Of a level in rows it is
+    within 1e-6 of the level: where the level bends, the speed of what does not drift changes by about
+    acceleration/(2 pi f)^2 times the change of the power of the frequency times the relative change of the frequency
+    in a second. An acceleration of up to 4e-7 of the level takes this up. In sweeps too fast for it, of tens of octaves
+    a minute, the rest moves the middle of the motion.
 
     Parameters
     ----------
@@ -260,13 +311,17 @@ class Chirp(PiecewiseMotion):
         Of the motion; None where `octaves_per_minute` gives it.
     amplitude : float, m
         Either this or `acceleration`.
-    acceleration : float, m/s^2
-        Amplitude of the base's acceleration.
+    acceleration : float or array_like (k, 2), m/s^2
+        Amplitude of the base's acceleration, or rows of a frequency (Hz) and an amplitude, straight in a plot of the
+        logarithms. A constant displacement d up to a crossover is a line through two rows of (2 pi f)^2 d.
     kind : {"linear", "logarithmic"}
         The frequency changes by the same number of Hz in every second, or of octaves in every minute.
     octaves_per_minute : float, 1/min
         Of a logarithmic chirp, in place of the duration.
-    level : float, m or m/s^2
+    fade : float, s
+        How long the motion takes to come, and to go at its end: the displacement is multiplied by
+        sin^2(pi t/(2 fade)).
+    level : float or array_like (k, 2), m or m/s^2
         What amplitude or acceleration was given as.
     by : {"amplitude", "acceleration"}
         Which of them was given.
@@ -274,16 +329,17 @@ class Chirp(PiecewiseMotion):
     Raises
     ------
     InputError
-        If both or none of amplitude and acceleration, or of duration and octaves per minute, are given, or a
-        linear chirp has octaves per minute.
+        If both or none of amplitude and acceleration, or of duration and octaves per minute, are given, a linear chirp
+        has octaves per minute, or rows do not rise or reach from start to stop.
     """
 
     start: float = field(metadata=quantity("Hz", above=0.0))
     stop: float = field(metadata=quantity("Hz", above=0.0))
     duration: float = field(metadata=quantity("s", above=0.0))
     kind: str = field(metadata=choice("linear", "logarithmic"))
-    level: float = field(metadata=quantity("m or m/s^2", at_least=0.0))
+    level: Level = field(metadata=LEVEL)
     by: str = field(metadata=choice("amplitude", "acceleration"))
+    fade: float = field(default=0.0, metadata=FADE)
 
     def __init__(
         self,
@@ -291,11 +347,12 @@ class Chirp(PiecewiseMotion):
         stop: float,
         duration: float | None = None,
         amplitude: float | None = None,
-        acceleration: float | None = None,
+        acceleration: Any = None,
         kind: str = "linear",
         octaves_per_minute: float | None = None,
+        fade: float = 0.0,
         *,
-        level: float | None = None,
+        level: Any = None,
         by: str | None = None,
     ) -> None:
         level, by = level_of(amplitude, acceleration, level, by)
@@ -313,9 +370,11 @@ class Chirp(PiecewiseMotion):
         allowed = "must be a finite number > 0 s, or octaves_per_minute be given"
         require(duration is not None, "duration", duration, "s", allowed)
         values = {"start": start, "stop": stop, "duration": duration, "kind": kind, "level": level, "by": by}
-        for name, value in values.items():
+        for name, value in (values | {"fade": fade}).items():
             object.__setattr__(self, name, value)
         check_fields(self)
+        require_reach(self.level, min(self.start, self.stop), max(self.start, self.stop))
+        check_fade(self.fade, self.duration)
 
     @property
     def frequency(self) -> float:
@@ -325,7 +384,7 @@ class Chirp(PiecewiseMotion):
     @property
     def amplitude(self) -> float:
         """Largest displacement, m."""
-        return self.level if self.by == "amplitude" else super().amplitude
+        return self.level if isinstance(self.level, float) and self.by == "amplitude" else super().amplitude
 
     def frequency_at(self, time: ArrayLike) -> Array:
         """Frequency (Hz) at times in s."""
@@ -345,17 +404,32 @@ class Chirp(PiecewiseMotion):
     @cached_property
     def closed_form(self) -> PiecewisePolynomial:
         """Acceleration of the base, m/s^2."""
-        knots = self._knots
+        return faded(self._form, self.fade) if self.fade else self._form
+
+    @property
+    def _form(self) -> PiecewisePolynomial:
+        """The acceleration without fades."""
+        knots, level = self._knots, cast(float, self.level)
         if self.by == "amplitude":
 
             def acceleration(time: Array) -> Array:
                 phase, rate = self.phase_at(time), 2.0 * np.pi * self.frequency_at(time)
-                return self.level * (rate * self._slope(time) * np.cos(phase) - rate**2 * np.sin(phase))
+                return level * (rate * self._slope(time) * np.cos(phase) - rate**2 * np.sin(phase))
 
             phase, rate = self.phase_at(knots), 2.0 * np.pi * self.frequency_at(knots)
-            starts = self.level * np.column_stack([np.sin(phase), rate * np.cos(phase)])
+            starts = level * np.column_stack([np.sin(phase), rate * np.cos(phase)])
             return fitted(acceleration, knots, starts)
-        pieces = fitted(lambda t: self.level * np.sin(self.phase_at(t)), knots)
+        bends = self._bends
+        if bends.size:
+            knots = with_breaks(knots, np.concatenate([bends[:, 0] - bends[:, 1], bends[:, 0] + bends[:, 1]]))
+
+        def without_drift(time: Array) -> Array:
+            found = self._level_times_sine(time)
+            for middle, width, size in bends:
+                found = found - size * (1.0 - np.minimum(((time - middle) / width) ** 2, 1.0)) ** 2
+            return found
+
+        pieces = fitted(without_drift, knots)
         end = knots.size - 1 if self.stop >= self.start else 0
         speed, place = self._integrals_at(float(knots[end]))
         speed -= float(pieces.starts[end, 1])
@@ -365,12 +439,57 @@ class Chirp(PiecewiseMotion):
     @cached_property
     def force_form(self) -> PiecewisePolynomial:
         """The level times sin(phase), as a force in newtons."""
-        return fitted(lambda t: self.level * np.sin(self.phase_at(t)), self._knots)
+        form = fitted(self._level_times_sine, self._knots)
+        return faded_force(form, self.fade) if self.fade else form
+
+    def _level_times_sine(self, time: Array) -> Array:
+        return level_at(self.level, self.frequency_at(time)) * np.sin(self.phase_at(time))
 
     @property
     def _knots(self) -> Array:
-        # what changes the frequency counts as turning too
-        return knots_of(lambda t: 2.0 * np.pi * self.frequency_at(t) + abs(self._slope(t)), self.duration)
+        # what changes the frequency, or the level, counts as turning too
+        powers = 1.0 + abs(self._steepest)
+        knots = knots_of(lambda t: 2.0 * np.pi * self.frequency_at(t) + powers * abs(self._slope(t)), self.duration)
+        if not isinstance(self.level, tuple):
+            return knots
+        return with_breaks(knots, self._time_of(np.array(self.level)[:, 0]))
+
+    @property
+    def _bends(self) -> Array:
+        """What keeps the base in its place where the level bends: time (s), half width (s) and largest acceleration.
+
+        There the velocity that is no sine changes by a small amount, which an acceleration of less than
+        `BESIDE_LEVEL` of the level takes away over a while.
+        """
+        if not isinstance(self.level, tuple) or self.start == self.stop:
+            return np.zeros((0, 3))
+        found, way = [], math.copysign(1.0, self.stop - self.start)
+        times_of_rows = self._time_of(np.array(self.level)[:, 0])
+        for time in times_of_rows[(times_of_rows > 0.0) & (times_of_rows < self.duration)]:
+            others = np.abs(np.array([0.0, self.duration, *times_of_rows]) - time)
+            room, width = float(others[others > 0.0].min()), 0.0
+            # the integral of (1 - x^2)^2 from -1 to 1 is 16/15
+            moved = 15.0 / 16.0 * way * (self._integrals_at(time, True)[0] - self._integrals_at(time, False)[0])
+            for _ in range(2):
+                lowest = level_at(self.level, self.frequency_at(time + width * np.array([-1.0, 0.0, 1.0]))).min()
+                most = BESIDE_LEVEL * float(lowest)
+                width = min(max(abs(moved) / most, 1.0 / float(self.frequency_at(time))), room)
+            found.append([time, width, min(max(moved / width, -most), most)])
+        return np.array(found).reshape(-1, 3)
+
+    @property
+    def _steepest(self) -> float:
+        """Largest power of the frequency with which the level goes."""
+        rows = self.level if isinstance(self.level, tuple) else ()
+        return max((abs(exponent_at(self.level, row[0], True)) for row in rows), default=0.0)
+
+    def _time_of(self, frequency: Array) -> Array:
+        """Times (s) of some frequencies (Hz), below zero or above the duration where they are not met."""
+        if self.start == self.stop:
+            return np.full(frequency.shape, -1.0)
+        if self.kind == "linear":
+            return np.asarray(self.duration * (frequency - self.start) / (self.stop - self.start))
+        return np.asarray(self.duration * np.log(frequency / self.start) / math.log(self.stop / self.start))
 
     def _slope(self, time: Array) -> Array:
         """Relative change of the frequency, 1/s."""
@@ -378,7 +497,7 @@ class Chirp(PiecewiseMotion):
             return np.asarray((self.stop - self.start) / self.duration / self.frequency_at(time))
         return np.full(np.shape(time), math.log(self.stop / self.start) / self.duration)
 
-    def _integrals_at(self, time: float) -> tuple[float, float]:
+    def _integrals_at(self, time: float, below: bool = True) -> tuple[float, float]:
         """Velocity and displacement by acceleration at one end, from the asymptotic series of the integrals.
 
         (e^{i phase} G)' = e^{i phase} where i omega G + G' = 1: G = sum of c_n omega^-p, by parts again and again
@@ -386,17 +505,20 @@ class Chirp(PiecewiseMotion):
         """
         omega = 2.0 * math.pi * float(self.frequency_at(np.array(time)))
         slope = float(self._slope(np.array(time)))
-        turn = self.level * cmath.exp(1j * float(self.phase_at(np.array(time))))
+        level = float(level_at(self.level, self.frequency_at(np.array(time))))
+        # of a level that goes with a power of the frequency (G level)' counts in place of G'
+        own = exponent_at(self.level, omega / (2.0 * math.pi), below)
+        turn = level * cmath.exp(1j * float(self.phase_at(np.array(time))))
         # d omega/dt = slope omega: of a linear chirp omega' is constant, of a logarithmic one omega'/omega
         linear = self.kind == "linear"
         once, twice = [-1j / omega], [-1.0 / omega**2 + 0j]
         for n in range(1, TERMS):
-            power = 2 * n - 1 if linear else n
+            power = (2 * n - 1 if linear else n) - own
             first = -1j * power * slope / omega * once[-1]
             if abs(first) >= abs(once[-1]):
                 break
             once.append(first)
-            power = 2 * n if linear else n + 1
+            power = (2 * n if linear else n + 1) - own
             twice.append(-1j * (first + power * slope * twice[-1]) / omega)
         speed, place = turn * sum(once), turn * sum(twice)
         return speed.imag, place.imag

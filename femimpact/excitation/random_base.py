@@ -10,19 +10,25 @@ from typing import Any
 import numpy as np
 
 from femimpact.arrays import Array
-from femimpact.errors import check_fields, choice, quantity, real_array, require
-from femimpact.excitation.harmonic import PiecewiseMotion
+from femimpact.errors import check_fields, choice, optional, quantity, real_array, require
+from femimpact.excitation.harmonic import PiecewiseMotion, check_fade
+from femimpact.excitation.levels import faded, faded_force, level_at
 from femimpact.excitation.piecewise_polynomial import (
     NODES,
     PiecewisePolynomial,
     coefficients_through,
+    pieces_of,
 )
+from femimpact.excitation.records import RecordedBase
 
 PIECES = 23.0
 """Polynomials of degree 5 in a cycle of a single line: within 1e-9 of the largest value, with half as much to spare."""
 
 LEAST_PIECES = 8
 """In a cycle of the highest line, however weak it is."""
+
+SAMPLES = 64
+"""Of a clipped motion in a cycle of the highest line."""
 
 MOST_LINES = 5_000_000
 
@@ -45,6 +51,12 @@ class RandomBase(PiecewiseMotion):
     one another, and the acceleration is within 1e-9 of its largest value. Libraries such as pyExSi give samples, from
     which no closed form follows.
 
+    Clipped, the acceleration is cut off at a number of its root mean squares, and the base driven by what is left as by
+    a record: straight between 64 samples in a cycle of the highest line, without its mean, and with the velocity at
+    t = 0 that brings the base back to its place. `lost_share` says what that takes from the density. Below its band
+    the density is no longer zero: the base wanders, by centimetres at 3 root mean squares, which motion relative to it
+    hardly feels.
+
     Parameters
     ----------
     psd : array_like (n, 2), Hz and (m/s^2)^2/Hz
@@ -55,6 +67,11 @@ class RandomBase(PiecewiseMotion):
         Of the phases, and of random amplitudes: one seed gives one motion.
     amplitudes : {"fixed", "random"}
         Of the lines: sqrt(2 S df) each, or that times sqrt(E), E drawn from the exponential distribution of mean 1.
+    clip : float, 1
+        Largest acceleration over the root mean square of the sum of lines; absent, nothing is cut off.
+    fade : float, s
+        How long the motion takes to come, and to go at its end: the displacement is multiplied by
+        sin^2(pi t/(2 fade)).
 
     Raises
     ------
@@ -66,6 +83,8 @@ class RandomBase(PiecewiseMotion):
     duration: float = field(metadata=quantity("s", above=0.0))
     seed: int = field(default=0, metadata=quantity("1", at_least=0, integer=True))
     amplitudes: str = field(default="fixed", metadata=choice("fixed", "random"))
+    clip: float | None = field(default=None, metadata=optional(quantity("1", at_least=1.0)))
+    fade: float = field(default=0.0, metadata=quantity("s", at_least=0.0))
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -84,6 +103,7 @@ class RandomBase(PiecewiseMotion):
         lines = last - first + 1
         allowed = f"must hold 1 to {MOST_LINES:,} lines 1/duration apart between {psd[0, 0]:g} and {psd[-1, 0]:g} Hz"
         require(1 <= lines <= MOST_LINES, "duration", self.duration, "s", allowed)
+        check_fade(self.fade, self.duration)
 
     @property
     def _numbers(self) -> tuple[int, int]:
@@ -96,8 +116,7 @@ class RandomBase(PiecewiseMotion):
         """Frequency (Hz), amplitude (m/s^2) and phase (rad) of every line."""
         first, last = self._numbers
         frequency = np.arange(first, last + 1) / self.duration
-        points = np.log(np.array(self.psd))
-        density = np.exp(np.interp(np.log(frequency), points[:, 0], points[:, 1]))
+        density = level_at(self.psd, frequency)
         generator = np.random.default_rng(self.seed)
         phase = generator.uniform(0.0, 2.0 * np.pi, frequency.size)
         amplitude = np.sqrt(2.0 * density / self.duration)
@@ -107,8 +126,49 @@ class RandomBase(PiecewiseMotion):
 
     @property
     def rms(self) -> float:
-        """Root mean square of the acceleration over the duration, m/s^2."""
+        """Root mean square of the acceleration over the duration, m/s^2; without fades and what clipping takes."""
         return float(np.sqrt(0.5 * np.sum(self.lines[1] ** 2)))
+
+    @cached_property
+    def samples(self) -> Array:
+        """The acceleration (n,) at 64 even times or more in a cycle of the highest line, m/s^2; clipped where it is."""
+        from scipy.fft import next_fast_len
+
+        _, size, phase = self.lines
+        first, last = self._numbers
+        count = next_fast_len(SAMPLES * last, real=True)
+        spectrum = np.zeros(count // 2 + 1, dtype=complex)
+        spectrum[first : last + 1] = 0.5 * count * size * np.exp(1j * phase)
+        samples = np.fft.irfft(spectrum, count)
+        if self.clip is not None:
+            most = self.clip * self.rms
+            samples = np.clip(samples, -most, most)
+            samples -= samples.mean()
+        return samples
+
+    @property
+    def kurtosis(self) -> float:
+        """Mean fourth power of the acceleration over the square of its mean square: 3 of a Gaussian process."""
+        return float(np.mean(self.samples**4) / np.mean(self.samples**2) ** 2)
+
+    @property
+    def crest(self) -> float:
+        """Largest acceleration over the root mean square, both as clipped where it is."""
+        return float(np.abs(self.samples).max() / np.sqrt(np.mean(self.samples**2)))
+
+    @property
+    def lost_share(self) -> float:
+        """Share of the mean square within the band of the density that clipping takes."""
+        first, last = self._numbers
+        lines = np.fft.rfft(self.samples)[first : last + 1] * (2.0 / self.samples.size)
+        return 1.0 - float(np.sum(np.abs(lines) ** 2) / np.sum(self.lines[1] ** 2))
+
+    @property
+    def _record(self) -> PiecewisePolynomial:
+        """The clipped motion as straight lines between its samples."""
+        samples = np.append(self.samples, self.samples[0])
+        record = RecordedBase(samples, self.duration / (samples.size - 1))
+        return pieces_of(record.returning().closed_form)
 
     @property
     def frequency(self) -> float:
@@ -118,6 +178,19 @@ class RandomBase(PiecewiseMotion):
     @cached_property
     def closed_form(self) -> PiecewisePolynomial:
         """Acceleration of the base, m/s^2."""
+        form = self._sum if self.clip is None else self._record
+        return faded(form, self.fade) if self.fade else form
+
+    @property
+    def force_form(self) -> PiecewisePolynomial:
+        """The acceleration as a force in newtons."""
+        if self.fade == 0.0:
+            return self.closed_form
+        return faded_force(self._sum if self.clip is None else self._record, self.fade)
+
+    @property
+    def _sum(self) -> PiecewisePolynomial:
+        """The sum of lines."""
         from scipy.fft import next_fast_len
 
         frequency, size, phase = self.lines

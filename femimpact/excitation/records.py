@@ -322,7 +322,12 @@ class RecordedBase:
 
     @classmethod
     def from_csv(
-        cls, path: str | Path, scale: float = 1.0, detrend: str = "none", columns: Sequence[int | str] = (0, 1)
+        cls,
+        path: str | Path,
+        scale: float = 1.0,
+        detrend: str = "none",
+        columns: Sequence[int | str] = (0, 1),
+        high_pass: float | None = None,
     ) -> RecordedBase:
         """The motion that a text file of columns holds: time (s) and acceleration, evenly spaced.
 
@@ -342,6 +347,8 @@ class RecordedBase:
             `excitation.remarks.is_pulse` says how pulses are told from drift.
         columns : two of int or str
             Time and acceleration, by their numbers from 0 or their names in the header.
+        high_pass : float, Hz, optional
+            What is slower is taken out after that, as of `from_velocity`, and the base comes back to its place.
 
         Returns
         -------
@@ -353,7 +360,7 @@ class RecordedBase:
             If the file cannot be read or is too large, lacks a column, holds what is no finite number, or its times are
             not evenly spaced.
         """
-        return cls.from_text(record_text(path), scale, detrend, columns, path)
+        return cls.from_text(record_text(path), scale, detrend, columns, path, high_pass)
 
     @classmethod
     def from_text(
@@ -363,6 +370,7 @@ class RecordedBase:
         detrend: str = "none",
         columns: Sequence[int | str] = (0, 1),
         path: str | Path = "text",
+        high_pass: float | None = None,
     ) -> RecordedBase:
         """The motion that the text of such a file holds, once it is read.
 
@@ -373,6 +381,8 @@ class RecordedBase:
             As of `from_csv`.
         path : str or Path
             What a fault calls the text.
+        high_pass : float, Hz, optional
+            As of `from_csv`.
 
         Returns
         -------
@@ -386,8 +396,10 @@ class RecordedBase:
         samples, interval = samples_of(text, scale, detrend, columns, path)
         # a long one is as large as all the rest
         del text
+        if high_pass is not None:
+            samples = _high_passed(samples, interval, high_pass)
         base = cls(samples, interval)
-        return base if detrend == "none" else base.returning()
+        return base if detrend == "none" and high_pass is None else base.returning()
 
     @classmethod
     def from_velocity(cls, samples: ArrayLike, interval: float, high_pass: float | None = None) -> RecordedBase:
@@ -556,10 +568,15 @@ def _spline(samples: ArrayLike, interval: float, high_pass: float | None, unit: 
     several = values.ndim == 1 and values.size >= 4
     require(several, "samples", f"array of shape {values.shape}", unit, allowed)
     if high_pass is not None:
-        from scipy.signal import butter, sosfiltfilt
-
-        highest = 0.5 / interval
-        high_pass = checked("high_pass", high_pass, quantity("Hz", above=0.0, below=highest))
-        sections = butter(4, high_pass, "highpass", fs=1.0 / interval, output="sos")
-        values = sosfiltfilt(sections, values, padlen=min(values.size - 1, int(3.0 / (high_pass * interval)) + 1))
+        values = _high_passed(values, interval, high_pass)
     return CubicSpline(interval * np.arange(values.size), values)
+
+
+def _high_passed(values: Array, interval: float, high_pass: float) -> Array:
+    """Samples without what is slower than a frequency (Hz), without delay."""
+    from scipy.signal import butter, sosfiltfilt
+
+    high_pass = checked("high_pass", high_pass, quantity("Hz", above=0.0, below=0.5 / interval))
+    sections = butter(4, high_pass, "highpass", fs=1.0 / interval, output="sos")
+    padding = min(values.size - 1, int(3.0 / (high_pass * interval)) + 1)
+    return np.asarray(sosfiltfilt(sections, values, padlen=padding))

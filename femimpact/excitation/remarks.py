@@ -62,6 +62,9 @@ def motion_warnings(
         found = [text for part in excitation.parts for text in motion_warnings(part, length)]
         if found:
             return tuple(dict.fromkeys(found))
+    if isinstance(excitation, RandomBase) and excitation.clip is not None:
+        # below its band it wanders as a record does
+        return ()
     line, far = getattr(excitation, "closed_form", None), _distance(excitation)
     if isinstance(line, BrokenLine) and getattr(excitation, "at", None) is None:
         removed = _removed_of_pulse(line)
@@ -124,7 +127,7 @@ def motion_notes(excitation: Excitation, length: float, end: float) -> tuple[str
     if getattr(excitation, "at", None) is not None:
         return ()
     if isinstance(line, PiecewisePolynomial):
-        return _after_last_knot(line, end)
+        return _of_clipping(excitation) + _after_last_knot(line, end)
     if not isinstance(line, BrokenLine):
         return ()
     last, notes = (len(line.samples) - 1) * line.interval, []
@@ -143,6 +146,17 @@ def motion_notes(excitation: Excitation, length: float, end: float) -> tuple[str
             "m/s, without acceleration"
         )
     return tuple(notes)
+
+
+def _of_clipping(excitation: Excitation) -> tuple[str, ...]:
+    """A note on what clipping takes from the density of a random motion."""
+    if not isinstance(excitation, RandomBase) or excitation.clip is None:
+        return ()
+    return (
+        f"the random motion is clipped at {excitation.clip:g} root mean squares: {100.0 * excitation.lost_share:.3g} % "
+        f"of the mean square of its density is lost, its kurtosis is {excitation.kurtosis:.4g}, its crest factor "
+        f"{excitation.crest:.4g}",
+    )
 
 
 def _after_last_knot(pieces: PiecewisePolynomial, end: float) -> tuple[str, ...]:

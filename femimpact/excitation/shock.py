@@ -1,4 +1,4 @@
-"""A pulse of the base's acceleration."""
+"""Pulses of the base's acceleration."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from functools import cached_property
 
 import numpy as np
 
-from femimpact.errors import check_fields, choice, quantity, truth
+from femimpact.errors import check_fields, choice, optional, quantity, require, truth
 from femimpact.excitation.harmonic import PiecewiseMotion
-from femimpact.excitation.piecewise_polynomial import PiecewisePolynomial, half_sine
+from femimpact.excitation.piecewise_polynomial import PIECES_OF_HALF_SINE, PiecewisePolynomial, fitted, half_sine
 
 RAMP = 0.1
-"""Share of a trapezoid in which it rises, and in which it falls."""
+"""Share of a trapezoid in which it rises, and in which it falls, unless it is given."""
 
 COMPENSATION = 20.0
 """Length of what brings the base to rest, in durations of the pulse."""
@@ -20,31 +20,57 @@ COMPENSATION = 20.0
 
 @dataclass(frozen=True, init=False)
 class Shock(PiecewiseMotion):
-    """Pulse of the base's acceleration from t = 0 on, the base being at rest before it.
+    """Pulse of the base's acceleration, or several of them, the base being at rest before the first.
 
-    With x = t/duration: half-sine, a sin(pi x); terminal-sawtooth, a x up to its end, where it falls to zero at once;
-    trapezoid, a after a tenth of the duration and until a tenth before its end, with straight ramps. The pulse leaves
-    the base with a velocity. Compensated, an acceleration x (1 - x)(p + q x) follows over 20 durations, and the base is
-    at rest in its place after it.
+    With x = t/duration from the beginning of the pulse: half-sine, a sin(pi x); haversine, a (1 - cos(2 pi x))/2;
+    triangle, a (1 - |2 x - 1|); rectangle, a; terminal-sawtooth, a x up to its end, where it falls to zero at once;
+    initial-sawtooth, a (1 - x), which begins with its peak; trapezoid, a after its ramp and until its ramp before the
+    end, with straight ramps. The pulse leaves the base with a velocity of a duration times 2/pi, 1/2, 1/2, 1, 1/2, 1/2
+    and 1 - ramp. Compensated, an acceleration x (1 - x)(p + q x) of 20 durations follows, or goes before, and the base
+    is at rest in its place after all of it.
 
     Parameters
     ----------
-    kind : {"half-sine", "terminal-sawtooth", "trapezoid"}
+    kind : {"half-sine", "haversine", "triangle", "rectangle", "terminal-sawtooth", "initial-sawtooth", "trapezoid"}
         Shape of the pulse.
     acceleration : float, m/s^2
         Largest one of the pulse, a.
     duration : float, s
         Of the pulse.
     compensated : bool
-        Let an acceleration follow that brings the base to rest in its place.
+        Let an acceleration bring the base to rest in its place.
+    compensation : {"after", "before"}
+        Where that stands. Before the pulse, it begins at the delay and the pulse 20 durations later.
+    ramp : float, 1
+        Share of the duration of a trapezoid in which it rises, and in which it falls.
+    delay : float, s
+        Rest before all of it.
+    pulses : int
+        How many there are, each with its compensation.
+    period : float, s
+        From the beginning of one to that of the next, where there are several.
     level : float, m/s^2
         The same as acceleration, as the copy of a pulse has it.
+
+    Raises
+    ------
+    InputError
+        If pulses overlap, several have no period, or a ramp is given to another shape than a trapezoid.
     """
 
-    kind: str = field(metadata=choice("half-sine", "terminal-sawtooth", "trapezoid"))
+    kind: str = field(
+        metadata=choice(
+            "half-sine", "haversine", "triangle", "rectangle", "terminal-sawtooth", "initial-sawtooth", "trapezoid"
+        )
+    )
     level: float = field(metadata=quantity("m/s^2"))
     duration: float = field(metadata=quantity("s", above=0.0))
     compensated: bool = field(default=False, metadata=truth())
+    compensation: str = field(default="after", metadata=choice("after", "before"))
+    ramp: float = field(default=RAMP, metadata=quantity("1", above=0.0, at_most=0.5))
+    delay: float = field(default=0.0, metadata=quantity("s", at_least=0.0))
+    pulses: int = field(default=1, metadata=quantity("1", at_least=1, at_most=100_000, integer=True))
+    period: float | None = field(default=None, metadata=optional(quantity("s", above=0.0)))
 
     def __init__(
         self,
@@ -52,13 +78,25 @@ class Shock(PiecewiseMotion):
         acceleration: float | None = None,
         duration: float = 0.0,
         compensated: bool = False,
+        compensation: str = "after",
+        ramp: float = RAMP,
+        delay: float = 0.0,
+        pulses: int = 1,
+        period: float | None = None,
         *,
         level: float | None = None,
     ) -> None:
         values = {"kind": kind, "level": acceleration if level is None else level, "duration": duration}
-        for name, value in (values | {"compensated": compensated}).items():
+        values |= {"compensated": compensated, "compensation": compensation, "ramp": ramp, "delay": delay}
+        for name, value in (values | {"pulses": pulses, "period": period}).items():
             object.__setattr__(self, name, value)
         check_fields(self)
+        allowed = 'must be left out: it belongs to kind "trapezoid"'
+        require(kind == "trapezoid" or self.ramp == RAMP, "ramp", ramp, "", allowed)
+        least = self.duration * (1.0 + COMPENSATION * self.compensated)
+        if self.pulses > 1:
+            allowed = f"must be >= {least:.6g} s, the length of one pulse{' and its compensation' * self.compensated}"
+            require(self.period is not None and self.period >= least, "period", period, "s", allowed)
 
     @property
     def frequency(self) -> float:
@@ -68,26 +106,51 @@ class Shock(PiecewiseMotion):
     @cached_property
     def closed_form(self) -> PiecewisePolynomial:
         """Acceleration of the base, m/s^2."""
-        a, d = self.level, self.duration
+        one = self._compensated(self._pulse) if self.compensated else self._pulse
+        return one if self.pulses == 1 and self.delay == 0.0 else self._repeated(one)
+
+    @property
+    def _pulse(self) -> PiecewisePolynomial:
+        """The pulse alone, from t = 0 on."""
+        a, d, r = self.level, self.duration, self.ramp * self.duration
         if self.kind == "half-sine":
-            pulse = half_sine(a, d)
-        elif self.kind == "terminal-sawtooth":
-            pulse = PiecewisePolynomial([0.0, d], [[0.0, a / d]])
-        else:
-            slope = a / (RAMP * d)
-            knots = [0.0, RAMP * d, (1.0 - RAMP) * d, d]
-            pulse = PiecewisePolynomial(knots, [[0.0, slope], [a, 0.0], [a, -slope]])
-        return self._compensated(pulse) if self.compensated else pulse
+            return half_sine(a, d)
+        if self.kind == "haversine":
+            knots = np.linspace(0.0, d, 2 * PIECES_OF_HALF_SINE + 1)
+            return fitted(lambda t: 0.5 * a * (1.0 - np.cos(2.0 * np.pi * t / d)), knots)
+        corners, pieces = {
+            "triangle": ([0.0, 0.5 * d, d], [[0.0, 2.0 * a / d], [a, -2.0 * a / d]]),
+            "rectangle": ([0.0, d], [[a]]),
+            "terminal-sawtooth": ([0.0, d], [[0.0, a / d]]),
+            "initial-sawtooth": ([0.0, d], [[a, -a / d]]),
+            # a ramp of one half leaves no time at the level
+            "trapezoid": ([0.0, r, (1.0 - self.ramp) * d, d], [[0.0, a / r], [a, 0.0], [a, -a / r]])
+            if self.ramp < 0.5
+            else ([0.0, r, d], [[0.0, a / r], [a, -a / r]]),
+        }[self.kind]
+        return PiecewisePolynomial(corners, pieces)
 
     def _compensated(self, pulse: PiecewisePolynomial) -> PiecewisePolynomial:
         """The same with what ends velocity and displacement: p/6 + q/12 and p/12 + q/30 are its integrals."""
         place, speed = pulse.starts[-1]
-        length = COMPENSATION * self.duration
-        p, q = np.linalg.solve(
-            [[1 / 6, 1 / 12], [1 / 12, 1 / 30]], [-speed / length, -place / length**2 - speed / length]
-        )
+        length, before = COMPENSATION * self.duration, self.compensation == "before"
+        # before the pulse it ends with -speed, where the pulse brings the base back to its place
+        rest = (speed * self.duration - place) / length**2 if before else -place / length**2 - speed / length
+        p, q = np.linalg.solve([[1 / 6, 1 / 12], [1 / 12, 1 / 30]], [-speed / length, rest])
         more = np.zeros((1, 6))
         more[0, 1:4] = np.array([p, q - p, -q]) / length ** np.arange(1, 4)
         pieces = np.zeros((len(pulse.coefficients), 6))
         pieces[:, : pulse.coefficients.shape[1]] = pulse.coefficients
+        if before:
+            return PiecewisePolynomial([0.0, *(length + pulse.knots)], np.vstack([more, pieces]))
         return PiecewisePolynomial([*pulse.knots, self.duration + length], np.vstack([pieces, more]))
+
+    def _repeated(self, one: PiecewisePolynomial) -> PiecewisePolynomial:
+        """So many of them one after the other after the delay, each followed by rest up to the next."""
+        begin = self.delay + (self.period or 0.0) * np.arange(self.pulses)[:, None]
+        rows, degree = one.coefficients.shape
+        rest = self.pulses > 1 and self.period is not None and self.period > one.duration
+        knots = (begin + one.knots[: rows + rest]).ravel()
+        pieces = np.tile(np.vstack([one.coefficients, np.zeros((int(rest), degree))]), (self.pulses, 1))
+        last = self.delay + (self.period or 0.0) * (self.pulses - 1) + one.knots[-1]
+        return PiecewisePolynomial([*knots[: knots.size - rest], last], pieces[: len(pieces) - rest])

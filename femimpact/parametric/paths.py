@@ -122,7 +122,7 @@ def _units_of_base(base: Any) -> Mapping[str, str]:
     if isinstance(base, BaseMotion):
         return BASE
     if not isinstance(base, SignalMotion):
-        return {"scale": "1", "duration": "s", "start": ""}
+        return {"scale": "1", "duration": "s", "start": "", "high_pass": "Hz"}
     known = {item.name: item.metadata.get("unit", "") for item in dataclasses.fields(base.excitation)}
     numbers = {
         name: {**known, **OF_LEVEL}.get(name, "")

@@ -20,6 +20,7 @@ from femimpact.errors import (
     DivergenceError,
     InputError,
     kind_of,
+    level_rows,
     quantity,
     real_array,
     require,
@@ -28,6 +29,7 @@ from femimpact.errors import (
 from femimpact.errors import checked as checked_value
 from femimpact.excitation import Chirp, Excitation, RandomBase, Sine, SteppedSine, require_excitation
 from femimpact.excitation.excitation import BrokenLine, has_cycle
+from femimpact.excitation.levels import Level, level_at, require_reach
 from femimpact.excitation.piecewise_polynomial import PiecewisePolynomial
 from femimpact.excitation.remarks import (
     FAR,
@@ -175,6 +177,7 @@ def preflight(
     structure: Structure | None = None,
     method: Method | None = None,
     initial: State | None = None,
+    acceleration: ArrayLike | None = None,
 ) -> Preflight:
     """Numbers of a planned test beside the limits within which it shows what it is made for.
 
@@ -201,6 +204,8 @@ def preflight(
         That runs the system without contacts; `EventDriven()` by default, whose system is reduced.
     initial : State, optional
         At the start; whether the ball moves at all is answered for a start at rest in space.
+    acceleration : float or array_like (k, 2), m/s^2, optional
+        Of the sweep, as of `frequency_sweep`, in place of the amplitude of the excitation.
 
     Returns
     -------
@@ -214,7 +219,7 @@ def preflight(
         `ParameterStudy`.
     """
     if isinstance(plan, (Study, ParameterStudy)):
-        given = (excitation, duration, frequencies, cycles, structure, method, initial)
+        given = (excitation, duration, frequencies, cycles, structure, method, initial, acceleration)
         alone = all(value is None for value in given)
         require(alone, "plan", kind_of(plan), "", "must be the only argument: the rest follows from the study")
         return preflight_of_study(plan, build(plan)[1]) if isinstance(plan, Study) else _of_cases(plan)
@@ -250,7 +255,11 @@ def preflight(
         if duration is not None:
             rows += _of_linear_run(plan, excitation, duration, method, initial or State())
     if f is not None:
-        rows += _of_grid(plan, f, cycles, excitation)
+        level: Level | None = None
+        if acceleration is not None:
+            level = checked_value("acceleration", acceleration, level_rows("m/s^2"))
+            require_reach(level, float(f[0]), float(f[-1]))
+        rows += _of_grid(plan, f, cycles, excitation, level)
     return Preflight(tuple(rows))
 
 
@@ -275,6 +284,7 @@ def preflight_of_study(study: Study, small: System) -> Preflight:
     found = preflight(
         small, base.excitation, duration=base.history_duration, frequencies=grid,
         cycles=plan.cycles if plan else None, structure=study.structure, initial=study.initial,
+        acceleration=plan.acceleration if plan else None,
     )  # fmt: skip
     return found if study.plan is None else _with_axes(found, definition_of(study))
 
@@ -370,6 +380,11 @@ def _of_base(system: System, excitation: Excitation, duration: float | None) -> 
         limit = FAR * system.length if far else math.nan
         yield _row(f"largest {name} of the base", size, unit, limit, "; ".join(far))
     yield _row("largest acceleration of the base", sizes[2] / GRAVITY, "g")
+    if isinstance(excitation, RandomBase):
+        yield _row("kurtosis of the random motion", excitation.kurtosis, "1")
+        yield _row("crest factor of the random motion", excitation.crest, "1")
+        if excitation.clip is not None:
+            yield _row("share of the density lost by clipping", excitation.lost_share, "1")
     yield from _drift(system, excitation)
 
 
@@ -610,7 +625,9 @@ def _transient(system: System, begin: float, take: Callable[[float], str]) -> It
 # ---- the grid of a sweep ---------------------------------------------------------------------------
 
 
-def _of_grid(system: System, f: Array, cycles: int | None, excitation: Excitation | None) -> Iterator[PreflightRow]:
+def _of_grid(
+    system: System, f: Array, cycles: int | None, excitation: Excitation | None, acceleration: Level | None
+) -> Iterator[PreflightRow]:
     """Resonances within a sweep, its step beside the width of the first one, its dwell, and the linear peak."""
     bare = without_impactors(system)
     modes = solve_modes(bare, min(MODES, bare.dofs))
@@ -626,8 +643,13 @@ def _of_grid(system: System, f: Array, cycles: int | None, excitation: Excitatio
     if cycles is not None:
         begin = float((cycles - cycles // 3) / f[-1])
         yield from _transient(bare, begin, lambda end: f"cycles = {math.ceil(_rounded_up(1.5 * end * float(f[-1])))}")
-    if isinstance(excitation, Sine) and bare.length > 0.0:
-        yield _deflection(system, excitation.amplitude * _linear_peak(bare, modes, f), " of the sweep")
+    amplitude = None
+    if acceleration is not None:
+        amplitude = level_at(acceleration, f) / (2.0 * np.pi * f) ** 2
+    elif isinstance(excitation, Sine):
+        amplitude = np.full(f.size, excitation.amplitude)
+    if amplitude is not None and bare.length > 0.0:
+        yield _deflection(system, _linear_peak(bare, modes, f, amplitude), " of the sweep")
 
 
 def _of_step(bare: System, f: Array, of: str) -> Iterator[PreflightRow]:
@@ -649,9 +671,9 @@ def _deflection(system: System, largest: float, of: str) -> PreflightRow:
     return _row(what, share, "1", limit, instead)
 
 
-def _linear_peak(bare: System, modes: Modes, f: Array) -> float:
-    """Largest relative displacement of the default place over the amplitude of the base, of the lowest modes."""
+def _linear_peak(bare: System, modes: Modes, f: Array, amplitude: Array) -> float:
+    """Largest relative displacement (m) of the default place under amplitudes of the base (m), of the lowest modes."""
     at = bare.point_row(bare.default_place) @ modes.vectors * modes.participation_factor
     omega, drive = 2.0 * np.pi * modes.natural_frequency, (2.0 * np.pi * f[:, None]) ** 2
     below = omega**2 - drive + 2j * modes.damping_ratio * omega * np.sqrt(drive)
-    return float(np.abs((at * drive / below).sum(axis=1)).max())
+    return float((amplitude * np.abs((at * drive / below).sum(axis=1))).max())

@@ -84,6 +84,8 @@ class RecordedMotion:
         Duration of the simulated history; None is that of the record.
     start : {"base", "space", "static"}
         At rest relative to the base, at rest in the inertial frame, or in the static state (`State.static`).
+    high_pass : float or None, Hz
+        What is slower is taken out, without delay; None takes out nothing.
 
     Raises
     ------
@@ -101,6 +103,7 @@ class RecordedMotion:
     columns: tuple[int | str, int | str] = (0, 1)
     duration: float | None = field(default=None, metadata=optional(quantity("s", above=0.0)))
     start: str = field(default="base", metadata=choice("base", "space", "static"))
+    high_pass: float | None = field(default=None, metadata=optional(quantity("Hz", above=0.0)))
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -114,7 +117,7 @@ class RecordedMotion:
     @cached_property
     def excitation(self) -> RecordedBase:
         """The motion that drives the history."""
-        return RecordedBase.from_text(self.content, self.scale, self.detrend, self.columns, self.record)
+        return RecordedBase.from_text(self.content, self.scale, self.detrend, self.columns, self.record, self.high_pass)
 
     @property
     def frequency(self) -> float:

@@ -184,6 +184,12 @@ class ParameterPlan:
         check_fields(self)
 
 
+def is_part_of_path(given: Any) -> bool:
+    """True for a table of axes: without quotes TOML takes the dots of a path for tables in one another."""
+    inner = isinstance(given, Mapping) and any(isinstance(value, (dict, list)) for value in given.values())
+    return inner and not set(given) <= set(DISTRIBUTIONS)
+
+
 def axis_from(key: str, given: Any) -> AxisValues | Distribution:
     """The values or the distribution that an axis is given as.
 

@@ -336,12 +336,17 @@ def read_curves(folder: Path, summary: Mapping[str, Any]) -> tuple[dict[str, Fre
         one = data.sel(case=case)
         columns: dict[str, Any] = {name: one[name].to_numpy() for name in (*SWEEP_UNITS, "steadiness", "frequency")}
         about = {name: data.attrs[name] for name in ("at", "start")}
-        amplitude = float(data.attrs["base_amplitude_m"])
+        level: dict[str, Any] = {"amplitude": None}
+        if "base_acceleration_m_s2" in data.attrs:
+            given = np.asarray(data.attrs["base_acceleration_m_s2"], dtype=float)
+            level["acceleration"] = given.reshape(-1, 2) if given.ndim else given.item()
+        else:
+            level["amplitude"] = float(data.attrs["base_amplitude_m"])
         dwell: dict[str, Any] = {"cycles": None}
         for name, attribute in (("cycles", "cycles"), ("duration", "duration_s"), ("window", "window_s")):
             if attribute in data.attrs:
                 dwell[name] = data.attrs[attribute].item()
-        curves[str(case)] = FrequencyResponse(**columns, **about, **dwell, amplitude=amplitude, law="")
+        curves[str(case)] = FrequencyResponse(**columns, **about, **dwell, **level, law="")
     frequency = data["frequency"].to_numpy()
     return curves, frequency[data["grid"].to_numpy() == "even"]
 

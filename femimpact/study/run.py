@@ -130,26 +130,27 @@ def run_sweep(
     require(plan is not None, "sweep", None, "", "table [sweep] is missing")
     if plan is None:
         raise AssertionError("require raises")
-    method, bare_method, amplitude = prepared.method, prepared.bare_method, study.sine.amplitude
+    method, bare_method, level = prepared.method, prepared.bare_method, study.sweep_level
     coarse = even_grid(plan)
     state = initial or study.initial
     peak_with_ball = None
     if plan.refine and small.contacts:
         first = frequency_sweep(
-            small, amplitude, coarse, method, plan.cycles, initial=state, ledger=False,
+            small, frequencies=coarse, method=method, cycles=plan.cycles, initial=state, ledger=False, **level,
             progress=lambda share: report(f"sweep with {prepared.carried}, even grid", share),
         )  # fmt: skip
         peak_with_ball = first.peak_frequency
     frequencies = refined_grid(plan, bare, peak_with_ball)
     without_balls = State(state.displacement, state.velocity, frame=state.frame, equilibrium=state.equilibrium)
     empty = frequency_sweep(
-        bare, amplitude, frequencies, bare_method, plan.cycles, initial=without_balls, ledger=ledger,
+        bare, frequencies=frequencies, method=bare_method, cycles=plan.cycles, initial=without_balls, ledger=ledger,
+        **level,
         progress=lambda share: report(f"sweep without {prepared.carried}", share),
     )  # fmt: skip
     ball = None
     if small.contacts:
         ball = frequency_sweep(
-            small, amplitude, frequencies, method, plan.cycles, initial=state, ledger=ledger,
+            small, frequencies=frequencies, method=method, cycles=plan.cycles, initial=state, ledger=ledger, **level,
             progress=lambda share: report(f"sweep with {prepared.carried}", share),
         )  # fmt: skip
     return SweepPair(empty, ball, coarse)

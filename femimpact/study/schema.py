@@ -13,7 +13,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from femimpact.contact.laws import LAWS, PowerLaw
-from femimpact.errors import quantity
+from femimpact.errors import level_rows, quantity
+from femimpact.excitation import Chirp, SteppedSine
 from femimpact.integrators.methods import METHODS
 from femimpact.structure.beam import Segment
 from femimpact.structure.damping import ModalDamping, Rayleigh
@@ -24,10 +25,11 @@ NOT_IN_SCHEMA = (
     "what is not a number (nan), for which a schema has no word",
     "pairs of keys that belong together, as width and thickness, or restitution and contact_time",
     "comparisons of two keys, as stop above start in [sweep], of the two numbers of an axis, of the rows of a density",
+    'units: whether that of a text, as of "4 mm", fits the key; a slope, which needs a level beside it',
     "axes: whether a path leads to a number of the study, and a measure is known; a power of two of a Sobol sequence",
     "how many numbers a list has: two for a gap and for the ratio, modes or frequencies of [damping]",
     "names: each once, none of those that mean a place, none with a dot; places and channels must exist",
-    "files: a mesh file or a record must be there and be sound",
+    "files: a mesh file, a record or a file of rows must be there and be sound",
     "the structure as a whole: held, within the beam, with gaps and contact laws that fit",
 )
 """Rules of `load_study` that the schema does not hold."""
@@ -68,6 +70,8 @@ def _key(item: Any, meaning: str) -> dict[str, Any]:
 
 _NUMBERS = {"type": "array", "items": {"type": "number", "exclusiveMinimum": 0}, "minItems": 1}
 
+ROWS = "a finite number >= 0, rows of a frequency, which rises, and a level, or the path of a file of rows"
+
 LISTS: Mapping[str, dict[str, Any]] = {
     "frequencies": {**_NUMBERS, "description": "one after the other", "x-unit": "Hz", "x-range": "finite numbers > 0"},
     "psd": {
@@ -76,7 +80,8 @@ LISTS: Mapping[str, dict[str, Any]] = {
         "minItems": 2,
         "description": "one-sided density of the acceleration, straight in a plot of its logarithms",
         "x-unit": "Hz, (m/s^2)^2/Hz",
-        "x-range": "rows of a frequency, rising, and a level > 0",
+        "x-rows": "(m/s^2)^2/Hz",
+        "x-range": "rows of a frequency, rising, and a level > 0, or the path of a file of rows",
     },
 }
 """Schemas of the keys that are lists of numbers."""
@@ -160,6 +165,8 @@ def _signal(kind: str) -> dict[str, Any]:
             meaning = about.get(name, "") or f"amplitude of the base's {name}"
             words = {"description": meaning, "x-unit": unit, "x-range": "a finite number >= 0"}
             keys[name] = {"type": "number", "minimum": 0, **words}
+            if name == "acceleration" and noun in (Chirp, SteppedSine):
+                keys[name] = {**level_rows(unit)["schema"], **words, "x-range": ROWS}
     meanings = _meanings(SignalMotion)
     keys |= {name: _key(history[name], meanings[name]) for name in HISTORY_KEYS}
     schema["properties"] = {"kind": {"const": kind, "description": "the kind of motion"}, **keys}

@@ -125,12 +125,14 @@ def drawn_curves(
     plan = study.sweep
     if plan is None:
         raise AssertionError("only of a study with a sweep")
-    state, amplitude, starts = study.initial, study.sine.amplitude, plan.starts
-    cases = cases_of(small, state, amplitude, None, dwell_cycles(frequencies, plan.cycles, None, None))
+    state, level, starts = study.initial, study.sweep_level, plan.starts
+    cases = cases_of(
+        small, state, level["amplitude"], level["acceleration"], dwell_cycles(frequencies, plan.cycles, None, None)
+    )
     draws = unit_draws(starts, len(small.balls), SEED)
     speed = cases.amplitude * (2.0 * np.pi * cases.frequency)
     placed, moving = scaled_starts(draws, cases.gaps[:, : len(small.balls)], speed)
-    about = {"amplitude": amplitude, "acceleration": None, "cycles": plan.cycles, "at": "tip"}
+    about = {**level, "cycles": plan.cycles, "at": "tip"}
     about |= {"start": start_of(state, small)}
     found, failed = list[FrequencyResponse](), dict[str, str]()
     row, what = small.point_row("tip"), f"sweep with {prepared.carried}, {starts} starts"

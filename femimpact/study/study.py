@@ -12,6 +12,7 @@ from femimpact.errors import (
     InputError,
     check_fields,
     instance,
+    level_rows,
     optional,
     quantity,
     require,
@@ -20,6 +21,7 @@ from femimpact.errors import (
     truth,
 )
 from femimpact.excitation import RecordedBase, Sine
+from femimpact.excitation.levels import Level, require_reach
 from femimpact.fem.assembly import assemble
 from femimpact.fem.mesh import Mesh
 from femimpact.fem.mesh_files import read_mesh
@@ -109,11 +111,14 @@ class SweepPlan:
     starts : int
         Further sweeps with the balls at different places and speeds, as in [study]; the results have medians and ranges
         of them. With 1 there are none.
+    acceleration : float or array_like (k, 2) or None, m/s^2
+        Amplitude of the base's acceleration, or rows of a frequency (Hz) and an amplitude, straight in a plot of the
+        logarithms. Absent: the base has the amplitude of [base] at all frequencies.
 
     Raises
     ------
     InputError
-        If the stop is not above the start.
+        If the stop is not above the start, or rows do not reach from start to stop.
     """
 
     start: float = field(metadata=quantity("Hz", above=0.0))
@@ -122,10 +127,13 @@ class SweepPlan:
     cycles: int = field(metadata=quantity("1", at_least=24, at_most=10_000_000, integer=True))
     refine: int = field(default=0, metadata=quantity("1", at_least=0, at_most=100_000, integer=True))
     starts: int = field(default=1, metadata=quantity("1", at_least=1, at_most=MOST_STARTS, integer=True))
+    acceleration: Level | None = field(default=None, metadata=optional(level_rows("m/s^2")))
 
     def __post_init__(self) -> None:
         check_fields(self)
         require(self.stop > self.start, "stop", self.stop, "Hz", f"must be > start, {self.start:g} Hz")
+        if self.acceleration is not None:
+            require_reach(self.acceleration, self.start, self.stop)
 
 
 @dataclass(frozen=True)
@@ -241,6 +249,12 @@ class Study:
     def sine(self) -> Sine:
         """The same of a study whose base moves by a sine; of another it is refused."""
         return sine_of(self, "study.sine").excitation
+
+    @property
+    def sweep_level(self) -> dict[str, Any]:
+        """Amplitude (m) or acceleration (m/s^2) of the base in the sweep, and None for the other."""
+        given = self.sweep.acceleration if self.sweep else None
+        return {"amplitude": self.sine.amplitude if given is None else None, "acceleration": given}
 
     @property
     def initial(self) -> State:

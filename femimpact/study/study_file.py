@@ -8,14 +8,14 @@ import re
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
 from femimpact.contact import ContactLaw
 from femimpact.contact.laws import LAWS
-from femimpact.errors import Fault, InputError, allowed_range, checked, require_path, suggestion
+from femimpact.errors import Fault, InputError, allowed_range, checked, require, require_path, suggestion
 from femimpact.fem.mesh import uniform_mesh
 from femimpact.integrators.methods import METHODS
 from femimpact.regular_file import read_regular
@@ -23,14 +23,15 @@ from femimpact.structure.beam import Beam, Segment, require_single
 from femimpact.structure.damping import ModalDamping, Rayleigh
 from femimpact.structure.structure import Absorber, Dashpot, Impactor, PointMass, Spring, Stop, Structure, Support
 from femimpact.study.base_motion import HISTORY_KEYS, SIGNALS, BaseMotion, RecordedMotion, SignalMotion, record_beside
+from femimpact.study.file_units import Readings, in_si_units, with_numbers, with_texts
 from femimpact.study.parameter_plan import (
-    DISTRIBUTIONS,
     AxisValues,
     BestPlan,
     Distribution,
     ParameterPlan,
     SamplePlan,
     axis_from,
+    is_part_of_path,
 )
 from femimpact.study.schema import (
     axes_schema,
@@ -55,7 +56,7 @@ DEEPEST = 20
 LONG_NUMBER = re.compile(r"\d[\d_]{4000,}")
 
 OF_SINE = frozenset({"amplitude", "frequency", "phase"})
-OF_RECORD = frozenset({"scale", "detrend", "columns", "file", "samples"})
+OF_RECORD = frozenset({"scale", "detrend", "columns", "file", "samples", "high_pass"})
 """Keys of [base] that only one of its motions has, or might be taken to have."""
 
 
@@ -120,7 +121,28 @@ def read_study(
         reason = f"a number of {len(digits[0])} digits in line {line}" if digits else str(error)
     if reason:
         raise InputError([Fault("study", str(path), "", f"must be readable TOML: {reason}")])
-    return _from_tables(data, path, text)
+    data, readings = in_si_units(data, _schema(), path.parent)
+    return _from_tables(data, path, text, readings.faults)
+
+
+@cache
+def _schema() -> dict[str, Any]:
+    return study_schema()
+
+
+def _readings(study: Study, text: str) -> Readings:
+    """What a text of a study has as texts with a unit."""
+    return in_si_units(tomllib.loads(text), _schema(), study.path.parent)[1]
+
+
+def unit_lines(study: Study) -> list[str]:
+    """Lines of what a study file has as texts with a unit, with the numbers in SI that they are."""
+    # a text may stand in several rows
+    return list(dict.fromkeys(
+        f"{key} = {words}: {f'{len(value)} rows' if isinstance(value, list) else f'{value:.9g}'}"
+        f"{'' if unit == '1' else f' {unit}'}"
+        for key, words, value, unit in _readings(study, study.text).found
+    ))  # fmt: skip
 
 
 def study_schema() -> dict[str, Any]:
@@ -131,7 +153,7 @@ def study_schema() -> dict[str, Any]:
     Returns: of what `json.dump` writes.
     """
     made = {name: table.schema() for name, table in TABLES.items()}
-    return {
+    schema = {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "femimpact study",
         "description": "A structure on a moving base, and what is computed of it. SI units.",
@@ -139,20 +161,25 @@ def study_schema() -> dict[str, Any]:
         "properties": {n: {"type": "array", "items": made[n]} if TABLES[n].many else made[n] for n in TABLES},
         "required": [name for name, table in TABLES.items() if table.required],
         "additionalProperties": False,
-        "$defs": {"axes": axes_schema(), "limits": limits_schema()},
+        "$defs": {"axes": with_texts(axes_schema()), "limits": with_texts(limits_schema())},
     }
+    return {**schema, "properties": with_texts(schema["properties"])}
 
 
 def study_text(study: Study) -> str:
-    """A study file that gives this study.
+    """A study file that gives this study, with numbers in SI.
 
-    Returns: the text that the study was read from, with its comments, unless the study was changed since. A contact law
+    Returns: the text that the study was read from, with its comments, unless the study was changed since, or a text
+    with a unit in it stands for two numbers. A contact law
     that has no name in study files is named in a comment; such a file cannot be loaded, and says where.
     """
     try:
-        if same_study(read_study(study.text, study.path), study):
-            return study.text
-    except InputError:
+        text = with_numbers(study.text, _readings(study, study.text))
+        # a text that is left stands for two numbers
+        require(not _readings(study, text).found, "study", None, "", "must have numbers in SI")
+        if same_study(read_study(text, study.path), study):
+            return text
+    except (InputError, ValueError):
         pass
     return "\n".join(_lines(study)) + "\n"
 
@@ -185,7 +212,7 @@ def _depth(data: Any) -> int:
     return depth
 
 
-def _from_tables(data: Mapping[str, Any], path: Path, text: str) -> Study:
+def _from_tables(data: Mapping[str, Any], path: Path, text: str, of_units: list[Fault]) -> Study:
     faults: list[Fault] = []
     unknown = sorted(set(data) - set(TABLES))
     faults += [Fault(name, None, "", suggestion(name, TABLES)) for name in unknown]
@@ -206,6 +233,9 @@ def _from_tables(data: Mapping[str, Any], path: Path, text: str) -> Study:
         structure = _collected("", partial(Structure, **parts), faults)
     if structure is not None and mesh is not None and mesh.elements is not None:
         _collected("", partial(uniform_mesh, structure, mesh.elements), faults)
+    # what has no number in SI is no number of its field either
+    keys = {fault.key for fault in of_units}
+    faults = [*of_units, *(fault for fault in faults if fault.key not in keys)]
     if faults or structure is None:
         raise InputError(faults)
     absent: dict[str, Any] = {"reduction": None, "method": {}, "sweep": None, "output": Output()}
@@ -420,10 +450,9 @@ def _dotted(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, A
 
 
 def _flat(axes: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Axes by their full paths: without quotes TOML takes the dots of a path for tables in one another."""
+    """Axes by their full paths."""
     for name, given in axes.items():
-        inner = isinstance(given, dict) and any(isinstance(value, (dict, list)) for value in given.values())
-        if inner and not set(given) <= set(DISTRIBUTIONS):
+        if is_part_of_path(given):
             yield from _flat(given, f"{prefix}{name}.")
         else:
             yield f"{prefix}{name}", given

@@ -17,6 +17,7 @@ from femimpact.errors import (
     check_fields,
     choice,
     column,
+    level_rows,
     optional,
     place,
     quantity,
@@ -25,6 +26,7 @@ from femimpact.errors import (
     text,
 )
 from femimpact.excitation import Sine
+from femimpact.excitation.levels import Level, level_at
 from femimpact.excitation.remarks import frequency_warnings, motion_warnings
 from femimpact.identification import (
     DampingEstimate,
@@ -148,8 +150,9 @@ class FrequencyResponse:
         Of the dwell at each frequency, and of the measured part at its end; None where the dwell is a number of cycles.
     unit : str
         Of peak, rms and first harmonic.
-    acceleration : float or None, m/s^2
-        Amplitude of the base's acceleration, the same at all frequencies; None of a sweep at constant displacement.
+    acceleration : float or array_like (k, 2) or None, m/s^2
+        Amplitude of the base's acceleration, the same at all frequencies, or rows of a frequency (Hz) and an amplitude;
+        None of a sweep at constant displacement.
     direction : "up", "down" or None
         The way in which each frequency began with the end of the one before it; None where each is a separate run.
 
@@ -183,7 +186,7 @@ class FrequencyResponse:
     duration: float | None = field(default=None, metadata=quantity("s", above=0.0))
     window: float | None = field(default=None, metadata=quantity("s", above=0.0))
     unit: str = field(default="m", metadata=text())
-    acceleration: float | None = field(default=None, metadata=optional(quantity("m/s^2", at_least=0.0)))
+    acceleration: Level | None = field(default=None, metadata=optional(level_rows("m/s^2")))
     direction: str | None = field(default=None, metadata=optional(choice("up", "down")))
 
     def __post_init__(self) -> None:
@@ -203,7 +206,7 @@ class FrequencyResponse:
         """Amplitude (n,) of the base's displacement at each frequency, m."""
         if self.acceleration is None:
             return np.full(self.frequency.size, self.amplitude)
-        return np.asarray(self.acceleration / (2.0 * np.pi * self.frequency) ** 2)
+        return level_at(self.acceleration, self.frequency) / (2.0 * np.pi * self.frequency) ** 2
 
     def _units_of(self, units: dict[str, str]) -> dict[str, str]:
         return units | dict.fromkeys(OF_THE_CHANNEL, self.unit)
@@ -269,9 +272,11 @@ class FrequencyResponse:
 
     @property
     def _level(self) -> dict[str, Any]:
-        given = {
+        rows = self.acceleration
+        given: dict[str, Any] = {
             "base_amplitude_m": self.amplitude,
-            "base_acceleration_m_s2": self.acceleration,
+            # of rows one after the other: frequency, acceleration, frequency, ...
+            "base_acceleration_m_s2": rows if isinstance(rows, float) or rows is None else np.ravel(rows),
             "direction": self.direction,
         }
         return {name: value for name, value in given.items() if value is not None}

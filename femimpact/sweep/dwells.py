@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from femimpact.arrays import Array
 from femimpact.errors import DivergenceError, checked, in_range, quantity, real_array, require
 from femimpact.excitation import Sine
+from femimpact.excitation.levels import Level, level_at
 from femimpact.integrators.cases import SineCases, run_each
 from femimpact.integrators.methods import Method
 from femimpact.progress import Progress
@@ -79,14 +80,14 @@ def cases_of(
     system: System,
     state: State,
     amplitude: float | None,  # m: of the base, at all frequencies, or
-    acceleration: float | None,  # m/s^2
+    acceleration: Level | None,  # m/s^2, or rows of a frequency (Hz) and an acceleration
     dwells: tuple[Array, NDArray[np.int64], NDArray[np.int64]],  # of `dwell_cycles`
 ) -> SineCases:
     """Cases of a sweep, all from one state."""
     frequency, cycles, measured = dwells
     count, balls = frequency.size, len(system.balls)
     omega = 2.0 * np.pi * frequency
-    amplitudes = np.full(count, amplitude) if acceleration is None else acceleration / omega**2
+    amplitudes = np.full(count, amplitude) if acceleration is None else level_at(acceleration, frequency) / omega**2
     moved: dict[str, Any] = {}
     for name, none in (("ball_displacement", np.nan), ("ball_velocity", 0.0)):
         values = getattr(state, name)

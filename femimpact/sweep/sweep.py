@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from femimpact.arrays import Array
-from femimpact.errors import DivergenceError, checked, quantity, require, require_type, truth
+from femimpact.errors import DivergenceError, checked, level_rows, quantity, require, require_type, truth
+from femimpact.excitation.levels import Level, require_reach
 from femimpact.integrators.cases import SineCases, workers_of
 from femimpact.integrators.methods import Method, require_method
 from femimpact.integrators.runs import run_cases
@@ -41,7 +42,7 @@ def frequency_sweep(
     cycles: int | None = None,
     *,
     direction: Literal["both"],
-    acceleration: float | None = None,
+    acceleration: ArrayLike | None = None,
     channel: Position | Channel | None = None,
     duration: float | None = None,
     window: float | None = None,
@@ -62,7 +63,7 @@ def frequency_sweep(
     cycles: int | None = None,
     *,
     direction: Literal["up", "down"] | None = None,
-    acceleration: float | None = None,
+    acceleration: ArrayLike | None = None,
     channel: Position | Channel | None = None,
     duration: float | None = None,
     window: float | None = None,
@@ -83,7 +84,7 @@ def frequency_sweep(
     cycles: int | None = None,
     *,
     direction: Literal["up", "down", "both"] | None = None,
-    acceleration: float | None = None,
+    acceleration: ArrayLike | None = None,
     channel: Position | Channel | None = None,
     duration: float | None = None,
     window: float | None = None,
@@ -101,8 +102,9 @@ def frequency_sweep(
         Reduced systems are fastest.
     amplitude : float, m
         Of the base displacement, the same at all frequencies. Or
-    acceleration : float, m/s^2
-        the amplitude of the base's acceleration, the same at all frequencies.
+    acceleration : float or array_like (k, 2), m/s^2
+        the amplitude of the base's acceleration, the same at all frequencies, or rows of a frequency (Hz) and an
+        amplitude, straight in a plot of the logarithms.
     frequencies : array_like (n,), Hz
         Of the base, each above 0. Near a resonance they should lie closer than a quarter of its width at half power,
         2 zeta f0.
@@ -152,19 +154,19 @@ def frequency_sweep(
     require_type(state, State, "initial")
     require_method(method)
     method, state, report = cast(Method, method), replace(state, time=0.0), check_progress(progress)
-    amplitude, acceleration = _checked_level(amplitude, acceleration)
     ledger = checked("ledger", ledger, truth())
     ways = ("up", "down", "both")
     require(direction is None or direction in ways, "direction", direction, "", f"must be one of {', '.join(ways)}")
     alone = channel is None or at == "tip"
     require(alone, "at", at, "", "goes without a channel, which names its own place")
     dwells = dwell_cycles(frequencies, cycles, duration, window)
+    amplitude, level = _checked_level(amplitude, acceleration, dwells[0])
     if channel is None:
         system.point_row(at)
     measured = channel_of(system, at if channel is None else channel)
     about: dict[str, Any] = {
         "amplitude": amplitude,
-        "acceleration": acceleration,
+        "acceleration": level,
         "cycles": None if cycles is None else int(cycles),
         "duration": duration,
         "window": window,
@@ -172,7 +174,7 @@ def frequency_sweep(
         "unit": measured.unit,
         "start": start_of(state, system),
     }
-    cases, workers = cases_of(system, state, amplitude, acceleration, dwells), workers_of(threads)
+    cases, workers = cases_of(system, state, amplitude, level, dwells), workers_of(threads)
     if direction is not None:
         cases = cases.of(np.argsort(cases.frequency, kind="stable"))
         curves = _chained_curves(system, method, cases, direction, measured, ledger, report, about)
@@ -189,13 +191,15 @@ def frequency_sweep(
     return curve_of(system, method, cases, (columns, warnings), about)
 
 
-def _checked_level(amplitude: Any, acceleration: Any) -> tuple[float | None, float | None]:
-    """Amplitude (m) or acceleration (m/s^2) of the base, of which one is given."""
+def _checked_level(amplitude: Any, acceleration: Any, frequency: Array) -> tuple[float | None, Level | None]:
+    """Amplitude (m) or acceleration (m/s^2) of the base, one of which is given; rows reach over frequencies (Hz)."""
     one = (amplitude is None) != (acceleration is None)
     given = None if amplitude is None else "both"
     require(one, "amplitude", given, "", "must be given alone: one of amplitude (m) and acceleration (m/s^2)")
     if amplitude is None:
-        return None, checked("acceleration", acceleration, quantity("m/s^2", at_least=0.0))
+        level: Level = checked("acceleration", acceleration, level_rows("m/s^2"))
+        require_reach(level, float(frequency.min()), float(frequency.max()))
+        return None, level
     return checked("amplitude", amplitude, quantity("m", at_least=0.0)), None
 
 
@@ -230,7 +234,7 @@ SKIRT = 0.6
 
 def peak_curves(
     systems: Sequence[System], method: Method, frequencies: ArrayLike, cycles: int, *, amplitude: float | None,
-    acceleration: float | None, initial: State, step: int = 1, progress: Progress | None = None,
+    acceleration: Level | None, initial: State, step: int = 1, progress: Progress | None = None,
 ) -> tuple[FrequencyResponse, ...]:  # fmt: skip
     """One curve for each system, at those of the frequencies where its largest peak may be.
 

@@ -141,6 +141,8 @@ def _scale(curve: FrequencyResponse) -> tuple[float, str]:
 
 
 def _level(curve: FrequencyResponse) -> str:
+    if isinstance(curve.acceleration, tuple):
+        return "base acceleration over the frequency"
     if curve.amplitude is None:
         return f"base acceleration {curve.acceleration:.4g} m/s$^2$"
     return f"base amplitude {1e3 * curve.amplitude:.4g} mm"

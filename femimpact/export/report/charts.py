@@ -65,7 +65,11 @@ def _dwell(curve: FrequencyResponse) -> Element:
     """Words for how each frequency is held, and how the base moves."""
     length = f"{curve.cycles} cycles" if curve.cycles is not None else f"{curve.duration:g} s"
     start = STARTS.get(curve.start, "from a given state")
-    if curve.acceleration is not None:
+    if isinstance(curve.acceleration, tuple):
+        (first, low), (last, high) = curve.acceleration[0], curve.acceleration[-1]
+        accelerations = f"{unit_text(low, 'm/s^2')} at {first:g} Hz to {unit_text(high, 'm/s^2')} at {last:g} Hz"
+        driven = f"accelerates by {accelerations}, by the rows of the study"
+    elif curve.acceleration is not None:
         driven = f"accelerates by {unit_text(curve.acceleration, 'm/s^2')}"
     else:
         driven = f"moves by {1e3 * (curve.amplitude or 0.0):.4g} mm"

@@ -1,0 +1,232 @@
+"""Units in texts: what "10 g", "4 mm" or "0.04 g^2/Hz" are in the unit of a field, and the one table of units."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import re
+from collections.abc import Iterable, Mapping
+from fractions import Fraction
+from functools import cache
+from typing import Any
+
+from femimpact.errors import Fault, InputError
+
+UNITS: Mapping[str, tuple[str, ...]] = {
+    "m": ("m", "cm", "mm", "um", "in", "mil", "ft"),
+    "s": ("s", "ms", "us", "min", "h"),
+    "Hz": ("Hz", "kHz", "1/s", "1/min", "rpm"),
+    "m/s": ("m/s", "cm/s", "mm/s", "in/s", "ft/s", "km/h"),
+    "m/s^2": ("m/s^2", "mm/s^2", "g", "in/s^2", "ft/s^2"),
+    "(m/s^2)^2/Hz": ("(m/s^2)^2/Hz", "m^2/s^3", "g^2/Hz"),
+    "kg": ("kg", "g", "mg", "t", "lb"),
+    "kg/m": ("kg/m", "g/m", "g/mm", "lb/ft"),
+    "kg/m^3": ("kg/m^3", "g/cm^3", "t/m^3", "lb/in^3"),
+    "kg m^2": ("kg m^2", "g cm^2", "kg mm^2"),
+    "N": ("N", "mN", "kN", "lbf", "kgf"),
+    "N^2/Hz": ("N^2/Hz", "lbf^2/Hz"),
+    "N s": ("N s", "mN s", "lbf s"),
+    "N m": ("N m", "N mm", "lbf in", "lbf ft"),
+    "N m^2": ("N m^2", "N mm^2"),
+    "N/m": ("N/m", "N/mm", "kN/m", "lbf/in"),
+    "N/m^1.5": ("N/m^1.5", "N/mm^1.5"),
+    "N s/m": ("N s/m", "N s/mm", "kg/s"),
+    "Pa": ("Pa", "kPa", "MPa", "GPa", "N/mm^2", "bar", "psi"),
+    "m^2": ("m^2", "cm^2", "mm^2", "in^2"),
+    "m^4": ("m^4", "cm^4", "mm^4", "in^4"),
+    "rad": ("rad", "mrad", "deg"),
+    "1/s": ("1/s", "1/min"),
+    "1/min": ("1/min", "oct/min", "oct/s"),
+    "bytes": ("bytes", "kB", "MB", "GB"),
+    "1": ("%",),
+}
+"""Units that a text may have, by the unit of the field: its dimension. Others of the same dimension are read too."""
+
+_LENGTH, _MASS, _TIME, _ANGLE, _BYTES = ({name: Fraction(1)} for name in ("m", "kg", "s", "rad", "bytes"))
+_ACCELERATION, _FORCE = {"m": 1, "s": -2}, {"m": 1, "kg": 1, "s": -2}
+_PRESSURE, _RATE = {"m": -1, "kg": 1, "s": -2}, {"s": -1}
+_GRAVITY, _POUND, _INCH = Fraction("9.80665"), Fraction("0.45359237"), Fraction("0.0254")
+
+_WITH_PREFIX: Mapping[str, tuple[Fraction, Mapping[str, Any]]] = {
+    "m": (Fraction(1), _LENGTH),
+    "g": (Fraction(1, 1000), _MASS),
+    "s": (Fraction(1), _TIME),
+    "N": (Fraction(1), _FORCE),
+    "Pa": (Fraction(1), _PRESSURE),
+    "bar": (Fraction(100_000), _PRESSURE),
+    "Hz": (Fraction(1), _RATE),
+    "rad": (Fraction(1), _ANGLE),
+    "B": (Fraction(1), _BYTES),
+}
+"""Size in SI and powers of the base units of what may have a prefix."""
+
+_PREFIXES = {p: Fraction(10) ** n for p, n in (("", 0), *zip("GMkcmun", (9, 6, 3, -2, -3, -6, -9), strict=True))}
+
+_SYMBOLS: Mapping[str, tuple[Fraction, Mapping[str, Any]]] = {
+    **{p + name: (f * size, of) for (p, f), (name, (size, of)) in itertools.product(
+        _PREFIXES.items(), _WITH_PREFIX.items())},
+    "min": (Fraction(60), _TIME),
+    "h": (Fraction(3600), _TIME),
+    "in": (_INCH, _LENGTH),
+    "mil": (_INCH / 1000, _LENGTH),
+    "ft": (12 * _INCH, _LENGTH),
+    "t": (Fraction(1000), _MASS),
+    "lb": (_POUND, _MASS),
+    "lbf": (_POUND * _GRAVITY, _FORCE),
+    "kgf": (_GRAVITY, _FORCE),
+    "psi": (_POUND * _GRAVITY / _INCH**2, _PRESSURE),
+    "rpm": (Fraction(1, 60), _RATE),
+    "deg": (Fraction(math.pi) / 180, _ANGLE),
+    "bytes": (Fraction(1), _BYTES),
+    "oct": (Fraction(1), {}),
+    "%": (Fraction(1, 100), {}),
+    "1": (Fraction(1), {}),
+}  # fmt: skip
+"""Size in SI and powers of the base units of every symbol; g is that of a mass here."""
+
+_G = (_GRAVITY, _ACCELERATION)
+
+_WRITTEN = {"²": "^2", "³": "^3", "⁴": "^4", "µ": "u", "μ": "u", "·": " ", "*": " ", "°": "deg"}
+
+_TOKEN = re.compile(r"\s*(?:(?P<symbol>[A-Za-z]+|%|1(?![\d.]))|(?P<mark>[()/])|\^?(?P<power>-?\d+(?:\.\d+)?))")
+
+_QUANTITY = re.compile(
+    r"\s*([+-]?(?:\d{1,40}(?:\.\d{0,40})?|\.\d{1,40})(?:[eE][+-]?\d{1,3})?)\s*((?:[^\d\s.,]|(?<=\s)1 ?/)[^\n]{0,40})"
+)
+
+TEXT_SCHEMA = {"type": "string", "pattern": r"^\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?(\s*[^\d\s.,]|\s+1 ?/)"}
+"""JSON schema of a text with a number and a unit."""
+
+
+class _NoUnitError(Exception):
+    """A text is no unit."""
+
+
+def read_unit(text: str, among: Iterable[str] = tuple(UNITS)) -> tuple[str, float] | None:
+    """The first of some SI units of whose dimension a unit is, and how many of it the unit is.
+
+    g is 9.80665 m/s^2 where that fits, as in a density of the acceleration, and else 1e-3 kg.
+
+    Parameters
+    ----------
+    text : str
+        As "mm", "g", "g^2/Hz", "N/mm"; powers with or without ^, products with a space, a point or *.
+    among : iterable of str
+        SI units, as those of fields.
+
+    Returns
+    -------
+    tuple of (str, float), or None
+        None where the text is no unit, or of none of these dimensions.
+    """
+    return next(((unit, float(size)) for unit in among if (size := _size_in(text, unit)) is not None), None)
+
+
+def units_that_fit(unit: str) -> str:
+    """Words for the units that a text may have where a field's unit is this one."""
+    return ", ".join(UNITS.get(unit, (unit,)))
+
+
+def in_si(key: str, value: Any, unit: str) -> Any:
+    """The number in SI that a text with a unit is; any other value as it is.
+
+    The number is the one nearest to the exact product, so that "4 mm" is 0.004.
+
+    Parameters
+    ----------
+    key : str
+        What faults name.
+    value : object
+    unit : str
+        Of the field, in SI.
+
+    Returns
+    -------
+    object
+
+    Raises
+    ------
+    InputError
+        If the unit of a text is not of the field's dimension, with those that are.
+    """
+    found = _QUANTITY.fullmatch(value) if isinstance(value, str) and unit else None
+    if found is None:
+        return value
+    size = _size_in(found[2], unit)
+    if size is None:
+        raise InputError([Fault(key, value, "", f"must have a unit that fits: {units_that_fit(unit)}")])
+    try:
+        return float(Fraction(found[1]) * size)
+    except OverflowError:
+        raise InputError([Fault(key, value, "", f"must be a finite number, in {unit}")]) from None
+
+
+@cache
+def _size_in(text: str, unit: str) -> Fraction | None:
+    """How many of an SI unit a unit is; None where the text is no unit, or of another dimension."""
+    # g is what makes the unit fit, an acceleration before a mass
+    for g in (_G, None):
+        try:
+            (target, of), (size, its) = _parsed(unit, None), _parsed(text, g)
+        except (_NoUnitError, OverflowError):
+            continue
+        if its == of:
+            return size / target
+    return None
+
+
+def _parsed(text: str, g: tuple[Fraction, Mapping[str, Any]] | None) -> tuple[Fraction, dict[str, Fraction]]:
+    """Size in SI and powers of the base units of a text; with g as an acceleration, with prefixes, or as a mass."""
+    for written, plain in _WRITTEN.items():
+        text = text.replace(written, plain)
+    tokens, at = [], 0
+    while text[at:].strip():
+        found = _TOKEN.match(text, at)
+        if found is None:
+            raise _NoUnitError
+        tokens.append((str(found.lastgroup), found[str(found.lastgroup)]))
+        at = found.end()
+    product = _product(tokens, g)
+    if tokens:
+        raise _NoUnitError
+    return product
+
+
+def _product(
+    tokens: list[tuple[str, str]], g: tuple[Fraction, Mapping[str, Any]] | None
+) -> tuple[Fraction, dict[str, Fraction]]:
+    """The product that tokens begin with, which are taken from the list; a slash divides by the next factor alone."""
+    size, powers, sign, factors = Fraction(1), dict[str, Fraction](), 1, 0
+    while tokens and tokens[0] != ("mark", ")"):
+        kind, word = tokens.pop(0)
+        if (kind, word) == ("mark", "/") and factors and sign == 1:
+            sign = -1
+            continue
+        if (kind, word) == ("mark", "("):
+            one, of = _product(tokens, g)
+            if not tokens or tokens.pop(0) != ("mark", ")"):
+                raise _NoUnitError
+        elif kind == "symbol":
+            one, of = _symbol(word, g)
+        else:
+            raise _NoUnitError
+        exponent = Fraction(tokens.pop(0)[1]) if tokens and tokens[0][0] == "power" else Fraction(1)
+        if abs(exponent) > 9:
+            raise _NoUnitError
+        size *= Fraction(one ** (sign * exponent))
+        for name, power in of.items():
+            powers[name] = powers.get(name, Fraction(0)) + sign * exponent * power
+        sign, factors = 1, factors + 1
+    if not factors or sign == -1:
+        raise _NoUnitError
+    return size, {name: power for name, power in powers.items() if power}
+
+
+def _symbol(word: str, g: tuple[Fraction, Mapping[str, Any]] | None) -> tuple[Fraction, dict[str, Any]]:
+    if g is not None and word in ("g", "mg", "ug", "G", "gn"):
+        prefix = word[0] if len(word) == 2 and word[1] == "g" else ""
+        return _PREFIXES[prefix] * g[0], dict(g[1])
+    if word not in _SYMBOLS:
+        raise _NoUnitError
+    size, of = _SYMBOLS[word]
+    return size, dict(of)

@@ -1,0 +1,159 @@
+"""Levels over frequency, dwells by seconds, and fades, of chirps and stepped sines."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import femimpact as fi
+
+G, D = 9.80665, 0.075e-3
+CROSSOVER = np.sqrt(G / D) / (2.0 * np.pi)
+PLAN = ((10.0, (2.0 * np.pi * 10.0) ** 2 * D), (CROSSOVER, G), (150.0, G))
+"""75 um up to the crossover, and 1 g above."""
+NOTCH = ((10.0, 5.0), (40.0, 5.0), (45.0, 1.0), (50.0, 1.0), (55.0, 5.0), (150.0, 5.0))
+
+
+def level(rows: Any, f: Any) -> Any:
+    points = np.log(np.array(rows))
+    return np.exp(np.interp(np.log(f), points[:, 0], points[:, 1]))
+
+
+SWEEPS = {
+    "up": fi.Chirp(10.0, 150.0, acceleration=PLAN, kind="logarithmic", octaves_per_minute=4.0),
+    "down": fi.Chirp(150.0, 10.0, acceleration=PLAN, kind="logarithmic", octaves_per_minute=4.0),
+    "linear": fi.Chirp(10.0, 150.0, 40.0, acceleration=PLAN),
+    "notch": fi.Chirp(10.0, 150.0, acceleration=NOTCH, kind="logarithmic", octaves_per_minute=4.0),
+    "fast": fi.Chirp(12.0, 140.0, 1.0, acceleration=NOTCH),
+}
+
+
+@pytest.mark.parametrize("name", SWEEPS)
+def test_a_sweep_has_its_level_to_a_millionth(name: str) -> None:
+    base = SWEEPS[name]
+    t = np.linspace(0.0, base.duration, 300_001)[:-1]
+    size = level(base.level, base.frequency_at(t))
+    exact = size * np.sin(base.phase_at(t))
+    assert np.abs(base.acceleration(t) / size - exact / size).max() < 1e-6
+
+
+@pytest.mark.parametrize("name", ["up", "down", "linear"])
+def test_the_displacement_is_constant_below_the_crossover_and_does_not_drift(name: str) -> None:
+    base = SWEEPS[name]
+    t = np.linspace(0.0, base.duration, 300_001)[:-1]
+    f = base.frequency_at(t)
+    sine = -level(PLAN, f) / (2.0 * np.pi * f) ** 2 * np.sin(base.phase_at(t))
+    # the next term of the integrals is the relative change of the frequency in a radian, at 10 Hz, with its powers
+    assert (
+        np.abs(base.displacement(t) - sine).max()
+        < 6.0 * abs(base._slope(np.array([0.0, base.duration])).max()) / (2.0 * np.pi * 10.0) * D + 0.02 * D
+    )
+    below = f < 0.98 * CROSSOVER
+    assert np.abs(base.displacement(t[below])).max() == pytest.approx(D, rel=0.02)
+
+
+@pytest.mark.parametrize("name", ["notch", "fast"])
+def test_an_oscillator_under_a_profile_moves_as_an_independent_integration_says(name: str) -> None:
+    base = SWEEPS[name]
+    omega, zeta, end = 2.0 * np.pi * 30.0, 0.02, 1.0
+    # the whole fast sweep; of the slow one the notch
+    system = fi.System.from_matrices([[1.0]], [[2.0 * zeta * omega]], [[omega**2]], points={"mass": [1.0]})
+    record = fi.Recorder(channels=("mass",), interval=0.01)
+    found = fi.integrate(system, base, fi.EventDriven(), end, record)
+
+    def rate(t: float, y: Any) -> Any:
+        a = level(base.level, base.frequency_at(t)) * np.sin(base.phase_at(t))
+        return [y[1], -a - 2.0 * zeta * omega * y[1] - omega**2 * y[0]]
+
+    exact = solve_ivp(rate, (0.0, end), [0.0, 0.0], "DOP853", found.time, rtol=1e-11, atol=1e-15, max_step=1e-3)
+    scale = np.abs(exact.y[0]).max()
+    # what keeps the base in its place is less than 1e-6 of the level
+    assert np.abs(found.channels["mass"] - exact.y[0]).max() < 2e-6 * scale
+
+
+def test_every_step_of_a_stepped_sine_has_its_level() -> None:
+    frequencies = np.array([10.0, 30.0, CROSSOVER, 100.0, 150.0])
+    base = fi.SteppedSine(frequencies, cycles=8, acceleration=PLAN)
+    begin = 0.0
+    for f in frequencies:
+        t = begin + np.linspace(0.0, 8.0 / f, 4001)[1:-1]
+        np.testing.assert_allclose(
+            base.acceleration(t), -level(PLAN, f) * np.cos(2.0 * np.pi * f * (t - begin)), atol=1e-8 * level(PLAN, f)
+        )
+        assert np.ptp(base.displacement(t)) == pytest.approx(2.0 * level(PLAN, f) / (2.0 * np.pi * f) ** 2, rel=1e-4)
+        begin += 8.0 / f
+    assert begin == pytest.approx(base.duration, rel=1e-15)
+    # a force has the level, and no displacement
+    force = fi.PointForce("tip", base)
+    assert force.force(0.0) == pytest.approx(-level(PLAN, 10.0), rel=1e-9)
+
+
+def test_dwells_by_seconds_are_whole_cycles_that_last_so_long() -> None:
+    base = fi.SteppedSine([4.0, 7.3, 100.0], seconds=2.0, amplitude=1e-3)
+    assert base.cycles_of_steps.tolist() == [8, 15, 200]
+    assert base.duration == pytest.approx(2.0 + 15.0 / 7.3 + 2.0, rel=1e-15)
+    one = fi.SteppedSine([7.3], seconds=0.01, amplitude=1e-3)
+    assert one.cycles_of_steps.tolist() == [1]
+    assert fi.SteppedSine([4.0], cycles=8, amplitude=1e-3) != fi.SteppedSine([4.0], seconds=2.0, amplitude=1e-3)
+
+
+FADED = {
+    "chirp by amplitude": (fi.Chirp, {"start": 5.0, "stop": 20.0, "duration": 4.0, "amplitude": 1e-3}),
+    "chirp by acceleration": (fi.Chirp, {"start": 20.0, "stop": 5.0, "duration": 4.0, "acceleration": 3.0}),
+    "steps": (fi.SteppedSine, {"frequencies": [5.0, 9.0], "cycles": 10, "amplitude": 1e-3}),
+    "steps by acceleration": (fi.SteppedSine, {"frequencies": [5.0, 9.0], "cycles": 10, "acceleration": 3.0}),
+    "profile": (fi.Chirp, {"start": 12.0, "stop": 120.0, "duration": 2.0, "acceleration": PLAN}),
+}
+
+
+@pytest.mark.parametrize("name", FADED)
+def test_a_fade_multiplies_the_displacement(name: str) -> None:
+    noun, arguments = FADED[name]
+    whole, base = noun(**arguments), noun(**arguments, fade=0.4)
+    end = base.duration
+    assert end == whole.duration
+    t = np.linspace(0.0, end, 10_001)
+    window = np.sin(0.5 * np.pi * np.clip(np.minimum(t, end - t), 0.0, 0.4) / 0.4) ** 2
+    scale = np.abs(whole.displacement(t)).max()
+    np.testing.assert_allclose(base.displacement(t), window * whole.displacement(t), atol=1e-9 * scale)
+    inside = (t > 0.4) & (t < end - 0.4)
+    size = np.abs(whole.acceleration(t)).max()
+    np.testing.assert_allclose(base.acceleration(t[inside]), whole.acceleration(t[inside]), atol=1e-8 * size)
+    for rest in (0.0, end, end + 1.0):
+        assert abs(base.displacement(rest)) < 1e-9 * scale
+        assert abs(base.velocity(rest)) < 1e-8 * np.abs(whole.velocity(t)).max()
+    # velocity and acceleration are its derivatives
+    middle, h = t[1:-1], t[1] - t[0]
+    slope = (base.displacement(middle + h / 50) - base.displacement(middle - h / 50)) / (h / 25)
+    np.testing.assert_allclose(base.velocity(middle), slope, atol=1e-4 * np.abs(slope).max())
+    # of a force the value is multiplied
+    force, largest = fi.PointForce("tip", whole).force(t), np.abs(fi.PointForce("tip", whole).force(t)).max()
+    np.testing.assert_allclose(fi.PointForce("tip", base).force(t[:-1]), (window * force)[:-1], atol=1e-8 * largest)
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: fi.Chirp(10, 100, 1.0, acceleration=((10, 1), (8, 1))), "acceleration"),
+        (lambda: fi.Chirp(10, 100, 1.0, acceleration=((10, 1), (8, 1))), "10 Hz is followed by 8 Hz"),
+        (lambda: fi.Chirp(10, 100, 1.0, acceleration=((10, 0), (200, 1))), "rows of a frequency in Hz, which rises"),
+        (lambda: fi.Chirp(10, 100, 1.0, acceleration=((-10, 1), (200, 1))), "rows of a frequency in Hz, which rises"),
+        (lambda: fi.Chirp(10, 100, 1.0, acceleration=((10, 1),)), "rows of a frequency in Hz, which rises"),
+        (lambda: fi.Chirp(10, 100, 1.0, acceleration=((10, 1), (90, 1))), "must reach from 10 to 100 Hz"),
+        (lambda: fi.Chirp(10, 100, 1.0, amplitude=((10, 1), (90, 1))), "a level over frequency is an acceleration"),
+        (lambda: fi.Chirp(10, 100, 1.0, acceleration=1.0, fade=0.6), "fade = 0.6 s: must be at most half"),
+        (lambda: fi.Chirp(10, 100, 1.0, acceleration=1.0, fade=-0.1), "fade = -0.1 s: must be"),
+        (lambda: fi.SteppedSine([10], 5, acceleration=((20, 1), (90, 1))), "must reach from 10 to 10 Hz"),
+        (lambda: fi.SteppedSine([10], 5, acceleration=1.0, seconds=1.0), "one of cycles and seconds"),
+        (lambda: fi.SteppedSine([10], acceleration=1.0), "one of cycles and seconds"),
+        (lambda: fi.SteppedSine([10], acceleration=1.0, seconds=0.0), "seconds = 0.0 s: must be"),
+    ],
+)
+def test_bad_levels_are_one_line(make: Any, words: str) -> None:
+    with pytest.raises(fi.InputError) as error:
+        make()
+    assert words in str(error.value)
+    assert "\n" not in str(error.value)

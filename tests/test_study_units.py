@@ -1,0 +1,275 @@
+"""Study files with texts that have units: the same study, the same key and the same results as with numbers in SI."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from command import femimpact
+
+import femimpact as fi
+from femimpact.parametric.identity import plain_study, study_key
+from femimpact.parametric.study_command import definition_of, write_parameter_study
+from femimpact.study.demo import paper_study_text
+from femimpact.study.study_file import load_study, read_study, same_study, study_text, unit_lines
+
+IN_UNITS = [
+    ("0.23026615 ", '"230.26615 mm" '),
+    ("70e9 ", '"70 GPa" '),
+    ("2700 ", '"2.7 g/cm^3" '),
+    ("0.02290976 ", '"22.90976 g" '),
+    ("gap = 0.004 ", 'gap = "4 mm" '),
+    ("acceleration = 0.0 ", 'acceleration = "0 g" '),
+    ("2e-3 }", '"2 ms" }'),
+    ("0.0029", '"0.29 %"'),
+    ("0.2037e-3 ", '"203.7 um" '),
+    ("duration = 120.0 ", 'duration = "2 min" '),
+    ("start = 4.0 ", 'start = "0.004 kHz" '),
+]
+AXES = """
+[study]
+measures = ["peak"]
+cycles = 6
+[study.axes]
+"impactor.ball.gap" = [{0}, [{0}, {1}]]
+impactor.ball.mass = {{ from = {2}, to = {3}, points = 2 }}
+"""
+
+
+def read(text: str) -> fi.Study:
+    return read_study(text, Path("study.toml"))
+
+
+def pair(more: str = "", others: str = "") -> tuple[fi.Study, fi.Study]:
+    """The paper's study in numbers, and with units."""
+    plain = paper_study_text().replace('name = "newmark"', 'name = "event-driven"')
+    text = plain
+    for find, put in IN_UNITS:
+        assert find in text, find
+        text = text.replace(find, put, 1)
+    return read(plain + more), read(text + (others or more))
+
+
+def test_study_with_units_is_the_study_in_si() -> None:
+    plain, units = pair()
+    assert same_study(plain, units)
+    assert len(unit_lines(units)) == len(IN_UNITS)
+    assert "impactor.ball.gap = 4 mm: 0.004 m" in unit_lines(units)
+    assert "damping.ratio = 0.29 %: 0.0029" in unit_lines(units)
+
+
+def test_saved_study_has_numbers_in_si_and_its_comments() -> None:
+    plain, units = pair()
+    text = study_text(units)
+    assert unit_lines(read(text)) == []
+    assert same_study(read(text), plain)
+    assert "# aluminium; reproduces 5.30 Hz" in text
+    assert study_text(plain) == plain.text
+
+
+def test_text_that_stands_for_two_numbers_is_written_as_two() -> None:
+    text = (
+        paper_study_text()
+        .replace("mass = 0.00343 ", 'mass = "10 g" ')
+        .replace("acceleration = 0.0 ", 'acceleration = "10 g" ')
+    )
+    study = read(text)
+    ball = study.structure.impactors[0]
+    assert (ball.mass, ball.acceleration) == (0.01, 98.0665)
+    again = read(study_text(study))
+    assert unit_lines(again) == []
+    assert same_study(again, study)
+
+
+def test_title_that_looks_like_a_quantity_stays() -> None:
+    study = read(
+        paper_study_text()
+        .replace("movie = true", 'movie = true\ntitle = "4 mm"')
+        .replace("gap = 0.004 ", 'gap = "4 mm" ')
+    )
+    again = read(study_text(study))
+    assert again.output.title == "4 mm"
+    assert again.structure.impactors[0].gap == 0.004
+    assert same_study(again, study)
+
+
+def test_keys_of_studies_are_equal_and_resume_each_other(tmp_path: Path) -> None:
+    plain, units = pair(AXES.format(0.004, 0.005, 0.003, 0.004), AXES.format('"4 mm"', '"0.5 cm"', '"3 g"', '"4 g"'))
+    keys = [study_key(plain_study(definition_of(study))) for study in (plain, units)]
+    assert keys[0] == keys[1]
+    first = write_parameter_study(plain, tmp_path / "s")
+    cases = list[int]()
+    again = write_parameter_study(units, tmp_path / "s", progress=lambda state: cases.append(state.found))
+    assert max(cases) == 4
+    np.testing.assert_array_equal(first["peak"], again["peak"])
+    assert '"4 mm"' not in (tmp_path / "s" / "study.toml").read_text()
+
+
+def test_limits_of_measures_have_their_units() -> None:
+    text = AXES.format(0.004, 0.005, 0.003, 0.004).replace('"peak"]', '"peak", "peak_force", "root.surface_stress"]')
+    best = (
+        '[study.best]\nmeasure = "peak"\n[study.best.limits]\npeak_force = "0.05 kN"\nroot.surface_stress = "60 MPa"\n'
+    )
+    study = read(paper_study_text() + text + best)
+    assert study.plan is not None
+    assert study.plan.best is not None
+    assert study.plan.best.limits == {"peak_force": 50.0, "root.surface_stress": 60e6}
+    assert same_study(read(study_text(study)), study)
+    with pytest.raises(
+        fi.InputError, match=r"study\.best\.limits\.peak_force = '5 mm': must have a unit that fits: N, mN"
+    ):
+        read(paper_study_text() + text + best.replace("0.05 kN", "5 mm"))
+
+
+def test_names_stay_names() -> None:
+    study = read(
+        paper_study_text() + '[study]\nmeasures = ["peak"]\n[study.axes]\n"impactor.ball.at" = ["tip", "mid"]\n'
+    )
+    assert study.plan is not None
+    assert study.plan.axes["impactor.ball.at"].values == ("tip", "mid")  # type: ignore[union-attr]
+    with pytest.raises(fi.InputError, match=r"mass.box.at = '4 mm'"):
+        read(paper_study_text().replace('at = "tip" ', 'at = "4 mm" ', 1))
+
+
+@pytest.mark.parametrize(
+    ("find", "put", "words"),
+    [
+        ("mass = 0.02290976 ", 'mass = "22 mm" ', "mass.box.mass = '22 mm': must have a unit that fits: kg, g, mg"),
+        ("gap = 0.004 ", 'gap = ["4 mm", "4 g"] ', "impactor.ball.gap = '4 g': must have a unit that fits: m, cm"),
+        ("2e-3 }", '"2 m" }', "impactor.ball.contact.contact_time = '2 m': must have a unit that fits: s, ms"),
+        ("frequency = 4.9 ", 'frequency = "-5 Hz" ', "base.frequency = -5.0 Hz: must be a finite number > 0"),
+        ("modes = 8 ", 'modes = "8 mm" ', "reduction.modes = '8 mm': must be a whole number >= 1"),
+    ],
+)
+def test_unit_that_does_not_fit_is_one_line(find: str, put: str, words: str) -> None:
+    text = paper_study_text()
+    assert find in text
+    with pytest.raises(fi.InputError) as error:
+        read(text.replace(find, put, 1))
+    assert str(error.value).startswith(words)
+    assert "\n" not in str(error.value)
+
+
+def random_base(rows: str) -> str:
+    text = re.sub(
+        r"\[base\].*?(?=\n\[)",
+        f'[base]\nkind = "random"\npsd = {rows}\nduration = 0.5\n',
+        paper_study_text(),
+        flags=re.DOTALL,
+    )
+    return re.sub(r"\[sweep\].*?(?=\n\[)", "", text, flags=re.DOTALL)
+
+
+def test_density_in_the_words_of_a_plan_rises_and_falls_by_its_slopes() -> None:
+    study = read(random_base('[[20, "3 dB/oct"], ["80 Hz", "0.04 g^2/Hz"], [350, "0.04 g²/Hz"], [2000, "-3 dB/oct"]]'))
+    (_, psd), *_ = study.base.values  # type: ignore[union-attr]
+    level = 0.04 * 9.80665**2
+    # two octaves of 3 dB each; a decibel is a tenth of a power of ten
+    assert psd[0] == pytest.approx((20.0, level * 10.0**-0.6), rel=1e-12)
+    assert psd[1] == pytest.approx((80.0, level), rel=1e-15)
+    assert psd[3] == pytest.approx((2000.0, level * 10.0 ** (-0.3 * np.log2(2000.0 / 350.0))), rel=1e-12)
+    assert same_study(read(study_text(study)), study)
+
+
+@pytest.mark.parametrize(
+    ("rows", "words"),
+    [
+        ('[[20, "3 dB/oct"], [80, "3 dB/oct"]]', "must have a level beside it"),
+        ('[[20, "3 dB/oct"]]', "must have a level beside it"),
+        ('[[20, "1 g"], [80, 0.1]]', "'1 g': must have a unit that fits: (m/s^2)^2/Hz"),
+        ('[[20, "0 g^2/Hz"], [80, 0.1]]', "0 among its values"),
+        ('[[-20, "3 dB/oct"], [80, 0.1]]', "psd"),
+        ('[["20 Hz", 0.1], ["20 Hz", 0.2]]', "must have frequencies that rise"),
+        ('[[20, "9999 dB/oct"], [1e9, 0.1]]', "psd"),
+    ],
+)
+def test_bad_density_is_one_line(rows: str, words: str) -> None:
+    with pytest.raises(fi.InputError) as error:
+        read(random_base(rows))
+    assert words in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_check_tells_the_numbers_in_si(tmp_path: Path) -> None:
+    (tmp_path / "study.toml").write_text(pair()[1].text, encoding="utf-8")
+    told = femimpact("check", "study.toml", cwd=tmp_path).stdout
+    assert "beam.young_modulus = 70 GPa: 7e+10 Pa" in told
+
+
+def chirp_base(acceleration: str) -> str:
+    return random_base("[]").replace(
+        'kind = "random"\npsd = []',
+        f'kind = "chirp"\nstart = "10 Hz"\nstop = 150\nrate = "logarithmic"\nacceleration = {acceleration}',
+    )
+
+
+def levels_of(study: fi.Study) -> Any:
+    return dict(study.base.values)["acceleration"]  # type: ignore[union-attr]
+
+
+def test_profile_of_displacement_and_acceleration_is_one_of_accelerations() -> None:
+    study = read(chirp_base('[["10 Hz", "0.075 mm"], [58.1, "1 g"], [100, "0.5 m/s"], [150, 3]]'))
+    rows = levels_of(study)
+    assert rows[0] == pytest.approx((10.0, 0.075e-3 * (20.0 * np.pi) ** 2), rel=1e-15)
+    assert rows[1:] == ((58.1, 9.80665), (100.0, pytest.approx(0.5 * 200.0 * np.pi, rel=1e-15)), (150.0, 3.0))
+    assert same_study(read(study_text(study)), study)
+    assert study.excitation == fi.Chirp(10.0, 150.0, 0.5, acceleration=rows, kind="logarithmic")
+    # an amplitude has slopes of 6 dB an octave for its frequency: constant velocity
+    slope = levels_of(read(chirp_base('[[10, 1.0], [150, "6.020599913279624 dB/oct"]]')))
+    assert slope[1] == pytest.approx((150.0, 15.0), rel=1e-12)
+
+
+def test_rows_come_from_a_file_and_are_kept_in_the_study(tmp_path: Path) -> None:
+    path = tmp_path / "study.toml"
+    (tmp_path / "levels.csv").write_text("# plan\nfrequency [Hz],level (g)\n10,0.5\n58.1,1\n150,2 m/s^2\n")
+    (tmp_path / "density.csv").write_text("f;density [g²/Hz]\n0.02 kHz;0.01\n\n80;0.04\n2000;-3 dB/oct\n")
+    path.write_text(chirp_base('"levels.csv"'), encoding="utf-8")
+    study = load_study(path)
+    assert levels_of(study) == ((10.0, 0.5 * 9.80665), (58.1, 9.80665), (150.0, 2.0))
+    assert "base.acceleration = levels.csv: 3 rows m/s^2" in unit_lines(study)
+    random = read_study(random_base('"density.csv"'), path)
+    psd = dict(random.base.values)["psd"]  # type: ignore[union-attr]
+    assert psd[:2] == ((20.0, pytest.approx(0.01 * 9.80665**2)), (80.0, pytest.approx(0.04 * 9.80665**2)))
+    (tmp_path / "2nd.csv").write_text("10 .5\n150 2\n")
+    assert levels_of(read_study(chirp_base('"2nd.csv"'), path)) == ((10.0, 0.5), (150.0, 2.0))
+    assert levels_of(read_study(chirp_base('".5 g"'), path)) == 0.5 * 9.80665
+    # what is kept needs no file
+    text = study_text(study)
+    (tmp_path / "levels.csv").unlink()
+    assert same_study(read_study(text, path), study)
+
+
+@pytest.mark.parametrize(
+    ("rows", "words"),
+    [
+        ('"none.csv"', "base.acceleration = 'none.csv': must be an existing file of rows"),
+        ('[[10, "1 g"], [9, "1 g"], [150, 1]]', "10 Hz is followed by 9 Hz"),
+        ('[[10, "1 g"], [150, "0 g"]]', "rows of a frequency in Hz, which rises, and a level, all > 0"),
+        ('[[-10, "1 g"], [150, "1 g"]]', "rows of a frequency in Hz, which rises, and a level, all > 0"),
+        ('[["1 m", "1 g"], [150, "1 g"]]', "'1 m': must have a unit that fits: Hz"),
+        ('[[10, "1 kg"], [150, "1 g"]]', "'1 kg': must have a unit that fits: m/s^2"),
+        ('[[20, "1 g"], [150, "1 g"]]', "must reach from 10 to 150 Hz"),
+        ('[[10, 1, 2], [150, "1 g"]]', "rows of a frequency in Hz"),
+    ],
+)
+def test_bad_profile_is_one_line(rows: str, words: str) -> None:
+    with pytest.raises(fi.InputError) as error:
+        read(chirp_base(rows))
+    assert words in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_stepped_sine_of_a_plan() -> None:
+    text = random_base("[]").replace(
+        'kind = "random"\npsd = []\nduration = 0.5',
+        'kind = "stepped-sine"\nfrequencies = ["10 Hz", 20, "0.03 kHz"]\nseconds = "2 s"\nfade = "100 ms"\n'
+        'acceleration = [[10, "1 mm"], [16, "1 g"], [30, "1 g"]]',
+    )
+    study = read(text)
+    levels = dict(study.base.values)["acceleration"]  # type: ignore[union-attr]
+    expected = fi.SteppedSine([10, 20, 30], seconds=2.0, fade=0.1, acceleration=levels)
+    assert study.excitation == expected
+    assert same_study(read(study_text(study)), study)

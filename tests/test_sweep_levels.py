@@ -1,0 +1,99 @@
+"""Sweeps at a level over frequency: each dwell is that of a sweep at its level, from Python and from a study file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import femimpact as fi
+from femimpact.study.picture_data import read_curves
+from femimpact.study.study_file import read_study, same_study, study_text
+
+ROWS = ((4.0, 0.2), (5.0, 0.4), (6.0, 0.4))
+
+
+def oscillator() -> fi.System:
+    omega = 2.0 * np.pi * 5.0
+    return fi.System.from_matrices([[1.0]], [[0.02 * omega]], [[omega**2]], points={"tip": [1.0]})
+
+
+def test_each_frequency_has_its_level() -> None:
+    frequencies = [4.0, 4.5, 5.0, 5.7, 6.0]
+    method: Any = fi.EventDriven()
+    curve = fi.frequency_sweep(oscillator(), frequencies=frequencies, method=method, cycles=300, acceleration=ROWS)
+    size = 0.2 * (np.array(frequencies) / 4.0) ** (np.log(2.0) / np.log(1.25))
+    size[2:] = 0.4
+    np.testing.assert_allclose(curve.base_amplitude, size / (2.0 * np.pi * np.array(frequencies)) ** 2, rtol=1e-13)
+    # the oscillator's steady amplitude in closed form, after 200 cycles of transient at a ratio of one percent
+    ratio = np.array(frequencies) / 5.0
+    exact = size / (10.0 * np.pi) ** 2 / np.sqrt((1.0 - ratio**2) ** 2 + (0.02 * ratio) ** 2)
+    np.testing.assert_allclose(curve.first_harmonic, exact, rtol=5e-4)
+    assert curve.to_xarray().attrs["base_acceleration_m_s2"].tolist() == np.ravel(ROWS).tolist()
+    one = fi.frequency_sweep(oscillator(), frequencies=[5.0], method=method, cycles=300, acceleration=0.4)
+    assert one.peak[0] == pytest.approx(curve.peak[2], rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("rows", "words"),
+    [
+        (((4.5, 1.0), (6.0, 1.0)), "acceleration: must reach from 4 to 6 Hz; its rows go from 4.5 to 6 Hz"),
+        (((4.0, 1.0), (3.0, 1.0)), "4 Hz is followed by 3 Hz"),
+        (((4.0, 0.0), (6.0, 1.0)), "rows of a frequency in Hz, which rises"),
+        (-1.0, "must be a finite number >= 0 m/s^2"),
+    ],
+)
+def test_bad_level_of_a_sweep_is_one_line(rows: Any, words: str) -> None:
+    with pytest.raises(fi.InputError) as error:
+        fi.frequency_sweep(oscillator(), frequencies=[4.0, 6.0], method=fi.EventDriven(), cycles=30, acceleration=rows)
+    assert words in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def study(tmp_path: Path, acceleration: str) -> fi.Study:
+    text = Path(__file__).parent.parent.joinpath("femimpact/study/paper.toml").read_text(encoding="utf-8")
+    text = text.replace('name = "newmark"', 'name = "event-driven"').replace("elements = 40", "elements = 8")
+    text = (
+        text.replace("modes = 8 ", "modes = 2 ")
+        .replace("cycles = 600 ", "cycles = 30 ")
+        .replace("starts = 5", "starts = 2")
+    )
+    text = text.replace("refine = 40 ", f"refine = 2\nacceleration = {acceleration}\n#").replace(
+        "duration = 120.0", "duration = 2.0"
+    )
+    text = (
+        text.replace("points = 21 ", "points = 5 ")
+        .replace("movie = true", "movie = false")
+        .replace("figures = true", "figures = false")
+    )
+    return read_study(text.replace("paraview = true", "paraview = false"), tmp_path / "study.toml")
+
+
+def test_a_study_sweeps_at_the_level_of_its_plan(tmp_path: Path) -> None:
+    found = study(tmp_path, '[["4 Hz", "0.2 mm"], [5, "0.03 g"], [6, "0.03 g"]]')
+    assert found.sweep is not None
+    rows: Any = found.sweep.acceleration
+    assert rows[0] == pytest.approx((4.0, 0.2e-3 * (8.0 * np.pi) ** 2), rel=1e-14)
+    assert rows[1] == (5.0, 0.2941995)
+    assert same_study(read_study(study_text(found), tmp_path / "study.toml"), found)
+    fi.run_study(found, tmp_path / "results")
+    import json
+
+    summary = json.loads((tmp_path / "results" / "summary.json").read_text(encoding="utf-8"))
+    read = read_curves(tmp_path / "results", summary)
+    assert read is not None
+    for curve in read[0].values():
+        np.testing.assert_array_equal(curve.acceleration, rows)  # type: ignore[arg-type]
+        expected = np.exp(np.interp(np.log(curve.frequency), *np.log(np.array(rows)).T))
+        np.testing.assert_allclose(curve.base_amplitude, expected / (2.0 * np.pi * curve.frequency) ** 2, rtol=1e-12)
+    page = (tmp_path / "results" / "report.html").read_text(encoding="utf-8")
+    assert "by the rows of the study" in page
+
+
+def test_a_sweep_beyond_its_rows_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(
+        fi.InputError, match=r"sweep\.acceleration: must reach from 4 to 6 Hz; its rows go from 4 to 5 Hz"
+    ):
+        study(tmp_path, '[["4 Hz", "0.2 mm"], [5, "0.03 g"]]')
