@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from femimpact.arrays import Array
 from femimpact.errors import changed, checked, in_range, quantity, require, require_type
-from femimpact.excitation import Excitation, PointForce, Sum, require_excitation
+from femimpact.excitation import Excitation, require_excitation
+from femimpact.excitation.drives import alone, until
 from femimpact.excitation.excitation import has_cycle
 from femimpact.excitation.remarks import drive_warnings, motion_notes, motion_warnings
 from femimpact.integrators.cases import (
@@ -135,8 +136,8 @@ def integrate(
 
     def run(drive: Excitation, report: Progress | None) -> Response:
         # another duration is refused by the method
-        if isinstance(drive, Sum | PointForce) and in_range(duration, quantity("s", above=0.0)):
-            drive = drive.until(start.time + duration + 0.5 * (recorder.interval or 0.0))
+        if in_range(duration, quantity("s", above=0.0)):
+            drive = until(drive, start.time + duration + 0.5 * (recorder.interval or 0.0))
         response = _without_cycles(method.run(system, drive, duration, recorder, start, report))
         return _with_remarks(response, system, drive, recorder, start, start.time + duration)
 
@@ -149,7 +150,7 @@ def _checked_drives(excitations: Iterable[Any]) -> list[Any]:
     drives = list[Any]()
     for drive in excitations:
         require_excitation(drive)
-        drives.append(drive)
+        drives.append(alone(drive))
     require(len(drives) > 0, "excitation", None, "", "must be one or more")
     return drives
 

@@ -3,9 +3,38 @@
 #pragma once
 
 #include "gauss.hpp"
-#include "states.hpp"
+#include "ledger_products.hpp"
 
 namespace FEMIMPACT_TARGET {
+
+// A drive at a time: of its polynomial in the present piece of the case, or of its sine.
+[[gnu::noinline]] inline double value_of_drive(Index k, double time, Complex phase, const Case &c, const Ledger &b) {
+    if (b.drive_pieces.shape[0] == 0)
+        return (b.drive_amplitude(k) * phase).imag;
+    Index piece = c.piece(0);
+    double later = time - c.knots(piece), total = 0.0;
+    for (Index n = DRIVE - 3; n >= 0; n--)
+        total = b.drive_pieces(piece, (DRIVE - 2) * k + n) * INVERSE_FACTORIAL[n] + total * later;
+    return total;
+}
+
+// Adds a share of the work of each drive, and of constant forces, at an instant; velocities are those of `after`.
+[[gnu::noinline]] inline void add_work_of_drives(double share, double time, Complex phase, Matrix after, const Case &c,
+                                                 const Ledger &b) {
+    Index drives = b.drive_load.shape[0];
+    for (Index k = 0; k < drives; k++) {
+        double power = 0.0;
+        for (Index i = 0; i < b.mass.size(); i++)
+            power += b.drive_load(k, i) * after(1, i);
+        double work = share * value_of_drive(k, time, phase, c, b) * power;
+        b.work_of(c.number, k) += work;
+        b.work(c.number) += work;
+    }
+    for (Index i = 0; i < b.mass.size(); i++) {
+        b.work_of(c.number, drives) += share * b.given(i) * after(1, i);
+        b.work(c.number) += share * b.given(i) * after(1, i);
+    }
+}
 
 // Adds work and losses by Gauss points, exact to rounding; uses `after` up.
 [[gnu::noinline]] inline void sum_over_points(double duration, const Form &form, const Pairs &pairs, const Case &c,
@@ -22,11 +51,15 @@ namespace FEMIMPACT_TARGET {
             move(scalars, scratch, time - scratch.clock(0));
             read_coordinates(form.shapes, scratch, after);
             Complex phase = unit_phase(scalars.omega, scratch.clock);
-            double acting = scalars.degree >= 0 ? scratch.drive(2) : c.amplitude * phase.imag;
+            double acting = scalars.degree >= 0 ? scratch.drive(2) : c.amplitude(0).real * phase.imag;
             double base_rate = base_motion(c, scratch).rate;
+            bool several = b.drive_load.shape[0] > 0;
+            if (several)
+                add_work_of_drives(share, time, phase, after, c, b);
             for (Index i = 0; i < b.mass.size(); i++) {
                 double v = after(1, i);
-                b.work(c.number) += share * (b.load(i) * acting + b.given(i)) * v;
+                if (!several)
+                    b.work(c.number) += share * (b.load(i) * acting + b.given(i)) * v;
                 if (b.damping(i) > 0.0)
                     b.loss_of_mode(c.number, i) += share * b.damping(i) * v * v;
             }
@@ -39,7 +72,7 @@ namespace FEMIMPACT_TARGET {
                     continue;
                 double force = value_now(c.state.size() + j, scalars.exponent.size(), phase, scalars, scratch);
                 // what holds a stop in space does work where the stop moves against the base
-                b.work(c.number) -= share * force * pairs.in_space(j) * base_rate;
+                add_work_of_base(-(share * force * pairs.in_space(j) * base_rate), c, b);
                 if (pairs.rigid(j))
                     continue;
                 double rate = gap_of(j, pairs, after.row(1), base_rate);
