@@ -40,6 +40,7 @@ class Drive:
     more: tuple[Drive, ...] = ()
     parts: tuple[Drive, ...] = ()
     own: tuple[Drive, ...] = ()  # these with the closed forms that each has alone
+    members: tuple[Drive, ...] = ()  # those of them along this load
     names: tuple[str, ...] = ()
     place: int = 0
 
@@ -78,6 +79,11 @@ class Drive:
     def is_sine(self) -> bool:
         """True if s(t) is a sine; the values of anything else are tabulated by methods that take steps."""
         return isinstance(self.closed_form, Harmonic)
+
+    @property
+    def is_tabulated(self) -> bool:
+        """True where methods that take steps read values at their steps: of all but one sine."""
+        return bool(self.parts) or not self.is_sine
 
     @property
     def base_amplitude(self) -> float:
@@ -177,8 +183,11 @@ def _several(system: System, excitation: Drives) -> Drive:
     ]
     of_loads = [[part for part in parts if part.place == number] for number in range(len(places))]
     omega = 2.0 * np.pi * excitation.frequency
-    first, *more = [replace(_along_one_load(members), omega=omega) for members in of_loads]
-    own = tuple(replace(part, closed_form=form.closed_form) for part, form in zip(parts, given, strict=True))
+    own = tuple(replace(part, place=other.place) for part, other in zip(given, parts, strict=True))
+    first, *more = [
+        replace(_along_one_load(members), omega=omega, members=tuple(part for part in own if part.place == number))
+        for number, members in enumerate(of_loads)
+    ]
     return replace(first, more=tuple(more), parts=tuple(parts), names=excitation.names, own=own)
 
 
