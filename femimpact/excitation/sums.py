@@ -26,6 +26,10 @@ MOST_PIECES = 50_000_000
 """Most pieces of sines in a sum, which take some gigabytes: a sum with more has no closed form."""
 
 
+CANCELLED = 1e-15
+"""Share of the amplitudes of sines below which that of their sum is rounding."""
+
+
 @dataclass(frozen=True)
 class Sum:
     """Motions of the base at the same time: displacement, velocity and acceleration are sums of those of the parts.
@@ -152,6 +156,8 @@ def one_sine(forms: Sequence[Form | None]) -> Harmonic | None:
     if len(sines) < len(forms) or len({form.omega for form in sines}) > 1:
         return None
     phasor = sum(form.amplitude * np.exp(1j * form.phase) for form in sines)
+    if abs(phasor) <= CANCELLED * sum(abs(form.amplitude) for form in sines):
+        phasor = 0.0
     return Harmonic(float(abs(phasor)), sines[0].omega, float(np.angle(phasor)))
 
 

@@ -131,8 +131,13 @@ class EnergyLedger:
         return head_of_columns(f"EnergyLedger: {self.time.size} samples{closed}", *flat_columns(self))
 
     def to_pandas(self) -> pandas.DataFrame:
-        """The energies over time, those of modes as structure_loss_of_mode_1, ...; units in `attrs["units"]`."""
-        return frame_of(*flat_columns(self), index="time")
+        """The energies over time, those of modes as structure_loss_of_mode_1, ..., the work of drives as work_of_NAME.
+
+        Units in `attrs["units"]`.
+        """
+        columns, units = flat_columns(self)
+        of_drives = {f"work_of_{name}": values for name, values in self.work_of.items()}
+        return frame_of(columns | of_drives, units | dict.fromkeys(of_drives, "J"), index="time")
 
     @property
     def stored(self) -> Array:

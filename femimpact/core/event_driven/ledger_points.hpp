@@ -19,21 +19,28 @@ namespace FEMIMPACT_TARGET {
 }
 
 // Adds a share of the work of each drive, and of constant forces, at an instant; velocities are those of `after`.
-[[gnu::noinline]] inline void add_work_of_drives(double share, double time, Complex phase, Matrix after, const Case &c,
-                                                 const Ledger &b) {
+//
+// The sum is that of their loads together, which may cancel; `load` (d,) is scratch space.
+[[gnu::noinline]] inline void add_work_of_drives(double share, double time, Complex phase, Matrix after, Array load,
+                                                 const Case &c, const Ledger &b) {
     Index drives = b.drive_load.shape[0];
+    double power_of_all = 0.0, of_constant = 0.0;
+    for (Index i = 0; i < b.mass.size(); i++)
+        load(i) = 0.0;
     for (Index k = 0; k < drives; k++) {
-        double power = 0.0;
-        for (Index i = 0; i < b.mass.size(); i++)
+        double acting = value_of_drive(k, time, phase, c, b), power = 0.0;
+        for (Index i = 0; i < b.mass.size(); i++) {
+            load(i) += b.drive_load(k, i) * acting;
             power += b.drive_load(k, i) * after(1, i);
-        double work = share * value_of_drive(k, time, phase, c, b) * power;
-        b.work_of(c.number, k) += work;
-        b.work(c.number) += work;
+        }
+        b.work_of(c.number, k) += share * acting * power;
     }
     for (Index i = 0; i < b.mass.size(); i++) {
-        b.work_of(c.number, drives) += share * b.given(i) * after(1, i);
-        b.work(c.number) += share * b.given(i) * after(1, i);
+        power_of_all += load(i) * after(1, i);
+        of_constant += b.given(i) * after(1, i);
     }
+    b.work_of(c.number, drives) += share * of_constant;
+    b.work(c.number) += share * (power_of_all + of_constant);
 }
 
 // Adds work and losses by Gauss points, exact to rounding; uses `after` up.
@@ -55,7 +62,7 @@ namespace FEMIMPACT_TARGET {
             double base_rate = base_motion(c, scratch).rate;
             bool several = b.drive_load.shape[0] > 0;
             if (several)
-                add_work_of_drives(share, time, phase, after, c, b);
+                add_work_of_drives(share, time, phase, after, space.products.before.row(0), c, b);
             for (Index i = 0; i < b.mass.size(); i++) {
                 double v = after(1, i);
                 if (!several)
