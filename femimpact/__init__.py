@@ -169,8 +169,8 @@ _MODULES = {
     ),
     "errors": ("DivergenceError", "FemimpactError", "InputError", "InputWarning"),
     "excitation": (
-        "Chirp", "Drives", "HammerBlow", "PiecewisePolynomial", "PointForce", "RandomBase", "RecordedBase", "Shock", "Sine",
-        "SteppedSine", "Sum",
+        "Chirp", "Drives", "HammerBlow", "PiecewisePolynomial", "PointForce", "RandomBase", "RecordedBase", "Shock",
+        "Sine", "SteppedSine", "Sum",
     ),
     "export.vtk": ("to_pyvista",),
     "fem.assembly": ("assemble",),

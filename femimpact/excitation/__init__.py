@@ -11,6 +11,6 @@ from femimpact.excitation.shock import Shock
 from femimpact.excitation.sums import Sum
 
 __all__ = [
-    "BrokenLine", "Chirp", "Drives", "Excitation", "HammerBlow", "Harmonic", "PiecewisePolynomial", "PointForce", "RandomBase",
-    "RecordedBase", "Shock", "Sine", "SteppedSine", "Sum", "require_excitation",
+    "BrokenLine", "Chirp", "Drives", "Excitation", "HammerBlow", "Harmonic", "PiecewisePolynomial", "PointForce",
+    "RandomBase", "RecordedBase", "Shock", "Sine", "SteppedSine", "Sum", "require_excitation",
 ]  # fmt: skip

@@ -204,7 +204,7 @@ def _along_one_load(parts: Sequence[Drive]) -> Drive:
 
 
 def named_work(drive: Drive, work: Array, system: System) -> dict[str, Array]:
-    """Work (J) of each of several drives, and of constant forces where there are any, by columns (samples, drives + 1)."""
+    """Work (J) of each of several drives, and of constant forces where there are any: columns (samples, drives + 1)."""
     if not drive.parts:
         return {}
     constant = np.any(system.constant_load) or any(pair.acceleration != 0.0 for pair in system.balls)

@@ -160,12 +160,15 @@ def _with_remarks(
     end: float,  # s: asked for
 ) -> Response:  # fmt: skip
     """The response with warnings and notes on its excitation, deflections, end, stops and start."""
-    warnings = motion_warnings(drive, system.length)
-    warnings += drive_warnings(drive, system.highest_kept, system.first_left_out)
-    warnings += record_warnings(system, drive, end)
+    drives: tuple[Excitation, ...] = getattr(drive, "drives", (drive,))
+    warnings = tuple(text for each in drives for text in motion_warnings(each, system.length))
+    warnings += tuple(
+        text for each in drives for text in drive_warnings(each, system.highest_kept, system.first_left_out)
+    )
+    warnings += tuple(text for each in drives for text in record_warnings(system, each, end))
     warnings += deflection_warnings(_largest_deflections(response, recorder), system.length)
     notes = (
-        *motion_notes(drive, system.length, end),
+        *(text for each in drives for text in motion_notes(each, system.length, end)),
         *_other_end(response, end),
         *_stops_not_met(response),
         *_begins_within(system, drive, start),

@@ -91,8 +91,8 @@ def reading_grid(
     """The instants at which a run is read: as the recorder has them, or as they suit the drive.
 
     Without an interval of the recorder there are `samples_per_cycle` in a cycle of a sine, and in the shortest cycle of
-    a chirp, a stepped sine, and sums of these and sines. Another drive by samples is read at their interval, or at 1/20 of the period of the highest kept mode if that is less, and at no more than 10^6
-    instants.
+    a chirp, a stepped sine, and sums of these and sines. Another drive by samples is read at their interval, or at 1/20
+    of the period of the highest kept mode if that is less. There are no more than 10^6 instants.
 
     Raises `InputError` if the interval of the recorder leaves fewer than 8 readings in a cycle of a sine.
     """
