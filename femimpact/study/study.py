@@ -249,7 +249,7 @@ class Study:
 
     @property
     def shown_frequency(self) -> float:
-        """Frequency (Hz) of the cycles that pictures show: of the base, if it moves, and not of what strikes beside it."""
+        """Frequency (Hz) of the cycles that pictures show: of the base where it moves, and not of forces beside it."""
         return float(getattr(self.motion, "frequency", self.base.frequency))
 
     def with_motion(self, motion: Motion) -> Study:
