@@ -127,3 +127,50 @@ def test_drives_in_the_data_of_pictures_are_made_again():
 def test_faults_of_forces_are_said_by_their_keys(parts, words):
     with pytest.raises(fi.InputError, match=words):
         read_study(HEAD + "\n".join(parts), Path("study.toml"))
+
+
+SUM = """
+[base]
+kind = "sum"
+history = 2.0
+
+[[base.parts]]
+amplitude = 1e-3
+frequency = 5.0
+
+[[base.parts]]
+kind = "chirp"
+start = 3.0
+stop = 9.0
+duration = 1.5
+acceleration = 0.2
+rate = "logarithmic"
+"""
+
+
+def test_a_sum_of_motions_of_the_base_is_read_written_and_run():
+    study = read(SUM)
+    assert study.excitation == fi.Sine(1e-3, 5.0) + fi.Chirp(3.0, 9.0, 1.5, acceleration=0.2, kind="logarithmic")
+    assert _excitation(_base_numbers(study.excitation), None) == study.excitation
+    other = replace(study, output=replace(study.output, frames=10))
+    assert same_study(read_study(study_text(other), study.path), other)
+    # without a history the longest of the parts that have a duration
+    assert read(SUM.replace("history = 2.0", "")).base.history_duration == 1.5
+    assert read(SUM, HAMMER).excitation == fi.Drives(study.excitation, DRIVES.forces[:1])
+    assert "up to 9 Hz" in study.base.words
+
+
+@pytest.mark.parametrize(
+    ("parts", "words"),
+    [
+        ((SUM.replace("5.0", "-5.0"),), r"base.parts.1.frequency = -5.0 Hz"),
+        ((SUM.replace('"chirp"', '"chrip"'),), r"base.parts.2.kind = 'chrip'"),
+        ((SUM.replace('rate = "', 'rates = "'),), r"base.parts.2.rates: unknown; did you mean 'rate'"),
+        ((SUM.replace("history = 2.0", "amplitude = 1.0"),), r"base.amplitude: unknown"),
+        (('[base]\nkind = "sum"\nhistory = 2.0\n',), r"base.parts.*must be one or more tables"),
+        (('[base]\nkind = "sum"\n[[base.parts]]\namplitude = 1e-3\nfrequency = 5\n',), r"base.history.*is missing"),
+    ],
+)  # fmt: skip
+def test_faults_of_sums_are_said_by_their_keys(parts, words):
+    with pytest.raises(fi.InputError, match=words):
+        read_study(HEAD + "\n".join(parts), Path("study.toml"))

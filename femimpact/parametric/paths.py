@@ -21,7 +21,7 @@ from femimpact.integrators.methods import METHODS, Method
 from femimpact.integrators.stepping.newmark import Newmark
 from femimpact.structure.damping import ModalDamping, Rayleigh
 from femimpact.structure.structure import Structure
-from femimpact.study.base_motion import BaseMotion, SignalMotion
+from femimpact.study.base_motion import SUM, BaseMotion, SignalMotion
 from femimpact.study.forces import FORCE_KINDS, DrivenMotion, RestMotion, StudyForce
 from femimpact.study.study import (
     Gravity,
@@ -125,7 +125,7 @@ def _units_of_base(base: Any) -> Mapping[str, str]:
     """Values of [base] that are numbers, and the start, each with its unit, by their keys in a study file."""
     if isinstance(base, BaseMotion):
         return BASE
-    if isinstance(base, RestMotion):
+    if isinstance(base, RestMotion) or (isinstance(base, SignalMotion) and base.kind == SUM):
         return {"history": "s", "initial": ""}
     if not isinstance(base, SignalMotion):
         return {"scale": "1", "duration": "s", "start": ""}

@@ -13,7 +13,7 @@ import numpy as np
 
 from femimpact.arrays import Array
 from femimpact.errors import require
-from femimpact.excitation import Drives, Excitation, HammerBlow, PointForce, RecordedBase, Sine
+from femimpact.excitation import Drives, Excitation, HammerBlow, PointForce, RecordedBase, Sine, Sum
 from femimpact.export import tables
 from femimpact.export.placed import DrawnContact, DrawnSystem
 from femimpact.response.history import Snapshots
@@ -231,6 +231,8 @@ def _base_numbers(base: Excitation) -> dict[str, Any]:
     if isinstance(base, Drives):
         moving = None if base.base is None else _base_numbers(base.base)
         return {"base": moving, "forces": [_base_numbers(force) for force in base.forces]}
+    if isinstance(base, Sum):
+        return {"parts": [_base_numbers(part) for part in base.parts]}
     if isinstance(base, PointForce):
         return {"at": base.at, "name": base.name, "history": _base_numbers(base.history)}
     if isinstance(base, HammerBlow):
@@ -260,6 +262,8 @@ def _excitation(numbers: Mapping[str, Any], samples: Array | None) -> Any:
         moving = numbers["base"]
         forces = tuple(_excitation(force, None) for force in numbers["forces"])
         return Drives(None if moving is None else _excitation(moving, samples), forces)
+    if "parts" in numbers:
+        return Sum(tuple(_excitation(part, None) for part in numbers["parts"]))
     if "history" in numbers:
         return PointForce(numbers["at"], _excitation(numbers["history"], None), numbers["name"])
     if "impulse" in numbers:

@@ -14,10 +14,11 @@ from typing import Any
 
 from femimpact.contact.laws import LAWS, PowerLaw
 from femimpact.errors import quantity
+from femimpact.excitation import Sine
 from femimpact.integrators.methods import METHODS
 from femimpact.structure.beam import Segment
 from femimpact.structure.damping import ModalDamping, Rayleigh
-from femimpact.study.base_motion import HISTORY_KEYS, SIGNALS, BaseMotion, RecordedMotion, SignalMotion
+from femimpact.study.base_motion import HISTORY_KEYS, SIGNALS, SUM, BaseMotion, RecordedMotion, SignalMotion
 from femimpact.study.forces import FORCE_KINDS, RestMotion, StudyForce, keys_of_force
 from femimpact.study.parameter_plan import DISTRIBUTIONS, MOST_POINTS, BestPlan, ParameterPlan, SamplePlan
 
@@ -144,7 +145,7 @@ def base_schema() -> dict[str, Any]:
     rest = noun_schema(RestMotion, title="rest")
     rest["properties"] = {"kind": {"const": "rest", "description": "the kind of motion"}, **rest["properties"]}
     rest["required"] = ["kind", *rest["required"]]
-    forms.append(rest)
+    forms += [_sum_schema(), rest]
     about = (
         "Motion of the base: a sine, a record of its acceleration, a chirp, a stepped sine, a random motion, a shock, "
         "or none, beside forces."
@@ -175,6 +176,28 @@ def _signal(kind: str) -> dict[str, Any]:
     needed = [_key_of(other, name) for name, item in arguments.items() if item.default is inspect.Parameter.empty]
     schema["required"] = ["kind", *needed, *(["history", "acceleration", "duration"] if kind == "shock" else [])]
     return schema
+
+
+def _sum_schema() -> dict[str, Any]:
+    """Schema of a sum of motions of the base."""
+    sine = noun_schema(Sine, title="a sine")
+    sine["properties"] = {"kind": {"const": "sine", "description": "the kind of motion"}, **sine["properties"]}
+    parts = [sine]
+    for kind in SIGNALS:
+        form = _signal(kind)
+        form["properties"] = {name: key for name, key in form["properties"].items() if name not in HISTORY_KEYS}
+        form["required"] = [name for name in form["required"] if name not in HISTORY_KEYS]
+        parts.append(form)
+    history = {item.name: item for item in dataclasses.fields(SignalMotion)}
+    keys = {
+        "kind": {"const": SUM, "description": "the kind of motion"},
+        "parts": {
+            "type": "array", "minItems": 1, "items": {"oneOf": parts},
+            "description": "motions that are added, [[base.parts]]",
+        },
+        **{name: _key(history[name], _meanings(SignalMotion)[name]) for name in HISTORY_KEYS},
+    }  # fmt: skip
+    return {"title": SUM, **_closed(keys, ["kind", "parts"])}
 
 
 def force_schema() -> dict[str, Any]:

@@ -19,7 +19,8 @@ from femimpact.errors import (
     text,
     truth,
 )
-from femimpact.excitation import Drives, HammerBlow, PointForce, RecordedBase, Sine
+from femimpact.excitation import Drives, HammerBlow, PointForce, RecordedBase, Sine, Sum
+from femimpact.excitation.drives import until
 from femimpact.fem.assembly import assemble
 from femimpact.fem.mesh import Mesh
 from femimpact.fem.mesh_files import read_mesh
@@ -233,9 +234,12 @@ class Study:
             sine_of(self, "sweep")
 
     @property
-    def excitation(self) -> Sine | RecordedBase | Signal | Drives | PointForce | HammerBlow:
+    def excitation(self) -> Sine | RecordedBase | Signal | Sum | Drives | PointForce | HammerBlow:
         """Drives of the simulated history: the motion of the base, and forces."""
-        return self.base.excitation
+        drives: Sine | RecordedBase | Signal | Sum | Drives | PointForce | HammerBlow = until(
+            self.base.excitation, self.base.history_duration
+        )
+        return drives
 
     @property
     def motion(self) -> Motion:

@@ -22,7 +22,15 @@ from femimpact.regular_file import read_regular
 from femimpact.structure.beam import Beam, Segment
 from femimpact.structure.damping import ModalDamping, Rayleigh
 from femimpact.structure.structure import Absorber, Dashpot, Impactor, PointMass, Spring, Stop, Structure, Support
-from femimpact.study.base_motion import HISTORY_KEYS, SIGNALS, BaseMotion, RecordedMotion, SignalMotion, record_beside
+from femimpact.study.base_motion import (
+    HISTORY_KEYS,
+    SIGNALS,
+    SUM,
+    BaseMotion,
+    RecordedMotion,
+    SignalMotion,
+    record_beside,
+)
 from femimpact.study.forces import FORCE_KINDS, DrivenMotion, RestMotion, StudyForce
 from femimpact.study.parameter_plan import (
     DISTRIBUTIONS,
@@ -315,7 +323,7 @@ def _gravity(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any
 def _base(prefix: str, values: Mapping[str, Any], faults: list[Fault], folder: Path = Path()) -> Any:
     """A sine, a record whose path is given from a folder, or another kind of motion with the fields of its noun."""
     kind = values.get("kind", "record" if "record" in values else "sine")
-    kinds = ("sine", "record", *SIGNALS, "rest")
+    kinds = ("sine", "record", *SIGNALS, SUM, "rest")
     if not isinstance(kind, str) or kind not in kinds:
         allowed = f"must be one of {', '.join(repr(name) for name in kinds)}"
         faults.append(Fault(f"{prefix}.kind", kind, "", allowed))
@@ -323,7 +331,7 @@ def _base(prefix: str, values: Mapping[str, Any], faults: list[Fault], folder: P
     values = {name: value for name, value in values.items() if name != "kind"}
     if kind == "rest":
         return _noun(RestMotion, prefix, values, faults)
-    if kind in SIGNALS:
+    if kind in (*SIGNALS, SUM):
         motion = tuple((name, _plain(value)) for name, value in values.items() if name not in HISTORY_KEYS)
         history = {name: values[name] for name in HISTORY_KEYS if name in values}
         return _collected(prefix, lambda: SignalMotion(kind, motion, **history), faults)
@@ -367,7 +375,9 @@ def _force(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any:
 
 
 def _plain(value: Any) -> Any:
-    """Lists as tuples, which do not change."""
+    """Lists as tuples, which do not change, and tables as pairs of a key and a value."""
+    if isinstance(value, dict):
+        return tuple((name, _plain(item)) for name, item in value.items())
     return tuple(map(_plain, value)) if isinstance(value, list) else value
 
 
@@ -521,6 +531,8 @@ def _value(value: Any) -> str:
         return _value(value.values)
     if isinstance(value, Distribution):
         return f"{{ {value.name} = {_value(value.numbers)} }}"
+    if isinstance(value, dict):
+        return f"{{ {', '.join(f'{name} = {_value(item)}' for name, item in value.items())} }}"
     if isinstance(value, (tuple, list)):
         return f"[{', '.join(map(_value, value))}]"
     return repr(value)
