@@ -217,7 +217,8 @@ CONSTANT_FORCES = "constant forces"
 
 
 def _read_only(values: Array) -> Array:
-    array = np.ascontiguousarray(values)
+    """A copy: the arrays of a run with a sink are filled again."""
+    array = np.array(values)
     array.setflags(write=False)
     return array
 
