@@ -328,7 +328,9 @@ EXAMPLES = {
         "calibrate_restitution", "restitution_of_laws", "two_laws", "own_contact_law", "switching_spring",
     ),
     "Kinds of motion": ("sticking_ball", "bifurcation", "up_and_down_sweep", "preloaded_stop"),
-    "Motions of a shaker": ("base_from_csv", "chirps_at_walls", "half_sine_shock", "random_vibration"),
+    "Motions of a shaker": (
+        "base_from_csv", "chirps_at_walls", "half_sine_shock", "random_vibration", "base_and_hammer",
+    ),
     "Beams and modes": ("tapered_blade", "spring_between_places"),
     "Measured curves": ("damping_from_a_curve", "laser_at_midspan"),
     "Accuracy": ("mesh_convergence", "step_size"),

@@ -57,6 +57,7 @@ if TYPE_CHECKING:
     from femimpact.errors import InputError as InputError
     from femimpact.errors import InputWarning as InputWarning
     from femimpact.excitation import Chirp as Chirp
+    from femimpact.excitation import Drives as Drives
     from femimpact.excitation import HammerBlow as HammerBlow
     from femimpact.excitation import PiecewisePolynomial as PiecewisePolynomial
     from femimpact.excitation import PointForce as PointForce
@@ -169,8 +170,8 @@ _MODULES = {
     ),
     "errors": ("DivergenceError", "FemimpactError", "InputError", "InputWarning"),
     "excitation": (
-        "Chirp", "HammerBlow", "PiecewisePolynomial", "PointForce", "RandomBase", "RecordedBase", "Shock", "Sine",
-        "SteppedSine", "Sum",
+        "Chirp", "Drives", "HammerBlow", "PiecewisePolynomial", "PointForce", "RandomBase", "RecordedBase", "Shock",
+        "Sine", "SteppedSine", "Sum",
     ),
     "export.movie": ("write_movie",),
     "export.vtk": ("to_pyvista",),

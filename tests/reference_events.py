@@ -1,6 +1,6 @@
 """Impacts of a ball in the box of one oscillator, in 30 digits: no step, no fit and no rule of femimpact is shared.
 
-Relative to the base x'' + 2 zeta w x' + w^2 x = -s(t), y'' = -s(t). A panel is gone through by Gauss-Legendre
+Relative to the base x'' + 2 zeta w x' + w^2 x = -s(t) + F(t)/m, y'' = -s(t). A panel is gone through by Gauss-Legendre
 quadrature of the convolution, and a crossing |y - x| = gap is found in it by scanning and by the secant rule.
 """
 
@@ -31,9 +31,11 @@ class Oscillator:
         gap: float,
         restitution: float,
         s: Callable[[Any], Any],
+        force: Callable[[Any], Any] = lambda _: 0,
     ) -> None:
         mp.mp.dps = 30
         self.masses, self.gap, self.e, self.s = (mp.mpf(mass), mp.mpf(ball)), mp.mpf(gap), mp.mpf(restitution), s
+        self.force = force
         self.decay = mp.mpf(zeta) * omega
         self.turning = mp.sqrt(mp.mpf(omega) ** 2 - self.decay**2)
         self.state = [mp.mpf(0)] * 4
@@ -50,10 +52,12 @@ class Oscillator:
         ]  # fmt: skip
         for node, weight in zip(self.nodes, self.weights, strict=True):
             left = h * (1 - node)
-            push = -self.s(self.time + h * node) * weight * h
+            at = self.time + h * node
+            push = -self.s(at) * weight * h
+            forced = push + self.force(at) / self.masses[0] * weight * h
             decayed, c, s = mp.exp(-d * left), mp.cos(w * left), mp.sin(w * left)
-            found[0] += push * decayed * s / w
-            found[1] += push * decayed * (c - d / w * s)
+            found[0] += forced * decayed * s / w
+            found[1] += forced * decayed * (c - d / w * s)
             found[2] += push * left
             found[3] += push
         return found

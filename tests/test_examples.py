@@ -275,6 +275,14 @@ def test_a_shock_has_its_peak_stress_between_samples():
     assert abs(peak.value) >= np.abs(run["root.surface_stress"]).max()
 
 
+def test_a_hammer_and_a_shaker_share_all_work():
+    energy = load("base_and_hammer").main().energy
+    # nothing of the hammer before its blow, and all work by one of both
+    assert not np.any(energy.work_of["hammer"][energy.time < 5.0])
+    work = sum(energy.work_of.values())
+    np.testing.assert_allclose(work, energy.work, rtol=0.0, atol=1e-12 * np.abs(energy.work).max())
+
+
 def test_chirps_up_and_down_at_walls_differ():
     (up, tip_up), (down, tip_down) = load("chirps_at_walls").main()
     # up, the walls are still met where the chirp down has not reached them yet

@@ -31,9 +31,11 @@ def _streamed(system, piece_samples, **more):
     return response, pieces
 
 
-def _columns(record):
-    """Arrays of a ledger or of snapshots by name."""
-    return {field.name: getattr(record, field.name) for field in dataclasses.fields(record)}
+def _columns(table):
+    """Arrays of a record by their names, the work of each drive among them."""
+    columns = {item.name: getattr(table, item.name) for item in dataclasses.fields(table)}
+    work_of = columns.pop("work_of", {})
+    return columns | {f"work of {name}": values for name, values in work_of.items()}
 
 
 def _assert_joined(pieces, whole):
@@ -63,8 +65,12 @@ def test_pieces_hold_the_bits_of_the_whole_history(small, method):
 
 @pytest.mark.parametrize(
     "base",
-    [fi.RecordedBase(np.sin(np.arange(100) / 3.0), 4e-3), fi.PointForce("tip", fi.Sine(0.05, 5.1, phase=0.3))],
-    ids=["recorded", "force"],
+    [
+        fi.RecordedBase(np.sin(np.arange(100) / 3.0), 4e-3),
+        fi.PointForce("tip", fi.Sine(0.05, 5.1, phase=0.3)),
+        fi.Sine(2e-4, 5.0) + fi.HammerBlow("mid", 1e-3, 0.01, 0.1),
+    ],
+    ids=["recorded", "force", "drives"],
 )
 def test_pieces_hold_the_bits_whatever_drives(small, base):
     pieces = []

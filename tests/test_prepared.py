@@ -16,6 +16,7 @@ from femimpact.study import demo
 from femimpact.study import run as runs
 from femimpact.study import study as studies
 from femimpact.study.demo import paper_study
+from femimpact.study.forces import DrivenMotion, StudyForce
 from femimpact.study.parameter_plan import AxisValues, ParameterPlan
 from femimpact.study.prepared import plan_lines, prepare, with_base
 from femimpact.study.result_directory import FILES
@@ -217,7 +218,10 @@ def test_every_table_of_a_study_file_can_be_written(study):
     structure = dataclasses.replace(structure_with(fi.Rigid(0.5)), **hung)
     plan = ParameterPlan(("peak",), {"base.amplitude": AxisValues((1e-4, 2e-4))})
     everything = dataclasses.replace(study, structure=structure, method={"name": "event-driven"}, plan=plan)
-    text = study_text(everything)
+    # forces go without a sweep
+    blow = StudyForce("hammer", "tip", (("impulse", 1e-3), ("duration", 1e-3)))
+    struck = dataclasses.replace(everything, sweep=None, base=DrivenMotion(study.base, (blow,)))
+    text = study_text(everything) + study_text(struck)
     for table in TABLES:
         assert f"[{table}]" in text or f"[[{table}]]" in text or f"[{table}.segment]" in text
     assert Gravity(everything.structure.gravity).acceleration == -9.81

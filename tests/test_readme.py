@@ -43,6 +43,7 @@ def ran(*pages):
 
 GOING_ON = (
     "figures", "tapered_beams", "own_law", "own_terms", "moments_and_reactions", "own_channel", "own_excitation",
+    "several_drives",
 )  # fmt: skip
 """Pages whose scripts go on from the one on scripting, in this order."""
 

@@ -67,7 +67,7 @@ def scalars_of(block, forms, drive, space):
     values = {
         "exponent": forms.exponent[0, :entries], "coupling": forms.coupling[0, :entries, :entries].copy(),
         "blocks": forms.blocks[0], "size": forms.size[0, :entries], "omega": drive.omega, "degree": -1,
-        "rigid_body_given": bounds.given[:rigid_bodies], "rigid_body_drive": bounds.nothing[:rigid_bodies],
+        "rigid_body_given": bounds.given[:rigid_bodies], "rigid_body_drive": bounds.nothing[:, :rigid_bodies].copy(),
         "lasting": bounds.lasting, "upper": bounds.upper, "lower": bounds.lower,
         "weight": forms.weight[0, :, :entries].copy(), "weight_size": forms.weight_size[0, :, :entries].copy(),
         "rigid_body_weight": forms.rigid_body_weight[0, :, :rigid_bodies].copy(),

@@ -33,9 +33,9 @@ class Pairs(NamedTuple):
 
 class Cases(NamedTuple):
     omega: Array  # (C,)
-    amplitude: Array  # (C,)
+    amplitude: Complex  # (C, H)
     knots: Array  # (L,)
-    pieces: Array  # (L, 8)
+    pieces: Array  # (L, 8H)
     degree: int
     longest: float
     gap_plus: Array  # (C, R)
@@ -48,7 +48,7 @@ class Cases(NamedTuple):
     entry: Complex  # (C, K)
     rigid_body: Array  # (C, 2, P)
     clock: Array  # (C, 2)
-    drive: Array  # (C, 8)
+    drive: Array  # (C, 8H)
     piece: Integers  # (C,)
     coordinates: Array  # (C, 2, d)
     entering: Integers  # (C,)
@@ -79,22 +79,22 @@ class Forms(NamedTuple):
     blocks: Integers  # (F, B, 2)
     size: Array  # (F, K)
     rigid_body_given: Array  # (F, P, R+1)
-    rigid_body_drive: Array  # (F, P)
+    rigid_body_drive: Array  # (F, H, P)
     weight: Complex  # (F, 2R+O, K)
     weight_size: Array  # (F, 2R+O, K)
     rigid_body_weight: Array  # (F, 2R+O, P)
     rigid_body_rate_weight: Array  # (F, 2R+O, P)
     constant: Array  # (F, 2R+O, R+1)
-    through: Array  # (F, 3, 2R+O)
-    follow: Array  # (F, 8, 2R+O)
+    through: Array  # (F, 3H, 2R+O)
+    follow: Array  # (F, 8H, 2R+O)
     shape: Complex  # (F, d, K)
     shape_rate: Complex  # (F, d, K)
     rigid_body_shape: Array  # (F, d, P)
     static: Array  # (F, d, R+1)
     position_through: Array  # (F, d)
-    position_follow: Array  # (F, 8, d)
-    velocity_follow: Array  # (F, 8, d)
-    load: Complex  # (F, 3, K)
+    position_follow: Array  # (F, 8H, d)
+    velocity_follow: Array  # (F, 8H, d)
+    load: Complex  # (F, 3H, K)
     to_entry_u: Complex  # (F, K, d)
     to_entry_v: Complex  # (F, K, d)
     to_rigid_body: Array  # (F, P, d)
@@ -115,6 +115,7 @@ class Grid(NamedTuple):
     values: Array  # (C, x, O)
     kept: Integers  # (k,)
     energy: Array  # (C, e, n+7)
+    work_of: Array  # (C, w, D+1)
 
 class Snapshots(NamedTuple):
     shown: Integers  # (s,)
@@ -147,7 +148,7 @@ class Motion(NamedTuple):
     rigid_body: Array  # (P,)
     rigid_body_rate: Array  # (P,)
     clock: Array  # (2,)
-    drive: Array  # (8,)
+    drive: Array  # (8H,)
 
 class Search(NamedTuple):
     leaving: Array  # (2R,)
@@ -167,7 +168,7 @@ class Bounds(NamedTuple):
     constant: Array  # (2R+O,)
     static: Array  # (d,)
     given: Array  # (P,)
-    nothing: Array  # (P,)
+    nothing: Array  # (H, P)
     wall: Array  # (R+1,)
     steady: Complex  # (2, K)
 
@@ -195,6 +196,10 @@ class Ledger(NamedTuple):
     loss_of_mode: Array  # (C, n)
     start: Array  # (C, n+7)
     everywhere: bool
+    drive_load: Array  # (D, d)
+    drive_amplitude: Complex  # (D,)
+    drive_pieces: Array  # (g, 6D)
+    work_of: Array  # (C, D+1)
 
 class SearchCall(NamedTuple):
     scalars: Scalars
@@ -209,7 +214,7 @@ class Scalars(NamedTuple):
     omega: float
     degree: int
     rigid_body_given: Array  # (P,)
-    rigid_body_drive: Array  # (P,)
+    rigid_body_drive: Array  # (H, P)
     lasting: Array  # (2R,)
     upper: Array  # (2R+1,)
     lower: Array  # (2R+1,)
@@ -219,8 +224,8 @@ class Scalars(NamedTuple):
     rigid_body_rate_weight: Array  # (2R+O, P)
     sine: Complex  # (2R+O,)
     constant: Array  # (2R+O,)
-    follow: Array  # (8, 2R+O)
+    follow: Array  # (8H, 2R+O)
     driven: int
-    load: Complex  # (3, K)
+    load: Complex  # (3H, K)
     term: Complex  # (K,)
     growth: Complex  # (K,)

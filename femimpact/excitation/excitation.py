@@ -145,8 +145,15 @@ def has_cycle(excitation: object) -> bool:
     return bool(getattr(excitation, "has_cycle", True))
 
 
+def is_force(excitation: object) -> bool:
+    """True for a force at a place."""
+    return getattr(excitation, "at", None) is not None
+
+
 def words_of(excitation: Any) -> str:
     """The excitation in a few words: "base at 5 Hz", "base: chirp + sine", "force at tip: hammer blow"."""
+    if hasattr(excitation, "drives"):
+        return ", ".join(map(words_of, excitation.drives))
     place = getattr(excitation, "at", None)
     driven = "base" if place is None else f"force at {place if isinstance(place, str) else f'{place:g} m'}"
     if has_cycle(excitation) and math.isfinite(excitation.phase):

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from femimpact.errors import check_fields, kind_of, place, quantity, require
+from femimpact.errors import check_fields, kind_of, optional, place, quantity, require, text
 from femimpact.excitation.excitation import MEMBERS, Harmonic, has_cycle, times
 from femimpact.excitation.piecewise_polynomial import PiecewisePolynomial, half_sine, pieces_of
 from femimpact.excitation.sums import Sum, added, force_form_of, parts_of
@@ -32,6 +32,13 @@ class BaseAtRest:
     acceleration = displacement
 
     __add__ = added
+    __radd__ = added
+
+
+def check_name(name: str | None) -> None:
+    """Raise `InputError` for a name of a force that is empty or holds a dot, which parts the names of axes."""
+    good = name is None or (bool(name.strip()) and "." not in name)
+    require(good, "name", name, "", "must be a text without a dot that is not empty")
 
 
 @dataclass(frozen=True)
@@ -50,6 +57,8 @@ class PointForce(BaseAtRest):
         Named place, or metres from the root.
     history : Sine, Chirp, SteppedSine, RandomBase, Shock, RecordedBase or Sum
         Its level is a force, N.
+    name : str, optional
+        Among several drives, without a dot; see `Drives`.
 
     Raises
     ------
@@ -68,9 +77,11 @@ class PointForce(BaseAtRest):
 
     at: str | float = field(metadata=place())
     history: Any
+    name: str | None = field(default=None, metadata=optional(text()))
 
     def __post_init__(self) -> None:
         check_fields(self)
+        check_name(self.name)
         allowed = "must be a Sine, Chirp, SteppedSine, RandomBase, Shock, RecordedBase or a sum of motions of the base"
         good = all(hasattr(self.history, name) for name in MEMBERS) and not hasattr(self.history, "at")
         require(good and not isinstance(self.history, type), "history", kind_of(self.history), "", allowed)
@@ -126,15 +137,19 @@ class HammerBlow(BaseAtRest):
         Its sign is that of the force.
     duration : float, s
     begin : float, s
+    name : str, optional
+        Among several drives, without a dot; see `Drives`.
     """
 
     at: str | float = field(metadata=place())
     impulse: float = field(metadata=quantity("N s"))
     duration: float = field(metadata=quantity("s", above=0.0))
     begin: float = field(default=0.0, metadata=quantity("s", at_least=0.0))
+    name: str | None = field(default=None, metadata=optional(text()))
 
     def __post_init__(self) -> None:
         check_fields(self)
+        check_name(self.name)
 
     @property
     def frequency(self) -> float:

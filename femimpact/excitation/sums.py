@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from femimpact.arrays import Array
 from femimpact.errors import check_fields, items, optional, quantity, require
-from femimpact.excitation.excitation import MEMBERS, BrokenLine, Harmonic, require_excitation
+from femimpact.excitation.excitation import MEMBERS, BrokenLine, Harmonic, is_force, require_excitation
 from femimpact.excitation.piecewise_polynomial import PHASE_OF_PIECE, PiecewisePolynomial, fitted, pieces_of
 
 Form = Harmonic | BrokenLine | PiecewisePolynomial
@@ -24,6 +24,10 @@ BEYOND = 2
 
 MOST_PIECES = 50_000_000
 """Most pieces of sines in a sum, which take some gigabytes: a sum with more has no closed form."""
+
+
+CANCELLED = 1e-15
+"""Share of the amplitudes of sines below which that of their sum is rounding."""
 
 
 @dataclass(frozen=True)
@@ -56,9 +60,8 @@ class Sum:
         require(len(self.parts) > 0, "parts", None, "", "must be one or more motions of the base")
         for part in self.parts:
             require_excitation(part, "parts")
-            force = getattr(part, "at", None) is None
             allowed = "must be motions of the base: a force acts elsewhere; PointForce(at, a + b) is a sum of forces"
-            require(force, "parts", type(part).__name__, "", allowed)
+            require(not is_force(part), "parts", type(part).__name__, "", allowed)
 
     def until(self, end: float) -> Sum:
         """The same with a closed form up to a time (s)."""
@@ -67,7 +70,7 @@ class Sum:
     @property
     def _harmonic(self) -> Harmonic | None:
         """The sum as one sine of the acceleration, where all parts are sines of one frequency."""
-        return _one_sine([getattr(part, "closed_form", None) for part in parts_of(self)])
+        return one_sine([getattr(part, "closed_form", None) for part in parts_of(self)])
 
     @property
     def frequency(self) -> float:
@@ -121,10 +124,17 @@ class Sum:
 
 
 def added(first: Any, second: Any) -> Any:
-    """Sum of two motions of the base."""
+    """Both excitations at once: a `Sum` of motions of the base, `Drives` where there is a force."""
+    from femimpact.excitation.drives import Drives  # which are made of sums
+
     if any(not hasattr(second, name) for name in MEMBERS):
         return NotImplemented
-    return Sum((*parts_of(first), *parts_of(second)))
+    drives = [drive for item in (first, second) for drive in getattr(item, "drives", (item,))]
+    bases = [part for drive in drives if not is_force(drive) for part in parts_of(drive)]
+    forces = tuple(drive for drive in drives if is_force(drive))
+    if not forces:
+        return Sum(tuple(bases))
+    return Drives((Sum(tuple(bases)) if len(bases) > 1 else bases[0]) if bases else None, forces)
 
 
 def parts_of(history: Any) -> tuple[Any, ...]:
@@ -140,12 +150,14 @@ def force_form_of(history: Any) -> Form | None:
     return getattr(history, "closed_form", None) if force_form is None else force_form
 
 
-def _one_sine(forms: Sequence[Form | None]) -> Harmonic | None:
+def one_sine(forms: Sequence[Form | None]) -> Harmonic | None:
     """A sum of sines of one frequency."""
     sines = [form for form in forms if isinstance(form, Harmonic)]
     if len(sines) < len(forms) or len({form.omega for form in sines}) > 1:
         return None
     phasor = sum(form.amplitude * np.exp(1j * form.phase) for form in sines)
+    if abs(phasor) <= CANCELLED * sum(abs(form.amplitude) for form in sines):
+        phasor = 0.0
     return Harmonic(float(abs(phasor)), sines[0].omega, float(np.angle(phasor)))
 
 
@@ -153,14 +165,50 @@ def _sum_of(
     forms: Sequence[Form | None], end: float | None, starts: Callable[[Array], Array] | None = None
 ) -> Form | None:
     """A sum of closed forms; its sines up to an end (s), its pieces with starts where it moves the base."""
-    wave = _one_sine(forms)
+    wave = one_sine(forms)
     if wave is not None:
         return wave
+    knots = _common_knots(forms, end)
+    if knots is None:
+        return None
+    # pieces first
+    values = [_value_of(form) for form in sorted(forms, key=lambda form: isinstance(form, Harmonic))]
+
+    def history(time: Array) -> Array:
+        return sum((value(time) for value in values), np.zeros(time.shape))
+
+    return fitted(history, knots, None if starts is None else starts(knots))
+
+
+def forms_together(
+    forms: Sequence[Form | None], end: float | None, starts: Callable[[Array], Array] | None = None
+) -> tuple[Form, ...] | None:
+    """Closed forms as sines of one frequency, or between common knots, the first with starts where it moves the base.
+
+    None as of `Sum.closed_form`.
+    """
+    if one_sine(forms) is not None:
+        return tuple(form for form in forms if form is not None)
+    knots = _common_knots(forms, end)
+    if knots is None:
+        return None
+    given = [None if starts is None else starts(knots), *[None] * (len(forms) - 1)]
+    return tuple(fitted(_value_of(form), knots, start) for form, start in zip(forms, given, strict=True))
+
+
+def _value_of(form: Any) -> Callable[[Array], Array]:
+    """A closed form as a function of the time (s)."""
+    if isinstance(form, Harmonic):
+        return lambda time: form.amplitude * np.sin(form.omega * time + form.phase)
+    return pieces_of(form).value
+
+
+def _common_knots(forms: Sequence[Form | None], end: float | None) -> Array | None:
+    """Times (s) between which all closed forms are polynomials, sines up to an end (s); None without one."""
     if any(form is None for form in forms):
         return None
     sines = [form for form in forms if isinstance(form, Harmonic)]
-    pieces = [pieces_of(form) for form in forms if isinstance(form, BrokenLine | PiecewisePolynomial)]
-    grids = [form.knots for form in pieces]
+    grids = [pieces_of(form).knots for form in forms if isinstance(form, BrokenLine | PiecewisePolynomial)]
     if sines:
         # of one length whatever the end: a run that goes on has the same pieces
         length = PHASE_OF_PIECE / max(form.omega for form in sines)
@@ -171,14 +219,7 @@ def _sum_of(
     if sines:
         # beyond their last piece the others are too long for a sine
         knots = knots[knots <= grids[-1][-1]]
-
-    def history(time: Array) -> Array:
-        total = sum((form.value(time) for form in pieces), np.zeros(time.shape))
-        for form in sines:
-            total = total + form.amplitude * np.sin(form.omega * time + form.phase)
-        return total
-
-    return fitted(history, knots, None if starts is None else starts(knots))
+    return knots
 
 
 def _distinct(knots: Array) -> Array:

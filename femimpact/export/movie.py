@@ -169,7 +169,7 @@ def _film(response: Response, structure: Structure, exaggeration: float | None, 
     shown = float(snapshots.time[chosen[-1]] - snapshots.time[chosen[0]])
     slow = f"   Slowed {(chosen.size - 1) / fps / shown:.2g} times." if shown > 0.0 else ""
     words = words_of(response.base)
-    is_sine = math.isfinite(response.base.phase) and getattr(response.base, "at", None) is None
+    is_sine = math.isfinite(response.base.phase) and response.base.amplitude > 0.0
     moved = f", {1e3 * response.base.amplitude:.4g} mm" if is_sine else ""
     base = f"{words[:1].upper()}{words[1:]}{moved}."
     drawn = "Motion and clearance" if response.system.contacts else "Motion"

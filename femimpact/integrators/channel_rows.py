@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -13,9 +13,10 @@ from numpy.typing import ArrayLike
 
 from femimpact.arrays import Array
 from femimpact.errors import real_array, require
-from femimpact.excitation import BrokenLine, Excitation, Harmonic, PiecewisePolynomial, require_excitation
+from femimpact.excitation import BrokenLine, Drives, Excitation, Harmonic, PiecewisePolynomial, require_excitation
 from femimpact.excitation.excitation import AT_SAMPLE
 from femimpact.excitation.piecewise_polynomial import pieces_of
+from femimpact.excitation.sums import one_sine
 from femimpact.response.channels import Channel, Reading, ShakerForce, zero_reading
 from femimpact.structure.structure import Position
 from femimpact.system.system import System
@@ -34,6 +35,24 @@ class Drive:
     history: Callable[[Array], ArrayLike]  # s (m/s^2 or N) at times in s
     closed_form: Harmonic | BrokenLine | PiecewisePolynomial | None  # of s(t), where it has one
     at: Position | None = None  # place of a force; None where the base moves
+    # of several drives at once: those along further loads, each a drive by itself; all drives, the base first, whose
+    # work is kept apart, with the number of their load; and their names
+    more: tuple[Drive, ...] = ()
+    parts: tuple[Drive, ...] = ()
+    own: tuple[Drive, ...] = ()  # these with the closed forms that each has alone
+    members: tuple[Drive, ...] = ()  # those of them along this load
+    names: tuple[str, ...] = ()
+    place: int = 0
+
+    @property
+    def loads(self) -> tuple[Drive, ...]:
+        """The drive and those along further loads."""
+        return (self, *self.more)
+
+    @property
+    def rate(self) -> float | None:
+        """Rate of change of the polynomials (1/s) that the drives are made of; None for sines."""
+        return max((load.pieces.rate for load in self.loads if load.pieces is not None), default=None)
 
     @property
     def sine(self) -> Harmonic:
@@ -60,6 +79,11 @@ class Drive:
     def is_sine(self) -> bool:
         """True if s(t) is a sine; the values of anything else are tabulated by methods that take steps."""
         return isinstance(self.closed_form, Harmonic)
+
+    @property
+    def is_tabulated(self) -> bool:
+        """True where methods that take steps read values at their steps: of all but one sine."""
+        return bool(self.parts) or not self.is_sine
 
     @property
     def base_amplitude(self) -> float:
@@ -135,6 +159,8 @@ def drive_of(system: System, excitation: Excitation) -> Drive:
     Raises `InputError` if the place of a force is unknown, or the value is no excitation.
     """
     require_excitation(excitation)
+    if isinstance(excitation, Drives):
+        return _several(system, excitation)
     # the two members that a user's excitation may lack
     at, closed_form = (getattr(excitation, name, None) for name in ("at", "closed_form"))
     omega = 2.0 * np.pi * excitation.frequency
@@ -142,6 +168,59 @@ def drive_of(system: System, excitation: Excitation) -> Drive:
         return Drive(-system.base_load, 1.0, omega, excitation.acceleration, closed_form)
     force: Any = excitation
     return Drive(system.point_row(at), 0.0, omega, force.force, closed_form, at)
+
+
+def _several(system: System, excitation: Drives) -> Drive:
+    """The right-hand side of several drives: those along one load are one history."""
+    given = [drive_of(system, drive) for drive in excitation.drives]
+    if len(given) == 1:
+        return given[0]
+    forms = excitation.closed_forms or [None] * len(given)
+    places = list(dict.fromkeys((part.share, part.load.tobytes()) for part in given))
+    parts = [
+        replace(part, closed_form=form, place=places.index((part.share, part.load.tobytes())))
+        for part, form in zip(given, forms, strict=True)
+    ]
+    of_loads = [[part for part in parts if part.place == number] for number in range(len(places))]
+    omega = 2.0 * np.pi * excitation.frequency
+    own = tuple(replace(part, place=other.place) for part, other in zip(given, parts, strict=True))
+    first, *more = [
+        replace(_along_one_load(members), omega=omega, members=tuple(part for part in own if part.place == number))
+        for number, members in enumerate(of_loads)
+    ]
+    return replace(first, more=tuple(more), parts=tuple(parts), names=excitation.names, own=own)
+
+
+def _along_one_load(parts: Sequence[Drive]) -> Drive:
+    """Drives along one load as one."""
+    if len(parts) == 1:
+        return parts[0]
+    forms = [part.closed_form for part in parts]
+    form: Any = one_sine(forms)
+    pieces = [each for each in forms if isinstance(each, PiecewisePolynomial)]
+    if len(pieces) == len(forms):
+        form = PiecewisePolynomial(pieces[0].knots, np.sum([each.coefficients for each in pieces], axis=0))
+    return replace(parts[0], closed_form=form, history=lambda time: sum(part.value(time) for part in parts))
+
+
+def named_work(drive: Drive, work: Array, system: System) -> dict[str, Array]:
+    """Work (J) of each of several drives, and of constant forces where there are any: columns (samples, drives + 1)."""
+    if not drive.parts:
+        return {}
+    constant = np.any(system.constant_load) or any(pair.acceleration != 0.0 for pair in system.balls)
+    names = (*drive.names, *((CONSTANT_FORCES,) if constant else ()))
+    return {name: _read_only(work[:, i]) for i, name in enumerate(names)}
+
+
+CONSTANT_FORCES = "constant forces"
+"""Name of their work beside that of the drives."""
+
+
+def _read_only(values: Array) -> Array:
+    """A copy: the arrays of a run with a sink are filled again."""
+    array = np.array(values)
+    array.setflags(write=False)
+    return array
 
 
 NEGLIGIBLE = 1e-9
@@ -159,7 +238,7 @@ class ChannelRows:
     contact_force: Array  # (R, B) of the forces of contact on the structure along b_j
     pair_force: Array  # (R, B) of the same with those of springs and dashpots; zero where the loop holds these apart
     base: Array  # (R, 3) of ub, ub' and ub''
-    drive: Array  # (R,) of s(t)
+    drive: Array  # (R, H) of s(t) of each load
     constant: Array  # (R,)
 
     def of_time(self, channel: int, time: Array, excitation: Excitation, drive: Drive) -> Array | float:
@@ -169,8 +248,9 @@ class ChannelRows:
         for weight, motion in zip(self.base[channel], motions, strict=True):
             if weight != 0.0:
                 total = total + weight * motion(time)
-        if self.drive[channel] != 0.0:
-            total = total + self.drive[channel] * drive.value(time)
+        for weight, load in zip(self.drive[channel], drive.loads, strict=True):
+            if weight != 0.0:
+                total = total + weight * load.value(time)
         return total
 
 
@@ -183,13 +263,22 @@ def channel_rows(
     springs_apart: bool,
 ) -> ChannelRows:
     """Rows of channels; the accelerations are M^-1 (load s + constant load - C u' - K u + sum_j b_j F_j) and so on."""
-    readings = [_free_of_reactions(system, drive, channel.reading(system)) for channel in channels]
-    rows = [_row(system, drive, reading, springs_apart) for reading in readings]
+    rows = [
+        [_row(system, load, _free_of_reactions(system, load, channel.reading(system)), springs_apart)
+         for load in drive.loads]
+        for channel in channels
+    ]  # fmt: skip
     n, pairs = system.dofs, len(system.contacts)
-    # of no channels, arrays without rows
+    # of no channels, arrays without rows; the loads differ in what is read of them alone
     empty = (*[np.zeros(n)] * 2, *[np.zeros(pairs)] * 4, np.zeros(3), 0.0, 0.0)
-    columns = zip(*[empty, *rows], strict=True)
-    return ChannelRows(*(np.array(column, dtype=float)[1:] for column in columns))
+    columns = zip(*[empty, *(of_loads[0] for of_loads in rows)], strict=True)
+    found = ChannelRows(*(np.array(column, dtype=float)[1:] for column in columns))
+    driven = [[row[DRIVEN] for row in of_loads] for of_loads in rows]
+    return replace(found, drive=np.array(driven, dtype=float).reshape(len(rows), len(drive.loads)))
+
+
+DRIVEN = 7
+"""Place of what is read of s(t) in the row of a channel."""
 
 
 def reaction_notes(system: System, drive: Drive, channels: tuple[Channel, ...]) -> tuple[str, ...]:

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from femimpact.arrays import Array
 from femimpact.errors import changed, checked, in_range, quantity, require, require_type
-from femimpact.excitation import Excitation, PointForce, Sum, require_excitation
+from femimpact.excitation import Excitation, require_excitation
+from femimpact.excitation.drives import alone, until
 from femimpact.excitation.excitation import has_cycle
 from femimpact.excitation.remarks import drive_warnings, motion_notes, motion_warnings
 from femimpact.integrators.cases import (
@@ -135,8 +136,8 @@ def integrate(
 
     def run(drive: Excitation, report: Progress | None) -> Response:
         # another duration is refused by the method
-        if isinstance(drive, Sum | PointForce) and in_range(duration, quantity("s", above=0.0)):
-            drive = drive.until(start.time + duration + 0.5 * (recorder.interval or 0.0))
+        if in_range(duration, quantity("s", above=0.0)):
+            drive = until(drive, start.time + duration + 0.5 * (recorder.interval or 0.0))
         response = _without_cycles(method.run(system, drive, duration, recorder, start, report))
         return _with_remarks(response, system, drive, recorder, start, start.time + duration)
 
@@ -149,7 +150,7 @@ def _checked_drives(excitations: Iterable[Any]) -> list[Any]:
     drives = list[Any]()
     for drive in excitations:
         require_excitation(drive)
-        drives.append(drive)
+        drives.append(alone(drive))
     require(len(drives) > 0, "excitation", None, "", "must be one or more")
     return drives
 
@@ -159,12 +160,15 @@ def _with_remarks(
     end: float,  # s: asked for
 ) -> Response:  # fmt: skip
     """The response with warnings and notes on its excitation, deflections, end, stops and start."""
-    warnings = motion_warnings(drive, system.length)
-    warnings += drive_warnings(drive, system.highest_kept, system.first_left_out)
-    warnings += record_warnings(system, drive, end)
+    drives: tuple[Excitation, ...] = getattr(drive, "drives", (drive,))
+    warnings = tuple(text for each in drives for text in motion_warnings(each, system.length))
+    warnings += tuple(
+        text for each in drives for text in drive_warnings(each, system.highest_kept, system.first_left_out)
+    )
+    warnings += tuple(text for each in drives for text in record_warnings(system, each, end))
     warnings += deflection_warnings(_largest_deflections(response, recorder), system.length)
     notes = (
-        *motion_notes(drive, system.length, end),
+        *(text for each in drives for text in motion_notes(each, system.length, end)),
         *_other_end(response, end),
         *_stops_not_met(response),
         *_begins_within(system, drive, start),

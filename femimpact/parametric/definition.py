@@ -28,6 +28,7 @@ from femimpact.parametric.paths import (
 )
 from femimpact.structure.structure import Position
 from femimpact.study.base_motion import BaseMotion, SignalMotion
+from femimpact.study.forces import DrivenMotion
 from femimpact.study.parameter_plan import MOST_STARTS, AxisValues, Distribution, SamplePlan, axis_from
 from femimpact.study.study import Study
 from femimpact.system.system import System
@@ -225,7 +226,11 @@ class ParameterStudy:
     def _motion(self) -> str:
         """Name of the motion of a base that has no cycle."""
         base: Any = self.study.base  # type: ignore[union-attr]
-        return f"a motion of kind {base.kind!r}" if isinstance(base, SignalMotion) else f"the record {base.record!r}"
+        return (
+            f"a motion of kind {base.kind!r}"
+            if isinstance(base, SignalMotion | DrivenMotion)
+            else f"the record {base.record!r}"
+        )
 
     @cached_property
     def dwell(self) -> int:

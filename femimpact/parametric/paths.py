@@ -21,7 +21,8 @@ from femimpact.integrators.methods import METHODS, Method
 from femimpact.integrators.stepping.newmark import Newmark
 from femimpact.structure.damping import ModalDamping, Rayleigh
 from femimpact.structure.structure import Structure
-from femimpact.study.base_motion import BaseMotion, SignalMotion
+from femimpact.study.base_motion import SUM, BaseMotion, SignalMotion
+from femimpact.study.forces import FORCE_KINDS, DrivenMotion, RestMotion, StudyForce
 from femimpact.study.study import (
     Gravity,
     MeshChoice,
@@ -114,13 +115,18 @@ def _places(study: Study) -> Iterator[Place]:
         yield from _fields_of(study.reduction, "reduction", "", Stage.MODES)
     yield from _fields_of(METHODS[study.method.get("name", "newmark")], "method", "", Stage.METHOD)
     moving = [ball.name for ball in structure.impactors] + [body.name for body in structure.absorbers]
-    yield from _excitation_and_start(moving, _units_of_base(study.base))
+    yield from _excitation_and_start(moving, _units_of_base(study.motion))
+    if isinstance(study.base, DrivenMotion):
+        for name, force in study.base.named():
+            yield from _numbers_of_force(name, force)
 
 
 def _units_of_base(base: Any) -> Mapping[str, str]:
     """Values of [base] that are numbers, and the start, each with its unit, by their keys in a study file."""
     if isinstance(base, BaseMotion):
         return BASE
+    if isinstance(base, RestMotion) or (isinstance(base, SignalMotion) and base.kind == SUM):
+        return {"history": "s", "initial": ""}
     if not isinstance(base, SignalMotion):
         return {"scale": "1", "duration": "s", "start": "", "high_pass": "Hz"}
     known = {item.name: item.metadata.get("unit", "") for item in dataclasses.fields(base.excitation)}
@@ -131,6 +137,26 @@ def _units_of_base(base: Any) -> Mapping[str, str]:
     }
     # what a start is called beside a chirp's first frequency
     return {**numbers, "history": "s", "initial": ""}
+
+
+def _numbers_of_force(name: str, force: StudyForce) -> Iterator[Place]:
+    """Numbers of a force."""
+    noun, other = FORCE_KINDS[force.kind]
+    units = {item.name: item.metadata.get("unit", "") for item in dataclasses.fields(noun)} | {"force": "N"}
+    yield _place("force", name, "at", "m", Stage.CASE)
+    for key, value in force.values:
+        if isinstance(value, (int, float, tuple)) and not isinstance(value, bool):
+            unit = units.get(key, "") or {**OF_LEVEL}.get(key, "") or units.get(other.get(key, key), "")
+            yield _place("force", name, key, unit, Stage.CASE)
+
+
+def _with_force(base: DrivenMotion, name: str, key: str, value: Any) -> DrivenMotion:
+    """Drives with a number of one of their forces changed."""
+    changed = []
+    for named, force in base.named():
+        given = {key: value} if key == "at" else {"values": tuple({**dict(force.values), key: value}.items())}
+        changed.append(replace(force, **given) if named == name else force)
+    return replace(base, forces=tuple(changed))
 
 
 def _places_of_system(system: System) -> Iterator[Place]:
@@ -237,11 +263,17 @@ def _change(found: dict[str, Any], study: Study, place: Place, value: Any) -> No
     elif owner == "method":
         # checked by the method, when it is made
         found["method"] = {**found.get("method", study.method), name: value}
-    elif owner == "base" and isinstance(study.base, SignalMotion) and name not in ("history", "initial"):
-        signal: Any = found.get("base", study.base)
-        found["base"] = replace(signal, values=tuple({**dict(signal.values), name: value}.items()))
+    elif owner == "force":
+        found["base"] = _with_force(found.get("base", study.base), place.part, name, value)
+    elif owner == "base":
+        base: Any = found.get("base", study.base)
+        motion: Any = base.motion if isinstance(base, DrivenMotion) else base
+        of_signal = isinstance(motion, SignalMotion) and name not in ("history", "initial")
+        given = {"values": tuple({**dict(motion.values), name: value}.items())} if of_signal else {name: value}
+        motion = replace(motion, **given)
+        found["base"] = replace(base, motion=motion) if isinstance(base, DrivenMotion) else motion
     else:
-        kept: BaseMotion | MeshChoice | Reduction | Any = found.get(owner, getattr(study, owner))
+        kept: MeshChoice | Reduction | Any = found.get(owner, getattr(study, owner))
         found[owner] = replace(kept, **{name: value})
 
 

@@ -27,8 +27,8 @@ from femimpact.errors import (
     require_type,
 )
 from femimpact.errors import checked as checked_value
-from femimpact.excitation import Chirp, Excitation, RandomBase, Sine, SteppedSine, require_excitation
-from femimpact.excitation.excitation import BrokenLine, has_cycle
+from femimpact.excitation import Chirp, Drives, Excitation, RandomBase, Sine, SteppedSine, require_excitation
+from femimpact.excitation.excitation import BrokenLine, has_cycle, is_force
 from femimpact.excitation.levels import Level, level_at, require_reach
 from femimpact.excitation.piecewise_polynomial import PiecewisePolynomial
 from femimpact.excitation.remarks import (
@@ -282,7 +282,7 @@ def preflight_of_study(study: Study, small: System) -> Preflight:
     base, plan = study.base, study.sweep
     grid = None if plan is None else refined_grid(plan, without_impactors(small), None)
     found = preflight(
-        small, base.excitation, duration=base.history_duration, frequencies=grid,
+        small, study.excitation, duration=base.history_duration, frequencies=grid,
         cycles=plan.cycles if plan else None, structure=study.structure, initial=study.initial,
         acceleration=plan.acceleration if plan else None,
     )  # fmt: skip
@@ -362,7 +362,11 @@ def _row(
 
 def _of_base(system: System, excitation: Excitation, duration: float | None) -> Iterator[PreflightRow]:
     """Largest displacement, velocity and acceleration that the shaker has to make, and the drift of a record."""
-    if getattr(excitation, "at", None) is not None:
+    if is_force(excitation):
+        return
+    if isinstance(excitation, Drives):
+        if excitation.base is not None:
+            yield from _of_base(system, excitation.base, duration)
         return
     if isinstance(excitation, Sine):
         place, omega = excitation.amplitude, excitation.omega

@@ -18,6 +18,7 @@ from femimpact.arrays import Array, Integers
 from femimpact.contact import ContactLaw
 from femimpact.errors import FemimpactError
 from femimpact.excitation import Excitation, Sine
+from femimpact.excitation.drives import until
 from femimpact.integrators.cases import SineCases, start_of, with_contacts_of
 from femimpact.integrators.methods import Method
 from femimpact.parametric.definition import ParameterStudy
@@ -385,7 +386,9 @@ def history_of_case(
     if without_balls:
         system, state = without_impactors(system), replace(state, ball_displacement=None, ball_velocity=None)
     method = study.systems.method_of(system, values)
-    return method.run(system, changed.base.excitation, changed.base.history_duration, record, state)
+    duration = changed.base.history_duration
+    drive = until(changed.base.excitation, state.time + duration + 0.5 * (record.interval or 0.0))
+    return method.run(system, drive, duration, record, state)
 
 
 def _start_of_history(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -102,6 +103,9 @@ class EnergyLedger:
         summed directly, never a remainder.
     structure_loss_of_mode : ndarray (samples, modes), J
         The same as `structure_loss`, mode by mode; no columns for physical dofs.
+    work_of : mapping of str to ndarray (samples,), J
+        Under several drives at once the work of each by its name, and of constant forces where there are any: their sum
+        is `work`. What holds stops in space belongs to the base.
     """
 
     time: Array = field(metadata=column("s", "samples"))
@@ -113,6 +117,7 @@ class EnergyLedger:
     structure_loss: Array = field(metadata=column("J", "samples"))
     contact_loss: Array = field(metadata=column("J", "samples"))
     structure_loss_of_mode: Array = field(metadata=column("J", "samples", "modes"))
+    work_of: Mapping[str, Array] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -126,8 +131,13 @@ class EnergyLedger:
         return head_of_columns(f"EnergyLedger: {self.time.size} samples{closed}", *flat_columns(self))
 
     def to_pandas(self) -> pandas.DataFrame:
-        """The energies over time, those of modes as structure_loss_of_mode_1, ...; units in `attrs["units"]`."""
-        return frame_of(*flat_columns(self), index="time")
+        """The energies over time, those of modes as structure_loss_of_mode_1, ..., the work of drives as work_of_NAME.
+
+        Units in `attrs["units"]`.
+        """
+        columns, units = flat_columns(self)
+        of_drives = {f"work_of_{name}": values for name, values in self.work_of.items()}
+        return frame_of(columns | of_drives, units | dict.fromkeys(of_drives, "J"), index="time")
 
     @property
     def stored(self) -> Array:

@@ -162,11 +162,14 @@ def deciding_rows(
     rows = _take(piece, _extremes(piece, first))
     if before is None:
         return rows
-    columns = [item.name for item in dataclasses.fields(EnergyLedger)]
     joined = made(
-        EnergyLedger, **{name: np.concatenate([getattr(before, name), getattr(rows, name)]) for name in columns}
+        EnergyLedger, **{name: np.concatenate([getattr(before, name), getattr(rows, name)]) for name in LEDGER_COLUMNS}
     )
     return _take(joined, _extremes(joined, first))
+
+
+LEDGER_COLUMNS = tuple(item.name for item in dataclasses.fields(EnergyLedger) if item.metadata)
+"""Columns by which a ledger is judged; the work of each drive is none of them."""
 
 
 def _extremes(ledger: EnergyLedger, first: EnergyLedger) -> list[int]:
@@ -179,7 +182,7 @@ def _extremes(ledger: EnergyLedger, first: EnergyLedger) -> list[int]:
 
 
 def _take(ledger: EnergyLedger, rows: list[int]) -> EnergyLedger:
-    columns = {item.name: getattr(ledger, item.name)[rows] for item in dataclasses.fields(EnergyLedger)}
+    columns = {name: getattr(ledger, name)[rows] for name in LEDGER_COLUMNS}
     for values in columns.values():
         values.setflags(write=False)
     return made(EnergyLedger, **columns)

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from femimpact.errors import Fault, InputError, check_fields, checked, choice, optional, quantity, suggestion, text
-from femimpact.excitation import Chirp, RandomBase, RecordedBase, Shock, Sine, SteppedSine
+from femimpact.excitation import Chirp, RandomBase, RecordedBase, Shock, Sine, SteppedSine, Sum
 from femimpact.excitation.records import record_text
 
 NUMBER = quantity("1", at_least=0, integer=True)
@@ -171,6 +171,12 @@ SIGNALS: Mapping[str, tuple[type[Signal], Mapping[str, str]]] = {
 }
 """Each kind of [base]: its noun, and the keys of a study file whose fields have another name."""
 
+PARTS: Mapping[str, tuple[type[Signal | Sine], Mapping[str, str]]] = {"sine": (Sine, {}), **SIGNALS}
+"""The same of each kind of [[base.parts]], of which a sum is made."""
+
+SUM = "sum"
+"""Kind of [base] that has parts."""
+
 HISTORY_KEYS = ("history", "initial")
 """Keys of [base] on the history, beside the fields of the motion."""
 
@@ -181,12 +187,13 @@ class SignalMotion:
 
     Parameters
     ----------
-    kind : {"chirp", "stepped-sine", "random", "shock"}
+    kind : {"chirp", "stepped-sine", "random", "shock", "sum"}
     values : tuple of (str, value)
         Fields of `Chirp`, `SteppedSine`, `RandomBase` or `Shock`, lists as tuples. A chirp's kind is called `rate`
-        here, a shock's `pulse`.
+        here, a shock's `pulse`. Of a sum `parts`, for each the same with its kind, which may be a sine too.
     history : float or None, s
-        Duration of the simulated history; None is that of the motion. A shock needs one.
+        Duration of the simulated history; None is that of the motion, of a sum its longest. A shock and a sine have
+        none.
     initial : {"base", "space", "static"}
         At rest relative to the base, at rest in the inertial frame, or in the static state (`State.static`). The key is
         not called start, which is the first frequency of a chirp.
@@ -200,30 +207,41 @@ class SignalMotion:
     FREQUENCY_KEY: ClassVar[str] = "base.kind"
     """Key of the study file that sets the highest frequency."""
 
-    kind: str = field(metadata=choice(*SIGNALS))
+    kind: str = field(metadata=choice(*SIGNALS, SUM))
     values: tuple[tuple[str, Any], ...]
     history: float | None = field(default=None, metadata=optional(quantity("s", above=0.0)))
     initial: str = field(default="base", metadata=choice("base", "space", "static"))
 
     def __post_init__(self) -> None:
         check_fields(self)
-        _check_keys(self.kind, dict(self.values))
         # made here, so that its faults are those of this noun
         _ = self.excitation
-        if self.kind == "shock" and self.history is None:
-            allowed = "is missing; must be a finite number > 0 s: how long the history is that begins with the shock"
+        if self.history is None and not self._durations:
+            of = "with the shock" if self.kind == "shock" else "with all parts"
+            allowed = f"is missing; must be a finite number > 0 s: how long the history is that begins {of}"
             raise InputError([Fault("history", None, "", allowed)])
 
     @cached_property
-    def excitation(self) -> Signal:
+    def excitation(self) -> Signal | Sum:
         """The motion that drives the history."""
-        noun, other = SIGNALS[self.kind]
-        given = {other.get(name, name): value for name, value in self.values}
-        back = {name: key for key, name in other.items()}
-        try:
-            return noun(**given)
-        except InputError as error:
-            raise InputError([replace(fault, key=back.get(fault.key, fault.key)) for fault in error.faults]) from None
+        if self.kind != SUM:
+            motion: Signal = _motion_of(self.kind, dict(self.values))
+            return motion
+        parts = dict(self.values).get("parts", ())
+        wrong = [name for name, _ in self.values if name != "parts"]
+        if wrong:
+            raise InputError([Fault(name, None, "", suggestion(name, ["parts", *HISTORY_KEYS])) for name in wrong])
+        if not isinstance(parts, tuple) or not parts or not all(isinstance(part, tuple) for part in parts):
+            raise InputError([Fault("parts", None, "", "must be one or more tables, [[base.parts]]")])
+        return Sum(tuple(_part_of(number, dict(part)) for number, part in enumerate(parts, start=1)))
+
+    @property
+    def _durations(self) -> list[float]:
+        """Durations (s) of the motions that last for the history."""
+        motions = getattr(self.excitation, "parts", (self.excitation,))
+        return [
+            float(motion.duration) for motion in motions if hasattr(motion, "duration") and type(motion) is not Shock
+        ]
 
     @property
     def start(self) -> str:
@@ -238,7 +256,7 @@ class SignalMotion:
     @property
     def history_duration(self) -> float:
         """Time (s) that the history takes."""
-        return float(self.excitation.duration if self.history is None else self.history)
+        return max(self._durations) if self.history is None else float(self.history)
 
     @property
     def words(self) -> str:
@@ -251,11 +269,38 @@ class SignalMotion:
         """Keys and values of [base] in a study file."""
         optional_keys = {"history": self.history, "initial": None if self.initial == "base" else self.initial}
         given = {name: value for name, value in optional_keys.items() if value is not None}
-        return {"kind": self.kind, **dict(self.values), **given}
+        values = dict(self.values)
+        if self.kind == SUM:
+            values["parts"] = [dict(part) for part in values["parts"]]
+        return {"kind": self.kind, **values, **given}
+
+
+def _part_of(number: int, values: dict[str, Any]) -> Signal | Sine:
+    """A part of a sum by its kind and keys."""
+    kind = values.pop("kind", "sine")
+    if not isinstance(kind, str) or kind not in PARTS:
+        allowed = f"must be one of {', '.join(repr(name) for name in PARTS)}"
+        raise InputError([Fault(f"parts.{number}.kind", kind, "", allowed)])
+    try:
+        motion: Signal | Sine = _motion_of(kind, values)
+        return motion
+    except InputError as error:
+        raise InputError([fault.under(f"parts.{number}") for fault in error.faults]) from None
+
+
+def _motion_of(kind: str, values: Mapping[str, Any]) -> Any:
+    """A motion by its kind and keys."""
+    _check_keys(kind, values)
+    noun, other = PARTS[kind]
+    back = {name: key for key, name in other.items()}
+    try:
+        return noun(**{other.get(name, name): value for name, value in values.items()})
+    except InputError as error:
+        raise InputError([replace(fault, key=back.get(fault.key, fault.key)) for fault in error.faults]) from None
 
 
 def _check_keys(kind: str, values: Mapping[str, Any]) -> None:
-    noun, other = SIGNALS[kind]
+    noun, other = PARTS[kind]
     back = {name: key for key, name in other.items()}
     known = {
         back.get(name, name): item.default

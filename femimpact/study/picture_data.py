@@ -13,7 +13,7 @@ import numpy as np
 
 from femimpact.arrays import Array
 from femimpact.errors import require
-from femimpact.excitation import Excitation, RecordedBase, Sine
+from femimpact.excitation import Drives, Excitation, HammerBlow, PointForce, RecordedBase, Sine, Sum
 from femimpact.export import tables
 from femimpact.export.placed import DrawnContact, DrawnSystem
 from femimpact.response.history import Snapshots
@@ -228,6 +228,15 @@ def _about(structure: Structure, response: Response) -> dict[str, Any]:
 
 def _base_numbers(base: Excitation) -> dict[str, Any]:
     """Numbers from which a motion is made again, but for the samples of a record."""
+    if isinstance(base, Drives):
+        moving = None if base.base is None else _base_numbers(base.base)
+        return {"base": moving, "forces": [_base_numbers(force) for force in base.forces]}
+    if isinstance(base, Sum):
+        return {"parts": [_base_numbers(part) for part in base.parts]}
+    if isinstance(base, PointForce):
+        return {"at": base.at, "name": base.name, "history": _base_numbers(base.history)}
+    if isinstance(base, HammerBlow):
+        return dataclasses.asdict(base)
     if isinstance(base, RecordedBase):
         return {"interval": base.interval, "initial_velocity": base.initial_velocity}
     if isinstance(base, Signal):
@@ -237,19 +246,31 @@ def _base_numbers(base: Excitation) -> dict[str, Any]:
 
 def _base_arrays(response: Response) -> dict[str, Any]:
     """The samples of a record; none of a sine."""
-    base = response.base
+    base = getattr(response.base, "base", response.base)
     if not isinstance(base, RecordedBase):
         return {}
     return {BASE_SAMPLES: ("base_sample", np.array(base.samples), {"units": "m/s^2"})}
 
 
-def _base(data: xarray.Dataset, about: Mapping[str, Any]) -> Sine | RecordedBase | Signal:
-    """The motion that `_base_numbers` and `_base_arrays` wrote."""
-    if BASE_SAMPLES in data:
-        return RecordedBase(data[BASE_SAMPLES].to_numpy(), **about["base"])
-    if "signal" in about["base"]:
-        return signal_of_numbers(about["base"])
-    return Sine(**about["base"])
+def _base(data: xarray.Dataset, about: Mapping[str, Any]) -> Any:
+    """The drives that `_base_numbers` and `_base_arrays` wrote."""
+    return _excitation(about["base"], data[BASE_SAMPLES].to_numpy() if BASE_SAMPLES in data else None)
+
+
+def _excitation(numbers: Mapping[str, Any], samples: Array | None) -> Any:
+    if "forces" in numbers:
+        moving = numbers["base"]
+        forces = tuple(_excitation(force, None) for force in numbers["forces"])
+        return Drives(None if moving is None else _excitation(moving, samples), forces)
+    if "parts" in numbers:
+        return Sum(tuple(_excitation(part, None) for part in numbers["parts"]))
+    if "history" in numbers:
+        return PointForce(numbers["at"], _excitation(numbers["history"], None), numbers["name"])
+    if "impulse" in numbers:
+        return HammerBlow(**numbers)
+    if samples is not None:
+        return RecordedBase(samples, **numbers)
+    return signal_of_numbers(numbers) if "signal" in numbers else Sine(**numbers)
 
 
 def read_film(folder: Path, summary: Mapping[str, Any]) -> tuple[Response, Structure, float | None] | None:

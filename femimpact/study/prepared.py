@@ -109,7 +109,7 @@ def prepare(study: Study, parts: tuple[str, ...] = PARTS) -> PreparedStudy:
     prepared = PreparedStudy(
         study, mesh, full, small, bare, method, method_for(study, bare), record=record,
         warnings=(*warnings, *_coarse_history(study, small, method), *_empty_sweep(study, bare, parts),
-                  *motion_warnings(study.excitation, small.length), *_drives_not_followed(study, small, parts)),
+                  *_drives_not_followed(study, small, parts)),
     )  # fmt: skip
     _check_drives(prepared, parts)
     return prepared
@@ -124,7 +124,7 @@ def with_base(prepared: PreparedStudy, base: BaseMotion | RecordedMotion | Signa
 def history_record(study: Study, small: System, method: Method) -> Recorder:
     """The recorder of the study's history: stress, channels of every place with a ball and of the balls, snapshots."""
     output, grid = study.output, _grid(study, small, method)
-    kept = min(output.frame_cycles / study.base.frequency, study.base.history_duration)
+    kept = min(output.frame_cycles / study.shown_frequency, study.base.history_duration)
     channels: list[str | float] = ["tip", "tip.velocity", "mid", *root_stress(study.structure, small)]
     for pair in small.contacts:
         place = next((name for name, x in small.points.items() if x == pair.position), None)
@@ -154,7 +154,7 @@ def root_stress(structure: Structure, system: System) -> tuple[str, ...]:
 
 def last_cycles_start(study: Study) -> float:
     """Time (s) at which the last cycles begin that figures show."""
-    return max(study.base.history_duration - FIGURE_CYCLES / study.base.frequency, 0.0)
+    return max(study.base.history_duration - FIGURE_CYCLES / study.shown_frequency, 0.0)
 
 
 def _grid(study: Study, small: System, method: Method) -> float:
@@ -206,11 +206,13 @@ def _empty_sweep(study: Study, bare: System, parts: tuple[str, ...]) -> tuple[st
 
 
 def _drives_not_followed(study: Study, small: System, parts: tuple[str, ...]) -> tuple[str, ...]:
-    """Warnings where the history or the sweep is driven above the modes that are kept, or by a coarse record."""
-    kept, found = (small.highest_kept, small.first_left_out), list[str]()
+    """Warnings where a drive moves the base far, is above the modes that are kept, or is a coarse record."""
+    kept, drives = (small.highest_kept, small.first_left_out), getattr(study.excitation, "drives", (study.excitation,))
+    found = [text for drive in drives for text in motion_warnings(drive, small.length)]
     if "simulate" in parts:
-        found += drive_warnings(study.excitation, *kept)
-        found += record_warnings(small, study.excitation, study.base.history_duration)
+        for drive in drives:
+            found += drive_warnings(drive, *kept)
+            found += record_warnings(small, drive, study.base.history_duration)
     if "sweep" in parts and study.sweep is not None:
         found += [f"sweep.stop: {text}" for text in frequency_warnings(study.sweep.stop, *kept)]
     return tuple(found)
@@ -314,7 +316,7 @@ def lines_of_plan(prepared: PreparedStudy) -> list[str]:
 def _files_elsewhere(study: Study) -> list[str]:
     """Notes on files that a study reads from outside its folder: it cannot be handed on with that alone."""
     folder = study.path.parent.resolve()
-    named = {"base.record": getattr(study.base, "record", None), "mesh.file": study.mesh.file}
+    named = {"base.record": getattr(study.motion, "record", None), "mesh.file": study.mesh.file}
     # links are followed
     places = {key: (name, (folder / name).resolve()) for key, name in named.items() if name}
     return [

@@ -277,11 +277,11 @@ def _summary(prepared: PreparedStudy, found: Found) -> dict[str, Any]:
 
 def keep_study(staging: Staging, study: Study) -> None:
     """Write the study file, that of the study as it is run, and the record that it names."""
-    if isinstance(study.base, RecordedMotion):
+    if isinstance(study.motion, RecordedMotion):
         name, path = FILES["base_record"].name, staging.folder / FILES["study"].name
-        atomic_write(staging.folder / name, study.base.content)
+        atomic_write(staging.folder / name, study.motion.content)
         text = with_record(study.text, name)
-        study = replace(study, base=replace(study.base, record=name), path=path, text=text)
+        study = replace(study.with_motion(replace(study.motion, record=name)), path=path, text=text)
     atomic_write(staging.folder / FILES["study"].name, study_text(study))
 
 

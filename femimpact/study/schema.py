@@ -14,11 +14,12 @@ from typing import Any
 
 from femimpact.contact.laws import LAWS, PowerLaw
 from femimpact.errors import level_rows, quantity
-from femimpact.excitation import Chirp, SteppedSine
+from femimpact.excitation import Chirp, Sine, SteppedSine
 from femimpact.integrators.methods import METHODS
 from femimpact.structure.beam import Segment
 from femimpact.structure.damping import ModalDamping, Rayleigh
-from femimpact.study.base_motion import HISTORY_KEYS, SIGNALS, BaseMotion, RecordedMotion, SignalMotion
+from femimpact.study.base_motion import HISTORY_KEYS, SIGNALS, SUM, BaseMotion, RecordedMotion, SignalMotion
+from femimpact.study.forces import FORCE_KINDS, RestMotion, StudyForce, keys_of_force
 from femimpact.study.parameter_plan import DISTRIBUTIONS, MOST_POINTS, BestPlan, ParameterPlan, SamplePlan
 
 NOT_IN_SCHEMA = (
@@ -145,8 +146,13 @@ def base_schema() -> dict[str, Any]:
     for form, kind in zip(forms, ("sine", "record"), strict=True):
         form["properties"] = {"kind": {"const": kind, "description": "the kind of motion"}, **form["properties"]}
     forms += [_signal(kind) for kind in SIGNALS]
+    rest = noun_schema(RestMotion, title="rest")
+    rest["properties"] = {"kind": {"const": "rest", "description": "the kind of motion"}, **rest["properties"]}
+    rest["required"] = ["kind", *rest["required"]]
+    forms += [_sum_schema(), rest]
     about = (
-        "Motion of the base: a sine, a record of its acceleration, a chirp, a stepped sine, a random motion or a shock."
+        "Motion of the base: a sine, a record of its acceleration, a chirp, a stepped sine, a random motion, a shock, "
+        "or none, beside forces."
     )
     return {"description": about, "oneOf": forms}
 
@@ -176,6 +182,66 @@ def _signal(kind: str) -> dict[str, Any]:
     needed = [_key_of(other, name) for name, item in arguments.items() if item.default is inspect.Parameter.empty]
     schema["required"] = ["kind", *needed, *(["history", "acceleration", "duration"] if kind == "shock" else [])]
     return schema
+
+
+def _sum_schema() -> dict[str, Any]:
+    """Schema of a sum of motions of the base."""
+    sine = noun_schema(Sine, title="a sine")
+    sine["properties"] = {"kind": {"const": "sine", "description": "the kind of motion"}, **sine["properties"]}
+    parts = [sine]
+    for kind in SIGNALS:
+        form = _signal(kind)
+        form["properties"] = {name: key for name, key in form["properties"].items() if name not in HISTORY_KEYS}
+        form["required"] = [name for name in form["required"] if name not in HISTORY_KEYS]
+        parts.append(form)
+    history = {item.name: item for item in dataclasses.fields(SignalMotion)}
+    keys = {
+        "kind": {"const": SUM, "description": "the kind of motion"},
+        "parts": {
+            "type": "array", "minItems": 1, "items": {"oneOf": parts},
+            "description": "motions that are added, [[base.parts]]",
+        },
+        **{name: _key(history[name], _meanings(SignalMotion)[name]) for name in HISTORY_KEYS},
+    }  # fmt: skip
+    return {"title": SUM, **_closed(keys, ["kind", "parts"])}
+
+
+def force_schema() -> dict[str, Any]:
+    """Schema of [[force]]: a form for each kind."""
+    own, about = {item.name: item for item in dataclasses.fields(StudyForce)}, _meanings(StudyForce)
+    forms = []
+    for kind, (noun, other) in FORCE_KINDS.items():
+        fields, meanings = {item.name: item for item in dataclasses.fields(noun)}, _meanings(noun)
+        keys: dict[str, Any] = {"kind": {"const": kind, "description": "the kind of force"}}
+        keys |= {name: _key(own[name], about[name]) for name in ("at", "name")}
+        for key, item in keys_of_force(kind).items():
+            name = other.get(key, key)
+            if key == "force":
+                words = {"description": "level of the force", "x-unit": "N", "x-range": "a finite number"}
+                keys[key] = {"type": "number", **words}
+            elif key == "octaves_per_minute":
+                words = {"description": meanings.get(name, ""), "x-unit": "1/min", "x-range": "a finite number >= 0"}
+                keys[key] = {"type": "number", "minimum": 0, **words}
+            else:
+                keys[key] = LISTS[key] if key in LISTS else _key(fields[name], meanings.get(name, ""))
+            if isinstance(item.default, str):
+                keys[key]["default"] = item.default
+        if "psd" in keys:
+            keys["psd"] = {
+                **keys["psd"],
+                "description": "one-sided density of the force",
+                "x-unit": "Hz, N^2/Hz",
+                "x-rows": "N^2/Hz",
+            }
+        needed = [key for key, item in keys_of_force(kind).items() if item.default is inspect.Parameter.empty]
+        required = dict.fromkeys(["kind", "at", *needed, *(["force"] if "force" in keys else [])])
+        if kind == "shock":
+            required |= {"duration": None}
+        forms.append({
+            "title": kind, "type": "object", "properties": keys, "required": list(required),
+            "additionalProperties": False,
+        })  # fmt: skip
+    return {"description": "A force at a place, beside the motion of the base.", "oneOf": forms}
 
 
 def _key_of(other: Mapping[str, str], name: str) -> str:

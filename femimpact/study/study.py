@@ -20,7 +20,8 @@ from femimpact.errors import (
     text,
     truth,
 )
-from femimpact.excitation import RecordedBase, Sine
+from femimpact.excitation import Drives, HammerBlow, PointForce, RecordedBase, Sine, Sum
+from femimpact.excitation.drives import until
 from femimpact.excitation.levels import Level, require_reach
 from femimpact.fem.assembly import assemble
 from femimpact.fem.mesh import Mesh
@@ -28,6 +29,7 @@ from femimpact.fem.mesh_files import read_mesh
 from femimpact.integrators.methods import METHODS, Method
 from femimpact.structure.structure import Structure
 from femimpact.study.base_motion import BaseMotion, RecordedMotion, Signal, SignalMotion
+from femimpact.study.forces import DrivenMotion, Motion, StudyForce
 from femimpact.study.parameter_plan import MOST_STARTS, ParameterPlan
 from femimpact.system.reduction import reduce
 from femimpact.system.state import State
@@ -202,7 +204,8 @@ class Study:
     ----------
     structure : Structure
     mesh : MeshChoice
-    base : BaseMotion, RecordedMotion or SignalMotion
+    base : BaseMotion, RecordedMotion, SignalMotion or DrivenMotion
+        The last one where forces act beside it.
     reduction : Reduction or None
         None integrates in physical dofs.
     method : mapping of str to value
@@ -223,8 +226,8 @@ class Study:
 
     structure: Structure = field(metadata=instance(Structure))
     mesh: MeshChoice = field(metadata=instance(MeshChoice))
-    base: BaseMotion | RecordedMotion | SignalMotion = field(
-        metadata=instance(BaseMotion, RecordedMotion, SignalMotion)
+    base: BaseMotion | RecordedMotion | SignalMotion | DrivenMotion = field(
+        metadata=instance(BaseMotion, RecordedMotion, SignalMotion, DrivenMotion)
     )
     reduction: Reduction | None = field(metadata=optional(instance(Reduction)))
     method: Mapping[str, Any] = field(metadata=instance(Mapping))
@@ -241,9 +244,33 @@ class Study:
             sine_of(self, "sweep")
 
     @property
-    def excitation(self) -> Sine | RecordedBase | Signal:
-        """Base motion of the simulated history."""
-        return self.base.excitation
+    def excitation(self) -> Sine | RecordedBase | Signal | Sum | Drives | PointForce | HammerBlow:
+        """Drives of the simulated history: the motion of the base, and forces."""
+        drives: Sine | RecordedBase | Signal | Sum | Drives | PointForce | HammerBlow = until(
+            self.base.excitation, self.base.history_duration
+        )
+        return drives
+
+    @property
+    def motion(self) -> Motion:
+        """What [base] gives, without the forces."""
+        return self.base.motion if isinstance(self.base, DrivenMotion) else self.base
+
+    @property
+    def forces(self) -> tuple[StudyForce, ...]:
+        """What [[force]] gives."""
+        return self.base.forces if isinstance(self.base, DrivenMotion) else ()
+
+    @property
+    def shown_frequency(self) -> float:
+        """Frequency (Hz) of the cycles that pictures show: of the base where it moves, and not of forces beside it."""
+        return float(getattr(self.motion, "frequency", self.base.frequency))
+
+    def with_motion(self, motion: Motion) -> Study:
+        """The study with another [base] beside the same forces."""
+        if isinstance(self.base, DrivenMotion):
+            return replace(self, base=replace(self.base, motion=motion))
+        return replace(self, base=motion)  # type: ignore[arg-type]
 
     @property
     def sine(self) -> Sine:
@@ -273,7 +300,10 @@ def sine_of(study: Study, key: str, value: object = None, unit: str = "") -> Bas
     if isinstance(study.base, BaseMotion):
         return study.base
     base = study.base
-    other = f"is of kind {base.kind!r}" if isinstance(base, SignalMotion) else f"has a record, {base.record!r}"
+    if isinstance(base, DrivenMotion):
+        other = "has forces beside it, [[force]]"
+    else:
+        other = f"is of kind {base.kind!r}" if isinstance(base, SignalMotion) else f"has a record, {base.record!r}"
     allowed = f"needs a sine of the base, and [base] of this study {other}"
     raise InputError([Fault(key, value, unit, allowed)])
 

@@ -22,8 +22,17 @@ from femimpact.regular_file import read_regular
 from femimpact.structure.beam import Beam, Segment, require_single
 from femimpact.structure.damping import ModalDamping, Rayleigh
 from femimpact.structure.structure import Absorber, Dashpot, Impactor, PointMass, Spring, Stop, Structure, Support
-from femimpact.study.base_motion import HISTORY_KEYS, SIGNALS, BaseMotion, RecordedMotion, SignalMotion, record_beside
+from femimpact.study.base_motion import (
+    HISTORY_KEYS,
+    SIGNALS,
+    SUM,
+    BaseMotion,
+    RecordedMotion,
+    SignalMotion,
+    record_beside,
+)
 from femimpact.study.file_units import Readings, in_si_units, with_numbers, with_texts
+from femimpact.study.forces import FORCE_KINDS, DrivenMotion, RestMotion, StudyForce
 from femimpact.study.parameter_plan import (
     AxisValues,
     BestPlan,
@@ -40,6 +49,7 @@ from femimpact.study.schema import (
     chosen_later,
     contact_schema,
     damping_schema,
+    force_schema,
     limits_schema,
     method_schema,
     noun_schema,
@@ -233,6 +243,11 @@ def _from_tables(data: Mapping[str, Any], path: Path, text: str, of_units: list[
         structure = _collected("", partial(Structure, **parts), faults)
     if structure is not None and mesh is not None and mesh.elements is not None:
         _collected("", partial(uniform_mesh, structure, mesh.elements), faults)
+    forces = made.pop("forces", None)
+    if isinstance(made.get("base"), RestMotion) and "force" not in data:
+        faults.append(Fault("force", None, "", "is missing: [base] is at rest, and a [[force]] must drive the history"))
+    elif forces and "base" in made:
+        made["base"] = _collected("", partial(DrivenMotion, made["base"], tuple(forces)), faults)
     # what has no number in SI is no number of its field either
     keys = {fault.key for fault in of_units}
     faults = [*of_units, *(fault for fault in faults if fault.key not in keys)]
@@ -348,13 +363,15 @@ def _gravity(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any
 def _base(prefix: str, values: Mapping[str, Any], faults: list[Fault], folder: Path = Path()) -> Any:
     """A sine, a record whose path is given from a folder, or another kind of motion with the fields of its noun."""
     kind = values.get("kind", "record" if "record" in values else "sine")
-    kinds = ("sine", "record", *SIGNALS)
+    kinds = ("sine", "record", *SIGNALS, SUM, "rest")
     if not isinstance(kind, str) or kind not in kinds:
         allowed = f"must be one of {', '.join(repr(name) for name in kinds)}"
         faults.append(Fault(f"{prefix}.kind", kind, "", allowed))
         return None
     values = {name: value for name, value in values.items() if name != "kind"}
-    if kind in SIGNALS:
+    if kind == "rest":
+        return _noun(RestMotion, prefix, values, faults)
+    if kind in (*SIGNALS, SUM):
         motion = tuple((name, _plain(value)) for name, value in values.items() if name not in HISTORY_KEYS)
         history = {name: values[name] for name in HISTORY_KEYS if name in values}
         return _collected(prefix, lambda: SignalMotion(kind, motion, **history), faults)
@@ -383,8 +400,24 @@ def _base(prefix: str, values: Mapping[str, Any], faults: list[Fault], folder: P
     return noun if len(faults) == before else None
 
 
+def _force(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any:
+    """A force by its kind, with the keys of that kind."""
+    own: dict[str, Any] = {name: values.get(name) for name in ("kind", "at", "name")}
+    if not isinstance(own["kind"], str) or own["kind"] not in FORCE_KINDS:
+        allowed = f"must be one of {', '.join(repr(name) for name in FORCE_KINDS)}"
+        faults.append(Fault(f"{prefix}.kind", own["kind"], "", allowed))
+        return None
+    if own["at"] is None:
+        faults.append(Fault(f"{prefix}.at", None, "", "is missing: the place at which the force acts"))
+        return None
+    rest = tuple((name, _plain(value)) for name, value in values.items() if name not in own)
+    return _collected(prefix, lambda: StudyForce(values=rest, **own), faults)
+
+
 def _plain(value: Any) -> Any:
-    """Lists as tuples, which do not change."""
+    """Lists as tuples, which do not change, and tables as pairs of a key and a value."""
+    if isinstance(value, dict):
+        return tuple((name, _plain(item)) for name, item in value.items())
     return tuple(map(_plain, value)) if isinstance(value, list) else value
 
 
@@ -494,7 +527,8 @@ def _plan_lines(header: str, plan: ParameterPlan) -> Iterator[str]:
 
 
 def _noun_lines(header: str, noun: Any) -> Iterator[str]:
-    return _table_lines(header, noun.table if isinstance(noun, SignalMotion) else _given(noun))
+    noun = noun.motion if isinstance(noun, DrivenMotion) else noun
+    return _table_lines(header, noun.table if hasattr(noun, "table") else _given(noun))
 
 
 def _given(noun: Any) -> dict[str, Any]:
@@ -536,6 +570,8 @@ def _value(value: Any) -> str:
         return _value(value.values)
     if isinstance(value, Distribution):
         return f"{{ {value.name} = {_value(value.numbers)} }}"
+    if isinstance(value, dict):
+        return f"{{ {', '.join(f'{name} = {_value(item)}' for name, item in value.items())} }}"
     if isinstance(value, (tuple, list)):
         return f"[{', '.join(map(_value, value))}]"
     return repr(value)
@@ -582,6 +618,7 @@ TABLES: Mapping[str, _Table] = {
     "gravity": _Table("structure.gravity", _gravity, partial(noun_schema, Gravity), _gravity_lines),
     "reduction": _of(Reduction, "reduction"),
     "base": _Table("base", _base, base_schema, required=True),
+    "force": _Table("forces", _force, force_schema, many=True),
     "method": _Table("method", _method, method_schema, _table_lines),
     "sweep": _of(SweepPlan, "sweep"),
     "output": _of(Output, "output"),

@@ -80,6 +80,9 @@ def same_excitation(first: Any, second: Any) -> bool:
         return True
     if type(first) is not type(second):
         return False
+    if hasattr(first, "drives"):
+        pairs = zip(first.drives, second.drives, strict=False)
+        return first.names == second.names and all(same_excitation(*pair) for pair in pairs)
     lines = [getattr(item, "closed_form", None) for item in (first, second)]
     if all(hasattr(line, "samples") for line in lines):
         places = [getattr(item, "at", None) for item in (first, second)]

@@ -47,8 +47,10 @@ constexpr double STICKS = 2.0;
         for (Index i = 0; i < scalars.rigid_body_given.size(); i++) {
             // x = p y + q y' with y'' = s times a factor
             double p = scalars.rigid_body_weight(r, i), q = scalars.rigid_body_rate_weight(r, i);
-            double higher = order + 1 < DRIVE ? q * d(order + 1) : 0.0;
-            change += scalars.rigid_body_drive(i) * (p * d(order) + higher);
+            for (Index h = 0; h * DRIVE < d.size(); h++) {
+                double higher = order + 1 < DRIVE ? q * d(h * DRIVE + order + 1) : 0.0;
+                change += scalars.rigid_body_drive(h, i) * (p * d(h * DRIVE + order) + higher);
+            }
         }
         total = magnitude(change) * INVERSE_FACTORIAL[order - of] + total * time;
     }
@@ -68,6 +70,17 @@ constexpr double STICKS = 2.0;
     auto size = [](Complex a) { return magnitude(a.real) + magnitude(a.imag); };
     return size(scalars.load(0, k)) * of_drive + size(scalars.load(1, k)) * of_speed +
            size(scalars.load(2, k)) * of_base;
+}
+
+// The same by the loads behind the first, of the derivative `order` within a time: of forces s alone pushes.
+[[gnu::noinline]] inline double further_push(const Scalars &scalars, Index k, GivenArray d, Index order, double time) {
+    double total = 0.0;
+    for (Index h = 1; h * DRIVE < d.size(); h++) {
+        Complex load = scalars.load(3 * h, k);
+        double bound = size_of_series(d.part(h * DRIVE, (h + 1) * DRIVE), order + 2, time);
+        total += (magnitude(load.real) + magnitude(load.imag)) * bound;
+    }
+    return total;
 }
 
 // Adds the values of driven entries within a block, whose motions mix.
@@ -98,6 +111,10 @@ constexpr double STICKS = 2.0;
         // here what its push alone may do: no motion of a block grows by itself
         change(k) = largest_push(scalars, k, bound[2], bound[3], bound[4]);
         size(k) += ahead * largest_push(scalars, k, bound[0], bound[1], bound[2]);
+        if (d.size() > DRIVE) {
+            change(k) += further_push(scalars, k, d, 2, ahead);
+            size(k) += ahead * further_push(scalars, k, d, 0, ahead);
+        }
     }
     if (scalars.blocks.shape[0] > 0) {
         sum_within_blocks(scalars, size);
@@ -176,7 +193,7 @@ constexpr double STICKS = 2.0;
         scale += magnitude(p * y) + magnitude(q * v);
         scale_rate += magnitude(p * v) + magnitude(q * push);
         pull += p * push + q * growth;
-        twist += magnitude(p * growth + q * scalars.rigid_body_drive(i) * d(4));
+        twist += magnitude(p * growth + rigid_body_twist(q, i, scalars, d));
     }
     if (pieces)
         twist *= remaining;
@@ -252,7 +269,7 @@ constexpr double STICKS = 2.0;
     for (Index i = 0; i < scalars.rigid_body_given.size(); i++) {
         double p = scalars.rigid_body_weight(r, i), q = scalars.rigid_body_rate_weight(r, i);
         auto [push, growth] = rigid_body_push(i, scalars, motion);
-        add(p * push + q * growth, p * growth + q * scalars.rigid_body_drive(i) * motion.drive(4));
+        add(p * push + q * growth, p * growth + rigid_body_twist(q, i, scalars, motion.drive));
     }
     if (scalars.degree > 1) {
         size3 += later_change(scalars, r, motion.drive, 3, 4, remaining);
@@ -271,10 +288,15 @@ constexpr double STICKS = 2.0;
             // from |H''|, its change, and that of what drives it
             double bent = search.drift(0, k) + search.drift(1, k);
             double pushed = weight * largest_push(scalars, k, ahead[0], ahead[1], ahead[2]);
+            double then = weight * largest_push(scalars, k, ahead[1], ahead[2], ahead[3]);
+            if (motion.drive.size() > DRIVE) {
+                pushed += weight * further_push(scalars, k, motion.drive, 2, remaining);
+                then += weight * further_push(scalars, k, motion.drive, 3, remaining);
+            }
             double twisted = weight * rate * bent + pushed;
             size2 += weight * search.drift(0, k);
             size3 += twisted;
-            size4 += rate * twisted + weight * largest_push(scalars, k, ahead[1], ahead[2], ahead[3]);
+            size4 += rate * twisted + then;
             continue;
         }
         double bent = weight * size(k) * (rate * rate);

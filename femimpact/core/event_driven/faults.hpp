@@ -83,7 +83,7 @@ inline const char *fault_of(const Forms &forms, Index most_numbers) {
             return "forms.entries: must be at most as many as there is room for";
         if (!is_within(forms.driven(f), 0, forms.entries(f)))
             return "forms.driven: must be at most as many as there are entries";
-        if (!is_within(forms.rigid_bodies(f), 0, forms.rigid_body_drive.shape[1]))
+        if (!is_within(forms.rigid_bodies(f), 0, forms.rigid_body_drive.shape[2]))
             return "forms.rigid_bodies: must be at most as many as there is room for";
         if (!blocks_fit(forms.blocks.row(f), forms.entries(f)))
             return "forms.blocks: must lie within the entries";
@@ -103,8 +103,10 @@ inline const char *fault_of_pieces(const Cases &cases) {
         return "cases.degree: must be -1 to 5";
     if (!(cases.longest > 0.0))
         return "cases.longest: must be > 0";
+    if (cases.drive.shape[1] < DRIVE)
+        return "cases.drive: must have a load";
     for (Index c = 0; c < cases.omega.size(); c++) {
-        for (Index i = 0; i < DRIVE; i++)
+        for (Index i = 0; i < cases.drive.shape[1]; i++)
             if (!is_finite(cases.drive(c, i)))
                 return "cases.drive: must be finite";
         if (!is_within(cases.piece(c), 0, larger(0, cases.knots.size() - 1)))
@@ -197,6 +199,18 @@ inline const char *fault_of(const Task &task, const Cases &cases, const Grid &gr
 
 // ---- calls ------------------------------------------------------------------------------------------
 
+// Of the work of each of several drives.
+inline const char *fault_of_drives(const Job &job, const Ledger &ledger) {
+    const Index drives = ledger.drive_load.shape[0], rows = job.grid.work_of.shape[1];
+    if (ledger.drive_pieces.shape[0] != 0 && ledger.drive_pieces.shape[0] != job.cases.knots.size())
+        return "ledger.drive_pieces: must be none, or one at each knot";
+    if (drives > 0 && job.cases.degree >= 0 && ledger.drive_pieces.shape[0] == 0)
+        return "ledger.drive_pieces: must be given where the drive has pieces";
+    if (rows != 0 && rows < job.grid.energy.shape[1])
+        return "grid.work_of: must have no rows, or those of grid.energy";
+    return nullptr;
+}
+
 // Of the rows that samples, snapshots and energies are written to.
 inline const char *fault_of_rows(const Task &task, const Job &job, const Ledger *ledger) {
     const Grid &grid = job.grid;
@@ -246,6 +260,9 @@ inline const char *fault_of(const Task &task, const Job &job, const Ledger *ledg
         return fault;
     if (const char *fault = fault_of(task, job.cases, grid))
         return fault;
+    if (ledger != nullptr)
+        if (const char *fault = fault_of_drives(job, *ledger))
+            return fault;
     return fault_of_rows(task, job, ledger);
 }
 
@@ -256,6 +273,8 @@ inline const char *fault_of(const SearchCall &call, double until) {
         return "call.scalars.omega: must be finite and >= 0";
     if (!is_finite(call.motion.clock(0)))
         return "call.motion.clock: must be finite";
+    if (call.motion.drive.size() < DRIVE)
+        return "call.motion.drive: must have a load";
     if (!blocks_fit(call.scalars.blocks, call.scalars.exponent.size()))
         return "call.scalars.blocks: must lie within the entries";
     if (!are_finite(call.scalars.exponent, call.scalars.size))

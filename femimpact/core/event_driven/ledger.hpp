@@ -93,7 +93,7 @@ constexpr double PLACES = 16.0 * 2.220446049250313e-16;
         read_coordinates(form.shapes, mark, s.before);
         if (compliant)
             b.contact_loss(c.number) += add_separating(pairs, c, space);
-        if (has_blocks(scalars) || moving || (scalars.degree >= 0 && (active || braked)) ||
+        if (b.drive_load.shape[0] > 0 || has_blocks(scalars) || moving || (scalars.degree >= 0 && (active || braked)) ||
             are_mixed(form.shapes, scalars.driven, b.mass.size())) {
             sum_over_points(duration, form, pairs, c, space, b);
             read_coordinates(form.shapes, motion, s.after);

@@ -5,6 +5,12 @@
 
 namespace FEMIMPACT_TARGET {
 
+// Adds work of the base, the first of several drives: of what holds stops in space too.
+[[gnu::always_inline]] inline void add_work_of_base(double work, const Case &c, const Ledger &b) {
+    b.work(c.number) += work;
+    b.work_of(c.number, 0) += work;
+}
+
 // Integral of e^{mu s} over the duration, growth being e^{mu duration}; a series where mu is small.
 [[gnu::always_inline]] inline Complex integral_of(Complex exponent, Complex growth, double duration) {
     Complex z = exponent * duration;
@@ -112,7 +118,7 @@ inline double square_of(GivenComplexArray a, const ComplexMatrix &plus, const Co
     Index entries = scalars.exponent.size();
     Array drive = space.mark.drive;
     // s(t) = amplitude sin(theta) = Re(-i amplitude e^{i theta}), or s + s' t
-    Complex wave = Complex{0.0, -c.amplitude} * unit_phase(scalars.omega, space.mark.clock);
+    Complex wave = Complex{0.0, -c.amplitude(0).real} * unit_phase(scalars.omega, space.mark.clock);
     double work = 0.0;
     for (Index i = 0; i < b.mass.size(); i++) {
         ComplexArray strength = s.strength.row(i);

@@ -95,6 +95,8 @@ constexpr Index EVENTS_AT_ONCE = 200;
             add_to_ledger(form, job.pairs, c, job.space, *b);
             Array row = grid.energy.row(c.number, grid.kept(i));
             write_energy(job.pairs, c, motion, job.space.products.after, *b, row);
+            for (Index i = 0; grid.work_of.shape[1] > 0 && i < grid.work_of.shape[2]; i++)
+                grid.work_of(c.number, grid.kept(sample - begin - 1), i) = b->work_of(c.number, i);
         }
         if (snapshots.shown.size() > 0 && snapshots.shown(i) >= 0)
             keep_snapshot(snapshots.shown(i), form.shapes, job.pairs, c, job.space, snapshots);
@@ -228,7 +230,9 @@ inline Index run_case(Index begin, double until, double most, const Case &c, con
     return {
         .number = c,
         .omega = cases.omega(c),
-        .amplitude = cases.amplitude(c),
+        .amplitude = cases.amplitude.row(c),
+        .knots = cases.knots,
+        .piece = cases.piece.part(c, c + 1),
         .gap_plus = cases.gap_plus.row(c),
         .gap_minus = cases.gap_minus.row(c),
         .stiffness = cases.stiffness.row(c),

@@ -4,9 +4,9 @@
 // arrays over by (see fields.hpp); a type in View<...> that is const is only read. The case axis comes first: each case
 // is a separate run. In shapes C cases, F closed forms, K entries, P rigid-body coordinates, d coordinates (structure,
 // then balls), n coordinates of the structure, R pairs, O outputs, N closed forms of the same contact parameters, B
-// blocks, L knots, S samples of a base cycle and one more; any other letter is a separate length. Rows of scalars: x of
-// every pair, the contact force of every pair on the structure, then the outputs, the first of which is the observed
-// place.
+// blocks, L knots, H loads s(t), D drives whose work is kept apart or none, S samples of a base cycle and one more; any
+// other letter is a separate length. Rows of scalars: x of every pair, the contact force of every pair on the
+// structure, then the outputs, the first of which is the observed place.
 #pragma once
 
 #include "../array.hpp"
@@ -35,13 +35,13 @@ using GivenFlags = View<const unsigned char, 1>;
 struct Scalars {
     FIELDS_BEGIN;
     ARRAY(exponent, "K", GivenComplexArray);
-    ARRAY(coupling, "K K", GivenComplexMatrix); // above the diagonal of the blocks
-    ARRAY(blocks, "B 2", View<const Index, 2>); // first entry and number of entries of each; none where that is 0
-    ARRAY(size, "K", GivenArray);               // |lambda|, or the norm of the block
-    NUMBER(omega, double);                      // of the sine
-    NUMBER(degree, Index);                      // of the pieces of s(t), each a polynomial; -1 for a sine
-    ARRAY(rigid_body_given, "P", GivenArray);   // constant acceleration
-    ARRAY(rigid_body_drive, "P", GivenArray);   // acceleration per unit of s(t); zero for a sine: that is in `sine`
+    ARRAY(coupling, "K K", GivenComplexMatrix);  // above the diagonal of the blocks
+    ARRAY(blocks, "B 2", View<const Index, 2>);  // first entry and number of entries of each; none where that is 0
+    ARRAY(size, "K", GivenArray);                // |lambda|, or the norm of the block
+    NUMBER(omega, double);                       // of the sine
+    NUMBER(degree, Index);                       // of the pieces of s(t), each a polynomial; -1 for a sine
+    ARRAY(rigid_body_given, "P", GivenArray);    // constant acceleration
+    ARRAY(rigid_body_drive, "H P", GivenMatrix); // acceleration per unit of s(t); zero for a sine: that is in `sine`
     // side of a contact whose force is watched for its end, times STICKS if it sticks, else 0
     ARRAY(lasting, "2R", GivenArray);
     ARRAY(upper, "2R+1", Array); // the last two are those of the search for the peak
@@ -52,22 +52,24 @@ struct Scalars {
     ARRAY(rigid_body_rate_weight, "2R+O P", GivenMatrix);
     ARRAY(sine, "2R+O", GivenComplexArray);
     ARRAY(constant, "2R+O", GivenArray);
-    ARRAY(follow, "8 2R+O", GivenMatrix); // steady motion under a polynomial, per unit of what `drive` holds
+    ARRAY(follow, "8H 2R+O", GivenMatrix); // steady motion under polynomials, per unit of what `drive` holds
     NUMBER(driven, Index); // entries, the slowest ones, that move under a polynomial; see `drive_entries`
-    ARRAY(load, "3 K", GivenComplexMatrix); // what s, ub' and ub add to the rate of each entry
-    ARRAY(term, "K", ComplexArray);         // scratch
-    ARRAY(growth, "K", ComplexArray);       // scratch
+    ARRAY(load, "3H K", GivenComplexMatrix); // what s, ub' and ub of each load add to the rate of each entry
+    ARRAY(term, "K", ComplexArray);          // scratch
+    ARRAY(growth, "K", ComplexArray);        // scratch
     FIELDS_END;
 };
 
 // Where the motion is: homogeneous part, rigid-body coordinates, time, a drive by pieces.
+//
+// The base's motion, if it moves, is the first load. Of a force ub and ub' are integrals of s that no load reads.
 struct Motion {
     FIELDS_BEGIN;
     ARRAY(entry, "K", ComplexArray);
     ARRAY(rigid_body, "P", Array);
     ARRAY(rigid_body_rate, "P", Array);
-    ARRAY(clock, "2", Array); // time, phase of the sine at t = 0
-    ARRAY(drive, "8", Array); // ub, ub', s and the derivatives of s to the fifth; zero for a sine
+    ARRAY(clock, "2", Array);  // time, phase of the sine at t = 0
+    ARRAY(drive, "8H", Array); // of each load ub, ub', s and the derivatives of s to the fifth; zero for a sine
     FIELDS_END;
 };
 
@@ -112,22 +114,22 @@ struct Forms {
     ARRAY(blocks, "F B 2", View<const Index, 3>);
     ARRAY(size, "F K", GivenMatrix);
     ARRAY(rigid_body_given, "F P R+1", View<const double, 3>); // of a unit load, and per m of each wall
-    ARRAY(rigid_body_drive, "F P", GivenMatrix);
+    ARRAY(rigid_body_drive, "F H P", View<const double, 3>);
     ARRAY(weight, "F 2R+O K", View<const Complex, 3>);
     ARRAY(weight_size, "F 2R+O K", View<const double, 3>);
     ARRAY(rigid_body_weight, "F 2R+O P", View<const double, 3>);
     ARRAY(rigid_body_rate_weight, "F 2R+O P", View<const double, 3>);
     ARRAY(constant, "F 2R+O R+1", View<const double, 3>);
-    ARRAY(through, "F 3 2R+O", View<const double, 3>); // directly of s, ub' and ub
-    ARRAY(follow, "F 8 2R+O", View<const double, 3>);  // see Scalars
+    ARRAY(through, "F 3H 2R+O", View<const double, 3>); // directly of s, ub' and ub
+    ARRAY(follow, "F 8H 2R+O", View<const double, 3>);  // see Scalars
     ARRAY(shape, "F d K", View<const Complex, 3>);
     ARRAY(shape_rate, "F d K", View<const Complex, 3>);
     ARRAY(rigid_body_shape, "F d P", View<const double, 3>);
     ARRAY_AS("static", static_part, "F d R+1", View<const double, 3>);
     ARRAY(position_through, "F d", GivenMatrix); // directly of ub
-    ARRAY(position_follow, "F 8 d", View<const double, 3>);
-    ARRAY(velocity_follow, "F 8 d", View<const double, 3>);
-    ARRAY(load, "F 3 K", View<const Complex, 3>); // what s, ub' and ub add to the rate of each entry
+    ARRAY(position_follow, "F 8H d", View<const double, 3>);
+    ARRAY(velocity_follow, "F 8H d", View<const double, 3>);
+    ARRAY(load, "F 3H K", View<const Complex, 3>); // what s, ub' and ub add to the rate of each entry
     ARRAY(to_entry_u, "F K d", View<const Complex, 3>);
     ARRAY(to_entry_v, "F K d", View<const Complex, 3>);
     ARRAY(to_rigid_body, "F P d", View<const double, 3>);
@@ -148,8 +150,8 @@ struct Shapes {
     GivenMatrix rigid_body_shape;  // (d, P)
     GivenArray static_part;        // (d,)
     GivenComplexArray harmonic;    // (d,)
-    GivenMatrix follow;            // (8, d)
-    GivenMatrix follow_rate;       // (8, d)
+    GivenMatrix follow;            // (8H, d)
+    GivenMatrix follow_rate;       // (8H, d)
     Index degree;                  // see Scalars
     GivenIndices first;            // (d + 1,)
     GivenIndices members;          // (d K,)
@@ -185,11 +187,11 @@ struct Pairs {
 struct Cases {
     FIELDS_BEGIN;
     ARRAY(omega, "C", GivenArray);
-    ARRAY(amplitude, "C", GivenArray);
-    ARRAY(knots, "L", GivenArray);     // s, where the pieces of s(t) begin, rising; none for a sine
-    ARRAY(pieces, "L 8", GivenMatrix); // what `Motion.drive` is at the beginning of each piece
-    NUMBER(degree, Index);             // of the pieces; see Scalars
-    NUMBER(longest, double);           // s, for which the series of `drive_entries` serves
+    ARRAY(amplitude, "C H", GivenComplexMatrix); // of each load; that of the first one is real
+    ARRAY(knots, "L", GivenArray);               // s, where the pieces of s(t) begin, rising; none for a sine
+    ARRAY(pieces, "L 8H", GivenMatrix);          // what `Motion.drive` is at the beginning of each piece
+    NUMBER(degree, Index);                       // of the pieces; see Scalars
+    NUMBER(longest, double);                     // s, for which the series of `drive_entries` serves
     ARRAY(gap_plus, "C R", GivenMatrix);
     ARRAY(gap_minus, "C R", GivenMatrix);
     ARRAY(stiffness, "C R", GivenMatrix);
@@ -200,7 +202,7 @@ struct Cases {
     ARRAY(entry, "C K", ComplexMatrix);
     ARRAY(rigid_body, "C 2 P", View<double, 3>);  // and their rates
     ARRAY(clock, "C 2", Matrix);                  // see Motion
-    ARRAY(drive, "C 8", Matrix);                  // see Motion
+    ARRAY(drive, "C 8H", Matrix);                 // see Motion
     ARRAY(piece, "C", View<Index, 1>);            // number of the present piece
     ARRAY(coordinates, "C 2 d", View<double, 3>); // displacements and velocities where a form is to be entered
     ARRAY(entering, "C", View<Index, 1>);         // ENTERED, or what is to be done first
@@ -223,20 +225,22 @@ struct Cases {
 // One case: its drive, its contacts, and their states.
 struct Case {
     Index number;
-    double omega;           // of the sine; 0 for pieces
-    double amplitude;       // of s(t): m/s^2 or N
-    GivenArray gap_plus;    // (R,) m, to the + wall
-    GivenArray gap_minus;   // (R,) m, to the - wall
-    GivenArray stiffness;   // (R,)
-    GivenArray damping;     // (R,)
-    GivenArray restitution; // (R,)
-    Array state;            // (R,) contact states
-    Array released;         // (R,)
-    Matrix coordinates;     // (2, d)
-    Matrix touch;           // (6, R)
-    Matrix to_modes;        // (R, m)
-    GivenArray window;      // (2,)
-    Matrix totals;          // (6, R)
+    double omega;                // of the sine; 0 for pieces
+    GivenComplexArray amplitude; // (H,) of s(t): m/s^2 or N
+    GivenArray knots;            // (L,)
+    View<Index, 1> piece;        // (1,) number of the present one
+    GivenArray gap_plus;         // (R,) m, to the + wall
+    GivenArray gap_minus;        // (R,) m, to the - wall
+    GivenArray stiffness;        // (R,)
+    GivenArray damping;          // (R,)
+    GivenArray restitution;      // (R,)
+    Array state;                 // (R,) contact states
+    Array released;              // (R,)
+    Matrix coordinates;          // (2, d)
+    Matrix touch;                // (6, R)
+    Matrix to_modes;             // (R, m)
+    GivenArray window;           // (2,)
+    Matrix totals;               // (6, R)
 };
 
 // ---- what is read and written -----------------------------------------------------------------------
@@ -254,6 +258,7 @@ struct Grid {
     ARRAY(values, "C x O", View<double, 3>); // or (C, 0, O) where only cycles are wanted
     ARRAY(kept, "k", GivenIndices);          // number of the energy row that a sample fills, -1 for none
     ARRAY(energy, "C e n+7", View<double, 3>);
+    ARRAY(work_of, "C w D+1", View<double, 3>); // beside these, of each drive and of constant forces; w is e or 0
     FIELDS_END;
 };
 
@@ -291,6 +296,11 @@ struct Ledger {
     ARRAY(loss_of_mode, "C n", Matrix); // J
     ARRAY(start, "C n+7", Matrix);      // energies that a case starts with
     NUMBER(everywhere, bool);           // or only through compliant contacts, for the table of impacts
+    // of each drive where there are several, of which some may act along one load; the first is the base, if it moves
+    ARRAY(drive_load, "D d", GivenMatrix);
+    ARRAY(drive_amplitude, "D", GivenComplexArray); // as Cases.amplitude
+    ARRAY(drive_pieces, "g 6D", GivenMatrix);       // s and its derivatives as in Cases.pieces; g is L or 0
+    ARRAY(work_of, "C D+1", Matrix);                // J, of each and of constant forces
     FIELDS_END;
 };
 
@@ -330,7 +340,7 @@ struct Bounds {
     ARRAY(constant, "2R+O", Array);
     ARRAY_AS("static", static_part, "d", Array);
     ARRAY(given, "P", Array);
-    ARRAY(nothing, "P", GivenArray);     // zero
+    ARRAY(nothing, "H P", GivenMatrix);  // zero
     ARRAY(wall, "R+1", Array);           // 1, then side times gap of each pair in contact or separating
     ARRAY(steady, "2 K", ComplexMatrix); // scratch
     FIELDS_END;

@@ -15,17 +15,38 @@ constexpr Index TAYLOR = 18, MOST_STEPS = 100'000;
     return {turn.cosine, turn.sine};
 }
 
+// Numbers of each load in `Motion.drive`: ub, ub', s, and the derivatives of s to the fifth.
+//
+// One load, the first, is what is compiled everywhere below; further ones are added behind it.
+constexpr Index DRIVE = 8;
+
+// Acceleration of a rigid-body coordinate by loads behind the first, or a derivative: `item` is that of their blocks.
+[[gnu::noinline]] inline double of_further_loads(const Scalars &scalars, Index i, GivenArray d, Index item) {
+    double total = 0.0;
+    for (Index h = 1; h * DRIVE < d.size(); h++)
+        total += scalars.rigid_body_drive(h, i) * d(h * DRIVE + item);
+    return total;
+}
+
+// Rate of the growth of that acceleration times a weight.
+[[gnu::always_inline]] inline double rigid_body_twist(double weight, Index i, const Scalars &scalars, GivenArray d) {
+    double twist = weight * scalars.rigid_body_drive(0, i) * d(4);
+    return d.size() > DRIVE ? twist + weight * of_further_loads(scalars, i, d, 4) : twist;
+}
+
 // Acceleration of a rigid-body coordinate, and its rate.
 struct Push {
     double push, growth;
 };
 [[gnu::always_inline]] inline Push rigid_body_push(Index i, const Scalars &scalars, const Motion &motion) {
-    double drive = scalars.rigid_body_drive(i);
-    return {scalars.rigid_body_given(i) + drive * motion.drive(2), drive * motion.drive(3)};
+    double drive = scalars.rigid_body_drive(0, i);
+    Push first = {scalars.rigid_body_given(i) + drive * motion.drive(2), drive * motion.drive(3)};
+    if (motion.drive.size() > DRIVE) {
+        first.push += of_further_loads(scalars, i, motion.drive, 2);
+        first.growth += of_further_loads(scalars, i, motion.drive, 3);
+    }
+    return first;
 }
-
-// Numbers in `Motion.drive`: ub, ub', s, and the derivatives of s to the fifth.
-constexpr Index DRIVE = 8;
 
 // 1/n!.
 constexpr double INVERSE_FACTORIAL[] = {1.0,       1.0,        1.0 / 2.0,   1.0 / 6.0,    1.0 / 24.0,
@@ -43,34 +64,48 @@ constexpr double INVERSE_FACTORIAL[] = {1.0,       1.0,        1.0 / 2.0,   1.0 
 
 // Advances the rigid-body coordinates, and the drive where it is in pieces.
 [[gnu::always_inline]] inline void move_rigid_bodies(const Scalars &scalars, const Motion &motion, double duration) {
-    Array d = motion.drive, y = motion.rigid_body, v = motion.rigid_body_rate;
+    Array all = motion.drive, y = motion.rigid_body, v = motion.rigid_body_rate;
     for (Index i = 0; i < scalars.rigid_body_given.size(); i++) {
         auto [push, growth] = rigid_body_push(i, scalars, motion);
         y(i) += duration * (v(i) + duration * (0.5 * push + duration * growth / 6.0));
         v(i) += duration * (push + 0.5 * duration * growth);
     }
-    if (scalars.degree > 1) {
-        // what the terms from s'' on add to both integrals of s
-        double moved = series(d, 0, 4, duration), faster = series(d, 1, 3, duration);
-        for (Index i = 0; i < scalars.rigid_body_given.size(); i++) {
-            y(i) += scalars.rigid_body_drive(i) * moved;
-            v(i) += scalars.rigid_body_drive(i) * faster;
+    if (scalars.degree < 0)
+        return;
+    for (Index h = 0; h * DRIVE < all.size(); h++) {
+        Array d = all.part(h * DRIVE, (h + 1) * DRIVE);
+        if (scalars.degree > 1) {
+            // what the terms from s'' on add to both integrals of s
+            double moved = series(d, 0, 4, duration), faster = series(d, 1, 3, duration);
+            for (Index i = 0; i < scalars.rigid_body_given.size(); i++) {
+                y(i) += scalars.rigid_body_drive(h, i) * moved;
+                v(i) += scalars.rigid_body_drive(h, i) * faster;
+            }
+            for (Index i = 0; i < DRIVE - 1; i++)
+                d(i) += series(d, i, 1, duration);
+        } else {
+            d(0) += duration * (d(1) + duration * (0.5 * d(2) + duration * d(3) / 6.0));
+            d(1) += duration * (d(2) + 0.5 * duration * d(3));
+            d(2) += duration * d(3);
         }
-        for (Index i = 0; i < DRIVE - 1; i++)
-            d(i) += series(d, i, 1, duration);
-    } else if (scalars.degree >= 0) {
-        d(0) += duration * (d(1) + duration * (0.5 * d(2) + duration * d(3) / 6.0));
-        d(1) += duration * (d(2) + 0.5 * duration * d(3));
-        d(2) += duration * d(3);
     }
 }
 
-// The derivative of some order of what a polynomial adds to a scalar.
+// The derivative of some order of what the polynomials of loads behind the first add to a scalar.
+[[gnu::noinline]] inline double further_derivative(GivenMatrix follow, Index r, GivenArray d, Index order) {
+    double total = 0.0;
+    for (Index first = DRIVE; first < d.size(); first += DRIVE)
+        for (Index i = first; i + order < first + DRIVE; i++)
+            total += follow(i, r) * d(i + order);
+    return total;
+}
+
+// The derivative of some order of what polynomials add to a scalar.
 [[gnu::always_inline]] inline double derivative(GivenMatrix follow, Index r, GivenArray d, Index order) {
     double total = 0.0;
     for (Index i = 0; i + order < DRIVE; i++)
         total += follow(i, r) * d(i + order);
-    return total;
+    return d.size() > DRIVE ? total + further_derivative(follow, r, d, order) : total;
 }
 
 // What a polynomial adds to a scalar: the value and its first three derivatives.
@@ -79,7 +114,7 @@ struct Taylor {
 };
 [[gnu::always_inline]] inline Taylor taylor(const Scalars &scalars, Index r, GivenArray d) {
     GivenMatrix follow = scalars.follow;
-    if (scalars.degree > 1)
+    if (scalars.degree > 1 || d.size() > DRIVE)
         return {derivative(follow, r, d, 0), derivative(follow, r, d, 1), derivative(follow, r, d, 2),
                 derivative(follow, r, d, 3)};
     double a = follow(0, r), b = follow(1, r), c = follow(2, r), e = follow(3, r);
@@ -105,6 +140,9 @@ struct Taylor {
         total += scalars.load(1, k) * d(order + 1);
     if (order + 2 < DRIVE)
         total += scalars.load(0, k) * d(order + 2);
+    // of forces s alone pushes
+    for (Index h = 1; h * DRIVE < d.size() && order + 2 < DRIVE; h++)
+        total += scalars.load(3 * h, k) * d(h * DRIVE + order + 2);
     return total;
 }
 
@@ -184,7 +222,7 @@ constexpr double INVERSE[MOST_TERMS + 1] = {
 // Whether anything drives the driven entries now.
 [[gnu::always_inline]] inline bool are_pushed(const Scalars &scalars, GivenArray d) {
     bool found = false;
-    for (Index i = 2; i < DRIVE; i++)
+    for (Index i = 2; i < d.size(); i++)
         found = found || d(i) != 0.0;
     for (Index k = 0; k < scalars.driven; k++)
         found = found || scalars.load(1, k) != 0.0 || scalars.load(2, k) != 0.0;
@@ -246,6 +284,8 @@ constexpr double INVERSE[MOST_TERMS + 1] = {
         target.rigid_body_rate(i) = source.rigid_body_rate(i);
     }
     for (Index i = 0; i < DRIVE; i++)
+        target.drive(i) = source.drive(i);
+    for (Index i = DRIVE; i < source.drive.size(); i++)
         target.drive(i) = source.drive(i);
     target.clock(0) = source.clock(0);
     target.clock(1) = source.clock(1);

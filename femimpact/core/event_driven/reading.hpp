@@ -115,7 +115,7 @@ constexpr Index MAXIMUM_TIME = 6, MINIMUM_TIME = 7;
     for (Index p = 0; p < scalars.rigid_body_given.size(); p++) {
         double weight = scalars.rigid_body_weight(r, p), rate_weight = scalars.rigid_body_rate_weight(r, p);
         auto [push, growth] = rigid_body_push(p, scalars, motion);
-        double bent = weight * growth + rate_weight * scalars.rigid_body_drive(p) * motion.drive(4);
+        double bent = weight * growth + rigid_body_twist(rate_weight, p, scalars, motion.drive);
         total += (magnitude(weight * push + rate_weight * growth) + magnitude(bent) * duration) * share;
     }
     for (Index k = 0; k < scalars.size.size(); k++) {

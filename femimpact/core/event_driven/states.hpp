@@ -45,22 +45,31 @@ struct BaseMotion {
         return {motion.drive(0), motion.drive(1)};
     // s = amplitude sin(theta) is the second derivative
     Complex phase = unit_phase(omega, motion.clock);
-    return {-c.amplitude * phase.imag / (omega * omega), -c.amplitude * phase.real / omega};
+    double amplitude = c.amplitude(0).real;
+    return {-amplitude * phase.imag / (omega * omega), -amplitude * phase.real / omega};
 }
 
-// Sets the steady motion under a sine in one form; false where it is unbounded. `h` (2, K) is scratch space.
-[[gnu::noinline]] inline bool set_steady_motion(Index f, const Case &c, const Cases &cases, const Forms &forms,
-                                                const ComplexMatrix &h) {
+// Adds a value, or is it: a zero before it would have a sign.
+[[gnu::always_inline]] inline void put(Complex &sum, Complex value, bool first) {
+    sum = first ? value : sum + value;
+}
+
+// Adds the steady motion under a sine of one load in one form; false where it is unbounded. `h` (2, K) is scratch
+// space.
+[[gnu::noinline]] inline bool add_steady_motion(Index load, Index f, const Case &c, const Cases &cases,
+                                                const Forms &forms, const ComplexMatrix &h) {
     Index n = forms.number(f), last = forms.entries(f), rigid_bodies = forms.rigid_bodies(f);
     double omega = c.omega, of_base = -1.0 / (omega * omega);
     ComplexArray sine = cases.sine.row(c.number, n), harmonic = cases.harmonic.row(c.number, n);
     ComplexArray rigid_body_sine = cases.rigid_body_sine.row(c.number, n);
-    Complex wave = {0.0, -c.amplitude}, of_speed = {0.0, omega * of_base};
+    // s = Im(a e^{i theta}) = Re(-i a e^{i theta})
+    Complex amplitude = c.amplitude(load), wave = {amplitude.imag, -amplitude.real}, of_speed = {0.0, omega * of_base};
+    bool first = load == 0;
     for (Index turn = 0; turn < 2; turn++) {
         double direction = turn == 0 ? 1.0 : -1.0;
         for (Index k = last - 1; k >= 0; k--) {
-            Complex total = forms.load(f, 0, k) + direction * of_speed * forms.load(f, 1, k);
-            total += of_base * forms.load(f, 2, k);
+            Complex total = forms.load(f, 3 * load, k) + direction * of_speed * forms.load(f, 3 * load + 1, k);
+            total += of_base * forms.load(f, 3 * load + 2, k);
             total *= 0.5;
             for (Index m = k + 1; m < last; m++)
                 total += forms.coupling(f, k, m) * h(turn, m);
@@ -72,31 +81,42 @@ struct BaseMotion {
         }
     }
     for (Index p = 0; p < rigid_bodies; p++)
-        rigid_body_sine(p) = forms.rigid_body_drive(f, p) * of_base * wave;
+        put(rigid_body_sine(p), forms.rigid_body_drive(f, load, p) * of_base * wave, first);
     for (Index r = 0; r < sine.size(); r++) {
-        Complex total = forms.through(f, 0, r) + of_speed * forms.through(f, 1, r);
-        total += Complex{of_base * forms.through(f, 2, r), 0.0};
+        Complex total = forms.through(f, 3 * load, r) + of_speed * forms.through(f, 3 * load + 1, r);
+        total += Complex{of_base * forms.through(f, 3 * load + 2, r), 0.0};
         for (Index k = 0; k < last; k++) {
             Complex w = forms.weight(f, r, k);
             total += w * h(0, k) + conjugate(w * h(1, k));
         }
-        sine(r) = total * wave;
+        put(sine(r), total * wave, first);
         for (Index p = 0; p < rigid_bodies; p++) {
             Complex of_rate = Complex{0.0, omega} * forms.rigid_body_rate_weight(f, r, p);
-            sine(r) += (forms.rigid_body_weight(f, r, p) + of_rate) * rigid_body_sine(p);
+            Complex moved = first ? rigid_body_sine(p) : forms.rigid_body_drive(f, load, p) * of_base * wave;
+            sine(r) += (forms.rigid_body_weight(f, r, p) + of_rate) * moved;
         }
     }
     for (Index i = 0; i < harmonic.size(); i++) {
-        Complex total = {of_base * forms.position_through(f, i), 0.0};
+        Complex total = {first ? of_base * forms.position_through(f, i) : 0.0, 0.0};
         for (Index k = 0; k < last; k++) {
             Complex w = forms.shape(f, i, k);
             total += w * h(0, k) + conjugate(w * h(1, k));
         }
-        harmonic(i) = total * wave;
-        for (Index p = 0; p < rigid_bodies; p++)
-            harmonic(i) += forms.rigid_body_shape(f, i, p) * rigid_body_sine(p);
+        put(harmonic(i), total * wave, first);
+        for (Index p = 0; p < rigid_bodies; p++) {
+            Complex moved = first ? rigid_body_sine(p) : forms.rigid_body_drive(f, load, p) * of_base * wave;
+            harmonic(i) += forms.rigid_body_shape(f, i, p) * moved;
+        }
     }
     return true;
+}
+
+// Sets the steady motion under sines of one frequency in one form; false where it is unbounded.
+inline bool set_steady_motion(Index f, const Case &c, const Cases &cases, const Forms &forms, const ComplexMatrix &h) {
+    bool bounded = true;
+    for (Index load = 0; bounded && load < c.amplitude.size(); load++)
+        bounded = add_steady_motion(load, f, c, cases, forms, h);
+    return bounded;
 }
 
 // A closed form as the search, the readings and the ledger of a case take it.
@@ -105,7 +125,7 @@ struct BaseMotion {
     Index n = forms.number(f), last = forms.entries(f), rigid_bodies = forms.rigid_bodies(f);
     Index degree = c.omega == 0.0 ? cases.degree : -1;
     // what a sine does to a rigid-body coordinate is in the steady motion
-    GivenArray drive = degree >= 0 ? forms.rigid_body_drive.row(f) : bounds.nothing;
+    GivenMatrix drive = degree >= 0 ? forms.rigid_body_drive.row(f) : bounds.nothing;
     return {
         .scalars =
             {
@@ -116,7 +136,7 @@ struct BaseMotion {
                 .omega = c.omega,
                 .degree = degree,
                 .rigid_body_given = bounds.given.first(rigid_bodies),
-                .rigid_body_drive = drive.first(rigid_bodies),
+                .rigid_body_drive = drive,
                 .lasting = bounds.lasting,
                 .upper = bounds.upper,
                 .lower = bounds.lower,
@@ -210,7 +230,7 @@ struct Followed {
     double position, rate;
 };
 [[gnu::always_inline]] inline Followed followed(const Shapes &shapes, Index i, GivenArray d) {
-    if (shapes.degree > 1)
+    if (shapes.degree > 1 || d.size() > DRIVE)
         return {derivative(shapes.follow, i, d, 0), derivative(shapes.follow_rate, i, d, 0)};
     double a = shapes.follow(0, i), b = shapes.follow(1, i), c = shapes.follow(2, i), e = shapes.follow(3, i);
     return {a * d(0) + b * d(1) + c * d(2) + e * d(3), a * d(1) + b * d(2) + c * d(3)};
@@ -291,20 +311,22 @@ struct Followed {
     Array d = motion.drive;
     // the motion of the base goes on: a piece carries it to the last digit
     Index last = larger(cases.degree, 1) + 3;
-    double jump[DRIVE] = {};
-    for (Index j = 2; j < last; j++)
-        jump[j] = next(j) - d(j);
-    for (Index j = 0; j < DRIVE; j++)
-        d(j) = next(j);
-    for (Index i = 0; i < follow.shape[1]; i++) {
-        double x = follow(2, i) * jump[2] + follow(3, i) * jump[3];
-        double v = rate(2, i) * jump[2] + rate(3, i) * jump[3];
-        for (Index j = 4; j < last; j++) {
-            x += follow(j, i) * jump[j];
-            v += rate(j, i) * jump[j];
+    for (Index begin = 0; begin < d.size(); begin += DRIVE) {
+        double jump[DRIVE] = {};
+        for (Index j = 2; j < last; j++)
+            jump[j] = next(begin + j) - d(begin + j);
+        for (Index j = 0; j < DRIVE; j++)
+            d(begin + j) = next(begin + j);
+        for (Index i = 0; i < follow.shape[1]; i++) {
+            double x = follow(begin + 2, i) * jump[2] + follow(begin + 3, i) * jump[3];
+            double v = rate(begin + 2, i) * jump[2] + rate(begin + 3, i) * jump[3];
+            for (Index j = 4; j < last; j++) {
+                x += follow(begin + j, i) * jump[j];
+                v += rate(begin + j, i) * jump[j];
+            }
+            for (Index k = 0; k < forms.entries(f); k++)
+                motion.entry(k) -= forms.to_entry_u(f, k, i) * x + forms.to_entry_v(f, k, i) * v;
         }
-        for (Index k = 0; k < forms.entries(f); k++)
-            motion.entry(k) -= forms.to_entry_u(f, k, i) * x + forms.to_entry_v(f, k, i) * v;
     }
 }
 

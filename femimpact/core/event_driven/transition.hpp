@@ -159,7 +159,7 @@ constexpr double ROUNDING_SHARE = 1e-12;
         double share = form.reaction(i, j) * side * push;
         impulse(i) = i == j ? side * push : 0.0;
         if (b) {
-            b->work(c.number) -= (share + impulse(i)) * pairs.in_space(i) * base_rate;
+            add_work_of_base(-((share + impulse(i)) * pairs.in_space(i) * base_rate), c, *b);
             // an impulse works at the mean of the velocities before and after
             for (Index k = 0; k < velocity.size(); k++)
                 velocity(k) += 0.5 * pairs.direction(i, k) * share / b->mass(k);
@@ -360,7 +360,7 @@ constexpr double ROUNDING_SHARE = 1e-12;
         write_impact(hit, wall, fastest, e * fastest, push, pairs, space, tables, b);
         if (b) {
             b->contact_loss(c.number) += 0.5 * push * (1.0 - e) * fastest;
-            b->work(c.number) -= wall * push * pairs.in_space(hit) * base_rate;
+            add_work_of_base(-(wall * push * pairs.in_space(hit) * base_rate), c, *b);
         }
         impulse(hit) += wall * push;
         search.leaving(hit) = 0.0;
@@ -376,7 +376,7 @@ constexpr double ROUNDING_SHARE = 1e-12;
         double wall = search.at_wall(caught), rebound = -search.at_wall(caught) * search.rate(caught);
         if (b) {
             b->contact_loss(c.number) -= 0.5 * wall * impulse(caught) * rebound;
-            b->work(c.number) -= impulse(caught) * pairs.in_space(caught) * base_rate;
+            add_work_of_base(-(impulse(caught) * pairs.in_space(caught) * base_rate), c, *b);
         }
         c.state(caught) = wall * CONTACT;
         begin_contact(caught, search.event(0), 0.0, c);

@@ -11,7 +11,7 @@ namespace FEMIMPACT_TARGET::stepping {
 constexpr double MOST = 1e15;
 
 // Why an operator does not belong to a block, or null: its shapes by themselves are checked before.
-inline const char *fault_of(const Operator &op, Index dofs, Index places, Index pairs) {
+inline const char *fault_of(const Operator &op, Index loads, Index dofs, Index places, Index pairs) {
     if (op.drive_load.size() != dofs || op.rows.shape[0] != places || op.response_a.shape[0] != pairs)
         return "operator: must be of as many dofs, places and pairs as the block";
     if (op.mass_band.shape[0] < 1 || op.cholesky_band.shape[0] < 1)
@@ -20,6 +20,8 @@ inline const char *fault_of(const Operator &op, Index dofs, Index places, Index 
         return "operator.narrow.columns: must have none or 12 (n + 6) entries";
     if (op.narrow.columns.size() != 0 && op.narrow.factor.size() != 4 * (dofs + 6))
         return "operator.narrow.factor: must have 4 (n + 6) entries";
+    if (op.more_load.shape[0] != loads || op.more_load.shape[1] != dofs)
+        return "operator.more_load: must be of as many loads and dofs as the block";
     if (op.constant_load.size() != 0 && op.constant_load.size() != dofs)
         return "operator.constant_load: must have none or n entries";
     if (op.constant_w.shape[1] != (op.constant_load.size() == 0 ? 0 : places))
@@ -71,6 +73,21 @@ inline const char *fault_of(const Cycles &cycles, double last, bool ledger) {
     return nullptr;
 }
 
+// Why several drives of a single case would lead outside their arrays, or null; `last` is the last fine step.
+inline const char *fault_of_drives(const Motion &m, const Record &record, double last, bool ledger) {
+    const Index loads = m.more.shape[0], drives = m.drives.shape[0];
+    if (loads + drives > 0 && m.q.shape[1] != 1)
+        return "cases.motion.more, drives: must be of a single case";
+    if ((loads > 0 && double(m.more.shape[1]) <= last) || (drives > 0 && double(m.drives.shape[1]) <= last))
+        return "cases.motion.more, drives: must reach to the last fine step";
+    for (Index k = 0; k < drives; k++)
+        if (m.drive_place(k) < 0 || m.drive_place(k) > loads)
+            return "cases.motion.drive_place: must be numbers of loads";
+    if (ledger && drives > 0 && record.work_of.shape[1] < record.channels.shape[1])
+        return "cases.record.work_of: must have a column for each sample";
+    return nullptr;
+}
+
 // Why a call of that many steps would read or write outside its arrays, or null: what shapes alone do not say.
 inline const char *fault_of(Index steps, const Stepped &given, const Fine *fine) {
     const Motion &m = given.cases.motion;
@@ -84,7 +101,7 @@ inline const char *fault_of(Index steps, const Stepped &given, const Fine *fine)
         return "cases: must be one alone, or whole packs of eight";
     if (places < 1)
         return "cases.motion.w: must have a place";
-    if (const char *fault = fault_of(given.structure, dofs, places, pairs.row.size()))
+    if (const char *fault = fault_of(given.structure, m.more.shape[0], dofs, places, pairs.row.size()))
         return fault;
     if (const char *fault = fault_of(pairs, places))
         return fault;
@@ -99,6 +116,8 @@ inline const char *fault_of(Index steps, const Stepped &given, const Fine *fine)
         return "cases.motion.to_modes: must have none, or n columns of a single case";
     if (!(parts >= 1.0 && parts <= 1e6))
         return "fine.parts: must be 1 to 1e6";
+    if (const char *fault = fault_of_drives(m, record, last * parts, given.ledger))
+        return fault;
     if (m.table.shape[0] != 0 && double(m.table.shape[0]) <= last * parts)
         return "cases.motion.table: must reach to the last fine step";
     if (m.travel.shape[1] != 0 && double(m.travel.shape[1]) <= last * parts)
@@ -109,7 +128,7 @@ inline const char *fault_of(Index steps, const Stepped &given, const Fine *fine)
         return "fine.operator.banded: must be that of operator";
     if (parts > 1.0 && (m.saved.shape[1] != dofs || m.saved_ball.shape[1] != pairs.row.size()))
         return "cases.motion.saved, saved_ball: must hold all dofs and pairs";
-    return fault_of(fine->structure, dofs, places, pairs.row.size());
+    return fault_of(fine->structure, m.more.shape[0], dofs, places, pairs.row.size());
 }
 
 // What every function of the loop is handed, read and checked.

@@ -103,6 +103,21 @@ template <bool BANDED, class Value>
         add_constant_load<Value>(op, m, c);
 }
 
+// Adds what further loads do in a step of a single case, from one fine step to another.
+[[gnu::noinline]] inline void add_further_loads(Index from, Index to, const Operator &op, const Scheme &s,
+                                                const Motion &m) {
+    for (Index h = 0; h < m.more.shape[0]; h++) {
+        const double acting = (1.0 - s.alpha_f) * m.more(h, to) + s.alpha_f * m.more(h, from);
+        for (Index i = 0; i < m.q.shape[0]; i++) {
+            const double acceleration = op.more_a(h, i) * acting;
+            m.a(i, 0) += acceleration;
+            m.q(i, 0) += s.correct_u * acceleration;
+            m.v(i, 0) += s.correct_v * acceleration;
+        }
+    }
+    read_rows<double>(op.rows, 0, m, 0);
+}
+
 // Stops fixed in space a step before y (m), at the rate (m/s) that they have there.
 //
 // y is the base's displacement, not a sum over steps: the free step adds dt times the rate, and no error stays.

@@ -74,6 +74,29 @@ template <class Value>
     store(work, m.ledger.row(WORK), c);
 }
 
+// Adds the work of each of several drives on a single case from one fine step to another, before `add_work`.
+[[gnu::noinline]] inline void add_work_of_drives(Index from, Index to, const Operator &op, const Pairs &pairs,
+                                                 const Motion &m) {
+    const Index drives = m.drives.shape[0];
+    for (Index k = 0; k < drives; k++) {
+        const Index place = m.drive_place(k);
+        const GivenArray load = place == 0 ? op.drive_load : op.more_load.row(place - 1);
+        double held = 0.0, mean = 0.5 * (m.drives(k, from) + m.drives(k, to));
+        for (Index i = 0; i < load.size(); i++)
+            held += load(i) * m.q(i, 0);
+        const double work = mean * (held - m.held_by_drive(k));
+        m.held_by_drive(k) = held;
+        m.work_of(k) += work;
+        // that along the first load is added for all cases alike
+        m.ledger(WORK, 0) += place > 0 ? work : 0.0;
+    }
+    for (Index j = 0; j < pairs.row.size(); j++) {
+        const double travel = pairs.constants(MASS, j, 0) * (m.ball(Y, j, 0) - m.ball(Y_BEFORE, j, 0));
+        m.work_of(0) -= pairs.constants(SHARE, j, 0) * 0.5 * (m.drives(0, from) + m.drives(0, to)) * travel;
+        m.work_of(drives) += pairs.constants(ACCELERATION, j, 0) * travel;
+    }
+}
+
 // All of the above for one step of one case or of a pack of them.
 template <bool BANDED, class Value>
 [[gnu::always_inline]] inline void write_ledger(Index c, Value base, Value before, const Operator &op, const Scheme &s,
@@ -110,6 +133,14 @@ inline double quadratic(GivenMatrix band, Matrix values, Index c) {
     return total;
 }
 
+// Work of the constant load since the start; it has a potential: no sum over steps.
+inline double work_of_constant_load(Index c, const Operator &op, const Motion &m) {
+    double held = 0.0;
+    for (Index i = 0; i < op.constant_load.size(); i++)
+        held += op.constant_load(i) * m.q(i, c);
+    return held - m.ledger(HELD, c);
+}
+
 // Energies of one case at the present step, in the order of ENERGY_COLUMNS.
 inline void write_energy(Index c, const Operator &op, const Pairs &pairs, const Motion &m, Array out) {
     out(ENERGY_KINETIC) = 0.5 * quadratic(op.mass_band, m.v, c);
@@ -132,13 +163,8 @@ inline void write_energy(Index c, const Operator &op, const Pairs &pairs, const 
     out(ENERGY_WORK) = m.ledger(WORK, c);
     out(ENERGY_STRUCTURE_LOSS) = loss;
     out(ENERGY_CONTACT_LOSS) = m.ledger(CONTACT_LOSS, c);
-    if (op.constant_load.size() > 0) {
-        // a constant load has a potential: no sum over steps
-        double held = 0.0;
-        for (Index i = 0; i < op.constant_load.size(); i++)
-            held += op.constant_load(i) * m.q(i, c);
-        out(ENERGY_WORK) += held - m.ledger(HELD, c);
-    }
+    if (op.constant_load.size() > 0)
+        out(ENERGY_WORK) += work_of_constant_load(c, op, m);
 }
 
 } // namespace FEMIMPACT_TARGET::stepping

@@ -26,13 +26,16 @@ template <bool BANDED, bool LOOKS_AHEAD, class Value>
         for (Index j = 0; j < pairs.row.size(); j++)
             look_ahead<Value>(j, c, 0.5 * s.dt, pairs, m);
     free_step<BANDED>(op, s, m, c, acting);
+    const Index parts = LOOKS_AHEAD ? fine->parts : 1, begun = parts * given.cases.record.tally(STEP);
+    if (m.more.shape[0] > 0)
+        add_further_loads(begun, begun + parts, op, s, m);
     unsigned reached = 0, near = 0;
     for (Index j = 0; j < pairs.row.size(); j++) {
         const Index r = pairs.row(j);
         reached |= step_ball(j, c, acting, load<Value>(m.w.row(r), c), free, s, pairs, m);
         if (LOOKS_AHEAD)
             keep_rate(j, c, load<Value>(m.w_rate.row(r), c), m);
-        if (LOOKS_AHEAD && fine->parts > 1)
+        if (LOOKS_AHEAD && parts > 1)
             near |= near_walls<Value>(j, c, s.dt, pairs, m);
     }
     const double end = double(given.cases.record.tally(STEP) + 1) * s.dt;
@@ -43,6 +46,8 @@ template <bool BANDED, bool LOOKS_AHEAD, class Value>
         for (unsigned left = near; left != 0; left &= left - 1)
             redo_step<BANDED>(c + __builtin_ctz(left), s.dt, *fine, given.cases, given.ledger);
     // a single case that was refined has summed all by itself; of a pack its sums are restored
+    if (given.ledger && near == 0 && m.drives.shape[0] > 0)
+        add_work_of_drives(begun, begun + parts, op, pairs, m);
     if (given.ledger && (near == 0 || m.q.shape[1] > 1))
         write_ledger<BANDED>(c, load<Value>(m.drive.row(BASE), c), load<Value>(m.drive.row(BASE_BEFORE), c), op, s,
                              pairs, m);

@@ -3,8 +3,8 @@
 // Each line of a struct with fields is a member and its row in the table of names, types and shapes that Python hands
 // arrays over by (see fields.hpp); a type in View<...> that is const is only read. The case axis comes last: cases lie
 // side by side, one alone or in packs. In shapes n degrees of freedom, R places that are read in every step, P pairs, C
-// cases, m modes whose losses are kept apart (n or none), B and b lower bands, K cycles; any other letter is a separate
-// length.
+// cases, m modes whose losses are kept apart (n or none), H loads behind the first and D drives whose work is kept
+// apart of a single case (or none), B and b lower bands, K cycles; any other letter is a separate length.
 #pragma once
 
 #include "../array.hpp"
@@ -94,6 +94,8 @@ struct Operator {
     ARRAY(cholesky_band, "B n", GivenMatrix); // lower bands of L, S = L L^T, diagonal inverted
     GROUP(narrow, BandedStep);
     ARRAY(drive_load, "n", GivenArray);    // of the drive
+    ARRAY(more_load, "H n", GivenMatrix);  // of drives along further loads, each per unit of its history
+    ARRAY(more_a, "H n", GivenMatrix);     // what these do in a step to the accelerations
     ARRAY(constant_load, "l", GivenArray); // N: n or none
     ARRAY(constant_a, "l", GivenArray);    // what the constant load does in a step
     ARRAY(constant_u, "l", GivenArray);
@@ -143,8 +145,13 @@ struct Motion {
     ARRAY(totals, "6 P C", Block);
     ARRAY(window, "2 C", View<const Index, 2>); // first step, and the step after the last
     ARRAY(drive, "9+5 C", Matrix);
-    ARRAY(table, "t C", GivenMatrix);   // history of a drive given by samples at every fine step, else no rows
-    ARRAY(travel, "2 e C", GivenBlock); // such a base's displacement and velocity, where stops need it
+    ARRAY(table, "t C", GivenMatrix);      // history of a drive given by samples at every fine step, else no rows
+    ARRAY(travel, "2 e C", GivenBlock);    // such a base's displacement and velocity, where stops need it
+    ARRAY(more, "H T", GivenMatrix);       // histories of the further loads at every fine step
+    ARRAY(drives, "D F", GivenMatrix);     // the same of every drive; the first is the base, if it moves
+    ARRAY(drive_place, "D", GivenIndices); // number of its load
+    ARRAY(held_by_drive, "D", Array);      // load @ q at the last step
+    ARRAY(work_of, "D+1", Array);          // J, of each drive and of constant accelerations
     ARRAY(ledger, "8 C", Matrix);
     ARRAY(v_before, "n C", Matrix);
     ARRAY(loss_of_mode, "m", Array);   // of a single case on its modes, else none
@@ -176,6 +183,7 @@ struct Record {
     ARRAY(pair_rows, "h 4 P", GivenBlock);    // of Y, Y_RATE, FORCE and of the force of contact
     ARRAY(channels, "h a", Matrix);           // (channels, samples)
     ARRAY(energy, "g d", Matrix);             // (columns and modes, samples)
+    ARRAY(work_of, "D+1 S", Matrix);          // of drives and constant forces; no samples where there is one drive
     ARRAY(snapshots, "j 2 n+P", Block);       // displacements and velocities of each
     ARRAY(forces, "j P", Matrix);
     ARRAY(impacts, "q u", Matrix);     // (most, columns and modes)

@@ -73,6 +73,9 @@ inline void write_sample(const Stepped &given) {
             record.energy(i, k) = energy(i);
         for (Index i = 0; i < m.loss_of_mode.size(); i++)
             record.energy(ENERGY_COLUMNS + i, k) = m.loss_of_mode(i);
+        const Index drives = m.drives.shape[0];
+        for (Index i = 0; drives > 0 && i <= drives; i++)
+            record.work_of(i, k) = m.work_of(i) + (i < drives ? 0.0 : work_of_constant_load(0, given.structure, m));
     }
     record.tally(SAMPLES_KEPT) = k + 1;
 }

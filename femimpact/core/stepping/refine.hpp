@@ -83,6 +83,9 @@ template <bool BANDED>
             move_obstacles_within(c, step, part + 1, parts, s, pairs, m);
         double acting = s.alpha_f == 0.0 ? after : (1.0 - s.alpha_f) * after + s.alpha_f * before;
         free_step<BANDED>(op, s, m, c, acting);
+        const Index begun = step * parts + part;
+        if (m.more.shape[0] > 0)
+            add_further_loads(begun, begun + 1, op, s, m);
         unsigned reached = 0;
         for (Index j = 0; j < pairs.row.size(); j++) {
             reached |= step_ball(j, c, acting, m.w(pairs.row(j), c), free, s, pairs, m);
@@ -91,6 +94,8 @@ template <bool BANDED>
         if (reached)
             contact_step(c, double(step) * dt + double(part + 1) * s.dt, op, s, cases);
         add_fine_step(c, step, part, parts, dt, m, cases.cycles);
+        if (ledger && m.drives.shape[0] > 0)
+            add_work_of_drives(begun, begun + 1, op, pairs, m);
         if (ledger)
             write_ledger<BANDED>(c, before, after, op, s, pairs, m);
     }

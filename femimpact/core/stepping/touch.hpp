@@ -40,6 +40,8 @@ inline double approach_speed(double gate, double rate, double x, double x_before
         else if (!s.mean)
             mean = 0.5 * (m.ball(FORCE, j, c) + force(j));
         m.ledger(WORK, c) += mean * increment;
+        if (m.drives.shape[0] > 0)
+            m.work_of(0) += mean * increment;
     }
 }
 

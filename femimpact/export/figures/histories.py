@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from femimpact.arrays import Array
 from femimpact.contact.laws import Rigid
 from femimpact.errors import Fault, InputError, column, instance, optional, quantity, require, takes, truth
-from femimpact.excitation.excitation import has_cycle, words_of
+from femimpact.excitation.excitation import has_cycle, is_force, words_of
 from femimpact.export.figures.drawing import (
     BLUE,
     COLOURS,
@@ -177,7 +177,9 @@ def spectrum(
     shown = frequency <= top
     axis = panel(ax, 8.0, 4.4)
     largest = float(amplitude[shown].max())
-    driven = "base" if getattr(response.base, "at", None) is None else "force"
+    driven = "base" if not is_force(response.base) else "force"
+    if hasattr(response.base, "drives"):
+        driven = "drives"
     factor, unit = prefixed(largest, response.units[name])
     axis.axvline(base, color=GREY, linestyle="--", linewidth=1.2, label=f"{driven}, {base:.4g} Hz")
     axis.semilogy(frequency[shown], factor * amplitude[shown], color=BLUE, linewidth=1.2, label=name)

@@ -19,6 +19,7 @@ from femimpact.export.tables import thinned
 from femimpact.export.vtk.formats import Frame, Series, Value
 from femimpact.export.vtk.modes import PARTS_IN_WORDS, beam_fields, in_words
 from femimpact.export.vtk.propagation import Touching, Transition
+from femimpact.integrators.channel_rows import drive_of
 from femimpact.response.history import Snapshots
 from femimpact.response.response import Response
 from femimpact.structure.structure import Structure
@@ -230,6 +231,9 @@ def _states(record: ContactRecord, grid: Snapshots, instants: list[Instant]) -> 
     size = response.system.dofs + len(response.system.balls)
     if instants and size > MOST_DOFS:
         _warn(f"no impact has a frame: the system has {size} dofs, more than {MOST_DOFS}; `reduce` it")
+        return [], 0.0
+    if instants and drive_of(response.system, response.base).more:
+        _warn("no impact has a frame: several drives act at different places, and what lies between frames is of one")
         return [], 0.0
     transition = Transition(response) if instants else None
     states, worst, lost = list[_State](), 0.0, 0

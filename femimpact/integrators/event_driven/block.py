@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact import core
-from femimpact.arrays import Array
+from femimpact.arrays import Array, Complex
 from femimpact.errors import require
-from femimpact.excitation import PiecewisePolynomial
+from femimpact.excitation import Harmonic, PiecewisePolynomial
 from femimpact.excitation.piecewise_polynomial import HIGHEST_DEGREE, ORDERS, motion_at, piece_at
 from femimpact.integrators.channel_rows import Drive
 from femimpact.integrators.event_driven.continued import Held, resumed
@@ -50,9 +50,11 @@ class Inputs:
     """Excitation, contacts and start of each of C cases, in the units of the compiled loop."""
 
     omega: Array  # (C,) rad/s: of what counts as a cycle
-    amplitude: Array  # (C,) of s(t) (m/s^2 or N) and rad, where it is a sine; an amplitude of 0 where it is not
+    # (C, H) of each load's s(t) (m/s^2 or N), the first one real, and rad, where it is a sine; 0 where it is not
+    amplitude: Complex
     phase: Array  # (C,)
-    pieces: PiecewisePolynomial | None  # s(t) of all cases, where it is made of polynomials
+    # s(t) of all cases, of each load, where they are made of polynomials between the same knots
+    pieces: tuple[PiecewisePolynomial, ...]
     gaps: Array  # (C, R, 2) m: to the + and to the - side
     stiffness: Array  # (C, R) n/m, N s/m and 1
     damping: Array  # (C, R)
@@ -89,9 +91,9 @@ def inputs_of(
 
     return Inputs(
         omega=np.array([drive.omega for drive in drives]),
-        amplitude=np.array([drive.sine.amplitude for drive in drives]),
+        amplitude=np.array([[relative_amplitude(load.sine, drive.sine) for load in drive.loads] for drive in drives]),
         phase=np.array([drive.sine.phase for drive in drives]),
-        pieces=drives[0].pieces,
+        pieces=tuple(load.pieces for load in drives[0].loads if load.pieces is not None),
         gaps=np.array([[pair.gaps for pair in row] for row in contacts], dtype=float).reshape(count, pairs, 2),
         stiffness=of_pairs("stiffness"),
         damping=of_pairs("damping"),
@@ -103,6 +105,11 @@ def inputs_of(
         start=start,
         held=held,
     )
+
+
+def relative_amplitude(sine: Harmonic, first: Harmonic) -> complex:
+    """Amplitude of a sine beside the phase of another of its frequency: real where the phases are equal."""
+    return complex(sine.amplitude * np.exp(1j * (sine.phase - first.phase)))
 
 
 @dataclass(eq=False)
@@ -158,6 +165,7 @@ def new_block(
             values=np.zeros((count, 0, store.outputs.force.shape[0])),
             kept=np.zeros(0, dtype=np.int64),
             energy=np.zeros((count, 0, len(ENERGY_COLUMNS) + n)),
+            work_of=np.zeros((count, 0, 1)),
         ),
         # not set to zero: that takes longer than a short run does, and only rows that were written are read
         tables=core.events.Tables(
@@ -199,17 +207,18 @@ def _new_cases(store: FormStore, inputs: Inputs, modes: int) -> core.events.Case
     pairs, d = store.rigid.size, store.equations.M.shape[0]
     count, pieces = inputs.omega.size, inputs.pieces
     rows = 2 * pairs + store.outputs.force.shape[0]
-    drive, piece = np.zeros((count, ORDERS)), 0
-    knots, table = (np.zeros(0), np.zeros((0, ORDERS))) if pieces is None else _pieces_from(pieces, inputs.start)
-    if pieces is not None:
-        drive[:] = motion_at(pieces, inputs.start)
-        piece = piece_at(pieces, inputs.start)
+    loads = inputs.amplitude.shape[1]
+    drive, piece, knots, table = np.zeros((count, ORDERS * loads)), 0, np.zeros(0), np.zeros((0, ORDERS * loads))
+    if pieces:
+        knots, table = pieces_from(pieces, inputs.start)
+        drive[:] = np.concatenate([motion_at(each, inputs.start) for each in pieces])
+        piece = piece_at(pieces[0], inputs.start)
     cases = core.events.Cases(
         omega=inputs.omega.copy() if inputs.is_sine else np.zeros(count),
         amplitude=inputs.amplitude.copy(),
         knots=knots,
         pieces=table,
-        degree=-1 if pieces is None else pieces.degree,
+        degree=max((each.degree for each in pieces), default=-1),
         longest=LONGEST_SERIES / rate if (rate := store.rate) else math.inf,
         gap_plus=inputs.gaps[:, :, 0].copy(),
         gap_minus=inputs.gaps[:, :, 1].copy(),
@@ -247,11 +256,14 @@ def _new_cases(store: FormStore, inputs: Inputs, modes: int) -> core.events.Case
     return cases
 
 
-def _pieces_from(pieces: PiecewisePolynomial, start: float) -> tuple[Array, Array]:
-    """Knots and what each piece begins with, from a time (s) on: before the first knot s is zero."""
-    if start >= pieces.knots[0]:
-        return pieces.knots, pieces.table
-    return np.concatenate([[start], pieces.knots]), np.vstack([motion_at(pieces, start), pieces.table])
+def pieces_from(pieces: Sequence[PiecewisePolynomial], start: float) -> tuple[Array, Array]:
+    """Knots and what each piece begins with of all loads, from a time (s) on: before the first knot s is zero."""
+    knots = pieces[0].knots
+    table = pieces[0].table if len(pieces) == 1 else np.hstack([each.table for each in pieces])
+    if start >= knots[0]:
+        return knots, table
+    before = np.concatenate([motion_at(each, start) for each in pieces])
+    return np.concatenate([[start], knots]), np.vstack([before, table])
 
 
 def no_cycles(cases: int, cycles: int) -> Array:
@@ -279,6 +291,10 @@ def _new_ledger(system: System, equations: Equations, count: int, everywhere: bo
         loss_of_mode=np.zeros((count, n)),
         start=np.zeros((count, len(ENERGY_COLUMNS) + n)),
         everywhere=everywhere,
+        drive_load=np.zeros((0, equations.M.shape[0])),
+        drive_amplitude=np.zeros(0, dtype=complex),
+        drive_pieces=np.zeros((0, 0)),
+        work_of=np.zeros((count, 1)),
     )
 
 
@@ -288,10 +304,28 @@ def _of_equations(system: System, equations: Equations) -> dict[str, Any]:
     damping, stiffness = np.zeros(d), np.zeros(d)
     damping[:n], stiffness[:n] = system.C.diagonal(), system.K.diagonal()
     return {
-        "mass": equations.M.diagonal().copy(), "damping": damping, "stiffness": stiffness, "load": equations.drive,
+        "mass": equations.M.diagonal().copy(), "damping": damping, "stiffness": stiffness, "load": equations.drive[0],
         "given": equations.given, "free_stiffness": np.array([pair.free_stiffness for pair in system.contacts]),
         "free_damping": np.array([pair.free_damping for pair in system.contacts]),
     }  # fmt: skip
+
+
+def work_apart(block: Block, drive: Drive, start: float) -> None:
+    """Let the ledger of a block sum the work of each of several drives that begin at a time (s)."""
+    if block.ledger is None or not drive.parts:
+        return
+    pieces = [load.pieces for load in drive.parts if load.pieces is not None]
+    table = np.zeros((0, len(drive.parts) * (ORDERS - 2)))
+    if pieces:
+        knots, of_all = pieces_from(pieces, start)
+        table = np.ascontiguousarray(of_all.reshape(knots.size, -1, ORDERS)[:, :, 2:].reshape(knots.size, -1))
+    load = block.store.equations.drive
+    block.ledger = block.ledger._replace(
+        drive_load=np.array([load[part.place] for part in drive.parts]),
+        drive_amplitude=np.array([relative_amplitude(part.sine, drive.sine) for part in drive.parts]),
+        drive_pieces=table,
+        work_of=np.zeros((1, len(drive.parts) + 1)),
+    )
 
 
 def run_block(
@@ -311,7 +345,7 @@ def run_block(
     while members.size:
         forms = store.snapshot()
         block.cases = _fitted(block.cases, forms)
-        needed = forms.exponent.shape[1], forms.rigid_body_drive.shape[1]
+        needed = forms.exponent.shape[1], forms.rigid_body_drive.shape[2]
         if block.space is None or (block.space.motion.entry.size, block.space.motion.rigid_body.size) != needed:
             block.space = working_space(block, forms)
         job = core.events.Job(block.pairs, block.cases, forms, block.grid, snapshots, block.tables, block.space)
@@ -357,7 +391,7 @@ def _add_forms(
 
 def _fitted(cases: core.events.Cases, forms: core.events.Forms) -> core.events.Cases:
     """The cases, with arrays of the size that the closed forms need now."""
-    entries, rigid_bodies = forms.exponent.shape[1], forms.rigid_body_drive.shape[1]
+    entries, rigid_bodies = forms.exponent.shape[1], forms.rigid_body_drive.shape[2]
     count = 1 + int(forms.number[: forms.made].max(initial=0))
     sizes = {
         "entry": (entries,), "rigid_body": (2, rigid_bodies), "known": (count,), "sine": (count, cases.sine.shape[2]),
@@ -374,8 +408,9 @@ def _fitted(cases: core.events.Cases, forms: core.events.Forms) -> core.events.C
 
 def working_space(block: Block, forms: core.events.Forms) -> core.events.Space:
     """Working space that belongs to one call alone."""
-    entries, rigid_bodies = forms.exponent.shape[1], forms.rigid_body_drive.shape[1]
+    entries, rigid_bodies = forms.exponent.shape[1], forms.rigid_body_drive.shape[2]
     pairs, rows, d = block.pairs.rigid.size, forms.constant.shape[1], block.cases.coordinates.shape[2]
+    loads = forms.rigid_body_drive.shape[1]
     terms = entries + 2
 
     search = core.events.Search(
@@ -397,7 +432,7 @@ def working_space(block: Block, forms: core.events.Forms) -> core.events.Space:
         constant=np.zeros(rows),
         static=np.zeros(d),
         given=np.zeros(rigid_bodies),
-        nothing=np.zeros(rigid_bodies),
+        nothing=np.zeros((loads, rigid_bodies)),
         wall=np.zeros(1 + pairs),
         steady=np.zeros((2, entries), dtype=complex),
     )
@@ -423,7 +458,7 @@ def working_space(block: Block, forms: core.events.Forms) -> core.events.Space:
         rigid_body=np.zeros(rigid_bodies),
         rigid_body_rate=np.zeros(rigid_bodies),
         clock=np.zeros(2),
-        drive=np.zeros(ORDERS),
+        drive=np.zeros(ORDERS * loads),
     )
     *groups, rest = _together(*[motion] * 6, search, bounds, products, rest)
     return core.events.Space._make((*groups, *rest))

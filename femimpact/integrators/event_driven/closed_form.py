@@ -54,21 +54,33 @@ class Rows:
     rigid_body: Array  # (F, R, P) of the rigid-body coordinates and their rates
     rigid_body_rate: Array  # (F, R, P)
     constant: Array  # (F, R, 1 + pairs) of constant loads, and per metre of each wall
-    through: Array  # (F, 3, R) directly of s, ub' and ub, beside the response of the entries to them
-    # (F, 8, R) steady, per unit of ub, ub', s and the derivatives of s to the fifth, under a polynomial s(t)
+    # of H loads: (F, 3H, R) directly of s, ub' and ub of each, beside the response of the entries to them
+    through: Array
+    # (F, 8H, R) steady, per unit of ub, ub', s and the derivatives of s to the fifth of each, under polynomials s(t)
     follow: Array
+
+
+def by_load(values: Array, items: int) -> Array:
+    """A view (F, H, items, R) of what has so many items of each load, (F, H items, R)."""
+    return values.reshape(values.shape[0], -1, items, values.shape[2])
+
+
+def in_rows(values: Array) -> Array:
+    """The inverse of `by_load`."""
+    return values.reshape(values.shape[0], -1, values.shape[3])
 
 
 def rate_of(rows: Rows, modes: ComplexModes) -> Rows:
     """Rates of scalars that have no direct part of s or ub'."""
-    zero = np.zeros((*rows.through.shape[:1], 1, rows.through.shape[2]))
+    through, follow = by_load(rows.through, 3), by_load(rows.follow, ORDERS)
+    zero = np.zeros_like(through[:, :, :1])
     return Rows(
         weight=rows.weight @ modes.rate,
         rigid_body=rows.rigid_body_rate,
         rigid_body_rate=rows.rigid_body,
         constant=0.0 * rows.constant,
-        through=np.concatenate([zero, rows.through[:, 2:], zero], axis=1),
-        follow=np.concatenate([zero, rows.follow[:, :-1]], axis=1),
+        through=in_rows(np.concatenate([zero, through[:, :, 2:], zero], axis=2)),
+        follow=in_rows(np.concatenate([zero, follow[:, :, :-1]], axis=2)),
     )
 
 
@@ -131,17 +143,20 @@ def followed(rows: Rows, modes: ComplexModes, load: Complex, driven: NDArray[np.
 def _followed(rows: Rows, rate: Complex, load: Complex, driven: int) -> Array:
     """That of one system, (8, R)."""
     fast = slice(driven, None)
-    response = np.zeros((ORDERS, load.shape[1]), dtype=complex)
-    before = np.zeros(load.shape[1] - driven, dtype=complex)
-    for order in range(ORDERS):
-        # G' = Lambda G + load (s, ub', ub) with G a sum over ub and its derivatives
-        forcing = load[2 - order, fast] if order < 3 else 0.0
-        before = scipy.linalg.solve_triangular(rate[fast, fast], before - forcing) if before.size else before
-        response[order, fast] = before
-    # each row by itself: the rounding of a matrix product depends on its shape, and events not on what else is read
-    follow = np.sum(response[:, None, :] * rows.weight, axis=2).real
-    follow[:3] += rows.through[::-1]
-    return np.asarray(follow)
+    follow = []
+    for of_load, through in zip(load.reshape(-1, 3, load.shape[1]), rows.through.reshape(-1, 3, rows.through.shape[1]),
+                                strict=True):  # fmt: skip
+        response = np.zeros((ORDERS, load.shape[1]), dtype=complex)
+        before = np.zeros(load.shape[1] - driven, dtype=complex)
+        for order in range(ORDERS):
+            # G' = Lambda G + load (s, ub', ub) with G a sum over ub and its derivatives
+            forcing = of_load[2 - order, fast] if order < 3 else 0.0
+            before = scipy.linalg.solve_triangular(rate[fast, fast], before - forcing) if before.size else before
+            response[order, fast] = before
+        # each row by itself: the rounding of a matrix product depends on its shape, and events not on what else is read
+        follow.append(np.sum(response[:, None, :] * rows.weight, axis=2).real)
+        follow[-1][:3] += through[::-1]
+    return np.concatenate(follow)
 
 
 ROUNDED = 1e-12
@@ -158,13 +173,13 @@ class ClosedForms:
     modes: ComplexModes
     rigid_body_shape: Array  # (F, d, P)
     rigid_body_given: Array  # (F, P, 1 + pairs) accelerations of constant loads, and per metre of each wall
-    rigid_body_drive: Array  # (F, P) acceleration per unit of s(t)
+    rigid_body_drive: Array  # (F, H, P) acceleration per unit of each s(t)
     position: Rows  # of all coordinates
     velocity: Rows
     # force on the structure at each pair (N): of compliant pairs as if they were in contact, of rigid ones that stick;
     # zero for others
     contact_force: Rows
-    load: Complex  # (F, 3, K) what s, ub' and ub add to H'
+    load: Complex  # (F, 3H, K) what s, ub' and ub of each load add to H'
     to_entry_u: Complex  # (F, K, d) H = to_entry_u p + to_entry_v p', steady parts taken off
     to_entry_v: Complex  # (F, K, d)
     to_rigid_body: Array  # (F, P, d)
@@ -209,7 +224,7 @@ class _Loads:
     offset: Array  # (F, d, pairs)
     moved: Array  # (F, d) per unit of ub
     constant: Array  # (F, d, 1 + pairs)
-    drive: Array  # (F, 3, d) of s, ub' and ub
+    drive: Array  # (F, 3H, d) of s, ub' and ub of each load
     unmet: Array  # (F, pairs, pairs) what is left of each wall in the offsets
 
 
@@ -218,7 +233,7 @@ class _SteadyResponse:
     """Response of the coordinates to the loads, from where each pair is just at its wall: small at stiff contacts."""
 
     constant: Array  # (F, d, 1 + pairs) of constant loads, and per metre of each wall
-    follow: Array  # (F, 8, d) steady, per unit of ub, ub', s and the derivatives of s to the fifth
+    follow: Array  # (F, 8H, d) steady, per unit of ub, ub', s and the derivatives of s to the fifth of each load
 
 
 @dataclass(frozen=True, eq=False)
@@ -299,10 +314,13 @@ def _loads(equations: Equations, contact: _Contact) -> _Loads:
     moved, left = _times(offset, equations.in_space), _times(unmet, equations.in_space)
     constant = np.concatenate([equations.given[:, :, None], -equations.K @ offset - stiffness @ unmet], axis=2)
     drive = [
-        equations.drive - _times(equations.M, moved),
+        equations.drive[:, 0] - _times(equations.M, moved),
         -_times(equations.C, moved) - _times(damping, left),
         -_times(equations.K, moved) - _times(stiffness, left),
     ]
+    zero = np.zeros_like(moved)
+    # forces behind the first load
+    drive += [part for h in range(1, equations.drive.shape[1]) for part in (equations.drive[:, h], zero, zero)]
     return _Loads(C, K, offset, moved, constant, np.stack(drive, axis=1), unmet)
 
 
@@ -315,13 +333,14 @@ def _forms(equations: Equations, contact: _Contact, motions: _UndampedMotions, m
     response = _steady_response(motions, modal, modal_drive)
     follow = response.follow.copy()
     follow[:, 0] += loads.moved
-    zero = np.zeros_like(loads.moved)
+    through = np.zeros_like(loads.drive)
+    through[:, 2] = loads.moved
     position = Rows(
         weight=elastic @ modes.shape,
         rigid_body=rigid_body,
         rigid_body_rate=0.0 * rigid_body,
         constant=np.concatenate([response.constant[:, :, :1], loads.offset + response.constant[:, :, 1:]], axis=2),
-        through=np.stack([zero, zero, loads.moved], axis=1),
+        through=through,
         follow=follow,
     )
     momentum = elastic.mT @ equations.M
@@ -329,7 +348,9 @@ def _forms(equations: Equations, contact: _Contact, motions: _UndampedMotions, m
         modes=modes,
         rigid_body_shape=rigid_body,
         rigid_body_given=rigid_body.mT @ loads.constant,
-        rigid_body_drive=_times(rigid_body.mT, loads.drive[:, 0]),
+        rigid_body_drive=np.stack(
+            [_times(rigid_body.mT, loads.drive[:, h]) for h in range(0, loads.drive.shape[1], 3)], axis=1
+        ),
         position=position,
         velocity=rate_of(position, modes),
         contact_force=_no_forces(position, contact.active.size),
@@ -354,14 +375,17 @@ def _steady_response(motions: _UndampedMotions, modal: Array, modal_drive: Array
     """Response by the ansatz q = a0 ub + a1 ub' + a2 s + a3 s' + ...; s has no derivative beyond the fifth."""
     square, damping = motions.omega_squared, motions.damping
     compliance = np.divide(1.0, square, out=np.zeros_like(square), where=square > 0.0)
-    a0 = compliance * modal_drive[:, 2]
-    a1 = compliance * (modal_drive[:, 1] - _times(damping, a0))
-    a2 = compliance * (modal_drive[:, 0] - _times(damping, a1) - a0)
-    a = [a0, a1, a2]
-    while len(a) < ORDERS:
-        a.append(-compliance * (_times(damping, a[-1]) + a[-2]))
+    follow = []
+    for h in range(0, modal_drive.shape[1], 3):
+        a0 = compliance * modal_drive[:, h + 2]
+        a1 = compliance * (modal_drive[:, h + 1] - _times(damping, a0))
+        a2 = compliance * (modal_drive[:, h] - _times(damping, a1) - a0)
+        a = [a0, a1, a2]
+        while len(a) < ORDERS:
+            a.append(-compliance * (_times(damping, a[-1]) + a[-2]))
+        follow.append(np.stack(a, axis=1) @ motions.elastic.mT)
     settled = motions.elastic @ (compliance[:, :, None] * modal)
-    return _SteadyResponse(settled, np.stack(a, axis=1) @ motions.elastic.mT)
+    return _SteadyResponse(settled, np.concatenate(follow, axis=1))
 
 
 def _times(matrix: Array, vector: Array) -> Array:
@@ -375,7 +399,7 @@ def _no_forces(position: Rows, pairs: int) -> Rows:
     nothing = np.zeros((count, pairs, position.rigid_body.shape[2]))
     return Rows(
         np.zeros((count, pairs, entries), dtype=complex), nothing, nothing, np.zeros((count, pairs, 1 + pairs)),
-        np.zeros((count, 3, pairs)), np.zeros((count, ORDERS, pairs)),
+        np.zeros((count, position.through.shape[1], pairs)), np.zeros((count, position.follow.shape[1], pairs)),
     )  # fmt: skip
 
 
@@ -480,15 +504,16 @@ def _with_sticking(
     # the response of the entries to a load begins with an acceleration
     begun = (rate @ forms.load.mT).real.mT @ M.mT
     rigid_body = M @ forms.rigid_body_shape
-    driven = _times(rigid_body, forms.rigid_body_drive)
-    a = response.follow
-    follow = a @ K.mT
-    follow[:, 1:] += a[:, :-1] @ C.mT
-    follow[:, 2:] += a[:, :-2] @ M.mT
-    follow[:, :3] -= loads.drive[:, ::-1]
-    follow[:, 2] += driven
+    driven = np.stack([_times(rigid_body, given) for given in np.moveaxis(forms.rigid_body_drive, 1, 0)], axis=1)
+    a, of_loads = by_load(response.follow, ORDERS), by_load(loads.drive, 3)
+    follow = a @ K.mT[:, None]
+    follow[:, :, 1:] += a[:, :, :-1] @ C.mT[:, None]
+    follow[:, :, 2:] += a[:, :, :-2] @ M.mT[:, None]
+    follow[:, :, :3] -= of_loads[:, :, ::-1]
+    follow[:, :, 2] += driven
+    follow = in_rows(follow)
     through = begun - loads.drive
-    through[:, 0] += driven
+    through[:, ::3] += driven
     constant = K @ response.constant - loads.constant + rigid_body @ forms.rigid_body_given
     force.weight[:, sticking] = project @ left
     force.rigid_body[:, sticking] = force.rigid_body_rate[:, sticking] = 0.0

@@ -192,9 +192,9 @@ def _inputs(system: System, cases: SineCases) -> Inputs:
     begin = (cases.cycles - cases.measured) * (2.0 * np.pi / omega)
     return Inputs(
         omega=omega,
-        amplitude=-cases.amplitude * omega**2,
+        amplitude=(-cases.amplitude * omega**2)[:, None].astype(complex),
         phase=cases.phase,
-        pieces=None,
+        pieces=(),
         gaps=cases.gaps,
         **_parameters(system, cases),
         is_sine=True,

@@ -39,7 +39,7 @@ class Equations:
     M: Array  # (d, d)
     C: Array  # (d, d)
     K: Array  # (d, d)
-    drive: Array  # (d,) load per unit of s(t); constant load, N
+    drive: Array  # (H, d) loads per unit of each s(t), the base's first; constant load, N
     given: Array  # (d,)
     # (d, pairs) what a force on the structure at each pair does to the coordinates: b there, -1 on its ball
     force: Array
@@ -65,8 +65,8 @@ def equations_of(system: System, drive: Drive) -> Equations:
     M, C, K = (np.zeros((size, size)) for _ in range(3))
     for matrix, of_structure in ((M, system.M), (C, system.C), (K, system.K)):
         matrix[:n, :n] = of_structure.toarray()
-    load, given = np.zeros(size), np.zeros(size)
-    load[:n] = drive.load
+    load, given = np.zeros((1 + len(drive.more), size)), np.zeros(size)
+    load[:, :n] = [each.load for each in drive.loads]
     given[:n] = system.constant_load
     force = np.zeros((size, len(system.contacts)))
     for j, pair in enumerate(system.contacts):
@@ -75,7 +75,7 @@ def equations_of(system: System, drive: Drive) -> Equations:
             continue
         force[n + j, j] = -1.0
         M[n + j, n + j] = pair.mass
-        load[n + j] = -pair.mass * drive.share
+        load[0, n + j] = -pair.mass * drive.share
         given[n + j] = pair.mass * pair.acceleration
         K += pair.free_stiffness * np.outer(force[:, j], force[:, j])
         if pair.free_damping:

@@ -13,7 +13,8 @@ import numpy as np
 
 from femimpact.contact.laws import KELVIN_VOIGT, RIGID
 from femimpact.errors import require
-from femimpact.excitation import Excitation
+from femimpact.excitation import Chirp, Excitation, Sine, SteppedSine
+from femimpact.excitation.drives import parts_in
 from femimpact.integrators.channel_rows import drive_of
 from femimpact.response.response import Recorder
 from femimpact.system.system import System
@@ -89,9 +90,9 @@ def reading_grid(
 ) -> ReadingGrid:
     """The instants at which a run is read: as the recorder has them, or as they suit the drive.
 
-    Without an interval of the recorder there are `samples_per_cycle` in a cycle of a sine. A drive by samples is read
-    at their interval, or at 1/20 of the period of the highest kept mode if that is less, and at no more than 10^6
-    instants.
+    Without an interval of the recorder there are `samples_per_cycle` in a cycle of a sine, and in the shortest cycle of
+    a chirp, a stepped sine, and sums of these and sines. Another drive by samples is read at their interval, or at 1/20
+    of the period of the highest kept mode if that is less. There are no more than 10^6 instants.
 
     Raises `InputError` if the interval of the recorder leaves fewer than 8 readings in a cycle of a sine.
     """
@@ -105,6 +106,10 @@ def reading_grid(
         allowed = f"must be <= {longest:.4g} s, {LEAST_SAMPLES} readings in a cycle; Recorder.every keeps fewer of them"
         resolved = drive.in_pieces or interval <= longest * (1.0 + WHOLE)
         require(resolved, "record.interval", interval, "s", allowed)
+    elif all(isinstance(part, Sine | Chirp | SteppedSine) for part in parts_in(excitation)):
+        finest = 1.0 / (method.samples_per_cycle * excitation.frequency)
+        reason = f"1/{method.samples_per_cycle} of the shortest cycle of the drive, {excitation.frequency:.4g} Hz"
+        interval, chosen = _at_most(finest, reason, duration)
     elif drive.line is not None:
         interval, chosen = _suited(system, drive.line.interval, "the interval of the samples that drive it", duration)
     elif drive.pieces is not None:
@@ -126,6 +131,11 @@ def _suited(system: System, between: float, reason: str, duration: float) -> tup
     if period / SAMPLES_OF_A_PERIOD < between:
         finest = period / SAMPLES_OF_A_PERIOD
         reason = f"1/{SAMPLES_OF_A_PERIOD} of the period of the highest kept mode, {highest:.4g} Hz"
+    return _at_most(finest, reason, duration)
+
+
+def _at_most(finest: float, reason: str, duration: float) -> tuple[float, tuple[str, ...]]:
+    """An interval (s), or a longer one where a run of a duration (s) would have too many readings; and a note."""
     interval = finest
     # the state at the start is one of them
     if duration > (MOST_SAMPLES - 1) * finest:

@@ -54,9 +54,10 @@ class EventDriven:
         loss; the accumulation's end, 2 v/(a (1 - e)) later, is the start in the table of sticking phases.
     samples_per_cycle : int
         Grid on which channels, rms, harmonics and the ledger are read under a sine; neither events nor the peak of a
-        cycle nor the largest contact force, which are exact, depend on it. `Recorder.interval` takes its place. A drive
-        by samples is read at their interval, or at 1/20 of the period of the highest kept mode where that is less, and
-        at no more than 10^6 instants; a note of the response says which.
+        cycle nor the largest contact force, which are exact, depend on it. `Recorder.interval` takes its place. A
+        chirp, a stepped sine, and sums and several drives of these and sines, are read at as many instants of their
+        shortest cycle. Another drive by samples is read at their interval, or at 1/20 of the period of the highest
+        kept mode where that is less. There are no more than 10^6 instants; a note of the response says which.
     most_events : int
         Impacts and changes of contact for each base cycle, on average over what is computed at once,
         beyond which a run is given up.

@@ -16,7 +16,7 @@ from femimpact.contact.laws import RIGID
 from femimpact.errors import DivergenceError, changed, in_range, made, quantity, require
 from femimpact.excitation import Excitation
 from femimpact.integrators.cases import check_memory
-from femimpact.integrators.channel_rows import ChannelRows, Drive, channel_rows, drive_of, reaction_notes
+from femimpact.integrators.channel_rows import ChannelRows, Drive, channel_rows, drive_of, named_work, reaction_notes
 from femimpact.integrators.event_driven.block import (
     EXTREMES,
     Block,
@@ -24,6 +24,7 @@ from femimpact.integrators.event_driven.block import (
     new_block,
     no_cycles,
     run_block,
+    work_apart,
 )
 from femimpact.integrators.event_driven.continued import (
     Sampling,
@@ -120,9 +121,7 @@ def block_alone(
     """
     rigid = np.array([pair.parameters.kind == RIGID for pair in system.contacts], dtype=bool)
     equations = equations_of(system, drive)
-    store = FormStore(
-        equations, rigid, outputs, rate=None if drive.pieces is None else drive.pieces.rate, derived=system.derived
-    )
+    store = FormStore(equations, rigid, outputs, rate=drive.rate, derived=system.derived)
     u, v, y, y_rate = initial.relative_to_base(system, excitation)
     balls, held = len(system.balls), held_by(initial, system, excitation)
     inputs = inputs_of(
@@ -135,6 +134,7 @@ def block_alone(
         held=held,
     )
     block = new_block(system, store, inputs, method, ledger, most_rows)
+    work_apart(block, drive, initial.time)
     sampling = sampling_from(held, initial.time, grid.interval)
     block.grid = block.grid._replace(
         start=np.array([sampling.origin]),
@@ -266,12 +266,13 @@ class _Run:
     sampling: Sampling
     samples: list[Array] = field(default_factory=list)
     energy: list[Array] = field(default_factory=list)
+    work_of: list[Array] = field(default_factory=list)
     fields: list[Array] = field(default_factory=list)
     forces: list[Array] = field(default_factory=list)
 
     def clear(self) -> None:
         """Drop the history that was passed on."""
-        for part in (self.samples, self.energy, self.fields, self.forces):
+        for part in (self.samples, self.energy, self.work_of, self.fields, self.forces):
             part.clear()
 
 
@@ -393,6 +394,9 @@ def _call(
         kept=kept,
         energy=np.zeros((1, int(kept.max(initial=-1)) + 1 if run.ledger else 0, block.grid.energy.shape[2])),
     )
+    drives = len(run.drive.parts)
+    work_of = np.zeros((1, block.grid.energy.shape[1] if drives else 0, drives + 1))
+    block.grid = block.grid._replace(work_of=work_of)
     pictures, pairs = int(shown.max(initial=-1)) + 1, block.pairs.rigid.size
     snapshots = core.events.Snapshots(
         shown if pictures else np.zeros(0, dtype=np.int64),
@@ -409,6 +413,7 @@ def _call(
     _require_finite(block.grid.values, float(run.sampling.time(done + count)))
     run.samples.append(block.grid.values[0][kept >= 0])
     run.energy.append(block.grid.energy[0])
+    run.work_of.append(work_of[0])
     run.fields.append(snapshots.fields)
     run.forces.append(snapshots.forces)
 
@@ -588,7 +593,8 @@ def _ledger(run: _Run, time: Array) -> EnergyLedger:
     table = np.concatenate([np.zeros((0, len(ENERGY_COLUMNS) + run.system.dofs)), *run.energy])
     columns = {name: _read_only(table[:, i]) for i, name in enumerate(ENERGY_COLUMNS)}
     of_mode = _read_only(table[:, len(ENERGY_COLUMNS) :])
-    return made(EnergyLedger, time=time, structure_loss_of_mode=of_mode, **columns)
+    work_of = named_work(run.drive, np.concatenate([np.zeros((0, len(run.drive.parts) + 1)), *run.work_of]), run.system)
+    return made(EnergyLedger, time=time, structure_loss_of_mode=of_mode, work_of=work_of, **columns)
 
 
 def _snapshots(run: _Run, before: int) -> Snapshots:

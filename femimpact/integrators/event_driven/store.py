@@ -19,6 +19,7 @@ from femimpact.integrators.event_driven.closed_form import (
     OF_DISPLACEMENT,
     ClosedForms,
     Rows,
+    by_load,
     closed_forms,
     driven_entries,
     followed,
@@ -62,7 +63,7 @@ class Outputs:
     position: Array  # (O, d)
     rate: Array  # (O, d)
     force: Array  # (O, pairs)
-    drive: Array  # (3, O) of s, ub' and ub
+    drive: Array  # (3H, O) of s, ub' and ub of each load
     constant: Array  # (O,)
 
 
@@ -77,7 +78,8 @@ def outputs_of(
     rows: ChannelRows | None = None,
 ) -> Outputs:
     """Rows of the observed place, then those of the channels."""
-    n, balls, count = system.dofs, len(system.balls), 0 if rows is None else rows.drive.size
+    count, loads = (0, 1) if rows is None else rows.drive.shape
+    n, balls = system.dofs, len(system.balls)
     position, rate = (np.zeros((1 + count, n + balls)) for _ in range(2))
     force = np.zeros((1 + count, len(system.contacts)))
     position[0, :n] = observed
@@ -85,15 +87,16 @@ def outputs_of(
         position[1:, :n], position[1:, n:] = rows.displacement, rows.ball_displacement[:, :balls]
         rate[1:, :n], rate[1:, n:] = rows.velocity, rows.ball_velocity[:, :balls]
         force[1:] = rows.contact_force
-    return Outputs(position, rate, force, np.zeros((3, 1 + count)), np.zeros(1 + count))
+    return Outputs(position, rate, force, np.zeros((3 * loads, 1 + count)), np.zeros(1 + count))
 
 
 def outputs_alone(system: System, rows: ChannelRows, drive: Drive) -> Outputs:
     """The row of a channel as that of the observed place, with what it reads of the base, the drive and constants."""
     all_rows = outputs_of(system, np.zeros(system.dofs), rows)
     # of a force the base stands still
-    of_base = drive.share * rows.base[:1, ::-1].T
-    of_base[0] += rows.drive[:1]
+    of_base = np.zeros((3 * rows.drive.shape[1], 1))
+    of_base[:3] = drive.share * rows.base[:1, ::-1].T
+    of_base[::3] += rows.drive[:1].T
     return Outputs(all_rows.position[1:], all_rows.rate[1:], all_rows.force[1:], of_base, rows.constant[:1])
 
 
@@ -208,22 +211,22 @@ class FormStore:
 
     def _empty(self, capacity: int) -> core.events.Forms:
         (d, pairs), (entries, rigid_bodies, blocks) = self.equations.force.shape, self.most
-        rows, f = 2 * pairs + self.outputs.force.shape[0], capacity
+        rows, f, loads = 2 * pairs + self.outputs.force.shape[0], capacity, self.equations.drive.shape[0]
         real: dict[str, tuple[int, ...]] = {
             "size": (f, entries),
             "rigid_body_given": (f, rigid_bodies, 1 + pairs),
-            "rigid_body_drive": (f, rigid_bodies),
+            "rigid_body_drive": (f, loads, rigid_bodies),
             "weight_size": (f, rows, entries),
             "rigid_body_weight": (f, rows, rigid_bodies),
             "rigid_body_rate_weight": (f, rows, rigid_bodies),
             "constant": (f, rows, 1 + pairs),
-            "through": (f, 3, rows),
-            "follow": (f, ORDERS, rows),
+            "through": (f, 3 * loads, rows),
+            "follow": (f, ORDERS * loads, rows),
             "rigid_body_shape": (f, d, rigid_bodies),
             "static": (f, d, 1 + pairs),
             "position_through": (f, d),
-            "position_follow": (f, ORDERS, d),
-            "velocity_follow": (f, ORDERS, d),
+            "position_follow": (f, ORDERS * loads, d),
+            "velocity_follow": (f, ORDERS * loads, d),
             "to_rigid_body": (f, rigid_bodies, d),
             "impulse_rigid_body": (f, rigid_bodies, pairs),
             "reaction": (f, pairs, pairs),
@@ -238,7 +241,7 @@ class FormStore:
             "weight": (f, rows, entries),
             "shape": (f, d, entries),
             "shape_rate": (f, d, entries),
-            "load": (f, 3, entries),
+            "load": (f, 3 * loads, entries),
             "to_entry_u": (f, entries, d),
             "to_entry_v": (f, entries, d),
             "impulse_entry": (f, entries, pairs),
@@ -266,7 +269,7 @@ class FormStore:
     ) -> None:  # fmt: skip
         """Write closed forms with as many entries behind those that are there."""
         count, modes, first = len(items), made.modes, self.count
-        self._enlarge((modes.exponent.shape[1], made.rigid_body_drive.shape[1], len(modes.blocks)), count)
+        self._enlarge((modes.exponent.shape[1], made.rigid_body_drive.shape[2], len(modes.blocks)), count)
         outputs = _stacked_outputs([self.sources[item.system].outputs for item in items])
         rows = _stacked_rows(
             gap_rows(equations, made.position, OF_DISPLACEMENT),
@@ -282,7 +285,7 @@ class FormStore:
             "key": np.full(count, items[0].key), "following": np.full(count, -1),
             "number": np.array([number for _, number in earlier]) + 1,
             "entries": np.full(count, modes.exponent.shape[1]),
-            "rigid_bodies": np.full(count, made.rigid_body_drive.shape[1]), "exponent": modes.exponent,
+            "rigid_bodies": np.full(count, made.rigid_body_drive.shape[2]), "exponent": modes.exponent,
             "coupling": modes.coupling, "blocks": np.broadcast_to(modes.blocks, (count, *modes.blocks.shape)),
             "size": modes.size, "rigid_body_given": made.rigid_body_given,
             "rigid_body_drive": made.rigid_body_drive, "weight": rows.weight, "weight_size": np.abs(rows.weight),
@@ -333,7 +336,7 @@ def _output_rows(out: Outputs, made: ClosedForms, active: NDArray[np.bool_]) -> 
     p, v = made.position, made.velocity
     through = p.through @ out.position.mT + v.through @ out.rate.mT + out.drive
     follow = p.follow @ out.position.mT + v.follow @ out.rate.mT
-    follow[:, :3] += out.drive[:, ::-1]
+    by_load(follow, ORDERS)[:, :, :3] += by_load(out.drive, 3)[:, :, ::-1]
     constant = out.position @ p.constant
     constant[:, :, 0] += out.constant
     rows = Rows(

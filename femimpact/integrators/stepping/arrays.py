@@ -50,6 +50,7 @@ def empty_record(dofs: int, pairs: int) -> core.steps.Record:
         pair_rows=np.zeros((0, 4, pairs)),
         channels=np.zeros((0, 0)),
         energy=np.zeros((len(ENERGY_COLUMNS), 0)),
+        work_of=np.zeros((1, 0)),
         snapshots=np.zeros((0, 2, dofs + pairs)),
         forces=np.zeros((0, pairs)),
         impacts=np.zeros((0, len(IMPACT_COLUMNS))),
@@ -154,7 +155,10 @@ def motion_of(
         constants[layout.ACCELERATION] - constants[layout.SHARE] * drive[layout.BASE]
     ) - inside * constants[layout.MOBILITY]
     load = operator.rows[pairs.row].T @ inside + np.outer(operator.drive_load, drive[layout.BASE])
+    more, apart = _further_loads(drives[0], inputs, method)
     load += np.asarray(system.constant_load)[:, None] - (system.C @ v + system.K @ q)
+    for given, further in zip(operator.more_load, drives[0].more, strict=True):
+        load += np.outer(given, further.value(np.array([inputs.beginning.origin])))
     ledger = np.zeros((8, lanes))
     ledger[layout.LOAD_BEFORE] = operator.drive_load @ q
     ledger[layout.HELD] = np.asarray(system.constant_load) @ q
@@ -178,6 +182,11 @@ def motion_of(
         drive=drive,
         table=_table(drives, inputs, method),
         travel=_travel(drives, inputs, method, pairs.obstacles.size),
+        more=more,
+        drives=apart,
+        drive_place=np.array([part.place for part in drives[0].parts], dtype=np.int64),
+        held_by_drive=np.array([float(part.load @ q[:, 0]) for part in drives[0].parts]),
+        work_of=np.zeros(len(drives[0].parts) + 1),
         ledger=ledger,
         v_before=v.copy(),
         loss_of_mode=np.zeros(dofs if modal else 0),
@@ -298,14 +307,26 @@ def _drive(drives: Sequence[Drive], inputs: Inputs, dt: float) -> Array:
 
 def _table(drives: Sequence[Drive], inputs: Inputs, method: SteppingMethod) -> Array:
     """Values of drives that are no sines at every fine step; no rows for sines."""
-    if all(drive.is_sine for drive in drives):
+    if not any(drive.is_tabulated for drive in drives):
         return np.zeros((0, len(drives)))
     time = inputs.beginning.times(max(inputs.steps), method)
     return np.ascontiguousarray(np.array([_at_steps(drive, time, method.refine) for drive in drives]).T)
 
 
+def _further_loads(drive: Drive, inputs: Inputs, method: SteppingMethod) -> tuple[Array, Array]:
+    """Values at every fine step of the loads behind the first, and of each of several drives."""
+    if not drive.parts:
+        return np.zeros((0, 0)), np.zeros((0, 0))
+    time = inputs.beginning.times(max(inputs.steps), method)
+    more = [_at_steps(load, time, method.refine) for load in drive.more]
+    apart = [_at_steps(part, time, method.refine) for part in drive.own]
+    return np.array(more).reshape(-1, time.size), np.array(apart)
+
+
 def _at_steps(drive: Drive, time: Array, refine: int) -> Array:
     """Values of a drive at all fine steps; those at coarse steps are among them."""
+    if drive.members:
+        return np.asarray(sum(_at_steps(part, time, refine) for part in drive.members))
     values = drive.value_at_steps(time)
     if refine > 1:
         values[::refine] = drive.value_at_steps(time[::refine])
@@ -314,7 +335,7 @@ def _at_steps(drive: Drive, time: Array, refine: int) -> Array:
 
 def _travel(drives: Sequence[Drive], inputs: Inputs, method: SteppingMethod, obstacles: int) -> Array:
     """Displacement and velocity of bases that move by no sine at every fine step, for stops fixed in space."""
-    if obstacles == 0 or all(drive.is_sine for drive in drives):
+    if obstacles == 0 or not any(drive.is_tabulated for drive in drives):
         return np.zeros((2, 0, len(drives)))
     time = inputs.beginning.times(max(inputs.steps), method)
     values = [[excitation.displacement(time), excitation.velocity(time)] for excitation in inputs.excitations]
@@ -360,6 +381,8 @@ def limits_of(
         0.0 if drive.share else _acceleration(system, drive, motion.table[:, c] if motion.table.size else None)
         for c, drive in enumerate(drives)
     ]
+    # several drives have a block alone
+    forced[0] += sum(_acceleration(system, *each) for each in zip(drives[0].more, motion.more, strict=True))
     amplitude = np.array([excitation.amplitude for excitation in inputs.excitations]) + time**2 * np.array(forced)
     rates = np.vstack([motion.w_rate, motion.ball[layout.Y_RATE]])
     given = max((abs(pair.acceleration) for pair in system.contacts), default=0.0)

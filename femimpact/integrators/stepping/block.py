@@ -7,6 +7,7 @@ import math
 import threading
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,7 +19,7 @@ from femimpact.contact.laws import RIGID
 from femimpact.errors import made, require
 from femimpact.excitation import Excitation
 from femimpact.integrators.cases import check_memory, first_steps, kept_rows, modes_kept
-from femimpact.integrators.channel_rows import ChannelRows, Drive, drive_of
+from femimpact.integrators.channel_rows import ChannelRows, Drive, drive_of, named_work
 from femimpact.integrators.stepping import layout
 from femimpact.integrators.stepping.arrays import (
     Inputs,
@@ -67,10 +68,10 @@ def record_of(
     """Arrays for what is kept from the step `first` on, refused before the run when they would not fit."""
     dt, modes = method.dt, modes_kept(system, recorder)
     # a recorded motion is spread over all fine steps before the first
-    values = 0 if drive.is_sine else (first + steps) * method.refine + 1
+    values = ((first + steps) * method.refine + 1) * (len(drive.loads) + len(drive.parts)) if drive.is_tabulated else 0
     # with the base's displacement and velocity, where stops are fixed in space
     values *= 3 if any(pair.fixed_to == "space" for pair in system.contacts) else 1
-    check_memory(system, recorder, rows.drive.size, steps, dt, drive.omega / (2.0 * np.pi), drive=values)
+    check_memory(system, recorder, rows.constant.size, steps, dt, drive.omega / (2.0 * np.pi), drive=values)
     samples, snapshots = kept_rows(recorder, steps, dt)
     balls = len(system.contacts)
     start, start_field = (first + number for number in first_steps(recorder, steps, dt))
@@ -82,8 +83,9 @@ def record_of(
         ).astype(np.int64),
         rows=of_state,
         pair_rows=of_pairs,
-        channels=np.zeros((rows.drive.size, samples)),
+        channels=np.zeros((rows.constant.size, samples)),
         energy=np.zeros((len(ENERGY_COLUMNS) + modes, samples if recorder.ledger else 0)),
+        work_of=np.zeros((len(drive.parts) + 1, samples if recorder.ledger and drive.parts else 0)),
         snapshots=np.zeros((snapshots, 2, system.dofs + balls)),
         forces=np.zeros((snapshots, balls)),
         impacts=np.zeros((recorder.impacts if balls else 0, len(IMPACT_COLUMNS) + modes)),
@@ -176,11 +178,12 @@ def prepare(
     )
     drives = [drive_of(system, excitation) for excitation in padded.excitations]
     scheme = scheme_of(method)
-    operator = operator_of(system, scheme, observed, drives[0].load)
+    loads = drives[0].load, [load.load for load in drives[0].more]
+    operator = operator_of(system, scheme, observed, *loads)
     fine = core.steps.Fine(1, operator, scheme) if scheme.rigid else None
     if method.refine > 1:
         fine_scheme = scheme_of(method, method.dt / method.refine)
-        fine = core.steps.Fine(method.refine, operator_of(system, fine_scheme, observed, drives[0].load), fine_scheme)
+        fine = core.steps.Fine(method.refine, operator_of(system, fine_scheme, observed, *loads), fine_scheme)
     kept = record or empty_record(system.dofs, len(system.contacts))
     forces = forces_of(system)
     pairs = pairs_of(system, operator, drives[0], lanes, forces, padded.each)
@@ -281,6 +284,7 @@ def history_of(
     # a copy of 20 histories of a run costs more than its steps
     kept = _own if recorded.refilled else _read_only
     histories = kept(record.channels[:, :samples])
+    work_of = named_work(recorded.drive, record.work_of[:, :samples].T, system)
     time = _own(origin + (first + every * (samples_before + np.arange(samples))) * dt)
     shown = _own(origin + (first_field + stride * (snapshots_before + np.arange(snapshots))) * dt)
     return made(
@@ -291,15 +295,16 @@ def history_of(
             for i, channel in enumerate(recorded.channels)
         },
         units={channel.name: channel.unit for channel in recorded.channels},
-        energy=_ledger(kept(record.energy[:, :samples]), time) if block.ledger else None,
+        energy=_ledger(kept(record.energy[:, :samples]), time, work_of) if block.ledger else None,
         snapshots=_snapshots(record, system, shown) if record.snapshots.shape[0] > 0 else None,
         base=recorded.excitation,
     )
 
 
-def _ledger(table: Array, time: Array) -> EnergyLedger:
-    columns = dict(zip(ENERGY_COLUMNS, table, strict=False))
-    return made(EnergyLedger, time=time, structure_loss_of_mode=table[len(ENERGY_COLUMNS) :].T, **columns)
+def _ledger(table: Array, time: Array, work_of: dict[str, Array]) -> EnergyLedger:
+    columns: dict[str, Any] = dict(zip(ENERGY_COLUMNS, table, strict=False))
+    of_mode = table[len(ENERGY_COLUMNS) :].T
+    return made(EnergyLedger, time=time, structure_loss_of_mode=of_mode, work_of=work_of, **columns)
 
 
 def _with(history: Array, of_time: Array | float) -> Array:

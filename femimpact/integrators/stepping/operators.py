@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
@@ -223,6 +224,7 @@ def operator_of(
     s: core.steps.Scheme,
     observed: Array,  # (dofs,) row read every step
     load: Array,  # (dofs,) of the drive
+    more: Sequence[Array] = (),  # of drives along further loads
 ) -> core.steps.Operator:
     """Operator of a system for a scheme.
 
@@ -238,6 +240,7 @@ def operator_of(
     table = _rows(system, observed)
     a, u, v = _responses(system, s, (factor, True))
     constant = _constant(system, s, (factor, True))
+    more_load = np.array(more, dtype=float).reshape(-1, system.dofs)
     lower = factor.copy()
     lower[0] = 1.0 / lower[0]
     return core.steps.Operator(
@@ -255,6 +258,10 @@ def operator_of(
         cholesky_band=lower,
         narrow=_banded_step(system, s, factor),
         drive_load=np.array(load),
+        more_load=more_load,
+        more_a=np.ascontiguousarray(
+            [scipy.linalg.cho_solve_banded((factor, True), each) for each in more_load]
+        ).reshape(more_load.shape),
         constant_load=constant[0],
         constant_a=constant[1],
         constant_u=s.correct_u * constant[1],

@@ -17,7 +17,8 @@ from femimpact.arrays import Array
 from femimpact.contact.custom_law import speed_note
 from femimpact.contact.laws import RIGID
 from femimpact.errors import DivergenceError, changed, in_range, made, quantity, require
-from femimpact.excitation import Excitation, PointForce, Sine, Sum
+from femimpact.excitation import Excitation, Sine
+from femimpact.excitation.drives import until
 from femimpact.integrators.cases import (
     SineCases,
     SineDwellResults,
@@ -114,9 +115,8 @@ def run_steps(
     warnings, again = check_step(system, method), partial(_again, system, excitation, method, duration, initial)
     largest = LargestValues(partial(find_largest, again, recorder))
     steps = round(duration / method.dt)
-    if isinstance(excitation, Sum | PointForce):
-        # the sines of a sum go on behind the last step, which may be half a step after the end
-        excitation = excitation.until(initial.time + duration + 2.0 * method.dt)
+    # the sines of a sum go on behind the last step, which may be half a step after the end
+    excitation = until(excitation, initial.time + duration + 2.0 * method.dt)
     channels, drive = resolve_channels(system, recorder.channels), drive_of(system, excitation)
     rows = channel_rows(system, drive, channels, springs_apart=False)
     beginning, recorder = beginning_of(initial, system, excitation, method), recorder.seen_from(initial.time)

@@ -1,0 +1,228 @@
+"""Forces in a study: `[[force]]`, and the motion of its base together with them."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, ClassVar
+
+from femimpact.errors import (
+    Fault,
+    InputError,
+    check_fields,
+    choice,
+    instance,
+    items,
+    optional,
+    place,
+    quantity,
+    suggestion,
+    text,
+)
+from femimpact.excitation import Drives, HammerBlow, PointForce, Sine
+from femimpact.excitation.drives import alone
+from femimpact.excitation.excitation import words_of
+from femimpact.study.base_motion import SIGNALS, BaseMotion, RecordedMotion, SignalMotion
+
+FORCE_KINDS: Mapping[str, tuple[type[Any], Mapping[str, str]]] = {
+    "sine": (Sine, {"force": "amplitude"}),
+    "chirp": (SIGNALS["chirp"][0], {"force": "amplitude", "rate": "kind"}),
+    "stepped-sine": (SIGNALS["stepped-sine"][0], {"force": "amplitude"}),
+    "random": (SIGNALS["random"][0], {}),
+    "shock": (SIGNALS["shock"][0], {"force": "acceleration", "pulse": "kind"}),
+    "hammer": (HammerBlow, {}),
+}
+"""Each kind of [[force]]: its noun, and the keys of a study file whose arguments have another name."""
+
+NO_KEYS = ("level", "by", "amplitude", "acceleration", "at", "name")
+"""Arguments of these nouns that are no keys of the kind: a level is called force."""
+
+
+def keys_of_force(kind: str) -> dict[str, inspect.Parameter]:
+    """Keys of a kind of force, each with the argument of its noun."""
+    noun, other = FORCE_KINDS[kind]
+    back = {name: key for key, name in other.items()}
+    arguments = inspect.signature(noun).parameters
+    return {back.get(name, name): item for name, item in arguments.items() if name in back or name not in NO_KEYS}
+
+
+@dataclass(frozen=True)
+class StudyForce:
+    """`[[force]]`: a force at a place, by its kind and the keys of that kind.
+
+    Parameters
+    ----------
+    kind : {"sine", "chirp", "stepped-sine", "random", "shock", "hammer"}
+        Of its history: that of a motion of the base, read as newtons, or the blow of a hammer.
+    at : str or float
+        Named place, or metres from the root.
+    values : tuple of (str, value)
+        Keys of the kind: `force` (N) is its level, `duration` (s) that of the force itself.
+    name : str, optional
+        Without a dot; by default "force 1", "force 2" and so on in their order.
+
+    Raises
+    ------
+    InputError
+        If a key is missing, or there is none of that name.
+    """
+
+    kind: str = field(metadata=choice(*FORCE_KINDS))
+    at: str | float = field(metadata=place())
+    values: tuple[tuple[str, Any], ...] = ()
+    name: str | None = field(default=None, metadata=optional(text()))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        known, given = keys_of_force(self.kind), dict(self.values)
+        faults = [
+            Fault(name, None, "", suggestion(name, [*known, "at", "name"])) for name in given if name not in known
+        ]
+        missing = [
+            name
+            for name, item in known.items()
+            if name not in given and (item.default is inspect.Parameter.empty or name == "force")
+        ]
+        faults += [Fault(name, None, "", f"is missing in a [[force]] of kind {self.kind!r}") for name in missing]
+        if faults:
+            raise InputError(faults)
+        # made here, so that its faults are those of this noun
+        _ = self.excitation
+
+    @cached_property
+    def excitation(self) -> PointForce | HammerBlow:
+        """The force."""
+        noun, other = FORCE_KINDS[self.kind]
+        given = {other.get(name, name): value for name, value in self.values}
+        back = {name: key for key, name in other.items()}
+        try:
+            if noun is HammerBlow:
+                return HammerBlow(self.at, **given, name=self.name)
+            return PointForce(self.at, noun(**given), self.name)
+        except InputError as error:
+            raise InputError([replace(fault, key=back.get(fault.key, fault.key)) for fault in error.faults]) from None
+
+    @property
+    def table(self) -> dict[str, Any]:
+        """Keys and values of [[force]] in a study file."""
+        named = {} if self.name is None else {"name": self.name}
+        return {**named, "at": self.at, "kind": self.kind, **dict(self.values)}
+
+
+@dataclass(frozen=True)
+class RestMotion:
+    """`[base]` of kind "rest": a base that stands still while forces act.
+
+    Parameters
+    ----------
+    history : float, s
+        Duration of the simulated history.
+    initial : {"base", "space", "static"}
+        At rest relative to the base, at rest in the inertial frame, or in the static state (`State.static`).
+    """
+
+    history: float = field(metadata=quantity("s", above=0.0))
+    initial: str = field(default="base", metadata=choice("base", "space", "static"))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+
+    excitation: ClassVar[None] = None
+
+    @property
+    def history_duration(self) -> float:
+        """Time (s) that the history takes."""
+        return self.history
+
+    @property
+    def start(self) -> str:
+        """Where everything is at rest at t = 0."""
+        return self.initial
+
+    @property
+    def words(self) -> str:
+        """Words for the length of the history and for its excitation."""
+        return f"{self.history:g} s of a base at rest"
+
+    @property
+    def table(self) -> dict[str, Any]:
+        """Keys and values of [base] in a study file."""
+        return {
+            "kind": "rest",
+            "history": self.history,
+            **({} if self.initial == "base" else {"initial": self.initial}),
+        }
+
+
+Motion = BaseMotion | RecordedMotion | SignalMotion | RestMotion
+
+
+@dataclass(frozen=True)
+class DrivenMotion:
+    """`[base]` together with `[[force]]`: the drives of the history.
+
+    Parameters
+    ----------
+    motion : BaseMotion, RecordedMotion, SignalMotion or RestMotion
+        What [base] gives: the motion of the base, the length and the start of the history.
+    forces : sequence of StudyForce
+        What [[force]] gives, one or more.
+
+    Raises
+    ------
+    InputError
+        If two forces have one name.
+    """
+
+    FREQUENCY_KEY: ClassVar[str] = "force"
+    """Key of the study file that sets the highest frequency."""
+
+    kind: ClassVar[str] = "motion with forces"
+
+    motion: Motion = field(metadata=instance(BaseMotion, RecordedMotion, SignalMotion, RestMotion))
+    forces: tuple[StudyForce, ...] = field(metadata=items(StudyForce))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        try:
+            # made here, so that its faults are those of the file
+            _ = self.excitation
+        except InputError as error:
+            faults = [replace(fault, key=fault.key.replace("forces", "force")) for fault in error.faults]
+            raise InputError(faults) from None
+
+    @cached_property
+    def drives(self) -> Drives:
+        """All drives at once."""
+        return Drives(self.motion.excitation, tuple(force.excitation for force in self.forces))
+
+    @property
+    def excitation(self) -> Any:
+        """The drives; the force itself, where it is one beside a base at rest."""
+        return alone(self.drives)
+
+    @property
+    def frequency(self) -> float:
+        """Highest frequency of the drives, Hz; that of a cycle where they share one."""
+        return float(self.drives.frequency)
+
+    @property
+    def history_duration(self) -> float:
+        """Time (s) that the history takes."""
+        return float(self.motion.history_duration)
+
+    @property
+    def start(self) -> str:
+        """Where everything is at rest at t = 0."""
+        return self.motion.start
+
+    @property
+    def words(self) -> str:
+        """Words for the length of the history and for its excitation."""
+        return f"{self.motion.words}, with {', '.join(words_of(force.excitation) for force in self.forces)}"
+
+    def named(self) -> Iterator[tuple[str, StudyForce]]:
+        """Names of the forces, and the forces."""
+        yield from zip(self.drives.names[-len(self.forces) :], self.forces, strict=True)

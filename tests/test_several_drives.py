@@ -1,0 +1,304 @@
+"""Several drives at once: closed forms, references with impacts, the work of each, and what is refused."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import mpmath as mp
+import numpy as np
+import pytest
+import scipy.linalg
+from builders import REFERENCE, reduced
+from reference_events import Oscillator
+
+import femimpact as fi
+from femimpact.integrators.channel_rows import drive_of
+
+BASE = fi.Sine(1e-3, 5.0, 0.3)
+RECORD = fi.RecordedBase(np.random.default_rng(4).normal(size=150), 0.02)
+CHIRP = fi.PointForce("mid", fi.Chirp(3.0, 30.0, 2.0, acceleration=0.05), name="coil")
+BLOW = fi.HammerBlow("tip", impulse=0.002, duration=0.003, begin=0.2)
+SHOCK = fi.PointForce("tip", fi.Shock("trapezoid", 0.4, 0.05))
+SINES = BASE + fi.PointForce("mid", fi.Sine(0.01, 5.0, 0.9)) + fi.PointForce("tip", fi.Sine(0.02, 5.0, -0.9))
+MIXED = {
+    "sine and chirp": BASE + CHIRP,
+    "sine, chirp and blow": BASE + CHIRP + BLOW,
+    "sines of one frequency": SINES,
+    "sines of two frequencies": BASE + fi.PointForce("mid", fi.Sine(0.01, 7.0)),
+    "record and blow": RECORD + BLOW,
+    "forces at two places": CHIRP + BLOW + SHOCK,
+    "two blows at one place": BLOW + fi.HammerBlow("tip", -0.001, 0.004, 0.25, name="second"),
+    "records at two places": RECORD + fi.PointForce("tip", RECORD),
+}
+RECORDER = fi.Recorder(("tip", "mid", "mid.acceleration", "shaker_force", "root.bending_moment"), interval=2.5e-3)
+
+
+def structure(law=None, *, stops=(), **more):
+    """The reference beam, with a ball at its tip where there is a law."""
+    balls = () if law is None else [fi.Impactor("ball", "tip", 3.43e-3, 1e-3, law)]
+    return dataclasses.replace(REFERENCE, impactors=tuple(balls), stops=tuple(stops), **more)
+
+
+def run(system, drive, duration=1.0, method=None, **more):
+    """Event-driven by default."""
+    return fi.integrate(system, drive, method or fi.EventDriven(), duration, more.pop("record", RECORDER), **more)
+
+
+@pytest.mark.parametrize("name", MIXED)
+def test_the_linear_motion_is_the_sum_of_the_motions_under_each_drive(name):
+    """Of another closed form each: the harmonic, the broken line, the polynomials of each drive alone."""
+    system, drive = reduced(structure(), 4), MIXED[name]
+    together, alone = run(system, drive), [run(system, each) for each in drive.drives]
+    for channel in RECORDER.channels:
+        expected = sum(each[channel] for each in alone)
+        # polynomials are within 1e-9 of a sine; an acceleration of the 4th mode magnifies nothing of that
+        atol = 2e-9 * max(np.abs(each[channel]).max() for each in alone)
+        np.testing.assert_allclose(together[channel], expected, rtol=0.0, atol=atol, err_msg=channel)
+
+
+def test_base_and_force_by_samples_are_the_motion_by_matrix_exponentials():
+    system = reduced(structure(), 3)
+    samples = np.random.default_rng(1).normal(size=(2, 401))
+    h, push = 2.5e-3, fi.PointForce("tip", fi.RecordedBase(1e-2 * samples[1], 2.5e-3))
+    response = run(system, fi.RecordedBase(samples[0], h) + push, 1.0, record=fi.Recorder("mid", interval=h))
+    n, M, C, K = system.dofs, *(matrix.toarray() for matrix in (system.M, system.C, system.K))
+    # z' = A z + B (s, f) between samples, where both are straight lines: states of both and of their slopes
+    A = np.zeros((2 * n + 4, 2 * n + 4))
+    A[:n, n : 2 * n] = np.eye(n)
+    A[n : 2 * n, :n], A[n : 2 * n, n : 2 * n] = -np.linalg.solve(M, K), -np.linalg.solve(M, C)
+    A[n : 2 * n, 2 * n], A[n : 2 * n, 2 * n + 1] = (
+        np.linalg.solve(M, -system.base_load), np.linalg.solve(M, 1e-2 * system.point_row("tip"))
+    )  # fmt: skip
+    A[2 * n, 2 * n + 2] = A[2 * n + 1, 2 * n + 3] = 1.0
+    step, z, found = scipy.linalg.expm(h * A), np.zeros(2 * n + 4), [0.0]
+    for now, after in zip(samples.T[:-1], samples.T[1:], strict=True):
+        z[2 * n : 2 * n + 2], z[2 * n + 2 :] = now, (after - now) / h
+        z = step @ z
+        found.append(float(system.point_row("mid") @ z[:n]))
+    # rounding of 400 exponentials of norm 1e3
+    np.testing.assert_allclose(response["mid"], found, rtol=0.0, atol=1e-9 * np.abs(found).max())
+
+
+OMEGA, ZETA, MASS, BALL, GAP, RESTITUTION = 10.0 * math.pi, 0.01, 1.0, 0.1, 1e-3, 0.7
+
+
+@pytest.mark.impacts
+@pytest.mark.parametrize("frequency", [5.0, 8.0])
+def test_the_first_eight_impacts_under_base_and_force_are_those_of_30_digits(frequency):
+    """Sines of one frequency stay sines; of two they are polynomials, within 1e-9 of them."""
+    ball = fi.Impactor("ball", at="mass", mass=BALL, gap=GAP, contact=fi.Rigid(restitution=RESTITUTION))
+    whole = fi.System.from_matrices(
+        [[MASS]], [[2.0 * ZETA * OMEGA * MASS]], [[OMEGA**2 * MASS]], points={"mass": [1.0]}, impactors=[ball]
+    )
+    base, push = fi.Sine(2e-4, 5.0, 0.4), fi.PointForce("mass", fi.Sine(0.3, frequency, 1.1))
+    w, f = 2 * mp.pi * 5, 2 * mp.pi * mp.mpf(frequency)
+    exact = Oscillator(
+        OMEGA, ZETA, MASS, BALL, GAP, RESTITUTION,
+        lambda t: -mp.mpf(2e-4) * w**2 * mp.sin(w * t + mp.mpf(0.4)),
+        lambda t: mp.mpf(0.3) * mp.sin(f * t + mp.mpf(1.1)),
+    ).impacts(np.linspace(0.05, 3.0, 60), 8)  # fmt: skip
+    found = run(fi.reduce(whole, modes=1), base + push, 3.0, record=fi.Recorder("mass")).impacts
+    time, side, speed = (np.array(column) for column in zip(*exact, strict=True))
+    # rounding grows at impacts; polynomials of 1e-9 of the drive, whose integrals over a piece are exact to order 12
+    share = 1e-11 if frequency == 5.0 else 1e-9
+    np.testing.assert_array_equal(found.side[:8], side)
+    np.testing.assert_allclose(found.time[:8], time, rtol=share)
+    np.testing.assert_allclose(found.approach_speed[:8], speed, rtol=0.0, atol=share * speed.max())
+
+
+@pytest.mark.impacts
+@pytest.mark.parametrize("law", [fi.Rigid(0.6), fi.KelvinVoigt(restitution=0.6, contact_time=2e-3)])
+@pytest.mark.parametrize("name", MIXED)
+def test_the_energy_balance_closes_and_the_work_of_the_drives_is_all_work(name, law):
+    stop = fi.Stop("stop", "mid", 4e-4, law, fixed_to="space")
+    system = reduced(structure(law, stops=[stop], gravity=-9.81), 5)
+    ledger = run(system, MIXED[name], 1.5).energy
+    assert ledger.residual < 1e-9
+    assert tuple(ledger.work_of) == (*MIXED[name].names, "constant forces")
+    np.testing.assert_allclose(
+        sum(ledger.work_of.values()), ledger.work, rtol=0.0, atol=1e-12 * np.abs(ledger.work).max()
+    )
+
+
+def test_the_work_of_each_drive_is_the_integral_of_its_power():
+    system = reduced(structure(), 3)
+    response = run(system, SINES, 2.0, record=fi.Recorder(("mid.velocity", "tip.velocity"), interval=1e-4))
+    for place, name, push in (("mid", "force 1", SINES.forces[0]), ("tip", "force 2", SINES.forces[1])):
+        power = push.force(response.time) * response[f"{place}.velocity"]
+        work = np.concatenate([[0.0], np.cumsum(0.5e-4 * (power[1:] + power[:-1]))])
+        # trapezoids of 2000 in a cycle: (omega h)^2/12 of the work in a quarter of a cycle, of harmonics of some modes
+        np.testing.assert_allclose(response.energy.work_of[name], work, rtol=0.0, atol=1e-5 * np.abs(work).max())
+
+
+@pytest.mark.impacts
+@pytest.mark.parametrize("name", ["sine and chirp", "sines of one frequency", "forces at two places"])
+def test_the_order_of_forces_does_not_matter(name):
+    system, drive = reduced(structure(fi.Rigid(0.6)), 3), MIXED[name]
+    other = fi.Drives(drive.base, drive.forces[::-1])
+    one, two = (run(system, each, 0.6) for each in (drive, other))
+    assert len(one.impacts) == len(two.impacts)
+    # rounding, grown at a few impacts
+    np.testing.assert_allclose(one["tip"], two["tip"], rtol=0.0, atol=1e-11 * np.abs(one["tip"]).max())
+
+
+@pytest.mark.parametrize("method", [fi.EventDriven(), fi.Newmark(1e-4)])
+def test_a_force_and_its_opposite_at_one_place_give_rest(method):
+    system = reduced(structure(), 4)
+    for push, back in (
+        (fi.PointForce("tip", fi.Sine(0.1, 5.0)), fi.PointForce("tip", fi.Sine(0.1, 5.0, math.pi))),
+        (BLOW, dataclasses.replace(BLOW, impulse=-BLOW.impulse)),
+    ):
+        record = fi.Recorder("tip")
+        largest = [np.abs(run(system, drive, 1.0, method, record=record)["tip"]).max() for drive in (push, push + back)]
+        assert largest[1] <= 1e-14 * largest[0]
+
+
+@pytest.mark.impacts
+def test_one_of_drives_alone_has_the_bits_of_that_drive():
+    system = reduced(structure(fi.Rigid(0.6)), 3)
+    for drive in (BASE, CHIRP, BLOW, RECORD):
+        force = getattr(drive, "at", None) is not None
+        one, other = run(system, drive), run(system, fi.Drives(forces=[drive]) if force else fi.Drives(drive))
+        np.testing.assert_array_equal(one["tip"], other["tip"])
+        np.testing.assert_array_equal(one.energy.work, other.energy.work)
+        assert other.energy.work_of == {}
+
+
+@pytest.mark.parametrize("name", MIXED)
+def test_the_stepped_motion_is_the_sum_of_the_stepped_motions_under_each_drive(name):
+    for system in (reduced(structure(), 2), fi.assemble(structure(), elements=3)):
+        for method in (fi.Newmark(5e-4), fi.HHT(5e-4)):
+            record = fi.Recorder(("tip", "shaker_force"))
+            together = run(system, MIXED[name], 1.0, method, record=record)
+            alone = [run(system, each, 1.0, method, record=record) for each in MIXED[name].drives]
+            for channel in record.channels:
+                atol = 1e-10 * max(np.abs(each[channel]).max() for each in alone)
+                # rounding of some steps of the fastest dofs; a phase that is turned step by step beside one that is not
+                expected = sum(each[channel] for each in alone)
+                np.testing.assert_allclose(together[channel], expected, rtol=0.0, atol=atol, err_msg=channel)
+            ledger, work = together.energy, sum(together.energy.work_of.values())
+            np.testing.assert_allclose(work, ledger.work, rtol=0.0, atol=1e-12 * np.abs(ledger.work).max())
+
+
+@pytest.mark.impacts
+def test_steps_in_physical_dofs_refined_steps_and_impulses_meet_the_exact_impacts():
+    """Up to the third impact, before which nothing has grown."""
+    soft = fi.KelvinVoigt(restitution=0.6, contact_time=2e-3)
+    drive, record = MIXED["sine, chirp and blow"], fi.Recorder("tip")
+    for law, methods in (
+        (soft, [fi.Newmark(1e-5), fi.HHT(1e-5), fi.Newmark(1e-4, refine=10)]), (fi.Rigid(0.6), [fi.MoreauJean(1e-5)])
+    ):  # fmt: skip
+        system = reduced(structure(law), 3)
+        exact = run(system, drive, 0.5).impacts.time[:3]
+        assert exact.size == 3
+        for method in methods:
+            found = run(system, drive, 0.5, method, record=record)
+            # a tenth of the contact time
+            np.testing.assert_allclose(found.impacts.time[:3], exact, rtol=0.0, atol=2e-4)
+            work = sum(found.energy.work_of.values())
+            np.testing.assert_allclose(work, found.energy.work, rtol=0.0, atol=1e-11 * np.abs(found.energy.work).max())
+    whole = fi.assemble(structure(soft), elements=4)
+    small = fi.reduce(whole, modes=whole.dofs)
+    one, two = (run(system, drive, 0.3, fi.Newmark(2e-5), record=record) for system in (whole, small))
+    # the same steps in another basis
+    np.testing.assert_allclose(one["tip"], two["tip"], rtol=0.0, atol=1e-7 * np.abs(one["tip"]).max())
+
+
+@pytest.mark.impacts
+@pytest.mark.parametrize("method", [fi.EventDriven(), fi.Newmark(1e-4)])
+@pytest.mark.parametrize("name", ["sine, chirp and blow", "sines of one frequency"])
+def test_two_halves_are_one_run(name, method):
+    system, drive = reduced(structure(fi.KelvinVoigt(restitution=0.6, contact_time=2e-3)), 3), MIXED[name]
+    record = fi.Recorder("tip", interval=2e-3) if isinstance(method, fi.EventDriven) else fi.Recorder("tip")
+    whole, first = (run(system, drive, end, method, record=record) for end in (0.6, 0.3))
+    second = run(system, drive, 0.3, method, record=record, initial=first.final_state)
+    both = np.concatenate([first["tip"], second["tip"][1:]])
+    np.testing.assert_allclose(both, whole["tip"], rtol=0.0, atol=1e-11 * np.abs(both).max())
+
+
+@pytest.mark.impacts
+def test_largest_values_are_those_of_a_fine_reading():
+    system, drive = reduced(structure(fi.Rigid(0.6)), 3), MIXED["sine, chirp and blow"]
+    coarse = run(system, drive, 0.5)
+    fine = run(system, drive, 0.5, record=dataclasses.replace(RECORDER, interval=1e-5))
+    for channel in ("tip", "mid", "mid.acceleration", "shaker_force"):
+        found, read = coarse.largest(channel), np.abs(fine[channel]).max()
+        assert abs(found.value) >= read * (1.0 - 1e-9), channel
+        # what lies between readings of 1e-5 s, of the third mode at 340 Hz
+        assert abs(found.value) <= read * 1.01, channel
+
+
+def test_an_own_motion_and_an_own_force_are_drives():
+    class Ramp:
+        """A base that is moved without a closed form."""
+
+        frequency, phase, amplitude, has_cycle = 5.0, math.nan, 1e-3, False
+
+        def displacement(self, time):
+            return 1e-3 * np.asarray(time) ** 3
+
+        def velocity(self, time):
+            return 3e-3 * np.asarray(time) ** 2
+
+        def acceleration(self, time):
+            return 6e-3 * np.asarray(time)
+
+    class Push(Ramp):
+        """A force without one."""
+
+        at, amplitude = "tip", 0.0
+
+        def displacement(self, time):
+            return 0.0 * np.asarray(time)
+
+        velocity = acceleration = displacement
+
+        def force(self, time):
+            return 0.01 * np.asarray(time)
+
+    system = reduced(structure(), 2)
+    both = run(system, fi.Drives(Ramp(), [Push(), BLOW]), 0.5, fi.Newmark(1e-4), record=fi.Recorder("tip"))
+    alone = [run(system, each, 0.5, fi.Newmark(1e-4), record=fi.Recorder("tip")) for each in (Ramp(), Push(), BLOW)]
+    np.testing.assert_allclose(both["tip"], sum(each["tip"] for each in alone), rtol=0.0, atol=1e-15)
+    assert tuple(both.energy.work_of) == ("base", "force 1", "force 2")
+    with pytest.raises(fi.InputError, match="must have a closed_form for EventDriven"):
+        run(system, fi.Drives(Ramp(), [Push()]), 0.5)
+
+
+def test_forces_at_one_place_are_one_load():
+    system = reduced(structure(), 2)
+    drive = MIXED["two blows at one place"].until(1.0)
+    assert len(drive_of(system, drive).loads) == 1
+    assert len(drive_of(system, BASE + drive).loads) == 2
+
+
+NAMED = fi.HammerBlow("tip", 0.1, 1e-3, name="hammer")
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: NAMED + NAMED, r"forces.name = 'hammer'.*must differ"),
+        (lambda: BLOW + dataclasses.replace(NAMED, name="force 1"), r"forces.name = 'force 1'"),
+        (lambda: BASE + dataclasses.replace(NAMED, name="base"), r"forces.name = 'base'"),
+        (lambda: dataclasses.replace(NAMED, name="a.b"), r"name = 'a.b'.*without a dot"),
+        (lambda: fi.PointForce("tip", BASE, name=""), r"name"),
+        (lambda: fi.PointForce("tip", BASE, name=3), r"name"),
+        (fi.Drives, r"forces.*must be one or more"),
+        (lambda: fi.Drives(NAMED), r"base = .*is one of forces"),
+        (lambda: fi.Drives(BASE, [BASE]), r"forces = .*is the base"),
+        (lambda: fi.Drives(BASE, [3.0]), r"forces"),
+        (lambda: fi.Drives(3.0), r"base"),
+        (lambda: fi.Drives(BASE, NAMED), r"forces"),
+    ],
+)  # fmt: skip
+def test_what_drives_cannot_be_is_refused_in_one_line(make, words):
+    with pytest.raises(fi.InputError, match=words) as refusal:
+        make()
+    assert "\n" not in str(refusal.value)
+
+
+def test_a_place_that_is_unknown_is_refused():
+    with pytest.raises(fi.InputError, match="nowhere"):
+        run(reduced(structure(), 2), BASE + fi.HammerBlow("nowhere", 0.1, 1e-3))

@@ -1,0 +1,176 @@
+"""Forces in study files: read, written, described, refused, run, and axes of a parameter study."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+
+import jsonschema
+import numpy as np
+import pytest
+
+import femimpact as fi
+from femimpact.parametric.paths import paths_of_study, study_with
+from femimpact.study.picture_data import _base_numbers, _excitation
+from femimpact.study.study_file import read_study, same_study, study_schema, study_text
+
+HEAD = """
+[beam]
+length = 0.23
+width = 0.02
+thickness = 1e-3
+young_modulus = 70e9
+density = 2700
+
+[mesh]
+elements = 4
+
+[reduction]
+modes = 2
+
+[method]
+name = "event-driven"
+"""
+SINE = '[base]\namplitude = 1e-3\nfrequency = 5.0\nduration = 2.0\nstart = "space"\n'
+REST = '[base]\nkind = "rest"\nhistory = 2.0\ninitial = "static"\n'
+HAMMER = '[[force]]\nname = "hammer"\nat = "tip"\nkind = "hammer"\nimpulse = 0.002\nduration = 0.003\nbegin = 0.3\n'
+COIL = '[[force]]\nname = "coil"\nat = 0.1\nkind = "sine"\nforce = 0.01\nfrequency = 5.0\nphase = 0.4\n'
+KINDS = {
+    'kind = "chirp"\nforce = 0.1\nstart = 3\nstop = 9\nduration = 1.0\nrate = "logarithmic"': fi.Chirp(
+        3, 9, 1.0, amplitude=0.1, kind="logarithmic"
+    ),
+    'kind = "random"\npsd = [[2, 1e-3], [60, 1e-3]]\nduration = 2.0\nseed = 3': fi.RandomBase(
+        [(2, 1e-3), (60, 1e-3)], 2.0, 3
+    ),
+    'kind = "shock"\npulse = "half-sine"\nforce = 2.0\nduration = 0.01': fi.Shock("half-sine", 2.0, 0.01),
+    'kind = "stepped-sine"\nfrequencies = [4, 5]\ncycles = 3\nforce = 0.1': fi.SteppedSine([4, 5], 3, amplitude=0.1),
+}
+DRIVES = fi.Drives(
+    fi.Sine(1e-3, 5.0),
+    [fi.HammerBlow("tip", 0.002, 0.003, 0.3, name="hammer"), fi.PointForce(0.1, fi.Sine(0.01, 5.0, 0.4), "coil")],
+)
+
+
+def read(*parts: str) -> fi.Study:
+    """A study of these tables."""
+    text = HEAD + "\n".join(parts)
+    jsonschema.Draft202012Validator(study_schema()).validate(tomllib.loads(text))
+    return read_study(text, Path("study.toml"))
+
+
+def test_forces_beside_a_base_are_drives_and_are_written_as_they_were_read():
+    study = read(SINE, HAMMER, COIL)
+    assert study.excitation == DRIVES
+    assert study.initial.frame == "space"
+    assert study.base.history_duration == 2.0
+    other = replace(study, output=replace(study.output, frames=10))
+    assert same_study(read_study(study_text(other), study.path), other)
+
+
+def test_one_force_beside_a_base_at_rest_stays_itself():
+    study = read(REST, HAMMER)
+    assert study.excitation == DRIVES.forces[0]
+    assert study.initial.equilibrium
+    assert read(REST, HAMMER, COIL).excitation == fi.Drives(forces=DRIVES.forces)
+    other = replace(study, output=replace(study.output, frames=10))
+    assert same_study(read_study(study_text(other), study.path), other)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_kind_of_force_is_the_history_of_that_kind(kind):
+    study = read(REST, f'[[force]]\nat = "mid"\n{kind}\n')
+    assert study.excitation == fi.PointForce("mid", KINDS[kind])
+
+
+def test_numbers_of_forces_are_axes():
+    study = read(SINE, HAMMER, COIL)
+    known = paths_of_study(study)
+    wanted = {"force.hammer.impulse": 0.5, "force.coil.force": 0.02, "force.coil.at": "mid", "base.amplitude": 2e-3}
+    drives = study_with(study, {known[path]: value for path, value in wanted.items()}).excitation
+    assert drives.base.amplitude == 2e-3
+    assert drives.forces[0].impulse == 0.5
+    assert (drives.forces[1].at, drives.forces[1].history.amplitude) == ("mid", 0.02)
+    assert known["force.coil.force"].unit == "N"
+    assert known["force.hammer.impulse"].unit == "N s"
+
+
+def test_a_parameter_study_over_an_impulse_is_linear_without_balls():
+    found = fi.parameter_study(read(REST, HAMMER), {"force.hammer.impulse": [0.001, 0.002]}, ["tip.displacement"])
+    low, high = np.abs(found["tip.displacement"].to_numpy()).ravel()
+    # the peak is found to 1e-9 of itself
+    assert high == pytest.approx(2.0 * low, rel=1e-8)
+
+
+def test_drives_in_the_data_of_pictures_are_made_again():
+    assert _excitation(_base_numbers(DRIVES), None) == DRIVES
+    assert _excitation(_base_numbers(DRIVES.forces[0]), None) == DRIVES.forces[0]
+
+
+@pytest.mark.parametrize(
+    ("parts", "words"),
+    [
+        ((SINE, HAMMER, HAMMER), r"force.name = 'hammer'.*must differ"),
+        ((SINE, HAMMER.replace('"hammer"\nat', '"a.b"\nat')), r"'a.b'.*without a dot"),
+        ((SINE, HAMMER.replace("impulse", "impuls")), r"force.hammer.impuls: unknown; did you mean 'impulse'"),
+        ((SINE, HAMMER.replace("0.003", "0")), r"force.hammer.duration = 0 s: must be"),
+        ((SINE, HAMMER.replace('kind = "hammer"', 'kind = "hamer"')), r"force.hammer.kind = 'hamer'"),
+        ((SINE, HAMMER.replace('at = "tip"\n', "")), r"force.hammer.at: is missing"),
+        ((SINE, COIL.replace("5.0", "-5.0")), r"force.coil.frequency = -5.0 Hz: must be"),
+        ((SINE, COIL.replace("force = 0.01", "amplitude = 0.01")), r"force.coil.amplitude: unknown"),
+        ((SINE, COIL.replace("force = 0.01\n", "")), r"force.coil.force: is missing"),
+        ((REST,), r"force: is missing: \[base\] is at rest"),
+        ((REST.replace("history = 2.0\n", ""), HAMMER), r"base.history: is missing"),
+        ((SINE, HAMMER, "[sweep]\nstart = 4\nstop = 6\npoints = 9\ncycles = 30\n"), r"sweep: needs a sine of the base"),
+    ],
+)  # fmt: skip
+def test_faults_of_forces_are_said_by_their_keys(parts, words):
+    with pytest.raises(fi.InputError, match=words):
+        read_study(HEAD + "\n".join(parts), Path("study.toml"))
+
+
+SUM = """
+[base]
+kind = "sum"
+history = 2.0
+
+[[base.parts]]
+amplitude = 1e-3
+frequency = 5.0
+
+[[base.parts]]
+kind = "chirp"
+start = 3.0
+stop = 9.0
+duration = 1.5
+acceleration = 0.2
+rate = "logarithmic"
+"""
+
+
+def test_a_sum_of_motions_of_the_base_is_read_written_and_run():
+    study = read(SUM)
+    assert study.excitation == fi.Sine(1e-3, 5.0) + fi.Chirp(3.0, 9.0, 1.5, acceleration=0.2, kind="logarithmic")
+    assert _excitation(_base_numbers(study.excitation), None) == study.excitation
+    other = replace(study, output=replace(study.output, frames=10))
+    assert same_study(read_study(study_text(other), study.path), other)
+    # without a history the longest of the parts that have a duration
+    assert read(SUM.replace("history = 2.0", "")).base.history_duration == 1.5
+    assert read(SUM, HAMMER).excitation == fi.Drives(study.excitation, DRIVES.forces[:1])
+    assert "up to 9 Hz" in study.base.words
+
+
+@pytest.mark.parametrize(
+    ("parts", "words"),
+    [
+        ((SUM.replace("5.0", "-5.0"),), r"base.parts.1.frequency = -5.0 Hz"),
+        ((SUM.replace('"chirp"', '"chrip"'),), r"base.parts.2.kind = 'chrip'"),
+        ((SUM.replace('rate = "', 'rates = "'),), r"base.parts.2.rates: unknown; did you mean 'rate'"),
+        ((SUM.replace("history = 2.0", "amplitude = 1.0"),), r"base.amplitude: unknown"),
+        (('[base]\nkind = "sum"\nhistory = 2.0\n',), r"base.parts.*must be one or more tables"),
+        (('[base]\nkind = "sum"\n[[base.parts]]\namplitude = 1e-3\nfrequency = 5\n',), r"base.history.*is missing"),
+    ],
+)  # fmt: skip
+def test_faults_of_sums_are_said_by_their_keys(parts, words):
+    with pytest.raises(fi.InputError, match=words):
+        read_study(HEAD + "\n".join(parts), Path("study.toml"))
