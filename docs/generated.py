@@ -21,6 +21,7 @@ SUBJECTS = {
     "system": "Systems, modes, reduction, states",
     "integrators": "Methods and runs",
     "sweep": "Sweeps",
+    "spectra": "Transfer functions, spectra, shock response spectra",
     "response": "Recorders, responses, impacts, energies",
     "identification": "Damping from response curves",
     "calibration": "Scans of the restitution",

@@ -111,6 +111,8 @@ if TYPE_CHECKING:
     from femimpact.response.response import Recorder as Recorder
     from femimpact.response.response import Response as Response
     from femimpact.response.signals import Largest as Largest
+    from femimpact.spectra import TransferFunction as TransferFunction
+    from femimpact.spectra import transfer_function as transfer_function
     from femimpact.structure.beam import Beam as Beam
     from femimpact.structure.beam import Segment as Segment
     from femimpact.structure.damping import ModalDamping as ModalDamping
@@ -192,6 +194,7 @@ _MODULES = {
     "response.impacts": ("ImpactStatistics", "Impacts"),
     "response.response": ("Recorder", "Response"),
     "response.signals": ("Largest",),
+    "spectra": ("TransferFunction", "transfer_function"),
     "structure.beam": ("Beam", "Segment"),
     "structure.damping": ("ModalDamping", "Rayleigh"),
     "structure.structure": (

@@ -388,6 +388,9 @@ VERBS = {
     "RecordedBase.from_displacement": (fi.RecordedBase.from_displacement, lambda: {
         "samples": [0.0, 1.0, 0.5, 0.0, 0.2], "interval": 0.1, "high_pass": 1.0
     }),
+    "transfer_function": (fi.transfer_function, lambda: {
+        "system": small(), "frequency": [5.0, 6.0], "to": "tip", "of": "base.acceleration", "force_at": "mid"
+    }),
     "Sum.until": (MOTIONS["Sum"].until, lambda: {"end": 2.0}),
     "PointForce.until": (fi.PointForce("tip", MOTIONS["Sum"]).until, lambda: {"end": 2.0}),
     **{
@@ -443,6 +446,6 @@ OTHERS = {
     "ALUMINIUM", "STEEL", "AxisMargin", "BestCase", "BestDesign", "ContactLaw", "ContactParameters", "DivergenceError",
     "Preflight", "PreflightRow", "Refinement",
     "FemimpactError", "InputError", "InputWarning", "StudyResults", "__version__", "figures", "load_parameter_study",
-    "report", "show_versions",
+    "TransferFunction", "report", "show_versions",
 }  # fmt: skip
 """Public names that take no numbers: constants, errors, what a verb alone makes, protocols, figures and files."""
