@@ -101,13 +101,13 @@ def test_the_dataset_has_units():
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        ({"frequency": [0.0, 1.0]}, r"^frequency = 0\.0 Hz: must be one or more finite numbers > 0$"),
+        ({"frequency": [0.0, 1.0]}, r"^frequency = 0\.0 Hz: must be one or more numbers of 1e-06 to 1e\+09$"),
         ({"frequency": [-1.0]}, r"^frequency = -1\.0 Hz: must be"),
         ({"frequency": []}, r"^frequency = 'array of shape \(0,\)'"),
         ({"frequency": [math.nan]}, "^frequency"),
         ({"frequency": [1.0], "of": "base"}, "^of = 'base': must be 'base.displacement' or"),
-        ({"frequency": [1.0], "force_at": "tp"}, "^at = 'tp': "),
-        ({"frequency": [1.0], "to": "tip.velocty"}, r"^channels = 'tip\.velocty'"),
+        ({"frequency": [1.0], "force_at": "tp"}, "^force_at = 'tp': "),
+        ({"frequency": [1.0], "to": "tip.velocty"}, r"^to = 'tip\.velocty'"),
         ({"frequency": [1.0], "system": 3}, "^system = 3: must be a System"),
     ],
 )

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -147,11 +148,13 @@ def transfer_function(
     """
     f = checked_frequencies(frequency)
     given = f"{system.default_place}.absolute_acceleration" if to is None else to
-    channels = resolve_channels(system, Recorder(given).channels)  # type: ignore[arg-type]
+    with faults_of("to"):
+        channels = resolve_channels(system, Recorder(given).channels)  # type: ignore[arg-type]
     if force_at is None:
         drive, share, name = Drive(-system.base_load, 1.0, 1.0, np.zeros_like, None), 1.0, of
     else:
-        drive, share = Drive(system.point_row(force_at), 0.0, 1.0, np.zeros_like, None, force_at), 0.0
+        with faults_of("force_at"):
+            drive, share = Drive(system.point_row(force_at), 0.0, 1.0, np.zeros_like, None, force_at), 0.0
         name = f"force at {force_at if isinstance(force_at, str) else f'{force_at:g} m'}"
     rows = channel_rows(system, drive, channels, springs_apart=True)
     found = np.empty((f.size, len(channels)), dtype=complex)
@@ -226,13 +229,26 @@ def harmonic_amplitudes(
     return np.asarray(found[first:last]), y
 
 
+@contextmanager
+def faults_of(key: str) -> Iterator[None]:
+    """Faults of what is made inside, by the name of the argument that it is made of."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError([replace(fault, key=key) for fault in error.faults]) from None
+
+
+LOWEST, HIGHEST = 1e-6, 1e9
+"""Frequencies, Hz: beyond them a number is a mistake."""
+
+
 def checked_frequencies(frequency: ArrayLike) -> Array:
     """Frequencies (Hz) as an array (n,), above zero."""
-    allowed = "must be one or more finite numbers > 0"
+    allowed = f"must be one or more numbers of {LOWEST:g} to {HIGHEST:g}"
     f = np.atleast_1d(real_array("frequency", frequency, "Hz", allowed))
     require(f.ndim == 1 and f.size > 0, "frequency", f"array of shape {f.shape}", "Hz", allowed)
-    low = float(f.min())
-    require(low > 0.0, "frequency", low, "Hz", allowed)
+    outside = f[(f < LOWEST) | (f > HIGHEST)]
+    require(not outside.size, "frequency", float(outside[0]) if outside.size else None, "Hz", allowed)
     return f
 
 
