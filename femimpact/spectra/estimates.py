@@ -10,7 +10,7 @@ import numpy as np
 
 from femimpact.arrays import Array, Complex
 from femimpact.errors import instance, optional, quantity, require, require_name, takes
-from femimpact.excitation import Chirp, HammerBlow, Shock, SteppedSine
+from femimpact.excitation import Chirp, HammerBlow, RandomBase, Shock, SteppedSine
 from femimpact.excitation.excitation import has_cycle
 from femimpact.integrators.channel_rows import Drive
 from femimpact.response.channels import channel_key
@@ -136,6 +136,9 @@ def _by_averages(response: Response, output: Record, given: Array, resolution: f
     f, across = csd(x, y, rate, nperseg=window, detrend=False)
     own, other = (csd(one, one, rate, nperseg=window, detrend=False)[1].real for one in (x, y))
     kept = (f > 0.0) & (own > CONTENT * own.max())
+    history = drive_history(response)
+    if isinstance(history, RandomBase):
+        kept &= (f >= history.psd[0][0]) & (f <= history.psd[-1][0])
     require(bool(np.any(kept)), "of", None, "", "must not be zero all the time")
     # of an output that is zero there is no second estimate
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -90,6 +90,7 @@ def spectrum(
     axis.fill_between(f, low, high, color=colour, alpha=0.2, linewidth=0.0)
     axis.loglog(f, factor * found.values[shown], color=colour, linewidth=1.2, label=label)
     axis.set_xlim(f[0], highest)
+    axis.set_ylim(bottom=max(0.5 * float(low.min()), DECADES * float(high.max())) or None)
     plain_log_ticks(axis.xaxis)
     title = f"lines {found.resolution:.3g} Hz apart, Hann windows, band: {100 * found.confidence:g} % interval"
     label = f"spectral density of {_words(found.channel)}, {unit.replace('^2', '²')}"
