@@ -271,6 +271,15 @@ KEYWORDS = {
     "howto/installation": ("windows", "macos", "pip error", "no-build-isolation"),
     "howto/before_the_test": ("sweep rate", "swept sine", "test plan", "shaker limits"),
     "howto/measured_base": ("accelerometer", "shaker record", "sine sweep"),
+    "howto/spectra": (
+        "PSD",
+        "FRF",
+        "SRS",
+        "frequency response function",
+        "spectral density",
+        "coherence",
+        "transmissibility",
+    ),
     "howto/root_stress": ("fatigue", "strain gauge", "rainflow"),
 }
 """What a reader may search for, by the page that answers it: the search finds it though the page has other words."""
@@ -310,7 +319,8 @@ EXAMPLES = {
         "calibrate_restitution", "restitution_of_laws", "two_laws", "own_contact_law", "switching_spring",
     ),
     "Kinds of motion": ("sticking_ball", "bifurcation", "up_and_down_sweep", "preloaded_stop"),
-    "Motions of a shaker": ("base_from_csv", "chirps_at_walls", "half_sine_shock", "random_vibration"),
+    "Motions of a shaker": ("base_from_csv", "chirps_at_walls", "half_sine_shock", "random_vibration",
+                            "transmissibility"),
     "Beams and modes": ("tapered_blade", "spring_between_places"),
     "Measured curves": ("damping_from_a_curve", "laser_at_midspan"),
     "Accuracy": ("mesh_convergence", "step_size"),
