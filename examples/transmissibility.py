@@ -1,5 +1,5 @@
 r"""Transmissibility in closed form and as measured
-=============================================
+===============================================
 
 How far does a ball lower the transmissibility from the base to the tip, and how much of the motion does that number
 describe?
