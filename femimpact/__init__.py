@@ -116,6 +116,13 @@ if TYPE_CHECKING:
     from femimpact.response.response import Recorder as Recorder
     from femimpact.response.response import Response as Response
     from femimpact.response.signals import Largest as Largest
+    from femimpact.spectra import ShockResponseSpectrum as ShockResponseSpectrum
+    from femimpact.spectra import Spectrum as Spectrum
+    from femimpact.spectra import TransferFunction as TransferFunction
+    from femimpact.spectra import measured_transfer as measured_transfer
+    from femimpact.spectra import shock_response_spectrum as shock_response_spectrum
+    from femimpact.spectra import spectrum as spectrum
+    from femimpact.spectra import transfer_function as transfer_function
     from femimpact.structure.beam import Beam as Beam
     from femimpact.structure.beam import Segment as Segment
     from femimpact.structure.damping import ModalDamping as ModalDamping
@@ -196,6 +203,10 @@ _MODULES = {
     "response.impacts": ("ImpactStatistics", "Impacts"),
     "response.response": ("Recorder", "Response"),
     "response.signals": ("Largest",),
+    "spectra": (
+        "ShockResponseSpectrum", "Spectrum", "TransferFunction", "measured_transfer", "shock_response_spectrum",
+        "spectrum", "transfer_function",
+    ),
     "structure.beam": ("Beam", "Segment"),
     "structure.damping": ("ModalDamping", "Rayleigh"),
     "structure.structure": (

@@ -12,6 +12,7 @@ from builders import NO_PICTURES, short_study
 from nouns import (
     BASE,
     LAW,
+    MOTIONS,
     NOUNS,
     STRUCTURE,
     curve,
@@ -155,6 +156,12 @@ FIGURES = {
     },
     "save_figure": lambda: {"drawn": fi.figures.value_map([1], [1], [[1]], ax=SHEET), "path": "figure.png"},
     "spectrum": lambda: {"response": drawn_run(), "channel": "tip", "highest": 50.0, "ax": SHEET},
+    "shock_response_spectrum": lambda: {
+        "spectra": fi.shock_response_spectrum(MOTIONS["Shock"], [5.0, 6.0]), "pseudo_velocity": True, "ax": SHEET
+    },
+    "transfer_function": lambda: {
+        "transfers": fi.transfer_function(small(), [5.0, 6.0], "tip"), "channel": "tip", "figure": SHEET
+    },
     "step_convergence": lambda: {"result": NOUNS["StepConvergence"](), "slope": 2.0, "ax": SHEET},
     "study_lines": lambda: {"dataset": studied(1), "measure": "peak", "title": "title", "ax": SHEET},
     "study_map": lambda: {"dataset": studied(2), "measure": "peak", "title": "title", "ax": SHEET},

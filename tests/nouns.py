@@ -388,6 +388,18 @@ VERBS = {
     "RecordedBase.from_displacement": (fi.RecordedBase.from_displacement, lambda: {
         "samples": [0.0, 1.0, 0.5, 0.0, 0.2], "interval": 0.1, "high_pass": 1.0
     }),
+    "transfer_function": (fi.transfer_function, lambda: {
+        "system": small(), "frequency": [5.0, 6.0], "to": "tip", "of": "base.acceleration", "force_at": "mid"
+    }),
+    "spectrum": (fi.spectrum, lambda: {
+        "response": response(), "channel": "tip", "kind": "density", "resolution": 4.0, "start": 0.2, "confidence": 0.9
+    }),
+    "measured_transfer": (fi.measured_transfer, lambda: {
+        "response": response(), "to": "tip", "of": "base.velocity", "resolution": 4.0
+    }),
+    "shock_response_spectrum": (fi.shock_response_spectrum, lambda: {
+        "of": MOTIONS["Shock"], "frequency": [5.0, 6.0], "ratio": 0.1, "channel": None, "duration": 0.1
+    }),
     "Sum.until": (MOTIONS["Sum"].until, lambda: {"end": 2.0}),
     "PointForce.until": (fi.PointForce("tip", MOTIONS["Sum"]).until, lambda: {"end": 2.0}),
     **{
@@ -443,6 +455,6 @@ OTHERS = {
     "ALUMINIUM", "STEEL", "AxisMargin", "BestCase", "BestDesign", "ContactLaw", "ContactParameters", "DivergenceError",
     "Preflight", "PreflightRow", "Refinement",
     "FemimpactError", "InputError", "InputWarning", "StudyResults", "__version__", "figures", "load_parameter_study",
-    "report", "show_versions", "write_movie",
+    "ShockResponseSpectrum", "Spectrum", "TransferFunction", "report", "show_versions", "write_movie",
 }  # fmt: skip
 """Public names that take no numbers: constants, errors, what a verb alone makes, protocols, figures and files."""

@@ -269,6 +269,16 @@ def test_a_ball_lowers_the_stress_of_random_vibration():
     assert stress["with ball"] < 0.9 * stress["without ball"]
 
 
+def test_a_ball_lowers_the_transmissibility_of_the_first_mode():
+    alone, measured = load("transmissibility").main(duration=40.0).values()
+    (name,) = alone.values
+    assert np.abs(alone[name]).max() > 100.0
+    first = measured.frequency < 10.0
+    assert np.abs(measured[name][first]).max() < 0.2 * np.abs(alone[name]).max()
+    # impacts are no linear motion
+    assert measured.coherence[name].min() < 0.5
+
+
 def test_a_shock_has_its_peak_stress_between_samples():
     run = load("half_sine_shock").main()
     peak = run.largest("root.surface_stress")

@@ -316,7 +316,7 @@ def test_what_is_no_excitation_is_refused_in_one_line(make, words):
 @pytest.mark.impacts
 def test_without_a_cycle_nothing_is_periodic_and_nothing_is_drawn_at_a_base_frequency():
     system = reduced(with_ball(REFERENCE, contact=fi.Rigid(restitution=0.7), gap=1e-4), 4)
-    run = fi.integrate(system, RANDOM, fi.EventDriven(), 3.0, fi.Recorder(interval=2e-3))
+    run = fi.integrate(system, RANDOM, fi.EventDriven(), 3.0, fi.Recorder(interval=1e-3))
     assert run.regime.kind == "not periodic"
     assert math.isnan(run.statistics.impacts_per_cycle)
     assert run.statistics.count > 0
@@ -398,7 +398,7 @@ def test_nothing_names_a_cycle_where_there_is_none(base):
     contact = fi.KelvinVoigt(restitution=0.7, contact_time=4e-3)
     system = reduced(with_ball(REFERENCE, contact=contact, gap=1e-4), 4)
     channels = ("tip", "tip.velocity", "ball", "ball.velocity", "ball.contact_force")
-    run = fi.integrate(system, base, fi.EventDriven(), 0.5, fi.Recorder(channels, interval=2e-3))
+    run = fi.integrate(system, base, fi.EventDriven(), 0.5, fi.Recorder(channels, interval=1e-3))
     assert len(run.impacts) > 0
     off, drawn = fi.figures.OffScreen(), []
     for draw in (fi.figures.motion, fi.figures.contact_force, fi.figures.impact_histograms):

@@ -634,3 +634,33 @@ def test_a_short_run_is_drawn_as_curves_however_often_it_is_read(small):
     short = fi.integrate(small, fi.Sine(0.2037e-3, 5.0), fi.EventDriven(), 6.0, record)
     whole, _ = fi.figures.motion(short)[0]
     np.testing.assert_array_equal(line(whole, "tip").get_ydata(), 1e3 * short["tip"])
+
+
+def test_figures_over_frequency_have_the_axes_of_the_trade():
+    off = fi.figures.OffScreen()
+    system = fi.System.from_matrices([[1.0]], [[1.0]], [[900.0]], points={"tip": [1.0]})
+    base = fi.RandomBase([(1.0, 0.5), (20.0, 0.5)], 20.0, seed=1)
+    record = fi.Recorder(channels=("tip.absolute_acceleration", "tip"), interval=0.01)
+    run = fi.integrate(system, base, fi.EventDriven(), 20.0, record)
+    found = fi.spectrum(run)
+    axis = fi.figures.spectrum(found, ax=off)
+    assert (axis.get_xscale(), axis.get_yscale()) == ("log", "log")
+    assert axis.get_ylabel() == "spectral density of tip.absolute acceleration, g²/Hz"
+    # a straight density of 0.5 (m/s^2)^2/Hz of the base is that over 9.80665^2
+    np.testing.assert_allclose(axis.get_lines()[0].get_ydata(), found.values[1:] / 9.80665**2)
+    exact = fi.transfer_function(system, [1.0, 2.0, 10.0])
+    axes = fi.figures.transfer_function(exact, figure=off)
+    assert axes[0].get_ylabel() == "magnitude (dB re 1)"
+    values = exact["tip.absolute_acceleration"]
+    np.testing.assert_allclose(axes[0].get_lines()[0].get_ydata(), 20.0 * np.log10(np.abs(values)))
+    np.testing.assert_allclose(axes[1].get_lines()[0].get_ydata(), np.degrees(np.angle(values)))
+    measured = fi.measured_transfer(run, "tip.absolute_acceleration")
+    assert len(fi.figures.transfer_function({"exact": exact, "measured": measured}, figure=off)) == 3
+    shock = fi.shock_response_spectrum(fi.Shock("half-sine", 9.80665, 0.01), [10.0, 100.0])
+    axis = fi.figures.shock_response_spectrum(shock, ax=off)
+    assert axis.get_ylabel() == "absolute acceleration (g)"
+    np.testing.assert_allclose(axis.get_lines()[0].get_ydata(), shock.acceleration / 9.80665)
+    with pytest.raises(fi.InputError, match=r"^channel = 'mid'"):
+        fi.figures.transfer_function(exact, "mid", figure=off)
+    with pytest.raises(fi.InputError, match=r"^spectra = 'none'"):
+        fi.figures.shock_response_spectrum({}, ax=off)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+import math
 import shutil
 import warnings
 from dataclasses import replace
@@ -470,3 +471,24 @@ def test_a_part_that_is_no_result_is_named(tmp_path, part):
     with pytest.raises(fi.InputError, match=r"parts\.Odd"):
         fi.report(tmp_path / "page.html", {"Odd": part})
     assert not (tmp_path / "page.html").exists()
+
+
+def test_a_drive_is_read_as_its_trade_reads_it(tmp_path):
+    """Densities of a random drive, transfer functions of a chirp, the response spectrum of a shock; no others."""
+    omega = 2 * math.pi * 5.0
+    system = fi.System.from_matrices([[1.0]], [[0.1 * omega]], [[omega**2]], points={"tip": [1.0]})
+    drives = {
+        "random": fi.RandomBase([(2.0, 0.1), (20.0, 0.1)], 10.0), "chirp": fi.Chirp(2.0, 20.0, 5.0, acceleration=1.0),
+        "shock": fi.Shock("half-sine", 100.0, 0.01), "sine": fi.Sine(1e-3, 5.0),
+    }  # fmt: skip
+    record = fi.Recorder(channels=("tip",), interval=0.01)
+    runs = {name: fi.integrate(system, one, fi.EventDriven(), 10.0, record) for name, one in drives.items()}
+    page = fi.report(tmp_path / "page.html", runs).read_text(encoding="utf-8")
+    assert "Spectral density of tip" in page
+    assert "tip over the acceleration of the base" in page
+    assert "Shock response spectrum of the base" in page
+    assert "sine: spectra" not in page
+    # what cannot be read is said in place of a chart
+    short = fi.integrate(system, drives["chirp"], fi.EventDriven(), 5.0, record)
+    page = fi.report(tmp_path / "short.html", {"chirp": short}).read_text(encoding="utf-8")
+    assert "No spectrum of tip: response.time" in page

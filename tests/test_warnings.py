@@ -48,6 +48,11 @@ SITES = {
     ("study/summary.py", "_estimates"): ["the motion around the peak does not repeat"],
     ("study/pictures.py", "with_pictures"): ["not drawn"],
     ("study/run.py", "_finish"): ["the run was ended before"],
+    ("spectra/densities.py", "record_of"): ["lacks the impulses of"],
+    ("spectra/densities.py", "width_warnings"): ["are coarser than a fifth of the half-power width"],
+    ("spectra/densities.py", "too_coarse"): ["would be an alias"],
+    ("spectra/estimates.py", "_by_dwells"): ["dwells are not steady"],
+    ("spectra/transfer.py", "transfer_function"): ["in contact at rest"],
     ("structure/structure.py", "unusual_numbers"): ["is it in Pa", "shear and rotary inertia"],
     ("fem/assembly.py", "_warn_of_unusual"): ["are units SI"],
 }  # fmt: skip

@@ -9,10 +9,9 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, ClassVar, NamedTuple, Protocol, TypeVar, runtime_checkable
+from typing import ClassVar, NamedTuple, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
-import scipy.sparse as sparse
 from numpy.typing import NDArray
 
 from femimpact.errors import (
@@ -32,6 +31,7 @@ from femimpact.fem.assembly import assemble
 from femimpact.fem.mesh import MOST_ELEMENTS, Mesh, graded_mesh, random_mesh, uniform_mesh
 from femimpact.fem.mesh_files import read_outcomes
 from femimpact.integrators.stepping.newmark import Newmark
+from femimpact.spectra import harmonic_amplitudes
 from femimpact.structure.structure import Structure
 from femimpact.system.modes import Modes, first_elastic_frequency, solve_modes
 from femimpact.system.reduction import reduce
@@ -73,31 +73,9 @@ def newmark_frequency(frequency: NDArray[np.float64], step: Newmark) -> NDArray[
 
 
 def steady_amplitude(system: System, base: Sine, step: Newmark | None = None) -> NDArray[np.complex128]:
-    """Complex amplitudes (dofs,) of the structure without contacts and constant loads; the base's is real.
-
-    The stiffness is applied through its factor, as in `solve_stiffness`, so that fine meshes keep their digits.
-    """
-    from scipy.sparse.linalg import splu
-
-    velocity, acceleration = time_factors(base, step)
-    alpha, beta = system.rayleigh or (0.0, 0.0)
-    rest = (acceleration + alpha * velocity) * system.M
-    if system.rayleigh is None:
-        rest = rest + velocity * system.C
-    factor = sparse.csr_array(system.stiffness_factor)
-    scale = 2.0 * math.pi * (system.first_frequency or base.frequency)
-    blocks: Any = [
-        [scale * sparse.eye_array(factor.shape[0]), factor],
-        [(1.0 + beta * velocity) * factor.T, rest / -scale],
-    ]
-    matrix = sparse.block_array(blocks, format="csc").astype(complex)
+    """Complex amplitudes (dofs,) of the structure without contacts and constant loads; the base's is real."""
     load = base.amplitude * (2.0 * math.pi * base.frequency) ** 2 * system.base_load
-    right = np.concatenate([np.zeros(factor.shape[0]), load / -scale]).astype(complex)
-    solver = splu(matrix)
-    found = solver.solve(right)
-    # one refinement: without it 256 elements leave 1e-9, with it 1024 leave 1e-10
-    found = found + solver.solve(right - matrix @ found)
-    return np.asarray(found[factor.shape[0] :])
+    return harmonic_amplitudes(replace(system, contacts=()), load, 0.0, base.frequency, *time_factors(base, step))[0]
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,15 +11,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from femimpact.errors import require, require_path
+from femimpact.errors import changed, require, require_path
 from femimpact.export.placed import DrawnSystem, drawn_system, placed_structure
 from femimpact.export.report.charts import (
     axis_section,
+    channels_of,
     curves_section,
     energy_section,
     history_section,
     impacts_section,
     modes_section,
+    spectra_section,
     steps_section,
     summary_table,
 )
@@ -385,7 +387,18 @@ def _motion(results: ResultReading) -> list[Section]:
     if isinstance(regime, dict):
         label, criterion = (str(regime.get(key, "not known")) for key in ("label", "criterion"))
         words.append(f"Kind of motion over the last third: {label}. Criterion: {criterion}.")
-    return [history_section(history, end, heading="Histories", words=words)]
+    drawn = [history_section(history, end, heading="Histories", words=words)]
+    study = _study(results)
+    if last is None or study is None:
+        return drawn
+    # what is stored is the run without its history
+    channels = channels_of(history)
+    units = {name: unit for name, (_, _, unit) in channels.items()}
+    time = np.asarray(history["time"].to_numpy(), dtype=float)
+    values = {name: values for name, (_, values, _) in channels.items()}
+    run = changed(last[0], time=time, channels=values, units=units, base=study.base.excitation)
+    spectra = results.attempt("spectra", lambda: spectra_section(run))
+    return drawn if spectra is None else [*drawn, spectra]
 
 
 def _energy(results: ResultReading) -> list[Section]:

@@ -22,6 +22,7 @@ from femimpact.export.report.charts import (
     energy_section,
     history_section,
     impacts_section,
+    spectra_section,
     summary_table,
 )
 from femimpact.export.report.maps import maps_section
@@ -327,6 +328,8 @@ def _response(key: str, heading: str, response: Response, structure: Structure |
         history = response.to_xarray()
         energy = energy_section(history)
         sections.append(history_section(history, key=key, heading=heading))
+        spectra = spectra_section(response, f"{key}-spectra", f"{heading}: spectra")
+        sections += [spectra] if spectra is not None else []
         sections += [Section(f"{key}-energy", f"{heading}: energy", energy.content)] if energy is not None else []
     impacts = impacts_section(*impact_columns(response.impacts))
     sections += [Section(f"{key}-impacts", f"{heading}: impacts", impacts.content)] if impacts is not None else []

@@ -9,13 +9,7 @@ in the same style there are `STYLE`, which `matplotlib.rc_context` takes, and `C
 from femimpact.export.figures.contacts import collision_history, contact_laws, impact_histograms, impulse_phase
 from femimpact.export.figures.curves import response_curve, restitution_scan, value_map
 from femimpact.export.figures.drawing import COLOURS, STYLE, OffScreen, save_figure
-from femimpact.export.figures.histories import (
-    amplitude_spectrum,
-    contact_force,
-    cycle_averaged_force,
-    energies,
-    spectrum,
-)
+from femimpact.export.figures.histories import contact_force, cycle_averaged_force, energies
 from femimpact.export.figures.orders import (
     convergence,
     convergence_panels,
@@ -25,14 +19,16 @@ from femimpact.export.figures.orders import (
 )
 from femimpact.export.figures.portraits import bifurcation, motion, phase_portrait
 from femimpact.export.figures.shapes import beam_mesh, mode_shapes
+from femimpact.export.figures.spectra import shock_response_spectrum, spectrum, transfer_function
 from femimpact.export.figures.studies import study_lines, study_map, study_maps, study_scatter
+from femimpact.spectra import amplitude_spectrum
 
 __all__ = [
     "COLOURS", "STYLE", "OffScreen", "amplitude_spectrum", "beam_mesh", "bifurcation", "collision_history",
     "contact_force", "contact_laws", "convergence", "convergence_panels", "cycle_averaged_force", "energies",
     "impact_histograms", "impulse_phase", "mesh_convergence", "mode_convergence", "mode_shapes", "motion",
-    "phase_portrait", "response_curve", "restitution_scan", "save_figure", "spectrum", "step_convergence",
-    "study_lines", "study_map", "study_maps", "study_scatter", "value_map",
+    "phase_portrait", "response_curve", "restitution_scan", "save_figure", "shock_response_spectrum", "spectrum",
+    "step_convergence", "study_lines", "study_map", "study_maps", "study_scatter", "transfer_function", "value_map",
 ]  # fmt: skip
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,8 +9,8 @@ from numpy.typing import NDArray
 
 from femimpact.arrays import Array
 from femimpact.contact.laws import Rigid
-from femimpact.errors import Fault, InputError, column, instance, optional, quantity, require, takes, truth
-from femimpact.excitation.excitation import has_cycle, is_force, words_of
+from femimpact.errors import Fault, InputError, instance, require, takes, truth
+from femimpact.excitation.excitation import has_cycle, words_of
 from femimpact.export.figures.drawing import (
     BLUE,
     COLOURS,
@@ -22,11 +21,9 @@ from femimpact.export.figures.drawing import (
     PURPLE,
     WALLS,
     OffScreen,
-    channel_name,
     label_axes,
     last_cycles,
     legend_above,
-    panel,
     panels,
     prefixed,
     require_history,
@@ -35,12 +32,7 @@ from femimpact.export.figures.drawing import (
 from femimpact.response.response import Response
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import FigureBase
-
-
-LEAST_WINDOWS = 16
-"""Half windows of a spectral density."""
 
 
 # ---- energies -------------------------------------------------------------------------------------
@@ -93,126 +85,6 @@ def energies(response: Response, figure: FigureBase | OffScreen | None = None) -
     title = f"energy unaccounted for over the energy put in: at most {ledger.residual:.2g}"
     label_axes(axes[2], "time (s)", "residual (1)", title)
     return axes
-
-
-# ---- spectrum -------------------------------------------------------------------------------------
-
-
-@takes(time=column("s", "samples", finite=True), values=column("", "samples", finite=True))
-def amplitude_spectrum(time: Array, values: Array) -> tuple[Array, Array]:
-    """Single-sided amplitudes of a history under a Hann window.
-
-    A sine of amplitude A whose periods fill the history reads A.
-
-    Parameters
-    ----------
-    time : ndarray (n,), s
-        Ascending; samples that are not evenly spaced are read from the straight lines between them.
-    values : ndarray (n,)
-
-    Returns
-    -------
-    frequency : ndarray (n // 2 + 1,), Hz
-    amplitude : ndarray (n // 2 + 1,), as the values
-
-    Raises
-    ------
-    InputError
-        If these are not as many finite numbers, two or more, or the times do not ascend.
-    """
-    ascending = time.size >= 2 and bool(np.all(np.diff(time) > 0.0))
-    require(ascending, "time", f"{time.size} samples", "", "must be two or more ascending times")
-    even = np.linspace(time[0], time[-1], time.size)
-    window = np.hanning(time.size + 1)[:-1]
-    lines = np.abs(np.fft.rfft(np.interp(even, time, values) * window)) / window.sum()
-    # of every line but the mean and the last of an even count there are two, at +f and -f
-    lines[1 : (time.size + 1) // 2] *= 2.0
-    return np.fft.rfftfreq(time.size, even[1] - even[0]), lines
-
-
-@takes(response=instance(Response), highest=optional(quantity("Hz", above=0.0)))
-def spectrum(
-    response: Response,
-    channel: str | float | None = None,
-    highest: float | None = None,
-    ax: Axes | OffScreen | None = None,
-) -> Axes:
-    """Amplitude spectrum of a channel over complete base cycles in the last third of a run; else a spectral density.
-
-    Where the excitation has no cycle, or is a record, the one-sided spectral density over the run is drawn, by
-    the averages of Hann windows that overlap by half (Welch), and no frequency of the base.
-
-    Parameters
-    ----------
-    response : Response
-    channel : str or float, optional
-        The first one recorded by default.
-    highest : float, Hz, optional
-        End of the axis; the lower of 20 base frequencies and half the sampling rate by default.
-    ax : Axes, optional
-        Drawn on; those of a new pyplot figure by default.
-
-    Returns
-    -------
-    Axes
-
-    Raises
-    ------
-    InputError
-        If the run holds no history, no such channel, or not one base cycle in its last third.
-    """
-    require_history(response)
-    name = channel_name(response, channel)
-    # of a record, which has no phase either, the frequency of a cycle is only that of its largest line
-    if not has_cycle(response.base) or math.isnan(response.base.phase):
-        return _density(response, name, highest, ax)
-    values, base = response[name], response.base.frequency
-    start, end = max(response.window[0], float(response.time[0])), float(response.time[-1])
-    cycles = int((end - start) * base + 1e-9)
-    require(cycles >= 1, "response.time", end - start, "s", f"must hold a base cycle, {1.0 / base:.3g} s, in its end")
-    # the sample at the end of the last cycle would be the first of the next
-    inside = (response.time >= end - cycles / base * (1.0 + 1e-9)) & (response.time < end)
-    frequency, amplitude = amplitude_spectrum(response.time[inside], values[inside])
-    top = min(20.0 * base, frequency[-1]) if highest is None else highest
-    shown = frequency <= top
-    axis = panel(ax, 8.0, 4.4)
-    largest = float(amplitude[shown].max())
-    driven = "base" if not is_force(response.base) else "force"
-    if hasattr(response.base, "drives"):
-        driven = "drives"
-    factor, unit = prefixed(largest, response.units[name])
-    axis.axvline(base, color=GREY, linestyle="--", linewidth=1.2, label=f"{driven}, {base:.4g} Hz")
-    axis.semilogy(frequency[shown], factor * amplitude[shown], color=BLUE, linewidth=1.2, label=name)
-    axis.set_ylim(bottom=max(factor * largest * 1e-6, float((factor * amplitude[shown]).min()) or 1e-300))
-    axis.set_xlim(0.0, top)
-    title = f"last {cycles} cycles, lines {base / cycles:.3g} Hz apart, Hann window"
-    label_axes(axis, "frequency (Hz)", f"amplitude of {name.replace('_', ' ')} ({unit})", title)
-    legend_above(axis)
-    return axis
-
-
-def _density(response: Response, name: str, highest: float | None, ax: Axes | OffScreen | None) -> Axes:
-    """One-sided spectral density of a channel over a run."""
-    from scipy.signal import welch
-
-    time, values = response.time, response[name]
-    require(time.size >= LEAST_WINDOWS, "response.time", time.size, "", f"must hold {LEAST_WINDOWS} or more samples")
-    frequency, density = welch(values, (time.size - 1) / (time[-1] - time[0]), nperseg=2 * time.size // LEAST_WINDOWS)
-    top = min(1.5 * response.base.frequency, float(frequency[-1])) if highest is None else highest
-    shown = (frequency > 0.0) & (frequency <= top)
-    axis = panel(ax, 8.0, 4.4)
-    rms = float(np.sqrt(np.mean(values**2)))
-    label = f"{name}, rms {rms:.4g} {response.units[name]}"
-    colour = COLOURS[len(axis.get_lines()) % len(COLOURS)]
-    axis.semilogy(frequency[shown], density[shown], color=colour, linewidth=1.2, label=label)
-    axis.set_xlim(0.0, top)
-    unit = response.units[name].replace("^2", "²")
-    # brackets only where the square would be read as that of a part of the unit
-    squared = f"{unit}²" if unit.isalpha() else f"({unit})²"
-    label = f"spectral density of {name.replace('_', ' ')}, {squared}/Hz"
-    label_axes(axis, "frequency (Hz)", label, f"lines {frequency[1]:.3g} Hz apart, Hann windows")
-    legend_above(axis)
-    return axis
 
 
 # ---- contact force --------------------------------------------------------------------------------

@@ -9,9 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.arrays import Array
+from femimpact.errors import InputError
+from femimpact.excitation import Chirp, RandomBase, Shock, SteppedSine
 from femimpact.export.figures.drawing import prefixed
 from femimpact.export.report.page import Section, Table, table_element, table_of
-from femimpact.export.tables import unit_text
+from femimpact.export.tables import GRAVITY, unit_text
+from femimpact.response.response import Response
+from femimpact.spectra import drive_history, measured_transfer, shock_response_spectrum, spectrum
 from femimpact.svg import MINUS, Axis, Band, Chart, Element, Line, axis_of, chart_element, element, number_text
 from femimpact.sweep import FrequencyResponse
 
@@ -249,6 +253,59 @@ def _chart(channels: Mapping[str, tuple[Array, Array, str]], names: Sequence[str
     heights = axis_of(f"{quantity} ({shown})" if shown != "1" else quantity, *(line.y for line in lines))
     note = f"Largest: {unit_text(_largest(*arrays), unit)}." if unit == "m/s^2" else ""
     return Chart(title, time, heights, lines, note=note)
+
+
+SHOCK_RATIO = 0.05
+"""Damping ratio of the shock response spectrum in a report."""
+
+
+def spectra_section(response: Response, key: str = "spectra", heading: str = "Spectra") -> Section | None:
+    """What a run is read by where its drive has it, with the reason where a channel cannot be; None of other drives.
+
+    Densities of a random drive, transfer functions of a chirp or a stepped sine, and the response spectrum of a shock.
+    """
+    charts, refused = [], []
+    if isinstance(response.base, Shock):
+        charts.append(_shock_chart(response.base))
+    for name in [name for name, unit in response.units.items() if unit != "N"][:MOST_LINES]:
+        try:
+            charts += _spectrum_charts(response, name)
+        except InputError as error:
+            refused.append(element("p", f"No spectrum of {name}: {error}."))
+    drawn = [chart_element(one) for one in charts]
+    return Section(key, heading, (element("div.charts", *drawn), *refused)) if drawn or refused else None
+
+
+def _spectrum_charts(response: Response, name: str) -> list[Chart]:
+    history = drive_history(response)
+    if isinstance(history, RandomBase):
+        found = spectrum(response, name)
+        shown = (found.frequency > 0.0) & (found.frequency <= 1.5 * history.frequency)
+        factor, unit = (GRAVITY**-2, "g^2/Hz") if found.unit == "(m/s^2)^2/Hz" else (1.0, found.unit)
+        line = Line(name, found.frequency[shown], factor * found.values[shown])
+        return [_over_frequency(f"Spectral density of {name}", f"density ({unit.replace('^2', '²')})", line)]
+    if isinstance(history, Chirp | SteppedSine):
+        transfer = measured_transfer(response, name)
+        # the dwells of a sweep up and down stand in their order in time
+        order = np.argsort(transfer.frequency, kind="stable")
+        line = Line(name, transfer.frequency[order], np.abs(transfer[name])[order])
+        over = transfer.of.replace("base.acceleration", "acceleration of the base")
+        return [_over_frequency(f"{name} over the {over}", f"magnitude ({transfer.units[name]})", line)]
+    return []
+
+
+def _shock_chart(shock: Shock) -> Chart:
+    f = np.geomspace(0.05 / shock.duration, 50.0 / shock.duration, 60)
+    found = shock_response_spectrum(shock, f, SHOCK_RATIO)
+    sides = {"positive": found.positive_acceleration, "negative": found.negative_acceleration}
+    lines = [Line(side, f, np.where(y > 0.0, y, np.nan) / GRAVITY, 1 + i) for i, (side, y) in enumerate(sides.items())]
+    title = f"Shock response spectrum of the base, damping ratio {SHOCK_RATIO:g}"
+    return _over_frequency(title, "absolute acceleration (g)", *lines, across="natural frequency (Hz)")
+
+
+def _over_frequency(title: str, label: str, *lines: Line, across: str = "frequency (Hz)") -> Chart:
+    x = axis_of(across, *(line.x for line in lines), logarithmic=True, tight=True)
+    return Chart(title, x, axis_of(label, *(line.y for line in lines), logarithmic=True), lines)
 
 
 def _largest(*arrays: NDArray[Any]) -> float:

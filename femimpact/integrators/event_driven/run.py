@@ -203,15 +203,20 @@ def find_largest(
     -------
     tuple of Largest
     """
-    return tuple(
-        _largest(system, excitation, method, duration, recorder, initial, channel) for channel in channels
-    )  # fmt: skip
+    found = []
+    for channel in channels:
+        highest, lowest = find_extremes(system, excitation, method, duration, recorder, initial, channel)
+        # the sooner one of two of one size
+        first = (highest.value, -highest.time) >= (-lowest.value, -lowest.time)
+        found.append(highest if first else lowest)
+    return tuple(found)
 
 
-def _largest(
+def find_extremes(
     system: System, excitation: Excitation, method: EventSettings, duration: float, recorder: Recorder, initial: State,
     channel: Channel,
-) -> Largest:  # fmt: skip
+) -> tuple[Largest, Largest]:  # fmt: skip
+    """Maximum and minimum of a channel over a run, as of `find_largest`."""
     grid, drive = reading_grid(system, excitation, method, duration, recorder), closed_drive(system, excitation)
     samples = round(duration / grid.interval)
     parts = list(pieces(grid, recorder.seen_from(initial.time), samples))
@@ -230,9 +235,8 @@ def _largest(
         )
         run_block(block, np.array([begin]), np.array([begin + end - done]), np.array([most * max(end - done, 1)]))
     row, times = extremes[0, 0], extremes[0, 0, -EXTREMES:]
-    # the sooner one of two of one size
-    which = MAXIMUM if (row[MAXIMUM], -times[MAXIMUM]) >= (-row[MINIMUM], -times[MINIMUM]) else MINIMUM
-    return Largest(float(row[which]), float(times[which]), channel.unit)
+    highest, lowest = (Largest(float(row[i]), float(times[i]), channel.unit) for i in (MAXIMUM, MINIMUM))
+    return highest, lowest
 
 
 WHOLE = 1e-9

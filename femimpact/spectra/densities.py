@@ -1,0 +1,457 @@
+"""Spectra of recorded channels."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from femimpact.arrays import Array
+from femimpact.contact.laws import Rigid
+from femimpact.errors import (
+    InputError,
+    choice,
+    column,
+    instance,
+    optional,
+    quantity,
+    require,
+    require_name,
+    takes,
+)
+from femimpact.excitation import RandomBase
+from femimpact.excitation.excitation import has_cycle
+from femimpact.response.channels import ContactReading, Motion, ShakerForce, SupportReaction, channel_key, channel_of
+from femimpact.response.response import Response
+from femimpact.structure.structure import Position
+from femimpact.system.modes import solve_modes
+from femimpact.system.system import System
+from femimpact.table import Head, head_of_values, short_repr
+
+if TYPE_CHECKING:
+    import xarray
+
+LEAST_WINDOWS = 16
+"""Half windows of a spectral density without a given resolution, and the fewest samples of one."""
+
+EVEN = 1e-3
+"""Share of their interval by which samples may be off an even grid: times in files have nine digits."""
+
+RESOLVED = 5.0
+"""Lines in a half-power width that resolve it."""
+
+MODES = 12
+"""Lowest modes of a system in physical coordinates whose half-power widths are compared with the resolution."""
+
+
+@short_repr
+@dataclass(frozen=True, eq=False)
+class Spectrum:
+    """The spectrum of one channel: a one-sided density, or amplitudes.
+
+    Parameters
+    ----------
+    frequency : ndarray (n,), Hz
+    values : ndarray (n,)
+        In `unit`.
+    low, high : ndarray (n,)
+        Confidence interval of a density, from the chi-squared distribution; the values themselves of amplitudes.
+    unit : str
+        Of the values: "(m/s^2)^2/Hz" of a density, "m/s^2" of amplitudes.
+    channel : str
+    kind : {"density", "amplitude"}
+    degrees_of_freedom : float, 1
+        Of the chi-squared distribution; not a number of amplitudes.
+    confidence : float, 1
+    notes, warnings : tuple of str
+    """
+
+    frequency: Array
+    values: Array
+    low: Array
+    high: Array
+    unit: str
+    channel: str
+    kind: str
+    degrees_of_freedom: float
+    confidence: float
+    notes: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def resolution(self) -> float:
+        """Distance of the lines, Hz."""
+        return float(self.frequency[1] - self.frequency[0])
+
+    @property
+    def mean_square(self) -> float:
+        """Integral of a density: the mean square of the channel without its mean; of amplitudes the sum of a^2/2."""
+        return float(np.sum(self.values) * self.resolution if self.kind == "density" else 0.5 * np.sum(self.values**2))
+
+    @property
+    def _head(self) -> Head:
+        f, peak = self.frequency, int(np.argmax(self.values))
+        values = {
+            "lines": f"{f.size}, {self.resolution:.4g} Hz apart, to {f[-1]:.5g} Hz",
+            "largest": f"{self.values[peak]:.5g} {self.unit} at {f[peak]:.5g} Hz",
+        }
+        if self.kind == "density":
+            span = f"{100 * self.confidence:g} %, {self.degrees_of_freedom:.4g} degrees of freedom"
+            values["interval there"] = f"{self.low[peak]:.4g} to {self.high[peak]:.4g} {self.unit} ({span})"
+        values |= {name: "; ".join(getattr(self, name)) for name in ("notes", "warnings") if getattr(self, name)}
+        return head_of_values(f"Spectrum: {self.kind} of {self.channel}", values)
+
+    def to_xarray(self) -> xarray.Dataset:
+        """The spectrum as a labelled dataset over frequency."""
+        import xarray
+
+        names = (self.kind, "low", "high") if self.kind == "density" else (self.kind,)
+        columns = zip(names, (self.values, self.low, self.high), strict=False)
+        data = {name: ("frequency", values, {"units": self.unit}) for name, values in columns}
+        attributes: dict[str, Any] = {
+            name: getattr(self, name) for name in ("channel", "degrees_of_freedom", "confidence")
+        }
+        attributes |= {name: "; ".join(getattr(self, name)) for name in ("notes", "warnings")}
+        return xarray.Dataset(
+            data, coords={"frequency": ("frequency", self.frequency, {"units": "Hz"})}, attrs=attributes
+        )
+
+
+@takes(time=column("s", "samples", finite=True), values=column("", "samples", finite=True))
+def amplitude_spectrum(time: Array, values: Array) -> tuple[Array, Array]:
+    """Single-sided amplitudes of a history under a Hann window.
+
+    A sine of amplitude A whose periods fill the history reads A.
+
+    Parameters
+    ----------
+    time : ndarray (n,), s
+        Ascending; samples that are not evenly spaced are read from the straight lines between them.
+    values : ndarray (n,)
+
+    Returns
+    -------
+    frequency : ndarray (n // 2 + 1,), Hz
+    amplitude : ndarray (n // 2 + 1,), as the values
+
+    Raises
+    ------
+    InputError
+        If these are not as many finite numbers, two or more, or the times do not ascend.
+    """
+    ascending = time.size >= 2 and bool(np.all(np.diff(time) > 0.0))
+    require(ascending, "time", f"{time.size} samples", "", "must be two or more ascending times")
+    even = np.linspace(time[0], time[-1], time.size)
+    window = np.hanning(time.size + 1)[:-1]
+    lines = np.abs(np.fft.rfft(np.interp(even, time, values) * window)) / window.sum()
+    # of every line but the mean and the last of an even count there are two, at +f and -f
+    lines[1 : (time.size + 1) // 2] *= 2.0
+    return np.fft.rfftfreq(time.size, even[1] - even[0]), lines
+
+
+@takes(
+    response=instance(Response), kind=optional(choice("density", "amplitude")),
+    resolution=optional(quantity("Hz", above=0.0)), start=optional(quantity("s", at_least=0.0)),
+    confidence=quantity("1", above=0.0, below=1.0),
+)  # fmt: skip
+def spectrum(
+    response: Response,
+    channel: Position | None = None,
+    kind: str | None = None,
+    *,
+    resolution: float | None = None,
+    start: float | None = None,
+    confidence: float = 0.95,
+) -> Spectrum:
+    """Spectral density of a recorded channel with its confidence interval, or its amplitudes.
+
+    A density is the average over Hann windows that overlap by half, each without its mean (Welch, 1967); its integral
+    is the mean square. The interval is that of a stationary normal process. Amplitudes are those of one Hann window, by
+    default over the complete base cycles in the last third of the run: a sine of amplitude A reads A.
+
+    The acceleration beside rigid contacts lacks the impulses of the impacts: its spectrum is taken from that of the
+    velocity, times (2 pi f)^2 as a density. The velocity has to be recorded too.
+
+    Parameters
+    ----------
+    response : Response
+    channel : str or float, optional
+        The first one recorded by default.
+    kind : {"density", "amplitude"}, optional
+        By default amplitudes where the excitation has a cycle and is no record, else a density.
+    resolution : float, Hz, optional
+        Distance of the lines of a density; by default that of 15 windows.
+    start : float, s, optional
+        Samples before it are left out.
+    confidence : float
+        Probability that the interval of a line holds the density.
+
+    Returns
+    -------
+    Spectrum
+
+    Raises
+    ------
+    InputError
+        If there is no such channel or history, a kept mode lies above half the reading rate (of amplitudes a warning),
+        the velocity is missing, or the record is too short for the resolution.
+
+    Examples
+    --------
+    >>> import femimpact as fi
+    >>> motion = fi.RandomBase([(2.0, 0.1), (20.0, 0.1)], duration=20.0)
+    >>> run = fi.integrate(system, motion, fi.EventDriven(), 20.0)
+    >>> fi.spectrum(run, "tip").unit
+    'm^2/Hz'
+    """
+    steady = has_cycle(response.base) and not math.isnan(response.base.phase)
+    if kind is None:
+        # of a record, which has no phase either, the frequency of a cycle is only that of its largest line
+        kind = "amplitude" if steady else "density"
+    record = record_of(response, channel, start, amplitudes=kind == "amplitude")
+    if kind == "amplitude":
+        return _amplitudes(response, record, steady and start is None)
+    from scipy.signal import welch
+    from scipy.stats import chi2
+
+    window, segments = windows_of(record, resolution)
+    f, values = welch(record.values, 1.0 / record.interval, nperseg=window)
+    values = values * (2.0 * np.pi * f) ** (2 * record.derivatives)
+    freedom = degrees_of_freedom(window, segments)
+    # the mean and the last line of an even count have half as many
+    single = (f == 0.0) | ((np.arange(f.size) == f.size - 1) & (window % 2 == 0))
+    each = np.where(single, 0.5 * freedom, freedom)
+    below, above = (each * values / chi2.ppf(0.5 * (1.0 + side * confidence), each) for side in (1.0, -1.0))
+    fixed = isinstance(drive_history(response), RandomBase) and drive_history(response).amplitudes == "fixed"
+    notes = ("the lines of the drive have fixed amplitudes: runs scatter by less than the interval",) if fixed else ()
+    return Spectrum(
+        f, values, below, above, f"{_squared(record.unit)}/Hz", record.name, "density", freedom, confidence,
+        (*record.notes, *notes), (*record.warnings, *width_warnings(response, float(f[1]), float(f[-1]))),
+    )  # fmt: skip
+
+
+def _amplitudes(response: Response, record: Record, in_cycles: bool) -> Spectrum:
+    time, values, base = record.time, record.values, response.base.frequency
+    if in_cycles:
+        begin, end = max(response.window[0], float(time[0])), float(time[-1])
+        cycles = int((end - begin) * base + 1e-9)
+        require(
+            cycles >= 1, "response.time", end - begin, "s", f"must hold a base cycle, {1.0 / base:.3g} s, in its end"
+        )
+        # the sample at the end of the last cycle would be the first of the next
+        inside = (time >= end - cycles / base * (1.0 + 1e-9)) & (time < end)
+        time, values = time[inside], values[inside]
+    f, amplitude = amplitude_spectrum(time, values)
+    amplitude = amplitude * (2.0 * np.pi * f) ** record.derivatives
+    return Spectrum(
+        f, amplitude, amplitude, amplitude, record.unit, record.name, "amplitude", math.nan, math.nan, record.notes,
+        record.warnings,
+    )  # fmt: skip
+
+
+def _squared(unit: str) -> str:
+    # brackets only where the square would be read as that of a part of the unit
+    return f"{unit}^2" if unit.isalpha() else f"({unit})^2"
+
+
+# ---- what is read of a response ------------------------------------------------------------------
+
+
+class Record(NamedTuple):
+    """Even samples, of which so many derivatives by time are the channel."""
+
+    name: str
+    unit: str
+    time: Array
+    values: Array
+    interval: float  # s
+    derivatives: int
+    notes: tuple[str, ...]
+    warnings: tuple[str, ...]
+
+
+def record_of(
+    response: Response,
+    channel: Position | None,
+    start: float | None = None,  # s
+    key: str = "channel",  # of the argument that names it
+    *,
+    amplitudes: bool = False,  # which a mode above half the reading rate spoils less: it is warned of
+) -> Record:
+    """Samples of a channel, of the velocity for an acceleration with impulses; checked to be even and fine enough."""
+    allowed = "must hold a history; that of a run with Recorder.sink is in the pieces"
+    require(response.time.size > 0, "response.time", "no samples", "", allowed)
+    require(bool(response.channels), "response.channels", "none", "", "must be one or more")
+    name = next(iter(response.channels)) if channel is None else channel_key(channel, key)
+    require_name(name, response.channels, key)
+    kept = response.time >= (response.time[0] if start is None else start)
+    time = response.time[kept]
+    count = int(np.count_nonzero(kept))
+    require(count >= LEAST_WINDOWS, "response.time", count, "samples", f"must be {LEAST_WINDOWS} or more")
+    interval = float(time[-1] - time[0]) / (count - 1)
+    even = float(np.abs(np.diff(time) - interval).max()) <= EVEN * interval
+    require(even, "response.time", None, "s", "must be evenly spaced")
+    coarse = too_coarse(response, interval)
+    require(not coarse or amplitudes, "interval of response.time", interval, "s", coarse)
+    values, derivatives = response[name], 0
+    notes: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = (f"the readings are {interval:.3g} s apart and {coarse}",) if coarse else ()
+    impacts = _rigid_impacts(response)
+    read = _channel(response, name)
+    lacks = f"{name} lacks the impulses of {impacts} rigid impacts"
+    if impacts and isinstance(read, Motion) and read.derivative == 2:
+        values, derivatives = _velocity(response, read, lacks), 1
+        notes = (
+            f"{lacks}: its spectrum is taken from that of the velocity, times (2 pi f)^2 of a density; of jumps it is "
+            f"too high by (pi f {interval:.3g} s)^2/3 of itself",
+        )  # fmt: skip
+    elif impacts and _reads_forces(read):
+        warnings += (f"{lacks}: its spectrum is that of what acts between them",)
+    return Record(name, response.units[name], time, values[kept], interval, derivatives, notes, warnings)
+
+
+def _channel(response: Response, name: str) -> Any:
+    """The channel of a name; None for one of a user."""
+    try:
+        return channel_of(response.system, name)
+    except InputError:
+        return None
+
+
+def _reads_forces(read: Any) -> bool:
+    """True for what an impulse belongs to."""
+    return isinstance(read, ShakerForce | SupportReaction) or (
+        isinstance(read, ContactReading) and read.quantity == "contact_force"
+    )
+
+
+def _rigid_impacts(response: Response) -> int:
+    impacts = response.impacts
+    rigid = [name for name, law in impacts.law.items() if law == Rigid.name]
+    # those that the table did not keep are not named
+    return int(np.count_nonzero(np.isin(impacts.impactor, rigid))) + (impacts.dropped if rigid else 0)
+
+
+def _velocity(response: Response, read: Motion, lacks: str) -> Array:
+    """The velocity of the same place from a recorded one, relative to the base or in space."""
+    relative, absolute = (Motion(read.at, 1, in_space).name for in_space in (False, True))
+    wanted, other, sign = (absolute, relative, 1.0) if read.absolute else (relative, absolute, -1.0)
+    if wanted in response.channels:
+        return response[wanted]
+    allowed = f"must be a recorded channel too: {lacks}, which the velocity has"
+    require(other in response.channels, "channel", wanted, "", allowed)
+    return np.asarray(response[other] + sign * response.base.velocity(response.time))
+
+
+def drive_history(response: Response) -> Any:
+    """What drives a run: the history of a force, or the motion of the base."""
+    return getattr(response.base, "history", response.base)
+
+
+def absolute_motion(response: Response, channel: Position | None) -> tuple[str, str, Array, float]:
+    """Name, unit (m/s^2, or m/s where impulses count), samples and interval (s) of a channel's motion in space."""
+    record = record_of(response, channel)
+    read = _channel(response, record.name)
+    moving = isinstance(read, Motion) and read.derivative > 0
+    require(moving, "channel", record.name, record.unit, "must be an acceleration or a velocity")
+    order = read.derivative - record.derivatives
+    base = (response.base.velocity, response.base.acceleration)[order - 1]
+    added = 0.0 if read.absolute else base(record.time)
+    return (
+        Motion(read.at, read.derivative, True).name,
+        ("m/s", "m/s^2")[order - 1],
+        record.values + added,
+        record.interval,
+    )
+
+
+def modes_of(system: Any, most: int) -> tuple[Array, Array]:
+    """Natural frequencies (Hz) and damping ratios of the kept modes, or of the lowest ones of a system on its dofs."""
+    if not isinstance(system, System):
+        return np.zeros(0), np.zeros(0)
+    if not system.is_diagonal:
+        found = solve_modes(system, min(most, system.dofs))
+        return found.natural_frequency, found.damping_ratio
+    M, C, K = (matrix.diagonal() for matrix in (system.M, system.C, system.K))
+    # attachment vectors of a static correction are no modes
+    kept = (np.sqrt(K / M) / (2.0 * np.pi) <= system.first_left_out) & (K > 0.0)
+    return np.sqrt(K / M)[kept] / (2.0 * np.pi), 0.5 * (C / np.sqrt(K * M, where=K > 0.0, out=np.ones_like(K)))[kept]
+
+
+def too_coarse(response: Response, interval: float) -> str:
+    """What interval would do, where something excites a kept mode that samples do not follow; else no words.
+
+    Steps of a method cannot show more than half their rate.
+    """
+    steady = has_cycle(response.base) and not math.isnan(response.base.phase)
+    if (steady and not len(response.impacts)) or not getattr(response.system, "is_diagonal", False):
+        return ""
+    frequency, ratio = modes_of(response.system, 0)
+    highest = float(frequency[ratio < 1.0].max(initial=0.0))
+    if highest * interval <= 0.5:
+        return ""
+    finer = 10.0 ** math.floor(math.log10(0.5 / highest) - 1.0)
+    finer *= math.floor(0.5 / highest / finer)
+    return f"must be <= {finer:.3g} s, by Recorder(interval=): a kept mode at {highest:.4g} Hz would be an alias"
+
+
+# ---- densities -----------------------------------------------------------------------------------
+
+
+def windows_of(record: Record, resolution: float | None) -> tuple[int, int]:
+    """Samples in each window, and how many windows that overlap by half there are."""
+    count = record.time.size
+    window = 2 * count // LEAST_WINDOWS
+    if resolution is not None:
+        window = round(1.0 / (resolution * record.interval))
+        low, high = 1.0 / (count * record.interval), 0.5 / record.interval
+        allowed = f"must be {low:.3g} Hz, one line of the record, to {high:.3g} Hz"
+        require(2 <= window <= count, "resolution", resolution, "Hz", allowed)
+    return window, (count - window // 2) // (window - window // 2)
+
+
+def degrees_of_freedom(window: int, segments: int) -> float:
+    """Degrees of freedom of the average over Hann windows of so many samples that overlap by half (Welch, 1967)."""
+    weights = np.hanning(window + 1)[:-1]
+    step = window - window // 2
+    shared = [
+        (float(weights[: window - k * step] @ weights[k * step :]) / float(weights @ weights)) ** 2
+        for k in range(1, min(segments, -(-window // step)))
+    ]
+    return 2.0 * segments**2 / (segments + 2.0 * sum((segments - k) * one for k, one in enumerate(shared, 1)))
+
+
+def resolution_bias(width: float, resolution: float) -> float:
+    """Relative error of a resonance's largest density, and of |H1| there, of a half-power width and lines so far apart.
+
+    A narrow resonance has the correlation e^{-a t}, a = pi width, beside its oscillation; a window sees it times the
+    window's own correlation.
+    """
+    share = np.linspace(0.0, 1.0, 20_001)
+    own = (1.0 - share) * (2.0 + np.cos(2.0 * np.pi * share)) / 3.0 + np.sin(2.0 * np.pi * share) / (2.0 * np.pi)
+    decay = np.pi * width / resolution
+    # the integral of e^{-a t} itself over the same points, so that coarse points do not count
+    kernel = np.exp(-decay * share)
+    rest = math.exp(-decay) / decay
+    return float(np.trapezoid(kernel * own, share) / (np.trapezoid(kernel, share) + rest) - 1.0)
+
+
+def width_warnings(response: Response, resolution: float, highest: float) -> tuple[str, ...]:
+    """A warning where lines are coarser than a fifth of the half-power width of a mode: of the narrowest one."""
+    frequency, ratio = modes_of(response.system, MODES)
+    seen = (frequency > 0.0) & (frequency < highest)
+    width = 2.0 * (ratio * frequency)[seen]
+    if not width.size or resolution <= width.min() / RESOLVED:
+        return ()
+    narrow = int(np.argmin(width))
+    least = float(width[narrow])
+    bias = resolution_bias(least, resolution) if least > 0.0 else -1.0
+    wanted = (
+        f"resolution={least / RESOLVED:.2g} needs windows of {RESOLVED / least:.3g} s" if least > 0.0 else "no damping"
+    )
+    return (
+        f"lines {resolution:.3g} Hz apart are coarser than a fifth of the half-power width, {least:.3g} Hz, of the "
+        f"mode at {frequency[seen][narrow]:.4g} Hz: its peak is {-100.0 * bias:.2g} % too low; {wanted}",
+    )
