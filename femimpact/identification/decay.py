@@ -37,6 +37,9 @@ ABOVE_NOISE = 5.0
 CHANGES = 0.5
 """Share of the decrement by which it may change within a window."""
 
+SURE = 3.0
+"""Standard deviations beyond which a change of the decrement is none of noise."""
+
 SAMPLES_KEPT, PER_CYCLE = 4000, 16.0
 """Of a longer record means of neighbours are fitted, at least so many in a cycle: a damped sine stays one."""
 
@@ -570,6 +573,7 @@ _CHANGE = 2.0 * CYCLES * _BENT / (_BENT @ _BENT)
 
 def _window(x: Array, interval: float, frequency: float) -> _Window | None:
     """The fit to 5 cycles from the first sample on, at the frequency (Hz) that their phases show; None without one."""
+    decay, size = 0.0, 0
     for _ in range(4):
         size = round(CYCLES / (frequency * interval))
         if size > x.size or size < 3 * CYCLES:
@@ -577,19 +581,21 @@ def _window(x: Array, interval: float, frequency: float) -> _Window | None:
         u = frequency * interval * np.arange(size)
         cycle = np.minimum(u.astype(int), CYCLES - 1)
         basis = np.zeros((size, 2 * CYCLES + 2))
-        basis[np.arange(size), 2 * cycle] = np.cos(2.0 * math.pi * u)
-        basis[np.arange(size), 2 * cycle + 1] = np.sin(2.0 * math.pi * u)
+        envelope = np.exp(decay * (u - cycle - 0.5))
+        basis[np.arange(size), 2 * cycle] = np.cos(2.0 * math.pi * u) * envelope
+        basis[np.arange(size), 2 * cycle + 1] = np.sin(2.0 * math.pi * u) * envelope
         basis[:, -2], basis[:, -1] = 1.0, u / CYCLES - 0.5
         factors, _, rank, _ = np.linalg.lstsq(basis, x[:size], rcond=None)
         a, b = factors[:-2:2], factors[1:-2:2]
         if rank < basis.shape[1] or not np.all(np.hypot(a, b) > 0.0):
             return None
         shift = float(_SLOPE @ np.unwrap(np.angle(a - 1j * b))) / (2.0 * math.pi)
+        slope = float(_SLOPE @ np.log(np.hypot(a, b)))
         if abs(shift) > 0.2:
             return None
-        if abs(shift) < 1e-5:
+        if abs(shift) < 1e-5 and abs(slope - decay) < 1e-5:
             break
-        frequency *= 1.0 + shift
+        frequency, decay = frequency * (1.0 + shift), slope
     misfit = x[:size] - basis @ factors
     left = math.sqrt(float(misfit @ misfit) / max(size - basis.shape[1], 1))
     logarithms = np.log(np.hypot(a, b))
@@ -607,7 +613,7 @@ def _windows(
     cycle = frequency
     while math.isfinite(cycle) and round(CYCLES / (cycle * interval)) <= x.size - begin:
         found = _window(x[begin:], interval, cycle)
-        size = round(CYCLES / ((found.frequency if found else cycle) * interval))
+        size = found.offset.size if found else round(CYCLES / (cycle * interval))
         amplitude = math.exp(float(found.logarithms.mean())) if found else math.nan
         part, first = x[begin : begin + size], time[begin]
         begin += size
@@ -622,13 +628,13 @@ def _windows(
         random = noise * math.sqrt(float(_SLOPE**2 @ found.spread**2)) / (2.0 * math.pi)
         half = float(ndtri(0.5 + 0.5 * LEVEL)) * math.hypot(random, RIPPLE * other)
         change, spread = found.change
-        if abs(change) - 1.645 * noise * spread > CHANGES * abs(found.slope):
+        if abs(change) - SURE * noise * spread > CHANGES * abs(found.slope):
             words = f"the decrement changes by {100.0 * abs(change / found.slope):.0f} % (at most {100.0 * CHANGES:.0f} %)"
             middle = first + 0.5 * (size - 1) * interval
             warnings.append(f"no interval of the window at {middle:.4g} s: {words}")
             half = math.nan
         half = math.nan if spoilt else half
-        maxima = _from_maxima(part - found.offset[: part.size], size)
+        maxima = _from_maxima(part - found.offset)
         middle = first + 0.5 * (size - 1) * interval
         rows.append((middle, amplitude, found.frequency, ratio, ratio - half, ratio + half, maxima))
     notes = []
@@ -639,10 +645,10 @@ def _windows(
     return np.array(rows, dtype=float).reshape(-1, 7).T.copy(), warnings, notes
 
 
-def _from_maxima(x: Array, size: int) -> float:
-    """The ratio of the maxima of the first and the last cycle."""
-    cycle = size / CYCLES
-    first, last = float(x[: round(cycle)].max()), float(x[round(size - cycle) :].max())
+def _from_maxima(x: Array) -> float:
+    """The ratio by the largest values of the first and the last cycle."""
+    cycle = round(x.size / CYCLES)
+    first, last = float(x[:cycle].max()), float(x[-cycle:].max())
     return math.log(first / last) / (2.0 * math.pi * (CYCLES - 1)) if first > 0.0 and last > 0.0 else math.nan
 
 
