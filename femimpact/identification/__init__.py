@@ -1,4 +1,4 @@
-"""Damping and frequency from a response curve or a free decay: arrays of a measurement or a simulation in, estimates out."""
+"""Damping and frequency from a response curve or a free decay: arrays in, estimates out."""
 
 from femimpact.identification.bandwidth import (
     UNRESOLVED,

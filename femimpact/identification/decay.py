@@ -7,16 +7,16 @@ Kaufman (1975); they start from a matrix pencil (Hua and Sarkar, 1990).
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from femimpact.arrays import Array, Complex
+from femimpact.arrays import Array
 from femimpact.errors import check_fields, checked, column, items, quantity, real_array, require, text
 from femimpact.identification.one_pole import pattern_in
+from femimpact.svg import Band, Chart, Line, axis_of
 from femimpact.table import Head, flat_columns, frame_of, head_of_columns, named_column, short_repr
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ CHANGES = 0.5
 SURE = 3.0
 """Standard deviations beyond which a change of the decrement is none of noise."""
 
-SAMPLES_KEPT, PER_CYCLE = 4000, 16.0
+SAMPLES_KEPT, PER_CYCLE = 2000, 16.0
 """Of a longer record means of neighbours are fitted, at least so many in a cycle: a damped sine stays one."""
 
 PENCIL = 600
@@ -52,12 +52,20 @@ SEEN = (30.0, 6.0)
 NEGLIGIBLE = 1e-5
 """Share of the largest value below which a misfit, of rounding or of a step in time, does not matter."""
 
-RIPPLE = 0.006
-"""Standard deviation of the ratio in a window by the share of other frequencies in it: the logarithm of the envelope
-has a ripple of twice the frequency, which a line through five cycles does not average to zero."""
+RIPPLE = 0.02
+"""By how much the ratio in a window hangs on what ratio is meant, by the share of other frequencies in it (rms).
+
+A third harmonic of the share h sqrt(2) gives ln sqrt(x^2 + (x'/omega)^2) a ripple of 2 sqrt(2) h at twice the
+frequency. A line of least squares through it over n cycles takes up to 12/n^3 n/(4 pi) of that per cycle, over 2 pi
+in the ratio: 0.0172 h, and more of higher ones. Sines fitted to whole cycles take nothing. (Derived here.)
+"""
 
 LARGEST_RATIO = 0.5
 """A pole of larger damping is no vibration."""
+
+
+COLUMNS = ("time", "amplitude", "frequency", "damping_ratio", "low", "high", "from_maxima")
+"""Of the table over the amplitude."""
 
 
 @dataclass(frozen=True)
@@ -125,6 +133,8 @@ class DecayEstimate:
         The ratio by the logarithmic decrement of the first and the last maximum. Noise lifts maxima: no interval.
     noise : float
         Standard deviation of the signal above 10 times the frequency, in its unit.
+    unit : str
+        Of the signal, where it names one in `attrs["units"]`, as a variable of xarray may.
     level : float, 1
         Of every interval.
     warnings, notes : tuple of str
@@ -139,6 +149,7 @@ class DecayEstimate:
     high: Array = field(metadata=column("1", "windows"))
     from_maxima: Array = field(metadata=column("1", "windows"))
     noise: float = field(metadata=quantity("", at_least=0.0, finite=False))
+    unit: str = field(default="", metadata=text())
     level: float = field(default=LEVEL, metadata=quantity("1", above=0.0, below=1.0))
     warnings: tuple[str, ...] = field(default=(), metadata=text(several=True))
     notes: tuple[str, ...] = field(default=(), metadata=text(several=True))
@@ -154,8 +165,29 @@ class DecayEstimate:
 
     @property
     def _head(self) -> Head:
-        said = f"{len(self.modes)} mode{'s' * (len(self.modes) > 1)}, {len(self)} windows, {len(self.warnings)} warnings"
-        return head_of_columns(f"DecayEstimate: {said}", *flat_columns(self))
+        said = (
+            f"{len(self.modes)} mode{'s' * (len(self.modes) > 1)}, {len(self)} windows, {len(self.warnings)} warnings"
+        )
+        return head_of_columns(f"DecayEstimate: {said}", *self.columns())
+
+    @property
+    def _picture(self) -> Chart | None:
+        """The damping ratio over the amplitude."""
+        if not len(self):
+            return None
+        across = axis_of(f"amplitude ({self.unit})" if self.unit else "amplitude", self.amplitude, zero=True)
+        ratio, known = 100.0 * self.damping_ratio, np.isfinite(self.low)
+        order = np.argsort(self.amplitude)
+        x, low, high = (values[order][known[order]] for values in (self.amplitude, 100.0 * self.low, 100.0 * self.high))
+        bands = (Band(f"{self.level:.0%} interval", x, low, high),) if x.size > 1 else ()
+        up = axis_of("damping ratio (%)", ratio, 100.0 * self.low, 100.0 * self.high, zero=True)
+        lines = (Line("damping ratio", self.amplitude[order], ratio[order], 1, "dots"),)
+        return Chart("Damping ratio over the amplitude", across, up, lines, bands)
+
+    def columns(self) -> tuple[dict[str, NDArray[Any]], dict[str, str]]:
+        """Columns of the table over the amplitude, and their units."""
+        columns, units = flat_columns(self)
+        return columns, units | {"amplitude": self.unit}
 
     def __str__(self) -> str:
         lines = [
@@ -167,7 +199,7 @@ class DecayEstimate:
 
     def to_pandas(self) -> pandas.DataFrame:
         """The table over the amplitude; `attrs["units"]` holds the units by name."""
-        return frame_of(*flat_columns(self))
+        return frame_of(*self.columns())
 
 
 def identify_decay(time: ArrayLike, signal: ArrayLike, *, modes: int = 1) -> DecayEstimate:
@@ -221,7 +253,7 @@ def identify_decay(time: ArrayLike, signal: ArrayLike, *, modes: int = 1) -> Dec
     seen = bool(fit.poles.size) and all(fit.seen)
     frequency = fit.main.imag / (2.0 * math.pi) if seen else math.nan
     noise = _noise(x - fit.beside_main(x.size), interval, frequency)
-    warnings = _unfit(fit, t.size * interval, interval, clipped, modes) if seen else _unseen(fit)
+    warnings = _unfit(fit, t.size * interval, interval, clipped) if seen else _unseen(fit)
     spoilt = bool(warnings)
     missing = modes - len(fit.poles) if seen else modes
     if seen and missing:
@@ -235,12 +267,13 @@ def identify_decay(time: ArrayLike, signal: ArrayLike, *, modes: int = 1) -> Dec
             found = _modes(fit, scale, True)
         if reason and _beats(x, fit):
             warnings.append("the envelope beats: no interval over the amplitude either; fit several modes")
-            table[4:6] = math.nan
+            table[4:6], about = math.nan, []
     nothing = DecayMode(math.nan, math.nan, math.nan, (math.nan, math.nan), (math.nan, math.nan))
     table[1] *= scale
     return DecayEstimate(
-        (*found, *(nothing,) * missing), *table, noise * scale, warnings=(*warnings, *about), notes=tuple(counted)
-    )
+        modes=(*found, *(nothing,) * missing), **dict(zip(COLUMNS, table, strict=True)), noise=noise * scale,
+        unit=str(getattr(signal, "attrs", {}).get("units", "")), warnings=(*warnings, *about), notes=tuple(counted),
+    )  # fmt: skip
 
 
 def _checked_signal(time: ArrayLike, signal: ArrayLike) -> tuple[Array, Array, float]:
@@ -290,14 +323,14 @@ def _flat_samples(y: Array, at: int, resolution: float, half: float) -> float:
 class _Fit:
     """Damped sines, an offset and a line at a minimum of the squares, over means of neighbouring samples."""
 
-    poles: Complex  # (modes,) 1/s, of positive frequency, by it
+    poles: NDArray[Any]  # (modes,) complex, 1/s, of positive frequency, by it
     time: Array  # (points,) s
     interval: float  # s, of the record
     basis: Array  # (points, 2 modes + 2): cosines and sines in pairs, offset, line
     factors: Array  # (2 modes + 2,)
     misfit: Array  # (points,)
     jac: Array  # (points, 2 modes) by the poles' real and imaginary parts, orthogonal to the basis
-    seen: tuple[bool, ...]
+    seen: tuple[bool, ...] = ()
 
     @property
     def squares(self) -> float:
@@ -305,7 +338,7 @@ class _Fit:
 
     @property
     def variance(self) -> float:
-        return self.squares / max(self.time.size - 2 * self.basis.shape[1] + 2, 1)
+        return self.squares / float(max(self.time.size - 2 * self.basis.shape[1] + 2, 1))
 
     @property
     def amplitudes(self) -> Array:
@@ -337,12 +370,15 @@ class _Fit:
         found = found or self._uneven()
         if not found:
             return ""
-        words = f"no linear decay, and no interval: the misfit of {100.0 * size:.2g} % of the largest value is no noise: "
+        words = (
+            f"no linear decay, and no interval: the misfit of {100.0 * size:.2g} % of the largest value is no noise: "
+        )
         count = self.poles.size + 1
         if count <= 3:
             other = _fitted(x, self.interval, count)
             terms = np.column_stack([other.jac, other.basis])
-            if all(other.seen) and not pattern_in(other.misfit, terms, other._further_terms()):
+            apart = float(np.min(np.diff(other.poles.imag), initial=math.inf)) * self.time[-1] > 2.0 * math.pi
+            if all(other.seen) and apart and not pattern_in(other.misfit, terms, other._further_terms()):
                 shown = " and ".join(f"{p.imag / (2.0 * math.pi):.4g}" for p in other.poles)
                 return f"{words}{found}. {count} modes, of {shown} Hz, leave noise alone: modes={count}"
         return f"{words}{found}. Read the ratio over the amplitude"
@@ -359,7 +395,8 @@ class _Fit:
         ratio = max(small, large) / max(min(small, large), 1e-300)
         if ratio <= limit:
             return ""
-        return f"it is {math.sqrt(ratio):.3g} times as large where the amplitude is {'large' if large > small else 'small'}"
+        where = "large" if large > small else "small"
+        return f"it is {math.sqrt(ratio):.3g} times as large where the amplitude is {where}"
 
     def _further_terms(self) -> dict[str, Array]:
         """What a damping and a frequency that depend on the amplitude, and harmonics, would add."""
@@ -377,7 +414,7 @@ class _Fit:
         return terms
 
 
-def _basis(poles: Complex, time: Array, end: float) -> Array:
+def _basis(poles: NDArray[Any], time: NDArray[Any], end: float) -> Array:
     """Cosine and sine of every pole (1/s), an offset and a line."""
     with np.errstate(over="ignore", under="ignore"):
         waves = np.exp(np.clip(np.outer(time, poles.real), -700.0, 50.0)) * np.exp(1j * np.outer(time, poles.imag))
@@ -390,7 +427,7 @@ def _fitted(x: Array, interval: float, modes: int) -> _Fit:
     from scipy.optimize import leastsq
 
     along, points, step = _means(x, interval, _fastest(x, interval))
-    best: tuple[float, Array] | None = None
+    best: tuple[float, NDArray[Any]] | None = None
     for start in _starts(points, step, modes):
         unit = abs(start.imag).max()
         given = np.concatenate([start.real, start.imag]) / unit
@@ -410,10 +447,10 @@ def _fitted(x: Array, interval: float, modes: int) -> _Fit:
         sound = np.all(np.isfinite(p)) and np.all(-poles.real < LARGEST_RATIO * np.abs(poles))
         if sound and (best is None or squares < best[0]):
             best = squares, np.asarray(poles[np.argsort(poles.imag)])
-    poles = best[1] if best else np.zeros(0, complex)
+    poles = best[1] if best else np.zeros(0, dtype=complex)
     basis, factors, left, jac = _projected(poles, along, points)
-    made = _Fit(poles, along, interval, basis, factors, left, jac, ())
-    return _Fit(poles, along, interval, basis, factors, left, jac, _seen(made, points))
+    made = _Fit(poles, along, interval, basis, factors, left, jac)
+    return replace(made, seen=_seen(made, points))
 
 
 def _seen(fit: _Fit, points: Array) -> tuple[bool, ...]:
@@ -427,7 +464,7 @@ def _seen(fit: _Fit, points: Array) -> tuple[bool, ...]:
     return tuple(found)
 
 
-def _projected(poles: Complex, time: Array, points: Array) -> tuple[Array, Array, Array, Array]:
+def _projected(poles: NDArray[Any], time: NDArray[Any], points: NDArray[Any]) -> tuple[Array, Array, Array, Array]:
     """Basis, its factors of least squares, the misfit, and its derivatives by the poles beyond the basis."""
     basis = _basis(poles, time, float(time[-1]))
     size = np.linalg.norm(basis, axis=0)
@@ -453,11 +490,12 @@ def _means(x: Array, interval: float, fastest: float) -> tuple[Array, Array, flo
     most = max(int(1.0 / (PER_CYCLE * fastest * interval)), 1)
     block = min(max(x.size // SAMPLES_KEPT, 1), most)
     count = x.size // block
-    points = x[: count * block].reshape(count, block).mean(axis=1)
-    return interval * (block * np.arange(count) + 0.5 * (block - 1)), points, block * interval
+    points = np.asarray(x[: count * block].reshape(count, block).mean(axis=1))
+    along = interval * (block * np.arange(count, dtype=float) + 0.5 * (block - 1))
+    return np.asarray(along), points, block * interval
 
 
-def _starts(points: Array, step: float, modes: int) -> list[Complex]:
+def _starts(points: Array, step: float, modes: int) -> list[NDArray[Any]]:
     """Poles to start from: the strongest of matrix pencils of several orders, and the largest line of the spectrum."""
     block = max(int(1.0 / (PER_CYCLE / 2.0 * _fastest(points, step) * step)), 1)
     count = min(points.size // block, PENCIL)
@@ -466,8 +504,8 @@ def _starts(points: Array, step: float, modes: int) -> list[Complex]:
     size = count // 2
     hankel = np.lib.stride_tricks.sliding_window_view(x, size)
     _, _, rows = np.linalg.svd(hankel - x.mean(), full_matrices=False)
-    found = []
-    for order in sorted({min(order, size - 1) for order in (2 * modes, 2 * modes + 2, 2 * modes + 4, 4 * modes + 8)}):
+    found = list[NDArray[Any]]()
+    for order in sorted({min(order, size - 1) for order in (2 * modes + 2, 4 * modes + 8)}):
         shape = rows[:order].T
         z = np.linalg.eigvals(np.linalg.lstsq(shape[:-1], shape[1:], rcond=None)[0])
         s = np.log(z[np.abs(z) > 1e-3]) / h
@@ -512,7 +550,7 @@ def _unseen(fit: _Fit) -> list[str]:
     return [f"no decay can be told from noise in {fit.time.size} points: no frequency and no damping ratio"]
 
 
-def _unfit(fit: _Fit, duration: float, interval: float, clipped: tuple[int, float], modes: int) -> list[str]:
+def _unfit(fit: _Fit, duration: float, interval: float, clipped: tuple[int, float]) -> list[str]:
     """Warnings of a record that bears no interval."""
     slowest, fastest = (float(p.imag) / (2.0 * math.pi) for p in (fit.poles[0], fit.poles[-1]))
     cycles, samples = duration * slowest, 1.0 / (interval * fastest)
@@ -520,15 +558,24 @@ def _unfit(fit: _Fit, duration: float, interval: float, clipped: tuple[int, floa
     if clipped[0]:
         found.append(f"no interval: the signal is clipped, {clipped[0]} consecutive samples are at {clipped[1]:.6g}")
     if cycles < FEWEST_CYCLES:
-        found.append(f"no interval: the record has {cycles:.2g} cycles of {slowest:.4g} Hz (at least {FEWEST_CYCLES:g})")
+        found.append(
+            f"no interval: the record has {cycles:.2g} cycles of {slowest:.4g} Hz (at least {FEWEST_CYCLES:g})"
+        )
     if samples < FEWEST_SAMPLES:
         words = f"a cycle of {fastest:.4g} Hz has {samples:.3g} samples (at least {FEWEST_SAMPLES:g})"
         found.append(f"no interval: {words}")
-    growing = [p for p in fit.poles if p.real > 0.0 and -p.real / abs(p) < -1e-9]
-    if growing:
-        grown = min(float(np.exp(growing[0].real * duration)), 1e9)
-        words = f"the amplitude of {growing[0].imag / (2.0 * math.pi):.4g} Hz grows {grown:.3g} times: no free decay"
-        found.append(f"no interval: {words}")
+    for mode in _modes(fit, 1.0, False):
+        if mode.damping_ratio_interval[1] < 0.0:
+            found.append(
+                f"no interval: the amplitude of {mode.frequency:.4g} Hz grows, by a damping ratio of "
+                f"{100.0 * mode.damping_ratio:.3g} %: no free decay"
+            )
+    near = float(np.min(np.diff(fit.poles.imag), initial=math.inf)) / (2.0 * math.pi)
+    if near * duration < 1.0:
+        found.append(
+            f"no interval: two modes are {near:.2g} Hz apart, below the {1.0 / duration:.2g} Hz of one beat in the "
+            "record: they may be one whose damping depends on the amplitude"
+        )
     return found
 
 
@@ -561,7 +608,11 @@ class _Window:
     @property
     def change(self) -> tuple[float, float]:
         """By how much the decrement changes along the window, and the spread of that by the one of the noise."""
-        return float(_CHANGE @ self.logarithms), math.sqrt(float(_CHANGE**2 @ self.spread**2))
+        decrements = -np.diff(self.logarithms)
+        bent, several = abs(float(_CHANGE @ self.logarithms)), float(np.ptp(decrements))
+        if bent > several:
+            return bent, math.sqrt(float(_CHANGE**2 @ self.spread**2))
+        return several, 2.0 * float(np.sqrt(np.mean(self.spread**2)))
 
 
 _ALONG = np.arange(CYCLES) - 0.5 * (CYCLES - 1)
@@ -609,7 +660,7 @@ def _windows(
     """Columns of the table over the amplitude (7, windows), warnings, and notes."""
     from scipy.special import ndtri
 
-    rows, warnings, left_out, unread, begin = list[tuple[float, ...]](), list[str](), 0, 0, 0
+    rows, changes, left_out, unread, begin = list[tuple[float, ...]](), list[float](), 0, 0, 0
     cycle = frequency
     while math.isfinite(cycle) and round(CYCLES / (cycle * interval)) <= x.size - begin:
         found = _window(x[begin:], interval, cycle)
@@ -628,16 +679,19 @@ def _windows(
         random = noise * math.sqrt(float(_SLOPE**2 @ found.spread**2)) / (2.0 * math.pi)
         half = float(ndtri(0.5 + 0.5 * LEVEL)) * math.hypot(random, RIPPLE * other)
         change, spread = found.change
-        if abs(change) - SURE * noise * spread > CHANGES * abs(found.slope):
-            words = f"the decrement changes by {100.0 * abs(change / found.slope):.0f} % (at most {100.0 * CHANGES:.0f} %)"
-            middle = first + 0.5 * (size - 1) * interval
-            warnings.append(f"no interval of the window at {middle:.4g} s: {words}")
+        if change - SURE * noise * spread > CHANGES * abs(found.slope):
+            changes.append(100.0 * change / max(abs(found.slope), 1e-300))
             half = math.nan
         half = math.nan if spoilt else half
         maxima = _from_maxima(part - found.offset)
         middle = first + 0.5 * (size - 1) * interval
         rows.append((middle, amplitude, found.frequency, ratio, ratio - half, ratio + half, maxima))
-    notes = []
+    warnings, notes = [], []
+    if changes and not spoilt:
+        warnings.append(
+            f"no interval of {len(changes)} of {len(rows)} windows: the decrement changes within one by up to "
+            f"{max(changes):.0f} % (at most {100.0 * CHANGES:.0f} %)"
+        )
     if left_out:
         notes.append(f"{left_out} windows whose amplitude is below {ABOVE_NOISE:g} times the noise are left out")
     if unread:
@@ -663,5 +717,3 @@ def _beats(x: Array, fit: _Fit) -> bool:
     rise = amplitude - np.minimum.accumulate(amplitude)
     noise = math.sqrt(fit.variance / (2 * cycle))
     return bool(count >= 3 and rise.max() > max(0.1 * amplitude.max(), 6.0 * noise))
-
-
