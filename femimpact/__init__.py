@@ -66,7 +66,9 @@ if TYPE_CHECKING:
     from femimpact.excitation import Sine as Sine
     from femimpact.excitation import SteppedSine as SteppedSine
     from femimpact.excitation import Sum as Sum
+    from femimpact.excitation.record_files import read_record as read_record
     from femimpact.export import figures as figures
+    from femimpact.export.records import write_record as write_record
     from femimpact.export.vtk import to_pyvista as to_pyvista
     from femimpact.fem.assembly import assemble as assemble
     from femimpact.fem.discretisation import Discretisation as Discretisation
@@ -174,6 +176,8 @@ _MODULES = {
         "Chirp", "HammerBlow", "PiecewisePolynomial", "PointForce", "RandomBase", "RecordedBase", "Shock", "Sine",
         "SteppedSine", "Sum",
     ),
+    "excitation.record_files": ("read_record",),
+    "export.records": ("write_record",),
     "export.vtk": ("to_pyvista",),
     "fem.assembly": ("assemble",),
     "fem.discretisation": ("Discretisation", "discretise"),

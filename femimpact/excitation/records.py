@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import codecs
 import io
+import itertools
 import math
+import re
 from array import array
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -33,6 +35,7 @@ from femimpact.errors import text as a_text
 from femimpact.excitation.excitation import BrokenLine, times
 from femimpact.excitation.sums import added
 from femimpact.regular_file import decimal_number, open_regular, read_now
+from femimpact.units import read_unit
 
 UNEVEN = 0.25
 """Share of the interval by which a time may lie off the even grid: rounding is less, a lost sample half or more."""
@@ -116,7 +119,7 @@ def samples_of(
     scale = checked("scale", scale, quantity("1"))
     require(scale != 0.0, "scale", scale, "1", "must not be 0")
     detrend = checked("detrend", detrend, choice("none", "mean", "line"))
-    two = isinstance(columns, (tuple, list)) and len(columns) == 2 and all(map(_is_column, columns))
+    two = isinstance(columns, (tuple, list)) and len(columns) == 2 and all(map(is_column, columns))
     require(two, "columns", columns, "", "must be two numbers from 0 or names of the header, of time and acceleration")
     time, values = _columns(text, Path(path), tuple(columns))
     # a long one is as large as all the rest; it goes here where the caller keeps none
@@ -144,15 +147,21 @@ def _without_trend(samples: Array, detrend: str) -> Array:
     return samples
 
 
-def _is_column(value: object) -> bool:
+def is_column(value: object) -> bool:
+    """True for a number from 0 or a name."""
     return isinstance(value, str) or (isinstance(value, int) and not isinstance(value, bool) and value >= 0)
 
 
-def _columns(text: str, path: Path, columns: tuple[int | str, ...]) -> tuple[Array, Array]:
+def _columns(text: str, path: Path, columns: tuple[int | str, ...]) -> tuple[Array, ...]:
     """The two columns of numbers behind the header; lines that are empty or begin with # are left out."""
     places, first = _header(path, text, columns)
+    return read_columns(text, places, first, path)
+
+
+def read_columns(text: str, places: tuple[int, ...], first: int, path: Path) -> tuple[Array, ...]:
+    """Columns of numbers at some places, from a line on."""
     # arrays that grow where they are
-    found, width = (array("d"), array("d")), 0
+    found, width = tuple(array("d") for _ in places), 0
     for number, lines in _blocks(text):
         rows = lines[max(first - number, 0) :]
         width = width or next((len(fields) for _, fields in _cells(rows, number)), 0)
@@ -161,7 +170,112 @@ def _columns(text: str, path: Path, columns: tuple[int | str, ...]) -> tuple[Arr
             values = _values(_cells(rows, max(first, number)), places, width, path)
         for column, part in zip(found, values.T, strict=True):
             column.frombytes(part.tobytes())
-    return np.frombuffer(found[0]), np.frombuffer(found[1])
+    return tuple(map(np.frombuffer, found))
+
+
+BRACKETED = re.compile(r"(.*?)\s*[\[(]([^\[\]()]*(?:\([^()]*\)[^()]*)?)[\])]")
+"""A name and, in brackets, a unit."""
+
+EMPTY = ("", "-", "nan", "inf", "-inf", "null", "none", "n/a", "#n/a")
+"""Cells, in small letters, that stand where a number is missing."""
+
+MODEL_LINES, MODEL_LETTERS = 200, 1 << 16
+"""Lines, of the last letters of a text, that show where its columns of numbers are."""
+
+
+@dataclass(frozen=True)
+class RecordHeader:
+    """What stands before the rows of a file of columns."""
+
+    first: int  # number of the line from which on there are rows
+    places: tuple[int, ...]  # of the columns of numbers
+    names: dict[int, str]  # by place
+    units: dict[int, str]  # by place, as they are written
+
+    def name(self, place: int) -> str:
+        """Name of a column, made from its number where it has none."""
+        return self.names.get(place) or f"column {place}"
+
+    def place(self, column: int | str, path: Path) -> int:
+        """Place of a column by its number or its name."""
+        named = {name: place for place, name in reversed(self.names.items())}
+        found = named.get(column, -1) if isinstance(column, str) else column
+        shown = [self.name(p) for p in self.places]
+        require(found in self.places, "columns", column, "", f"must be a column of numbers of {path.name}: {shown}")
+        return found
+
+
+def record_header(text: str, path: Path) -> RecordHeader:
+    """Columns of numbers of a text, their names and units, and where the rows begin."""
+    tail = text[-MODEL_LETTERS:].splitlines()[-MODEL_LINES:]
+    rows = [fields for _, fields in _cells(tail[1:] if len(text) > MODEL_LETTERS else tail, 1)]
+    width = max(map(len, rows), default=0)
+    counts = [sum(p < len(f) and not math.isnan(_number(f[p])) for f in rows) for p in range(width)]
+    places = tuple(p for p in range(width) if counts[p] > 0 and 2 * counts[p] >= max(counts))
+    before, first = list[list[str]](), 0
+    for i, fields in _first_lines(text):
+        numbers = [p < len(fields) and not math.isnan(_number(fields[p])) for p in places]
+        if places and all(numbers):
+            first = i
+            break
+        cells = [fields[p].lower() for p in places if p < len(fields)]
+        rest = [cell for cell, one in zip(cells, numbers, strict=False) if not one]
+        damaged = any(numbers) and (numbers[0] or all(cell in EMPTY for cell in rest)) and len(cells) == len(places)
+        bad = numbers.index(False) if not all(numbers) else 0
+        allowed = f"line {i}, column {places[bad] if places else 0}: {_kind(fields, bad)} is no finite number"
+        require(not damaged, "path", str(path), "", allowed)
+        before.append(fields)
+    require(first > 0, "path", str(path), "", "must hold rows of numbers, in columns: it has none")
+    split = bool(before) and 2 <= len(before[-1]) <= max(places) and _mark("".join(tail[-1:])) == ","
+    allowed = f"line {first}: more numbers than the header has names: is a comma a decimal one? put semicolons between"
+    require(not split, "path", str(path), "", allowed)
+    names, units = _names_and_units(before, places)
+    return RecordHeader(first, places, names, units)
+
+
+def _first_lines(text: str) -> Iterator[tuple[int, list[str]]]:
+    """Number and cells of every line that is not empty, those behind a # too as long as no other line came."""
+    commented = True
+    for number, lines in _blocks(text):
+        for i, line in enumerate(lines, number):
+            if line.strip() and (commented or line.lstrip()[0] != "#"):
+                commented = commented and line.lstrip()[0] == "#"
+                yield i, _fields(line.lstrip("# \t") if line.lstrip()[0] == "#" else line)
+
+
+def _names_and_units(before: list[list[str]], places: tuple[int, ...]) -> tuple[dict[int, str], dict[int, str]]:
+    """Names and units by place of the lines before the rows: a row of units is the last one, and reads as units."""
+    fitting = [fields for fields in before if len(fields) > max(places)]
+    units = dict[int, str]()
+    if fitting:
+        plain = {p: fitting[-1][p].strip("[]() ") for p in places}
+        known = [read_unit(unit) is not None for unit in plain.values() if unit not in ("", "-")]
+        # names may read as units alone; with a row above, or a time among them, they are
+        sure = len(fitting) > 1 or any(unit in ("s", "ms", "us") for unit in plain.values())
+        bracketed = all(fitting[-1][p][:1] in "[(" for p in places)
+        if any(known) and (all(known) or plain[places[0]] in ("s", "ms", "us")) and (sure or bracketed):
+            units = {p: unit for p, unit in plain.items() if unit not in ("", "-")}
+            fitting = fitting[:-1]
+    names = dict[int, str]()
+    for p in places if fitting else ():
+        found = BRACKETED.fullmatch(fitting[-1][p])
+        names[p] = found[1] or fitting[-1][p] if found else fitting[-1][p]
+        if found and found[2] not in ("", "-"):
+            units.setdefault(p, found[2].strip())
+    return names, units
+
+
+def line_of_row(text: str, header: RecordHeader, row: int) -> str:
+    """Words for the line of a row, counted from 0."""
+    rows = (i for number, lines in _blocks(text) for i, _ in _cells(lines, number) if i >= header.first)
+    return f"line {next(itertools.islice(rows, row, None), 0)}"
+
+
+def has_decimal_commas(text: str, header: RecordHeader) -> bool:
+    """True where a line of commas has digits alone in every second cell, as decimal commas leave them."""
+    lines = itertools.islice((fields for i, fields in _first_lines(text) if i >= header.first), MODEL_LINES)
+    whole = all(len(fields) % 2 == 0 and all(cell.isdigit() for cell in fields[1::2]) for fields in lines)
+    return _mark(text[:MODEL_LETTERS]) == "," and whole
 
 
 def _blocks(text: str) -> Iterator[tuple[int, list[str]]]:
