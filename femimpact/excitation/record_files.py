@@ -130,7 +130,10 @@ def _read_text(
         seconds, names = np.arange(values[0].size) / rate, given[0]
         notes.insert(0, f"no column of time: {rate:g} samples in a second")
     require(len({*names}) == len(names), "columns", names, "", f"{file.name}: must have different names: give numbers")
-    return _dataset(seconds, dict(zip(names, scaled, strict=True)), [*notes, *(n for one in said for n in one)], path)
+    made = _dataset(seconds, dict(zip(names, scaled, strict=True)), [*notes, *(n for one in said for n in one)], path)
+    for name, place in zip(["time", *names][rate is not None :], places, strict=True):
+        made[name].attrs["column"] = place
+    return made
 
 
 def _given_units(units: Sequence[str] | None, names: list[str], stated: list[str]) -> tuple[list[str], list[str]]:
@@ -188,6 +191,30 @@ def _dataset(
     return xarray.Dataset(held, coords, {"source": Path(path).name, "notes": tuple(notes)})
 
 
+def one_signal(
+    path: Path,
+    column: str | None,  # name of the signal; the only one by default
+    units: Sequence[str] | None,  # of time and signal
+    sample_rate: float | None,  # Hz
+) -> xarray.Dataset:
+    """The record of one signal of a file.
+
+    Raises `InputError` as of `read_record`, or if there are several and none is named.
+    """
+    record = read_record(path, sample_rate=sample_rate)
+    names = [str(name) for name in record.data_vars]
+    require(column is not None or len(names) == 1, "column", None, "", f"must name one of the signals: {names}")
+    require(column is None or column in names, "column", column, "", f"must be one of the signals: {names}")
+    chosen = names[0] if column is None else column
+    if units is None:
+        return record[[chosen]]
+    uff = Path(path).suffix.lower() in UFF
+    places = [record["time"].attrs["column"]] if sample_rate is None and not uff else []
+    places.append(chosen if uff else record[chosen].attrs["column"])
+    given = units[-1:] if len(places) == 1 else units
+    return read_record(path, columns=places, units=given, sample_rate=sample_rate)
+
+
 # ---- UFF ---------------------------------------------------------------------------------------------
 
 
@@ -206,7 +233,7 @@ def _read_uff(
 ) -> xarray.Dataset:
     """Datasets 58 of a UFF file, of one number of samples and one interval."""
     require(rate is None, "sample_rate", rate, "Hz", "must not be given with a UFF file, which has its own")
-    _check_uff(path)
+    counted = _checked_uff(path)
     pyuff = load_pyuff()
     try:
         with warnings.catch_warnings():
@@ -218,6 +245,8 @@ def _read_uff(
     sets = [sets] if isinstance(sets, dict) else list(sets)
     sets = [one for one in sets if one.get("type") == 58]
     require(len(sets) > 0, "path", str(path), "", "must be a UFF file with datasets 58: none can be read")
+    allowed = f"has {counted} datasets 58 by its headers, of which {len(sets)} can be read: is it cut off?"
+    require(len(sets) == counted, "path", str(path), "", allowed)
     names = _names_of(sets)
     if columns is not None:
         missing = [c for c in columns if (c not in names if isinstance(c, str) else c >= len(sets))]
@@ -231,9 +260,9 @@ def _read_uff(
         values, x = np.asarray(one["data"]), np.asarray(one["x"], dtype=float)
         require(not np.iscomplexobj(values), "path", str(path), "", f"{name!r} is complex: must be over time")
         require(one.get("abscissa_spec_data_type", 17) in (0, 17), "path", str(path), "", f"{name!r} must be over time")
-        counted = int(one.get("num_pts", values.size))
-        allowed = f"{name!r} has {values.size} samples, and {counted} by its header: is the file cut off?"
-        require(values.size == counted == x.size, "path", str(path), "", allowed)
+        stated_count = int(one.get("num_pts", values.size))
+        allowed = f"{name!r} has {values.size} samples, and {stated_count} by its header: is the file cut off?"
+        require(values.size == stated_count == x.size, "path", str(path), "", allowed)
         allowed = f"{name!r}, sample {int(np.argmin(np.isfinite(values))) + 1}: is no finite number"
         require(bool(np.isfinite(values).all()), "path", str(path), "", allowed)
         signals[name] = _in_si(name, values.astype(float), unit, notes)
@@ -255,9 +284,9 @@ def _names_of(sets: Sequence[Any]) -> list[str]:
     return names
 
 
-def _check_uff(path: str | Path) -> None:
-    """Refuse what is no regular file, no UFF file, or has too many samples by its headers, before it is read."""
-    reason, samples, lines_of_set = "", 0, -1
+def _checked_uff(path: str | Path) -> int:
+    """Number of datasets 58 by the headers of a regular file that has not too many samples by them."""
+    reason, samples, lines_of_set, count, is_58 = "", 0, -1, 0, False
     try:
         with open_regular(path, MOST_BYTES) as file:
             for line in file:
@@ -267,6 +296,7 @@ def _check_uff(path: str | Path) -> None:
                 lines_of_set += lines_of_set >= 0
                 if lines_of_set == 1:
                     is_58 = line.split()[:1] in ([b"58"], [b"58b"])
+                    count += is_58
                 # behind the type: five texts, the degrees of freedom, and the form of the data
                 if lines_of_set == 8 and is_58 and len(line.split()) >= 2 and line.split()[1].isdigit():
                     samples += int(line.split()[1])
@@ -277,3 +307,4 @@ def _check_uff(path: str | Path) -> None:
     if samples > MOST_SAMPLES:
         reason = f"it has {samples:,} samples by its headers, of which at most {MOST_SAMPLES:,} are read"
     require(not reason, "path", str(path), "", f"must be a UFF file with datasets 58: {reason}")
+    return count
