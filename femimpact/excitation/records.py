@@ -7,6 +7,7 @@ import io
 import itertools
 import math
 import re
+import warnings
 from array import array
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -22,10 +23,12 @@ from femimpact.arrays import Array
 from femimpact.errors import (
     Fault,
     InputError,
+    InputWarning,
     check_fields,
     checked,
     choice,
     instance,
+    optional,
     quantity,
     real_array,
     require,
@@ -103,9 +106,9 @@ def _decoded(file: BinaryIO) -> str:
 
 
 def samples_of(
-    text: str, scale: float, detrend: str, columns: Sequence[int | str], path: str | Path
-) -> tuple[Array, float]:
-    """Samples and interval of what `record_text` read from a path; see `RecordedBase.from_csv`.
+    text: str, scale: float | None, detrend: str, columns: Sequence[int | str], path: str | Path
+) -> tuple[Array, float, str]:
+    """Samples, interval and a note on units of what `record_text` read from a path; see `RecordedBase.from_csv`.
 
     `samples` (n,): the second column times the scale, without its mean or its line of least squares where that is
     asked.
@@ -116,22 +119,51 @@ def samples_of(
     """
     checked("text", text, a_text())
     checked("path", path, instance(str, Path))
-    scale = checked("scale", scale, quantity("1"))
+    scale = checked("scale", scale, optional(quantity("1")))
     require(scale != 0.0, "scale", scale, "1", "must not be 0")
     detrend = checked("detrend", detrend, choice("none", "mean", "line"))
     two = isinstance(columns, (tuple, list)) and len(columns) == 2 and all(map(is_column, columns))
     require(two, "columns", columns, "", "must be two numbers from 0 or names of the header, of time and acceleration")
-    time, values = _columns(text, Path(path), tuple(columns))
+    places, first = _header(Path(path), text, tuple(columns))
+    seconds, factor, note = _factors(text, places, first, scale, path)
+    time, values = read_columns(text, places, first, Path(path))
     # a long one is as large as all the rest; it goes here where the caller keeps none
     del text
     require(time.size >= 2, "path", str(path), "", "must hold 2 or more rows of numbers")
     require(
         bool(values.any()), "columns", tuple(columns), "", "must be time and acceleration: the second holds zeros only"
     )
-    interval = _interval(time, path)
+    interval = _interval(time, path) * seconds
     del time
-    values *= scale
-    return _without_trend(values, detrend), interval
+    values *= factor
+    return _without_trend(values, detrend), interval, note
+
+
+def _factors(
+    text: str, places: tuple[int, ...], first: int, scale: float | None, path: str | Path
+) -> tuple[float, float, str]:
+    """What times and accelerations are multiplied by for s and m/s^2, and a note where the header's units say so."""
+    before = [fields for _, fields in itertools.takewhile(lambda line: line[0] < first, _first_lines(text))]
+    _, units, row = _names_and_units(before, places)
+    if units and not row:
+        # brackets were part of names only, and values are taken as they are
+        shown = ", ".join(f"{units[p]!r}" for p in places if p in units)
+        return 1.0, 1.0 if scale is None else scale, f"{Path(path).name}: units in brackets, {shown}, are not applied"
+    stated = [read_unit(units[p]) if p in units else None for p in places]
+    for place, known, si in zip(places, stated, ("s", "m/s^2"), strict=True):
+        if known is not None and known[0] != si and scale is None:
+            allowed = f"column {place} is in {units[place]} by its header: must be in a unit of {si}"
+            raise InputError([Fault("path", str(path), "", f"{allowed}; or give scale")])
+        if known is not None and scale is not None and known != (si, scale if si == "m/s^2" else 1.0):
+            words = f"{Path(path).name}, column {place}: {units[place]!r} in the header, taken as "
+            words += f"{scale:g} m/s^2 by scale" if si == "m/s^2" else "s"
+            warnings.warn(words, InputWarning, stacklevel=5)
+    if scale is not None:
+        return 1.0, scale, ""
+    seconds, factor = (known[1] if known is not None else 1.0 for known in stated)
+    said = [f"{units[p]} taken as {one[1]:g} {one[0]}" for p, one in zip(places, stated, strict=True)
+            if one is not None and one[1] != 1.0]  # fmt: skip
+    return seconds, factor, f"{Path(path).name}: {', '.join(said)}, by its header" if said else ""
 
 
 def _without_trend(samples: Array, detrend: str) -> Array:
@@ -152,14 +184,8 @@ def is_column(value: object) -> bool:
     return isinstance(value, str) or (isinstance(value, int) and not isinstance(value, bool) and value >= 0)
 
 
-def _columns(text: str, path: Path, columns: tuple[int | str, ...]) -> tuple[Array, ...]:
-    """The two columns of numbers behind the header; lines that are empty or begin with # are left out."""
-    places, first = _header(path, text, columns)
-    return read_columns(text, places, first, path)
-
-
 def read_columns(text: str, places: tuple[int, ...], first: int, path: Path) -> tuple[Array, ...]:
-    """Columns of numbers at some places, from a line on."""
+    """Columns of numbers at some places, from a line on; lines that are empty or begin with # are left out."""
     # arrays that grow where they are
     found, width = tuple(array("d") for _ in places), 0
     for number, lines in _blocks(text):
@@ -229,7 +255,7 @@ def record_header(text: str, path: Path) -> RecordHeader:
     split = bool(before) and 2 <= len(before[-1]) <= max(places) and _mark("".join(tail[-1:])) == ","
     allowed = f"line {first}: more numbers than the header has names: is a comma a decimal one? put semicolons between"
     require(not split, "path", str(path), "", allowed)
-    names, units = _names_and_units(before, places)
+    names, units, _ = _names_and_units(before, places)
     return RecordHeader(first, places, names, units)
 
 
@@ -243,8 +269,8 @@ def _first_lines(text: str) -> Iterator[tuple[int, list[str]]]:
                 yield i, _fields(line.lstrip("# \t") if line.lstrip()[0] == "#" else line)
 
 
-def _names_and_units(before: list[list[str]], places: tuple[int, ...]) -> tuple[dict[int, str], dict[int, str]]:
-    """Names and units by place of the lines before the rows: a row of units is the last one, and reads as units."""
+def _names_and_units(before: list[list[str]], places: tuple[int, ...]) -> tuple[dict[int, str], dict[int, str], bool]:
+    """Names and units by place of the lines before the rows, and whether the last one is a row of units."""
     fitting = [fields for fields in before if len(fields) > max(places)]
     units = dict[int, str]()
     if fitting:
@@ -256,13 +282,13 @@ def _names_and_units(before: list[list[str]], places: tuple[int, ...]) -> tuple[
         if any(known) and (all(known) or plain[places[0]] in ("s", "ms", "us")) and (sure or bracketed):
             units = {p: unit for p, unit in plain.items() if unit not in ("", "-")}
             fitting = fitting[:-1]
-    names = dict[int, str]()
+    names, row = dict[int, str](), bool(units)
     for p in places if fitting else ():
         found = BRACKETED.fullmatch(fitting[-1][p])
         names[p] = found[1] or fitting[-1][p] if found else fitting[-1][p]
         if found and found[2] not in ("", "-"):
             units.setdefault(p, found[2].strip())
-    return names, units
+    return names, units, row
 
 
 def line_of_row(text: str, header: RecordHeader, row: int) -> str:
@@ -347,9 +373,12 @@ def _header(path: Path, text: str, columns: tuple[int | str, ...]) -> tuple[tupl
     """
     names = [column for column in columns if isinstance(column, str)]
     begin = "is empty"
-    for i, fields in (cells for number, lines in _blocks(text) for cells in _cells(lines, number)):
+    rows = (cells for number, lines in _blocks(text) for cells in _cells(lines, number))
+    for i, fields in rows:
         if names and all(name in fields for name in names):
-            return tuple(fields.index(column) if isinstance(column, str) else column for column in columns), i + 1
+            places = tuple(fields.index(column) if isinstance(column, str) else column for column in columns)
+            after, below = next(rows, (i, []))
+            return places, (after if _are_units(below, places) else i) + 1
         numbers = [column for column in columns if isinstance(column, int) and column < len(fields)]
         if not names and len(numbers) == 2 and not any(math.isnan(_number(fields[place])) for place in numbers):
             return (numbers[0], numbers[1]), i
@@ -359,6 +388,13 @@ def _header(path: Path, text: str, columns: tuple[int | str, ...]) -> tuple[tupl
             begin = f"begins at line {i} with {len(fields)} cell{'s' * (len(fields) != 1)}: {kinds}{more}"
     allowed = f"must be two columns of numbers in {path.name}, by number from 0 or by name of its header; it {begin}"
     raise InputError([Fault("columns", list(columns), "", allowed)])
+
+
+def _are_units(fields: Sequence[str], places: tuple[int, ...]) -> bool:
+    """True if a line has units, of which read_unit knows one, and no number at some places."""
+    cells = [fields[p].strip("[]() ") for p in places if p < len(fields)]
+    known = [read_unit(cell) is not None for cell in cells if cell not in ("", "-")]
+    return len(cells) == len(places) and any(known) and all(math.isnan(_number(cell)) for cell in cells)
 
 
 def _kind(fields: Sequence[str], place: int) -> str:
@@ -423,6 +459,8 @@ class RecordedBase:
     interval : float, s
         Between samples.
     initial_velocity : float, m/s
+    note : str
+        What a file's units were taken for.
 
     Raises
     ------
@@ -433,10 +471,11 @@ class RecordedBase:
     samples: Any
     interval: float = field(metadata=quantity("s", above=0.0))
     initial_velocity: float = field(default=0.0, metadata=quantity("m/s"))
+    note: str = field(default="", metadata=a_text())
 
     @classmethod
     def from_csv(
-        cls, path: str | Path, scale: float = 1.0, detrend: str = "none", columns: Sequence[int | str] = (0, 1)
+        cls, path: str | Path, scale: float | None = None, detrend: str = "none", columns: Sequence[int | str] = (0, 1)
     ) -> RecordedBase:
         """The motion that a text file of columns holds: time (s) and acceleration, evenly spaced.
 
@@ -446,8 +485,9 @@ class RecordedBase:
             Rows of numbers, in columns between commas, semicolons, tabulators or spaces. A header before the first row
             may have any number of lines; empty lines, and those that begin with #, are left out. The first row is at
             t = 0. A regular file of at most 10 million rows and 600 MB.
-        scale : float
-            Times which the column is m/s^2: 9.80665 for a record in g.
+        scale : float, optional
+            Times which the column is m/s^2: 9.80665 for a record in g. Without it a row of units in the header counts,
+            as `note` says; 1 where there is none. With it that row is only compared, and a contradiction is warned of.
         detrend : {"none", "mean", "line"}
             What is removed: the mean of the acceleration (an offset), or its line of least squares (offset and drift).
             With either the base moves at t = 0 with the velocity that brings it back to its place at the last sample,
@@ -464,8 +504,8 @@ class RecordedBase:
         Raises
         ------
         InputError
-            If the file cannot be read or is too large, lacks a column, holds what is no finite number, or its times are
-            not evenly spaced.
+            If the file cannot be read or is too large, lacks a column, holds what is no finite number, its times are
+            not evenly spaced, or its header has a unit that is none of acceleration and `scale` is not given.
         """
         return cls.from_text(record_text(path), scale, detrend, columns, path)
 
@@ -473,7 +513,7 @@ class RecordedBase:
     def from_text(
         cls,
         text: str,
-        scale: float = 1.0,
+        scale: float | None = None,
         detrend: str = "none",
         columns: Sequence[int | str] = (0, 1),
         path: str | Path = "text",
@@ -497,10 +537,10 @@ class RecordedBase:
         InputError
             As of `from_csv`.
         """
-        samples, interval = samples_of(text, scale, detrend, columns, path)
+        samples, interval, note = samples_of(text, scale, detrend, columns, path)
         # a long one is as large as all the rest
         del text
-        base = cls(samples, interval)
+        base = cls(samples, interval, note=note)
         return base if detrend == "none" else base.returning()
 
     @classmethod
