@@ -287,6 +287,7 @@ VERBS = {
     }),
     "identify_decay": (fi.identify_decay, lambda: {"time": DECAY[0], "signal": DECAY[1], "modes": 1}),
     "read_record": (fi.read_record, lambda: {"path": "missing.csv", "columns": None, "units": None, "sample_rate": None}),
+    "write_record": (fi.write_record, lambda: {"path": "missing.csv", "dataset": None}),
     "half_power": (fi.half_power, lambda: {"frequency": CURVE[0], "amplitude": CURVE[1]}),
     "achieved_restitution": (fi.achieved_restitution, lambda: {
         "pair": small().contacts[0], "method": fi.Newmark(1e-4), "approach_speed": 0.2, "phases": 4

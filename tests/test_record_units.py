@@ -91,6 +91,8 @@ def test_what_is_written_is_read(tmp_path, name):
     np.testing.assert_allclose(found["time"], record["time"], rtol=1e-5)
 
 
+# pyuff leaves the file of what it has written to the garbage collector
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning", "ignore:unclosed file:ResourceWarning")
 def test_damaged_uff_files_are_refused(tmp_path):
     pyuff = pytest.importorskip("pyuff")
     record = fi.read_record(written(tmp_path, "time,tip,force\ns,mm,N\n" + ROWS.replace("\n", ",1.5\n"), "in.csv"))
