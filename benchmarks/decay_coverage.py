@@ -83,7 +83,7 @@ def window_coverage(records: int) -> None:
                 else:
                     without += 1
         shares = ", ".join(f"{np.mean(one):.2f} of {len(one)}" for one in hits.values())
-        print(f"ball {case}, noise {noise:.0%}: {shares}; all {np.mean(sum(hits.values(), [])):.3f}; "
+        print(f"ball {case}, noise {noise:.0%}: {shares}; all {np.mean(np.concatenate([*hits.values()])):.3f}; "
               f"{without} without", flush=True)  # fmt: skip
 
 

@@ -286,7 +286,9 @@ VERBS = {
         "frequency": CURVE[0], "amplitude": CURVE[1], "share": 0.2, "misfit_limit": 0.05
     }),
     "identify_decay": (fi.identify_decay, lambda: {"time": DECAY[0], "signal": DECAY[1], "modes": 1}),
-    "read_record": (fi.read_record, lambda: {"path": "missing.csv", "columns": None, "units": None, "sample_rate": None}),
+    "read_record": (fi.read_record, lambda: {
+        "path": "missing.csv", "columns": None, "units": None, "sample_rate": None,
+    }),
     "write_record": (fi.write_record, lambda: {"path": "missing.csv", "dataset": None}),
     "half_power": (fi.half_power, lambda: {"frequency": CURVE[0], "amplitude": CURVE[1]}),
     "achieved_restitution": (fi.achieved_restitution, lambda: {

@@ -1,7 +1,10 @@
 """Damping of a free decay against records whose truth is known."""
 
+import json
+
 import numpy as np
 import pytest
+from command import femimpact
 
 import femimpact as fi
 
@@ -148,3 +151,20 @@ def test_figure_report_and_table(tmp_path):
     page = fi.report(tmp_path / "decay.html", {"Ring-down": found}).read_text(encoding="utf-8")
     assert "90% interval" in page
     assert "DecayEstimate: 1 mode" in repr(found)
+
+
+def test_command_identifies_and_names_what_it_took(tmp_path):
+    rows = "".join(f"{t:.2f};{y:.6f};0\n".replace(".", ",") for t, y in zip(TIME, decay(ONE, noise=0.01), strict=True))
+    (tmp_path / "a.csv").write_text("Zeit;Weg;Kraft\ns;mm;N\n" + rows, encoding="utf-8")
+    several = femimpact("identify", "a.csv", cwd=tmp_path, check=False)
+    assert (several.returncode, several.stderr.count("\n")) == (2, 1)
+    assert "'Weg', 'Kraft'" in several.stderr
+    done = femimpact("identify", "a.csv", "--column", "Weg", "-o", "found", cwd=tmp_path, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "'Weg' is in mm, taken as 0.001 m" in done.stdout
+    found = json.loads((tmp_path / "found" / "identify.json").read_text())
+    assert found["modes"][0]["damping_ratio"] == pytest.approx(0.0029, rel=0.01)
+    assert found["units"]["amplitude"] == "m"
+    assert (tmp_path / "found" / "identify.png").stat().st_size > 0
+    again = femimpact("identify", "a.csv", "--column", "Weg", "-o", "found", cwd=tmp_path, check=False)
+    assert again.returncode == 2
