@@ -22,7 +22,7 @@ SUBJECTS = {
     "integrators": "Methods and runs",
     "sweep": "Sweeps",
     "response": "Recorders, responses, impacts, energies",
-    "identification": "Damping from response curves",
+    "identification": "Damping from response curves and decays",
     "calibration": "Scans of the restitution",
     "parametric": "Parameter studies",
     "convergence": "Convergence studies",
