@@ -253,7 +253,8 @@ def identify_decay(time: ArrayLike, signal: ArrayLike, *, modes: int = 1) -> Dec
     seen = bool(fit.poles.size) and all(fit.seen)
     frequency = fit.main.imag / (2.0 * math.pi) if seen else math.nan
     noise = _noise(x - fit.beside_main(x.size), interval, frequency)
-    warnings = _unfit(fit, t.size * interval, interval, clipped) if seen else _unseen(fit)
+    nothing_seen = f"no decay can be told from noise in {fit.time.size} points: no frequency and no damping ratio"
+    warnings = _unfit(fit, t.size * interval, interval, clipped) if seen else [nothing_seen]
     spoilt = bool(warnings)
     missing = modes - len(fit.poles) if seen else modes
     if seen and missing:
@@ -543,11 +544,6 @@ def _modes(fit: _Fit, scale: float, spoilt: bool) -> tuple[DecayMode, ...]:
         f, ratio = ((float(a), float(b)) for a, b in zip(low, high, strict=True))
         found.append(DecayMode(float(values[0]), float(values[1]), float(scale * fit.amplitudes[k]), f, ratio))
     return tuple(found)
-
-
-def _unseen(fit: _Fit) -> list[str]:
-    """Warning of a record without a mode."""
-    return [f"no decay can be told from noise in {fit.time.size} points: no frequency and no damping ratio"]
 
 
 def _unfit(fit: _Fit, duration: float, interval: float, clipped: tuple[int, float]) -> list[str]:
