@@ -23,7 +23,7 @@ SUBJECTS = {
     "sweep": "Sweeps",
     "spectra": "Transfer functions, spectra, shock response spectra",
     "response": "Recorders, responses, impacts, energies",
-    "identification": "Damping from response curves",
+    "identification": "Damping from response curves and decays",
     "calibration": "Scans of the restitution",
     "parametric": "Parameter studies",
     "convergence": "Convergence studies",
@@ -327,7 +327,7 @@ EXAMPLES = {
         "transmissibility",
     ),
     "Beams and modes": ("tapered_blade", "spring_between_places"),
-    "Measured curves": ("damping_from_a_curve", "laser_at_midspan"),
+    "Measured curves": ("damping_from_a_curve", "ring_down", "laser_at_midspan"),
     "Accuracy": ("mesh_convergence", "step_size"),
 }  # fmt: skip
 """Headings of the gallery, and the examples below each in their order."""

@@ -67,8 +67,10 @@ if TYPE_CHECKING:
     from femimpact.excitation import Sine as Sine
     from femimpact.excitation import SteppedSine as SteppedSine
     from femimpact.excitation import Sum as Sum
+    from femimpact.excitation.record_files import read_record as read_record
     from femimpact.export import figures as figures
     from femimpact.export.movie import write_movie as write_movie
+    from femimpact.export.records import write_record as write_record
     from femimpact.export.vtk import to_pyvista as to_pyvista
     from femimpact.fem.assembly import assemble as assemble
     from femimpact.fem.discretisation import Discretisation as Discretisation
@@ -79,9 +81,12 @@ if TYPE_CHECKING:
     from femimpact.fem.mesh import uniform_mesh as uniform_mesh
     from femimpact.fem.mesh_files import read_mesh as read_mesh
     from femimpact.identification import DampingEstimate as DampingEstimate
+    from femimpact.identification import DecayEstimate as DecayEstimate
+    from femimpact.identification import DecayMode as DecayMode
     from femimpact.identification import amplitude_ratio_damping as amplitude_ratio_damping
     from femimpact.identification import fit_one_pole as fit_one_pole
     from femimpact.identification import half_power as half_power
+    from femimpact.identification import identify_decay as identify_decay
     from femimpact.integrators.event_driven import EventDriven as EventDriven
     from femimpact.integrators.runs import achieved_restitution as achieved_restitution
     from femimpact.integrators.runs import integrate as integrate
@@ -181,12 +186,17 @@ _MODULES = {
         "Sine", "SteppedSine", "Sum",
     ),
     "export.movie": ("write_movie",),
+    "excitation.record_files": ("read_record",),
+    "export.records": ("write_record",),
     "export.vtk": ("to_pyvista",),
     "fem.assembly": ("assemble",),
     "fem.discretisation": ("Discretisation", "discretise"),
     "fem.mesh": ("Mesh", "graded_mesh", "random_mesh", "uniform_mesh"),
     "fem.mesh_files": ("read_mesh",),
-    "identification": ("DampingEstimate", "amplitude_ratio_damping", "fit_one_pole", "half_power"),
+    "identification": (
+        "DampingEstimate", "DecayEstimate", "DecayMode", "amplitude_ratio_damping", "fit_one_pole", "half_power",
+        "identify_decay",
+    ),
     "integrators.event_driven": ("EventDriven",),
     "integrators.runs": ("achieved_restitution", "integrate"),
     "integrators.stepping.newmark": ("GeneralizedAlpha", "HHT", "MoreauJean", "Newmark", "WBZ"),

@@ -483,6 +483,50 @@ def finish(directory: Path, *, force: Force = False) -> None:
 
 
 @app.command
+def identify(
+    file: Path, *, column: str | None = None, sample_rate: float | None = None, units: str | None = None,
+    modes: int = 1, output: Output = None, force: Force = False, quiet: Quiet = False,
+) -> None:  # fmt: skip
+    """Damping of a free decay that a file of columns or a UFF file holds: by damped sines, and over the amplitude.
+
+    Example: femimpact identify ring-down.csv --column tip --units s,mm
+
+    Parameters
+    ----------
+    column
+        Name of the signal, where the file has several.
+    sample_rate
+        Samples in a second (Hz) of a file without a column of time.
+    units
+        Of the time and the signal, in place of those in the file: s,mm.
+    modes
+        Damped sines that are fitted, 1 to 3.
+    """
+    from femimpact.excitation.record_files import one_signal
+    from femimpact.export.records import write_decay
+    from femimpact.identification import identify_decay
+
+    record = one_signal(file, column, None if units is None else units.split(","), sample_rate)
+    name = str(next(iter(record.data_vars)))
+    found = identify_decay(record["time"], record[name], modes=modes)
+    directory = output or _directory(file, "identify")
+    write_decay(directory, found, record, force)
+    for one in found.warnings:
+        _show_warning(one)
+    if quiet:
+        return
+    for line in (*record.attrs["notes"], *map(str, found.modes), *found.notes):
+        print(line)
+    if len(found):
+        columns, about = found.columns()
+        header = [f"{key.replace('_', ' ')}{f' ({about[key]})' * (about[key] not in ('', '1'))}" for key in columns]
+        rows = ([None if v != v else v for v in row] for row in zip(*columns.values(), strict=True))
+        title = f"Damping ratio over the amplitude, {found.level:.0%} intervals"
+        print_table(console(), header, ([None if v is None else float(v) for v in row] for row in rows), title)
+    print(f"results in {directory}")
+
+
+@app.command
 def contact(
     study: Path, *, speed_min: float = 0.01, speed_max: float = 1.0, output: Output = None, force: Force = False,
     quiet: Quiet = False,

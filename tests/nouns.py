@@ -49,6 +49,8 @@ LASER = fi.Laser("tip", range=5e-4, noise=1e-6, sample_rate=900.0, offset=1e-5)
 STATE = fi.State(displacement=[0.0, 1e-4], ball_velocity=[0.1])
 CURVE = np.linspace(5.0, 7.0, 41), one_pole_amplitude(np.linspace(5.0, 7.0, 41), 1e-3, 6.0, 0.01)
 
+DECAY = 0.01 * np.arange(200), np.exp(-0.006 * np.arange(200)) * np.cos(0.3 * np.arange(200))
+
 
 @cache
 def system() -> fi.System:
@@ -144,6 +146,8 @@ NOUNS = {
     "Discretisation": grid,
     "Dashpot": lambda: fi.Dashpot("dashpot", "mid", 1.0, to=0.05),
     "DampingEstimate": lambda: fi.DampingEstimate(0.01, 6.0, (0.009, 0.011), "fit", ("warning",)),
+    "DecayEstimate": lambda: fi.identify_decay(*DECAY),
+    "DecayMode": lambda: fi.DecayMode(5.0, 0.01, 1e-3, (4.9, 5.1), (0.009, 0.011)),
     "EnergyLedger": lambda: response().energy,
     "EventDriven": fi.EventDriven,
     "FrequencyResponse": curve,
@@ -281,6 +285,11 @@ VERBS = {
     "fit_one_pole": (fi.fit_one_pole, lambda: {
         "frequency": CURVE[0], "amplitude": CURVE[1], "share": 0.2, "misfit_limit": 0.05
     }),
+    "identify_decay": (fi.identify_decay, lambda: {"time": DECAY[0], "signal": DECAY[1], "modes": 1}),
+    "read_record": (fi.read_record, lambda: {
+        "path": "missing.csv", "columns": None, "units": None, "sample_rate": None,
+    }),
+    "write_record": (fi.write_record, lambda: {"path": "missing.csv", "dataset": None}),
     "half_power": (fi.half_power, lambda: {"frequency": CURVE[0], "amplitude": CURVE[1]}),
     "achieved_restitution": (fi.achieved_restitution, lambda: {
         "pair": small().contacts[0], "method": fi.Newmark(1e-4), "approach_speed": 0.2, "phases": 4

@@ -403,3 +403,16 @@ def test_a_laser_at_midspan_sees_higher_modes_of_impacts_too():
     # near its resonance the beam moves in its first mode alone, but for some thousandths
     np.testing.assert_allclose(read, true, rtol=3e-3)
     assert np.max(seen / hit) > 1.01
+
+
+def test_a_ball_damps_small_amplitudes_more_and_the_beam_alone_all_alike():
+    found = load("ring_down").main()
+    low, high = found["without ball"].modes[0].damping_ratio_interval
+    # 90 % intervals, widened to three standard deviations
+    middle, half = 0.5 * (low + high), 0.5 * (high - low) * 3 / 1.645
+    assert abs(middle - 0.0029) < half
+    with_ball = found["with ball"]
+    assert any("no linear decay" in one for one in with_ball.warnings)
+    known = np.isfinite(with_ball.low)
+    assert known.sum() >= 3
+    assert np.all(np.diff(with_ball.damping_ratio[known]) > 0)

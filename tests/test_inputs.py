@@ -47,7 +47,7 @@ WRONG = {
 WORDS = ("words of numbers", "array of words", "bytes")
 """What no argument takes for numbers."""
 
-REFUSED_ANYWAY = ("load", "load_study", "read_matrix", "run_study", "mode_convergence")
+REFUSED_ANYWAY = ("load", "load_study", "read_matrix", "read_record", "write_record", "run_study", "mode_convergence")
 """What takes seconds when all is right, and is stopped by another argument."""
 
 

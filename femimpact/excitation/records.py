@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import codecs
 import io
+import itertools
 import math
+import re
+import warnings
 from array import array
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -20,10 +23,12 @@ from femimpact.arrays import Array
 from femimpact.errors import (
     Fault,
     InputError,
+    InputWarning,
     check_fields,
     checked,
     choice,
     instance,
+    optional,
     quantity,
     real_array,
     require,
@@ -33,6 +38,7 @@ from femimpact.errors import text as a_text
 from femimpact.excitation.excitation import BrokenLine, times
 from femimpact.excitation.sums import added
 from femimpact.regular_file import decimal_number, open_regular, read_now
+from femimpact.units import read_unit
 
 UNEVEN = 0.25
 """Share of the interval by which a time may lie off the even grid: rounding is less, a lost sample half or more."""
@@ -100,9 +106,9 @@ def _decoded(file: BinaryIO) -> str:
 
 
 def samples_of(
-    text: str, scale: float, detrend: str, columns: Sequence[int | str], path: str | Path
-) -> tuple[Array, float]:
-    """Samples and interval of what `record_text` read from a path; see `RecordedBase.from_csv`.
+    text: str, scale: float | None, detrend: str, columns: Sequence[int | str], path: str | Path
+) -> tuple[Array, float, str]:
+    """Samples, interval and a note on units of what `record_text` read from a path; see `RecordedBase.from_csv`.
 
     `samples` (n,): the second column times the scale, without its mean or its line of least squares where that is
     asked.
@@ -113,22 +119,51 @@ def samples_of(
     """
     checked("text", text, a_text())
     checked("path", path, instance(str, Path))
-    scale = checked("scale", scale, quantity("1"))
+    scale = checked("scale", scale, optional(quantity("1")))
     require(scale != 0.0, "scale", scale, "1", "must not be 0")
     detrend = checked("detrend", detrend, choice("none", "mean", "line"))
-    two = isinstance(columns, (tuple, list)) and len(columns) == 2 and all(map(_is_column, columns))
+    two = isinstance(columns, (tuple, list)) and len(columns) == 2 and all(map(is_column, columns))
     require(two, "columns", columns, "", "must be two numbers from 0 or names of the header, of time and acceleration")
-    time, values = _columns(text, Path(path), tuple(columns))
+    places, first = _header(Path(path), text, tuple(columns))
+    seconds, factor, note = _factors(text, places, first, scale, path)
+    time, values = read_columns(text, places, first, Path(path))
     # a long one is as large as all the rest; it goes here where the caller keeps none
     del text
     require(time.size >= 2, "path", str(path), "", "must hold 2 or more rows of numbers")
     require(
         bool(values.any()), "columns", tuple(columns), "", "must be time and acceleration: the second holds zeros only"
     )
-    interval = _interval(time, path)
+    interval = _interval(time, path) * seconds
     del time
-    values *= scale
-    return _without_trend(values, detrend), interval
+    values *= factor
+    return _without_trend(values, detrend), interval, note
+
+
+def _factors(
+    text: str, places: tuple[int, ...], first: int, scale: float | None, path: str | Path
+) -> tuple[float, float, str]:
+    """What times and accelerations are multiplied by for s and m/s^2, and a note where the header's units say so."""
+    before = [fields for _, fields in itertools.takewhile(lambda line: line[0] < first, _first_lines(text))]
+    _, units, row = _names_and_units(before, places)
+    if units and not row:
+        # brackets were part of names only, and values are taken as they are
+        shown = ", ".join(f"{units[p]!r}" for p in places if p in units)
+        return 1.0, 1.0 if scale is None else scale, f"{Path(path).name}: units in brackets, {shown}, are not applied"
+    stated = [read_unit(units[p]) if p in units else None for p in places]
+    for place, known, si in zip(places, stated, ("s", "m/s^2"), strict=True):
+        if known is not None and known[0] != si and scale is None:
+            allowed = f"column {place} is in {units[place]} by its header: must be in a unit of {si}"
+            raise InputError([Fault("path", str(path), "", f"{allowed}; or give scale")])
+        if known is not None and scale is not None and known != (si, scale if si == "m/s^2" else 1.0):
+            words = f"{Path(path).name}, column {place}: {units[place]!r} in the header, taken as "
+            words += f"{scale:g} m/s^2 by scale" if si == "m/s^2" else "s"
+            warnings.warn(words, InputWarning, stacklevel=5)
+    if scale is not None:
+        return 1.0, scale, ""
+    seconds, factor = (known[1] if known is not None else 1.0 for known in stated)
+    said = [f"{units[p]} taken as {one[1]:g} {one[0]}" for p, one in zip(places, stated, strict=True)
+            if one is not None and one[1] != 1.0]  # fmt: skip
+    return seconds, factor, f"{Path(path).name}: {', '.join(said)}, by its header" if said else ""
 
 
 def _without_trend(samples: Array, detrend: str) -> Array:
@@ -144,15 +179,15 @@ def _without_trend(samples: Array, detrend: str) -> Array:
     return samples
 
 
-def _is_column(value: object) -> bool:
+def is_column(value: object) -> bool:
+    """True for a number from 0 or a name."""
     return isinstance(value, str) or (isinstance(value, int) and not isinstance(value, bool) and value >= 0)
 
 
-def _columns(text: str, path: Path, columns: tuple[int | str, ...]) -> tuple[Array, Array]:
-    """The two columns of numbers behind the header; lines that are empty or begin with # are left out."""
-    places, first = _header(path, text, columns)
+def read_columns(text: str, places: tuple[int, ...], first: int, path: Path) -> tuple[Array, ...]:
+    """Columns of numbers at some places, from a line on; lines that are empty or begin with # are left out."""
     # arrays that grow where they are
-    found, width = (array("d"), array("d")), 0
+    found, width = tuple(array("d") for _ in places), 0
     for number, lines in _blocks(text):
         rows = lines[max(first - number, 0) :]
         width = width or next((len(fields) for _, fields in _cells(rows, number)), 0)
@@ -161,7 +196,112 @@ def _columns(text: str, path: Path, columns: tuple[int | str, ...]) -> tuple[Arr
             values = _values(_cells(rows, max(first, number)), places, width, path)
         for column, part in zip(found, values.T, strict=True):
             column.frombytes(part.tobytes())
-    return np.frombuffer(found[0]), np.frombuffer(found[1])
+    return tuple(map(np.frombuffer, found))
+
+
+BRACKETED = re.compile(r"(.*?)\s*[\[(]([^\[\]()]*(?:\([^()]*\)[^()]*)?)[\])]")
+"""A name and, in brackets, a unit."""
+
+EMPTY = ("", "-", "nan", "inf", "-inf", "null", "none", "n/a", "#n/a")
+"""Cells, in small letters, that stand where a number is missing."""
+
+MODEL_LINES, MODEL_LETTERS = 200, 1 << 16
+"""Lines, of the last letters of a text, that show where its columns of numbers are."""
+
+
+@dataclass(frozen=True)
+class RecordHeader:
+    """What stands before the rows of a file of columns."""
+
+    first: int  # number of the line from which on there are rows
+    places: tuple[int, ...]  # of the columns of numbers
+    names: dict[int, str]  # by place
+    units: dict[int, str]  # by place, as they are written
+
+    def name(self, place: int) -> str:
+        """Name of a column, made from its number where it has none."""
+        return self.names.get(place) or f"column {place}"
+
+    def place(self, column: int | str, path: Path) -> int:
+        """Place of a column by its number or its name."""
+        named = {name: place for place, name in reversed(self.names.items())}
+        found = named.get(column, -1) if isinstance(column, str) else column
+        shown = [self.name(p) for p in self.places]
+        require(found in self.places, "columns", column, "", f"must be a column of numbers of {path.name}: {shown}")
+        return found
+
+
+def record_header(text: str, path: Path) -> RecordHeader:
+    """Columns of numbers of a text, their names and units, and where the rows begin."""
+    tail = text[-MODEL_LETTERS:].splitlines()[-MODEL_LINES:]
+    rows = [fields for _, fields in _cells(tail[1:] if len(text) > MODEL_LETTERS else tail, 1)]
+    width = max(map(len, rows), default=0)
+    counts = [sum(p < len(f) and not math.isnan(_number(f[p])) for f in rows) for p in range(width)]
+    places = tuple(p for p in range(width) if counts[p] > 0 and 2 * counts[p] >= max(counts))
+    before, first = list[list[str]](), 0
+    for i, fields in _first_lines(text):
+        numbers = [p < len(fields) and not math.isnan(_number(fields[p])) for p in places]
+        if places and all(numbers):
+            first = i
+            break
+        cells = [fields[p].lower() for p in places if p < len(fields)]
+        rest = [cell for cell, one in zip(cells, numbers, strict=False) if not one]
+        damaged = any(numbers) and (numbers[0] or all(cell in EMPTY for cell in rest)) and len(cells) == len(places)
+        bad = numbers.index(False) if not all(numbers) else 0
+        allowed = f"line {i}, column {places[bad] if places else 0}: {_kind(fields, bad)} is no finite number"
+        require(not damaged, "path", str(path), "", allowed)
+        before.append(fields)
+    require(first > 0, "path", str(path), "", "must hold rows of numbers, in columns: it has none")
+    split = bool(before) and 2 <= len(before[-1]) <= max(places) and _mark("".join(tail[-1:])) == ","
+    allowed = f"line {first}: more numbers than the header has names: is a comma a decimal one? put semicolons between"
+    require(not split, "path", str(path), "", allowed)
+    names, units, _ = _names_and_units(before, places)
+    return RecordHeader(first, places, names, units)
+
+
+def _first_lines(text: str) -> Iterator[tuple[int, list[str]]]:
+    """Number and cells of every line that is not empty, those behind a # too as long as no other line came."""
+    commented = True
+    for number, lines in _blocks(text):
+        for i, line in enumerate(lines, number):
+            if line.strip() and (commented or line.lstrip()[0] != "#"):
+                commented = commented and line.lstrip()[0] == "#"
+                yield i, _fields(line.lstrip("# \t") if line.lstrip()[0] == "#" else line)
+
+
+def _names_and_units(before: list[list[str]], places: tuple[int, ...]) -> tuple[dict[int, str], dict[int, str], bool]:
+    """Names and units by place of the lines before the rows, and whether the last one is a row of units."""
+    fitting = [fields for fields in before if len(fields) > max(places)]
+    units = dict[int, str]()
+    if fitting:
+        plain = {p: fitting[-1][p].strip("[]() ") for p in places}
+        known = [read_unit(unit) is not None for unit in plain.values() if unit not in ("", "-")]
+        # names may read as units alone; with a row above, or a time among them, they are
+        sure = len(fitting) > 1 or any(unit in ("s", "ms", "us") for unit in plain.values())
+        bracketed = all(fitting[-1][p][:1] in "[(" for p in places)
+        if any(known) and (all(known) or plain[places[0]] in ("s", "ms", "us")) and (sure or bracketed):
+            units = {p: unit for p, unit in plain.items() if unit not in ("", "-")}
+            fitting = fitting[:-1]
+    names, row = dict[int, str](), bool(units)
+    for p in places if fitting else ():
+        found = BRACKETED.fullmatch(fitting[-1][p])
+        names[p] = found[1] or fitting[-1][p] if found else fitting[-1][p]
+        if found and found[2] not in ("", "-"):
+            units.setdefault(p, found[2].strip())
+    return names, units, row
+
+
+def line_of_row(text: str, header: RecordHeader, row: int) -> str:
+    """Words for the line of a row, counted from 0."""
+    rows = (i for number, lines in _blocks(text) for i, _ in _cells(lines, number) if i >= header.first)
+    return f"line {next(itertools.islice(rows, row, None), 0)}"
+
+
+def has_decimal_commas(text: str, header: RecordHeader) -> bool:
+    """True where a line of commas has digits alone in every second cell, as decimal commas leave them."""
+    lines = itertools.islice((fields for i, fields in _first_lines(text) if i >= header.first), MODEL_LINES)
+    whole = all(len(fields) % 2 == 0 and all(cell.isdigit() for cell in fields[1::2]) for fields in lines)
+    return _mark(text[:MODEL_LETTERS]) == "," and whole
 
 
 def _blocks(text: str) -> Iterator[tuple[int, list[str]]]:
@@ -233,9 +373,12 @@ def _header(path: Path, text: str, columns: tuple[int | str, ...]) -> tuple[tupl
     """
     names = [column for column in columns if isinstance(column, str)]
     begin = "is empty"
-    for i, fields in (cells for number, lines in _blocks(text) for cells in _cells(lines, number)):
+    rows = (cells for number, lines in _blocks(text) for cells in _cells(lines, number))
+    for i, fields in rows:
         if names and all(name in fields for name in names):
-            return tuple(fields.index(column) if isinstance(column, str) else column for column in columns), i + 1
+            places = tuple(fields.index(column) if isinstance(column, str) else column for column in columns)
+            after, below = next(rows, (i, []))
+            return places, (after if _are_units(below, places) else i) + 1
         numbers = [column for column in columns if isinstance(column, int) and column < len(fields)]
         if not names and len(numbers) == 2 and not any(math.isnan(_number(fields[place])) for place in numbers):
             return (numbers[0], numbers[1]), i
@@ -245,6 +388,13 @@ def _header(path: Path, text: str, columns: tuple[int | str, ...]) -> tuple[tupl
             begin = f"begins at line {i} with {len(fields)} cell{'s' * (len(fields) != 1)}: {kinds}{more}"
     allowed = f"must be two columns of numbers in {path.name}, by number from 0 or by name of its header; it {begin}"
     raise InputError([Fault("columns", list(columns), "", allowed)])
+
+
+def _are_units(fields: Sequence[str], places: tuple[int, ...]) -> bool:
+    """True if a line has units, of which read_unit knows one, and no number at some places."""
+    cells = [fields[p].strip("[]() ") for p in places if p < len(fields)]
+    known = [read_unit(cell) is not None for cell in cells if cell not in ("", "-")]
+    return len(cells) == len(places) and any(known) and all(math.isnan(_number(cell)) for cell in cells)
 
 
 def _kind(fields: Sequence[str], place: int) -> str:
@@ -309,6 +459,8 @@ class RecordedBase:
     interval : float, s
         Between samples.
     initial_velocity : float, m/s
+    note : str
+        What a file's units were taken for.
 
     Raises
     ------
@@ -319,12 +471,13 @@ class RecordedBase:
     samples: Any
     interval: float = field(metadata=quantity("s", above=0.0))
     initial_velocity: float = field(default=0.0, metadata=quantity("m/s"))
+    note: str = field(default="", metadata=a_text())
 
     @classmethod
     def from_csv(
         cls,
         path: str | Path,
-        scale: float = 1.0,
+        scale: float | None = None,
         detrend: str = "none",
         columns: Sequence[int | str] = (0, 1),
         high_pass: float | None = None,
@@ -337,8 +490,9 @@ class RecordedBase:
             Rows of numbers, in columns between commas, semicolons, tabulators or spaces. A header before the first row
             may have any number of lines; empty lines, and those that begin with #, are left out. The first row is at
             t = 0. A regular file of at most 10 million rows and 600 MB.
-        scale : float
-            Times which the column is m/s^2: 9.80665 for a record in g.
+        scale : float, optional
+            Times which the column is m/s^2: 9.80665 for a record in g. Without it a row of units in the header counts,
+            as `note` says; 1 where there is none. With it that row is only compared, and a contradiction is warned of.
         detrend : {"none", "mean", "line"}
             What is removed: the mean of the acceleration (an offset), or its line of least squares (offset and drift).
             With either the base moves at t = 0 with the velocity that brings it back to its place at the last sample,
@@ -357,8 +511,8 @@ class RecordedBase:
         Raises
         ------
         InputError
-            If the file cannot be read or is too large, lacks a column, holds what is no finite number, or its times are
-            not evenly spaced.
+            If the file cannot be read or is too large, lacks a column, holds what is no finite number, its times are
+            not evenly spaced, or its header has a unit that is none of acceleration and `scale` is not given.
         """
         return cls.from_text(record_text(path), scale, detrend, columns, path, high_pass)
 
@@ -366,7 +520,7 @@ class RecordedBase:
     def from_text(
         cls,
         text: str,
-        scale: float = 1.0,
+        scale: float | None = None,
         detrend: str = "none",
         columns: Sequence[int | str] = (0, 1),
         path: str | Path = "text",
@@ -393,12 +547,12 @@ class RecordedBase:
         InputError
             As of `from_csv`.
         """
-        samples, interval = samples_of(text, scale, detrend, columns, path)
+        samples, interval, note = samples_of(text, scale, detrend, columns, path)
         # a long one is as large as all the rest
         del text
         if high_pass is not None:
             samples = _high_passed(samples, interval, high_pass)
-        base = cls(samples, interval)
+        base = cls(samples, interval, note=note)
         return base if detrend == "none" and high_pass is None else base.returning()
 
     @classmethod

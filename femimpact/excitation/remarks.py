@@ -130,7 +130,8 @@ def motion_notes(excitation: Excitation, length: float, end: float) -> tuple[str
         return _of_clipping(excitation) + _after_last_knot(line, end)
     if not isinstance(line, BrokenLine):
         return ()
-    last, notes = (len(line.samples) - 1) * line.interval, []
+    last, note = (len(line.samples) - 1) * line.interval, str(getattr(excitation, "note", ""))
+    notes = [note] if note else []
     far = float(excitation.amplitude)
     if 0.0 < FAR * length < far and is_pulse(line.samples):
         change = line.interval * _total(np.asarray(line.samples, dtype=float))

@@ -74,8 +74,8 @@ class RecordedMotion:
         Path of the file, from the folder of the study file.
     content : str
         The file as read: no run reads it again, wherever it is by then.
-    scale : float
-        Times which the column is m/s^2: 9.80665 for a record in g.
+    scale : float or None
+        Times which the column is m/s^2: 9.80665 for a record in g; None is what its header says, or 1.
     detrend : {"none", "mean", "line"}
         What is removed: the mean of the acceleration (an offset), or its line of least squares (offset and drift).
     columns : two of int or str
@@ -98,7 +98,7 @@ class RecordedMotion:
 
     record: str = field(metadata=text())
     content: str = field(repr=False, metadata=text())
-    scale: float = field(default=1.0, metadata=quantity("1"))
+    scale: float | None = field(default=None, metadata=optional(quantity("1")))
     detrend: str = field(default="none", metadata=choice("none", "mean", "line"))
     columns: tuple[int | str, int | str] = (0, 1)
     duration: float | None = field(default=None, metadata=optional(quantity("s", above=0.0)))
@@ -137,6 +137,7 @@ class RecordedMotion:
         return (
             f"{self.history_duration:g} s of the record {self.record!r} ({base.samples.size} samples, "
             f"{base.interval:.6g} s apart; {cycle}{',' * base.has_cycle} {base.frequency:.4g} Hz)"
+            f"{'; ' * bool(base.note)}{base.note}"
         )
 
 

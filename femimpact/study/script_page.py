@@ -39,6 +39,7 @@ from femimpact.export.report.page import (
 from femimpact.export.report.player import player_element
 from femimpact.export.report.structure_drawing import structure_element
 from femimpact.export.tables import case_columns
+from femimpact.identification import DecayEstimate
 from femimpact.response.impacts import impact_columns
 from femimpact.response.response import Response
 from femimpact.structure.structure import Structure
@@ -51,7 +52,7 @@ from femimpact.study.result_conclusions import (
     study_versions,
 )
 from femimpact.study.result_page import about_section, best_sections, cases_section
-from femimpact.svg import Element, element, markup, number_text, thinned_line
+from femimpact.svg import Element, chart_element, element, markup, number_text, thinned_line
 from femimpact.sweep import FrequencyResponse
 from femimpact.table import column_units
 
@@ -139,8 +140,9 @@ def _holders(page: Page) -> Iterator[tuple[Element, Element]]:
 
 
 ALLOWED = (
-    "must be a Response, a FrequencyResponse or a mapping of names to them, a ConvergenceTable, a ConvergenceStudy, an "
-    "xarray.Dataset, a pandas.DataFrame, a record with to_pandas, or a mapping of names to columns of one length"
+    "must be a Response, a FrequencyResponse or a mapping of names to them, a ConvergenceTable, a ConvergenceStudy, a "
+    "DecayEstimate, an xarray.Dataset, a pandas.DataFrame, a record with to_pandas, or a mapping of names to columns "
+    "of one length"
 )
 
 
@@ -159,8 +161,8 @@ def report(
     path : str or Path
     parts : mapping of str to result
         Each under its heading: a `Response`, a `FrequencyResponse` or a mapping of names to several, a
-        `ConvergenceTable`, a `ConvergenceStudy`, the dataset of `parameter_study` (what is best, maps and
-        cases), another `xarray.Dataset` (quantities over two axes become maps), a
+        `ConvergenceTable`, a `ConvergenceStudy`, a `DecayEstimate`, the dataset of `parameter_study` (what is best,
+        maps and cases), another `xarray.Dataset` (quantities over two axes become maps), a
         `pandas.DataFrame`, any record with `to_pandas`, or a mapping of names to columns.
     structure : Structure, optional
         Is drawn, and gives the player of a response with snapshots its beam.
@@ -194,6 +196,7 @@ def report(
     studies = {heading: part for heading, part in parts.items() if is_parameter_study(part)}
     best = {heading: best_cases(part, None) for heading, part in studies.items()}
     curves = {heading: curve for heading, part in parts.items() for _, curve in _curves(heading, part).items()}
+    speaking = {**responses, **curves, **{h: part for h, part in parts.items() if isinstance(part, DecayEstimate)}}
     page = Page(
         title=title,
         lead=tuple(text for part in studies.values() for text in study_lead(part)),
@@ -204,8 +207,8 @@ def report(
             *(one for heading, part in studies.items() for one in study_conclusions(part, *best[heading])),
         ),
         missing=_of_studies(studies, study_missing),
-        warnings=(*_said("warnings", {**responses, **curves}), *_of_studies(studies, study_failures)),
-        notes=(*notes, *_said("notes", {**responses, **curves})),
+        warnings=(*_said("warnings", speaking), *_of_studies(studies, study_failures)),
+        notes=(*notes, *_said("notes", speaking)),
         sections=tuple(made),
         first=tuple(
             one
@@ -308,7 +311,7 @@ def _sections(number: int, heading: str, part: Any, structure: Structure | None)
                 replace(
                     section,
                     key=f"{key}-{i}" if i else key,
-                    heading=heading if section.heading == heading else f"{heading}: {section.heading}",
+                    heading=heading if section.heading in (heading, "") else f"{heading}: {section.heading}",
                 )
                 for i, section in enumerate(make(part))
             ]
@@ -343,9 +346,17 @@ def _convergence(table: ConvergenceTable) -> list[Section]:
     return [Section(section.key, section.heading, (*section.content, summary))] if section is not None else []
 
 
+def _decay(found: DecayEstimate) -> list[Section]:
+    chart = found._picture
+    rows = [element("p", str(mode)) for mode in found.modes]
+    table = table_element(table_of("Over the amplitude", *found.columns()))
+    return [Section("decay", "", (*rows, *([chart_element(chart)] if chart else []), table))]
+
+
 KINDS: Mapping[type, Callable[[Any], list[Section]]] = {
     ConvergenceTable: _convergence,
     ConvergenceStudy: lambda study: [one for table in study.tables.values() for one in _convergence(table)],
+    DecayEstimate: _decay,
 }
 """Function that makes the sections of a part, by the kind of the part."""
 

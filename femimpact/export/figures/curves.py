@@ -1,4 +1,4 @@
-"""Figures over parameters: response curves, the resonance over the restitution, values over two parameters."""
+"""Figures over parameters: response curves, damping over the amplitude, restitution scans, values over two of them."""
 
 from __future__ import annotations
 
@@ -22,6 +22,7 @@ from femimpact.export.figures.drawing import (
     plain_log_ticks,
     rows_of,
 )
+from femimpact.identification import DecayEstimate
 from femimpact.sweep import ONE_START, FrequencyResponse, on_grid
 
 if TYPE_CHECKING:
@@ -217,6 +218,42 @@ def _mark(axis: Any, marker: str, label: str, frequency: float, amplitude: float
         return axis.axvline(frequency, color=GREY, linestyle="--", linewidth=1.2, label=label)
     style: Any = {"color": "black", "markersize": 11.0, "linestyle": "none"}
     return axis.plot(frequency, 1e3 * amplitude, marker, label=label, **style)[0]
+
+
+@takes(result=instance(DecayEstimate))
+def decay(result: DecayEstimate, ax: Axes | OffScreen | None = None) -> Axes:
+    """Damping ratio over the amplitude, with its intervals, beside those of the damped sines and of the maxima.
+
+    Parameters
+    ----------
+    result : DecayEstimate
+    ax : Axes, optional
+        Drawn on; those of a new pyplot figure by default.
+
+    Returns
+    -------
+    Axes
+    """
+    axis = panel(ax, 8.0, 5.0)
+    scale, unit = {"m": (1e3, "mm")}.get(result.unit, (1.0, result.unit))
+    amplitude, ratio, known = scale * result.amplitude, 100.0 * result.damping_ratio, np.isfinite(result.low)
+    bars = 100.0 * np.array([result.damping_ratio - result.low, result.high - result.damping_ratio])[:, known]
+    axis.errorbar(amplitude[known], ratio[known], bars, fmt="o", color=COLOURS[0], capsize=3.0, markersize=5.0,
+                  label=f"windows of 5 cycles, {result.level:.0%} interval")  # fmt: skip
+    alone: Any = {"color": COLOURS[0], "marker": "o", "markerfacecolor": "white", "linestyle": "none"}
+    if not known.all():
+        axis.plot(amplitude[~known], ratio[~known], **alone, markersize=5.0, label="windows without an interval")
+    axis.plot(amplitude, 100.0 * result.from_maxima, "x", color=GREY, markersize=5.0, label="maxima of their cycles")
+    modes = [mode for mode in result.modes if np.isfinite(mode.damping_ratio)]
+    for colour, mode in zip(COLOURS[1:], modes, strict=False):
+        axis.axhline(100.0 * mode.damping_ratio, color=colour, linestyle="--", linewidth=1.2,
+                     label=f"damped sine of {mode.frequency:.4g} Hz")  # fmt: skip
+    lowest = min(0.0, 1.2 * float(np.nanmin(ratio, initial=0.0)))
+    axis.set(xlim=(0.0, None), ylim=(lowest, None))
+    label_axes(axis, f"amplitude ({unit or 'unit of the signal'})", "damping ratio (%)", "")
+    *lines, windows = axis.get_legend_handles_labels()[0]
+    legend_above(axis, [windows, *lines])
+    return axis
 
 
 @takes(peak_frequency=FREQUENCY, amplitude_ratio=quantity("1", above=0.0))

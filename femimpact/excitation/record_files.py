@@ -1,0 +1,310 @@
+"""Files of measured signals: columns of text and UFF 58, read with units into a dataset in SI, and written."""
+
+from __future__ import annotations
+
+import re
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from femimpact.arrays import Array
+from femimpact.errors import Fault, InputError, InputWarning, checked, instance, optional, quantity, require
+from femimpact.excitation.records import (
+    MOST_BYTES,
+    UNEVEN,
+    has_decimal_commas,
+    is_column,
+    line_of_row,
+    read_columns,
+    record_header,
+    record_text,
+)
+from femimpact.regular_file import open_regular
+from femimpact.units import read_unit
+
+if TYPE_CHECKING:
+    import xarray
+
+MOST_SAMPLES = 10_000_000
+"""Most samples of a UFF file by its headers: they take some 1.3 GB and 24 s."""
+
+TIMES = re.compile(r"(t|time|zeit|temps|tiempo|tempo)\b.*", re.IGNORECASE)
+"""Names of a column of time."""
+
+UFF = (".uff", ".unv", ".bunv")
+"""Endings of the names of UFF files."""
+
+
+def read_record(
+    path: str | Path,
+    *,
+    columns: Sequence[int | str] | None = None,
+    units: Sequence[str] | None = None,
+    sample_rate: float | None = None,
+) -> xarray.Dataset:
+    """Measured signals over time from a file of columns or a UFF file, in SI units.
+
+    Parameters
+    ----------
+    path : str or Path
+        Rows of numbers as of `RecordedBase.from_csv`, with or without a header, in which a row or brackets may name
+        units. A name that ends with .uff or .unv is a UFF file: its datasets 58 and 58b are read, which needs pyuff
+        (the extra `measured`).
+    columns : sequence of int or str, optional
+        By number from 0 or by name: the time, and the signals; all of the file by default. With `sample_rate` the
+        signals alone.
+    units : sequence of str, optional
+        Of the columns, in their order, in place of those in the file: "s", "mm", "g".
+    sample_rate : float, Hz, optional
+        Of a file without a column of time.
+
+    Returns
+    -------
+    xarray.Dataset
+        Signals over `time` (s), each with its unit in `attrs["units"]`: in SI where the unit is known. The texts in
+        `attrs["notes"]` say what was taken for what.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, is too large, lacks a column, holds what is no finite number, or its times are not
+        evenly spaced, with the line where that is.
+
+    Examples
+    --------
+    >>> import femimpact as fi
+    >>> record = fi.read_record("ring-down.csv")  # doctest: +SKIP
+    >>> fi.identify_decay(record["time"], record["tip"])  # doctest: +SKIP
+    """
+    checked("path", path, instance(str, Path))
+    rate = checked("sample_rate", sample_rate, optional(quantity("Hz", above=0.0)))
+    if columns is not None:
+        sound = isinstance(columns, (list, tuple)) and len(columns) > 0 and all(map(is_column, columns))
+        require(sound, "columns", columns, "", "must be numbers from 0 or names of the header")
+    if units is not None:
+        sound = isinstance(units, (list, tuple)) and len(units) > 0 and all(isinstance(one, str) for one in units)
+        require(sound, "units", units, "", 'must be texts, one for each column, as ("s", "mm")')
+    if Path(path).suffix.lower() in UFF:
+        return _read_uff(path, columns, units, rate)
+    return _read_text(path, columns, units, rate)
+
+
+def _read_text(
+    path: str | Path, columns: Sequence[int | str] | None, units: Sequence[str] | None, rate: float | None
+) -> xarray.Dataset:
+    text, file, notes = record_text(path), Path(path), list[str]()
+    found = record_header(text, file)
+    if columns is None:
+        time = [p for p in found.places if found.units.get(p) and read_unit(found.units[p], ("s",))]
+        time = time or [p for p in found.places if TIMES.fullmatch(found.names.get(p, ""))]
+        places = [p for p in found.places if p not in time[:1]]
+        if rate is not None and time:
+            notes.append(f"the column of time {found.name(time[0])!r} is not used: the sample rate is given")
+        places = (
+            places if rate is not None else (time[:1] or places[:1]) + [p for p in places if time or p != places[0]]
+        )
+    else:
+        places = [found.place(column, file) for column in columns]
+    least = 1 if rate is not None else 2
+    allowed = (
+        "must be a column of numbers or more" if rate else "must be time and a signal or more; or give sample_rate"
+    )
+    require(len(places) >= least, "columns", [found.name(p) for p in places], "", f"{file.name}: {allowed}")
+    commas = rate is not None and not found.names and has_decimal_commas(text, found)
+    require(not commas, "path", str(path), "", "has commas between digits alone: decimal ones? put semicolons between")
+    values = read_columns(text, tuple(places), found.first, file)
+    given = _given_units(units, [found.name(p) for p in places], [found.units.get(p, "") for p in places])
+    said: list[list[str]] = [[] for _ in places]
+    scaled = [_in_si(*one) for one in zip(given[0], values, given[1], said, strict=True)]
+    if rate is None:
+        seconds, unit = scaled.pop(0)
+        said.pop(0)
+        require(unit in ("", "s"), "units", unit, "", f"{file.name}: the first column must be a time")
+        notes.insert(0, f"{given[0][0]!r} is the time, in {given[1][0] or 's: no unit is there'}")
+        _require_even(seconds, path, lambda row: line_of_row(text, found, row))
+        names = given[0][1:]
+    else:
+        seconds, names = np.arange(values[0].size) / rate, given[0]
+        notes.insert(0, f"no column of time: {rate:g} samples in a second")
+    require(len({*names}) == len(names), "columns", names, "", f"{file.name}: must have different names: give numbers")
+    made = _dataset(seconds, dict(zip(names, scaled, strict=True)), [*notes, *(n for one in said for n in one)], path)
+    for name, place in zip(["time", *names][rate is not None :], places, strict=True):
+        made[name].attrs["column"] = place
+    return made
+
+
+def _given_units(units: Sequence[str] | None, names: list[str], stated: list[str]) -> tuple[list[str], list[str]]:
+    """Names of columns and their units: those given, with a warning where they contradict those of the file."""
+    if units is None:
+        return names, stated
+    require(len(units) == len(names), "units", list(units), "", f"must be one for each of the columns {names}")
+    for name, one, other in zip(names, units, stated, strict=True):
+        if other and read_unit(one) != read_unit(other):
+            warnings.warn(
+                f"units of {name!r}: {one!r} is given, and the file has {other!r}", InputWarning, stacklevel=5
+            )
+    return names, list(units)
+
+
+def _in_si(name: str, values: Array, unit: str, notes: list[str]) -> tuple[Array, str]:
+    """Values in SI and their unit, with a note on what was taken for what."""
+    known = read_unit(unit) if unit else None
+    if known is None:
+        notes.append(
+            f"{name!r} is left as it is: " + (f"the unit {unit!r} is not known" if unit else "no unit is there")
+        )
+        return values, unit
+    if TIMES.fullmatch(name) and known[0] == "s":
+        return values * known[1], "s"
+    notes.append(f"{name!r} is in {unit}" + (f", taken as {known[1]:.6g} {known[0]}" if known[1] != 1.0 else ""))
+    return values * known[1], known[0]
+
+
+def _require_even(time: Array, path: str | Path, line: Any) -> None:
+    """Refuse times that are not evenly spaced; `line` gives the line of a row."""
+    require(time.size >= 2, "path", str(path), "", "must hold 2 or more rows of numbers")
+    steps = np.diff(time)
+    interval = float(np.median(steps))
+    bad = np.flatnonzero(~(steps > 0.0) | (np.abs(steps - interval) > 2.0 * UNEVEN * abs(interval)))
+    if bad.size:
+        row = int(bad[0]) + 1
+        kind = (
+            "does not rise" if steps[row - 1] <= 0.0 else "leaves a gap" if steps[row - 1] > interval else "is uneven"
+        )
+        allowed = f"{line(row)}: the time {kind}: a step of {steps[row - 1]:.6g} s, and {interval:.6g} s is usual"
+        raise InputError([Fault("path", str(path), "", allowed)])
+    drift = np.abs(time - time[0] - (time[-1] - time[0]) / (time.size - 1) * np.arange(time.size))
+    allowed = f"{line(int(np.argmax(drift)))}: must have evenly spaced times: resample it first (numpy.interp)"
+    require(float(drift.max()) <= 2.0 * UNEVEN * interval, "path", str(path), "", allowed)
+
+
+def _dataset(
+    time: Array, signals: dict[str, tuple[Array, str]], notes: Sequence[str], path: str | Path
+) -> xarray.Dataset:
+    import xarray
+
+    held = {name: ("time", values, {"units": unit}) for name, (values, unit) in signals.items()}
+    coords = {"time": ("time", time, {"units": "s"})}
+    return xarray.Dataset(held, coords, {"source": Path(path).name, "notes": tuple(notes)})
+
+
+def one_signal(
+    path: Path,
+    column: str | None,  # name of the signal; the only one by default
+    units: Sequence[str] | None,  # of time and signal
+    sample_rate: float | None,  # Hz
+) -> xarray.Dataset:
+    """The record of one signal of a file.
+
+    Raises `InputError` as of `read_record`, or if there are several and none is named.
+    """
+    record = read_record(path, sample_rate=sample_rate)
+    names = [str(name) for name in record.data_vars]
+    require(column is not None or len(names) == 1, "column", None, "", f"must name one of the signals: {names}")
+    require(column is None or column in names, "column", column, "", f"must be one of the signals: {names}")
+    chosen = names[0] if column is None else column
+    if units is None:
+        return record[[chosen]]
+    uff = Path(path).suffix.lower() in UFF
+    places = [record["time"].attrs["column"]] if sample_rate is None and not uff else []
+    places.append(chosen if uff else record[chosen].attrs["column"])
+    given = units[-1:] if len(places) == 1 else units
+    return read_record(path, columns=places, units=given, sample_rate=sample_rate)
+
+
+# ---- UFF ---------------------------------------------------------------------------------------------
+
+
+def load_pyuff() -> Any:
+    """The library of UFF files; refused where it is not installed."""
+    try:
+        import pyuff
+    except ImportError:
+        allowed = "needs pyuff, which is not installed: pip install femimpact[measured]"
+        raise InputError([Fault("path", "a UFF file", "", allowed)]) from None
+    return pyuff
+
+
+def _read_uff(
+    path: str | Path, columns: Sequence[int | str] | None, units: Sequence[str] | None, rate: float | None
+) -> xarray.Dataset:
+    """Datasets 58 of a UFF file, of one number of samples and one interval."""
+    require(rate is None, "sample_rate", rate, "Hz", "must not be given with a UFF file, which has its own")
+    counted = _checked_uff(path)
+    pyuff = load_pyuff()
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            sets = pyuff.UFF(str(path)).read_sets()
+    except Exception as error:
+        allowed = f"must be a UFF file with datasets 58: {type(error).__name__}: {' '.join(str(error).split())[:80]}"
+        raise InputError([Fault("path", str(path), "", allowed)]) from None
+    sets = [sets] if isinstance(sets, dict) else list(sets)
+    sets = [one for one in sets if one.get("type") == 58]
+    require(len(sets) > 0, "path", str(path), "", "must be a UFF file with datasets 58: none can be read")
+    allowed = f"has {counted} datasets 58 by its headers, of which {len(sets)} can be read: is it cut off?"
+    require(len(sets) == counted, "path", str(path), "", allowed)
+    names = _names_of(sets)
+    if columns is not None:
+        missing = [c for c in columns if (c not in names if isinstance(c, str) else c >= len(sets))]
+        require(not missing, "columns", missing, "", f"must be among {names}, or their numbers from 0")
+        chosen = [names.index(c) if isinstance(c, str) else c for c in columns]
+        sets, names = [sets[i] for i in chosen], [names[i] for i in chosen]
+    notes, signals, times = list[str](), {}, []
+    stated = [str(one.get("ordinate_axis_units_lab", "")).strip().strip("\x00") for one in sets]
+    stated = ["" if unit.upper() in ("NONE", "") else unit for unit in stated]
+    for name, unit, one in zip(*_given_units(units, names, stated), sets, strict=True):
+        values, x = np.asarray(one["data"]), np.asarray(one["x"], dtype=float)
+        require(not np.iscomplexobj(values), "path", str(path), "", f"{name!r} is complex: must be over time")
+        require(one.get("abscissa_spec_data_type", 17) in (0, 17), "path", str(path), "", f"{name!r} must be over time")
+        stated_count = int(one.get("num_pts", values.size))
+        allowed = f"{name!r} has {values.size} samples, and {stated_count} by its header: is the file cut off?"
+        require(values.size == stated_count == x.size, "path", str(path), "", allowed)
+        allowed = f"{name!r}, sample {int(np.argmin(np.isfinite(values))) + 1}: is no finite number"
+        require(bool(np.isfinite(values).all()), "path", str(path), "", allowed)
+        signals[name] = _in_si(name, values.astype(float), unit, notes)
+        times.append(x)
+    same = all(x.shape == times[0].shape and np.allclose(x, times[0], rtol=1e-9, atol=0.0) for x in times)
+    require(same, "columns", names, "", "must be datasets over the same times: choose some by columns")
+    _require_even(times[0], path, lambda row: f"sample {row + 1}")
+    return _dataset(times[0], signals, notes, path)
+
+
+def _names_of(sets: Sequence[Any]) -> list[str]:
+    """A name for each dataset, by its first line or its response entity and node, none of them twice."""
+    names = list[str]()
+    for i, one in enumerate(sets, 1):
+        name = str(one.get("id1", "")).strip()
+        if not name or name.upper() == "NONE":
+            name = f"{str(one.get('rsp_ent_name', '')).strip() or 'signal'} {one.get('rsp_node', i)}"
+        names.append(name if name not in names else f"{name} {i}")
+    return names
+
+
+def _checked_uff(path: str | Path) -> int:
+    """Number of datasets 58 by the headers of a regular file that has not too many samples by them."""
+    reason, samples, lines_of_set, count, is_58 = "", 0, -1, 0, False
+    try:
+        with open_regular(path, MOST_BYTES) as file:
+            for line in file:
+                if line.strip() == b"-1":
+                    lines_of_set = 0
+                    continue
+                lines_of_set += lines_of_set >= 0
+                if lines_of_set == 1:
+                    is_58 = line.split()[:1] in ([b"58"], [b"58b"])
+                    count += is_58
+                # behind the type: five texts, the degrees of freedom, and the form of the data
+                if lines_of_set == 8 and is_58 and len(line.split()) >= 2 and line.split()[1].isdigit():
+                    samples += int(line.split()[1])
+    except OSError as error:
+        reason = error.strerror or "cannot be read"
+    if lines_of_set < 0:
+        reason = reason or "it has no dataset"
+    if samples > MOST_SAMPLES:
+        reason = f"it has {samples:,} samples by its headers, of which at most {MOST_SAMPLES:,} are read"
+    require(not reason, "path", str(path), "", f"must be a UFF file with datasets 58: {reason}")
+    return count

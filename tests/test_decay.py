@@ -1,0 +1,170 @@
+"""Damping of a free decay against records whose truth is known."""
+
+import json
+
+import numpy as np
+import pytest
+from command import femimpact
+
+import femimpact as fi
+
+TIME = 0.01 * np.arange(2000)
+
+
+def decay(*modes, noise=0.0, seed=1, time=TIME):
+    """Damped sines (Hz, ratio, amplitude, phase) with white noise, a share of the largest value."""
+    y = np.zeros(time.size)
+    for f, ratio, amplitude, phase in modes:
+        omega = 2 * np.pi * f
+        y += amplitude * np.exp(-ratio * omega * time) * np.cos(omega * np.sqrt(1 - ratio**2) * time + phase)
+    return y + noise * np.abs(y).max() * np.random.default_rng(seed).standard_normal(time.size)
+
+
+ONE = (5.3, 0.0029, 25.0, 0.3)
+CLOSE = ((5.0, 0.0029, 20.0, 0.3), (5.3, 0.004, 15.0, 1.0))
+
+
+def test_a_decay_without_noise_is_read_to_the_last_digits():
+    found = fi.identify_decay(TIME, decay(ONE) + 3.0 - 0.2 * TIME)
+    # rounding of the record, 1e-16, over the sensitivity of the fit
+    assert (found.modes[0].frequency, found.modes[0].damping_ratio) == pytest.approx((5.3, 0.0029), rel=1e-8)
+    assert found.damping_ratio == pytest.approx(np.full(len(found), 0.0029), rel=1e-3)
+    assert not found.warnings
+
+
+@pytest.mark.parametrize("noise", [0.001, 0.01])
+def test_two_close_modes_are_read_each_within_its_tolerance(noise):
+    found = fi.identify_decay(TIME, decay(*CLOSE, noise=noise), modes=2)
+    for mode, (f, ratio, *_) in zip(found.modes, CLOSE, strict=True):
+        assert mode.frequency == pytest.approx(f, rel=3e-5)
+        # three standard deviations of the noise of 1 %
+        assert mode.damping_ratio == pytest.approx(ratio, rel=0.0125)
+
+
+def test_intervals_hold_the_truth_in_nine_of_ten_records():
+    time, hits = 0.02 * np.arange(400), []
+    for seed in range(40):
+        mode = fi.identify_decay(time, decay(ONE, noise=0.05, seed=seed, time=time)).modes[0]
+        low, high = mode.damping_ratio_interval
+        if np.isfinite(low):
+            hits.append(low <= ONE[1] <= high)
+    # 90 % of 40 are 36; four standard deviations of a binomial fewer
+    assert len(hits) >= 36
+    assert sum(hits) >= 0.9 * len(hits) - 4 * np.sqrt(0.09 * len(hits))
+
+
+def test_ratio_follows_the_amplitude():
+    # a' = -z w a - k a^2: the ratio at an amplitude is z + k a/w
+    omega, z, k = 2 * np.pi * 5.3, 0.003, 0.004
+    a = 1 / ((1 / 25 + k / (z * omega)) * np.exp(z * omega * TIME) - k / (z * omega))
+    noise = 0.01 * np.random.default_rng(2).standard_normal(TIME.size)
+    found = fi.identify_decay(TIME, a * np.cos(omega * TIME) + noise)
+    # three standard deviations at the smallest amplitude, 0.01 sqrt(2/19)/2.4/sqrt(10)/(2 pi) each
+    assert found.damping_ratio == pytest.approx(z + k * found.amplitude / omega, rel=0.01, abs=2.1e-4)
+    assert np.isnan(found.modes[0].damping_ratio_interval).all()
+    assert any("no linear decay" in one for one in found.warnings)
+    # a sum of two damped sines is not offered for it
+    assert not any("modes=2" in one for one in found.warnings)
+
+
+def spoilt():
+    y = decay(ONE, noise=0.01)
+    few = np.arange(300) / 31.0
+    return {
+        "clipped, 5 consecutive samples are at 18": (TIME, np.clip(y, -18.0, 18.0)),
+        "the record has 2.1 cycles": (TIME[:40], y[:40]),
+        "has 5.85 samples": (few, decay(ONE, noise=0.01, time=few)),
+        "grows": (TIME, decay((5.3, -0.002, 1.0, 0.3), noise=0.01)),
+        "the envelope beats": (TIME, decay(*CLOSE, noise=0.01)),
+    }
+
+
+@pytest.mark.parametrize("words", spoilt())
+def test_a_record_that_bears_no_interval_has_none_and_says_why(words):
+    found = fi.identify_decay(*spoilt()[words])
+    assert any(words in one for one in found.warnings), found.warnings
+    assert np.isnan(found.modes[0].damping_ratio_interval).all()
+    assert np.isnan(found.modes[0].frequency_interval).all()
+    assert np.isnan(found.low).all()
+    assert np.isnan(found.high).all()
+
+
+def test_noise_has_no_mode_and_a_mode_too_many_is_said():
+    noise = np.random.default_rng(3).standard_normal(TIME.size)
+    found = fi.identify_decay(TIME, noise)
+    assert np.isnan(found.modes[0].frequency)
+    assert any("no decay can be told from noise" in one for one in found.warnings)
+    several = fi.identify_decay(TIME, decay(ONE, noise=0.02), modes=2)
+    assert several.modes[0].damping_ratio == pytest.approx(0.0029, rel=0.02)
+    assert np.isnan(several.modes[1].damping_ratio)
+    assert any("2 modes were asked for, and 1" in one for one in several.warnings)
+
+
+def test_two_modes_for_one_that_depends_on_the_amplitude_have_no_interval():
+    omega = 2 * np.pi * 5.3
+    y = np.maximum(25.0 - 1.2 * TIME, 0.0) * np.cos(omega * TIME)
+    y += 0.3 * np.random.default_rng(4).standard_normal(TIME.size)
+    found = fi.identify_decay(TIME, y, modes=2)
+    assert found.warnings
+    assert all(np.isnan(mode.damping_ratio_interval).all() for mode in found.modes)
+
+
+def test_units_and_scale_change_nothing():
+    a, b = (fi.identify_decay(TIME, s * decay(ONE, noise=0.01)) for s in (1.0, 1e-3))
+    assert b.modes[0].damping_ratio == pytest.approx(a.modes[0].damping_ratio, rel=1e-9)
+    assert b.amplitude == pytest.approx(1e-3 * a.amplitude, rel=1e-9)
+    assert b.low == pytest.approx(a.low, rel=1e-9)
+
+
+def test_coarse_samples_of_a_decay_are_not_clipped():
+    time = 0.002 * np.arange(8000)
+    step = 50 / 2**12
+    found = fi.identify_decay(time, step * np.round(decay(ONE, noise=0.001, time=time) / step))
+    assert found.modes[0].damping_ratio == pytest.approx(0.0029, rel=0.01)
+    assert not found.warnings
+
+
+@pytest.mark.parametrize(
+    ("time", "signal", "words"),
+    [
+        (TIME, np.ones(TIME.size), "must not be constant"),
+        (TIME**2, decay(ONE), "must be evenly spaced"),
+        (-TIME, decay(ONE), "must be evenly spaced"),
+        (TIME, decay(ONE)[1:], "must be as long as time"),
+        (TIME[:10], decay(ONE)[:10], "at least 16"),
+        (TIME, np.where(TIME == 3.0, np.nan, decay(ONE)), "finite"),
+    ],
+)
+def test_bad_records_are_refused_in_one_line(time, signal, words):
+    with pytest.raises(fi.InputError, match=words) as refused:
+        fi.identify_decay(time, signal)
+    assert "\n" not in str(refused.value)
+
+
+def test_figure_report_and_table(tmp_path):
+    found = fi.identify_decay(TIME, decay(ONE, noise=0.01))
+    axes = fi.figures.decay(found, ax=fi.figures.OffScreen())
+    assert axes.get_ylabel() == "damping ratio (%)"
+    frame = found.to_pandas()
+    assert frame["damping_ratio"].to_numpy() == pytest.approx(found["damping_ratio"])
+    assert frame.attrs["units"]["frequency"] == "Hz"
+    page = fi.report(tmp_path / "decay.html", {"Ring-down": found}).read_text(encoding="utf-8")
+    assert "90% interval" in page
+    assert "DecayEstimate: 1 mode" in repr(found)
+
+
+def test_command_identifies_and_names_what_it_took(tmp_path):
+    rows = "".join(f"{t:.2f};{y:.6f};0\n".replace(".", ",") for t, y in zip(TIME, decay(ONE, noise=0.01), strict=True))
+    (tmp_path / "a.csv").write_text("Zeit;Weg;Kraft\ns;mm;N\n" + rows, encoding="utf-8")
+    several = femimpact("identify", "a.csv", cwd=tmp_path, check=False)
+    assert (several.returncode, several.stderr.count("\n")) == (2, 1)
+    assert "'Weg', 'Kraft'" in several.stderr
+    done = femimpact("identify", "a.csv", "--column", "Weg", "-o", "found", cwd=tmp_path, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "'Weg' is in mm, taken as 0.001 m" in done.stdout
+    found = json.loads((tmp_path / "found" / "identify.json").read_text())
+    assert found["modes"][0]["damping_ratio"] == pytest.approx(0.0029, rel=0.01)
+    assert found["units"]["amplitude"] == "m"
+    assert (tmp_path / "found" / "identify.png").stat().st_size > 0
+    again = femimpact("identify", "a.csv", "--column", "Weg", "-o", "found", cwd=tmp_path, check=False)
+    assert again.returncode == 2

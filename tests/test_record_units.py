@@ -1,0 +1,129 @@
+"""Records with units: what a header says is applied, said, compared or refused."""
+
+import os
+
+import numpy as np
+import pytest
+
+import femimpact as fi
+
+ROWS = "".join(f"{0.01 * i:.2f},{np.cos(i):.5f}\n" for i in range(20))
+VALUES = np.array([round(np.cos(i), 5) for i in range(20)])
+GERMAN = ROWS.replace(",", ";").replace(".", ",")
+HEADERS = ["time,tip\ns,mm\n", "time [s],tip [mm]\n", "# time (s), tip (mm)\n", "s,mm\n", "[s],[mm]\n", "t,tip (mm)\n"]
+
+
+def written(tmp_path, text, name="record.csv"):
+    path = tmp_path / name
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("header", HEADERS)
+def test_units_of_a_header_are_applied_and_said(tmp_path, header):
+    found = fi.read_record(written(tmp_path, header + ROWS))
+    (name,) = found.data_vars
+    assert found[name].attrs["units"] == "m"
+    # one rounding of the product
+    np.testing.assert_allclose(found[name], 1e-3 * VALUES, rtol=1e-15)
+    assert any("in mm, taken as 0.001 m" in note for note in found.attrs["notes"])
+
+
+def test_decimal_commas_words_and_a_trailing_mark(tmp_path):
+    text = "Messung;Balken\nRate;100\nZeit [s];Weg [mm];\n" + GERMAN.replace("\n", ";\n")
+    found = fi.read_record(written(tmp_path, text))
+    np.testing.assert_allclose(found["Weg"], 1e-3 * VALUES, rtol=1e-15)
+    assert found["time"].to_numpy() == pytest.approx(0.01 * np.arange(20))
+
+
+def test_no_header_and_no_time(tmp_path):
+    plain = fi.read_record(written(tmp_path, ROWS))
+    assert plain["column 1"].attrs["units"] == ""
+    alone = written(tmp_path, "".join(f"{value}\n" for value in VALUES), "alone.csv")
+    found = fi.read_record(alone, sample_rate=50.0, units=("mm",))
+    assert found["time"].to_numpy() == pytest.approx(0.02 * np.arange(20))
+    np.testing.assert_allclose(found["column 0"], 1e-3 * VALUES, rtol=1e-15)
+    with pytest.raises(fi.InputError, match="or give sample_rate"):
+        fi.read_record(alone)
+    with pytest.raises(fi.InputError, match="decimal"):
+        fi.read_record(written(tmp_path, alone.read_text().replace(".", ",")), sample_rate=50.0)
+
+
+LINES = ROWS.splitlines()
+DAMAGED = {
+    "line 9: the time leaves a gap": [*LINES[:7], *LINES[8:]],
+    "line 8, column 1: a text is no finite number": [*LINES[:6], "0.06,nan", *LINES[7:]],
+    "line 2, column 1: a text is no finite number": ["0.00,nan", *LINES[1:]],
+    "line 5, column 1: nothing is no finite number": [*LINES[:3], "0.03", *LINES[4:]],
+    "line 8: the time does not rise": [*LINES[:6], LINES[5], *LINES[7:]],
+    "more numbers than the header has names": [line.replace(".", ",") for line in LINES],
+}
+
+
+@pytest.mark.parametrize("words", DAMAGED)
+def test_damage_is_one_line_with_its_row(tmp_path, words):
+    with pytest.raises(fi.InputError, match=words.replace(":", ".*")) as refused:
+        fi.read_record(written(tmp_path, "time,tip\n" + "\n".join(DAMAGED[words])))
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="has no pipes")
+def test_pipe_device_folder_and_nothing_are_refused(tmp_path):
+    os.mkfifo(tmp_path / "pipe.csv")
+    os.mkfifo(tmp_path / "pipe.uff")
+    for path in (tmp_path / "pipe.csv", tmp_path / "pipe.uff", "/dev/zero", tmp_path, tmp_path / "none.csv"):
+        with pytest.raises(fi.InputError) as refused:
+            fi.read_record(path)
+        assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("name", ["record.csv", "record.uff"])
+def test_what_is_written_is_read(tmp_path, name):
+    if name.endswith("uff"):
+        pytest.importorskip("pyuff")
+    record = fi.read_record(written(tmp_path, "time,tip,force\ns,mm,N\n" + ROWS.replace("\n", ",1.5\n"), "in.csv"))
+    found = fi.read_record(fi.write_record(tmp_path / name, record))
+    assert list(found.data_vars) == list(record.data_vars)
+    for each in record.data_vars:
+        # UFF has 12 digits
+        np.testing.assert_allclose(found[each], record[each], rtol=1e-11)
+        assert found[each].attrs["units"] == record[each].attrs["units"]
+    np.testing.assert_allclose(found["time"], record["time"], rtol=1e-5)
+
+
+# pyuff leaves the file of what it has written to the garbage collector
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning", "ignore:unclosed file:ResourceWarning")
+def test_damaged_uff_files_are_refused(tmp_path):
+    pyuff = pytest.importorskip("pyuff")
+    record = fi.read_record(written(tmp_path, "time,tip,force\ns,mm,N\n" + ROWS.replace("\n", ",1.5\n"), "in.csv"))
+    text = fi.write_record(tmp_path / "whole.uff", record).read_text()
+    half = len(text) // 2
+    damaged = {
+        "no dataset": "", "no dataset ": ROWS, "can be read": text[: half // 2], "cut off": text[: half + half // 2],
+        "20,000,020 samples": text.replace("        20", "  20000000", 1),
+    }  # fmt: skip
+    for words, content in damaged.items():
+        with pytest.raises(fi.InputError, match=words.strip()):
+            fi.read_record(written(tmp_path, content, "damaged.uff"))
+    one = pyuff.UFF(str(tmp_path / "whole.uff")).read_sets()[0]
+    pyuff.UFF(str(tmp_path / "binary.uff")).write_sets({**one, "binary": 1}, "add")
+    found = fi.read_record(tmp_path / "binary.uff")
+    # of the text it was made from
+    np.testing.assert_allclose(found["tip"], record["tip"], rtol=1e-11)
+
+
+def test_base_from_csv_takes_the_unit_of_its_header(tmp_path):
+    g = written(tmp_path, "time,acc\ns,g\n" + ROWS, "g.csv")
+    plain = fi.RecordedBase.from_csv(written(tmp_path, ROWS, "plain.csv"))
+    for columns in ((0, 1), ("time", "acc")):
+        found = fi.RecordedBase.from_csv(g, columns=columns)
+        np.testing.assert_allclose(found.samples, 9.80665 * plain.samples, rtol=1e-15)
+        assert "g taken as 9.80665 m/s^2" in found.note
+    assert plain.note == ""
+    with pytest.raises(fi.InputError, match=r"mm by its header: must be in a unit of m/s\^2"):
+        fi.RecordedBase.from_csv(written(tmp_path, "time,acc\ns,mm\n" + ROWS))
+    with pytest.warns(fi.InputWarning, match="'g' in the header"):
+        assert fi.RecordedBase.from_csv(g, scale=2.0).samples.tolist() == (2.0 * plain.samples).tolist()
+    assert fi.RecordedBase.from_csv(g, scale=9.80665).note == ""
+    milliseconds = fi.RecordedBase.from_csv(written(tmp_path, "time,acc\nms,m/s^2\n" + ROWS))
+    assert milliseconds.interval == pytest.approx(1e-5)
