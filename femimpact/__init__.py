@@ -101,6 +101,9 @@ if TYPE_CHECKING:
     from femimpact.parametric import load_parameter_study as load_parameter_study
     from femimpact.parametric import parameter_study as parameter_study
     from femimpact.parametric import run_case as run_case
+    from femimpact.parametric.measured_peaks import CalibratedParameter as CalibratedParameter
+    from femimpact.parametric.measured_peaks import Calibration as Calibration
+    from femimpact.parametric.measured_peaks import calibrate as calibrate
     from femimpact.refinement import Refinement as Refinement
     from femimpact.refinement import refine as refine
     from femimpact.response.energy import EnergyLedger as EnergyLedger
@@ -186,6 +189,7 @@ _MODULES = {
         "AxisMargin", "BestCase", "BestDesign", "ParameterStudy", "StudyProgress", "best_case", "load_parameter_study",
         "parameter_study", "run_case",
     ),
+    "parametric.measured_peaks": ("CalibratedParameter", "Calibration", "calibrate"),
     "refinement": ("Refinement", "refine"),
     "response.energy": ("EnergyLedger",),
     "response.history": ("HistoryPiece", "StroboscopicSection"),

@@ -25,14 +25,40 @@ from femimpact.export.figures.orders import (
 )
 from femimpact.export.figures.portraits import bifurcation, motion, phase_portrait
 from femimpact.export.figures.shapes import beam_mesh, mode_shapes
-from femimpact.export.figures.studies import study_lines, study_map, study_maps, study_scatter
+from femimpact.export.figures.studies import calibration, study_lines, study_map, study_maps, study_scatter
 
 __all__ = [
-    "COLOURS", "STYLE", "OffScreen", "amplitude_spectrum", "beam_mesh", "bifurcation", "collision_history",
-    "contact_force", "contact_laws", "convergence", "convergence_panels", "cycle_averaged_force", "energies",
-    "impact_histograms", "impulse_phase", "mesh_convergence", "mode_convergence", "mode_shapes", "motion",
-    "phase_portrait", "response_curve", "restitution_scan", "save_figure", "spectrum", "step_convergence",
-    "study_lines", "study_map", "study_maps", "study_scatter", "value_map",
+    "COLOURS",
+    "STYLE",
+    "OffScreen",
+    "amplitude_spectrum",
+    "beam_mesh",
+    "bifurcation",
+    "calibration",
+    "collision_history",
+    "contact_force",
+    "contact_laws",
+    "convergence",
+    "convergence_panels",
+    "cycle_averaged_force",
+    "energies",
+    "impact_histograms",
+    "impulse_phase",
+    "mesh_convergence",
+    "mode_convergence",
+    "mode_shapes",
+    "motion",
+    "phase_portrait",
+    "response_curve",
+    "restitution_scan",
+    "save_figure",
+    "spectrum",
+    "step_convergence",
+    "study_lines",
+    "study_map",
+    "study_maps",
+    "study_scatter",
+    "value_map",
 ]  # fmt: skip
 
 
