@@ -311,7 +311,7 @@ EXAMPLES = {
     "Kinds of motion": ("sticking_ball", "bifurcation", "up_and_down_sweep", "preloaded_stop"),
     "Motions of a shaker": ("base_from_csv", "chirps_at_walls", "half_sine_shock", "random_vibration"),
     "Beams and modes": ("tapered_blade", "spring_between_places"),
-    "Measured curves": ("damping_from_a_curve", "laser_at_midspan"),
+    "Measured curves": ("damping_from_a_curve", "restitution_of_a_test", "laser_at_midspan"),
     "Accuracy": ("mesh_convergence", "step_size"),
 }  # fmt: skip
 """Headings of the gallery, and the examples below each in their order."""
