@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from femimpact.arrays import Array
-from femimpact.errors import kind_of, quantity, real_array, require, takes
+from femimpact.errors import column, kind_of, quantity, require, takes
 from femimpact.export.tables import unit_text
 from femimpact.parametric.paths import bounds_of_axis
 from femimpact.parametric.verb import parameter_study
@@ -129,6 +129,8 @@ class Calibration:
 
 
 @takes(
+    frequency=column("Hz", "n", finite=True),
+    peak=column("m", "n", finite=True),
     noise=quantity("1", above=0.0, at_most=1.0),
     starts=quantity("1", at_least=2, at_most=1000, integer=True),
     cycles=quantity("1", at_least=3, integer=True),
@@ -204,14 +206,15 @@ def calibrate(
     >>> found.posterior.sizes
     Frozen({'impactor.ball.contact.restitution': 121})
     """
-    frequencies, peaks = (_measured("frequency", frequency, "Hz"), _measured("peak", peak, "m"))
+    frequencies, peaks = np.asarray(frequency), np.asarray(peak)
+    for name, values, unit in (("frequency", frequencies, "Hz"), ("peak", peaks, "m")):
+        require(bool((values > 0.0).all()), name, values.tolist(), unit, "must be above 0")
     given = isinstance(parameters, Mapping) and len(parameters) in (1, 2)
     require(given, "parameters", kind_of(parameters), "", "must be the bounds of one or two parameters by their paths")
     require(FREQUENCY not in parameters, "parameters", FREQUENCY, "", "must not be named: frequency gives its values")
     bounds = {name: bounds_of_axis(f"parameters.{name}", value) for name, value in parameters.items()}
     least = len(bounds) + 1
     require(frequencies.size >= least, "frequency", f"{frequencies.size} values", "", f"must be {least} or more")
-    require(peaks.size == frequencies.size, "peak", f"{peaks.size} values", "", f"must be {frequencies.size} values")
     unique, which = np.unique(frequencies, return_inverse=True)
     axes: dict[str, Any] = {
         name: np.linspace(*ends, nodes).tolist() for (name, ends), nodes in zip(bounds.items(), NODES, strict=False)
@@ -222,14 +225,6 @@ def calibrate(
         directory=directory, **{name: value for name, value in known.items() if value is not None}, **more,
     )  # fmt: skip
     return _calibration(dataset, list(bounds), frequencies, peaks, np.ravel(which), noise)
-
-
-def _measured(name: str, value: Any, unit: str) -> Array:
-    """Measured numbers (n,)."""
-    allowed = "must be an array (n,) of numbers above 0"
-    values = real_array(name, value, unit, allowed)
-    require(values.ndim == 1 and bool((values > 0.0).all()), name, values.tolist(), unit, allowed)
-    return values
 
 
 def _calibration(

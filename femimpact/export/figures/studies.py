@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.arrays import Array
-from femimpact.errors import require, require_name, require_type, takes, text
+from femimpact.errors import having, require, require_name, require_type, takes, text
 from femimpact.export.figures.drawing import (
     BLUE,
     DARK,
@@ -36,8 +36,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.colors import Normalize
     from matplotlib.figure import FigureBase
-
-    from femimpact.parametric.measured_peaks import Calibration
 
 
 MOST_NUMBERS = 120
@@ -396,7 +394,10 @@ def _map_legend(axis: Axes, dataset: xarray.Dataset, measure: str) -> None:
     legend_above(axis, entries)
 
 
-def calibration(result: Calibration, *, title: str = "", figure: FigureBase | OffScreen | None = None) -> Any:
+@takes(
+    result=having("what calibrate returns", ("posterior", "parameters", "frequency", "peak", "fitted")), title=text()
+)
+def calibration(result: Any, *, title: str = "", figure: FigureBase | OffScreen | None = None) -> Any:
     """The posterior of the parameters, and the measured peaks beside those at its medians.
 
     Parameters
@@ -429,7 +430,7 @@ def calibration(result: Calibration, *, title: str = "", figure: FigureBase | Of
     return axes
 
 
-def _posterior(axis: Axes, result: Calibration) -> None:
+def _posterior(axis: Axes, result: Any) -> None:
     """Density of one parameter as a line, of two as a map, with median and intervals."""
     density, found = result.posterior, result.parameters
     scales = [prefixed(float(np.abs(density[one.path]).max()), one.unit) for one in found]
