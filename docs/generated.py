@@ -327,7 +327,7 @@ EXAMPLES = {
         "transmissibility",
     ),
     "Beams and modes": ("tapered_blade", "spring_between_places"),
-    "Measured curves": ("damping_from_a_curve", "ring_down", "laser_at_midspan"),
+    "Measured curves": ("damping_from_a_curve", "ring_down", "restitution_of_a_test", "laser_at_midspan"),
     "Accuracy": ("mesh_convergence", "step_size"),
 }  # fmt: skip
 """Headings of the gallery, and the examples below each in their order."""

@@ -108,6 +108,9 @@ if TYPE_CHECKING:
     from femimpact.parametric import load_parameter_study as load_parameter_study
     from femimpact.parametric import parameter_study as parameter_study
     from femimpact.parametric import run_case as run_case
+    from femimpact.parametric.measured_peaks import CalibratedParameter as CalibratedParameter
+    from femimpact.parametric.measured_peaks import Calibration as Calibration
+    from femimpact.parametric.measured_peaks import calibrate as calibrate
     from femimpact.parametric.planned_test import Preflight as Preflight
     from femimpact.parametric.planned_test import PreflightRow as PreflightRow
     from femimpact.parametric.planned_test import preflight as preflight
@@ -206,6 +209,7 @@ _MODULES = {
         "AxisMargin", "BestCase", "BestDesign", "ParameterStudy", "StudyProgress", "best_case", "load_parameter_study",
         "parameter_study", "run_case",
     ),
+    "parametric.measured_peaks": ("CalibratedParameter", "Calibration", "calibrate"),
     "parametric.planned_test": ("Preflight", "PreflightRow", "preflight"),
     "refinement": ("Refinement", "refine"),
     "response.energy": ("EnergyLedger",),

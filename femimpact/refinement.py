@@ -17,6 +17,7 @@ from femimpact.errors import Fault, InputError, in_range, kind_of, quantity, req
 from femimpact.errors import checked as checked_value
 from femimpact.parametric import StudyProgress, parameter_study
 from femimpact.parametric.measures import MEASURES
+from femimpact.parametric.paths import bounds_of_axis
 from femimpact.progress import draws_progress
 from femimpact.study.best_case import (
     FREQUENCY,
@@ -218,10 +219,7 @@ def _bounds(name: str, value: Any) -> tuple[float, float]:
     """Lowest and highest value of an axis that is searched."""
     allowed = "is no choice of a design: name it in worst_over, or give its value with the study"
     require(not name.startswith(NO_DESIGN), f"axes.{name}", value, "", allowed)
-    two = isinstance(value, (tuple, list)) and len(value) == 2
-    two = two and all(in_range(end, quantity("")) for end in value) and value[0] < value[1]
-    require(two, f"axes.{name}", value, "", "must be (low, high), two numbers with low < high")
-    return float(value[0]), float(value[1])
+    return bounds_of_axis(f"axes.{name}", value)
 
 
 def _sobol(count: int, axes: int, seed: int) -> Array:

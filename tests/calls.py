@@ -43,6 +43,13 @@ def studied(axes: int) -> object:
     return fi.parameter_study(**{**parameter_study(), "axes": given, "starts": 5})
 
 
+@cache
+def calibrated() -> fi.Calibration:
+    bounds = {"impactor.ball.gap": (1e-3, 2e-3), "impactor.ball.contact.restitution": (0.4, 0.6)}
+    more = {"starts": 2, "cycles": 3, "excitation": fi.Sine(1e-3, 5.0)}
+    return fi.calibrate(small(), [5.0, 5.1, 5.2], [1e-3, 2e-3, 1e-3], bounds, **more)
+
+
 def studied_directory() -> str:
     fi.parameter_study(**parameter_study(), directory="studied")
     return "studied"
@@ -150,6 +157,7 @@ FIGURES = {
         "bands": [("starts", [5.0, 6.0], [1e-3, 2e-3], [2e-3, 3e-3])],
         "join_all": True, "ax": SHEET,
     },
+    "calibration": lambda: {"result": calibrated(), "title": "title", "figure": SHEET},
     "restitution_scan": lambda: {
         "scans": [("start", NOUNS["RestitutionScan"]())], "peak_frequency": 5.0, "amplitude_ratio": 4.0,
         "figure": SHEET,

@@ -320,6 +320,11 @@ VERBS = {
         "system": fi.without_impactors(small()), "amplitude": 1e-4, "frequencies": [5.0, 6.0],
         "method": fi.Newmark(1e-3, allow_coarse_step=True), "duration": 2.0, "window": 1.0, "threads": 1,
     }),
+    "calibrate": (fi.calibrate, lambda: {
+        "study": small(), "frequency": [5.0, 5.1, 5.2], "peak": [1e-3, 1e-3, 1e-3],
+        "parameters": {"impactor.ball.gap": (1e-3, 2e-3)}, "excitation": fi.Sine(1e-3, 5.0), "noise": 0.02,
+        "starts": 2, "seed": 0, "cycles": 3,
+    }),
     "refine": (fi.refine, lambda: {
         "study": small(), "measure": "peak", "axes": {"impactor.ball.gap": (1e-3, 2e-3)}, "worst_over": (),
         "limits": {"peak": 1.0}, "rounds": 0, "starts": 1, "seed": 0, "excitation": fi.Sine(1e-4, 5.0), "cycles": 3,
@@ -462,7 +467,7 @@ VERBS = {
 
 OTHERS = {
     "ALUMINIUM", "STEEL", "AxisMargin", "BestCase", "BestDesign", "ContactLaw", "ContactParameters", "DivergenceError",
-    "Preflight", "PreflightRow", "Refinement",
+    "CalibratedParameter", "Calibration", "Preflight", "PreflightRow", "Refinement",
     "FemimpactError", "InputError", "InputWarning", "StudyResults", "__version__", "figures", "load_parameter_study",
     "ShockResponseSpectrum", "Spectrum", "TransferFunction", "report", "show_versions", "write_movie",
 }  # fmt: skip

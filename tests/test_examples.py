@@ -360,6 +360,17 @@ def test_the_fit_reads_the_damping_from_points_too_few_for_the_half_power_width(
     assert half[1].ratio == pytest.approx(0.0029, rel=0.05)
 
 
+def test_a_calibration_holds_the_restitution_and_the_gap_of_its_test():
+    module = load("restitution_of_a_test")
+    damping, found = module.main(np.linspace(4.4, 5.6, 5), starts=3)
+    # 2 % of noise on 21 peaks
+    assert damping.ratio == pytest.approx(0.0029, rel=0.1)
+    for one, truth in zip(found.parameters, (module.GAP, module.RESTITUTION), strict=True):
+        low, high = module.BOUNDS[one.path]
+        # a third of the bounds to each side is more than three of the standard errors that the calibrations have
+        assert one.median == pytest.approx(truth, abs=(high - low) / 3)
+
+
 def test_from_rest_in_space_the_ball_is_not_met_where_the_beam_moves_less_than_the_gap():
     module = load("two_starts")
     curves = module.main(points=3, cycles=100)

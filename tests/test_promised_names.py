@@ -121,10 +121,10 @@ FILE_NAMES = """
 """
 MODULES = {
     "femimpact.export.figures": """
-        COLOURS STYLE OffScreen amplitude_spectrum beam_mesh bifurcation collision_history contact_force contact_laws
-        convergence convergence_panels cycle_averaged_force energies impact_histograms impulse_phase mesh_convergence
-        mode_convergence mode_shapes motion phase_portrait response_curve restitution_scan save_figure spectrum
-        step_convergence study_lines study_map study_maps study_scatter value_map
+        COLOURS STYLE OffScreen amplitude_spectrum beam_mesh bifurcation calibration collision_history contact_force
+        contact_laws convergence convergence_panels cycle_averaged_force energies impact_histograms impulse_phase
+        mesh_convergence mode_convergence mode_shapes motion phase_portrait response_curve restitution_scan
+        save_figure spectrum step_convergence study_lines study_map study_maps study_scatter value_map
     """,
     "femimpact.export.history": "history_writer",
     "femimpact.export.movie": "gl_window write_movie",

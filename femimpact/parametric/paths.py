@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from femimpact.errors import Fault, InputError, require, suggestion
+from femimpact.errors import Fault, InputError, in_range, quantity, require, suggestion
 from femimpact.fem.assembly import assemble, assembled_with_modes
 from femimpact.fem.mesh import Mesh
 from femimpact.integrators.event_driven import EventDriven
@@ -281,6 +281,14 @@ def _item_with(item: Any, name: str, value: Any) -> Any:
     if name.startswith("contact."):
         return replace(item, contact=replace(item.contact, **{name.removeprefix("contact."): value}))
     return replace(item, **{name: value})
+
+
+def bounds_of_axis(key: str, value: Any) -> tuple[float, float]:
+    """Lowest and highest value of an axis that is searched, as (low, high)."""
+    two = isinstance(value, (tuple, list)) and len(value) == 2
+    two = two and all(in_range(end, quantity("")) for end in value) and value[0] < value[1]
+    require(two, key, value, "", "must be (low, high), two numbers with low < high")
+    return float(value[0]), float(value[1])
 
 
 def unknown_path(path: str, known: Mapping[str, Place], of_system: bool) -> Fault:

@@ -20,15 +20,16 @@ from femimpact.export.figures.orders import (
 from femimpact.export.figures.portraits import bifurcation, motion, phase_portrait
 from femimpact.export.figures.shapes import beam_mesh, mode_shapes
 from femimpact.export.figures.spectra import shock_response_spectrum, spectrum, transfer_function
-from femimpact.export.figures.studies import study_lines, study_map, study_maps, study_scatter
+from femimpact.export.figures.studies import calibration, study_lines, study_map, study_maps, study_scatter
 from femimpact.spectra import amplitude_spectrum
 
 __all__ = [
-    "COLOURS", "STYLE", "OffScreen", "amplitude_spectrum", "beam_mesh", "bifurcation", "collision_history",
-    "contact_force", "contact_laws", "convergence", "convergence_panels", "cycle_averaged_force", "decay", "energies",
-    "impact_histograms", "impulse_phase", "mesh_convergence", "mode_convergence", "mode_shapes", "motion",
-    "phase_portrait", "response_curve", "restitution_scan", "save_figure", "shock_response_spectrum", "spectrum",
-    "step_convergence", "study_lines", "study_map", "study_maps", "study_scatter", "transfer_function", "value_map",
+    "COLOURS", "STYLE", "OffScreen", "amplitude_spectrum", "beam_mesh", "bifurcation", "calibration",
+    "collision_history", "contact_force", "contact_laws", "convergence", "convergence_panels",
+    "cycle_averaged_force", "decay", "energies", "impact_histograms", "impulse_phase", "mesh_convergence",
+    "mode_convergence", "mode_shapes", "motion", "phase_portrait", "response_curve", "restitution_scan", "save_figure",
+    "shock_response_spectrum", "spectrum", "step_convergence", "study_lines", "study_map", "study_maps",
+    "study_scatter", "transfer_function", "value_map",
 ]  # fmt: skip
 
 

@@ -8,8 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.arrays import Array
-from femimpact.errors import require, require_name, require_type, takes, text
-from femimpact.export.figures.drawing import BLUE, DARK, GREEN, OffScreen, legend_above, panel, panels, prefixed
+from femimpact.errors import having, require, require_name, require_type, takes, text
+from femimpact.export.figures.drawing import (
+    BLUE,
+    DARK,
+    GREEN,
+    OffScreen,
+    legend_above,
+    panel,
+    panels,
+    plain_log_ticks,
+    prefixed,
+)
 from femimpact.export.tables import (
     OUTLINE,
     OUTLINED,
@@ -412,3 +422,66 @@ def _map_legend(axis: Axes, dataset: xarray.Dataset, measure: str) -> None:
         corner = [(-1, 1), (1, 1), (-1, -1)]
         entries.append(Line2D([], [], color=DARK, marker=corner, markersize=7.0, linestyle="none", label=UNSURE))
     legend_above(axis, entries)
+
+
+@takes(
+    result=having("what calibrate returns", ("posterior", "parameters", "frequency", "peak", "fitted")), title=text()
+)
+def calibration(result: Any, *, title: str = "", figure: FigureBase | OffScreen | None = None) -> Any:
+    """The posterior of the parameters, and the measured peaks beside those at its medians.
+
+    Parameters
+    ----------
+    result : Calibration
+        Of `calibrate`.
+    title : str
+    figure : Figure, optional
+        Drawn on; a new one of pyplot's by default.
+
+    Returns
+    -------
+    ndarray (2,) of Axes
+    """
+    axes = panels(figure, 11.0, 4.8, 1, 2)[0]
+    _posterior(axes[0], result)
+    axis, low, high = axes[1], 1e3 * result.fitted_low, 1e3 * result.fitted_high
+    order = np.argsort(result.frequency)
+    x = result.frequency[order]
+    words = "90 % of measured peaks"
+    axis.fill_between(x, low[order], high[order], color=BLUE, alpha=0.18, linewidth=0.0, label=words)
+    axis.plot(x, 1e3 * result.fitted[order], color=BLUE, label="fitted, median over the starts")
+    axis.plot(x, 1e3 * result.peak[order], "o", color=DARK, markersize=4.0, label="measured")
+    axis.set_yscale("log")
+    plain_log_ticks(axis.yaxis)
+    axis.set(xlabel="base frequency (Hz)", ylabel="peak (mm)")
+    axes[0].set_title(title, loc="left")
+    for each in axes:
+        legend_above(each)
+    return axes
+
+
+def _posterior(axis: Axes, result: Any) -> None:
+    """Density of one parameter as a line, of two as a map, with median and intervals."""
+    density, found = result.posterior, result.parameters
+    scales = [prefixed(float(np.abs(density[one.path]).max()), one.unit) for one in found]
+    labels = [
+        _label(str(density[one.path].attrs["long_name"]), unit, 1) for one, (_, unit) in zip(found, scales, strict=True)
+    ]
+    medians = [factor * one.median for one, (factor, _) in zip(found, scales, strict=True)]
+    x = scales[0][0] * density[found[0].path].to_numpy()
+    ends = [(factor * one.low, factor * one.high) for one, (factor, _) in zip(found, scales, strict=True)]
+    if len(found) == 1:
+        axis.plot(x, density.to_numpy() / scales[0][0], color=BLUE, label="posterior")
+        axis.axvspan(*ends[0], color=BLUE, alpha=0.18, label="90 % interval")
+        axis.axvline(medians[0], color=DARK, label="median")
+        axis.set(xlabel=labels[0], ylabel=f"density (1/{scales[0][1]})" if scales[0][1] != "1" else "density")
+        return
+    y = scales[1][0] * density[found[1].path].to_numpy()
+    axis.pcolormesh(x, y, density.to_numpy().T, cmap="cividis", shading="nearest", rasterized=True)
+    off = [np.array([[middle - low], [high - middle]]) for middle, (low, high) in zip(medians, ends, strict=True)]
+    axis.errorbar(
+        medians[0], medians[1], xerr=off[0], yerr=off[1], fmt="o", color="white", markersize=5.0, capsize=4.0,
+        label="white: median and 90 % intervals",
+    )  # fmt: skip
+    axis.grid(False)
+    axis.set(xlabel=labels[0], ylabel=labels[1])

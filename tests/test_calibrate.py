@@ -1,0 +1,169 @@
+"""Parameters from measured peaks: oscillators in closed form, what peaks cannot tell, and damaged input."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from builders import oscillator
+from scipy.stats import t
+
+import femimpact as fi
+from femimpact.errors import InputError
+
+LEVEL, NATURAL, RATIO = 1e-3, 5.0, 0.05
+FREQUENCIES = np.linspace(4.0, 6.0, 9)
+DRIVE: dict[str, Any] = {"excitation": fi.Sine(LEVEL, 5.0), "cycles": 60, "starts": 2, "at": None}
+"""After 40 cycles a transient of e^(-2 pi 0.05 40) = 3e-6 is left at a damping ratio of 5 %."""
+
+
+def oscillator_of(natural: float, ratio: float) -> fi.System:
+    """An oscillator of a natural frequency (Hz) and a damping ratio."""
+    omega = 2.0 * np.pi * natural
+    return oscillator(omega**2, 2.0 * ratio * omega)
+
+
+def damped(ratio: float) -> fi.System:
+    """An oscillator of 5 Hz."""
+    return oscillator_of(NATURAL, ratio)
+
+
+def relative_peak(frequency: Any, natural: Any = NATURAL, ratio: Any = RATIO) -> Any:
+    """Steady peak (m) relative to the base, r^2/|1 - r^2 + 2 i zeta r| of the base's amplitude."""
+    r = frequency / natural
+    return LEVEL * r**2 / np.abs(1.0 - r**2 + 2j * ratio * r)
+
+
+PEAKS = relative_peak(FREQUENCIES)
+BOUNDS = {"natural": (4.7, 5.3), "ratio": (0.03, 0.07)}
+
+
+def test_the_posterior_of_one_parameter_is_that_of_the_closed_form() -> None:
+    found = fi.calibrate(damped, FREQUENCIES, PEAKS, {"ratio": (0.03, 0.07)}, **DRIVE)
+    # no spread of starts: 2 % of noise and 3 % of the interpolation are left
+    sigma = np.hypot(0.02, 0.03)
+    ratio = np.linspace(0.03, 0.07, 4001)
+    misfit = np.log(PEAKS[:, None] / relative_peak(FREQUENCIES[:, None], ratio=ratio)) / sigma
+    share = np.cumsum(np.exp(t.logpdf(misfit, 4).sum(axis=0)))
+    expected = np.interp([0.05, 0.5, 0.95], share / share[-1], ratio)
+    (one,) = found.parameters
+    # ln(peak) is bent by at most h^2/(8 zeta^2) = 0.0015 between 13 values of the ratio: 0.04 of sigma
+    assert [one.low, one.median, one.high] == pytest.approx(expected, abs=0.05 * (expected[2] - expected[0]))
+    assert float(found.posterior.integrate("ratio")) == pytest.approx(1.0, rel=1e-12)
+    # without noise nothing is left but the interpolation
+    assert found.misfit < 0.1
+    assert found.notes == ()
+
+
+def test_two_parameters_are_found_together_and_in_any_order_of_the_peaks() -> None:
+    found = fi.calibrate(oscillator_of, FREQUENCIES, PEAKS, BOUNDS, **DRIVE)
+    for one, truth in zip(found.parameters, (NATURAL, RATIO), strict=True):
+        assert one.low < truth < one.high
+        assert one.bound == ""
+    order = np.random.default_rng(1).permutation(FREQUENCIES.size)
+    other = fi.calibrate(oscillator_of, FREQUENCIES[order], PEAKS[order], BOUNDS, **DRIVE)
+    # sums of nine terms in another order
+    assert [one.median for one in other.parameters] == pytest.approx([one.median for one in found.parameters], rel=1e-9)
+    assert other.fitted == pytest.approx(found.fitted[order], rel=1e-9)
+    assert str(found).count("90 % interval") == 2
+
+
+def test_peaks_that_are_measured_twice_count_twice() -> None:
+    once = fi.calibrate(damped, FREQUENCIES, PEAKS, {"ratio": (0.03, 0.07)}, **DRIVE).parameters[0]
+    twice = fi.calibrate(
+        damped, np.tile(FREQUENCIES, 2), np.tile(PEAKS, 2), {"ratio": (0.03, 0.07)}, **DRIVE
+    ).parameters[0]
+    # twice the information: the width falls by the square root of two for a density that is nearly normal
+    assert (twice.high - twice.low) / (once.high - once.low) == pytest.approx(2**-0.5, rel=0.06)
+
+
+def test_what_the_peaks_cannot_tell_is_said() -> None:
+    def scaled(factor: float, ratio: float) -> fi.System:
+        # at resonance the peak is that of factor/ratio alone
+        return oscillator_of(NATURAL, ratio / factor)
+
+    bounds = {"factor": (0.5, 2.0), "ratio": (0.03, 0.07)}
+    found = fi.calibrate(scaled, [4.95, 5.0, 5.05], relative_peak(np.array([4.95, 5.0, 5.05])), bounds, **DRIVE)
+    assert found.correlation > 0.9
+    assert any("correlated by" in note for note in found.notes)
+    beyond = fi.calibrate(damped, FREQUENCIES, PEAKS, {"ratio": (0.06, 0.09)}, **DRIVE)
+    assert beyond.parameters[0].bound == "lowest"
+    assert np.isnan(beyond.parameters[0].low)
+    assert any("lowest bound" in note for note in beyond.notes)
+    assert "no interval" in str(beyond)
+    nothing = fi.calibrate(damped, FREQUENCIES, PEAKS * np.array([1, 3] * 4 + [1]), {"ratio": (0.03, 0.07)}, **DRIVE)
+    assert any("no value between the bounds explains" in note for note in nothing.notes)
+
+
+def test_a_ball_is_recovered_from_peaks_of_other_starts(tmp_path: Path) -> None:
+    def with_ball(restitution: float) -> fi.System:
+        beam = fi.Beam.uniform(length=0.23, width=0.020, thickness=1e-3, young_modulus=70e9, density=2700)
+        ball = fi.Impactor("ball", at="tip", mass=5e-3, gap=3e-3, contact=fi.Rigid(restitution))
+        box, damping = fi.PointMass("box", at="tip", mass=0.023), fi.Rayleigh(ratio=0.0029, modes=(1, 2))
+        return fi.reduce(fi.assemble(fi.Structure(beam, [box], [ball], damping), elements=10), modes=1)
+
+    drive, frequencies = fi.Sine(0.2e-3, 5.0), np.linspace(4.6, 5.6, 6)
+    truth = fi.parameter_study(
+        with_ball(0.6),
+        {"base.frequency": frequencies.tolist()},
+        ["peak"],
+        excitation=drive,
+        starts=5,
+        seed=7,
+        cycles=90,
+    )["peak"]
+    more: dict[str, Any] = {"excitation": drive, "starts": 5, "cycles": 90, "directory": tmp_path / "grid"}
+    found = fi.calibrate(with_ball, frequencies, truth, {"restitution": (0.3, 0.9)}, **more)
+    # three times the interval of 90 %: medians of five starts of one test
+    (one,) = found.parameters
+    assert one.median == pytest.approx(0.6, abs=1.5 * (one.high - one.low))
+    known = []
+    again = fi.calibrate(with_ball, frequencies, truth, {"restitution": (0.3, 0.9)}, **more, progress=known.append)
+    assert again.parameters == found.parameters
+    assert all(each.found == each.cases for each in known)
+
+
+def test_the_figure_shows_units_and_what_was_measured() -> None:
+    two = fi.calibrate(oscillator_of, FREQUENCIES, PEAKS, BOUNDS, **DRIVE)
+    one = fi.calibrate(damped, FREQUENCIES, PEAKS, {"ratio": (0.03, 0.07)}, **DRIVE)
+    for found in (one, two):
+        axes = fi.figures.calibration(found, title="a title", figure=fi.figures.OffScreen())
+        assert axes[1].get_xlabel() == "base frequency (Hz)"
+        assert axes[1].get_ylabel() == "peak (mm)"
+        assert axes[0].get_title(loc="left") == "a title"
+        (dots,) = [line for line in axes[1].lines if line.get_label() == "measured"]
+        assert dots.get_ydata() == pytest.approx(1e3 * PEAKS)
+
+
+@pytest.mark.parametrize(
+    ("changed", "named"),
+    [
+        ({"frequency": []}, "frequency"),
+        ({"frequency": [4.0, -5.0, 6.0]}, "frequency"),
+        ({"frequency": [4.0, np.nan, 6.0]}, "frequency"),
+        ({"peak": [1e-3, 1e-3]}, "peak"),
+        ({"peak": [1e-3, 0.0, 1e-3]}, "peak"),
+        ({"frequency": [5.0], "peak": [1e-3]}, "frequency"),
+        ({"parameters": {}}, "parameters"),
+        ({"parameters": [("ratio", 0.03, 0.07)]}, "parameters"),
+        ({"parameters": {"ratio": (0.07, 0.03)}}, "parameters.ratio"),
+        ({"parameters": {"ratio": 0.05}}, "parameters.ratio"),
+        ({"parameters": {"base.frequency": (4.0, 5.0)}}, "parameters"),
+        ({"noise": 0.0}, "noise"),
+        ({"starts": 1}, "starts"),
+        ({"cycles": 0}, "cycles"),
+    ],
+)
+def test_bad_input_is_one_line(changed: dict[str, Any], named: str) -> None:
+    given: dict[str, Any] = {
+        "frequency": [4.0, 5.0, 6.0],
+        "peak": [1e-3, 9e-3, 1e-3],
+        "parameters": {"ratio": (0.03, 0.07)},
+    }
+    given = {**DRIVE, **given, **changed}
+    with pytest.raises(InputError) as caught:
+        fi.calibrate(damped, **given)
+    assert named in str(caught.value)
+    assert len(str(caught.value).splitlines()) == 1
