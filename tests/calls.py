@@ -50,6 +50,11 @@ def calibrated() -> fi.Calibration:
     return fi.calibrate(small(), [5.0, 5.1, 5.2], [1e-3, 2e-3, 1e-3], bounds, **more)
 
 
+def recorded() -> object:
+    Path("recorded.csv").write_text("time,tip\ns,mm\n0.0,1.0\n0.1,2.0\n0.2,1.0\n", encoding="utf-8")
+    return fi.read_record("recorded.csv")
+
+
 def studied_directory() -> str:
     fi.parameter_study(**parameter_study(), directory="studied")
     return "studied"
@@ -157,6 +162,7 @@ FIGURES = {
         "bands": [("starts", [5.0, 6.0], [1e-3, 2e-3], [2e-3, 3e-3])],
         "join_all": True, "ax": SHEET,
     },
+    "decay": lambda: {"result": NOUNS["DecayEstimate"](), "ax": SHEET},
     "calibration": lambda: {"result": calibrated(), "title": "title", "figure": SHEET},
     "restitution_scan": lambda: {
         "scans": [("start", NOUNS["RestitutionScan"]())], "peak_frequency": 5.0, "amplitude_ratio": 4.0,
@@ -205,6 +211,7 @@ CALLS = {
         "path": "movie.gif", "response": drawn_run(), "structure": STRUCTURE, "exaggeration": 2.0, "fps": 2, "most": 2,
         "renderer": "matplotlib",
     }),
+    "write_record": (fi.write_record, lambda: {"path": "record.csv", "dataset": recorded()}),
     "history_writer": (written, lambda: {"path": "history.nc"}),
     "history_writer's sink": (sent, lambda: {"piece": piece_without_snapshots()}),
     "tables.read_csv": (tables.read_csv, lambda: {"path": csv_file()}),

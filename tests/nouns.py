@@ -36,6 +36,7 @@ STRUCTURE = fi.Structure(
 )
 MOTIONS = {
     "Chirp": fi.Chirp(4.0, 8.0, 1.0, amplitude=1e-3),
+    "Drives": fi.Sine(1e-3, 5.0) + fi.HammerBlow("tip", 0.1, 1e-3),
     "HammerBlow": fi.HammerBlow("tip", 0.1, 1e-3),
     "RandomBase": fi.RandomBase([(4.0, 0.1), (8.0, 0.1)], 2.0),
     "Shock": fi.Shock("half-sine", acceleration=10.0, duration=0.01),
@@ -322,7 +323,7 @@ VERBS = {
     }),
     "calibrate": (fi.calibrate, lambda: {
         "study": small(), "frequency": [5.0, 5.1, 5.2], "peak": [1e-3, 1e-3, 1e-3],
-        "parameters": {"impactor.ball.gap": (1e-3, 2e-3)}, "excitation": fi.Sine(1e-3, 5.0), "noise": 0.02,
+        "parameters": {"impactor.ball.gap": (1e-3, 2e-3)}, "excitation": fi.Sine(1e-3, 5.0), "noise": 0.9,
         "starts": 2, "seed": 0, "cycles": 3,
     }),
     "refine": (fi.refine, lambda: {
@@ -414,6 +415,7 @@ VERBS = {
     "shock_response_spectrum": (fi.shock_response_spectrum, lambda: {
         "of": MOTIONS["Shock"], "frequency": [5.0, 6.0], "ratio": 0.1, "channel": None, "duration": 0.1
     }),
+    "Drives.until": (MOTIONS["Drives"].until, lambda: {"end": 2.0}),
     "Sum.until": (MOTIONS["Sum"].until, lambda: {"end": 2.0}),
     "PointForce.until": (fi.PointForce("tip", MOTIONS["Sum"]).until, lambda: {"end": 2.0}),
     **{

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from femimpact.arrays import Array
-from femimpact.errors import check_fields, column
+from femimpact.errors import check_fields, column, kind_of, require
 from femimpact.table import Head, flat_columns, frame_of, head_of_columns, named_column, short_repr
 
 if TYPE_CHECKING:
@@ -121,6 +121,8 @@ class EnergyLedger:
 
     def __post_init__(self) -> None:
         check_fields(self)
+        allowed = "must be a mapping of arrays by the names of drives"
+        require(isinstance(self.work_of, Mapping), "work_of", kind_of(self.work_of), "J", allowed)
 
     def __getitem__(self, name: str) -> Array:
         return named_column(self, name)

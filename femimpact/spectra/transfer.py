@@ -150,6 +150,7 @@ def transfer_function(
     given = f"{system.default_place}.absolute_acceleration" if to is None else to
     with faults_of("to"):
         channels = resolve_channels(system, Recorder(given).channels)  # type: ignore[arg-type]
+    require(len(channels) > 0, "to", given, "", "must name an output")
     if force_at is None:
         drive, share, name = Drive(-system.base_load, 1.0, 1.0, np.zeros_like, None), 1.0, of
     else:
@@ -162,7 +163,7 @@ def transfer_function(
         rate = 2j * math.pi * one
         u, y = harmonic_amplitudes(system, drive.load, share, one, rate, rate**2)
         read = (rows.displacement + rate * rows.velocity) @ u + (rows.ball_displacement + rate * rows.ball_velocity) @ y
-        found[i] = read + share * (rows.base @ [1.0 / rate**2, 1.0 / rate, 1.0]) + rows.drive
+        found[i] = read + share * (rows.base @ [1.0 / rate**2, 1.0 / rate, 1.0]) + rows.drive[:, 0]
     unit, integrals = INPUTS[of] if force_at is None else ("N", 0)
     found *= (2j * math.pi * f[:, None]) ** integrals
     values = {channel.name: found[:, i] for i, channel in enumerate(channels)}

@@ -22,6 +22,7 @@ from femimpact.response.impacts import STICKING_UNITS, impact_columns
 from femimpact.response.response import Response
 from femimpact.structure.structure import glue_impactors
 from femimpact.study.base_motion import RecordedMotion
+from femimpact.study.forces import DrivenMotion
 from femimpact.study.picture_data import write_last_cycles, write_mode_shapes, write_snapshots
 from femimpact.study.pictures import draw_in_child, with_pictures
 from femimpact.study.prepared import (
@@ -281,7 +282,9 @@ def keep_study(staging: Staging, study: Study) -> None:
         name, path = FILES["base_record"].name, staging.folder / FILES["study"].name
         atomic_write(staging.folder / name, study.motion.content)
         text = with_record(study.text, name)
-        study = replace(study.with_motion(replace(study.motion, record=name)), path=path, text=text)
+        motion = replace(study.motion, record=name)
+        base = replace(study.base, motion=motion) if isinstance(study.base, DrivenMotion) else motion
+        study = replace(study, base=base, path=path, text=text)
     atomic_write(staging.folder / FILES["study"].name, study_text(study))
 
 

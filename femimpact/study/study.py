@@ -266,12 +266,6 @@ class Study:
         """Frequency (Hz) of the cycles that pictures show: of the base where it moves, and not of forces beside it."""
         return float(getattr(self.motion, "frequency", self.base.frequency))
 
-    def with_motion(self, motion: Motion) -> Study:
-        """The study with another [base] beside the same forces."""
-        if isinstance(self.base, DrivenMotion):
-            return replace(self, base=replace(self.base, motion=motion))
-        return replace(self, base=motion)  # type: ignore[arg-type]
-
     @property
     def sine(self) -> Sine:
         """The same of a study whose base moves by a sine; of another it is refused."""
