@@ -299,6 +299,17 @@ def test_what_drives_cannot_be_is_refused_in_one_line(make, words):
     assert "\n" not in str(refusal.value)
 
 
+@pytest.mark.parametrize("force", [fi.HammerBlow("tip", 2e-3, 3e-3, 0.5), fi.PointForce("mid", fi.Sine(0.01, 3.1))])
+def test_a_base_of_two_sines_goes_on_to_the_end_beside_a_force_that_ends_later(force):
+    # the pieces of the base end shortly after the run, those of the force much later, or of another length
+    base, system = fi.Sine(2e-4, 5.0) + fi.Sine(1e-4, 7.1), reduced(structure(), 3)
+    both, alone, forced = (run(system, drive, 0.4) for drive in (base + force, base, force))
+    expected = alone["tip"] + forced["tip"]
+    # of polynomials, within 1e-9 of a sine
+    np.testing.assert_allclose(both["tip"], expected, rtol=0.0, atol=2e-9 * np.abs(expected).max())
+    assert both.base.closed_forms[0].knots[-1] >= 0.4
+
+
 def test_a_place_that_is_unknown_is_refused():
     with pytest.raises(fi.InputError, match="nowhere"):
         run(reduced(structure(), 2), BASE + fi.HammerBlow("nowhere", 0.1, 1e-3))

@@ -129,6 +129,19 @@ def test_faults_of_forces_are_said_by_their_keys(parts, words):
         read_study(HEAD + "\n".join(parts), Path("study.toml"))
 
 
+@pytest.mark.parametrize(("at", "said"), [('"tipp"', "'tipp': unknown; did you mean 'tip'"), ("0.3", "0.3 m")])
+def test_a_place_off_the_beam_is_refused_before_the_run_and_by_check(at, said):
+    study = read_study(HEAD + SINE + HAMMER.replace('at = "tip"', f"at = {at}"), Path("study.toml"))
+    with pytest.raises(fi.InputError, match=f"force.hammer.at = {said}"):
+        fi.preflight(study)
+
+
+def test_the_density_of_a_force_has_its_unit():
+    random = '[[force]]\nat = "tip"\nkind = "random"\npsd = [[2, 0], [60, 1e-3]]\nduration = 2.0\n'
+    with pytest.raises(fi.InputError, match=r"density \(N\^2/Hz\)"):
+        read_study(HEAD + SINE + random, Path("study.toml"))
+
+
 SUM = """
 [base]
 kind = "sum"

@@ -13,9 +13,10 @@ from numpy.typing import ArrayLike
 
 from femimpact.arrays import Array
 from femimpact.errors import check_fields, items, kind_of, optional, quantity, require
-from femimpact.excitation.excitation import has_cycle, is_force, require_excitation, times
+from femimpact.excitation.excitation import Harmonic, has_cycle, is_force, require_excitation, times
 from femimpact.excitation.forces import PointForce
-from femimpact.excitation.sums import Form, Sum, added, forms_together, one_sine
+from femimpact.excitation.piecewise_polynomial import PiecewisePolynomial
+from femimpact.excitation.sums import Form, Sum, added, forms_together, one_sine, parts_of
 
 BASE = "base"
 """Name of the motion of the base among the drives."""
@@ -141,7 +142,13 @@ class Drives:
             return np.column_stack([self.displacement(knots), self.velocity(knots)])
 
         forms = [getattr(drive, "closed_form", None) for drive in self.drives]
-        return forms_together(forms, self.end, None if self.base is None else starts)
+        if self.base is None:
+            return forms_together(forms, self.end)
+        # pieces that a sum of sines was made of end with the run
+        of_sines = any(isinstance(getattr(part, "closed_form", None), Harmonic) for part in parts_of(self.base))
+        form = forms[0] if of_sines else None
+        last = float(form.knots[-1]) if isinstance(form, PiecewisePolynomial) else math.inf
+        return forms_together(forms, self.end, starts, last)
 
     __add__ = added
     __radd__ = added

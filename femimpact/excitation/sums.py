@@ -181,17 +181,22 @@ def _sum_of(
 
 
 def forms_together(
-    forms: Sequence[Form | None], end: float | None, starts: Callable[[Array], Array] | None = None
+    forms: Sequence[Form | None],
+    end: float | None,
+    starts: Callable[[Array], Array] | None = None,
+    last: float = math.inf,  # s
 ) -> tuple[Form, ...] | None:
     """Closed forms as sines of one frequency, or between common knots, the first with starts where it moves the base.
 
-    None as of `Sum.closed_form`.
+    No knot is later than `last`, beyond which the pieces of the first one end though its motion goes on. None as of
+    `Sum.closed_form`.
     """
     if one_sine(forms) is not None:
         return tuple(form for form in forms if form is not None)
     knots = _common_knots(forms, end)
     if knots is None:
         return None
+    knots = knots[knots <= last]
     given = [None if starts is None else starts(knots), *[None] * (len(forms) - 1)]
     return tuple(fitted(_value_of(form), knots, start) for form, start in zip(forms, given, strict=True))
 

@@ -102,7 +102,11 @@ class StudyForce:
                 return HammerBlow(self.at, **given, name=self.name)
             return PointForce(self.at, noun(**given), self.name)
         except InputError as error:
-            raise InputError([replace(fault, key=back.get(fault.key, fault.key)) for fault in error.faults]) from None
+            faults = [
+                replace(one, key=back.get(one.key, one.key), allowed=one.allowed.replace("(m/s^2)^2/Hz", "N^2/Hz"))
+                for one in error.faults
+            ]
+            raise InputError(faults) from None
 
     @property
     def table(self) -> dict[str, Any]:
