@@ -11,7 +11,8 @@ import operator
 import re
 import sys
 import types
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, ParamSpec, TypeVar, cast
 
@@ -687,6 +688,15 @@ def require(condition: bool, key: str, value: object, unit: str, allowed: str) -
     """Raise `InputError` for one key unless the condition holds."""
     if not condition:
         raise InputError([Fault(key, value, unit, allowed)])
+
+
+@contextmanager
+def faults_of(key: str) -> Iterator[None]:
+    """Context in which faults name another key: that of the argument or the table that a value is made of."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError([dataclasses.replace(fault, key=key) for fault in error.faults]) from None
 
 
 def require_type(value: object, kind: type, key: str) -> None:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,6 +16,7 @@ from femimpact.errors import (
     Fault,
     InputError,
     choice,
+    faults_of,
     instance,
     optional,
     place,
@@ -228,15 +228,6 @@ def harmonic_amplitudes(
     first, last = factor.shape[0], factor.shape[0] + system.dofs
     y[held] = found[last:]
     return np.asarray(found[first:last]), y
-
-
-@contextmanager
-def faults_of(key: str) -> Iterator[None]:
-    """Faults of what is made inside, by the name of the argument that it is made of."""
-    try:
-        yield
-    except InputError as error:
-        raise InputError([replace(fault, key=key) for fault in error.faults]) from None
 
 
 LOWEST, HIGHEST = 1e-6, 1e9

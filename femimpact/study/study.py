@@ -11,6 +11,7 @@ from femimpact.errors import (
     Fault,
     InputError,
     check_fields,
+    faults_of,
     instance,
     level_rows,
     optional,
@@ -27,7 +28,7 @@ from femimpact.fem.assembly import assemble
 from femimpact.fem.mesh import Mesh
 from femimpact.fem.mesh_files import read_mesh
 from femimpact.integrators.methods import METHODS, Method
-from femimpact.structure.structure import Position, Structure
+from femimpact.structure.structure import Structure
 from femimpact.study.base_motion import BaseMotion, RecordedMotion, Signal, SignalMotion
 from femimpact.study.forces import DrivenMotion, Motion, StudyForce
 from femimpact.study.parameter_plan import MOST_STARTS, ParameterPlan
@@ -323,20 +324,13 @@ def build_systems(study: Study, mesh: Mesh | None) -> tuple[System, System]:
     full = assemble_on(study, study.structure, mesh)
     if isinstance(study.base, DrivenMotion):
         for name, force in study.base.named():
-            _require_place(full, f"force.{name}.at", force.at)
+            with faults_of(f"force.{name}.at"):
+                full.position_of(force.at)
     if study.reduction is None:
         return full, full
     kept = study.reduction.modes
     require(kept <= full.dofs, "reduction.modes", kept, "", f"must be <= {full.dofs}, the dofs of this mesh")
     return full, reduce(full, kept)
-
-
-def _require_place(system: System, key: str, at: Position) -> None:
-    """Raise `InputError` where a place is not on the beam."""
-    try:
-        system.position_of(at)
-    except InputError as error:
-        raise InputError([replace(fault, key=key) for fault in error.faults]) from None
 
 
 def assemble_on(study: Study, structure: Structure, mesh: Mesh | None) -> System:
