@@ -163,8 +163,8 @@ MUTATIONS = (
     # event-driven
     Mutation(
         "event_driven_ball_without_base",
-        "        load[n + j] = -pair.mass * drive.share\n",
-        "        load[n + j] = 0.0\n",
+        "        load[0, n + j] = -pair.mass * drive.share\n",
+        "        load[0, n + j] = 0.0\n",
     ),
     Mutation("impulse_mobility", "fastest / -pairs.mobility(hit, hit)", "fastest / -(1.02 * pairs.mobility(hit, hit))"),
     Mutation(
