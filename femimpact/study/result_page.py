@@ -80,6 +80,7 @@ from femimpact.study.result_directory import (
 from femimpact.study.results import carried_of, read_json, read_summary
 from femimpact.study.study import Study
 from femimpact.study.study_file import load_study
+from femimpact.study.summary import drive_name
 from femimpact.svg import Element, element
 from femimpact.system.system import System
 
@@ -402,8 +403,10 @@ def _motion(results: ResultReading) -> list[Section]:
 
 
 def _energy(results: ResultReading) -> list[Section]:
-    history = results.history
-    made = None if history is None else energy_section(history)
+    history, study = results.history, _study(results)
+    if history is None:
+        return []
+    made = energy_section(history) if study is None else energy_section(history, drive_name(study.excitation))
     return [] if made is None else [made]
 
 

@@ -52,6 +52,7 @@ from femimpact.study.result_conclusions import (
     study_versions,
 )
 from femimpact.study.result_page import about_section, best_sections, cases_section
+from femimpact.study.summary import drive_name
 from femimpact.svg import Element, chart_element, element, markup, number_text, thinned_line
 from femimpact.sweep import FrequencyResponse
 from femimpact.table import column_units
@@ -329,7 +330,7 @@ def _response(key: str, heading: str, response: Response, structure: Structure |
         )
     if response.time.size:
         history = response.to_xarray()
-        energy = energy_section(history)
+        energy = energy_section(history, drive_name(response.base))
         sections.append(history_section(history, key=key, heading=heading))
         spectra = spectra_section(response, f"{key}-spectra", f"{heading}: spectra")
         sections += [spectra] if spectra is not None else []

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from femimpact import core
-from femimpact.excitation.excitation import has_cycle
+from femimpact.excitation import Drives
+from femimpact.excitation.excitation import has_cycle, is_force
 from femimpact.identification import (
     UNRESOLVED,
     DampingEstimate,
@@ -219,6 +220,7 @@ def summary_of(
             "channels": channels,
         }
         summary["energy_residual"] = response.energy.residual if response.energy is not None else math.nan
+        summary |= work_summary(response)
         summary["notes"] = list(response.notes)
     elif sweeps is not None:
         summary["energy_residual"] = float(np.nanmax((sweeps.ball or sweeps.empty).energy_residual))
@@ -228,6 +230,20 @@ def summary_of(
     repeated = {f"{part}: {text}" for part in parts for text in known}
     summary["warnings"] = [text for text in dict.fromkeys(warnings) if text not in repeated]
     return summary
+
+
+def work_summary(response: Response) -> dict[str, Any]:
+    """Work (J) of all drives and of each of them by its name, at the end of a run; nothing without a ledger."""
+    if response.energy is None:
+        return {}
+    energy = response.energy
+    each = {name: float(work[-1]) for name, work in energy.work_of.items()}
+    return {"work": float(energy.work[-1]), "work_of": each or {drive_name(response.base): float(energy.work[-1])}}
+
+
+def drive_name(excitation: Any) -> str:
+    """Name of a single drive, as it would have among several."""
+    return Drives(forces=(excitation,)).names[0] if is_force(excitation) else "base"
 
 
 def channel_summary(response: Response) -> dict[str, Any]:

@@ -151,8 +151,11 @@ KINDS = {
 
 NO_CHANNELS = ("base_displacement", "base_velocity", "base_acceleration", "base", "time")
 
+WORK, WORK_OF = "energy_work", "energy_work_of_"
+"""Variables of a history: the work of all drives, and the beginning of that of each of several, before its name."""
+
 ENERGIES = {
-    "energy_work": "work of the base",
+    WORK: "work of all drives",
     "energy_structure_loss": "lost in the structure",
     "energy_contact_loss": "lost in contacts",
     "energy_kinetic": "kinetic",
@@ -313,28 +316,43 @@ def _largest(*arrays: NDArray[Any]) -> float:
     return max((float(np.abs(values[np.isfinite(values)]).max(initial=0.0)) for values in arrays), default=0.0)
 
 
-def energy_section(history: xarray.Dataset) -> Section | None:
-    """Work and losses, stored energies, and what the balance leaves over; None without a ledger."""
+def energy_section(
+    history: xarray.Dataset,
+    drive: str = "base",  # name of the drive, where it is one
+) -> Section | None:
+    """Work of each drive and losses, stored energies, and what the balance leaves over; None without a ledger."""
     known = {name: words for name, words in ENERGIES.items() if name in history}
     if not known:
         return None
+    each = {str(name): words_of_work(str(name)[len(WORK_OF) :]) for name in history if str(name).startswith(WORK_OF)}
+    if not each:
+        known |= {WORK: words_of_work(drive)} if WORK in known else {}
     time = np.asarray(history["time"].to_numpy(), dtype=float)
-    values = {name: np.asarray(history[name].to_numpy(), dtype=float) for name in known}
-    summed = [name for name in known if name in ("energy_work", "energy_structure_loss", "energy_contact_loss")]
-    stored = [name for name in known if name not in summed]
+    lines = {name: (words, np.asarray(history[name].to_numpy(), float)) for name, words in (known | each).items()}
+    summed = [name for name in known if name == WORK or name.endswith("_loss")]
+    stored, drives = [name for name in known if name not in summed], [*each, WORK] if each else []
     charts = [
-        _energies("Energy put in, and where it went", time, {n: values[n] for n in summed}, "line"),
-        _energies("Energy stored", time, {n: values[n] for n in stored}, "thin" if time.size > 4000 else "line"),
+        _energies("Energy put in, and where it went", time, [lines[n] for n in summed], "line"),
+        _energies("Work of each drive", time, [lines[n] for n in drives], "line"),
+        _energies("Energy stored", time, [lines[n] for n in stored], "thin" if time.size > 4000 else "line"),
     ]
-    return Section("energy", "Energy", (element("div.charts", *(chart_element(one) for one in charts if one.lines)),))
+    rows = tuple(
+        (words.capitalize(), float(values[-1])) for words, values in (lines[n] for n in [*drives, *summed[1:]])
+    )
+    table = table_element(Table("At the end of the run", ("", "energy (J)"), rows)) if each else None
+    drawn = element("div.charts", *(chart_element(one) for one in charts if one.lines))
+    return Section("energy", "Energy", (drawn, table) if table is not None else (drawn,))
 
 
-def _energies(title: str, time: Array, values: Mapping[str, Array], style: str) -> Chart:
-    factor, unit = prefixed(_largest(*values.values()), "J")
-    lines: list[Any] = [
-        Line(ENERGIES[name], time, factor * one, 1 + i, style) for i, (name, one) in enumerate(values.items())
-    ]
+def words_of_work(drive: str) -> str:
+    """Words for the work of a drive, by its name."""
+    return f"work of {'the base' if drive == 'base' else drive}"
+
+
+def _energies(title: str, time: Array, values: Sequence[tuple[str, Array]], style: str) -> Chart:
+    factor, unit = prefixed(_largest(*(one for _, one in values)), "J")
     # the larger ones first, or they would hide the others
+    lines = [Line(words, time, factor * one, 1 + i, style) for i, (words, one) in enumerate(values)]
     lines.sort(key=lambda line: -float(np.nan_to_num(line.y).mean()))
     up = axis_of(f"energy ({unit})", *(line.y for line in lines), zero=True)
     return Chart(title, axis_of("time (s)", time, tight=True), up, tuple(lines))
