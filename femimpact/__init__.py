@@ -112,8 +112,8 @@ if TYPE_CHECKING:
     from femimpact.parametric.measured_peaks import Calibration as Calibration
     from femimpact.parametric.measured_peaks import calibrate as calibrate
     from femimpact.parametric.planned_test import Preflight as Preflight
-    from femimpact.parametric.planned_test import PreflightRow as PreflightRow
     from femimpact.parametric.planned_test import preflight as preflight
+    from femimpact.parametric.preflight_row import PreflightRow as PreflightRow
     from femimpact.refinement import Refinement as Refinement
     from femimpact.refinement import refine as refine
     from femimpact.response.energy import EnergyLedger as EnergyLedger
@@ -210,7 +210,8 @@ _MODULES = {
         "parameter_study", "run_case",
     ),
     "parametric.measured_peaks": ("CalibratedParameter", "Calibration", "calibrate"),
-    "parametric.planned_test": ("Preflight", "PreflightRow", "preflight"),
+    "parametric.planned_test": ("Preflight", "preflight"),
+    "parametric.preflight_row": ("PreflightRow",),
     "refinement": ("Refinement", "refine"),
     "response.energy": ("EnergyLedger",),
     "response.history": ("HistoryPiece", "StroboscopicSection"),

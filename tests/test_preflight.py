@@ -10,7 +10,7 @@ from builders import REFERENCE, cantilever, oscillator, paper_study, reduced, wi
 from scipy.integrate import quad
 
 import femimpact as fi
-from femimpact.parametric.planned_test import swept_envelope, swept_peak
+from femimpact.parametric.planned_drive import largest_motion, swept_envelope, swept_peak
 from femimpact.study.parameter_plan import AxisValues, ParameterPlan
 
 pytestmark = pytest.mark.impacts
@@ -60,7 +60,13 @@ def test_the_swept_peak_is_that_of_a_run(kind: str) -> None:
     # the envelope neglects terms of the relative order zeta
     assert share == pytest.approx(swept_peak(found.value), rel=0.02)
     assert found.passed
-    assert "Hz/s" in found.instead
+    # the rate in the unit of the plan: an octave is a factor of 2
+    rate = float(found.instead.split("take ")[1].split()[0])
+    unit, given = ("oct/min", 60.0 * np.log2(6.0 / 4.0) / 60.0) if kind == "logarithmic" else ("Hz/s", 2.0 / 60.0)
+    assert f"at {given:.3g} {unit}" in found.instead
+    # b goes with the rate, and 0.1 is advised, rounded down to two digits
+    assert rate == pytest.approx(given * 0.1 / found.value, rel=0.1)
+    assert rate <= given * 0.1 / found.value
 
 
 def test_the_advised_duration_keeps_the_limit() -> None:
@@ -160,6 +166,55 @@ def test_the_shaker_of_a_sine_is_exact() -> None:
     sizes = [each.value for each in found.rows if "of the base" in each.what]
     omega = 40.0 * np.pi
     np.testing.assert_allclose(sizes, [2e-3, 2e-3 * omega, 2e-3 * omega**2, 2e-3 * omega**2 / 9.80665], rtol=1e-14)
+
+
+SHAPES = ("half-sine", "haversine", "triangle", "rectangle", "terminal-sawtooth", "initial-sawtooth", "trapezoid")
+
+
+@pytest.mark.parametrize("kind", SHAPES)
+@pytest.mark.parametrize("compensation", ["after", "before"])
+def test_the_largest_acceleration_of_a_shock_is_its_level(kind, compensation):
+    # of a saw-tooth at its last instant, from before the jump; the compensation is far below
+    shock = fi.Shock(kind, -30.0, 0.011, True, compensation, delay=0.05)
+    found = fi.preflight(reduced(REFERENCE, 3), shock, duration=1.0)
+    (value,) = (each.value for each in found.rows if "acceleration of the base" in each.what and each.unit == "m/s^2")
+    # the polynomials of a half-sine and a haversine are within 1e-9 of it
+    assert value == pytest.approx(30.0, rel=2e-9)
+
+
+def test_the_largest_motion_of_a_pulse_is_that_of_its_integrals():
+    # a half-sine moves the base by a d^2/pi in its duration, and on with 2 a d/pi after it
+    a, d = 30.0, 0.011
+    place, speed, _ = largest_motion(fi.Shock("half-sine", a, d), 1.0)
+    assert speed == pytest.approx(2.0 * a * d / np.pi, rel=1e-8)
+    assert place == pytest.approx(a * d**2 / np.pi + speed * (1.0 - d), rel=1e-8)
+
+
+def test_the_largest_motion_ends_with_the_run():
+    shock = fi.Shock("terminal-sawtooth", 30.0, 0.01)
+    # half of the ramp: half the level, a quarter of the velocity
+    _, speed, acceleration = largest_motion(shock, 0.005)
+    assert acceleration == pytest.approx(15.0, rel=1e-12)
+    assert speed == pytest.approx(30.0 * 0.01 / 8.0, rel=1e-12)
+
+
+def test_pulses_that_carry_the_base_away_have_one_displacement_and_the_cure():
+    bumps = fi.Shock("half-sine", 400.0, 0.006, pulses=10, period=0.5)
+    found = row(fi.preflight(reduced(REFERENCE, 3), bumps, duration=5.5), "largest displacement")
+    assert found.passed
+    assert "compensated = true" in found.instead
+    assert "moves by up to" not in found.instead
+    mended = row(fi.preflight(reduced(REFERENCE, 3), replace(bumps, compensated=True), duration=5.5), "displacement of")
+    assert not mended.passed
+
+
+def test_dwells_beside_the_resonance_pass_no_limit():
+    system = reduced(replace(REFERENCE, damping=fi.Rayleigh(ratio=0.05, modes=(1, 2))), 3)
+    dwells = fi.SteppedSine([20.0, 25.0, 31.5], 100, amplitude=1e-6)
+    found = row(fi.preflight(system, dwells), "within the sweep")
+    assert (found.value, found.passed) == (0.0, False)
+    # a sweep is one over a resonance
+    assert row(fi.preflight(system, frequencies=[20.0, 25.0, 31.5]), "within the sweep").passed
 
 
 def test_a_drift_is_named_with_its_size_and_a_fast_motion_is_not() -> None:
@@ -295,7 +350,7 @@ def test_the_named_interval_of_a_record_is_short_enough(frequency, interval):
 
 SOUND = {
     "a sine": (fi.Sine(2e-4, 5.2), {"duration": 120.0, "initial": SPACE}),
-    "a sweep": (fi.Sine(2e-4, 5.0), {"frequencies": np.linspace(4.8, 5.6, 201), "cycles": 600}),
+    "a sweep": (fi.Sine(1e-4, 5.0), {"frequencies": np.linspace(4.8, 5.6, 201), "cycles": 600}),
     "a shock": (fi.Shock("half-sine", 50.0, 0.011), {"duration": 3.0, "initial": SPACE}),
     "a record": (fi.RecordedBase.from_displacement(2e-4 * np.sin(5.2 * np.arange(0.0, 400.0, 0.03)), 0.005), {}),
     "steps": (fi.SteppedSine(np.linspace(5.2, 5.4, 41), 600, amplitude=1e-5), {}),
@@ -313,11 +368,14 @@ def test_a_contact_in_milliseconds_is_named() -> None:
     assert fi.preflight(with_contact_time(2e-3)).passed == ()
 
 
-def test_a_large_deflection_is_named_of_a_system_without_balls() -> None:
-    system = reduced(replace(REFERENCE, impactors=()), 3)
-    found = row(fi.preflight(system, fi.Sine(2e-4, 5.3), duration=60.0), "largest deflection")
+@pytest.mark.parametrize("balls", [REFERENCE.impactors, ()])
+def test_a_large_deflection_is_named_at_the_share_that_a_run_warns_of(balls) -> None:
+    system, drive = reduced(replace(REFERENCE, impactors=balls), 3), fi.Sine(2e-4, 5.3)
+    found = row(fi.preflight(system, drive, duration=60.0), "largest deflection")
     assert found.passed
     assert "linear beam theory" in found.instead
+    bare = fi.integrate(fi.without_impactors(system), drive, fi.EventDriven(), 60.0)
+    assert any("linear beam theory" in text for text in bare.warnings)
 
 
 # ---- a study, a table, bad calls -------------------------------------------------------------------

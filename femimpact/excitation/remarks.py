@@ -12,6 +12,7 @@ from femimpact.excitation.excitation import BrokenLine, Excitation
 from femimpact.excitation.harmonic import Chirp
 from femimpact.excitation.piecewise_polynomial import PiecewisePolynomial
 from femimpact.excitation.random_base import RandomBase
+from femimpact.excitation.shock import Shock
 from femimpact.excitation.sums import Sum
 
 FAR = 0.5
@@ -74,7 +75,8 @@ def motion_warnings(
         return ()
     moved = f"the base moves by up to {far:.4g} m, beside a beam of {length:.4g} m"
     if not isinstance(line, BrokenLine):
-        return (f"{moved}: is the amplitude of the base in metres?",)
+        bring = "pulses leave it with a velocity, from which compensated = true brings it back to its place"
+        return (f"{moved}: {bring if isinstance(excitation, Shock) else 'is the amplitude of the base in metres?'}",)
     mean = float(line.samples.mean())
     return (
         f"{moved}: the mean acceleration of its record is {mean:.3g} m/s^2; remove offset and drift first, as "

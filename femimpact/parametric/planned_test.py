@@ -27,25 +27,20 @@ from femimpact.errors import (
     require_type,
 )
 from femimpact.errors import checked as checked_value
-from femimpact.excitation import Chirp, Drives, Excitation, RandomBase, Sine, SteppedSine, require_excitation
-from femimpact.excitation.excitation import BrokenLine, has_cycle, is_force
+from femimpact.excitation import Chirp, Excitation, RandomBase, Sine, SteppedSine, require_excitation
+from femimpact.excitation.excitation import has_cycle
 from femimpact.excitation.levels import Level, level_at, require_reach
-from femimpact.excitation.piecewise_polynomial import PiecewisePolynomial
 from femimpact.excitation.remarks import (
-    FAR,
     drive_above_modes,
-    drive_warnings,
     frequency_warnings,
-    is_pulse,
-    motion_warnings,
 )
-from femimpact.export.tables import GRAVITY
 from femimpact.identification import resolution_warnings
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.methods import Method, require_method
-from femimpact.integrators.record_reading import DIFFERENCE, record_coarseness, record_warnings
 from femimpact.integrators.runs import integrate
 from femimpact.parametric.definition import ParameterStudy
+from femimpact.parametric.planned_drive import MODES, SAMPLES, base_rows, drive_rows
+from femimpact.parametric.preflight_row import PreflightRow, rounded, row_of
 from femimpact.parametric.study_command import definition_of
 from femimpact.response.response import Recorder
 from femimpact.response.signals import LARGE, deflection_warnings
@@ -54,7 +49,7 @@ from femimpact.structure.structure import Structure, unusual_numbers
 from femimpact.study.prepared import carried_words, lines_of_plan, prepare, refined_grid
 from femimpact.study.study import Study, build
 from femimpact.sweep.curve import TRANSIENT_LEFT, grid_resolution, transient_left
-from femimpact.system.modes import Modes, first_elastic_frequency, first_resonance, solve_modes
+from femimpact.system.modes import Modes, first_elastic_frequency, solve_modes
 from femimpact.system.reduction import reduce
 from femimpact.system.state import State
 from femimpact.system.system import System, without_impactors
@@ -62,9 +57,6 @@ from femimpact.table import frame_of
 
 if TYPE_CHECKING:
     import pandas
-
-SWEEP_RATE, RATE_ADVISED = 0.2, 0.1
-"""b = 2 pi rate/(zeta omega)^2 up to which a swept peak is 1 % low, and the one that is advised (0.3 % low)."""
 
 LARGEST_RATIO = 0.2
 """Damping ratio above which a percentage was probably given as a ratio."""
@@ -77,18 +69,6 @@ OF_MATERIAL = ("Young's modulus", "density")
 LEAST_MODULUS, LEAST_DENSITY = 1e6, 20.0
 """Pa and kg/m^3: rubber and foam; GPa, MPa and g/cm^3 give numbers below."""
 
-DRIFT = 0.25
-"""Slow motion of the base over the gap beyond which a record's drift drives the ball."""
-
-RMS_ERROR = 0.05
-"""Relative standard error of the root mean square of a random response that is accepted."""
-
-MODES = 10
-"""Lowest modes at which a chirp's rate is looked at."""
-
-SAMPLES = 64
-"""Instants in a cycle at which a motion of the base is read for its extremes, 0.12 % low at most."""
-
 MOST_CYCLES = 5e4
 """Cycles of the highest frequency of a chirp, steps or a random motion beyond which no run without contacts is made."""
 
@@ -100,45 +80,6 @@ LEAST_RATIO = 1e-6
 
 WIDE = 1e3
 """Gap (m) of a cavity whose walls are not met."""
-
-
-@dataclass(frozen=True)
-class PreflightRow:
-    """One number of a planned test beside its limit.
-
-    Parameters
-    ----------
-    what : str
-        Name of the number, with the place, mode or key that it belongs to.
-    value : float
-        In `unit`.
-    unit : str
-    limit : float
-        In `unit`; not a number where the row only informs.
-    at_least : bool
-        True where the value must not be below the limit, False where it must not be above.
-    instead : str
-        What to choose where the limit is passed; "" where it is kept.
-    """
-
-    what: str
-    value: float
-    unit: str
-    limit: float = math.nan
-    at_least: bool = False
-    instead: str = ""
-
-    @property
-    def passed(self) -> bool:
-        """True where the value is beyond the limit: the test does not show what it is made for."""
-        return self.value < self.limit if self.at_least else self.value > self.limit
-
-    def __str__(self) -> str:
-        unit = "" if self.unit == "1" else f" {self.unit}"
-        words = f"{self.what}: {self.value:.4g}{unit}"
-        if not math.isnan(self.limit):
-            words += f" (limit: at {'least' if self.at_least else 'most'} {self.limit:.4g}{unit})"
-        return f"{words}; {self.instead}" if self.passed and self.instead else words
 
 
 @dataclass(frozen=True)
@@ -250,7 +191,7 @@ def preflight(
     if isinstance(excitation, SteppedSine) and f is None and cycles is None:
         f, cycles = np.unique(excitation.frequencies), excitation.cycles
     if excitation is not None:
-        rows += [*_of_base(plan, excitation, duration), *_of_drive(plan, excitation, duration)]
+        rows += [*base_rows(plan, excitation, duration), *drive_rows(plan, excitation, duration)]
         rows += _first_gaps(plan, excitation)
         if duration is not None:
             rows += _of_linear_run(plan, excitation, duration, method, initial or State())
@@ -271,7 +212,9 @@ def lines_of_check(study: Study) -> tuple[list[str], Preflight]:
     prepared = prepare(study)
     found = preflight_of_study(study, prepared.small)
     said = {f"warning: {row.instead}" for row in found.passed}
-    lines = [line for line in lines_of_plan(prepared) if line not in said]
+    moved = "warning: the base moves by up to"
+    twice = any(row.what.startswith("largest displacement of the base") for row in found.passed)
+    lines = [line for line in lines_of_plan(prepared) if line not in said and not (twice and line.startswith(moved))]
     if _is_of_another_material(found.rows):
         lines = [line for line in lines if not line.startswith("warning: ")]
     return lines + [f"{'limit passed' if row.passed else 'test'}: {row}" for row in found.rows], found
@@ -319,17 +262,17 @@ def _of_structure(structure: Structure | None) -> Iterator[PreflightRow]:
         given = structure.damping.ratios if isinstance(structure.damping, ModalDamping) else structure.damping.ratio
         ratio = float(np.max(given))
         instead = f"is it a percentage? {ratio:g} % is a ratio of {0.01 * ratio:.4g}"
-        yield _row("damping ratio", ratio, "1", LARGEST_RATIO, instead)
+        yield row_of("damping ratio", ratio, "1", LARGEST_RATIO, instead)
     for segment in {(s.name, s.young_modulus, s.density): s for s in structure.beam.segments}.values():
         of, modulus, density = f" of segment {segment.name!r}", segment.young_modulus, segment.density
         instead = f"is it in GPa? {modulus:g} GPa are {1e9 * modulus:.4g} Pa"
-        yield _row(f"Young's modulus{of}", modulus, "Pa", LEAST_MODULUS, instead, at_least=True)
+        yield row_of(f"Young's modulus{of}", modulus, "Pa", LEAST_MODULUS, instead, at_least=True)
         instead = f"is it in g/cm^3? {density:g} g/cm^3 are {1e3 * density:.4g} kg/m^3"
-        yield _row(f"density{of}", density, "kg/m^3", LEAST_DENSITY, instead, at_least=True)
+        yield row_of(f"density{of}", density, "kg/m^3", LEAST_DENSITY, instead, at_least=True)
     for one in unusual_numbers(structure):
         if not one.path.endswith((".young_modulus", ".density")):
             value, instead = abs(one.value), f"{one.usual}; {one.instead}"
-            yield _row(one.path, value, one.unit, one.limit, instead, at_least=value < one.limit)
+            yield row_of(one.path, value, one.unit, one.limit, instead, at_least=value < one.limit)
 
 
 def _is_of_another_material(rows: Sequence[PreflightRow]) -> bool:
@@ -343,194 +286,13 @@ def _of_contacts(system: System) -> Iterator[PreflightRow]:
     if first == 0.0:
         return
     limit = LONGEST_CONTACT / first
-    instead = f"take at most {_rounded_down(limit):g} s, a fifth of the first period: is it in milliseconds?"
+    instead = f"take at most {rounded(limit, math.floor):g} s, a fifth of the first period: is it in milliseconds?"
     for pair in system.contacts:
         if pair.has_walls and not pair.parameters.is_rigid:
-            yield _row(f"contact time of {pair.name}", pair.parameters.contact_time, "s", limit, instead)
+            yield row_of(f"contact time of {pair.name}", pair.parameters.contact_time, "s", limit, instead)
 
 
-def _row(
-    what: str, value: float, unit: str, limit: float = math.nan, instead: str = "", *, at_least: bool = False
-) -> PreflightRow:
-    """A row whose advice is dropped where the limit is kept."""
-    row = PreflightRow(what, float(value), unit, float(limit), at_least, instead)
-    return row if row.passed else replace(row, instead="")
-
-
-# ---- the motion of the base, and the modes that follow it ------------------------------------------
-
-
-def _of_base(system: System, excitation: Excitation, duration: float | None) -> Iterator[PreflightRow]:
-    """Largest displacement, velocity and acceleration that the shaker has to make, and the drift of a record."""
-    if is_force(excitation):
-        return
-    if isinstance(excitation, Drives):
-        if excitation.base is not None:
-            yield from _of_base(system, excitation.base, duration)
-        return
-    if isinstance(excitation, Sine):
-        place, omega = excitation.amplitude, excitation.omega
-        sizes = [place, place * omega, place * omega**2]
-    elif duration is not None:
-        at = _instants(excitation, duration)
-        read = (excitation.displacement, excitation.velocity, excitation.acceleration)
-        sizes = [float(np.abs(values(at)).max()) for values in read]
-    else:
-        return
-    for name, size, unit in zip(
-        ("displacement", "velocity", "acceleration"), sizes, ("m", "m/s", "m/s^2"), strict=True
-    ):
-        far = motion_warnings(excitation, system.length) if name == "displacement" else ()
-        limit = FAR * system.length if far else math.nan
-        yield _row(f"largest {name} of the base", size, unit, limit, "; ".join(far))
-    yield _row("largest acceleration of the base", sizes[2] / GRAVITY, "g")
-    if isinstance(excitation, RandomBase):
-        yield _row("kurtosis of the random motion", excitation.kurtosis, "1")
-        yield _row("crest factor of the random motion", excitation.crest, "1")
-        if excitation.clip is not None:
-            yield _row("share of the density lost by clipping", excitation.lost_share, "1")
-    yield from _drift(system, excitation)
-
-
-def _instants(excitation: Excitation, duration: float) -> Array:
-    """Times (s), ascending, at which a motion is read for its extremes: its samples or knots, and 64 in a cycle."""
-    form = getattr(excitation, "closed_form", None)
-    if isinstance(form, BrokenLine):
-        known = form.interval * np.arange(len(form.samples))
-    else:
-        known = form.knots if isinstance(form, PiecewisePolynomial) else np.zeros(1)
-    cycles = min(duration * excitation.frequency, 1e5)
-    even = np.linspace(0.0, duration, max(math.ceil(SAMPLES * cycles), 2))
-    return np.union1d(even, known[(known >= 0.0) & (known <= duration)])
-
-
-def _drift(system: System, excitation: Excitation) -> Iterator[PreflightRow]:
-    """Largest change of a record's displacement below half the first frequency, beside a quarter of the smallest gap.
-
-    The displacement passes a Butterworth filter of order 4 forwards and backwards, so that it is not delayed.
-    """
-    from scipy.signal import butter, sosfiltfilt
-
-    line, first = getattr(excitation, "closed_form", None), first_elastic_frequency(system)
-    gaps = [gap for pair in system.balls for gap in pair.gaps if math.isfinite(gap)]
-    if not isinstance(line, BrokenLine) or is_pulse(line.samples) or not gaps or first == 0.0:
-        return
-    corner = 0.5 * first * 2.0 * line.interval
-    if corner >= 1.0:
-        return
-    at = line.interval * np.arange(len(line.samples))
-    displacement = np.asarray(excitation.displacement(at))
-    slow = sosfiltfilt(butter(4, corner, output="sos"), displacement, padtype="odd", padlen=_padding(at.size, corner))
-    limit = DRIFT * min(gaps)
-    instead = (
-        f"it moves the box around a ball at rest: take RecordedBase.from_displacement(displacement, interval, "
-        f"high_pass = {_rounded_up(0.5 * first):g}) of the displacement of this record"
-    )
-    yield _row(f"drift of the record below {0.5 * first:.3g} Hz", np.abs(slow - slow[0]).max(), "m", limit, instead)
-
-
-def _padding(samples: int, corner: float) -> int:
-    """Samples by which both ends are continued: three periods of the filter's corner, as far as there are so many."""
-    return min(math.ceil(6.0 / corner), samples - 1)
-
-
-def _of_drive(system: System, excitation: Excitation, duration: float | None) -> Iterator[PreflightRow]:
-    """The drive beside the modes that are kept, the rate of a chirp, and the length of a random motion."""
-    kept = (system.highest_kept, system.first_left_out)
-    what, value, unit, limit = drive_above_modes(excitation, *kept)
-    if math.isfinite(limit) and unit:
-        yield _row(what, value, unit, limit, "; ".join(drive_warnings(excitation, *kept)))
-    interval, change = record_coarseness(system, excitation, duration or 0.0)
-    if math.isfinite(interval) and duration is not None:
-        what = f"change of the peak by straight lines between the samples of the record, {interval:.4g} s apart"
-        yield _row(what, abs(change), "1", DIFFERENCE, "; ".join(record_warnings(system, excitation, duration)))
-    bare = without_impactors(system)
-    if isinstance(excitation, Chirp):
-        yield from _sweep_rate(excitation, solve_modes(bare, min(MODES, bare.dofs)))
-    if isinstance(excitation, RandomBase) and duration is not None:
-        yield from _random_error(bare, duration)
-
-
-def _sweep_rate(chirp: Chirp, modes: Modes) -> Iterator[PreflightRow]:
-    """B = 2 pi rate/(zeta omega)^2 of a chirp at each mode that it passes, and the number of modes passed."""
-    low, high = sorted((chirp.start, chirp.stop))
-    passed = [
-        (k + 1, float(f), float(zeta))
-        for k, (f, zeta) in enumerate(zip(modes.natural_frequency, modes.damping_ratio, strict=True))
-        if low < f < high
-    ]
-    first = float(modes.natural_frequency[modes.natural_frequency > 0.0].min(initial=math.inf))
-    instead = f"no resonance is met: the first natural frequency is {first:.4g} Hz"
-    yield _row("natural frequencies that the chirp passes", len(passed), "1", 1, instead, at_least=True)
-    for number, f, zeta in passed:
-        logarithmic = chirp.kind == "logarithmic"
-        rate = abs(f * math.log(chirp.stop / chirp.start) if logarithmic else chirp.stop - chirp.start) / chirp.duration
-        what = f"sweep rate b = 2 pi rate/(zeta omega)^2 at mode {number} ({f:.4g} Hz)"
-        decay = 2.0 * math.pi * zeta * f
-        if decay == 0.0:
-            yield _row(what, math.inf, "1", SWEEP_RATE, "an undamped mode has no steady peak: give a damping ratio")
-            continue
-        b = 2.0 * math.pi * rate / decay**2
-        advised = RATE_ADVISED * decay**2 / (2.0 * math.pi)
-        instead = (
-            f"the peak is {swept_peak(b):.2g} of the steady one at {rate:.3g} Hz/s: take {advised:.2g} Hz/s (b = "
-            f"{RATE_ADVISED:g}), duration = {_rounded_up(chirp.duration * rate / advised):g} s"
-        )
-        yield _row(what, b, "1", SWEEP_RATE, instead)
-
-
-def swept_peak(b: float) -> float:
-    """Largest envelope over the steady peak of a mode that is swept at b = 2 pi rate/(zeta omega)^2 > 0.
-
-    |integral_0^inf exp(-u + i b (tau - u)^2/2) du|, largest over tau = zeta omega t. With p = -i b/2 and
-    q = 1 + i b tau the integral of exp(-q u - p u^2) is sqrt(pi/p)/2 exp(q^2/4p) erfc(q/(2 sqrt(p))).
-    """
-    from scipy.optimize import minimize_scalar
-
-    at = np.linspace(-2.0, 3.0 + 6.0 / math.sqrt(b), 401)
-    values = swept_envelope(b, at)
-    near = int(np.argmax(values))
-    bounds = (at[max(near - 1, 0)], at[min(near + 1, at.size - 1)])
-    found = minimize_scalar(lambda tau: -float(swept_envelope(b, np.array([tau]))[0]), bounds=bounds, method="bounded")
-    return float(-found.fun)
-
-
-def swept_envelope(b: float, tau: Array) -> Array:
-    """Envelope over the steady peak at tau = zeta omega t after the resonance; see `swept_peak`."""
-    from scipy.special import wofz
-
-    # exp(z^2) erfc(z) = w(i z) of the Faddeeva function
-    p = np.sqrt(-0.5j * b)
-    return np.asarray(np.abs(0.5 * np.sqrt(np.pi) / p * wofz(1j * (1.0 + 1j * b * tau) / (2.0 * p))))
-
-
-def _rounded_down(value: float) -> float:
-    """The value with two digits, rounded down."""
-    digit = 10.0 ** (math.floor(math.log10(value)) - 1)
-    return float(f"{digit * math.floor(value / digit + 1e-9):.2g}")
-
-
-def _rounded_up(value: float) -> float:
-    """The value with two digits, rounded up."""
-    digit = 10.0 ** (math.floor(math.log10(value)) - 1)
-    return digit * math.ceil(value / digit - 1e-9)
-
-
-def _random_error(bare: System, duration: float) -> Iterator[PreflightRow]:
-    """Relative standard error of the rms of the first mode's response to a stationary Gaussian motion.
-
-    The correlation exp(-zeta omega |t|) cos(omega t) gives the mean square over a time T the relative variance
-    1/(zeta omega T), the rms half of its square root (derived here; the last third of the run is measured).
-    """
-    f, zeta = first_resonance(bare)
-    decay, measured = 2.0 * math.pi * f * zeta, duration / 3.0
-    if decay == 0.0:
-        return
-    needed = 3.0 * (0.5 / RMS_ERROR) ** 2 / decay
-    instead = f"take a duration of at least {_rounded_up(needed):g} s"
-    yield _row(
-        "standard error of the rms under a random motion", 0.5 / math.sqrt(decay * measured), "1", RMS_ERROR, instead
-    )
+# ---- the drive and the balls -----------------------------------------------------------------------
 
 
 def _first_gaps(system: System, excitation: Excitation) -> Iterator[PreflightRow]:
@@ -553,7 +315,7 @@ def _first_gaps(system: System, excitation: Excitation) -> Iterator[PreflightRow
         phi = abs(float(pair.direction @ modes.vectors[:, k]))
         if free and max(pair.gaps) < math.inf and pair.mass * phi**2 > LEAST_RATIO and driven > 0.0:
             what = f"first gap to try of {pair.name}{alone}: best gap of a light loss, mode {k + 1} ({FIRST_GAP})"
-            yield _row(what, math.pi**2 * driven / (8.0 * pair.mass * phi), "m")
+            yield row_of(what, math.pi**2 * driven / (8.0 * pair.mass * phi), "m")
 
 
 # ---- one run without contacts ----------------------------------------------------------------------
@@ -568,7 +330,7 @@ def _of_linear_run(
     gap is the absolute displacement of its place. That run is linear where no stop is met.
     """
     if has_cycle(excitation):
-        yield from _transient(system, 2.0 / 3.0 * duration, lambda end: f"duration = {_rounded_up(1.5 * end):g} s")
+        yield from _transient(system, 2.0 / 3.0 * duration, lambda end: f"duration = {rounded(1.5 * end):g} s")
     wide = tuple(
         pair if pair.is_stop or not pair.has_walls else replace(pair, gaps=(WIDE, WIDE), law=Rigid(1.0))
         for pair in system.contacts
@@ -606,14 +368,14 @@ def _of_linear_run(
             moved = max(moved, gap)
         of = f"displacement {'at' if pair.is_stop else 'of the place of'} {pair.name} beside its gap"
         instead = f"{pair.name} {'is never met' if pair.is_stop else 'never meets a wall'}: {_nearer(moved, gap)}"
-        yield _row(f"largest {'' if pair.is_stop else 'absolute '}{of}", moved, "m", gap, instead, at_least=True)
+        yield row_of(f"largest {'' if pair.is_stop else 'absolute '}{of}", moved, "m", gap, instead, at_least=True)
 
 
 def _nearer(moved: float, gap: float) -> str:
     """What brings a wall that is not met within reach: motion without contacts goes with the drive."""
     if moved <= 0.0:
         return "nothing moves"
-    return f"take a gap of at most {_rounded_down(moved):g} m or a drive {_rounded_up(gap / moved):g} times as large"
+    return f"take a gap of at most {rounded(moved, math.floor):g} m or a drive {rounded(gap / moved):g} times as large"
 
 
 def _transient(system: System, begin: float, take: Callable[[float], str]) -> Iterator[PreflightRow]:
@@ -622,8 +384,8 @@ def _transient(system: System, begin: float, take: Callable[[float], str]) -> It
     decay = 2.0 * math.pi * first * ratio
     if decay > 0.0:
         needed = -math.log(TRANSIENT_LEFT) / decay
-        instead = f"the last third is measured, which must begin after {_rounded_up(needed):g} s: take {take(needed)}"
-        yield _row(f"transient of the first mode left at {begin:.3g} s", left, "1", TRANSIENT_LEFT, instead)
+        instead = f"the last third is measured, which must begin after {rounded(needed):g} s: take {take(needed)}"
+        yield row_of(f"transient of the first mode left at {begin:.3g} s", left, "1", TRANSIENT_LEFT, instead)
 
 
 # ---- the grid of a sweep ---------------------------------------------------------------------------
@@ -637,16 +399,18 @@ def _of_grid(
     modes = solve_modes(bare, min(MODES, bare.dofs))
     natural = modes.natural_frequency[modes.natural_frequency > 0.0]
     inside = int(np.count_nonzero((natural >= f[0]) & (natural <= f[-1])))
+    # dwells stand where the plan wants them
+    least = math.nan if isinstance(excitation, SteppedSine) else 1
     instead = f"the sweep has no resonance: the first natural frequency is {natural.min(initial=math.inf):.4g} Hz"
-    yield _row("natural frequencies within the sweep", inside, "1", 1, instead, at_least=True)
+    yield row_of("natural frequencies within the sweep", inside, "1", least, instead, at_least=True)
     yield from _of_step(bare, f, "")
     what, value, unit, limit = drive_above_modes(Sine(1.0, float(f[-1])), bare.highest_kept, bare.first_left_out)
     if math.isfinite(limit):
         texts = frequency_warnings(f, bare.highest_kept, bare.first_left_out)
-        yield _row(f"{what}, of the sweep", value, unit, limit, "; ".join(texts))
+        yield row_of(f"{what}, of the sweep", value, unit, limit, "; ".join(texts))
     if cycles is not None:
         begin = float((cycles - cycles // 3) / f[-1])
-        yield from _transient(bare, begin, lambda end: f"cycles = {math.ceil(_rounded_up(1.5 * end * float(f[-1])))}")
+        yield from _transient(bare, begin, lambda end: f"cycles = {math.ceil(rounded(1.5 * end * float(f[-1])))}")
     amplitude = None
     if acceleration is not None:
         amplitude = level_at(acceleration, f) / (2.0 * np.pi * f) ** 2
@@ -661,18 +425,18 @@ def _of_step(bare: System, f: Array, of: str) -> Iterator[PreflightRow]:
     grid = grid_resolution(bare, f)
     if grid is not None:
         instead = "; ".join(resolution_warnings(grid))
-        yield _row(f"frequency step{of} at {grid.frequency:.4g} Hz", grid.step, "Hz", grid.step_needed, instead)
+        yield row_of(f"frequency step{of} at {grid.frequency:.4g} Hz", grid.step, "Hz", grid.step_needed, instead)
 
 
 def _deflection(system: System, largest: float, of: str) -> PreflightRow:
-    """The largest deflection (m) of a linear run over the length: of a system with balls, which lower it, no limit."""
+    """The largest deflection (m) of a linear run over the length: the same limit as in a run."""
     without = f" without {carried_words(system)}" if system.balls else ""
-    what, limit = f"largest deflection{of}{without}, over the length", math.nan if system.balls else LARGE
+    what = f"largest deflection{of}{without}, over the length"
     share = largest / system.length
     instead = "; ".join(deflection_warnings(largest, system.length))
     if share > LARGE:
-        instead += f"; take at most {_rounded_down(LARGE / share):g} of the drive"
-    return _row(what, share, "1", limit, instead)
+        instead += f"; take at most {rounded(LARGE / share, math.floor):g} of the drive"
+    return row_of(what, share, "1", LARGE, instead)
 
 
 def _linear_peak(bare: System, modes: Modes, f: Array, amplitude: Array) -> float:
