@@ -9,10 +9,12 @@ import mpmath as mp
 import numpy as np
 import pytest
 import scipy.linalg
+import xarray
 from builders import REFERENCE, reduced
 from reference_events import Oscillator
 
 import femimpact as fi
+from femimpact.export.history import history_writer
 from femimpact.integrators.channel_rows import drive_of
 
 BASE = fi.Sine(1e-3, 5.0, 0.3)
@@ -380,3 +382,35 @@ def test_a_base_of_two_sines_goes_on_to_the_end_beside_a_force_that_ends_later(f
 def test_a_place_that_is_unknown_is_refused():
     with pytest.raises(fi.InputError, match="nowhere"):
         run(reduced(structure(), 2), BASE + fi.HammerBlow("nowhere", 0.1, 1e-3))
+
+
+@pytest.mark.parametrize("method", [fi.EventDriven(), fi.Newmark(1e-4)])
+def test_the_work_of_each_drive_is_in_datasets_pieces_and_what_a_sink_leaves(method, tmp_path):
+    system, drive = reduced(structure(gravity=-9.81), 2), MIXED["sine, chirp and blow"]
+    ledger = run(system, drive, 1.0, method, record=fi.Recorder("tip")).energy
+    names = (*drive.names, "constant forces")
+    whole = run(system, drive, 1.0, method, record=fi.Recorder("tip")).to_xarray()
+    for name in names:
+        np.testing.assert_array_equal(whole[f"energy_work_of_{name}"], ledger.work_of[name])
+        assert whole[f"energy_work_of_{name}"].attrs["units"] == "J"
+    with history_writer(tmp_path / "history.nc") as sink:
+        record = fi.Recorder("tip", sink=sink, piece_samples=256)
+        left = run(system, drive, 1.0, method, record=record).energy
+    written = xarray.load_dataset(tmp_path / "history.nc", engine="h5netcdf")
+    for name in names:
+        # a run in pieces sums in another order
+        atol = 1e-13 * np.abs(ledger.work).max()
+        np.testing.assert_allclose(written[f"energy_work_of_{name}"], ledger.work_of[name], rtol=0.0, atol=atol)
+        rows = np.isin(written["time"], left.time)
+        np.testing.assert_array_equal(left.work_of[name], written[f"energy_work_of_{name}"][rows])
+        assert f"work_of_{name}" in left.to_pandas()
+    one = run(system, BASE, 1.0, method, record=fi.Recorder("tip", sink=lambda piece: None)).energy
+    assert one.work_of == {}
+
+
+def test_a_drive_that_begins_after_the_end_of_a_run_has_a_note_by_its_name():
+    system, late = reduced(structure(), 2), dataclasses.replace(NAMED, begin=5.0)
+    notes = run(system, BASE + late, 1.0).notes
+    assert 'the run ends at 1 s, before "hammer" begins at 5 s: it does not act' in notes
+    assert not any("nothing drives it" in note for note in notes)
+    assert any("nothing drives it" in note for note in run(system, late, 1.0).notes)
