@@ -91,6 +91,13 @@ constexpr double PLACES = 16.0 * 2.220446049250313e-16;
     const Scalars &scalars = form.scalars;
     const Products &s = space.products;
     const Motion &mark = space.mark, &motion = space.motion;
+    if (scalars.driven > 0 && !are_pushed(scalars, mark.drive)) {
+        // after the end of a drive steps are long: exponentials alone, where a series would diverge
+        Form undriven = form;
+        undriven.scalars.driven = 0;
+        add_to_ledger(undriven, pairs, c, space, b);
+        return;
+    }
     double duration = motion.clock(0) - mark.clock(0);
     bool active = false, moving = false, braked = false;
     for (Index j = 0; j < c.state.size(); j++) {
