@@ -743,7 +743,11 @@ def _range_words(starts: Mapping[str, Any], *keys: str, scale: float = 1.0) -> s
 
 def _base_words(study: Study, frequency: float | None) -> str:
     """Words on the motion that drove a history, which follow its name."""
+    from femimpact.excitation.excitation import words_of
+
     record, kind = getattr(study.base, "record", None), getattr(study.base, "kind", None)
+    if hasattr(study.base, "forces"):
+        return f"under {words_of(study.excitation)}"
     if kind is not None:
         return f"of the {kind} motion"
     return f"at {frequency:.5g} Hz" if record is None else f"of the record {record!r}"

@@ -5,11 +5,13 @@ from __future__ import annotations
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
+import numpy as np
 import pytest
 from test_study_forces import HAMMER, REST, SINE, read
 
 import femimpact as fi
-from femimpact.export.report.charts import energy_section
+from femimpact.export.report.charts import energy_section, history_charts
+from femimpact.export.report.drive_charts import drive_section
 from femimpact.study.run import run_study
 
 SHAKER = '[[force]]\nname = "shaker"\nat = "mid"\nkind = "sine"\nforce = 0.1\nfrequency = 33.0\n'
@@ -70,3 +72,88 @@ def test_the_chart_of_several_drives_has_each_of_them_and_their_sum():
     said = markup(energy_section(single.to_xarray()))
     assert "work of the base" in said
     assert "all drives" not in said
+
+
+# ---- the drive, and what a run under it is read by -------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("drive", "said", "axis"),
+    [
+        (fi.Sine(1e-3, 5.0), ("amplitude 1 mm", "frequency 5 Hz", "0.987 m/s^2 (0.101 g)"), "acceleration (m/s^2)"),
+        (
+            fi.Chirp(3.0, 12.0, 120.0, acceleration=0.05 * 9.80665, kind="logarithmic"),
+            ("start 3 Hz", "stop 12 Hz", "1 oct/min", "level 0.4903 m/s^2 (0.05 g)"),
+            "acceleration (m/s^2)",
+        ),
+        (fi.Chirp(3.0, 12.0, 90.0, amplitude=1e-3), ("0.1 Hz/s", "level 1 mm"), "acceleration (m/s^2)"),
+        (
+            fi.SteppedSine([4.0, 5.0], 9, acceleration=[(4.0, 1.0), (5.0, 2.0)]),
+            ("4 to 5 Hz in 2 steps", "cycles 9", "in 2 rows"),
+            "acceleration (m/s^2)",
+        ),
+        (
+            fi.RandomBase([(10.0, 4.0), (35.0, 4.0)], 8.0, seed=3),
+            # the square root of 25 Hz times 4 (m/s^2)^2/Hz
+            ("10 to 35 Hz", "seed 3", "root mean square 10"),
+            "density (g²/Hz)",
+        ),
+        (
+            fi.Shock("half-sine", 294.1995, 0.011, compensated=True),
+            ("half-sine", "compensated", "duration 0.011 s", "largest 294.2 m/s^2 (30 g)"),
+            "acceleration (m/s^2)",
+        ),
+        (
+            fi.HammerBlow("mass", 0.05, 2e-3, begin=0.1, name="hammer"),
+            # pi impulse/(2 duration)
+            ("force at mass", "impulse 50 mN s", "begin 0.1 s", "largest 39.27 N"),
+            "force (N)",
+        ),
+        (fi.PointForce("mass", fi.RandomBase([(10.0, 4.0), (35.0, 4.0)], 8.0)), ("10 to 35 Hz",), "density (N²/Hz)"),
+    ],
+)
+def test_a_drive_is_shown_with_its_numbers_and_a_chart(drive, said, axis):
+    text = markup(drive_section(drive, 9.0))
+    for words in (*said, axis):
+        assert words in text
+
+
+def test_the_report_of_several_drives_has_a_line_and_a_chart_of_each(two_drives):
+    text = two_drives[1]
+    for words in ("Acceleration of the base", "shaker: force", "amplitude 1 mm", "amplitude 0.1 N", "work of shaker"):
+        assert words in text
+    assert "several drives act at once" in text
+
+
+def test_a_blow_has_its_transfer_function_or_the_history_that_it_needs(tmp_path):
+    damping = "[damping]\nratio = 0.1\nmodes = [1, 2]\n"
+    # a ratio of 0.1 at 20 Hz needs ln(1000)/(2 pi 2 Hz), 0.55 s
+    run_study(read(damping, REST, HAMMER, QUIET), tmp_path / "long")
+    assert "tip over the force" in (tmp_path / "long" / "report.html").read_text(encoding="utf-8")
+    run_study(read(damping, REST.replace("2.0", "0.4"), HAMMER, QUIET), tmp_path / "short")
+    text = (tmp_path / "short" / "report.html").read_text(encoding="utf-8")
+    assert "No spectrum of tip: base.history = 0.4 s" in text
+    asked = float(text.split("No spectrum of tip: ")[1].split("base.history = ")[2].split(" s")[0])
+    # the named length is enough
+    long = REST.replace("2.0", f"{asked}")
+    run_study(read(damping, long, HAMMER, QUIET), tmp_path / "asked")
+    assert "tip over the force" in (tmp_path / "asked" / "report.html").read_text(encoding="utf-8")
+
+
+def test_what_is_absolute_has_an_axis_of_its_own():
+    channels = {
+        name: (np.arange(3.0), np.ones(3), "m") for name in ("tip", "root.absolute_displacement", "ball.gap", "mid")
+    }
+    axes = {chart.title: chart.y.label for chart in history_charts(channels, "whole run")}
+    assert axes["root.absolute_displacement, whole run"].startswith("absolute displacement")
+    assert axes["ball.gap, whole run"].startswith("gap")
+    assert [label for label in axes.values() if label.startswith("displacement relative to the base")]
+
+
+def test_a_study_is_warned_in_the_keys_of_its_file(tmp_path):
+    results, text = ran(tmp_path, REST, HAMMER)
+    notes = " ".join(results.summary["notes"])
+    assert "[output] interval sets another one" in notes
+    assert "Recorder(" not in text
+    # an undamped run without a cycle has no kind of motion to judge
+    assert "Criterion" not in text

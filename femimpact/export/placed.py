@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -80,6 +80,8 @@ class DrawnSystem:
     contacts: tuple[DrawnContact, ...] = ()  # balls first, then absorbers and stops
     total_mass: float = math.nan  # kg
     first_frequency: float = math.nan  # Hz: not a number where it was not kept
+    # (Hz, 1) natural frequencies and damping ratios of the lowest modes, where they were kept
+    modes: tuple[Array, Array] = field(default_factory=lambda: (np.zeros(0), np.zeros(0)))
 
     @property
     def dofs(self) -> int:

@@ -46,7 +46,7 @@ from femimpact.response.response import Recorder
 from femimpact.response.signals import LARGE, deflection_warnings
 from femimpact.structure.damping import ModalDamping
 from femimpact.structure.structure import Structure, unusual_numbers
-from femimpact.study.prepared import carried_words, lines_of_plan, prepare, refined_grid
+from femimpact.study.prepared import carried_words, in_study_words, lines_of_plan, prepare, refined_grid
 from femimpact.study.study import Study, build
 from femimpact.sweep.curve import TRANSIENT_LEFT, grid_resolution, transient_left
 from femimpact.system.modes import Modes, first_elastic_frequency, solve_modes
@@ -229,6 +229,7 @@ def preflight_of_study(study: Study, small: System) -> Preflight:
         cycles=plan.cycles if plan else None, structure=study.structure, initial=study.initial,
         acceleration=plan.acceleration if plan else None,
     )  # fmt: skip
+    found = Preflight(tuple(replace(row, instead=in_study_words(row.instead)) for row in found.rows))
     return found if study.plan is None else _with_axes(found, definition_of(study))
 
 

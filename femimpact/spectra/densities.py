@@ -370,10 +370,12 @@ def absolute_motion(response: Response, channel: Position | None) -> tuple[str, 
 def modes_of(system: Any, most: int) -> tuple[Array, Array]:
     """Natural frequencies (Hz) and damping ratios of the kept modes, or of the lowest ones of a system on its dofs."""
     if not isinstance(system, System):
-        return np.zeros(0), np.zeros(0)
+        # as results hold them
+        found: tuple[Array, Array] = getattr(system, "modes", (np.zeros(0), np.zeros(0)))
+        return found
     if not system.is_diagonal:
-        found = solve_modes(system, min(most, system.dofs))
-        return found.natural_frequency, found.damping_ratio
+        solved = solve_modes(system, min(most, system.dofs))
+        return solved.natural_frequency, solved.damping_ratio
     M, C, K = (matrix.diagonal() for matrix in (system.M, system.C, system.K))
     # attachment vectors of a static correction are no modes
     kept = (np.sqrt(K / M) / (2.0 * np.pi) <= system.first_left_out) & (K > 0.0)

@@ -16,8 +16,9 @@ from femimpact.errors import require
 from femimpact.excitation import Drives, Excitation, HammerBlow, PointForce, RecordedBase, Sine, Sum
 from femimpact.export import tables
 from femimpact.export.placed import DrawnContact, DrawnSystem
+from femimpact.export.report.charts import channels_of
 from femimpact.response.history import Snapshots
-from femimpact.response.impacts import IMPACT_UNITS, Impacts, ImpactStatistics, StickingPhases
+from femimpact.response.impacts import IMPACT_UNITS, Impacts, ImpactStatistics, StickingPhases, impact_statistics
 from femimpact.response.response import Response
 from femimpact.response.signals import no_steady_motion
 from femimpact.structure.beam import Beam, Segment
@@ -83,6 +84,7 @@ def read_mode_shapes(folder: Path, summary: Mapping[str, Any]) -> tuple[System, 
     modes = Modes(**{name: data[name].to_numpy() for name in names}, vectors=data["shape"].to_numpy())
     about = json.loads(data[ABOUT].item()) if ABOUT in data else {"points": {}, "contacts": []}
     system = _system(about, data["node"].to_numpy(), float(data.attrs["total_mass_kg"]))
+    system = dataclasses.replace(system, modes=(modes.natural_frequency, modes.damping_ratio))
     return cast(System, system), modes, _structure(about) if ABOUT in data else None
 
 
@@ -316,6 +318,27 @@ def _response(
         snapshots=None,
         base=base,
         system=cast(System, _system(about, nodes)),
+    )
+
+
+def read_run(
+    folder: Path, summary: Mapping[str, Any], history: xarray.Dataset, system: System | DrawnSystem, base: Excitation
+) -> Response:
+    """A run with the channels of its history, for spectra: without energies, and with no statistics."""
+    channels = channels_of(history)
+    return Response(
+        time=np.asarray(history["time"].to_numpy(), dtype=float),
+        channels={name: values for name, (_, values, _) in channels.items()},
+        units={name: unit for name, (_, _, unit) in channels.items()},
+        impacts=_impacts(folder, summary),
+        sticking=StickingPhases.none(),
+        statistics=impact_statistics(np.zeros((6, 1)), 1.0, 1.0, ""),
+        statistics_of={},
+        steady=no_steady_motion(),
+        energy=None,
+        snapshots=None,
+        base=base,
+        system=cast(System, system),
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -38,6 +39,25 @@ LEAST_SAMPLES = 20
 
 USUAL_STRIDE = 10
 """One of so many steps is kept in a history unless the study says otherwise or a base cycle has too few."""
+
+
+IN_PYTHON = {
+    r"response\.time": "base.history",
+    r"by Recorder\(interval=\)": "by [output] interval",
+    r"Recorder\(interval=\) sets another one, and largest\(channel\) of the response finds what lies between": (
+        "[output] interval sets another one; the largest values of the summary are exact between the readings too"
+    ),
+    r'as RecordedBase\.from_csv\(\.\.\., detrend="line"\) does': 'by base.detrend = "line"',
+    r"RecordedBase\.from_displacement\(.*(high_pass = [^)]*)\) of the displacement of this record": r"base.\1",
+}
+"""What warnings and notes name in Python, and the keys of a study file that do the same."""
+
+
+def in_study_words(text: str) -> str:
+    """A warning, a note or a fault with keys of the study file in place of names of Python."""
+    for named, key in IN_PYTHON.items():
+        text = re.sub(named, key, text)
+    return text
 
 
 def carried_words(system: System) -> str:
@@ -108,8 +128,10 @@ def prepare(study: Study, parts: tuple[str, ...] = PARTS) -> PreparedStudy:
     _check_channels(study, small)
     prepared = PreparedStudy(
         study, mesh, full, small, bare, method, method_for(study, bare), record=record,
-        warnings=(*warnings, *_coarse_history(study, small, method), *_empty_sweep(study, bare, parts),
-                  *_drives_not_followed(study, small, parts)),
+        warnings=tuple(map(in_study_words, (
+            *warnings, *_coarse_history(study, small, method), *_empty_sweep(study, bare, parts),
+            *_drives_not_followed(study, small, parts),
+        ))),
     )  # fmt: skip
     _check_drives(prepared, parts)
     return prepared
@@ -309,7 +331,7 @@ def lines_of_plan(prepared: PreparedStudy) -> list[str]:
     mesh = mesh_memory(full.nodes.size - 1, small.dofs if study.reduction else None)
     lines.append(f"mesh and modes: take about {max(mesh.values()) / 1e6:.3g} MB")
     lines.append("besides: some 200 MB for the libraries")
-    lines += [f"note: {text}" for text in (*method.notes(small), *_files_elsewhere(study))]
+    lines += [f"note: {in_study_words(text)}" for text in (*method.notes(small), *_files_elsewhere(study))]
     return lines + [f"warning: {text}" for text in prepared.warnings]
 
 

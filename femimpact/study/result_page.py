@@ -11,20 +11,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from femimpact.errors import changed, require, require_path
+from femimpact.errors import require, require_path
 from femimpact.export.placed import DrawnSystem, drawn_system, placed_structure
 from femimpact.export.report.charts import (
     axis_section,
-    channels_of,
     curves_section,
     energy_section,
     history_section,
     impacts_section,
     modes_section,
-    spectra_section,
     steps_section,
     summary_table,
 )
+from femimpact.export.report.drive_charts import drive_section, spectra_section
 from femimpact.export.report.maps import maps_section
 from femimpact.export.report.page import (
     Conclusion,
@@ -49,8 +48,10 @@ from femimpact.study.picture_data import (
     read_film,
     read_last_cycles,
     read_parts,
+    read_run,
     read_run_parts,
 )
+from femimpact.study.prepared import in_study_words
 from femimpact.study.result_conclusions import (
     STARTS,
     ResultReading,
@@ -384,21 +385,25 @@ def _motion(results: ResultReading) -> list[Section]:
         end = {name: (response.time, values, response.units[name]) for name, values in response.channels.items()}
     found = results.summary.get("history")
     regime = found.get("regime") if isinstance(found, dict) else None
-    words = []
+    words, study = [], _study(results)
     if isinstance(regime, dict):
         label, criterion = (str(regime.get(key, "not known")) for key in ("label", "criterion"))
-        words.append(f"Kind of motion over the last third: {label}. Criterion: {criterion}.")
+        # without a cycle there is nothing to judge by
+        more = f" Criterion: {criterion}." if "base_frequency_Hz" in history.attrs else ""
+        words.append(f"Kind of motion over the last third: {label}.{more}")
     drawn = [history_section(history, end, heading="Histories", words=words)]
-    study = _study(results)
-    if last is None or study is None:
+    if study is None:
         return drawn
-    # what is stored is the run without its history
-    channels = channels_of(history)
-    units = {name: unit for name, (_, _, unit) in channels.items()}
-    time = np.asarray(history["time"].to_numpy(), dtype=float)
-    values = {name: values for name, (_, values, _) in channels.items()}
-    run = changed(last[0], time=time, channels=values, units=units, base=study.base.excitation)
-    spectra = results.attempt("spectra", lambda: spectra_section(run))
+    duration = study.base.history_duration
+    drive = results.attempt("drive", lambda: drive_section(study.excitation, duration))
+    drawn = drawn if drive is None else [drive, *drawn]
+    system = drawn_system(study.structure, {}) if results.modes is None else results.modes[0]
+    run = results.attempt(
+        "spectra", lambda: read_run(results.folder, results.summary, history, system, study.excitation)
+    )
+    if run is None:
+        return drawn
+    spectra = results.attempt("spectra", lambda: spectra_section(run, told=in_study_words))
     return drawn if spectra is None else [*drawn, spectra]
 
 

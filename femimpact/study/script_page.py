@@ -22,9 +22,9 @@ from femimpact.export.report.charts import (
     energy_section,
     history_section,
     impacts_section,
-    spectra_section,
     summary_table,
 )
+from femimpact.export.report.drive_charts import drive_section, spectra_section
 from femimpact.export.report.maps import maps_section
 from femimpact.export.report.page import (
     MOST_BYTES,
@@ -331,6 +331,7 @@ def _response(key: str, heading: str, response: Response, structure: Structure |
     if response.time.size:
         history = response.to_xarray()
         energy = energy_section(history, drive_name(response.base))
+        sections.append(drive_section(response.base, float(response.time[-1]), f"{key}-drive", f"{heading}: the drive"))
         sections.append(history_section(history, key=key, heading=heading))
         spectra = spectra_section(response, f"{key}-spectra", f"{heading}: spectra")
         sections += [spectra] if spectra is not None else []

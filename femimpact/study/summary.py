@@ -26,7 +26,7 @@ from femimpact.identification import (
 )
 from femimpact.integrators.methods import Method
 from femimpact.response.response import Response
-from femimpact.study.prepared import PreparedStudy, finer_grid_words
+from femimpact.study.prepared import PreparedStudy, finer_grid_words, in_study_words
 from femimpact.sweep import FrequencyResponse, on_grid
 from femimpact.sweep.curve import TAKE_STARTS
 from femimpact.system.contact_pair import ContactPair
@@ -207,7 +207,7 @@ def summary_of(
             summary["sweep"]["ball"]["damping_amplitude_ratio"] = by_ratio.ratio
             warnings += [f"sweep with {prepared.carried}: {text}" for text in summary["sweep"]["ball"]["warnings"]]
     if response is not None:
-        warnings += [f"history: {text}" for text in response.warnings]
+        warnings += [f"history: {in_study_words(text)}" for text in response.warnings]
         channels = channel_summary(response)
         summary["history"] = {
             **({"frequency": response.base.frequency} if has_cycle(response.base) else {}),
@@ -221,7 +221,7 @@ def summary_of(
         }
         summary["energy_residual"] = response.energy.residual if response.energy is not None else math.nan
         summary |= work_summary(response)
-        summary["notes"] = list(response.notes)
+        summary["notes"] = list(map(in_study_words, response.notes))
     elif sweeps is not None:
         summary["energy_residual"] = float(np.nanmax((sweeps.ball or sweeps.empty).energy_residual))
     # a run repeats what is said of its study

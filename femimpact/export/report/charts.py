@@ -9,13 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.arrays import Array
-from femimpact.errors import InputError
-from femimpact.excitation import Chirp, RandomBase, Shock, SteppedSine
 from femimpact.export.figures.drawing import prefixed
 from femimpact.export.report.page import Section, Table, table_element, table_of
-from femimpact.export.tables import GRAVITY, unit_text
-from femimpact.response.response import Response
-from femimpact.spectra import drive_history, measured_transfer, shock_response_spectrum, spectrum
+from femimpact.export.tables import unit_text
 from femimpact.svg import MINUS, Axis, Band, Chart, Element, Line, axis_of, chart_element, element, number_text
 from femimpact.sweep import FrequencyResponse
 
@@ -96,7 +92,7 @@ def chart_of(
 ) -> Chart:
     """One column of curves over the frequency, with dots where it is one start's, above bands of several starts."""
     columns = {label: np.asarray(curve[name], dtype=float) for label, curve in curves.items()}
-    factor, shown = prefixed(_largest(*columns.values()), unit) if unit != "rad" else (1.0, unit)
+    factor, shown = prefixed(largest_of(*columns.values()), unit) if unit != "rad" else (1.0, unit)
     lines, marked = [], False
     for i, (label, curve) in enumerate(curves.items()):
         values = factor * columns[label]
@@ -229,21 +225,28 @@ def _last_part(channels: dict[str, tuple[Array, Array, str]], share: float = 0.0
 
 
 def history_charts(channels: Mapping[str, tuple[Array, Array, str]], when: str) -> list[Chart]:
-    """A chart for the channels of each unit; more than four are divided."""
-    by_unit: dict[str, list[str]] = {}
+    """A chart for the channels of each quantity; more than four are divided."""
+    alike: dict[tuple[str, str], list[str]] = {}
     for name, (_, _, unit) in channels.items():
-        by_unit.setdefault(unit, []).append(name)
-    charts = []
-    for unit, names in by_unit.items():
-        for k in range(0, len(names), MOST_LINES):
-            charts.append(_chart(channels, names[k : k + MOST_LINES], unit, when))
-    return charts
+        alike.setdefault((_quantity(name, unit), unit), []).append(name)
+    return [
+        _chart(channels, names[k : k + MOST_LINES], quantity, unit, when)
+        for (quantity, unit), names in alike.items()
+        for k in range(0, len(names), MOST_LINES)
+    ]
 
 
-def _chart(channels: Mapping[str, tuple[Array, Array, str]], names: Sequence[str], unit: str, when: str) -> Chart:
+def _quantity(name: str, unit: str) -> str:
+    """Words for what a channel is: what is absolute, or bounded by gaps, is not relative to the base."""
+    read = name.rpartition(".")[2]
+    return _words(read) if read.startswith("absolute_") or read == "gap" else KINDS.get(unit, "value")
+
+
+def _chart(
+    channels: Mapping[str, tuple[Array, Array, str]], names: Sequence[str], quantity: str, unit: str, when: str
+) -> Chart:
     arrays = [channels[name][1] for name in names]
-    factor, shown = prefixed(_largest(*arrays), unit)
-    quantity = KINDS.get(unit, "value")
+    factor, shown = prefixed(largest_of(*arrays), unit)
     style = "thin" if max((one.size for one in arrays), default=0) > 4000 else "line"
     sizes = [float(np.nan_to_num(np.abs(one)).mean()) if one.size else 0.0 for one in arrays]
     lines = tuple(
@@ -254,64 +257,11 @@ def _chart(channels: Mapping[str, tuple[Array, Array, str]], names: Sequence[str
     title = f"{names[0] if len(names) == 1 else quantity.capitalize()}, {when}"
     time = axis_of("time (s)", *(line.x for line in lines), tight=True)
     heights = axis_of(f"{quantity} ({shown})" if shown != "1" else quantity, *(line.y for line in lines))
-    note = f"Largest: {unit_text(_largest(*arrays), unit)}." if unit == "m/s^2" else ""
+    note = f"Largest: {unit_text(largest_of(*arrays), unit)}." if unit == "m/s^2" else ""
     return Chart(title, time, heights, lines, note=note)
 
 
-SHOCK_RATIO = 0.05
-"""Damping ratio of the shock response spectrum in a report."""
-
-
-def spectra_section(response: Response, key: str = "spectra", heading: str = "Spectra") -> Section | None:
-    """What a run is read by where its drive has it, with the reason where a channel cannot be; None of other drives.
-
-    Densities of a random drive, transfer functions of a chirp or a stepped sine, and the response spectrum of a shock.
-    """
-    charts, refused = [], []
-    if isinstance(response.base, Shock):
-        charts.append(_shock_chart(response.base))
-    for name in [name for name, unit in response.units.items() if unit != "N"][:MOST_LINES]:
-        try:
-            charts += _spectrum_charts(response, name)
-        except InputError as error:
-            refused.append(element("p", f"No spectrum of {name}: {error}."))
-    drawn = [chart_element(one) for one in charts]
-    return Section(key, heading, (element("div.charts", *drawn), *refused)) if drawn or refused else None
-
-
-def _spectrum_charts(response: Response, name: str) -> list[Chart]:
-    history = drive_history(response)
-    if isinstance(history, RandomBase):
-        found = spectrum(response, name)
-        shown = (found.frequency > 0.0) & (found.frequency <= 1.5 * history.frequency)
-        factor, unit = (GRAVITY**-2, "g^2/Hz") if found.unit == "(m/s^2)^2/Hz" else (1.0, found.unit)
-        line = Line(name, found.frequency[shown], factor * found.values[shown])
-        return [_over_frequency(f"Spectral density of {name}", f"density ({unit.replace('^2', '²')})", line)]
-    if isinstance(history, Chirp | SteppedSine):
-        transfer = measured_transfer(response, name)
-        # the dwells of a sweep up and down stand in their order in time
-        order = np.argsort(transfer.frequency, kind="stable")
-        line = Line(name, transfer.frequency[order], np.abs(transfer[name])[order])
-        over = transfer.of.replace("base.acceleration", "acceleration of the base")
-        return [_over_frequency(f"{name} over the {over}", f"magnitude ({transfer.units[name]})", line)]
-    return []
-
-
-def _shock_chart(shock: Shock) -> Chart:
-    f = np.geomspace(0.05 / shock.duration, 50.0 / shock.duration, 60)
-    found = shock_response_spectrum(shock, f, SHOCK_RATIO)
-    sides = {"positive": found.positive_acceleration, "negative": found.negative_acceleration}
-    lines = [Line(side, f, np.where(y > 0.0, y, np.nan) / GRAVITY, 1 + i) for i, (side, y) in enumerate(sides.items())]
-    title = f"Shock response spectrum of the base, damping ratio {SHOCK_RATIO:g}"
-    return _over_frequency(title, "absolute acceleration (g)", *lines, across="natural frequency (Hz)")
-
-
-def _over_frequency(title: str, label: str, *lines: Line, across: str = "frequency (Hz)") -> Chart:
-    x = axis_of(across, *(line.x for line in lines), logarithmic=True, tight=True)
-    return Chart(title, x, axis_of(label, *(line.y for line in lines), logarithmic=True), lines)
-
-
-def _largest(*arrays: NDArray[Any]) -> float:
+def largest_of(*arrays: NDArray[Any]) -> float:
     """Largest absolute value of arrays, of those that are finite."""
     return max((float(np.abs(values[np.isfinite(values)]).max(initial=0.0)) for values in arrays), default=0.0)
 
@@ -350,7 +300,7 @@ def words_of_work(drive: str) -> str:
 
 
 def _energies(title: str, time: Array, values: Sequence[tuple[str, Array]], style: str) -> Chart:
-    factor, unit = prefixed(_largest(*(one for _, one in values)), "J")
+    factor, unit = prefixed(largest_of(*(one for _, one in values)), "J")
     # the larger ones first, or they would hide the others
     lines = [Line(words, time, factor * one, 1 + i, style) for i, (words, one) in enumerate(values)]
     lines.sort(key=lambda line: -float(np.nan_to_num(line.y).mean()))
@@ -415,7 +365,7 @@ def _walls(numbers: Mapping[str, NDArray[Any]]) -> list[tuple[str, NDArray[np.bo
 
 def _impulses(title: str, axis: Axis, places: NDArray[Any], numbers: Mapping[str, NDArray[Any]]) -> Chart:
     """Impulse of every impact over something else of it."""
-    factor, unit = prefixed(_largest(numbers["impulse"]), "N s")
+    factor, unit = prefixed(largest_of(numbers["impulse"]), "N s")
     lines = tuple(
         Line(name, places[mine], factor * numbers["impulse"][mine], 1 + i, "dots")
         for i, (name, mine) in enumerate(_walls(numbers))
