@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.polynomial.polynomial import polyder, polyroots, polyval
 
 from femimpact.arrays import Array
 from femimpact.excitation import Chirp, Drives, Excitation, RandomBase, Sine
@@ -27,13 +28,11 @@ SAMPLES = 64
 SWEEP_RATE, RATE_ADVISED = 0.2, 0.1
 """b = 2 pi rate/(zeta omega)^2 up to which a swept peak is 1 % low, and the one that is advised (0.3 % low)."""
 
-
 READINGS, CLOSE = 9, 16
 """Instants at which a piece is read for its largest value, and how many of the pieces are then searched."""
 
 DRIFT = 0.25
 """Slow motion of the base over the gap beyond which a record's drift drives the ball."""
-
 
 RMS_ERROR = 0.05
 """Relative standard error of the root mean square of a random response that is accepted."""
@@ -44,11 +43,9 @@ RMS_ERROR = 0.05
 
 def base_rows(system: System, excitation: Excitation, duration: float | None) -> Iterator[PreflightRow]:
     """Largest displacement, velocity and acceleration that the shaker has to make, and the drift of a record."""
-    if is_force(excitation):
-        return
     if isinstance(excitation, Drives):
-        if excitation.base is not None:
-            yield from base_rows(system, excitation.base, duration)
+        excitation = excitation.base
+    if excitation is None or is_force(excitation):
         return
     if isinstance(excitation, Sine):
         place, omega = excitation.amplitude, excitation.omega
@@ -96,14 +93,14 @@ def largest_motion(excitation: Excitation, duration: float) -> list[float]:
 def _largest_of_pieces(derivatives: Array, length: Array) -> float:
     """Largest |sum of d_j t^j/j!| over pieces of some lengths (s): roots of the derivative of those that come close."""
     c = derivatives / [math.factorial(j) for j in range(derivatives.shape[1])]
-    shares, size = np.linspace(0.0, 1.0, READINGS), np.zeros(length.size)
-    for share in shares:
-        size = np.maximum(size, np.abs(np.polynomial.polynomial.polyval(share * length, c.T, tensor=False)))
+    size = np.zeros(length.size)
+    for share in np.linspace(0.0, 1.0, READINGS):
+        size = np.maximum(size, np.abs(polyval(share * length, c.T, tensor=False)))
     largest = float(size.max(initial=0.0))
     for i in np.argsort(size)[-CLOSE:]:
-        roots = np.polynomial.Polynomial(c[i]).deriv().roots()
+        roots = polyroots(polyder(c[i]))
         inside = roots.real[(roots.real > 0.0) & (roots.real < length[i])]
-        largest = max(largest, float(np.abs(np.polynomial.polynomial.polyval(inside, c[i])).max(initial=0.0)))
+        largest = max(largest, float(np.abs(polyval(inside, c[i])).max(initial=0.0)))
     return largest
 
 
@@ -123,18 +120,15 @@ def _drift(system: System, excitation: Excitation) -> Iterator[PreflightRow]:
         return
     at = line.interval * np.arange(len(line.samples))
     displacement = np.asarray(excitation.displacement(at))
-    slow = sosfiltfilt(butter(4, corner, output="sos"), displacement, padtype="odd", padlen=_padding(at.size, corner))
+    # both ends are continued by three periods of the corner, as far as there are so many samples
+    padding = min(math.ceil(6.0 / corner), at.size - 1)
+    slow = sosfiltfilt(butter(4, corner, output="sos"), displacement, padtype="odd", padlen=padding)
     limit = DRIFT * min(gaps)
     instead = (
         f"it moves the box around a ball at rest: take RecordedBase.from_displacement(displacement, interval, "
         f"high_pass = {rounded(0.5 * first):g}) of the displacement of this record"
     )
     yield row_of(f"drift of the record below {0.5 * first:.3g} Hz", np.abs(slow - slow[0]).max(), "m", limit, instead)
-
-
-def _padding(samples: int, corner: float) -> int:
-    """Samples by which both ends are continued: three periods of the filter's corner, as far as there are so many."""
-    return min(math.ceil(6.0 / corner), samples - 1)
 
 
 def drive_rows(system: System, excitation: Excitation, duration: float | None) -> Iterator[PreflightRow]:

@@ -151,8 +151,14 @@ def amplitude_spectrum(time: Array, values: Array) -> tuple[Array, Array]:
     return np.fft.rfftfreq(time.size, even[1] - even[0]), lines
 
 
+RUN = instance(Response) | {
+    "allowed": "must be a Response, as fi.integrate returns; report.html has the spectra of results of a study"
+}
+"""Metadata of a run of which something is read."""
+
+
 @takes(
-    response=instance(Response), kind=optional(choice("density", "amplitude")),
+    response=RUN, kind=optional(choice("density", "amplitude")),
     resolution=optional(quantity("Hz", above=0.0)), start=optional(quantity("s", at_least=0.0)),
     confidence=quantity("1", above=0.0, below=1.0),
 )  # fmt: skip

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from femimpact.arrays import Array, Complex
-from femimpact.errors import instance, optional, quantity, require, require_name, takes
+from femimpact.errors import optional, quantity, require, require_name, takes
 from femimpact.excitation import Chirp, Drives, HammerBlow, RandomBase, Shock, SteppedSine
 from femimpact.excitation.excitation import has_cycle
 from femimpact.integrators.channel_rows import Drive
@@ -17,6 +17,7 @@ from femimpact.response.channels import channel_key
 from femimpact.response.response import Response
 from femimpact.spectra.densities import (
     MODES,
+    RUN,
     Record,
     drive_history,
     modes_of,
@@ -40,7 +41,7 @@ STEADY = 0.01
 """Relative difference of the harmonics of the two halves of a dwell beyond which it is not steady."""
 
 
-@takes(response=instance(Response), resolution=optional(quantity("Hz", above=0.0)))
+@takes(response=RUN, resolution=optional(quantity("Hz", above=0.0)))
 def measured_transfer(
     response: Response, to: Position, of: Position | None = None, *, resolution: float | None = None
 ) -> TransferFunction:

@@ -325,15 +325,15 @@ def read_run(
     folder: Path, summary: Mapping[str, Any], history: xarray.Dataset, system: System | DrawnSystem, base: Excitation
 ) -> Response:
     """A run with the channels of its history, for spectra: without energies, and with no statistics."""
-    channels = channels_of(history)
+    channels, nothing = channels_of(history), impact_statistics(np.zeros((6, 1)), 1.0, 1.0, "")
     return Response(
         time=np.asarray(history["time"].to_numpy(), dtype=float),
         channels={name: values for name, (_, values, _) in channels.items()},
         units={name: unit for name, (_, _, unit) in channels.items()},
         impacts=_impacts(folder, summary),
         sticking=StickingPhases.none(),
-        statistics=impact_statistics(np.zeros((6, 1)), 1.0, 1.0, ""),
-        statistics_of={},
+        statistics=nothing,
+        statistics_of=dict.fromkeys((pair.name for pair in system.contacts), nothing),
         steady=no_steady_motion(),
         energy=None,
         snapshots=None,

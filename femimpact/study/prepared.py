@@ -43,9 +43,9 @@ USUAL_STRIDE = 10
 
 IN_PYTHON = {
     r"response\.time": "base.history",
-    r"by Recorder\(interval=\)": "by [output] interval",
+    r"by Recorder\(interval=\)": "by output.interval",
     r"Recorder\(interval=\) sets another one, and largest\(channel\) of the response finds what lies between": (
-        "[output] interval sets another one; the largest values of the summary are exact between the readings too"
+        "output.interval sets another one; the largest values of the summary are exact between the readings too"
     ),
     r'as RecordedBase\.from_csv\(\.\.\., detrend="line"\) does': 'by base.detrend = "line"',
     r"RecordedBase\.from_displacement\(.*(high_pass = [^)]*)\) of the displacement of this record": r"base.\1",

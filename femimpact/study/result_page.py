@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from femimpact.errors import require, require_path
+from femimpact.excitation import SteppedSine
 from femimpact.export.placed import DrawnSystem, drawn_system, placed_structure
 from femimpact.export.report.charts import (
     axis_section,
@@ -38,6 +40,7 @@ from femimpact.export.report.page import (
 from femimpact.export.report.player import player_element
 from femimpact.export.report.structure_drawing import structure_element, structure_words
 from femimpact.export.tables import in_shown_units, unit_text
+from femimpact.spectra.densities import MODES, modes_of
 from femimpact.structure.structure import Structure
 from femimpact.study.best_case import best_cases
 from femimpact.study.best_design import BestCase
@@ -79,7 +82,7 @@ from femimpact.study.result_directory import (
     update_results,
 )
 from femimpact.study.results import carried_of, read_json, read_summary
-from femimpact.study.study import Study
+from femimpact.study.study import Study, build
 from femimpact.study.study_file import load_study
 from femimpact.study.summary import drive_name
 from femimpact.svg import Element, element
@@ -260,8 +263,11 @@ def _of_parameter_study(
     about = results.attempt(name, lambda: study_versions(data)) or {}
     plan = None if study is None or study.plan is None else study.plan.best
     best, reasons = results.attempt(name, lambda: best_cases(data, plan)) or ({}, {})
+    lead = results.attempt(name, lambda: study_lead(data)) or []
+    if study is not None and isinstance(study.excitation, SteppedSine):
+        lead.append("A case has one value over all dwells; a sine with the axis base.frequency has one at each.")
     return (
-        results.attempt(name, lambda: study_lead(data)) or [],
+        lead,
         results.attempt(name, lambda: study_conclusions(data, best, reasons)) or (),
         results.attempt(name, lambda: study_failures(data)) or (),
         about,
@@ -397,7 +403,7 @@ def _motion(results: ResultReading) -> list[Section]:
     duration = study.base.history_duration
     drive = results.attempt("drive", lambda: drive_section(study.excitation, duration))
     drawn = drawn if drive is None else [drive, *drawn]
-    system = drawn_system(study.structure, {}) if results.modes is None else results.modes[0]
+    system = _system_of(study) if results.modes is None else results.modes[0]
     run = results.attempt(
         "spectra", lambda: read_run(results.folder, results.summary, history, system, study.excitation)
     )
@@ -405,6 +411,12 @@ def _motion(results: ResultReading) -> list[Section]:
         return drawn
     spectra = results.attempt("spectra", lambda: spectra_section(run, told=in_study_words))
     return drawn if spectra is None else [*drawn, spectra]
+
+
+def _system_of(study: Study) -> DrawnSystem:
+    """Places and contacts of a study, with its modes unless they need the file of its mesh."""
+    drawn = drawn_system(study.structure, {})
+    return drawn if study.mesh.file else replace(drawn, modes=modes_of(build(study)[1], MODES))
 
 
 def _energy(results: ResultReading) -> list[Section]:

@@ -161,6 +161,9 @@ ENERGIES = {
 }
 """Variables of a history that are energies, and their words."""
 
+SUMMED = (WORK, "energy_structure_loss", "energy_contact_loss")
+"""Those that are summed over the run."""
+
 MOST_CHANNELS = 24
 """Channels that are drawn: of more the page would be too large to open."""
 
@@ -229,11 +232,18 @@ def history_charts(channels: Mapping[str, tuple[Array, Array, str]], when: str) 
     alike: dict[tuple[str, str], list[str]] = {}
     for name, (_, _, unit) in channels.items():
         alike.setdefault((_quantity(name, unit), unit), []).append(name)
-    return [
-        _chart(channels, names[k : k + MOST_LINES], quantity, unit, when)
+    parts = [
+        (names[k : k + MOST_LINES], quantity, unit)
         for (quantity, unit), names in alike.items()
         for k in range(0, len(names), MOST_LINES)
     ]
+    return [
+        _chart(
+            f"{names[0] if len(names) == 1 else quantity.capitalize()}, {when}", quantity, unit,
+            {name: channels[name][:2] for name in names},
+        )
+        for names, quantity, unit in parts
+    ]  # fmt: skip
 
 
 def _quantity(name: str, unit: str) -> str:
@@ -243,22 +253,19 @@ def _quantity(name: str, unit: str) -> str:
 
 
 def _chart(
-    channels: Mapping[str, tuple[Array, Array, str]], names: Sequence[str], quantity: str, unit: str, when: str
+    title: str, quantity: str, unit: str, values: Mapping[str, tuple[Array, Array]], *, zero: bool = False
 ) -> Chart:
-    arrays = [channels[name][1] for name in names]
-    factor, shown = prefixed(largest_of(*arrays), unit)
-    style = "thin" if max((one.size for one in arrays), default=0) > 4000 else "line"
-    sizes = [float(np.nan_to_num(np.abs(one)).mean()) if one.size else 0.0 for one in arrays]
-    lines = tuple(
-        Line(name, channels[name][0], factor * channels[name][1], 1 + i, style) for i, name in enumerate(names)
-    )
+    """Lines of one quantity over time, by their names."""
+    largest = largest_of(*(y for _, y in values.values()))
+    factor, shown = prefixed(largest, unit)
+    style = "thin" if max((y.size for _, y in values.values()), default=0) > 4000 else "line"
+    lines = [Line(name, time, factor * y, 1 + i, style) for i, (name, (time, y)) in enumerate(values.items())]
     # the larger ones first, or they would hide the others
-    lines = tuple(lines[i] for i in sorted(range(len(lines)), key=lambda i: -sizes[i]))
-    title = f"{names[0] if len(names) == 1 else quantity.capitalize()}, {when}"
-    time = axis_of("time (s)", *(line.x for line in lines), tight=True)
-    heights = axis_of(f"{quantity} ({shown})" if shown != "1" else quantity, *(line.y for line in lines))
-    note = f"Largest: {unit_text(largest_of(*arrays), unit)}." if unit == "m/s^2" else ""
-    return Chart(title, time, heights, lines, note=note)
+    lines.sort(key=lambda line: -float(np.nan_to_num(np.abs(line.y)).mean()) if line.y.size else 0.0)
+    time_axis = axis_of("time (s)", *(line.x for line in lines), tight=True)
+    heights = axis_of(f"{quantity} ({shown})" if shown != "1" else quantity, *(line.y for line in lines), zero=zero)
+    note = f"Largest: {unit_text(largest, unit)}." if unit == "m/s^2" else ""
+    return Chart(title, time_axis, heights, tuple(lines), note=note)
 
 
 def largest_of(*arrays: NDArray[Any]) -> float:
@@ -271,41 +278,17 @@ def energy_section(
     drive: str = "base",  # name of the drive, where it is one
 ) -> Section | None:
     """Work of each drive and losses, stored energies, and what the balance leaves over; None without a ledger."""
-    known = {name: words for name, words in ENERGIES.items() if name in history}
+    each = {str(name): str(name)[len(WORK_OF) :] for name in history if str(name).startswith(WORK_OF)}
+    names = {name: f"work of {'the base' if one == 'base' else one}" for name, one in (each or {WORK: drive}).items()}
+    known = {name: words for name, words in (ENERGIES | names).items() if name in history}
     if not known:
         return None
-    each = {str(name): words_of_work(str(name)[len(WORK_OF) :]) for name in history if str(name).startswith(WORK_OF)}
-    if not each:
-        known |= {WORK: words_of_work(drive)} if WORK in known else {}
-    time = np.asarray(history["time"].to_numpy(), dtype=float)
-    lines = {name: (words, np.asarray(history[name].to_numpy(), float)) for name, words in (known | each).items()}
-    summed = [name for name in known if name == WORK or name.endswith("_loss")]
-    stored, drives = [name for name in known if name not in summed], [*each, WORK] if each else []
-    charts = [
-        _energies("Energy put in, and where it went", time, [lines[n] for n in summed], "line"),
-        _energies("Work of each drive", time, [lines[n] for n in drives], "line"),
-        _energies("Energy stored", time, [lines[n] for n in stored], "thin" if time.size > 4000 else "line"),
-    ]
-    rows = tuple(
-        (words.capitalize(), float(values[-1])) for words, values in (lines[n] for n in [*drives, *summed[1:]])
-    )
-    table = table_element(Table("At the end of the run", ("", "energy (J)"), rows)) if each else None
-    drawn = element("div.charts", *(chart_element(one) for one in charts if one.lines))
-    return Section("energy", "Energy", (drawn, table) if table is not None else (drawn,))
-
-
-def words_of_work(drive: str) -> str:
-    """Words for the work of a drive, by its name."""
-    return f"work of {'the base' if drive == 'base' else drive}"
-
-
-def _energies(title: str, time: Array, values: Sequence[tuple[str, Array]], style: str) -> Chart:
-    factor, unit = prefixed(largest_of(*(one for _, one in values)), "J")
-    # the larger ones first, or they would hide the others
-    lines = [Line(words, time, factor * one, 1 + i, style) for i, (words, one) in enumerate(values)]
-    lines.sort(key=lambda line: -float(np.nan_to_num(line.y).mean()))
-    up = axis_of(f"energy ({unit})", *(line.y for line in lines), zero=True)
-    return Chart(title, axis_of("time (s)", time, tight=True), up, tuple(lines))
+    time, charts = np.asarray(history["time"].to_numpy(), dtype=float), []
+    for title, summed in (("Energy put in, and where it went", True), ("Energy stored", False)):
+        shown = {words: name for name, words in known.items() if (name in SUMMED or name in each) is summed}
+        values = {words: (time, np.asarray(history[name].to_numpy(), dtype=float)) for words, name in shown.items()}
+        charts += [_chart(title, "energy", "J", values, zero=True)] if values else []
+    return Section("energy", "Energy", (element("div.charts", *map(chart_element, charts)),))
 
 
 SHOWN = (
