@@ -12,6 +12,7 @@ from test_study_forces import HAMMER, REST, SINE, read
 import femimpact as fi
 from femimpact.export.report.charts import energy_section, history_charts
 from femimpact.export.report.drive_charts import drive_section
+from femimpact.parametric.study_command import write_parameter_study
 from femimpact.study.run import run_study
 
 SHAKER = '[[force]]\nname = "shaker"\nat = "mid"\nkind = "sine"\nforce = 0.1\nfrequency = 33.0\n'
@@ -154,8 +155,9 @@ def test_a_study_is_warned_in_the_keys_of_its_file(tmp_path):
     notes = " ".join(results.summary["notes"])
     assert "output.interval sets another one" in notes
     assert "Recorder(" not in text
-    # an undamped run without a cycle has no kind of motion to judge
+    # a run without a cycle has no kind of motion to judge
     assert "Criterion" not in text
+    assert "not periodic" not in text
 
 
 def test_results_of_a_study_in_place_of_a_run_are_refused_in_a_short_line(hammer):
@@ -170,3 +172,12 @@ def test_a_blow_beside_a_ball_has_its_spectra_or_the_reason(tmp_path):
     damping = "[damping]\nratio = 0.01\nmodes = [1, 2]\n"
     text = ran(tmp_path, ball, damping, REST.replace('"static"', '"base"'), HAMMER)[1]
     assert "No spectrum of tip: base.history = 2.0 s" in text
+
+
+def test_a_stepped_sine_over_gaps_says_where_its_frequencies_are(tmp_path):
+    ball = '[[impactor]]\nname = "ball"\nat = "tip"\nmass = 3e-3\ngap = 2e-3\n'
+    ball += 'contact = { law = "rigid", restitution = 0.6 }\n'
+    steps = '[base]\nkind = "stepped-sine"\nfrequencies = [4.0, 5.0]\ncycles = 3\namplitude = 1e-4\n'
+    axes = '[study]\nmeasures = ["peak"]\n[study.axes]\n"impactor.ball.gap" = [1e-3, 2e-3]\n'
+    write_parameter_study(read(ball, "[damping]\nratio = 0.01\nmodes = [1, 2]\n", steps, axes, QUIET), tmp_path / "out")
+    assert "one value over all dwells" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")

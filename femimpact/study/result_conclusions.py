@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from femimpact.export import tables
+from femimpact.export.report.charts import STARTS
 from femimpact.export.report.page import Conclusion
 from femimpact.export.tables import (
     PREFIXES,
@@ -101,9 +102,6 @@ def texts_of(values: Any) -> tuple[str, ...]:
     return tuple(str(one) for one in values) if isinstance(values, (list, tuple)) else ()
 
 
-STARTS = {"base": "at rest relative to the base", "space": "at rest in the inertial frame"}
-
-
 def conclusions_of(summary: Mapping[str, Any]) -> tuple[Conclusion, ...]:
     """Conclusions of a summary: peaks, damping, regime, stresses, forces, frequencies, energy; what it has of them."""
     return (
@@ -171,8 +169,8 @@ def _of_spread(spread: Spread, label: str, unit: str, scale: float, words: str, 
 
 def _from_starts(summary: Mapping[str, Any], name: str, label: str, unit: str, scale: float = 1.0) -> list[Conclusion]:
     """A quantity that was taken over several starts: in the first frame of them, and in the others in words."""
-    count, frames = _number(summary, "starts_of_sweep"), {**STARTS, "static": "in the static position"}
-    spreads = [(words, spread_at(summary, "starts", start, name)) for start, words in frames.items()]
+    count = _number(summary, "starts_of_sweep")
+    spreads = [(words, spread_at(summary, "starts", start, name)) for start, words in STARTS.items()]
     known = [(words, spread) for words, spread in spreads if spread is not None]
     if not known:
         return []
@@ -246,7 +244,8 @@ def _history(summary: Mapping[str, Any]) -> list[Conclusion]:
     at = f"of the history at {number_text(frequency)} Hz" if frequency is not None else "of the history"
     found = []
     label = _at(history, "regime", "label")
-    if isinstance(label, str):
+    # without a cycle nothing could repeat
+    if isinstance(label, str) and (frequency is not None or label == "no impacts"):
         per_cycle = _number(history, "impacts_per_cycle")
         rate = f"{_shown(per_cycle)} impacts in a cycle" if per_cycle is not None else ""
         found.append(Conclusion("Kind of motion", label, scatter=rate, note=at))

@@ -16,6 +16,7 @@ from femimpact.errors import require, require_path
 from femimpact.excitation import SteppedSine
 from femimpact.export.placed import DrawnSystem, drawn_system, placed_structure
 from femimpact.export.report.charts import (
+    STARTS,
     axis_section,
     curves_section,
     energy_section,
@@ -56,7 +57,6 @@ from femimpact.study.picture_data import (
 )
 from femimpact.study.prepared import in_study_words
 from femimpact.study.result_conclusions import (
-    STARTS,
     ResultReading,
     conclusions_of,
     convergence_conclusions,
@@ -394,9 +394,9 @@ def _motion(results: ResultReading) -> list[Section]:
     words, study = [], _study(results)
     if isinstance(regime, dict):
         label, criterion = (str(regime.get(key, "not known")) for key in ("label", "criterion"))
-        # without a cycle there is nothing to judge by
-        more = f" Criterion: {criterion}." if "base_frequency_Hz" in history.attrs else ""
-        words.append(f"Kind of motion over the last third: {label}.{more}")
+        judged = f"Kind of motion over the last third: {label}. Criterion: {criterion}."
+        cycle = "base_frequency_Hz" in history.attrs
+        words.append(judged if cycle else "The excitation has no cycle: no kind of periodic motion is looked for.")
     drawn = [history_section(history, end, heading="Histories", words=words)]
     if study is None:
         return drawn
