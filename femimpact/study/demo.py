@@ -18,9 +18,9 @@ import numpy as np
 from femimpact.calibration import RestitutionScan, scan_systems, systems_over_restitution
 from femimpact.errors import Fault, InputError
 from femimpact.export import figures, tables
-from femimpact.export.report.charts import STARTS
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.study.prepared import PreparedStudy, prepare, with_base
+from femimpact.study.result_conclusions import STARTS
 from femimpact.study.result_directory import FILES, prepare_directory
 from femimpact.study.result_page import add_report
 from femimpact.study.results import StudyResults, load

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from femimpact.export import tables
-from femimpact.export.report.charts import STARTS
 from femimpact.export.report.page import Conclusion
 from femimpact.export.tables import (
     PREFIXES,
@@ -102,6 +101,9 @@ def texts_of(values: Any) -> tuple[str, ...]:
     return tuple(str(one) for one in values) if isinstance(values, (list, tuple)) else ()
 
 
+STARTS = {"base": "at rest relative to the base", "space": "at rest in the inertial frame"}
+
+
 def conclusions_of(summary: Mapping[str, Any]) -> tuple[Conclusion, ...]:
     """Conclusions of a summary: peaks, damping, regime, stresses, forces, frequencies, energy; what it has of them."""
     return (
@@ -169,8 +171,8 @@ def _of_spread(spread: Spread, label: str, unit: str, scale: float, words: str, 
 
 def _from_starts(summary: Mapping[str, Any], name: str, label: str, unit: str, scale: float = 1.0) -> list[Conclusion]:
     """A quantity that was taken over several starts: in the first frame of them, and in the others in words."""
-    count = _number(summary, "starts_of_sweep")
-    spreads = [(words, spread_at(summary, "starts", start, name)) for start, words in STARTS.items()]
+    count, frames = _number(summary, "starts_of_sweep"), {**STARTS, "static": "in the static position"}
+    spreads = [(words, spread_at(summary, "starts", start, name)) for start, words in frames.items()]
     known = [(words, spread) for words, spread in spreads if spread is not None]
     if not known:
         return []

@@ -16,7 +16,6 @@ from femimpact.errors import require, require_path
 from femimpact.excitation import SteppedSine
 from femimpact.export.placed import DrawnSystem, drawn_system, placed_structure
 from femimpact.export.report.charts import (
-    STARTS,
     axis_section,
     curves_section,
     energy_section,
@@ -57,6 +56,7 @@ from femimpact.study.picture_data import (
 )
 from femimpact.study.prepared import in_study_words
 from femimpact.study.result_conclusions import (
+    STARTS,
     ResultReading,
     conclusions_of,
     convergence_conclusions,
