@@ -191,7 +191,8 @@ def test_check_refuses_what_run_would_refuse(tmp_path):
 
 def test_check_strict_has_status_2_where_a_limit_is_passed_or_a_warning_is_printed(tmp_path):
     study = UNDRAWN_STUDY.replace("duration = 6.0 ", "duration = 60.0 ").replace("cycles = 60 ", "cycles = 600 ")
-    study = study.replace("refine = 6 ", "refine = 40 ")
+    # half of the amplitude: linear beam theory holds without the ball too
+    study = study.replace("refine = 6 ", "refine = 40 ").replace("amplitude = 0.2037e-3", "amplitude = 0.1e-3")
     for find, put, words in (
         ("gap = 0.004 ", "gap = 0.004 ", ""),
         ("gap = 0.004 ", "gap = 4.0 ", "impactor.ball.gap"),

@@ -28,7 +28,7 @@ SAMPLES = 64
 SWEEP_RATE, RATE_ADVISED = 0.2, 0.1
 """b = 2 pi rate/(zeta omega)^2 up to which a swept peak is 1 % low, and the one that is advised (0.3 % low)."""
 
-READINGS, CLOSE = 9, 16
+READINGS, CLOSE = 5, 16
 """Instants at which a piece is read for its largest value, and how many of the pieces are then searched."""
 
 DRIFT = 0.25
@@ -92,15 +92,19 @@ def largest_motion(excitation: Excitation, duration: float) -> list[float]:
 
 def _largest_of_pieces(derivatives: Array, length: Array) -> float:
     """Largest |sum of d_j t^j/j!| over pieces of some lengths (s): roots of the derivative of those that come close."""
-    c = derivatives / [math.factorial(j) for j in range(derivatives.shape[1])]
+    if not length.size:
+        return 0.0
+    degree = int(np.flatnonzero(np.any(derivatives != 0.0, axis=0)).max(initial=0))
+    c = np.ascontiguousarray(derivatives[:, : degree + 1].T)
+    c /= np.array([math.factorial(j) for j in range(degree + 1)])[:, None]
     size = np.zeros(length.size)
     for share in np.linspace(0.0, 1.0, READINGS):
-        size = np.maximum(size, np.abs(polyval(share * length, c.T, tensor=False)))
-    largest = float(size.max(initial=0.0))
-    for i in np.argsort(size)[-CLOSE:]:
-        roots = polyroots(polyder(c[i]))
+        size = np.maximum(size, np.abs(polyval(share * length, c, tensor=False)))
+    largest = float(size.max())
+    for i in np.argpartition(size, -min(CLOSE, size.size))[-CLOSE:]:
+        roots = polyroots(polyder(c[:, i]))
         inside = roots.real[(roots.real > 0.0) & (roots.real < length[i])]
-        largest = max(largest, float(np.abs(polyval(inside, c[i])).max(initial=0.0)))
+        largest = max(largest, float(np.abs(polyval(inside, c[:, i])).max(initial=0.0)))
     return largest
 
 
