@@ -11,8 +11,8 @@ import numpy as np
 
 from femimpact.arrays import Array
 from femimpact.errors import check_fields, choice, optional, quantity, real_array, require
-from femimpact.excitation.harmonic import PiecewiseMotion, check_fade
-from femimpact.excitation.levels import faded, faded_force, level_at
+from femimpact.excitation.harmonic import FADE, PiecewiseMotion, check_fade
+from femimpact.excitation.levels import level_at
 from femimpact.excitation.piecewise_polynomial import (
     NODES,
     PiecewisePolynomial,
@@ -84,7 +84,7 @@ class RandomBase(PiecewiseMotion):
     seed: int = field(default=0, metadata=quantity("1", at_least=0, integer=True))
     amplitudes: str = field(default="fixed", metadata=choice("fixed", "random"))
     clip: float | None = field(default=None, metadata=optional(quantity("1", at_least=1.0)))
-    fade: float = field(default=0.0, metadata=quantity("s", at_least=0.0))
+    fade: float = field(default=0.0, metadata=FADE)
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -175,18 +175,10 @@ class RandomBase(PiecewiseMotion):
         """The highest line, Hz: a random motion has no cycle."""
         return float(self.lines[0][-1])
 
-    @cached_property
-    def closed_form(self) -> PiecewisePolynomial:
-        """Acceleration of the base, m/s^2."""
-        form = self._sum if self.clip is None else self._record
-        return faded(form, self.fade) if self.fade else form
-
     @property
-    def force_form(self) -> PiecewisePolynomial:
-        """The acceleration as a force in newtons."""
-        if self.fade == 0.0:
-            return self.closed_form
-        return faded_force(self._sum if self.clip is None else self._record, self.fade)
+    def _form(self) -> PiecewisePolynomial:
+        """Acceleration of the base without fades, m/s^2."""
+        return self._sum if self.clip is None else self._record
 
     @property
     def _sum(self) -> PiecewisePolynomial:

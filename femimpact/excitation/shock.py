@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import cached_property
 
 import numpy as np
 
-from femimpact.errors import check_fields, choice, optional, quantity, require, truth
-from femimpact.excitation.harmonic import PiecewiseMotion
+from femimpact.errors import choice, optional, quantity, require, truth
+from femimpact.excitation.harmonic import PiecewiseMotion, set_fields
 from femimpact.excitation.piecewise_polynomial import PIECES_OF_HALF_SINE, PiecewisePolynomial, fitted, half_sine
 
 RAMP = 0.1
@@ -86,11 +85,11 @@ class Shock(PiecewiseMotion):
         *,
         level: float | None = None,
     ) -> None:
-        values = {"kind": kind, "level": acceleration if level is None else level, "duration": duration}
-        values |= {"compensated": compensated, "compensation": compensation, "ramp": ramp, "delay": delay}
-        for name, value in (values | {"pulses": pulses, "period": period}).items():
-            object.__setattr__(self, name, value)
-        check_fields(self)
+        level = acceleration if level is None else level
+        set_fields(
+            self, kind=kind, level=level, duration=duration, compensated=compensated, compensation=compensation,
+            ramp=ramp, delay=delay, pulses=pulses, period=period,
+        )  # fmt: skip
         allowed = 'must be left out: it belongs to kind "trapezoid"'
         require(kind == "trapezoid" or self.ramp == RAMP, "ramp", ramp, "", allowed)
         least = self.duration * (1.0 + COMPENSATION * self.compensated)
@@ -103,8 +102,8 @@ class Shock(PiecewiseMotion):
         """Frequency of the sine of which a half-sine is a half, Hz: a pulse has no cycle."""
         return 0.5 / self.duration
 
-    @cached_property
-    def closed_form(self) -> PiecewisePolynomial:
+    @property
+    def _form(self) -> PiecewisePolynomial:
         """Acceleration of the base, m/s^2."""
         one = self._compensated(self._pulse) if self.compensated else self._pulse
         return one if self.pulses == 1 and self.delay == 0.0 else self._repeated(one)
