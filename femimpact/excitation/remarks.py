@@ -12,7 +12,7 @@ from femimpact.excitation.chirp import Chirp
 from femimpact.excitation.excitation import BrokenLine, Excitation
 from femimpact.excitation.piecewise_polynomial import PiecewisePolynomial
 from femimpact.excitation.random_base import RandomBase
-from femimpact.excitation.sums import Sum
+from femimpact.excitation.sums import Sum, parts_of
 
 FAR = 0.5
 """Displacement of the base over the length of the beam beyond which a wrong unit, or an offset, is likely."""
@@ -66,9 +66,6 @@ def motion_warnings(
         found = [text for part in excitation.parts for text in motion_warnings(part, length)]
         if found:
             return tuple(dict.fromkeys(found))
-    if isinstance(excitation, RandomBase) and excitation.clip is not None:
-        # below its band it wanders as a record does
-        return ()
     line, far = getattr(excitation, "closed_form", None), _distance(excitation)
     if isinstance(line, BrokenLine) and getattr(excitation, "at", None) is None:
         removed = _removed_of_pulse(line)
@@ -131,7 +128,8 @@ def motion_notes(excitation: Excitation, length: float, end: float) -> tuple[str
     if getattr(excitation, "at", None) is not None:
         return ()
     if isinstance(line, PiecewisePolynomial):
-        return _of_clipping(excitation) + _of_level(excitation) + _after_last_knot(line, end)
+        said = (text for part in parts_of(excitation) for text in _of_clipping(part) + _of_level(part))
+        return (*said, *_after_last_knot(line, end))
     if not isinstance(line, BrokenLine):
         return ()
     last, note = (len(line.samples) - 1) * line.interval, str(getattr(excitation, "note", ""))
