@@ -97,15 +97,23 @@ def test_a_table_of_noise_keeps_the_base_in_its_place(rows: int) -> None:
     assert np.abs(base.displacement(t) / amplitude).max() < 1.15
 
 
-@pytest.mark.parametrize("edge", [1.0, 1e-4, 1e-9])
-def test_a_step_of_the_level_costs_pieces_at_the_step_alone(edge: float) -> None:
+@pytest.mark.parametrize("edge", [1.0, 1e-4, 1e-6, 1e-9])
+@pytest.mark.parametrize(("start", "stop"), [(5.0, 200.0), (200.0, 5.0)])
+def test_a_step_of_the_level_costs_pieces_at_the_step_alone(start: float, stop: float, edge: float) -> None:
     rows = ((5.0, 1.0), (30.0, 1.0), (30.0 + edge, 0.01), (200.0, 0.01))
-    pieces = [
-        fi.Chirp(5.0, 200.0, 20.0, acceleration=table, kind="logarithmic").closed_form.knots.size
+    forms = [
+        fi.Chirp(start, stop, 20.0, acceleration=table, kind="logarithmic").closed_form
         for table in (rows, ((5.0, 1.0), (200.0, 1.0)))
     ]
     # 4.6 nepers in pieces of 0.27, and one more for each of the rows
-    assert pieces[0] - pieces[1] < 4.6 / 0.27 + 20
+    assert forms[0].knots.size - forms[1].knots.size < 4.6 / 0.27 + 20
+    # a run reads the drive by the rate of its pieces: a step in less than a thousandth of a cycle has none
+    assert forms[0].rate < (1.5 * forms[1].rate if edge in (1.0, 1e-6, 1e-9) else 1e6)
+    t = np.linspace(0.0, 20.0, 100_001)
+    amplitude = level(rows, 30.0) / (2.0 * np.pi * 30.0) ** 2
+    beside = forms[0].displacement(t[np.abs(t - 20.0 * np.log(30.0 / start) / np.log(stop / start)) < 0.5])
+    # at 27 Hz, half a second away, it is a quarter larger; a step moves the base by a part of it
+    assert np.abs(beside).max() < 1.6 * amplitude
 
 
 @pytest.mark.parametrize("name", ["up", "down", "linear"])

@@ -14,6 +14,7 @@ from femimpact.errors import checked, choice, quantity, require
 from femimpact.excitation.excitation import times
 from femimpact.excitation.harmonic import FADE, LEVEL, PiecewiseMotion, check_fade, level_of, set_fields
 from femimpact.excitation.levels import (
+    AT_ONCE,
     ROUNDING,
     Level,
     exponent_at,
@@ -199,15 +200,18 @@ class Chirp(PiecewiseMotion):
         knots = knots_of(lambda t: 2.0 * np.pi * self.frequency_at(t) + abs(self._slope(t)), self.duration)
         if not isinstance(self.level, tuple):
             return knots
-        rows = np.log(np.array(self.level))
-        changed = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(rows[:, 1])))])
+        way = 1 if self.stop >= self.start else -1
+        rows = np.log(np.array(self.level))[::way]
+        time = self._time_of(np.exp(rows[:, 0]))
+        slow = np.diff(time) > AT_ONCE * float(np.diff(knots).min())
+        changed = np.concatenate([[0.0], np.cumsum(np.where(slow, np.abs(np.diff(rows[:, 1])), 0.0))])
 
         def turned(time: Array) -> Array:
-            height = np.log(self.frequency_at(time))
-            level = height + np.interp(height, rows[:, 0], changed)
-            return np.asarray(self.phase_at(time) + np.abs(level - level[0]))
+            height = way * np.log(self.frequency_at(time))
+            level = height + np.interp(height, way * rows[:, 0], changed)
+            return np.asarray(self.phase_at(time) + level - level[0])
 
-        return knots_with_breaks(knots, self._time_of(np.exp(rows[:, 0])), turned)
+        return knots_with_breaks(knots, time[np.append(True, slow)], turned)
 
     @property
     def _bends(self) -> tuple[Array, Array]:

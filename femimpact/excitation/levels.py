@@ -51,10 +51,13 @@ def with_breaks(knots: Array, breaks: Array) -> Array:
     """Knots with further ones where a history bends; none is nearer to another than rounding."""
     near = ROUNDING * float(np.diff(knots).min())
     inner = np.unique(breaks[(breaks > knots[0]) & (breaks < knots[-1])])
-    inner = inner[np.diff(inner, prepend=-np.inf) > near]
     after = np.searchsorted(knots, inner)
     new = (knots[after] - inner > near) & (inner - knots[after - 1] > near)
     return np.asarray(np.insert(knots, after[new], inner[new]))
+
+
+AT_ONCE = 0.02
+"""Share of the shortest piece, below 0.034, the first Gauss point, in which a change is a jump without pieces."""
 
 
 def knots_with_breaks(knots: Array, breaks: Array, turned: Callable[[Array], Array]) -> Array:
