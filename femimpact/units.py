@@ -51,6 +51,9 @@ _WITH_PREFIX: Mapping[str, tuple[Fraction, Mapping[str, Any]]] = {
     "m": (Fraction(1), _LENGTH),
     "g": (Fraction(1, 1000), _MASS),
     "s": (Fraction(1), _TIME),
+    "sec": (Fraction(1), _TIME),
+    "Ns": (Fraction(1), {"m": 1, "kg": 1, "s": -1}),
+    "Nm": (Fraction(1), {"m": 2, "kg": 1, "s": -2}),
     "N": (Fraction(1), _FORCE),
     "Pa": (Fraction(1), _PRESSURE),
     "bar": (Fraction(100_000), _PRESSURE),
@@ -86,7 +89,9 @@ _SYMBOLS: Mapping[str, tuple[Fraction, Mapping[str, Any]]] = {
 
 _G = (_GRAVITY, _ACCELERATION)
 
-_WRITTEN = {"²": "^2", "³": "^3", "⁴": "^4", "µ": "u", "μ": "u", "·": " ", "*": " ", "°": "deg"}
+_WRITTEN = {
+    "⁻²": "^-2", "⁻¹": "^-1", "²": "^2", "³": "^3", "⁴": "^4", "µ": "u", "μ": "u", "·": " ", "*": " ", "°": "deg",
+}  # fmt: skip
 
 _TOKEN = re.compile(r"\s*(?:(?P<symbol>[A-Za-z]+|%|1(?![\d.]))|(?P<mark>[()/])|\^?(?P<power>-?\d+(?:\.\d+)?))")
 

@@ -145,25 +145,29 @@ def _factors(
     """What times and accelerations are multiplied by for s and m/s^2, and a note where the header's units say so."""
     before = [fields for _, fields in itertools.takewhile(lambda line: line[0] < first, _first_lines(text))]
     _, units, row = _names_and_units(before, places)
-    if units and not row:
-        # brackets were part of names only, and values are taken as they are
-        shown = ", ".join(f"{units[p]!r}" for p in places if p in units)
-        return 1.0, 1.0 if scale is None else scale, f"{Path(path).name}: units in brackets, {shown}, are not applied"
-    stated = [read_unit(units[p]) if p in units else None for p in places]
-    for place, known, si in zip(places, stated, ("s", "m/s^2"), strict=True):
-        if known is not None and known[0] != si and scale is None:
-            allowed = f"column {place} is in {units[place]} by its header: must be in a unit of {si}"
-            raise InputError([Fault("path", str(path), "", f"{allowed}; or give scale")])
-        if known is not None and scale is not None and known != (si, scale if si == "m/s^2" else 1.0):
-            words = f"{Path(path).name}, column {place}: {units[place]!r} in the header, taken as "
-            words += f"{scale:g} m/s^2 by scale" if si == "m/s^2" else "s"
-            warnings.warn(words, InputWarning, stacklevel=5)
-    if scale is not None:
-        return 1.0, scale, ""
-    seconds, factor = (known[1] if known is not None else 1.0 for known in stated)
-    said = [f"{units[p]} taken as {one[1]:g} {one[0]}" for p, one in zip(places, stated, strict=True)
-            if one is not None and one[1] != 1.0]  # fmt: skip
-    return seconds, factor, f"{Path(path).name}: {', '.join(said)}, by its header" if said else ""
+    factors, said = [1.0, 1.0 if scale is None else scale], []
+    for i, (place, si) in enumerate(zip(places, ("s", "m/s^2"), strict=True)):
+        unit = units.get(place, "")
+        found, known = read_unit(unit, (si,)), read_unit(unit)
+        given, where = scale is not None and i == 1, f"column {place} is in {unit} by its header"
+        named = row or (known is not None and known[0] != "1")
+        if unit and found is None and named and not given:
+            raise InputError([Fault("path", str(path), "", f"{where}: must be in a unit of {si}; or give scale")])
+        if found is None and unit and not given:
+            _warn(
+                path,
+                f"column {place}: {unit!r} in the header is no unit of {si}: taken as {si}{'; scale = 1 says so' * i}",
+            )
+        elif given and known is not None and named and (found is None or abs(abs(factors[1]) / found[1] - 1.0) > SAME):
+            _warn(path, f"column {place}: {unit!r} in the header, taken as {scale:g} m/s^2 by scale")
+        elif found is not None and not given and found[1] != 1.0:
+            factors[i] = found[1]
+            said.append(f"{unit} taken as {found[1]:g} {si}")
+    return factors[0], factors[1], f"{Path(path).name}: {', '.join(said)}, by its header" if said else ""
+
+
+def _warn(path: str | Path, words: str) -> None:
+    warnings.warn(f"{Path(path).name}, {words}", InputWarning, stacklevel=6)
 
 
 def _without_trend(samples: Array, detrend: str) -> Array:
@@ -201,6 +205,12 @@ def read_columns(text: str, places: tuple[int, ...], first: int, path: Path) -> 
 
 BRACKETED = re.compile(r"(.*?)\s*[\[(]([^\[\]()]*(?:\([^()]*\)[^()]*)?)[\])]")
 """A name and, in brackets, a unit."""
+
+WITH_WORD = re.compile(r"(.*\S)\s+(?:in|/)\s+(\S+)")
+"""A name and, behind a word, a unit, as "acceleration in g"."""
+
+SAME = 2e-3
+"""Share by which a scale may differ from a unit that it stands for: 9.81 is one g."""
 
 EMPTY = ("", "-", "nan", "inf", "-inf", "null", "none", "n/a", "#n/a")
 """Cells, in small letters, that stand where a number is missing."""
@@ -284,11 +294,19 @@ def _names_and_units(before: list[list[str]], places: tuple[int, ...]) -> tuple[
             fitting = fitting[:-1]
     names, row = dict[int, str](), bool(units)
     for p in places if fitting else ():
-        found = BRACKETED.fullmatch(fitting[-1][p])
-        names[p] = found[1] or fitting[-1][p] if found else fitting[-1][p]
-        if found and found[2] not in ("", "-"):
-            units.setdefault(p, found[2].strip())
+        names[p], unit = _name_and_unit(fitting[-1][p])
+        if unit not in ("", "-"):
+            units.setdefault(p, unit)
     return names, units, row
+
+
+def _name_and_unit(cell: str) -> tuple[str, str]:
+    """Name of a column and its unit, "" where the cell has none."""
+    found = BRACKETED.fullmatch(cell) or WITH_WORD.fullmatch(cell)
+    # "a(t)" is no column in tonnes
+    if found is None or found[2] == "t" or (found.re is WITH_WORD and read_unit(found[2]) is None):
+        return cell, ""
+    return found[1] or cell, found[2].strip()
 
 
 def line_of_row(text: str, header: RecordHeader, row: int) -> str:
@@ -375,6 +393,9 @@ def _header(path: Path, text: str, columns: tuple[int | str, ...]) -> tuple[tupl
     begin = "is empty"
     rows = (cells for number, lines in _blocks(text) for cells in _cells(lines, number))
     for i, fields in rows:
+        if names and not all(name in fields for name in names):
+            # a name may leave out the unit behind it
+            fields = [_name_and_unit(cell)[0] if cell not in names else cell for cell in fields]
         if names and all(name in fields for name in names):
             places = tuple(fields.index(column) if isinstance(column, str) else column for column in columns)
             after, below = next(rows, (i, []))
@@ -386,6 +407,12 @@ def _header(path: Path, text: str, columns: tuple[int | str, ...]) -> tuple[tupl
             kinds = ", ".join(_kind(fields, place) for place in range(min(len(fields), SHOWN)))
             more = ", ..." if len(fields) > SHOWN else ""
             begin = f"begins at line {i} with {len(fields)} cell{'s' * (len(fields) != 1)}: {kinds}{more}"
+    try:
+        # of what is no record nothing is shown
+        known = list(record_header(text, path).names.values()) if names else []
+        begin += f"; its names are {known}" * bool(known)
+    except InputError:
+        pass
     allowed = f"must be two columns of numbers in {path.name}, by number from 0 or by name of its header; it {begin}"
     raise InputError([Fault("columns", list(columns), "", allowed)])
 
@@ -491,8 +518,9 @@ class RecordedBase:
             may have any number of lines; empty lines, and those that begin with #, are left out. The first row is at
             t = 0. A regular file of at most 10 million rows and 600 MB.
         scale : float, optional
-            Times which the column is m/s^2: 9.80665 for a record in g. Without it a row of units in the header counts,
-            as `note` says; 1 where there is none. With it that row is only compared, and a contradiction is warned of.
+            Times which the column is m/s^2: 9.80665 for a record in g. Without it units of the header count, in a row
+            or beside the names, as `note` says; 1 where there are none. With it the unit of the acceleration is only
+            compared, and a contradiction is warned of. A unit of the time is applied with it as well.
         detrend : {"none", "mean", "line"}
             What is removed: the mean of the acceleration (an offset), or its line of least squares (offset and drift).
             With either the base moves at t = 0 with the velocity that brings it back to its place at the last sample,
