@@ -143,8 +143,8 @@ def _factors(
     text: str, places: tuple[int, ...], first: int, scale: float | None, path: str | Path
 ) -> tuple[float, float, str]:
     """What times and accelerations are multiplied by for s and m/s^2, and a note where the header's units say so."""
-    before = [fields for _, fields in itertools.takewhile(lambda line: line[0] < first, _first_lines(text))]
-    _, units, row = _names_and_units(before, places)
+    before = [fields for _, fields in itertools.takewhile(lambda line: line[0] < first, first_lines(text))]
+    _, units, row = names_and_units(before, places)
     factors, said = [1.0, 1.0 if scale is None else scale], []
     for i, (place, si) in enumerate(zip(places, ("s", "m/s^2"), strict=True)):
         unit = units.get(place, "")
@@ -194,10 +194,10 @@ def read_columns(text: str, places: tuple[int, ...], first: int, path: Path) -> 
     found, width = tuple(array("d") for _ in places), 0
     for number, lines in _blocks(text):
         rows = lines[max(first - number, 0) :]
-        width = width or next((len(fields) for _, fields in _cells(rows, number)), 0)
+        width = width or next((len(fields) for _, fields in cells_of(rows, number)), 0)
         values = _plain_values(rows, places, width)
         if values is None:
-            values = _values(_cells(rows, max(first, number)), places, width, path)
+            values = _values(cells_of(rows, max(first, number)), places, width, path)
         for column, part in zip(found, values.T, strict=True):
             column.frombytes(part.tobytes())
     return tuple(map(np.frombuffer, found))
@@ -244,12 +244,12 @@ class RecordHeader:
 def record_header(text: str, path: Path) -> RecordHeader:
     """Columns of numbers of a text, their names and units, and where the rows begin."""
     tail = text[-MODEL_LETTERS:].splitlines()[-MODEL_LINES:]
-    rows = [fields for _, fields in _cells(tail[1:] if len(text) > MODEL_LETTERS else tail, 1)]
+    rows = [fields for _, fields in cells_of(tail[1:] if len(text) > MODEL_LETTERS else tail, 1)]
     width = max(map(len, rows), default=0)
     counts = [sum(p < len(f) and not math.isnan(_number(f[p])) for f in rows) for p in range(width)]
     places = tuple(p for p in range(width) if counts[p] > 0 and 2 * counts[p] >= max(counts))
     before, first = list[list[str]](), 0
-    for i, fields in _first_lines(text):
+    for i, fields in first_lines(text):
         numbers = [p < len(fields) and not math.isnan(_number(fields[p])) for p in places]
         if places and all(numbers):
             first = i
@@ -265,11 +265,11 @@ def record_header(text: str, path: Path) -> RecordHeader:
     split = bool(before) and 2 <= len(before[-1]) <= max(places) and _mark("".join(tail[-1:])) == ","
     allowed = f"line {first}: more numbers than the header has names: is a comma a decimal one? put semicolons between"
     require(not split, "path", str(path), "", allowed)
-    names, units, _ = _names_and_units(before, places)
+    names, units, _ = names_and_units(before, places)
     return RecordHeader(first, places, names, units)
 
 
-def _first_lines(text: str) -> Iterator[tuple[int, list[str]]]:
+def first_lines(text: str) -> Iterator[tuple[int, list[str]]]:
     """Number and cells of every line that is not empty, those behind a # too as long as no other line came."""
     commented = True
     for number, lines in _blocks(text):
@@ -279,7 +279,7 @@ def _first_lines(text: str) -> Iterator[tuple[int, list[str]]]:
                 yield i, _fields(line.lstrip("# \t") if line.lstrip()[0] == "#" else line)
 
 
-def _names_and_units(before: list[list[str]], places: tuple[int, ...]) -> tuple[dict[int, str], dict[int, str], bool]:
+def names_and_units(before: list[list[str]], places: tuple[int, ...]) -> tuple[dict[int, str], dict[int, str], bool]:
     """Names and units by place of the lines before the rows, and whether the last one is a row of units."""
     fitting = [fields for fields in before if len(fields) > max(places)]
     units = dict[int, str]()
@@ -311,13 +311,13 @@ def _name_and_unit(cell: str) -> tuple[str, str]:
 
 def line_of_row(text: str, header: RecordHeader, row: int) -> str:
     """Words for the line of a row, counted from 0."""
-    rows = (i for number, lines in _blocks(text) for i, _ in _cells(lines, number) if i >= header.first)
+    rows = (i for number, lines in _blocks(text) for i, _ in cells_of(lines, number) if i >= header.first)
     return f"line {next(itertools.islice(rows, row, None), 0)}"
 
 
 def has_decimal_commas(text: str, header: RecordHeader) -> bool:
     """True where a line of commas has digits alone in every second cell, as decimal commas leave them."""
-    lines = itertools.islice((fields for i, fields in _first_lines(text) if i >= header.first), MODEL_LINES)
+    lines = itertools.islice((fields for i, fields in first_lines(text) if i >= header.first), MODEL_LINES)
     whole = all(len(fields) % 2 == 0 and all(cell.isdigit() for cell in fields[1::2]) for fields in lines)
     return _mark(text[:MODEL_LETTERS]) == "," and whole
 
@@ -332,7 +332,7 @@ def _blocks(text: str) -> Iterator[tuple[int, list[str]]]:
         begin, number = end, number + len(lines)
 
 
-def _cells(lines: Iterable[str], number: int) -> Iterator[tuple[int, list[str]]]:
+def cells_of(lines: Iterable[str], number: int) -> Iterator[tuple[int, list[str]]]:
     """Number and cells of every line that is neither empty nor begins with #."""
     return ((i, _fields(line)) for i, line in enumerate(lines, number) if line.strip() and line.lstrip()[0] != "#")
 
@@ -391,7 +391,7 @@ def _header(path: Path, text: str, columns: tuple[int | str, ...]) -> tuple[tupl
     """
     names = [column for column in columns if isinstance(column, str)]
     begin = "is empty"
-    rows = (cells for number, lines in _blocks(text) for cells in _cells(lines, number))
+    rows = (cells for number, lines in _blocks(text) for cells in cells_of(lines, number))
     for i, fields in rows:
         if names and not all(name in fields for name in names):
             # a name may leave out the unit behind it

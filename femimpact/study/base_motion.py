@@ -3,14 +3,25 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar
 
-from femimpact.errors import Fault, InputError, check_fields, checked, choice, optional, quantity, suggestion, text
+from femimpact.errors import (
+    Fault,
+    InputError,
+    check_fields,
+    checked,
+    choice,
+    in_range,
+    optional,
+    quantity,
+    suggestion,
+    text,
+)
 from femimpact.excitation import Chirp, RandomBase, RecordedBase, Shock, Sine, SteppedSine, Sum
 from femimpact.excitation.records import record_text
 
@@ -164,6 +175,33 @@ def _faults_of_record() -> Iterator[None]:
 
 Signal = Chirp | SteppedSine | RandomBase | Shock
 
+OF_LEVEL: Mapping[str, tuple[str, str]] = {
+    "amplitude": ("m", "a finite number >= 0"),
+    "acceleration": ("m/s^2", "a finite number >= 0"),
+    "octaves_per_minute": ("oct/min", "a finite number >= 0"),
+    "force": ("N", "a finite number"),
+}
+"""Unit and range of the keys that are arguments of a noun, and no fields."""
+
+MEANT: Mapping[str, str] = {
+    "dwell": "stepped-sine", "sine-dwell": "stepped-sine", "stepped": "stepped-sine", "sine-sweep": "chirp",
+    "swept-sine": "chirp", "sweep": "chirp", "noise": "random", "random-vibration": "random", "bump": "shock",
+    "pulse": "shock", "recorded": "record", "measured": "record", "impact": "hammer", "log": "logarithmic",
+    "saw-tooth": "terminal-sawtooth", "sawtooth": "terminal-sawtooth", "square": "rectangle", "versine": "haversine",
+}  # fmt: skip
+"""Kinds by other words for them."""
+
+
+def kind_fault(key: str, value: object, kinds: Iterable[str]) -> Fault:
+    """The fault of a value that is no kind, with the kind that is meant."""
+    known = list(kinds)
+    words = str(value).strip().lower().replace(" ", "-").replace("_", "-")
+    meant = MEANT.get(words, words)
+    hint = f"; {value!r} is {meant!r} here" if meant in known else ""
+    if key == "rate" and hint == "":
+        hint = '; octaves in a minute are octaves_per_minute = "1 oct/min"'
+    return Fault(key, value, "", f"must be one of {', '.join(map(repr, known))}{hint}")
+
 
 @dataclass(frozen=True)
 class DriveKind:
@@ -177,11 +215,14 @@ class DriveKind:
         Arguments of the noun by their keys in a study file, where those have another name.
     without : tuple of str
         Arguments that are no keys of the kind.
+    needs : tuple of str
+        Keys that a study file must have although the noun has a default for them.
     """
 
     noun: type[Any]
     names: Mapping[str, str] = field(default_factory=dict)
     without: tuple[str, ...] = ("level", "by")
+    needs: tuple[str, ...] = ()
 
     @property
     def keys(self) -> dict[str, inspect.Parameter]:
@@ -190,9 +231,18 @@ class DriveKind:
         return {self.key_of(name): item for name, item in arguments.items() if name not in self.without}
 
     @property
+    def units(self) -> dict[str, str]:
+        """Units of the keys; "" of those that are no numbers."""
+        of_fields = {item.name: item.metadata.get("unit", "") for item in fields(self.noun)}
+        return {
+            key: OF_LEVEL[key][0] if key in OF_LEVEL else of_fields.get(self.names.get(key, key), "")
+            for key in self.keys
+        }
+
+    @property
     def needed(self) -> list[str]:
         """Keys that a study file must have."""
-        return [key for key, item in self.keys.items() if item.default is inspect.Parameter.empty or key == "force"]
+        return [key for key, item in self.keys.items() if item.default is inspect.Parameter.empty or key in self.needs]
 
     def key_of(self, argument: str) -> str:
         """The key of an argument."""
@@ -204,19 +254,44 @@ class DriveKind:
             Fault(key, None, "", suggestion(key, [*self.keys, *others])) for key in values if key not in self.keys
         ]
         faults += [Fault(key, None, "", f"is missing in {where}") for key in self.needed if key not in values]
+        kind, octaves = self.key_of("kind"), "octaves_per_minute"
+        for item in fields(self.noun):
+            if item.name == "kind" and kind in values and not in_range(values[kind], item.metadata):
+                faults.append(kind_fault(kind, values[kind], item.metadata["schema"]["enum"]))
+        if "force" in values and not in_range(values["force"], quantity("N")):
+            faults.append(Fault("force", values["force"], "N", "must be a finite number, in N"))
+        if octaves in values and not in_range(values[octaves], quantity("", above=0.0)):
+            faults.append(Fault(octaves, values[octaves], "oct/min", "must be a finite number > 0 oct/min"))
         if faults:
             raise InputError(faults)
+        arguments = {self.names.get(key, key): value for key, value in values.items()} | given
+        if octaves in arguments:
+            # a sweep of so many octaves a minute can be nothing else
+            arguments.setdefault("kind", "logarithmic")
         try:
-            return self.noun(**{self.names.get(key, key): value for key, value in values.items()}, **given)
+            return self.noun(**arguments)
         except InputError as error:
-            raise InputError([replace(one, key=self.key_of(one.key)) for one in error.faults]) from None
+            raise InputError([self._named(fault, values) for fault in error.faults]) from None
+
+    def _named(self, fault: Fault, values: Mapping[str, Any]) -> Fault:
+        """The fault of an argument with the key and the unit that a study file has for it."""
+        key = self.key_of(fault.key)
+        if key == "level":
+            key = next((name for name in ("amplitude", "acceleration", "force") if name in values), key)
+        allowed = fault.allowed.replace('kind "', f'{self.key_of("kind")} "')
+        if key not in OF_LEVEL or fault.unit not in ("m or m/s^2", "m/s^2", "1/min"):
+            return replace(fault, key=key, allowed=allowed)
+        unit = OF_LEVEL[key][0]
+        # rows are those of an acceleration of the base
+        allowed = allowed.partition(", or rows")[0] if key == "force" else allowed
+        return replace(fault, key=key, unit=unit, allowed=allowed.replace(fault.unit, unit))
 
 
 SIGNALS: Mapping[str, DriveKind] = {
     "chirp": DriveKind(Chirp, {"rate": "kind"}),
     "stepped-sine": DriveKind(SteppedSine),
     "random": DriveKind(RandomBase),
-    "shock": DriveKind(Shock, {"pulse": "kind"}),
+    "shock": DriveKind(Shock, {"pulse": "kind"}, needs=("acceleration", "duration")),
 }
 """Each kind of [base]."""
 
@@ -269,6 +344,8 @@ class SignalMotion:
             of = "with the shock" if self.kind == "shock" else "with all parts"
             allowed = f"is missing; must be a finite number > 0 s: how long the history is that begins {of}"
             raise InputError([Fault("history", None, "", allowed)])
+        for motion in getattr(self.excitation, "parts", (self.excitation,)):
+            check_delay("delay", motion, self.history_duration)
 
     @cached_property
     def excitation(self) -> Signal | Sum:
@@ -311,7 +388,11 @@ class SignalMotion:
     def words(self) -> str:
         """Words for the length of the history and for its excitation."""
         highest = "" if self.kind == "shock" else f", up to {self.frequency:.4g} Hz"
-        return f"{self.history_duration:g} s of a {self.kind} motion of the base{highest}"
+        motion, whole = self.excitation, ""
+        if isinstance(motion, SteppedSine) and motion.seconds is not None:
+            longest = float((motion.cycles_of_steps / motion.steps).max())
+            whole = f", up to {longest:.4g} s at a frequency, in whole cycles" * (longest > 1.01 * motion.seconds)
+        return f"{self.history_duration:g} s of a {self.kind} motion of the base{highest}{whole}"
 
     @property
     def table(self) -> dict[str, Any]:
@@ -324,12 +405,21 @@ class SignalMotion:
         return {"kind": self.kind, **values, **given}
 
 
+def check_delay(key: str, motion: Any, history: float) -> None:
+    """Raise `InputError` for a shock that begins after the end of the history (s)."""
+    if isinstance(motion, Shock) and motion.delay >= history:
+        allowed = f"must be < {history:g} s, the history: the shock would begin after its end"
+        raise InputError([Fault(key, motion.delay, "s", allowed)])
+
+
 def _part_of(number: int, values: dict[str, Any]) -> Signal | Sine:
     """A part of a sum by its kind and keys."""
     kind = values.pop("kind", "sine")
+    if kind == "record" or "record" in values:
+        allowed = "is no part of a sum in a study file; in Python RecordedBase is one of fi.Sum"
+        raise InputError([Fault(f"parts.{number}.record", None, "", allowed)])
     if not isinstance(kind, str) or kind not in PARTS:
-        allowed = f"must be one of {', '.join(repr(name) for name in PARTS)}"
-        raise InputError([Fault(f"parts.{number}.kind", kind, "", allowed)])
+        raise InputError([kind_fault(f"parts.{number}.kind", kind, PARTS)])
     try:
         motion: Signal | Sine = _made(kind, values)
         return motion

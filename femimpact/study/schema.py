@@ -18,7 +18,16 @@ from femimpact.excitation import Chirp, Sine, SteppedSine
 from femimpact.integrators.methods import METHODS
 from femimpact.structure.beam import Segment
 from femimpact.structure.damping import ModalDamping, Rayleigh
-from femimpact.study.base_motion import HISTORY_KEYS, SIGNALS, SUM, BaseMotion, DriveKind, RecordedMotion, SignalMotion
+from femimpact.study.base_motion import (
+    HISTORY_KEYS,
+    OF_LEVEL,
+    SIGNALS,
+    SUM,
+    BaseMotion,
+    DriveKind,
+    RecordedMotion,
+    SignalMotion,
+)
 from femimpact.study.forces import FORCE_KINDS, OF_PLACE, RestMotion, StudyForce
 from femimpact.study.parameter_plan import DISTRIBUTIONS, MOST_POINTS, BestPlan, ParameterPlan, SamplePlan
 
@@ -73,12 +82,39 @@ def _key(item: Any, meaning: str) -> dict[str, Any]:
     return key
 
 
-_NUMBERS = {"type": "array", "items": {"type": "number", "exclusiveMinimum": 0}, "minItems": 1}
+def _closed(properties: dict[str, Any], required: list[str] | None = None) -> dict[str, Any]:
+    """A table with these keys alone, all of which are required where no list says which."""
+    return {
+        "type": "object", "properties": properties, "additionalProperties": False,
+        "required": required or list(properties),
+    }  # fmt: skip
+
+
+def _number_of(metadata: Mapping[str, Any]) -> Any:
+    """Schema of a number with its unit and its range in words."""
+    return {**metadata["schema"], "x-unit": metadata["unit"], "x-range": metadata["allowed"].removeprefix("must be ")}
+
+
+def grid_schema(number: dict[str, Any]) -> dict[str, Any]:
+    """Schema of points between two numbers."""
+    points = _number_of(quantity("1", at_least=2, at_most=MOST_POINTS, integer=True))
+    grid = {"from": number, "to": number, "points": points, "spacing": {"enum": ["even", "logarithmic"]}}
+    return _closed(grid, ["from", "to", "points"])
+
+
+_POSITIVE = {"type": "number", "exclusiveMinimum": 0}
+
+_NUMBERS = {"type": "array", "items": _POSITIVE, "minItems": 1}
 
 ROWS = "a finite number >= 0, rows of a frequency, which rises, and a level, or the path of a file of rows"
 
 LISTS: Mapping[str, dict[str, Any]] = {
-    "frequencies": {**_NUMBERS, "description": "one after the other", "x-unit": "Hz", "x-range": "finite numbers > 0"},
+    "frequencies": {
+        "anyOf": [_NUMBERS, grid_schema(_POSITIVE)],
+        "description": "one after the other, or points between two of them",
+        "x-unit": "Hz",
+        "x-range": "finite numbers > 0",
+    },
     "psd": {
         "type": "array",
         "items": {**_NUMBERS, "minItems": 2, "maxItems": 2},
@@ -90,14 +126,6 @@ LISTS: Mapping[str, dict[str, Any]] = {
     },
 }
 """Schemas of the keys that are lists of numbers."""
-
-OF_LEVEL: Mapping[str, tuple[str, str]] = {
-    "amplitude": ("m", "a finite number >= 0"),
-    "acceleration": ("m/s^2", "a finite number >= 0"),
-    "octaves_per_minute": ("1/min", "a finite number >= 0"),
-    "force": ("N", "a finite number"),
-}
-"""Unit and range of the keys that are arguments of a noun, and no fields."""
 
 _COLUMNS = {
     "type": "array",
@@ -157,6 +185,8 @@ def base_schema() -> dict[str, Any]:
     forms = [noun_schema(BaseMotion, title="a sine"), noun_schema(RecordedMotion, title="a record")]
     for form, kind in zip(forms, ("sine", "record"), strict=True):
         form["properties"] = {"kind": {"const": kind, "description": "the kind of motion"}, **form["properties"]}
+    # "1 g" is the scale of a record in g
+    forms[1]["properties"]["scale"]["x-unit"] = "m/s^2"
     forms += [_signal(kind) for kind in SIGNALS]
     rest = noun_schema(RestMotion, title="rest")
     rest["properties"] = {"kind": {"const": "rest", "description": "the kind of motion"}, **rest["properties"]}
@@ -177,7 +207,7 @@ def _signal(kind: str) -> dict[str, Any]:
         "kind": {"const": kind, "description": "the kind of motion"}, **_keys_of(of_kind),
         **{name: _key(history[name], meanings[name]) for name in HISTORY_KEYS},
     }  # fmt: skip
-    of_shock = ["history", "acceleration", "duration"] if kind == "shock" else []
+    of_shock = ["history"] if kind == "shock" else []
     return {"title": kind, "description": _first(of_kind.noun), **_closed(keys, ["kind", *of_kind.needed, *of_shock])}
 
 
@@ -197,6 +227,8 @@ def _keys_of(kind: DriveKind) -> dict[str, Any]:
                 keys[key] = {**level_rows(unit)["schema"], **words, "x-range": ROWS}
         else:
             keys[key] = LISTS[key] if key in LISTS else _key(fields[name], about.get(name, ""))
+        if key == "clip":
+            keys[key]["x-unit"] = "sigma"
         if isinstance(item.default, str):
             keys[key]["default"] = item.default
     return keys
@@ -239,8 +271,7 @@ def force_schema() -> dict[str, Any]:
         if "psd" in keys:
             words = {"description": "one-sided density of the force", "x-unit": "Hz, N^2/Hz", "x-rows": "N^2/Hz"}
             keys["psd"] = {**keys["psd"], **words}
-        of_shock = ["duration"] if kind == "shock" else []
-        forms.append({"title": kind, **_closed(keys, ["kind", "at", *of_kind.needed, *of_shock])})
+        forms.append({"title": kind, **_closed(keys, ["kind", "at", *of_kind.needed])})
     return {"description": "A force at a place, beside the motion of the base.", "oneOf": forms}
 
 
@@ -286,11 +317,9 @@ def axes_schema() -> dict[str, Any]:
         {"type": "array", "items": number, "minItems": 2, "maxItems": 2},
         {"type": "string"},
     ]}  # fmt: skip
-    points = _number_of(quantity("1", at_least=2, at_most=MOST_POINTS, integer=True))
-    grid = {"from": number, "to": number, "points": points, "spacing": {"enum": ["even", "logarithmic"]}}
     forms = [
         {"title": "values", "type": "array", "items": value, "minItems": 1, "uniqueItems": True},
-        {"title": "points between two values", **_closed(grid, ["from", "to", "points"])},
+        {"title": "points between two values", **grid_schema(number)},
         {"title": "of a sample: uniform between two values", **_closed({"from": number, "to": number})},
         *({"title": f"of a sample: {words}", **_closed({name: _two_numbers(name)})}
           for name, words in DISTRIBUTION_WORDS.items()),
@@ -301,19 +330,6 @@ def axes_schema() -> dict[str, Any]:
         "minProperties": 1,
         "additionalProperties": {"anyOf": [*forms, {"title": "a part of a path", "$ref": "#/$defs/axes"}]},
     }
-
-
-def _closed(properties: dict[str, Any], required: list[str] | None = None) -> dict[str, Any]:
-    """A table with these keys alone, all of which are required where no list says which."""
-    return {
-        "type": "object", "properties": properties, "additionalProperties": False,
-        "required": required or list(properties),
-    }  # fmt: skip
-
-
-def _number_of(metadata: Mapping[str, Any]) -> Any:
-    """Schema of a number with its unit and its range in words."""
-    return {**metadata["schema"], "x-unit": metadata["unit"], "x-range": metadata["allowed"].removeprefix("must be ")}
 
 
 def _two_numbers(distribution: str) -> dict[str, Any]:
