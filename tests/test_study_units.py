@@ -288,7 +288,7 @@ def test_bad_profile_is_one_line(rows: str, words: str) -> None:
     [
         (
             "f [Hz],a [kg]\n" + "".join(f"{i},1\n" for i in range(1, 99)),
-            "must have a unit that fits in the place of 'kg'",
+            "must have a unit that fits in place of the 'kg' in",
         ),
         ("f [Hz];a [g]\n10;0,5\n20;secret\n", "line 3: must be a number"),
         ("# plan\n10,0.5,1\n150,1,1\n", "line 2: must be a frequency and a level"),

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from femimpact.errors import LARGEST, Fault, InputError, require_path
+from femimpact.errors import LARGEST, Fault, InputError
 from femimpact.excitation.records import cells_of, first_lines, names_and_units
 from femimpact.regular_file import decimal_number, read_regular
 from femimpact.response.channels import QUANTITIES
@@ -139,10 +139,7 @@ def is_table(value: Any) -> bool:
 def flat(table: Mapping[str, Any], is_part: Callable[[Any], bool], prefix: str = "") -> Iterator[tuple[str, Any]]:
     """Values of tables in one another by their whole names."""
     for name, value in table.items():
-        if is_part(value):
-            yield from flat(value, is_part, f"{prefix}{name}.")
-        else:
-            yield f"{prefix}{name}", value
+        yield from flat(value, is_part, f"{prefix}{name}.") if is_part(value) else [(f"{prefix}{name}", value)]
 
 
 def _mapped(
@@ -217,9 +214,8 @@ def _properties(schema: Mapping[str, Any], value: Mapping[str, Any]) -> dict[str
     found: dict[str, Any] = {}
     for form in (schema, *schema.get("oneOf", ())):
         known = form.get("properties", {})
-        if all(
-            part.get("const", value.get(name)) == value.get(name, part.get("const")) for name, part in known.items()
-        ):
+        fixed = {name: part["const"] for name, part in known.items() if "const" in part}
+        if all(value.get(name, one) == one for name, one in fixed.items()):
             found = {**known, **found}
     if "exponent" in found:
         exponent = Readings().number("exponent", value.get("exponent", 1.5), "1")
@@ -260,8 +256,7 @@ def _levels(key: str, rows: list[Any], unit: str, readings: Readings, file: str 
             if isinstance(level, (int, float)) and not _is_positive(level):
                 return refuse(i, f"must have a level > 0, in {unit}")
         if inner.faults:
-            allowed = inner.faults[0].allowed.replace(units_that_fit(unit), _units_of(unit))
-            return refuse(i, allowed)
+            return refuse(i, inner.faults[0].allowed.replace(units_that_fit(unit), _units_of(unit)))
         if taken and frequency <= taken[-1][0]:
             allowed = f"must have frequencies that rise: {taken[-1][0]:g} Hz is followed by {frequency:g} Hz"
             edge = f"; an edge has a width: {frequency:g} and {1.01 * frequency:.4g} Hz" * (frequency == taken[-1][0])
@@ -310,25 +305,20 @@ def _level(key: str, row: list[Any], unit: str, readings: Readings) -> Any:
 def _rows_of_file(key: str, name: str, unit: str, readings: Readings) -> Any:
     """Rows of a frequency and a level from a file beside the study, in the units that its header names."""
     try:
-        require_path(name, key, "a file of rows")
         text = read_regular(readings.folder / name, MOST_BYTES).decode("utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
+    except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or "no text"
         readings.faults.append(Fault(key, name, "", f"must be an existing file of rows, or rows: {reason}"))
         return name
-    except InputError as error:
-        readings.faults += error.faults
-        return name
-    lines = list(cells_of(text.splitlines(), 1))
-    rows = list(itertools.dropwhile(lambda line: not NUMBER.match(line[1][0]), lines))
+    rows = list(itertools.dropwhile(lambda line: not NUMBER.match(line[1][0]), cells_of(text.splitlines(), 1)))
     first = rows[0][0] if rows else 0
     before = [cells for _, cells in itertools.takewhile(lambda line: line[0] < first, first_lines(text))]
     units = names_and_units(before, (0, 1))[1]
-    wrong = [of for p, si in ((0, ("Hz",)), (1, (unit, *(DERIVATIVE if unit in DERIVATIVE else ()))))
-             if (of := units.get(p)) and read_unit(of, si) is None]  # fmt: skip
+    fitting = {0: ("Hz",), 1: tuple(DERIVATIVE) if unit in DERIVATIVE else (unit,)}
+    wrong = [units[p] for p in units if read_unit(units[p], fitting[p]) is None]
     if wrong or not rows:
         allowed = (
-            f"must have a unit that fits in the place of {wrong[0]!r} in its header" if wrong else "must have rows"
+            f"must have a unit that fits in place of the {wrong[0]!r} in its header" if wrong else "must have rows"
         )
         readings.faults.append(Fault(key, name, "", f"{allowed}: {_units_of(unit)}"))
         return name

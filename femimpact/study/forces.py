@@ -161,7 +161,7 @@ class DrivenMotion:
     FREQUENCY_KEY: ClassVar[str] = "force"
     """Key of the study file that sets the highest frequency."""
 
-    kind: ClassVar[str] = "motion with forces"
+    kind: ClassVar[str] = "base-and-force"
 
     motion: Motion = field(metadata=instance(BaseMotion, RecordedMotion, SignalMotion, RestMotion))
     forces: tuple[StudyForce, ...] = field(metadata=items(StudyForce))

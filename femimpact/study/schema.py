@@ -14,13 +14,14 @@ from typing import Any
 
 from femimpact.contact.laws import LAWS, PowerLaw
 from femimpact.errors import level_rows, quantity
-from femimpact.excitation import Chirp, Sine, SteppedSine
+from femimpact.excitation import Chirp, SteppedSine
 from femimpact.integrators.methods import METHODS
 from femimpact.structure.beam import Segment
 from femimpact.structure.damping import ModalDamping, Rayleigh
 from femimpact.study.base_motion import (
     HISTORY_KEYS,
     OF_LEVEL,
+    PARTS,
     SIGNALS,
     SUM,
     BaseMotion,
@@ -183,15 +184,20 @@ def damping_schema() -> dict[str, Any]:
 def base_schema() -> dict[str, Any]:
     """Schema of [base]: a form for each kind of motion."""
     forms = [noun_schema(BaseMotion, title="a sine"), noun_schema(RecordedMotion, title="a record")]
-    for form, kind in zip(forms, ("sine", "record"), strict=True):
-        form["properties"] = {"kind": {"const": kind, "description": "the kind of motion"}, **form["properties"]}
+    forms.append(noun_schema(RestMotion, title="rest"))
+    for form, kind in zip(forms, ("sine", "record", "rest"), strict=True):
+        form["properties"] = _kind(kind) | form["properties"]
+    forms[2]["required"].append("kind")
     # "1 g" is the scale of a record in g
     forms[1]["properties"]["scale"]["x-unit"] = "m/s^2"
-    forms += [_signal(kind) for kind in SIGNALS]
-    rest = noun_schema(RestMotion, title="rest")
-    rest["properties"] = {"kind": {"const": "rest", "description": "the kind of motion"}, **rest["properties"]}
-    rest["required"] = ["kind", *rest["required"]]
-    forms += [_sum_schema(), rest]
+    history = {item.name: _key(item, _meanings(SignalMotion)[item.name])
+               for item in dataclasses.fields(SignalMotion) if item.name in HISTORY_KEYS}  # fmt: skip
+    forms += [_drive(kind, of_kind, {}, history) for kind, of_kind in SIGNALS.items()]
+    parts = {
+        "type": "array", "minItems": 1, "items": {"oneOf": [_drive(kind, PARTS[kind]) for kind in PARTS]},
+        "description": "motions that are added, [[base.parts]]",
+    }  # fmt: skip
+    forms.append({"title": SUM, **_closed(_kind(SUM) | {"parts": parts} | history, ["kind", "parts"])})
     about = (
         "Motion of the base: a sine, a record of its acceleration, a chirp, a stepped sine, a random motion, a shock, "
         "or none, beside forces."
@@ -199,16 +205,19 @@ def base_schema() -> dict[str, Any]:
     return {"description": about, "oneOf": forms}
 
 
-def _signal(kind: str) -> dict[str, Any]:
-    """Schema of a motion of the base by its keys."""
-    of_kind, history = SIGNALS[kind], {item.name: item for item in dataclasses.fields(SignalMotion)}
-    meanings = _meanings(SignalMotion)
-    keys = {
-        "kind": {"const": kind, "description": "the kind of motion"}, **_keys_of(of_kind),
-        **{name: _key(history[name], meanings[name]) for name in HISTORY_KEYS},
-    }  # fmt: skip
-    of_shock = ["history"] if kind == "shock" else []
-    return {"title": kind, "description": _first(of_kind.noun), **_closed(keys, ["kind", *of_kind.needed, *of_shock])}
+def _kind(name: str) -> dict[str, Any]:
+    return {"kind": {"const": name, "description": "the kind of motion or force"}}
+
+
+def _drive(
+    kind: str, of_kind: DriveKind, first: Mapping[str, Any] | None = None, last: Mapping[str, Any] | None = None
+) -> dict[str, Any]:
+    """Schema of a motion or a force by its keys, with others before and behind them."""
+    keys = {**_kind(kind), **(first or {}), **_keys_of(of_kind), **(last or {})}
+    # a part of a sum without a kind is a sine
+    needed = [*(["kind"] if kind != "sine" or first else []), *of_kind.needed]
+    needed += ["at"] if first else ["history"] if last and kind == "shock" else []
+    return {"title": kind, "description": _first(of_kind.noun), **_closed(keys, needed)}
 
 
 def _keys_of(kind: DriveKind) -> dict[str, Any]:
@@ -234,44 +243,17 @@ def _keys_of(kind: DriveKind) -> dict[str, Any]:
     return keys
 
 
-def _sum_schema() -> dict[str, Any]:
-    """Schema of a sum of motions of the base."""
-    sine = noun_schema(Sine, title="a sine")
-    sine["properties"] = {"kind": {"const": "sine", "description": "the kind of motion"}, **sine["properties"]}
-    parts = [sine]
-    for kind in SIGNALS:
-        form = _signal(kind)
-        form["properties"] = {name: key for name, key in form["properties"].items() if name not in HISTORY_KEYS}
-        form["required"] = [name for name in form["required"] if name not in HISTORY_KEYS]
-        parts.append(form)
-    history = {item.name: item for item in dataclasses.fields(SignalMotion)}
-    keys = {
-        "kind": {"const": SUM, "description": "the kind of motion"},
-        "parts": {
-            "type": "array", "minItems": 1, "items": {"oneOf": parts},
-            "description": "motions that are added, [[base.parts]]",
-        },
-        **{name: _key(history[name], _meanings(SignalMotion)[name]) for name in HISTORY_KEYS},
-    }  # fmt: skip
-    return {"title": SUM, **_closed(keys, ["kind", "parts"])}
-
-
 def force_schema() -> dict[str, Any]:
     """Schema of [[force]]: a form for each kind."""
-    own, about = {item.name: item for item in dataclasses.fields(StudyForce)}, _meanings(StudyForce)
-    forms = []
-    for kind, of_kind in FORCE_KINDS.items():
-        keys = {
-            "kind": {"const": kind, "description": "the kind of force"},
-            **{name: _key(own[name], about[name]) for name in OF_PLACE},
-            **_keys_of(of_kind),
-        }
+    own = {item.name: _key(item, _meanings(StudyForce)[item.name])
+           for item in dataclasses.fields(StudyForce) if item.name in OF_PLACE}  # fmt: skip
+    forms = [_drive(kind, of_kind, own) for kind, of_kind in FORCE_KINDS.items()]
+    density = {"description": "one-sided density of the force", "x-unit": "Hz, N^2/Hz", "x-rows": "N^2/Hz"}
+    for keys in (form["properties"] for form in forms):
         if "force" in keys:
             keys["force"]["description"] = "level of the force"
         if "psd" in keys:
-            words = {"description": "one-sided density of the force", "x-unit": "Hz, N^2/Hz", "x-rows": "N^2/Hz"}
-            keys["psd"] = {**keys["psd"], **words}
-        forms.append({"title": kind, **_closed(keys, ["kind", "at", *of_kind.needed])})
+            keys["psd"] = keys["psd"] | density
     return {"description": "A force at a place, beside the motion of the base.", "oneOf": forms}
 
 
