@@ -171,7 +171,7 @@ def test_drives_in_the_data_of_pictures_are_made_again():
         ((SINE, COIL.replace("force = 0.01\n", "")), r"force.coil.force: is missing"),
         ((SINE, COIL.replace("sine", "impact")), r"force.coil.kind = 'impact'.*'impact' is 'hammer' here"),
         ((SINE, SWEEP.replace("1.0", "-1.0")), r"force.swept.force = -1.0 N: must be a finite number >= 0 N$"),
-        ((SINE, SWEEP.replace("1.0", "[[4, 1], [9, 1]]")), r"force.swept.force = .* N: must be a finite number, in N"),
+        ((SINE, SWEEP.replace("1.0", "[[4, 1], [9, 1]]")), r"force.swept.force = .*: must be a finite number >= 0 N$"),
         ((SINE, PULSE.replace("force = 1.0\n", "")), r"force.swept.force: is missing"),
         ((SINE, PULSE.replace("0.1", "9.0")), r"force.swept.delay = 9.0 s: must be < [0-9.]+ s, the history"),
         ((SINE, COIL.replace('"coil"', '""')), r"^force.1.name = '': must be a text without a dot"),

@@ -148,7 +148,7 @@ SHOCK = 'kind = "shock"\npulse = "haversine"\nduration = 0.011\nhistory = 1.0\n'
         ),
         (
             'kind = "stepped-sine"\nfrequencies = [5.0]\ncycles = 3\namplitude = -1.0',
-            "base.amplitude = -1.0 m: must be a finite number >= 0 m,",
+            "base.amplitude = -1.0 m: must be a finite number >= 0 m$",
         ),
         ('kind = "shock"\npulse = "half-sine"\nduration = 0.011\nhistory = 1.0', "base.acceleration: is missing"),
         (SHOCK + "acceleration = '1 mm'", "base.acceleration = '1 mm': must have a unit that fits: m/s"),

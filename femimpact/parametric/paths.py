@@ -145,9 +145,9 @@ def _numbers(kind: DriveKind, values: Mapping[str, Any]) -> dict[str, str]:
         key for key, value in values.items() if isinstance(value, (int, float, tuple)) and not isinstance(value, bool)
     }
     return {
-        key: unit
-        for key, unit in kind.units.items()
-        if key in given or (unit and key not in values and ALTERNATIVES.get(key) not in values)
+        key: metadata.get("unit", "")
+        for key, metadata in kind.metadata.items()
+        if key in given or (metadata.get("unit") and key not in values and ALTERNATIVES.get(key) not in values)
     }
 
 

@@ -16,7 +16,7 @@ from femimpact.errors import (
     check_fields,
     checked,
     choice,
-    in_range,
+    level_rows,
     optional,
     quantity,
     suggestion,
@@ -175,14 +175,6 @@ def _faults_of_record() -> Iterator[None]:
 
 Signal = Chirp | SteppedSine | RandomBase | Shock
 
-OF_LEVEL: Mapping[str, tuple[str, str]] = {
-    "amplitude": ("m", "a finite number >= 0"),
-    "acceleration": ("m/s^2", "a finite number >= 0"),
-    "octaves_per_minute": ("oct/min", "a finite number >= 0"),
-    "force": ("N", "a finite number"),
-}
-"""Unit and range of the keys that are arguments of a noun, and no fields."""
-
 MEANT: Mapping[str, str] = {
     "dwell": "stepped-sine", "sine-dwell": "stepped-sine", "stepped": "stepped-sine", "sine-sweep": "chirp",
     "swept-sine": "chirp", "sweep": "chirp", "noise": "random", "random-vibration": "random", "bump": "shock",
@@ -231,13 +223,16 @@ class DriveKind:
         return {self.key_of(name): item for name, item in arguments.items() if name not in self.without}
 
     @property
-    def units(self) -> dict[str, str]:
-        """Units of the keys; "" of those that are no numbers."""
-        of_fields = {item.name: item.metadata.get("unit", "") for item in fields(self.noun)}
-        return {
-            key: OF_LEVEL[key][0] if key in OF_LEVEL else of_fields.get(self.names.get(key, key), "")
-            for key in self.keys
-        }
+    def metadata(self) -> dict[str, Mapping[str, Any]]:
+        """Unit and range of each key, as a field of a dataclass has them; of a list of numbers nothing."""
+        found: dict[str, Any] = {item.name: item.metadata for item in fields(self.noun)}
+        # a pulse may go down
+        least = None if self.noun is Shock else 0.0
+        of_level: dict[str, Any] = {"amplitude": quantity("m", at_least=least), "force": quantity("N", at_least=least)}
+        of_level["acceleration"] = quantity("m/s^2") if self.noun is Shock else level_rows("m/s^2")
+        of_level["octaves_per_minute"] = quantity("oct/min", above=0.0)
+        of_level["clip"] = {**found.get("clip", {}), "unit": "sigma"}
+        return {key: of_level.get(key) or found.get(self.names.get(key, key), {}) for key in self.keys}
 
     @property
     def needed(self) -> list[str]:
@@ -254,37 +249,27 @@ class DriveKind:
             Fault(key, None, "", suggestion(key, [*self.keys, *others])) for key in values if key not in self.keys
         ]
         faults += [Fault(key, None, "", f"is missing in {where}") for key in self.needed if key not in values]
-        kind, octaves = self.key_of("kind"), "octaves_per_minute"
-        for item in fields(self.noun):
-            if item.name == "kind" and kind in values and not in_range(values[kind], item.metadata):
-                faults.append(kind_fault(kind, values[kind], item.metadata["schema"]["enum"]))
-        if "force" in values and not in_range(values["force"], quantity("N")):
-            faults.append(Fault("force", values["force"], "N", "must be a finite number, in N"))
-        if octaves in values and not in_range(values[octaves], quantity("", above=0.0)):
-            faults.append(Fault(octaves, values[octaves], "oct/min", "must be a finite number > 0 oct/min"))
+        kind = self.key_of("kind")
+        for key, metadata in self.metadata.items():
+            if key in values and "take" in metadata:
+                try:
+                    checked(key, values[key], metadata)
+                except InputError as error:
+                    of_kind = key == kind and kind_fault(key, values[key], metadata["schema"]["enum"])
+                    faults += [of_kind] if of_kind else error.faults
         if faults:
             raise InputError(faults)
         arguments = {self.names.get(key, key): value for key, value in values.items()} | given
-        if octaves in arguments:
+        if "octaves_per_minute" in arguments:
             # a sweep of so many octaves a minute can be nothing else
             arguments.setdefault("kind", "logarithmic")
         try:
             return self.noun(**arguments)
         except InputError as error:
-            raise InputError([self._named(fault, values) for fault in error.faults]) from None
-
-    def _named(self, fault: Fault, values: Mapping[str, Any]) -> Fault:
-        """The fault of an argument with the key and the unit that a study file has for it."""
-        key = self.key_of(fault.key)
-        if key == "level":
-            key = next((name for name in ("amplitude", "acceleration", "force") if name in values), key)
-        allowed = fault.allowed.replace('kind "', f'{self.key_of("kind")} "')
-        if key not in OF_LEVEL or fault.unit not in ("m or m/s^2", "m/s^2", "1/min"):
-            return replace(fault, key=key, allowed=allowed)
-        unit = OF_LEVEL[key][0]
-        # rows are those of an acceleration of the base
-        allowed = allowed.partition(", or rows")[0] if key == "force" else allowed
-        return replace(fault, key=key, unit=unit, allowed=allowed.replace(fault.unit, unit))
+            raise InputError([
+                replace(one, key=self.key_of(one.key), allowed=one.allowed.replace('kind "', f'{kind} "'))
+                for one in error.faults
+            ]) from None  # fmt: skip
 
 
 SIGNALS: Mapping[str, DriveKind] = {

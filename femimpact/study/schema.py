@@ -13,14 +13,12 @@ from collections.abc import Mapping
 from typing import Any
 
 from femimpact.contact.laws import LAWS, PowerLaw
-from femimpact.errors import level_rows, quantity
-from femimpact.excitation import Chirp, SteppedSine
+from femimpact.errors import quantity
 from femimpact.integrators.methods import METHODS
 from femimpact.structure.beam import Segment
 from femimpact.structure.damping import ModalDamping, Rayleigh
 from femimpact.study.base_motion import (
     HISTORY_KEYS,
-    OF_LEVEL,
     PARTS,
     SIGNALS,
     SUM,
@@ -59,7 +57,7 @@ def noun_schema(noun: Any, without: frozenset[str] = frozenset(), title: str = "
     for item in dataclasses.fields(noun):
         if item.name in without | CONTENT:
             continue
-        properties[item.name] = given.get(item.name) or _key(item, about.get(item.name, ""))
+        properties[item.name] = given.get(item.name) or _key(item.metadata, item.default, about.get(item.name, ""))
         if item.default is dataclasses.MISSING:
             required.append(item.name)
     schema = {"type": "object", "description": _first(noun), "properties": properties, "additionalProperties": False}
@@ -71,15 +69,14 @@ def _first(noun: Any) -> str:
     return (inspect.getdoc(noun) or "").split("\n\n")[0].replace("\n", " ")
 
 
-def _key(item: Any, meaning: str) -> dict[str, Any]:
-    """Schema of one key from the metadata of its field."""
-    metadata: Mapping[str, Any] = item.metadata
-    known = metadata.get("schema") or _COLUMNS
-    key = {**known, "description": meaning}
+def _key(metadata: Mapping[str, Any], default: Any, meaning: str) -> dict[str, Any]:
+    """Schema of one key from the metadata and the default of its field."""
+    key = {**(metadata.get("schema") or _COLUMNS), "description": meaning}
     if "unit" in metadata:
-        key |= {"x-unit": metadata["unit"], "x-range": metadata["allowed"].removeprefix("must be ")}
-    if item.default is not dataclasses.MISSING and item.default is not None:
-        key["default"] = list(item.default) if isinstance(item.default, tuple) else item.default
+        of_file = ", or the path of a file of rows" * ("x-rows" in key)
+        key |= {"x-unit": metadata["unit"], "x-range": metadata["allowed"].removeprefix("must be ") + of_file}
+    if default not in (dataclasses.MISSING, inspect.Parameter.empty, None):
+        key["default"] = list(default) if isinstance(default, tuple) else default
     return key
 
 
@@ -106,8 +103,6 @@ def grid_schema(number: dict[str, Any]) -> dict[str, Any]:
 _POSITIVE = {"type": "number", "exclusiveMinimum": 0}
 
 _NUMBERS = {"type": "array", "items": _POSITIVE, "minItems": 1}
-
-ROWS = "a finite number >= 0, rows of a frequency, which rises, and a level, or the path of a file of rows"
 
 LISTS: Mapping[str, dict[str, Any]] = {
     "frequencies": {
@@ -190,7 +185,7 @@ def base_schema() -> dict[str, Any]:
     forms[2]["required"].append("kind")
     # "1 g" is the scale of a record in g
     forms[1]["properties"]["scale"]["x-unit"] = "m/s^2"
-    history = {item.name: _key(item, _meanings(SignalMotion)[item.name])
+    history = {item.name: _key(item.metadata, item.default, _meanings(SignalMotion)[item.name])
                for item in dataclasses.fields(SignalMotion) if item.name in HISTORY_KEYS}  # fmt: skip
     forms += [_drive(kind, of_kind, {}, history) for kind, of_kind in SIGNALS.items()]
     parts = {
@@ -222,30 +217,16 @@ def _drive(
 
 def _keys_of(kind: DriveKind) -> dict[str, Any]:
     """Schemas of the keys of a kind of motion or force."""
-    fields, about = {item.name: item for item in dataclasses.fields(kind.noun)}, _meanings(kind.noun)
-    keys: dict[str, Any] = {}
-    for key, item in kind.keys.items():
-        name = kind.names.get(key, key)
-        if key in OF_LEVEL:
-            unit, range_in_words = OF_LEVEL[key]
-            of_level = {"minimum": 0} if ">=" in range_in_words else {}
-            words = {"description": about.get(name) or f"amplitude of the base's {name}"}
-            words |= {"x-unit": unit, "x-range": range_in_words}
-            keys[key] = {"type": "number", **of_level, **words}
-            if key == "acceleration" and kind.noun in (Chirp, SteppedSine):
-                keys[key] = {**level_rows(unit)["schema"], **words, "x-range": ROWS}
-        else:
-            keys[key] = LISTS[key] if key in LISTS else _key(fields[name], about.get(name, ""))
-        if key == "clip":
-            keys[key]["x-unit"] = "sigma"
-        if isinstance(item.default, str):
-            keys[key]["default"] = item.default
+    about, keys = _meanings(kind.noun), dict[str, Any]()
+    for key, metadata in kind.metadata.items():
+        meaning = about.get(kind.names.get(key, key)) or f"amplitude of the base's {key}"
+        keys[key] = LISTS.get(key) or _key(metadata, kind.keys[key].default, meaning)
     return keys
 
 
 def force_schema() -> dict[str, Any]:
     """Schema of [[force]]: a form for each kind."""
-    own = {item.name: _key(item, _meanings(StudyForce)[item.name])
+    own = {item.name: _key(item.metadata, item.default, _meanings(StudyForce)[item.name])
            for item in dataclasses.fields(StudyForce) if item.name in OF_PLACE}  # fmt: skip
     forms = [_drive(kind, of_kind, own) for kind, of_kind in FORCE_KINDS.items()]
     density = {"description": "one-sided density of the force", "x-unit": "Hz, N^2/Hz", "x-rows": "N^2/Hz"}

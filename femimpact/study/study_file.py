@@ -413,7 +413,10 @@ def _of_steps(prefix: str, values: Mapping[str, Any]) -> Fault:
     """What to write where a sine has keys of a stepped sine."""
     name = next(name for name in values if name in OF_STEPS)
     allowed = 'belongs to kind = "stepped-sine", with frequencies = [...] and cycles or seconds'
-    level, unit = values[name], "" if isinstance(values[name], str) else SIGNALS["stepped-sine"].units[name]
+    level, unit = (
+        values[name],
+        "" if isinstance(values[name], str) else SIGNALS["stepped-sine"].metadata[name].get("unit", ""),
+    )
     try:
         if name == "acceleration":
             frequency = float(values["frequency"])
