@@ -161,6 +161,8 @@ def test_what_is_no_unit_of_acceleration_is_refused_or_said(tmp_path):
     assert fi.RecordedBase.from_csv(path, scale=3.0).note == ""
     with pytest.warns(fi.InputWarning, match=r"'raw' in the header is no unit of m/s\^2: .* scale = 1 says so"):
         fi.RecordedBase.from_csv(written(tmp_path, "time [s],a [raw]\n" + ROWS))
+    with pytest.raises(fi.InputError, match=r"column 0 is in Hz by its header: must be in a unit of s$"):
+        fi.RecordedBase.from_csv(written(tmp_path, "f [Hz],a [g]\n" + ROWS))
     # a(t) is no column in tonnes
     assert fi.RecordedBase.from_csv(written(tmp_path, "t(s),a(t)\n" + ROWS)).note == ""
 

@@ -149,15 +149,13 @@ def _factors(
     for i, (place, si) in enumerate(zip(places, ("s", "m/s^2"), strict=True)):
         unit = units.get(place, "")
         found, known = read_unit(unit, (si,)), read_unit(unit)
-        given, where = scale is not None and i == 1, f"column {place} is in {unit} by its header"
-        named = row or (known is not None and known[0] != "1")
+        given, named = scale is not None and i == 1, row or (known is not None and known[0] != "1")
         if unit and found is None and named and not given:
-            raise InputError([Fault("path", str(path), "", f"{where}: must be in a unit of {si}; or give scale")])
-        if found is None and unit and not given:
-            _warn(
-                path,
-                f"column {place}: {unit!r} in the header is no unit of {si}: taken as {si}{'; scale = 1 says so' * i}",
-            )
+            allowed = f"column {place} is in {unit} by its header: must be in a unit of {si}{'; or give scale' * i}"
+            raise InputError([Fault("path", str(path), "", allowed)])
+        if unit and found is None and not given:
+            words = f"no unit of {si}: taken as {si}{'; scale = 1 says so' * i}"
+            _warn(path, f"column {place}: {unit!r} in the header is {words}")
         elif given and known is not None and named and (found is None or abs(abs(factors[1]) / found[1] - 1.0) > SAME):
             _warn(path, f"column {place}: {unit!r} in the header, taken as {scale:g} m/s^2 by scale")
         elif found is not None and not given and found[1] != 1.0:

@@ -23,6 +23,7 @@ from femimpact.structure.damping import ModalDamping, Rayleigh
 from femimpact.structure.structure import Structure
 from femimpact.study.base_motion import HISTORY_KEYS, SIGNALS, SUM, BaseMotion, DriveKind, SignalMotion
 from femimpact.study.base_motion import PARTS as KINDS_OF_PARTS
+from femimpact.study.file_units import START
 from femimpact.study.forces import FORCE_KINDS, DrivenMotion, RestMotion, StudyForce
 from femimpact.study.study import (
     Gravity,
@@ -73,13 +74,10 @@ OF_BALL = ("mass", "free_stiffness", "acceleration", "free_damping")
 BASE = {"frequency": "Hz", "amplitude": "m", "phase": "rad", "start": ""}
 
 ALTERNATIVES = {
-    one: other
-    for pair in (("amplitude", "acceleration"), ("cycles", "seconds"), ("duration", "octaves_per_minute"))
-    for one, other in (pair, pair[::-1])
-}
+    "amplitude": "acceleration", "acceleration": "amplitude", "cycles": "seconds", "seconds": "cycles",
+    "duration": "octaves_per_minute", "octaves_per_minute": "duration",
+}  # fmt: skip
 """Keys of which a drive has one alone."""
-
-START = {"position": "m", "speed": "m/s"}
 
 FIXED = "does not follow from the contacts, the excitation and the start, which are all that a System leaves open"
 

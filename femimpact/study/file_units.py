@@ -152,26 +152,18 @@ def _mapped(
     }
 
 
-def with_texts(schema: Any) -> Any:
+def with_texts(schema: Any, of_unit: bool = False) -> Any:
     """A schema that allows a text with a unit wherever it has a number in a unit of SI."""
     if isinstance(schema, list):
-        return [with_texts(part) for part in schema]
+        return [with_texts(part, of_unit) for part in schema]
     if not isinstance(schema, dict):
         return schema
     units = (schema.get("x-unit", "").replace("exponent", "1.5"), schema.get("x-rows", ""))
-    if not any(read_unit(unit, (unit,)) for unit in units):
-        return {name: with_texts(part) for name, part in schema.items()}
-    return _or(_or_text(schema), {"type": "string"}) if "x-rows" in schema else _or_text(schema)
-
-
-def _or_text(schema: Any) -> Any:
-    if isinstance(schema, list):
-        return [_or_text(part) for part in schema]
-    if not isinstance(schema, dict):
-        return schema
-    if schema.get("type") == "number":
+    of_unit = of_unit or any(read_unit(unit, (unit,)) for unit in units)
+    if of_unit and schema.get("type") == "number":
         return _or(schema, TEXT_SCHEMA)
-    return {name: _or_text(part) for name, part in schema.items()}
+    made = {name: with_texts(part, of_unit) for name, part in schema.items()}
+    return _or(made, {"type": "string"}) if units[1] else made
 
 
 def _or(schema: dict[str, Any], other: dict[str, Any]) -> dict[str, Any]:
