@@ -54,7 +54,8 @@ class Shock(PiecewiseMotion):
     Raises
     ------
     InputError
-        If pulses overlap, several have no period, or a ramp is given to another shape than a trapezoid.
+        If pulses overlap, several have no period, or a ramp is given to another shape than a trapezoid, a period to one
+        pulse, or compensation "before" to a pulse without one.
     """
 
     kind: str = field(
@@ -92,6 +93,10 @@ class Shock(PiecewiseMotion):
         )  # fmt: skip
         allowed = 'must be left out: it belongs to kind "trapezoid"'
         require(kind == "trapezoid" or self.ramp == RAMP, "ramp", ramp, "", allowed)
+        good = self.compensated or compensation == "after"
+        require(good, "compensation", compensation, "", "must be left out: it belongs to compensated = true")
+        allowed = "must be left out: it belongs to several pulses"
+        require(self.pulses > 1 or period is None, "period", period, "s", allowed)
         least = self.duration * (1.0 + COMPENSATION * self.compensated)
         if self.pulses > 1:
             allowed = f"must be >= {least:.6g} s, the length of one pulse{' and its compensation' * self.compensated}"
