@@ -52,6 +52,7 @@ def write(folder: Path) -> None:
         "keys.inc.md": "\n".join(key_page()),
         "commands.inc.md": "\n".join(command_page()),
         "channels.inc.md": "\n".join(channel_page()),
+        "units.inc.md": "\n".join(unit_page()),
     }
     for name, text in pages.items():
         path = folder / name
@@ -244,6 +245,16 @@ def command_page() -> Iterator[str]:
         text = io.StringIO()
         app.help_print([name], console=Console(width=100, file=text, color_system=None))
         yield from ["", f"## femimpact {name}", "", "```text", text.getvalue().strip("\n"), "```"]
+
+
+def unit_page() -> Iterator[str]:
+    """The units that a text of a study file may have, by the unit of the key."""
+    from femimpact.units import UNITS
+
+    yield "| of a key in | units, and others of the same dimension |"
+    yield "| --- | --- |"
+    for unit, fitting in UNITS.items():
+        yield f"| {unit} | {', '.join(fitting)} |"
 
 
 def channel_page() -> Iterator[str]:

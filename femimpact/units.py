@@ -36,8 +36,9 @@ UNITS: Mapping[str, tuple[str, ...]] = {
     "m^4": ("m^4", "cm^4", "mm^4", "in^4"),
     "rad": ("rad", "mrad", "deg"),
     "1/s": ("1/s", "1/min"),
-    "1/min": ("1/min", "oct/min", "oct/s"),
+    "oct/min": ("oct/min", "oct/s"),
     "bytes": ("bytes", "kB", "MB", "GB"),
+    "sigma": ("sigma",),
     "1": ("%",),
 }
 """Units that a text may have, by the unit of the field: its dimension. Others of the same dimension are read too."""
@@ -51,6 +52,9 @@ _WITH_PREFIX: Mapping[str, tuple[Fraction, Mapping[str, Any]]] = {
     "m": (Fraction(1), _LENGTH),
     "g": (Fraction(1, 1000), _MASS),
     "s": (Fraction(1), _TIME),
+    "sec": (Fraction(1), _TIME),
+    "Ns": (Fraction(1), {"m": 1, "kg": 1, "s": -1}),
+    "Nm": (Fraction(1), {"m": 2, "kg": 1, "s": -2}),
     "N": (Fraction(1), _FORCE),
     "Pa": (Fraction(1), _PRESSURE),
     "bar": (Fraction(100_000), _PRESSURE),
@@ -78,7 +82,9 @@ _SYMBOLS: Mapping[str, tuple[Fraction, Mapping[str, Any]]] = {
     "rpm": (Fraction(1, 60), _RATE),
     "deg": (Fraction(math.pi) / 180, _ANGLE),
     "bytes": (Fraction(1), _BYTES),
-    "oct": (Fraction(1), {}),
+    "oct": (Fraction(1), {"oct": 1}),
+    "octave": (Fraction(1), {"oct": 1}),
+    "sigma": (Fraction(1), {"sigma": 1}),
     "%": (Fraction(1, 100), {}),
     "1": (Fraction(1), {}),
 }  # fmt: skip
@@ -86,15 +92,22 @@ _SYMBOLS: Mapping[str, tuple[Fraction, Mapping[str, Any]]] = {
 
 _G = (_GRAVITY, _ACCELERATION)
 
-_WRITTEN = {"²": "^2", "³": "^3", "⁴": "^4", "µ": "u", "μ": "u", "·": " ", "*": " ", "°": "deg"}
+_WRITTEN = {
+    "⁻²": "^-2", "⁻¹": "^-1", "²": "^2", "³": "^3", "⁴": "^4", "µ": "u", "μ": "u", "·": " ", "*": " ", "°": "deg",
+}  # fmt: skip
 
-_TOKEN = re.compile(r"\s*(?:(?P<symbol>[A-Za-z]+|%|1(?![\d.]))|(?P<mark>[()/])|\^?(?P<power>-?\d+(?:\.\d+)?))")
-
-_QUANTITY = re.compile(
-    r"\s*([+-]?(?:\d{1,40}(?:\.\d{0,40})?|\.\d{1,40})(?:[eE][+-]?\d{1,3})?)\s*((?:[^\d\s.,]|(?<=\s)1 ?/)[^\n]{0,40})"
+_TOKEN = re.compile(
+    r"\s*(?:(?P<symbol>[A-Za-z]+|%|1(?![\d.]))|(?P<mark>[()/])|\^?(?P<power>-?\d+(?:\.\d+)?))", re.ASCII
 )
 
-TEXT_SCHEMA = {"type": "string", "pattern": r"^\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?(\s*[^\d\s.,]|\s+1 ?/)"}
+_QUANTITY = re.compile(
+    r"\s*([+-]?(?:\d{1,40}(?:\.\d{0,40})?|\.\d{1,40})(?:[eE][+-]?\d{1,3})?)\s*((?:[^\d\s.,]|(?<=\s)1 ?/)[^\n]{0,40})",
+    re.ASCII,
+)
+
+TEXT_SCHEMA = {
+    "type": "string", "pattern": r"^\s*[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?(\s*[^0-9\s.,]|\s+1 ?/)",
+}  # fmt: skip
 """JSON schema of a text with a number and a unit."""
 
 

@@ -127,3 +127,49 @@ def test_base_from_csv_takes_the_unit_of_its_header(tmp_path):
     assert fi.RecordedBase.from_csv(g, scale=9.80665).note == ""
     milliseconds = fi.RecordedBase.from_csv(written(tmp_path, "time,acc\nms,m/s^2\n" + ROWS))
     assert milliseconds.interval == pytest.approx(1e-5)
+
+
+@pytest.mark.parametrize(
+    ("header", "mark"),
+    [
+        ("time [ms];acceleration [g]\n", ";"),
+        ("Zeit in ms;Beschleunigung in g\n", ";"),
+        ("# t / msec, a / G\n", ","),
+    ],
+)
+def test_units_beside_the_names_of_a_record_are_those_of_a_row_of_units(tmp_path, header, mark):
+    rows = ROWS.replace(",", mark)
+    plain = fi.RecordedBase.from_csv(written(tmp_path, ROWS, "plain.csv"))
+    path = written(tmp_path, header + rows, "named.csv")
+    found = fi.RecordedBase.from_csv(path)
+    np.testing.assert_allclose(found.samples, 9.80665 * plain.samples, rtol=1e-15)
+    assert found.interval == pytest.approx(1e-3 * plain.interval, rel=1e-14)
+    assert "g taken as 9.80665 m/s^2" in found.note.lower()
+    # a scale is that of the accelerations, and 9.81 is what many take for g
+    scaled = fi.RecordedBase.from_csv(path, scale=9.81)
+    assert scaled.interval == found.interval
+    assert scaled.samples.tolist() == (9.81 * plain.samples).tolist()
+    with pytest.warns(fi.InputWarning, match=r"in the header, taken as 1 m/s\^2 by scale"):
+        fi.RecordedBase.from_csv(path, scale=1.0)
+
+
+def test_what_is_no_unit_of_acceleration_is_refused_or_said(tmp_path):
+    for header in ("time [s],a [mm]\n", "t,a\ns,V\n"):
+        path = written(tmp_path, header + ROWS)
+        with pytest.raises(fi.InputError, match=r"column 1 is in (mm|V) by its header: must be in a unit of m/s\^2"):
+            fi.RecordedBase.from_csv(path)
+    assert fi.RecordedBase.from_csv(path, scale=3.0).note == ""
+    with pytest.warns(fi.InputWarning, match=r"'raw' in the header is no unit of m/s\^2: .* scale = 1 says so"):
+        fi.RecordedBase.from_csv(written(tmp_path, "time [s],a [raw]\n" + ROWS))
+    with pytest.raises(fi.InputError, match=r"column 0 is in Hz by its header: must be in a unit of s$"):
+        fi.RecordedBase.from_csv(written(tmp_path, "f [Hz],a [g]\n" + ROWS))
+    # a(t) is no column in tonnes
+    assert fi.RecordedBase.from_csv(written(tmp_path, "t(s),a(t)\n" + ROWS)).note == ""
+
+
+def test_a_name_without_its_unit_finds_a_column_and_others_are_told_the_names(tmp_path):
+    path = written(tmp_path, "time [ms],acceleration [g]\n" + ROWS)
+    found = fi.RecordedBase.from_csv(path, columns=("time", "acceleration"))
+    assert found.samples.tolist() == fi.RecordedBase.from_csv(path).samples.tolist()
+    with pytest.raises(fi.InputError, match=r"its names are \['time', 'acceleration'\]"):
+        fi.RecordedBase.from_csv(path, columns=("time", "force"))

@@ -48,7 +48,7 @@ def test_columns_go_by_number_and_by_name(tmp_path):
     path.write_text('n,"a (g)",t,b\n1,0.5,0.0,9\n2,0.25,0.1,9\n', encoding="utf-8")
     for columns in ((2, 1), ("t", "a (g)"), ["t", 1]):
         base = fi.RecordedBase.from_csv(path, columns=columns)
-        assert base.samples.tolist() == [0.5, 0.25]
+        assert base.samples.tolist() == [0.5 * 9.80665, 0.25 * 9.80665]
         assert base.interval == 0.1
 
 

@@ -36,6 +36,12 @@ SINE = '[base]\namplitude = 1e-3\nfrequency = 5.0\nduration = 2.0\nstart = "spac
 REST = '[base]\nkind = "rest"\nhistory = 2.0\ninitial = "static"\n'
 HAMMER = '[[force]]\nname = "hammer"\nat = "tip"\nkind = "hammer"\nimpulse = 0.002\nduration = 0.003\nbegin = 0.3\n'
 COIL = '[[force]]\nname = "coil"\nat = 0.1\nkind = "sine"\nforce = 0.01\nfrequency = 5.0\nphase = 0.4\n'
+SWEEP = '[[force]]\nname = "swept"\nat = "tip"\nkind = "chirp"\nforce = 1.0\nstart = 4\nstop = 9\nduration = 2\n'
+PULSE = (
+    '[[force]]\nname = "swept"\nat = "tip"\nkind = "shock"\npulse = "triangle"\n'
+    "force = 1.0\nduration = 0.01\ndelay = 0.1\n"
+)
+UNNAMED = '[[force]]\nat = "tip"\nkind = "sine"\nforce = 0.01\nfrequency = 5.0\n'
 KINDS = {
     'kind = "chirp"\nforce = 0.1\nstart = 3\nstop = 9\nduration = 1.0\nrate = "logarithmic"': fi.Chirp(
         3, 9, 1.0, amplitude=0.1, kind="logarithmic"
@@ -95,6 +101,50 @@ def test_numbers_of_forces_are_axes():
     assert known["force.hammer.impulse"].unit == "N s"
 
 
+def test_numbers_at_their_defaults_are_axes():
+    known = paths_of_study(read(SINE, HAMMER.replace("begin = 0.3\n", ""), COIL.replace("phase = 0.4\n", "")))
+    assert known["force.hammer.begin"].unit == "s"
+    assert known["force.coil.phase"].unit == "rad"
+    pulse = read(REST, PULSE.replace("delay = 0.1\n", ""))
+    delayed = study_with(pulse, {paths_of_study(pulse)["force.swept.delay"]: 0.2}).excitation
+    assert delayed.history == fi.Shock("triangle", 1.0, 0.01, delay=0.2)
+    chirp = SUM.partition("[[base.parts]]\nkind")[2].replace("duration", "history = 2.0\nduration")
+    alone = paths_of_study(read("[base]\nkind" + chirp))
+    assert alone["base.fade"].unit == "s"
+    # of two that exclude each other the one that is not given is none
+    assert "base.amplitude" not in alone
+    assert "base.octaves_per_minute" not in alone
+
+
+def test_numbers_of_parts_of_a_sum_are_axes():
+    axes = '"base.parts.1.amplitude" = ["1 mm", "2 mm"]\nbase.parts.2.fade = [0, "0.5 s"]\n'
+    study = read_study(HEAD + SUM + '[study]\nmeasures = ["peak"]\n[study.axes]\n' + axes, Path("study.toml"))
+    assert study.plan.axes["base.parts.1.amplitude"].values == (1e-3, 2e-3)
+    known = paths_of_study(study)
+    changed = study_with(study, {known["base.parts.1.amplitude"]: 5e-3, known["base.parts.2.fade"]: 0.25})
+    assert changed.excitation.parts == (
+        fi.Sine(5e-3, 5.0),
+        fi.Chirp(3.0, 9.0, 1.5, acceleration=0.2, kind="logarithmic", fade=0.25),
+    )
+    with pytest.raises(fi.InputError, match=r"^base\.parts\.2\.fade = 5\.0 s: must be at most half"):
+        study_with(study, {known["base.parts.2.fade"]: 5.0})
+
+
+@pytest.mark.parametrize(
+    ("axis", "words"),
+    [
+        ('"force.hammer.at" = ["mid", "tipp"]', "study.axes.force.hammer.at = 'tipp': unknown; did you mean 'tip'"),
+        ('"impactor.ball.at" = ["foo"]', "study.axes.impactor.ball.at = 'foo': unknown; known: "),
+    ],
+)
+def test_an_axis_of_places_that_are_not_there_is_refused_by_check(axis, words):
+    ball = '[[impactor]]\nname = "ball"\nat = "tip"\nmass = 1e-3\ngap = 1e-3\n'
+    ball += 'contact = { law = "rigid", restitution = 0.5 }\n'
+    plan = f'[study]\nmeasures = ["peak"]\n[study.axes]\n{axis}\n'
+    with pytest.raises(fi.InputError, match=words):
+        fi.preflight(read_study(HEAD + SINE + HAMMER + ball + plan, Path("study.toml")))
+
+
 def test_a_parameter_study_over_an_impulse_is_linear_without_balls():
     found = fi.parameter_study(read(REST, HAMMER), {"force.hammer.impulse": [0.001, 0.002]}, ["tip.displacement"])
     low, high = np.abs(found["tip.displacement"].to_numpy()).ravel()
@@ -119,6 +169,13 @@ def test_drives_in_the_data_of_pictures_are_made_again():
         ((SINE, COIL.replace("5.0", "-5.0")), r"force.coil.frequency = -5.0 Hz: must be"),
         ((SINE, COIL.replace("force = 0.01", "amplitude = 0.01")), r"force.coil.amplitude: unknown"),
         ((SINE, COIL.replace("force = 0.01\n", "")), r"force.coil.force: is missing"),
+        ((SINE, COIL.replace("sine", "impact")), r"force.coil.kind = 'impact'.*'impact' is 'hammer' here"),
+        ((SINE, SWEEP.replace("1.0", "-1.0")), r"force.swept.force = -1.0 N: must be a finite number >= 0 N$"),
+        ((SINE, SWEEP.replace("1.0", "[[4, 1], [9, 1]]")), r"force.swept.force = .*: must be a finite number >= 0 N$"),
+        ((SINE, PULSE.replace("force = 1.0\n", "")), r"force.swept.force: is missing"),
+        ((SINE, PULSE.replace("0.1", "9.0")), r"force.swept.delay = 9.0 s: must be < [0-9.]+ s, the history"),
+        ((SINE, COIL.replace('"coil"', '""')), r"^force.1.name = '': must be a text without a dot"),
+        ((SINE, COIL.replace('"coil"', '"force 2"'), UNNAMED), r'force.name = .* without a name is "force 1", "fo'),
         ((REST,), r"force: is missing: \[base\] is at rest"),
         ((REST.replace("history = 2.0\n", ""), HAMMER), r"base.history: is missing"),
         ((SINE, HAMMER, "[sweep]\nstart = 4\nstop = 6\npoints = 9\ncycles = 30\n"), r"sweep: needs a sine of the base"),
@@ -138,7 +195,7 @@ def test_a_place_off_the_beam_is_refused_before_the_run_and_by_check(at, said):
 
 def test_the_density_of_a_force_has_its_unit():
     random = '[[force]]\nat = "tip"\nkind = "random"\npsd = [[2, 0], [60, 1e-3]]\nduration = 2.0\n'
-    with pytest.raises(fi.InputError, match=r"density \(N\^2/Hz\)"):
+    with pytest.raises(fi.InputError, match=r"row 1: must have a level > 0, in N\^2/Hz"):
         read_study(HEAD + SINE + random, Path("study.toml"))
 
 
@@ -180,6 +237,8 @@ def test_a_sum_of_motions_of_the_base_is_read_written_and_run():
         ((SUM.replace('"chirp"', '"chrip"'),), r"base.parts.2.kind = 'chrip'"),
         ((SUM.replace('rate = "', 'rates = "'),), r"base.parts.2.rates: unknown; did you mean 'rate'"),
         ((SUM.replace("history = 2.0", "amplitude = 1.0"),), r"base.amplitude: unknown"),
+        ((SUM + '[[base.parts]]\nrecord = "a.csv"\n',), r"base.parts.3.record: is no part of a sum"),
+        ((SUM.replace('"chirp"', '"swept sine"'),), r"base.parts.2.kind = 'swept sine'.* is 'chirp' here"),
         (('[base]\nkind = "sum"\nhistory = 2.0\n',), r"base.parts.*must be one or more tables"),
         (('[base]\nkind = "sum"\n[[base.parts]]\namplitude = 1e-3\nfrequency = 5\n',), r"base.history.*is missing"),
     ],

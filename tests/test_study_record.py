@@ -197,7 +197,7 @@ def test_a_later_run_with_a_sine_leaves_no_record_beside_its_results(tmp_path, s
 
 @pytest.mark.parametrize(
     "changes",
-    [{"scale": 2.0}, {"duration": 1.5}, {"columns": ("time (s)", 1)}, {"detrend": "line"}, {"start": "space"}],
+    [{"scale": -9.80665}, {"duration": 1.5}, {"columns": ("time (s)", 1)}, {"detrend": "line"}, {"start": "space"}],
 )
 def test_a_changed_record_is_written_anew_and_read_as_the_same_study(tmp_path, shaker, changes):
     study = load_study(written(tmp_path, BEAM + BALL + BASE))

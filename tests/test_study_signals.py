@@ -97,6 +97,9 @@ def test_the_kinds_of_sines_and_records_may_be_named(tmp_path):
     assert named.base == plain.base
 
 
+SHOCK = 'kind = "shock"\npulse = "haversine"\nduration = 0.011\nhistory = 1.0\n'
+
+
 @pytest.mark.parametrize(
     ("base", "words"),
     [
@@ -128,6 +131,32 @@ def test_the_kinds_of_sines_and_records_may_be_named(tmp_path):
             'kind = "stepped-sine"\nfrequencies = [1]\ncycles = 4\namplitude = 1e-3\nfrequency = 3',
             "base.frequency: ",
         ),
+        ('kind = "dwell"', "base.kind = 'dwell': must be one of 'sine'.*; 'dwell' is 'stepped-sine' here$"),
+        ('kind = "Sine sweep"', "'Sine sweep' is 'chirp' here$"),
+        (
+            'frequency = "5 Hz"\nacceleration = "1 g"',
+            r'base.acceleration = 9.80665 m/s.2: belongs to kind = .*Hz it is amplitude = 0.00993621 \(m\)',
+        ),
+        ('amplitude = 1e-3\nfrequency = 5.0\nfade = 1.0', 'base.fade = 1.0 s: belongs to kind = "stepped-sine"'),
+        (
+            'kind = "chirp"\nstart = 4.0\nstop = 9.0\nacceleration = 1.0\nrate = "1 oct/min"',
+            'base.rate = .*: must be one of \'linear\', \'logarithmic\'; .* octaves_per_minute = "1 oct/min"$',
+        ),
+        (
+            'kind = "chirp"\nstart = 4.0\nstop = 9.0\nduration = 1.0\nacceleration = "-1 g"',
+            "base.acceleration = -9.80665 m/s\\^2: must be a finite number >= 0 m/s\\^2",
+        ),
+        (
+            'kind = "stepped-sine"\nfrequencies = [5.0]\ncycles = 3\namplitude = -1.0',
+            "base.amplitude = -1.0 m: must be a finite number >= 0 m$",
+        ),
+        ('kind = "shock"\npulse = "half-sine"\nduration = 0.011\nhistory = 1.0', "base.acceleration: is missing"),
+        (SHOCK + "acceleration = '1 mm'", "base.acceleration = '1 mm': must have a unit that fits: m/s"),
+        (SHOCK + "acceleration = 1.0\nramp = 0.2", 'base.ramp = 0.2: must be left out: it belongs to pulse "trap'),
+        (SHOCK + 'acceleration = 1.0\ncompensation = "before"', "base.compensation = .*belongs to compensated = true"),
+        (SHOCK + "acceleration = 1.0\nperiod = 0.5", "base.period = 0.5 s: must be left out: it belongs to several"),
+        (SHOCK + "acceleration = 1.0\ndelay = 5.0", "base.delay = 5.0 s: must be < 1 s, the history"),
+        (SHOCK.replace("haversine", "saw-tooth") + "acceleration = 1.0", "'saw-tooth' is 'terminal-sawtooth' here"),
         ('kind = "chirp"\nstart = "low"\nstop = 9.0\nduration = 2.0\namplitude = 1e-3', "base.start = 'low'"),
     ],
 )  # fmt: skip
@@ -135,6 +164,22 @@ def test_what_is_wrong_is_one_line_with_its_key(tmp_path, base, words):
     with pytest.raises(fi.InputError, match=words) as refusal:
         read_study(text_with(base), tmp_path / "study.toml")
     assert "\n" not in str(refusal.value)
+
+
+def test_words_of_a_dwell_shorter_than_a_cycle_say_how_long_it_is(tmp_path):
+    base = 'kind = "stepped-sine"\nfrequencies = [20.0]\nseconds = {}\namplitude = 1e-3'
+    words = [read_study(text_with(base.format(n)), tmp_path / "study.toml").base.words for n in (1e-3, 0.5)]
+    assert words[0].endswith("up to 20 Hz, up to 0.05 s at a frequency, in whole cycles")
+    assert words[1].endswith("up to 20 Hz")
+
+
+def test_a_sweep_beside_another_motion_is_told_to_go(tmp_path):
+    base = 'kind = "chirp"\nstart = 4.0\nstop = 9.0\nduration = 2.0\namplitude = 1e-3\n'
+    sweep = "[sweep]\nstart = 4.0\nstop = 6.0\npoints = 9\ncycles = 30\n"
+    with pytest.raises(fi.InputError, match=r"^sweep: needs a sine .* is of kind 'chirp'; remove \[sweep\]"):
+        read_study(text_with(base + sweep), tmp_path / "study.toml")
+    with pytest.raises(fi.InputError, match=r'^sweep\.seconds: belongs to \[base\] kind = "stepped-sine"$'):
+        read_study(text_with("amplitude = 1e-3\nfrequency = 5.0\n" + sweep + "seconds = 5\n"), tmp_path / "study.toml")
 
 
 def test_what_needs_a_sine_names_the_kind(tmp_path):

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import re
+import tomllib
 from pathlib import Path
 from typing import Any
 
+import jsonschema
 import numpy as np
 import pytest
 from command import femimpact
@@ -14,7 +16,7 @@ import femimpact as fi
 from femimpact.parametric.identity import plain_study, study_key
 from femimpact.parametric.study_command import definition_of, write_parameter_study
 from femimpact.study.demo import paper_study_text
-from femimpact.study.study_file import load_study, read_study, same_study, study_text, unit_lines
+from femimpact.study.study_file import load_study, read_study, same_study, study_schema, study_text, unit_lines
 
 IN_UNITS = [
     ("0.23026615 ", '"230.26615 mm" '),
@@ -105,7 +107,10 @@ def test_keys_of_studies_are_equal_and_resume_each_other(tmp_path: Path) -> None
     again = write_parameter_study(units, tmp_path / "s", progress=lambda state: cases.append(state.found))
     assert max(cases) == 4
     np.testing.assert_array_equal(first["peak"], again["peak"])
-    assert '"4 mm"' not in (tmp_path / "s" / "study.toml").read_text()
+    text = (tmp_path / "s" / "study.toml").read_text()
+    assert 'gap = "4 mm"' not in text
+    # a comment stays what it was
+    assert 'as "4 mm"' in text
 
 
 def test_limits_of_measures_have_their_units() -> None:
@@ -179,11 +184,21 @@ def test_density_in_the_words_of_a_plan_rises_and_falls_by_its_slopes() -> None:
     [
         ('[[20, "3 dB/oct"], [80, "3 dB/oct"]]', "must have a level beside it"),
         ('[[20, "3 dB/oct"]]', "must have a level beside it"),
-        ('[[20, "1 g"], [80, 0.1]]', "'1 g': must have a unit that fits: (m/s^2)^2/Hz"),
-        ('[[20, "0 g^2/Hz"], [80, 0.1]]', "0 among its values"),
-        ('[[-20, "3 dB/oct"], [80, 0.1]]', "psd"),
+        (
+            '[[20, "1 g"], [80, 0.1]]',
+            "[20, '1 g']: row 1: must have a unit that fits: (m/s^2)^2/Hz, m^2/s^3, g^2/Hz, or a slope",
+        ),
+        ('[[20, "0 g^2/Hz"], [80, 0.1]]', "[20, '0 g^2/Hz']: row 1: must have a level > 0"),
+        ('[[-20, "3 dB/oct"], [80, 0.1]]', "base.psd = [-20, '3 dB/oct']: row 1: must have a frequency > 0 Hz"),
         ('[["20 Hz", 0.1], ["20 Hz", 0.2]]', "must have frequencies that rise"),
-        ('[[20, "9999 dB/oct"], [1e9, 0.1]]', "psd"),
+        ('[[20, "9999 dB/oct"], [1e9, 0.1]]', "row 1: must change the level by at most 3000 dB"),
+        ('[[20, "6 dB"], [80, 0.1]]', "or a slope as 3 dB/oct"),
+        ('"0.04 g^2/Hz"', "must be rows of a frequency and a level"),
+        ('["20 Hz", 0.1]', "must be rows of a frequency and a level"),
+        (
+            '[[20, 0.1], [80, "0,1 g^2/Hz"]]',
+            "base.psd = [80, '0,1 g^2/Hz']: row 2: must be a number, or one with a decimal",
+        ),
     ],
 )
 def test_bad_density_is_one_line(rows: str, words: str) -> None:
@@ -247,12 +262,18 @@ def test_rows_come_from_a_file_and_are_kept_in_the_study(tmp_path: Path) -> None
     [
         ('"none.csv"', "base.acceleration = 'none.csv': must be an existing file of rows"),
         ('[[10, "1 g"], [9, "1 g"], [150, 1]]', "10 Hz is followed by 9 Hz"),
-        ('[[10, "1 g"], [150, "0 g"]]', "rows of a frequency in Hz, which rises, and a level, all > 0"),
-        ('[[-10, "1 g"], [150, "1 g"]]', "rows of a frequency in Hz, which rises, and a level, all > 0"),
-        ('[["1 m", "1 g"], [150, "1 g"]]', "'1 m': must have a unit that fits: Hz"),
-        ('[[10, "1 kg"], [150, "1 g"]]', "'1 kg': must have a unit that fits: m/s^2"),
+        ('[[10, "1 g"], [150, "0 g"]]', "[150, '0 g']: row 2: must have a level > 0, in m/s^2"),
+        ('[[-10, "1 g"], [150, "1 g"]]', "[-10, '1 g']: row 1: must have a frequency > 0 Hz"),
+        ('[["1 m", "1 g"], [150, "1 g"]]', "['1 m', '1 g']: row 1: must have a unit that fits: Hz"),
+        ('[[10, "1 kg"], [150, "1 g"]]', "[10, '1 kg']: row 1: must have a unit that fits: m/s^2"),
+        ('""', "base.acceleration = '': must be a number, or one with a decimal point and a unit"),
+        (
+            '[[10, "1 mm"], ["50 Hz", "1 mm"], ["50 Hz", "1 g"], [150, "1 g"]]',
+            "[['50 Hz', '1 mm'], ['50 Hz', '1 g']]: row 3: must have frequencies that rise: 50 Hz is followed by 50 "
+            "Hz; an edge has a width: 50 and 50.5 Hz",
+        ),
         ('[[20, "1 g"], [150, "1 g"]]', "must reach from 10 to 150 Hz"),
-        ('[[10, 1, 2], [150, "1 g"]]', "rows of a frequency in Hz"),
+        ('[[10, 1, 2], [150, "1 g"]]', "[10, 1, 2]: row 1: must be a frequency and a level"),
     ],
 )
 def test_bad_profile_is_one_line(rows: str, words: str) -> None:
@@ -260,6 +281,142 @@ def test_bad_profile_is_one_line(rows: str, words: str) -> None:
         read(chirp_base(rows))
     assert words in str(error.value)
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (
+            "f [Hz],a [kg]\n" + "".join(f"{i},1\n" for i in range(1, 99)),
+            "must have a unit that fits in place of the 'kg' in",
+        ),
+        ("f [Hz];a [g]\n10;0,5\n20;secret\n", "line 3: must be a number"),
+        ("# plan\n10,0.5,1\n150,1,1\n", "line 2: must be a frequency and a level"),
+        ("f,a\n10,1\n\n9,1\n", "line 4: must have frequencies that rise: 10 Hz is followed by 9 Hz"),
+        ("nothing\n", "must have rows"),
+    ],
+)
+def test_bad_file_of_rows_is_one_line_with_its_line_and_without_its_content(
+    tmp_path: Path, content: str, words: str
+) -> None:
+    (tmp_path / "levels.csv").write_text(content)
+    with pytest.raises(fi.InputError) as error:
+        read_study(chirp_base('"levels.csv"'), tmp_path / "study.toml")
+    assert f"base.acceleration = 'levels.csv': {words}" in str(error.value)
+    assert "\n" not in str(error.value)
+    assert "secret" not in str(error.value)
+
+
+def test_file_of_rows_has_decimal_commas_and_a_row_of_units(tmp_path: Path) -> None:
+    (tmp_path / "levels.csv").write_text("Frequenz;Pegel\nHz;g\n10;0,5\n150;1;\n")
+    study = read_study(chirp_base('"levels.csv"'), tmp_path / "study.toml")
+    assert levels_of(study) == ((10.0, 0.5 * 9.80665), (150.0, 9.80665))
+
+
+def test_slopes_of_a_decade_and_in_other_words() -> None:
+    ways = ['"6 dB/oct"', '"6 dB / octave"', f'"{float(6.0 / np.log10(2.0))!r} dB/decade"']
+    levels = [dict(read(random_base(f"[[20, {way}], [80, 0.1]]")).base.values)["psd"][0][1] for way in ways]  # type: ignore[union-attr]
+    # two octaves
+    assert levels == pytest.approx([0.1 * 10.0**-1.2] * 3, rel=1e-12)
+
+
+def test_rows_are_echoed_one_by_one() -> None:
+    lines = unit_lines(read(random_base('[["20 Hz", "3 dB/oct"], [80, 0.1], ["2 kHz", 0.1]]')))
+    assert lines == [
+        "base.psd, row 1 = 20 Hz, 3 dB/oct: 20 Hz, 0.0251188643 (m/s^2)^2/Hz",
+        "base.psd, row 3 = 2 kHz, 0.1: 2000 Hz, 0.1 (m/s^2)^2/Hz",
+    ]
+    assert unit_lines(read(octaves('"1 oct/min"')))[-1] == "base.octaves_per_minute = 1 oct/min: 1 oct/min"
+
+
+def octaves(value: str) -> str:
+    return chirp_base("1.0").replace("duration = 0.5", f"octaves_per_minute = {value}")
+
+
+@pytest.mark.parametrize("value", ['"1 Hz"', '"1 rpm"', "true", '"fast"'])
+def test_octaves_are_no_frequency(value: str) -> None:
+    with pytest.raises(fi.InputError, match=r"base\.octaves_per_minute = .*oct/min"):
+        read(octaves(value))
+    with pytest.raises(fi.InputError, match=r"base\.frequency = '5 oct/s': must have a unit that fits: Hz"):
+        read(paper_study_text().replace("frequency = 4.9 ", 'frequency = "5 oct/s" ', 1))
+
+
+def test_octaves_alone_are_those_of_a_logarithmic_sweep() -> None:
+    study = read(octaves("2").replace('rate = "logarithmic"\n', ""))
+    assert study.excitation == fi.Chirp(10.0, 150.0, acceleration=1.0, kind="logarithmic", octaves_per_minute=2.0)
+    assert same_study(read(study_text(study)), study)
+
+
+@pytest.mark.parametrize("value", ["nan mm", "4,5 mm", "mm", "", "0.23", "\u0664 mm"])
+def test_text_that_is_no_quantity_is_told_the_form(value: str) -> None:
+    with pytest.raises(fi.InputError) as error:
+        read(paper_study_text().replace("gap = 0.004 ", f'gap = "{value}" ', 1))
+    words = (
+        f'impactor.ball.gap = {value!r}: must be a number, or one with a decimal point and a unit, as "0.5 m": m, cm'
+    )
+    assert str(error.value).startswith(words)
+    assert "\n" not in str(error.value)
+
+
+def test_place_in_millimetres_is_told_its_metres() -> None:
+    words = r"\.at = '100 mm': must be the name of a place, or metres without quotes: 0\.1$"
+    with pytest.raises(fi.InputError, match=r"mass\.box" + words):
+        read(paper_study_text().replace('at = "tip" ', 'at = "100 mm" ', 1))
+    axes = '[study]\nmeasures = ["peak"]\n[study.axes]\n"impactor.ball.at" = ["100 mm"]\n'
+    with pytest.raises(fi.InputError, match=r"study\.axes\.impactor\.ball" + words):
+        read(paper_study_text() + axes)
+
+
+def test_scale_and_clip_have_the_units_of_a_plan(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("0,1\n0.1,2\n0.2,1\n")
+    record = random_base("[]").replace('kind = "random"\npsd = []\nduration = 0.5', 'record = "a.csv"\nscale = "1 g"')
+    assert read_study(record, tmp_path / "study.toml").base.scale == 9.80665  # type: ignore[union-attr]
+    clipped = read(random_base('[[20, 0.1], [80, 0.1]]\nclip = "3 sigma"'))
+    assert clipped.excitation.clip == 3.0
+    with pytest.raises(fi.InputError, match=r"base\.clip = '3 %': must have a unit that fits: sigma"):
+        read(random_base('[[20, 0.1], [80, 0.1]]\nclip = "3 %"'))
+
+
+def test_stiffness_of_a_power_law_has_the_unit_of_its_exponent() -> None:
+    text = paper_study_text()
+    law = text.partition("contact = ")[2].partition("\n")[0].partition("}")[0] + "}"
+    for exponent, unit in (("", "1.5"), ("exponent = 2, ", "2")):
+        written = f'{{ law = "flores", stiffness = "10 N/mm^{unit}", {exponent}restitution = 0.5 }}'
+        power = text.replace(law, written, 1)
+        contact: Any = read(power).structure.impactors[0].contact
+        assert contact.stiffness == pytest.approx(10.0 * 1000.0 ** float(unit), rel=1e-14)
+        validator = jsonschema.Draft202012Validator(study_schema())
+        assert [e.message for e in validator.iter_errors(tomllib.loads(power))] == []
+    half = power.replace("exponent = 2", 'exponent = "150 %"').replace("mm^2", "mm^1.5")
+    assert (
+        read(half).structure.impactors[0].contact == read(half.replace('"150 %"', "1.5")).structure.impactors[0].contact
+    )
+    with pytest.raises(fi.InputError, match=r"'10 N/mm\^2': must have a unit that fits: N/m\^1\.5"):
+        read(half.replace("mm^1.5", "mm^2"))
+
+
+def test_saved_text_changes_by_its_place_alone() -> None:
+    text = paper_study_text().replace("mass = 0.00343 ", 'mass = "10 g" # "10 g" is a mass\n')
+    text = text.replace("acceleration = 0.0 ", "acceleration = '10 g' ")
+    text = text.replace("movie = true", 'movie = true\ntitle = "10 g"')
+    study = read(text)
+    saved = study_text(study)
+    assert 'mass = 0.01 # "10 g" is a mass' in saved
+    assert "acceleration = 98.0665 " in saved
+    assert read(saved).output.title == "10 g"
+    assert same_study(read(saved), study)
+
+
+def test_frequencies_between_two_are_points_of_a_grid() -> None:
+    steps = (
+        'kind = "stepped-sine"\nfrequencies = { from = "4 Hz", to = 6, points = 5 }\ncycles = 10\nacceleration = "1 g"'
+    )
+    study = read(random_base("[]").replace('kind = "random"\npsd = []\nduration = 0.5', steps))
+    assert study.excitation == fi.SteppedSine([4.0, 4.5, 5.0, 5.5, 6.0], cycles=10, acceleration=9.80665)
+    assert same_study(read(study_text(study)), study)
+    assert [
+        e.message for e in jsonschema.Draft202012Validator(study_schema()).iter_errors(tomllib.loads(study.text))
+    ] == []
 
 
 def test_stepped_sine_of_a_plan() -> None:

@@ -143,27 +143,29 @@ def _factors(
     text: str, places: tuple[int, ...], first: int, scale: float | None, path: str | Path
 ) -> tuple[float, float, str]:
     """What times and accelerations are multiplied by for s and m/s^2, and a note where the header's units say so."""
-    before = [fields for _, fields in itertools.takewhile(lambda line: line[0] < first, _first_lines(text))]
-    _, units, row = _names_and_units(before, places)
-    if units and not row:
-        # brackets were part of names only, and values are taken as they are
-        shown = ", ".join(f"{units[p]!r}" for p in places if p in units)
-        return 1.0, 1.0 if scale is None else scale, f"{Path(path).name}: units in brackets, {shown}, are not applied"
-    stated = [read_unit(units[p]) if p in units else None for p in places]
-    for place, known, si in zip(places, stated, ("s", "m/s^2"), strict=True):
-        if known is not None and known[0] != si and scale is None:
-            allowed = f"column {place} is in {units[place]} by its header: must be in a unit of {si}"
-            raise InputError([Fault("path", str(path), "", f"{allowed}; or give scale")])
-        if known is not None and scale is not None and known != (si, scale if si == "m/s^2" else 1.0):
-            words = f"{Path(path).name}, column {place}: {units[place]!r} in the header, taken as "
-            words += f"{scale:g} m/s^2 by scale" if si == "m/s^2" else "s"
-            warnings.warn(words, InputWarning, stacklevel=5)
-    if scale is not None:
-        return 1.0, scale, ""
-    seconds, factor = (known[1] if known is not None else 1.0 for known in stated)
-    said = [f"{units[p]} taken as {one[1]:g} {one[0]}" for p, one in zip(places, stated, strict=True)
-            if one is not None and one[1] != 1.0]  # fmt: skip
-    return seconds, factor, f"{Path(path).name}: {', '.join(said)}, by its header" if said else ""
+    before = [fields for _, fields in itertools.takewhile(lambda line: line[0] < first, first_lines(text))]
+    _, units, row = names_and_units(before, places)
+    factors, said = [1.0, 1.0 if scale is None else scale], []
+    for i, (place, si) in enumerate(zip(places, ("s", "m/s^2"), strict=True)):
+        unit = units.get(place, "")
+        found, known = read_unit(unit, (si,)), read_unit(unit)
+        given, named = scale is not None and i == 1, row or (known is not None and known[0] != "1")
+        if unit and found is None and named and not given:
+            allowed = f"column {place} is in {unit} by its header: must be in a unit of {si}{'; or give scale' * i}"
+            raise InputError([Fault("path", str(path), "", allowed)])
+        if unit and found is None and not given:
+            words = f"no unit of {si}: taken as {si}{'; scale = 1 says so' * i}"
+            _warn(path, f"column {place}: {unit!r} in the header is {words}")
+        elif given and known is not None and named and (found is None or abs(abs(factors[1]) / found[1] - 1.0) > SAME):
+            _warn(path, f"column {place}: {unit!r} in the header, taken as {scale:g} m/s^2 by scale")
+        elif found is not None and not given and found[1] != 1.0:
+            factors[i] = found[1]
+            said.append(f"{unit} taken as {found[1]:g} {si}")
+    return factors[0], factors[1], f"{Path(path).name}: {', '.join(said)}, by its header" if said else ""
+
+
+def _warn(path: str | Path, words: str) -> None:
+    warnings.warn(f"{Path(path).name}, {words}", InputWarning, stacklevel=6)
 
 
 def _without_trend(samples: Array, detrend: str) -> Array:
@@ -190,10 +192,10 @@ def read_columns(text: str, places: tuple[int, ...], first: int, path: Path) -> 
     found, width = tuple(array("d") for _ in places), 0
     for number, lines in _blocks(text):
         rows = lines[max(first - number, 0) :]
-        width = width or next((len(fields) for _, fields in _cells(rows, number)), 0)
+        width = width or next((len(fields) for _, fields in cells_of(rows, number)), 0)
         values = _plain_values(rows, places, width)
         if values is None:
-            values = _values(_cells(rows, max(first, number)), places, width, path)
+            values = _values(cells_of(rows, max(first, number)), places, width, path)
         for column, part in zip(found, values.T, strict=True):
             column.frombytes(part.tobytes())
     return tuple(map(np.frombuffer, found))
@@ -201,6 +203,12 @@ def read_columns(text: str, places: tuple[int, ...], first: int, path: Path) -> 
 
 BRACKETED = re.compile(r"(.*?)\s*[\[(]([^\[\]()]*(?:\([^()]*\)[^()]*)?)[\])]")
 """A name and, in brackets, a unit."""
+
+WITH_WORD = re.compile(r"(.*\S)\s+(?:in|/)\s+(\S+)")
+"""A name and, behind a word, a unit, as "acceleration in g"."""
+
+SAME = 2e-3
+"""Share by which a scale may differ from a unit that it stands for: 9.81 is one g."""
 
 EMPTY = ("", "-", "nan", "inf", "-inf", "null", "none", "n/a", "#n/a")
 """Cells, in small letters, that stand where a number is missing."""
@@ -234,12 +242,12 @@ class RecordHeader:
 def record_header(text: str, path: Path) -> RecordHeader:
     """Columns of numbers of a text, their names and units, and where the rows begin."""
     tail = text[-MODEL_LETTERS:].splitlines()[-MODEL_LINES:]
-    rows = [fields for _, fields in _cells(tail[1:] if len(text) > MODEL_LETTERS else tail, 1)]
+    rows = [fields for _, fields in cells_of(tail[1:] if len(text) > MODEL_LETTERS else tail, 1)]
     width = max(map(len, rows), default=0)
     counts = [sum(p < len(f) and not math.isnan(_number(f[p])) for f in rows) for p in range(width)]
     places = tuple(p for p in range(width) if counts[p] > 0 and 2 * counts[p] >= max(counts))
     before, first = list[list[str]](), 0
-    for i, fields in _first_lines(text):
+    for i, fields in first_lines(text):
         numbers = [p < len(fields) and not math.isnan(_number(fields[p])) for p in places]
         if places and all(numbers):
             first = i
@@ -255,11 +263,11 @@ def record_header(text: str, path: Path) -> RecordHeader:
     split = bool(before) and 2 <= len(before[-1]) <= max(places) and _mark("".join(tail[-1:])) == ","
     allowed = f"line {first}: more numbers than the header has names: is a comma a decimal one? put semicolons between"
     require(not split, "path", str(path), "", allowed)
-    names, units, _ = _names_and_units(before, places)
+    names, units, _ = names_and_units(before, places)
     return RecordHeader(first, places, names, units)
 
 
-def _first_lines(text: str) -> Iterator[tuple[int, list[str]]]:
+def first_lines(text: str) -> Iterator[tuple[int, list[str]]]:
     """Number and cells of every line that is not empty, those behind a # too as long as no other line came."""
     commented = True
     for number, lines in _blocks(text):
@@ -269,7 +277,7 @@ def _first_lines(text: str) -> Iterator[tuple[int, list[str]]]:
                 yield i, _fields(line.lstrip("# \t") if line.lstrip()[0] == "#" else line)
 
 
-def _names_and_units(before: list[list[str]], places: tuple[int, ...]) -> tuple[dict[int, str], dict[int, str], bool]:
+def names_and_units(before: list[list[str]], places: tuple[int, ...]) -> tuple[dict[int, str], dict[int, str], bool]:
     """Names and units by place of the lines before the rows, and whether the last one is a row of units."""
     fitting = [fields for fields in before if len(fields) > max(places)]
     units = dict[int, str]()
@@ -284,22 +292,30 @@ def _names_and_units(before: list[list[str]], places: tuple[int, ...]) -> tuple[
             fitting = fitting[:-1]
     names, row = dict[int, str](), bool(units)
     for p in places if fitting else ():
-        found = BRACKETED.fullmatch(fitting[-1][p])
-        names[p] = found[1] or fitting[-1][p] if found else fitting[-1][p]
-        if found and found[2] not in ("", "-"):
-            units.setdefault(p, found[2].strip())
+        names[p], unit = _name_and_unit(fitting[-1][p])
+        if unit not in ("", "-"):
+            units.setdefault(p, unit)
     return names, units, row
+
+
+def _name_and_unit(cell: str) -> tuple[str, str]:
+    """Name of a column and its unit, "" where the cell has none."""
+    found = BRACKETED.fullmatch(cell) or WITH_WORD.fullmatch(cell)
+    # "a(t)" is no column in tonnes
+    if found is None or found[2] == "t" or (found.re is WITH_WORD and read_unit(found[2]) is None):
+        return cell, ""
+    return found[1] or cell, found[2].strip()
 
 
 def line_of_row(text: str, header: RecordHeader, row: int) -> str:
     """Words for the line of a row, counted from 0."""
-    rows = (i for number, lines in _blocks(text) for i, _ in _cells(lines, number) if i >= header.first)
+    rows = (i for number, lines in _blocks(text) for i, _ in cells_of(lines, number) if i >= header.first)
     return f"line {next(itertools.islice(rows, row, None), 0)}"
 
 
 def has_decimal_commas(text: str, header: RecordHeader) -> bool:
     """True where a line of commas has digits alone in every second cell, as decimal commas leave them."""
-    lines = itertools.islice((fields for i, fields in _first_lines(text) if i >= header.first), MODEL_LINES)
+    lines = itertools.islice((fields for i, fields in first_lines(text) if i >= header.first), MODEL_LINES)
     whole = all(len(fields) % 2 == 0 and all(cell.isdigit() for cell in fields[1::2]) for fields in lines)
     return _mark(text[:MODEL_LETTERS]) == "," and whole
 
@@ -314,7 +330,7 @@ def _blocks(text: str) -> Iterator[tuple[int, list[str]]]:
         begin, number = end, number + len(lines)
 
 
-def _cells(lines: Iterable[str], number: int) -> Iterator[tuple[int, list[str]]]:
+def cells_of(lines: Iterable[str], number: int) -> Iterator[tuple[int, list[str]]]:
     """Number and cells of every line that is neither empty nor begins with #."""
     return ((i, _fields(line)) for i, line in enumerate(lines, number) if line.strip() and line.lstrip()[0] != "#")
 
@@ -373,8 +389,11 @@ def _header(path: Path, text: str, columns: tuple[int | str, ...]) -> tuple[tupl
     """
     names = [column for column in columns if isinstance(column, str)]
     begin = "is empty"
-    rows = (cells for number, lines in _blocks(text) for cells in _cells(lines, number))
+    rows = (cells for number, lines in _blocks(text) for cells in cells_of(lines, number))
     for i, fields in rows:
+        if names and not all(name in fields for name in names):
+            # a name may leave out the unit behind it
+            fields = [_name_and_unit(cell)[0] if cell not in names else cell for cell in fields]
         if names and all(name in fields for name in names):
             places = tuple(fields.index(column) if isinstance(column, str) else column for column in columns)
             after, below = next(rows, (i, []))
@@ -386,6 +405,12 @@ def _header(path: Path, text: str, columns: tuple[int | str, ...]) -> tuple[tupl
             kinds = ", ".join(_kind(fields, place) for place in range(min(len(fields), SHOWN)))
             more = ", ..." if len(fields) > SHOWN else ""
             begin = f"begins at line {i} with {len(fields)} cell{'s' * (len(fields) != 1)}: {kinds}{more}"
+    try:
+        # of what is no record nothing is shown
+        known = list(record_header(text, path).names.values()) if names else []
+        begin += f"; its names are {known}" * bool(known)
+    except InputError:
+        pass
     allowed = f"must be two columns of numbers in {path.name}, by number from 0 or by name of its header; it {begin}"
     raise InputError([Fault("columns", list(columns), "", allowed)])
 
@@ -491,8 +516,9 @@ class RecordedBase:
             may have any number of lines; empty lines, and those that begin with #, are left out. The first row is at
             t = 0. A regular file of at most 10 million rows and 600 MB.
         scale : float, optional
-            Times which the column is m/s^2: 9.80665 for a record in g. Without it a row of units in the header counts,
-            as `note` says; 1 where there is none. With it that row is only compared, and a contradiction is warned of.
+            Times which the column is m/s^2: 9.80665 for a record in g. Without it units of the header count, in a row
+            or beside the names, as `note` says; 1 where there are none. With it the unit of the acceleration is only
+            compared, and a contradiction is warned of. A unit of the time is applied with it as well.
         detrend : {"none", "mean", "line"}
             What is removed: the mean of the acceleration (an offset), or its line of least squares (offset and drift).
             With either the base moves at t = 0 with the velocity that brings it back to its place at the last sample,

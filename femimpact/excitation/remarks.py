@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from femimpact.arrays import Array
+from femimpact.excitation.chirp import Chirp
 from femimpact.excitation.excitation import BrokenLine, Excitation
-from femimpact.excitation.harmonic import Chirp
 from femimpact.excitation.piecewise_polynomial import PiecewisePolynomial
 from femimpact.excitation.random_base import RandomBase
 from femimpact.excitation.shock import Shock
-from femimpact.excitation.sums import Sum
+from femimpact.excitation.sums import Sum, parts_of
 
 FAR = 0.5
 """Displacement of the base over the length of the beam beyond which a wrong unit, or an offset, is likely."""
@@ -46,6 +46,10 @@ ENERGY_ABOVE = 0.01
 """Share of a drive's energy above the modes that is warned of: 10 % of its amplitude."""
 
 
+LEVEL_ERROR = 1e-6
+"""Share of a level over frequency that a note is given from."""
+
+
 # ---- how far the base moves ----------------------------------------------------------------------
 
 
@@ -63,9 +67,6 @@ def motion_warnings(
         found = [text for part in excitation.parts for text in motion_warnings(part, length)]
         if found:
             return tuple(dict.fromkeys(found))
-    if isinstance(excitation, RandomBase) and excitation.clip is not None:
-        # below its band it wanders as a record does
-        return ()
     line, far = getattr(excitation, "closed_form", None), _distance(excitation)
     if isinstance(line, BrokenLine) and getattr(excitation, "at", None) is None:
         removed = _removed_of_pulse(line)
@@ -134,7 +135,8 @@ def motion_notes(
     if getattr(excitation, "at", None) is not None:
         return ()
     if isinstance(line, PiecewisePolynomial):
-        return _of_clipping(excitation) + _after_last_knot(line, end)
+        said = (text for part in parts_of(excitation) for text in _of_clipping(part) + _of_level(part))
+        return (*said, *_after_last_knot(line, end))
     if not isinstance(line, BrokenLine):
         return ()
     last, note = (len(line.samples) - 1) * line.interval, str(getattr(excitation, "note", ""))
@@ -164,6 +166,17 @@ def _of_clipping(excitation: Excitation) -> tuple[str, ...]:
         f"the random motion is clipped at {excitation.clip:g} root mean squares: {100.0 * excitation.lost_share:.3g} % "
         f"of the mean square of its density is lost, its kurtosis is {excitation.kurtosis:.4g}, its crest factor "
         f"{excitation.crest:.4g}",
+    )
+
+
+def _of_level(excitation: Excitation) -> tuple[str, ...]:
+    """A note where a level over frequency bends so sharply that the acceleration is not that level."""
+    error, frequency = excitation.level_error if isinstance(excitation, Chirp) else (0.0, 0.0)
+    if error <= LEVEL_ERROR:
+        return ()
+    return (
+        f"the level over frequency bends sharply: so that the base does not drift, an acceleration of up to "
+        f"{100.0 * error:.2g} % of the level is added, the most at {frequency:.4g} Hz",
     )
 
 

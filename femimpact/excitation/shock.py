@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import cached_property
 
 import numpy as np
 
-from femimpact.errors import check_fields, choice, optional, quantity, require, truth
-from femimpact.excitation.harmonic import PiecewiseMotion
+from femimpact.errors import choice, optional, quantity, require, truth
+from femimpact.excitation.harmonic import PiecewiseMotion, set_fields
 from femimpact.excitation.piecewise_polynomial import PIECES_OF_HALF_SINE, PiecewisePolynomial, fitted, half_sine
 
 RAMP = 0.1
@@ -55,7 +54,8 @@ class Shock(PiecewiseMotion):
     Raises
     ------
     InputError
-        If pulses overlap, several have no period, or a ramp is given to another shape than a trapezoid.
+        If pulses overlap, several have no period, or a ramp is given to another shape than a trapezoid, a period to one
+        pulse, or compensation "before" to a pulse without one.
     """
 
     kind: str = field(
@@ -86,13 +86,17 @@ class Shock(PiecewiseMotion):
         *,
         level: float | None = None,
     ) -> None:
-        values = {"kind": kind, "level": acceleration if level is None else level, "duration": duration}
-        values |= {"compensated": compensated, "compensation": compensation, "ramp": ramp, "delay": delay}
-        for name, value in (values | {"pulses": pulses, "period": period}).items():
-            object.__setattr__(self, name, value)
-        check_fields(self)
+        level = acceleration if level is None else level
+        set_fields(
+            self, kind=kind, level=level, duration=duration, compensated=compensated, compensation=compensation,
+            ramp=ramp, delay=delay, pulses=pulses, period=period,
+        )  # fmt: skip
         allowed = 'must be left out: it belongs to kind "trapezoid"'
         require(kind == "trapezoid" or self.ramp == RAMP, "ramp", ramp, "", allowed)
+        good = self.compensated or compensation == "after"
+        require(good, "compensation", compensation, "", "must be left out: it belongs to compensated = true")
+        allowed = "must be left out: it belongs to several pulses"
+        require(self.pulses > 1 or period is None, "period", period, "s", allowed)
         least = self.duration * (1.0 + COMPENSATION * self.compensated)
         if self.pulses > 1:
             allowed = f"must be >= {least:.6g} s, the length of one pulse{' and its compensation' * self.compensated}"
@@ -103,8 +107,8 @@ class Shock(PiecewiseMotion):
         """Frequency of the sine of which a half-sine is a half, Hz: a pulse has no cycle."""
         return 0.5 / self.duration
 
-    @cached_property
-    def closed_form(self) -> PiecewisePolynomial:
+    @property
+    def _form(self) -> PiecewisePolynomial:
         """Acceleration of the base, m/s^2."""
         one = self._compensated(self._pulse) if self.compensated else self._pulse
         return one if self.pulses == 1 and self.delay == 0.0 else self._repeated(one)

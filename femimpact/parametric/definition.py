@@ -312,7 +312,8 @@ class ParameterStudy:
             try:
                 self._check_value(place, value)
             except InputError as error:
-                return [Fault(place.path, value, place.unit, error.faults[0].allowed)]
+                unit = "" if isinstance(value, str) else place.unit
+                return [Fault(place.path, value, unit, error.faults[0].allowed)]
         return []
 
     def _check_value(self, place: Place, value: Any) -> None:
@@ -327,6 +328,8 @@ class ParameterStudy:
             self.systems.method_of(self.nominal, {place: value})
         elif isinstance(self.study, Study):
             study_with(self.study, {place: value})
+            if place.field in ("at", "to") and isinstance(value, str):
+                self.nominal.position_of(self.study.structure.place_of(value))
         else:
             _check_pair(self.nominal, place, value)
 

@@ -21,7 +21,9 @@ from femimpact.integrators.methods import METHODS, Method
 from femimpact.integrators.stepping.newmark import Newmark
 from femimpact.structure.damping import ModalDamping, Rayleigh
 from femimpact.structure.structure import Structure
-from femimpact.study.base_motion import SUM, BaseMotion, SignalMotion
+from femimpact.study.base_motion import HISTORY_KEYS, SIGNALS, SUM, BaseMotion, DriveKind, SignalMotion
+from femimpact.study.base_motion import PARTS as KINDS_OF_PARTS
+from femimpact.study.file_units import START
 from femimpact.study.forces import FORCE_KINDS, DrivenMotion, RestMotion, StudyForce
 from femimpact.study.study import (
     Gravity,
@@ -71,10 +73,11 @@ OF_BALL = ("mass", "free_stiffness", "acceleration", "free_damping")
 
 BASE = {"frequency": "Hz", "amplitude": "m", "phase": "rad", "start": ""}
 
-OF_LEVEL = {"amplitude": "m", "acceleration": "m/s^2", "octaves_per_minute": "1/min"}
-"""Keys of [base] of a motion that are no fields of its noun."""
-
-START = {"position": "m", "speed": "m/s"}
+ALTERNATIVES = {
+    "amplitude": "acceleration", "acceleration": "amplitude", "cycles": "seconds", "seconds": "cycles",
+    "duration": "octaves_per_minute", "octaves_per_minute": "duration",
+}  # fmt: skip
+"""Keys of which a drive has one alone."""
 
 FIXED = "does not follow from the contacts, the excitation and the start, which are all that a System leaves open"
 
@@ -116,6 +119,7 @@ def _places(study: Study) -> Iterator[Place]:
     yield from _fields_of(METHODS[study.method.get("name", "newmark")], "method", "", Stage.METHOD)
     moving = [ball.name for ball in structure.impactors] + [body.name for body in structure.absorbers]
     yield from _excitation_and_start(moving, _units_of_base(study.motion))
+    yield from _parts_of_sum(study.motion)
     if isinstance(study.base, DrivenMotion):
         for name, force in study.base.named():
             yield from _numbers_of_force(name, force)
@@ -125,29 +129,40 @@ def _units_of_base(base: Any) -> Mapping[str, str]:
     """Values of [base] that are numbers, and the start, each with its unit, by their keys in a study file."""
     if isinstance(base, BaseMotion):
         return BASE
-    if isinstance(base, RestMotion) or (isinstance(base, SignalMotion) and base.kind == SUM):
+    if isinstance(base, RestMotion) or (isinstance(base, SignalMotion) and base.kind not in SIGNALS):
         return {"history": "s", "initial": ""}
     if not isinstance(base, SignalMotion):
         return {"scale": "1", "duration": "s", "start": "", "high_pass": "Hz"}
-    known = {item.name: item.metadata.get("unit", "") for item in dataclasses.fields(base.excitation)}
-    numbers = {
-        name: {**known, **OF_LEVEL}.get(name, "")
-        for name, value in base.values
-        if isinstance(value, (int, float, tuple)) and not isinstance(value, bool)
-    }
     # what a start is called beside a chirp's first frequency
-    return {**numbers, "history": "s", "initial": ""}
+    return {**_numbers(SIGNALS[base.kind], dict(base.values)), "history": "s", "initial": ""}
+
+
+def _numbers(kind: DriveKind, values: Mapping[str, Any]) -> dict[str, str]:
+    """Keys of a drive that are numbers, given or by default, with their units."""
+    given = {
+        key for key, value in values.items() if isinstance(value, (int, float, tuple)) and not isinstance(value, bool)
+    }
+    return {
+        key: metadata.get("unit", "")
+        for key, metadata in kind.metadata.items()
+        if key in given or (metadata.get("unit") and key not in values and ALTERNATIVES.get(key) not in values)
+    }
+
+
+def _parts_of_sum(base: Any) -> Iterator[Place]:
+    """Numbers of the parts of a sum, `base.parts.1.amplitude`."""
+    if isinstance(base, SignalMotion) and base.kind == SUM:
+        for number, part in enumerate(dict(base.values)["parts"], start=1):
+            values = dict(part)
+            for key, unit in _numbers(KINDS_OF_PARTS[values.pop("kind", "sine")], values).items():
+                yield _place("base", f"parts.{number}", key, unit, Stage.CASE)
 
 
 def _numbers_of_force(name: str, force: StudyForce) -> Iterator[Place]:
     """Numbers of a force."""
-    kind = FORCE_KINDS[force.kind]
-    units = {item.name: item.metadata.get("unit", "") for item in dataclasses.fields(kind.noun)} | {"force": "N"}
     yield _place("force", name, "at", "m", Stage.CASE)
-    for key, value in force.values:
-        if isinstance(value, (int, float, tuple)) and not isinstance(value, bool):
-            unit = units.get(key, "") or {**OF_LEVEL}.get(key, "") or units.get(kind.names.get(key, key), "")
-            yield _place("force", name, key, unit, Stage.CASE)
+    for key, unit in _numbers(FORCE_KINDS[force.kind], dict(force.values)).items():
+        yield _place("force", name, key, unit, Stage.CASE)
 
 
 def _with_force(base: DrivenMotion, name: str, key: str, value: Any) -> DrivenMotion:
@@ -237,7 +252,8 @@ def _under(place: Place, error: InputError) -> InputError:
 
 
 def _prefix(place: Place) -> str:
-    return place.path.removesuffix(place.field.rpartition(".")[2])
+    # faults of a sum name the part
+    return "base." if place.owner == "base" else place.path.removesuffix(place.field.rpartition(".")[2])
 
 
 def _change(found: dict[str, Any], study: Study, place: Place, value: Any) -> None:
@@ -268,8 +284,14 @@ def _change(found: dict[str, Any], study: Study, place: Place, value: Any) -> No
     elif owner == "base":
         base: Any = found.get("base", study.base)
         motion: Any = base.motion if isinstance(base, DrivenMotion) else base
-        of_signal = isinstance(motion, SignalMotion) and name not in ("history", "initial")
-        given = {"values": tuple({**dict(motion.values), name: value}.items())} if of_signal else {name: value}
+        given = {name: value}
+        if isinstance(motion, SignalMotion) and name not in HISTORY_KEYS:
+            values = dict(motion.values)
+            if place.part:
+                parts, i = list(values["parts"]), int(place.part.rpartition(".")[2]) - 1
+                parts[i] = tuple({**dict(parts[i]), name: value}.items())
+                given = {"parts": tuple(parts)}
+            given = {"values": tuple({**values, **given}.items())}
         motion = replace(motion, **given)
         found["base"] = replace(base, motion=motion) if isinstance(base, DrivenMotion) else motion
     else:

@@ -197,7 +197,7 @@ class _Motion(PiecewiseMotion):
         self._pieces = pieces
 
     @property
-    def closed_form(self) -> PiecewisePolynomial:
+    def _form(self) -> PiecewisePolynomial:
         """Acceleration of the base, m/s^2."""
         return self._pieces
 

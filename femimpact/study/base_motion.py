@@ -3,14 +3,25 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar
 
-from femimpact.errors import Fault, InputError, check_fields, checked, choice, optional, quantity, suggestion, text
+from femimpact.errors import (
+    Fault,
+    InputError,
+    check_fields,
+    checked,
+    choice,
+    level_rows,
+    optional,
+    quantity,
+    suggestion,
+    text,
+)
 from femimpact.excitation import Chirp, RandomBase, RecordedBase, Shock, Sine, SteppedSine, Sum
 from femimpact.excitation.records import record_text
 
@@ -164,6 +175,25 @@ def _faults_of_record() -> Iterator[None]:
 
 Signal = Chirp | SteppedSine | RandomBase | Shock
 
+MEANT: Mapping[str, str] = {
+    "dwell": "stepped-sine", "sine-dwell": "stepped-sine", "stepped": "stepped-sine", "sine-sweep": "chirp",
+    "swept-sine": "chirp", "sweep": "chirp", "noise": "random", "random-vibration": "random", "bump": "shock",
+    "pulse": "shock", "recorded": "record", "measured": "record", "impact": "hammer", "log": "logarithmic",
+    "saw-tooth": "terminal-sawtooth", "sawtooth": "terminal-sawtooth", "square": "rectangle", "versine": "haversine",
+}  # fmt: skip
+"""Kinds by other words for them."""
+
+
+def kind_fault(key: str, value: object, kinds: Iterable[str]) -> Fault:
+    """The fault of a value that is no kind, with the kind that is meant."""
+    known = list(kinds)
+    words = str(value).strip().lower().replace(" ", "-").replace("_", "-")
+    meant = MEANT.get(words, words)
+    hint = f"; {value!r} is {meant!r} here" if meant in known else ""
+    if key == "rate" and hint == "":
+        hint = '; octaves in a minute are octaves_per_minute = "1 oct/min"'
+    return Fault(key, value, "", f"must be one of {', '.join(map(repr, known))}{hint}")
+
 
 @dataclass(frozen=True)
 class DriveKind:
@@ -177,11 +207,14 @@ class DriveKind:
         Arguments of the noun by their keys in a study file, where those have another name.
     without : tuple of str
         Arguments that are no keys of the kind.
+    needs : tuple of str
+        Keys that a study file must have although the noun has a default for them.
     """
 
     noun: type[Any]
     names: Mapping[str, str] = field(default_factory=dict)
     without: tuple[str, ...] = ("level", "by")
+    needs: tuple[str, ...] = ()
 
     @property
     def keys(self) -> dict[str, inspect.Parameter]:
@@ -190,9 +223,21 @@ class DriveKind:
         return {self.key_of(name): item for name, item in arguments.items() if name not in self.without}
 
     @property
+    def metadata(self) -> dict[str, Mapping[str, Any]]:
+        """Unit and range of each key, as a field of a dataclass has them; of a list of numbers nothing."""
+        found: dict[str, Any] = {item.name: item.metadata for item in fields(self.noun)}
+        # a pulse may go down
+        least = None if self.noun is Shock else 0.0
+        of_level: dict[str, Any] = {"amplitude": quantity("m", at_least=least), "force": quantity("N", at_least=least)}
+        of_level["acceleration"] = quantity("m/s^2") if self.noun is Shock else level_rows("m/s^2")
+        of_level["octaves_per_minute"] = quantity("oct/min", above=0.0)
+        of_level["clip"] = {**found.get("clip", {}), "unit": "sigma"}
+        return {key: of_level.get(key) or found.get(self.names.get(key, key), {}) for key in self.keys}
+
+    @property
     def needed(self) -> list[str]:
         """Keys that a study file must have."""
-        return [key for key, item in self.keys.items() if item.default is inspect.Parameter.empty or key == "force"]
+        return [key for key, item in self.keys.items() if item.default is inspect.Parameter.empty or key in self.needs]
 
     def key_of(self, argument: str) -> str:
         """The key of an argument."""
@@ -204,19 +249,34 @@ class DriveKind:
             Fault(key, None, "", suggestion(key, [*self.keys, *others])) for key in values if key not in self.keys
         ]
         faults += [Fault(key, None, "", f"is missing in {where}") for key in self.needed if key not in values]
+        kind = self.key_of("kind")
+        for key, metadata in self.metadata.items():
+            if key in values and "take" in metadata:
+                try:
+                    checked(key, values[key], metadata)
+                except InputError as error:
+                    of_kind = key == kind and kind_fault(key, values[key], metadata["schema"]["enum"])
+                    faults += [of_kind] if of_kind else error.faults
         if faults:
             raise InputError(faults)
+        arguments = {self.names.get(key, key): value for key, value in values.items()} | given
+        if "octaves_per_minute" in arguments:
+            # a sweep of so many octaves a minute can be nothing else
+            arguments.setdefault("kind", "logarithmic")
         try:
-            return self.noun(**{self.names.get(key, key): value for key, value in values.items()}, **given)
+            return self.noun(**arguments)
         except InputError as error:
-            raise InputError([replace(one, key=self.key_of(one.key)) for one in error.faults]) from None
+            raise InputError([
+                replace(one, key=self.key_of(one.key), allowed=one.allowed.replace('kind "', f'{kind} "'))
+                for one in error.faults
+            ]) from None  # fmt: skip
 
 
 SIGNALS: Mapping[str, DriveKind] = {
     "chirp": DriveKind(Chirp, {"rate": "kind"}),
     "stepped-sine": DriveKind(SteppedSine),
     "random": DriveKind(RandomBase),
-    "shock": DriveKind(Shock, {"pulse": "kind"}),
+    "shock": DriveKind(Shock, {"pulse": "kind"}, needs=("acceleration", "duration")),
 }
 """Each kind of [base]."""
 
@@ -269,6 +329,8 @@ class SignalMotion:
             of = "with the shock" if self.kind == "shock" else "with all parts"
             allowed = f"is missing; must be a finite number > 0 s: how long the history is that begins {of}"
             raise InputError([Fault("history", None, "", allowed)])
+        for motion in getattr(self.excitation, "parts", (self.excitation,)):
+            check_delay("delay", motion, self.history_duration)
 
     @cached_property
     def excitation(self) -> Signal | Sum:
@@ -311,7 +373,11 @@ class SignalMotion:
     def words(self) -> str:
         """Words for the length of the history and for its excitation."""
         highest = "" if self.kind == "shock" else f", up to {self.frequency:.4g} Hz"
-        return f"{self.history_duration:g} s of a {self.kind} motion of the base{highest}"
+        motion, whole = self.excitation, ""
+        if isinstance(motion, SteppedSine) and motion.seconds is not None:
+            longest = float((motion.cycles_of_steps / motion.steps).max())
+            whole = f", up to {longest:.4g} s at a frequency, in whole cycles" * (longest > 1.01 * motion.seconds)
+        return f"{self.history_duration:g} s of a {self.kind} motion of the base{highest}{whole}"
 
     @property
     def table(self) -> dict[str, Any]:
@@ -324,12 +390,21 @@ class SignalMotion:
         return {"kind": self.kind, **values, **given}
 
 
+def check_delay(key: str, motion: Any, history: float) -> None:
+    """Raise `InputError` for a shock that begins after the end of the history (s)."""
+    if isinstance(motion, Shock) and motion.delay >= history:
+        allowed = f"must be < {history:g} s, the history: the shock would begin after its end"
+        raise InputError([Fault(key, motion.delay, "s", allowed)])
+
+
 def _part_of(number: int, values: dict[str, Any]) -> Signal | Sine:
     """A part of a sum by its kind and keys."""
     kind = values.pop("kind", "sine")
+    if kind == "record" or "record" in values:
+        allowed = "is no part of a sum in a study file; in Python RecordedBase is one of fi.Sum"
+        raise InputError([Fault(f"parts.{number}.record", None, "", allowed)])
     if not isinstance(kind, str) or kind not in PARTS:
-        allowed = f"must be one of {', '.join(repr(name) for name in PARTS)}"
-        raise InputError([Fault(f"parts.{number}.kind", kind, "", allowed)])
+        raise InputError([kind_fault(f"parts.{number}.kind", kind, PARTS)])
     try:
         motion: Signal | Sine = _made(kind, values)
         return motion

@@ -21,17 +21,22 @@ from femimpact.errors import (
 from femimpact.excitation import Chirp, Drives, HammerBlow, PointForce, RandomBase, Shock, Sine, SteppedSine
 from femimpact.excitation.drives import alone
 from femimpact.excitation.excitation import words_of
-from femimpact.study.base_motion import BaseMotion, DriveKind, RecordedMotion, SignalMotion
+from femimpact.study.base_motion import BaseMotion, DriveKind, RecordedMotion, SignalMotion, check_delay
 
 OF_PLACE = ("at", "name")
 """Keys of [[force]] of every kind."""
 
+OF_NAME = "forces.name"
+"""Key of faults of `Drives` on names."""
+
 FORCE_KINDS: Mapping[str, DriveKind] = {
     "sine": DriveKind(Sine, {"force": "amplitude"}),
-    "chirp": DriveKind(Chirp, {"force": "amplitude", "rate": "kind"}, ("level", "by", "acceleration")),
-    "stepped-sine": DriveKind(SteppedSine, {"force": "amplitude"}, ("level", "by", "acceleration")),
+    "chirp": DriveKind(Chirp, {"force": "amplitude", "rate": "kind"}, ("level", "by", "acceleration"), ("force",)),
+    "stepped-sine": DriveKind(SteppedSine, {"force": "amplitude"}, ("level", "by", "acceleration"), ("force",)),
     "random": DriveKind(RandomBase),
-    "shock": DriveKind(Shock, {"force": "acceleration", "pulse": "kind"}, ("level", "by", "amplitude")),
+    "shock": DriveKind(
+        Shock, {"force": "acceleration", "pulse": "kind"}, ("level", "by", "amplitude"), ("force", "duration")
+    ),
     "hammer": DriveKind(HammerBlow, without=OF_PLACE),
 }
 """Each kind of [[force]]; its level is called force."""
@@ -156,7 +161,7 @@ class DrivenMotion:
     FREQUENCY_KEY: ClassVar[str] = "force"
     """Key of the study file that sets the highest frequency."""
 
-    kind: ClassVar[str] = "motion with forces"
+    kind: ClassVar[str] = "base-and-force"
 
     motion: Motion = field(metadata=instance(BaseMotion, RecordedMotion, SignalMotion, RestMotion))
     forces: tuple[StudyForce, ...] = field(metadata=items(StudyForce))
@@ -167,8 +172,15 @@ class DrivenMotion:
             # made here, so that its faults are those of the file
             _ = self.excitation
         except InputError as error:
-            faults = [replace(fault, key=fault.key.replace("forces", "force")) for fault in error.faults]
+            # "force 2" may be the default of one, and the name of another
+            more = ', and a force without a name is "force 1", "force 2" and so on by its place in the file'
+            faults = [
+                replace(one, key=one.key.replace("forces", "force"), allowed=one.allowed + more * (one.key == OF_NAME))
+                for one in error.faults
+            ]
             raise InputError(faults) from None
+        for name, force in self.named():
+            check_delay(f"force.{name}.delay", getattr(force.excitation, "history", None), self.history_duration)
 
     @cached_property
     def drives(self) -> Drives:

@@ -13,12 +13,20 @@ from collections.abc import Mapping
 from typing import Any
 
 from femimpact.contact.laws import LAWS, PowerLaw
-from femimpact.errors import level_rows, quantity
-from femimpact.excitation import Chirp, Sine, SteppedSine
+from femimpact.errors import quantity
 from femimpact.integrators.methods import METHODS
 from femimpact.structure.beam import Segment
 from femimpact.structure.damping import ModalDamping, Rayleigh
-from femimpact.study.base_motion import HISTORY_KEYS, SIGNALS, SUM, BaseMotion, DriveKind, RecordedMotion, SignalMotion
+from femimpact.study.base_motion import (
+    HISTORY_KEYS,
+    PARTS,
+    SIGNALS,
+    SUM,
+    BaseMotion,
+    DriveKind,
+    RecordedMotion,
+    SignalMotion,
+)
 from femimpact.study.forces import FORCE_KINDS, OF_PLACE, RestMotion, StudyForce
 from femimpact.study.parameter_plan import DISTRIBUTIONS, MOST_POINTS, BestPlan, ParameterPlan, SamplePlan
 
@@ -49,7 +57,7 @@ def noun_schema(noun: Any, without: frozenset[str] = frozenset(), title: str = "
     for item in dataclasses.fields(noun):
         if item.name in without | CONTENT:
             continue
-        properties[item.name] = given.get(item.name) or _key(item, about.get(item.name, ""))
+        properties[item.name] = given.get(item.name) or _key(item.metadata, item.default, about.get(item.name, ""))
         if item.default is dataclasses.MISSING:
             required.append(item.name)
     schema = {"type": "object", "description": _first(noun), "properties": properties, "additionalProperties": False}
@@ -61,24 +69,48 @@ def _first(noun: Any) -> str:
     return (inspect.getdoc(noun) or "").split("\n\n")[0].replace("\n", " ")
 
 
-def _key(item: Any, meaning: str) -> dict[str, Any]:
-    """Schema of one key from the metadata of its field."""
-    metadata: Mapping[str, Any] = item.metadata
-    known = metadata.get("schema") or _COLUMNS
-    key = {**known, "description": meaning}
+def _key(metadata: Mapping[str, Any], default: Any, meaning: str) -> dict[str, Any]:
+    """Schema of one key from the metadata and the default of its field."""
+    key = {**(metadata.get("schema") or _COLUMNS), "description": meaning}
     if "unit" in metadata:
-        key |= {"x-unit": metadata["unit"], "x-range": metadata["allowed"].removeprefix("must be ")}
-    if item.default is not dataclasses.MISSING and item.default is not None:
-        key["default"] = list(item.default) if isinstance(item.default, tuple) else item.default
+        of_file = ", or the path of a file of rows" * ("x-rows" in key)
+        key |= {"x-unit": metadata["unit"], "x-range": metadata["allowed"].removeprefix("must be ") + of_file}
+    if default not in (dataclasses.MISSING, inspect.Parameter.empty, None):
+        key["default"] = list(default) if isinstance(default, tuple) else default
     return key
 
 
-_NUMBERS = {"type": "array", "items": {"type": "number", "exclusiveMinimum": 0}, "minItems": 1}
+def _closed(properties: dict[str, Any], required: list[str] | None = None) -> dict[str, Any]:
+    """A table with these keys alone, all of which are required where no list says which."""
+    return {
+        "type": "object", "properties": properties, "additionalProperties": False,
+        "required": required or list(properties),
+    }  # fmt: skip
 
-ROWS = "a finite number >= 0, rows of a frequency, which rises, and a level, or the path of a file of rows"
+
+def _number_of(metadata: Mapping[str, Any]) -> Any:
+    """Schema of a number with its unit and its range in words."""
+    return {**metadata["schema"], "x-unit": metadata["unit"], "x-range": metadata["allowed"].removeprefix("must be ")}
+
+
+def grid_schema(number: dict[str, Any]) -> dict[str, Any]:
+    """Schema of points between two numbers."""
+    points = _number_of(quantity("1", at_least=2, at_most=MOST_POINTS, integer=True))
+    grid = {"from": number, "to": number, "points": points, "spacing": {"enum": ["even", "logarithmic"]}}
+    return _closed(grid, ["from", "to", "points"])
+
+
+_POSITIVE = {"type": "number", "exclusiveMinimum": 0}
+
+_NUMBERS = {"type": "array", "items": _POSITIVE, "minItems": 1}
 
 LISTS: Mapping[str, dict[str, Any]] = {
-    "frequencies": {**_NUMBERS, "description": "one after the other", "x-unit": "Hz", "x-range": "finite numbers > 0"},
+    "frequencies": {
+        "anyOf": [_NUMBERS, grid_schema(_POSITIVE)],
+        "description": "one after the other, or points between two of them",
+        "x-unit": "Hz",
+        "x-range": "finite numbers > 0",
+    },
     "psd": {
         "type": "array",
         "items": {**_NUMBERS, "minItems": 2, "maxItems": 2},
@@ -90,14 +122,6 @@ LISTS: Mapping[str, dict[str, Any]] = {
     },
 }
 """Schemas of the keys that are lists of numbers."""
-
-OF_LEVEL: Mapping[str, tuple[str, str]] = {
-    "amplitude": ("m", "a finite number >= 0"),
-    "acceleration": ("m/s^2", "a finite number >= 0"),
-    "octaves_per_minute": ("1/min", "a finite number >= 0"),
-    "force": ("N", "a finite number"),
-}
-"""Unit and range of the keys that are arguments of a noun, and no fields."""
 
 _COLUMNS = {
     "type": "array",
@@ -155,13 +179,20 @@ def damping_schema() -> dict[str, Any]:
 def base_schema() -> dict[str, Any]:
     """Schema of [base]: a form for each kind of motion."""
     forms = [noun_schema(BaseMotion, title="a sine"), noun_schema(RecordedMotion, title="a record")]
-    for form, kind in zip(forms, ("sine", "record"), strict=True):
-        form["properties"] = {"kind": {"const": kind, "description": "the kind of motion"}, **form["properties"]}
-    forms += [_signal(kind) for kind in SIGNALS]
-    rest = noun_schema(RestMotion, title="rest")
-    rest["properties"] = {"kind": {"const": "rest", "description": "the kind of motion"}, **rest["properties"]}
-    rest["required"] = ["kind", *rest["required"]]
-    forms += [_sum_schema(), rest]
+    forms.append(noun_schema(RestMotion, title="rest"))
+    for form, kind in zip(forms, ("sine", "record", "rest"), strict=True):
+        form["properties"] = _kind(kind) | form["properties"]
+    forms[2]["required"].append("kind")
+    # "1 g" is the scale of a record in g
+    forms[1]["properties"]["scale"]["x-unit"] = "m/s^2"
+    history = {item.name: _key(item.metadata, item.default, _meanings(SignalMotion)[item.name])
+               for item in dataclasses.fields(SignalMotion) if item.name in HISTORY_KEYS}  # fmt: skip
+    forms += [_drive(kind, of_kind, {}, history) for kind, of_kind in SIGNALS.items()]
+    parts = {
+        "type": "array", "minItems": 1, "items": {"oneOf": [_drive(kind, PARTS[kind]) for kind in PARTS]},
+        "description": "motions that are added, [[base.parts]]",
+    }  # fmt: skip
+    forms.append({"title": SUM, **_closed(_kind(SUM) | {"parts": parts} | history, ["kind", "parts"])})
     about = (
         "Motion of the base: a sine, a record of its acceleration, a chirp, a stepped sine, a random motion, a shock, "
         "or none, beside forces."
@@ -169,78 +200,41 @@ def base_schema() -> dict[str, Any]:
     return {"description": about, "oneOf": forms}
 
 
-def _signal(kind: str) -> dict[str, Any]:
-    """Schema of a motion of the base by its keys."""
-    of_kind, history = SIGNALS[kind], {item.name: item for item in dataclasses.fields(SignalMotion)}
-    meanings = _meanings(SignalMotion)
-    keys = {
-        "kind": {"const": kind, "description": "the kind of motion"}, **_keys_of(of_kind),
-        **{name: _key(history[name], meanings[name]) for name in HISTORY_KEYS},
-    }  # fmt: skip
-    of_shock = ["history", "acceleration", "duration"] if kind == "shock" else []
-    return {"title": kind, "description": _first(of_kind.noun), **_closed(keys, ["kind", *of_kind.needed, *of_shock])}
+def _kind(name: str) -> dict[str, Any]:
+    return {"kind": {"const": name, "description": "the kind of motion or force"}}
+
+
+def _drive(
+    kind: str, of_kind: DriveKind, first: Mapping[str, Any] | None = None, last: Mapping[str, Any] | None = None
+) -> dict[str, Any]:
+    """Schema of a motion or a force by its keys, with others before and behind them."""
+    keys = {**_kind(kind), **(first or {}), **_keys_of(of_kind), **(last or {})}
+    # a part of a sum without a kind is a sine
+    needed = [*(["kind"] if kind != "sine" or first else []), *of_kind.needed]
+    needed += ["at"] if first else ["history"] if last and kind == "shock" else []
+    return {"title": kind, "description": _first(of_kind.noun), **_closed(keys, needed)}
 
 
 def _keys_of(kind: DriveKind) -> dict[str, Any]:
     """Schemas of the keys of a kind of motion or force."""
-    fields, about = {item.name: item for item in dataclasses.fields(kind.noun)}, _meanings(kind.noun)
-    keys: dict[str, Any] = {}
-    for key, item in kind.keys.items():
-        name = kind.names.get(key, key)
-        if key in OF_LEVEL:
-            unit, range_in_words = OF_LEVEL[key]
-            of_level = {"minimum": 0} if ">=" in range_in_words else {}
-            words = {"description": about.get(name) or f"amplitude of the base's {name}"}
-            words |= {"x-unit": unit, "x-range": range_in_words}
-            keys[key] = {"type": "number", **of_level, **words}
-            if key == "acceleration" and kind.noun in (Chirp, SteppedSine):
-                keys[key] = {**level_rows(unit)["schema"], **words, "x-range": ROWS}
-        else:
-            keys[key] = LISTS[key] if key in LISTS else _key(fields[name], about.get(name, ""))
-        if isinstance(item.default, str):
-            keys[key]["default"] = item.default
+    about, keys = _meanings(kind.noun), dict[str, Any]()
+    for key, metadata in kind.metadata.items():
+        meaning = about.get(kind.names.get(key, key)) or f"amplitude of the base's {key}"
+        keys[key] = LISTS.get(key) or _key(metadata, kind.keys[key].default, meaning)
     return keys
-
-
-def _sum_schema() -> dict[str, Any]:
-    """Schema of a sum of motions of the base."""
-    sine = noun_schema(Sine, title="a sine")
-    sine["properties"] = {"kind": {"const": "sine", "description": "the kind of motion"}, **sine["properties"]}
-    parts = [sine]
-    for kind in SIGNALS:
-        form = _signal(kind)
-        form["properties"] = {name: key for name, key in form["properties"].items() if name not in HISTORY_KEYS}
-        form["required"] = [name for name in form["required"] if name not in HISTORY_KEYS]
-        parts.append(form)
-    history = {item.name: item for item in dataclasses.fields(SignalMotion)}
-    keys = {
-        "kind": {"const": SUM, "description": "the kind of motion"},
-        "parts": {
-            "type": "array", "minItems": 1, "items": {"oneOf": parts},
-            "description": "motions that are added, [[base.parts]]",
-        },
-        **{name: _key(history[name], _meanings(SignalMotion)[name]) for name in HISTORY_KEYS},
-    }  # fmt: skip
-    return {"title": SUM, **_closed(keys, ["kind", "parts"])}
 
 
 def force_schema() -> dict[str, Any]:
     """Schema of [[force]]: a form for each kind."""
-    own, about = {item.name: item for item in dataclasses.fields(StudyForce)}, _meanings(StudyForce)
-    forms = []
-    for kind, of_kind in FORCE_KINDS.items():
-        keys = {
-            "kind": {"const": kind, "description": "the kind of force"},
-            **{name: _key(own[name], about[name]) for name in OF_PLACE},
-            **_keys_of(of_kind),
-        }
+    own = {item.name: _key(item.metadata, item.default, _meanings(StudyForce)[item.name])
+           for item in dataclasses.fields(StudyForce) if item.name in OF_PLACE}  # fmt: skip
+    forms = [_drive(kind, of_kind, own) for kind, of_kind in FORCE_KINDS.items()]
+    density = {"description": "one-sided density of the force", "x-unit": "Hz, N^2/Hz", "x-rows": "N^2/Hz"}
+    for keys in (form["properties"] for form in forms):
         if "force" in keys:
             keys["force"]["description"] = "level of the force"
         if "psd" in keys:
-            words = {"description": "one-sided density of the force", "x-unit": "Hz, N^2/Hz", "x-rows": "N^2/Hz"}
-            keys["psd"] = {**keys["psd"], **words}
-        of_shock = ["duration"] if kind == "shock" else []
-        forms.append({"title": kind, **_closed(keys, ["kind", "at", *of_kind.needed, *of_shock])})
+            keys["psd"] = keys["psd"] | density
     return {"description": "A force at a place, beside the motion of the base.", "oneOf": forms}
 
 
@@ -286,11 +280,9 @@ def axes_schema() -> dict[str, Any]:
         {"type": "array", "items": number, "minItems": 2, "maxItems": 2},
         {"type": "string"},
     ]}  # fmt: skip
-    points = _number_of(quantity("1", at_least=2, at_most=MOST_POINTS, integer=True))
-    grid = {"from": number, "to": number, "points": points, "spacing": {"enum": ["even", "logarithmic"]}}
     forms = [
         {"title": "values", "type": "array", "items": value, "minItems": 1, "uniqueItems": True},
-        {"title": "points between two values", **_closed(grid, ["from", "to", "points"])},
+        {"title": "points between two values", **grid_schema(number)},
         {"title": "of a sample: uniform between two values", **_closed({"from": number, "to": number})},
         *({"title": f"of a sample: {words}", **_closed({name: _two_numbers(name)})}
           for name, words in DISTRIBUTION_WORDS.items()),
@@ -301,19 +293,6 @@ def axes_schema() -> dict[str, Any]:
         "minProperties": 1,
         "additionalProperties": {"anyOf": [*forms, {"title": "a part of a path", "$ref": "#/$defs/axes"}]},
     }
-
-
-def _closed(properties: dict[str, Any], required: list[str] | None = None) -> dict[str, Any]:
-    """A table with these keys alone, all of which are required where no list says which."""
-    return {
-        "type": "object", "properties": properties, "additionalProperties": False,
-        "required": required or list(properties),
-    }  # fmt: skip
-
-
-def _number_of(metadata: Mapping[str, Any]) -> Any:
-    """Schema of a number with its unit and its range in words."""
-    return {**metadata["schema"], "x-unit": metadata["unit"], "x-range": metadata["allowed"].removeprefix("must be ")}
 
 
 def _two_numbers(distribution: str) -> dict[str, Any]:

@@ -242,7 +242,7 @@ class Study:
         check_fields(self)
         require_name(self.method.get("name", "newmark"), METHODS, "method.name")
         if self.sweep is not None:
-            sine_of(self, "sweep")
+            sine_of(self, "sweep", instead="; remove [sweep], or give [base] an amplitude and a frequency")
 
     @property
     def excitation(self) -> Sine | RecordedBase | Signal | Sum | Drives | PointForce | HammerBlow:
@@ -284,7 +284,7 @@ class Study:
         return State.static() if self.base.start == "static" else State.at_rest(self.base.start)
 
 
-def sine_of(study: Study, key: str, value: object = None, unit: str = "") -> BaseMotion:
+def sine_of(study: Study, key: str, value: object = None, unit: str = "", instead: str = "") -> BaseMotion:
     """The base motion of a study whose base moves by a sine.
 
     Raises
@@ -299,7 +299,7 @@ def sine_of(study: Study, key: str, value: object = None, unit: str = "") -> Bas
         other = "has forces beside it, [[force]]"
     else:
         other = f"is of kind {base.kind!r}" if isinstance(base, SignalMotion) else f"has a record, {base.record!r}"
-    allowed = f"needs a sine of the base, and [base] of this study {other}"
+    allowed = f"needs a sine of the base, and [base] of this study {other}{instead}"
     raise InputError([Fault(key, value, unit, allowed)])
 
 

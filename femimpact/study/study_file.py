@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 import re
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -15,7 +16,7 @@ from typing import Any
 
 from femimpact.contact import ContactLaw
 from femimpact.contact.laws import LAWS
-from femimpact.errors import Fault, InputError, allowed_range, checked, require, require_path, suggestion
+from femimpact.errors import Fault, InputError, allowed_range, checked, require_path, suggestion
 from femimpact.fem.mesh import uniform_mesh
 from femimpact.integrators.methods import METHODS
 from femimpact.regular_file import read_regular
@@ -29,9 +30,10 @@ from femimpact.study.base_motion import (
     BaseMotion,
     RecordedMotion,
     SignalMotion,
+    kind_fault,
     record_beside,
 )
-from femimpact.study.file_units import Readings, in_si_units, with_numbers, with_texts
+from femimpact.study.file_units import flat, in_si_units, is_table, label_of, with_numbers, with_texts
 from femimpact.study.forces import FORCE_KINDS, DrivenMotion, RestMotion, StudyForce
 from femimpact.study.parameter_plan import (
     AxisValues,
@@ -56,6 +58,7 @@ from femimpact.study.schema import (
     plan_schema,
 )
 from femimpact.study.study import Gravity, MeshChoice, Output, Reduction, Study, SweepPlan
+from femimpact.units import in_si
 
 MOST_BYTES = 10_000_000
 """Largest size of a study file, bytes."""
@@ -69,6 +72,9 @@ OF_SINE = frozenset({"amplitude", "frequency", "phase"})
 OF_RECORD = frozenset({"scale", "detrend", "columns", "file", "samples", "high_pass"})
 """Keys of [base] that only one of its motions has, or might be taken to have."""
 
+
+OF_STEPS = frozenset({"acceleration", "fade", "cycles", "seconds", "frequencies", "direction"})
+"""Keys of [base] that a stepped sine has, and a sine not."""
 
 RECORD_LINE = re.compile(r"""^(\s*record\s*=\s*)("[^"\n]*"|'[^'\n]*')""", re.MULTILINE)
 """The usual line of a record in a study file, and the quoted path in it."""
@@ -140,18 +146,19 @@ def _schema() -> dict[str, Any]:
     return study_schema()
 
 
-def _readings(study: Study, text: str) -> Readings:
-    """What a text of a study has as texts with a unit."""
-    return in_si_units(tomllib.loads(text), _schema(), study.path.parent)[1]
-
-
 def unit_lines(study: Study) -> list[str]:
     """Lines of what a study file has as texts with a unit, with the numbers in SI that they are."""
-    # a text may stand in several rows
+
+    def shown(value: Any) -> str:
+        if isinstance(value, list):
+            return f"{len(value)} rows"
+        return f"{value[0]:.9g} Hz, {value[1]:.9g}" if isinstance(value, tuple) else f"{value:.9g}"
+
+    readings = in_si_units(tomllib.loads(study.text), _schema(), study.path.parent)[1]
+    # a text may stand twice in a list
     return list(dict.fromkeys(
-        f"{key} = {words}: {f'{len(value)} rows' if isinstance(value, list) else f'{value:.9g}'}"
-        f"{'' if unit == '1' else f' {unit}'}"
-        for key, words, value, unit in _readings(study, study.text).found
+        f"{key} = {words}: {shown(value)}{'' if unit in ('1', 'sigma') else f' {unit}'}"
+        for key, words, value, unit in readings.found
     ))  # fmt: skip
 
 
@@ -179,15 +186,13 @@ def study_schema() -> dict[str, Any]:
 def study_text(study: Study) -> str:
     """A study file that gives this study, with numbers in SI.
 
-    Returns: the text that the study was read from, with its comments, unless the study was changed since, or a text
-    with a unit in it stands for two numbers. A contact law
+    Returns: the text that the study was read from, with its comments, unless the study was changed since. A contact law
     that has no name in study files is named in a comment; such a file cannot be loaded, and says where.
     """
     try:
-        text = with_numbers(study.text, _readings(study, study.text))
-        # a text that is left stands for two numbers
-        require(not _readings(study, text).found, "study", None, "", "must have numbers in SI")
-        if same_study(read_study(text, study.path), study):
+        text = with_numbers(study.text, in_si_units(tomllib.loads(study.text), _schema(), study.path.parent)[0])
+        again = in_si_units(tomllib.loads(text), _schema(), study.path.parent)[1]
+        if not again.found and same_study(read_study(text, study.path), study):
             return text
     except (InputError, ValueError):
         pass
@@ -276,8 +281,7 @@ def _table(name: str, read: Reader, many: bool, value: Any, faults: list[Fault])
     if not isinstance(value, list) or not all(isinstance(item, dict) for item in value):
         faults.append(Fault(name, None, "", f"must be a list of tables, [[{name}]]"))
         return None
-    labels = [str(item.get("name", item.get("at", i + 1))) for i, item in enumerate(value)]
-    made = [read(f"{name}.{label}", item, faults) for label, item in zip(labels, value, strict=True)]
+    made = [read(f"{name}.{label_of(item, i)}", item, faults) for i, item in enumerate(value, 1)]
     return None if any(item is None for item in made) else made
 
 
@@ -308,8 +312,11 @@ def _key_faults(
         elif item.default is dataclasses.MISSING and name not in optional:
             allowed = f"; {allowed_range(item.metadata)}" if item.metadata else ""
             faults.append(Fault(f"{prefix}.{name}", None, "", f"is missing{allowed}"))
-    unknown = (name for name in values if name not in fields)
-    return [*faults, *(Fault(f"{prefix}.{name}", None, "", suggestion(name, fields)) for name in unknown)]
+    for name in (name for name in values if name not in fields):
+        of_steps = noun is SweepPlan and name in OF_STEPS
+        allowed = 'belongs to [base] kind = "stepped-sine"' if of_steps else suggestion(name, fields)
+        faults.append(Fault(f"{prefix}.{name}", None, "", allowed))
+    return faults
 
 
 def _segment(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any:
@@ -365,14 +372,13 @@ def _base(prefix: str, values: Mapping[str, Any], faults: list[Fault], folder: P
     kind = values.get("kind", "record" if "record" in values else "sine")
     kinds = ("sine", "record", *SIGNALS, SUM, "rest")
     if not isinstance(kind, str) or kind not in kinds:
-        allowed = f"must be one of {', '.join(repr(name) for name in kinds)}"
-        faults.append(Fault(f"{prefix}.kind", kind, "", allowed))
+        faults.append(kind_fault(f"{prefix}.kind", kind, kinds))
         return None
     values = {name: value for name, value in values.items() if name != "kind"}
     if kind == "rest":
         return _noun(RestMotion, prefix, values, faults)
     if kind in (*SIGNALS, SUM):
-        motion = tuple((name, _plain(value)) for name, value in values.items() if name not in HISTORY_KEYS)
+        motion = _values(prefix, values, HISTORY_KEYS, faults)
         history = {name: values[name] for name in HISTORY_KEYS if name in values}
         return _collected(prefix, lambda: SignalMotion(kind, motion, **history), faults)
     if kind == "sine" and "record" in values:
@@ -387,6 +393,9 @@ def _base(prefix: str, values: Mapping[str, Any], faults: list[Fault], folder: P
             allowed = f"is missing: [base] has {given}, and a record is given by its path, record = 'shaker.csv'"
             faults.append(Fault(f"{prefix}.record", None, "", allowed))
             return None
+        if OF_STEPS & set(values):
+            faults.append(_of_steps(prefix, values))
+            return None
         return _noun(BaseMotion, prefix, values, faults)
     record, before = values["record"], len(faults)
     for name in sorted(OF_SINE & set(values)):
@@ -400,18 +409,45 @@ def _base(prefix: str, values: Mapping[str, Any], faults: list[Fault], folder: P
     return noun if len(faults) == before else None
 
 
+def _of_steps(prefix: str, values: Mapping[str, Any]) -> Fault:
+    """What to write where a sine has keys of a stepped sine."""
+    name = next(name for name in values if name in OF_STEPS)
+    allowed = 'belongs to kind = "stepped-sine", with frequencies = [...] and cycles or seconds'
+    level, unit = (
+        values[name],
+        "" if isinstance(values[name], str) else SIGNALS["stepped-sine"].metadata[name].get("unit", ""),
+    )
+    try:
+        if name == "acceleration":
+            frequency = float(values["frequency"])
+            amplitude = in_si(name, level, "m/s^2") / (2.0 * math.pi * frequency) ** 2
+            allowed += f"; of a sine at {frequency:g} Hz it is amplitude = {amplitude:.6g} (m), a/(2 pi f)^2"
+    except (ArithmeticError, KeyError, TypeError, ValueError):
+        pass
+    return Fault(f"{prefix}.{name}", level, unit, allowed)
+
+
 def _force(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any:
     """A force by its kind, with the keys of that kind."""
     own: dict[str, Any] = {name: values.get(name) for name in ("kind", "at", "name")}
     if not isinstance(own["kind"], str) or own["kind"] not in FORCE_KINDS:
-        allowed = f"must be one of {', '.join(repr(name) for name in FORCE_KINDS)}"
-        faults.append(Fault(f"{prefix}.kind", own["kind"], "", allowed))
+        faults.append(kind_fault(f"{prefix}.kind", own["kind"], FORCE_KINDS))
         return None
     if own["at"] is None:
         faults.append(Fault(f"{prefix}.at", None, "", "is missing: the place at which the force acts"))
         return None
-    rest = tuple((name, _plain(value)) for name, value in values.items() if name not in own)
+    rest = _values(prefix, values, own, faults)
     return _collected(prefix, lambda: StudyForce(values=rest, **own), faults)
+
+
+def _values(prefix: str, values: Mapping[str, Any], without: Iterable[str], faults: list[Fault]) -> Any:
+    """Keys and values of a kind of motion or force; frequencies between two of them are these numbers."""
+    found = {name: _plain(value) for name, value in values.items() if name not in without}
+    given = values.get("frequencies")
+    if isinstance(given, dict):
+        axis = _collected("", partial(axis_from, f"{prefix}.frequencies", given), faults)
+        found["frequencies"] = getattr(axis, "values", (1.0,))
+    return tuple(found.items())
 
 
 def _plain(value: Any) -> Any:
@@ -451,7 +487,7 @@ def _plan(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any:
     if len(faults) > before:
         return None
     axes: dict[str, Any] = {}
-    for path, given in _flat(inner["axes"]):
+    for path, given in flat(inner["axes"], is_part_of_path):
         if path in axes:
             # once in quotes and once in tables
             faults.append(Fault(f"{prefix}.axes.{path}", None, "", "is given twice: an axis must be given once"))
@@ -470,25 +506,7 @@ def _best(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any:
     if not isinstance(limits, dict):
         faults.append(Fault(f"{prefix}.limits", limits, "", "must be numbers by the names of measures"))
         return None
-    return _noun(BestPlan, prefix, {**values, "limits": dict(_dotted(limits))}, faults)
-
-
-def _dotted(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Values of tables in one another by their whole names."""
-    for name, value in table.items():
-        if isinstance(value, dict):
-            yield from _dotted(value, f"{prefix}{name}.")
-        else:
-            yield f"{prefix}{name}", value
-
-
-def _flat(axes: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Axes by their full paths."""
-    for name, given in axes.items():
-        if is_part_of_path(given):
-            yield from _flat(given, f"{prefix}{name}.")
-        else:
-            yield f"{prefix}{name}", given
+    return _noun(BestPlan, prefix, {**values, "limits": dict(flat(limits, is_table))}, faults)
 
 
 # ---- writing --------------------------------------------------------------------------------------

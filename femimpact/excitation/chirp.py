@@ -1,0 +1,267 @@
+"""A sine of the base whose frequency goes from one value to another, with its level over frequency."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from femimpact.arrays import Array
+from femimpact.errors import checked, choice, quantity, require
+from femimpact.excitation.excitation import times
+from femimpact.excitation.harmonic import FADE, LEVEL, PiecewiseMotion, check_fade, level_of, set_fields
+from femimpact.excitation.levels import (
+    AT_ONCE,
+    ROUNDING,
+    Level,
+    exponent_at,
+    knots_with_breaks,
+    level_at,
+    nodes_beside,
+    require_reach,
+    without_drift,
+)
+from femimpact.excitation.piecewise_polynomial import PiecewisePolynomial, fitted, knots_of
+
+FREQUENCY = quantity("Hz", above=0.0)
+
+TERMS = 12
+"""Most terms of the asymptotic series of an integral: it ends with its smallest term."""
+
+
+@dataclass(frozen=True, init=False)
+class Chirp(PiecewiseMotion):
+    """Sine of the base whose frequency goes from one value to another, up or down; at uniform speed after its end.
+
+    The phase is 2 pi times the integral of the frequency f(t), and zero at t = 0:
+
+    - linear: f = start + (stop - start) t/duration
+    - logarithmic: f = start (stop/start)^(t/duration), the same number of octaves in every minute
+
+    By amplitude ub = amplitude sin(phase). By acceleration ub'' = acceleration sin(phase); velocity and displacement
+    are those of its integrals that do not drift: they tend to a sine about zero where the frequency is highest. The
+    history is made of polynomials of degree 5, 23 in a cycle: displacement, velocity and acceleration are exact
+    derivatives of one another, and the acceleration is within 1e-9 of its largest value. Of a level in rows it is
+    within 1e-6 of the level, but for sharp bends, as of a notch: where the relative rate of the level changes by r
+    (1/s), the velocity of what does not drift changes by up to r acceleration/(2 pi f)^2. An acceleration takes this
+    out of the motion, of up to 8e-7 of the level, or where the base would then leave its sine by more than a twentieth
+    of the amplitude, of 3.3 (r/(2 pi f))^2 of the level, within a few cycles. `level_error` is the largest, which a
+    note of the run says too. Beside a change of the level within a cycle it is as large as the level.
+
+    Parameters
+    ----------
+    start, stop : float, Hz
+        Frequencies at t = 0 and at the end of the duration.
+    duration : float, s
+        Of the motion; None where `octaves_per_minute` gives it.
+    amplitude : float, m
+        Either this or `acceleration`.
+    acceleration : float or array_like (k, 2), m/s^2
+        Amplitude of the base's acceleration, or rows of a frequency (Hz) and an amplitude, straight in a plot of the
+        logarithms. A constant displacement d up to a crossover is a line through two rows of (2 pi f)^2 d.
+    kind : {"linear", "logarithmic"}
+        The frequency changes by the same number of Hz in every second, or of octaves in every minute.
+    octaves_per_minute : float, 1/min
+        Of a logarithmic chirp, in place of the duration.
+    fade : float, s
+        How long the motion takes to come, and to go at its end: the displacement is multiplied by
+        sin^2(pi t/(2 fade)).
+    level : float or array_like (k, 2), m or m/s^2
+        What amplitude or acceleration was given as.
+    by : {"amplitude", "acceleration"}
+        Which of them was given.
+
+    Raises
+    ------
+    InputError
+        If both or none of amplitude and acceleration, or of duration and octaves per minute, are given, a linear chirp
+        has octaves per minute, or rows do not rise or reach from start to stop.
+    """
+
+    start: float = field(metadata=FREQUENCY)
+    stop: float = field(metadata=FREQUENCY)
+    duration: float = field(metadata=quantity("s", above=0.0))
+    kind: str = field(metadata=choice("linear", "logarithmic"))
+    level: Level = field(metadata=LEVEL)
+    by: str = field(metadata=choice("amplitude", "acceleration"))
+    fade: float = field(default=0.0, metadata=FADE)
+
+    def __init__(
+        self,
+        start: float,
+        stop: float,
+        duration: float | None = None,
+        amplitude: float | None = None,
+        acceleration: Any = None,
+        kind: str = "linear",
+        octaves_per_minute: float | None = None,
+        fade: float = 0.0,
+        *,
+        level: Any = None,
+        by: str | None = None,
+    ) -> None:
+        level, by = level_of(amplitude, acceleration, level, by)
+        if octaves_per_minute is not None:
+            require(duration is None, "duration", duration, "s", "must be left out where octaves_per_minute is given")
+            allowed = 'must be of kind "logarithmic": a linear chirp has no constant octaves_per_minute'
+            require(kind == "logarithmic", "kind", kind, "", allowed)
+            low, high = checked("start", start, FREQUENCY), checked("stop", stop, FREQUENCY)
+            rate = checked("octaves_per_minute", octaves_per_minute, quantity("1/min", above=0.0))
+            allowed = "must be a finite number > 0 1/min, and start and stop two frequencies"
+            require(low != high, "octaves_per_minute", octaves_per_minute, "1/min", allowed)
+            duration = 60.0 * abs(math.log2(high / low)) / rate
+        allowed = "must be a finite number > 0 s, or octaves_per_minute be given"
+        require(duration is not None, "duration", duration, "s", allowed)
+        set_fields(self, start=start, stop=stop, duration=duration, kind=kind, level=level, by=by, fade=fade)
+        require_reach(self.level, min(self.start, self.stop), max(self.start, self.stop))
+        check_fade(self.fade, self.duration)
+
+    @property
+    def frequency(self) -> float:
+        """The highest one, Hz: a chirp has no cycle."""
+        return max(self.start, self.stop)
+
+    @property
+    def amplitude(self) -> float:
+        """Largest displacement, m."""
+        return self.level if isinstance(self.level, float) and self.by == "amplitude" else super().amplitude
+
+    @property
+    def level_error(self) -> tuple[float, float]:
+        """What rows add to the acceleration over the largest level within a cycle, at most, and at which frequency, Hz.
+
+        Between the fades; 0 of a level without rows.
+        """
+        if not isinstance(self.level, tuple):
+            return 0.0, self.start
+        knots = self.closed_form.knots
+        time = knots[(knots >= self.fade) & (knots < (self.duration - self.fade) * (1.0 - ROUNDING))]
+        frequency = self.frequency_at(time)
+        near = (self.frequency_at(np.clip(time + way / frequency, 0.0, self.duration)) for way in (-1.0, 0.0, 1.0))
+        level = np.max([level_at(self.level, one) for one in near], axis=0)
+        share = np.abs(self.acceleration(time) - self._level_times_sine(time)) / level
+        most = int(share.argmax())
+        return float(share[most]), float(frequency[most])
+
+    def frequency_at(self, time: ArrayLike) -> Array:
+        """Frequency (Hz) at times in s."""
+        share = times(time) / self.duration
+        if self.kind == "linear":
+            return np.asarray(self.start + (self.stop - self.start) * share)
+        return np.asarray(self.start * (self.stop / self.start) ** share)
+
+    def phase_at(self, time: ArrayLike) -> Array:
+        """Phase (rad) at times in s."""
+        t = times(time)
+        if self.kind == "linear" or self.stop == self.start:
+            return np.asarray(2.0 * np.pi * t * (self.start + 0.5 * (self.stop - self.start) * t / self.duration))
+        rate = math.log(self.stop / self.start) / self.duration
+        return np.asarray(2.0 * np.pi * self.start * np.expm1(rate * t) / rate)
+
+    @property
+    def _form(self) -> PiecewisePolynomial:
+        """The acceleration without fades."""
+        knots, level = self._knots, cast(float, self.level)
+        if self.by == "amplitude":
+
+            def acceleration(time: Array) -> Array:
+                phase, rate = self.phase_at(time), 2.0 * np.pi * self.frequency_at(time)
+                return level * (rate * self._slope(time) * np.cos(phase) - rate**2 * np.sin(phase))
+
+            phase, rate = self.phase_at(knots), 2.0 * np.pi * self.frequency_at(knots)
+            starts = level * np.column_stack([np.sin(phase), rate * np.cos(phase)])
+            return fitted(acceleration, knots, starts)
+        pieces = fitted(self._level_times_sine, knots)
+        bends, sizes = self._bends
+        if bends.size:
+            nodes = nodes_beside(knots, bends, sizes, self.frequency_at(bends))
+            return without_drift(pieces, self._smooth_motion, nodes)
+        end = float(knots[-1] if self.stop >= self.start else knots[0])
+        speed, place, _ = (float(value) for value in self._smooth_motion(np.array(end)))
+        began = pieces.starts[-1 if self.stop >= self.start else 0]
+        speed -= float(began[1])
+        place -= float(began[0]) + speed * end
+        return PiecewisePolynomial(knots, pieces.coefficients, speed, place)
+
+    @property
+    def _force(self) -> PiecewisePolynomial:
+        """The level times sin(phase), as a force in newtons."""
+        return fitted(self._level_times_sine, self._knots)
+
+    def _level_times_sine(self, time: Array) -> Array:
+        return level_at(self.level, self.frequency_at(time)) * np.sin(self.phase_at(time))
+
+    @property
+    def _knots(self) -> Array:
+        # what changes the frequency counts as turning too, and what changes the level
+        knots = knots_of(lambda t: 2.0 * np.pi * self.frequency_at(t) + abs(self._slope(t)), self.duration)
+        if not isinstance(self.level, tuple):
+            return knots
+        way = 1 if self.stop >= self.start else -1
+        rows = np.log(np.array(self.level))[::way]
+        time = self._time_of(np.exp(rows[:, 0]))
+        slow = np.diff(time) > AT_ONCE * float(np.diff(knots).min())
+        changed = np.concatenate([[0.0], np.cumsum(np.where(slow, np.abs(np.diff(rows[:, 1])), 0.0))])
+
+        def turned(time: Array) -> Array:
+            height = way * np.log(self.frequency_at(time))
+            level = height + np.interp(height, way * rows[:, 0], changed)
+            return np.asarray(self.phase_at(time) + level - level[0])
+
+        return knots_with_breaks(knots, time[np.append(True, slow)], turned)
+
+    @property
+    def _bends(self) -> tuple[Array, Array]:
+        """Times (s) at which the level bends, and how much its relative change in a second differs after them (1/s)."""
+        if not isinstance(self.level, tuple) or self.start == self.stop:
+            return np.zeros(0), np.zeros(0)
+        rows = np.log(np.array(self.level))
+        time = self._time_of(np.exp(rows[1:-1, 0]))
+        jump = np.abs(np.diff(np.diff(rows[:, 1]) / np.diff(rows[:, 0])))
+        order = np.argsort(time)
+        order = order[(time[order] > 0.0) & (time[order] < self.duration) & (jump[order] > 0.0)]
+        return time[order], jump[order] * np.abs(self._slope(time[order]))
+
+    def _time_of(self, frequency: Array) -> Array:
+        """Times (s) of some frequencies (Hz), below zero or above the duration where they are not met."""
+        if self.start == self.stop:
+            return np.full(frequency.shape, -1.0)
+        if self.kind == "linear":
+            return np.asarray(self.duration * (frequency - self.start) / (self.stop - self.start))
+        return np.asarray(self.duration * np.log(frequency / self.start) / math.log(self.stop / self.start))
+
+    def _slope(self, time: Array) -> Array:
+        """Relative change of the frequency, 1/s."""
+        if self.kind == "linear":
+            return np.asarray((self.stop - self.start) / self.duration / self.frequency_at(time))
+        return np.full(np.shape(time), math.log(self.stop / self.start) / self.duration)
+
+    def _smooth_motion(self, time: Array) -> tuple[Array, Array, Array]:
+        """Velocity and displacement by acceleration, from the asymptotic series of the integrals, and its parameter.
+
+        (e^{i phase} G)' = e^{i phase} where i omega G + G' = 1: G = sum of c_n omega^-p, by parts again and again
+        (Bender and Orszag, 1978, on integration by parts). Its c_n are (-i)^(n + 1) times real numbers. Its
+        parameter is the relative change of the frequency in a radian.
+        """
+        frequency = self.frequency_at(time)
+        omega, slope, linear = 2.0 * np.pi * frequency, self._slope(time), self.kind == "linear"
+        # of a level that goes with a power of the frequency (G level)' counts in place of G'
+        own = exponent_at(self.level, frequency, self.start, self.stop)
+        once, twice = 1.0 / omega, 1.0 / omega**2
+        unit, going = -1j, np.ones(np.shape(time), dtype=bool)
+        speed, place = unit * once, unit * unit * twice
+        for n in range(1, TERMS):
+            # d omega/dt = slope omega: of a linear chirp omega' is constant, of a logarithmic one omega'/omega
+            new = ((2 * n - 1 if linear else n) - own) * slope / omega * once
+            going = going & (np.abs(new) < np.abs(once))
+            once = np.where(going, new, once)
+            more = (new + ((2 * n if linear else n + 1) - own) * slope * twice) / omega
+            twice = np.where(going, more, twice)
+            unit *= -1j
+            speed = speed + np.where(going, unit * once, 0.0)
+            place = place + np.where(going, unit * -1j * twice, 0.0)
+        turn = level_at(self.level, frequency) * np.exp(1j * self.phase_at(time))
+        return (turn * speed).imag, (turn * place).imag, np.abs(slope) / omega
