@@ -56,6 +56,7 @@ DAMAGED = {
     "line 2, column 1: a text is no finite number": ["0.00,nan", *LINES[1:]],
     "line 5, column 1: nothing is no finite number": [*LINES[:3], "0.03", *LINES[4:]],
     "line 8: the time does not rise": [*LINES[:6], LINES[5], *LINES[7:]],
+    "is uneven": [f"{0.01 * i + 0.003 * (i % 2):.3f},1" for i in range(20)],
     "more numbers than the header has names": [line.replace(".", ",") for line in LINES],
 }
 

@@ -10,11 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from femimpact.arrays import Array
+from femimpact.arrays import Array, even_interval
 from femimpact.errors import Fault, InputError, InputWarning, checked, instance, optional, quantity, require
 from femimpact.excitation.records import (
     MOST_BYTES,
-    UNEVEN,
     has_decimal_commas,
     is_column,
     line_of_row,
@@ -166,19 +165,13 @@ def _in_si(name: str, values: Array, unit: str, notes: list[str]) -> tuple[Array
 def _require_even(time: Array, path: str | Path, line: Any) -> None:
     """Refuse times that are not evenly spaced; `line` gives the line of a row."""
     require(time.size >= 2, "path", str(path), "", "must hold 2 or more rows of numbers")
-    steps = np.diff(time)
-    interval = float(np.median(steps))
-    bad = np.flatnonzero(~(steps > 0.0) | (np.abs(steps - interval) > 2.0 * UNEVEN * abs(interval)))
-    if bad.size:
-        row = int(bad[0]) + 1
-        kind = (
-            "does not rise" if steps[row - 1] <= 0.0 else "leaves a gap" if steps[row - 1] > interval else "is uneven"
-        )
-        allowed = f"{line(row)}: the time {kind}: a step of {steps[row - 1]:.6g} s, and {interval:.6g} s is usual"
-        raise InputError([Fault("path", str(path), "", allowed)])
-    drift = np.abs(time - time[0] - (time[-1] - time[0]) / (time.size - 1) * np.arange(time.size))
-    allowed = f"{line(int(np.argmax(drift)))}: must have evenly spaced times: resample it first (numpy.interp)"
-    require(float(drift.max()) <= 2.0 * UNEVEN * interval, "path", str(path), "", allowed)
+    bad = even_interval(time)[1]
+    if bad < 0:
+        return
+    step, usual = float(time[bad] - time[max(bad - 1, 0)]), float(np.median(np.diff(time)))
+    kind = "does not rise" if step <= 0.0 else "leaves a gap" if step > 1.5 * usual else "is uneven: resample it first"
+    allowed = f"{line(bad)}: the time {kind}: a step of {step:.6g} s, and {usual:.6g} s is usual"
+    raise InputError([Fault("path", str(path), "", allowed)])
 
 
 def _dataset(
