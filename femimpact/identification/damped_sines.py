@@ -80,17 +80,13 @@ class DampedSines:
     @property
     def further_terms(self) -> dict[str, Array]:
         """What a damping and a frequency that depend on the amplitude, and harmonics, would add."""
-        terms = {}
-        u = self.time / self.time[-1]
+        terms, u = dict[str, Array](), self.time[:, None] / self.time[-1]
         for k, pole in enumerate(self.poles):
             pair = self.basis[:, 2 * k : 2 * k + 2]
             shown = f"{pole.imag / (2.0 * math.pi):.4g} Hz"
-            terms[f"a damping and a frequency of {shown} that change"] = np.column_stack(
-                [pair * u[:, None] ** 2, pair * u[:, None] ** 3]
-            )
-            envelope = np.exp(pole.real * self.time)
-            turned = [p(n * pole.imag * self.time) * envelope for n in (2, 3) for p in (np.cos, np.sin)]
-            terms[f"harmonics of {shown}"] = np.column_stack(turned)
+            terms[f"a damping and a frequency of {shown} that change"] = np.hstack([pair * u**2, pair * u**3])
+            turned = [np.exp((pole.real + 1j * n * pole.imag) * self.time) for n in (2, 3)]
+            terms[f"harmonics of {shown}"] = np.column_stack([part for z in turned for part in (z.real, z.imag)])
         return terms
 
 
@@ -121,23 +117,23 @@ class DecayFit:
         """Of the modes at the first sample."""
         return np.hypot(self.samples.factors[:-2:2], self.samples.factors[1:-2:2])
 
-    def values(self, level: float) -> tuple[Array, Array]:
-        """Frequency (Hz) and damping ratio of each mode (modes, 2), and half the widths of their intervals."""
+    def values(self, level: float) -> list[list[float]]:
+        """Frequency (Hz) and damping ratio of each mode, and half the widths of their intervals."""
         from scipy.special import stdtrit
 
         fit, count = self.means, self.means.poles.size
         # points are never known better than to the last bits
         covariance = (fit.variance + 1e-20) * np.linalg.pinv(fit.jac.T @ fit.jac, hermitian=True)
         width = float(stdtrit(max(fit.time.size - 4 * count - 2, 1), 0.5 + 0.5 * level))
-        found, half = np.zeros((count, 2)), np.zeros((count, 2))
+        found = []
         for k, pole in enumerate(fit.poles):
             omega = abs(pole)
             # derivatives of frequency and ratio by the real and the imaginary part of the pole
             by = np.array([[pole.real, pole.imag], [-(pole.imag**2) / omega, pole.real * pole.imag / omega]])
             by /= np.array([[2.0 * math.pi * omega], [omega**2]])
-            found[k] = omega / (2.0 * math.pi), -pole.real / omega
-            half[k] = width * np.sqrt(np.diag(by @ covariance[np.ix_([k, count + k], [k, count + k])] @ by.T))
-        return found, half
+            half = width * np.sqrt(np.diag(by @ covariance[np.ix_([k, count + k], [k, count + k])] @ by.T))
+            found.append([float(omega) / (2.0 * math.pi), float(-pole.real / omega), *half.tolist()])
+        return found
 
     def reason_against(self, x: Array, interval: float) -> tuple[str, bool]:
         """Words where the misfit is no noise of one size, else none; and whether a further mode leaves noise alone."""
@@ -145,8 +141,8 @@ class DecayFit:
         found = "" if size <= NEGLIGIBLE else self.means.pattern or self._uneven()
         if not found:
             return "", False
-        share = f"{100.0 * size:.2g} %"
-        words = f"no linear decay, and no interval: the misfit of {share} of the largest value is no noise: {found}"
+        share = f"{100.0 * size:.2g} % of the largest value"
+        words = f"no linear decay, and no interval: the misfit of {share} is no noise: {found}"
         count = self.means.poles.size + 1
         other = fitted(x, interval, count) if count <= 3 else None
         if other is not None and other.seen:
@@ -167,10 +163,8 @@ class DecayFit:
         freedom = fit.time.size / 2 - fit.basis.shape[1]
         limit = float(fdtri(freedom, freedom, 0.9975)) if freedom > 4 else math.inf
         ratio = max(small, large) / max(min(small, large), 1e-300)
-        if ratio <= limit:
-            return ""
-        where = "large" if large > small else "small"
-        return f"it is {math.sqrt(ratio):.3g} times as large where the amplitude is {where}"
+        words = f"it is {math.sqrt(ratio):.3g} times as large where the amplitude is"
+        return "" if ratio <= limit else f"{words} {'large' if large > small else 'small'}"
 
     def beats(self, x: Array, interval: float) -> bool:
         """True if the amplitude of cycles of the largest mode rises again by more than noise lifts it."""

@@ -254,24 +254,18 @@ def _checked_signal(time: ArrayLike, signal: ArrayLike) -> tuple[Array, Array, f
 
 
 def _modes(fit: DecayFit, scale: float) -> tuple[DecayMode, ...]:
-    found = []
-    for value, half, amplitude in zip(*fit.values(LEVEL), scale * fit.amplitudes, strict=True):
-        (f, ratio), (f_low, low), (f_high, high) = value.tolist(), (value - half).tolist(), (value + half).tolist()
-        found.append(DecayMode(f, ratio, float(amplitude), (f_low, f_high), (low, high)))
-    return tuple(found)
+    return tuple(
+        DecayMode(f, ratio, amplitude, (f - df, f + df), (ratio - dr, ratio + dr))
+        for (f, ratio, df, dr), amplitude in zip(fit.values(LEVEL), (scale * fit.amplitudes).tolist(), strict=True)
+    )
 
 
 def _unfit(fit: DecayFit, found: tuple[DecayMode, ...], t: Array, y: Array, interval: float) -> list[str]:
     """Warnings of a record that bears no interval."""
     own = fit.means.poles.imag / (2.0 * math.pi)
-    slowest, fastest, duration = float(own[0]), float(own[-1]), y.size * interval
-    cycles, samples, near = (
-        duration * slowest,
-        1.0 / (interval * fastest),
-        float(np.min(np.diff(own), initial=math.inf)),
-    )
-    words = _rounded_or_clipped(y)
-    wander = _wander(t, interval)
+    slowest, fastest, near = float(own[0]), float(own[-1]), float(np.min(np.diff(own), initial=math.inf))
+    duration, samples = y.size * interval, 1.0 / (interval * fastest)
+    words, wander, cycles = _rounded_or_clipped(y), _wander(t, interval), duration * slowest
     if wander > MOST_WANDER:
         words.append(f"the times wander off the even grid by {wander:.2g} of a step (at most {MOST_WANDER:g})")
     if cycles < FEWEST_CYCLES:
