@@ -22,8 +22,8 @@ CHANGES = 0.5
 SURE = 3.0
 """Standard deviations beyond which a change of the decrement is none of noise."""
 
-NEIGHBOURS, SELDOM = 5, 0.005
-"""Windows whose scatter is taken together, and in what share of them white noise may make it so large."""
+SELDOM = 0.005
+"""Share of records in which white noise may make the amplitudes of cycles scatter so much that intervals are wider."""
 
 RIPPLE = 0.02
 """By how much the ratio in a window hangs on what ratio is meant, by the share of other frequencies in it (rms).
@@ -61,11 +61,8 @@ class Window:
 
     @property
     def scatter(self) -> float:
-        """Of the logarithms about a parabola, in squares of the standard deviation of the noise."""
-        curve = np.vander(_ALONG, 3) / self.spread[:, None]
-        straight = self.logarithms / self.spread
-        left = straight - curve @ np.linalg.lstsq(curve, straight, rcond=None)[0]
-        return float(left @ left)
+        """Of the amplitudes of the cycles about a cubic; by white noise it has its standard deviation."""
+        return float(_ABOUT @ np.exp(self.logarithms)) * math.sqrt(self.size / (2.0 * CYCLES * float(_ABOUT @ _ABOUT)))
 
     @property
     def slope(self) -> float:
@@ -86,6 +83,7 @@ _ALONG = np.arange(CYCLES) - 0.5 * (CYCLES - 1)
 _SLOPE = _ALONG / (_ALONG @ _ALONG)
 _BENT = _ALONG**2 - np.mean(_ALONG**2)
 _CHANGE = 2.0 * CYCLES * _BENT / (_BENT @ _BENT)
+_ABOUT = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
 """Weights of the logarithms of the cycles."""
 
 
@@ -132,16 +130,15 @@ def windows(
     """Columns of the table over the amplitude by name, warnings, and notes."""
     from scipy.special import stdtrit
 
-    found, small, unread = _read(x, interval, frequency, noise)
-    wider, freedom = _wider(found, noise)
-    kept = np.array([one.amplitude for one in found]) >= ABOVE_NOISE * noise * wider
-    small += len(kept) - int(kept.sum())
+    found, unread = _read(x, interval, frequency, noise)
+    width, freedom = _wider(found, noise)
+    kept = [one for one in found if one.amplitude >= ABOVE_NOISE * noise * width]
     rows, changes = list[tuple[float, ...]](), list[float]()
-    for one, width, free in ((found[k], wider[k], freedom[k]) for k in np.flatnonzero(kept)):
+    for one in kept:
         ratio, amplitude = -one.slope / (2.0 * math.pi), one.amplitude
         other = math.sqrt(max(one.left**2 - noise**2, 0.0)) / amplitude
         random = noise * width * math.sqrt(float(_SLOPE**2 @ one.spread**2)) / (2.0 * math.pi)
-        half = float(stdtrit(free, 0.5 + 0.5 * level)) * math.hypot(random, RIPPLE * other)
+        half = float(stdtrit(freedom, 0.5 + 0.5 * level)) * math.hypot(random, RIPPLE * other)
         change, spread = one.change
         if change - SURE * noise * width * spread > CHANGES * abs(one.slope):
             changes.append(100.0 * change / max(abs(one.slope), 1e-300))
@@ -154,13 +151,14 @@ def windows(
             f"no interval of {len(changes)} of {len(rows)} windows: the decrement changes within one by up to "
             f"{max(changes):.0f} % (at most {100.0 * CHANGES:.0f} %)"
         )
-    if np.any(wider[kept] > 1.0):
+    if width > 1.0 and rows:
         notes.append(
-            f"intervals of {int(np.sum(wider[kept] > 1.0))} windows are wider: the amplitudes of their cycles scatter "
-            f"up to {wider[kept].max():.3g} times as much as by the noise above 10 times the frequency"
+            f"intervals of windows are {width:.3g} times as wide as by the noise above 10 times the frequency: the "
+            "amplitudes of cycles scatter so much at the end of the record"
         )
-    if small:
-        notes.append(f"{small} windows whose amplitude is below {ABOVE_NOISE:g} times the noise are left out")
+    if len(found) > len(kept):
+        small = f"{len(found) - len(kept)} windows whose amplitude is below"
+        notes.append(f"{small} {ABOVE_NOISE * width:.3g} times the noise are left out")
     if unread:
         notes.append(f"{unread} windows without a motion of about {frequency:.4g} Hz are left out")
     names = ("time", "amplitude", "frequency", "damping_ratio", "low", "high", "from_maxima")
@@ -168,35 +166,28 @@ def windows(
     return dict(zip(names, columns.copy(), strict=True)), warnings, notes
 
 
-def _read(x: Array, interval: float, frequency: float, noise: float) -> tuple[list[Window], int, int]:
-    """Windows one behind the other, and how many are too small for the noise or have no motion of about a frequency."""
-    found, small, unread, begin, cycle = list[Window](), 0, 0, 0, frequency
+def _read(x: Array, interval: float, frequency: float, noise: float) -> tuple[list[Window], int]:
+    """Windows one behind the other, and how many have no motion of about a frequency (Hz)."""
+    found, unread, begin, cycle = list[Window](), 0, 0, frequency
     while math.isfinite(cycle) and round(CYCLES / (cycle * interval)) <= x.size - begin:
         one = _window(x, begin, interval, cycle)
         begin += one.size if one else round(CYCLES / (cycle * interval))
         if one is None or not abs(one.frequency / frequency - 1.0) < 0.2:
             unread += 1
-        elif one.amplitude < ABOVE_NOISE * noise:
-            small += 1
-        else:
-            cycle = one.frequency
-            found.append(one)
-    return found, small, unread
+            continue
+        cycle = one.frequency if one.amplitude >= ABOVE_NOISE * noise else cycle
+        found.append(one)
+    return found, unread
 
 
-def _wider(found: list[Window], noise: float) -> tuple[Array, Array]:
-    """How many times as wide as by the noise intervals are, and the degrees of freedom of that, of each window.
+def _wider(found: list[Window], noise: float) -> tuple[float, float]:
+    """How many times as wide as by the noise intervals are, and the degrees of freedom of that.
 
-    Noise that is stronger about the frequency than above 10 times of it, and slow beats, show in how the amplitudes
-    of cycles scatter: two degrees of freedom a window, of neighbouring windows together.
+    Noise that is stronger about the frequency than above 10 times of it shows in how the amplitudes of cycles scatter
+    in the last third of the windows, where a ball makes them scatter least.
     """
     from scipy.special import chdtri
 
-    wider, freedom = np.ones(len(found)), np.full(len(found), 1e9)
-    scatter = np.array([one.scatter for one in found]) / max(noise, 1e-300) ** 2
-    for k in range(len(found)):
-        begin = min(max(k - NEIGHBOURS // 2, 0), max(len(found) - NEIGHBOURS, 0))
-        near = scatter[begin : begin + NEIGHBOURS]
-        if near.sum() > chdtri(2 * near.size, SELDOM):
-            wider[k], freedom[k] = math.sqrt(near.mean() / 2.0), 2 * near.size
-    return wider, freedom
+    late = [(one.scatter / max(noise, 1e-300)) ** 2 for one in found[2 * len(found) // 3 :]]
+    seldom = bool(late) and sum(late) > float(chdtri(len(late), SELDOM))
+    return (math.sqrt(sum(late) / len(late)), len(late)) if seldom else (1.0, 1e9)
