@@ -188,9 +188,9 @@ def identify_decay(time: ArrayLike, signal: ArrayLike, *, modes: int = 1) -> Dec
     Returns
     -------
     DecayEstimate
-        Intervals of 90 % under white noise. There are none, and a warning says why, where the signal is clipped, the
-        record is shorter than 3 cycles, a cycle has fewer than 8 samples, or the misfit of the damped sines is no
-        noise; of a window, where its decrement changes by more than half.
+        Intervals of 90 % under white noise. There are none, and a warning says why, where the signal is clipped or
+        has few bits, its times wander, the record is shorter than 3 cycles, a cycle has fewer than 8 samples, or the
+        misfit of the damped sines is no noise; of a window, where its decrement changes by more than half.
 
     Raises
     ------
