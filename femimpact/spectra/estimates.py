@@ -4,27 +4,29 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from femimpact.arrays import Array, Complex
 from femimpact.errors import instance, optional, quantity, require, require_name, takes
-from femimpact.excitation import Chirp, Drives, HammerBlow, RandomBase, Shock, SteppedSine
-from femimpact.excitation.excitation import has_cycle
+from femimpact.excitation import Chirp, Drives, HammerBlow, PiecewisePolynomial, RandomBase, Shock, SteppedSine
+from femimpact.excitation.excitation import is_force
 from femimpact.integrators.channel_rows import Drive
 from femimpact.response.channels import channel_key
 from femimpact.response.response import Response
 from femimpact.spectra.densities import (
+    EVEN,
     MODES,
     Record,
     drive_history,
+    is_steady,
     modes_of,
     record_of,
     width_warnings,
     windows_of,
 )
-from femimpact.spectra.transfer import INPUTS, TransferFunction, unit_over
+from femimpact.spectra.transfer import INPUTS, TransferFunction, force_name, unit_over
 from femimpact.structure.structure import Position
 
 DECAYED = 1e-3
@@ -34,7 +36,13 @@ CONTENT = 1e-4
 """Share of the largest density of an input, below which it has no content at a line."""
 
 FINER, MOST_FINE = 16, 4_000_000
-"""Samples of a drive between two readings where it is transformed whole, and at most in all: a blow has few of them."""
+"""Samples of a chirp between two readings, and at most in all: its pieces are too many for a transform of each."""
+
+ALIASED = 0.02
+"""Share of a line by which half the reading rate may change it: at the full rate it is then off by less."""
+
+MOST_PAIRS = 1_000_000_000
+"""Most pairs of a piece and a line: half a minute."""
 
 STEADY = 0.01
 """Relative difference of the harmonics of the two halves of a dwell beyond which it is not steady."""
@@ -46,14 +54,17 @@ def measured_transfer(
 ) -> TransferFunction:
     """Transfer function of a run from its recorded channel and its drive, as a test bench measures it.
 
-    - A chirp, a shock or a hammer's blow: one transform of the whole record, which must have decayed at its end. With
-      one record both estimates are one, and there is no coherence.
+    - A chirp, a shock or a hammer's blow: one transform of the whole record, which must begin at rest, with the run,
+      and have decayed at its end. That of the force of a blow or of a shock is exact, however short it is. A relative
+      velocity or acceleration is taken from the displacement or the velocity, where these are recorded, whose lines
+      have fewer aliases. With one record both estimates are one, and there is no coherence.
     - A stepped sine: the harmonics over the second half of the cycles of each dwell, a sine that of the last third of
       the run. Coherence is the share of the harmonic in the mean square.
     - Any other drive: averages over Hann windows that overlap by half. H1 = S_xy/S_xx has no error by noise in the
       output, H2 = S_yy/S_yx none by noise in the input; coherence is |S_xy|^2/(S_xx S_yy).
 
-    Lines at which the input has no content are left out. With impacts it is a linear description of the run at its
+    Lines at which the input has no content are left out, and of a blow or a shock those above a quarter of the reading
+    rate and those that aliases spoil by more than about 2 %. With impacts it is a linear description of the run at its
     level, which the coherence judges.
 
     Parameters
@@ -74,7 +85,8 @@ def measured_transfer(
     Raises
     ------
     InputError
-        As of `spectrum`; if a record that is transformed whole has not decayed, or no dwell is complete.
+        As of `spectrum`; if a record that is transformed whole does not begin at rest or has not decayed, the input is
+        zero, no dwell is complete, or a resolution is given to what is no average.
 
     Examples
     --------
@@ -86,42 +98,62 @@ def measured_transfer(
     """
     several = isinstance(response.base, Drives)
     require(not several, "response", "several drives at once", "", "must be a run under one drive")
-    output, history = record_of(response, to, key="to"), drive_history(response)
-    of, unit, given, integrals = _input(response, of)
-    x = given(output.time)
-    if isinstance(history, SteppedSine) or (has_cycle(response.base) and not math.isnan(response.base.phase)):
-        f, h1, coherence, warnings = _by_dwells(response, output, x)
+    history = drive_history(response)
+    dwells = isinstance(history, SteppedSine) or is_steady(response.base)
+    whole = not dwells and isinstance(history, Chirp | HammerBlow | Shock)
+    allowed = "must be left out: it belongs to averages over windows, as of a random drive"
+    require(resolution is None or not (dwells or whole), "resolution", resolution, "Hz", allowed)
+    output = record_of(response, to, key="to", whole=whole)
+    given = _input(response, of, whole)
+    coherence: Array | None = None
+    notes: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+    if dwells:
+        f, h1, coherence, warnings = _by_dwells(response, output, given.values(output.time))
         h2 = h1
-    elif isinstance(history, Chirp | HammerBlow | Shock):
-        f, h1, warnings = _by_one_transform(response, output, given)
-        h2, coherence = h1, np.full(f.size, np.nan)
+    elif whole:
+        f, h1, notes = _by_one_transform(response, output, given)
+        h2 = h1
     else:
-        f, h1, h2, coherence, warnings = _by_averages(response, output, x, resolution)
-    factor = (2j * np.pi * f) ** (output.derivatives + integrals)
+        f, h1, h2, coherence, warnings = _by_averages(response, output, given.values(output.time), resolution)
+    factor = (2j * np.pi * f) ** (output.derivatives + given.integrals)
     name = output.name
     return TransferFunction(
-        f, {name: h1 * factor}, {name: unit_over(output.unit, unit)}, str(of), {name: h2 * factor}, {name: coherence},
-        output.notes, (*output.warnings, *warnings),
+        f, {name: h1 * factor}, {name: unit_over(output.unit, given.unit)}, given.name, {name: h2 * factor},
+        {name: np.full(f.size, np.nan) if coherence is None else coherence}, (*output.notes, *notes),
+        (*output.warnings, *warnings),
     )  # fmt: skip
 
 
-def _input(response: Response, of: Position | None) -> tuple[str, str, Callable[[Array], Array], int]:
-    """Name and unit of the input, its history, and how often that is to be integrated (less, for a derivative)."""
-    at = getattr(response.base, "at", None)
-    own = "base.acceleration" if at is None else "force"
+class Input(NamedTuple):
+    """What a response is set in proportion to."""
+
+    name: str
+    unit: str
+    values: Callable[[Array], Array]  # at times in s
+    integrals: int  # how often it is to be integrated to be the input; less than zero, differentiated
+    pieces: PiecewisePolynomial | None  # its closed form, where it is the drive and made of pieces
+
+
+def _input(response: Response, of: Position | None, whole: bool) -> Input:
+    force = is_force(response.base)
+    own = "force" if force else "base.acceleration"
     name = own if of is None else channel_key(of, "of")
     if name not in {*INPUTS, "force"}:
-        require_name(name, (*response.channels, *(INPUTS if at is None else ("force",))), "of")
-        record = record_of(response, name, key="of")
-        return name, record.unit, lambda time: np.interp(time, record.time, record.values), -record.derivatives
-    allowed = f"must be {'a motion of the base' if at is None else 'the force that drives'}, or a recorded channel"
-    require((name == "force") == (at is not None), "of", name, "", allowed)
+        require_name(name, (*response.channels, *(("force",) if force else INPUTS)), "of")
+        record = record_of(response, name, key="of", whole=whole)
+        return Input(
+            name, record.unit, lambda time: np.interp(time, record.time, record.values), -record.derivatives, None
+        )
+    allowed = f"must be {'the force that drives' if force else 'a motion of the base'}, or a recorded channel"
+    require((name == "force") == force, "of", name, "", allowed)
     base: Any = response.base
-    values = base.acceleration if at is None else base.force
-    drive = Drive(np.zeros(0), float(at is None), 1.0, values, getattr(base, "closed_form", None), at)
+    at: Any = base.at if force else None
+    values = base.force if force else base.acceleration
+    drive = Drive(np.zeros(0), float(not force), 1.0, values, getattr(base, "closed_form", None), at)
     unit, integrals = INPUTS.get(name, ("N", 0))
     # jumps have the impulses that the samples give them
-    return name, unit, drive.value_at_steps, integrals
+    return Input(force_name(at) if force else name, unit, drive.value_at_steps, integrals, drive.pieces)
 
 
 Found = tuple[Array, Complex, Complex, Array, tuple[str, ...]]
@@ -150,36 +182,114 @@ def _by_averages(response: Response, output: Record, given: Array, resolution: f
     return f[kept], h1[kept], h2[kept], coherence[kept], warnings
 
 
-def _by_one_transform(
-    response: Response, output: Record, given: Callable[[Array], Array]
-) -> tuple[Array, Complex, tuple[str, ...]]:
-    count, history = output.time.size, drive_history(response)
-    end = max(count // 50, 2)
-    level = output.values - output.values[-end:].mean()
-    finer = max(min(FINER, MOST_FINE // count), 1)
-    x = given(output.time[0] + output.interval / finer * np.arange(count * finer))
-    for name, values, last in ((output.name, level, end), ("the input", x, end * finer)):
-        largest, left = float(np.abs(values).max()), float(np.abs(values[-last:]).max())
-        share = left / largest if largest > 0.0 else 0.0
-        if share > DECAYED:
-            allowed = f"must end when {name} is at {100 * DECAYED:g} % of its largest, and it is at {100 * share:.2g} %"
-            require(False, "response.time", float(output.time[-1]), "s", allowed + _until(response, share))
-    f = np.fft.rfftfreq(count, output.interval)
-    own = np.fft.rfft(x)[: f.size] / finer
-    kept = (f > 0.0) & (np.abs(own) ** 2 > CONTENT * np.max(np.abs(own) ** 2))
+def _by_one_transform(response: Response, output: Record, given: Input) -> tuple[Array, Complex, tuple[str, ...]]:
+    history, time, h, pieces = drive_history(response), output.time, output.interval, given.pieces
+    _require_whole(response, output, given)
+    count = time.size
+    level = output.values - output.values[-max(count // 50, 2) :].mean()
+    f = np.asarray(np.fft.rfftfreq(count, h), dtype=float)
+    y = np.fft.rfft(level) * h
+    kept = f > 0.0
     if isinstance(history, Chirp):
-        kept &= (f >= min(history.start, history.stop)) & (f <= max(history.start, history.stop))
+        low, high = sorted((history.start, history.stop))
+        # above the second limit the end of the chirp has aliases
+        kept &= (f >= low) & (f <= min(high, 1.0 / h - high))
+    else:
+        kept &= f <= 0.25 / h
+    if pieces is None or isinstance(history, Chirp):
+        finer = 1 if pieces is None else max(min(FINER, MOST_FINE // count), 1)
+        x = np.fft.rfft(given.values(time[0] + h / finer * np.arange(count * finer)))[: f.size] * h / finer
+    else:
+        x = np.zeros(f.size, dtype=complex)
+        x[kept] = _transform_of(pieces, f[kept], float(time[0]))
+    # of an input that is read from its integral, the content is its own
+    content = (np.abs(x) * f ** max(-given.integrals, 0)) ** 2
+    kept &= content > CONTENT * content.max()
     require(bool(np.any(kept)), "of", None, "", "must not be zero all the time")
-    return f[kept], np.fft.rfft(level)[kept] / own[kept], ()
+    if isinstance(history, Chirp):
+        return f[kept], y[kept] / x[kept], ()
+    clean = kept.copy()
+    for lines in (y, x) if pieces is None else (y,):
+        # every second sample alone would add the line mirrored at a quarter of the rate; one of them may be zero
+        beyond = np.maximum.accumulate(np.abs(lines[::-1]))[::-1]
+        clean &= np.interp(0.5 / h - f, f, beyond) <= ALIASED * np.abs(lines)
+    if output.holds_drive and pieces is not None:
+        above, below = (np.abs(_transform_of(pieces, 1.0 / h + side * f, 0.0)) for side in (1.0, -1.0))
+        clean &= above + below <= ALIASED * np.abs(x)
+    allowed = (
+        f"must be finer: aliases spoil all lines{', unless the displacement is recorded too' * output.holds_drive}"
+    )
+    require(bool(np.any(clean)), "interval of response.time", h, "s", allowed)
+    note = f"{np.count_nonzero(kept & ~clean)} lines up to {0.25 / h:.4g} Hz are left out for aliases: read finer"
+    return f[clean], y[clean] / x[clean], (note,) if np.any(kept & ~clean) else ()
 
 
-def _until(response: Response, share: float) -> str:
-    """How much longer a run has to be for its slowest mode to decay."""
-    frequency, ratio = modes_of(response.system, MODES)
-    slowest = float((2.0 * np.pi * ratio * frequency).min(initial=math.inf))
-    if not 0.0 < slowest < math.inf:
-        return ""
-    return f": its slowest mode takes {math.log(share / DECAYED) / slowest:.3g} s more"
+def _require_whole(response: Response, output: Record, given: Input) -> None:
+    """Raise `InputError` unless a record goes from rest at the beginning of the run to the end of its motion."""
+    time, begin, pieces = output.time, response.start, given.pieces
+    allowed = f"must begin with the run, at {begin:g} s: leave Recorder.start out"
+    require(time[0] - begin <= EVEN * output.interval, "response.time", float(time[0]), "s", allowed)
+    if pieces is not None:
+        early, late = pieces.knots[0] < begin - EVEN * output.interval, pieces.duration > time[-1]
+        allowed = f"must be {pieces.knots[0]:.4g} s or less, when the drive begins"
+        require(not early, "response.start", begin, "s", allowed)
+        allowed = f"must go on until the motion has decayed, and the drive ends at {pieces.duration:.4g} s"
+        require(not late, "response.time", float(time[-1]), "s", allowed)
+    last = max(time.size // 50, 2)
+    shown = {output.name: output.values - output.values[-last:].mean()}
+    if pieces is None:
+        shown[given.name] = given.values(time)
+    if response.energy is not None:
+        # squared, a share of energies is one of motions
+        shown["the velocity of the structure"] = np.sqrt(np.abs(response.energy.kinetic))
+    for name, values in shown.items():
+        largest = float(np.abs(values).max()) or 1.0
+        first, left = abs(float(values[0])) / largest, float(np.abs(values[-last:]).max()) / largest
+        allowed = f"must begin at rest, and {name} begins at {100 * first:.2g} % of its largest value"
+        require(first <= DECAYED, "response.time", float(time[0]), "s", allowed)
+        if left > DECAYED and name in (output.name, given.name):
+            # how much longer a run has to be for its slowest mode to decay
+            frequency, ratio = modes_of(response.system, MODES)
+            slowest = float((2.0 * np.pi * ratio * frequency).min(initial=math.inf))
+            more = f": its slowest mode takes {math.log(left / DECAYED) / slowest:.3g} s more"
+            allowed = f"must end when {name} is at {100 * DECAYED:g} % of its largest, and it is at {100 * left:.2g} %"
+            more = more if 0.0 < slowest < math.inf else ""
+            require(False, "response.time", float(time[-1]), "s", allowed + more)
+
+
+def _transform_of(
+    pieces: PiecewisePolynomial,
+    frequency: Array,  # Hz
+    begin: float,  # s, from which phases count
+) -> Complex:
+    """Integral of s(t) e^{-2 pi i f (t - begin)}, exact: of a Legendre polynomial it is a spherical Bessel function.
+
+    The integral of P_n(x) e^{-ikx} from -1 to 1 is 2 (-i)^n j_n(k) (Abramowitz and Stegun, 1964, 10.1.14).
+    """
+    from numpy.polynomial.legendre import poly2leg
+    from numpy.polynomial.polynomial import polypow
+    from scipy.special import spherical_jn
+
+    given, degrees = pieces.coefficients, np.arange(pieces.degree + 1)
+    acting = np.any(given != 0.0, axis=1)
+    half = 0.5 * np.diff(pieces.knots)[acting]
+    few = half.size * frequency.size <= MOST_PAIRS
+    require(few, "pulses", half.size, "pieces", f"must be at most {MOST_PAIRS // frequency.size} for one transform")
+    middle = pieces.knots[:-1][acting] + half - begin
+    legendre = np.zeros((degrees.size, degrees.size))
+    for n in degrees:
+        legendre[n, : n + 1] = poly2leg(polypow([1.0, 1.0], n))
+    weights = (given[acting] * half[:, None] ** (degrees + 1)) @ legendre * (2.0 * (-1j) ** degrees)
+    omega, total = 2.0 * np.pi * frequency, np.zeros(frequency.size, dtype=complex)
+    # pieces of one length share their Bessel functions
+    lengths, group = np.unique(np.round(half / np.diff(pieces.knots).max(), 9), return_inverse=True)
+    for number in range(lengths.size):
+        members = np.flatnonzero(group == number)
+        bessel = np.array([spherical_jn(n, omega * half[members[0]]) for n in degrees])
+        for few_of in np.array_split(members, -(-members.size // 64)):
+            waves = np.exp(-1j * np.outer(omega, middle[few_of])) @ weights[few_of]
+            total += np.einsum("fn,nf->f", waves, bessel)
+    return total
 
 
 def _by_dwells(response: Response, output: Record, given: Array) -> tuple[Array, Complex, Array, tuple[str, ...]]:
@@ -201,6 +311,7 @@ def _by_dwells(response: Response, output: Record, given: Array) -> tuple[Array,
         require(int(np.count_nonzero(inside)) >= 8, "interval of response.time", output.interval, "s",
                 f"must leave 8 readings or more in a dwell at {f:.4g} Hz")  # fmt: skip
         y, x = (_harmonic(time[inside], values[inside], f) for values in (output.values, given))
+        require(x[0] != 0.0, "of", None, "", f"must not be zero at {f:.4g} Hz")
         found.append((f, y[0] / x[0], y[1]))
         middle = begin + (many // 2) / f
         early, late = (inside & (time < middle - near)), (inside & (time >= middle - near))
