@@ -441,7 +441,7 @@ def test_a_ratio_of_almost_one_is_that_of_a_little_less():
 def test_frequencies_above_what_samples_show_are_warned_of():
     record = fi.RecordedBase(np.sin(0.1 * np.arange(200)), 1e-3)
     (text,) = fi.shock_response_spectrum(record, [20.0, 150.0, 300.0]).warnings
-    assert text.startswith("2 frequencies are above 100 Hz, a tenth of the sampling rate")
+    assert text.startswith("above 100 Hz, a tenth of the sampling rate")
     assert "above 100 Hz" in fi.shock_response_spectrum(record, [150.0]).to_xarray().attrs["warnings"]
     assert not fi.shock_response_spectrum(record, [20.0]).warnings
     run = run_of(oscillator(), fi.Shock("half-sine", 1.0, PULSE), 1.0, 1e-3)

@@ -95,8 +95,8 @@ class ShockResponseSpectrum:
 
     @property
     def _head(self) -> Head:
-        said = "".join(f"; {text}" for text in remarks(self).values() if text)
-        title = f"ShockResponseSpectrum of {self.of}: damping ratio {self.ratio:g}{said}"
+        warned = ", with a warning" if self.warnings else ""
+        title = f"ShockResponseSpectrum of {self.of}: damping ratio {self.ratio:g}{warned}"
         columns = {name: values for name, (values, _) in self._columns.items()}
         return head_of_columns(title, columns, {name: unit for name, (_, unit) in self._columns.items()})
 
@@ -180,9 +180,8 @@ def shock_response_spectrum(
     # lines between samples: those of a velocity are steps of the acceleration
     if isinstance(form, BrokenLine) or isinstance(base, _Motion):
         rate = 1.0 / form.interval if isinstance(form, BrokenLine) else 2.0 * base.frequency
-        above = int(np.count_nonzero(f > FOLLOWED * rate))
-        text = f"{above} frequencies are above {FOLLOWED * rate:.4g} Hz, a tenth of the sampling rate"
-        warnings = (f"{text}: what lies between samples is not known there",) if above else ()
+        text = f"above {FOLLOWED * rate:.4g} Hz, a tenth of the sampling rate, what lies between samples is not known"
+        warnings = (text,) if f.max() > FOLLOWED * rate else ()
     if isinstance(of, Shock) and of.kind == "half-sine" and of.pulses == 1 and not of.compensated:
         base = _Motion(half_sine(of.level, of.duration, of.delay, PIECES))
     end, later = (pieces.duration, 1.0) if duration is None and pieces is not None else (duration or 0.0, 0.0)
