@@ -188,7 +188,9 @@ def spectrum(
     default over the complete base cycles in the last third of the run: a sine of amplitude A reads A.
 
     The acceleration beside rigid contacts lacks the impulses of the impacts: its spectrum is taken from that of the
-    velocity, times (2 pi f)^2 as a density. The velocity has to be recorded too.
+    velocity, times (2 pi f)^2 as a density. The velocity has to be recorded too. Aliases of its jumps are taken out of
+    a density: they are (x/sin x)^2 - 1, x = pi f interval, of the even level of jumps, which is read near half the
+    reading rate.
 
     Parameters
     ----------
@@ -236,13 +238,22 @@ def spectrum(
     window, segments = windows_of(record, resolution)
     f, values = welch(record.values, 1.0 / record.interval, nperseg=window)
     values = values * (2.0 * np.pi * f) ** (2 * record.derivatives)
+    notes: tuple[str, ...] = ()
+    if record.derivatives:
+        # a velocity with jumps falls with 1/f^2, whose aliases sum to this over its own; a resonance has none
+        own = np.sinc(f * record.interval) ** 2
+        level = float(np.median((values * own)[f > 0.375 / record.interval]))
+        values = np.maximum(values - level * (1.0 / own - 1.0), values * own)
+        notes = (
+            f"of the level of the jumps, {level:.3g}, the aliases are taken out: 147 % of it at half the reading rate",
+        )
     freedom = degrees_of_freedom(window, segments)
     # the mean and the last line of an even count have half as many
     single = (f == 0.0) | ((np.arange(f.size) == f.size - 1) & (window % 2 == 0))
     each = np.where(single, 0.5 * freedom, freedom)
     below, above = (each * values / chi2.ppf(0.5 * (1.0 + side * confidence), each) for side in (1.0, -1.0))
     fixed = isinstance(drive_history(response), RandomBase) and drive_history(response).amplitudes == "fixed"
-    notes = ("the lines of the drive have fixed amplitudes: runs scatter by less than the interval",) if fixed else ()
+    notes += ("the lines of the drive have fixed amplitudes: runs scatter by less than the interval",) if fixed else ()
     # brackets only where the square would be read as that of a part of the unit
     squared = f"{record.unit}^2" if record.unit.isalpha() else f"({record.unit})^2"
     return Spectrum(
@@ -331,10 +342,7 @@ def record_of(
     if impacts and order == 2:
         allowed = f"must be a recorded channel too: {lacks}, which the velocity has"
         require(derivatives > 0, "channel", Motion(read.at, 1, read.absolute).name, "", allowed)
-        notes = (
-            f"{lacks}: it is taken from the {'velocity' if derivatives == 1 else 'displacement'}, times (2 pi f)^2 of "
-            f"a density of that; of jumps of the velocity it is too high by (x/sin x)^2 - 1, x = pi f {interval:.3g} s",
-        )  # fmt: skip
+        notes = (f"{lacks}: it is taken from the {'velocity' if derivatives == 1 else 'displacement'}, which has them",)
     elif impacts and (of_forces or name.rpartition(".")[2] == "contact_force"):
         warnings += (f"{lacks}: its spectrum is that of what acts between them",)
     holds = of_forces or (apart and order == 2 and derivatives == 0)
