@@ -404,13 +404,13 @@ VERBS = {
         "samples": [0.0, 1.0, 0.5, 0.0, 0.2], "interval": 0.1, "high_pass": 1.0
     }),
     "transfer_function": (fi.transfer_function, lambda: {
-        "system": small(), "frequency": [5.0, 6.0], "to": "tip", "of": "base.acceleration", "force_at": "mid"
+        "system": small(), "frequency": [5.0, 6.0], "to": "tip", "of": None, "force_at": "mid"
     }),
     "spectrum": (fi.spectrum, lambda: {
         "response": response(), "channel": "tip", "kind": "density", "resolution": 4.0, "start": 0.2, "confidence": 0.9
     }),
     "measured_transfer": (fi.measured_transfer, lambda: {
-        "response": response(), "to": "tip", "of": "base.velocity", "resolution": 4.0
+        "response": response(), "to": "tip", "of": "base.velocity", "resolution": None
     }),
     "shock_response_spectrum": (fi.shock_response_spectrum, lambda: {
         "of": MOTIONS["Shock"], "frequency": [5.0, 6.0], "ratio": 0.1, "channel": None, "duration": 0.1

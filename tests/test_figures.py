@@ -664,3 +664,48 @@ def test_figures_over_frequency_have_the_axes_of_the_trade():
         fi.figures.transfer_function(exact, "mid", figure=off)
     with pytest.raises(fi.InputError, match=r"^spectra = 'none'"):
         fi.figures.shock_response_spectrum({}, ax=off)
+    with pytest.raises(fi.InputError, match=r"^highest = 0\.001 Hz: must be the lowest line or more"):
+        fi.figures.spectrum(run, highest=1e-3, ax=off)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("kind", ["density", "amplitude"])
+def test_the_spectrum_of_a_channel_at_rest_is_drawn(kind):
+    system = fi.System.from_matrices([[1.0]], [[1.0]], [[900.0]], points={"tip": [1.0]})
+    run = fi.integrate(system, fi.Sine(0.0, 4.0), fi.EventDriven(), 5.0, fi.Recorder(channels=("tip",), interval=0.01))
+    axis = fi.figures.spectrum(fi.spectrum(run, kind=kind), ax=fi.figures.OffScreen())
+    axis.figure.canvas.draw()
+    assert not np.any(axis.get_lines()[0].get_ydata())
+
+
+def test_no_curve_is_left_out_and_each_has_its_own_look(curves):
+    off = fi.figures.OffScreen()
+    system = fi.System.from_matrices([[1.0]], [[1.0]], [[900.0]], points={"tip": [1.0]})
+    exact = fi.transfer_function(system, [1.0, 2.0, 10.0])
+    shock = fi.shock_response_spectrum(fi.Shock("half-sine", 9.80665, 0.01), [10.0, 100.0])
+    axes = fi.figures.transfer_function({str(i): exact for i in range(7)}, figure=off)
+    axis = fi.figures.shock_response_spectrum({str(i): shock for i in range(7)}, ax=fi.figures.OffScreen())
+    for drawn in (axes[0], axes[1], axis):
+        looks = {(one.get_color(), one.get_linestyle()) for one in drawn.get_lines()}
+        assert len(looks) == len(drawn.get_lines()) == 7
+    one = curves[0]
+    marks = [(f"published {i}", 5.0, 1e-3 * (i + 1)) for i in range(5)]
+    drawn = fi.figures.response_curve({str(i): one for i in range(7)}, published=marks, ax=fi.figures.OffScreen())
+    labels = {text.get_text() for legend in drawn.figure.findobj(plt.matplotlib.legend.Legend)
+              for text in legend.get_texts()}  # fmt: skip
+    assert {str(i) for i in range(7)} <= labels
+    assert {label for label, *_ in marks} <= labels
+
+
+def test_transfer_functions_of_several_inputs_or_units_do_not_share_an_axis():
+    system = fi.System.from_matrices([[1.0]], [[1.0]], [[900.0]], points={"tip": [1.0]})
+    f = [1.0, 2.0, 10.0]
+    of = {name: fi.transfer_function(system, f, "tip", f"base.{name}") for name in ("acceleration", "displacement")}
+    with pytest.raises(fi.InputError, match=r"^transfers\.displacement = 'over base\.displacement': must be over base"):
+        fi.figures.transfer_function(of, figure=fi.figures.OffScreen())
+    # a measured one is over the force by the name that the closed form has
+    blow = fi.integrate(system, fi.HammerBlow("tip", 0.1, 0.02), fi.EventDriven(), 20.0,
+                        fi.Recorder(channels=("tip",), interval=2e-3))  # fmt: skip
+    both = {"exact": fi.transfer_function(system, f, "tip", force_at="tip"), "blow": fi.measured_transfer(blow, "tip")}
+    axes = fi.figures.transfer_function(both, figure=fi.figures.OffScreen())
+    assert axes[0].get_ylabel() == "magnitude\n(dB re 1 m/N)"

@@ -488,6 +488,10 @@ def test_a_drive_is_read_as_its_trade_reads_it(tmp_path):
     assert "tip over the acceleration of the base" in page
     assert "Shock response spectrum of the base" in page
     assert "sine: spectra" not in page
+    # with its interval, and with what was warned of
+    assert "95 % interval" in page
+    (text,) = fi.spectrum(runs["random"], "tip").warnings
+    assert text.split(":")[0] in page
     # what cannot be read is said in place of a chart
     short = fi.integrate(system, drives["chirp"], fi.EventDriven(), 5.0, record)
     page = fi.report(tmp_path / "short.html", {"chirp": short}).read_text(encoding="utf-8")

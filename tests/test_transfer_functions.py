@@ -107,6 +107,7 @@ def test_the_dataset_has_units():
         ({"frequency": [math.nan]}, "^frequency"),
         ({"frequency": [1.0], "of": "base"}, "^of = 'base': must be 'base.displacement' or"),
         ({"frequency": [1.0], "force_at": "tp"}, "^force_at = 'tp': "),
+        ({"frequency": [1.0], "of": "base.velocity", "force_at": "tip"}, "^of = 'base.velocity': must be left out"),
         ({"frequency": [1.0], "to": "tip.velocty"}, r"^to = 'tip\.velocty'"),
         ({"frequency": [1.0], "system": 3}, "^system = 3: must be a System"),
     ],

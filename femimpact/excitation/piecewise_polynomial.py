@@ -212,9 +212,11 @@ PIECES_OF_HALF_SINE = 12
 """Polynomials of degree 5 in half a sine."""
 
 
-def half_sine(largest: float, duration: float, begin: float = 0.0) -> PiecewisePolynomial:
-    """Half a sine of a duration (s) from a time (s) on, within 1e-9 of its largest value (m/s^2 or N)."""
-    knots = begin + np.linspace(0.0, duration, PIECES_OF_HALF_SINE + 1)
+def half_sine(
+    largest: float, duration: float, begin: float = 0.0, pieces: int = PIECES_OF_HALF_SINE
+) -> PiecewisePolynomial:
+    """Half a sine of a duration (s) from a time (s) on, in 12 pieces within 1e-9 of its largest value (m/s^2 or N)."""
+    knots = begin + np.linspace(0.0, duration, pieces + 1)
     return fitted(lambda t: largest * np.sin(np.pi * (t - begin) / duration), knots)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -22,8 +22,8 @@ from femimpact.errors import (
     takes,
 )
 from femimpact.excitation import RandomBase
-from femimpact.excitation.excitation import has_cycle
-from femimpact.response.channels import ContactReading, Motion, ShakerForce, SupportReaction, channel_key, channel_of
+from femimpact.excitation.excitation import has_cycle, is_force
+from femimpact.response.channels import Motion, ShakerForce, SupportReaction, channel_key, channel_of
 from femimpact.response.response import Response
 from femimpact.structure.structure import Position
 from femimpact.system.modes import solve_modes
@@ -44,6 +44,15 @@ RESOLVED = 5.0
 
 MODES = 12
 """Lowest modes of a system in physical coordinates whose half-power widths are compared with the resolution."""
+
+
+CONFIDENCE = 0.95
+"""Probability that the interval of a line holds the density, unless it is given."""
+
+
+def remarks(found: Any) -> dict[str, str]:
+    """Notes and warnings of what was read off a run, as texts by name."""
+    return {name: "; ".join(getattr(found, name)) for name in ("notes", "warnings")}
 
 
 @short_repr
@@ -90,6 +99,15 @@ class Spectrum:
         """Integral of a density: the mean square of the channel without its mean; of amplitudes the sum of a^2/2."""
         return float(np.sum(self.values) * self.resolution if self.kind == "density" else 0.5 * np.sum(self.values**2))
 
+    def in_gravity(self) -> Spectrum:
+        """The density of an acceleration in g^2/Hz, g = 9.80665 m/s^2; any other spectrum as it is."""
+        from scipy.constants import g
+
+        if self.unit != "(m/s^2)^2/Hz":
+            return self
+        low, values, high = (one / g**2 for one in (self.low, self.values, self.high))
+        return replace(self, low=low, values=values, high=high, unit="g^2/Hz")
+
     @property
     def _head(self) -> Head:
         f, peak = self.frequency, int(np.argmax(self.values))
@@ -100,7 +118,7 @@ class Spectrum:
         if self.kind == "density":
             span = f"{100 * self.confidence:g} %, {self.degrees_of_freedom:.4g} degrees of freedom"
             values["interval there"] = f"{self.low[peak]:.4g} to {self.high[peak]:.4g} {self.unit} ({span})"
-        values |= {name: "; ".join(getattr(self, name)) for name in ("notes", "warnings") if getattr(self, name)}
+        values |= {name: text for name, text in remarks(self).items() if text}
         return head_of_values(f"Spectrum: {self.kind} of {self.channel}", values)
 
     def to_xarray(self) -> xarray.Dataset:
@@ -110,13 +128,9 @@ class Spectrum:
         names = (self.kind, "low", "high") if self.kind == "density" else (self.kind,)
         columns = zip(names, (self.values, self.low, self.high), strict=False)
         data = {name: ("frequency", values, {"units": self.unit}) for name, values in columns}
-        attributes: dict[str, Any] = {
-            name: getattr(self, name) for name in ("channel", "degrees_of_freedom", "confidence")
-        }
-        attributes |= {name: "; ".join(getattr(self, name)) for name in ("notes", "warnings")}
-        return xarray.Dataset(
-            data, coords={"frequency": ("frequency", self.frequency, {"units": "Hz"})}, attrs=attributes
-        )
+        attributes = {name: getattr(self, name) for name in ("channel", "degrees_of_freedom", "confidence")}
+        axis = ("frequency", self.frequency, {"units": "Hz"})
+        return xarray.Dataset(data, coords={"frequency": axis}, attrs=attributes | remarks(self))
 
 
 @takes(time=column("s", "samples", finite=True), values=column("", "samples", finite=True))
@@ -141,10 +155,12 @@ def amplitude_spectrum(time: Array, values: Array) -> tuple[Array, Array]:
     InputError
         If these are not as many finite numbers, two or more, or the times do not ascend.
     """
+    from scipy.signal import get_window
+
     ascending = time.size >= 2 and bool(np.all(np.diff(time) > 0.0))
     require(ascending, "time", f"{time.size} samples", "", "must be two or more ascending times")
     even = np.linspace(time[0], time[-1], time.size)
-    window = np.hanning(time.size + 1)[:-1]
+    window = get_window("hann", time.size)
     lines = np.abs(np.fft.rfft(np.interp(even, time, values) * window)) / window.sum()
     # of every line but the mean and the last of an even count there are two, at +f and -f
     lines[1 : (time.size + 1) // 2] *= 2.0
@@ -160,7 +176,7 @@ RUN = instance(Response) | {
 @takes(
     response=RUN, kind=optional(choice("density", "amplitude")),
     resolution=optional(quantity("Hz", above=0.0)), start=optional(quantity("s", at_least=0.0)),
-    confidence=quantity("1", above=0.0, below=1.0),
+    confidence=optional(quantity("1", above=0.0, below=1.0)),
 )  # fmt: skip
 def spectrum(
     response: Response,
@@ -169,7 +185,7 @@ def spectrum(
     *,
     resolution: float | None = None,
     start: float | None = None,
-    confidence: float = 0.95,
+    confidence: float | None = None,
 ) -> Spectrum:
     """Spectral density of a recorded channel with its confidence interval, or its amplitudes.
 
@@ -178,7 +194,9 @@ def spectrum(
     default over the complete base cycles in the last third of the run: a sine of amplitude A reads A.
 
     The acceleration beside rigid contacts lacks the impulses of the impacts: its spectrum is taken from that of the
-    velocity, times (2 pi f)^2 as a density. The velocity has to be recorded too.
+    velocity, times (2 pi f)^2 as a density. The velocity has to be recorded too. Aliases of its jumps are taken out of
+    a density: they are (x/sin x)^2 - 1, x = pi f interval, of the even level of jumps, which is read near half the
+    reading rate.
 
     Parameters
     ----------
@@ -190,9 +208,9 @@ def spectrum(
     resolution : float, Hz, optional
         Distance of the lines of a density; by default that of 15 windows.
     start : float, s, optional
-        Samples before it are left out.
-    confidence : float
-        Probability that the interval of a line holds the density.
+        Samples before it are left out; amplitudes of a run with a cycle are those of the whole cycles after it.
+    confidence : float, optional
+        Probability that the interval of a line holds the density; 0.95 by default.
 
     Returns
     -------
@@ -201,8 +219,9 @@ def spectrum(
     Raises
     ------
     InputError
-        If there is no such channel or history, a kept mode lies above half the reading rate (of amplitudes a warning),
-        the velocity is missing, or the record is too short for the resolution.
+        If there is no such channel or history, a kept mode lies above half the reading rate (of amplitudes, and of a
+        system in physical coordinates, a warning), the velocity is missing, the record is too short for the resolution,
+        or a resolution or a confidence is given for amplitudes.
 
     Examples
     --------
@@ -212,36 +231,47 @@ def spectrum(
     >>> fi.spectrum(run, "tip").unit
     'm^2/Hz'
     """
-    steady = has_cycle(response.base) and not math.isnan(response.base.phase)
-    if kind is None:
-        # of a record, which has no phase either, the frequency of a cycle is only that of its largest line
-        kind = "amplitude" if steady else "density"
+    kind = kind or ("amplitude" if is_steady(response.base) else "density")
     record = record_of(response, channel, start, amplitudes=kind == "amplitude")
     if kind == "amplitude":
-        return _amplitudes(response, record, steady and start is None)
+        for name, given, unit in (("resolution", resolution, "Hz"), ("confidence", confidence, "")):
+            require(given is None, name, given, unit, 'must be left out: it belongs to kind="density"')
+        return _amplitudes(response, record, start)
+    confidence = CONFIDENCE if confidence is None else confidence
     from scipy.signal import welch
     from scipy.stats import chi2
 
     window, segments = windows_of(record, resolution)
     f, values = welch(record.values, 1.0 / record.interval, nperseg=window)
     values = values * (2.0 * np.pi * f) ** (2 * record.derivatives)
+    notes: tuple[str, ...] = ()
+    if record.derivatives:
+        # a velocity with jumps falls with 1/f^2, whose aliases sum to this over its own; a resonance has none
+        own = np.sinc(f * record.interval) ** 2
+        level = float(np.median((values * own)[f > 0.375 / record.interval]))
+        values = np.maximum(values - level * (1.0 / own - 1.0), values * own)
+        notes = (
+            f"of the level of the jumps, {level:.3g}, the aliases are taken out: 147 % of it at half the reading rate",
+        )
     freedom = degrees_of_freedom(window, segments)
     # the mean and the last line of an even count have half as many
     single = (f == 0.0) | ((np.arange(f.size) == f.size - 1) & (window % 2 == 0))
     each = np.where(single, 0.5 * freedom, freedom)
     below, above = (each * values / chi2.ppf(0.5 * (1.0 + side * confidence), each) for side in (1.0, -1.0))
     fixed = isinstance(drive_history(response), RandomBase) and drive_history(response).amplitudes == "fixed"
-    notes = ("the lines of the drive have fixed amplitudes: runs scatter by less than the interval",) if fixed else ()
+    notes += ("the lines of the drive have fixed amplitudes: runs scatter by less than the interval",) if fixed else ()
+    # brackets only where the square would be read as that of a part of the unit
+    squared = f"{record.unit}^2" if record.unit.isalpha() else f"({record.unit})^2"
     return Spectrum(
-        f, values, below, above, f"{_squared(record.unit)}/Hz", record.name, "density", freedom, confidence,
+        f, values, below, above, f"{squared}/Hz", record.name, "density", freedom, confidence,
         (*record.notes, *notes), (*record.warnings, *width_warnings(response, float(f[1]), float(f[-1]))),
     )  # fmt: skip
 
 
-def _amplitudes(response: Response, record: Record, in_cycles: bool) -> Spectrum:
+def _amplitudes(response: Response, record: Record, start: float | None) -> Spectrum:
     time, values, base = record.time, record.values, response.base.frequency
-    if in_cycles:
-        begin, end = max(response.window[0], float(time[0])), float(time[-1])
+    if is_steady(response.base):
+        begin, end = max(response.window[0] if start is None else start, float(time[0])), float(time[-1])
         cycles = int((end - begin) * base + 1e-9)
         require(
             cycles >= 1, "response.time", end - begin, "s", f"must hold a base cycle, {1.0 / base:.3g} s, in its end"
@@ -257,11 +287,6 @@ def _amplitudes(response: Response, record: Record, in_cycles: bool) -> Spectrum
     )  # fmt: skip
 
 
-def _squared(unit: str) -> str:
-    # brackets only where the square would be read as that of a part of the unit
-    return f"{unit}^2" if unit.isalpha() else f"({unit})^2"
-
-
 # ---- what is read of a response ------------------------------------------------------------------
 
 
@@ -274,6 +299,7 @@ class Record(NamedTuple):
     values: Array
     interval: float  # s
     derivatives: int
+    holds_drive: bool  # True where the value at a time has a share of the drive's then
     notes: tuple[str, ...]
     warnings: tuple[str, ...]
 
@@ -285,6 +311,7 @@ def record_of(
     key: str = "channel",  # of the argument that names it
     *,
     amplitudes: bool = False,  # which a mode above half the reading rate spoils less: it is warned of
+    whole: bool = False,  # of a transform of all samples, in which the drive's own jumps have aliases
 ) -> Record:
     """Samples of a channel, of the velocity for an acceleration with impulses; checked to be even and fine enough."""
     allowed = "must hold a history; that of a run with Recorder.sink is in the pieces"
@@ -300,22 +327,32 @@ def record_of(
     even = float(np.abs(np.diff(time) - interval).max()) <= EVEN * interval
     require(even, "response.time", None, "s", "must be evenly spaced")
     coarse = too_coarse(response, interval)
-    require(not coarse or amplitudes, "interval of response.time", interval, "s", coarse)
+    # how fine the steps of a system in physical coordinates were is not known: they show no more than half their rate
+    refused = not amplitudes and getattr(response.system, "is_diagonal", False)
+    require(not coarse or not refused, "interval of response.time", interval, "s", coarse)
     values, derivatives = response[name], 0
     notes: tuple[str, ...] = ()
     warnings: tuple[str, ...] = (f"the readings are {interval:.3g} s apart and {coarse}",) if coarse else ()
     impacts = _rigid_impacts(response)
     read = _channel(response, name)
     lacks = f"{name} lacks the impulses of {impacts} rigid impacts"
-    if impacts and isinstance(read, Motion) and read.derivative == 2:
-        values, derivatives = _velocity(response, read, lacks), 1
-        notes = (
-            f"{lacks}: its spectrum is taken from that of the velocity, times (2 pi f)^2 of a density; of jumps it is "
-            f"too high by (pi f {interval:.3g} s)^2/3 of itself",
-        )  # fmt: skip
-    elif impacts and _reads_forces(read):
+    order = read.derivative if isinstance(read, Motion) else 0
+    # in space the motion of the base, which need not end at rest, would be in it
+    apart = whole and not (getattr(read, "absolute", False) and not is_force(response.base))
+    of_forces = isinstance(read, ShakerForce | SupportReaction)
+    for slower in range(order) if apart else (1,) if impacts and order == 2 else ():
+        found = _motion(response, read, slower)
+        if found is not None:
+            values, derivatives = found, order - slower
+            break
+    if impacts and order == 2:
+        allowed = f"must be a recorded channel too: {lacks}, which the velocity has"
+        require(derivatives > 0, "channel", Motion(read.at, 1, read.absolute).name, "", allowed)
+        notes = (f"{lacks}: it is taken from the {'velocity' if derivatives == 1 else 'displacement'}, which has them",)
+    elif impacts and (of_forces or name.rpartition(".")[2] == "contact_force"):
         warnings += (f"{lacks}: its spectrum is that of what acts between them",)
-    return Record(name, response.units[name], time, values[kept], interval, derivatives, notes, warnings)
+    holds = of_forces or (apart and order == 2 and derivatives == 0)
+    return Record(name, response.units[name], time, values[kept], interval, derivatives, holds, notes, warnings)
 
 
 def _channel(response: Response, name: str) -> Any:
@@ -326,13 +363,6 @@ def _channel(response: Response, name: str) -> Any:
         return None
 
 
-def _reads_forces(read: Any) -> bool:
-    """True for what an impulse belongs to."""
-    return isinstance(read, ShakerForce | SupportReaction) or (
-        isinstance(read, ContactReading) and read.quantity == "contact_force"
-    )
-
-
 def _rigid_impacts(response: Response) -> int:
     impacts = response.impacts
     rigid = [name for name, law in impacts.law.items() if law == Rigid.name]
@@ -340,15 +370,22 @@ def _rigid_impacts(response: Response) -> int:
     return int(np.count_nonzero(np.isin(impacts.impactor, rigid))) + (impacts.dropped if rigid else 0)
 
 
-def _velocity(response: Response, read: Motion, lacks: str) -> Array:
-    """The velocity of the same place from a recorded one, relative to the base or in space."""
-    relative, absolute = (Motion(read.at, 1, in_space).name for in_space in (False, True))
+def _motion(response: Response, read: Motion, derivative: int) -> Array | None:
+    """Displacement (0) or velocity (1) of the place of a channel, from a recorded one in space or relative to the base.
+
+    None without one.
+    """
+    relative, absolute = (Motion(read.at, derivative, in_space).name for in_space in (False, True))
     wanted, other, sign = (absolute, relative, 1.0) if read.absolute else (relative, absolute, -1.0)
-    if wanted in response.channels:
-        return response[wanted]
-    allowed = f"must be a recorded channel too: {lacks}, which the velocity has"
-    require(other in response.channels, "channel", wanted, "", allowed)
-    return np.asarray(response[other] + sign * response.base.velocity(response.time))
+    if wanted in response.channels or other not in response.channels:
+        return response.channels.get(wanted)
+    base = (response.base.displacement, response.base.velocity)[derivative]
+    return np.asarray(response[other] + sign * base(response.time))
+
+
+def is_steady(base: Any) -> bool:
+    """True of sines. A record may repeat, but has no phase: its frequency is only that of its largest line."""
+    return has_cycle(base) and not math.isnan(base.phase)
 
 
 def drive_history(response: Response) -> Any:
@@ -383,23 +420,23 @@ def modes_of(system: Any, most: int) -> tuple[Array, Array]:
         solved = solve_modes(system, min(most, system.dofs))
         return solved.natural_frequency, solved.damping_ratio
     M, C, K = (matrix.diagonal() for matrix in (system.M, system.C, system.K))
+    omega = np.sqrt(K / M)
     # attachment vectors of a static correction are no modes
-    kept = (np.sqrt(K / M) / (2.0 * np.pi) <= system.first_left_out) & (K > 0.0)
-    return np.sqrt(K / M)[kept] / (2.0 * np.pi), 0.5 * (C / np.sqrt(K * M, where=K > 0.0, out=np.ones_like(K)))[kept]
+    kept = (omega > 0.0) & (omega <= 2.0 * np.pi * system.first_left_out)
+    return omega[kept] / (2.0 * np.pi), 0.5 * (C / M)[kept] / omega[kept]
 
 
 def too_coarse(response: Response, interval: float) -> str:
-    """What interval would do, where something excites a kept mode that samples do not follow; else no words.
-
-    Steps of a method cannot show more than half their rate.
-    """
-    steady = has_cycle(response.base) and not math.isnan(response.base.phase)
-    if (steady and not len(response.impacts)) or not getattr(response.system, "is_diagonal", False):
+    """What interval would do, where something excites a mode that samples do not follow; else no words."""
+    if is_steady(response.base) and not len(response.impacts):
         return ""
-    frequency, ratio = modes_of(response.system, 0)
-    highest = float(frequency[ratio < 1.0].max(initial=0.0))
-    if highest * interval <= 0.5:
+    frequency, ratio = modes_of(response.system, MODES)
+    above = frequency[(ratio < 1.0) & (frequency * interval > 0.5)]
+    if not above.size:
         return ""
+    if not getattr(response.system, "is_diagonal", False):
+        return f"the mode at {above.min():.4g} Hz is an alias there where the steps were finer"
+    highest = float(above.max())
     finer = 10.0 ** math.floor(math.log10(0.5 / highest) - 1.0)
     finer *= math.floor(0.5 / highest / finer)
     return f"must be <= {finer:.3g} s, by Recorder(interval=): a kept mode at {highest:.4g} Hz would be an alias"
@@ -422,7 +459,9 @@ def windows_of(record: Record, resolution: float | None) -> tuple[int, int]:
 
 def degrees_of_freedom(window: int, segments: int) -> float:
     """Degrees of freedom of the average over Hann windows of so many samples that overlap by half (Welch, 1967)."""
-    weights = np.hanning(window + 1)[:-1]
+    from scipy.signal import get_window
+
+    weights = get_window("hann", window)
     step = window - window // 2
     shared = [
         (float(weights[: window - k * step] @ weights[k * step :]) / float(weights @ weights)) ** 2

@@ -4,28 +4,30 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from femimpact.arrays import Array, Complex
 from femimpact.errors import optional, quantity, require, require_name, takes
-from femimpact.excitation import Chirp, Drives, HammerBlow, RandomBase, Shock, SteppedSine
-from femimpact.excitation.excitation import has_cycle
+from femimpact.excitation import Chirp, Drives, HammerBlow, PiecewisePolynomial, RandomBase, Shock, SteppedSine
+from femimpact.excitation.excitation import is_force
 from femimpact.integrators.channel_rows import Drive
 from femimpact.response.channels import channel_key
 from femimpact.response.response import Response
 from femimpact.spectra.densities import (
+    EVEN,
     MODES,
     RUN,
     Record,
     drive_history,
+    is_steady,
     modes_of,
     record_of,
     width_warnings,
     windows_of,
 )
-from femimpact.spectra.transfer import INPUTS, TransferFunction, unit_over
+from femimpact.spectra.transfer import INPUTS, TransferFunction, force_name, unit_over
 from femimpact.structure.structure import Position
 
 DECAYED = 1e-3
@@ -35,7 +37,13 @@ CONTENT = 1e-4
 """Share of the largest density of an input, below which it has no content at a line."""
 
 FINER, MOST_FINE = 16, 4_000_000
-"""Samples of a drive between two readings where it is transformed whole, and at most in all: a blow has few of them."""
+"""Samples of a chirp between two readings, and at most in all: its pieces are too many for a transform of each."""
+
+ALIASED = 0.02
+"""Share of a line by which half the reading rate may change it: at the full rate it is then off by less."""
+
+MOST_PAIRS = 2_000_000_000
+"""Most pairs of a point of a drive and a line: half a minute."""
 
 STEADY = 0.01
 """Relative difference of the harmonics of the two halves of a dwell beyond which it is not steady."""
@@ -47,14 +55,17 @@ def measured_transfer(
 ) -> TransferFunction:
     """Transfer function of a run from its recorded channel and its drive, as a test bench measures it.
 
-    - A chirp, a shock or a hammer's blow: one transform of the whole record, which must have decayed at its end. With
-      one record both estimates are one, and there is no coherence.
+    - A chirp, a shock or a hammer's blow: one transform of the whole record, which must begin at rest, with the run,
+      and have decayed at its end. That of the force of a blow or of a shock is exact, however short it is. A relative
+      velocity or acceleration is taken from the displacement or the velocity, where these are recorded, whose lines
+      have fewer aliases. With one record both estimates are one, and there is no coherence.
     - A stepped sine: the harmonics over the second half of the cycles of each dwell, a sine that of the last third of
       the run. Coherence is the share of the harmonic in the mean square.
     - Any other drive: averages over Hann windows that overlap by half. H1 = S_xy/S_xx has no error by noise in the
       output, H2 = S_yy/S_yx none by noise in the input; coherence is |S_xy|^2/(S_xx S_yy).
 
-    Lines at which the input has no content are left out. With impacts it is a linear description of the run at its
+    Lines at which the input has no content are left out, and of a blow or a shock those above a quarter of the reading
+    rate and those that aliases spoil by more than about 2 %. With impacts it is a linear description of the run at its
     level, which the coherence judges.
 
     Parameters
@@ -75,7 +86,8 @@ def measured_transfer(
     Raises
     ------
     InputError
-        As of `spectrum`; if a record that is transformed whole has not decayed, or no dwell is complete.
+        As of `spectrum`; if a record that is transformed whole does not begin at rest or has not decayed, the input is
+        zero, no dwell is complete, or a resolution is given to what is no average.
 
     Examples
     --------
@@ -87,42 +99,60 @@ def measured_transfer(
     """
     several = isinstance(response.base, Drives)
     require(not several, "response", "several drives at once", "", "must be a run under one drive")
-    output, history = record_of(response, to, key="to"), drive_history(response)
-    of, unit, given, integrals = _input(response, of)
-    x = given(output.time)
-    if isinstance(history, SteppedSine) or (has_cycle(response.base) and not math.isnan(response.base.phase)):
-        f, h1, coherence, warnings = _by_dwells(response, output, x)
+    history = drive_history(response)
+    dwells = isinstance(history, SteppedSine) or is_steady(response.base)
+    whole = not dwells and isinstance(history, Chirp | HammerBlow | Shock)
+    allowed = "must be left out: it belongs to averages over windows, as of a random drive"
+    require(resolution is None or not (dwells or whole), "resolution", resolution, "Hz", allowed)
+    output = record_of(response, to, key="to", whole=whole)
+    given = _input(response, of, whole)
+    notes: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+    if dwells:
+        f, h1, coherence, warnings = _by_dwells(response, output, given.values(output.time))
         h2 = h1
-    elif isinstance(history, Chirp | HammerBlow | Shock):
-        f, h1, warnings = _by_one_transform(response, output, given)
+    elif whole:
+        f, h1, notes = _by_one_transform(response, output, given)
         h2, coherence = h1, np.full(f.size, np.nan)
     else:
-        f, h1, h2, coherence, warnings = _by_averages(response, output, x, resolution)
-    factor = (2j * np.pi * f) ** (output.derivatives + integrals)
+        f, h1, h2, coherence, warnings = _by_averages(response, output, given.values(output.time), resolution)
+    factor = (2j * np.pi * f) ** (output.derivatives + given.integrals)
     name = output.name
     return TransferFunction(
-        f, {name: h1 * factor}, {name: unit_over(output.unit, unit)}, str(of), {name: h2 * factor}, {name: coherence},
-        output.notes, (*output.warnings, *warnings),
+        f, {name: h1 * factor}, {name: unit_over(output.unit, given.unit)}, given.name, {name: h2 * factor},
+        {name: coherence}, (*output.notes, *notes), (*output.warnings, *warnings),
     )  # fmt: skip
 
 
-def _input(response: Response, of: Position | None) -> tuple[str, str, Callable[[Array], Array], int]:
-    """Name and unit of the input, its history, and how often that is to be integrated (less, for a derivative)."""
-    at = getattr(response.base, "at", None)
-    own = "base.acceleration" if at is None else "force"
+class Input(NamedTuple):
+    """What a response is set in proportion to."""
+
+    name: str
+    unit: str
+    values: Callable[[Array], Array]  # at times in s
+    integrals: int  # how often it is to be integrated to be the input; less than zero, differentiated
+    pieces: PiecewisePolynomial | None  # its closed form, where it is the drive and made of pieces
+
+
+def _input(response: Response, of: Position | None, whole: bool) -> Input:
+    force = is_force(response.base)
+    own = "force" if force else "base.acceleration"
     name = own if of is None else channel_key(of, "of")
     if name not in {*INPUTS, "force"}:
-        require_name(name, (*response.channels, *(INPUTS if at is None else ("force",))), "of")
-        record = record_of(response, name, key="of")
-        return name, record.unit, lambda time: np.interp(time, record.time, record.values), -record.derivatives
-    allowed = f"must be {'a motion of the base' if at is None else 'the force that drives'}, or a recorded channel"
-    require((name == "force") == (at is not None), "of", name, "", allowed)
+        require_name(name, (*response.channels, *(("force",) if force else INPUTS)), "of")
+        record = record_of(response, name, key="of", whole=whole)
+        return Input(
+            name, record.unit, lambda time: np.interp(time, record.time, record.values), -record.derivatives, None
+        )
+    allowed = f"must be {'the force that drives' if force else 'a motion of the base'}, or a recorded channel"
+    require((name == "force") == force, "of", name, "", allowed)
     base: Any = response.base
-    values = base.acceleration if at is None else base.force
-    drive = Drive(np.zeros(0), float(at is None), 1.0, values, getattr(base, "closed_form", None), at)
+    at: Any = base.at if force else None
+    values = base.force if force else base.acceleration
+    drive = Drive(np.zeros(0), float(not force), 1.0, values, getattr(base, "closed_form", None), at)
     unit, integrals = INPUTS.get(name, ("N", 0))
     # jumps have the impulses that the samples give them
-    return name, unit, drive.value_at_steps, integrals
+    return Input(force_name(at) if force else name, unit, drive.value_at_steps, integrals, drive.pieces)
 
 
 Found = tuple[Array, Complex, Complex, Array, tuple[str, ...]]
@@ -151,28 +181,42 @@ def _by_averages(response: Response, output: Record, given: Array, resolution: f
     return f[kept], h1[kept], h2[kept], coherence[kept], warnings
 
 
-def _by_one_transform(
-    response: Response, output: Record, given: Callable[[Array], Array]
-) -> tuple[Array, Complex, tuple[str, ...]]:
-    count, history = output.time.size, drive_history(response)
-    end = max(count // 50, 2)
-    level = output.values - output.values[-end:].mean()
-    finer = max(min(FINER, MOST_FINE // count), 1)
-    x = given(output.time[0] + output.interval / finer * np.arange(count * finer))
-    for name, values, last in ((output.name, level, end), ("the input", x, end * finer)):
-        largest, left = float(np.abs(values).max()), float(np.abs(values[-last:]).max())
-        share = left / largest if largest > 0.0 else 0.0
-        if share > DECAYED:
-            allowed = f"must end when {name} is at {100 * DECAYED:g} % of its largest, and it is at {100 * share:.2g} %"
-            last_time = float(f"{output.time[-1]:.6g}")
-            require(False, "response.time", last_time, "s", allowed + _until(response, values))
-    f = np.fft.rfftfreq(count, output.interval)
-    own = np.fft.rfft(x)[: f.size] / finer
-    kept = (f > 0.0) & (np.abs(own) ** 2 > CONTENT * np.max(np.abs(own) ** 2))
-    if isinstance(history, Chirp):
-        kept &= (f >= min(history.start, history.stop)) & (f <= max(history.start, history.stop))
+def _by_one_transform(response: Response, output: Record, given: Input) -> tuple[Array, Complex, tuple[str, ...]]:
+    history, time, h, pieces = drive_history(response), output.time, output.interval, given.pieces
+    level = output.values - output.values[-max(time.size // 50, 2) :].mean()
+    _require_whole(
+        response, {output.name: level} | ({} if pieces else {given.name: given.values(time)}), output, pieces
+    )
+    f = np.asarray(np.fft.rfftfreq(time.size, h), dtype=float)
+    y, chirp = np.fft.rfft(level) * h, isinstance(history, Chirp)
+    if pieces is None or chirp:
+        finer = 1 if pieces is None else max(min(FINER, MOST_FINE // time.size), 1)
+        x = np.fft.rfft(given.values(time[0] + h / finer * np.arange(time.size * finer)))[: f.size] * h / finer
+    else:
+        # above a quarter of the rate no line is kept
+        x, low_lines = np.zeros(f.size, dtype=complex), f <= 0.25 / h
+        x[low_lines] = _transform_of(pieces, f[low_lines], float(time[0]))
+    # of an input that is read from its integral, the content is its own
+    content = (np.abs(x) * f ** max(-given.integrals, 0)) ** 2
+    kept = (f > 0.0) & (content > CONTENT * content.max())
+    if chirp:
+        low, high = sorted((history.start, history.stop))
+        # above the second limit the end of the chirp has aliases
+        kept &= (f >= low) & (f <= min(high, 1.0 / h - high))
     require(bool(np.any(kept)), "of", None, "", "must not be zero all the time")
-    return f[kept], np.fft.rfft(level)[kept] / own[kept], ()
+    clean = kept & (chirp | (f <= 0.25 / h))
+    for lines in () if chirp else (y, x) if pieces is None else (y,):
+        # every second sample alone would add the line mirrored at a quarter of the rate; one of them may be zero
+        beyond = np.maximum.accumulate(np.abs(lines[::-1]))[::-1]
+        clean &= np.interp(0.5 / h - f, f, beyond) <= ALIASED * np.abs(lines)
+    if output.holds_drive and pieces is not None and not chirp:
+        above, below = (np.abs(_transform_of(pieces, 1.0 / h + side * f, 0.0)) for side in (1.0, -1.0))
+        clean &= above + below <= ALIASED * np.abs(x)
+    allowed = "must be finer, or the displacement recorded beside an acceleration: aliases spoil all lines"
+    require(bool(np.any(clean)), "interval of response.time", h, "s", allowed)
+    left_out = np.count_nonzero(kept & ~clean)
+    notes = (f"{left_out} lines to {0.25 / h:.4g} Hz are left out for aliases: read finer",) if left_out else ()
+    return f[clean], y[clean] / x[clean], notes
 
 
 def _until(
@@ -191,6 +235,53 @@ def _until(
     more = max(math.log(share / DECAYED), 0.0) / rates[slowest]
     # the end is the last 2 %
     return f": its slowest mode takes {more:.3g} s more, response.time = {1.01 * (end + more / 0.98):.3g} s"
+
+
+def _require_whole(
+    response: Response, histories: dict[str, Array], output: Record, pieces: PiecewisePolynomial | None
+) -> None:
+    """Raise `InputError` unless a record goes from rest at the beginning of the run to the end of its motion."""
+    time, begin = output.time, response.start
+    allowed = f"must begin with the run, at {begin:g} s: leave Recorder.start out"
+    require(time[0] - begin <= EVEN * output.interval, "response.time", float(time[0]), "s", allowed)
+    if pieces is not None:
+        whole = pieces.knots[0] >= begin - EVEN * output.interval and pieces.duration <= time[-1]
+        allowed = (
+            f"must hold all of the drive, {pieces.knots[0]:.4g} to {pieces.duration:.4g} s, and the decay after it"
+        )
+        require(whole, "response.time", f"{time[0]:.4g} to {time[-1]:.4g}", "s", allowed)
+    # of energies the share is squared
+    energy = None if response.energy is None else np.sqrt(np.abs(response.energy.kinetic))
+    for name, values in (*histories.items(), *(() if energy is None else (("the velocity", energy),))):
+        largest = float(np.abs(values).max()) or 1.0
+        first, left = abs(float(values[0])) / largest, float(np.abs(values[-max(time.size // 50, 2) :]).max()) / largest
+        allowed = f"must begin at rest, and {name} begins at {100 * first:.2g} % of its largest value"
+        require(first <= DECAYED, "response.time", float(time[0]), "s", allowed)
+        if left > DECAYED and values is not energy:
+            allowed = f"must end when {name} is at {100 * DECAYED:g} % of its largest, and it is at {100 * left:.2g} %"
+            last_time = float(f"{time[-1]:.6g}")
+            require(False, "response.time", last_time, "s", allowed + _until(response, values))
+
+
+def _transform_of(
+    pieces: PiecewisePolynomial,
+    frequency: Array,  # Hz
+    begin: float,  # s, from which phases count
+) -> Complex:
+    """Integral of s(t) e^{-2 pi i f (t - begin)}, by 12 Gauss points in every 4 rad: exact to 1e-11 of a piece."""
+    nodes, weights = np.polynomial.legendre.leggauss(12)
+    even = np.arange(pieces.knots[0], pieces.duration, 2.0 / np.pi / frequency.max())
+    knots = np.union1d(pieces.knots, even)
+    half = 0.5 * np.diff(knots)[:, None]
+    t = (knots[:-1, None] + half * (1.0 + nodes)).ravel()
+    values = pieces.value(t) * (half * weights).ravel()
+    t, values = t[values != 0.0] - begin, values[values != 0.0]
+    most = MOST_PAIRS // frequency.size
+    require(t.size <= most, "of", t.size, "Gauss points", f"must be at most {most}: the drive is long in action")
+    total = np.zeros(frequency.size, dtype=complex)
+    for few in np.array_split(np.arange(t.size), t.size // 256 + 1):
+        total += np.exp(-2j * np.pi * np.outer(frequency, t[few])) @ values[few]
+    return total
 
 
 def _by_dwells(response: Response, output: Record, given: Array) -> tuple[Array, Complex, Array, tuple[str, ...]]:
@@ -212,6 +303,7 @@ def _by_dwells(response: Response, output: Record, given: Array) -> tuple[Array,
         require(int(np.count_nonzero(inside)) >= 8, "interval of response.time", output.interval, "s",
                 f"must leave 8 readings or more in a dwell at {f:.4g} Hz")  # fmt: skip
         y, x = (_harmonic(time[inside], values[inside], f) for values in (output.values, given))
+        require(x[0] != 0.0, "of", None, "", f"must not be zero at {f:.4g} Hz")
         found.append((f, y[0] / x[0], y[1]))
         middle = begin + (many // 2) / f
         early, late = (inside & (time < middle - near)), (inside & (time >= middle - near))

@@ -28,6 +28,7 @@ from femimpact.errors import (
 from femimpact.integrators.channel_rows import Drive, channel_rows
 from femimpact.response.channels import Channel, channel_key, resolve_channels
 from femimpact.response.response import Recorder
+from femimpact.spectra.densities import remarks
 from femimpact.structure.structure import Position
 from femimpact.system.system import System
 from femimpact.table import Head, head_of_values, short_repr
@@ -74,7 +75,7 @@ class TransferFunction:
         outputs = {
             name: f"({unit}), largest {np.abs(self.values[name]).max():.5g}" for name, unit in self.units.items()
         }
-        texts = {name: "; ".join(getattr(self, name)) for name in ("notes", "warnings") if getattr(self, name)}
+        texts = {name: text for name, text in remarks(self).items() if text}
         f = self.frequency
         title = f"TransferFunction of {self.of}: {f.size} frequencies, {f.min():.5g} to {f.max():.5g} Hz"
         return head_of_values(title, outputs | texts)
@@ -95,16 +96,15 @@ class TransferFunction:
                 columns[f"{name} H2"] = ("frequency", self.h2[name], {"units": unit, "of": self.of})
                 columns[f"{name} coherence"] = ("frequency", self.coherence[name], {"units": "1"})
         axis = ("frequency", self.frequency, {"units": "Hz"})
-        attributes = {"of": self.of, "notes": "; ".join(self.notes), "warnings": "; ".join(self.warnings)}
-        return xarray.Dataset(columns, coords={"frequency": axis}, attrs=attributes)
+        return xarray.Dataset(columns, coords={"frequency": axis}, attrs={"of": self.of} | remarks(self))
 
 
-@takes(system=instance(System), of=choice(*INPUTS), force_at=optional(place()))
+@takes(system=instance(System), of=optional(choice(*INPUTS)), force_at=optional(place()))
 def transfer_function(
     system: System,
     frequency: ArrayLike,
     to: Position | Channel | Sequence[Position | Channel] | None = None,
-    of: str = "base.acceleration",
+    of: str | None = None,
     *,
     force_at: Position | None = None,
 ) -> TransferFunction:
@@ -121,10 +121,10 @@ def transfer_function(
         Above zero.
     to : str, float or Channel, or a sequence of them, optional
         Outputs, as of `Recorder.channels`; by default the absolute acceleration of the default place.
-    of : {"base.displacement", "base.velocity", "base.acceleration"}
-        Input.
+    of : {"base.displacement", "base.velocity", "base.acceleration"}, optional
+        Input; the acceleration by default.
     force_at : str or float, optional
-        Place of a force, which is the input in place of `of`, the base at rest.
+        Place of a force, which is the input in place of a motion of the base, which is at rest.
 
     Returns
     -------
@@ -133,8 +133,8 @@ def transfer_function(
     Raises
     ------
     InputError
-        If a frequency is not above zero, a place or a channel is unknown, or an undamped system has no finite answer at
-        a frequency.
+        If a frequency is not above zero, a place or a channel is unknown, both `of` and `force_at` are given, or an
+        undamped system has no finite answer at a frequency.
 
     Examples
     --------
@@ -151,12 +151,14 @@ def transfer_function(
     with faults_of("to"):
         channels = resolve_channels(system, Recorder(given).channels)  # type: ignore[arg-type]
     require(len(channels) > 0, "to", given, "", "must name an output")
+    require(of is None or force_at is None, "of", of, "", "must be left out: the force is the input")
     if force_at is None:
+        of = of or "base.acceleration"
         drive, share, name = Drive(-system.base_load, 1.0, 1.0, np.zeros_like, None), 1.0, of
     else:
         with faults_of("force_at"):
             drive, share = Drive(system.point_row(force_at), 0.0, 1.0, np.zeros_like, None, force_at), 0.0
-        name = f"force at {force_at if isinstance(force_at, str) else f'{force_at:g} m'}"
+        name = force_name(force_at)
     rows = channel_rows(system, drive, channels, springs_apart=True)
     found = np.empty((f.size, len(channels)), dtype=complex)
     for i, one in enumerate(f):
@@ -164,7 +166,7 @@ def transfer_function(
         u, y = harmonic_amplitudes(system, drive.load, share, one, rate, rate**2)
         read = (rows.displacement + rate * rows.velocity) @ u + (rows.ball_displacement + rate * rows.ball_velocity) @ y
         found[i] = read + share * (rows.base @ [1.0 / rate**2, 1.0 / rate, 1.0]) + rows.drive[:, 0]
-    unit, integrals = INPUTS[of] if force_at is None else ("N", 0)
+    unit, integrals = INPUTS[of] if of else ("N", 0)
     found *= (2j * math.pi * f[:, None]) ** integrals
     values = {channel.name: found[:, i] for i, channel in enumerate(channels)}
     units = {channel.name: unit_over(channel.unit, unit) for channel in channels}
@@ -242,6 +244,11 @@ def checked_frequencies(frequency: ArrayLike) -> Array:
     outside = f[(f < LOWEST) | (f > HIGHEST)]
     require(not outside.size, "frequency", float(outside[0]) if outside.size else None, "Hz", allowed)
     return f
+
+
+def force_name(at: Position) -> str:
+    """The name of a force as an input: "force at tip"."""
+    return f"force at {at if isinstance(at, str) else f'{at:g} m'}"
 
 
 def unit_over(unit: str, other: str) -> str:

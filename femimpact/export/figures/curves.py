@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, cast
+from itertools import cycle
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from femimpact.calibration import RestitutionScan
-from femimpact.errors import column, instance, optional, quantity, require, require_type, takes, text, truth
+from femimpact.errors import column, instance, optional, quantity, require, takes, text, truth
 from femimpact.export.figures.drawing import (
     COLOURS,
     DARK,
     GREY,
     OffScreen,
+    by_label,
     label_axes,
     legend_above,
     panel,
@@ -80,7 +82,7 @@ def response_curve(
     InputError
         If there is no curve, or something else than one.
     """
-    named = _by_label(curves)
+    named = by_label("curves", curves, FrequencyResponse, "response curves")
     peaks = rows_of("published", published, label=text(), frequency=FREQUENCY, amplitude=quantity("m", finite=False))
     ranges = rows_of("bands", bands, label=text(), frequency=column("Hz", "n"), low=column("m", "n"),
                      high=column("m", "n"))  # fmt: skip
@@ -95,7 +97,7 @@ def response_curve(
         )
         for i, (label, x, low, high) in enumerate(ranges, 1)
     ]
-    for colour, (label, curve) in zip(COLOURS, named.items(), strict=False):
+    for colour, (label, curve) in zip(cycle(COLOURS), named.items(), strict=False):
         prefix = f"{label}: " if label else ""
         _peaks(axis, curve, colour, f"{prefix}peak", join_all)
         if _has_rms(named, curve):
@@ -106,7 +108,7 @@ def response_curve(
         if coarse is not None:
             seen = on_grid(curve.frequency, coarse)
             axis.plot(curve.frequency[seen], _scale(curve)[0] * curve.peak[seen], "o", color=colour, **RINGS)
-    marks = [_mark(axis, marker, *mark) for marker, mark in zip("*PX", peaks, strict=False)]
+    marks = [_mark(axis, marker, *mark) for marker, mark in zip(cycle("*PX"), peaks, strict=False)]
     first = next(iter(named.values()))
     if not _scatter(first, join_all)[np.nanargmax(first.peak)]:
         _annotate_peak(axis, first)
@@ -114,16 +116,6 @@ def response_curve(
     plain_log_ticks(axis.yaxis)
     _legend(axis, named, coarse, join_all, filled, marks)
     return axis
-
-
-def _by_label(curves: Any) -> Mapping[str, FrequencyResponse]:
-    """One or more response curves by their labels."""
-    named = {"": curves} if isinstance(curves, FrequencyResponse) else curves
-    require_type(named, Mapping, "curves")
-    require(len(named) > 0, "curves", "none", "", "must be one or more response curves")
-    for label, curve in named.items():
-        require_type(curve, FrequencyResponse, f"curves.{label}")
-    return cast(Mapping[str, FrequencyResponse], named)
 
 
 def _annotate_peak(axis: Axes, curve: FrequencyResponse) -> None:
@@ -169,7 +161,7 @@ def _legend(
         return Line2D([], [], **{"color": DARK, "label": label} | style)
 
     colours = [
-        entry(label, color=colour, linewidth=3.0) for colour, label in zip(COLOURS, named, strict=False) if label
+        entry(label, color=colour, linewidth=3.0) for colour, label in zip(cycle(COLOURS), named, strict=False) if label
     ]
     scatter = [_scatter(curve, join_all) for curve in named.values()]
     kinds = []
@@ -245,7 +237,7 @@ def decay(result: DecayEstimate, ax: Axes | OffScreen | None = None) -> Axes:
         axis.plot(amplitude[~known], ratio[~known], **alone, markersize=5.0, label="windows without an interval")
     axis.plot(amplitude, 100.0 * result.from_maxima, "x", color=GREY, markersize=5.0, label="maxima of their cycles")
     modes = [mode for mode in result.modes if np.isfinite(mode.damping_ratio)]
-    for colour, mode in zip(COLOURS[1:], modes, strict=False):
+    for colour, mode in zip(cycle(COLOURS[1:]), modes, strict=False):
         axis.axhline(100.0 * mode.damping_ratio, color=colour, linestyle="--", linewidth=1.2,
                      label=f"damped sine of {mode.frequency:.4g} Hz")  # fmt: skip
     lowest = min(0.0, 1.2 * float(np.nanmin(ratio, initial=0.0)))
@@ -283,7 +275,7 @@ def restitution_scan(
     """
     named = rows_of("scans", scans, label=text(), scan=instance(RestitutionScan))
     axes, said = panels(figure, 8.0, 7.4, 2, 1, sharex=True)[:, 0], list[str]()
-    for colour, marker, (label, scan) in zip(COLOURS, "os^D", named, strict=False):
+    for colour, marker, (label, scan) in zip(cycle(COLOURS), cycle("os^D"), named, strict=False):
         # hollow, so that curves that coincide are both seen
         style: Any = {"color": colour, "marker": marker, "label": label, "markersize": 6.0, "markerfacecolor": "none"}
         axes[0].plot(scan.restitution, scan.peak_frequency, **style)

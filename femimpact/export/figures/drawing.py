@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,8 @@ from femimpact.system.system import System
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure, FigureBase
+
+Kind = TypeVar("Kind")
 
 BLUE, ORANGE, GREEN, PURPLE, SKY, GREY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#666666"
 """Okabe and Ito's colours, which most colour-blind readers can distinguish."""
@@ -262,6 +264,19 @@ def channel_name(response: Response, channel: Position | None) -> str:
     name = next(iter(response.channels)) if channel is None else channel_key(channel)
     require(name in response.channels, "channel", name, "", suggestion(name, response.channels))
     return name
+
+
+def by_label(key: str, given: Any, kind: type[Kind], words: str) -> Mapping[str, Kind]:
+    """One or more things of a kind by their labels; a single one has none.
+
+    Raises `InputError` if there is none, or something else.
+    """
+    named = {"": given} if isinstance(given, kind) else given
+    require_type(named, Mapping, key)
+    require(len(named) > 0, key, "none", "", f"must be one or more {words}")
+    for label, one in named.items():
+        require_type(one, kind, f"{key}.{label}")
+    return cast(Mapping[str, Kind], named)
 
 
 def rows_of(key: str, given: object, **metadata: Mapping[str, Any]) -> list[tuple[Any, ...]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import cycle
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -183,7 +184,7 @@ def contact_force(
 def _last_cycles(axis: Any, response: Response, names: list[str], cycles: float) -> None:
     start, words = last_cycles(response, cycles)
     last, laws = response.time >= start, response.impacts.law
-    for colour, name in zip(COLOURS, names, strict=False):
+    for colour, name in zip(cycle(COLOURS), names, strict=False):
         owner = name.rpartition(".")[0]
         label = f"{owner} (rigid: force only while sticking)" if laws.get(owner) == Rigid.name else owner or None
         axis.plot(response.time[last], response[name][last], color=colour, label=label)

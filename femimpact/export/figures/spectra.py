@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import cycle
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.errors import instance, optional, quantity, require, require_type, suggestion, takes, truth
+from femimpact.errors import instance, optional, quantity, require, suggestion, takes, truth
 from femimpact.excitation.excitation import is_force
 from femimpact.export.figures.drawing import (
     BLUE,
     COLOURS,
     GREY,
     OffScreen,
+    by_label,
     label_axes,
     legend_above,
     panel,
@@ -33,6 +35,9 @@ from femimpact.structure.structure import Position
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import FigureBase
+
+STYLES = [{"color": colour, "linestyle": line} for line in ("-", "--", "-.") for colour in COLOURS]
+"""Of curves in their order: beyond the colours in dashes."""
 
 DECADES = 1e-6
 """Share of the largest value that the axis of a spectrum reaches down to."""
@@ -82,19 +87,22 @@ def spectrum(
         return _amplitudes(axis, found, base, highest)
     if highest is None:
         highest = found.frequency[-1] if base is None else min(1.5 * base.frequency, found.frequency[-1])
+    found = found.in_gravity()
     shown = (found.frequency > 0.0) & (found.frequency <= highest)
-    factor, unit = (GRAVITY**-2, "g^2/Hz") if found.unit == "(m/s^2)^2/Hz" else (1.0, found.unit)
-    rms_factor, rms_unit = (1.0 / GRAVITY, "g") if unit == "g^2/Hz" else (1.0, _root(found.unit))
-    label = f"{found.channel}, rms {rms_factor * np.sqrt(found.mean_square):.4g} {rms_unit}"
+    require(bool(shown.any()), "highest", highest, "Hz", f"must be the lowest line or more, {found.resolution:.4g} Hz")
+    root = found.unit.removesuffix("^2/Hz").strip("()")
+    label = f"{found.channel}, rms {np.sqrt(found.mean_square):.4g} {root}"
     colour = COLOURS[len(axis.get_lines()) % len(COLOURS)]
-    f, low, high = found.frequency[shown], factor * found.low[shown], factor * found.high[shown]
+    f, low, high = found.frequency[shown], found.low[shown], found.high[shown]
     axis.fill_between(f, low, high, color=colour, alpha=0.2, linewidth=0.0)
-    axis.loglog(f, factor * found.values[shown], color=colour, linewidth=1.2, label=label)
-    axis.set_xlim(f[0], highest)
-    axis.set_ylim(bottom=max(0.5 * float(low.min()), DECADES * float(high.max())) or None)
+    axis.plot(f, found.values[shown], color=colour, linewidth=1.2, label=label)
+    axis.set(xscale="log", xlim=(f[0], highest))
+    if high.max() > 0.0:
+        # of a channel at rest there is no logarithm
+        axis.set(yscale="log", ylim=(max(0.5 * float(low.min()), DECADES * float(high.max())), None))
     plain_log_ticks(axis.xaxis)
     title = f"lines {found.resolution:.3g} Hz apart, Hann windows, band: {100 * found.confidence:g} % interval"
-    label = f"spectral density of {_words(found.channel)}, {unit.replace('^2', '²')}"
+    label = f"spectral density of {found.channel.replace('_', ' ')}, {found.unit.replace('^2', '²')}"
     label_axes(axis, "frequency (Hz)", label, title)
     legend_above(axis)
     return axis
@@ -113,21 +121,14 @@ def _amplitudes(axis: Axes, found: Spectrum, base: Any, highest: float | None) -
             base.frequency, color=GREY, linestyle="--", linewidth=1.2, label=f"{driven}, {base.frequency:.4g} Hz"
         )
         title = f"last {round(base.frequency / found.resolution)} cycles, {title}"
-    axis.semilogy(found.frequency[shown], factor * values, color=BLUE, linewidth=1.2, label=found.channel)
-    axis.set_ylim(bottom=max(factor * float(values.max()) * DECADES, float((factor * values).min()) or 1e-300))
+    axis.plot(found.frequency[shown], factor * values, color=BLUE, linewidth=1.2, label=found.channel)
+    if values.any():
+        # of a channel at rest there is no logarithm
+        axis.set(yscale="log", ylim=(factor * max(float(values.max()) * DECADES, float(values.min())), None))
     axis.set_xlim(0.0, top)
-    label_axes(axis, "frequency (Hz)", f"amplitude of {_words(found.channel)} ({unit})", title)
+    label_axes(axis, "frequency (Hz)", f"amplitude of {found.channel.replace('_', ' ')} ({unit})", title)
     legend_above(axis)
     return axis
-
-
-def _words(name: str) -> str:
-    return name.replace("_", " ")
-
-
-def _root(unit: str) -> str:
-    """The unit of a channel from that of its density."""
-    return unit.removesuffix("^2/Hz").removeprefix("(").removesuffix(")")
 
 
 def transfer_function(
@@ -153,31 +154,32 @@ def transfer_function(
     Raises
     ------
     InputError
-        If there is no transfer function, or none of this output.
+        If there is no transfer function, none of this output, or inputs or units differ.
     """
-    named = {"": transfers} if isinstance(transfers, TransferFunction) else transfers
-    require_type(named, Mapping, "transfers")
-    require(len(named) > 0, "transfers", "none", "", "must be one or more transfer functions")
-    for label, one in named.items():
-        require_type(one, TransferFunction, f"transfers.{label}")
+    named = by_label("transfers", transfers, TransferFunction, "transfer functions")
     first = next(iter(named.values()))
     name = next(iter(first.values)) if channel is None else channel_key(channel)
-    for one in named.values():
+    unit = first.units.get(name)
+    for label, one in named.items():
         require(name in one.values, "channel", name, "", suggestion(name, one.values))
+        same = one.of == first.of and one.units[name] == unit
+        allowed = f"must be over {first.of} in {unit}, as the first one: they share an axis"
+        require(same, f"transfers.{label}", f"over {one.of}", one.units[name], allowed)
     coherent = any(np.any(np.isfinite(one.coherence.get(name, np.nan))) for one in named.values())
     axes = panels(figure, 8.0, 7.0 if coherent else 5.6, 3 if coherent else 2, 1, sharex=True)[:, 0]
-    for colour, (label, one) in zip(COLOURS, named.items(), strict=False):
+    for drawn, (label, one) in zip(cycle(STYLES), named.items(), strict=False):
         # the dwells of a sweep up and down stand in their order in time
         order = np.argsort(one.frequency, kind="stable")
         f, values = one.frequency[order], one.values[name][order]
-        style: Any = {"color": colour, "linewidth": 1.2, "marker": "." if f.size < 60 else None}
+        style: Any = {**drawn, "linewidth": 1.2, "marker": "." if f.size < 60 else None}
         with np.errstate(divide="ignore"):
             axes[0].semilogx(f, 20.0 * np.log10(np.abs(values)), label=label or name, **style)
         axes[1].semilogx(f, np.degrees(np.angle(values)), **style)
         if coherent and name in one.coherence:
             axes[2].semilogx(f, one.coherence[name][order], **style)
-    unit = first.units[name]
-    label_axes(axes[0], "", f"magnitude (dB re 1{'' if unit == '1' else f' {unit}'})", f"{name} over {first.of}")
+    # in two rows: a unit of both is longer than the panel
+    magnitude = "magnitude (dB re 1)" if unit == "1" else f"magnitude\n(dB re 1 {unit})"
+    label_axes(axes[0], "", magnitude, f"{name} over {first.of}")
     label_axes(axes[1], "", "phase (degrees)")
     axes[1].set(ylim=(-185.0, 185.0), yticks=[-180, -90, 0, 90, 180])
     if coherent:
@@ -215,15 +217,11 @@ def shock_response_spectrum(
     InputError
         If there is no spectrum.
     """
-    named = {"": spectra} if isinstance(spectra, ShockResponseSpectrum) else spectra
-    require_type(named, Mapping, "spectra")
-    require(len(named) > 0, "spectra", "none", "", "must be one or more shock response spectra")
-    for label, one in named.items():
-        require_type(one, ShockResponseSpectrum, f"spectra.{label}")
+    named = by_label("spectra", spectra, ShockResponseSpectrum, "shock response spectra")
     axis = panel(ax, 8.0, 4.8)
     read, factor, unit = ("pseudo_velocity", 1.0, "m/s") if pseudo_velocity else ("acceleration", 1.0 / GRAVITY, "g")
-    for colour, (label, one) in zip(COLOURS, named.items(), strict=False):
-        axis.loglog(one.frequency, factor * getattr(one, read), color=colour, label=label or "maxi-max")
+    for drawn, (label, one) in zip(cycle(STYLES), named.items(), strict=False):
+        axis.loglog(one.frequency, factor * getattr(one, read), **drawn, label=label or "maxi-max")
         if len(named) == 1:
             for side, style in (("positive", "--"), ("negative", ":")):
                 values = factor * getattr(one, f"{side}_{read}")

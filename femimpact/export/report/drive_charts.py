@@ -17,8 +17,9 @@ from femimpact.export.report.charts import MOST_LINES, largest_of
 from femimpact.export.report.page import Section
 from femimpact.export.tables import GRAVITY, unit_text
 from femimpact.response.response import Response
-from femimpact.spectra import drive_history, measured_transfer, shock_response_spectrum, spectrum
-from femimpact.svg import Chart, Line, axis_of, chart_element, element, number_text
+from femimpact.spectra import measured_transfer, shock_response_spectrum, spectrum
+from femimpact.spectra.densities import drive_history, remarks
+from femimpact.svg import Band, Chart, Line, axis_of, chart_element, element, number_text
 
 SHOWN_CYCLES, READINGS, MOST_READINGS = 10, 64, 200_000
 """Cycles of a steady sine that are drawn; readings of a drive in a cycle, and at most in all."""
@@ -137,18 +138,19 @@ def spectra_section(
 def _spectrum_charts(response: Response, name: str) -> list[Chart]:
     history = drive_history(response)
     if isinstance(history, RandomBase):
-        found = spectrum(response, name)
+        found = spectrum(response, name).in_gravity()
         shown = (found.frequency > 0.0) & (found.frequency <= 1.5 * history.frequency)
-        factor, unit = (GRAVITY**-2, "g^2/Hz") if found.unit == "(m/s^2)^2/Hz" else (1.0, found.unit)
-        line = Line(name, found.frequency[shown], factor * found.values[shown])
-        return [_over_frequency(f"Spectral density of {name}", f"density ({unit.replace('^2', '²')})", line)]
+        f, values, low, high = (one[shown] for one in (found.frequency, found.values, found.low, found.high))
+        band = Band(f"{100 * found.confidence:g} % interval", f, low, high)
+        label = f"density ({found.unit.replace('^2', '²')})"
+        return [_over_frequency(f"Spectral density of {name}", label, Line(name, f, values), of=found, bands=(band,))]
     if isinstance(history, Chirp | SteppedSine | HammerBlow):
         transfer = measured_transfer(response, name)
         # the dwells of a sweep up and down stand in their order in time
         order = np.argsort(transfer.frequency, kind="stable")
         line = Line(name, transfer.frequency[order], np.abs(transfer[name])[order])
         over = transfer.of.replace("base.acceleration", "acceleration of the base")
-        return [_over_frequency(f"{name} over the {over}", f"magnitude ({transfer.units[name]})", line)]
+        return [_over_frequency(f"{name} over the {over}", f"magnitude ({transfer.units[name]})", line, of=transfer)]
     return []
 
 
@@ -158,9 +160,18 @@ def _shock_chart(shock: Shock) -> Chart:
     sides = {"positive": found.positive_acceleration, "negative": found.negative_acceleration}
     lines = [Line(side, f, np.where(y > 0.0, y, np.nan) / GRAVITY, 1 + i) for i, (side, y) in enumerate(sides.items())]
     title = f"Shock response spectrum of the base, damping ratio {SHOCK_RATIO:g}"
-    return _over_frequency(title, "absolute acceleration (g)", *lines, across="natural frequency (Hz)")
+    return _over_frequency(title, "absolute acceleration (g)", *lines, of=found, across="natural frequency (Hz)")
 
 
-def _over_frequency(title: str, label: str, *lines: Line, across: str = "frequency (Hz)") -> Chart:
+def _over_frequency(
+    title: str,
+    label: str,
+    *lines: Line,
+    of: Any = None,  # with notes and warnings, which stand below
+    bands: tuple[Band, ...] = (),
+    across: str = "frequency (Hz)",
+) -> Chart:
     x = axis_of(across, *(line.x for line in lines), logarithmic=True, tight=True)
-    return Chart(title, x, axis_of(label, *(line.y for line in lines), logarithmic=True), lines)
+    y = axis_of(label, *(line.y for line in lines), logarithmic=True)
+    said = () if of is None else remarks(of).values()
+    return Chart(title, x, y, lines, bands, note="; ".join(text for text in said if text))
