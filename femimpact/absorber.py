@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sparse
+import scipy.sparse.linalg
 from scipy.optimize import minimize
 
 from femimpact.arrays import Array, Complex
 from femimpact.errors import LARGEST, instance, place, quantity, require, takes, text
 from femimpact.fem.assembly import assemble
-from femimpact.spectra import transfer_function
 from femimpact.structure.structure import Absorber, Position, Structure
 from femimpact.system.modes import solve_modes
+from femimpact.system.system import System
 
 BAND = (0.3, 2.0)
 """Lowest and highest frequency of the search, over that of the first mode."""
@@ -103,11 +104,7 @@ def tuned_absorber(
     around = 2.0 * max(math.sqrt(ratio), float(modes.damping_ratio[0])) * np.linspace(-1.0, 1.0, POINTS)
     shares = np.concatenate([1.0 + around, np.linspace(BAND[0], highest, POINTS // 2)])
     omega = first * shares[(shares >= BAND[0]) & (shares <= highest)]
-    # balls and stops are left out, and absorbers that there are belong to the structure
-    alone = replace(system, contacts=tuple(pair for pair in system.contacts if not pair.has_walls))
-    frequency = omega / (2.0 * math.pi)
-    to_base = transfer_function(alone, frequency, at, "base.displacement")[at]
-    to_force = transfer_function(alone, frequency, at, force_at=at)[at]
+    to_base, to_force = _structure_alone(system, row, omega)
     start = math.sqrt(1.0 - 0.5 * ratio) / (1.0 + ratio), math.sqrt(0.75 * ratio / ((1.0 + ratio) * (2.0 - ratio)))
 
     def largest(logarithms: Array) -> float:
@@ -130,3 +127,18 @@ def _pull(mass: float, stiffness: float, damping: float, omega: Array) -> Comple
     hung = stiffness + 1j * omega * damping
     inertia = mass * omega**2
     return np.asarray(inertia * hung / (hung - inertia))
+
+
+def _structure_alone(system: System, row: Array, omega: Array) -> tuple[Complex, Complex]:
+    """Displacement of a place over that of the base, and over a force there (m/N), at angular frequencies (rad/s)."""
+    others = [pair for pair in system.contacts if not pair.has_walls]
+    answers = np.empty((omega.size, 2), dtype=complex)
+    for i, w in enumerate(omega):
+        matrix = sparse.csc_array(system.K + 1j * w * system.C - w**2 * system.M)
+        load = w**2 * np.asarray(system.base_load, dtype=complex)
+        for pair in others:
+            pull = _pull(pair.mass, pair.free_stiffness, pair.free_damping, np.array([w]))[0]
+            matrix = matrix - pull * sparse.csc_array(np.outer(pair.direction, pair.direction))
+            load = load + pull * pair.direction
+        answers[i] = row @ scipy.sparse.linalg.spsolve(matrix, np.column_stack([load, row])).reshape(-1, 2)
+    return answers[:, 0], answers[:, 1]
