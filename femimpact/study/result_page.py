@@ -14,6 +14,7 @@ import numpy as np
 
 from femimpact.errors import require, require_path
 from femimpact.excitation import SteppedSine
+from femimpact.excitation.excitation import has_cycle
 from femimpact.export.placed import DrawnSystem, drawn_system, placed_structure
 from femimpact.export.report.charts import (
     axis_section,
@@ -414,9 +415,9 @@ def _motion(results: ResultReading) -> list[Section]:
 
 
 def _system_of(study: Study) -> DrawnSystem:
-    """Places and contacts of a study, with its modes unless they need the file of its mesh."""
+    """Places and contacts of a study; its modes too where spectra need them and they do not need the file of its mesh."""
     drawn = drawn_system(study.structure, {})
-    return drawn if study.mesh.file else replace(drawn, modes=modes_of(build(study)[1], MODES))
+    return drawn if study.mesh.file or has_cycle(study.excitation) else replace(drawn, modes=modes_of(build(study)[1], MODES))
 
 
 def _energy(results: ResultReading) -> list[Section]:
