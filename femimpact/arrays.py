@@ -1,4 +1,4 @@
-"""Types of arrays."""
+"""Types of arrays, and the interval of evenly spaced times."""
 
 from __future__ import annotations
 
@@ -8,3 +8,22 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Integers = NDArray[np.int64]
+
+UNEVEN = 0.25
+"""Share of the interval by which a time may lie off the even grid: rounding is less, a lost sample half or more."""
+
+
+def even_interval(time: Array) -> tuple[float, int]:
+    """Interval (s) of evenly spaced times, and the number of the first that is none of them; -1 where all are."""
+    interval = float(time[-1] - time[0]) / (time.size - 1)
+    steps = np.diff(time)
+    # in place: each of these arrays is 80 MB of a long record
+    off = np.arange(time.size, dtype=float)
+    off *= interval
+    off += time[0]
+    np.abs(np.subtract(time, off, out=off), out=off)
+    if float(steps.min()) > 0.0 and float(off.max()) <= UNEVEN * interval:
+        return interval, -1
+    usual = float(np.median(steps))
+    bad = np.flatnonzero(~((steps > 0.0) & (np.abs(steps - usual) <= 2.0 * UNEVEN * usual)))
+    return interval, int(bad[0]) + 1 if bad.size else int(np.argmax(off))

@@ -56,6 +56,7 @@ DAMAGED = {
     "line 2, column 1: a text is no finite number": ["0.00,nan", *LINES[1:]],
     "line 5, column 1: nothing is no finite number": [*LINES[:3], "0.03", *LINES[4:]],
     "line 8: the time does not rise": [*LINES[:6], LINES[5], *LINES[7:]],
+    "is uneven": [f"{0.01 * i + 0.003 * (i % 2):.3f},1" for i in range(20)],
     "more numbers than the header has names": [line.replace(".", ",") for line in LINES],
 }
 
@@ -89,6 +90,63 @@ def test_what_is_written_is_read(tmp_path, name):
         np.testing.assert_allclose(found[each], record[each], rtol=1e-11)
         assert found[each].attrs["units"] == record[each].attrs["units"]
     np.testing.assert_allclose(found["time"], record["time"], rtol=1e-5)
+
+
+@pytest.mark.parametrize(("unit", "seconds"), [("ms", 1e-3), ("NONE", 1.0), ("SEC", 1.0), ("mm", None), ("days", None)])
+def test_the_unit_of_the_time_of_a_uff_file_is_applied_and_said(tmp_path, unit, seconds):
+    pytest.importorskip("pyuff")
+    text = fi.write_record(tmp_path / "s.uff", fi.read_record(written(tmp_path, "time,tip\ns,mm\n" + ROWS))).read_text()
+    path = written(
+        tmp_path, text.replace(" NONE                 s   ", f" NONE                 {unit:4}", 1), "other.uff"
+    )
+    if seconds is None:
+        with pytest.raises(fi.InputError, match=f"in '{unit}': must be in a unit of s"):
+            fi.read_record(path)
+        return
+    found = fi.read_record(path)
+    assert found["time"].to_numpy() == pytest.approx(0.01 * seconds * np.arange(20), rel=1e-12)
+    assert found.attrs["notes"][0].startswith("the time is in " + ("s" if unit == "NONE" else unit))
+
+
+def test_a_binary_uff_file_with_what_is_no_number_is_refused(tmp_path):
+    pytest.importorskip("pyuff")
+    text = fi.write_record(tmp_path / "s.uff", fi.read_record(written(tmp_path, ROWS, "in.csv"))).read_text()
+    lines = text.split("\n")
+    binary = "    58b     1     2          11         160     0     0           0           0"
+    head = "\n".join([lines[0], binary, *lines[2:13]]) + "\n"
+    for values in (VALUES, np.where(np.arange(20) == 5, np.nan, VALUES)):
+        (tmp_path / "b.uff").write_bytes(head.encode() + values.astype("<f8").tobytes() + b"\n    -1\n")
+        if np.isfinite(values).all():
+            assert fi.read_record(tmp_path / "b.uff")["column 1"].to_numpy().tolist() == VALUES.tolist()
+        else:
+            with pytest.raises(fi.InputError, match="sample 6: is no finite number"):
+                fi.read_record(tmp_path / "b.uff")
+
+
+@pytest.mark.parametrize("name", ["out.csv", "out.uff"])
+def test_what_is_written_is_what_was_there_or_is_refused(tmp_path, name):
+    xarray = pytest.importorskip("xarray")
+    if name.endswith("uff"):
+        pytest.importorskip("pyuff")
+
+    def dataset(time, values, unit="m", signal="tip", of_time="s"):
+        return xarray.Dataset({signal: ("time", values, {"units": unit})}, {"time": ("time", time, {"units": of_time})})
+
+    time, path = 0.01 * np.arange(20), tmp_path / name
+    found = fi.read_record(fi.write_record(path, dataset(1e3 * time, VALUES, of_time="ms")))
+    np.testing.assert_allclose(found["time"], time, rtol=1e-12)
+    refused = [dataset(time, np.where(time == 0.05, np.nan, VALUES)), dataset(time, VALUES, of_time="m")]
+    refused += [dataset(time**1.5, VALUES), dataset(time[:1], VALUES[:1])] if name.endswith("uff") else []
+    for one in refused:
+        path.unlink(missing_ok=True)
+        with pytest.raises(fi.InputError, match="must h"):
+            fi.write_record(path, one)
+        assert not path.exists()
+    # a name that is no text, and marks in names and units
+    assert "0" in fi.read_record(fi.write_record(path, dataset(time, VALUES, signal=0)))
+    found = fi.read_record(fi.write_record(path, dataset(time, VALUES, unit="m,\nor so", signal="a\nb")))
+    np.testing.assert_allclose(found["a b"], VALUES, rtol=1e-11)
+    assert found["a b"].attrs["units"] == "m or so"
 
 
 # pyuff leaves the file of what it has written to the garbage collector

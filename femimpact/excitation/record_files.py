@@ -10,11 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from femimpact.arrays import Array
+from femimpact.arrays import Array, even_interval
 from femimpact.errors import Fault, InputError, InputWarning, checked, instance, optional, quantity, require
 from femimpact.excitation.records import (
     MOST_BYTES,
-    UNEVEN,
     has_decimal_commas,
     is_column,
     line_of_row,
@@ -33,6 +32,9 @@ MOST_SAMPLES = 10_000_000
 
 TIMES = re.compile(r"(t|time|zeit|temps|tiempo|tempo)\b.*", re.IGNORECASE)
 """Names of a column of time."""
+
+SECONDS = ("", "sec", "second", "seconds")
+"""Names of s in UFF files, in small letters."""
 
 UFF = (".uff", ".unv", ".bunv")
 """Endings of the names of UFF files."""
@@ -166,19 +168,13 @@ def _in_si(name: str, values: Array, unit: str, notes: list[str]) -> tuple[Array
 def _require_even(time: Array, path: str | Path, line: Any) -> None:
     """Refuse times that are not evenly spaced; `line` gives the line of a row."""
     require(time.size >= 2, "path", str(path), "", "must hold 2 or more rows of numbers")
-    steps = np.diff(time)
-    interval = float(np.median(steps))
-    bad = np.flatnonzero(~(steps > 0.0) | (np.abs(steps - interval) > 2.0 * UNEVEN * abs(interval)))
-    if bad.size:
-        row = int(bad[0]) + 1
-        kind = (
-            "does not rise" if steps[row - 1] <= 0.0 else "leaves a gap" if steps[row - 1] > interval else "is uneven"
-        )
-        allowed = f"{line(row)}: the time {kind}: a step of {steps[row - 1]:.6g} s, and {interval:.6g} s is usual"
-        raise InputError([Fault("path", str(path), "", allowed)])
-    drift = np.abs(time - time[0] - (time[-1] - time[0]) / (time.size - 1) * np.arange(time.size))
-    allowed = f"{line(int(np.argmax(drift)))}: must have evenly spaced times: resample it first (numpy.interp)"
-    require(float(drift.max()) <= 2.0 * UNEVEN * interval, "path", str(path), "", allowed)
+    bad = even_interval(time)[1]
+    if bad < 0:
+        return
+    step, usual = float(time[bad] - time[max(bad - 1, 0)]), float(np.median(np.diff(time)))
+    kind = "does not rise" if step <= 0.0 else "leaves a gap" if step > 1.5 * usual else "is uneven: resample it first"
+    allowed = f"{line(bad)}: the time {kind}: a step of {step:.6g} s, and {usual:.6g} s is usual"
+    raise InputError([Fault("path", str(path), "", allowed)])
 
 
 def _dataset(
@@ -254,8 +250,7 @@ def _read_uff(
         chosen = [names.index(c) if isinstance(c, str) else c for c in columns]
         sets, names = [sets[i] for i in chosen], [names[i] for i in chosen]
     notes, signals, times = list[str](), {}, []
-    stated = [str(one.get("ordinate_axis_units_lab", "")).strip().strip("\x00") for one in sets]
-    stated = ["" if unit.upper() in ("NONE", "") else unit for unit in stated]
+    stated = [_label(one, "ordinate") for one in sets]
     for name, unit, one in zip(*_given_units(units, names, stated), sets, strict=True):
         values, x = np.asarray(one["data"]), np.asarray(one["x"], dtype=float)
         require(not np.iscomplexobj(values), "path", str(path), "", f"{name!r} is complex: must be over time")
@@ -266,11 +261,22 @@ def _read_uff(
         allowed = f"{name!r}, sample {int(np.argmin(np.isfinite(values))) + 1}: is no finite number"
         require(bool(np.isfinite(values).all()), "path", str(path), "", allowed)
         signals[name] = _in_si(name, values.astype(float), unit, notes)
-        times.append(x)
+        of_time = _label(one, "abscissa")
+        known = read_unit(of_time, ("s",)) if of_time.lower() not in SECONDS else ("s", 1.0)
+        allowed = f"the time of {name!r} is in {of_time!r}: must be in a unit of s"
+        require(known is not None, "path", str(path), "", allowed)
+        times.append(x * (known[1] if known else 1.0))
+    notes.insert(0, f"the time is in {of_time or 's: no unit is there'}")
     same = all(x.shape == times[0].shape and np.allclose(x, times[0], rtol=1e-9, atol=0.0) for x in times)
     require(same, "columns", names, "", "must be datasets over the same times: choose some by columns")
     _require_even(times[0], path, lambda row: f"sample {row + 1}")
     return _dataset(times[0], signals, notes, path)
+
+
+def _label(dataset: Any, axis: str) -> str:
+    """Unit of an axis of a dataset; empty where it names none."""
+    unit = str(dataset.get(f"{axis}_axis_units_lab", "")).strip("\x00 ")
+    return "" if unit.upper() == "NONE" else unit
 
 
 def _names_of(sets: Sequence[Any]) -> list[str]:

@@ -19,7 +19,7 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from femimpact.arrays import Array
+from femimpact.arrays import Array, even_interval
 from femimpact.errors import (
     Fault,
     InputError,
@@ -39,9 +39,6 @@ from femimpact.excitation.excitation import BrokenLine, times
 from femimpact.excitation.sums import added
 from femimpact.regular_file import decimal_number, open_regular, read_now
 from femimpact.units import read_unit
-
-UNEVEN = 0.25
-"""Share of the interval by which a time may lie off the even grid: rounding is less, a lost sample half or more."""
 
 MOST_LINES = 10_001_000
 """Most lines of the file of a record: 10 million rows, behind a header, are read within 1 GB of memory."""
@@ -450,17 +447,11 @@ def _number(cell: str) -> float:
 
 def _interval(time: Array, path: str | Path) -> float:
     """Time (s) between samples, where it is one."""
-    interval = float(time[-1] - time[0]) / (time.size - 1)
+    interval, bad = even_interval(time)
     steps = np.diff(time)
-    # in place: each of these arrays is 80 MB of a long record
-    off = np.arange(time.size, dtype=float)
-    off *= interval
-    off += time[0]
-    np.abs(np.subtract(time, off, out=off), out=off)
-    even = interval > 0.0 and bool(np.all(steps > 0.0)) and float(off.max()) <= UNEVEN * interval
     allowed = "must have evenly spaced times: a sample is lost, or resample it first (numpy.interp)"
     shown = f"{Path(path).name}, steps of {steps.min():.6g} to {steps.max():.6g} s"
-    require(even, "path", shown, "", allowed)
+    require(bad < 0, "path", shown, "", allowed)
     return interval
 
 

@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from femimpact.arrays import Array
+from femimpact.arrays import Array, even_interval
 from femimpact.errors import checked, instance, require
 from femimpact.excitation.record_files import UFF, load_pyuff
 from femimpact.export.files import atomic_path, atomic_write
 from femimpact.identification import DecayEstimate
+from femimpact.units import read_unit
 
 if TYPE_CHECKING:
     import xarray
@@ -30,7 +31,8 @@ def write_record(path: str | Path, dataset: xarray.Dataset) -> Path:
     ----------
     path : str or Path
     dataset : xarray.Dataset
-        Of signals over one axis, `time` (s), as of `read_record`.
+        Of signals over one axis, `time` (s, or the unit that it names), as of `read_record`. UFF 58 keeps 6 digits of
+        the interval and 12 of a sample.
 
     Returns
     -------
@@ -39,38 +41,50 @@ def write_record(path: str | Path, dataset: xarray.Dataset) -> Path:
     Raises
     ------
     InputError
-        If the dataset has no signal over `time`, or no file can be there.
+        If the dataset has no signal over `time`, holds what is no finite number, its times are not evenly spaced (UFF),
+        or no file can be there.
     """
     file = Path(checked("path", path, instance(str, Path)))
     sound = hasattr(dataset, "data_vars") and "time" in dataset.coords and len(dataset.data_vars) > 0
     sound = sound and all(one.dims == ("time",) and one.dtype.kind in "iuf" for one in dataset.data_vars.values())
     require(sound, "dataset", type(dataset).__name__, "", "must be an xarray.Dataset of numbers over the axis time")
-    time = np.asarray(dataset["time"], dtype=float)
-    signals = {str(name): np.asarray(one, dtype=float) for name, one in dataset.data_vars.items()}
+    unit = str(dataset["time"].attrs.get("units") or "s")
+    known = read_unit(unit, ("s",))
+    require(known is not None, "dataset", unit, "", "must have its time in a unit of s")
+    time = np.asarray(dataset["time"], dtype=float) * (known[1] if known else 1.0)
+    held = [(_cell(name), _cell(one.attrs.get("units", "")), np.asarray(one, dtype=float))
+            for name, one in dataset.data_vars.items()]  # fmt: skip
+    for name, values in (("time", time), *((name, values) for name, _, values in held)):
+        require(bool(np.isfinite(values).all()), "dataset", name, "", "must hold finite numbers")
     with atomic_path(file) as made:
         if file.suffix.lower() in UFF:
-            _write_uff(made, time, signals, {name: str(dataset[name].attrs.get("units", "")) for name in signals})
+            _write_uff(made, time, held)
         else:
-            table = np.column_stack([time, *signals.values()])
-            names = [re.sub(r"[,;\t\n\"#]", " ", name) for name in signals]
-            units = [str(dataset[name].attrs.get("units", "")) or "-" for name in signals]
-            header = "\n".join([",".join(["time", *names]), ",".join(["s", *units])])
+            rows = [["time", *(name for name, _, _ in held)], ["s", *(unit or "-" for _, unit, _ in held)]]
+            header = "\n".join(map(",".join, rows))
+            table = np.column_stack([time, *(values for _, _, values in held)])
             np.savetxt(made, table, fmt="%.17g", delimiter=",", header=header, comments="")
     return file
 
 
-def _write_uff(path: Path, time: Array, signals: dict[str, Array], units: dict[str, str]) -> None:
+def _cell(word: object) -> str:
+    """A name or a unit without what ends a cell or a line."""
+    return re.sub(r"[,;\s\"#]+", " ", str(word)).strip()
+
+
+def _write_uff(path: Path, time: Array, held: list[tuple[str, str, Array]]) -> None:
     pyuff = load_pyuff()
-    step = float(time[-1] - time[0]) / max(time.size - 1, 1)
-    require(math.isfinite(step) and step > 0.0, "dataset", step, "s", "must have rising times")
+    require(time.size >= 2, "dataset", time.size, "samples", "must have 2 or more in a UFF file")
+    step, bad = even_interval(time)
+    require(bad < 0, "dataset", time[max(bad, 0)], "s", "must have evenly spaced times in a UFF file: this one is off")
     sets = [
         pyuff.prepare_58(
             binary=0, func_type=1, rsp_node=i, rsp_dir=3, ref_node=i, ref_dir=3, data=values, x=time, id1=name[:80],
             ord_data_type=4, num_pts=time.size, abscissa_spacing=1, abscissa_min=float(time[0]), abscissa_inc=step,
             abscissa_spec_data_type=17, abscissa_axis_units_lab="s", orddenom_spec_data_type=0,
-            ordinate_spec_data_type=KINDS.get(units[name], 0), ordinate_axis_units_lab=units[name][:20] or "NONE",
+            ordinate_spec_data_type=KINDS.get(unit, 0), ordinate_axis_units_lab=unit[:20] or "NONE",
         )
-        for i, (name, values) in enumerate(signals.items(), 1)
+        for i, (name, unit, values) in enumerate(held, 1)
     ]  # fmt: skip
     pyuff.UFF(str(path)).write_sets(sets, "overwrite")
 

@@ -1,0 +1,202 @@
+"""The damping ratio of a free decay over its amplitude, in windows of 5 cycles."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from femimpact.arrays import Array
+
+CYCLES = 5
+"""Cycles of a window."""
+
+ABOVE_NOISE = 5.0
+"""Least amplitude of a window, by the standard deviation of the noise."""
+
+CHANGES = 0.5
+"""Share of the decrement by which it may change within a window."""
+
+SURE = 3.0
+"""Standard deviations beyond which a change of the decrement is none of noise."""
+
+NEIGHBOURS, SELDOM = 5, 0.005
+"""Windows whose scatter is taken together, and in what share of them white noise may make it so large."""
+
+RIPPLE = 0.02
+"""By how much the ratio in a window hangs on what ratio is meant, by the share of other frequencies in it (rms).
+
+A third harmonic of the share h sqrt(2) gives ln sqrt(x^2 + (x'/omega)^2) a ripple of 2 sqrt(2) h at twice the
+frequency. A line of least squares through it over n cycles takes up to 12/n^3 n/(4 pi) of that per cycle, over 2 pi
+in the ratio: 0.0172 h, and more of higher ones. Sines fitted to whole cycles take nothing. (Derived here.)
+"""
+
+
+def noise_of(x: Array, interval: float, frequency: float) -> float:
+    """Standard deviation of what is faster than 10 times the frequency (Hz), or than half of what is recorded."""
+    taper = np.hanning(x.size + 2)[1:-1]
+    lines = np.abs(np.fft.rfft((x - x.mean()) * taper)) ** 2
+    faster = np.fft.rfftfreq(x.size, interval) >= min(10.0 * frequency, 0.25 / interval)
+    return math.sqrt(float(np.mean(lines[faster])) / float(taper @ taper)) if faster.any() else math.nan
+
+
+@dataclass(frozen=True, eq=False)
+class Window:
+    """Sines of one frequency fitted to the cycles of a window, with an offset and a line."""
+
+    begin: int  # its first sample
+    size: int  # samples
+    frequency: float  # Hz
+    logarithms: Array  # (cycles,) of the amplitudes
+    left: float  # standard deviation of the misfit
+    spread: Array  # (cycles,) of the logarithms by that of the noise
+    from_maxima: float  # the ratio by the largest values of the first and the last cycle
+
+    @property
+    def amplitude(self) -> float:
+        """Geometric mean of those of the cycles."""
+        return math.exp(float(self.logarithms.mean()))
+
+    @property
+    def scatter(self) -> float:
+        """Of the logarithms about a parabola, in squares of the standard deviation of the noise."""
+        curve = np.vander(_ALONG, 3) / self.spread[:, None]
+        straight = self.logarithms / self.spread
+        left = straight - curve @ np.linalg.lstsq(curve, straight, rcond=None)[0]
+        return float(left @ left)
+
+    @property
+    def slope(self) -> float:
+        """Of the logarithm of the amplitude by cycle."""
+        return float(_SLOPE @ self.logarithms)
+
+    @property
+    def change(self) -> tuple[float, float]:
+        """By how much the decrement changes along the window, and the spread of that by the one of the noise."""
+        decrements = -np.diff(self.logarithms)
+        bent, several = abs(float(_CHANGE @ self.logarithms)), float(np.ptp(decrements))
+        if bent > several:
+            return bent, math.sqrt(float(_CHANGE**2 @ self.spread**2))
+        return several, 2.0 * float(np.sqrt(np.mean(self.spread**2)))
+
+
+_ALONG = np.arange(CYCLES) - 0.5 * (CYCLES - 1)
+_SLOPE = _ALONG / (_ALONG @ _ALONG)
+_BENT = _ALONG**2 - np.mean(_ALONG**2)
+_CHANGE = 2.0 * CYCLES * _BENT / (_BENT @ _BENT)
+"""Weights of the logarithms of the cycles."""
+
+
+def _window(x: Array, begin: int, interval: float, frequency: float) -> Window | None:
+    """The fit to 5 cycles from a sample on, at the frequency (Hz) that their phases show; None without one."""
+    decay, size = 0.0, 0
+    for _ in range(4):
+        size = round(CYCLES / (frequency * interval))
+        part = x[begin : begin + size]
+        if size > part.size or size < 3 * CYCLES:
+            return None
+        u = frequency * interval * np.arange(size)
+        cycle = np.minimum(u.astype(int), CYCLES - 1)
+        basis = np.zeros((size, 2 * CYCLES + 2))
+        envelope = np.exp(decay * (u - cycle - 0.5))
+        basis[np.arange(size), 2 * cycle] = np.cos(2.0 * math.pi * u) * envelope
+        basis[np.arange(size), 2 * cycle + 1] = np.sin(2.0 * math.pi * u) * envelope
+        basis[:, -2], basis[:, -1] = 1.0, u / CYCLES - 0.5
+        factors, _, rank, _ = np.linalg.lstsq(basis, part, rcond=None)
+        a, b = factors[:-2:2], factors[1:-2:2]
+        if rank < basis.shape[1] or not np.all(np.hypot(a, b) > 0.0):
+            return None
+        shift = float(_SLOPE @ np.unwrap(np.angle(a - 1j * b))) / (2.0 * math.pi)
+        slope = float(_SLOPE @ np.log(np.hypot(a, b)))
+        if abs(shift) > 0.2:
+            return None
+        if abs(shift) < 1e-5 and abs(slope - decay) < 1e-5:
+            break
+        frequency, decay = frequency * (1.0 + shift), slope
+    misfit = part - basis @ factors
+    left = math.sqrt(float(misfit @ misfit) / max(size - basis.shape[1], 1))
+    logarithms = np.log(np.hypot(a, b))
+    spread = math.sqrt(2.0 * CYCLES / size) / np.exp(logarithms)
+    flat = part - basis[:, -2:] @ factors[-2:]
+    one = round(size / CYCLES)
+    first, last = float(flat[:one].max()), float(flat[-one:].max())
+    maxima = math.log(first / last) / (2.0 * math.pi * (CYCLES - 1)) if first > 0.0 and last > 0.0 else math.nan
+    return Window(begin, size, frequency, logarithms, left, spread, maxima)
+
+
+def windows(
+    time: Array, x: Array, interval: float, frequency: float, noise: float, level: float
+) -> tuple[dict[str, Any], list[str], list[str]]:
+    """Columns of the table over the amplitude by name, warnings, and notes."""
+    from scipy.special import stdtrit
+
+    found, small, unread = _read(x, interval, frequency, noise)
+    wider, freedom = _wider(found, noise)
+    kept = np.array([one.amplitude for one in found]) >= ABOVE_NOISE * noise * wider
+    small += len(kept) - int(kept.sum())
+    rows, changes = list[tuple[float, ...]](), list[float]()
+    for one, width, free in ((found[k], wider[k], freedom[k]) for k in np.flatnonzero(kept)):
+        ratio, amplitude = -one.slope / (2.0 * math.pi), one.amplitude
+        other = math.sqrt(max(one.left**2 - noise**2, 0.0)) / amplitude
+        random = noise * width * math.sqrt(float(_SLOPE**2 @ one.spread**2)) / (2.0 * math.pi)
+        half = float(stdtrit(free, 0.5 + 0.5 * level)) * math.hypot(random, RIPPLE * other)
+        change, spread = one.change
+        if change - SURE * noise * width * spread > CHANGES * abs(one.slope):
+            changes.append(100.0 * change / max(abs(one.slope), 1e-300))
+            half = math.nan
+        middle = time[one.begin] + 0.5 * (one.size - 1) * interval
+        rows.append((middle, amplitude, one.frequency, ratio, ratio - half, ratio + half, one.from_maxima))
+    warnings, notes = [], []
+    if changes:
+        warnings.append(
+            f"no interval of {len(changes)} of {len(rows)} windows: the decrement changes within one by up to "
+            f"{max(changes):.0f} % (at most {100.0 * CHANGES:.0f} %)"
+        )
+    if np.any(wider[kept] > 1.0):
+        notes.append(
+            f"intervals of {int(np.sum(wider[kept] > 1.0))} windows are wider: the amplitudes of their cycles scatter "
+            f"up to {wider[kept].max():.3g} times as much as by the noise above 10 times the frequency"
+        )
+    if small:
+        notes.append(f"{small} windows whose amplitude is below {ABOVE_NOISE:g} times the noise are left out")
+    if unread:
+        notes.append(f"{unread} windows without a motion of about {frequency:.4g} Hz are left out")
+    names = ("time", "amplitude", "frequency", "damping_ratio", "low", "high", "from_maxima")
+    columns = np.array(rows, dtype=float).reshape(-1, len(names)).T
+    return dict(zip(names, columns.copy(), strict=True)), warnings, notes
+
+
+def _read(x: Array, interval: float, frequency: float, noise: float) -> tuple[list[Window], int, int]:
+    """Windows one behind the other, and how many are too small for the noise or have no motion of about a frequency."""
+    found, small, unread, begin, cycle = list[Window](), 0, 0, 0, frequency
+    while math.isfinite(cycle) and round(CYCLES / (cycle * interval)) <= x.size - begin:
+        one = _window(x, begin, interval, cycle)
+        begin += one.size if one else round(CYCLES / (cycle * interval))
+        if one is None or not abs(one.frequency / frequency - 1.0) < 0.2:
+            unread += 1
+        elif one.amplitude < ABOVE_NOISE * noise:
+            small += 1
+        else:
+            cycle = one.frequency
+            found.append(one)
+    return found, small, unread
+
+
+def _wider(found: list[Window], noise: float) -> tuple[Array, Array]:
+    """How many times as wide as by the noise intervals are, and the degrees of freedom of that, of each window.
+
+    Noise that is stronger about the frequency than above 10 times of it, and slow beats, show in how the amplitudes
+    of cycles scatter: two degrees of freedom a window, of neighbouring windows together.
+    """
+    from scipy.special import chdtri
+
+    wider, freedom = np.ones(len(found)), np.full(len(found), 1e9)
+    scatter = np.array([one.scatter for one in found]) / max(noise, 1e-300) ** 2
+    for k in range(len(found)):
+        begin = min(max(k - NEIGHBOURS // 2, 0), max(len(found) - NEIGHBOURS, 0))
+        near = scatter[begin : begin + NEIGHBOURS]
+        if near.sum() > chdtri(2 * near.size, SELDOM):
+            wider[k], freedom[k] = math.sqrt(near.mean() / 2.0), 2 * near.size
+    return wider, freedom
