@@ -98,13 +98,14 @@ def test_the_motion_relative_to_the_base_does_not_depend_on_the_speed_at_which_i
         (
             "t\n0\n0.1\n",
             {},
-            r"columns = \[0, 1\]: must be two columns of numbers in a\.csv.*begins at line 1 with 1 cell: a text",
+            r"columns = 1: must be one of the columns of numbers of a\.csv, which are from line 2 on: \['t'\]",
         ),
-        ("", {}, r"columns = .*it is empty"),
+        ("", {}, r"path = .*must hold rows of numbers, in columns: it is empty"),
+        ("a,b c\n", {}, r"must hold rows of numbers, in columns: it begins at line 1 with 2 cells: a text, a text"),
         (
             "t,a\n0,1\n0.1,2\n",
             {"columns": ("t", "acc")},
-            r"columns = \['t', 'acc'\]: .*begins at line 1 with 2 cells: a text, a text",
+            r"columns = 'acc': must be one of the columns .* from line 2 on: \['t', 'a'\]",
         ),
         ("0,1\n0.1,2\n", {"columns": (0,)}, r"columns = .*must be two"),
         ("0,1\n0.1,2\n", {"detrend": "linear"}, r"detrend = 'linear': must be 'none' or 'mean' or 'line'"),

@@ -223,7 +223,7 @@ def test_a_changed_record_is_written_anew_and_read_as_the_same_study(tmp_path, s
         ("scale = 9.80665", "scale = 0", "base.scale = 0.0: must not be 0"),
         ('"mean"', '"linear"', "base.detrend = 'linear': must be 'none' or 'mean' or 'line'"),
         ('"mean"', '"mean"\ncolumns = [0]', "base.columns = (0,): must be two numbers"),
-        ('"mean"', '"mean"\ncolumns = ["t", "x"]', "base.columns = ['t', 'x']: must be two columns of numbers in"),
+        ('"mean"', '"mean"\ncolumns = ["t", "x"]', "base.columns = 't': must be one of the columns of numbers of "),
         ('"mean"', '"mean"\nduration = 0', "base.duration = 0 s: must be a finite number > 0 s"),
         ('"mean"', '"mean"\nscael = 2.0', "base.scael: unknown; did you mean 'scale'?"),
         ('"mean"', '"mean"\ncontent = "0,1"', "base.content: unknown"),

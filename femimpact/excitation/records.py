@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import codecs
+import csv
 import io
 import itertools
 import math
@@ -10,6 +11,7 @@ import re
 import warnings
 from array import array
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from operator import methodcaller
@@ -38,7 +40,7 @@ from femimpact.errors import text as a_text
 from femimpact.excitation.excitation import BrokenLine, times
 from femimpact.excitation.sums import added
 from femimpact.regular_file import decimal_number, open_regular, read_now
-from femimpact.units import read_unit
+from femimpact.units import UNITS, read_unit
 
 MOST_LINES = 10_001_000
 """Most lines of the file of a record: 10 million rows, behind a header, are read within 1 GB of memory."""
@@ -51,6 +53,9 @@ PIECE = 1 << 23
 
 SHOWN = 4
 """Cells of a line that is no row, of which a fault says what kind they are."""
+
+QUOTES = re.compile(r'"[^"]*"')
+"""Cells in quotes, or what is between two of them."""
 
 MARKS = ";\t,"
 """Separators between cells: the first of these that a line has, or spaces."""
@@ -121,8 +126,9 @@ def samples_of(
     detrend = checked("detrend", detrend, choice("none", "mean", "line"))
     two = isinstance(columns, (tuple, list)) and len(columns) == 2 and all(map(is_column, columns))
     require(two, "columns", columns, "", "must be two numbers from 0 or names of the header, of time and acceleration")
-    places, first = _header(Path(path), text, tuple(columns))
-    seconds, factor, note = _factors(text, places, first, scale, path)
+    header = record_header(text, Path(path))
+    places, first = tuple(header.place(column, Path(path)) for column in columns), header.first
+    seconds, factor, note = _factors(header, places, scale, path)
     time, values = read_columns(text, places, first, Path(path))
     # a long one is as large as all the rest; it goes here where the caller keeps none
     del text
@@ -137,28 +143,52 @@ def samples_of(
 
 
 def _factors(
-    text: str, places: tuple[int, ...], first: int, scale: float | None, path: str | Path
+    header: RecordHeader, places: tuple[int, ...], scale: float | None, path: str | Path
 ) -> tuple[float, float, str]:
     """What times and accelerations are multiplied by for s and m/s^2, and a note where the header's units say so."""
-    before = [fields for _, fields in itertools.takewhile(lambda line: line[0] < first, first_lines(text))]
-    _, units, row = names_and_units(before, places)
+    count = header.name(places[0])
+    allowed = f"must be a column of time: {count!r} counts samples"
+    require(places[0] not in header.counted, "columns", places[0], "", allowed)
     factors, said = [1.0, 1.0 if scale is None else scale], []
     for i, (place, si) in enumerate(zip(places, ("s", "m/s^2"), strict=True)):
-        unit = units.get(place, "")
-        found, known = read_unit(unit, (si,)), read_unit(unit)
-        given, named = scale is not None and i == 1, row or (known is not None and known[0] != "1")
-        if unit and found is None and named and not given:
+        unit, given = header.units.get(place, ""), scale is not None and i == 1
+        (found, factor, note), known = in_si(header.name(place), unit, (si,)), unit_of(unit)
+        named = header.has_row or (known is not None and known[0] != "1")
+        words = f"column {place}: {unit!r} in the header"
+        if given and known is not None and named and (found != si or abs(abs(factors[1]) / factor - 1.0) > SAME):
+            _warn(path, f"{words}, taken as {scale:g} m/s^2 by scale")
+        elif unit and found != si and named and not given:
             allowed = f"column {place} is in {unit} by its header: must be in a unit of {si}{'; or give scale' * i}"
             raise InputError([Fault("path", str(path), "", allowed)])
-        if unit and found is None and not given:
-            words = f"no unit of {si}: taken as {si}{'; scale = 1 says so' * i}"
-            _warn(path, f"column {place}: {unit!r} in the header is {words}")
-        elif given and known is not None and named and (found is None or abs(abs(factors[1]) / found[1] - 1.0) > SAME):
-            _warn(path, f"column {place}: {unit!r} in the header, taken as {scale:g} m/s^2 by scale")
-        elif found is not None and not given and found[1] != 1.0:
-            factors[i] = found[1]
-            said.append(f"{unit} taken as {found[1]:g} {si}")
+        elif unit and found != si and not given:
+            _warn(path, f"{words} is no unit of {si}: taken as {si}{'; scale = 1 says so' * i}")
+        elif found == si and factor != 1.0 and not given:
+            factors[i] = factor
+            said.append(note)
+        elif note.endswith("?") and not given:
+            _warn(path, f"{note} Taken as {si}{'; scale = 1 says so' * i}")
     return factors[0], factors[1], f"{Path(path).name}: {', '.join(said)}, by its header" if said else ""
+
+
+def in_si(name: str, unit: str, among: Iterable[str] = tuple(UNITS)) -> tuple[str, float, str]:
+    """The SI unit, of some, of a column, what its numbers are multiplied by, and a note on what was taken for what."""
+    known = unit_of(unit, among)
+    if known is not None:
+        return *known, f"{name!r} is in {unit}" + f", taken as {known[1]:.6g} {known[0]}" * (known[1] != 1.0)
+    last = re.split(r"[\s_.-]", name)[-1]
+    meant = None if unit or last == "t" else unit_of(last, [one for one in among if one not in ("s", "1", "Hz")])
+    words = f"the unit {unit!r} is not known" if unit else "no unit is there"
+    return (
+        unit,
+        1.0,
+        f"{name!r} is left as it is: {words}" + f"; is it in {last}?" * (meant is not None and meant[1] != 1.0),
+    )
+
+
+def unit_of(word: str, among: Iterable[str] = tuple(UNITS)) -> tuple[str, float] | None:
+    """What `read_unit` finds; words for times are read in capitals too."""
+    time = word.isalpha() and len(word) > 2 and "s" in among
+    return (read_unit(word.lower(), ("s",)) if time else None) or read_unit(word, among)
 
 
 def _warn(path: str | Path, words: str) -> None:
@@ -198,14 +228,26 @@ def read_columns(text: str, places: tuple[int, ...], first: int, path: Path) -> 
     return tuple(map(np.frombuffer, found))
 
 
-BRACKETED = re.compile(r"(.*?)\s*[\[(]([^\[\]()]*(?:\([^()]*\)[^()]*)?)[\])]")
+BRACKETED = re.compile(r"(.*?)[\s/]*[\[(]([^\[\]()]*(?:\([^()]*\)[^()]*)?)[\])]")
 """A name and, in brackets, a unit."""
 
-WITH_WORD = re.compile(r"(.*\S)\s+(?:in|/)\s+(\S+)")
-"""A name and, behind a word, a unit, as "acceleration in g"."""
+BEFORE_UNIT = re.compile(r"\s+in\s+|\s*/\s*")
+"""What stands between a name and a unit, as in "acceleration in g" and "a/g"."""
+
+TIMES = re.compile(r"(t|time|zeit|temps|tiempo|tempo)(?![^\W_])(?:[\s_./-]*(\w*)|.*)", re.IGNORECASE)
+"""Names of a column of time, and what may be its unit, as in "t_ms"."""
+
+COUNTS = re.compile(r"(samples?|index|idx|no|nr|num|number|nummer|sequence|scan|count)\W*", re.IGNORECASE)
+"""Names of a column that counts samples."""
+
+TYPES = ("double", "float", "single", "real", "int", "integer", "number", "numeric", "string", "text")
+"""Words of a row, in small letters, that names the types of the columns."""
 
 SAME = 2e-3
 """Share by which a scale may differ from a unit that it stands for: 9.81 is one g."""
+
+SPLIT = re.compile(r"-0|0\d+|\d{2,}[eE][+-]?\d+", re.ASCII)
+"""Parts of numbers that decimal commas among commas leave, and no whole number is."""
 
 EMPTY = ("", "-", "nan", "inf", "-inf", "null", "none", "n/a", "#n/a")
 """Cells, in small letters, that stand where a number is missing."""
@@ -220,48 +262,80 @@ class RecordHeader:
 
     first: int  # number of the line from which on there are rows
     places: tuple[int, ...]  # of the columns of numbers
-    names: dict[int, str]  # by place
+    cells: dict[int, str]  # of the line of names, by place
+    names: dict[int, str]  # those without a unit, by place
     units: dict[int, str]  # by place, as they are written
+    has_row: bool  # of units
+    left: tuple[str, ...]  # names of other columns, with numbers in some rows or in none
+
+    @property
+    def counted(self) -> list[int]:
+        """Places of columns that count samples, by their names."""
+        return [p for p in self.places if COUNTS.fullmatch(self.name(p)) and not self.units.get(p)]
 
     def name(self, place: int) -> str:
         """Name of a column, made from its number where it has none."""
         return self.names.get(place) or f"column {place}"
 
     def place(self, column: int | str, path: Path) -> int:
-        """Place of a column by its number or its name."""
-        named = {name: place for place, name in reversed(self.names.items())}
+        """Place of a column by its number or its name, with or without a unit."""
+        named = {name: p for names in (self.names, self.cells) for p, name in reversed(names.items())}
         found = named.get(column, -1) if isinstance(column, str) else column
-        shown = [self.name(p) for p in self.places]
-        require(found in self.places, "columns", column, "", f"must be a column of numbers of {path.name}: {shown}")
+        shown = f"{path.name}, which are from line {self.first} on: {[self.name(p) for p in self.places]}"
+        require(found in self.places, "columns", column, "", f"must be one of the columns of numbers of {shown}")
         return found
 
 
 def record_header(text: str, path: Path) -> RecordHeader:
-    """Columns of numbers of a text, their names and units, and where the rows begin."""
+    """Columns of numbers of a text, their names and units, and where the rows begin.
+
+    A fault does not show what stands in a file without rows, which may be no record at all but something secret.
+    """
     tail = text[-MODEL_LETTERS:].splitlines()[-MODEL_LINES:]
     rows = [fields for _, fields in cells_of(tail[1:] if len(text) > MODEL_LETTERS else tail, 1)]
     width = max(map(len, rows), default=0)
-    counts = [sum(p < len(f) and not math.isnan(_number(f[p])) for f in rows) for p in range(width)]
+    counts = [sum(p < len(f) and _is_number(f[p]) for f in rows) for p in range(width)]
     places = tuple(p for p in range(width) if counts[p] > 0 and 2 * counts[p] >= max(counts))
-    before, first = list[list[str]](), 0
-    for i, fields in first_lines(text):
-        numbers = [p < len(fields) and not math.isnan(_number(fields[p])) for p in places]
-        if places and all(numbers):
-            first = i
-            break
-        cells = [fields[p].lower() for p in places if p < len(fields)]
-        rest = [cell for cell, one in zip(cells, numbers, strict=False) if not one]
-        damaged = any(numbers) and (numbers[0] or all(cell in EMPTY for cell in rest)) and len(cells) == len(places)
-        bad = numbers.index(False) if not all(numbers) else 0
-        allowed = f"line {i}, column {places[bad] if places else 0}: {_kind(fields, bad)} is no finite number"
-        require(not damaged, "path", str(path), "", allowed)
-        before.append(fields)
-    require(first > 0, "path", str(path), "", "must hold rows of numbers, in columns: it has none")
-    split = bool(before) and 2 <= len(before[-1]) <= max(places) and _mark("".join(tail[-1:])) == ","
-    allowed = f"line {first}: more numbers than the header has names: is a comma a decimal one? put semicolons between"
-    require(not split, "path", str(path), "", allowed)
-    names, units, _ = names_and_units(before, places)
-    return RecordHeader(first, places, names, units)
+    lines = _rows(text)
+    first, row = next(((i, f) for i, f in lines if _is_row(f, places)), (0, []))
+    before = list(itertools.takewhile(lambda line: line[0] < first or not row, first_lines(text)))
+    require(bool(row), "path", str(path), "", f"must hold rows of numbers, in columns: it {_begin(before)}")
+    head = [row, *(fields for _, fields in itertools.islice(lines, MODEL_LINES))]
+    last, fields = before[-1] if before else (0, list[str]())
+    cells = [fields[p] for p in places] if len(fields) > max(places) else []
+    bad = [i for i, cell in enumerate(cells) if not _is_number(cell)]
+    words = ""
+    if 0 < len(bad) < len(cells) and (bad[0] > 0 or all(cells[i].lower() in EMPTY for i in bad)):
+        words = f"line {last}, column {places[bad[0]]}: {_kind(cells, bad[0])} is no finite number"
+    if _mark("".join(tail[-1:])) == ",":
+        found = [cell for fields in head for cell in fields]
+        if 2 <= len(fields) <= max(places) or (any(map(SPLIT.fullmatch, found)) and not any("." in c for c in found)):
+            words = (
+                f"line {first}: more numbers than names, or parts of numbers: is a comma a decimal one? put semicolons"
+            )
+    require(not words, "path", str(path), "", words)
+    named, units, has_row = names_and_units([fields for _, fields in before], places)
+    names = {p: _name_and_unit(cell)[0] for p, cell in named.items()}
+    some = {p for p, name in names.items() if name and not _is_number(name)}
+    some |= {p for fields in head for p, cell in enumerate(fields) if _is_number(cell)}
+    left = tuple(names.get(p) or f"column {p}" for p in sorted(some - {*places}))
+    return RecordHeader(first, places, named, names, units, has_row, left)
+
+
+def _begin(lines: list[tuple[int, list[str]]]) -> str:
+    """Words for the first line of a text, by the kinds of its cells."""
+    if not lines:
+        return "is empty"
+    number, fields = lines[0]
+    kinds = ", ".join(_kind(fields, place) for place in range(min(len(fields), SHOWN)))
+    more = ", ..." if len(fields) > SHOWN else ""
+    return f"begins at line {number} with {len(fields)} cell{'s' * (len(fields) != 1)}: {kinds}{more}"
+
+
+def _is_row(fields: list[str], places: tuple[int, ...]) -> bool:
+    """True if a line has a number in the first of some places, and numbers or nothing in the others."""
+    whole = len(places) > 0 and len(fields) > max(places) and _is_number(fields[places[0]])
+    return whole and all(_is_number(fields[p]) or fields[p].lower() in EMPTY for p in places)
 
 
 def first_lines(text: str) -> Iterator[tuple[int, list[str]]]:
@@ -275,44 +349,65 @@ def first_lines(text: str) -> Iterator[tuple[int, list[str]]]:
 
 
 def names_and_units(before: list[list[str]], places: tuple[int, ...]) -> tuple[dict[int, str], dict[int, str], bool]:
-    """Names and units by place of the lines before the rows, and whether the last one is a row of units."""
-    fitting = [fields for fields in before if len(fields) > max(places)]
-    units = dict[int, str]()
-    if fitting:
-        plain = {p: fitting[-1][p].strip("[]() ") for p in places}
-        known = [read_unit(unit) is not None for unit in plain.values() if unit not in ("", "-")]
-        # names may read as units alone; with a row above, or a time among them, they are
-        sure = len(fitting) > 1 or any(unit in ("s", "ms", "us") for unit in plain.values())
-        bracketed = all(fitting[-1][p][:1] in "[(" for p in places)
-        if any(known) and (all(known) or plain[places[0]] in ("s", "ms", "us")) and (sure or bracketed):
-            units = {p: unit for p, unit in plain.items() if unit not in ("", "-")}
-            fitting = fitting[:-1]
-    names, row = dict[int, str](), bool(units)
-    for p in places if fitting else ():
-        names[p], unit = _name_and_unit(fitting[-1][p])
+    """Names as written and units by place of the lines before the rows, and whether the last one is a row of units."""
+    fitting = [f for f in before if len(f) > max(places) and not _is_of_types([f[p] for p in places])]
+    row, units, has_row = fitting[-1] if fitting else [], dict[int, str](), False
+    if fitting and _are_units([row[p] for p in places], [f[places[0]] for f in fitting[:-1]]):
+        units = {p: unit for p in places if (unit := row[p].strip("[]() ")) not in ("", "-")}
+        row, has_row = fitting[-2] if len(fitting) > 1 else [], True
+    for p in places if row else ():
+        unit = _name_and_unit(row[p])[1]
         if unit not in ("", "-"):
             units.setdefault(p, unit)
-    return names, units, row
+    return dict(enumerate(row)), units, has_row
+
+
+def _is_of_types(cells: list[str]) -> bool:
+    """True for words of the types of columns, and for lines that are drawn."""
+    return all(cell.lower() in TYPES for cell in cells) or not any(cell.strip("-=_ ") for cell in cells)
+
+
+def _are_units(cells: list[str], above: list[str]) -> bool:
+    """True if cells are units and no names; above them are others of the first column."""
+    words = [cell.strip("[]() ") for cell in cells]
+    # t is a time, and no column in tonnes
+    known = [word != "t" and unit_of(word) is not None for word in words if word not in ("", "-")]
+    # names may read as units alone; with a row above, or a time among them, they are
+    times = [word not in ("h", "min") and unit_of(word, ("s",)) is not None for word in words]
+    if not known or TIMES.fullmatch(words[0]):
+        return False
+    if all(known) and (len(above) > 0 or any(times) or all(cell[:1] in "[(" for cell in cells)):
+        return True
+    # "Second" may be a name; with names above, a time in a unit that is not known is none
+    named = len(above) > 0 and not _is_number(above[-1]) and above[-1] not in ("", "-")
+    if times[0]:
+        return len(above) > 0 or len(words[0]) < len("second")
+    return named and (any(known) or TIMES.fullmatch(above[-1]) is not None)
 
 
 def _name_and_unit(cell: str) -> tuple[str, str]:
     """Name of a column and its unit, "" where the cell has none."""
-    found = BRACKETED.fullmatch(cell) or WITH_WORD.fullmatch(cell)
-    # "a(t)" is no column in tonnes
-    if found is None or found[2] == "t" or (found.re is WITH_WORD and read_unit(found[2]) is None):
-        return cell, ""
-    return found[1] or cell, found[2].strip()
+    if found := BRACKETED.fullmatch(cell):
+        # "a(t)" is no column in tonnes
+        return (cell, "") if found[2] == "t" else (found[1] or cell, found[2].strip())
+    if (found := TIMES.fullmatch(cell)) and found[2] and unit_of(found[2], ("s",)):
+        return found[1], found[2]
+    if unit_of(cell) is not None:
+        # a word for a unit of time is a name too
+        return cell, cell if len(cell) > 3 and unit_of(cell, ("s",)) else ""
+    pairs = ((cell[: mark.start()], cell[mark.end() :]) for mark in BEFORE_UNIT.finditer(cell, 1))
+    return next(((name, unit) for name, unit in pairs if unit != "t" and unit_of(unit)), (cell, ""))
 
 
 def line_of_row(text: str, header: RecordHeader, row: int) -> str:
     """Words for the line of a row, counted from 0."""
-    rows = (i for number, lines in _blocks(text) for i, _ in cells_of(lines, number) if i >= header.first)
+    rows = (i for i, _ in _rows(text) if i >= header.first)
     return f"line {next(itertools.islice(rows, row, None), 0)}"
 
 
 def has_decimal_commas(text: str, header: RecordHeader) -> bool:
     """True where a line of commas has digits alone in every second cell, as decimal commas leave them."""
-    lines = itertools.islice((fields for i, fields in first_lines(text) if i >= header.first), MODEL_LINES)
+    lines = itertools.islice((fields for i, fields in _rows(text) if i >= header.first), MODEL_LINES)
     whole = all(len(fields) % 2 == 0 and all(cell.isdigit() for cell in fields[1::2]) for fields in lines)
     return _mark(text[:MODEL_LETTERS]) == "," and whole
 
@@ -325,6 +420,10 @@ def _blocks(text: str) -> Iterator[tuple[int, list[str]]]:
         lines = text[begin:end].splitlines()
         yield number, lines
         begin, number = end, number + len(lines)
+
+
+def _rows(text: str) -> Iterator[tuple[int, list[str]]]:
+    return itertools.chain.from_iterable(cells_of(lines, number) for number, lines in _blocks(text))
 
 
 def cells_of(lines: Iterable[str], number: int) -> Iterator[tuple[int, list[str]]]:
@@ -379,46 +478,6 @@ def _values(cells: Iterable[tuple[int, list[str]]], places: tuple[int, ...], wid
     return np.array(rows, dtype=float).reshape(-1, len(places))
 
 
-def _header(path: Path, text: str, columns: tuple[int | str, ...]) -> tuple[tuple[int, ...], int]:
-    """Numbers of the two columns, and of the line from which on there are rows.
-
-    A fault does not show what stands in the file, which may be no record at all but something secret.
-    """
-    names = [column for column in columns if isinstance(column, str)]
-    begin = "is empty"
-    rows = (cells for number, lines in _blocks(text) for cells in cells_of(lines, number))
-    for i, fields in rows:
-        if names and not all(name in fields for name in names):
-            # a name may leave out the unit behind it
-            fields = [_name_and_unit(cell)[0] if cell not in names else cell for cell in fields]
-        if names and all(name in fields for name in names):
-            places = tuple(fields.index(column) if isinstance(column, str) else column for column in columns)
-            after, below = next(rows, (i, []))
-            return places, (after if _are_units(below, places) else i) + 1
-        numbers = [column for column in columns if isinstance(column, int) and column < len(fields)]
-        if not names and len(numbers) == 2 and not any(math.isnan(_number(fields[place])) for place in numbers):
-            return (numbers[0], numbers[1]), i
-        if begin == "is empty":
-            kinds = ", ".join(_kind(fields, place) for place in range(min(len(fields), SHOWN)))
-            more = ", ..." if len(fields) > SHOWN else ""
-            begin = f"begins at line {i} with {len(fields)} cell{'s' * (len(fields) != 1)}: {kinds}{more}"
-    try:
-        # of what is no record nothing is shown
-        known = list(record_header(text, path).names.values()) if names else []
-        begin += f"; its names are {known}" * bool(known)
-    except InputError:
-        pass
-    allowed = f"must be two columns of numbers in {path.name}, by number from 0 or by name of its header; it {begin}"
-    raise InputError([Fault("columns", list(columns), "", allowed)])
-
-
-def _are_units(fields: Sequence[str], places: tuple[int, ...]) -> bool:
-    """True if a line has units, of which read_unit knows one, and no number at some places."""
-    cells = [fields[p].strip("[]() ") for p in places if p < len(fields)]
-    known = [read_unit(cell) is not None for cell in cells if cell not in ("", "-")]
-    return len(cells) == len(places) and any(known) and all(math.isnan(_number(cell)) for cell in cells)
-
-
 def _kind(fields: Sequence[str], place: int) -> str:
     """Kind of the cell at a place of a line: "nothing", "a text" or "a number"."""
     if place >= len(fields) or not fields[place]:
@@ -434,8 +493,14 @@ def _mark(line: str) -> str | None:
 def _fields(line: str) -> list[str]:
     """Cells of a line: between semicolons, tabulators or commas, the first of them that it has, or spaces.
 
-    Between semicolons or tabulators a decimal comma is a point.
+    What is in quotes is one cell. Between semicolons or tabulators a decimal comma is a point.
     """
+    if '"' in line.strip(' "'):
+        # a cell beyond what the library takes is no number
+        with suppress(csv.Error):
+            mark = _mark(QUOTES.sub("", line)) or " "
+            cells = next(csv.reader([line.strip(" ")], delimiter=mark, skipinitialspace=True))
+            return [cell.strip().strip('"') for cell in cells]
     return [cell.strip().strip('"') for cell in line.split(_mark(line))]
 
 
@@ -443,6 +508,10 @@ def _number(cell: str) -> float:
     """The number that a cell holds, not a number where it holds none."""
     value = decimal_number(cell.replace(",", "."))
     return math.nan if value is None else value
+
+
+def _is_number(cell: str) -> bool:
+    return not math.isnan(_number(cell))
 
 
 def _interval(time: Array, path: str | Path) -> float:
