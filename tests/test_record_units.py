@@ -8,7 +8,7 @@ import pytest
 
 import femimpact as fi
 from femimpact.excitation import record_files
-from femimpact.excitation.records import record_text
+from femimpact.excitation.columns import record_text
 
 ROWS = "".join(f"{0.01 * i:.2f},{np.cos(i):.5f}\n" for i in range(20))
 VALUES = np.array([round(np.cos(i), 5) for i in range(20)])
@@ -241,6 +241,7 @@ UNITS_OF_TIME = {
     "time,acc\nmsec,g\n": 1e-3, "time,acc\nms,g\nDOUBLE,DOUBLE\n": 1e-3, "time [msec],acc [g]\n": 1e-3,
     "t / ms,acc / (g)\n": 1e-3, "t/ms,acc/g\n": 1e-3, "t_ms,acc in g\n": 1e-3, "Time ms,acc in g\n": 1e-3,
     '"time, of the rig [ms]","acc, z [g]"\n': 1e-3,
+    '"time\n[ms]","acc\n[g]"\n': 1e-3, 'pipe,5" wide\ntime [ms],acc [g]\n': 1e-3,
 }  # fmt: skip
 
 
@@ -348,6 +349,16 @@ def test_samples_are_counted_beside_a_time_and_without_one(tmp_path):
     np.testing.assert_allclose(record["tip"], 1e-3 * VALUES, rtol=1e-15)
     with_numbers = fi.read_record(written(tmp_path, alone.split("mm\n")[1]))
     assert "it counts by 1" in with_numbers.attrs["notes"][0]
+
+
+def test_a_text_of_a_western_spreadsheet_is_read_and_one_with_zeros_is_none(tmp_path):
+    text = "Zeit [s];Beschl. [µm/s²]\n" + GERMAN
+    path = tmp_path / "record.csv"
+    path.write_bytes(text.encode("cp1252"))
+    np.testing.assert_allclose(fi.RecordedBase.from_csv(path).samples, 1e-6 * VALUES, rtol=1e-15)
+    path.write_bytes(text.encode("utf-16"))
+    with pytest.raises(fi.InputError, match="is no text"):
+        fi.read_record(path)
 
 
 def test_a_row_behind_a_mark_is_a_remark(tmp_path):

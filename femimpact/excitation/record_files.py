@@ -11,7 +11,7 @@ import numpy as np
 
 from femimpact.arrays import Array, even_interval
 from femimpact.errors import Fault, InputError, InputWarning, checked, instance, optional, quantity, require
-from femimpact.excitation.records import (
+from femimpact.excitation.columns import (
     MOST_BYTES,
     TIMES,
     RecordHeader,
