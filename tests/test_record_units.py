@@ -220,7 +220,7 @@ def test_what_is_no_unit_of_acceleration_is_refused_or_said(tmp_path):
         with pytest.raises(fi.InputError, match=r"column 1 is in (mm|V) by its header: must be in a unit of m/s\^2"):
             fi.RecordedBase.from_csv(path)
     assert fi.RecordedBase.from_csv(path, scale=3.0).note == ""
-    with pytest.warns(fi.InputWarning, match=r"'raw' in the header is no unit of m/s\^2: .* scale = 1 says so"):
+    with pytest.warns(fi.InputWarning, match=r"the unit 'raw' is not known \(taken as m/s\^2; scale = 1 says so"):
         fi.RecordedBase.from_csv(written(tmp_path, "time [s],a [raw]\n" + ROWS))
     with pytest.raises(fi.InputError, match=r"column 0 is in Hz by its header: must be in a unit of s$"):
         fi.RecordedBase.from_csv(written(tmp_path, "f [Hz],a [g]\n" + ROWS))
@@ -289,7 +289,7 @@ def test_a_row_with_a_unit_that_is_not_known_is_no_row_of_names(tmp_path, header
 def test_a_name_that_may_have_a_unit_is_asked_after(tmp_path):
     path = written(tmp_path, "time,acc_g\n" + ROWS)
     assert fi.read_record(path).attrs["notes"][1].endswith("no unit is there; is it in g?")
-    with pytest.warns(fi.InputWarning, match=r"is it in g\? Taken as m/s\^2; scale = 1 says so"):
+    with pytest.warns(fi.InputWarning, match=r"is it in g\? \(taken as m/s\^2; scale = 1 says so"):
         assert fi.RecordedBase.from_csv(path).samples.tolist() == VALUES.tolist()
     with warnings.catch_warnings():
         warnings.simplefilter("error")

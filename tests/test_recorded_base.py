@@ -91,9 +91,13 @@ def test_the_motion_relative_to_the_base_does_not_depend_on_the_speed_at_which_i
         ("t,a\n0,1\n0.1,x\n", {}, r"line 3, column 1: a text is no finite number"),
         ("t,a\n0,1\n0.1,nan\n", {}, r"line 3, column 1: (a text|a number) is no finite number"),
         ("0,1\n0.1\n", {}, r"line 2, column 1: nothing is no finite number"),
-        ("0,1\n0.1,2\n0.3,3\n", {}, r"steps of 0\.1 to 0\.2 s.*must have evenly spaced times"),
-        ("0,1\n0.1,2\n0.1,3\n", {}, r"must have evenly spaced times"),
-        ("0.1,1\n0,2\n", {}, r"must have evenly spaced times"),
+        (
+            "0,1\n0.1,2\n0.3,3\n",
+            {},
+            r"line 2: the time is uneven: a step of 0\.1 s, and 0\.15 s is usual; resample it first",
+        ),
+        ("0,1\n0.1,2\n0.2,2\n0.2,3\n", {}, r"line 4: the time does not rise: a step of 0 s"),
+        ("0.1,1\n0,2\n", {}, r"line 2: the time does not rise"),
         ("t,a\n0,1\n", {}, r"must hold 2 or more rows"),
         (
             "t\n0\n0.1\n",

@@ -9,7 +9,7 @@ import itertools
 import math
 import re
 from array import array
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from operator import methodcaller
@@ -18,13 +18,8 @@ from typing import BinaryIO
 
 import numpy as np
 
-from femimpact.arrays import Array
-from femimpact.errors import (
-    Fault,
-    InputError,
-    require,
-    require_path,
-)
+from femimpact.arrays import Array, even_interval
+from femimpact.errors import Fault, InputError, require, require_path
 from femimpact.regular_file import decimal_number, open_regular, read_now
 from femimpact.units import UNITS, read_unit
 
@@ -329,6 +324,19 @@ def line_of_row(text: str, header: RecordHeader, row: int) -> str:
     """Words for the line of a row, counted from 0."""
     rows = (i for i, _ in _rows(text) if i >= header.first)
     return f"line {next(itertools.islice(rows, row, None), 0)}"
+
+
+def interval_of(time: Array, path: str | Path, line: Callable[[int], str]) -> float:
+    """Time (s) between evenly spaced samples; `line` has the words for the line of a row."""
+    require(time.size >= 2, "path", str(path), "", "must hold 2 or more rows of numbers")
+    interval, bad = even_interval(time)
+    if bad < 0:
+        return interval
+    step, usual = float(time[bad] - time[max(bad - 1, 0)]), float(np.median(np.diff(time)))
+    kind = "does not rise" if step <= 0.0 else "leaves a gap" if step > 1.5 * usual else "is uneven"
+    steps = f"a step of {step:.6g} s, and {usual:.6g} s is usual"
+    allowed = f"{line(bad)}: the time {kind}: {steps}; resample it first (numpy.interp)"
+    raise InputError([Fault("path", str(path), "", allowed)])
 
 
 def has_decimal_commas(text: str, header: RecordHeader) -> bool:

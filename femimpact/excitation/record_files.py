@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from femimpact.arrays import Array, even_interval
+from femimpact.arrays import Array
 from femimpact.errors import Fault, InputError, InputWarning, checked, instance, optional, quantity, require
 from femimpact.excitation.columns import (
     MOST_BYTES,
@@ -17,6 +17,7 @@ from femimpact.excitation.columns import (
     RecordHeader,
     has_decimal_commas,
     in_si,
+    interval_of,
     is_column,
     line_of_row,
     read_columns,
@@ -104,11 +105,9 @@ def _read(
         places, notes = _places(found, file, rate, pick)
     else:
         places, notes = [found.place(column, file) for column in columns], list[str]()
-    enough = len(places) >= (1 if rate is not None else 2)
-    allowed = (
-        f"{file.name}: must be {'' if rate else 'time and '}a signal or more{'' if rate else '; or give sample_rate'}"
-    )
-    require(enough, "columns", [found.name(p) for p in places], "", allowed)
+    needed = ("a signal", "") if rate is not None else ("time and a signal", "; or give sample_rate")
+    allowed = f"{file.name}: must be {needed[0]} or more{needed[1]}"
+    require(len(places) >= 1 + (rate is None), "columns", [found.name(p) for p in places], "", allowed)
     commas = rate is not None and not found.names and has_decimal_commas(text, found)
     require(not commas, "path", str(path), "", "has commas between digits alone: decimal ones? put semicolons between")
     values = read_columns(text, tuple(places), found.first, file)
@@ -117,21 +116,16 @@ def _read(
         unit, factor, _ = in_si(names[0], stated[0], ("s",))
         require(unit in ("", "s"), "units", unit, "", f"{file.name}: {names[0]!r} must be a time, in a unit of s")
         seconds = factor * values[0]
-        _require_even(seconds, path, lambda row: line_of_row(text, found, row))
-        counts = not unit and bool(seconds[1] - seconds[0] == 1.0)
-        words = (
-            f"in {stated[0] or 's: no unit is there'}" + ", and it counts by 1: give sample_rate if by samples" * counts
-        )
-        notes.insert(0, f"{names[0]!r} is the time, {words}")
+        interval = interval_of(seconds, path, lambda row: line_of_row(text, found, row))
+        counts = ", and it counts by 1: are these samples?" * (not unit and interval == 1.0)
+        notes.insert(0, f"{names[0]!r} is the time, in {stated[0] or 's: no unit is there'}{counts}")
         names, stated, values = names[1:], stated[1:], values[1:]
     else:
         seconds = np.arange(values[0].size) / rate
         notes.insert(0, f"no column of time: {rate:g} samples in a second")
     require(len({*names}) == len(names), "columns", names, "", f"{file.name}: must have different names: give numbers")
-    signals = {
-        name: _scaled(name, column, unit, notes) for name, column, unit in zip(names, values, stated, strict=True)
-    }
-    return _dataset(seconds, signals, notes, path)
+    columns_in_si = (_scaled(*one, notes) for one in zip(names, values, stated, strict=True))
+    return _dataset(seconds, dict(zip(names, columns_in_si, strict=True)), notes, path)
 
 
 def _places(found: RecordHeader, file: Path, rate: float | None, pick: Pick) -> tuple[list[int], list[str]]:
@@ -169,18 +163,6 @@ def _scaled(name: str, values: Array, unit: str, notes: list[str]) -> tuple[Arra
     unit, factor, note = in_si(name, unit)
     notes.append(note)
     return factor * values, unit
-
-
-def _require_even(time: Array, path: str | Path, line: Any) -> None:
-    """Refuse times that are not evenly spaced; `line` gives the line of a row."""
-    require(time.size >= 2, "path", str(path), "", "must hold 2 or more rows of numbers")
-    bad = even_interval(time)[1]
-    if bad < 0:
-        return
-    step, usual = float(time[bad] - time[max(bad - 1, 0)]), float(np.median(np.diff(time)))
-    kind = "does not rise" if step <= 0.0 else "leaves a gap" if step > 1.5 * usual else "is uneven: resample it first"
-    allowed = f"{line(bad)}: the time {kind}: a step of {step:.6g} s, and {usual:.6g} s is usual"
-    raise InputError([Fault("path", str(path), "", allowed)])
 
 
 def _dataset(
@@ -273,7 +255,7 @@ def _read_uff(
     notes.insert(0, f"the time is in {of_time or 's: no unit is there'}")
     same = all(x.shape == times[0].shape and np.allclose(x, times[0], rtol=1e-9, atol=0.0) for x in times)
     require(same, "columns", names, "", "must be datasets over the same times: choose some by columns")
-    _require_even(times[0], path, lambda row: f"sample {row + 1}")
+    interval_of(times[0], path, lambda row: f"sample {row + 1}")
     return _dataset(times[0], signals, notes, path)
 
 

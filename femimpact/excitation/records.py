@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from femimpact.arrays import Array, even_interval
+from femimpact.arrays import Array
 from femimpact.errors import (
     Fault,
     InputError,
@@ -31,7 +31,9 @@ from femimpact.errors import text as a_text
 from femimpact.excitation.columns import (
     RecordHeader,
     in_si,
+    interval_of,
     is_column,
+    line_of_row,
     read_columns,
     record_header,
     record_text,
@@ -64,17 +66,14 @@ def samples_of(
     two = isinstance(columns, (tuple, list)) and len(columns) == 2 and all(map(is_column, columns))
     require(two, "columns", columns, "", "must be two numbers from 0 or names of the header, of time and acceleration")
     header = record_header(text, Path(path))
-    places, first = tuple(header.place(column, Path(path)) for column in columns), header.first
+    places = tuple(header.place(column, Path(path)) for column in columns)
     seconds, factor, note = _factors(header, places, scale, path)
-    time, values = read_columns(text, places, first, Path(path))
-    # a long one is as large as all the rest; it goes here where the caller keeps none
-    del text
-    require(time.size >= 2, "path", str(path), "", "must hold 2 or more rows of numbers")
-    require(
-        bool(values.any()), "columns", tuple(columns), "", "must be time and acceleration: the second holds zeros only"
-    )
-    interval = _interval(time, path) * seconds
+    time, values = read_columns(text, places, header.first, Path(path))
+    time *= seconds
+    interval = interval_of(time, path, lambda row: line_of_row(text, header, row))
     del time
+    zeros = "must be time and acceleration: the second holds zeros only"
+    require(bool(values.any()), "columns", tuple(columns), "", zeros)
     values *= factor
     return _without_trend(values, detrend), interval, note
 
@@ -83,27 +82,24 @@ def _factors(
     header: RecordHeader, places: tuple[int, ...], scale: float | None, path: str | Path
 ) -> tuple[float, float, str]:
     """What times and accelerations are multiplied by for s and m/s^2, and a note where the header's units say so."""
-    count = header.name(places[0])
-    allowed = f"must be a column of time: {count!r} counts samples"
+    allowed = f"must be a column of time: {header.name(places[0])!r} counts samples"
     require(places[0] not in header.counted, "columns", places[0], "", allowed)
     factors, said = [1.0, 1.0 if scale is None else scale], []
     for i, (place, si) in enumerate(zip(places, ("s", "m/s^2"), strict=True)):
-        unit, given = header.units.get(place, ""), scale is not None and i == 1
+        unit = header.units.get(place, "")
         (found, factor, note), known = in_si(header.name(place), unit, (si,)), unit_of(unit)
         named = header.has_row or (known is not None and known[0] != "1")
-        words = f"column {place}: {unit!r} in the header"
-        if given and known is not None and named and (found != si or abs(abs(factors[1]) / factor - 1.0) > SAME):
-            _warn(path, f"{words}, taken as {scale:g} m/s^2 by scale")
-        elif unit and found != si and named and not given:
+        if scale is not None and i == 1:
+            if known is not None and named and (found != si or abs(abs(scale) / factor - 1.0) > SAME):
+                _warn(path, f"column {place}: {unit!r} in the header, taken as {scale:g} m/s^2 by scale")
+        elif found == si:
+            factors[i] = factor
+            said += [note] * (factor != 1.0)
+        elif unit and named:
             allowed = f"column {place} is in {unit} by its header: must be in a unit of {si}{'; or give scale' * i}"
             raise InputError([Fault("path", str(path), "", allowed)])
-        elif unit and found != si and not given:
-            _warn(path, f"{words} is no unit of {si}: taken as {si}{'; scale = 1 says so' * i}")
-        elif found == si and factor != 1.0 and not given:
-            factors[i] = factor
-            said.append(note)
-        elif note.endswith("?") and not given:
-            _warn(path, f"{note} Taken as {si}{'; scale = 1 says so' * i}")
+        elif unit or note.endswith("?"):
+            _warn(path, f"column {place}: {note} (taken as {si}{'; scale = 1 says so' * i})")
     return factors[0], factors[1], f"{Path(path).name}: {', '.join(said)}, by its header" if said else ""
 
 
@@ -122,16 +118,6 @@ def _without_trend(samples: Array, detrend: str) -> Array:
         along *= (along @ samples) / (along @ along)
         samples -= along
     return samples
-
-
-def _interval(time: Array, path: str | Path) -> float:
-    """Time (s) between samples, where it is one."""
-    interval, bad = even_interval(time)
-    steps = np.diff(time)
-    allowed = "must have evenly spaced times: a sample is lost, or resample it first (numpy.interp)"
-    shown = f"{Path(path).name}, steps of {steps.min():.6g} to {steps.max():.6g} s"
-    require(bad < 0, "path", shown, "", allowed)
-    return interval
 
 
 LEAKAGE = 2
