@@ -297,6 +297,13 @@ def test_a_name_that_may_have_a_unit_is_asked_after(tmp_path):
         fi.RecordedBase.from_csv(written(tmp_path, "time,a\n" + ROWS))
 
 
+@pytest.mark.parametrize("name", ["V/s", "samples / s", "T_min", "T_s", "a(t)"])
+def test_a_name_that_only_looks_like_one_with_a_unit_is_a_name(tmp_path, name):
+    record = fi.read_record(written(tmp_path, f"{name},time\n" + "".join(f"1,{0.1 * i:.1f}\n" for i in range(9))))
+    assert list(record.data_vars) == [name]
+    assert record[name].attrs["units"] == ""
+
+
 @pytest.mark.parametrize("rows", ["{},{:+.5f}", "{},{:.5f}", "{},{:.4e}"])
 @pytest.mark.parametrize("header", ["", "time [ms],tip [mm]\n", "Rate,100,Hz\n"])
 def test_decimal_commas_between_commas_are_refused(tmp_path, header, rows):

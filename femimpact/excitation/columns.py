@@ -311,13 +311,16 @@ def _name_and_unit(cell: str) -> tuple[str, str]:
     if found := BRACKETED.fullmatch(cell):
         # "a(t)" is no column in tonnes
         return (cell, "") if found[2] == "t" else (found[1] or cell, found[2].strip())
-    if (found := TIMES.fullmatch(cell)) and found[2] and unit_of(found[2], ("s",)):
+    # T_min and T_s are temperatures
+    if (found := TIMES.fullmatch(cell)) and found[1] != "T" and found[2] != "min" and unit_of(found[2] or "", ("s",)):
         return found[1], found[2]
     if unit_of(cell) is not None:
         # a word for a unit of time is a name too
         return cell, cell if len(cell) > 3 and unit_of(cell, ("s",)) else ""
     pairs = ((cell[: mark.start()], cell[mark.end() :]) for mark in BEFORE_UNIT.finditer(cell, 1))
-    return next(((name, unit) for name, unit in pairs if unit != "t" and unit_of(unit)), (cell, ""))
+    # V/s is a rate, and no voltage in seconds
+    rate = unit_of(cell.rpartition("/")[2].strip(), ("s",)) is not None
+    return next(((name, unit) for name, unit in pairs if not rate and unit != "t" and unit_of(unit)), (cell, ""))
 
 
 def line_of_row(text: str, header: RecordHeader, row: int) -> str:
