@@ -153,8 +153,8 @@ BRACKETED = re.compile(r"(.*?)[\s/]*[\[(]([^\[\]()]*(?:\([^()]*\)[^()]*)?)[\])]"
 BEFORE_UNIT = re.compile(r"\s+in\s+|\s*/\s*")
 """What stands between a name and a unit, as in "acceleration in g" and "a/g"."""
 
-TIMES = re.compile(r"(t|time|zeit|temps|tiempo|tempo)(?![^\W_])(?:[\s_./-]*(\w*)|.*)", re.IGNORECASE)
-"""Names of a column of time, and what may be its unit, as in "t_ms"."""
+TIMES = re.compile(r"(t|T(?!_)|(?i:time|zeit|temps|tiempo|tempo))(?![^\W_])(?:[\s_./-]*(\w*)|.*)")
+"""Names of a column of time, and what may be its unit, as in "t_ms"; T_min is a temperature."""
 
 COUNTS = re.compile(r"(samples?|index|idx|no|nr|num|number|nummer|sequence|scan|count)\W*", re.IGNORECASE)
 """Names of a column that counts samples."""
@@ -311,8 +311,7 @@ def _name_and_unit(cell: str) -> tuple[str, str]:
     if found := BRACKETED.fullmatch(cell):
         # "a(t)" is no column in tonnes
         return (cell, "") if found[2] == "t" else (found[1] or cell, found[2].strip())
-    # T_min and T_s are temperatures
-    if (found := TIMES.fullmatch(cell)) and found[1] != "T" and found[2] != "min" and unit_of(found[2] or "", ("s",)):
+    if (found := TIMES.fullmatch(cell)) and unit_of(found[2] or "", ("s",)):
         return found[1], found[2]
     if unit_of(cell) is not None:
         # a word for a unit of time is a name too
