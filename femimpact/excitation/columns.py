@@ -9,6 +9,7 @@ import itertools
 import math
 import re
 from array import array
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -114,11 +115,8 @@ def in_si(name: str, unit: str, among: Iterable[str] = tuple(UNITS)) -> tuple[st
     last = re.split(r"[\s_.-]", name)[-1]
     meant = None if unit or last == "t" else unit_of(last, [one for one in among if one not in ("s", "1", "Hz")])
     words = f"the unit {unit!r} is not known" if unit else "no unit is there"
-    return (
-        unit,
-        1.0,
-        f"{name!r} is left as it is: {words}" + f"; is it in {last}?" * (meant is not None and meant[1] != 1.0),
-    )
+    words += f"; is it in {last}?" if meant is not None and meant[1] != 1.0 else ""
+    return unit, 1.0, f"{name!r} is left as it is: {words}"
 
 
 def unit_of(word: str, among: Iterable[str] = tuple(UNITS)) -> tuple[str, float] | None:
@@ -214,8 +212,9 @@ def record_header(text: str, path: Path) -> RecordHeader:
     places = tuple(p for p in range(width) if counts[p] > 0 and 2 * counts[p] >= max(counts))
     lines = _rows(text)
     first, row = next(((i, f) for i, f in lines if _is_row(f, places)), (0, []))
-    before = list(itertools.takewhile(lambda line: line[0] < first or not row, first_lines(text)))
-    require(bool(row), "path", str(path), "", f"must hold rows of numbers, in columns: it {_begin(before)}")
+    require(bool(row), "path", str(path), "", "must hold rows of numbers, in columns" + _begin(text) * (not row))
+    # the last of many, as those of a file of remarks
+    before = deque(itertools.takewhile(lambda line: line[0] < first, first_lines(text)), MODEL_LINES)
     head = [row, *(fields for _, fields in itertools.islice(lines, MODEL_LINES))]
     last, fields = before[-1] if before else (0, list[str]())
     cells = [fields[p] for p in places] if len(fields) > max(places) else []
@@ -238,14 +237,13 @@ def record_header(text: str, path: Path) -> RecordHeader:
     return RecordHeader(first, places, named, names, units, has_row, left)
 
 
-def _begin(lines: list[tuple[int, list[str]]]) -> str:
+def _begin(text: str) -> str:
     """Words for the first line of a text, by the kinds of its cells."""
-    if not lines:
-        return "is empty"
-    number, fields = lines[0]
+    number, fields = next(first_lines(text), (0, []))
     kinds = ", ".join(_kind(fields, place) for place in range(min(len(fields), SHOWN)))
     more = ", ..." if len(fields) > SHOWN else ""
-    return f"begins at line {number} with {len(fields)} cell{'s' * (len(fields) != 1)}: {kinds}{more}"
+    begin = f"begins at line {number} with {len(fields)} cell{'s' * (len(fields) != 1)}: {kinds}{more}"
+    return f": it {begin if number else 'is empty'}"
 
 
 def _is_row(fields: list[str], places: tuple[int, ...]) -> bool:

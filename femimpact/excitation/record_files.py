@@ -86,19 +86,21 @@ def read_record(
     if units is not None:
         sound = isinstance(units, (list, tuple)) and len(units) > 0 and all(isinstance(one, str) for one in units)
         require(sound, "units", units, "", 'must be texts, one for each column, as ("s", "mm")')
-    return _read(path, columns, units, rate, lambda names: range(len(names)))
+    return _reader(path)(path, columns, units, rate, lambda names: range(len(names)))
 
 
 Pick = Callable[[list[str]], Sequence[int]]
 """Which signals are read, of their names."""
 
 
-def _read(
+def _reader(path: str | Path) -> Callable[..., xarray.Dataset]:
+    return _read_uff if Path(path).suffix.lower() in UFF else _read_text
+
+
+def _read_text(
     path: str | Path, columns: Sequence[int | str] | None, units: Sequence[str] | None, rate: float | None, pick: Pick
 ) -> xarray.Dataset:
-    """As of `read_record`; some of the signals where no columns are given."""
-    if Path(path).suffix.lower() in UFF:
-        return _read_uff(path, columns, units, rate, pick)
+    """Columns of a text; where none are given, some of the signals."""
     text, file = record_text(path), Path(path)
     found = record_header(text, file)
     if columns is None:
@@ -153,7 +155,7 @@ def _given_units(units: Sequence[str] | None, names: list[str], stated: list[str
     for name, one, other in zip(names, units, stated, strict=True):
         if other and unit_of(one) != unit_of(other):
             warnings.warn(
-                f"units of {name!r}: {one!r} is given, and the file has {other!r}", InputWarning, stacklevel=5
+                f"units of {name!r}: {one!r} is given, and the file has {other!r}", InputWarning, stacklevel=4
             )
     return names, list(units)
 
@@ -191,8 +193,9 @@ def one_signal(
         require(column is None or column in names, "column", column, "", f"must be one of the signals: {names}")
         return [0 if column is None else names.index(column)]
 
-    alone = sample_rate is not None or path.suffix.lower() in UFF
-    return _read(path, None, units[-1:] if units and alone else units, sample_rate, pick)
+    reader = _reader(path)
+    alone = sample_rate is not None or reader is _read_uff
+    return reader(path, None, units[-1:] if units and alone else units, sample_rate, pick)
 
 
 # ---- UFF ---------------------------------------------------------------------------------------------
