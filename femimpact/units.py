@@ -69,6 +69,8 @@ _PREFIXES = {p: Fraction(10) ** n for p, n in (("", 0), *zip("GMkcmun", (9, 6, 3
 _SYMBOLS: Mapping[str, tuple[Fraction, Mapping[str, Any]]] = {
     **{p + name: (f * size, of) for (p, f), (name, (size, of)) in itertools.product(
         _PREFIXES.items(), _WITH_PREFIX.items())},
+    **dict.fromkeys(("secs", "second", "seconds"), (Fraction(1), _TIME)),
+    **dict.fromkeys(("millisecond", "milliseconds"), (Fraction(1, 1000), _TIME)),
     "min": (Fraction(60), _TIME),
     "h": (Fraction(3600), _TIME),
     "in": (_INCH, _LENGTH),

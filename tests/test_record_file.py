@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import femimpact as fi
-from femimpact.excitation import records
+from femimpact.excitation import columns
 
 TIME = np.arange(40) / 64.0
 SAMPLES = np.random.default_rng(3).standard_normal(40)
@@ -33,7 +33,7 @@ WAYS = {
 @pytest.mark.parametrize("piece", [1, 100, 1 << 23])
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
 def test_every_way_of_writing_gives_the_same_samples(tmp_path, monkeypatch, way, piece, end):
-    monkeypatch.setattr(records, "PIECE", piece)
+    monkeypatch.setattr(columns, "PIECE", piece)
     lines = ["time,base", "# a remark", "", *(WAYS[way](*row) for row in ROWS), "  ", "# 1,2"]
     if way == "commas":
         # the first mark counts, line by line
@@ -68,10 +68,10 @@ def test_a_decimal_comma_among_commas_is_refused_and_a_remark_is_not():
 def test_more_lines_than_are_read_are_refused_before_they_are_read(tmp_path, monkeypatch):
     path = tmp_path / "a.csv"
     path.write_text("\n".join(f"{t},{a}" for t, a in ROWS) + "\n")
-    monkeypatch.setattr(records, "MOST_LINES", 40)
+    monkeypatch.setattr(columns, "MOST_LINES", 40)
     assert fi.RecordedBase.from_csv(path).samples.size == 40
-    monkeypatch.setattr(records, "MOST_LINES", 39)
-    monkeypatch.setattr(records, "_decoded", lambda _: pytest.fail("it is read"))
+    monkeypatch.setattr(columns, "MOST_LINES", 39)
+    monkeypatch.setattr(columns, "_decoded", lambda _: pytest.fail("it is read"))
     with pytest.raises(fi.InputError, match="has 40 lines, of which at most 39 are read"):
         fi.RecordedBase.from_csv(path)
 

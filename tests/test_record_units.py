@@ -1,11 +1,14 @@
 """Records with units: what a header says is applied, said, compared or refused."""
 
 import os
+import warnings
 
 import numpy as np
 import pytest
 
 import femimpact as fi
+from femimpact.excitation import record_files
+from femimpact.excitation.columns import record_text
 
 ROWS = "".join(f"{0.01 * i:.2f},{np.cos(i):.5f}\n" for i in range(20))
 VALUES = np.array([round(np.cos(i), 5) for i in range(20)])
@@ -57,7 +60,7 @@ DAMAGED = {
     "line 5, column 1: nothing is no finite number": [*LINES[:3], "0.03", *LINES[4:]],
     "line 8: the time does not rise": [*LINES[:6], LINES[5], *LINES[7:]],
     "is uneven": [f"{0.01 * i + 0.003 * (i % 2):.3f},1" for i in range(20)],
-    "more numbers than the header has names": [line.replace(".", ",") for line in LINES],
+    "more numbers than names": [line.replace(".", ",") for line in LINES],
 }
 
 
@@ -176,7 +179,7 @@ def test_base_from_csv_takes_the_unit_of_its_header(tmp_path):
     for columns in ((0, 1), ("time", "acc")):
         found = fi.RecordedBase.from_csv(g, columns=columns)
         np.testing.assert_allclose(found.samples, 9.80665 * plain.samples, rtol=1e-15)
-        assert "g taken as 9.80665 m/s^2" in found.note
+        assert "'acc' is in g, taken as 9.80665 m/s^2" in found.note
     assert plain.note == ""
     with pytest.raises(fi.InputError, match=r"mm by its header: must be in a unit of m/s\^2"):
         fi.RecordedBase.from_csv(written(tmp_path, "time,acc\ns,mm\n" + ROWS))
@@ -202,7 +205,7 @@ def test_units_beside_the_names_of_a_record_are_those_of_a_row_of_units(tmp_path
     found = fi.RecordedBase.from_csv(path)
     np.testing.assert_allclose(found.samples, 9.80665 * plain.samples, rtol=1e-15)
     assert found.interval == pytest.approx(1e-3 * plain.interval, rel=1e-14)
-    assert "g taken as 9.80665 m/s^2" in found.note.lower()
+    assert "is in g, taken as 9.80665 m/s^2" in found.note.lower()
     # a scale is that of the accelerations, and 9.81 is what many take for g
     scaled = fi.RecordedBase.from_csv(path, scale=9.81)
     assert scaled.interval == found.interval
@@ -217,7 +220,7 @@ def test_what_is_no_unit_of_acceleration_is_refused_or_said(tmp_path):
         with pytest.raises(fi.InputError, match=r"column 1 is in (mm|V) by its header: must be in a unit of m/s\^2"):
             fi.RecordedBase.from_csv(path)
     assert fi.RecordedBase.from_csv(path, scale=3.0).note == ""
-    with pytest.warns(fi.InputWarning, match=r"'raw' in the header is no unit of m/s\^2: .* scale = 1 says so"):
+    with pytest.warns(fi.InputWarning, match=r"the unit 'raw' is not known \(taken as m/s\^2; scale = 1 says so"):
         fi.RecordedBase.from_csv(written(tmp_path, "time [s],a [raw]\n" + ROWS))
     with pytest.raises(fi.InputError, match=r"column 0 is in Hz by its header: must be in a unit of s$"):
         fi.RecordedBase.from_csv(written(tmp_path, "f [Hz],a [g]\n" + ROWS))
@@ -229,5 +232,156 @@ def test_a_name_without_its_unit_finds_a_column_and_others_are_told_the_names(tm
     path = written(tmp_path, "time [ms],acceleration [g]\n" + ROWS)
     found = fi.RecordedBase.from_csv(path, columns=("time", "acceleration"))
     assert found.samples.tolist() == fi.RecordedBase.from_csv(path).samples.tolist()
-    with pytest.raises(fi.InputError, match=r"its names are \['time', 'acceleration'\]"):
+    with pytest.raises(fi.InputError, match=r"'force': must be one of the columns .*: \['time', 'acceleration'\]"):
         fi.RecordedBase.from_csv(path, columns=("time", "force"))
+
+
+UNITS_OF_TIME = {
+    "time,acc\nsec,g\n": 1.0, "time,acc\nSec,g\n": 1.0, "time,acc\nsecs,g\n": 1.0, "Seconds,g\n": 1.0,
+    "time,acc\nmsec,g\n": 1e-3, "time,acc\nms,g\nDOUBLE,DOUBLE\n": 1e-3, "time [msec],acc [g]\n": 1e-3,
+    "t / ms,acc / (g)\n": 1e-3, "t/ms,acc/g\n": 1e-3, "t_ms,acc in g\n": 1e-3, "Time ms,acc in g\n": 1e-3,
+    '"time, of the rig [ms]","acc, z [g]"\n': 1e-3,
+    '"time\n[ms]","acc\n[g]"\n': 1e-3, 'pipe,5" wide\ntime [ms],acc [g]\n': 1e-3,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("header", UNITS_OF_TIME)
+def test_spellings_of_units_in_a_header_mean_the_same(tmp_path, header):
+    path = written(tmp_path, header + ROWS)
+    base, record = fi.RecordedBase.from_csv(path), fi.read_record(path)
+    interval = 0.01 * UNITS_OF_TIME[header]
+    assert base.interval == pytest.approx(interval, rel=1e-14)
+    assert record["time"].to_numpy() == pytest.approx(interval * np.arange(20), rel=1e-14)
+    (name,) = record.data_vars
+    assert record[name].attrs["units"] == "m/s^2"
+    for found in (base.samples, record[name]):
+        # one rounding of the product
+        np.testing.assert_allclose(found, 9.80665 * VALUES, rtol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("header", "words", "others"),
+    [
+        ("time,acc\ns,EU\n", r"column 1 is in EU .*or give scale", None),
+        ("time,acc\nmsec,V\n", r"column 1 is in V .*or give scale", None),
+        ("time,acc\ndays,g\n", "column 0 is in days .*a unit of s$", "'time' must be a time"),
+        ("time,acc\nsamples,EU\n", "column 0 is in samples .*a unit of s$", "'time' must be a time"),
+        ("sample,acc\n", "'sample' counts samples", "'sample' counts samples; give sample_rate"),
+        ("No.,acc\n,g\n", "'No.' counts samples", "'No.' counts samples; give sample_rate"),
+    ],
+)
+def test_a_row_with_a_unit_that_is_not_known_is_no_row_of_names(tmp_path, header, words, others):
+    path = written(tmp_path, header + ROWS)
+    with pytest.raises(fi.InputError, match=words):
+        fi.RecordedBase.from_csv(path)
+    if others is None:
+        assert "the unit" in fi.read_record(path).attrs["notes"][1]
+        assert list(fi.read_record(path).data_vars) == ["acc"]
+    else:
+        with pytest.raises(fi.InputError, match=others):
+            fi.read_record(path)
+        with warnings.catch_warnings():
+            # that it contradicts the file
+            warnings.simplefilter("ignore", fi.InputWarning)
+            assert fi.read_record(path, columns=(0, 1), units=("s", "g"))["time"][1] == 0.01
+
+
+def test_a_name_that_may_have_a_unit_is_asked_after(tmp_path):
+    path = written(tmp_path, "time,acc_g\n" + ROWS)
+    assert fi.read_record(path).attrs["notes"][1].endswith("no unit is there; is it in g?")
+    with pytest.warns(fi.InputWarning, match=r"is it in g\? \(taken as m/s\^2; scale = 1 says so"):
+        assert fi.RecordedBase.from_csv(path).samples.tolist() == VALUES.tolist()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        fi.RecordedBase.from_csv(path, scale=1.0)
+        fi.RecordedBase.from_csv(written(tmp_path, "time,a\n" + ROWS))
+
+
+@pytest.mark.parametrize("name", ["V/s", "samples / s", "T_min", "T_s", "a(t)"])
+def test_a_name_that_only_looks_like_one_with_a_unit_is_a_name(tmp_path, name):
+    record = fi.read_record(written(tmp_path, f"{name},time\n" + "".join(f"1,{0.1 * i:.1f}\n" for i in range(9))))
+    assert list(record.data_vars) == [name]
+    assert record[name].attrs["units"] == ""
+
+
+@pytest.mark.parametrize("rows", ["{},{:+.5f}", "{},{:.5f}", "{},{:.4e}"])
+@pytest.mark.parametrize("header", ["", "time [ms],tip [mm]\n", "Rate,100,Hz\n"])
+def test_decimal_commas_between_commas_are_refused(tmp_path, header, rows):
+    # 10,0,98765: whole milliseconds, so that every row has three cells
+    text = header + "".join(rows.format(10 * i, np.cos(i)).replace(".", ",") + "\n" for i in range(20))
+    for read in (fi.read_record, fi.RecordedBase.from_csv):
+        with pytest.raises(fi.InputError, match="is a comma a decimal one"):
+            read(written(tmp_path, text))
+
+
+def test_what_is_in_quotes_is_one_cell(tmp_path):
+    text = '"time [s]";"tip; left [mm]";"with ""quotes"" [N]"\n' + GERMAN.replace("\n", ";2\n")
+    record = fi.read_record(written(tmp_path, text))
+    assert list(record.data_vars) == ["tip; left", 'with "quotes"']
+    np.testing.assert_allclose(record["tip; left"], 1e-3 * VALUES, rtol=1e-15)
+    quoted = "".join(f'"{line.replace(";", chr(34) + "," + chr(34))}"\n' for line in GERMAN.splitlines())
+    record = fi.read_record(written(tmp_path, '"time [s]","tip, left [mm]"\n' + quoted))
+    np.testing.assert_allclose(record["tip, left"], 1e-3 * VALUES, rtol=1e-15)
+
+
+LATE = [f"{line},{'' if i < 8 else 1}" for i, line in enumerate(LINES)]
+FEW = [f"{line},{'nan' if i % 5 < 3 else 1}" for i, line in enumerate(LINES)]
+
+
+@pytest.mark.parametrize("lines", [[f"{line},{1 if i < 5 else ''}" for i, line in enumerate(LINES)], FEW])
+@pytest.mark.parametrize("header", ["time,tip,force\n", ""])
+def test_a_column_with_few_numbers_is_named_and_is_no_signal(tmp_path, lines, header):
+    record = fi.read_record(written(tmp_path, header + "\n".join(lines)))
+    assert len(record.data_vars) == 1
+    name = "force" if header else "column 2"
+    assert f"{name!r} is left out: few of its rows have numbers, or none" in record.attrs["notes"]
+
+
+def test_a_column_that_begins_late_does_not_hide_the_others(tmp_path):
+    path = written(tmp_path, "time,acc,force\ns,g,N\n" + "\n".join(LATE))
+    base = fi.RecordedBase.from_csv(path)
+    np.testing.assert_allclose(base.samples, 9.80665 * VALUES, rtol=1e-15)
+    with pytest.raises(fi.InputError, match="line 3, column 2: nothing is no finite number"):
+        fi.read_record(path)
+
+
+def test_samples_are_counted_beside_a_time_and_without_one(tmp_path):
+    counted = "".join(f"{i},{line}\n" for i, line in enumerate(LINES))
+    record = fi.read_record(written(tmp_path, "Sample,Time [s],tip [mm]\n" + counted))
+    assert list(record.data_vars) == ["tip"]
+    assert "'Sample' is left out: it counts samples" in record.attrs["notes"]
+    alone = "No.,tip\n,mm\n" + "".join(f"{i},{value}\n" for i, value in enumerate(VALUES))
+    record = fi.read_record(written(tmp_path, alone), sample_rate=100.0)
+    assert record["time"][1] == 0.01
+    np.testing.assert_allclose(record["tip"], 1e-3 * VALUES, rtol=1e-15)
+    with_numbers = fi.read_record(written(tmp_path, alone.split("mm\n")[1]))
+    assert "it counts by 1" in with_numbers.attrs["notes"][0]
+
+
+def test_a_text_of_a_western_spreadsheet_is_read_and_one_with_zeros_is_none(tmp_path):
+    text = "Zeit [s];Beschl. [µm/s²]\n" + GERMAN
+    path = tmp_path / "record.csv"
+    path.write_bytes(text.encode("cp1252"))
+    np.testing.assert_allclose(fi.RecordedBase.from_csv(path).samples, 1e-6 * VALUES, rtol=1e-15)
+    path.write_bytes(text.encode("utf-16"))
+    with pytest.raises(fi.InputError, match="is no text"):
+        fi.read_record(path)
+
+
+def test_a_row_behind_a_mark_is_a_remark(tmp_path):
+    record = fi.read_record(written(tmp_path, "# 12,1\n# 3,4\n# time [s],tip [mm]\n" + ROWS))
+    np.testing.assert_allclose(record["tip"], 1e-3 * VALUES, rtol=1e-15)
+
+
+def test_one_signal_reads_the_file_once(tmp_path, monkeypatch):
+    path = written(tmp_path, "time,tip,force\ns,mm,N\n" + ROWS.replace("\n", ",1.5\n"))
+    read = []
+    monkeypatch.setattr(record_files, "record_text", lambda at: read.append(at) or record_text(at))
+    with pytest.warns(fi.InputWarning, match="units of 'tip': 'cm' is given, and the file has 'mm'"):
+        found = record_files.one_signal(path, "tip", ("s", "cm"), None)
+    np.testing.assert_allclose(found["tip"], 1e-2 * VALUES, rtol=1e-15)
+    assert list(found.data_vars) == ["tip"]
+    assert read == [path]
+    with pytest.raises(fi.InputError, match=r"column: must name one of the signals: \['tip', 'force'\]"):
+        record_files.one_signal(path, None, None, None)
+    assert record_files.one_signal(path, "tip", ("mm",), 50.0)["time"][1] == 0.02

@@ -2,39 +2,36 @@
 
 from __future__ import annotations
 
-import re
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from femimpact.arrays import Array, even_interval
+from femimpact.arrays import Array
 from femimpact.errors import Fault, InputError, InputWarning, checked, instance, optional, quantity, require
-from femimpact.excitation.records import (
+from femimpact.excitation.columns import (
     MOST_BYTES,
+    TIMES,
+    RecordHeader,
     has_decimal_commas,
+    in_si,
+    interval_of,
     is_column,
     line_of_row,
     read_columns,
     record_header,
     record_text,
+    unit_of,
 )
 from femimpact.regular_file import open_regular
-from femimpact.units import read_unit
 
 if TYPE_CHECKING:
     import xarray
 
 MOST_SAMPLES = 10_000_000
 """Most samples of a UFF file by its headers: they take some 1.3 GB and 24 s."""
-
-TIMES = re.compile(r"(t|time|zeit|temps|tiempo|tempo)\b.*", re.IGNORECASE)
-"""Names of a column of time."""
-
-SECONDS = ("", "sec", "second", "seconds")
-"""Names of s in UFF files, in small letters."""
 
 UFF = (".uff", ".unv", ".bunv")
 """Endings of the names of UFF files."""
@@ -89,53 +86,65 @@ def read_record(
     if units is not None:
         sound = isinstance(units, (list, tuple)) and len(units) > 0 and all(isinstance(one, str) for one in units)
         require(sound, "units", units, "", 'must be texts, one for each column, as ("s", "mm")')
-    if Path(path).suffix.lower() in UFF:
-        return _read_uff(path, columns, units, rate)
-    return _read_text(path, columns, units, rate)
+    return _reader(path)(path, columns, units, rate, lambda names: range(len(names)))
+
+
+Pick = Callable[[list[str]], Sequence[int]]
+"""Which signals are read, of their names."""
+
+
+def _reader(path: str | Path) -> Callable[..., xarray.Dataset]:
+    return _read_uff if Path(path).suffix.lower() in UFF else _read_text
 
 
 def _read_text(
-    path: str | Path, columns: Sequence[int | str] | None, units: Sequence[str] | None, rate: float | None
+    path: str | Path, columns: Sequence[int | str] | None, units: Sequence[str] | None, rate: float | None, pick: Pick
 ) -> xarray.Dataset:
-    text, file, notes = record_text(path), Path(path), list[str]()
+    """Columns of a text; where none are given, some of the signals."""
+    text, file = record_text(path), Path(path)
     found = record_header(text, file)
     if columns is None:
-        time = [p for p in found.places if found.units.get(p) and read_unit(found.units[p], ("s",))]
-        time = time or [p for p in found.places if TIMES.fullmatch(found.names.get(p, ""))]
-        places = [p for p in found.places if p not in time[:1]]
-        if rate is not None and time:
-            notes.append(f"the column of time {found.name(time[0])!r} is not used: the sample rate is given")
-        places = (
-            places if rate is not None else (time[:1] or places[:1]) + [p for p in places if time or p != places[0]]
-        )
+        places, notes = _places(found, file, rate, pick)
     else:
-        places = [found.place(column, file) for column in columns]
-    least = 1 if rate is not None else 2
-    allowed = (
-        "must be a column of numbers or more" if rate else "must be time and a signal or more; or give sample_rate"
-    )
-    require(len(places) >= least, "columns", [found.name(p) for p in places], "", f"{file.name}: {allowed}")
+        places, notes = [found.place(column, file) for column in columns], list[str]()
+    needed = ("a signal", "") if rate is not None else ("time and a signal", "; or give sample_rate")
+    allowed = f"{file.name}: must be {needed[0]} or more{needed[1]}"
+    require(len(places) >= 1 + (rate is None), "columns", [found.name(p) for p in places], "", allowed)
     commas = rate is not None and not found.names and has_decimal_commas(text, found)
     require(not commas, "path", str(path), "", "has commas between digits alone: decimal ones? put semicolons between")
     values = read_columns(text, tuple(places), found.first, file)
-    given = _given_units(units, [found.name(p) for p in places], [found.units.get(p, "") for p in places])
-    said: list[list[str]] = [[] for _ in places]
-    scaled = [_in_si(*one) for one in zip(given[0], values, given[1], said, strict=True)]
+    names, stated = _given_units(units, [found.name(p) for p in places], [found.units.get(p, "") for p in places])
     if rate is None:
-        seconds, unit = scaled.pop(0)
-        said.pop(0)
-        require(unit in ("", "s"), "units", unit, "", f"{file.name}: the first column must be a time")
-        notes.insert(0, f"{given[0][0]!r} is the time, in {given[1][0] or 's: no unit is there'}")
-        _require_even(seconds, path, lambda row: line_of_row(text, found, row))
-        names = given[0][1:]
+        unit, factor, _ = in_si(names[0], stated[0], ("s",))
+        require(unit in ("", "s"), "units", unit, "", f"{file.name}: {names[0]!r} must be a time, in a unit of s")
+        seconds = factor * values[0]
+        interval = interval_of(seconds, path, lambda row: line_of_row(text, found, row))
+        counts = ", and it counts by 1: are these samples?" * (not unit and interval == 1.0)
+        notes.insert(0, f"{names[0]!r} is the time, in {stated[0] or 's: no unit is there'}{counts}")
+        names, stated, values = names[1:], stated[1:], values[1:]
     else:
-        seconds, names = np.arange(values[0].size) / rate, given[0]
+        seconds = np.arange(values[0].size) / rate
         notes.insert(0, f"no column of time: {rate:g} samples in a second")
     require(len({*names}) == len(names), "columns", names, "", f"{file.name}: must have different names: give numbers")
-    made = _dataset(seconds, dict(zip(names, scaled, strict=True)), [*notes, *(n for one in said for n in one)], path)
-    for name, place in zip(["time", *names][rate is not None :], places, strict=True):
-        made[name].attrs["column"] = place
-    return made
+    columns_in_si = (_scaled(*one, notes) for one in zip(names, values, stated, strict=True))
+    return _dataset(seconds, dict(zip(names, columns_in_si, strict=True)), notes, path)
+
+
+def _places(found: RecordHeader, file: Path, rate: float | None, pick: Pick) -> tuple[list[int], list[str]]:
+    """Places of time and signals, and notes on the columns that are left out."""
+    time = [p for p in found.places if unit_of(found.units.get(p, ""), ("s",))]
+    time = (time or [p for p in found.places if TIMES.fullmatch(found.names.get(p, ""))])[:1]
+    first = found.places[0]
+    counts = f"must have a column of time: {found.name(first)!r} counts samples; give sample_rate"
+    require(bool(time) or rate is not None or first not in found.counted, "path", str(file), "", counts)
+    time = time or [first][rate is not None :]
+    signals = [p for p in found.places if p not in (*time, *found.counted)]
+    notes = [f"{found.name(p)!r} is left out: it counts samples" for p in found.counted]
+    notes += [f"{name!r} is left out: few of its rows have numbers, or none" for name in found.left]
+    if rate is not None and time:
+        notes.append(f"the column of time {found.name(time[0])!r} is not used: the sample rate is given")
+        time = []
+    return [*time, *(signals[i] for i in pick([found.name(p) for p in signals]))], notes
 
 
 def _given_units(units: Sequence[str] | None, names: list[str], stated: list[str]) -> tuple[list[str], list[str]]:
@@ -144,37 +153,18 @@ def _given_units(units: Sequence[str] | None, names: list[str], stated: list[str
         return names, stated
     require(len(units) == len(names), "units", list(units), "", f"must be one for each of the columns {names}")
     for name, one, other in zip(names, units, stated, strict=True):
-        if other and read_unit(one) != read_unit(other):
+        if other and unit_of(one) != unit_of(other):
             warnings.warn(
-                f"units of {name!r}: {one!r} is given, and the file has {other!r}", InputWarning, stacklevel=5
+                f"units of {name!r}: {one!r} is given, and the file has {other!r}", InputWarning, stacklevel=4
             )
     return names, list(units)
 
 
-def _in_si(name: str, values: Array, unit: str, notes: list[str]) -> tuple[Array, str]:
+def _scaled(name: str, values: Array, unit: str, notes: list[str]) -> tuple[Array, str]:
     """Values in SI and their unit, with a note on what was taken for what."""
-    known = read_unit(unit) if unit else None
-    if known is None:
-        notes.append(
-            f"{name!r} is left as it is: " + (f"the unit {unit!r} is not known" if unit else "no unit is there")
-        )
-        return values, unit
-    if TIMES.fullmatch(name) and known[0] == "s":
-        return values * known[1], "s"
-    notes.append(f"{name!r} is in {unit}" + (f", taken as {known[1]:.6g} {known[0]}" if known[1] != 1.0 else ""))
-    return values * known[1], known[0]
-
-
-def _require_even(time: Array, path: str | Path, line: Any) -> None:
-    """Refuse times that are not evenly spaced; `line` gives the line of a row."""
-    require(time.size >= 2, "path", str(path), "", "must hold 2 or more rows of numbers")
-    bad = even_interval(time)[1]
-    if bad < 0:
-        return
-    step, usual = float(time[bad] - time[max(bad - 1, 0)]), float(np.median(np.diff(time)))
-    kind = "does not rise" if step <= 0.0 else "leaves a gap" if step > 1.5 * usual else "is uneven: resample it first"
-    allowed = f"{line(bad)}: the time {kind}: a step of {step:.6g} s, and {usual:.6g} s is usual"
-    raise InputError([Fault("path", str(path), "", allowed)])
+    unit, factor, note = in_si(name, unit)
+    notes.append(note)
+    return factor * values, unit
 
 
 def _dataset(
@@ -197,18 +187,15 @@ def one_signal(
 
     Raises `InputError` as of `read_record`, or if there are several and none is named.
     """
-    record = read_record(path, sample_rate=sample_rate)
-    names = [str(name) for name in record.data_vars]
-    require(column is not None or len(names) == 1, "column", None, "", f"must name one of the signals: {names}")
-    require(column is None or column in names, "column", column, "", f"must be one of the signals: {names}")
-    chosen = names[0] if column is None else column
-    if units is None:
-        return record[[chosen]]
-    uff = Path(path).suffix.lower() in UFF
-    places = [record["time"].attrs["column"]] if sample_rate is None and not uff else []
-    places.append(chosen if uff else record[chosen].attrs["column"])
-    given = units[-1:] if len(places) == 1 else units
-    return read_record(path, columns=places, units=given, sample_rate=sample_rate)
+
+    def pick(names: list[str]) -> list[int]:
+        require(column is not None or len(names) == 1, "column", None, "", f"must name one of the signals: {names}")
+        require(column is None or column in names, "column", column, "", f"must be one of the signals: {names}")
+        return [0 if column is None else names.index(column)]
+
+    reader = _reader(path)
+    alone = sample_rate is not None or reader is _read_uff
+    return reader(path, None, units[-1:] if units and alone else units, sample_rate, pick)
 
 
 # ---- UFF ---------------------------------------------------------------------------------------------
@@ -225,7 +212,7 @@ def load_pyuff() -> Any:
 
 
 def _read_uff(
-    path: str | Path, columns: Sequence[int | str] | None, units: Sequence[str] | None, rate: float | None
+    path: str | Path, columns: Sequence[int | str] | None, units: Sequence[str] | None, rate: float | None, pick: Pick
 ) -> xarray.Dataset:
     """Datasets 58 of a UFF file, of one number of samples and one interval."""
     require(rate is None, "sample_rate", rate, "Hz", "must not be given with a UFF file, which has its own")
@@ -244,11 +231,12 @@ def _read_uff(
     allowed = f"has {counted} datasets 58 by its headers, of which {len(sets)} can be read: is it cut off?"
     require(len(sets) == counted, "path", str(path), "", allowed)
     names = _names_of(sets)
+    chosen = pick(names)
     if columns is not None:
         missing = [c for c in columns if (c not in names if isinstance(c, str) else c >= len(sets))]
         require(not missing, "columns", missing, "", f"must be among {names}, or their numbers from 0")
         chosen = [names.index(c) if isinstance(c, str) else c for c in columns]
-        sets, names = [sets[i] for i in chosen], [names[i] for i in chosen]
+    sets, names = [sets[i] for i in chosen], [names[i] for i in chosen]
     notes, signals, times = list[str](), {}, []
     stated = [_label(one, "ordinate") for one in sets]
     for name, unit, one in zip(*_given_units(units, names, stated), sets, strict=True):
@@ -260,16 +248,17 @@ def _read_uff(
         require(values.size == stated_count == x.size, "path", str(path), "", allowed)
         allowed = f"{name!r}, sample {int(np.argmin(np.isfinite(values))) + 1}: is no finite number"
         require(bool(np.isfinite(values).all()), "path", str(path), "", allowed)
-        signals[name] = _in_si(name, values.astype(float), unit, notes)
+        signals[name] = _scaled(name, values.astype(float), unit, notes)
         of_time = _label(one, "abscissa")
-        known = read_unit(of_time, ("s",)) if of_time.lower() not in SECONDS else ("s", 1.0)
-        allowed = f"the time of {name!r} is in {of_time!r}: must be in a unit of s"
-        require(known is not None, "path", str(path), "", allowed)
-        times.append(x * (known[1] if known else 1.0))
+        unit, factor, _ = in_si("time", of_time, ("s",))
+        require(
+            unit in ("", "s"), "path", str(path), "", f"the time of {name!r} is in {unit!r}: must be in a unit of s"
+        )
+        times.append(x * factor)
     notes.insert(0, f"the time is in {of_time or 's: no unit is there'}")
     same = all(x.shape == times[0].shape and np.allclose(x, times[0], rtol=1e-9, atol=0.0) for x in times)
     require(same, "columns", names, "", "must be datasets over the same times: choose some by columns")
-    _require_even(times[0], path, lambda row: f"sample {row + 1}")
+    interval_of(times[0], path, lambda row: f"sample {row + 1}")
     return _dataset(times[0], signals, notes, path)
 
 

@@ -2,24 +2,18 @@
 
 from __future__ import annotations
 
-import codecs
-import io
-import itertools
 import math
-import re
 import warnings
-from array import array
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from operator import methodcaller
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from femimpact.arrays import Array, even_interval
+from femimpact.arrays import Array
 from femimpact.errors import (
     Fault,
     InputError,
@@ -32,74 +26,24 @@ from femimpact.errors import (
     quantity,
     real_array,
     require,
-    require_path,
 )
 from femimpact.errors import text as a_text
+from femimpact.excitation.columns import (
+    RecordHeader,
+    in_si,
+    interval_of,
+    is_column,
+    line_of_row,
+    read_columns,
+    record_header,
+    record_text,
+    unit_of,
+)
 from femimpact.excitation.excitation import BrokenLine, times
 from femimpact.excitation.sums import added
-from femimpact.regular_file import decimal_number, open_regular, read_now
-from femimpact.units import read_unit
 
-MOST_LINES = 10_001_000
-"""Most lines of the file of a record: 10 million rows, behind a header, are read within 1 GB of memory."""
-
-MOST_BYTES = 600_000_000
-"""Most bytes of the file of a record: rows of two numbers to the last bit have 51."""
-
-PIECE = 1 << 23
-"""Bytes of a file, or letters of a text, that are gone through at once."""
-
-SHOWN = 4
-"""Cells of a line that is no row, of which a fault says what kind they are."""
-
-MARKS = ";\t,"
-"""Separators between cells: the first of these that a line has, or spaces."""
-
-
-def record_text(path: str | Path) -> str:
-    """Content of the file of a record.
-
-    Raises `InputError` if it cannot be read, is no regular file or no text, or, before it is read, has too many
-    bytes or lines.
-    """
-    require_path(path, "path", "a text file")
-    try:
-        with open_regular(path, MOST_BYTES) as file:
-            lines = _line_count(file)
-            if lines <= MOST_LINES:
-                return _decoded(file)
-            reason = f"has {lines:,} lines, of which at most {MOST_LINES:,} are read"
-    except OSError as error:
-        reason = error.strerror or "cannot be read"
-    except UnicodeDecodeError:
-        reason = "is no text"
-    raise InputError([Fault("path", str(path), "", f"must be a text file of columns: {reason}")])
-
-
-def _pieces(file: BinaryIO) -> Iterator[bytes]:
-    while piece := read_now(file, PIECE):
-        yield piece
-
-
-def _line_count(file: BinaryIO) -> int:
-    """Lines of a file, which is at its beginning again then."""
-    count = 0
-    for piece in _pieces(file):
-        # lines of old Macintosh files end with a carriage return alone
-        count += max(piece.count(b"\n"), piece.count(b"\r"))
-    file.seek(0)
-    return count
-
-
-def _decoded(file: BinaryIO) -> str:
-    """The text of a file, every end of a line a line feed, without a second copy of it in memory."""
-    decoder = io.IncrementalNewlineDecoder(codecs.getincrementaldecoder("utf-8-sig")(), translate=True)
-    text = ""
-    for piece in _pieces(file):
-        # a text that nothing else refers to grows where it is
-        text += decoder.decode(piece)
-    text += decoder.decode(b"", final=True)
-    return text
+SAME = 2e-3
+"""Share by which a scale may differ from a unit that it stands for: 9.81 is one g."""
 
 
 def samples_of(
@@ -121,43 +65,41 @@ def samples_of(
     detrend = checked("detrend", detrend, choice("none", "mean", "line"))
     two = isinstance(columns, (tuple, list)) and len(columns) == 2 and all(map(is_column, columns))
     require(two, "columns", columns, "", "must be two numbers from 0 or names of the header, of time and acceleration")
-    places, first = _header(Path(path), text, tuple(columns))
-    seconds, factor, note = _factors(text, places, first, scale, path)
-    time, values = read_columns(text, places, first, Path(path))
-    # a long one is as large as all the rest; it goes here where the caller keeps none
-    del text
-    require(time.size >= 2, "path", str(path), "", "must hold 2 or more rows of numbers")
-    require(
-        bool(values.any()), "columns", tuple(columns), "", "must be time and acceleration: the second holds zeros only"
-    )
-    interval = _interval(time, path) * seconds
+    header = record_header(text, Path(path))
+    places = tuple(header.place(column, Path(path)) for column in columns)
+    seconds, factor, note = _factors(header, places, scale, path)
+    time, values = read_columns(text, places, header.first, Path(path))
+    time *= seconds
+    interval = interval_of(time, path, lambda row: line_of_row(text, header, row))
     del time
+    zeros = "must be time and acceleration: the second holds zeros only"
+    require(bool(values.any()), "columns", tuple(columns), "", zeros)
     values *= factor
     return _without_trend(values, detrend), interval, note
 
 
 def _factors(
-    text: str, places: tuple[int, ...], first: int, scale: float | None, path: str | Path
+    header: RecordHeader, places: tuple[int, ...], scale: float | None, path: str | Path
 ) -> tuple[float, float, str]:
     """What times and accelerations are multiplied by for s and m/s^2, and a note where the header's units say so."""
-    before = [fields for _, fields in itertools.takewhile(lambda line: line[0] < first, first_lines(text))]
-    _, units, row = names_and_units(before, places)
+    allowed = f"must be a column of time: {header.name(places[0])!r} counts samples"
+    require(places[0] not in header.counted, "columns", places[0], "", allowed)
     factors, said = [1.0, 1.0 if scale is None else scale], []
     for i, (place, si) in enumerate(zip(places, ("s", "m/s^2"), strict=True)):
-        unit = units.get(place, "")
-        found, known = read_unit(unit, (si,)), read_unit(unit)
-        given, named = scale is not None and i == 1, row or (known is not None and known[0] != "1")
-        if unit and found is None and named and not given:
+        unit = header.units.get(place, "")
+        (found, factor, note), known = in_si(header.name(place), unit, (si,)), unit_of(unit)
+        named = header.has_row or (known is not None and known[0] != "1")
+        if scale is not None and i == 1:
+            if known is not None and named and (found != si or abs(abs(scale) / factor - 1.0) > SAME):
+                _warn(path, f"column {place}: {unit!r} in the header, taken as {scale:g} m/s^2 by scale")
+        elif found == si:
+            factors[i] = factor
+            said += [note] * (factor != 1.0)
+        elif unit and named:
             allowed = f"column {place} is in {unit} by its header: must be in a unit of {si}{'; or give scale' * i}"
             raise InputError([Fault("path", str(path), "", allowed)])
-        if unit and found is None and not given:
-            words = f"no unit of {si}: taken as {si}{'; scale = 1 says so' * i}"
-            _warn(path, f"column {place}: {unit!r} in the header is {words}")
-        elif given and known is not None and named and (found is None or abs(abs(factors[1]) / found[1] - 1.0) > SAME):
-            _warn(path, f"column {place}: {unit!r} in the header, taken as {scale:g} m/s^2 by scale")
-        elif found is not None and not given and found[1] != 1.0:
-            factors[i] = found[1]
-            said.append(f"{unit} taken as {found[1]:g} {si}")
+        elif unit or note.endswith("?"):
+            _warn(path, f"column {place}: {note} (taken as {si}{'; scale = 1 says so' * i})")
     return factors[0], factors[1], f"{Path(path).name}: {', '.join(said)}, by its header" if said else ""
 
 
@@ -176,283 +118,6 @@ def _without_trend(samples: Array, detrend: str) -> Array:
         along *= (along @ samples) / (along @ along)
         samples -= along
     return samples
-
-
-def is_column(value: object) -> bool:
-    """True for a number from 0 or a name."""
-    return isinstance(value, str) or (isinstance(value, int) and not isinstance(value, bool) and value >= 0)
-
-
-def read_columns(text: str, places: tuple[int, ...], first: int, path: Path) -> tuple[Array, ...]:
-    """Columns of numbers at some places, from a line on; lines that are empty or begin with # are left out."""
-    # arrays that grow where they are
-    found, width = tuple(array("d") for _ in places), 0
-    for number, lines in _blocks(text):
-        rows = lines[max(first - number, 0) :]
-        width = width or next((len(fields) for _, fields in cells_of(rows, number)), 0)
-        values = _plain_values(rows, places, width)
-        if values is None:
-            values = _values(cells_of(rows, max(first, number)), places, width, path)
-        for column, part in zip(found, values.T, strict=True):
-            column.frombytes(part.tobytes())
-    return tuple(map(np.frombuffer, found))
-
-
-BRACKETED = re.compile(r"(.*?)\s*[\[(]([^\[\]()]*(?:\([^()]*\)[^()]*)?)[\])]")
-"""A name and, in brackets, a unit."""
-
-WITH_WORD = re.compile(r"(.*\S)\s+(?:in|/)\s+(\S+)")
-"""A name and, behind a word, a unit, as "acceleration in g"."""
-
-SAME = 2e-3
-"""Share by which a scale may differ from a unit that it stands for: 9.81 is one g."""
-
-EMPTY = ("", "-", "nan", "inf", "-inf", "null", "none", "n/a", "#n/a")
-"""Cells, in small letters, that stand where a number is missing."""
-
-MODEL_LINES, MODEL_LETTERS = 200, 1 << 16
-"""Lines, of the last letters of a text, that show where its columns of numbers are."""
-
-
-@dataclass(frozen=True)
-class RecordHeader:
-    """What stands before the rows of a file of columns."""
-
-    first: int  # number of the line from which on there are rows
-    places: tuple[int, ...]  # of the columns of numbers
-    names: dict[int, str]  # by place
-    units: dict[int, str]  # by place, as they are written
-
-    def name(self, place: int) -> str:
-        """Name of a column, made from its number where it has none."""
-        return self.names.get(place) or f"column {place}"
-
-    def place(self, column: int | str, path: Path) -> int:
-        """Place of a column by its number or its name."""
-        named = {name: place for place, name in reversed(self.names.items())}
-        found = named.get(column, -1) if isinstance(column, str) else column
-        shown = [self.name(p) for p in self.places]
-        require(found in self.places, "columns", column, "", f"must be a column of numbers of {path.name}: {shown}")
-        return found
-
-
-def record_header(text: str, path: Path) -> RecordHeader:
-    """Columns of numbers of a text, their names and units, and where the rows begin."""
-    tail = text[-MODEL_LETTERS:].splitlines()[-MODEL_LINES:]
-    rows = [fields for _, fields in cells_of(tail[1:] if len(text) > MODEL_LETTERS else tail, 1)]
-    width = max(map(len, rows), default=0)
-    counts = [sum(p < len(f) and not math.isnan(_number(f[p])) for f in rows) for p in range(width)]
-    places = tuple(p for p in range(width) if counts[p] > 0 and 2 * counts[p] >= max(counts))
-    before, first = list[list[str]](), 0
-    for i, fields in first_lines(text):
-        numbers = [p < len(fields) and not math.isnan(_number(fields[p])) for p in places]
-        if places and all(numbers):
-            first = i
-            break
-        cells = [fields[p].lower() for p in places if p < len(fields)]
-        rest = [cell for cell, one in zip(cells, numbers, strict=False) if not one]
-        damaged = any(numbers) and (numbers[0] or all(cell in EMPTY for cell in rest)) and len(cells) == len(places)
-        bad = numbers.index(False) if not all(numbers) else 0
-        allowed = f"line {i}, column {places[bad] if places else 0}: {_kind(fields, bad)} is no finite number"
-        require(not damaged, "path", str(path), "", allowed)
-        before.append(fields)
-    require(first > 0, "path", str(path), "", "must hold rows of numbers, in columns: it has none")
-    split = bool(before) and 2 <= len(before[-1]) <= max(places) and _mark("".join(tail[-1:])) == ","
-    allowed = f"line {first}: more numbers than the header has names: is a comma a decimal one? put semicolons between"
-    require(not split, "path", str(path), "", allowed)
-    names, units, _ = names_and_units(before, places)
-    return RecordHeader(first, places, names, units)
-
-
-def first_lines(text: str) -> Iterator[tuple[int, list[str]]]:
-    """Number and cells of every line that is not empty, those behind a # too as long as no other line came."""
-    commented = True
-    for number, lines in _blocks(text):
-        for i, line in enumerate(lines, number):
-            if line.strip() and (commented or line.lstrip()[0] != "#"):
-                commented = commented and line.lstrip()[0] == "#"
-                yield i, _fields(line.lstrip("# \t") if line.lstrip()[0] == "#" else line)
-
-
-def names_and_units(before: list[list[str]], places: tuple[int, ...]) -> tuple[dict[int, str], dict[int, str], bool]:
-    """Names and units by place of the lines before the rows, and whether the last one is a row of units."""
-    fitting = [fields for fields in before if len(fields) > max(places)]
-    units = dict[int, str]()
-    if fitting:
-        plain = {p: fitting[-1][p].strip("[]() ") for p in places}
-        known = [read_unit(unit) is not None for unit in plain.values() if unit not in ("", "-")]
-        # names may read as units alone; with a row above, or a time among them, they are
-        sure = len(fitting) > 1 or any(unit in ("s", "ms", "us") for unit in plain.values())
-        bracketed = all(fitting[-1][p][:1] in "[(" for p in places)
-        if any(known) and (all(known) or plain[places[0]] in ("s", "ms", "us")) and (sure or bracketed):
-            units = {p: unit for p, unit in plain.items() if unit not in ("", "-")}
-            fitting = fitting[:-1]
-    names, row = dict[int, str](), bool(units)
-    for p in places if fitting else ():
-        names[p], unit = _name_and_unit(fitting[-1][p])
-        if unit not in ("", "-"):
-            units.setdefault(p, unit)
-    return names, units, row
-
-
-def _name_and_unit(cell: str) -> tuple[str, str]:
-    """Name of a column and its unit, "" where the cell has none."""
-    found = BRACKETED.fullmatch(cell) or WITH_WORD.fullmatch(cell)
-    # "a(t)" is no column in tonnes
-    if found is None or found[2] == "t" or (found.re is WITH_WORD and read_unit(found[2]) is None):
-        return cell, ""
-    return found[1] or cell, found[2].strip()
-
-
-def line_of_row(text: str, header: RecordHeader, row: int) -> str:
-    """Words for the line of a row, counted from 0."""
-    rows = (i for number, lines in _blocks(text) for i, _ in cells_of(lines, number) if i >= header.first)
-    return f"line {next(itertools.islice(rows, row, None), 0)}"
-
-
-def has_decimal_commas(text: str, header: RecordHeader) -> bool:
-    """True where a line of commas has digits alone in every second cell, as decimal commas leave them."""
-    lines = itertools.islice((fields for i, fields in first_lines(text) if i >= header.first), MODEL_LINES)
-    whole = all(len(fields) % 2 == 0 and all(cell.isdigit() for cell in fields[1::2]) for fields in lines)
-    return _mark(text[:MODEL_LETTERS]) == "," and whole
-
-
-def _blocks(text: str) -> Iterator[tuple[int, list[str]]]:
-    """Lines of a text, some at once, with the number of the first of them."""
-    begin, number = 0, 1
-    while begin < len(text):
-        end = text.find("\n", begin + PIECE) + 1 or len(text)
-        lines = text[begin:end].splitlines()
-        yield number, lines
-        begin, number = end, number + len(lines)
-
-
-def cells_of(lines: Iterable[str], number: int) -> Iterator[tuple[int, list[str]]]:
-    """Number and cells of every line that is neither empty nor begins with #."""
-    return ((i, _fields(line)) for i, line in enumerate(lines, number) if line.strip() and line.lstrip()[0] != "#")
-
-
-def _plain_values(lines: Sequence[str], places: tuple[int, ...], width: int) -> Array | None:
-    """The values that `_values` finds in lines that are all written in the same plain way; None where they are not."""
-    block = "\n".join(lines)
-    # few files have lines to leave out, and what is asked of each line takes as long as its numbers
-    if "#" in block or not all(lines) or any(map(str.isspace, lines)):
-        lines = [line for line in lines if (begin := line.lstrip()) and begin[0] != "#"]
-        block = "\n".join(lines)
-    if not lines:
-        return np.zeros((0, len(places)))
-    mark = _mark(lines[0])
-    # a line without the mark has no second cell
-    others = MARKS.partition(mark)[0] if mark else MARKS
-    if mark and '"' in block:
-        block = block.replace(f'"{mark}', mark).replace(f'{mark}"', mark)
-        lines = [line.strip().strip('"') for line in block.split("\n")]
-        block = "\n".join(lines)
-    if any(sign in block for sign in others + '"') or max(places) == 0:
-        return None
-    if mark == "," and set(map(methodcaller("count", ","), lines)) != {width - 1}:
-        return None
-    if mark in (";", "\t") and "," in block:
-        lines = block.replace(",", ".").split("\n")
-    try:
-        values = np.loadtxt(lines, delimiter=mark, comments=None, usecols=places, ndmin=2)
-    except ValueError:
-        return None
-    return values if len(values) == len(lines) and np.isfinite(values).all() else None
-
-
-def _values(cells: Iterable[tuple[int, list[str]]], places: tuple[int, ...], width: int, path: Path) -> Array:
-    """The two numbers of every line (rows, 2), or the first line without; `width` counts cells of the first row."""
-    rows = []
-    for i, fields in cells:
-        # the rest of a number with a decimal comma, in a file of commas; words may stand there
-        more = next((cell for cell in fields[width:] if decimal_number(cell) is not None), None)
-        allowed = f"line {i}: a number, {more!r}, behind the {width} cells of the first row: is a comma a decimal one?"
-        require(more is None, "path", str(path), "", allowed)
-        row = []
-        for place in places:
-            value = _number(fields[place]) if place < len(fields) else math.nan
-            allowed = f"line {i}, column {place}: {_kind(fields, place)} is no finite number"
-            require(math.isfinite(value), "path", str(path), "", allowed)
-            row.append(value)
-        rows.append(row)
-    return np.array(rows, dtype=float).reshape(-1, len(places))
-
-
-def _header(path: Path, text: str, columns: tuple[int | str, ...]) -> tuple[tuple[int, ...], int]:
-    """Numbers of the two columns, and of the line from which on there are rows.
-
-    A fault does not show what stands in the file, which may be no record at all but something secret.
-    """
-    names = [column for column in columns if isinstance(column, str)]
-    begin = "is empty"
-    rows = (cells for number, lines in _blocks(text) for cells in cells_of(lines, number))
-    for i, fields in rows:
-        if names and not all(name in fields for name in names):
-            # a name may leave out the unit behind it
-            fields = [_name_and_unit(cell)[0] if cell not in names else cell for cell in fields]
-        if names and all(name in fields for name in names):
-            places = tuple(fields.index(column) if isinstance(column, str) else column for column in columns)
-            after, below = next(rows, (i, []))
-            return places, (after if _are_units(below, places) else i) + 1
-        numbers = [column for column in columns if isinstance(column, int) and column < len(fields)]
-        if not names and len(numbers) == 2 and not any(math.isnan(_number(fields[place])) for place in numbers):
-            return (numbers[0], numbers[1]), i
-        if begin == "is empty":
-            kinds = ", ".join(_kind(fields, place) for place in range(min(len(fields), SHOWN)))
-            more = ", ..." if len(fields) > SHOWN else ""
-            begin = f"begins at line {i} with {len(fields)} cell{'s' * (len(fields) != 1)}: {kinds}{more}"
-    try:
-        # of what is no record nothing is shown
-        known = list(record_header(text, path).names.values()) if names else []
-        begin += f"; its names are {known}" * bool(known)
-    except InputError:
-        pass
-    allowed = f"must be two columns of numbers in {path.name}, by number from 0 or by name of its header; it {begin}"
-    raise InputError([Fault("columns", list(columns), "", allowed)])
-
-
-def _are_units(fields: Sequence[str], places: tuple[int, ...]) -> bool:
-    """True if a line has units, of which read_unit knows one, and no number at some places."""
-    cells = [fields[p].strip("[]() ") for p in places if p < len(fields)]
-    known = [read_unit(cell) is not None for cell in cells if cell not in ("", "-")]
-    return len(cells) == len(places) and any(known) and all(math.isnan(_number(cell)) for cell in cells)
-
-
-def _kind(fields: Sequence[str], place: int) -> str:
-    """Kind of the cell at a place of a line: "nothing", "a text" or "a number"."""
-    if place >= len(fields) or not fields[place]:
-        return "nothing"
-    return "a text" if decimal_number(fields[place].replace(",", ".")) is None else "a number"
-
-
-def _mark(line: str) -> str | None:
-    """The separator of the cells of a line; None is spaces."""
-    return next((mark for mark in MARKS if mark in line), None)
-
-
-def _fields(line: str) -> list[str]:
-    """Cells of a line: between semicolons, tabulators or commas, the first of them that it has, or spaces.
-
-    Between semicolons or tabulators a decimal comma is a point.
-    """
-    return [cell.strip().strip('"') for cell in line.split(_mark(line))]
-
-
-def _number(cell: str) -> float:
-    """The number that a cell holds, not a number where it holds none."""
-    value = decimal_number(cell.replace(",", "."))
-    return math.nan if value is None else value
-
-
-def _interval(time: Array, path: str | Path) -> float:
-    """Time (s) between samples, where it is one."""
-    interval, bad = even_interval(time)
-    steps = np.diff(time)
-    allowed = "must have evenly spaced times: a sample is lost, or resample it first (numpy.interp)"
-    shown = f"{Path(path).name}, steps of {steps.min():.6g} to {steps.max():.6g} s"
-    require(bad < 0, "path", shown, "", allowed)
-    return interval
 
 
 LEAKAGE = 2

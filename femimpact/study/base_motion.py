@@ -23,7 +23,7 @@ from femimpact.errors import (
     text,
 )
 from femimpact.excitation import Chirp, RandomBase, RecordedBase, Shock, Sine, SteppedSine, Sum
-from femimpact.excitation.records import record_text
+from femimpact.excitation.columns import record_text
 
 NUMBER = quantity("1", at_least=0, integer=True)
 """Allowed numbers of a column without a name."""

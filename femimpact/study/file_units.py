@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from femimpact.errors import LARGEST, Fault, InputError
-from femimpact.excitation.records import cells_of, first_lines, names_and_units
+from femimpact.excitation.columns import cells_of, first_lines, names_and_units
 from femimpact.regular_file import decimal_number, read_regular
 from femimpact.response.channels import QUANTITIES
 from femimpact.study.parameter_plan import is_part_of_path

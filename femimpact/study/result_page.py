@@ -415,9 +415,11 @@ def _motion(results: ResultReading) -> list[Section]:
 
 
 def _system_of(study: Study) -> DrawnSystem:
-    """Places and contacts of a study; its modes too where spectra need them and they do not need the file of its mesh."""
+    """Places and contacts of a study; its modes too where spectra need them, and they need no file of a mesh."""
     drawn = drawn_system(study.structure, {})
-    return drawn if study.mesh.file or has_cycle(study.excitation) else replace(drawn, modes=modes_of(build(study)[1], MODES))
+    if study.mesh.file or has_cycle(study.excitation):
+        return drawn
+    return replace(drawn, modes=modes_of(build(study)[1], MODES))
 
 
 def _energy(results: ResultReading) -> list[Section]:
