@@ -238,3 +238,17 @@ def test_bad_levels_are_one_line(make: Any, words: str) -> None:
         make()
     assert words in str(error.value)
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("fade", [0.5, 0.5 + 1e-12, 0.5 - 1e-9, 0.5 + 1e-6])
+def test_a_fade_that_ends_beside_a_knot_has_no_derivatives_of_rounding(fade):
+    # 34 s of 35 Hz: the last fade begins 1e-12 s beside a knot
+    steps = fi.SteppedSine([35.0], seconds=34.0, acceleration=1.0, fade=fade)
+    without = fi.SteppedSine([35.0], seconds=34.0, acceleration=1.0)
+    # a fade of sin^2 adds (pi/fade)^2/omega^2, 1e-3, to the largest derivatives
+    assert steps.closed_form.rate < 1.01 * without.closed_form.rate
+    time = np.linspace(33.4, 33.6, 2001)
+    window = np.where(time < 34.0 - fade, 1.0, np.sin(0.5 * np.pi * (34.0 - time) / fade) ** 2)
+    np.testing.assert_allclose(
+        steps.displacement(time), window * without.displacement(time), rtol=0.0, atol=1e-9 * without.amplitude
+    )

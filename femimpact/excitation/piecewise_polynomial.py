@@ -205,7 +205,27 @@ def fitted(
     """
     h = np.diff(knots)
     values = np.asarray(history(knots[:-1, None] + 0.5 * h[:, None] * (1.0 + NODES)))
-    return PiecewisePolynomial(knots, coefficients_through(values, h), initial[0], initial[1], starts)
+    return PiecewisePolynomial(knots, _of_short_pieces(values, h), initial[0], initial[1], starts)
+
+
+ROUNDED = 1e-8
+"""Share of the values of a piece that may be rounding."""
+
+
+def _of_short_pieces(values: Array, lengths: Array) -> Array:
+    """The polynomials through values, without the derivatives of which pieces much shorter than others show nothing.
+
+    A piece of a thousandth of its neighbour's length has a thousandth to the fifth power of its fifth difference, which
+    is less than the rounding of the values.
+    """
+    found, longer = coefficients_through(values, lengths), lengths.copy()
+    longer[1:], longer[:-1] = np.maximum(longer[1:], lengths[:-1]), np.maximum(longer[:-1], lengths[1:])
+    powers = np.arange(HIGHEST_DEGREE + 1)
+    for i in np.flatnonzero((lengths / longer) ** HIGHEST_DEGREE < ROUNDED):
+        size = np.abs(values[max(i - 1, 0) : i + 2]).max()
+        hidden = (lengths[i] / longer[i]) ** powers < ROUNDED
+        found[i, hidden & (np.abs(found[i]) * lengths[i] ** powers <= ROUNDED * size)] = 0.0
+    return found
 
 
 PIECES_OF_HALF_SINE = 12
