@@ -514,13 +514,16 @@ def _response(run: _Run, stream: Stream, samples: int, begin: float) -> Response
 def _balance_warnings(run: _Run, energy: EnergyLedger) -> list[str]:
     """A warning where the ledger's residual is above its bound, an error where it does not close at all."""
     rounding = 0.0 if run.block.ledger is None else float(run.block.ledger.rounding[0])
-    bound = max(CLOSED, rounding / energy.largest_input) if energy.largest_input > 0.0 else CLOSED
-    if not energy.residual <= BALANCED:
-        raise DivergenceError(unbalanced(energy.residual))
-    if energy.residual <= bound:
+    # what was put in before the readings begin may be all, and rounding is that of it
+    put_in = max(energy.largest_input, float(np.abs(energy.work).max()))
+    residual = energy.residual * (energy.largest_input / put_in) if put_in > 0.0 else energy.residual
+    bound = max(CLOSED, rounding / put_in) if put_in > 0.0 else CLOSED
+    if not residual <= BALANCED:
+        raise DivergenceError(unbalanced(residual))
+    if residual <= bound:
         return []
     return [
-        f"energy residual {energy.residual:.2g} of the energy put in, above {bound:.2g}: an event-driven run "
+        f"energy residual {residual:.2g} of the energy put in, above {bound:.2g}: an event-driven run "
         "closes to rounding unless its modes span too many decades; keep fewer"
     ]
 
