@@ -170,7 +170,20 @@ def test_a_fast_mode_is_not_read_as_a_slow_one(fast, share, modes):
     for mode in found.modes[1:]:
         assert np.isnan(mode.frequency) or mode.frequency == pytest.approx(fast, rel=1e-3)
     # nor is a slow one recommended
-    assert not any("modes=2" in one for one in found.warnings)
+    assert all(f"and {fast:g} Hz" in one for one in found.warnings if "modes=2" in one)
+
+
+@pytest.mark.parametrize(("fast", "ratio", "share", "rate"), [(200.0, 0.005, 1.0, 2000.0), (33.0, 0.005, 0.03, 1000.0)])
+def test_a_mode_that_is_fast_and_short_beside_another_is_found(fast, ratio, share, rate):
+    time = np.arange(0.0, 8.0, 1.0 / rate)
+    y = decay((5.3, 0.005, 1.0, 0.0), (fast, ratio, share, 0.5), noise=0.01, time=time)
+    found = fi.identify_decay(time, y, modes=2)
+    # its interval holds the truth in nine of ten; three times as wide it does in all but one of 10^6
+    for truth, value, (low, high) in (
+        (fast, found.modes[1].frequency, found.modes[1].frequency_interval),
+        (ratio, found.modes[1].damping_ratio, found.modes[1].damping_ratio_interval),
+    ):
+        assert abs(value - truth) < 1.5 * (high - low)
 
 
 @pytest.mark.parametrize("interval", [0.01, 0.002, 0.001])

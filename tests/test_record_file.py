@@ -86,3 +86,20 @@ def test_the_line_of_least_squares_is_removed(size):
     assert left == pytest.approx(samples - straight, abs=1e-11 * np.abs(samples).max())
     left = fi.RecordedBase.from_text(text, detrend="mean").samples
     assert left == pytest.approx(samples - samples.mean(), abs=1e-13 * np.abs(samples).max())
+
+
+@pytest.mark.parametrize("header", ["time [s],tip [mm],time [s],acc [g]", "t [s],tip [mm],time_ms,acc [g]"])
+def test_a_time_beside_each_channel_is_left_out_but_for_the_first(header, tmp_path):
+    path = tmp_path / "scope.csv"
+    path.write_text(header + "\n" + "".join(f"{k / 100},{k * k},{k / 100},{k % 7}\n" for k in range(30)))
+    found = fi.read_record(path)
+    assert list(found.data_vars) == ["tip", "acc"]
+    assert any("is left out: a further time" in note for note in found.attrs["notes"])
+    assert fi.read_record(path, columns=[0, 3])["acc"].attrs["units"] == "m/s^2"
+
+
+def test_a_signal_of_the_name_of_the_time_is_refused(tmp_path):
+    path = tmp_path / "scope.csv"
+    path.write_text("time [s],tip,time [s]\n" + "".join(f"{k / 100},{k * k},{k}\n" for k in range(30)))
+    with pytest.raises(fi.InputError, match="none of the name of the time"):
+        fi.read_record(path, columns=[0, 2])

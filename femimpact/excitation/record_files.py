@@ -132,14 +132,17 @@ def _read_text(
 
 def _places(found: RecordHeader, file: Path, rate: float | None, pick: Pick) -> tuple[list[int], list[str]]:
     """Places of time and signals, and notes on the columns that are left out."""
-    time = [p for p in found.places if unit_of(found.units.get(p, ""), ("s",))]
-    time = (time or [p for p in found.places if TIMES.fullmatch(found.names.get(p, ""))])[:1]
+    of_time = [p for p in found.places if unit_of(found.units.get(p, ""), ("s",))]
+    named = [p for p in found.places if TIMES.fullmatch(found.names.get(p, ""))]
+    time = (of_time or named)[:1]
     first = found.places[0]
     counts = f"must have a column of time: {found.name(first)!r} counts samples; give sample_rate"
     require(bool(time) or rate is not None or first not in found.counted, "path", str(file), "", counts)
     time = time or [first][rate is not None :]
-    signals = [p for p in found.places if p not in (*time, *found.counted)]
+    further = {*of_time, *named} - {*time, *found.counted}
+    signals = [p for p in found.places if p not in (*time, *found.counted, *further)]
     notes = [f"{found.name(p)!r} is left out: it counts samples" for p in found.counted]
+    notes += [f"column {p}, {found.name(p)!r}, is left out: a further time" for p in sorted(further)]
     notes += [f"{name!r} is left out: few of its rows have numbers, or none" for name in found.left]
     if rate is not None and time:
         notes.append(f"the column of time {found.name(time[0])!r} is not used: the sample rate is given")
@@ -172,6 +175,8 @@ def _dataset(
 ) -> xarray.Dataset:
     import xarray
 
+    allowed = f"{Path(path).name}: must be signals, and none of the name of the time"
+    require("time" not in signals, "columns", list(signals), "", allowed)
     held = {name: ("time", values, {"units": unit}) for name, (values, unit) in signals.items()}
     coords = {"time": ("time", time, {"units": "s"})}
     return xarray.Dataset(held, coords, {"source": Path(path).name, "notes": tuple(notes)})

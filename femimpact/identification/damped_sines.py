@@ -19,6 +19,9 @@ from femimpact.identification.one_pole import pattern_in
 SAMPLES_KEPT, PER_CYCLE = 2000, 16.0
 """Of a longer record means of neighbours are fitted, at least so many in a cycle: a damped sine stays one."""
 
+SHORTEST = 64
+"""Samples of the shortest beginning of a record that is looked at."""
+
 PENCIL = 600
 """Most samples of a matrix pencil."""
 
@@ -144,8 +147,8 @@ class DecayFit:
         share = f"{100.0 * size:.2g} % of the largest value"
         words = f"no linear decay, and no interval: the misfit of {share} is no noise: {found}"
         count = self.means.poles.size + 1
-        other = fitted(x, interval, count) if count <= 3 else None
-        if other is not None and other.seen:
+        other = seen_fit(x, interval, count) if count <= 3 else None
+        if other is not None:
             poles, end = other.means.poles, other.means.time[-1]
             if float(np.min(np.diff(poles.imag))) * end > 2.0 * math.pi and not other.means.pattern:
                 shown = " and ".join(f"{p.imag / (2.0 * math.pi):.4g}" for p in poles)
@@ -181,19 +184,33 @@ def seen_modes(x: Array, interval: float, modes: int) -> DecayFit | None:
     """The fit of so many damped sines, or of as many as are told from noise; None without one."""
     for count in range(modes, 0, -1):
         # what is left of several may be one that was split
-        fit = fitted(x, interval, count)
+        fit = seen_fit(x, interval, count)
+        if fit is not None:
+            return fit
+    return None
+
+
+def seen_fit(x: Array, interval: float, modes: int) -> DecayFit | None:
+    """The fit of so many damped sines that are told from noise; None where there are fewer.
+
+    Of a mode that is fast beside the others, and short or small, little is left in means of neighbours: what is not
+    found in these is looked for at the beginning, where the record is finer than they are.
+    """
+    slow, fast = _fastest(x, interval), _fastest_at_the_beginning(x, interval)
+    for fastest in (slow,) if modes == 1 or fast <= slow else (slow, fast):
+        fit = _fitted(x, interval, modes, fastest)
         if fit is not None and fit.seen:
             return fit
     return None
 
 
-def fitted(x: Array, interval: float, modes: int) -> DecayFit | None:
+def _fitted(x: Array, interval: float, modes: int, fastest: float) -> DecayFit | None:
     """The best fit of so many damped sines, from several starts; None where each start ends at what is none."""
     from scipy.optimize import leastsq
 
-    along, points, step = _means(x, interval, _fastest(x, interval))
+    along, points, step = _means(x, interval, fastest)
     best: tuple[float, NDArray[Any]] | None = None
-    for start in _starts(points, step, modes):
+    for start in _starts(points, step, modes, max(fastest, _fastest(points, step))):
         unit = abs(start.imag).max()
         given = np.concatenate([start.real, start.imag]) / unit
 
@@ -242,6 +259,12 @@ def _fastest(x: Array, interval: float) -> float:
     return float(max(large[-1], 1) / (x.size * interval))
 
 
+def _fastest_at_the_beginning(x: Array, interval: float) -> float:
+    """The largest such frequency (Hz) of the record and of halves of halves of it from its beginning on."""
+    sizes = [x.size >> k for k in range(x.size.bit_length()) if x.size >> k >= SHORTEST]
+    return max((_fastest(x[:size], interval) for size in sizes), default=_fastest(x, interval))
+
+
 def _means(x: Array, interval: float, fastest: float) -> tuple[Array, Array, float]:
     """Times (s) from the first sample on, means of neighbours, and the time between them."""
     most = max(int(1.0 / (PER_CYCLE * fastest * interval)), 1)
@@ -252,9 +275,9 @@ def _means(x: Array, interval: float, fastest: float) -> tuple[Array, Array, flo
     return np.asarray(along), points, block * interval
 
 
-def _starts(points: Array, step: float, modes: int) -> list[NDArray[Any]]:
+def _starts(points: Array, step: float, modes: int, fastest: float) -> list[NDArray[Any]]:
     """Poles to start from: the strongest of matrix pencils of several orders, and the largest line of the spectrum."""
-    block = max(int(1.0 / (PER_CYCLE / 2.0 * _fastest(points, step) * step)), 1)
+    block = max(int(1.0 / (PER_CYCLE / 2.0 * fastest * step)), 1)
     count = min(points.size // block, PENCIL)
     x = points[: count * block].reshape(count, block).mean(axis=1)
     h = block * step
