@@ -119,6 +119,7 @@ if TYPE_CHECKING:
     from femimpact.response.energy import EnergyLedger as EnergyLedger
     from femimpact.response.history import HistoryPiece as HistoryPiece
     from femimpact.response.history import StroboscopicSection as StroboscopicSection
+    from femimpact.response.impacts import EventLog as EventLog
     from femimpact.response.impacts import Impacts as Impacts
     from femimpact.response.impacts import ImpactStatistics as ImpactStatistics
     from femimpact.response.response import Recorder as Recorder
@@ -214,7 +215,7 @@ _MODULES = {
     "refinement": ("Refinement", "refine"),
     "response.energy": ("EnergyLedger",),
     "response.history": ("HistoryPiece", "StroboscopicSection"),
-    "response.impacts": ("ImpactStatistics", "Impacts"),
+    "response.impacts": ("EventLog", "ImpactStatistics", "Impacts"),
     "response.response": ("Recorder", "Response"),
     "response.signals": ("Largest",),
     "spectra": (

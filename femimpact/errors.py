@@ -594,7 +594,7 @@ def _defaults(kind: Any) -> dict[str, Any]:
     return {name: value for name, value in given.items() if value is not dataclasses.MISSING}
 
 
-def made(kind: type[R], **values: Any) -> R:
+def made(kind: type[R], /, **values: Any) -> R:
     """A frozen dataclass of values that this package computed, which are in their one type and need no check."""
     record = object.__new__(kind)
     vars(record).update(_defaults(cast(Any, kind)) | values)

@@ -15,7 +15,7 @@ from femimpact.contact import resolve
 from femimpact.convergence.mesh_and_step import MeshConvergence, StepConvergence
 from femimpact.identification import one_pole_amplitude
 from femimpact.integrators.cases import AchievedRestitution
-from femimpact.response.impacts import StickingPhases
+from femimpact.response.impacts import StickingPhases, event_log, event_width
 from femimpact.response.regimes import Regime, RegimeCriteria, classify, impacts_per_cycle, significant
 from femimpact.response.signals import CycleStatistics, steady_motion
 from femimpact.structure.damping import rayleigh_coefficients, realised_damping_ratio
@@ -151,6 +151,7 @@ NOUNS = {
     "DecayMode": lambda: fi.DecayMode(5.0, 0.01, 1e-3, (4.9, 5.1), (0.009, 0.011)),
     "EnergyLedger": lambda: response().energy,
     "EventDriven": fi.EventDriven,
+    "EventLog": lambda: event_log(np.ones((2, event_width(2, 3))), 3, ("ball", "stop")),
     "FrequencyResponse": curve,
     "GeneralizedAlpha": lambda: fi.GeneralizedAlpha(1e-4),
     "HHT": lambda: fi.HHT(1e-4),
