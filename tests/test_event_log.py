@@ -13,11 +13,13 @@ from reference_equations import FREE, PRESSED, RESTING, SEPARATING, drive_of, eq
 from scipy.linalg import expm
 
 import femimpact as fi
+from femimpact.export import tables
 from femimpact.integrators.event_driven.block import inputs_of, new_block, run_block
 from femimpact.integrators.event_driven.equations import equations_of as closed_equations_of
 from femimpact.integrators.event_driven.run import closed_drive
 from femimpact.integrators.event_driven.store import FormStore, outputs_of
-from femimpact.response.impacts import EventLog, event_log
+from femimpact.response.impacts import event_log
+from femimpact.table import column_units
 
 pytestmark = pytest.mark.impacts
 
@@ -219,7 +221,7 @@ def test_the_logs_of_two_parts_are_that_of_the_whole_also_within_a_contact(name)
         first = fi.integrate(system, SINE, EXACT, cut, record)
         rest = fi.integrate(system, SINE, EXACT, 6.0 - cut, record, whole.kept_state)
         assert first.events.time[-1] < cut < rest.events.time[0]
-        for item in fields(EventLog):
+        for item in fields(fi.EventLog):
             if "axes" in item.metadata:
                 joined = np.concatenate([getattr(run.events, item.name) for run in (first, rest)])
                 np.testing.assert_array_equal(joined, getattr(whole.events, item.name))
@@ -257,6 +259,23 @@ def test_what_the_log_has_no_row_for_is_counted_and_noted():
     assert few.events.dropped == len(every.events) - 7
     assert few.notes[-1] == f"{few.events.dropped} events beyond the first 7 are not in the log (Recorder.events)"
     np.testing.assert_array_equal(few.events.displacement, every.events.displacement[:7])
+
+
+def test_netcdf_and_a_frame_hold_the_same_log(tmp_path):
+    import xarray
+
+    log = run_of("mixed", 2.0).events
+    file = tables.write_netcdf(tmp_path / "events.nc", log.to_xarray())
+    data = xarray.load_dataset(file, engine="h5netcdf")
+    for name, unit in column_units(log).items():
+        np.testing.assert_array_equal(data[name], log[name])
+        assert data[name].attrs.get("units", "") == unit
+    assert data["contact"].values.tolist() == list(log.contacts)
+    assert data["contact_state"].dims == ("event", "contact")
+    frame = log.to_pandas()
+    assert frame["kind"].tolist() == log.kind.tolist()
+    np.testing.assert_array_equal(frame["velocity_4"], log.velocity[:, 3])
+    np.testing.assert_array_equal(frame["contact_state_2"], log.contact_state[:, 1])
 
 
 def test_each_case_of_a_block_has_its_log():

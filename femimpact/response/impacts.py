@@ -343,14 +343,11 @@ class EventLog:
         """The log as a labelled dataset over events, contacts and coordinates."""
         import xarray
 
-        axes = {"contact_state": ("event", "contact")}
-        axes |= dict.fromkeys(("displacement", "velocity"), ("event", "coordinate"))
-        data = {
-            name: (axes.get(name, ("event",)), np.array(self[name]), {"long_name": name.replace("_", " ")})
-            for name in column_units(self)
-        }
+        axes = {"contact_state": ("contact",), "displacement": ("coordinate",), "velocity": ("coordinate",)}
+        data = {}
         for name, unit in column_units(self).items():
-            data[name][2].update({"units": unit} if unit else {})
+            labels = {"long_name": name.replace("_", " ")} | ({"units": unit} if unit else {})
+            data[name] = (("event", *axes.get(name, ())), np.array(self[name]), labels)
         coords = {"event": np.arange(len(self)), "contact": np.array(self.contacts, dtype=str)}
         return xarray.Dataset(data, coords=coords, attrs={"dropped": self.dropped})
 
