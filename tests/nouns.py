@@ -127,6 +127,14 @@ def convergence_table() -> fi.ConvergenceTable:
     return columns(fi.ConvergenceTable, sizes, axis="mesh", accuracy=1e-3, notes=("note",), **texts)
 
 
+@cache
+def orbit() -> fi.PeriodicOrbit:
+    """Two impacts a cycle of a ball in a box."""
+    ball = fi.Impactor("ball", "tip", 0.1, 10.0, fi.Rigid(0.8))
+    box = fi.System.from_matrices([[1.0]], [[0.02]], [[1.0]], points={"tip": [1.0]}, impactors=[ball])
+    return fi.two_impact_orbits(box, fi.PointForce("tip", fi.Sine(1.0, 1.0 / (2.0 * math.pi))))[0]
+
+
 NOUNS = {
     "BendingMoment": lambda: fi.BendingMoment("root", 1, "left"),
     "ContactStatistics": lambda: fi.ContactStatistics(4, 48, "tip"),
@@ -169,6 +177,7 @@ NOUNS = {
     "MoreauJean": lambda: fi.MoreauJean(1e-4),
     "Newmark": lambda: fi.Newmark(1e-4),
     **{name: (lambda base=base: base) for name, base in MOTIONS.items()},
+    "PeriodicOrbit": orbit,
     "PiecewisePolynomial": lambda: PIECES,
     "PointForce": lambda: fi.PointForce("tip", BASE),
     "PointMass": lambda: STRUCTURE.masses[0],
@@ -299,6 +308,15 @@ VERBS = {
     "integrate": (fi.integrate, lambda: {
         "system": small(), "excitation": BASE, "method": fi.Newmark(2e-4), "duration": 0.1, "record": fi.Recorder(),
         "initial": fi.State(), "progress": None, "threads": 1,
+    }),
+    "find_orbit": (fi.find_orbit, lambda: {
+        "system": orbit().system, "excitation": orbit().excitation, "cycles": 1, "guess": orbit()
+    }),
+    "find_orbits": (fi.find_orbits, lambda: {
+        "system": orbit().system, "excitation": orbit().excitation, "guesses": [orbit()], "cycles": 1
+    }),
+    "two_impact_orbits": (fi.two_impact_orbits, lambda: {
+        "system": orbit().system, "excitation": orbit().excitation
     }),
     "recommended_step": (fi.recommended_step, lambda: {"system": small(), "refine": 2}),
     "read_mesh": (fi.read_mesh, lambda: {"path": Path(__file__).parent / "data" / "stepped.msh"}),
