@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Sequence
 from typing import Any, cast
 
 import numpy as np
 
 from femimpact.arrays import Array
-from femimpact.errors import DivergenceError, InputError, checked, kind_of, quantity, require, require_type
+from femimpact.errors import DivergenceError, InputError, instance, items, kind_of, quantity, require, takes
 from femimpact.excitation import Excitation, PointForce, Sine
 from femimpact.excitation.drives import alone
 from femimpact.integrators.event_driven.loop_data import check_events
@@ -25,8 +25,7 @@ from femimpact.system.system import System
 DISTINCT = 1e-6
 """Largest difference of states, in their units, of one orbit that was found twice."""
 
-CYCLES = quantity("1", at_least=1, at_most=1000, integer=True)
-"""Metadata of a number of cycles."""
+SYSTEM, CYCLES = instance(System), quantity("1", at_least=1, at_most=1000, integer=True)
 
 GUESSES = Response, State, PeriodicOrbit
 """What a search begins from."""
@@ -37,6 +36,7 @@ GRAZING = 1e-8
 TRY = "try a run that has settled for longer, a start nearer to the orbit, or another number of cycles"
 
 
+@takes(system=SYSTEM, cycles=CYCLES, guess=instance(*GUESSES))
 def find_orbit(
     system: System, excitation: Excitation, cycles: int = 1, *, guess: Response | State | PeriodicOrbit
 ) -> PeriodicOrbit:
@@ -69,12 +69,8 @@ def find_orbit(
     DivergenceError
         If no orbit is found from the guess, or the one found is not a motion of the system.
     """
-    require_type(system, System, "system")
     check_events(system)
     sine = one_sine(excitation)
-    cycles = checked("cycles", cycles, CYCLES)
-    allowed = "must be a Response, a State or a PeriodicOrbit"
-    require(isinstance(guess, GUESSES), "guess", kind_of(guess), "", allowed)
     if not isinstance(guess, State):
         size = len(guess.system.balls), guess.system.dofs
         same = size == (len(system.balls), system.dofs) and len(guess.system.contacts) == len(system.contacts)
@@ -82,8 +78,9 @@ def find_orbit(
     return orbit_near(system, sine, first_guess(system, sine, cycles, guess))
 
 
+@takes(system=SYSTEM, guesses=items(*GUESSES), cycles=CYCLES)
 def find_orbits(
-    system: System, excitation: Excitation, guesses: Iterable[State | Response | PeriodicOrbit], cycles: int = 1
+    system: System, excitation: Excitation, guesses: Sequence[State | Response | PeriodicOrbit], cycles: int = 1
 ) -> tuple[PeriodicOrbit, ...]:
     """The distinct orbits, stable and unstable, that `find_orbit` finds from several guesses.
 
@@ -91,7 +88,7 @@ def find_orbits(
     ----------
     system, excitation, cycles
         As of `find_orbit`.
-    guesses : iterable of State, Response or PeriodicOrbit
+    guesses : sequence of State, Response or PeriodicOrbit
         Those from which no orbit is found are passed over.
 
     Returns
@@ -104,11 +101,9 @@ def find_orbits(
     InputError
         As of `find_orbit`, but for what a guess alone leads to.
     """
-    require_type(system, System, "system")
     check_events(system)
-    cycles = checked("cycles", cycles, CYCLES)
     sine, found = one_sine(excitation), list[PeriodicOrbit]()
-    for guess in _several(guesses):
+    for guess in guesses:
         try:
             orbit = find_orbit(system, sine, cycles, guess=guess)
         except DivergenceError:
@@ -121,15 +116,6 @@ def find_orbits(
         if not any(_is_same(orbit, other) for other in found):
             found.append(orbit)
     return tuple(found)
-
-
-def _several(guesses: Any) -> tuple[Any, ...]:
-    allowed = "must be a sequence of State, Response or PeriodicOrbit"
-    require(isinstance(guesses, Iterable) and not isinstance(guesses, str), "guesses", kind_of(guesses), "", allowed)
-    given = tuple(guesses)
-    for guess in given:
-        require(isinstance(guess, GUESSES), "guesses", kind_of(guess), "", allowed)
-    return given
 
 
 def orbit_near(system: System, excitation: Sine | PointForce, guess: Guess) -> PeriodicOrbit:

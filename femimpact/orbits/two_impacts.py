@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from femimpact.errors import DivergenceError, require, require_type
+from femimpact.errors import DivergenceError, instance, require, takes
 from femimpact.excitation import Excitation
 from femimpact.integrators.event_driven.loop_data import check_events
 from femimpact.orbits.equations import IMPACT, Sequence, passage
@@ -17,6 +17,7 @@ from femimpact.orbits.search import one_sine, orbit_near
 from femimpact.system.system import System
 
 
+@takes(system=instance(System))
 def two_impact_orbits(system: System, excitation: Excitation) -> tuple[PeriodicOrbit, ...]:
     """The symmetric orbits with one impact on each wall in a period of the excitation: at most two, in closed form.
 
@@ -46,7 +47,6 @@ def two_impact_orbits(system: System, excitation: Excitation) -> tuple[PeriodicO
     InputError
         If the system or the excitation is another one.
     """
-    require_type(system, System, "system")
     check_events(system)
     sine = one_sine(excitation)
     walls = [j for j, pair in enumerate(system.contacts) if pair.has_walls]
