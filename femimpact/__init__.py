@@ -99,7 +99,10 @@ if TYPE_CHECKING:
     from femimpact.laser import Laser as Laser
     from femimpact.laser import LaserReading as LaserReading
     from femimpact.laser import extrapolate as extrapolate
+    from femimpact.orbits import Bifurcation as Bifurcation
+    from femimpact.orbits import Branch as Branch
     from femimpact.orbits import PeriodicOrbit as PeriodicOrbit
+    from femimpact.orbits import continue_orbit as continue_orbit
     from femimpact.orbits import find_orbit as find_orbit
     from femimpact.orbits import find_orbits as find_orbits
     from femimpact.orbits import two_impact_orbits as two_impact_orbits
@@ -210,7 +213,9 @@ _MODULES = {
     "integrators.stepping.newmark": ("GeneralizedAlpha", "HHT", "MoreauJean", "Newmark", "WBZ"),
     "integrators.stepping.operators": ("recommended_step",),
     "laser": ("Laser", "LaserReading", "extrapolate"),
-    "orbits": ("PeriodicOrbit", "find_orbit", "find_orbits", "two_impact_orbits"),
+    "orbits": (
+        "Bifurcation", "Branch", "PeriodicOrbit", "continue_orbit", "find_orbit", "find_orbits", "two_impact_orbits",
+    ),
     "parametric": (
         "AxisMargin", "BestCase", "BestDesign", "ParameterStudy", "StudyProgress", "best_case", "load_parameter_study",
         "parameter_study", "run_case",

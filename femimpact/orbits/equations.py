@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.arrays import Array, Integers
+from femimpact.integrators.event_driven.loop_data import CONTACT
 from femimpact.orbits.flow import Flow, HybridSystem, Numbers, flow_of
 
 STEP = 1e-30
@@ -36,6 +37,13 @@ class Sequence:
     contact_state: Array  # (N, pairs) after each event: 0, +-1 in contact, +-2 separating
     section: Array  # (N,) rad: phase of a section
     cycles: int
+    # True of the first half of a symmetric orbit, after which its opposite comes: its cycles are those of both halves
+    is_half: bool = False
+
+    @property
+    def turn(self) -> float:
+        """Phase (rad) after which the events come again, those of a half on the other side."""
+        return (np.pi if self.is_half else 2.0 * np.pi) * self.cycles
 
     @property
     def is_impact(self) -> NDArray[np.bool_]:
@@ -133,8 +141,12 @@ def passage(
 ) -> Passage:
     """The flow from each event to the next, and what the events do."""
     start, begin = np.roll(states, 1, axis=0), np.roll(phases, 1)
-    begin[0] -= 2.0 * np.pi * sequence.cycles
-    before, after = np.roll(sequence.contact_state, 1, axis=0), sequence.contact_state
+    begin[0] -= sequence.turn
+    # a wall that springs back behind its body does not act
+    after = np.where(np.abs(sequence.contact_state) == CONTACT, sequence.contact_state, 0.0)
+    before = np.roll(after, 1, axis=0)
+    if sequence.is_half:
+        start[0], before[0] = 0.0 - start[0], 0.0 - before[0]
     arrived, propagator = _flown(hybrid, before, start, begin, phases, flows)
     rows, d = _rows(hybrid, sequence), hybrid.mass.size
     nothing = np.zeros_like(rows.gap)
@@ -212,14 +224,16 @@ def residual(passed: Passage, states: Numbers) -> Numbers:
     return np.concatenate([states - passed.jumped, passed.distance[:, None]], axis=1)
 
 
-def jacobian(passed: Passage) -> Numbers:
-    """Derivatives of `residual` by the states and phases, (N, 2d + 1, N, 2d + 1)."""
+def jacobian(passed: Passage, is_half: bool = False) -> Numbers:
+    """Derivatives of `residual` by the states and phases, (N, 2d + 1, N, 2d + 1); `is_half` as of the sequence."""
     count, size = passed.row.shape
     jump, omega = passed.jump, passed.hybrid.omega
     found = np.zeros((count, size + 1, count, size + 1), dtype=passed.propagator.dtype)
     each, before = np.arange(count), np.arange(count) - 1
     # of z- by the state and the phase of the event before
     flown = np.concatenate([passed.propagator, -(passed.propagator @ passed.field_before[:, :, None]) / omega], axis=2)
+    if is_half:
+        flown[0, :, :size] *= -1.0
     found[each, :size, before] = -jump @ flown
     found[each, size, before] = (passed.row[:, None, :] @ flown)[:, 0]
     # with one event it is the event itself

@@ -149,6 +149,12 @@ class Flow:
             propagator = propagator + step[:, :, None] * (propagator @ self.matrix)
         return propagator, moved
 
+    def moved(self, start: Numbers, begin: Numbers, end: Numbers, omega: Any) -> Numbers:
+        """States (n, 2d) at phases (n,) after others at earlier ones."""
+        propagator, moved = self.over((end - begin) / omega)
+        left = start - self.steady(begin)
+        return np.asarray((propagator @ left[:, :, None])[:, :, 0] + moved + self.steady(end))
+
 
 def flow_of(hybrid: HybridSystem, contact_state: Numbers) -> Flow:  # contact_state (pairs,)
     """The flow while the pairs in contact are pressed."""

@@ -43,19 +43,40 @@ def verified(
 
     Raises `DivergenceError` if its own run meets other events, or does not end where it began.
     """
-    unit = np.repeat([length, length * float(hybrid.omega)], hybrid.mass.size)
-    times = _times(found.phases, excitation, sequence.cycles)
-    order = np.argsort(times, kind="stable")
-    steps = found.passed.saltation @ found.passed.propagator
-    state, contact_state, monodromy = _at_start(hybrid, excitation, sequence, found, times, flows, steps)
-    run, missed = _own_run(system, excitation, sequence, found, flows, unit)
-    _check_events(run, sequence, found, excitation)
-    growth = max(1.0, float(np.abs(np.linalg.eigvals(monodromy)).max()))
-    if not missed <= VERIFIED * growth:
+    run, missed = own_run(system, excitation, sequence, found, flows, unit_of(hybrid, length))
+    check_events(run.events, sequence)
+    orbit = orbit_of(system, excitation, hybrid, sequence, found, length, flows, run, missed)
+    check_missed(missed, float(np.abs(orbit.multipliers[0])))
+    return orbit
+
+
+def unit_of(hybrid: HybridSystem, length: float) -> Array:
+    """Units (2d,) of a state."""
+    return np.repeat([length, length * float(hybrid.omega)], hybrid.mass.size)
+
+
+def check_missed(missed: float, growth: float) -> None:
+    """Refuse an orbit whose own run misses its start after one period."""
+    allowed = VERIFIED * max(1.0, growth)
+    if not missed <= allowed:
         raise DivergenceError(
             f"the orbit found is not confirmed: its own run misses its start by {missed:.2g} after one period (in gaps "
-            f"and gaps times omega), above {VERIFIED * growth:.2g}"
+            f"and gaps times omega), above {allowed:.2g}"
         )
+
+
+def orbit_of(
+    system: System, excitation: Sine | PointForce, hybrid: HybridSystem, sequence: Sequence, found: Solution,
+    length: float, flows: dict[bytes, Flow], run: Response, missed: float,
+) -> PeriodicOrbit:  # fmt: skip
+    """The orbit of a solution and its own run."""
+    times = _times(found.phases, excitation, sequence.cycles)
+    order = np.argsort(times, kind="stable")
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        # an event without speed has no finite saltation
+        steps = found.passed.saltation @ found.passed.propagator
+        state, contact_state, monodromy = _at_start(hybrid, excitation, sequence, found, times, flows, steps)
+        half_map = _half_map(hybrid, sequence, found, steps, unit_of(hybrid, length), int(order[0]))
     return made(
         PeriodicOrbit,
         system=system,
@@ -66,7 +87,7 @@ def verified(
         contact_state=contact_state.astype(np.int8),
         impacts=_impacts(run, sequence.cycles / excitation.frequency),
         monodromy=monodromy,
-        half_map=_half_map(hybrid, sequence, found, steps, unit, int(order[0])),
+        half_map=half_map,
         residual=missed,
         length=length,
     )
@@ -109,19 +130,29 @@ def _half_map(
     hybrid: HybridSystem, sequence: Sequence, found: Solution, steps: Array, unit: Array, first: int
 ) -> Array | None:
     """Minus the derivative of the state half a period later by that after the first event, of a symmetric orbit."""
+    if not may_be_symmetric(hybrid, sequence) or asymmetry(sequence, found.states, found.phases, unit) > SYMMETRIC:
+        return None
+    return -_product(np.roll(steps, -1 - first, axis=0)[: len(sequence.kind) // 2])
+
+
+def may_be_symmetric(hybrid: HybridSystem, sequence: Sequence) -> bool:
+    """Whether both sides are alike, and the events half a period later are those of the other side."""
     half, odd = len(sequence.kind) // 2, len(sequence.kind) % 2
     alike = np.allclose(hybrid.gaps[:, 0], hybrid.gaps[:, 1], rtol=1e-12, atol=0.0) and not np.any(hybrid.constant)
     if odd or sequence.cycles % 2 == 0 or not alike:
-        return None
+        return False
     same = sequence.kind[:half] == sequence.kind[half:]
     same = same and np.array_equal(sequence.pair[:half], sequence.pair[half:])
     same = same and np.array_equal(sequence.side[:half], -sequence.side[half:])
-    same = same and np.array_equal(sequence.contact_state[:half], -sequence.contact_state[half:])
-    apart = np.abs(found.states[:half] + found.states[half:]) / unit
-    turned = np.abs(found.phases[half:] - found.phases[:half] - math.pi * sequence.cycles)
-    if not same or max(apart.max(), turned.max()) > SYMMETRIC:
-        return None
-    return -_product(np.roll(steps, -1 - first, axis=0)[:half])
+    return same and np.array_equal(sequence.contact_state[:half], -sequence.contact_state[half:])
+
+
+def asymmetry(sequence: Sequence, states: Array, phases: Array, unit: Array) -> float:
+    """Largest difference between an orbit that may be symmetric and minus itself half a period later, in its units."""
+    half = len(phases) // 2
+    apart = np.abs(states[:half] + states[half:]) / unit
+    turned = np.abs(phases[half:] - phases[:half] - math.pi * sequence.cycles)
+    return float(max(apart.max(), turned.max()))
 
 
 def _state(system: System, state: Array, time: float) -> State:
@@ -129,25 +160,12 @@ def _state(system: System, state: Array, time: float) -> State:
     return State(state[:n], state[d : d + n], state[n:d], state[d + n :], time=time)
 
 
-def _own_run(
+def own_run(
     system: System, excitation: Sine | PointForce, sequence: Sequence, found: Solution, flows: dict[bytes, Flow],
     unit: Array,
 ) -> tuple[Response, float]:  # fmt: skip
-    """A run over one period, and by how much it misses its start.
-
-    It begins in the first period, in the middle of the longest interval between events, where nothing is in contact if
-    there is such: so that no event falls on its ends.
-    """
-    hybrid, before = found.passed.hybrid, np.roll(sequence.contact_state, 1, axis=0)
-    begun = np.roll(found.phases, 1)
-    begun[0] -= 2.0 * math.pi * sequence.cycles
-    free = ~np.any(before != FREE, axis=1)
-    length = (found.phases - begun) * np.where(free, 1.0, 1e-6)
-    k = int(np.argmax(length))
-    middle, flow = 0.5 * (begun[k] + found.phases[k]), known_flow(hybrid, before[k], flows)
-    propagator, moved = flow.over(np.array([(middle - begun[k]) / hybrid.omega]))
-    now, then = flow.steady(np.array([middle, begun[k]]))
-    state = propagator[0] @ (found.states[k - 1] - then) + moved[0] + now
+    """A run over one period, and by how much it misses its start."""
+    state, middle = between_events(found.passed.hybrid, sequence, found.states, found.phases, flows)
     time = float(_times(np.array([middle]), excitation, sequence.cycles)[0])
     period = sequence.cycles / excitation.frequency
     run = integrate(system, excitation, EventDriven(), period, recorder_of_events(), _state(system, state, time))
@@ -155,24 +173,48 @@ def _own_run(
     return run, float(np.max(np.abs(state_vector(end) - state) / unit))
 
 
-def _check_events(run: Response, sequence: Sequence, found: Solution, excitation: Sine | PointForce) -> None:
-    """Refuse an orbit of which the own run meets other events."""
-    log: Any = run.events
+def between_events(
+    hybrid: HybridSystem, sequence: Sequence, states: Array, phases: Array, flows: dict[bytes, Flow]
+) -> tuple[Array, float]:
+    """State and phase in the middle of the longest interval between events, without contact if there is such.
+
+    A run over one period that begins there has no event at its ends.
+    """
+    before, begun = np.roll(sequence.contact_state, 1, axis=0), np.roll(phases, 1)
+    begun[0] -= 2.0 * math.pi * sequence.cycles
+    free = ~np.any(before != FREE, axis=1)
+    k = int(np.argmax((phases - begun) * np.where(free, 1.0, 1e-6)))
+    middle, flow = float(0.5 * (begun[k] + phases[k])), known_flow(hybrid, before[k], flows)
+    return flow.moved(states[k - 1][None], np.array([begun[k]]), np.array([middle]), float(hybrid.omega))[0], middle
+
+
+def other_event(log: EventLog, sequence: Sequence) -> int | None:
+    """Row of a log at which it has another event than an orbit has, None where there is none."""
+    met, expected = _met_and_expected(log, sequence)
+    return None if met == expected else _equal_rows(met, expected)
+
+
+def _met_and_expected(log: EventLog, sequence: Sequence) -> tuple[list[Any], list[Any]]:
+    """Events of a run that begins before any of those of an orbit, and these, from the one that fits best."""
     met = list(zip(log.kind.tolist(), log.pair.tolist(), log.side.tolist(), strict=True))
     rows = [row for row in zip(sequence.kind, sequence.pair.tolist(), sequence.side.tolist(), strict=True)
             if row[0] != SECTION]  # fmt: skip
-    if any(met == [*rows[k:], *rows[:k]] for k in range(max(len(rows), 1))):
-        return
-    # the run begins before one of them
     shared = max(range(max(len(rows), 1)), key=lambda k: _equal_rows(met, [*rows[k:], *rows[:k]]))
-    expected = [*rows[shared:], *rows[:shared]]
+    return met, [*rows[shared:], *rows[:shared]]
+
+
+def check_events(log: Any, sequence: Sequence) -> None:
+    """Refuse an orbit of which the own run, with its log, meets other events."""
+    met, expected = _met_and_expected(log, sequence)
+    if met == expected:
+        return
     i = _equal_rows(met, expected)
 
     def words(table: list[tuple[str, int, float]]) -> str:
         if i >= len(table):
             return "nothing more"
         kind, pair, side = table[i]
-        return f"{kind} of {run.system.contacts[pair].name} on its {'+' if side > 0 else '-'} side"
+        return f"{kind} of {log.contacts[pair]} on its {'+' if side > 0 else '-'} side"
 
     at = f" at t = {log.time[i]:.6g} s" if i < len(met) else ""
     raise DivergenceError(
