@@ -135,7 +135,15 @@ def orbit() -> fi.PeriodicOrbit:
     return fi.two_impact_orbits(box, fi.PointForce("tip", fi.Sine(1.0, 1.0 / (2.0 * math.pi))))[0]
 
 
+@cache
+def branch() -> fi.Branch:
+    """A fold in it."""
+    return fi.continue_orbit(orbit(), "amplitude", to=(0.5, 1.5))
+
+
 NOUNS = {
+    "Bifurcation": lambda: branch().bifurcations[0],
+    "Branch": branch,
     "BendingMoment": lambda: fi.BendingMoment("root", 1, "left"),
     "ContactStatistics": lambda: fi.ContactStatistics(4, 48, "tip"),
     "ConvergenceStudy": lambda: fi.ConvergenceStudy({"mesh": convergence_table()}),

@@ -22,10 +22,10 @@ from femimpact.errors import (
     takes,
     text,
 )  # fmt: skip
-from femimpact.orbits.curve import Curve, Point
+from femimpact.orbits.curve import Curve
 from femimpact.orbits.equations import passage
 from femimpact.orbits.flow import Flow
-from femimpact.orbits.following import Followed, at_value, follow
+from femimpact.orbits.following import CLOSED, Followed, at_value, follow
 from femimpact.orbits.guess import first_guess
 from femimpact.orbits.newton import Solution
 from femimpact.orbits.orbit import PeriodicOrbit
@@ -81,6 +81,10 @@ class Branch:
         Why the branch ends, at its first point and at its last.
     bifurcations : tuple of Bifurcation
         In their order; each is a point of the branch, too.
+    bifurcation_points : ndarray (bifurcations,) of int
+        Numbers of these points, from 0.
+    place : str
+        The default place, of which the displacement is.
     """
 
     parameter: str = field(metadata=text())
@@ -91,6 +95,8 @@ class Branch:
     first_harmonic: Array = field(metadata=column("m", "points"))
     end: tuple[str, str] = field(metadata=text(several=True))
     bifurcations: tuple[Bifurcation, ...] = field(metadata=items(Bifurcation))
+    bifurcation_points: NDArray[np.int64] = field(metadata=column("1", "bifurcations", of="whole number"))
+    place: str = field(metadata=text())
     _curve: Curve
     _unknowns: Array  # (points, m + 1)
 
@@ -119,7 +125,7 @@ class Branch:
             share = before[i] / (before[i] - after[i]) if before[i] != after[i] else 0.0
             point = at_value(self._curve, here + share * (there - here), value)
             if point is not None:
-                found.append(_orbit(self._curve, point.x, value))
+                found.append(_orbit(self._curve, point.x))
         if self.values[-1] == value:
             found.append(self.orbits[-1])
         return tuple(found)
@@ -153,8 +159,7 @@ class Branch:
     def _kinds(self) -> NDArray[np.str_]:
         """Kind of the bifurcation at each point, an empty text where there is none."""
         kinds = np.full(len(self), "", dtype="<U17")
-        for each in self.bifurcations:
-            kinds[np.flatnonzero((self.values == each.value) & (kinds == ""))[:1]] = each.kind
+        kinds[self.bifurcation_points] = [each.kind for each in self.bifurcations]
         return kinds
 
     @property
@@ -188,8 +193,7 @@ class _Orbits(Sequence[PeriodicOrbit]):
     def __getitem__(self, number: int | slice) -> PeriodicOrbit | tuple[PeriodicOrbit, ...]:
         if isinstance(number, slice):
             return tuple(self[i] for i in range(*number.indices(len(self))))
-        x = self._branch._unknowns[number]
-        return _orbit(self._branch._curve, x, float(self._branch.values[number]))
+        return _orbit(self._branch._curve, self._branch._unknowns[number])
 
     def __iter__(self) -> Iterator[PeriodicOrbit]:
         return (self[i] for i in range(len(self)))
@@ -239,20 +243,12 @@ def continue_orbit(orbit: PeriodicOrbit, parameter: str, to: tuple[float, float]
         raise DivergenceError(
             f"the orbit is none at {number.path} = {number.value:g}: it has changed since it was found"
         )
-    ways = [follow(orbit.system, each, low, high, points) for each in (_turned(start), start)]
-    if "closed" in ways[0].end:
-        ways[1] = replace(
-            ways[0],
-            points=ways[0].points[:1],
-            kinds={},
-            peak=ways[0].peak[:1],
-            first_harmonic=ways[0].first_harmonic[:1],
+    backward = follow(orbit.system, replace(start, tangent=-start.tangent), low, high, points)
+    if backward.end == CLOSED:
+        return _joined(
+            curve, backward, Followed(backward.points[:1], {}, backward.peak[:1], backward.first_harmonic[:1], CLOSED)
         )
-    return _joined(curve, *ways)
-
-
-def _turned(point: Point) -> Point:
-    return replace(point, tangent=-point.tangent)
+    return _joined(curve, backward, follow(orbit.system, start, low, high, points))
 
 
 def _range(number: Parameter, to: Any) -> tuple[float, float]:
@@ -274,31 +270,38 @@ def _joined(curve: Curve, backward: Followed, forward: Followed) -> Branch:
     points = [*backward.points[::-1], *forward.points[1:]]
     kinds = {last - i: kind for i, kind in backward.kinds.items()} | {last + i: k for i, k in forward.kinds.items()}
     multipliers = np.array([point.multipliers for point in points])
+    if curve.is_symmetric:
+        with np.errstate(invalid="ignore"):
+            # infinite where an impact has no speed
+            multipliers = np.where(np.isfinite(multipliers), multipliers**2, multipliers)
     values = np.array([point.value for point in points])
     return made(
         Branch,
         parameter=curve.parameter.path,
         unit=curve.parameter.unit,
         values=values,
-        multipliers=multipliers**2 if curve.is_symmetric else multipliers,
+        multipliers=multipliers,
         peak=np.array([*backward.peak[::-1], *forward.peak[1:]]),
         first_harmonic=np.array([*backward.first_harmonic[::-1], *forward.first_harmonic[1:]]),
         end=(backward.end, forward.end),
         bifurcations=tuple(
-            made(Bifurcation, kind=kinds[i], value=float(values[i]), orbit=_orbit(curve, points[i].x, float(values[i])))
+            made(Bifurcation, kind=kinds[i], value=float(values[i]), orbit=_orbit(curve, points[i].x))
             for i in sorted(kinds)
         ),
+        bifurcation_points=np.array(sorted(kinds), dtype=np.int64),
+        place=curve.parameter.at(curve.parameter.value)[0].default_place,
         _curve=curve,
         _unknowns=np.array([point.x for point in points]),
     )
 
 
-def _orbit(curve: Curve, x: Array, value: float) -> PeriodicOrbit:
+def _orbit(curve: Curve, x: Array) -> PeriodicOrbit:
     """The orbit of a point of a branch, with its own run."""
+    value = float(x[-1])
     system, excitation = curve.parameter.at(value)
     (states, phases), flows = curve.orbit(x), dict[bytes, Flow]()
     hybrid = curve.parameter.hybrid_at(value)
     passed = passage(hybrid, curve.sequence, states, phases, flows)
     found, length = Solution(states, phases, passed, (), 0.0, True), length_of(system, states)
-    run, missed = own_run(system, excitation, curve.sequence, found, flows, unit_of(hybrid, length))
+    run, missed, _ = own_run(system, excitation, curve.sequence, found, flows, unit_of(hybrid, length))
     return orbit_of(system, excitation, hybrid, curve.sequence, found, length, flows, run, missed)

@@ -7,6 +7,7 @@ states half a period later are opposite, phases by half a period later.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -33,7 +34,7 @@ SETTLED = 1e-5
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """Solutions with the same events. The m + 1 unknowns of a point are in units, the parameter last."""
+    """Solutions with the same events. The m + 1 unknowns of a point are in units, the parameter, last, is not."""
 
     parameter: Parameter
     sequence: Sequence
@@ -46,7 +47,7 @@ class Curve:
     def weight(self) -> Array:
         """Weights (m + 1,) of squares in the length of the curve."""
         m = self.events * self.unit.size
-        return np.append(np.full(m, 1.0 / m), 1.0)
+        return np.append(np.full(m, 1.0 / m), 1.0 / self.width**2)
 
     @property
     def events(self) -> int:
@@ -69,14 +70,10 @@ class Curve:
         """Whether an orbit without symmetry may come to one that has it."""
         return not self.is_symmetric and may_be_symmetric(self.parameter.hybrid, self.sequence)
 
-    def value(self, x: Array) -> float:
-        """Of the parameter."""
-        return float(x[-1] * self.width)
-
     def unknowns(self, states: Array, phases: Array, value: float) -> Array:
         """Unknowns (m + 1,) of an orbit."""
         both = np.concatenate([states, phases[:, None]], axis=1)[: self.events] / self.unit
-        return np.append(both.reshape(-1), value / self.width)
+        return np.append(both.reshape(-1), value)
 
     def solved_states(self, x: Array) -> tuple[Array, Array]:
         """States (n, 2d) and phases (n,) of the events that have unknowns."""
@@ -113,7 +110,7 @@ class Point:
     @property
     def value(self) -> float:
         """Of the parameter."""
-        return self.curve.value(self.x)
+        return float(self.x[-1])
 
     @property
     def row(self) -> Array:
@@ -191,7 +188,7 @@ def _difference(point: Point) -> Array:
 def evaluated(curve: Curve, x: Array, tangent: Array) -> Point:
     """A point of known unknowns."""
     flows = dict[bytes, Flow]()
-    passed = passage(curve.parameter.hybrid_at(curve.value(x)), curve.solved, *curve.solved_states(x), flows)
+    passed = passage(curve.parameter.hybrid_at(float(x[-1])), curve.solved, *curve.solved_states(x), flows)
     return Point(curve, x, tangent, passed, flows)
 
 
@@ -200,28 +197,38 @@ def corrected(curve: Curve, guess: Array, row: Array) -> tuple[Point | None, flo
 
     The tangent leads to where the row does.
     """
-    x, m, last = guess, guess.size - 1, math.inf
-    by_value, change = None, math.inf
-    matrix = np.empty((m + 1, m + 1))
+    last = math.inf
+    with np.errstate(all="ignore"):
+        try:
+            for found, last in _newton(curve, guess, row):
+                if found is not None:
+                    return found, last
+        except np.linalg.LinAlgError:
+            # singular, or a resonance without damping
+            pass
+    return None, last
+
+
+def _newton(curve: Curve, x: Array, row: Array) -> Iterator[tuple[Point | None, float]]:
+    """Changes by steps of Newton's method as long as they lead on, and the point in the end."""
+    guess, m, parameter, solved = x, x.size - 1, curve.parameter, curve.solved
+    change, by_value, matrix = math.inf, np.zeros((0, 0)), np.empty((m + 1, m + 1))
     matrix[m] = row
     for _ in range(MOST_STEPS):
-        value, flows = curve.value(x), dict[bytes, Flow]()
+        flows, last = dict[bytes, Flow](), change
         states, phases = curve.solved_states(x)
-        passed = passage(curve.parameter.hybrid_at(value), curve.solved, states, phases, flows)
-        if by_value is None or change > SETTLED:
-            by_value = derivative_by(curve.parameter.hybrid_at, value, curve.solved, states, phases)
-        matrix[:m, :m], matrix[:m, m] = curve.by_unknowns(passed), curve.in_units(by_value) * curve.width
-        right = np.stack([np.append(curve.in_units(residual(passed, states)), row @ (x - guess)), np.zeros(m + 1)])
-        right[1, m] = 1.0
-        try:
-            step, along = np.linalg.solve(matrix, right.T).T
-        except np.linalg.LinAlgError:
-            return None, last
-        change = float(np.abs(step).max())
-        if not change < FAR:
-            return None, change
+        passed = passage(parameter.hybrid_at(float(x[-1])), solved, states, phases, flows)
+        if change > SETTLED:
+            by_value = derivative_by(parameter.hybrid_at, float(x[-1]), solved, states, phases)
+        matrix[:m, :m], matrix[:m, m] = curve.by_unknowns(passed), curve.in_units(by_value)
+        right = np.zeros((m + 1, 2))
+        right[:m, 0], right[m] = curve.in_units(residual(passed, states)), (row @ (x - guess), 1.0)
+        step, along = np.linalg.solve(matrix, right).T
+        change = max(float(np.abs(step[:-1]).max()), abs(float(step[-1])) / curve.width)
         if change <= EXACT or (change <= ROUNDED and change >= 0.1 * last):
             tangent = along / math.sqrt(along @ (curve.weight * along))
-            return Point(curve, x, tangent, passed, flows), change
-        x, last = x - step, change
-    return None, last
+            yield Point(curve, x, tangent, passed, flows), change
+        yield None, change
+        if not change < FAR:
+            return
+        x = x - step

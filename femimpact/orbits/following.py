@@ -46,11 +46,23 @@ NEAR_SYMMETRIC = 2e-3
 MOST_SECANTS = 20
 """Steps of a secant method."""
 
+MOST_CRESTS = 10
+"""Crests of a gap between two points of which the first to reach a wall is looked for."""
+
+BEFORE_CREST = 1e-4
+"""Share of the way to a crest at the wall that lies between it and the last orbit that is looked at."""
+
+SLOW = 1e-3
+"""Speed of an impact, in lengths and rad, below which no run confirms it: rounding decides whether it is met."""
+
 AT_ONCE = 64
 """Points that are verified in one call."""
 
 PROFILE = 257
 """Instants of an interval between events among which the highest crest of a gap is looked for."""
+
+CLOSED = "closed on itself"
+"""Why a closed curve ends."""
 
 CHANGES = {"fold": 1, "period-doubling": 1, "symmetry-breaking": 1, "branch-point": 1, "neimark-sacker": 2}
 """How many multipliers cross the unit circle at each kind of bifurcation."""
@@ -74,7 +86,7 @@ class _LostError(Exception):
 def follow(system: System, start: Point, low: float, high: float, most: int) -> Followed:
     """Points along the tangent of a start as far as values (low, high), or so many points, and its own event."""
     way = Followed([start], {}, [], [], "")
-    left, step, checked = start, LONGEST, 0
+    left, step = start, LONGEST
     end = _outside(start, low, high)
     while not end:
         try:
@@ -82,18 +94,22 @@ def follow(system: System, start: Point, low: float, high: float, most: int) -> 
         except _LostError as lost:
             end = f"no convergence: {lost}"
         else:
+            closed = after is not None and _passes(start, left, after)
             for kind, point in located:
-                way.kinds[len(way.points)] = kind
-                way.points.append(point)
+                # beyond the start it is one that was found
+                if not (closed and float(start.row @ _from_start(start, point)) > 0.0):
+                    way.kinds[len(way.points)] = kind
+                    way.points.append(point)
             if after is not None:
-                way.points.append(after)
-                left = after
-                end = end or _closed(start, left, way.points[-2])
+                left = start if closed else after
+                way.points.append(left)
+            end = CLOSED if closed else end
         if not end and len(way.points) >= most:
             end = f"number of points: {most}"
-        if end or len(way.points) - checked >= AT_ONCE:
-            cut = _verify(system, way, checked)
-            checked, end = len(way.points), cut or end
+        if len(way.points) - len(way.peak) >= AT_ONCE:
+            end = _verify(system, way) or end
+    if len(way.peak) < len(way.points):
+        end = _verify(system, way) or end
     return replace(way, end=end)
 
 
@@ -172,6 +188,8 @@ def _advance(
                 continue
         except _LostError:
             step *= 0.5
+            if step < NEAR_END and (point := _near_no_contact(left)) is not None:
+                return None, *_at_no_speed(point)
             if step < SHORTEST:
                 raise
             continue
@@ -192,7 +210,7 @@ def _at_edge(left: Point, right: Point, value: float) -> tuple[Point, str]:
 def at_value(curve: Curve, near: Array, value: float) -> Point | None:
     """The point next to some unknowns with a value of the parameter."""
     guess, row = near.copy(), np.zeros(near.size)
-    guess[-1], row[-1] = value / curve.width, 1.0
+    guess[-1], row[-1] = value, 1.0
     return corrected(curve, guess, row)[0]
 
 
@@ -251,16 +269,58 @@ def _limit_point(left: Point, right: Point, limit: _Limit) -> tuple[list[tuple[s
         if point is None:
             raise _LostError("it is nearly symmetric, and no symmetric orbit is found there")
         return [("symmetry-breaking", point)], 0.0, f"joins a symmetric branch {_where(point)}"
-    point = _locate(left, right, limit.function)
-    solved, n = point.curve.solved, point.curve.events
-    k = int(np.argmin(np.abs(point.limits[:n])))
-    if abs(point.limits[k]) > ROUNDED or solved.kind[k] not in (IMPACT, TOUCH):
+    return _at_no_speed(_locate(left, right, limit.function))
+
+
+def slowest(point: Point) -> float:
+    """Speed of the slowest event, in units."""
+    return float(np.abs(point.limits[: point.curve.events]).min())
+
+
+def _at_no_speed(point: Point) -> tuple[list[tuple[str, Point]], float, str]:
+    """A point at which events lose their speed or their order, as of `_advance`."""
+    solved = point.curve.solved
+    still = [k for k, kind in enumerate(solved.kind) if kind in (IMPACT, TOUCH) and abs(point.limits[k]) < ROUNDED]
+    if not still:
         return [], 0.0, f"two events at one instant, {_where(point)}"
-    j, side = int(solved.pair[k]), float(solved.side[k])
+    k, j, side = still[0], int(solved.pair[still[0]]), float(solved.side[still[0]])
     leaves = _gap(point, k, j, side, point.orbit[1][k : k + 1], 2)[0] < 0.0
     kind, words = ("grazing", "impact speed zero") if leaves else ("sticking", "sticking after an impact at no speed")
     name = point.curve.parameter.at(point.value)[0].contacts[j].name
     return [(kind, point)], 0.0, f"{words}, of {name} {_where(point)}"
+
+
+def _near_no_contact(left: Point) -> Point | None:
+    """The point at which a Kelvin-Voigt contact has no duration, if one is near.
+
+    Its events are one there, and the equations singular: it is extrapolated from points before it.
+    """
+    speeds = [left.limits[k] for k, kind in enumerate(left.curve.solved.kind) if kind == TOUCH]
+    if min(speeds, default=math.inf) > 0.1 * LONGEST:
+        return None
+    k, step = left.limits.tolist().index(min(speeds)), NEAR_END
+    for _ in range(2):
+        points = [left, *_near_points(left, (-0.5 * step, -step))]
+        if len(points) < 3:
+            return None
+        speed = np.array([point.limits[k] for point in points])
+        if not speed[0] < speed[1] < speed[2]:
+            return None
+        others = [np.delete(speed, i) for i in range(3)]
+        share = [float(np.prod(other / (other - at))) for other, at in zip(others, speed, strict=True)]
+        x = np.asarray(np.array(share) @ np.array([point.x for point in points]))
+        step = float(left.row @ (x - left.x))
+        if not 0.0 < step < LONGEST:
+            return None
+        # once more from nearer
+        left, step = next(iter(_near_points(left, (0.9 * step,))), left), 0.1 * step
+    return evaluated(left.curve, x, left.tangent)
+
+
+def _near_points(left: Point, steps: tuple[float, ...]) -> list[Point]:
+    """Points so far along the tangent of one, those that are found."""
+    found = [corrected(left.curve, left.x + step * left.tangent, left.row)[0] for step in steps]
+    return [point for point in found if point is not None]
 
 
 def _where(point: Point) -> str:
@@ -293,31 +353,34 @@ def _symmetric(left: Point) -> Point | None:
     return None
 
 
-def _closed(start: Point, point: Point, before: Point) -> str:
-    """Words if a curve has come back to its start."""
-    apart = []
-    for each in (before, point):
-        states, phases = each.orbit
-        turns = 2.0 * math.pi * round((phases[0] - start.orbit[1][0]) / (2.0 * math.pi))
-        apart.append(each.curve.unknowns(states, phases - turns, each.value) - start.x)
-    along = [float(start.row @ each) for each in apart]
-    if before is start or not along[0] < 0.0 <= along[1]:
-        return ""
+def _from_start(start: Point, point: Point) -> Array:
+    """Unknowns of a point less those of a start, with phases that may have turned by whole cycles."""
+    states, phases = point.orbit
+    turns = 2.0 * math.pi * round((phases[0] - start.orbit[1][0]) / (2.0 * math.pi))
+    return point.curve.unknowns(states, phases - turns, point.value) - start.x
+
+
+def _passes(start: Point, left: Point, right: Point) -> bool:
+    """Whether a curve comes back to its start in a step."""
+    before, after = (_from_start(start, each) for each in (left, right))
+    along = [float(start.row @ each) for each in (before, after)]
+    if left is start or not along[0] < 0.0 <= along[1]:
+        return False
     # where the line between both passes the start
-    passed = apart[0] - along[0] / (along[1] - along[0]) * (apart[1] - apart[0])
-    return "closed on itself" if passed @ (start.curve.weight * passed) < (0.2 * LONGEST) ** 2 else ""
+    passed = before - along[0] / (along[1] - along[0]) * (after - before)
+    return bool(passed @ (start.curve.weight * passed) < (0.2 * LONGEST) ** 2)
 
 
-def _verify(system: System, way: Followed, begin: int) -> str:
+def _verify(system: System, way: Followed) -> str:
     """Cut a curve where its orbits are no motions of the system, and say why; their peaks are kept."""
+    begin = len(way.peak)
     points = way.points[begin:]
     runs = own_runs(system, points)
     for i, point in enumerate(points):
         number = begin + i
-        is_limit = way.kinds.get(number) in ("grazing", "sticking")
         try:
-            if not is_limit:
-                check_events(runs.logs[i], point.curve.sequence)
+            if not slowest(point) < SLOW:
+                check_events(runs.logs[i], point.curve.sequence, runs.first[i])
                 growth = float(np.abs(point.multipliers[0])) ** (2 if point.curve.is_symmetric else 1)
                 check_missed(float(runs.missed[i]), growth)
         except DivergenceError as error:
@@ -329,23 +392,31 @@ def _verify(system: System, way: Followed, begin: int) -> str:
 
 def _cut(system: System, way: Followed, number: int, runs: OwnRuns, i: int, error: DivergenceError) -> str:
     """End a curve before a point, at the crest of a gap that reaches a wall if there is one."""
-    left, point, log = way.points[max(number - 1, 0)], way.points[number], runs.logs[i]
+    left, right = way.points[max(number - 1, 0)], way.points[number]
     del way.points[number:]
     for k in [k for k in way.kinds if k >= number]:
         del way.kinds[k]
-    row = other_event(log, point.curve.sequence)
-    found = (
-        None if row is None or row >= len(log) or not number else _at_crest(left, point, log, row, float(runs.phase[i]))
-    )
-    if found is None:
-        return f"no convergence: {error}"
-    way.kinds[len(way.points)] = "grazing"
-    way.points.append(found)
-    grazed = own_runs(system, [found])
-    way.peak.append(float(grazed.peak[0]))
-    way.first_harmonic.append(float(grazed.first_harmonic[0]))
-    side = "+" if log.side[row] > 0 else "-"
-    return f"extra contact of {log.contacts[log.pair[row]]} on its {side} side at {found.value:.10g}"
+    for _ in range(MOST_CRESTS):
+        log = runs.logs[i]
+        row = other_event(log, right.curve.sequence, runs.first[i])
+        if row is None or row >= len(log) or not number:
+            break
+        found = _at_crest(left, right, log, row, float(runs.phase[i]))
+        if found is None:
+            break
+        # whether another one is met before
+        before = _near_points(left, ((1.0 - BEFORE_CREST) * float(left.row @ (found.x - left.x)),))
+        if not before:
+            break
+        runs, i, right = own_runs(system, [before[0], found]), 0, before[0]
+        if other_event(runs.logs[0], right.curve.sequence, runs.first[0]) is None:
+            way.kinds[len(way.points)] = "grazing"
+            way.points.append(found)
+            way.peak.append(float(runs.peak[1]))
+            way.first_harmonic.append(float(runs.first_harmonic[1]))
+            side = "+" if log.side[row] > 0 else "-"
+            return f"extra contact of {log.contacts[log.pair[row]]} on its {side} side {_where(found)}"
+    return f"no convergence: {error}"
 
 
 def _at_crest(left: Point, right: Point, log: EventLog, row: int, begin: float) -> Point | None:

@@ -31,6 +31,7 @@ class OwnRuns:
     missed: Array  # (n,) by which each misses its start, in the units of the curve; infinite where events did not end
     logs: tuple[EventLog, ...]
     phase: Array  # (n,) rad: of the drive where each begins
+    first: tuple[int, ...]  # event that each is to meet first
     peak: Array  # (n,) m: largest displacement of the default place
     first_harmonic: Array  # (n,) m: its component at the frequency of the excitation
 
@@ -38,7 +39,7 @@ class OwnRuns:
 def own_runs(system: System, points: Sequence[Point]) -> OwnRuns:
     """Runs over one period of the orbits of some points of a curve, each from between two events."""
     curve, count, method = points[0].curve, len(points), EventDriven()
-    starts, phase = zip(
+    starts, phase, first = zip(
         *(between_events(p.passed.hybrid, curve.sequence, *p.orbit, p.flows) for p in points), strict=True
     )
     hybrids, state = [point.passed.hybrid for point in points], np.array(starts)
@@ -73,7 +74,7 @@ def own_runs(system: System, points: Sequence[Point]) -> OwnRuns:
     table = np.moveaxis(block.grid.cycles[:, :, : len(CYCLE_COLUMNS)], (2, 1), (0, 1))
     motion = steady_motion(CycleStatistics(*table), np.full(count, cycles))
     done = block.stopped == DONE
-    return OwnRuns(np.where(done, missed, np.inf), logs, np.array(phase), motion.peak, motion.first_harmonic)
+    return OwnRuns(np.where(done, missed, np.inf), logs, np.array(phase), first, motion.peak, motion.first_harmonic)
 
 
 def _outputs(system: System, d: int) -> Outputs:

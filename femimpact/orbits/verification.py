@@ -43,8 +43,8 @@ def verified(
 
     Raises `DivergenceError` if its own run meets other events, or does not end where it began.
     """
-    run, missed = own_run(system, excitation, sequence, found, flows, unit_of(hybrid, length))
-    check_events(run.events, sequence)
+    run, missed, first = own_run(system, excitation, sequence, found, flows, unit_of(hybrid, length))
+    check_events(run.events, sequence, first)
     orbit = orbit_of(system, excitation, hybrid, sequence, found, length, flows, run, missed)
     check_missed(missed, float(np.abs(orbit.multipliers[0])))
     return orbit
@@ -163,52 +163,54 @@ def _state(system: System, state: Array, time: float) -> State:
 def own_run(
     system: System, excitation: Sine | PointForce, sequence: Sequence, found: Solution, flows: dict[bytes, Flow],
     unit: Array,
-) -> tuple[Response, float]:  # fmt: skip
-    """A run over one period, and by how much it misses its start."""
-    state, middle = between_events(found.passed.hybrid, sequence, found.states, found.phases, flows)
+) -> tuple[Response, float, int]:  # fmt: skip
+    """A run over one period, by how much it misses its start, and the event that it meets first."""
+    state, middle, first = between_events(found.passed.hybrid, sequence, found.states, found.phases, flows)
     time = float(_times(np.array([middle]), excitation, sequence.cycles)[0])
     period = sequence.cycles / excitation.frequency
     run = integrate(system, excitation, EventDriven(), period, recorder_of_events(), _state(system, state, time))
     end: Any = run.final_state
-    return run, float(np.max(np.abs(state_vector(end) - state) / unit))
+    return run, float(np.max(np.abs(state_vector(end) - state) / unit)), first
 
 
 def between_events(
     hybrid: HybridSystem, sequence: Sequence, states: Array, phases: Array, flows: dict[bytes, Flow]
-) -> tuple[Array, float]:
-    """State and phase in the middle of the longest interval between events, without contact if there is such.
+) -> tuple[Array, float, int]:
+    """State and phase in the middle of the longest interval between events, and the event that follows.
 
-    A run over one period that begins there has no event at its ends.
+    If there is such an interval, nothing is in contact there. A run over one period that begins there has no event at
+    its ends.
     """
     before, begun = np.roll(sequence.contact_state, 1, axis=0), np.roll(phases, 1)
     begun[0] -= 2.0 * math.pi * sequence.cycles
     free = ~np.any(before != FREE, axis=1)
     k = int(np.argmax((phases - begun) * np.where(free, 1.0, 1e-6)))
     middle, flow = float(0.5 * (begun[k] + phases[k])), known_flow(hybrid, before[k], flows)
-    return flow.moved(states[k - 1][None], np.array([begun[k]]), np.array([middle]), float(hybrid.omega))[0], middle
+    state = flow.moved(states[k - 1][None], np.array([begun[k]]), np.array([middle]), float(hybrid.omega))[0]
+    return state, middle, k
 
 
-def other_event(log: EventLog, sequence: Sequence) -> int | None:
-    """Row of a log at which it has another event than an orbit has, None where there is none."""
-    met, expected = _met_and_expected(log, sequence)
+def other_event(log: EventLog, sequence: Sequence, first: int) -> int | None:
+    """Row of a log at which it has another event than an orbit has from its event `first` on; None where it has not."""
+    met, expected = _met(log), _expected(sequence, first)
     return None if met == expected else _equal_rows(met, expected)
 
 
-def _met_and_expected(log: EventLog, sequence: Sequence) -> tuple[list[Any], list[Any]]:
-    """Events of a run that begins before any of those of an orbit, and these, from the one that fits best."""
-    met = list(zip(log.kind.tolist(), log.pair.tolist(), log.side.tolist(), strict=True))
-    rows = [row for row in zip(sequence.kind, sequence.pair.tolist(), sequence.side.tolist(), strict=True)
-            if row[0] != SECTION]  # fmt: skip
-    shared = max(range(max(len(rows), 1)), key=lambda k: _equal_rows(met, [*rows[k:], *rows[:k]]))
-    return met, [*rows[shared:], *rows[:shared]]
+def _met(log: EventLog) -> list[Any]:
+    return list(zip(log.kind.tolist(), log.pair.tolist(), log.side.tolist(), strict=True))
 
 
-def check_events(log: Any, sequence: Sequence) -> None:
-    """Refuse an orbit of which the own run, with its log, meets other events."""
-    met, expected = _met_and_expected(log, sequence)
-    if met == expected:
+def _expected(sequence: Sequence, first: int) -> list[Any]:
+    rows = list(zip(sequence.kind, sequence.pair.tolist(), sequence.side.tolist(), strict=True))
+    return [row for row in [*rows[first:], *rows[:first]] if row[0] != SECTION]
+
+
+def check_events(log: Any, sequence: Sequence, first: int) -> None:
+    """Refuse an orbit of which the own run, with its log from event `first` on, meets other events."""
+    i = other_event(log, sequence, first)
+    if i is None:
         return
-    i = _equal_rows(met, expected)
+    met, expected = _met(log), _expected(sequence, first)
 
     def words(table: list[tuple[str, int, float]]) -> str:
         if i >= len(table):
