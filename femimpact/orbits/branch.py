@@ -27,7 +27,7 @@ from femimpact.orbits.equations import passage
 from femimpact.orbits.flow import Flow
 from femimpact.orbits.following import CLOSED, Followed, at_value, follow
 from femimpact.orbits.guess import first_guess
-from femimpact.orbits.newton import Solution
+from femimpact.orbits.newton import Solution, solve
 from femimpact.orbits.orbit import PeriodicOrbit
 from femimpact.orbits.parameter import Parameter, parameter_of
 from femimpact.orbits.search import length_of, one_sine
@@ -126,7 +126,7 @@ class Branch:
             point = at_value(self._curve, here + share * (there - here), value)
             if point is not None:
                 found.append(_orbit(self._curve, point.x))
-        if self.values[-1] == value:
+        if self.values[-1] == value and self.end[1] != CLOSED:
             found.append(self.orbits[-1])
         return tuple(found)
 
@@ -238,7 +238,9 @@ def continue_orbit(orbit: PeriodicOrbit, parameter: str, to: tuple[float, float]
     unit = np.append(unit_of(number.hybrid, length := length_of(orbit.system, guess.states)), 1.0)
     by_rows = np.append(unit[:-1], length) if guess.sequence.pair.max(initial=-1) >= 0 else unit
     curve = Curve(number, guess.sequence, orbit.is_symmetric, unit, by_rows, high - low)
-    start = at_value(curve, curve.unknowns(guess.states, guess.phases, number.value), number.value)
+    # of an orbit without events the guess is one state
+    found = solve(number.hybrid, guess.sequence, guess.states, guess.phases, length)
+    start = at_value(curve, curve.unknowns(found.states, found.phases, number.value), number.value)
     if start is None:
         raise DivergenceError(
             f"the orbit is none at {number.path} = {number.value:g}: it has changed since it was found"
