@@ -384,7 +384,7 @@ def test_a_compliant_contact_has_no_restitution_to_follow():
 
 
 def test_an_orbit_is_needed():
-    with pytest.raises(fi.InputError, match="orbit = Sine.*: must be a PeriodicOrbit"):
+    with pytest.raises(fi.InputError, match=r"orbit = Sine.*: must be a PeriodicOrbit"):
         fi.continue_orbit(fi.Sine(1.0, 1.0), "frequency", (1.0, 2.0))
     (orbit, *_) = fi.two_impact_orbits(*box(*CASE.values()))
     with pytest.raises(fi.InputError, match="points = 1: must be a whole number >= 2"):

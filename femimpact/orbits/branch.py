@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 from femimpact.arrays import Array, Complex
 from femimpact.errors import (
     DivergenceError,
+    check_fields,
     checked,
+    choice,
     column,
     instance,
     items,
@@ -25,7 +27,7 @@ from femimpact.errors import (
 from femimpact.orbits.curve import Curve
 from femimpact.orbits.equations import passage
 from femimpact.orbits.flow import Flow
-from femimpact.orbits.following import CLOSED, Followed, at_value, follow
+from femimpact.orbits.following import CHANGES, CLOSED, Followed, at_value, follow
 from femimpact.orbits.guess import first_guess
 from femimpact.orbits.newton import Solution, solve
 from femimpact.orbits.orbit import PeriodicOrbit
@@ -53,9 +55,12 @@ class Bifurcation:
         At "grazing" and "sticking" its multipliers are no numbers to use: at no speed they are infinite.
     """
 
-    kind: str = field(metadata=text())
+    kind: str = field(metadata=choice(*CHANGES, "grazing", "sticking"))
     value: float = field(metadata=quantity(""))
     orbit: PeriodicOrbit = field(metadata=instance(PeriodicOrbit))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
 
 
 @short_repr
@@ -99,6 +104,9 @@ class Branch:
     place: str = field(metadata=text())
     _curve: Curve
     _unknowns: Array  # (points, m + 1)
+
+    def __post_init__(self) -> None:
+        check_fields(self)
 
     def __len__(self) -> int:
         return int(self.values.size)
