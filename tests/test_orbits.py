@@ -5,14 +5,16 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
+import mpmath
 import numpy as np
 import pytest
+import scipy.linalg
 from builders import REFERENCE, oscillator, reduced, with_ball
 from orbit_cases import MODELS
 
 import femimpact as fi
 from femimpact.orbits.equations import derivative_by, jacobian, passage
-from femimpact.orbits.flow import hybrid_system
+from femimpact.orbits.flow import flow_of, hybrid_system
 from femimpact.orbits.guess import first_guess
 from femimpact.orbits.newton import solve
 from femimpact.orbits.orbit import state_vector
@@ -331,3 +333,128 @@ def test_stable_and_unstable_orbits_from_states():
     assert any(np.allclose(state_of(orbit), state_of(unstable), atol=1e-9) for orbit in found)
     states = [state_of(orbit) for orbit in found]
     assert all(np.abs(a - b).max() > 1e-5 for i, a in enumerate(states) for b in states[:i])
+
+
+# ---- what is refused, in one line ------------------------------------------------------------------
+
+
+def refused(system, excitation, words, **given):
+    with pytest.raises(fi.InputError, match=words) as caught:
+        fi.find_orbit(system, excitation, **{"guess": fi.State(), **given})
+    assert len(str(caught.value).splitlines()) == 1
+
+
+def test_other_excitations_and_laws_are_refused_by_name():
+    system, push = box(0.1, 0.8, 0.01, 1.0, 20.0)
+    for excitation in (
+        fi.Chirp(0.1, 0.2, 10.0, amplitude=1.0),
+        fi.Sine(1.0, 0.15) + fi.Sine(1.0, 0.3),
+        fi.Sine(1.0, 0.15) + push,
+        fi.PointForce("mass", fi.Chirp(0.1, 0.2, 10.0, amplitude=1.0)),
+        fi.RecordedBase(np.sin(np.arange(50)), 0.1),
+    ):
+        refused(system, excitation, "excitation = .*must be one Sine")
+    hertz = oscillator(damping=0.02, impactors=[fi.Impactor("ball", "mass", 0.1, 1.0, fi.Hertz(1e4))])
+    refused(hertz, push, r"ball.contact = .*must be Rigid or KelvinVoigt")
+    coupled = fi.System.from_matrices(np.eye(2), np.zeros((2, 2)), [[2, -1], [-1, 2]], points={"mass": [1.0, 0.0]})
+    refused(coupled, push, "normal modes")
+    for cycles in (0, 1.5, -1, "one", 10**6):
+        refused(system, push, "cycles = ", cycles=cycles)
+    for guess in (None, 1.0, "run"):
+        refused(system, push, "guess", guess=guess)
+
+
+def test_a_guess_of_another_system_is_refused(orbits):
+    refused(orbits["two balls"].system, orbits["two balls"].excitation, "guess = ", guess=orbits["rigid"])
+    orbit = orbits["gravity"]
+    twice = fi.find_orbit(orbit.system, orbit.excitation, cycles=2, guess=orbit)
+    refused(orbit.system, orbit.excitation, "cycles = 3: must be 2 times", cycles=3, guess=twice)
+
+
+def test_motions_that_stick_or_meet_at_one_instant_are_refused():
+    floor = fi.Stop("floor", "mass", (math.inf, 0.0), fi.Rigid(0.1))
+    system = oscillator(damping=0.1, stops=[floor])
+    refused(system, fi.PointForce("mass", fi.Sine(0.5, 0.05)), "guess: must lead to a motion without sticking")
+    # two equal boxes that know nothing of one another
+    balls = [fi.Impactor(f"{name} ball", name, 0.1, 10.0, fi.Rigid(0.8)) for name in ("first", "second")]
+    boxes = fi.System.from_matrices(
+        np.eye(2), 0.02 * np.eye(2), np.eye(2), points={"first": [1.0, 0.0], "second": [0.0, 1.0]}, impactors=balls
+    )
+    (one, *_) = fi.two_impact_orbits(*box(0.1, 0.8, 0.01, 1.0, 20.0))
+    names = ("displacement", "velocity", "ball_displacement", "ball_velocity")
+    both = fi.State(**{name: np.repeat(getattr(one.state, name), 2) for name in names})
+    base = fi.Sine(1.0, 1 / (2 * math.pi), math.pi)
+    refused(boxes, base, "guess = 2 impacts at t = .* at one instant", guess=both)
+
+
+def test_a_ball_that_touches_nothing_is_named():
+    system, _ = box(0.1, 0.8, 0.01, 1.0, 20.0)
+    refused(
+        system, fi.PointForce("mass", fi.Sine(1e-3, 0.1)), "guess.ball = 'no contact in a period': must touch a wall"
+    )
+
+
+def test_a_search_that_ends_elsewhere_says_so(orbits):
+    model = MODELS["rigid"]
+    base = fi.Sine(model.amplitude, model.frequency)
+    # too fast for an orbit with as many impacts as its first period has
+    start = replace(orbits["rigid"].state, ball_velocity=[1.0])
+    with pytest.raises(fi.DivergenceError, match="no periodic orbit found: .*residual of .*; try a run") as caught:
+        fi.find_orbit(model.system(), base, guess=start)
+    assert len(str(caught.value).splitlines()) == 1
+    assert fi.find_orbits(model.system(), base, [start]) == ()
+
+
+def test_the_closed_form_asks_for_its_system(orbits):
+    system, push = box(0.1, 0.8, 0.01, 1.0, 20.0)
+    with pytest.raises(fi.InputError, match="2 pairs with walls"):
+        fi.two_impact_orbits(orbits["two balls"].system, orbits["two balls"].excitation)
+    with pytest.raises(fi.InputError, match="must be Rigid"):
+        fi.two_impact_orbits(orbits["Kelvin-Voigt"].system, orbits["Kelvin-Voigt"].excitation)
+    with pytest.raises(fi.InputError, match="constant forces"):
+        fi.two_impact_orbits(orbits["gravity"].system, orbits["gravity"].excitation)
+    unequal = oscillator(damping=0.02, impactors=[fi.Impactor("ball", "mass", 0.1, (9.0, 10.0), fi.Rigid(0.8))])
+    with pytest.raises(fi.InputError, match=r"ball.gap = .*the same on both sides"):
+        fi.two_impact_orbits(unequal, push)
+    assert fi.two_impact_orbits(system, fi.PointForce("mass", fi.Sine(1e-3, 0.1))) == ()
+
+
+# ---- the flow ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("ratio", [0.0, 0.01, 0.99999, 1.0, 1.00001, 5.0, 1e3])
+@pytest.mark.parametrize("omega", [0.0, 3.0])
+def test_a_coordinate_alone_moves_as_its_exponential(ratio, omega):
+    damping = 2 * ratio * (omega or 1.0)
+    system = fi.System.from_matrices(
+        np.eye(2),
+        np.diag([damping, 1.0]),
+        np.diag([omega**2, 1.0]),
+        points={"mass": [1.0, 0.0]},
+        constant_load=[0.7, 0.0],
+    )
+    flow = flow_of(hybrid_system(system, fi.PointForce("mass", fi.Sine(1.0, 0.3))), np.zeros(0))
+    for time in (1e-6, 1e-3, 0.4, 7.0):
+        propagator, moved = flow.over(np.array([time]))
+        augmented = np.zeros((5, 5))
+        augmented[:4, :4], augmented[:4, 4] = flow.matrix, flow.constant
+        # in more digits: that of double precision squares its rounding where the rates spread
+        exact = np.array(mpmath.expm(mpmath.matrix(time * augmented)).tolist(), dtype=float)
+        np.testing.assert_allclose(propagator[0], exact[:4, :4], rtol=0, atol=1e-14)
+        np.testing.assert_allclose(moved[0], exact[:4, 4], rtol=0, atol=1e-14 * max(1.0, abs(exact[:4, 4]).max()))
+
+
+@pytest.mark.parametrize("name", ["Kelvin-Voigt", "stop in space"])
+def test_pressed_contacts_move_as_their_exponential(name):
+    model = replace(MODELS[name], law=(3000.0, 2.0))
+    hybrid = hybrid_system(model.system(), fi.Sine(model.amplitude, model.frequency))
+    flow = flow_of(hybrid, np.array([1.0]))
+    size = flow.constant.size
+    augmented = np.zeros((size + 1, size + 1))
+    augmented[:size, :size], augmented[:size, size] = flow.matrix, flow.constant
+    unit = np.repeat([2e-3, 2e-3 * hybrid.omega], size // 2)
+    times = np.array([1e-4, 2e-3, 5e-2])
+    for time, propagator, moved in zip(times, *flow.over(times), strict=True):
+        exact = scipy.linalg.expm(time * augmented)
+        assert np.max(np.abs(propagator - exact[:size, :size]) * unit / unit[:, None]) < 1e-11
+        assert np.max(np.abs(moved - exact[:size, size]) / unit) < 1e-11

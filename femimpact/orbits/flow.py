@@ -213,7 +213,7 @@ def _add_alone(alone: _Alone, time: Numbers, propagator: Numbers, moved: Numbers
     """Write the closed form of coordinates that nothing couples: e^{-sigma t} (cos, sin/w) of any damping."""
     sigma, kappa, p = alone.sigma, alone.kappa, alone.members
     v = p + propagator.shape[1] // 2
-    cosine, sine = _damped_cosine_and_sine(sigma, sigma**2 - kappa, time)
+    cosine, sine = _damped_cosine_and_sine(sigma, kappa, time)
     held = cosine + sigma * sine
     propagator[:, p, p], propagator[:, p, v] = held, sine
     propagator[:, v, p], propagator[:, v, v] = -kappa * sine, cosine - sigma * sine
@@ -224,13 +224,16 @@ def _add_alone(alone: _Alone, time: Numbers, propagator: Numbers, moved: Numbers
     moved[:, p], moved[:, v] = integral * alone.constant, sine * alone.constant
 
 
-def _damped_cosine_and_sine(sigma: Numbers, delta: Numbers, time: Numbers) -> tuple[Numbers, Numbers]:
-    """e^{-sigma t} cosh(r t) and e^{-sigma t} sinh(r t)/r, r^2 = delta, for either sign of it."""
+def _damped_cosine_and_sine(sigma: Numbers, kappa: Numbers, time: Numbers) -> tuple[Numbers, Numbers]:
+    """e^{-sigma t} cosh(r t) and e^{-sigma t} sinh(r t)/r, r^2 = sigma^2 - kappa, for either sign of it."""
+    delta = sigma**2 - kappa
     x, decay = delta * time**2, np.exp(-sigma * time)
     root = np.sqrt(np.where(delta.real < 0.0, -delta, delta))
     near, slow = np.abs(x) < SERIES, np.where(delta == 0.0, 1.0, root)
     swinging = delta.real < 0.0
-    rising, falling = np.exp(np.where(swinging, 0.0, root - sigma) * time), np.exp(-(root + sigma) * time)
+    # the slow rate from the product of both: no difference of near numbers
+    fast = np.where(swinging | (sigma == 0.0), 1.0, root + sigma)
+    rising, falling = np.exp(np.where(swinging, 0.0, -kappa / fast) * time), np.exp(-fast * time)
     cosine = np.where(swinging, decay * np.cos(root * time), 0.5 * (rising + falling))
     sine = np.where(swinging, decay * np.sin(root * time), 0.5 * (rising - falling)) / slow
     return (
