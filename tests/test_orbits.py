@@ -384,7 +384,7 @@ def test_motions_that_stick_or_meet_at_one_instant_are_refused():
     names = ("displacement", "velocity", "ball_displacement", "ball_velocity")
     both = fi.State(**{name: np.repeat(getattr(one.state, name), 2) for name in names})
     base = fi.Sine(1.0, 1 / (2 * math.pi), math.pi)
-    refused(boxes, base, "guess = 2 impacts at t = .* at one instant", guess=both)
+    refused(boxes, base, "guess = '2 impacts at t = .* at one instant", guess=both)
 
 
 def test_a_ball_that_touches_nothing_is_named():
@@ -399,7 +399,7 @@ def test_a_search_that_ends_elsewhere_says_so(orbits):
     base = fi.Sine(model.amplitude, model.frequency)
     # too fast for an orbit with as many impacts as its first period has
     start = replace(orbits["rigid"].state, ball_velocity=[1.0])
-    with pytest.raises(fi.DivergenceError, match="no periodic orbit found: .*residual of .*; try a run") as caught:
+    with pytest.raises(fi.DivergenceError, match=r"no periodic orbit found: .*residual of .*; try a run") as caught:
         fi.find_orbit(model.system(), base, guess=start)
     assert len(str(caught.value).splitlines()) == 1
     assert fi.find_orbits(model.system(), base, [start]) == ()
