@@ -22,7 +22,6 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from femimpact.contact.laws import RIGID
 from femimpact.excitation import Excitation
 from femimpact.integrators.channel_rows import drive_of
 from femimpact.integrators.event_driven.equations import equations_of
@@ -50,7 +49,6 @@ class HybridSystem:
     constant: Numbers  # (d,) N
     force: Numbers  # (d, pairs) what a force on the structure at each pair does to the coordinates
     in_space: Numbers  # (pairs,) x_j = -force_j p - in_space_j ub
-    rigid: NDArray[np.bool_]  # (pairs,)
     gaps: Numbers  # (pairs, 2) m: to the + and to the - side
     restitution: Numbers  # (pairs,)
     contact_stiffness: Numbers  # (pairs,) N/m, of Kelvin-Voigt pairs
@@ -78,7 +76,6 @@ def hybrid_system(system: System, excitation: Excitation) -> HybridSystem:
         constant=equations.given,
         force=equations.force,
         in_space=equations.in_space,
-        rigid=np.array([numbers.kind == RIGID for numbers in parameters], dtype=bool),
         gaps=np.array([pair.gaps for pair in system.contacts], dtype=float).reshape(-1, 2),
         restitution=np.array([numbers.restitution for numbers in parameters]),
         contact_stiffness=np.array([numbers.stiffness for numbers in parameters]),
@@ -121,6 +118,7 @@ class Flow:
     cosine: Numbers
     steady_sine: Numbers  # (2d,) of the steady response
     steady_cosine: Numbers
+    omega: Any  # rad/s
     alone: _Alone
     coupled: _Coupled
 
@@ -132,6 +130,12 @@ class Flow:
     def steady(self, phase: Numbers) -> Numbers:
         """The steady response (n, 2d) at phases (n,)."""
         return np.asarray(np.outer(np.sin(phase), self.steady_sine) + np.outer(np.cos(phase), self.steady_cosine))
+
+    def carried(self, states: Numbers, begin: Numbers, end: Numbers) -> tuple[Numbers, Numbers]:
+        """States (n, 2d) at phases `end` (n,) after those at phases `begin`, and their propagators (n, 2d, 2d)."""
+        propagator, moved = self.over((end - begin) / self.omega)
+        left = (propagator @ (states - self.steady(begin))[:, :, None])[:, :, 0]
+        return left + moved + self.steady(end), propagator
 
     def over(self, time: Numbers) -> tuple[Numbers, Numbers]:
         """e^{A t} (n, 2d, 2d) and the integral of e^{A r} a (n, 2d) over times (n,) in s."""
@@ -175,6 +179,7 @@ def flow_of(hybrid: HybridSystem, contact_state: Numbers) -> Flow:  # contact_st
         A, constant, sine, cosine,
         np.concatenate([steady[0], -hybrid.omega * steady[1]]),
         np.concatenate([steady[1], hybrid.omega * steady[0]]),
+        hybrid.omega,
         _Alone(alone, 0.5 * (inverse * np.diagonal(C))[alone], (inverse * np.diagonal(K))[alone], constant[d + alone]),
         _coupled(A, constant, np.concatenate([others, d + others])),
     )  # fmt: skip

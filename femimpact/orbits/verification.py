@@ -49,7 +49,7 @@ def verified(
     steps = found.passed.saltation @ found.passed.propagator
     state, contact_state, monodromy = _at_start(hybrid, excitation, sequence, found, times, flows, steps)
     run, missed = _own_run(system, excitation, sequence, found, flows, unit)
-    _check_events(run, sequence, found, excitation)
+    _check_events(run, sequence)
     growth = max(1.0, float(np.abs(np.linalg.eigvals(monodromy)).max()))
     if not missed <= VERIFIED * growth:
         raise DivergenceError(
@@ -98,10 +98,11 @@ def _at_start(
     if times[first] == 0.0:
         return found.states[first], sequence.contact_state[first], _product(later)
     contact_state = sequence.contact_state[first - 1]
-    flow, since = known_flow(hybrid, contact_state, flows), sequence.cycles / excitation.frequency - times[first - 1]
-    (onto, up_to), moved = flow.over(np.array([since, times[first]]))
-    now, before = flow.steady(np.array([excitation.phase, found.phases[first - 1]]))
-    state = onto @ (found.states[first - 1] - before) + moved[0] + now
+    flow, phase = known_flow(hybrid, contact_state, flows), np.array([found.phases[first]])
+    now = phase - times[first] * hybrid.omega
+    before = now - (sequence.cycles / excitation.frequency - times[first - 1]) * hybrid.omega
+    (state,), (onto,) = flow.carried(found.states[first - 1][None], before, now)
+    _, (up_to,) = flow.carried(state[None], now, phase)
     return state, contact_state, onto @ _product(later[:-1]) @ found.passed.saltation[first] @ up_to
 
 
@@ -142,49 +143,37 @@ def _own_run(
     begun = np.roll(found.phases, 1)
     begun[0] -= 2.0 * math.pi * sequence.cycles
     free = ~np.any(before != FREE, axis=1)
-    length = (found.phases - begun) * np.where(free, 1.0, 1e-6)
-    k = int(np.argmax(length))
-    middle, flow = 0.5 * (begun[k] + found.phases[k]), known_flow(hybrid, before[k], flows)
-    propagator, moved = flow.over(np.array([(middle - begun[k]) / hybrid.omega]))
-    now, then = flow.steady(np.array([middle, begun[k]]))
-    state = propagator[0] @ (found.states[k - 1] - then) + moved[0] + now
-    time = float(_times(np.array([middle]), excitation, sequence.cycles)[0])
+    # of any length before one in contact
+    k = int(np.argmax((found.phases - begun) * np.where(free, 1.0, 1e-6)))
+    middle = 0.5 * (begun[[k]] + found.phases[[k]])
+    (state,), _ = known_flow(hybrid, before[k], flows).carried(found.states[[k - 1]], begun[[k]], middle)
+    time = float(_times(middle, excitation, sequence.cycles)[0])
     period = sequence.cycles / excitation.frequency
     run = integrate(system, excitation, EventDriven(), period, recorder_of_events(), _state(system, state, time))
     end: Any = run.final_state
     return run, float(np.max(np.abs(state_vector(end) - state) / unit))
 
 
-def _check_events(run: Response, sequence: Sequence, found: Solution, excitation: Sine | PointForce) -> None:
+def _check_events(run: Response, sequence: Sequence) -> None:
     """Refuse an orbit of which the own run meets other events."""
     log: Any = run.events
     met = list(zip(log.kind.tolist(), log.pair.tolist(), log.side.tolist(), strict=True))
-    rows = [row for row in zip(sequence.kind, sequence.pair.tolist(), sequence.side.tolist(), strict=True)
-            if row[0] != SECTION]  # fmt: skip
-    if any(met == [*rows[k:], *rows[:k]] for k in range(max(len(rows), 1))):
-        return
+    of_orbit = zip(sequence.kind, sequence.pair.tolist(), sequence.side.tolist(), strict=True)
+    rows = [row for row in of_orbit if row[0] != SECTION]
     # the run begins before one of them
-    shared = max(range(max(len(rows), 1)), key=lambda k: _equal_rows(met, [*rows[k:], *rows[:k]]))
-    expected = [*rows[shared:], *rows[:shared]]
-    i = _equal_rows(met, expected)
-
-    def words(table: list[tuple[str, int, float]]) -> str:
-        if i >= len(table):
-            return "nothing more"
-        kind, pair, side = table[i]
-        return f"{kind} of {run.system.contacts[pair].name} on its {'+' if side > 0 else '-'} side"
-
-    at = f" at t = {log.time[i]:.6g} s" if i < len(met) else ""
+    orders = [[*rows[k:], *rows[:k]] for k in range(max(len(rows), 1))]
+    if met in orders:
+        return
+    equal = [[one == other for one, other in zip(met, order, strict=False)] for order in orders]
+    i, first = max([*row, False].index(False) for row in equal), "nothing more"
+    if i < len(met):
+        kind, pair, side = met[i]
+        name = run.system.contacts[pair].name
+        first = f"{kind} of {name} on its {'+' if side > 0 else '-'} side at t = {log.time[i]:.6g} s"
     raise DivergenceError(
-        f"the orbit found is no motion of the system: its own run meets {words(met)}{at}, where the orbit has "
-        f"{words(expected)}; start nearer to an orbit with the contacts of that run"
+        f"the orbit found is no motion of the system: after {i} of its {len(rows)} events its own run meets {first}; "
+        "start nearer to an orbit with the contacts of that run"
     )
-
-
-def _equal_rows(first: list[Any], second: list[Any]) -> int:
-    """How many rows two tables begin with that are equal."""
-    equal = [one == other for one, other in zip(first, second, strict=False)]
-    return [*equal, False].index(False)
 
 
 def _log(system: System, sequence: Sequence, found: Solution, times: Array, order: NDArray[np.intp]) -> EventLog:
