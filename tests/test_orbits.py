@@ -13,11 +13,13 @@ from builders import REFERENCE, oscillator, reduced, with_ball
 from orbit_cases import MODELS
 
 import femimpact as fi
-from femimpact.orbits.equations import derivative_by, jacobian, passage
+from femimpact.orbits.equations import Sequence, derivative_by, jacobian, passage, residual
 from femimpact.orbits.flow import flow_of, hybrid_system
-from femimpact.orbits.guess import first_guess
+from femimpact.orbits.guess import Guess, first_guess
 from femimpact.orbits.newton import solve
 from femimpact.orbits.orbit import state_vector
+from femimpact.orbits.search import orbit_near
+from femimpact.orbits.verification import verified
 
 pytestmark = pytest.mark.impacts
 
@@ -213,6 +215,47 @@ def test_the_closed_form_holds_at_a_stop_in_space():
     assert np.max(np.abs(state_of(model.orbit()) - state_of(closed)) / units_of(closed)) < 1e-11
 
 
+def test_a_stop_in_space_has_a_slow_and_a_fast_orbit():
+    stop = fi.Stop("stop", "tip", (1e-3, 1e-3), fi.Rigid(0.7), fixed_to="space")
+    system = fi.System.from_matrices(
+        np.eye(2), np.diag([0.6, 4.0]), np.diag([900.0, 4e4]), points={"tip": [1.0, 0.8]}, stops=[stop]
+    )
+    fast, slow = fi.two_impact_orbits(system, fi.Sine(1e-3, 8.0))
+    assert fast.impacts.approach_speed[0] > 2 * slow.impacts.approach_speed[0] > 0
+    # between them lies the fold that both come from: of the slow one a half multiplier is beyond +1
+    assert fast.is_stable
+    assert slow.half_multipliers[0].real > 1
+    assert slow.half_multipliers[0].imag == 0
+
+
+def test_solutions_that_meet_a_wall_once_more_are_no_orbits():
+    narrow = (0.1, 0.5, 0.01, 1.0, 2.0)
+    assert quadratic(*narrow)
+    assert fi.two_impact_orbits(*box(*narrow)) == ()
+
+
+def test_the_equations_are_regular_at_grazing():
+    """An oscillator that just touches a stop: the map has a square root there, states and phases have none."""
+    omega = 2 * math.pi * 0.2
+    response = 1 / (1 - omega**2 + 0.2j * omega)
+    stop = fi.Stop("stop", "mass", (abs(response), math.inf), fi.Rigid(0.6))
+    system, push = oscillator(1.0, 0.2, stops=[stop]), fi.PointForce("mass", fi.Sine(1.0, 0.2))
+    hybrid, crest = hybrid_system(system, push), math.pi / 2 - np.angle(response)
+    one = np.zeros(1)
+    sequence = Sequence(("impact",), np.zeros(1, dtype=int), one + 1, one[:, None], one, 1)
+    exact = np.array([[abs(response), 0.0]])
+    passed = passage(hybrid, sequence, exact, one + crest, {})
+    assert abs(passed.speed[0]) < 1e-15
+    assert np.linalg.cond(jacobian(passed).reshape(3, 3)) < 100
+    off = exact + np.array([[0.0, -0.05]])
+    found = solve(hybrid, sequence, off, one + crest + 0.02, abs(response))
+    assert found.converged
+    np.testing.assert_allclose(found.states, exact, atol=1e-11)
+    # it is the linear motion, and no impact: a search does not end there
+    with pytest.raises(fi.DivergenceError, match="a contact begins at no speed"):
+        orbit_near(system, push, Guess(sequence, off, one + crest + 0.02))
+
+
 # ---- motions without events -------------------------------------------------------------------------
 
 
@@ -284,6 +327,46 @@ def test_newton_falls_quadratically(orbits, name):
     assert len(found.changes) <= 6
     unit = units_of(orbit)
     assert np.max(np.abs(found.states - guess.states) / unit) < 1e-11
+
+
+def test_far_away_steps_are_damped(orbits):
+    orbit = orbits["rigid"]
+    guess, hybrid = first_guess(orbit.system, orbit.excitation, 1, orbit), hybrid_system(orbit.system, orbit.excitation)
+    found = solve(hybrid, guess.sequence, guess.states, guess.phases + np.array([1.3, -0.65]), orbit.length)
+    assert found.changes[0] > 1
+    assert found.converged
+    assert np.max(np.abs(found.states - guess.states) / units_of(orbit)) < 1e-11
+
+
+def test_the_end_of_a_run_is_a_guess_at_any_phase_of_the_base():
+    model = MODELS["gravity"]
+    system, base = model.system(), fi.Sine(model.amplitude, model.frequency)
+    run = fi.integrate(system, base, fi.EventDriven(), 400 / 5.3, fi.Recorder(channels=(), ledger=False))
+    for phase in (0.0, 1.0, 4.0):
+        turned = replace(base, phase=phase)
+        guess = first_guess(system, turned, 1, run)
+        passed = passage(hybrid_system(system, turned), guess.sequence, guess.states, guess.phases, {})
+        # the run has settled: its events are those of the orbit already
+        assert np.max(np.abs(residual(passed, guess.states)[:, :2])) < 1e-9 * 2e-3
+
+
+def test_an_orbit_is_confirmed_by_its_run(orbits):
+    orbit = orbits["rigid"]
+    guess, hybrid = first_guess(orbit.system, orbit.excitation, 1, orbit), hybrid_system(orbit.system, orbit.excitation)
+    exact = solve(hybrid, guess.sequence, guess.states, guess.phases, orbit.length)
+    wrong = replace(exact, states=exact.states + 1e-8 * units_of(orbit))
+    with pytest.raises(fi.DivergenceError, match="not confirmed: its own run misses its start by"):
+        verified(orbit.system, orbit.excitation, hybrid, guess.sequence, wrong, orbit.length, {})
+    # a stop in the way of it
+    run = fi.integrate(orbit.system, orbit.excitation, fi.EventDriven(), 5 * orbit.period, initial=orbit.state)
+    stop = fi.Stop("stop", "place 0", (0.99 * float(run.steady.peak[0]), math.inf), fi.Rigid(0.6))
+    blocked = fi.System.from_matrices(
+        np.eye(1), orbit.system.C, orbit.system.K, points={"place 0": [6.2]}, base_load=[0.178],
+        impactors=[fi.Impactor("ball 0", "place 0", 3.43e-3, 2e-3, fi.Rigid(0.6))], stops=[stop],
+    )  # fmt: skip
+    free = replace(guess.sequence, contact_state=np.zeros((2, 2)))
+    with pytest.raises(fi.DivergenceError, match=r"no motion of the system: after .* its own run meets impact of stop"):
+        orbit_near(blocked, orbit.excitation, replace(guess, sequence=free))
 
 
 @pytest.mark.parametrize("name", ["rigid", "Kelvin-Voigt"])

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.arrays import Array
-from femimpact.errors import DivergenceError, changed, made
+from femimpact.errors import DivergenceError, InputError, changed, made
 from femimpact.excitation import PointForce, Sine
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.event_driven.loop_data import FREE
@@ -149,7 +149,11 @@ def _own_run(
     (state,), _ = known_flow(hybrid, before[k], flows).carried(found.states[[k - 1]], begun[[k]], middle)
     time = float(_times(middle, excitation, sequence.cycles)[0])
     period = sequence.cycles / excitation.frequency
-    run = integrate(system, excitation, EventDriven(), period, recorder_of_events(), _state(system, state, time))
+    try:
+        run = integrate(system, excitation, EventDriven(), period, recorder_of_events(), _state(system, state, time))
+    except InputError as error:
+        # beyond a wall that none of the events is at
+        raise DivergenceError(f"the orbit found is no motion of the system: {error}") from None
     end: Any = run.final_state
     return run, float(np.max(np.abs(state_vector(end) - state) / unit))
 
