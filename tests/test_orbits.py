@@ -448,7 +448,11 @@ def test_other_excitations_and_laws_are_refused_by_name():
 
 
 def test_a_guess_of_another_system_is_refused(orbits):
-    refused(orbits["two balls"].system, orbits["two balls"].excitation, "guess = ", guess=orbits["rigid"])
+    refused(
+        orbits["two balls"].system, orbits["two balls"].excitation, "system = .*guess: 1 dofs", guess=orbits["rigid"]
+    )
+    with pytest.raises(fi.InputError, match="system = "):
+        fi.find_orbits(orbits["two balls"].system, orbits["rigid"].excitation, [orbits["rigid"]])
     orbit = orbits["gravity"]
     twice = fi.find_orbit(orbit.system, orbit.excitation, cycles=2, guess=orbit)
     refused(orbit.system, orbit.excitation, "cycles = 3: must be 2 times", cycles=3, guess=twice)
