@@ -283,6 +283,7 @@ KEYWORDS = {
     "howto/spectra": (
         "PSD", "FRF", "SRS", "frequency response function", "spectral density", "coherence", "transmissibility",
     ),
+    "howto/calibration": ("parameter estimation", "model updating", "inverse problem", "posterior", "fit a gap"),
     "howto/root_stress": ("fatigue", "strain gauge", "rainflow"),
 }  # fmt: skip
 """What a reader may search for, by the page that answers it: the search finds it though the page has other words."""

@@ -10,9 +10,9 @@ every e of a scan the contact is a Kelvin-Voigt pair with the same contact time,
    e = \exp\Bigl(-\frac{2 z \arccos z}{\sqrt{1 - z^2}}\Bigr), \qquad z = \frac{c}{2\sqrt{k\,m_\mathrm{eff}}},
 
 and the sweep of the paper is run from rest. Each e is judged by the distance of its largest peak from the published
-4.95 Hz and a five-fold drop of the amplitude. Two starts, at rest relative to the base and at rest in the inertial
-frame, are scanned: where several motions exist, the start chooses between them. The motions are chaotic: what is shown
-are medians over several places of the ball in its box.
+4.95 Hz and from an amplitude five times below the true peak without the ball. Two starts, at rest relative to the base
+and at rest in the inertial frame, are scanned: where several motions exist, the start chooses between them. The motions
+are chaotic: what is shown are medians over several places of the ball in its box.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Five small systems with periodic orbits, by plain numbers: for the package and for the reference in many digits."""
+"""Six small systems with periodic orbits, by plain numbers: for the package and for the reference in many digits."""
 
 from __future__ import annotations
 
@@ -64,6 +64,9 @@ MODELS = {
     "Kelvin-Voigt": Model((FIRST,), 0.0029, (0.178,), (((6.2,), 3.43e-3, 2e-3),), (3000.0, 2.0), 0.2037e-3, 5.3),
     "stop in space": Model(
         (FIRST, 6.3 * FIRST), 0.02, (0.178, 0.07), (((6.2, -4.0), None, 3e-3),), (0.7, 0.0), 0.5e-3, 5.6, in_space=True
+    ),
+    "Kelvin-Voigt stop in space": Model(
+        (FIRST,), 0.02, (0.178,), (((6.2,), None, 3e-3),), (500.0, 0.5), 0.5e-3, 5.6, in_space=True
     ),
     "two balls": Model(
         (FIRST,), 0.0029, (0.178,), (((6.2,), 3.43e-3, 2e-3), ((4.1,), 2.0e-3, 1.5e-3)), (0.5, 0.0), 0.3e-3, 5.3

@@ -98,12 +98,6 @@ def test_what_the_peaks_cannot_tell_is_said() -> None:
 
 
 def test_a_ball_is_recovered_from_peaks_of_other_starts(tmp_path: Path) -> None:
-    def with_ball(restitution: float) -> fi.System:
-        beam = fi.Beam.uniform(length=0.23, width=0.020, thickness=1e-3, young_modulus=70e9, density=2700)
-        ball = fi.Impactor("ball", at="tip", mass=5e-3, gap=3e-3, contact=fi.Rigid(restitution))
-        box, damping = fi.PointMass("box", at="tip", mass=0.023), fi.Rayleigh(ratio=0.0029, modes=(1, 2))
-        return fi.reduce(fi.assemble(fi.Structure(beam, [box], [ball], damping), elements=10), modes=1)
-
     drive, frequencies = fi.Sine(0.2e-3, 5.0), np.linspace(4.6, 5.6, 6)
     truth = fi.parameter_study(
         with_ball(0.6),
@@ -135,6 +129,77 @@ def test_the_figure_shows_units_and_what_was_measured() -> None:
         assert axes[0].get_title(loc="left") == "a title"
         (dots,) = [line for line in axes[1].lines if line.get_label() == "measured"]
         assert dots.get_ydata() == pytest.approx(1e3 * PEAKS)
+
+
+def with_ball(restitution: float) -> fi.System:
+    """A beam of one mode with a ball."""
+    beam = fi.Beam.uniform(length=0.23, width=0.020, thickness=1e-3, young_modulus=70e9, density=2700)
+    ball = fi.Impactor("ball", at="tip", mass=5e-3, gap=3e-3, contact=fi.Rigid(restitution))
+    box, damping = fi.PointMass("box", at="tip", mass=0.023), fi.Rayleigh(ratio=0.0029, modes=(1, 2))
+    return fi.reduce(fi.assemble(fi.Structure(beam, [box], [ball], damping), elements=10), modes=1)
+
+
+OF_BALL = "impactor.ball.contact.restitution"
+
+
+def test_a_system_and_a_function_that_makes_it_have_one_posterior() -> None:
+    more: dict[str, Any] = {"excitation": fi.Sine(0.2e-3, 5.0), "cycles": 9, "starts": 2}
+    peaks = [2e-3, 3e-3, 2e-3]
+    of_system = fi.calibrate(with_ball(0.5), [4.9, 5.0, 5.1], peaks, {OF_BALL: (0.3, 0.9)}, **more)
+    of_function = fi.calibrate(with_ball, [4.9, 5.0, 5.1], peaks, {"restitution": (0.3, 0.9)}, **more)
+    np.testing.assert_array_equal(of_system.posterior.values, of_function.posterior.values)
+
+
+def test_a_calibration_that_was_interrupted_goes_on_to_the_same_bits(tmp_path: Path) -> None:
+    def stopped(done: Any) -> None:
+        if 0.3 < done.share < 1.0:
+            raise KeyboardInterrupt
+
+    first: list[Any] = []
+    more: dict[str, Any] = {**DRIVE, "directory": tmp_path / "grid"}
+    with pytest.raises(KeyboardInterrupt):
+        fi.calibrate(oscillator_of, FREQUENCIES, PEAKS, BOUNDS, **more, progress=stopped)
+    found = fi.calibrate(oscillator_of, FREQUENCIES, PEAKS, BOUNDS, **more, progress=first.append)
+    assert 0 < first[0].found < first[0].cases
+    whole = fi.calibrate(oscillator_of, FREQUENCIES, PEAKS, BOUNDS, **DRIVE)
+    np.testing.assert_array_equal(found.posterior.values, whole.posterior.values)
+
+
+def test_frequencies_at_which_the_starts_disagree_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    from femimpact.parametric import measured_peaks
+
+    bounds = {"ratio": (0.03, 0.07)}
+    cases = fi.calibrate(damped, FREQUENCIES, PEAKS, bounds, **DRIVE).dataset.copy(deep=True)
+    cases["peak_groups"].loc[{"base.frequency": 4.5}] = 2.0
+    # far from the median of the ratio, 0.05, starts may disagree
+    cases["peak_groups"].loc[{"base.frequency": 5.5, "ratio": 0.03}] = 2.0
+    monkeypatch.setattr(measured_peaks, "parameter_study", lambda *_, **__: cases)
+    found = fi.calibrate(damped, FREQUENCIES, PEAKS, bounds, **DRIVE)
+    assert found.start_dependent == pytest.approx([4.5])
+    assert found.notes == ("at 4.5 Hz the starts run into two groups of peaks: measure there from several starts",)
+
+
+@pytest.mark.parametrize(
+    ("changed", "line"),
+    [
+        ({"peak": [1e-3, 1e-3]}, "peak = 2 points: must have 3 points, as frequency has"),
+        ({"peak": [1e-3, -9e-3, 1e-3]}, "peak[1] = -0.009 m: must be > 0"),
+        ({"frequency": [4.0, 5.0, 0.0]}, "frequency[2] = 0.0 Hz: must be > 0"),
+        (
+            {"parameters": {"a": (0, 1), "b": (0, 1), "c": (0, 1)}},
+            "parameters = ['a', 'b', 'c']: must be the bounds of one or two parameters by their paths",
+        ),
+        ({"parameters": {3: (0, 1)}}, "parameters = [3]: must be the bounds of one or two parameters by their paths"),
+        # the bound that was given, not a value of the grid
+        ({"parameters": {OF_BALL: (0.3, 1.9)}}, f"{OF_BALL} = 1.9: must be a finite number >= 0 and <= 1"),
+        ({"parameters": {"base.start": (0, 1)}}, "base.start = 0.0: must be 'base' or 'space' or 'static'"),
+    ],
+)
+def test_a_line_names_what_was_given(changed: dict[str, Any], line: str) -> None:
+    given: dict[str, Any] = {"frequency": [4.9, 5.0, 5.1], "peak": [1e-3] * 3, "parameters": {OF_BALL: (0.3, 0.9)}}
+    with pytest.raises(InputError) as caught:
+        fi.calibrate(with_ball(0.5), **{**DRIVE, **given, **changed, "at": "tip"})
+    assert str(caught.value) == line
 
 
 @pytest.mark.parametrize(

@@ -92,6 +92,29 @@ def test_the_grid_of_frequencies_decides_which_restitution_meets_the_paper():
         assert scan.peak_frequency[index] == pytest.approx(frequency, abs=0.03)
 
 
+def test_which_peak_without_the_ball_decides_whether_any_restitution_gives_five():
+    module = load("rigid_reference_studies", ROOT / "docs" / "paper")
+    points = np.linspace(4.0, 6.0, 21)
+    found = {
+        study: module.over_starts(study, restitutions, points, starts=2)
+        for study, restitutions in (("experiment", (0.05, 0.1, 0.2, 0.41)), ("theory", (0.7, 0.8)))
+    }
+    measured, theory = found["experiment"], found["theory"]
+    # one mode at r = 5.1/5.05 beside its 1/(2 zeta) at r = 1; the others have 1e-3 of it
+    r, twice = 5.1 / 5.05, 2 * 0.0029
+    exact = twice * r**2 / np.hypot(1 - r**2, twice * r)
+    assert measured.peak_on_points / measured.true_peak == pytest.approx(exact, rel=2e-3)
+    # the low restitutions have the largest ratios: half of the published five
+    assert measured.ratio(measured.peak_on_points).max() < 2.5
+    # alike from all starts, and nearest to five with the true peak
+    assert measured.ratio(measured.true_peak)[:, 3] == pytest.approx(5.0, rel=0.04)
+    # 5.3 Hz is the theory's resonance and a point: both peaks are one
+    assert theory.peak_on_points == pytest.approx(theory.true_peak, rel=1e-3)
+    # below five on one side of 0.75 and above on the other, from all starts
+    assert theory.ratio(theory.true_peak)[:, 0].min() > 7.0
+    assert theory.ratio(theory.true_peak)[:, 1].max() < 4.5
+
+
 def test_with_the_theorys_mass_ratio_start_and_dwell_decide():
     module = load("rigid_reference_studies", ROOT / "docs" / "paper")
     count = {e: module.large_motions(e, 4.92, 600, starts=40) for e in (0.7, 0.775, 0.8)}

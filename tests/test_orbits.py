@@ -5,17 +5,21 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
+import mpmath
 import numpy as np
 import pytest
+import scipy.linalg
 from builders import REFERENCE, oscillator, reduced, with_ball
 from orbit_cases import MODELS
 
 import femimpact as fi
-from femimpact.orbits.equations import derivative_by, jacobian, passage
-from femimpact.orbits.flow import hybrid_system
-from femimpact.orbits.guess import first_guess
+from femimpact.orbits.equations import Sequence, derivative_by, jacobian, passage, residual
+from femimpact.orbits.flow import flow_of, hybrid_system
+from femimpact.orbits.guess import Guess, first_guess
 from femimpact.orbits.newton import solve
 from femimpact.orbits.orbit import state_vector
+from femimpact.orbits.search import orbit_near
+from femimpact.orbits.verification import verified
 
 pytestmark = pytest.mark.impacts
 
@@ -211,6 +215,47 @@ def test_the_closed_form_holds_at_a_stop_in_space():
     assert np.max(np.abs(state_of(model.orbit()) - state_of(closed)) / units_of(closed)) < 1e-11
 
 
+def test_a_stop_in_space_has_a_slow_and_a_fast_orbit():
+    stop = fi.Stop("stop", "tip", (1e-3, 1e-3), fi.Rigid(0.7), fixed_to="space")
+    system = fi.System.from_matrices(
+        np.eye(2), np.diag([0.6, 4.0]), np.diag([900.0, 4e4]), points={"tip": [1.0, 0.8]}, stops=[stop]
+    )
+    fast, slow = fi.two_impact_orbits(system, fi.Sine(1e-3, 8.0))
+    assert fast.impacts.approach_speed[0] > 2 * slow.impacts.approach_speed[0] > 0
+    # between them lies the fold that both come from: of the slow one a half multiplier is beyond +1
+    assert fast.is_stable
+    assert slow.half_multipliers[0].real > 1
+    assert slow.half_multipliers[0].imag == 0
+
+
+def test_solutions_that_meet_a_wall_once_more_are_no_orbits():
+    narrow = (0.1, 0.5, 0.01, 1.0, 2.0)
+    assert quadratic(*narrow)
+    assert fi.two_impact_orbits(*box(*narrow)) == ()
+
+
+def test_the_equations_are_regular_at_grazing():
+    """An oscillator that just touches a stop: the map has a square root there, states and phases have none."""
+    omega = 2 * math.pi * 0.2
+    response = 1 / (1 - omega**2 + 0.2j * omega)
+    stop = fi.Stop("stop", "mass", (abs(response), math.inf), fi.Rigid(0.6))
+    system, push = oscillator(1.0, 0.2, stops=[stop]), fi.PointForce("mass", fi.Sine(1.0, 0.2))
+    hybrid, crest = hybrid_system(system, push), math.pi / 2 - np.angle(response)
+    one = np.zeros(1)
+    sequence = Sequence(("impact",), np.zeros(1, dtype=int), one + 1, one[:, None], one, 1)
+    exact = np.array([[abs(response), 0.0]])
+    passed = passage(hybrid, sequence, exact, one + crest, {})
+    assert abs(passed.speed[0]) < 1e-15
+    assert np.linalg.cond(jacobian(passed).reshape(3, 3)) < 100
+    off = exact + np.array([[0.0, -0.05]])
+    found = solve(hybrid, sequence, off, one + crest + 0.02, abs(response))
+    assert found.converged
+    np.testing.assert_allclose(found.states, exact, atol=1e-11)
+    # it is the linear motion, and no impact: a search does not end there
+    with pytest.raises(fi.DivergenceError, match="a contact begins at no speed"):
+        orbit_near(system, push, Guess(sequence, off, one + crest + 0.02))
+
+
 # ---- motions without events -------------------------------------------------------------------------
 
 
@@ -284,6 +329,46 @@ def test_newton_falls_quadratically(orbits, name):
     assert np.max(np.abs(found.states - guess.states) / unit) < 1e-11
 
 
+def test_far_away_steps_are_damped(orbits):
+    orbit = orbits["rigid"]
+    guess, hybrid = first_guess(orbit.system, orbit.excitation, 1, orbit), hybrid_system(orbit.system, orbit.excitation)
+    found = solve(hybrid, guess.sequence, guess.states, guess.phases + np.array([1.3, -0.65]), orbit.length)
+    assert found.changes[0] > 1
+    assert found.converged
+    assert np.max(np.abs(found.states - guess.states) / units_of(orbit)) < 1e-11
+
+
+def test_the_end_of_a_run_is_a_guess_at_any_phase_of_the_base():
+    model = MODELS["gravity"]
+    system, base = model.system(), fi.Sine(model.amplitude, model.frequency)
+    run = fi.integrate(system, base, fi.EventDriven(), 400.3 / 5.3, fi.Recorder(channels=(), ledger=False))
+    for phase in (0.0, 1.0, 4.0):
+        turned = replace(base, phase=phase)
+        guess = first_guess(system, turned, 1, run)
+        passed = passage(hybrid_system(system, turned), guess.sequence, guess.states, guess.phases, {})
+        # the run has settled: its events are those of the orbit already
+        assert np.max(np.abs(residual(passed, guess.states)[:, :2])) < 1e-9 * 2e-3
+
+
+def test_an_orbit_is_confirmed_by_its_run(orbits):
+    orbit = orbits["rigid"]
+    guess, hybrid = first_guess(orbit.system, orbit.excitation, 1, orbit), hybrid_system(orbit.system, orbit.excitation)
+    exact = solve(hybrid, guess.sequence, guess.states, guess.phases, orbit.length)
+    wrong = replace(exact, states=exact.states + 1e-8 * units_of(orbit))
+    with pytest.raises(fi.DivergenceError, match="not confirmed: its own run misses its start by"):
+        verified(orbit.system, orbit.excitation, hybrid, guess.sequence, wrong, orbit.length, {})
+    # a stop in the way of it
+    run = fi.integrate(orbit.system, orbit.excitation, fi.EventDriven(), 5 * orbit.period, initial=orbit.state)
+    stop = fi.Stop("stop", "place 0", (0.99 * float(run.steady.peak[0]), math.inf), fi.Rigid(0.6))
+    blocked = fi.System.from_matrices(
+        np.eye(1), orbit.system.C, orbit.system.K, points={"place 0": [6.2]}, base_load=[0.178],
+        impactors=[fi.Impactor("ball 0", "place 0", 3.43e-3, 2e-3, fi.Rigid(0.6))], stops=[stop],
+    )  # fmt: skip
+    free = replace(guess.sequence, contact_state=np.zeros((2, 2)))
+    with pytest.raises(fi.DivergenceError, match=r"no motion of the system: after .* its own run meets impact of stop"):
+        orbit_near(blocked, orbit.excitation, replace(guess, sequence=free))
+
+
 @pytest.mark.parametrize("name", ["rigid", "Kelvin-Voigt"])
 @pytest.mark.parametrize("off", [-1e-3, -1e-9, -1e-15, 0.0, 1e-15, 1e-9, 1e-3])
 def test_an_impact_at_the_start_of_a_period_changes_nothing(orbits, name, off):
@@ -331,3 +416,132 @@ def test_stable_and_unstable_orbits_from_states():
     assert any(np.allclose(state_of(orbit), state_of(unstable), atol=1e-9) for orbit in found)
     states = [state_of(orbit) for orbit in found]
     assert all(np.abs(a - b).max() > 1e-5 for i, a in enumerate(states) for b in states[:i])
+
+
+# ---- what is refused, in one line ------------------------------------------------------------------
+
+
+def refused(system, excitation, words, **given):
+    with pytest.raises(fi.InputError, match=words) as caught:
+        fi.find_orbit(system, excitation, **{"guess": fi.State(), **given})
+    assert len(str(caught.value).splitlines()) == 1
+
+
+def test_other_excitations_and_laws_are_refused_by_name():
+    system, push = box(0.1, 0.8, 0.01, 1.0, 20.0)
+    for excitation in (
+        fi.Chirp(0.1, 0.2, 10.0, amplitude=1.0),
+        fi.Sine(1.0, 0.15) + fi.Sine(1.0, 0.3),
+        fi.Sine(1.0, 0.15) + push,
+        fi.PointForce("mass", fi.Chirp(0.1, 0.2, 10.0, amplitude=1.0)),
+        fi.RecordedBase(np.sin(np.arange(50)), 0.1),
+    ):
+        refused(system, excitation, "excitation = .*must be one Sine")
+    hertz = oscillator(damping=0.02, impactors=[fi.Impactor("ball", "mass", 0.1, 1.0, fi.Hertz(1e4))])
+    refused(hertz, push, r"ball.contact = .*must be Rigid or KelvinVoigt")
+    coupled = fi.System.from_matrices(np.eye(2), np.zeros((2, 2)), [[2, -1], [-1, 2]], points={"mass": [1.0, 0.0]})
+    refused(coupled, push, "normal modes")
+    for cycles in (0, 1.5, -1, "one", 10**6):
+        refused(system, push, "cycles = ", cycles=cycles)
+    for guess in (None, 1.0, "run"):
+        refused(system, push, "guess", guess=guess)
+
+
+def test_a_guess_of_another_system_is_refused(orbits):
+    refused(
+        orbits["two balls"].system, orbits["two balls"].excitation, "system = .*guess: 1 dofs", guess=orbits["rigid"]
+    )
+    with pytest.raises(fi.InputError, match="system = "):
+        fi.find_orbits(orbits["two balls"].system, orbits["rigid"].excitation, [orbits["rigid"]])
+    orbit = orbits["gravity"]
+    twice = fi.find_orbit(orbit.system, orbit.excitation, cycles=2, guess=orbit)
+    refused(orbit.system, orbit.excitation, "cycles = 3: must be 2 times", cycles=3, guess=twice)
+
+
+def test_motions_that_stick_or_meet_at_one_instant_are_refused():
+    floor = fi.Stop("floor", "mass", (math.inf, 0.0), fi.Rigid(0.1))
+    system = oscillator(damping=0.1, stops=[floor])
+    refused(system, fi.PointForce("mass", fi.Sine(0.5, 0.05)), "guess: must lead to a motion without sticking")
+    # two equal boxes that know nothing of one another
+    balls = [fi.Impactor(f"{name} ball", name, 0.1, 10.0, fi.Rigid(0.8)) for name in ("first", "second")]
+    boxes = fi.System.from_matrices(
+        np.eye(2), 0.02 * np.eye(2), np.eye(2), points={"first": [1.0, 0.0], "second": [0.0, 1.0]}, impactors=balls
+    )
+    (one, *_) = fi.two_impact_orbits(*box(0.1, 0.8, 0.01, 1.0, 20.0))
+    names = ("displacement", "velocity", "ball_displacement", "ball_velocity")
+    both = fi.State(**{name: np.repeat(getattr(one.state, name), 2) for name in names})
+    base = fi.Sine(1.0, 1 / (2 * math.pi), math.pi)
+    refused(boxes, base, "guess = '2 impacts at t = .* at one instant", guess=both)
+
+
+def test_a_ball_that_touches_nothing_is_named():
+    system, _ = box(0.1, 0.8, 0.01, 1.0, 20.0)
+    refused(
+        system, fi.PointForce("mass", fi.Sine(1e-3, 0.1)), "guess.ball = 'no contact in a period': must touch a wall"
+    )
+
+
+def test_a_search_that_ends_elsewhere_says_so(orbits):
+    model = MODELS["rigid"]
+    base = fi.Sine(model.amplitude, model.frequency)
+    # too fast for an orbit with as many impacts as its first period has
+    start = replace(orbits["rigid"].state, ball_velocity=[1.0])
+    with pytest.raises(fi.DivergenceError, match=r"no periodic orbit found: .*residual of .*; try a run") as caught:
+        fi.find_orbit(model.system(), base, guess=start)
+    assert len(str(caught.value).splitlines()) == 1
+    assert fi.find_orbits(model.system(), base, [start]) == ()
+
+
+def test_the_closed_form_asks_for_its_system(orbits):
+    system, push = box(0.1, 0.8, 0.01, 1.0, 20.0)
+    with pytest.raises(fi.InputError, match="2 pairs with walls"):
+        fi.two_impact_orbits(orbits["two balls"].system, orbits["two balls"].excitation)
+    with pytest.raises(fi.InputError, match="must be Rigid"):
+        fi.two_impact_orbits(orbits["Kelvin-Voigt"].system, orbits["Kelvin-Voigt"].excitation)
+    with pytest.raises(fi.InputError, match="constant forces"):
+        fi.two_impact_orbits(orbits["gravity"].system, orbits["gravity"].excitation)
+    unequal = oscillator(damping=0.02, impactors=[fi.Impactor("ball", "mass", 0.1, (9.0, 10.0), fi.Rigid(0.8))])
+    with pytest.raises(fi.InputError, match=r"ball.gap = .*the same on both sides"):
+        fi.two_impact_orbits(unequal, push)
+    assert fi.two_impact_orbits(system, fi.PointForce("mass", fi.Sine(1e-3, 0.1))) == ()
+
+
+# ---- the flow ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("ratio", [0.0, 0.01, 0.99999, 1.0, 1.00001, 5.0, 1e3])
+@pytest.mark.parametrize("omega", [0.0, 3.0])
+def test_a_coordinate_alone_moves_as_its_exponential(ratio, omega):
+    damping = 2 * ratio * (omega or 1.0)
+    system = fi.System.from_matrices(
+        np.eye(2),
+        np.diag([damping, 1.0]),
+        np.diag([omega**2, 1.0]),
+        points={"mass": [1.0, 0.0]},
+        constant_load=[0.7, 0.0],
+    )
+    flow = flow_of(hybrid_system(system, fi.PointForce("mass", fi.Sine(1.0, 0.3))), np.zeros(0))
+    for time in (1e-6, 1e-3, 0.4, 7.0):
+        propagator, moved = flow.over(np.array([time]))
+        augmented = np.zeros((5, 5))
+        augmented[:4, :4], augmented[:4, 4] = flow.matrix, flow.constant
+        # in more digits: that of double precision squares its rounding where the rates spread
+        exact = np.array(mpmath.expm(mpmath.matrix(time * augmented)).tolist(), dtype=float)
+        np.testing.assert_allclose(propagator[0], exact[:4, :4], rtol=0, atol=1e-14)
+        np.testing.assert_allclose(moved[0], exact[:4, 4], rtol=0, atol=1e-14 * max(1.0, abs(exact[:4, 4]).max()))
+
+
+@pytest.mark.parametrize("name", ["Kelvin-Voigt", "stop in space"])
+def test_pressed_contacts_move_as_their_exponential(name):
+    model = replace(MODELS[name], law=(3000.0, 2.0))
+    hybrid = hybrid_system(model.system(), fi.Sine(model.amplitude, model.frequency))
+    flow = flow_of(hybrid, np.array([1.0]))
+    size = flow.constant.size
+    augmented = np.zeros((size + 1, size + 1))
+    augmented[:size, :size], augmented[:size, size] = flow.matrix, flow.constant
+    unit = np.repeat([2e-3, 2e-3 * hybrid.omega], size // 2)
+    times = np.array([1e-4, 2e-3, 5e-2])
+    for time, propagator, moved in zip(times, *flow.over(times), strict=True):
+        exact = scipy.linalg.expm(time * augmented)
+        assert np.max(np.abs(propagator - exact[:size, :size]) * unit / unit[:, None]) < 1e-11
+        assert np.max(np.abs(moved - exact[:size, size]) / unit) < 1e-11

@@ -229,6 +229,34 @@ def test_the_page_on_two_balls_runs_as_it_stands(monkeypatch, tmp_path, drawn_of
     assert names["run"].energy.residual < 1e-10
 
 
+def test_the_page_on_ring_downs_runs_as_it_stands(monkeypatch, tmp_path, drawn_off_screen):
+    monkeypatch.chdir(tmp_path)
+    time = 0.01 * np.arange(2000)
+    tip = 20.0 * np.exp(-0.0029 * 2 * np.pi * 5.3 * time) * np.cos(2 * np.pi * 5.3 * time)
+    rows = np.column_stack([time, tip + 0.1 * np.random.default_rng(1).standard_normal(time.size)])
+    np.savetxt("ring-down.csv", rows, delimiter=",", header="time,tip\ns,mm", comments="")
+    names = ran("docs/howto/ring_down.md")
+    (mode,) = names["found"].modes
+    # noise of 0.5 %: tolerances of the page's reading, of 1 %
+    assert mode.frequency == pytest.approx(5.3, rel=3e-5)
+    assert mode.damping_ratio == pytest.approx(0.0029, rel=0.0125)
+    assert set(names["found"].to_pandas()) >= {"amplitude", "damping_ratio", "low", "high"}
+
+
+def test_the_page_on_calibration_runs_as_it_stands(monkeypatch, tmp_path, capsys, drawn_off_screen):
+    monkeypatch.chdir(tmp_path)
+    names = ran("docs/howto/calibration.md")
+    assert (tmp_path / "calibration.png").stat().st_size > 10_000
+    found, few = names["found"], names["few"]
+    # the truth that the page names, within three standard errors of its intervals: another kernel has other last digits
+    for one, truth in zip(found.parameters, (3.7e-3, 0.57), strict=True):
+        assert abs(one.median - truth) < 3 * (one.high - one.low) / (2 * 1.645)
+    gap, restitution = few.parameters
+    assert (gap.bound in ("highest", "both"), restitution.bound) == (True, "")
+    assert few.notes[0].startswith("impactor.ball.gap: no interval, it reaches")
+    assert capsys.readouterr().out.endswith(few.notes[0] + "\n")
+
+
 def test_every_picture_of_a_page_that_is_run_is_one_that_the_page_writes():
     for name in PICTURES["PAGES"]:
         text = PICTURES["page_of"](name).read_text(encoding="utf-8")
@@ -264,3 +292,13 @@ def test_the_page_on_typical_values_runs_as_it_stands(capsys):
     # Hertz's time of the table's row "steel, aluminium", rounded to two digits
     assert f"| steel | aluminium | 4.1 | {1e3 * float(printed[0]):.2g} |" in text
     assert names["speed"].max() < 1.5
+
+
+def test_the_page_on_orbits_runs_as_it_stands(capsys):
+    names = ran("docs/howto/orbits.md")
+    assert names["orbit"].is_stable
+    assert names["orbit"].is_symmetric
+    # as its comments say
+    assert abs(names["orbit"].multipliers[0]) == pytest.approx(0.960, abs=5e-4)
+    speed = names["orbit"].impacts.approach_speed
+    assert names["again"].impacts.approach_speed == pytest.approx(speed[0], rel=1e-10)

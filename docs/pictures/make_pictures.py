@@ -17,7 +17,7 @@ from typing import Any
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
-PAGES = ("measured_base", "own_mesh", "root_stress", "start", "two_balls")
+PAGES = ("calibration", "measured_base", "own_mesh", "root_stress", "start", "two_balls")
 EXAMPLES = ("absorber_or_ball", "design_map", "gap_and_tolerance")
 """Whose pictures pages show."""
 MESHES = {f"beam_{n}.msh": ROOT / "meshes" / f"graded_{n}.msh" for n in (6, 12, 24, 48)}

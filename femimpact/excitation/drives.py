@@ -13,13 +13,15 @@ from numpy.typing import ArrayLike
 
 from femimpact.arrays import Array
 from femimpact.errors import check_fields, items, kind_of, optional, quantity, require
-from femimpact.excitation.excitation import Harmonic, has_cycle, is_force, require_excitation, times
+from femimpact.excitation.excitation import has_cycle, holds_drives, is_force, require_excitation, times
 from femimpact.excitation.forces import PointForce
-from femimpact.excitation.piecewise_polynomial import PiecewisePolynomial
-from femimpact.excitation.sums import Form, Sum, added, forms_together, one_sine, parts_of
+from femimpact.excitation.sums import Form, Sum, added, force_form_of, forms_together, one_sine, parts_of
 
 BASE = "base"
 """Name of the motion of the base among the drives."""
+
+CONSTANT_FORCES = "constant forces"
+"""Name of their work beside that of the drives."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +46,8 @@ class Drives:
     Raises
     ------
     InputError
-        If there is no drive, the base is a force or a force is none, or two drives have one name.
+        If there is no drive, the base is a force or several drives, a force is none, two drives have one name, or one
+        has that of the constant forces.
 
     Examples
     --------
@@ -55,15 +58,18 @@ class Drives:
     """
 
     base: Any = None
-    forces: Any = field(default=(), metadata=items(object))
+    forces: Any = field(
+        default=(),
+        metadata=items(object) | {"allowed": "must be a list or a tuple of PointForce, HammerBlow and other forces"},
+    )
     end: float | None = field(default=None, compare=False, metadata=optional(quantity("s", above=0.0)))
 
     def __post_init__(self) -> None:
         check_fields(self)
         if self.base is not None:
             require_excitation(self.base, "base")
-            allowed = "must be a motion of the base: a force is one of forces"
-            require(not is_force(self.base), "base", kind_of(self.base), "", allowed)
+            allowed = "must be a motion of the base: a force is one of forces, and a + b adds to several drives"
+            require(not is_force(self.base) and not holds_drives(self.base), "base", kind_of(self.base), "", allowed)
         for force in self.forces:
             require_excitation(force, "forces")
             allowed = "must be a PointForce, a HammerBlow or another force at a place: a motion of the base is the base"
@@ -72,8 +78,13 @@ class Drives:
         names = self.names
         twice = [name for name in names if names.count(name) > 1]
         if twice:
-            allowed = f'must differ from that of another drive; the motion of the base has the name "{BASE}"'
+            allowed = (
+                f'must differ from that of another drive; the motion of the base has the name "{BASE}", forces without '
+                f'one have "force 1", "force 2" and so on in their order'
+            )
             require(False, "forces.name", twice[0], "", allowed)
+        allowed = "must differ from the name that the work of gravity and of other constant forces has"
+        require(CONSTANT_FORCES not in names, "forces.name", CONSTANT_FORCES, "", allowed)
 
     @property
     def drives(self) -> tuple[Any, ...]:
@@ -141,14 +152,8 @@ class Drives:
         def starts(knots: Array) -> Array:
             return np.column_stack([self.displacement(knots), self.velocity(knots)])
 
-        forms = [getattr(drive, "closed_form", None) for drive in self.drives]
-        if self.base is None:
-            return forms_together(forms, self.end)
-        # pieces that a sum of sines was made of end with the run
-        of_sines = any(isinstance(getattr(part, "closed_form", None), Harmonic) for part in parts_of(self.base))
-        form = forms[0] if of_sines else None
-        last = float(form.knots[-1]) if isinstance(form, PiecewisePolynomial) else math.inf
-        return forms_together(forms, self.end, starts, last)
+        groups = [_forms_of(drive) for drive in self.drives]
+        return forms_together(groups, self.end, None if self.base is None else starts)
 
     __add__ = added
     __radd__ = added
@@ -162,6 +167,13 @@ def until(excitation: Any, end: float) -> Any:
 def alone(excitation: Any) -> Any:
     """The drive itself where there is but one of `Drives`."""
     return excitation.drives[0] if isinstance(excitation, Drives) and len(excitation.drives) == 1 else excitation
+
+
+def _forms_of(drive: Any) -> list[Form | None]:
+    """Closed forms whose sum a drive is, m/s^2 or N."""
+    if isinstance(drive, PointForce):
+        return [force_form_of(part) for part in parts_of(drive.history)]
+    return [getattr(part, "closed_form", None) for part in parts_of(drive)]
 
 
 def parts_in(excitation: Any) -> Iterator[Any]:

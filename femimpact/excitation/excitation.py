@@ -150,9 +150,14 @@ def is_force(excitation: object) -> bool:
     return getattr(excitation, "at", None) is not None
 
 
+def holds_drives(excitation: object) -> bool:
+    """True for several drives at once, with forces among them."""
+    return hasattr(excitation, "drives")
+
+
 def words_of(excitation: Any) -> str:
     """The excitation in a few words: "base at 5 Hz", "base: chirp + sine", "force at tip: hammer blow"."""
-    if hasattr(excitation, "drives"):
+    if holds_drives(excitation):
         return ", ".join(map(words_of, excitation.drives))
     place = getattr(excitation, "at", None)
     driven = "base" if place is None else f"force at {place if isinstance(place, str) else f'{place:g} m'}"

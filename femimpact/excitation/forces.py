@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from femimpact.errors import check_fields, kind_of, optional, place, quantity, require, text
-from femimpact.excitation.excitation import MEMBERS, Harmonic, has_cycle, times
+from femimpact.excitation.excitation import MEMBERS, Harmonic, has_cycle, holds_drives, times
 from femimpact.excitation.piecewise_polynomial import PiecewisePolynomial, half_sine, pieces_of
 from femimpact.excitation.sums import Sum, added, force_form_of, parts_of
 
@@ -36,9 +36,9 @@ class BaseAtRest:
 
 
 def check_name(name: str | None) -> None:
-    """Raise `InputError` for a name of a force that is empty or holds a dot, which parts the names of axes."""
-    good = name is None or (bool(name.strip()) and "." not in name)
-    require(good, "name", name, "", "must be a text without a dot that is not empty")
+    """Raise `InputError` for a name of a force that is empty, or holds what parts names of axes or of a file's data."""
+    good = name is None or (bool(name.strip()) and not {".", "/"} & set(name))
+    require(good, "name", name, "", "must be a text without a dot or a slash that is not empty")
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class PointForce(BaseAtRest):
     history : Sine, Chirp, SteppedSine, RandomBase, Shock, RecordedBase or Sum
         Its level is a force, N.
     name : str, optional
-        Among several drives, without a dot; see `Drives`.
+        Among several drives, without a dot or a slash; see `Drives`.
 
     Raises
     ------
@@ -83,7 +83,9 @@ class PointForce(BaseAtRest):
         check_fields(self)
         check_name(self.name)
         allowed = "must be a Sine, Chirp, SteppedSine, RandomBase, Shock, RecordedBase or a sum of motions of the base"
-        good = all(hasattr(self.history, name) for name in MEMBERS) and not hasattr(self.history, "at")
+        good = all(hasattr(self.history, name) for name in MEMBERS) and not (
+            hasattr(self.history, "at") or holds_drives(self.history)
+        )
         require(good and not isinstance(self.history, type), "history", kind_of(self.history), "", allowed)
         for part in parts_of(self.history):
             allowed = "must have a closed form, and each part of a sum as well: sample it into a RecordedBase"
@@ -138,7 +140,7 @@ class HammerBlow(BaseAtRest):
     duration : float, s
     begin : float, s
     name : str, optional
-        Among several drives, without a dot; see `Drives`.
+        Among several drives, without a dot or a slash; see `Drives`.
     """
 
     at: str | float = field(metadata=place())

@@ -117,13 +117,18 @@ def _removed_of_pulse(line: BrokenLine) -> tuple[str, ...]:
     )
 
 
-def motion_notes(excitation: Excitation, length: float, end: float) -> tuple[str, ...]:
+def motion_notes(
+    excitation: Excitation,
+    length: float,
+    end: float,
+    name: str = "",  # among several drives
+) -> tuple[str, ...]:
     """Notes where a run ends (s) before the drive begins or after the record, and where a pulse moves the base away."""
     line = getattr(excitation, "closed_form", None)
     if isinstance(line, PiecewisePolynomial) and end <= line.knots[0]:
-        return (
-            f"the run ends at {end:.6g} s, before the excitation begins at {line.knots[0]:.6g} s: nothing drives it",
-        )
+        begins = f'"{name}"' if name else "the excitation"
+        without = "it does not act" if name else "nothing drives it"
+        return (f"the run ends at {end:.6g} s, before {begins} begins at {line.knots[0]:.6g} s: {without}",)
     if getattr(excitation, "at", None) is not None:
         return ()
     if isinstance(line, PiecewisePolynomial):

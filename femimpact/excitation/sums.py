@@ -7,20 +7,23 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from femimpact.arrays import Array
 from femimpact.errors import check_fields, items, optional, quantity, require
-from femimpact.excitation.excitation import MEMBERS, BrokenLine, Harmonic, is_force, require_excitation
-from femimpact.excitation.piecewise_polynomial import PHASE_OF_PIECE, PiecewisePolynomial, fitted, pieces_of
+from femimpact.excitation.excitation import MEMBERS, BrokenLine, Harmonic, holds_drives, is_force, require_excitation
+from femimpact.excitation.piecewise_polynomial import PiecewisePolynomial, fitted, pieces_of
 
 Form = Harmonic | BrokenLine | PiecewisePolynomial
 
 BEYOND = 2
 """Pieces of sines after the end of a run: it may end by half a reading, or half a step, later."""
+
+PHASE_OF_SINE = 0.135
+"""Phase of the fastest sine of a sum in one piece, rad: its polynomials of degree 5 are then within 1e-11 of it."""
 
 MOST_PIECES = 50_000_000
 """Most pieces of sines in a sum, which take some gigabytes: a sum with more has no closed form."""
@@ -35,7 +38,7 @@ class Sum:
     """Motions of the base at the same time: displacement, velocity and acceleration are sums of those of the parts.
 
     `a + b` is one. A sum of sines of one frequency is a sine; other sums have no cycle. For the event-driven method,
-    sines are then made of polynomials of degree 5, 23 in a cycle of the fastest one, up to the end of the run. As the
+    sines are then made of polynomials of degree 5, 47 in a cycle of the fastest one, up to the end of the run. As the
     history of a `PointForce` it is the sum of the forces that its parts are.
 
     Parameters
@@ -52,7 +55,7 @@ class Sum:
         If there is no part, or a part is no motion of the base.
     """
 
-    parts: Any = field(metadata=items(object))
+    parts: Any = field(metadata=items(object) | {"allowed": "must be a list or a tuple of motions of the base"})
     end: float | None = field(default=None, compare=False, metadata=optional(quantity("s", above=0.0)))
 
     def __post_init__(self) -> None:
@@ -62,6 +65,8 @@ class Sum:
             require_excitation(part, "parts")
             allowed = "must be motions of the base: a force acts elsewhere; PointForce(at, a + b) is a sum of forces"
             require(not is_force(part), "parts", type(part).__name__, "", allowed)
+            allowed = "must be motions of the base: a + b adds to several drives, and keeps their forces"
+            require(not holds_drives(part), "parts", type(part).__name__, "", allowed)
 
     def until(self, end: float) -> Sum:
         """The same with a closed form up to a time (s)."""
@@ -112,12 +117,16 @@ class Sum:
         def starts(knots: Array) -> Array:
             return np.column_stack([self.displacement(knots), self.velocity(knots)])
 
-        return _sum_of([getattr(part, "closed_form", None) for part in parts_of(self)], self.end, starts)
+        return self._sum_of([getattr(part, "closed_form", None) for part in parts_of(self)], starts)
 
     @cached_property
     def force_form(self) -> Form | None:
         """Sum of the forces (N) that the parts are; None as of `closed_form`."""
-        return _sum_of([force_form_of(part) for part in parts_of(self)], self.end)
+        return self._sum_of([force_form_of(part) for part in parts_of(self)])
+
+    def _sum_of(self, forms: Sequence[Form | None], starts: Callable[[Array], Array] | None = None) -> Form | None:
+        found = forms_together([forms], self.end, starts)
+        return None if found is None else found[0]
 
     def __add__(self, other: Any) -> Any:
         return added(self, other)
@@ -161,74 +170,73 @@ def one_sine(forms: Sequence[Form | None]) -> Harmonic | None:
     return Harmonic(float(abs(phasor)), sines[0].omega, float(np.angle(phasor)))
 
 
-def _sum_of(
-    forms: Sequence[Form | None], end: float | None, starts: Callable[[Array], Array] | None = None
-) -> Form | None:
-    """A sum of closed forms; its sines up to an end (s), its pieces with starts where it moves the base."""
-    wave = one_sine(forms)
-    if wave is not None:
-        return wave
-    knots = _common_knots(forms, end)
-    if knots is None:
-        return None
-    # pieces first
-    values = [_value_of(form) for form in sorted(forms, key=lambda form: isinstance(form, Harmonic))]
-
-    def history(time: Array) -> Array:
-        return sum((value(time) for value in values), np.zeros(time.shape))
-
-    return fitted(history, knots, None if starts is None else starts(knots))
-
-
 def forms_together(
-    forms: Sequence[Form | None],
+    groups: Sequence[Sequence[Form | None]],
     end: float | None,
     starts: Callable[[Array], Array] | None = None,
-    last: float = math.inf,  # s
 ) -> tuple[Form, ...] | None:
-    """Closed forms as sines of one frequency, or between common knots, the first with starts where it moves the base.
+    """The sum of each group of closed forms: all are sines of one frequency, or in pieces between common knots.
 
-    No knot is later than `last`, beyond which the pieces of the first one end though its motion goes on. None as of
+    Sines are in pieces up to an end (s); the first group has starts where it moves the base. None as of
     `Sum.closed_form`.
     """
+    forms = [form for group in groups for form in group]
     if one_sine(forms) is not None:
-        return tuple(form for form in forms if form is not None)
-    knots = _common_knots(forms, end)
-    if knots is None:
-        return None
-    knots = knots[knots <= last]
-    given = [None if starts is None else starts(knots), *[None] * (len(forms) - 1)]
-    return tuple(fitted(_value_of(form), knots, start) for form, start in zip(forms, given, strict=True))
-
-
-def _value_of(form: Any) -> Callable[[Array], Array]:
-    """A closed form as a function of the time (s)."""
-    if isinstance(form, Harmonic):
-        return lambda time: form.amplitude * np.sin(form.omega * time + form.phase)
-    return pieces_of(form).value
-
-
-def _common_knots(forms: Sequence[Form | None], end: float | None) -> Array | None:
-    """Times (s) between which all closed forms are polynomials, sines up to an end (s); None without one."""
+        return tuple(cast(Harmonic, one_sine(group) if len(group) > 1 else group[0]) for group in groups)
     if any(form is None for form in forms):
         return None
-    sines = [form for form in forms if isinstance(form, Harmonic)]
-    grids = [pieces_of(form).knots for form in forms if isinstance(form, BrokenLine | PiecewisePolynomial)]
-    if sines:
+    fastest = max((form.omega for form in forms if isinstance(form, Harmonic)), default=None)
+    of_sines: Array | None = None
+    if fastest is not None:
         # of one length whatever the end: a run that goes on has the same pieces
-        length = PHASE_OF_PIECE / max(form.omega for form in sines)
+        length = PHASE_OF_SINE / fastest
         if end is None or end / length > MOST_PIECES:
             return None
-        grids.append(length * np.arange(math.ceil(end / length) + BEYOND + 1))
-    knots = _distinct(np.concatenate(grids))
-    if sines:
+        of_sines = np.asarray(length * np.arange(math.ceil(end / length) + BEYOND + 1))
+    in_pieces = [_in_pieces(group, of_sines) for group in groups]
+    knots = _distinct(np.concatenate([pieces.knots for each in in_pieces for pieces in each]))
+    if of_sines is not None:
         # beyond their last piece the others are too long for a sine
-        knots = knots[knots <= grids[-1][-1]]
-    return knots
+        knots = knots[knots <= of_sines[-1]]
+    degree = max(pieces.degree for each in in_pieces for pieces in each)
+    sums = [sum(_coefficients_between(pieces, knots, degree) for pieces in each) for each in in_pieces]
+    given = [None if starts is None else starts(knots), *[None] * (len(groups) - 1)]
+    return tuple(PiecewisePolynomial(knots, each, starts=start) for each, start in zip(sums, given, strict=True))
+
+
+def _in_pieces(forms: Sequence[Form | None], of_sines: Array | None) -> list[PiecewisePolynomial]:
+    """Closed forms as polynomials, those of sines as one sum between their knots (s)."""
+    found = [pieces_of(form) for form in forms if isinstance(form, BrokenLine | PiecewisePolynomial)]
+    sines = [form for form in forms if isinstance(form, Harmonic)]
+    if not sines:
+        return found
+
+    def history(time: Array) -> Array:
+        return sum((form.amplitude * np.sin(form.omega * time + form.phase) for form in sines), np.zeros(time.shape))
+
+    return [*found, fitted(history, cast(Array, of_sines))]
+
+
+def _coefficients_between(pieces: PiecewisePolynomial, knots: Array, degree: int) -> Array:
+    """Coefficients (n, degree + 1) of polynomials between further knots (s): those of each, about another time.
+
+    Values at points of a short piece would give derivatives of nothing but rounding.
+    """
+    number = np.searchsorted(pieces.knots, 0.5 * (knots[1:] + knots[:-1]), side="right") - 1
+    acts = (number >= 0) & (number < pieces.knots.size - 1)
+    number = np.where(acts, number, 0)
+    later = knots[:-1] - pieces.knots[number]
+    found = np.zeros((number.size, degree + 1))
+    found[:, : pieces.degree + 1] = np.where(acts[:, None], pieces.coefficients[number], 0.0)
+    # Horner's scheme, once for each coefficient
+    for lowest in range(pieces.degree):
+        for n in range(pieces.degree - 1, lowest - 1, -1):
+            found[:, n] += later * found[:, n + 1]
+    return found
 
 
 def _distinct(knots: Array) -> Array:
     """Rising times of which none are nearer to one another than rounding."""
     rising = np.unique(knots)
-    apart = np.diff(rising) > 1e-12 * max(abs(float(rising[-1])), 1e-300)
+    apart = np.diff(rising) > 1e-12 * np.abs(rising[1:])
     return np.asarray(rising[np.concatenate([[True], apart])])

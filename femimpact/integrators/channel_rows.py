@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from femimpact.arrays import Array
 from femimpact.errors import real_array, require
 from femimpact.excitation import BrokenLine, Drives, Excitation, Harmonic, PiecewisePolynomial, require_excitation
+from femimpact.excitation.drives import CONSTANT_FORCES
 from femimpact.excitation.excitation import AT_SAMPLE
 from femimpact.excitation.piecewise_polynomial import pieces_of
 from femimpact.excitation.sums import one_sine
@@ -210,10 +211,6 @@ def named_work(drive: Drive, work: Array, system: System) -> dict[str, Array]:
     constant = np.any(system.constant_load) or any(pair.acceleration != 0.0 for pair in system.balls)
     names = (*drive.names, *((CONSTANT_FORCES,) if constant else ()))
     return {name: _read_only(work[:, i]) for i, name in enumerate(names)}
-
-
-CONSTANT_FORCES = "constant forces"
-"""Name of their work beside that of the drives."""
 
 
 def _read_only(values: Array) -> Array:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from femimpact.arrays import Array
 from femimpact.errors import changed, checked, in_range, quantity, require, require_type
 from femimpact.excitation import Excitation, require_excitation
-from femimpact.excitation.drives import alone, until
+from femimpact.excitation.drives import Drives, alone, until
 from femimpact.excitation.excitation import has_cycle
 from femimpact.excitation.remarks import drive_warnings, motion_notes, motion_warnings
 from femimpact.integrators.cases import (
@@ -160,7 +160,7 @@ def _with_remarks(
     end: float,  # s: asked for
 ) -> Response:  # fmt: skip
     """The response with warnings and notes on its excitation, deflections, end, stops and start."""
-    drives: tuple[Excitation, ...] = getattr(drive, "drives", (drive,))
+    drives, names = (drive.drives, drive.names) if isinstance(drive, Drives) else ((drive,), ("",))
     warnings = tuple(text for each in drives for text in motion_warnings(each, system.length))
     warnings += tuple(
         text for each in drives for text in drive_warnings(each, system.highest_kept, system.first_left_out)
@@ -168,7 +168,11 @@ def _with_remarks(
     warnings += tuple(text for each in drives for text in record_warnings(system, each, end))
     warnings += deflection_warnings(_largest_deflections(response, recorder), system.length)
     notes = (
-        *(text for each in drives for text in motion_notes(each, system.length, end)),
+        *(
+            text
+            for each, name in zip(drives, names, strict=True)
+            for text in motion_notes(each, system.length, end, name)
+        ),
         *_other_end(response, end),
         *_stops_not_met(response),
         *_begins_within(system, drive, start),

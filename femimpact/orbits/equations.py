@@ -195,28 +195,24 @@ def _flown(
     hybrid: HybridSystem, contact_state: Array, start: Numbers, begin: Numbers, end: Numbers, flows: dict[bytes, Flow]
 ) -> tuple[Numbers, Numbers]:
     """States (N, 2d) at phases after others, with nothing between, and the propagators."""
-    parts = []
-    time = (end - begin) / hybrid.omega
-    for state, members in _by_state(contact_state):
-        flow = known_flow(hybrid, state, flows)
-        propagator, moved = flow.over(time[members])
-        left = start[members] - flow.steady(begin[members])
-        arrived = (propagator @ left[:, :, None])[:, :, 0] + moved + flow.steady(end[members])
-        parts.append((members, arrived, propagator))
-    order = np.argsort(np.concatenate([members for members, _, _ in parts]))
-    return tuple(np.concatenate([part[i] for part in parts])[order] for i in (1, 2))  # type: ignore[return-value]
+    groups = _by_state(contact_state)
+    parts = [
+        known_flow(hybrid, state, flows).carried(start[members], begin[members], end[members])
+        for state, members in groups
+    ]
+    order = np.argsort(np.concatenate([members for _, members in groups]))
+    arrived, propagator = (np.concatenate(each)[order] for each in zip(*parts, strict=True))
+    return arrived, propagator
 
 
 def _fields(
     hybrid: HybridSystem, contact_state: Array, states: Numbers, phases: Numbers, flows: dict[bytes, Flow]
 ) -> Numbers:
     """Rates z' (N, 2d) of states (N, 2d) in their contact states."""
-    found = [
-        (members, known_flow(hybrid, state, flows).field(states[members], phases[members]))
-        for state, members in _by_state(contact_state)
-    ]
-    order = np.argsort(np.concatenate([members for members, _ in found]))
-    return np.asarray(np.concatenate([values for _, values in found])[order])
+    found = np.zeros(states.shape, dtype=np.result_type(states, phases))
+    for state, members in _by_state(contact_state):
+        found[members] = known_flow(hybrid, state, flows).field(states[members], phases[members])
+    return found
 
 
 def residual(passed: Passage, states: Numbers) -> Numbers:

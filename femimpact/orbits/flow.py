@@ -22,7 +22,6 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from femimpact.contact.laws import RIGID
 from femimpact.excitation import Excitation
 from femimpact.integrators.channel_rows import drive_of
 from femimpact.integrators.event_driven.equations import equations_of
@@ -50,7 +49,6 @@ class HybridSystem:
     constant: Numbers  # (d,) N
     force: Numbers  # (d, pairs) what a force on the structure at each pair does to the coordinates
     in_space: Numbers  # (pairs,) x_j = -force_j p - in_space_j ub
-    rigid: NDArray[np.bool_]  # (pairs,)
     gaps: Numbers  # (pairs, 2) m: to the + and to the - side
     restitution: Numbers  # (pairs,)
     contact_stiffness: Numbers  # (pairs,) N/m, of Kelvin-Voigt pairs
@@ -78,7 +76,6 @@ def hybrid_system(system: System, excitation: Excitation) -> HybridSystem:
         constant=equations.given,
         force=equations.force,
         in_space=equations.in_space,
-        rigid=np.array([numbers.kind == RIGID for numbers in parameters], dtype=bool),
         gaps=np.array([pair.gaps for pair in system.contacts], dtype=float).reshape(-1, 2),
         restitution=np.array([numbers.restitution for numbers in parameters]),
         contact_stiffness=np.array([numbers.stiffness for numbers in parameters]),
@@ -121,6 +118,7 @@ class Flow:
     cosine: Numbers
     steady_sine: Numbers  # (2d,) of the steady response
     steady_cosine: Numbers
+    omega: Any  # rad/s
     alone: _Alone
     coupled: _Coupled
 
@@ -132,6 +130,12 @@ class Flow:
     def steady(self, phase: Numbers) -> Numbers:
         """The steady response (n, 2d) at phases (n,)."""
         return np.asarray(np.outer(np.sin(phase), self.steady_sine) + np.outer(np.cos(phase), self.steady_cosine))
+
+    def carried(self, states: Numbers, begin: Numbers, end: Numbers) -> tuple[Numbers, Numbers]:
+        """States (n, 2d) at phases `end` (n,) after those at phases `begin`, and their propagators (n, 2d, 2d)."""
+        propagator, moved = self.over((end - begin) / self.omega)
+        left = (propagator @ (states - self.steady(begin))[:, :, None])[:, :, 0]
+        return left + moved + self.steady(end), propagator
 
     def over(self, time: Numbers) -> tuple[Numbers, Numbers]:
         """e^{A t} (n, 2d, 2d) and the integral of e^{A r} a (n, 2d) over times (n,) in s."""
@@ -148,12 +152,6 @@ class Flow:
             moved = moved + step * (propagator @ self.constant)
             propagator = propagator + step[:, :, None] * (propagator @ self.matrix)
         return propagator, moved
-
-    def moved(self, start: Numbers, begin: Numbers, end: Numbers, omega: Any) -> Numbers:
-        """States (n, 2d) at phases (n,) after others at earlier ones."""
-        propagator, moved = self.over((end - begin) / omega)
-        left = start - self.steady(begin)
-        return np.asarray((propagator @ left[:, :, None])[:, :, 0] + moved + self.steady(end))
 
 
 def flow_of(hybrid: HybridSystem, contact_state: Numbers) -> Flow:  # contact_state (pairs,)
@@ -181,6 +179,7 @@ def flow_of(hybrid: HybridSystem, contact_state: Numbers) -> Flow:  # contact_st
         A, constant, sine, cosine,
         np.concatenate([steady[0], -hybrid.omega * steady[1]]),
         np.concatenate([steady[1], hybrid.omega * steady[0]]),
+        hybrid.omega,
         _Alone(alone, 0.5 * (inverse * np.diagonal(C))[alone], (inverse * np.diagonal(K))[alone], constant[d + alone]),
         _coupled(A, constant, np.concatenate([others, d + others])),
     )  # fmt: skip
@@ -219,7 +218,7 @@ def _add_alone(alone: _Alone, time: Numbers, propagator: Numbers, moved: Numbers
     """Write the closed form of coordinates that nothing couples: e^{-sigma t} (cos, sin/w) of any damping."""
     sigma, kappa, p = alone.sigma, alone.kappa, alone.members
     v = p + propagator.shape[1] // 2
-    cosine, sine = _damped_cosine_and_sine(sigma, sigma**2 - kappa, time)
+    cosine, sine = _damped_cosine_and_sine(sigma, kappa, time)
     held = cosine + sigma * sine
     propagator[:, p, p], propagator[:, p, v] = held, sine
     propagator[:, v, p], propagator[:, v, v] = -kappa * sine, cosine - sigma * sine
@@ -230,13 +229,16 @@ def _add_alone(alone: _Alone, time: Numbers, propagator: Numbers, moved: Numbers
     moved[:, p], moved[:, v] = integral * alone.constant, sine * alone.constant
 
 
-def _damped_cosine_and_sine(sigma: Numbers, delta: Numbers, time: Numbers) -> tuple[Numbers, Numbers]:
-    """e^{-sigma t} cosh(r t) and e^{-sigma t} sinh(r t)/r, r^2 = delta, for either sign of it."""
+def _damped_cosine_and_sine(sigma: Numbers, kappa: Numbers, time: Numbers) -> tuple[Numbers, Numbers]:
+    """e^{-sigma t} cosh(r t) and e^{-sigma t} sinh(r t)/r, r^2 = sigma^2 - kappa, for either sign of it."""
+    delta = sigma**2 - kappa
     x, decay = delta * time**2, np.exp(-sigma * time)
     root = np.sqrt(np.where(delta.real < 0.0, -delta, delta))
     near, slow = np.abs(x) < SERIES, np.where(delta == 0.0, 1.0, root)
     swinging = delta.real < 0.0
-    rising, falling = np.exp(np.where(swinging, 0.0, root - sigma) * time), np.exp(-(root + sigma) * time)
+    # the slow rate from the product of both: no difference of near numbers
+    fast = np.where(swinging | (sigma == 0.0), 1.0, root + sigma)
+    rising, falling = np.exp(np.where(swinging, 0.0, -kappa / fast) * time), np.exp(-fast * time)
     cosine = np.where(swinging, decay * np.cos(root * time), 0.5 * (rising + falling))
     sine = np.where(swinging, decay * np.sin(root * time), 0.5 * (rising - falling)) / slow
     return (

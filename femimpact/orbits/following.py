@@ -452,7 +452,7 @@ def _gap(point: Point, k: int, pair: int, side: float, phases: Array, derivative
     """Depth (n,) beyond a wall at phases (n,) after event k, m, or its first or second derivative by the time."""
     hybrid, (states, begun) = point.passed.hybrid, point.orbit
     flow, d = known_flow(hybrid, point.curve.sequence.contact_state[k], point.flows), hybrid.mass.size
-    z = flow.moved(np.tile(states[k], (phases.size, 1)), np.full(phases.size, begun[k]), phases, hybrid.omega)
+    z, _ = flow.carried(np.tile(states[k], (phases.size, 1)), np.full(phases.size, begun[k]), phases)
     moves = (z[:, :d], z[:, d:], flow.field(z, phases)[:, d:])[derivative]
     sine = (np.sin(phases), np.cos(phases), -np.sin(phases))[derivative]
     base = hybrid.amplitude * hybrid.omega**derivative * sine

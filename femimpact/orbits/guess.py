@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,11 +58,10 @@ def first_guess(system: System, excitation: Excitation, cycles: int, guess: Resp
     start = guess if isinstance(guess, State) else _end_of(guess, excitation)
     period, omega = cycles / excitation.frequency, 2.0 * math.pi * excitation.frequency
     run = integrate(system, excitation, EventDriven(), 2.0 * period, recorder_of_events(), start)
-    log, final = run.events, run.final_state
-    assert log is not None
-    assert final is not None
+    log: Any = run.events
+    final: Any = run.final_state
     require(log.dropped == 0, "guess", f"{len(log) + log.dropped} events in two periods", "", STICKS)
-    held = final.continuation.held.state.astype(log.contact_state.dtype) if final.continuation else log.contact_state[0]
+    held = final.continuation.held.state.astype(log.contact_state.dtype)
     # what lies of each interval in the first period, so that a whole one follows its middle
     times, ends = np.append(start.time, log.time), np.append(log.time, math.inf)
     ends = np.minimum(ends, start.time + period)
@@ -92,9 +91,10 @@ def without_events(state: Array, contact_state: NDArray[Any], phase: float, cycl
 
 def _end_of(run: Response, excitation: Excitation) -> State:
     """Where a run has ended, at a time when the excitation has the phase that its own has there."""
-    state = run.final_state
-    require(state is not None, "guess", "Response", "", "must have a final_state: one read from files has none")
-    assert state is not None
+    require(
+        run.final_state is not None, "guess", "Response", "", "must have a final_state: one read from files has none"
+    )
+    state = cast(State, run.final_state)
     if same_excitation(run.base, excitation):
         return state
     phase = 2.0 * math.pi * run.base.frequency * state.time + run.base.phase

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import scipy.linalg
+from scipy.linalg.lapack import dgetrf, dgetrs
 
 from femimpact.arrays import Array
 from femimpact.orbits.equations import Passage, Sequence, jacobian, passage, residual
@@ -60,13 +60,13 @@ def solve(
 
     def scaled_step(factors: Any, made: Passage, at: Array) -> Array:
         right = (residual(made, at) / by_rows).reshape(-1)
-        return -np.asarray(scipy.linalg.lu_solve(factors, right, check_finite=False)).reshape(count, size + 1)
+        return -np.asarray(dgetrs(*factors, right)[0]).reshape(count, size + 1)
 
     while len(changes) < MOST_STEPS:
         matrix = (jacobian(passed) / by_rows[:, None, None] * unit).reshape(2 * [count * (size + 1)])
-        if not np.all(np.isfinite(matrix)):
+        *factors, singular = dgetrf(matrix)
+        if singular or not np.all(np.isfinite(matrix)):
             break
-        factors = scipy.linalg.lu_factor(matrix, check_finite=False)
         step = scaled_step(factors, passed, states)
         change, share = float(np.abs(step).max()), 1.0
         if not np.isfinite(change):

@@ -44,7 +44,7 @@ def own_runs(system: System, points: Sequence[Point]) -> OwnRuns:
     )
     hybrids, state = [point.passed.hybrid for point in points], np.array(starts)
     equations = equations_of(system, drive_of(system, curve.parameter.at(curve.parameter.value)[1]))
-    rigid, d = hybrids[0].rigid, hybrids[0].mass.size
+    d, rigid = hybrids[0].mass.size, np.array([pair.parameters.is_rigid for pair in system.contacts], dtype=bool)
     store = FormStore(equations, rigid, _outputs(system, d), rate=None, derived=system.derived)
     inputs = Inputs(
         omega=np.array([hybrid.omega for hybrid in hybrids]),

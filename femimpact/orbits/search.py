@@ -72,9 +72,9 @@ def find_orbit(
     check_events(system)
     sine = one_sine(excitation)
     if not isinstance(guess, State):
-        size = len(guess.system.balls), guess.system.dofs
-        same = size == (len(system.balls), system.dofs) and len(guess.system.contacts) == len(system.contacts)
-        require(same, "guess", f"a motion of {size[1]} dofs and {size[0]} balls", "", "must be one of such a system")
+        given, of_guess = (f"{one.dofs} dofs and {len(one.contacts)} contacts" for one in (system, guess.system))
+        same = given == of_guess and len(system.balls) == len(guess.system.balls)
+        require(same, "system", given, "", f"must be of as many coordinates as that of the guess: {of_guess}")
     return orbit_near(system, sine, first_guess(system, sine, cycles, guess))
 
 

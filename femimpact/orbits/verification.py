@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.arrays import Array
-from femimpact.errors import DivergenceError, changed, made
+from femimpact.errors import DivergenceError, InputError, changed, made
 from femimpact.excitation import PointForce, Sine
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.event_driven.loop_data import FREE
@@ -119,10 +119,11 @@ def _at_start(
     if times[first] == 0.0:
         return found.states[first], sequence.contact_state[first], _product(later)
     contact_state = sequence.contact_state[first - 1]
-    flow, since = known_flow(hybrid, contact_state, flows), sequence.cycles / excitation.frequency - times[first - 1]
-    (onto, up_to), moved = flow.over(np.array([since, times[first]]))
-    now, before = flow.steady(np.array([excitation.phase, found.phases[first - 1]]))
-    state = onto @ (found.states[first - 1] - before) + moved[0] + now
+    flow, phase = known_flow(hybrid, contact_state, flows), np.array([found.phases[first]])
+    now = phase - times[first] * hybrid.omega
+    before = now - (sequence.cycles / excitation.frequency - times[first - 1]) * hybrid.omega
+    (state,), (onto,) = flow.carried(found.states[first - 1][None], before, now)
+    _, (up_to,) = flow.carried(state[None], now, phase)
     return state, contact_state, onto @ _product(later[:-1]) @ found.passed.saltation[first] @ up_to
 
 
@@ -168,7 +169,11 @@ def own_run(
     state, middle, first = between_events(found.passed.hybrid, sequence, found.states, found.phases, flows)
     time = float(_times(np.array([middle]), excitation, sequence.cycles)[0])
     period = sequence.cycles / excitation.frequency
-    run = integrate(system, excitation, EventDriven(), period, recorder_of_events(), _state(system, state, time))
+    try:
+        run = integrate(system, excitation, EventDriven(), period, recorder_of_events(), _state(system, state, time))
+    except InputError as error:
+        # beyond a wall that none of the events is at
+        raise DivergenceError(f"the orbit found is no motion of the system: {error}") from None
     end: Any = run.final_state
     return run, float(np.max(np.abs(state_vector(end) - state) / unit)), first
 
@@ -186,22 +191,20 @@ def between_events(
     free = ~np.any(before != FREE, axis=1)
     k = int(np.argmax((phases - begun) * np.where(free, 1.0, 1e-6)))
     middle, flow = float(0.5 * (begun[k] + phases[k])), known_flow(hybrid, before[k], flows)
-    state = flow.moved(states[k - 1][None], np.array([begun[k]]), np.array([middle]), float(hybrid.omega))[0]
+    (state,), _ = flow.carried(states[[k - 1]], begun[[k]], np.array([middle]))
     return state, middle, k
 
 
 def other_event(log: EventLog, sequence: Sequence, first: int) -> int | None:
     """Row of a log at which it has another event than an orbit has from its event `first` on; None where it has not."""
-    met, expected = _met(log), _expected(sequence, first)
-    return None if met == expected else _equal_rows(met, expected)
-
-
-def _met(log: EventLog) -> list[Any]:
-    return list(zip(log.kind.tolist(), log.pair.tolist(), log.side.tolist(), strict=True))
+    met, expected = list(zip(log.kind, log.pair, log.side, strict=True)), _expected(sequence, first)
+    equal = [one == other for one, other in zip(met, expected, strict=False)]
+    return None if all(equal) and len(met) == len(expected) else [*equal, False].index(False)
 
 
 def _expected(sequence: Sequence, first: int) -> list[Any]:
-    rows = list(zip(sequence.kind, sequence.pair.tolist(), sequence.side.tolist(), strict=True))
+    """Events of an orbit from one on; sections are none."""
+    rows = list(zip(sequence.kind, sequence.pair, sequence.side, strict=True))
     return [row for row in [*rows[first:], *rows[:first]] if row[0] != SECTION]
 
 
@@ -210,25 +213,14 @@ def check_events(log: Any, sequence: Sequence, first: int) -> None:
     i = other_event(log, sequence, first)
     if i is None:
         return
-    met, expected = _met(log), _expected(sequence, first)
-
-    def words(table: list[tuple[str, int, float]]) -> str:
-        if i >= len(table):
-            return "nothing more"
-        kind, pair, side = table[i]
-        return f"{kind} of {log.contacts[pair]} on its {'+' if side > 0 else '-'} side"
-
-    at = f" at t = {log.time[i]:.6g} s" if i < len(met) else ""
+    met, count = "nothing more", len(_expected(sequence, first))
+    if i < len(log):
+        side = "+" if log.side[i] > 0 else "-"
+        met = f"{log.kind[i]} of {log.contacts[log.pair[i]]} on its {side} side at t = {log.time[i]:.6g} s"
     raise DivergenceError(
-        f"the orbit found is no motion of the system: its own run meets {words(met)}{at}, where the orbit has "
-        f"{words(expected)}; start nearer to an orbit with the contacts of that run"
+        f"the orbit found is no motion of the system: after {i} of its {count} events its own run meets {met}; "
+        "start nearer to an orbit with the contacts of that run"
     )
-
-
-def _equal_rows(first: list[Any], second: list[Any]) -> int:
-    """How many rows two tables begin with that are equal."""
-    equal = [one == other for one, other in zip(first, second, strict=False)]
-    return [*equal, False].index(False)
 
 
 def _log(system: System, sequence: Sequence, found: Solution, times: Array, order: NDArray[np.intp]) -> EventLog:

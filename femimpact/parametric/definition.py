@@ -303,9 +303,11 @@ class ParameterStudy:
             require(given or one.kind in (one.VAR_POSITIONAL, one.VAR_KEYWORD), one.name, None, "", allowed)
 
     def _faults_of(self, place: Place, values: Sequence[Any]) -> list[Fault]:
-        """The first fault among values of an axis, each alone: they may still not fit those of other axes."""
-        if len(values) > CHECKED and all(isinstance(value, (int, float)) for value in values):
-            values = (min(values), max(values))
+        """A fault among values of an axis, each alone: they may still not fit those of other axes."""
+        if len(values) and all(isinstance(value, (int, float)) for value in values):
+            # the ends first, which are often what was given
+            ends = min(values), max(values)
+            values = ends if len(values) > CHECKED else (*ends, *values)
         for value in values:
             try:
                 self._check_value(place, value)

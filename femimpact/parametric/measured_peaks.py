@@ -19,7 +19,7 @@ from femimpact.arrays import Array
 from femimpact.errors import column, kind_of, quantity, require, takes
 from femimpact.export.tables import unit_text
 from femimpact.parametric.paths import bounds_of_axis
-from femimpact.parametric.verb import parameter_study
+from femimpact.parametric.verb import StudyProgress, parameter_study
 from femimpact.structure.structure import Position
 from femimpact.study.study import Study
 from femimpact.system.system import System
@@ -129,8 +129,8 @@ class Calibration:
 
 
 @takes(
-    frequency=column("Hz", "n", finite=True),
-    peak=column("m", "n", finite=True),
+    frequency=column("Hz", "points", finite=True),
+    peak=column("m", "points", finite=True),
     noise=quantity("1", above=0.0, at_most=1.0),
     starts=quantity("1", at_least=2, at_most=1000, integer=True),
     cycles=quantity("1", at_least=3, integer=True),
@@ -151,7 +151,10 @@ def calibrate(
     seed: int = 0,
     cycles: int = 300,
     directory: str | Path | None = None,
-    **more: Any,
+    version: str | None = None,
+    client: Any = None,
+    threads: int | None = None,
+    progress: Callable[[StudyProgress], None] | bool | None = None,
 ) -> Calibration:
     r"""One or two parameters of a damper from the measured peaks of a response curve, with their intervals.
 
@@ -177,16 +180,15 @@ def calibrate(
         Largest relative displacement of the place `at` in the last third of each dwell.
     parameters : mapping of str to (low, high)
         Bounds of one or two parameters by their paths, as "impactor.ball.gap".
-    excitation, method, elements, modes, at
+    excitation, method, elements, modes, at, version, client, threads, progress
         As of `parameter_study`.
     noise : float, 1
         Standard deviation of the measured peaks over their values.
     starts, seed, cycles : int
         Of each case, and of their draws.
     directory : str or Path, optional
-        Where the grid is kept as a study: other peaks at the same frequencies are calibrated without a run.
-    **more
-        Further arguments of `parameter_study`.
+        Where the grid is kept as a study: the same call goes on from there, and other peaks at the same frequencies are
+        calibrated without a run.
 
     Returns
     -------
@@ -208,9 +210,11 @@ def calibrate(
     """
     frequencies, peaks = np.asarray(frequency), np.asarray(peak)
     for name, values, unit in (("frequency", frequencies, "Hz"), ("peak", peaks, "m")):
-        require(bool((values > 0.0).all()), name, values.tolist(), unit, "must be above 0")
-    given = isinstance(parameters, Mapping) and len(parameters) in (1, 2)
-    require(given, "parameters", kind_of(parameters), "", "must be the bounds of one or two parameters by their paths")
+        for i in np.flatnonzero(values <= 0.0).tolist():
+            require(False, f"{name}[{i}]", float(values[i]), unit, "must be > 0")
+    names = list(parameters) if isinstance(parameters, Mapping) else kind_of(parameters)
+    given = isinstance(names, list) and len(names) in (1, 2) and all(isinstance(name, str) for name in names)
+    require(given, "parameters", names, "", "must be the bounds of one or two parameters by their paths")
     require(FREQUENCY not in parameters, "parameters", FREQUENCY, "", "must not be named: frequency gives its values")
     bounds = {name: bounds_of_axis(f"parameters.{name}", value) for name, value in parameters.items()}
     least = len(bounds) + 1
@@ -219,10 +223,13 @@ def calibrate(
     axes: dict[str, Any] = {
         name: np.linspace(*ends, nodes).tolist() for (name, ends), nodes in zip(bounds.items(), NODES, strict=False)
     }
-    known = {"excitation": excitation, "method": method, "elements": elements, "modes": modes, "at": at}
+    mesh: dict[str, Any] = {
+        name: value for name, value in (("elements", elements), ("modes", modes)) if value is not None
+    }
     dataset = parameter_study(
         study, axes | {FREQUENCY: unique.tolist()}, [PEAK], starts=starts, seed=seed, cycles=cycles,
-        directory=directory, **{name: value for name, value in known.items() if value is not None}, **more,
+        excitation=excitation, method=method, at=at, version=version, directory=directory, client=client,
+        threads=threads, progress=progress, **mesh,
     )  # fmt: skip
     return _calibration(dataset, list(bounds), frequencies, peaks, np.ravel(which), noise)
 

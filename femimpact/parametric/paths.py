@@ -141,12 +141,12 @@ def _units_of_base(base: Any) -> Mapping[str, str]:
 
 def _numbers_of_force(name: str, force: StudyForce) -> Iterator[Place]:
     """Numbers of a force."""
-    noun, other = FORCE_KINDS[force.kind]
-    units = {item.name: item.metadata.get("unit", "") for item in dataclasses.fields(noun)} | {"force": "N"}
+    kind = FORCE_KINDS[force.kind]
+    units = {item.name: item.metadata.get("unit", "") for item in dataclasses.fields(kind.noun)} | {"force": "N"}
     yield _place("force", name, "at", "m", Stage.CASE)
     for key, value in force.values:
         if isinstance(value, (int, float, tuple)) and not isinstance(value, bool):
-            unit = units.get(key, "") or {**OF_LEVEL}.get(key, "") or units.get(other.get(key, key), "")
+            unit = units.get(key, "") or {**OF_LEVEL}.get(key, "") or units.get(kind.names.get(key, key), "")
             yield _place("force", name, key, unit, Stage.CASE)
 
 

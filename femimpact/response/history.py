@@ -143,6 +143,8 @@ def history_dataset(
     if energy is not None:
         for name in ("kinetic", "strain", "ball", "contact", "work", "structure_loss", "contact_loss"):
             data[f"energy_{name}"] = variable(getattr(energy, name), "J", f"energy: {name.replace('_', ' ')}")
+        for name, values in energy.work_of.items():
+            data[f"energy_work_of_{name}"] = variable(values, "J", f"energy: work of {name}")
     attributes = {"base_amplitude_m": base.amplitude}
     if has_cycle(base):
         attributes["base_frequency_Hz"] = base.frequency
@@ -159,17 +161,11 @@ def deciding_rows(
     Returns: at most 4 samples; its residual is the one of all samples so far, to the last bit.
     """
     first = piece if before is None else before
-    rows = _take(piece, _extremes(piece, first))
+    rows = _each_column(lambda values: values[_extremes(piece, first)], piece)
     if before is None:
         return rows
-    joined = made(
-        EnergyLedger, **{name: np.concatenate([getattr(before, name), getattr(rows, name)]) for name in LEDGER_COLUMNS}
-    )
-    return _take(joined, _extremes(joined, first))
-
-
-LEDGER_COLUMNS = tuple(item.name for item in dataclasses.fields(EnergyLedger) if item.metadata)
-"""Columns by which a ledger is judged; the work of each drive is none of them."""
+    joined = _each_column(lambda *parts: np.concatenate(parts), before, rows)
+    return _each_column(lambda values: values[_extremes(joined, first)], joined)
 
 
 def _extremes(ledger: EnergyLedger, first: EnergyLedger) -> list[int]:
@@ -181,11 +177,18 @@ def _extremes(ledger: EnergyLedger, first: EnergyLedger) -> list[int]:
     return sorted({0, int(np.argmax(np.abs(missing))), int(np.argmax(np.abs(put_in))), ledger.time.size - 1})
 
 
-def _take(ledger: EnergyLedger, rows: list[int]) -> EnergyLedger:
-    columns = {name: getattr(ledger, name)[rows] for name in LEDGER_COLUMNS}
-    for values in columns.values():
-        values.setflags(write=False)
-    return made(EnergyLedger, **columns)
+def _each_column(change: Callable[..., Array], *ledgers: EnergyLedger) -> EnergyLedger:
+    """A ledger of what a function makes of each column of ledgers, read-only."""
+
+    def changed_column(*columns: Array) -> Array:
+        found = change(*columns)
+        found.setflags(write=False)
+        return found
+
+    names = [item.name for item in dataclasses.fields(EnergyLedger) if item.metadata]
+    work_of = {name: changed_column(*(each.work_of[name] for each in ledgers)) for name in ledgers[0].work_of}
+    columns = {name: changed_column(*(getattr(each, name) for each in ledgers)) for name in names}
+    return made(EnergyLedger, work_of=work_of, **columns)
 
 
 @dataclass(eq=False)

@@ -164,16 +164,64 @@ def _faults_of_record() -> Iterator[None]:
 
 Signal = Chirp | SteppedSine | RandomBase | Shock
 
-SIGNALS: Mapping[str, tuple[type[Signal], Mapping[str, str]]] = {
-    "chirp": (Chirp, {"rate": "kind"}),
-    "stepped-sine": (SteppedSine, {}),
-    "random": (RandomBase, {}),
-    "shock": (Shock, {"pulse": "kind"}),
-}
-"""Each kind of [base]: its noun, and the keys of a study file whose fields have another name."""
 
-PARTS: Mapping[str, tuple[type[Signal | Sine], Mapping[str, str]]] = {"sine": (Sine, {}), **SIGNALS}
-"""The same of each kind of [[base.parts]], of which a sum is made."""
+@dataclass(frozen=True)
+class DriveKind:
+    """A kind of motion or of force in a study file.
+
+    Parameters
+    ----------
+    noun : type
+        That it makes.
+    names : mapping of str to str
+        Arguments of the noun by their keys in a study file, where those have another name.
+    without : tuple of str
+        Arguments that are no keys of the kind.
+    """
+
+    noun: type[Any]
+    names: Mapping[str, str] = field(default_factory=dict)
+    without: tuple[str, ...] = ("level", "by")
+
+    @property
+    def keys(self) -> dict[str, inspect.Parameter]:
+        """Keys of the kind, each with the argument of the noun."""
+        arguments = inspect.signature(self.noun).parameters
+        return {self.key_of(name): item for name, item in arguments.items() if name not in self.without}
+
+    @property
+    def needed(self) -> list[str]:
+        """Keys that a study file must have."""
+        return [key for key, item in self.keys.items() if item.default is inspect.Parameter.empty or key == "force"]
+
+    def key_of(self, argument: str) -> str:
+        """The key of an argument."""
+        return next((key for key, name in self.names.items() if name == argument), argument)
+
+    def made(self, values: Mapping[str, Any], where: str, others: tuple[str, ...], **given: Any) -> Any:
+        """The noun of keys and values; other keys of the table are named where one is unknown."""
+        faults = [
+            Fault(key, None, "", suggestion(key, [*self.keys, *others])) for key in values if key not in self.keys
+        ]
+        faults += [Fault(key, None, "", f"is missing in {where}") for key in self.needed if key not in values]
+        if faults:
+            raise InputError(faults)
+        try:
+            return self.noun(**{self.names.get(key, key): value for key, value in values.items()}, **given)
+        except InputError as error:
+            raise InputError([replace(one, key=self.key_of(one.key)) for one in error.faults]) from None
+
+
+SIGNALS: Mapping[str, DriveKind] = {
+    "chirp": DriveKind(Chirp, {"rate": "kind"}),
+    "stepped-sine": DriveKind(SteppedSine),
+    "random": DriveKind(RandomBase),
+    "shock": DriveKind(Shock, {"pulse": "kind"}),
+}
+"""Each kind of [base]."""
+
+PARTS: Mapping[str, DriveKind] = {"sine": DriveKind(Sine), **SIGNALS}
+"""Each kind of [[base.parts]], of which a sum is made."""
 
 SUM = "sum"
 """Kind of [base] that has parts."""
@@ -226,7 +274,7 @@ class SignalMotion:
     def excitation(self) -> Signal | Sum:
         """The motion that drives the history."""
         if self.kind != SUM:
-            motion: Signal = _motion_of(self.kind, dict(self.values))
+            motion: Signal = _made(self.kind, dict(self.values))
             return motion
         parts = dict(self.values).get("parts", ())
         wrong = [name for name, _ in self.values if name != "parts"]
@@ -283,44 +331,23 @@ def _part_of(number: int, values: dict[str, Any]) -> Signal | Sine:
         allowed = f"must be one of {', '.join(repr(name) for name in PARTS)}"
         raise InputError([Fault(f"parts.{number}.kind", kind, "", allowed)])
     try:
-        motion: Signal | Sine = _motion_of(kind, values)
+        motion: Signal | Sine = _made(kind, values)
         return motion
     except InputError as error:
         raise InputError([fault.under(f"parts.{number}") for fault in error.faults]) from None
 
 
-def _motion_of(kind: str, values: Mapping[str, Any]) -> Any:
-    """A motion by its kind and keys."""
-    _check_keys(kind, values)
-    noun, other = PARTS[kind]
-    back = {name: key for key, name in other.items()}
-    try:
-        return noun(**{other.get(name, name): value for name, value in values.items()})
-    except InputError as error:
-        raise InputError([replace(fault, key=back.get(fault.key, fault.key)) for fault in error.faults]) from None
-
-
-def _check_keys(kind: str, values: Mapping[str, Any]) -> None:
-    noun, other = PARTS[kind]
-    back = {name: key for key, name in other.items()}
-    known = {
-        back.get(name, name): item.default
-        for name, item in inspect.signature(noun).parameters.items()
-        if name not in ("level", "by")
-    }
-    faults = [Fault(name, None, "", suggestion(name, [*known, *HISTORY_KEYS])) for name in values if name not in known]
-    missing = [name for name, default in known.items() if default is inspect.Parameter.empty and name not in values]
-    faults += [Fault(name, None, "", f"is missing in [base] of kind {kind!r}") for name in missing]
-    if faults:
-        raise InputError(faults)
+def _made(kind: str, values: Mapping[str, Any]) -> Any:
+    return PARTS[kind].made(values, f"[base] of kind {kind!r}", HISTORY_KEYS)
 
 
 def numbers_of_signal(signal: Signal) -> dict[str, Any]:
     """The kind of a motion and its fields by name, from which `signal_of_numbers` makes it again."""
-    kind = next(kind for kind, (noun, _) in SIGNALS.items() if isinstance(signal, noun))
+    kind = next(name for name, kind in SIGNALS.items() if isinstance(signal, kind.noun))
     return {"signal": kind, "fields": {item.name: getattr(signal, item.name) for item in fields(signal)}}
 
 
 def signal_of_numbers(numbers: Mapping[str, Any]) -> Signal:
     """The motion that `numbers_of_signal` has described."""
-    return SIGNALS[numbers["signal"]][0](**numbers["fields"])
+    signal: Signal = SIGNALS[numbers["signal"]].noun(**numbers["fields"])
+    return signal

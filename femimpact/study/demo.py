@@ -303,7 +303,7 @@ def compare(summary: Mapping[str, Any], spreads: Mapping[str, Mapping[str, Sprea
         ("damping with ball, by amplitude ratio", "%", *[round(100 * p["damping_ball"], 6)] * 2,
          *both("damping_amplitude_ratio", 100), "damping without ball times the ratio"),
         ("amplitude ratio without / with", "1", p["amplitude_ratio"], p["amplitude_ratio"],
-         *both("amplitude_ratio"), "largest peaks"),
+         *both("amplitude_ratio"), "largest peaks, without ball on the refined grid"),
         ("impact force", "N", p["impact_force_theory"], nothing, *both("cycle_mean_force"),
          "cycle-averaged, at the peak"),
         ("peak force", "N", nothing, nothing, *both("peak_force"), f"{law}, at the peak"),
@@ -334,7 +334,8 @@ def remark(
         "4.98 Hz mean mass ratios of 0.041 and 0.133; the model follows the theory's. The measured one, with rigid "
         'impacts: page "The two reference studies, with rigid impacts" of the documentation',
         "the curve with ball is bent and chaotic: a fit or a half-power width of it is no damping of the ball; "
-        "only the drop of the peak compares, and 1.4 % is the amplitude ratio times 0.29 %",
+        "only the drop of the peak compares, and 1.4 % is the amplitude ratio times 0.29 %; the ratio is that to the "
+        "true peak without ball, on the refined grid, and the paper does not say which peak its 5 is compared with",
         "the paper's 0.02 N is what its eq. 31 leaves over, not a contact force; the cycle-averaged force is near it",
         "21 points 0.1 Hz apart cannot show a half-power width of 0.031 Hz: see the warning of the even grid",
     )

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar
 
 from femimpact.errors import (
-    Fault,
     InputError,
     check_fields,
     choice,
@@ -18,34 +16,25 @@ from femimpact.errors import (
     optional,
     place,
     quantity,
-    suggestion,
     text,
 )
-from femimpact.excitation import Drives, HammerBlow, PointForce, Sine
+from femimpact.excitation import Chirp, Drives, HammerBlow, PointForce, RandomBase, Shock, Sine, SteppedSine
 from femimpact.excitation.drives import alone
 from femimpact.excitation.excitation import words_of
-from femimpact.study.base_motion import SIGNALS, BaseMotion, RecordedMotion, SignalMotion
+from femimpact.study.base_motion import BaseMotion, DriveKind, RecordedMotion, SignalMotion
 
-FORCE_KINDS: Mapping[str, tuple[type[Any], Mapping[str, str]]] = {
-    "sine": (Sine, {"force": "amplitude"}),
-    "chirp": (SIGNALS["chirp"][0], {"force": "amplitude", "rate": "kind"}),
-    "stepped-sine": (SIGNALS["stepped-sine"][0], {"force": "amplitude"}),
-    "random": (SIGNALS["random"][0], {}),
-    "shock": (SIGNALS["shock"][0], {"force": "acceleration", "pulse": "kind"}),
-    "hammer": (HammerBlow, {}),
+OF_PLACE = ("at", "name")
+"""Keys of [[force]] of every kind."""
+
+FORCE_KINDS: Mapping[str, DriveKind] = {
+    "sine": DriveKind(Sine, {"force": "amplitude"}),
+    "chirp": DriveKind(Chirp, {"force": "amplitude", "rate": "kind"}, ("level", "by", "acceleration")),
+    "stepped-sine": DriveKind(SteppedSine, {"force": "amplitude"}, ("level", "by", "acceleration")),
+    "random": DriveKind(RandomBase),
+    "shock": DriveKind(Shock, {"force": "acceleration", "pulse": "kind"}, ("level", "by", "amplitude")),
+    "hammer": DriveKind(HammerBlow, without=OF_PLACE),
 }
-"""Each kind of [[force]]: its noun, and the keys of a study file whose arguments have another name."""
-
-NO_KEYS = ("level", "by", "amplitude", "acceleration", "at", "name")
-"""Arguments of these nouns that are no keys of the kind: a level is called force."""
-
-
-def keys_of_force(kind: str) -> dict[str, inspect.Parameter]:
-    """Keys of a kind of force, each with the argument of its noun."""
-    noun, other = FORCE_KINDS[kind]
-    back = {name: key for key, name in other.items()}
-    arguments = inspect.signature(noun).parameters
-    return {back.get(name, name): item for name, item in arguments.items() if name in back or name not in NO_KEYS}
+"""Each kind of [[force]]; its level is called force."""
 
 
 @dataclass(frozen=True)
@@ -76,36 +65,20 @@ class StudyForce:
 
     def __post_init__(self) -> None:
         check_fields(self)
-        known, given = keys_of_force(self.kind), dict(self.values)
-        faults = [
-            Fault(name, None, "", suggestion(name, [*known, "at", "name"])) for name in given if name not in known
-        ]
-        missing = [
-            name
-            for name, item in known.items()
-            if name not in given and (item.default is inspect.Parameter.empty or name == "force")
-        ]
-        faults += [Fault(name, None, "", f"is missing in a [[force]] of kind {self.kind!r}") for name in missing]
-        if faults:
-            raise InputError(faults)
         # made here, so that its faults are those of this noun
         _ = self.excitation
 
     @cached_property
     def excitation(self) -> PointForce | HammerBlow:
         """The force."""
-        noun, other = FORCE_KINDS[self.kind]
-        given = {other.get(name, name): value for name, value in self.values}
-        back = {name: key for key, name in other.items()}
+        kind, values, where = FORCE_KINDS[self.kind], dict(self.values), f"a [[force]] of kind {self.kind!r}"
         try:
-            if noun is HammerBlow:
-                return HammerBlow(self.at, **given, name=self.name)
-            return PointForce(self.at, noun(**given), self.name)
+            if kind.noun is HammerBlow:
+                blow: HammerBlow = kind.made(values, where, OF_PLACE, at=self.at, name=self.name)
+                return blow
+            return PointForce(self.at, kind.made(values, where, OF_PLACE), self.name)
         except InputError as error:
-            faults = [
-                replace(one, key=back.get(one.key, one.key), allowed=one.allowed.replace("(m/s^2)^2/Hz", "N^2/Hz"))
-                for one in error.faults
-            ]
+            faults = [replace(one, allowed=one.allowed.replace("(m/s^2)^2/Hz", "N^2/Hz")) for one in error.faults]
             raise InputError(faults) from None
 
     @property

@@ -18,8 +18,8 @@ from femimpact.excitation import Chirp, Sine, SteppedSine
 from femimpact.integrators.methods import METHODS
 from femimpact.structure.beam import Segment
 from femimpact.structure.damping import ModalDamping, Rayleigh
-from femimpact.study.base_motion import HISTORY_KEYS, SIGNALS, SUM, BaseMotion, RecordedMotion, SignalMotion
-from femimpact.study.forces import FORCE_KINDS, RestMotion, StudyForce, keys_of_force
+from femimpact.study.base_motion import HISTORY_KEYS, SIGNALS, SUM, BaseMotion, DriveKind, RecordedMotion, SignalMotion
+from femimpact.study.forces import FORCE_KINDS, OF_PLACE, RestMotion, StudyForce
 from femimpact.study.parameter_plan import DISTRIBUTIONS, MOST_POINTS, BestPlan, ParameterPlan, SamplePlan
 
 NOT_IN_SCHEMA = (
@@ -52,9 +52,13 @@ def noun_schema(noun: Any, without: frozenset[str] = frozenset(), title: str = "
         properties[item.name] = given.get(item.name) or _key(item, about.get(item.name, ""))
         if item.default is dataclasses.MISSING:
             required.append(item.name)
-    first = (inspect.getdoc(noun) or "").split("\n\n")[0].replace("\n", " ")
-    schema = {"type": "object", "description": first, "properties": properties, "additionalProperties": False}
+    schema = {"type": "object", "description": _first(noun), "properties": properties, "additionalProperties": False}
     return schema | ({"title": title} if title else {}) | ({"required": required} if required else {})
+
+
+def _first(noun: Any) -> str:
+    """First paragraph of a docstring."""
+    return (inspect.getdoc(noun) or "").split("\n\n")[0].replace("\n", " ")
 
 
 def _key(item: Any, meaning: str) -> dict[str, Any]:
@@ -86,6 +90,14 @@ LISTS: Mapping[str, dict[str, Any]] = {
     },
 }
 """Schemas of the keys that are lists of numbers."""
+
+OF_LEVEL: Mapping[str, tuple[str, str]] = {
+    "amplitude": ("m", "a finite number >= 0"),
+    "acceleration": ("m/s^2", "a finite number >= 0"),
+    "octaves_per_minute": ("1/min", "a finite number >= 0"),
+    "force": ("N", "a finite number"),
+}
+"""Unit and range of the keys that are arguments of a noun, and no fields."""
 
 _COLUMNS = {
     "type": "array",
@@ -158,30 +170,36 @@ def base_schema() -> dict[str, Any]:
 
 
 def _signal(kind: str) -> dict[str, Any]:
-    """Schema of a motion with the arguments of its noun."""
-    noun, other = SIGNALS[kind]
-    schema = noun_schema(noun, frozenset({"level", "by", *other.values()}), kind, **LISTS)
-    keys, fields = schema["properties"], {item.name: item for item in dataclasses.fields(noun)}
-    about, history = _meanings(noun), {item.name: item for item in dataclasses.fields(SignalMotion)}
-    for key, name in other.items():
-        keys[key] = _key(fields[name], about.get(name, ""))
-    arguments = inspect.signature(noun).parameters
-    for name, unit in (("amplitude", "m"), ("acceleration", "m/s^2"), ("octaves_per_minute", "1/min")):
-        if name in arguments:
-            meaning = about.get(name, "") or f"amplitude of the base's {name}"
-            words = {"description": meaning, "x-unit": unit, "x-range": "a finite number >= 0"}
-            keys[name] = {"type": "number", "minimum": 0, **words}
-            if name == "acceleration" and noun in (Chirp, SteppedSine):
-                keys[name] = {**level_rows(unit)["schema"], **words, "x-range": ROWS}
+    """Schema of a motion of the base by its keys."""
+    of_kind, history = SIGNALS[kind], {item.name: item for item in dataclasses.fields(SignalMotion)}
     meanings = _meanings(SignalMotion)
-    keys |= {name: _key(history[name], meanings[name]) for name in HISTORY_KEYS}
-    schema["properties"] = {"kind": {"const": kind, "description": "the kind of motion"}, **keys}
-    for name, item in arguments.items():
+    keys = {
+        "kind": {"const": kind, "description": "the kind of motion"}, **_keys_of(of_kind),
+        **{name: _key(history[name], meanings[name]) for name in HISTORY_KEYS},
+    }  # fmt: skip
+    of_shock = ["history", "acceleration", "duration"] if kind == "shock" else []
+    return {"title": kind, "description": _first(of_kind.noun), **_closed(keys, ["kind", *of_kind.needed, *of_shock])}
+
+
+def _keys_of(kind: DriveKind) -> dict[str, Any]:
+    """Schemas of the keys of a kind of motion or force."""
+    fields, about = {item.name: item for item in dataclasses.fields(kind.noun)}, _meanings(kind.noun)
+    keys: dict[str, Any] = {}
+    for key, item in kind.keys.items():
+        name = kind.names.get(key, key)
+        if key in OF_LEVEL:
+            unit, range_in_words = OF_LEVEL[key]
+            of_level = {"minimum": 0} if ">=" in range_in_words else {}
+            words = {"description": about.get(name) or f"amplitude of the base's {name}"}
+            words |= {"x-unit": unit, "x-range": range_in_words}
+            keys[key] = {"type": "number", **of_level, **words}
+            if key == "acceleration" and kind.noun in (Chirp, SteppedSine):
+                keys[key] = {**level_rows(unit)["schema"], **words, "x-range": ROWS}
+        else:
+            keys[key] = LISTS[key] if key in LISTS else _key(fields[name], about.get(name, ""))
         if isinstance(item.default, str):
-            keys[_key_of(other, name)]["default"] = item.default
-    needed = [_key_of(other, name) for name, item in arguments.items() if item.default is inspect.Parameter.empty]
-    schema["required"] = ["kind", *needed, *(["history", "acceleration", "duration"] if kind == "shock" else [])]
-    return schema
+            keys[key]["default"] = item.default
+    return keys
 
 
 def _sum_schema() -> dict[str, Any]:
@@ -210,43 +228,20 @@ def force_schema() -> dict[str, Any]:
     """Schema of [[force]]: a form for each kind."""
     own, about = {item.name: item for item in dataclasses.fields(StudyForce)}, _meanings(StudyForce)
     forms = []
-    for kind, (noun, other) in FORCE_KINDS.items():
-        fields, meanings = {item.name: item for item in dataclasses.fields(noun)}, _meanings(noun)
-        keys: dict[str, Any] = {"kind": {"const": kind, "description": "the kind of force"}}
-        keys |= {name: _key(own[name], about[name]) for name in ("at", "name")}
-        for key, item in keys_of_force(kind).items():
-            name = other.get(key, key)
-            if key == "force":
-                words = {"description": "level of the force", "x-unit": "N", "x-range": "a finite number"}
-                keys[key] = {"type": "number", **words}
-            elif key == "octaves_per_minute":
-                words = {"description": meanings.get(name, ""), "x-unit": "1/min", "x-range": "a finite number >= 0"}
-                keys[key] = {"type": "number", "minimum": 0, **words}
-            else:
-                keys[key] = LISTS[key] if key in LISTS else _key(fields[name], meanings.get(name, ""))
-            if isinstance(item.default, str):
-                keys[key]["default"] = item.default
+    for kind, of_kind in FORCE_KINDS.items():
+        keys = {
+            "kind": {"const": kind, "description": "the kind of force"},
+            **{name: _key(own[name], about[name]) for name in OF_PLACE},
+            **_keys_of(of_kind),
+        }
+        if "force" in keys:
+            keys["force"]["description"] = "level of the force"
         if "psd" in keys:
-            keys["psd"] = {
-                **keys["psd"],
-                "description": "one-sided density of the force",
-                "x-unit": "Hz, N^2/Hz",
-                "x-rows": "N^2/Hz",
-            }
-        needed = [key for key, item in keys_of_force(kind).items() if item.default is inspect.Parameter.empty]
-        required = dict.fromkeys(["kind", "at", *needed, *(["force"] if "force" in keys else [])])
-        if kind == "shock":
-            required |= {"duration": None}
-        forms.append({
-            "title": kind, "type": "object", "properties": keys, "required": list(required),
-            "additionalProperties": False,
-        })  # fmt: skip
+            words = {"description": "one-sided density of the force", "x-unit": "Hz, N^2/Hz", "x-rows": "N^2/Hz"}
+            keys["psd"] = {**keys["psd"], **words}
+        of_shock = ["duration"] if kind == "shock" else []
+        forms.append({"title": kind, **_closed(keys, ["kind", "at", *of_kind.needed, *of_shock])})
     return {"description": "A force at a place, beside the motion of the base.", "oneOf": forms}
-
-
-def _key_of(other: Mapping[str, str], name: str) -> str:
-    """The key of a study file for a field."""
-    return next((key for key, field in other.items() if field == name), name)
 
 
 def chosen_later(noun: Any) -> tuple[str, ...]:

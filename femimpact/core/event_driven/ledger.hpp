@@ -74,12 +74,30 @@ constexpr double PLACES = 16.0 * 2.220446049250313e-16;
     return total;
 }
 
+// Whether the work of several drives needs points: of lines, and of forces on rigid-body coordinates.
+[[gnu::noinline]] inline bool needs_points(const Form &form, const Ledger &b) {
+    const Shapes &shapes = form.shapes;
+    bool found = b.drive_load.shape[0] > 0 && (form.scalars.degree == 0 || form.scalars.degree == 1);
+    for (Index k = 1; k < b.drive_load.shape[0]; k++)
+        for (Index i = 0; i < b.mass.size(); i++)
+            for (Index p = 0; p < shapes.rigid_bodies; p++)
+                found = found || (b.drive_load(k, i) != 0.0 && shapes.rigid_body_shape(i, p) != 0.0);
+    return found;
+}
+
 // Adds work, losses, and what contacts give to modes, from the mark to the present motion; sets the mark there.
 [[gnu::noinline]] inline void add_to_ledger(const Form &form, const Pairs &pairs, const Case &c, const Space &space,
                                             const Ledger &b) {
     const Scalars &scalars = form.scalars;
     const Products &s = space.products;
     const Motion &mark = space.mark, &motion = space.motion;
+    if (scalars.driven > 0 && !are_pushed(scalars, mark.drive)) {
+        // after the end of a drive steps are long: exponentials alone, where a series would diverge
+        Form undriven = form;
+        undriven.scalars.driven = 0;
+        add_to_ledger(undriven, pairs, c, space, b);
+        return;
+    }
     double duration = motion.clock(0) - mark.clock(0);
     bool active = false, moving = false, braked = false;
     for (Index j = 0; j < c.state.size(); j++) {
@@ -93,7 +111,7 @@ constexpr double PLACES = 16.0 * 2.220446049250313e-16;
         read_coordinates(form.shapes, mark, s.before);
         if (compliant)
             b.contact_loss(c.number) += add_separating(pairs, c, space);
-        if (b.drive_load.shape[0] > 0 || has_blocks(scalars) || moving || (scalars.degree >= 0 && (active || braked)) ||
+        if (needs_points(form, b) || has_blocks(scalars) || moving || (scalars.degree >= 0 && (active || braked)) ||
             are_mixed(form.shapes, scalars.driven, b.mass.size())) {
             sum_over_points(duration, form, pairs, c, space, b);
             read_coordinates(form.shapes, motion, s.after);
@@ -108,7 +126,7 @@ constexpr double PLACES = 16.0 * 2.220446049250313e-16;
                 else
                     sum_products(terms, duration, form, c, space, b);
                 for (Index p = 0; p < form.shapes.rigid_bodies; p++)
-                    b.work(c.number) += work_on_rigid_body(p, form, mark, motion);
+                    add_work_of_base(work_on_rigid_body(p, form, mark, motion), c, b);
                 for (Index j = 0; j < c.state.size(); j++)
                     if (b.free_damping(j) > 0.0)
                         b.contact_loss(c.number) += b.free_damping(j) * square_of_rate(j, terms, pairs, s);

@@ -1,5 +1,5 @@
-// Work and losses by Gauss points, where the entries of a motion are coupled in blocks or a stop does not move with
-// the base.
+// Work and losses by Gauss points, where the entries of a motion are coupled in blocks, a stop does not move with the
+// base, or several drives act on a rigid-body coordinate.
 #pragma once
 
 #include "gauss.hpp"

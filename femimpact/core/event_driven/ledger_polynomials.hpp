@@ -122,6 +122,53 @@ constexpr SeriesOfMoments SERIES;
     }
 }
 
+// A coordinate's velocity under a polynomial: its values at the Gauss points, and the strengths of the other terms.
+struct Velocity {
+    const double *values;
+    GivenComplexArray strength;
+    Index first, terms; // of the strengths that count
+};
+
+// Integral of a polynomial, by its values at the Gauss points and its derivatives, times a coordinate's velocity.
+[[gnu::always_inline]] inline double work_under_polynomial(const double *derivatives, const double *values,
+                                                           const Velocity &v, double duration, const Products &s) {
+    double total = integral_of_product(values, v.values, duration);
+    for (Index k = v.first; k < v.terms; k++) {
+        if (v.strength(k) == 0.0)
+            continue;
+        Complex by_drive = {0.0, 0.0};
+        for (Index j = 0; j < POWERS; j++)
+            by_drive += derivatives[j] * s.moments(k, j);
+        total += (v.strength(k) * by_drive).real;
+    }
+    return total;
+}
+
+// Adds the work of each of several drives on a coordinate; returns that of their sum, which may cancel.
+[[gnu::noinline]] inline double add_work_of_polynomials(Index i, const Velocity &v, const double *times,
+                                                        double duration, double mark, const Case &c, const Products &s,
+                                                        const Ledger &b) {
+    double of_all[POWERS] = {}, derivatives[POWERS], values[GAUSS_POINTS];
+    Index piece = c.piece(0);
+    double later = mark - c.knots(piece);
+    for (Index k = 0; k < b.drive_load.shape[0]; k++) {
+        double load = b.drive_load(k, i);
+        if (load == 0.0)
+            continue;
+        for (Index n = 0; n < POWERS; n++) {
+            double total = 0.0;
+            for (Index m = POWERS - 1; m >= n; m--)
+                total = b.drive_pieces(piece, POWERS * k + m) * INVERSE_FACTORIAL[m - n] + total * later;
+            derivatives[n] = load * total;
+            of_all[n] += derivatives[n];
+        }
+        set_values(derivatives, times, values);
+        b.work_of(c.number, k) += work_under_polynomial(derivatives, values, v, duration, s);
+    }
+    set_values(of_all, times, values);
+    return work_under_polynomial(of_all, values, v, duration, s);
+}
+
 // Adds the work on what the entries move, and the loss of every mode, under a polynomial.
 [[gnu::noinline]] inline void sum_polynomials(Index terms, double duration, const Form &form, const Case &c,
                                               const Space &space, const Ledger &b) {
@@ -149,20 +196,21 @@ constexpr SeriesOfMoments SERIES;
         bool is_driven = is_moved_by_driven(form.shapes, i, scalars.driven);
         if (is_driven)
             add_series(s.rates.row(i), series, times, steady);
-        double driven = integral_of_product(acting, steady, duration), twice = 0.0;
-        for (Index k = scalars.driven; !is_driven && k < terms; k++) {
-            if (strength(k) == 0.0)
-                continue;
-            Complex by_drive = {0.0, 0.0}, by_rate = {0.0, 0.0};
-            for (Index j = 0; j < POWERS; j++) {
-                by_drive += drive(2 + j) * s.moments(k, j);
-                by_rate += rates[j] * s.moments(k, j);
-            }
-            driven += (strength(k) * by_drive).real;
-            twice += (strength(k) * by_rate).real;
-        }
-        work += b.load(i) * driven + b.given(i) * (s.after(0, i) - s.before(0, i));
+        Velocity velocity = {steady, strength, is_driven ? terms : scalars.driven, terms};
+        double of_drives = b.drive_load.shape[0] > 0
+                               ? add_work_of_polynomials(i, velocity, times, duration, space.mark.clock(0), c, s, b)
+                               : b.load(i) * work_under_polynomial(&drive(2), acting, velocity, duration, s);
+        work += of_drives + add_work_of_constant(i, c, s, b);
         if (b.damping(i) > 0.0) {
+            double twice = 0.0;
+            for (Index k = velocity.first; k < terms; k++) {
+                if (strength(k) == 0.0)
+                    continue;
+                Complex by_rate = {0.0, 0.0};
+                for (Index j = 0; j < POWERS; j++)
+                    by_rate += rates[j] * s.moments(k, j);
+                twice += (strength(k) * by_rate).real;
+            }
             double square = integral_of_product(steady, steady, duration) + 2.0 * twice;
             if (!is_driven)
                 square += square_of(strength, s.plus, s.minus, terms);

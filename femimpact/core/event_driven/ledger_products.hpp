@@ -110,6 +110,53 @@ inline double square_of(GivenComplexArray a, const ComplexMatrix &plus, const Co
     }
 }
 
+// Integral of a sine, of which `wave` is e^{i theta} times -i amplitude at the mark, times a coordinate's velocity.
+[[gnu::always_inline]] inline double work_under_sine(Complex wave, GivenComplexArray strength, Index terms, Index sine,
+                                                     const Products &s) {
+    double total = 0.0;
+    for (Index k = 0; k < terms; k++) {
+        if (strength(k) == 0.0)
+            continue;
+        Complex both = wave * s.plus(k, sine) + conjugate(wave) * s.minus(k, sine);
+        total += 0.5 * (strength(k) * both).real;
+    }
+    return total;
+}
+
+// Integral of a line, of which `drive` has the value and the rate, times a coordinate's velocity.
+[[gnu::always_inline]] inline double work_under_line(GivenArray drive, GivenComplexArray strength, Index terms,
+                                                     double duration, const Scalars &scalars, const Products &s) {
+    double total = 0.0;
+    for (Index k = 0; k < terms; k++) {
+        if (strength(k) == 0.0)
+            continue;
+        Complex e = exponent_of(k, scalars);
+        Complex both = drive(2) * integral_of(e, s.growth(k), duration);
+        total += (strength(k) * (both + drive(3) * first_moment(e, s.growth(k), duration))).real;
+    }
+    return total;
+}
+
+// Adds the work of each of several sines on a coordinate; returns that of their sum, which may cancel.
+[[gnu::noinline]] inline double add_work_of_sines(Index i, GivenComplexArray strength, Index terms, Complex phase,
+                                                  Index sine, const Case &c, const Products &s, const Ledger &b) {
+    Complex of_all = {0.0, 0.0};
+    for (Index k = 0; k < b.drive_load.shape[0]; k++) {
+        Complex wave = b.drive_load(k, i) * (Complex{0.0, -1.0} * b.drive_amplitude(k) * phase);
+        of_all += wave;
+        b.work_of(c.number, k) += work_under_sine(wave, strength, terms, sine, s);
+    }
+    return work_under_sine(of_all, strength, terms, sine, s);
+}
+
+// Work of constant forces on a coordinate, which stands beside that of several drives.
+[[gnu::always_inline]] inline double add_work_of_constant(Index i, const Case &c, const Products &s, const Ledger &b) {
+    double work = b.given(i) * (s.after(0, i) - s.before(0, i));
+    if (b.drive_load.shape[0] > 0)
+        b.work_of(c.number, b.drive_load.shape[0]) += work;
+    return work;
+}
+
 // Adds the work on what the entries move, and the loss of every mode.
 [[gnu::noinline]] inline void sum_products(Index terms, double duration, const Form &form, const Case &c,
                                            const Space &space, const Ledger &b) {
@@ -118,24 +165,16 @@ inline double square_of(GivenComplexArray a, const ComplexMatrix &plus, const Co
     Index entries = scalars.exponent.size();
     Array drive = space.mark.drive;
     // s(t) = amplitude sin(theta) = Re(-i amplitude e^{i theta}), or s + s' t
-    Complex wave = Complex{0.0, -c.amplitude(0).real} * unit_phase(scalars.omega, space.mark.clock);
+    Complex phase = unit_phase(scalars.omega, space.mark.clock);
+    Complex wave = Complex{0.0, -c.amplitude(0).real} * phase;
     double work = 0.0;
     for (Index i = 0; i < b.mass.size(); i++) {
         ComplexArray strength = s.strength.row(i);
-        double driven = 0.0;
-        for (Index k = 0; k < terms; k++) {
-            if (strength(k) == 0.0)
-                continue;
-            if (scalars.degree >= 0) {
-                Complex e = exponent_of(k, scalars);
-                Complex both = drive(2) * integral_of(e, s.growth(k), duration);
-                driven += (strength(k) * (both + drive(3) * first_moment(e, s.growth(k), duration))).real;
-            } else {
-                Complex both = wave * s.plus(k, entries) + conjugate(wave) * s.minus(k, entries);
-                driven += 0.5 * (strength(k) * both).real;
-            }
-        }
-        work += b.load(i) * driven + b.given(i) * (s.after(0, i) - s.before(0, i));
+        double of_drives = b.drive_load.shape[0] > 0 ? add_work_of_sines(i, strength, terms, phase, entries, c, s, b)
+                           : scalars.degree < 0
+                               ? b.load(i) * work_under_sine(wave, strength, terms, entries, s)
+                               : b.load(i) * work_under_line(drive, strength, terms, duration, scalars, s);
+        work += of_drives + add_work_of_constant(i, c, s, b);
         if (b.damping(i) > 0.0)
             b.loss_of_mode(c.number, i) += b.damping(i) * square_of(strength, s.plus, s.minus, terms);
     }
