@@ -292,8 +292,8 @@ def items(*kinds: Any) -> dict[str, Any]:
 def column(unit: str, *axes: str | int, of: str = "number", finite: bool = False) -> dict[str, Any]:
     """Metadata of a dataclass field that holds an array: its unit, and the name or the length of every axis.
 
-    Arrays with an axis of the same name are equally long there. `of` is "number", "whole number", "text" or
-    "truth value".
+    Arrays with an axis of the same name are equally long there. `of` is "number", "complex number",
+    "whole number", "text" or "truth value".
     """
     shape = f"({', '.join(map(str, axes))}{',' if len(axes) == 1 else ''})"
     return {
@@ -405,6 +405,7 @@ def _items(value: Any, kinds: tuple[Any, ...]) -> tuple[Any, ...]:
 
 _KINDS = {
     "number": ("f", "iuf", float),
+    "complex number": ("c", "iufc", complex),
     "whole number": ("iu", "iu", int),
     "text": ("U", "U", str),
     "truth value": ("b", "b", bool),

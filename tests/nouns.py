@@ -323,6 +323,9 @@ VERBS = {
     "find_orbits": (fi.find_orbits, lambda: {
         "system": orbit().system, "excitation": orbit().excitation, "guesses": [orbit()], "cycles": 1
     }),
+    "continue_orbit": (fi.continue_orbit, lambda: {
+        "orbit": orbit(), "parameter": "amplitude", "to": (0.9, 1.1), "points": 3
+    }),
     "two_impact_orbits": (fi.two_impact_orbits, lambda: {
         "system": orbit().system, "excitation": orbit().excitation
     }),

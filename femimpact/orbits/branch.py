@@ -90,20 +90,24 @@ class Branch:
         Numbers of these points, from 0.
     place : str
         The default place, of which the displacement is.
+    curve : Curve
+        Equations of the branch, for `at` and `orbits`.
+    unknowns : ndarray (points, unknowns), 1
+        Those of each point: states after events in units of the smallest gap, phases of events, and the parameter.
     """
 
     parameter: str = field(metadata=text())
     unit: str = field(metadata=text())
     values: Array = field(metadata=column("", "points", finite=True))
-    multipliers: Complex
+    multipliers: Complex = field(metadata=column("1", "points", "multipliers", of="complex number"))
     peak: Array = field(metadata=column("m", "points"))
     first_harmonic: Array = field(metadata=column("m", "points"))
     end: tuple[str, str] = field(metadata=text(several=True))
     bifurcations: tuple[Bifurcation, ...] = field(metadata=items(Bifurcation))
     bifurcation_points: NDArray[np.int64] = field(metadata=column("1", "bifurcations", of="whole number"))
     place: str = field(metadata=text())
-    _curve: Curve
-    _unknowns: Array  # (points, m + 1)
+    curve: Curve = field(metadata=instance(Curve))
+    unknowns: Array = field(metadata=column("1", "points", "unknowns"))
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -126,14 +130,14 @@ class Branch:
 
         Raises `InputError` if the value is none that the parameter may have.
         """
-        value, found = checked("value", value, self._curve.parameter.allowed), list[PeriodicOrbit]()
+        value, found = checked("value", value, self.curve.parameter.allowed), list[PeriodicOrbit]()
         before, after = self.values[:-1] - value, self.values[1:] - value
-        for i in np.flatnonzero((before * after < 0.0) | (before == 0.0)).tolist():
-            here, there = self._unknowns[i], self._unknowns[i + 1]
+        for i in np.flatnonzero((np.sign(before) * np.sign(after) < 0.0) | (before == 0.0)).tolist():
+            here, there = self.unknowns[i], self.unknowns[i + 1]
             share = before[i] / (before[i] - after[i]) if before[i] != after[i] else 0.0
-            point = at_value(self._curve, here + share * (there - here), value)
+            point = at_value(self.curve, here + share * (there - here), value)
             if point is not None:
-                found.append(_orbit(self._curve, point.x))
+                found.append(_orbit(self.curve, point.x))
         if self.values[-1] == value and self.end[1] != CLOSED:
             found.append(self.orbits[-1])
         return tuple(found)
@@ -201,7 +205,7 @@ class _Orbits(Sequence[PeriodicOrbit]):
     def __getitem__(self, number: int | slice) -> PeriodicOrbit | tuple[PeriodicOrbit, ...]:
         if isinstance(number, slice):
             return tuple(self[i] for i in range(*number.indices(len(self))))
-        return _orbit(self._branch._curve, self._branch._unknowns[number])
+        return _orbit(self._branch.curve, self._branch.unknowns[number])
 
     def __iter__(self) -> Iterator[PeriodicOrbit]:
         return (self[i] for i in range(len(self)))
@@ -300,8 +304,8 @@ def _joined(curve: Curve, backward: Followed, forward: Followed) -> Branch:
         ),
         bifurcation_points=np.array(sorted(kinds), dtype=np.int64),
         place=curve.parameter.at(curve.parameter.value)[0].default_place,
-        _curve=curve,
-        _unknowns=np.array([point.x for point in points]),
+        curve=curve,
+        unknowns=np.array([point.x for point in points]),
     )
 
 
