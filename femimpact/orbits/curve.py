@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.arrays import Array, Complex
-from femimpact.orbits.equations import SECTION, Passage, Sequence, derivative_by, jacobian, passage, residual
+from femimpact.orbits.equations import RELEASE, SEPARATE, Passage, Sequence, derivative_by, jacobian, passage, residual
 from femimpact.orbits.flow import Flow
 from femimpact.orbits.newton import EXACT, ROUNDED
 from femimpact.orbits.parameter import Parameter
@@ -122,6 +122,11 @@ class Point:
         """States (N, 2d) and phases (N,) of all events."""
         return self.curve.orbit(self.x)
 
+    @property
+    def cycle(self) -> float:
+        """Phase (rad) of one period of the orbit."""
+        return 2.0 * math.pi * self.curve.sequence.cycles
+
     @cached_property
     def multipliers(self) -> Complex:
         """Those of the half map of a symmetric orbit, else of the orbit; infinite where an event has no speed."""
@@ -174,7 +179,7 @@ class Point:
         return float(mine @ its / (its @ its))
 
 
-RATES = {"release": -1.0, "separate": -1.0, SECTION: 1.0}
+RATES = {RELEASE: -1.0, SEPARATE: -1.0}
 """Sign with which the condition of an event is met, where it is not from below."""
 
 

@@ -11,8 +11,8 @@ import scipy.optimize
 
 from femimpact.arrays import Array
 from femimpact.errors import DivergenceError
-from femimpact.orbits.curve import Curve, Point, corrected, evaluated
-from femimpact.orbits.equations import IMPACT, TOUCH, known_flow
+from femimpact.orbits.curve import RATES, Curve, Point, corrected, evaluated
+from femimpact.orbits.equations import IMPACT, PRESS_AGAIN, RELEASE, SECTION, TOUCH, known_flow
 from femimpact.orbits.newton import EXACT, ROUNDED
 from femimpact.orbits.own_runs import OwnRuns, own_runs
 from femimpact.orbits.verification import check_events, check_missed, other_event
@@ -48,6 +48,9 @@ MOST_SECANTS = 20
 
 MOST_CRESTS = 10
 """Crests of a gap between two points of which the first to reach a wall is looked for."""
+
+SAME_PHASE = 1e-5
+"""Difference of phases (rad) up to which an event of a run is that of its orbit."""
 
 BEFORE_CREST = 1e-4
 """Share of the way to a crest at the wall that lies between it and the last orbit that is looked at."""
@@ -397,55 +400,66 @@ def _cut(system: System, way: Followed, number: int, runs: OwnRuns, i: int, erro
     for k in [k for k in way.kinds if k >= number]:
         del way.kinds[k]
     for _ in range(MOST_CRESTS):
-        log = runs.logs[i]
-        row = other_event(log, right.curve.sequence, runs.first[i])
-        if row is None or row >= len(log) or not number:
+        extra = _extra_event(right, runs, i)
+        if extra is None or not number:
             break
-        found = _at_crest(left, right, log, row, float(runs.phase[i]))
-        if found is None:
+        log, row, at = extra
+        kind, pair, side = str(log.kind[row]), int(log.pair[row]), float(log.side[row])
+        try:
+            found = _locate(left, right, _crest(right, kind, pair, side, at))
+        except _LostError:
             break
         # whether another one is met before
         before = _near_points(left, ((1.0 - BEFORE_CREST) * float(left.row @ (found.x - left.x)),))
         if not before:
             break
         runs, i, right = own_runs(system, [before[0], found]), 0, before[0]
-        if other_event(runs.logs[0], right.curve.sequence, runs.first[0]) is None:
+        if _extra_event(right, runs, 0) is None:
             way.kinds[len(way.points)] = "grazing"
             way.points.append(found)
             way.peak.append(float(runs.peak[1]))
             way.first_harmonic.append(float(runs.first_harmonic[1]))
-            side = "+" if log.side[row] > 0 else "-"
-            return f"extra contact of {log.contacts[log.pair[row]]} on its {side} side {_where(found)}"
+            what = "contact" if kind in (IMPACT, TOUCH) else kind
+            return f"extra {what} of {log.contacts[pair]} on its {'+' if side > 0.0 else '-'} side {_where(found)}"
     return f"no convergence: {error}"
 
 
-def _at_crest(left: Point, right: Point, log: EventLog, row: int, begin: float) -> Point | None:
-    """The point at which the crest of a gap reaches the wall that the run of a later point has met."""
-    cycle, phases = 2.0 * math.pi * right.curve.sequence.cycles, right.orbit[1]
-    at = begin + float(right.passed.hybrid.omega) * float(log.time[row])
-    at = phases[0] + (at - phases[0]) % cycle
-    k = int(np.searchsorted(phases, at, side="right")) - 1
-    pair, side = int(log.pair[row]), float(log.side[row])
+def _extra_event(point: Point, runs: OwnRuns, i: int) -> tuple[EventLog, int, float] | None:
+    """The first event of a run that is none of its orbit's: its row in the log, and its phase in the orbit's cycle."""
+    log, sequence, (_, phases) = runs.logs[i], point.curve.sequence, point.orbit
+    met = runs.phase[i] + float(point.passed.hybrid.omega) * log.time
+    expected = np.roll(np.where(np.arange(phases.size) < runs.first[i], phases + point.cycle, phases), -runs.first[i])
+    expected = expected[np.roll(np.array(sequence.kind) != SECTION, -runs.first[i])]
+    count = min(met.size, expected.size)
+    other = other_event(log, sequence, runs.first[i])
+    late = np.flatnonzero(np.abs(met[:count] - expected[:count]) > SAME_PHASE)
+    row = min([*late[:1].tolist(), *([] if other is None else [other])], default=met.size)
+    return (log, row, float(phases[0] + (met[row] - phases[0]) % point.cycle)) if row < met.size else None
+
+
+def _crest(right: Point, kind: str, pair: int, side: float, at: float) -> Callable[[Point], float]:
+    """How far beyond that of an event is the crest of its condition next to the phase at which a point has met it."""
+    k = int(np.searchsorted(right.orbit[1], at, side="right")) - 1
+    after, hybrid = at - right.orbit[1][k], right.passed.hybrid
+    of_force, sign = kind in (RELEASE, PRESS_AGAIN), RATES.get(kind, 1.0)
+    damped = float(hybrid.contact_damping[pair] / hybrid.contact_stiffness[pair]) if of_force else 0.0
 
     def crest(point: Point) -> float:
-        its = np.append(point.orbit[1], point.orbit[1][0] + cycle)
+        def condition(phases: Array, derivative: int) -> Array:
+            found = _gap(point, k, pair, side, phases, derivative)
+            return sign * (found + damped * _gap(point, k, pair, side, phases, derivative + 1) if damped else found)
+
+        its = np.append(point.orbit[1], point.orbit[1][0] + point.cycle)
         grid = np.linspace(its[k], its[k + 1], PROFILE)
-        rates = _gap(point, k, pair, side, grid, 1)
+        rates = condition(grid, 1)
         tops = np.flatnonzero((rates[:-1] > 0.0) & (rates[1:] <= 0.0))
         if not tops.size:
             return -1.0
-        top = tops[np.argmin(np.abs(grid[tops] - its[k] - (at - phases[k])))]
+        top = tops[np.argmin(np.abs(grid[tops] - its[k] - after))]
+        highest = scipy.optimize.brentq(lambda x: float(condition(np.array([x]), 1)[0]), grid[top], grid[top + 1])
+        return float(condition(np.array([highest]), 0)[0]) / float(point.curve.by_rows[-1])
 
-        def rate(phase: float) -> float:
-            return float(_gap(point, k, pair, side, np.array([phase]), 1)[0])
-
-        highest = scipy.optimize.brentq(rate, grid[top], grid[top + 1])
-        return float(_gap(point, k, pair, side, np.array([highest]), 0)[0]) / float(point.curve.by_rows[-1])
-
-    try:
-        return _locate(left, right, crest)
-    except _LostError:
-        return None
+    return crest
 
 
 def _gap(point: Point, k: int, pair: int, side: float, phases: Array, derivative: int) -> Array:
