@@ -11,8 +11,9 @@ import scipy.optimize
 
 from femimpact.arrays import Array
 from femimpact.errors import DivergenceError
+from femimpact.integrators.event_driven.loop_data import CONTACT, SEPARATING
 from femimpact.orbits.curve import RATES, Curve, Point, corrected, evaluated
-from femimpact.orbits.equations import IMPACT, PRESS_AGAIN, RELEASE, SECTION, TOUCH, known_flow
+from femimpact.orbits.equations import IMPACT, PRESS_AGAIN, RELEASE, SECTION, SEPARATE, TOUCH, known_flow
 from femimpact.orbits.newton import EXACT, ROUNDED
 from femimpact.orbits.own_runs import OwnRuns, own_runs
 from femimpact.orbits.verification import check_events, check_missed, other_event
@@ -193,6 +194,8 @@ def _advance(
             step *= 0.5
             if step < NEAR_END and (point := _near_no_contact(left)) is not None:
                 return None, *_at_no_speed(point)
+            if step < NEAR_END and left.curve.may_lose_symmetry and (point := _symmetric(left)) is not None:
+                return None, *_joining(point)
             if step < SHORTEST:
                 raise
             continue
@@ -271,13 +274,18 @@ def _limit_point(left: Point, right: Point, limit: _Limit) -> tuple[list[tuple[s
         point = _symmetric(left)
         if point is None:
             raise _LostError("it is nearly symmetric, and no symmetric orbit is found there")
-        return [("symmetry-breaking", point)], 0.0, f"joins a symmetric branch {_where(point)}"
+        return _joining(point)
     return _at_no_speed(_locate(left, right, limit.function))
 
 
 def slowest(point: Point) -> float:
     """Speed of the slowest event, in units."""
     return float(np.abs(point.limits[: point.curve.events]).min())
+
+
+def _joining(point: Point) -> tuple[list[tuple[str, Point]], float, str]:
+    """A point on a symmetric branch, as of `_advance`."""
+    return [("symmetry-breaking", point)], 0.0, f"joins a symmetric branch {_where(point)}"
 
 
 def _at_no_speed(point: Point) -> tuple[list[tuple[str, Point]], float, str]:
@@ -404,9 +412,11 @@ def _cut(system: System, way: Followed, number: int, runs: OwnRuns, i: int, erro
         if extra is None or not number:
             break
         log, row, at = extra
-        kind, pair, side = str(log.kind[row]), int(log.pair[row]), float(log.side[row])
+        pair, side = int(log.pair[row]), float(log.side[row])
+        kind = _kind_there(right, str(log.kind[row]), pair, at)
         try:
-            found = _locate(left, right, _crest(right, kind, pair, side, at))
+            beyond = kind == TOUCH and log.kind[row] in (RELEASE, SEPARATE)
+            found = _locate(left, right, _crest(right, kind, pair, side, at, beyond))
         except _LostError:
             break
         # whether another one is met before
@@ -419,7 +429,7 @@ def _cut(system: System, way: Followed, number: int, runs: OwnRuns, i: int, erro
             way.points.append(found)
             way.peak.append(float(runs.peak[1]))
             way.first_harmonic.append(float(runs.first_harmonic[1]))
-            what = "contact" if kind in (IMPACT, TOUCH) else kind
+            what = "contact" if kind == TOUCH else kind
             return f"extra {what} of {log.contacts[pair]} on its {'+' if side > 0.0 else '-'} side {_where(found)}"
     return f"no convergence: {error}"
 
@@ -437,27 +447,53 @@ def _extra_event(point: Point, runs: OwnRuns, i: int) -> tuple[EventLog, int, fl
     return (log, row, float(phases[0] + (met[row] - phases[0]) % point.cycle)) if row < met.size else None
 
 
-def _crest(right: Point, kind: str, pair: int, side: float, at: float) -> Callable[[Point], float]:
+def _kind_there(point: Point, kind: str, pair: int, at: float) -> str:
+    """What an extra event is from the contact state that its pair has in the orbit: a run may begin beyond a wall."""
+    k = int(np.searchsorted(point.orbit[1], at, side="right")) - 1
+    state = abs(float(point.curve.sequence.contact_state[k, pair]))
+    if state == CONTACT:
+        return RELEASE
+    if state == SEPARATING:
+        return kind if kind == SEPARATE else PRESS_AGAIN
+    return TOUCH
+
+
+def _crest(
+    right: Point, kind: str, pair: int, side: float, at: float, begun_beyond: bool
+) -> Callable[[Point], float]:  # fmt: skip
     """How far beyond that of an event is the crest of its condition next to the phase at which a point has met it."""
-    k = int(np.searchsorted(right.orbit[1], at, side="right")) - 1
-    after, hybrid = at - right.orbit[1][k], right.passed.hybrid
+    k, hybrid = int(np.searchsorted(right.orbit[1], at, side="right")) - 1, right.passed.hybrid
     of_force, sign = kind in (RELEASE, PRESS_AGAIN), RATES.get(kind, 1.0)
     damped = float(hybrid.contact_damping[pair] / hybrid.contact_stiffness[pair]) if of_force else 0.0
 
-    def crest(point: Point) -> float:
-        def condition(phases: Array, derivative: int) -> Array:
-            found = _gap(point, k, pair, side, phases, derivative)
-            return sign * (found + damped * _gap(point, k, pair, side, phases, derivative + 1) if damped else found)
+    def condition(point: Point, phases: Array, derivative: int) -> Array:
+        found = _gap(point, k, pair, side, phases, derivative)
+        return sign * (found + damped * _gap(point, k, pair, side, phases, derivative + 1) if damped else found)
 
-        its = np.append(point.orbit[1], point.orbit[1][0] + point.cycle)
-        grid = np.linspace(its[k], its[k + 1], PROFILE)
-        rates = condition(grid, 1)
-        tops = np.flatnonzero((rates[:-1] > 0.0) & (rates[1:] <= 0.0))
-        if not tops.size:
+    def tops(point: Point) -> list[tuple[float, float]]:
+        """Phases after the event before between which each crest is."""
+        begin, end = np.append(point.orbit[1], point.orbit[1][0] + point.cycle)[k : k + 2]
+        grid = np.linspace(begin, end, PROFILE)
+        rates = condition(point, grid, 1)
+        found = np.flatnonzero((rates[:-1] > 0.0) & (rates[1:] <= 0.0))
+        return list(zip(grid[found] - begin, grid[found + 1] - begin, strict=True))
+
+    # met before its crest, or left behind it by a run that begins beyond the wall
+    after, places = at - right.orbit[1][k], tops(right)
+    if begun_beyond:
+        place = max((high for low, high in places if low <= after), default=after)
+    else:
+        place = min((high for _, high in places if high >= after), default=after)
+
+    def crest(point: Point) -> float:
+        between, begin = tops(point), point.orbit[1][k]
+        if not between:
             return -1.0
-        top = tops[np.argmin(np.abs(grid[tops] - its[k] - after))]
-        highest = scipy.optimize.brentq(lambda x: float(condition(np.array([x]), 1)[0]), grid[top], grid[top + 1])
-        return float(condition(np.array([highest]), 0)[0]) / float(point.curve.by_rows[-1])
+        low, high = min(between, key=lambda top: abs(top[1] - place))
+        highest = scipy.optimize.brentq(
+            lambda phase: float(condition(point, np.array([phase]), 1)[0]), begin + low, begin + high
+        )
+        return float(condition(point, np.array([highest]), 0)[0]) / float(point.curve.by_rows[-1])
 
     return crest
 

@@ -137,9 +137,10 @@ def _half_map(
 
 
 def may_be_symmetric(hybrid: HybridSystem, sequence: Sequence) -> bool:
-    """Whether both sides are alike, and the events half a period later are those of the other side."""
+    """Whether both sides of what is met are alike, and the events half a period later are those of the other side."""
     half, odd = len(sequence.kind) // 2, len(sequence.kind) % 2
-    alike = np.allclose(hybrid.gaps[:, 0], hybrid.gaps[:, 1], rtol=1e-12, atol=0.0) and not np.any(hybrid.constant)
+    gaps = hybrid.gaps[np.unique(sequence.pair[sequence.pair >= 0])]
+    alike = np.allclose(gaps[:, 0], gaps[:, 1], rtol=1e-12, atol=0.0) and not np.any(hybrid.constant)
     if odd or sequence.cycles % 2 == 0 or not alike:
         return False
     same = sequence.kind[:half] == sequence.kind[half:]
