@@ -24,13 +24,14 @@ from femimpact.errors import (
     takes,
     text,
 )  # fmt: skip
-from femimpact.orbits.curve import Curve
+from femimpact.orbits.curve import Curve, at_value
 from femimpact.orbits.equations import passage
 from femimpact.orbits.flow import Flow
-from femimpact.orbits.following import CHANGES, CLOSED, Followed, at_value, follow
+from femimpact.orbits.following import CHANGES, CLOSED, follow
 from femimpact.orbits.guess import first_guess
 from femimpact.orbits.newton import Solution, solve
 from femimpact.orbits.orbit import PeriodicOrbit
+from femimpact.orbits.own_runs import Followed
 from femimpact.orbits.parameter import Parameter, parameter_of
 from femimpact.orbits.search import length_of, one_sine
 from femimpact.orbits.verification import orbit_of, own_run, unit_of

@@ -7,12 +7,13 @@ states half a period later are opposite, phases by half a period later.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
+import scipy.optimize
 from numpy.typing import NDArray
 
 from femimpact.arrays import Array, Complex
@@ -237,3 +238,46 @@ def _newton(curve: Curve, x: Array, row: Array) -> Iterator[tuple[Point | None, 
         if not change < FAR:
             return
         x = x - step
+
+
+class LostError(Exception):
+    """A curve has no point where one was looked for."""
+
+
+def point_along(left: Point, step: float, bend: Array | float = 0.0) -> Point:
+    """The point so far along the tangent of another one, near to where a parabola leads."""
+    point, change = corrected(left.curve, left.x + step * left.tangent + step**2 * bend, left.row)
+    if point is None:
+        raise LostError(f"the last step of Newton's method changed the orbit by {change:.2g}")
+    return point
+
+
+def near_points(left: Point, steps: tuple[float, ...]) -> list[Point]:
+    """Points so far along the tangent of one, those that are found."""
+    found = [corrected(left.curve, left.x + step * left.tangent, left.row)[0] for step in steps]
+    return [point for point in found if point is not None]
+
+
+def at_value(curve: Curve, near: Array, value: float) -> Point | None:
+    """The point next to some unknowns with a value of the parameter."""
+    guess, row = near.copy(), np.zeros(near.size)
+    guess[-1], row[-1] = value, 1.0
+    return corrected(curve, guess, row)[0]
+
+
+def locate(left: Point, right: Point, function: Callable[[Point], float], tolerance: float = EXACT) -> Point:
+    """The point between two others at which a function of the points vanishes, that has two signs at them."""
+    length = float(left.row @ (right.x - left.x))
+    bend = (right.x - left.x - length * left.tangent) / length**2
+    known = {0.0: left, length: right}
+
+    def at(step: float) -> float:
+        if step not in known:
+            known[step] = point_along(left, step, bend)
+        return function(known[step])
+
+    try:
+        step = float(scipy.optimize.toms748(at, 0.0, length, xtol=tolerance, rtol=1e-14, maxiter=60))
+    except (ValueError, RuntimeError):
+        raise LostError("an event on the curve cannot be located") from None
+    return point_along(left, step, bend)

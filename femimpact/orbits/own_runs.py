@@ -2,23 +2,42 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.optimize
 
 from femimpact.arrays import Array
+from femimpact.errors import DivergenceError
 from femimpact.integrators.channel_rows import drive_of
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.event_driven.block import Inputs, new_block, no_cycles, run_block
 from femimpact.integrators.event_driven.equations import equations_of
-from femimpact.integrators.event_driven.loop_data import DONE
+from femimpact.integrators.event_driven.loop_data import CONTACT, DONE, SEPARATING
 from femimpact.integrators.event_driven.store import FormStore, Outputs, outputs_of
-from femimpact.orbits.curve import Point
-from femimpact.orbits.verification import between_events
+from femimpact.orbits.curve import RATES, LostError, Point, locate, near_points
+from femimpact.orbits.equations import PRESS_AGAIN, RELEASE, SECTION, SEPARATE, TOUCH
+from femimpact.orbits.limits import depth_beyond, where
+from femimpact.orbits.verification import between_events, check_events, check_missed, other_event
 from femimpact.response.impacts import CYCLE_COLUMNS, EventLog, event_log
 from femimpact.response.signals import CycleStatistics, steady_motion
 from femimpact.system.system import System
+
+MOST_CRESTS = 10
+"""Crests of a gap between two points of which the first to reach a wall is looked for."""
+
+SAME_PHASE = 1e-5
+"""Difference of phases (rad) up to which an event of a run is that of its orbit."""
+
+BEFORE_CREST = 1e-4
+"""Share of the way to a crest at the wall that lies between it and the last orbit that is looked at."""
+
+SLOW = 1e-3
+"""Speed of an impact, in lengths and rad, below which no run confirms it: rounding decides whether it is met."""
+
+PROFILE = 257
+"""Instants of an interval between events among which the highest crest of a gap is looked for."""
 
 MORE_EVENTS = 64
 """Events of a run beyond those of its orbit that are kept: of an orbit that is no motion some are met."""
@@ -88,3 +107,135 @@ def _outputs(system: System, d: int) -> Outputs:
         np.zeros((place.drive.shape[0], 1 + 2 * d)),
         np.zeros(1 + 2 * d),
     )
+
+
+@dataclass(frozen=True, eq=False)
+class Followed:
+    """One way along a curve from its start, which is the first point."""
+
+    points: list[Point]
+    kinds: dict[int, str]  # of bifurcations, by the number of their points
+    peak: list[float]  # of each point, see `OwnRuns`
+    first_harmonic: list[float]
+    end: str
+
+
+def slowest(point: Point) -> float:
+    """Speed of the slowest event, in units."""
+    return float(np.abs(point.limits[: point.curve.events]).min())
+
+
+def verify(system: System, way: Followed) -> str:
+    """Cut a curve where its orbits are no motions of the system, and say why; their peaks are kept."""
+    begin = len(way.peak)
+    points = way.points[begin:]
+    runs = own_runs(system, points)
+    for i, point in enumerate(points):
+        number = begin + i
+        try:
+            if not slowest(point) < SLOW:
+                check_events(runs.logs[i], point.curve.sequence, runs.first[i])
+                growth = float(np.abs(point.multipliers[0])) ** (2 if point.curve.is_symmetric else 1)
+                check_missed(float(runs.missed[i]), growth)
+        except DivergenceError as error:
+            return _cut(system, way, number, runs, i, error)
+        way.peak.append(float(runs.peak[i]))
+        way.first_harmonic.append(float(runs.first_harmonic[i]))
+    return ""
+
+
+def _cut(system: System, way: Followed, number: int, runs: OwnRuns, i: int, error: DivergenceError) -> str:
+    """End a curve before a point, at the crest of a gap that reaches a wall if there is one."""
+    left, right = way.points[max(number - 1, 0)], way.points[number]
+    del way.points[number:]
+    for k in [k for k in way.kinds if k >= number]:
+        del way.kinds[k]
+    for _ in range(MOST_CRESTS):
+        extra = _extra_event(right, runs, i)
+        if extra is None or not number:
+            break
+        log, row, at = extra
+        pair, side = int(log.pair[row]), float(log.side[row])
+        kind = _kind_there(right, str(log.kind[row]), pair, at)
+        try:
+            beyond = kind == TOUCH and log.kind[row] in (RELEASE, SEPARATE)
+            found = locate(left, right, _crest(right, kind, pair, side, at, beyond))
+        except LostError:
+            break
+        # whether another one is met before
+        before = near_points(left, ((1.0 - BEFORE_CREST) * float(left.row @ (found.x - left.x)),))
+        if not before:
+            break
+        runs, i, right = own_runs(system, [before[0], found]), 0, before[0]
+        if _extra_event(right, runs, 0) is None:
+            way.kinds[len(way.points)] = "grazing"
+            way.points.append(found)
+            way.peak.append(float(runs.peak[1]))
+            way.first_harmonic.append(float(runs.first_harmonic[1]))
+            what = "contact" if kind == TOUCH else kind
+            return f"extra {what} of {log.contacts[pair]} on its {'+' if side > 0.0 else '-'} side {where(found)}"
+    return f"no convergence: {error}"
+
+
+def _extra_event(point: Point, runs: OwnRuns, i: int) -> tuple[EventLog, int, float] | None:
+    """The first event of a run that is none of its orbit's: its row in the log, and its phase in the orbit's cycle."""
+    log, sequence, (_, phases) = runs.logs[i], point.curve.sequence, point.orbit
+    met = runs.phase[i] + float(point.passed.hybrid.omega) * log.time
+    expected = np.roll(np.where(np.arange(phases.size) < runs.first[i], phases + point.cycle, phases), -runs.first[i])
+    expected = expected[np.roll(np.array(sequence.kind) != SECTION, -runs.first[i])]
+    count = min(met.size, expected.size)
+    other = other_event(log, sequence, runs.first[i])
+    late = np.flatnonzero(np.abs(met[:count] - expected[:count]) > SAME_PHASE)
+    row = min([*late[:1].tolist(), *([] if other is None else [other])], default=met.size)
+    return (log, row, float(phases[0] + (met[row] - phases[0]) % point.cycle)) if row < met.size else None
+
+
+def _kind_there(point: Point, kind: str, pair: int, at: float) -> str:
+    """What an extra event is from the contact state that its pair has in the orbit: a run may begin beyond a wall."""
+    k = int(np.searchsorted(point.orbit[1], at, side="right")) - 1
+    state = abs(float(point.curve.sequence.contact_state[k, pair]))
+    if state == CONTACT:
+        return RELEASE
+    if state == SEPARATING:
+        return kind if kind == SEPARATE else PRESS_AGAIN
+    return TOUCH
+
+
+def _crest(
+    right: Point, kind: str, pair: int, side: float, at: float, begun_beyond: bool
+) -> Callable[[Point], float]:  # fmt: skip
+    """How far beyond that of an event is the crest of its condition next to the phase at which a point has met it."""
+    k, hybrid = int(np.searchsorted(right.orbit[1], at, side="right")) - 1, right.passed.hybrid
+    of_force, sign = kind in (RELEASE, PRESS_AGAIN), RATES.get(kind, 1.0)
+    damped = float(hybrid.contact_damping[pair] / hybrid.contact_stiffness[pair]) if of_force else 0.0
+
+    def condition(point: Point, phases: Array, derivative: int) -> Array:
+        found = depth_beyond(point, k, pair, side, phases, derivative)
+        return sign * (found + damped * depth_beyond(point, k, pair, side, phases, derivative + 1) if damped else found)
+
+    def tops(point: Point) -> list[tuple[float, float]]:
+        """Phases after the event before between which each crest is."""
+        begin, end = np.append(point.orbit[1], point.orbit[1][0] + point.cycle)[k : k + 2]
+        grid = np.linspace(begin, end, PROFILE)
+        rates = condition(point, grid, 1)
+        found = np.flatnonzero((rates[:-1] > 0.0) & (rates[1:] <= 0.0))
+        return list(zip(grid[found] - begin, grid[found + 1] - begin, strict=True))
+
+    # met before its crest, or left behind it by a run that begins beyond the wall
+    after, places = at - right.orbit[1][k], tops(right)
+    if begun_beyond:
+        place = max((high for low, high in places if low <= after), default=after)
+    else:
+        place = min((high for _, high in places if high >= after), default=after)
+
+    def crest(point: Point) -> float:
+        between, begin = tops(point), point.orbit[1][k]
+        if not between:
+            return -1.0
+        low, high = min(between, key=lambda top: abs(top[1] - place))
+        highest = scipy.optimize.brentq(
+            lambda phase: float(condition(point, np.array([phase]), 1)[0]), begin + low, begin + high
+        )
+        return float(condition(point, np.array([highest]), 0)[0]) / float(point.curve.by_rows[-1])
+
+    return crest
