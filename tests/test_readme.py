@@ -302,3 +302,6 @@ def test_the_page_on_orbits_runs_as_it_stands(capsys):
     assert abs(names["orbit"].multipliers[0]) == pytest.approx(0.960, abs=5e-4)
     speed = names["orbit"].impacts.approach_speed
     assert names["again"].impacts.approach_speed == pytest.approx(speed[0], rel=1e-10)
+    branch = names["branch"]
+    assert [branch.bifurcations[i].kind for i in (0, -1)] == ["symmetry-breaking", "neimark-sacker"]
+    assert [branch.bifurcations[i].value for i in (0, -1)] == pytest.approx([4.97097, 5.39606], abs=5e-6)
