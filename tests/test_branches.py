@@ -228,6 +228,19 @@ def test_a_branch_is_the_same_from_any_of_its_orbits(beam, asymmetric):
         assert one.value == pytest.approx(other.value, rel=1e-10)
 
 
+def test_a_doubled_orbit_has_branch_points_where_the_single_one_doubles(branches):
+    """Twice its period, the multipliers are squares: -1 is +1 without a fold."""
+    single, model = branches["gravity"], MODELS["gravity"]
+    orbit = model.orbit()
+    twice = fi.find_orbit(orbit.system, orbit.excitation, cycles=2, guess=orbit)
+    branch = fi.continue_orbit(twice, "frequency", (4.5, 6.5))
+    np.testing.assert_allclose(values_of(branch, "branch-point"), values_of(single, "period-doubling"), rtol=1e-10)
+    for kind in ("fold", "grazing", "neimark-sacker"):
+        np.testing.assert_allclose(values_of(branch, kind), values_of(single, kind), rtol=1e-10)
+    assert values_of(single, "period-doubling")
+    assert "period-doubling" not in kinds_of(branch)
+
+
 # ---- what holds for every branch --------------------------------------------------------------------
 
 
@@ -359,6 +372,7 @@ def test_the_figure_has_every_bifurcation_and_two_lines(asymmetric):
         ("impactor.bal.gap", (1.0, 20.0), "did you mean 'impactor.ball.gap'"),
         ("mass.box.mass", (1.0, 2.0), "changes the modes"),
         ("beam.thickness", (1.0, 2.0), "changes the modes"),
+        ("impactor.ball.mass", (1.0, 2.0), "is no number that a branch is followed over; known: amplitude, base."),
         (5, (1.0, 2.0), "parameter = 'int': must be a str"),
         ("frequency", (0.2, 0.1), "to = (0.2, 0.1) Hz: must rise, and have the orbit's 0.159155 in it"),
         ("frequency", (0.2, 0.3), "must rise, and have the orbit's"),
@@ -379,8 +393,16 @@ def test_bad_input_is_one_line(parameter, to, words):
 
 def test_a_compliant_contact_has_no_restitution_to_follow():
     orbit = MODELS["Kelvin-Voigt"].orbit()
-    with pytest.raises(fi.InputError, match="unknown"):
+    with pytest.raises(fi.InputError, match="must have a Rigid contact, not kelvin-voigt"):
         fi.continue_orbit(orbit, "impactor.ball 0.contact.restitution", (0.1, 0.9))
+
+
+def test_a_gap_that_differs_on_both_sides_is_not_one_number():
+    stop = fi.Stop("wall", "mass", (1.0, 2.0), fi.Rigid(0.8))
+    force = fi.PointForce("mass", fi.Sine(0.1, 0.1))
+    orbit = fi.find_orbit(oscillator(1.0, 0.1, stops=[stop]), force, guess=fi.State())
+    with pytest.raises(fi.InputError, match="must have the same gap on both sides"):
+        fi.continue_orbit(orbit, "stop.wall.gap", (0.5, 1.5))
 
 
 def test_an_orbit_is_needed():

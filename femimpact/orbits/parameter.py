@@ -45,12 +45,25 @@ def parameter_of(system: System, excitation: Sine | PointForce, path: Any) -> Pa
     require_type(path, str, "parameter")
     known = _of_excitation(system, excitation) | _of_contacts(system, excitation)
     found = known.get(SHORT.get(path, path))
-    owner = path.partition(".")[0]
-    changes = owner in OF_MODES or (owner == "absorber" and path.endswith(".mass"))
-    reason = f"changes the modes, which a system has; known: {', '.join(sorted(known))}"
-    require(found is not None, "parameter", path, "", reason if changes else suggestion(path, [*known, *SHORT]))
+    require(found is not None, "parameter", path, "", "" if found else _refusal(system, path, [*known, *SHORT]))
     assert found is not None
     return found
+
+
+def _refusal(system: System, path: str, known: list[str]) -> str:
+    """Why a number is none that a branch follows."""
+    names, (owner, _, rest) = ", ".join(sorted(known)), path.partition(".")
+    if owner in OF_MODES:
+        return f"changes the modes, which a system has; known: {names}"
+    parts = [pair for pair in system.contacts if rest.startswith(f"{pair.name}.")]
+    if not parts:
+        return suggestion(path, known)
+    number = rest.removeprefix(f"{parts[0].name}.")
+    if number == "gap":
+        return f"must have the same gap on both sides, not {parts[0].gaps} m; known: {names}"
+    if number == "contact.restitution":
+        return f"must have a Rigid contact, not {parts[0].law.name}; known: {names}"
+    return f"is no number that a branch is followed over; known: {names}"
 
 
 def _of_excitation(system: System, excitation: Sine | PointForce) -> dict[str, Parameter]:
