@@ -307,6 +307,7 @@ def test_every_orbit_is_that_which_find_orbit_finds(branches, name):
         if branch.to_pandas()["bifurcation"][i]:
             continue
         orbit = branch.orbits[i]
+        assert orbit.residual <= 1e-10 * max(1.0, abs(orbit.multipliers[0]))
         found = fi.find_orbit(orbit.system, orbit.excitation, guess=orbit)
         size = np.maximum(np.abs(found.multipliers), 1.0)
         assert np.max(np.abs(np.abs(branch.multipliers[i]) - np.abs(found.multipliers)) / size) < 1e-7

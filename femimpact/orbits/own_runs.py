@@ -133,12 +133,12 @@ def verify(system: System, way: Followed) -> str:
     for i, point in enumerate(points):
         number = begin + i
         try:
-            if not slowest(point) < SLOW:
-                check_events(runs.logs[i], point.curve.sequence, runs.first[i])
-                growth = float(np.abs(point.multipliers[0])) ** (2 if point.curve.is_symmetric else 1)
-                check_missed(float(runs.missed[i]), growth)
+            check_events(runs.logs[i], point.curve.sequence, runs.first[i])
+            growth = float(np.abs(point.multipliers[0])) ** (2 if point.curve.is_symmetric else 1)
+            check_missed(float(runs.missed[i]), growth)
         except DivergenceError as error:
-            return _cut(system, way, number, runs, i, error)
+            if not slowest(point) < SLOW:
+                return _cut(system, way, number, runs, i, error)
         way.peak.append(float(runs.peak[i]))
         way.first_harmonic.append(float(runs.first_harmonic[i]))
     return ""
@@ -209,33 +209,52 @@ def _crest(
     of_force, sign = kind in (RELEASE, PRESS_AGAIN), RATES.get(kind, 1.0)
     damped = float(hybrid.contact_damping[pair] / hybrid.contact_stiffness[pair]) if of_force else 0.0
 
-    def condition(point: Point, phases: Array, derivative: int) -> Array:
-        found = depth_beyond(point, k, pair, side, phases, derivative)
-        return sign * (found + damped * depth_beyond(point, k, pair, side, phases, derivative + 1) if damped else found)
+    intervals = _intervals(right, k, pair, -1 if begun_beyond else 1)
 
-    def tops(point: Point) -> list[tuple[float, float]]:
-        """Phases after the event before between which each crest is."""
-        begin, end = np.append(point.orbit[1], point.orbit[1][0] + point.cycle)[k : k + 2]
-        grid = np.linspace(begin, end, PROFILE)
-        rates = condition(point, grid, 1)
-        found = np.flatnonzero((rates[:-1] > 0.0) & (rates[1:] <= 0.0))
-        return list(zip(grid[found] - begin, grid[found + 1] - begin, strict=True))
+    def condition(point: Point, m: int, phases: Array, derivative: int) -> Array:
+        turns, event = divmod(m, point.orbit[1].size)
+        at = event, pair, side, phases - turns * point.cycle
+        found = depth_beyond(point, *at, derivative)
+        return sign * (found + damped * depth_beyond(point, *at, derivative + 1) if damped else found)
+
+    def tops(point: Point) -> list[tuple[float, float, int]]:
+        """Phases between which each crest is, and its interval; both are one where an event turns the motion round."""
+        found, last = [], -1.0
+        for m in intervals:
+            grid = np.linspace(_begin(point, m), _begin(point, m + 1), PROFILE)
+            rates = condition(point, m, grid, 1)
+            if last > 0.0 >= rates[0]:
+                found.append((float(grid[0]), float(grid[0]), m))
+            i = np.flatnonzero((rates[:-1] > 0.0) & (rates[1:] <= 0.0))
+            found += list(zip(grid[i].tolist(), grid[i + 1].tolist(), [m] * i.size, strict=True))
+            last = float(rates[-1])
+        return found
 
     # met before its crest, or left behind it by a run that begins beyond the wall
-    after, places = at - right.orbit[1][k], tops(right)
-    if begun_beyond:
-        place = max((high for low, high in places if low <= after), default=after)
-    else:
-        place = min((high for _, high in places if high >= after), default=after)
+    places = [high for low, high, _ in tops(right) if (low <= at if begun_beyond else high >= at)]
+    place = (max if begun_beyond else min)(places, default=at) - right.orbit[1][k]
 
     def crest(point: Point) -> float:
-        between, begin = tops(point), point.orbit[1][k]
+        between = tops(point)
         if not between:
             return -1.0
-        low, high = min(between, key=lambda top: abs(top[1] - place))
-        highest = scipy.optimize.brentq(
-            lambda phase: float(condition(point, np.array([phase]), 1)[0]), begin + low, begin + high
-        )
-        return float(condition(point, np.array([highest]), 0)[0]) / float(point.curve.by_rows[-1])
+        low, high, m = min(between, key=lambda top: abs(top[1] - point.orbit[1][k] - place))
+        if low < high:
+            low = scipy.optimize.brentq(lambda phase: float(condition(point, m, np.array([phase]), 1)[0]), low, high)
+        return float(condition(point, m, np.array([low]), 0)[0]) / float(point.curve.by_rows[-1])
 
     return crest
+
+
+def _begin(point: Point, m: int) -> float:
+    """Phase of event m, of later cycles too."""
+    turns, event = divmod(m, point.orbit[1].size)
+    return float(point.orbit[1][event] + turns * point.cycle)
+
+
+def _intervals(point: Point, k: int, pair: int, way: int) -> list[int]:
+    """Events after which the pair goes on as after event k, until one of its own: later ones, or earlier ones."""
+    found, of = [k], point.curve.sequence.pair
+    while len(found) < of.size and of[(found[-1] + (way > 0)) % of.size] != pair:
+        found.append(found[-1] + way)
+    return found[::way]
