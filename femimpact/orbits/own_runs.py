@@ -17,7 +17,7 @@ from femimpact.integrators.event_driven.equations import equations_of
 from femimpact.integrators.event_driven.loop_data import CONTACT, DONE, SEPARATING
 from femimpact.integrators.event_driven.store import FormStore, Outputs, outputs_of
 from femimpact.orbits.curve import RATES, LostError, Point, locate, near_points
-from femimpact.orbits.equations import PRESS_AGAIN, RELEASE, SECTION, SEPARATE, TOUCH
+from femimpact.orbits.equations import IMPACT, PRESS_AGAIN, RELEASE, SECTION, SEPARATE, TOUCH
 from femimpact.orbits.limits import depth_beyond, where
 from femimpact.orbits.verification import between_events, check_events, check_missed, other_event
 from femimpact.response.impacts import CYCLE_COLUMNS, EventLog, event_log
@@ -120,9 +120,16 @@ class Followed:
     end: str
 
 
-def slowest(point: Point) -> float:
-    """Speed of the slowest event, in units."""
-    return float(np.abs(point.limits[: point.curve.events]).min())
+def _is_slow(point: Point, runs: OwnRuns, i: int) -> bool:
+    """Whether a run leaves its orbit at an impact so slow that rounding decides whether it is met."""
+    n, kinds = point.curve.events, point.curve.solved.kind
+    slow = [k for k in range(n) if kinds[k] in (IMPACT, TOUCH) and abs(point.limits[k]) < SLOW]
+    extra = _extra_event(point, runs, i)
+    if extra is None or not slow:
+        return bool(slow)
+    count = len(point.curve.sequence.kind)
+    met = (runs.first[i] + extra[1]) % count
+    return any(abs(met - k - half) <= 1 for k in slow for half in (0, n, count))
 
 
 def verify(system: System, way: Followed) -> str:
@@ -137,7 +144,7 @@ def verify(system: System, way: Followed) -> str:
             growth = float(np.abs(point.multipliers[0])) ** (2 if point.curve.is_symmetric else 1)
             check_missed(float(runs.missed[i]), growth)
         except DivergenceError as error:
-            if not slowest(point) < SLOW:
+            if not _is_slow(point, runs, i):
                 return _cut(system, way, number, runs, i, error)
         way.peak.append(float(runs.peak[i]))
         way.first_harmonic.append(float(runs.first_harmonic[i]))
@@ -230,18 +237,22 @@ def _crest(
             last = float(rates[-1])
         return found
 
-    # met before its crest, or left behind it by a run that begins beyond the wall
-    places = [high for low, high, _ in tops(right) if (low <= at if begun_beyond else high >= at)]
-    place = (max if begun_beyond else min)(places, default=at) - right.orbit[1][k]
-
-    def crest(point: Point) -> float:
-        between = tops(point)
-        if not between:
-            return -1.0
-        low, high, m = min(between, key=lambda top: abs(top[1] - point.orbit[1][k] - place))
+    def height(point: Point, low: float, high: float, m: int) -> float:
         if low < high:
             low = scipy.optimize.brentq(lambda phase: float(condition(point, m, np.array([phase]), 1)[0]), low, high)
         return float(condition(point, m, np.array([low]), 0)[0]) / float(point.curve.by_rows[-1])
+
+    if begun_beyond:
+        # the contact has turned the run from its orbit
+        place = max(tops(right), key=lambda top: height(right, *top), default=(at, at, k))[1]
+    else:
+        place = min((high for _, high, _ in tops(right) if high >= at), default=at)
+    place -= right.orbit[1][k]
+
+    def crest(point: Point) -> float:
+        between = tops(point)
+        nearest = min(between, key=lambda top: abs(top[1] - point.orbit[1][k] - place), default=None)
+        return -1.0 if nearest is None else height(point, *nearest)
 
     return crest
 
