@@ -84,7 +84,7 @@ BASE = fi.Sine(amplitude=0.2e-3, frequency=10.0)
 def runs_with_impacts() -> None:
     """Event-driven runs through an impact of some duration and through rigid ones."""
     for system in systems_with_ball()[::2]:
-        fi.integrate(system, BASE, fi.EventDriven(), duration=0.5)
+        fi.integrate(system, BASE, fi.EventDriven(), duration=0.5, record=fi.Recorder(events=4))
 
 
 def runs_with_steps() -> None:

@@ -99,6 +99,13 @@ if TYPE_CHECKING:
     from femimpact.laser import Laser as Laser
     from femimpact.laser import LaserReading as LaserReading
     from femimpact.laser import extrapolate as extrapolate
+    from femimpact.orbits import Bifurcation as Bifurcation
+    from femimpact.orbits import Branch as Branch
+    from femimpact.orbits import PeriodicOrbit as PeriodicOrbit
+    from femimpact.orbits import continue_orbit as continue_orbit
+    from femimpact.orbits import find_orbit as find_orbit
+    from femimpact.orbits import find_orbits as find_orbits
+    from femimpact.orbits import two_impact_orbits as two_impact_orbits
     from femimpact.parametric import AxisMargin as AxisMargin
     from femimpact.parametric import BestCase as BestCase
     from femimpact.parametric import BestDesign as BestDesign
@@ -119,6 +126,7 @@ if TYPE_CHECKING:
     from femimpact.response.energy import EnergyLedger as EnergyLedger
     from femimpact.response.history import HistoryPiece as HistoryPiece
     from femimpact.response.history import StroboscopicSection as StroboscopicSection
+    from femimpact.response.impacts import EventLog as EventLog
     from femimpact.response.impacts import Impacts as Impacts
     from femimpact.response.impacts import ImpactStatistics as ImpactStatistics
     from femimpact.response.response import Recorder as Recorder
@@ -205,6 +213,9 @@ _MODULES = {
     "integrators.stepping.newmark": ("GeneralizedAlpha", "HHT", "MoreauJean", "Newmark", "WBZ"),
     "integrators.stepping.operators": ("recommended_step",),
     "laser": ("Laser", "LaserReading", "extrapolate"),
+    "orbits": (
+        "Bifurcation", "Branch", "PeriodicOrbit", "continue_orbit", "find_orbit", "find_orbits", "two_impact_orbits",
+    ),
     "parametric": (
         "AxisMargin", "BestCase", "BestDesign", "ParameterStudy", "StudyProgress", "best_case", "load_parameter_study",
         "parameter_study", "run_case",
@@ -215,7 +226,7 @@ _MODULES = {
     "refinement": ("Refinement", "refine"),
     "response.energy": ("EnergyLedger",),
     "response.history": ("HistoryPiece", "StroboscopicSection"),
-    "response.impacts": ("ImpactStatistics", "Impacts"),
+    "response.impacts": ("EventLog", "ImpactStatistics", "Impacts"),
     "response.response": ("Recorder", "Response"),
     "response.signals": ("Largest",),
     "spectra": (

@@ -295,8 +295,8 @@ def items(*kinds: Any) -> dict[str, Any]:
 def column(unit: str, *axes: str | int, of: str = "number", finite: bool = False) -> dict[str, Any]:
     """Metadata of a dataclass field that holds an array: its unit, and the name or the length of every axis.
 
-    Arrays with an axis of the same name are equally long there. `of` is "number", "whole number", "text" or
-    "truth value".
+    Arrays with an axis of the same name are equally long there. `of` is "number", "complex number",
+    "whole number", "text" or "truth value".
     """
     shape = f"({', '.join(map(str, axes))}{',' if len(axes) == 1 else ''})"
     return {
@@ -408,6 +408,7 @@ def _items(value: Any, kinds: tuple[Any, ...]) -> tuple[Any, ...]:
 
 _KINDS = {
     "number": ("f", "iuf", float),
+    "complex number": ("c", "iufc", complex),
     "whole number": ("iu", "iu", int),
     "text": ("U", "U", str),
     "truth value": ("b", "b", bool),
@@ -597,7 +598,7 @@ def _defaults(kind: Any) -> dict[str, Any]:
     return {name: value for name, value in given.items() if value is not dataclasses.MISSING}
 
 
-def made(kind: type[R], **values: Any) -> R:
+def made(kind: type[R], /, **values: Any) -> R:
     """A frozen dataclass of values that this package computed, which are in their one type and need no check."""
     record = object.__new__(kind)
     vars(record).update(_defaults(cast(Any, kind)) | values)

@@ -162,6 +162,7 @@ FIGURES = {
         "bands": [("starts", [5.0, 6.0], [1e-3, 2e-3], [2e-3, 3e-3])],
         "join_all": True, "ax": SHEET,
     },
+    "branch": lambda: {"branch": NOUNS["Branch"](), "ax": SHEET},
     "decay": lambda: {"result": NOUNS["DecayEstimate"](), "ax": SHEET},
     "calibration": lambda: {"result": calibrated(), "title": "title", "figure": SHEET},
     "restitution_scan": lambda: {
@@ -258,6 +259,7 @@ CALLS = {
     "Recorder.seen_from": (fi.Recorder(start=1.0).seen_from, lambda: {"time": 0.5}),
     "Response.largest": (of(response, "largest"), lambda: {"channel": "tip"}),
     "Response.largest_of": (of(response, "largest_of"), lambda: {"channels": ["tip"]}),
+    "Branch.at": (of(NOUNS["Branch"], "at"), lambda: {"value": 1.0}),
     "Response.stroboscopic": (of(response, "stroboscopic"), lambda: {"phase": 0.5}),
     "Response[]": (entry(response, "channel"), lambda: {"channel": "tip"}),
     "FrequencyResponse[]": (entry(curve, "column"), lambda: {"column": "peak"}),

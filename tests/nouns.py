@@ -15,7 +15,7 @@ from femimpact.contact import resolve
 from femimpact.convergence.mesh_and_step import MeshConvergence, StepConvergence
 from femimpact.identification import one_pole_amplitude
 from femimpact.integrators.cases import AchievedRestitution
-from femimpact.response.impacts import StickingPhases
+from femimpact.response.impacts import StickingPhases, event_log, event_width
 from femimpact.response.regimes import Regime, RegimeCriteria, classify, impacts_per_cycle, significant
 from femimpact.response.signals import CycleStatistics, steady_motion
 from femimpact.structure.damping import rayleigh_coefficients, realised_damping_ratio
@@ -127,7 +127,23 @@ def convergence_table() -> fi.ConvergenceTable:
     return columns(fi.ConvergenceTable, sizes, axis="mesh", accuracy=1e-3, notes=("note",), **texts)
 
 
+@cache
+def orbit() -> fi.PeriodicOrbit:
+    """Two impacts a cycle of a ball in a box."""
+    ball = fi.Impactor("ball", "tip", 0.1, 10.0, fi.Rigid(0.8))
+    box = fi.System.from_matrices([[1.0]], [[0.02]], [[1.0]], points={"tip": [1.0]}, impactors=[ball])
+    return fi.two_impact_orbits(box, fi.PointForce("tip", fi.Sine(1.0, 1.0 / (2.0 * math.pi))))[0]
+
+
+@cache
+def branch() -> fi.Branch:
+    """A fold in it."""
+    return fi.continue_orbit(orbit(), "amplitude", to=(0.5, 1.5))
+
+
 NOUNS = {
+    "Bifurcation": lambda: branch().bifurcations[0],
+    "Branch": branch,
     "BendingMoment": lambda: fi.BendingMoment("root", 1, "left"),
     "ContactStatistics": lambda: fi.ContactStatistics(4, 48, "tip"),
     "ConvergenceStudy": lambda: fi.ConvergenceStudy({"mesh": convergence_table()}),
@@ -151,6 +167,7 @@ NOUNS = {
     "DecayMode": lambda: fi.DecayMode(5.0, 0.01, 1e-3, (4.9, 5.1), (0.009, 0.011)),
     "EnergyLedger": lambda: response().energy,
     "EventDriven": fi.EventDriven,
+    "EventLog": lambda: event_log(np.ones((2, event_width(2, 3))), 3, ("ball", "stop")),
     "FrequencyResponse": curve,
     "GeneralizedAlpha": lambda: fi.GeneralizedAlpha(1e-4),
     "HHT": lambda: fi.HHT(1e-4),
@@ -168,6 +185,7 @@ NOUNS = {
     "MoreauJean": lambda: fi.MoreauJean(1e-4),
     "Newmark": lambda: fi.Newmark(1e-4),
     **{name: (lambda base=base: base) for name, base in MOTIONS.items()},
+    "PeriodicOrbit": orbit,
     "PiecewisePolynomial": lambda: PIECES,
     "PointForce": lambda: fi.PointForce("tip", BASE),
     "PointMass": lambda: STRUCTURE.masses[0],
@@ -298,6 +316,18 @@ VERBS = {
     "integrate": (fi.integrate, lambda: {
         "system": small(), "excitation": BASE, "method": fi.Newmark(2e-4), "duration": 0.1, "record": fi.Recorder(),
         "initial": fi.State(), "progress": None, "threads": 1,
+    }),
+    "find_orbit": (fi.find_orbit, lambda: {
+        "system": orbit().system, "excitation": orbit().excitation, "cycles": 1, "guess": orbit()
+    }),
+    "find_orbits": (fi.find_orbits, lambda: {
+        "system": orbit().system, "excitation": orbit().excitation, "guesses": [orbit()], "cycles": 1
+    }),
+    "continue_orbit": (fi.continue_orbit, lambda: {
+        "orbit": orbit(), "parameter": "amplitude", "to": (0.9, 1.1), "points": 3
+    }),
+    "two_impact_orbits": (fi.two_impact_orbits, lambda: {
+        "system": orbit().system, "excitation": orbit().excitation
     }),
     "recommended_step": (fi.recommended_step, lambda: {"system": small(), "refine": 2}),
     "read_mesh": (fi.read_mesh, lambda: {"path": Path(__file__).parent / "data" / "stepped.msh"}),

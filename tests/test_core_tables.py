@@ -82,9 +82,11 @@ def test_names_of_rows_have_the_same_numbers_on_both_sides(name):
 
 
 def test_columns_of_tables_have_the_same_order_on_both_sides():
-    for name in ("energy", "impact"):
+    for name in ("energy", "event", "impact"):
         columns = getattr(impacts, f"{name.upper()}_COLUMNS")
         assert names_of_rows(name) == [f"{name}_{column}".upper() for column in columns]
+    kinds = [f"KIND_{kind.upper().replace(' ', '_')}" for kind in impacts.EVENT_KINDS]
+    assert names_of_rows("kind of event") == kinds
     cycle = names_of_rows("cycle")
     assert [column.partition("_")[0].lower() for column in cycle] == list(impacts.CYCLE_COLUMNS)
     assert [getattr(impacts, each) for each in cycle[:2]] == [0, 1]
@@ -342,7 +344,7 @@ FAR = 2**63 - 1
         ("cases", "omega", np.inf), ("cases", "omega", -1.0), ("cases", "clock", np.nan), ("cases", "clock", 1e9),
         ("cases", "hit", 0.5), ("cases", "sample", FAR), ("cases", "events", FAR),
         ("grid", "start", np.nan), ("grid", "start", 1e30), ("grid", "origin", FAR),
-        ("tables", "number", -1), ("tables", "number", FAR),
+        ("tables", "number", -1), ("tables", "number", FAR), ("tables", "logged", -1), ("tables", "logged", FAR),
     ],
 )  # fmt: skip
 def test_times_and_counts_that_lead_nowhere_are_refused(call, group, name, value):

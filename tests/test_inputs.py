@@ -147,7 +147,7 @@ def holds(kept: object, given: object, metadata: dict[str, object]) -> bool:
     if isinstance(given, bool):
         return kept is given
     if np.asarray(given).dtype.kind in "SU":
-        return kept == tuple(given)
+        return np.array_equal(np.asarray(kept), np.asarray(given))
     if isinstance(given, dict):
         return kept == given or "points" in str(kept) or "root" in kept
     # one number may stand for a row of one

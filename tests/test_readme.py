@@ -292,3 +292,16 @@ def test_the_page_on_typical_values_runs_as_it_stands(capsys):
     # Hertz's time of the table's row "steel, aluminium", rounded to two digits
     assert f"| steel | aluminium | 4.1 | {1e3 * float(printed[0]):.2g} |" in text
     assert names["speed"].max() < 1.5
+
+
+def test_the_page_on_orbits_runs_as_it_stands(capsys):
+    names = ran("docs/howto/orbits.md")
+    assert names["orbit"].is_stable
+    assert names["orbit"].is_symmetric
+    # as its comments say
+    assert abs(names["orbit"].multipliers[0]) == pytest.approx(0.960, abs=5e-4)
+    speed = names["orbit"].impacts.approach_speed
+    assert names["again"].impacts.approach_speed == pytest.approx(speed[0], rel=1e-10)
+    branch = names["branch"]
+    assert [branch.bifurcations[i].kind for i in (0, -1)] == ["symmetry-breaking", "neimark-sacker"]
+    assert [branch.bifurcations[i].value for i in (0, -1)] == pytest.approx([4.97097, 5.39606], abs=5e-6)

@@ -17,6 +17,7 @@ from femimpact.table import column_units
 
 TABLES = {
     "EnergyLedger": "time",
+    "EventLog": None,
     "FrequencyResponse": "frequency",
     "Impacts": None,
     "MeshConvergence": "elements",
@@ -29,6 +30,7 @@ TABLES = {
 
 SHORT = {
     "EnergyLedger": lambda: response().energy,
+    "EventLog": NOUNS["EventLog"],
     "FrequencyResponse": curve,
     "Impacts": lambda: response().impacts,
     "Mesh": NOUNS["Mesh"],

@@ -126,6 +126,8 @@ class Tables(NamedTuple):
     impacts: Array  # (i, n+9)
     sticking: Array  # (j, 5)
     number: Integers  # (2,)
+    events: Array  # (C, l, R+2d+5)
+    logged: Integers  # (C,)
 
 class Space(NamedTuple):
     motion: Motion

@@ -17,7 +17,7 @@ from femimpact.arrays import Array
 from femimpact.contact import ContactLaw
 from femimpact.errors import check_fields, in_range, quantity, require
 from femimpact.progress import Progress
-from femimpact.response.impacts import CYCLE_COLUMNS, ENERGY_COLUMNS, IMPACT_COLUMNS
+from femimpact.response.impacts import CYCLE_COLUMNS, ENERGY_COLUMNS, IMPACT_COLUMNS, event_width
 from femimpact.response.response import Recorder
 from femimpact.response.signals import SteadyMotion
 from femimpact.system.modes import with_checked_pairs
@@ -166,12 +166,13 @@ def start_of(cases: SineCases, case: int) -> State:
 def memory_needed(
     system: System, recorder: Recorder, channels: int, steps: int, dt: float, frequency: float, drive: int = 0
 ) -> dict[str, int]:
-    """Bytes that a run will keep: channels, energies, snapshots, impacts, cycle statistics, values of the drive.
+    """Bytes that a run will keep: channels, energies, snapshots, impacts, events, cycle statistics, the drive's values.
 
     With a sink these are channels, energies and snapshots of one piece.
     """
     samples, snapshots = kept_rows(recorder, steps, dt)
-    width = 2 * (system.dofs + len(system.contacts)) + len(system.contacts)
+    pairs = len(system.contacts)
+    width = 2 * (system.dofs + pairs) + pairs
     cycles, modes = int(steps * dt * frequency) + 2, modes_kept(system, recorder)
     return {
         "channels": 8 * samples * channels,
@@ -179,6 +180,7 @@ def memory_needed(
         # in dofs while running, at the nodes afterwards
         "snapshots": 8 * snapshots * (width + 4 * system.nodes.size),
         "impacts": 8 * recorder.impacts * (len(IMPACT_COLUMNS) + modes) * bool(system.contacts),
+        "events": 8 * recorder.events * event_width(pairs, system.dofs + len(system.balls)),
         "cycles": 8 * cycles * (len(CYCLE_COLUMNS) + len(ENERGY_COLUMNS)),
         "drive": 8 * drive,
     }

@@ -1,4 +1,4 @@
-"""The record of impacts: what each one was, and what they add up to."""
+"""The record of impacts: what each one was, what they add up to, and the log of all events."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from femimpact.arrays import Array
 from femimpact.errors import check_fields, column, made, quantity, require_type, text
 from femimpact.svg import Chart, Line, axis_of
-from femimpact.table import Head, flat_columns, frame_of, head_of_columns, named_column, short_repr
+from femimpact.table import Head, column_units, flat_columns, frame_of, head_of_columns, named_column, short_repr
 
 if TYPE_CHECKING:
     import pandas
@@ -25,6 +25,8 @@ ENERGY_COLUMNS = ("kinetic", "strain", "ball", "contact", "work", "structure_los
 IMPACT_COLUMNS = (
     "time", "pair", "side", "approach_speed", "rebound_speed", "impulse", "peak_force", "duration", "energy_loss",
 )  # fmt: skip
+EVENT_COLUMNS = ("time", "kind", "pair", "side", "impacts")
+EVENT_KINDS = ("impact", "capture", "let go", "touch", "release", "press again", "separate")
 TOTAL_COLUMNS = ("count", "approach_speed", "approach_speed_max", "impulse", "peak_force", "force_time")
 COUNT, APPROACH_SUM, LARGEST_APPROACH, IMPULSE_SUM, PEAK_FORCE, FORCE_TIME = range(6)
 # the first four count impacts that end within the window; the last two every force in it, sticking included
@@ -266,6 +268,116 @@ class StickingPhases:
         """No sticking phase."""
         nothing = np.zeros(0)
         return cls(np.zeros(0, dtype=str), nothing, nothing, nothing, nothing, nothing)
+
+
+@short_repr
+@dataclass(frozen=True, eq=False)
+class EventLog:
+    """Log of an event-driven run: one row for each event, with the state just after it.
+
+    From a row to the next one the motion is that of the linear system of the row's contact states. What a run begins
+    with is no event. An impact may also press or release a Kelvin-Voigt contact elsewhere, and let rigid pairs go that
+    stick: that has no separate row, and is seen in `contact_state`. `log["time"]` reads a column.
+
+    Parameters
+    ----------
+    time : ndarray (k,), s
+    kind : ndarray (k,) of str
+        What happens to the pair. Of a rigid one "impact": it rebounds; "capture": it sticks from here on, after an
+        impact without rebound or pressed at rest; "let go": the force that holds it is zero; "touch": beside others
+        that stick it meets its wall at a speed of rounding. Of a Kelvin-Voigt one "touch": it meets its wall;
+        "release": its force is zero before the wall has sprung back; "press again": the force rises anew before that;
+        "separate": it leaves its wall.
+    pair : ndarray (k,) of int
+        Number in `contacts`; of impacts of several pairs at one instant the one that was found first.
+    side : ndarray (k,) of int
+        +1 or -1: which wall.
+    impacts : ndarray (k,) of int
+        Impacts that end with the event, each a row of `Response.impacts`: more than 1 where several pairs, or one
+        repeatedly, collide at one instant. They are one row here.
+    contact_state : ndarray (k, pairs) of int
+        Of every pair after the event: 0 free, +1 or -1 pressed by that wall or sticking to it, +2 or -2 a Kelvin-Voigt
+        contact without force that has not left that wall.
+    displacement : ndarray (k, n), m
+        Of all coordinates just after the event, relative to the moving base: those of the structure as in
+        `Response.final_state`, of a reduced system its modes, then of the balls.
+    velocity : ndarray (k, n), m/s
+        The same of the rates.
+    contacts : tuple of str
+        Names of all pairs, in the order of `System.contacts`.
+    dropped : int
+        Events after the log was full: counted, not kept.
+    """
+
+    time: Array = field(metadata=column("s", "events"))
+    kind: NDArray[np.str_] = field(metadata=column("", "events", of="text"))
+    pair: NDArray[np.int64] = field(metadata=column("1", "events", of="whole number"))
+    side: NDArray[np.int64] = field(metadata=column("1", "events", of="whole number"))
+    impacts: NDArray[np.int64] = field(metadata=column("1", "events", of="whole number"))
+    contact_state: NDArray[np.int64] = field(metadata=column("1", "events", "pairs", of="whole number"))
+    displacement: Array = field(metadata=column("m", "events", "coordinates"))
+    velocity: Array = field(metadata=column("m/s", "events", "coordinates"))
+    contacts: tuple[str, ...] = field(metadata=text(several=True))
+    dropped: int = field(default=0, metadata=quantity("1", at_least=0, integer=True))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+
+    def __len__(self) -> int:
+        return int(self.time.size)
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        return named_column(self, name)
+
+    @property
+    def _head(self) -> Head:
+        lost = f", {self.dropped} more not kept" if self.dropped else ""
+        units = {name: unit for name, unit in column_units(self).items() if getattr(self, name).ndim == 1}
+        return head_of_columns(f"EventLog: {len(self)}{lost}", {name: self[name] for name in units}, units)
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """A row for every event, with a column for each pair and coordinate; units in `attrs["units"]`."""
+        return frame_of(*flat_columns(self))
+
+    def to_xarray(self) -> xarray.Dataset:
+        """The log as a labelled dataset over events, contacts and coordinates."""
+        import xarray
+
+        axes = {"contact_state": ("contact",), "displacement": ("coordinate",), "velocity": ("coordinate",)}
+        data = {}
+        for name, unit in column_units(self).items():
+            labels = {"long_name": name.replace("_", " ")} | ({"units": unit} if unit else {})
+            data[name] = (("event", *axes.get(name, ())), np.array(self[name]), labels)
+        coords = {"event": np.arange(len(self)), "contact": np.array(self.contacts, dtype=str)}
+        return xarray.Dataset(data, coords=coords, attrs={"dropped": self.dropped})
+
+
+def event_width(pairs: int, coordinates: int) -> int:
+    """Columns of the compiled log: those of `EVENT_COLUMNS`, contact states, displacements and velocities."""
+    return len(EVENT_COLUMNS) + pairs + 2 * coordinates
+
+
+def event_log(
+    rows: Array,  # (l, event_width): the compiled log of one case; only those that were written are read
+    found: int,  # events in all
+    contacts: tuple[str, ...],
+) -> EventLog:
+    """The log of a case from the rows that the compiled loop has written."""
+    first, pairs = len(EVENT_COLUMNS), len(contacts)
+    kept = rows[: min(found, rows.shape[0])]
+    columns = dict(zip(EVENT_COLUMNS, kept.T[:first], strict=True))
+    position, rate = np.split(kept[:, first + pairs :], 2, axis=1)
+    values: dict[str, NDArray[Any]] = {
+        **{name: columns[name].astype(np.int64) for name in ("pair", "side", "impacts")},
+        "time": columns["time"].copy(),
+        "kind": np.array(EVENT_KINDS)[columns["kind"].astype(int)],
+        "contact_state": kept[:, first : first + pairs].astype(np.int64),
+        "displacement": position.copy(),
+        "velocity": rate.copy(),
+    }
+    for array in values.values():
+        array.setflags(write=False)
+    return made(EventLog, contacts=contacts, dropped=found - kept.shape[0], **values)
 
 
 @dataclass(frozen=True)

@@ -40,7 +40,7 @@ from femimpact.response.history import (
     history_dataset,
     stroboscopic,
 )
-from femimpact.response.impacts import Impacts, ImpactStatistics, StickingPhases
+from femimpact.response.impacts import EventLog, Impacts, ImpactStatistics, StickingPhases
 from femimpact.response.regimes import Regime, classify, without_cycle
 from femimpact.response.signals import Largest, LargestValues, SteadyMotion
 from femimpact.structure.structure import Position
@@ -101,6 +101,9 @@ class Recorder:
     piece_samples : int
         Most samples in a piece; an event-driven run with a whole number of samples in a base cycle passes on complete
         cycles, and the first piece has the state at the start besides.
+    events : int
+        Most events kept in the log of an event-driven run, `Response.events`; later ones are counted only. 0 keeps no
+        log. A method with steps finds no events, and refuses more.
     """
 
     channels: Sequence[Position | Channel] | None = None
@@ -116,6 +119,7 @@ class Recorder:
     sink: Callable[[HistoryPiece], None] | None = None
     piece_samples: int = field(default=100_000, metadata=quantity("1", at_least=1, integer=True))
     interval: float | None = field(default=None, metadata=optional(quantity("s", above=0.0)))
+    events: int = field(default=0, metadata=quantity("1", at_least=0, integer=True))
 
     @takes(time=quantity("s", at_least=0.0))
     def seen_from(self, time: float) -> Recorder:
@@ -217,6 +221,8 @@ class Response:
         without one, and where that time is not within the run.
     largest_values : LargestValues or None
         What `largest` asks; None of a response that was read from files.
+    events : EventLog or None
+        All events of an event-driven run with the states after them, where `Recorder.events` asks for them.
 
     Raises
     ------
@@ -245,6 +251,7 @@ class Response:
     largest_values: LargestValues | None = field(
         default=None, repr=False, metadata=optional(instance(LargestValues))
     )  # fmt: skip
+    events: EventLog | None = field(default=None, metadata=optional(instance(EventLog)))
 
     def __post_init__(self) -> None:
         check_fields(self)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -13,6 +14,7 @@ from femimpact.contact.laws import Rigid
 from femimpact.excitation import PointForce, Sine
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.runs import integrate
+from femimpact.orbits import PeriodicOrbit, two_impact_orbits
 from femimpact.structure.structure import Impactor, Stop
 from femimpact.system.state import State
 from femimpact.system.system import System
@@ -72,35 +74,19 @@ def stop_once_a_cycle(omega: float, stop: float) -> Case:
 # ---- a ball between two walls on an oscillator ---------------------------------------------------
 
 
-def _symmetric_orbit(orbit: Orbit) -> tuple[float, float, float]:
-    """Ball's speed, oscillator's rate after the impact and phase of the force at it, by the half-cycle map."""
+def _two_impacts(orbit: Orbit) -> PeriodicOrbit:
+    """The faster of the orbits in closed form."""
     mu, e, zeta, ratio, clearance, *_ = orbit
-    eta, period = math.sqrt(1 - zeta**2), math.pi / ratio
-    decay, c, s = math.exp(-zeta * period), math.cos(eta * period), math.sin(eta * period)
-    jump = [
-        [decay * s, 1 + decay * c],
-        [eta * (1 + decay * c) - decay * zeta * s, -zeta * (1 + decay * c) - decay * eta * s],
-    ]
-    a1, a2 = np.linalg.solve(jump, [0.0, 2 * mu])  # in units of the ball's speed
-    after = -(1 - e - 2 * mu * e) / (1 + e)
-    # the forced motion at the impact, p u + q, and its rate over the frequency, r u
-    p, q, r = math.pi / (2 * ratio) - a2, -clearance / 2, (after - (eta * a1 - zeta * a2)) / ratio
-    amplitude = 1 / math.hypot(1 - ratio**2, 2 * zeta * ratio)
-    speed = max(np.roots([p * p + r * r, 2 * p * q, q * q - amplitude**2]).real)
-    lead = math.atan2(2 * zeta * ratio, 1 - ratio**2)
-    return float(speed), after * float(speed), math.atan2(p * speed + q, r * speed) + lead
+    ball = Impactor("ball", "tip", mu, clearance / 2, Rigid(e))
+    system = System.from_matrices([[1.0]], [[2 * zeta]], [[1.0]], points={"tip": [1.0]}, impactors=[ball])
+    return two_impact_orbits(system, PointForce("tip", Sine(1.0, ratio / (2 * math.pi))))[0]
 
 
 def _approach_speeds(orbit: Orbit, off: float, cycles: int) -> NDArray[np.float64]:
     """Approach speeds of a run started beside the orbit, the ball `off` too fast."""
-    mu, e, zeta, ratio, clearance, *_ = orbit
-    speed, rate, phase = _symmetric_orbit(orbit)
-    position = speed * math.pi / (2 * ratio) - clearance / 2
-    ball = Impactor("ball", "tip", mu, clearance / 2, Rigid(e))
-    system = System.from_matrices([[1.0]], [[2 * zeta]], [[1.0]], points={"tip": [1.0]}, impactors=[ball])
-    push = PointForce("tip", Sine(1.0, ratio / (2 * math.pi), phase))
-    start = State([position], [rate], [position + clearance / 2], [-speed * (1 + off)])
-    run = integrate(system, push, EventDriven(), cycles * 2 * math.pi / ratio, initial=start)
+    exact = _two_impacts(orbit)
+    start = replace(exact.state, ball_velocity=(1 + off) * np.asarray(exact.state.ball_velocity))
+    run = integrate(exact.system, exact.excitation, EventDriven(), cycles * exact.period, initial=start)
     return np.asarray(run.impacts.approach_speed)
 
 
@@ -136,8 +122,8 @@ def box_position(orbit: Orbit) -> Case:
 
 def box_eigenvalue(orbit: Orbit) -> Case:
     """Largest eigenvalue of the half-cycle map, from how a small disturbance grows or decays."""
-    mu, e, *_, growth = orbit
-    exact = 2 * _symmetric_orbit(orbit)[0] * (1 + mu) / (1 + e)
+    growth = orbit[-1]
+    exact = float(_two_impacts(orbit).impacts.approach_speed[0])
     off = _approach_speeds(orbit, 1e-7, 20)[:36] / exact - 1
     # four states at an impact: the deviations obey a recurrence of order four
     columns = np.column_stack([off[k : off.size - 4 + k] for k in range(4)])

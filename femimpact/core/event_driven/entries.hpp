@@ -69,6 +69,8 @@ inline void list_tables(ToList &rows) {
     rows.enumeration("cycle", CYCLE_NAMES);
     rows.enumeration("energy", ENERGY_NAMES);
     rows.enumeration("impact", IMPACT_NAMES);
+    rows.enumeration("event", EVENT_NAMES);
+    rows.enumeration("kind of event", EVENT_KIND_NAMES);
     rows.enumeration("total", TOTAL_NAMES);
     rows.enumeration("law kind", KIND_NAMES);
 }

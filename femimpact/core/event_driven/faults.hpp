@@ -230,6 +230,9 @@ inline const char *fault_of_rows(const Task &task, const Job &job, const Ledger 
             return "snapshots.shown: must be numbers of snapshots";
     if (!is_within(job.tables.number(0), 0, MOST_COUNTED) || !is_within(job.tables.number(1), 0, MOST_COUNTED))
         return "tables.number: must be from 0 to 2^52";
+    for (Index c = 0; c < job.tables.logged.size(); c++)
+        if (!is_within(job.tables.logged(c), 0, MOST_COUNTED))
+            return "tables.logged: must be from 0 to 2^52";
     return nullptr;
 }
 

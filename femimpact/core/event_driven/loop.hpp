@@ -179,8 +179,8 @@ inline Index run_case(Index begin, double until, double most, const Case &c, con
         set_bounds(job.pairs, c, space.bounds);
         Form form = form_of(f, c, cases, job.forms, space.bounds);
         walls = false;
-        double hit = cases.hit(c.number);
-        Index effect = STAY;
+        double hit = cases.hit(c.number), side = hit > 0.0 ? 1.0 : -1.0, before = FREE;
+        Index effect = STAY, pair = Index(magnitude(hit)) - 1, impacts = job.tables.number(0);
         if (hit == 0.0) {
             Index status = to_next_event(begin, until, form, c, job, b);
             if (status == END) {
@@ -193,15 +193,15 @@ inline Index run_case(Index begin, double until, double most, const Case &c, con
             at_once++;
             if (status == STUCK || at_once > EVENTS_AT_ONCE || double(events) > most)
                 return UNENDING;
-            Index pair = Index(search.event(0));
-            double side = search.event(1);
+            pair = Index(search.event(0)) % c.state.size();
+            side = search.event(1);
+            before = c.state(pair);
             effect = apply_event(status, form, job.pairs, c, space, job.tables, b);
             if (effect == COLLIDE || effect == RELEASE_ALL)
                 hit = side * double(pair + 1);
         }
         if (hit != 0.0 && effect != RELEASE_ALL) {
-            double side = hit > 0.0 ? 1.0 : -1.0;
-            effect = collide(Index(magnitude(hit)) - 1, side, form, job.pairs, c, space, job.tables, b);
+            effect = collide(pair, side, form, job.pairs, c, space, job.tables, b);
             hit = 0.0;
         }
         cases.hit(c.number) = hit;
@@ -210,6 +210,10 @@ inline Index run_case(Index begin, double until, double most, const Case &c, con
             for (Index r = 0; r < c.state.size(); r++)
                 c.released(r) = space.impulse(r) != 0.0 ? search.at_wall(r) : 0.0;
             return UNENDING;
+        }
+        if (effect != RELEASE_ALL && job.tables.events.shape[1] > 0) {
+            impacts = job.tables.number(0) - impacts;
+            write_event(pair, side, before, impacts, form, job.pairs, c, space, job.tables);
         }
         if (effect == STAY)
             walls = true;

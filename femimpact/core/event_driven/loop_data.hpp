@@ -271,12 +271,15 @@ struct Snapshots {
     FIELDS_END;
 };
 
-// Impacts and sticking phases of a single case, one row each; those beyond the last row are counted.
+// Impacts and sticking phases of a single case, and the events of every case, one row each; those beyond the last row
+// are counted.
 struct Tables {
     FIELDS_BEGIN;
-    ARRAY(impacts, "i n+9", Matrix);    // see `end_contact`, then the energy given to each mode
-    ARRAY(sticking, "j 5", Matrix);     // pair, side, start and end (s), impulse (N s)
-    ARRAY(number, "2", View<Index, 1>); // rows of both
+    ARRAY(impacts, "i n+9", Matrix);              // see `end_contact`, then the energy given to each mode
+    ARRAY(sticking, "j 5", Matrix);               // pair, side, start and end (s), impulse (N s)
+    ARRAY(number, "2", View<Index, 1>);           // rows of both
+    ARRAY(events, "C l R+2d+5", View<double, 3>); // see `write_event`; without rows none is counted
+    ARRAY(logged, "C", View<Index, 1>);           // rows of each case
     FIELDS_END;
 };
 

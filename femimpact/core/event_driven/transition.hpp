@@ -385,4 +385,36 @@ constexpr double ROUNDING_SHARE = 1e-12;
     return changed || caught >= 0 ? ENTER : STAY;
 }
 
+// What an event has done to its pair, by the contact states before and after it and the impacts that ended with it.
+//
+// A rigid pair that touches has met its wall at a speed that rounding has left.
+[[gnu::always_inline]] inline Index kind_of_event(double before, double after, bool rigid, Index impacts) {
+    if (before == FREE) {
+        if (!rigid || (impacts == 0 && after == FREE))
+            return KIND_TOUCH;
+        return after == FREE ? KIND_IMPACT : KIND_CAPTURE;
+    }
+    if (after == FREE)
+        return rigid ? KIND_LET_GO : KIND_SEPARATE;
+    return is_active(after) ? KIND_PRESS_AGAIN : KIND_RELEASE;
+}
+
+// Writes an event into the log, with contact states and coordinates just after it; `form` is the one before it.
+[[gnu::noinline]] inline void write_event(Index j, double side, double before, Index impacts, const Form &form,
+                                          const Pairs &pairs, const Case &c, const Space &space, const Tables &tables) {
+    Index row = tables.logged(c.number), count = c.state.size(), d = c.coordinates.shape[1];
+    tables.logged(c.number) = row + 1;
+    if (row >= tables.events.shape[1])
+        return;
+    Array out = tables.events.row(c.number, row);
+    out(EVENT_TIME) = space.motion.clock(0);
+    out(EVENT_KIND) = double(kind_of_event(before, c.state(j), pairs.rigid(j), impacts));
+    out(EVENT_PAIR) = double(j);
+    out(EVENT_SIDE) = before == FREE ? side : side_of(before);
+    out(EVENT_IMPACTS) = double(impacts);
+    for (Index i = 0; i < count; i++)
+        out(EVENT_COLUMNS + i) = c.state(i);
+    read_coordinates(form.shapes, space.motion, {out.part(EVENT_COLUMNS + count, out.size()).data, {2, d}});
+}
+
 } // namespace FEMIMPACT_TARGET

@@ -28,7 +28,7 @@ from femimpact.integrators.event_driven.loop_data import (
     EventSettings,
 )
 from femimpact.integrators.event_driven.store import FormStore, WantedForm
-from femimpact.response.impacts import CYCLE_COLUMNS, ENERGY_COLUMNS, IMPACT_COLUMNS
+from femimpact.response.impacts import CYCLE_COLUMNS, ENERGY_COLUMNS, IMPACT_COLUMNS, event_width
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.system import System
 
@@ -130,7 +130,8 @@ class Block:
 
 
 def new_block(
-    system: System, store: FormStore, inputs: Inputs, method: EventSettings, ledger: bool | None, most_rows: int = 0
+    system: System, store: FormStore, inputs: Inputs, method: EventSettings, ledger: bool | None, most_rows: int = 0,
+    most_events: int = 0,
 ) -> Block:  # fmt: skip
     """Cases at their start.
 
@@ -143,7 +144,9 @@ def new_block(
     ledger : bool or None
         True sums all energies; False the losses of compliant contacts alone, for the table of impacts; None no energy.
     most_rows : int
-        Of the tables of impacts and sticking phases.
+        Of the tables of impacts and sticking phases, of a case alone.
+    most_events : int
+        Of the log of events of each case.
 
     Returns
     -------
@@ -169,7 +172,11 @@ def new_block(
         ),
         # not set to zero: that takes longer than a short run does, and only rows that were written are read
         tables=core.events.Tables(
-            np.empty((most_rows, len(IMPACT_COLUMNS) + n)), np.empty((most_rows, 5)), np.zeros(2, dtype=np.int64)
+            np.empty((most_rows, len(IMPACT_COLUMNS) + n)),
+            np.empty((most_rows, 5)),
+            np.zeros(2, dtype=np.int64),
+            np.empty((count, most_events, event_width(store.rigid.size, equations.M.shape[0]))),
+            np.zeros(count, dtype=np.int64),
         ),
         ledger=None if ledger is None else _new_ledger(system, equations, count, ledger),
         stopped=np.zeros(count, dtype=np.int64),

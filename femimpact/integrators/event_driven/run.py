@@ -59,8 +59,10 @@ from femimpact.response.impacts import (
     MAXIMUM,
     MINIMUM,
     PEAK_FORCE,
+    EventLog,
     Impacts,
     StickingPhases,
+    event_log,
     impact_statistics,
 )
 from femimpact.response.response import Recorder, Response
@@ -96,7 +98,7 @@ def closed_drive(system: System, excitation: Excitation) -> Drive:
 
 def block_alone(
     system: System, excitation: Excitation, drive: Drive, method: EventSettings, outputs: Outputs, initial: State,
-    grid: ReadingGrid, begin: float, ledger: bool | None, most_rows: int,
+    grid: ReadingGrid, begin: float, ledger: bool | None, most_rows: int, most_events: int = 0,
 ) -> tuple[Block, Sampling]:  # fmt: skip
     """Arrays of one case at its start, and its instants of reading.
 
@@ -112,7 +114,7 @@ def block_alone(
     grid : ReadingGrid
     begin : float, s
         From when on impacts are counted.
-    ledger, most_rows
+    ledger, most_rows, most_events
         As of `new_block`.
 
     Returns
@@ -133,7 +135,7 @@ def block_alone(
         start=initial.time,
         held=held,
     )
-    block = new_block(system, store, inputs, method, ledger, most_rows)
+    block = new_block(system, store, inputs, method, ledger, most_rows, most_events)
     work_apart(block, drive, initial.time)
     sampling = sampling_from(held, initial.time, grid.interval)
     block.grid = block.grid._replace(
@@ -330,10 +332,10 @@ def _new_run(
 ) -> _Run:  # fmt: skip
     drive = closed_drive(system, excitation)
     rows = channel_rows(system, drive, channels, springs_apart=True)
-    outputs, most_rows = outputs_of(system, system.point_row(system.default_place), rows), recorder.impacts
+    outputs = outputs_of(system, system.point_row(system.default_place), rows)
     block, sampling = block_alone(
         system, excitation, drive, method, outputs, initial, grid, begin, recorder.ledger,
-        most_rows if system.contacts else 0,
+        recorder.impacts if system.contacts else 0, recorder.events,
     )  # fmt: skip
     block.grid = block.grid._replace(cycles=no_cycles(1, math.floor(samples / grid.per_cycle + WHOLE)))
     return _Run(system, excitation, method, drive, channels, rows, recorder.ledger, keep, block, initial, sampling)
@@ -468,10 +470,12 @@ def _history(run: _Run, samples_before: int, snapshots_before: int) -> HistoryPi
 
 def _response(run: _Run, stream: Stream, samples: int, begin: float) -> Response:
     system, frequency, left = run.system, run.excitation.frequency, stream.left()
+    # an event at the very end is found by this, and belongs to the tables
+    state = _state(run, samples)
     length = float(run.sampling.time(samples)) - begin
     laws = ", ".join(dict.fromkeys(pair.law.name for pair in system.contacts)) or "none"
     totals = peaks_of_forces(run.block.cases.totals[0], run.block.pairs.rigid)
-    impacts = _impacts(run)
+    impacts, log = _impacts(run), _events(run)
     energy, warnings = left.energy, list[str]()
     if energy is not None:
         warnings += _balance_warnings(run, energy)
@@ -504,10 +508,12 @@ def _response(run: _Run, stream: Stream, samples: int, begin: float) -> Response
             *truncation_notes(system),
             *reaction_notes(system, run.drive, run.channels),
             *_open_contacts(run),
+            *_events_dropped(log),
         ),
         streamed_to=stream.streamed_to,
         start=run.initial.time,
-        final_state=_state(run, samples),
+        final_state=state,
+        events=log,
     )
 
 
@@ -551,6 +557,21 @@ def _impacts(run: _Run) -> Impacts:
         law={contact.name: contact.law.name for contact in contacts if contact.has_walls},
         dropped=count - table.shape[0],
     )
+
+
+def _events(run: _Run) -> EventLog | None:
+    """The log of events, where one is kept."""
+    tables = run.block.tables
+    if not tables.events.shape[1]:
+        return None
+    names = tuple(contact.name for contact in run.system.contacts)
+    return event_log(tables.events[0], int(tables.logged[0]), names)
+
+
+def _events_dropped(log: EventLog | None) -> tuple[str, ...]:
+    if log is None or not log.dropped:
+        return ()
+    return (f"{log.dropped} events beyond the first {len(log)} are not in the log (Recorder.events)",)
 
 
 def _sticking(run: _Run) -> StickingPhases:

@@ -43,9 +43,11 @@ from femimpact.system.system import System
 
 
 def check_recorder(recorder: Recorder) -> None:
-    """Raise `InputError` for an interval of readings: a method with steps has a step."""
+    """Raise `InputError` for what a method with steps lacks: an interval of readings beside its step, and events."""
     allowed = "is for EventDriven: a method with steps is read at its steps, of which `every` keeps one in so many"
     require(recorder.interval is None, "record.interval", recorder.interval, "s", allowed)
+    allowed = "must be 0: a method with steps finds no events, whose log is for EventDriven"
+    require(recorder.events == 0, "record.events", recorder.events, "", allowed)
 
 
 def piece_ends(recorder: Recorder, steps: int) -> Iterable[int]:

@@ -1,0 +1,322 @@
+"""The branch of periodic orbits over a parameter: its points, its bifurcations, its orbits."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femimpact.arrays import Array, Complex
+from femimpact.errors import (
+    DivergenceError,
+    check_fields,
+    checked,
+    choice,
+    column,
+    instance,
+    items,
+    made,
+    quantity,
+    require,
+    takes,
+    text,
+)  # fmt: skip
+from femimpact.orbits.curve import Curve, at_value
+from femimpact.orbits.equations import passage
+from femimpact.orbits.flow import Flow
+from femimpact.orbits.following import CHANGES, CLOSED, follow
+from femimpact.orbits.guess import first_guess
+from femimpact.orbits.newton import Solution, solve
+from femimpact.orbits.orbit import PeriodicOrbit
+from femimpact.orbits.own_runs import Followed
+from femimpact.orbits.parameter import Parameter, parameter_of
+from femimpact.orbits.search import length_of, one_sine
+from femimpact.orbits.verification import orbit_of, own_run, unit_of
+from femimpact.table import Head, frame_of, head_of_values, short_repr
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
+
+
+@dataclass(frozen=True, eq=False)
+class Bifurcation:
+    """A point of a branch at which orbits are born, or lose their stability, or an impact appears.
+
+    Parameters
+    ----------
+    kind : str
+        "fold", "period-doubling", "symmetry-breaking", "branch-point", "neimark-sacker", "grazing" or "sticking".
+    value : float
+        Of the parameter, to a relative 1e-10.
+    orbit : PeriodicOrbit
+        At "grazing" and "sticking" its multipliers are no numbers to use: at no speed they are infinite.
+    """
+
+    kind: str = field(metadata=choice(*CHANGES, "grazing", "sticking"))
+    value: float = field(metadata=quantity(""))
+    orbit: PeriodicOrbit = field(metadata=instance(PeriodicOrbit))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+
+
+@short_repr
+@dataclass(frozen=True, eq=False)
+class Branch:
+    """Periodic orbits over a parameter, in their order along the branch; both sheets of a fold are in it.
+
+    Parameters
+    ----------
+    parameter : str
+        Path of the parameter.
+    unit : str
+        Of the parameter.
+    values : ndarray (points,)
+        Of the parameter.
+    multipliers : ndarray (points, 2(n+balls)), 1
+        Of each orbit, as of `PeriodicOrbit`.
+    peak : ndarray (points,), m
+        Largest displacement of the system's default place, relative to the base.
+    first_harmonic : ndarray (points,), m
+        Its component at the frequency of the excitation.
+    end : tuple of str
+        Why the branch ends, at its first point and at its last.
+    bifurcations : tuple of Bifurcation
+        In their order; each is a point of the branch, too.
+    bifurcation_points : ndarray (bifurcations,) of int
+        Numbers of these points, from 0.
+    place : str
+        The default place, of which the displacement is.
+    curve : Curve
+        Equations of the branch, for `at` and `orbits`.
+    unknowns : ndarray (points, unknowns), 1
+        Those of each point: states after events in units of the smallest gap, phases of events, and the parameter.
+    """
+
+    parameter: str = field(metadata=text())
+    unit: str = field(metadata=text())
+    values: Array = field(metadata=column("", "points", finite=True))
+    multipliers: Complex = field(metadata=column("1", "points", "multipliers", of="complex number"))
+    peak: Array = field(metadata=column("m", "points"))
+    first_harmonic: Array = field(metadata=column("m", "points"))
+    end: tuple[str, str] = field(metadata=text(several=True))
+    bifurcations: tuple[Bifurcation, ...] = field(metadata=items(Bifurcation))
+    bifurcation_points: NDArray[np.int64] = field(metadata=column("1", "bifurcations", of="whole number"))
+    place: str = field(metadata=text())
+    curve: Curve = field(metadata=instance(Curve))
+    unknowns: Array = field(metadata=column("1", "points", "unknowns"))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+
+    def __len__(self) -> int:
+        return int(self.values.size)
+
+    @property
+    def is_stable(self) -> NDArray[np.bool_]:
+        """True where every small disturbance decays, (points,); at a bifurcation it does to rounding alone."""
+        return np.asarray(np.abs(self.multipliers[:, 0]) < 1.0)
+
+    @property
+    def orbits(self) -> Sequence[PeriodicOrbit]:
+        """The orbit of each point, made when it is read."""
+        return _Orbits(self)
+
+    def at(self, value: float) -> tuple[PeriodicOrbit, ...]:
+        """All orbits of the branch at a value of the parameter, in their order along it; none where it has none.
+
+        Raises `InputError` if the value is none that the parameter may have.
+        """
+        value, found = checked("value", value, self.curve.parameter.allowed), list[PeriodicOrbit]()
+        before, after = self.values[:-1] - value, self.values[1:] - value
+        for i in np.flatnonzero((np.sign(before) * np.sign(after) < 0.0) | (before == 0.0)).tolist():
+            here, there = self.unknowns[i], self.unknowns[i + 1]
+            share = before[i] / (before[i] - after[i]) if before[i] != after[i] else 0.0
+            point = at_value(self.curve, here + share * (there - here), value)
+            if point is not None:
+                found.append(_orbit(self.curve, point.x))
+        if self.values[-1] == value and self.end[1] != CLOSED:
+            found.append(self.orbits[-1])
+        return tuple(found)
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """A row for every point, bifurcations by their kind; units in `attrs["units"]`."""
+        columns: dict[str, Any] = {self.parameter: self.values, "peak": self.peak}
+        columns |= {"first_harmonic": self.first_harmonic, "is_stable": self.is_stable}
+        columns |= {"largest_multiplier": np.abs(self.multipliers[:, 0]), "bifurcation": self._kinds}
+        units = {self.parameter: self.unit, "peak": "m", "first_harmonic": "m", "largest_multiplier": "1"}
+        return frame_of(columns, units | {"is_stable": "", "bifurcation": ""})
+
+    def to_xarray(self) -> xarray.Dataset:
+        """The branch as a labelled dataset over its points, with the real and imaginary parts of its multipliers."""
+        import xarray
+
+        data: dict[str, Any] = {
+            name: ("point", np.array(getattr(self, name)), {"units": "m", "long_name": name.replace("_", " ")})
+            for name in ("peak", "first_harmonic")
+        }
+        for part in ("real", "imag"):
+            labels = {"units": "1", "long_name": f"Floquet multipliers, {part}"}
+            data[f"multipliers_{part}"] = (("point", "multiplier"), np.array(getattr(self.multipliers, part)), labels)
+        data["is_stable"] = ("point", self.is_stable)
+        data["bifurcation"] = ("point", self._kinds)
+        values = ("point", np.array(self.values), {"units": self.unit, "long_name": self.parameter})
+        attributes = {"parameter": self.parameter, "first_end": self.end[0], "last_end": self.end[1]}
+        return xarray.Dataset(data, coords={"value": values}, attrs=attributes)
+
+    @property
+    def _kinds(self) -> NDArray[np.str_]:
+        """Kind of the bifurcation at each point, an empty text where there is none."""
+        kinds = np.full(len(self), "", dtype="<U17")
+        kinds[self.bifurcation_points] = [each.kind for each in self.bifurcations]
+        return kinds
+
+    @property
+    def _head(self) -> Head:
+        low, high = float(self.values.min()), float(self.values.max())
+        values = {
+            "values": f"{low:.6g} to {high:.6g} {self.unit}, {len(self)} points",
+            "stable": f"{np.count_nonzero(self.is_stable)} of them",
+            "bifurcations": ", ".join(f"{b.kind} {b.value:.6g}" for b in self.bifurcations) or "none",
+            "first end": self.end[0],
+            "last end": self.end[1],
+        }
+        return head_of_values(f"Branch of periodic orbits over {self.parameter}", values)
+
+
+class _Orbits(Sequence[PeriodicOrbit]):
+    """The orbits of a branch, each made when it is read."""
+
+    def __init__(self, branch: Branch) -> None:
+        self._branch = branch
+
+    def __len__(self) -> int:
+        return len(self._branch)
+
+    @overload
+    def __getitem__(self, number: int) -> PeriodicOrbit: ...
+
+    @overload
+    def __getitem__(self, number: slice) -> tuple[PeriodicOrbit, ...]: ...
+
+    def __getitem__(self, number: int | slice) -> PeriodicOrbit | tuple[PeriodicOrbit, ...]:
+        if isinstance(number, slice):
+            return tuple(self[i] for i in range(*number.indices(len(self))))
+        return _orbit(self._branch.curve, self._branch.unknowns[number])
+
+    def __iter__(self) -> Iterator[PeriodicOrbit]:
+        return (self[i] for i in range(len(self)))
+
+
+@takes(orbit=instance(PeriodicOrbit), points=quantity("1", at_least=2, at_most=10**6, integer=True))
+def continue_orbit(orbit: PeriodicOrbit, parameter: str, to: tuple[float, float], *, points: int = 2000) -> Branch:
+    """The branch of periodic orbits through one of them, over a number of the excitation or of a contact.
+
+    Followed both ways by pseudo-arclength: states, phases and the parameter are unknown together, so that a fold is a
+    point as any other. A symmetric orbit is followed by its half map. Steps shrink where a multiplier near the unit
+    circle moves by more than 0.1, and where the number of unstable multipliers changes by more than the bifurcations
+    found explain. (Kuznetsov, 2004.)
+
+    Parameters
+    ----------
+    orbit : PeriodicOrbit
+    parameter : str
+        Path as in a study file: "base.frequency" (Hz) and "base.amplitude" (m, of a force N), also without "base.";
+        "impactor.NAME.gap" (m, both walls), "impactor.NAME.contact.restitution"; the same of "stop.NAME".
+    to : pair of float
+        Range of the parameter in which the branch is followed, with the orbit's own value in it.
+    points : int
+        Most points to each side of the orbit.
+
+    Returns
+    -------
+    Branch
+        Each orbit verified: an event-driven run over one period meets the same events and ends where it began. It ends
+        at an edge of the range, where an impact has lost its speed, where the crest of a gap reaches a wall, or as its
+        `end` says.
+
+    Raises
+    ------
+    InputError
+        If the system has no such number, or it changes the modes.
+    """
+    sine = one_sine(orbit.excitation)
+    number = parameter_of(orbit.system, sine, parameter)
+    low, high = _range(number, to)
+    guess = first_guess(orbit.system, sine, orbit.cycles, orbit)
+    unit = np.append(unit_of(number.hybrid, length := length_of(orbit.system, guess.states)), 1.0)
+    by_rows = np.append(unit[:-1], length) if guess.sequence.pair.max(initial=-1) >= 0 else unit
+    curve = Curve(number, guess.sequence, orbit.is_symmetric, unit, by_rows, high - low)
+    # of an orbit without events the guess is one state
+    found = solve(number.hybrid, guess.sequence, guess.states, guess.phases, length)
+    start = at_value(curve, curve.unknowns(found.states, found.phases, number.value), number.value)
+    if start is None:
+        raise DivergenceError(
+            f"the orbit is none at {number.path} = {number.value:g}: it has changed since it was found"
+        )
+    backward = follow(orbit.system, replace(start, tangent=-start.tangent), low, high, points)
+    if backward.end == CLOSED:
+        return _joined(
+            curve, backward, Followed(backward.points[:1], {}, backward.peak[:1], backward.first_harmonic[:1], CLOSED)
+        )
+    return _joined(curve, backward, follow(orbit.system, start, low, high, points))
+
+
+def _range(number: Parameter, to: Any) -> tuple[float, float]:
+    """Both ends of a range.
+
+    Raises `InputError` if it is none, or lacks the orbit's value.
+    """
+    pair = isinstance(to, (tuple, list)) and len(to) == 2
+    require(pair, "to", to, number.unit, "must be two numbers, the lowest and the highest value")
+    low, high = (checked(f"to[{i}]", value, number.allowed) for i, value in enumerate(to))
+    inside = low < high and low <= number.value <= high
+    require(inside, "to", (low, high), number.unit, f"must rise, and have the orbit's {number.value:g} in it")
+    return low, high
+
+
+def _joined(curve: Curve, backward: Followed, forward: Followed) -> Branch:
+    """One branch of both ways, the lower values of the parameter beside the start first."""
+    last = len(backward.points) - 1
+    points = [*backward.points[::-1], *forward.points[1:]]
+    kinds = {last - i: kind for i, kind in backward.kinds.items()} | {last + i: k for i, k in forward.kinds.items()}
+    multipliers = np.array([point.multipliers for point in points])
+    if curve.is_symmetric:
+        with np.errstate(invalid="ignore"):
+            # infinite where an impact has no speed
+            multipliers = np.where(np.isfinite(multipliers), multipliers**2, multipliers)
+    values = np.array([point.value for point in points])
+    return made(
+        Branch,
+        parameter=curve.parameter.path,
+        unit=curve.parameter.unit,
+        values=values,
+        multipliers=multipliers,
+        peak=np.array([*backward.peak[::-1], *forward.peak[1:]]),
+        first_harmonic=np.array([*backward.first_harmonic[::-1], *forward.first_harmonic[1:]]),
+        end=(backward.end, forward.end),
+        bifurcations=tuple(
+            made(Bifurcation, kind=kinds[i], value=float(values[i]), orbit=_orbit(curve, points[i].x))
+            for i in sorted(kinds)
+        ),
+        bifurcation_points=np.array(sorted(kinds), dtype=np.int64),
+        place=curve.parameter.at(curve.parameter.value)[0].default_place,
+        curve=curve,
+        unknowns=np.array([point.x for point in points]),
+    )
+
+
+def _orbit(curve: Curve, x: Array) -> PeriodicOrbit:
+    """The orbit of a point of a branch, with its own run."""
+    value = float(x[-1])
+    system, excitation = curve.parameter.at(value)
+    (states, phases), flows = curve.orbit(x), dict[bytes, Flow]()
+    hybrid = curve.parameter.hybrid_at(value)
+    passed = passage(hybrid, curve.sequence, states, phases, flows)
+    found, length = Solution(states, phases, passed, (), 0.0, True), length_of(system, states)
+    run, missed, _ = own_run(system, excitation, curve.sequence, found, flows, unit_of(hybrid, length))
+    return orbit_of(system, excitation, hybrid, curve.sequence, found, length, flows, run, missed)

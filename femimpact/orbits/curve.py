@@ -1,0 +1,283 @@
+"""The curve of solutions over a parameter: its points, their tangents, and the functions that vanish at its events.
+
+Unknown are states and phases as of `equations`, and the parameter. A symmetric orbit is that of its first half:
+states half a period later are opposite, phases by half a period later.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import scipy.optimize
+from numpy.typing import NDArray
+
+from femimpact.arrays import Array, Complex
+from femimpact.orbits.equations import RELEASE, SEPARATE, Passage, Sequence, derivative_by, jacobian, passage, residual
+from femimpact.orbits.flow import Flow
+from femimpact.orbits.newton import EXACT, ROUNDED
+from femimpact.orbits.parameter import Parameter
+from femimpact.orbits.verification import may_be_symmetric
+
+MOST_STEPS = 8
+"""Steps of Newton's method onto the curve: more are taken for a step along it that was too long."""
+
+FAR = 0.5
+"""Largest change, in units, of a step of Newton's method onto the curve."""
+
+SETTLED = 1e-5
+"""Change below which the derivative by the parameter is that of the step before."""
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """Solutions with the same events. The m + 1 unknowns of a point are in units, the parameter, last, is not."""
+
+    parameter: Parameter
+    sequence: Sequence
+    is_symmetric: bool
+    unit: Array  # (2d + 1,) of states and phases
+    by_rows: Array  # (2d + 1,) of the equations
+    width: float  # of the parameter: its range
+
+    @property
+    def weight(self) -> Array:
+        """Weights (m + 1,) of squares in the length of the curve."""
+        m = self.events * self.unit.size
+        return np.append(np.full(m, 1.0 / m), 1.0 / self.width**2)
+
+    @property
+    def events(self) -> int:
+        """Events that have unknowns."""
+        return len(self.solved.kind)
+
+    @cached_property
+    def solved(self) -> Sequence:
+        """The events that have unknowns."""
+        if not self.is_symmetric:
+            return self.sequence
+        n = len(self.sequence.kind) // 2
+        arrays = {
+            name: getattr(self.sequence, name)[:n] for name in ("kind", "pair", "side", "contact_state", "section")
+        }
+        return replace(self.sequence, **arrays, is_half=True)
+
+    @cached_property
+    def may_lose_symmetry(self) -> bool:
+        """Whether an orbit without symmetry may come to one that has it."""
+        return not self.is_symmetric and may_be_symmetric(self.parameter.hybrid, self.sequence)
+
+    def unknowns(self, states: Array, phases: Array, value: float) -> Array:
+        """Unknowns (m + 1,) of an orbit."""
+        both = np.concatenate([states, phases[:, None]], axis=1)[: self.events] / self.unit
+        return np.append(both.reshape(-1), value)
+
+    def solved_states(self, x: Array) -> tuple[Array, Array]:
+        """States (n, 2d) and phases (n,) of the events that have unknowns."""
+        both = x[:-1].reshape(self.events, -1) * self.unit
+        return both[:, :-1], both[:, -1]
+
+    def orbit(self, x: Array) -> tuple[Array, Array]:
+        """States (N, 2d) and phases (N,) of all events."""
+        states, phases = self.solved_states(x)
+        if not self.is_symmetric:
+            return states, phases
+        return np.concatenate([states, -states]), np.concatenate([phases, phases + math.pi * self.sequence.cycles])
+
+    def by_unknowns(self, passed: Passage) -> Array:
+        """Derivative (m, m) of the equations, in units."""
+        found = jacobian(passed, self.solved.is_half) / self.by_rows[:, None, None] * self.unit
+        return np.asarray(found.reshape(2 * [self.events * self.unit.size]))
+
+    def in_units(self, rows: Array) -> Array:
+        """Equations (m,) in units of rows (N, 2d + 1)."""
+        return np.asarray((rows / self.by_rows).reshape(-1))
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """A solution on a curve."""
+
+    curve: Curve
+    x: Array  # (m + 1,)
+    tangent: Array  # (m + 1,) of unit length
+    passed: Passage
+    flows: dict[bytes, Flow]
+
+    @property
+    def value(self) -> float:
+        """Of the parameter."""
+        return float(self.x[-1])
+
+    @property
+    def row(self) -> Array:
+        """Row (m + 1,) of the plane across the curve."""
+        return self.curve.weight * self.tangent
+
+    @cached_property
+    def orbit(self) -> tuple[Array, Array]:
+        """States (N, 2d) and phases (N,) of all events."""
+        return self.curve.orbit(self.x)
+
+    @property
+    def cycle(self) -> float:
+        """Phase (rad) of one period of the orbit."""
+        return 2.0 * math.pi * self.curve.sequence.cycles
+
+    @cached_property
+    def multipliers(self) -> Complex:
+        """Those of the half map of a symmetric orbit, else of the orbit; infinite where an event has no speed."""
+        with np.errstate(all="ignore"):
+            steps = self.passed.saltation @ self.passed.propagator
+            found = np.eye(steps.shape[1])
+            for step in steps:
+                found = step @ found
+        if not np.all(np.isfinite(found)):
+            return np.full(found.shape[0], np.inf, dtype=complex)
+        values = np.linalg.eigvals(-found if self.curve.is_symmetric else found).astype(complex)
+        return np.asarray(values[np.argsort(-np.abs(values), kind="stable")])
+
+    @property
+    def unstable(self) -> int:
+        """Number of multipliers outside the unit circle."""
+        return int(np.count_nonzero(np.abs(self.multipliers) > 1.0))
+
+    @cached_property
+    def pair_products(self) -> NDArray[Any]:
+        """1 - mu_i mu_j of each two multipliers."""
+        i, j = np.triu_indices(self.multipliers.size, 1)
+        return np.asarray(1.0 - self.multipliers[i] * self.multipliers[j])
+
+    @cached_property
+    def tests(self) -> dict[str, float]:
+        """Functions that change sign at bifurcations, by kind."""
+        at_minus_one = "symmetry-breaking" if self.curve.is_symmetric else "period-doubling"
+        at_one, slope = float(np.prod(1.0 - self.multipliers).real), float(self.tangent[-1])
+        return {
+            "fold": slope,
+            at_minus_one: float(np.prod(1.0 + self.multipliers).real),
+            # at a fold both change sign
+            "branch-point": at_one * math.copysign(1.0, slope),
+            "neimark-sacker": float(np.prod(self.pair_products).real),
+        }
+
+    @cached_property
+    def limits(self) -> Array:
+        """Numbers that are above zero as long as events happen at a speed, in their order: by event, between events."""
+        solved = self.curve.solved
+        side = np.array([RATES.get(kind, 1.0) for kind in solved.kind])
+        phases = self.curve.solved_states(self.x)[1]
+        between = np.diff(np.append(phases, phases[0] + solved.turn))
+        return np.concatenate([side * self.passed.distance_rate / self.curve.by_rows[-1], between])
+
+    def apart(self, other: Point) -> float:
+        """How far from symmetric the orbit is, along the difference that another one has."""
+        mine, its = (_difference(point) for point in (self, other))
+        return float(mine @ its / (its @ its))
+
+
+RATES = {RELEASE: -1.0, SEPARATE: -1.0}
+"""Sign with which the condition of an event is met, where it is not from below."""
+
+
+def _difference(point: Point) -> Array:
+    curve, (states, phases) = point.curve, point.orbit
+    half = len(phases) // 2
+    turned = phases[half:] - phases[:half] - math.pi * curve.sequence.cycles
+    return np.append(((states[:half] + states[half:]) / curve.unit[:-1]).reshape(-1), turned)
+
+
+def evaluated(curve: Curve, x: Array, tangent: Array) -> Point:
+    """A point of known unknowns."""
+    flows = dict[bytes, Flow]()
+    passed = passage(curve.parameter.hybrid_at(float(x[-1])), curve.solved, *curve.solved_states(x), flows)
+    return Point(curve, x, tangent, passed, flows)
+
+
+def corrected(curve: Curve, guess: Array, row: Array) -> tuple[Point | None, float]:
+    """The point of the curve next to a guess, on the plane through it across a row (m + 1,), and the last change.
+
+    The tangent leads to where the row does.
+    """
+    last = math.inf
+    with np.errstate(all="ignore"):
+        try:
+            for found, last in _newton(curve, guess, row):
+                if found is not None:
+                    return found, last
+        except np.linalg.LinAlgError:
+            # singular, or a resonance without damping
+            pass
+    return None, last
+
+
+def _newton(curve: Curve, x: Array, row: Array) -> Iterator[tuple[Point | None, float]]:
+    """Changes by steps of Newton's method as long as they lead on, and the point in the end."""
+    guess, m, parameter, solved = x, x.size - 1, curve.parameter, curve.solved
+    change, by_value, matrix = math.inf, np.zeros((0, 0)), np.empty((m + 1, m + 1))
+    matrix[m] = row
+    for _ in range(MOST_STEPS):
+        flows, last = dict[bytes, Flow](), change
+        states, phases = curve.solved_states(x)
+        passed = passage(parameter.hybrid_at(float(x[-1])), solved, states, phases, flows)
+        if change > SETTLED:
+            by_value = derivative_by(parameter.hybrid_at, float(x[-1]), solved, states, phases)
+        matrix[:m, :m], matrix[:m, m] = curve.by_unknowns(passed), curve.in_units(by_value)
+        right = np.zeros((m + 1, 2))
+        right[:m, 0], right[m] = curve.in_units(residual(passed, states)), (row @ (x - guess), 1.0)
+        step, along = np.linalg.solve(matrix, right).T
+        change = max(float(np.abs(step[:-1]).max()), abs(float(step[-1])) / curve.width)
+        if change <= EXACT or (change <= ROUNDED and change >= 0.1 * last):
+            tangent = along / math.sqrt(along @ (curve.weight * along))
+            yield Point(curve, x, tangent, passed, flows), change
+        yield None, change
+        if not change < FAR:
+            return
+        x = x - step
+
+
+class LostError(Exception):
+    """A curve has no point where one was looked for."""
+
+
+def point_along(left: Point, step: float, bend: Array | float = 0.0) -> Point:
+    """The point so far along the tangent of another one, near to where a parabola leads."""
+    point, change = corrected(left.curve, left.x + step * left.tangent + step**2 * bend, left.row)
+    if point is None:
+        raise LostError(f"the last step of Newton's method changed the orbit by {change:.2g}")
+    return point
+
+
+def near_points(left: Point, steps: tuple[float, ...]) -> list[Point]:
+    """Points so far along the tangent of one, those that are found."""
+    found = [corrected(left.curve, left.x + step * left.tangent, left.row)[0] for step in steps]
+    return [point for point in found if point is not None]
+
+
+def at_value(curve: Curve, near: Array, value: float) -> Point | None:
+    """The point next to some unknowns with a value of the parameter."""
+    guess, row = near.copy(), np.zeros(near.size)
+    guess[-1], row[-1] = value, 1.0
+    return corrected(curve, guess, row)[0]
+
+
+def locate(left: Point, right: Point, function: Callable[[Point], float], tolerance: float = EXACT) -> Point:
+    """The point between two others at which a function of the points vanishes, that has two signs at them."""
+    length = float(left.row @ (right.x - left.x))
+    bend = (right.x - left.x - length * left.tangent) / length**2
+    known = {0.0: left, length: right}
+
+    def at(step: float) -> float:
+        if step not in known:
+            known[step] = point_along(left, step, bend)
+        return function(known[step])
+
+    try:
+        step = float(scipy.optimize.toms748(at, 0.0, length, xtol=tolerance, rtol=1e-14, maxiter=60))
+    except (ValueError, RuntimeError):
+        raise LostError("an event on the curve cannot be located") from None
+    return point_along(left, step, bend)

@@ -1,0 +1,247 @@
+"""The motion between two events: the linear flow of a contact state under a sine, in closed form.
+
+With z = (p, p') of structure and balls, and theta the phase of the drive, a set of pressed Kelvin-Voigt pairs leaves
+
+    z' = A z + a + s sin(theta) + c cos(theta),   theta' = omega,
+    z(t) = e^{A t} (z(0) - z_p(theta(0))) + int_0^t e^{A r} a dr + z_p(theta(t)),
+
+with z_p the steady response. Coordinates that nothing couples move in closed form, the others by the eigenvalues of
+their matrix, or by its exponential where these do not separate.
+
+All of it is analytic in the numbers of the system. These may have a tiny imaginary part each, which then is a
+derivative without a difference (Squire and Trapp, 1998). Complex matrices go by their exponential, whose rounding
+leaves that part its digits; eigenvalues do not.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from femimpact.excitation import Excitation
+from femimpact.integrators.channel_rows import drive_of
+from femimpact.integrators.event_driven.equations import equations_of
+from femimpact.integrators.event_driven.loop_data import CONTACT
+from femimpact.system.system import System
+
+Numbers = NDArray[Any]
+"""Real numbers, or complex ones of a derivative."""
+
+SEPARATE = 1e8
+"""Condition of the eigenvectors beyond which the matrix exponential is taken."""
+
+SERIES = 1e-4
+"""|Delta| t^2 of a nearly critical coordinate up to which its sine is taken as a series."""
+
+
+@dataclass(frozen=True, eq=False)
+class HybridSystem:
+    """The numbers of structure, balls, contacts and sine; those that are derived by may be complex."""
+
+    mass: Numbers  # (d,) of structure and balls
+    damping: Numbers  # (d, d)
+    stiffness: Numbers  # (d, d)
+    load: Numbers  # (d,) per unit of s(t): the base's acceleration, or the force
+    constant: Numbers  # (d,) N
+    force: Numbers  # (d, pairs) what a force on the structure at each pair does to the coordinates
+    in_space: Numbers  # (pairs,) x_j = -force_j p - in_space_j ub
+    gaps: Numbers  # (pairs, 2) m: to the + and to the - side
+    restitution: Numbers  # (pairs,)
+    contact_stiffness: Numbers  # (pairs,) N/m, of Kelvin-Voigt pairs
+    contact_damping: Numbers  # (pairs,) N s/m
+    omega: Any  # rad/s
+    amplitude: Any  # m of the base, or N
+    moves_base: bool
+
+    @property
+    def drive(self) -> Any:
+        """Amplitude of s(t) beside sin(theta)."""
+        return -self.amplitude * self.omega**2 if self.moves_base else self.amplitude
+
+
+def hybrid_system(system: System, excitation: Excitation) -> HybridSystem:
+    """The numbers of a system on its modes under one sine."""
+    drive = drive_of(system, excitation)
+    equations = equations_of(system, drive)
+    parameters = [pair.parameters for pair in system.contacts]
+    return HybridSystem(
+        mass=equations.M.diagonal().copy(),
+        damping=equations.C,
+        stiffness=equations.K,
+        load=equations.drive[0],
+        constant=equations.given,
+        force=equations.force,
+        in_space=equations.in_space,
+        gaps=np.array([pair.gaps for pair in system.contacts], dtype=float).reshape(-1, 2),
+        restitution=np.array([numbers.restitution for numbers in parameters]),
+        contact_stiffness=np.array([numbers.stiffness for numbers in parameters]),
+        contact_damping=np.array([numbers.damping for numbers in parameters]),
+        omega=drive.omega,
+        amplitude=drive.sine.amplitude / (-(drive.omega**2) if drive.share else 1.0),
+        moves_base=bool(drive.share),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Alone:
+    """Coordinates that nothing couples: q'' + 2 sigma q' + kappa q = a."""
+
+    members: NDArray[np.intp]
+    sigma: Numbers
+    kappa: Numbers
+    constant: Numbers
+
+
+@dataclass(frozen=True, eq=False)
+class _Coupled:
+    """Coordinates that contacts and springs couple: z' = matrix z + constant."""
+
+    members: NDArray[np.intp]  # of (p, p')
+    matrix: Numbers
+    constant: Numbers
+    rate: Numbers | None  # eigenvalues, right vectors and their inverse; None where they do not separate
+    right: Numbers
+    left: Numbers
+
+
+@dataclass(frozen=True, eq=False)
+class Flow:
+    """z' = A z + a + s sin(theta) + c cos(theta)."""
+
+    matrix: Numbers  # (2d, 2d) A
+    constant: Numbers  # (2d,) a
+    sine: Numbers  # (2d,) s and c
+    cosine: Numbers
+    steady_sine: Numbers  # (2d,) of the steady response
+    steady_cosine: Numbers
+    omega: Any  # rad/s
+    alone: _Alone
+    coupled: _Coupled
+
+    def field(self, z: Numbers, phase: Numbers) -> Numbers:
+        """Rates z' (n, 2d) at states (n, 2d) and phases (n,)."""
+        driven = np.outer(np.sin(phase), self.sine) + np.outer(np.cos(phase), self.cosine)
+        return np.asarray(z @ self.matrix.T + self.constant + driven)
+
+    def steady(self, phase: Numbers) -> Numbers:
+        """The steady response (n, 2d) at phases (n,)."""
+        return np.asarray(np.outer(np.sin(phase), self.steady_sine) + np.outer(np.cos(phase), self.steady_cosine))
+
+    def carried(self, states: Numbers, begin: Numbers, end: Numbers) -> tuple[Numbers, Numbers]:
+        """States (n, 2d) at phases `end` (n,) after those at phases `begin`, and their propagators (n, 2d, 2d)."""
+        propagator, moved = self.over((end - begin) / self.omega)
+        left = (propagator @ (states - self.steady(begin))[:, :, None])[:, :, 0]
+        return left + moved + self.steady(end), propagator
+
+    def over(self, time: Numbers) -> tuple[Numbers, Numbers]:
+        """e^{A t} (n, 2d, 2d) and the integral of e^{A r} a (n, 2d) over times (n,) in s."""
+        size, real = self.constant.size, np.real(time)
+        kind = np.result_type(self.matrix, self.constant)
+        propagator, moved = np.zeros((time.size, size, size), dtype=kind), np.zeros((time.size, size), dtype=kind)
+        _add_alone(self.alone, real[:, None], propagator, moved)
+        if self.coupled.members.size:
+            members = self.coupled.members
+            propagator[:, members[:, None], members], moved[:, members] = _over_coupled(self.coupled, real)
+        if np.iscomplexobj(time):
+            # the step of a derivative
+            step = 1j * np.imag(time)[:, None]
+            moved = moved + step * (propagator @ self.constant)
+            propagator = propagator + step[:, :, None] * (propagator @ self.matrix)
+        return propagator, moved
+
+
+def flow_of(hybrid: HybridSystem, contact_state: Numbers) -> Flow:  # contact_state (pairs,)
+    """The flow while the pairs in contact are pressed."""
+    pressed = np.flatnonzero(np.abs(contact_state) == CONTACT)
+    side = contact_state[pressed]
+    P, k, c = hybrid.force[:, pressed], hybrid.contact_stiffness[pressed], hybrid.contact_damping[pressed]
+    in_space, gap = hybrid.in_space[pressed], hybrid.gaps[pressed, np.where(side > 0, 0, 1)]
+    K, C = hybrid.stiffness + (P * k) @ P.T, hybrid.damping + (P * c) @ P.T
+    loads = (
+        hybrid.constant - P @ (k * side * gap),
+        hybrid.load * hybrid.drive - P @ (k * in_space) * hybrid.amplitude,
+        -P @ (c * in_space) * (hybrid.amplitude * hybrid.omega),
+    )
+    inverse, d = 1.0 / hybrid.mass, hybrid.mass.size
+    nothing = np.zeros(d)
+    A = np.block([[np.zeros((d, d)), np.eye(d)], [-inverse[:, None] * K, -inverse[:, None] * C]])
+    constant, sine, cosine = (np.concatenate([nothing, inverse * load]) for load in loads)
+    dynamic, turned = K - hybrid.omega**2 * np.diag(hybrid.mass), hybrid.omega * C
+    response = np.linalg.solve(np.block([[dynamic, -turned], [turned, dynamic]]), np.concatenate(loads[1:]))
+    steady = response[:d], response[d:]
+    off = ((K != 0.0) | (C != 0.0)) & ~np.eye(d, dtype=bool)
+    alone, others = np.flatnonzero(~off.any(axis=0)), np.flatnonzero(off.any(axis=0))
+    return Flow(
+        A, constant, sine, cosine,
+        np.concatenate([steady[0], -hybrid.omega * steady[1]]),
+        np.concatenate([steady[1], hybrid.omega * steady[0]]),
+        hybrid.omega,
+        _Alone(alone, 0.5 * (inverse * np.diagonal(C))[alone], (inverse * np.diagonal(K))[alone], constant[d + alone]),
+        _coupled(A, constant, np.concatenate([others, d + others])),
+    )  # fmt: skip
+
+
+def _coupled(A: Numbers, constant: Numbers, members: NDArray[np.intp]) -> _Coupled:
+    matrix, n = A[np.ix_(members, members)], members.size // 2
+    none = np.zeros((0, 0))
+    if not n or np.iscomplexobj(matrix):
+        return _Coupled(members, matrix, constant[members], None, none, none)
+    # of (omega p, p') the eigenvectors are of one size
+    omega = np.sqrt(np.abs(np.diagonal(matrix[n:, :n])))
+    unit = np.concatenate([np.where(omega > 0.0, omega, 1.0), np.ones(n)])
+    rate, right = np.linalg.eig(unit[:, None] * matrix / unit)
+    if not np.linalg.cond(right) < SEPARATE:
+        return _Coupled(members, matrix, constant[members], None, none, none)
+    left = np.linalg.inv(right) * unit
+    return _Coupled(members, matrix, constant[members], rate, right / unit[:, None], left)
+
+
+def _over_coupled(coupled: _Coupled, time: Numbers) -> tuple[Numbers, Numbers]:
+    if coupled.rate is None:
+        size = coupled.constant.size
+        augmented = np.zeros((size + 1, size + 1), dtype=np.result_type(coupled.matrix, coupled.constant))
+        augmented[:size, :size], augmented[:size, size] = coupled.matrix, coupled.constant
+        both = scipy.linalg.expm(time[:, None, None] * augmented)
+        return both[:, :size, :size], both[:, :size, size]
+    exponent, still = time[:, None] * coupled.rate, coupled.rate == 0.0
+    integral = np.where(still, time[:, None], np.expm1(exponent) / np.where(still, 1.0, coupled.rate))
+    propagator = (coupled.right * np.exp(exponent)[:, None, :]) @ coupled.left
+    integrated = (coupled.right * integral[:, None, :]) @ coupled.left
+    return propagator.real, integrated.real @ coupled.constant
+
+
+def _add_alone(alone: _Alone, time: Numbers, propagator: Numbers, moved: Numbers) -> None:
+    """Write the closed form of coordinates that nothing couples: e^{-sigma t} (cos, sin/w) of any damping."""
+    sigma, kappa, p = alone.sigma, alone.kappa, alone.members
+    v = p + propagator.shape[1] // 2
+    cosine, sine = _damped_cosine_and_sine(sigma, kappa, time)
+    held = cosine + sigma * sine
+    propagator[:, p, p], propagator[:, p, v] = held, sine
+    propagator[:, v, p], propagator[:, v, v] = -kappa * sine, cosine - sigma * sine
+    # the integral of the sine, of which the ways divide by what is not zero
+    by_stiffness = (1.0 - held) / np.where(kappa == 0.0, 1.0, kappa)
+    by_damping = (time - sine) / np.where(sigma == 0.0, 1.0, 2.0 * sigma)
+    integral = np.where(kappa != 0.0, by_stiffness, np.where(sigma != 0.0, by_damping, 0.5 * time**2))
+    moved[:, p], moved[:, v] = integral * alone.constant, sine * alone.constant
+
+
+def _damped_cosine_and_sine(sigma: Numbers, kappa: Numbers, time: Numbers) -> tuple[Numbers, Numbers]:
+    """e^{-sigma t} cosh(r t) and e^{-sigma t} sinh(r t)/r, r^2 = sigma^2 - kappa, for either sign of it."""
+    delta = sigma**2 - kappa
+    x, decay = delta * time**2, np.exp(-sigma * time)
+    root = np.sqrt(np.where(delta.real < 0.0, -delta, delta))
+    near, slow = np.abs(x) < SERIES, np.where(delta == 0.0, 1.0, root)
+    swinging = delta.real < 0.0
+    # the slow rate from the product of both: no difference of near numbers
+    fast = np.where(swinging | (sigma == 0.0), 1.0, root + sigma)
+    rising, falling = np.exp(np.where(swinging, 0.0, -kappa / fast) * time), np.exp(-fast * time)
+    cosine = np.where(swinging, decay * np.cos(root * time), 0.5 * (rising + falling))
+    sine = np.where(swinging, decay * np.sin(root * time), 0.5 * (rising - falling)) / slow
+    return (
+        np.where(near, decay * (1.0 + x / 2.0 * (1.0 + x / 12.0 * (1.0 + x / 30.0))), cosine),
+        np.where(near, decay * time * (1.0 + x / 6.0 * (1.0 + x / 20.0 * (1.0 + x / 42.0))), sine),
+    )

@@ -1,0 +1,209 @@
+"""A curve of orbits followed one way: its steps, and the bifurcations on it located."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import scipy.interpolate
+
+from femimpact.arrays import Array
+from femimpact.orbits.curve import LostError, Point, at_value, evaluated, locate, near_points, point_along
+from femimpact.orbits.limits import (
+    LONGEST,
+    NEAR_END,
+    at_no_speed,
+    first_limit,
+    joining,
+    limit_point,
+    near_no_contact,
+    symmetric_point,
+)
+from femimpact.orbits.own_runs import Followed, verify
+from femimpact.system.system import System
+
+SHORTEST = 1e-8
+"""Shortest step along a curve."""
+
+TURN = 0.95
+"""Least cosine between the tangents at the ends of a step."""
+
+NEAR_CIRCLE = 0.3
+"""Distance of a multiplier from the unit circle below which it may not move far in a step."""
+
+MOST_MOVED = 0.1
+"""By which it may move."""
+
+RESOLVED = 1e-5
+"""Step below which a curve is not followed more closely for its multipliers."""
+
+AROUND = 1e-3
+"""Distance to a branch point, where the equations are singular, of the points from which it is interpolated."""
+
+AT_ONCE = 64
+"""Points that are verified in one call."""
+
+CLOSED = "closed on itself"
+"""Why a closed curve ends."""
+
+CHANGES = {"fold": 1, "period-doubling": 1, "symmetry-breaking": 1, "branch-point": 1, "neimark-sacker": 2}
+"""How many multipliers cross the unit circle at each kind of bifurcation."""
+
+
+def follow(system: System, start: Point, low: float, high: float, most: int) -> Followed:
+    """Points along the tangent of a start as far as values (low, high), or so many points, and its own event."""
+    way = Followed([start], {}, [], [], "")
+    left, step = start, LONGEST
+    end = _outside(start, low, high)
+    while not end:
+        try:
+            after, located, step, end = _advance(start, left, step, low, high)
+        except LostError as lost:
+            end = f"no convergence: {lost}"
+        else:
+            closed = after is not None and _passes(start, left, after)
+            for kind, point in located:
+                # beyond the start it is one that was found
+                if not (closed and float(start.row @ _from_start(start, point)) > 0.0):
+                    way.kinds[len(way.points)] = kind
+                    way.points.append(point)
+            if after is not None:
+                left = start if closed else after
+                way.points.append(left)
+            end = CLOSED if closed else end
+        if not end and len(way.points) >= most:
+            end = f"number of points: {most}"
+        if len(way.points) - len(way.peak) >= AT_ONCE:
+            end = verify(system, way) or end
+    if len(way.peak) < len(way.points):
+        end = verify(system, way) or end
+    return replace(way, end=end)
+
+
+def _outside(point: Point, low: float, high: float) -> str:
+    """The edge that a curve leaves by at a point, if it does."""
+    value, rises = point.value, point.tangent[-1] > 0.0
+    edge = high if rises else low
+    return _edge(point, edge) if abs(value - edge) <= 1e-12 * (high - low) else ""
+
+
+def _edge(point: Point, value: float) -> str:
+    return f"edge: {point.curve.parameter.path} = {value:g}"
+
+
+def _moved(left: Point, right: Point) -> float:
+    """By how much a multiplier near the unit circle has moved."""
+    here, there = left.multipliers, right.multipliers
+    apart = np.abs(here[:, None] - there)
+    near = [np.abs(np.abs(values) - 1.0) < NEAR_CIRCLE for values in (here, there)]
+    return float(max(apart[near[0]].min(axis=1).max(initial=0.0), apart[:, near[1]].min(axis=0).max(initial=0.0)))
+
+
+def _advance(
+    start: Point, left: Point, step: float, low: float, high: float
+) -> tuple[Point | None, list[tuple[str, Point]], float, str]:
+    """The next point, the events before it, the step after it, and the reason if the curve ends there."""
+    while True:
+        try:
+            right, end = point_along(left, step), ""
+            if not low <= right.value <= high:
+                right, end = _at_edge(left, right, low if right.value < low else high)
+            if not left.row @ right.tangent > TURN:
+                raise LostError("the curve turns too sharply")
+            limit = first_limit(left, right)
+            if limit is not None and limit.far > limit.near:
+                # its multipliers are followed nearly up to the end
+                step = 0.7 * limit.far
+                continue
+            if limit is not None:
+                return None, *limit_point(left, right, limit)
+            moved = _moved(left, right)
+            if moved > MOST_MOVED and step > RESOLVED:
+                step *= max(0.8 * MOST_MOVED / moved, 0.25)
+                continue
+            located = _located(left, right)
+            explained = sum(CHANGES[kind] for kind, _ in located)
+            change = abs(right.unstable - left.unstable)
+            if (change > explained or (change - explained) % 2) and step > RESOLVED:
+                step *= 0.5
+                continue
+        except LostError:
+            step *= 0.5
+            if step < NEAR_END and (point := near_no_contact(left)) is not None:
+                return None, *at_no_speed(point)
+            if step < NEAR_END and left.curve.may_lose_symmetry and (point := symmetric_point(left)) is not None:
+                return None, *joining(point)
+            if step < SHORTEST:
+                raise
+            continue
+        grown = min(1.5, 0.8 * MOST_MOVED / max(moved, 1e-9)) if moved else 1.5
+        return right, located, min(LONGEST, step * max(grown, 0.5)), end
+
+
+def _at_edge(left: Point, right: Point, value: float) -> tuple[Point, str]:
+    """The point between two others that has a value."""
+    share = (value - left.value) / (right.value - left.value)
+    found = at_value(left.curve, left.x + share * (right.x - left.x), value)
+    if found is None:
+        raise LostError(f"no orbit found at {value:g}")
+    aligned = found if left.row @ found.tangent > 0.0 else replace(found, tangent=-found.tangent)
+    return aligned, _edge(found, value)
+
+
+def _located(left: Point, right: Point) -> list[tuple[str, Point]]:
+    """Bifurcations between two points, in their order."""
+    found = []
+    for kind, before in left.tests.items():
+        if not before * right.tests[kind] < 0.0:
+            continue
+
+        def function(point: Point, kind: str = kind) -> float:
+            return point.tests[kind]
+
+        find = _interpolated if kind == "branch-point" else locate
+        point = find(left, right, function)
+        # a real pair with product 1 is none
+        if kind != "neimark-sacker" or _is_complex(point):
+            found.append((kind, point))
+    return sorted(found, key=lambda each: float(left.row @ each[1].x))
+
+
+def _interpolated(left: Point, right: Point, function: Callable[[Point], float]) -> Point:
+    """The point between two others at which a function vanishes, from points around it: there two branches cross."""
+    low, high = 0.0, float(left.row @ (right.x - left.x))
+    for _ in range(2):
+        points = near_points(left, tuple(low + share * (high - low) for share in (0.0, 0.3, 0.7, 1.0)))
+        values, x = np.array([function(point) for point in points]), np.array([point.x for point in points])
+        if len(points) < 4 or not np.all(np.diff(values) * (values[-1] - values[0]) > 0.0):
+            raise LostError("a branch point cannot be located")
+        found = scipy.interpolate.BarycentricInterpolator(values, x)(0.0)
+        at = float(left.row @ (found - left.x))
+        low, high = at - AROUND, at + AROUND
+    return evaluated(left.curve, np.asarray(found), left.tangent)
+
+
+def _is_complex(point: Point) -> bool:
+    """Whether the two multipliers of which the product is nearest to 1 are complex."""
+    i, j = np.triu_indices(point.multipliers.size, 1)
+    k = int(np.argmin(np.abs(point.pair_products)))
+    return bool(abs(point.multipliers[i[k]].imag) > 1e-6 and abs(point.multipliers[j[k]].imag) > 1e-6)
+
+
+def _from_start(start: Point, point: Point) -> Array:
+    """Unknowns of a point less those of a start, with phases that may have turned by whole cycles."""
+    states, phases = point.orbit
+    turns = 2.0 * math.pi * round((phases[0] - start.orbit[1][0]) / (2.0 * math.pi))
+    return point.curve.unknowns(states, phases - turns, point.value) - start.x
+
+
+def _passes(start: Point, left: Point, right: Point) -> bool:
+    """Whether a curve comes back to its start in a step."""
+    before, after = (_from_start(start, each) for each in (left, right))
+    along = [float(start.row @ each) for each in (before, after)]
+    if left is start or not along[0] < 0.0 <= along[1]:
+        return False
+    # where the line between both passes the start
+    passed = before - along[0] / (along[1] - along[0]) * (after - before)
+    return bool(passed @ (start.curve.weight * passed) < (0.2 * LONGEST) ** 2)

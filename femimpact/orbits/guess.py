@@ -1,0 +1,151 @@
+"""The first guess of an orbit: events and states of one period, from a run that begins where the caller says."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femimpact.arrays import Array
+from femimpact.errors import Fault, InputError, require
+from femimpact.excitation import Excitation
+from femimpact.integrators.event_driven import EventDriven
+from femimpact.integrators.event_driven.loop_data import CONTACT, FREE, SEPARATING
+from femimpact.integrators.runs import integrate
+from femimpact.orbits.equations import IMPACT, PRESS_AGAIN, RELEASE, SECTION, SEPARATE, TOUCH, Sequence
+from femimpact.orbits.orbit import PeriodicOrbit, state_vector
+from femimpact.response.impacts import EventLog
+from femimpact.response.response import Recorder, Response
+from femimpact.system.state import State, same_excitation
+from femimpact.system.system import System
+
+MOST_EVENTS = 1000
+"""Events of one period beyond which a motion is taken for chatter."""
+
+BEFORE = {IMPACT: FREE, TOUCH: FREE, RELEASE: CONTACT, PRESS_AGAIN: SEPARATING, SEPARATE: SEPARATING}
+"""Contact state, without the side, of a pair before an event of each kind that an orbit may have."""
+
+STICKS = "must lead to a motion without sticking: orbits that stick to a wall, or chatter, are not looked for"
+
+
+@dataclass(frozen=True, eq=False)
+class Guess:
+    """Events, states after them and phases at them."""
+
+    sequence: Sequence
+    states: Array  # (N, 2d)
+    phases: Array  # (N,) rad
+
+
+def recorder_of_events() -> Recorder:
+    """What a run keeps of which the events alone are read."""
+    return Recorder(channels=(), ledger=False, impacts=MOST_EVENTS, events=2 * MOST_EVENTS)
+
+
+def first_guess(system: System, excitation: Excitation, cycles: int, guess: Response | State | PeriodicOrbit) -> Guess:
+    """Events and states of one period, which is so many of the excitation.
+
+    Those of an orbit are its own. A state, or the end of a run, is followed over two periods. The first period is
+    begun in the middle of its longest interval that leaves every contact as it begins.
+
+    Raises `InputError` if there is none, or a ball touches nothing.
+    """
+    if isinstance(guess, PeriodicOrbit):
+        return _of_orbit(guess, cycles)
+    start = guess if isinstance(guess, State) else _end_of(guess, excitation)
+    period, omega = cycles / excitation.frequency, 2.0 * math.pi * excitation.frequency
+    run = integrate(system, excitation, EventDriven(), 2.0 * period, recorder_of_events(), start)
+    log: Any = run.events
+    final: Any = run.final_state
+    require(log.dropped == 0, "guess", f"{len(log) + log.dropped} events in two periods", "", STICKS)
+    held = final.continuation.held.state.astype(log.contact_state.dtype)
+    # what lies of each interval in the first period, so that a whole one follows its middle
+    times, ends = np.append(start.time, log.time), np.append(log.time, math.inf)
+    ends = np.minimum(ends, start.time + period)
+    intervals = np.flatnonzero(times < ends)
+    fault = "must nearly repeat: in one period its contacts do not end as they begin"
+    for i in intervals[np.argsort((times - ends)[intervals], kind="stable")].tolist():
+        begin = 0.5 * (times[i] + ends[i])
+        rows = np.flatnonzero((log.time > begin) & (log.time <= begin + period))
+        state = log.contact_state[rows[-1]] if rows.size else held
+        if not _may_be_met(log, rows, state, system):
+            fault = STICKS
+        elif np.array_equal(_state_before(log, int(rows[0]) if rows.size else len(log), held), state):
+            _check_rows(log, rows, state, system)
+            if not rows.size:
+                return without_events(state_vector(final), state, omega * final.time + excitation.phase, cycles)
+            return _of_rows(log, rows, omega * log.time[rows] + excitation.phase, cycles)
+    raise InputError([Fault("guess", None, "", fault)])
+
+
+def without_events(state: Array, contact_state: NDArray[Any], phase: float, cycles: int) -> Guess:
+    """A guess of a motion that meets nothing, from its state (2d,) at a phase: two sections stand for events."""
+    phases = np.mod(phase, 2.0 * math.pi) + math.pi * cycles * np.arange(2)
+    states = np.tile(contact_state.astype(float), (2, 1))
+    sequence = Sequence((SECTION,) * 2, np.full(2, -1), np.zeros(2), states, phases, cycles)
+    return Guess(sequence, np.tile(state, (2, 1)), phases)
+
+
+def _end_of(run: Response, excitation: Excitation) -> State:
+    """Where a run has ended, at a time when the excitation has the phase that its own has there."""
+    require(
+        run.final_state is not None, "guess", "Response", "", "must have a final_state: one read from files has none"
+    )
+    state = cast(State, run.final_state)
+    if same_excitation(run.base, excitation):
+        return state
+    phase = 2.0 * math.pi * run.base.frequency * state.time + run.base.phase
+    turn = (phase - excitation.phase) % (2.0 * math.pi)
+    return replace(state, time=turn / (2.0 * math.pi * excitation.frequency), continuation=None)
+
+
+def _of_rows(log: EventLog, rows: NDArray[np.intp], phases: Array, cycles: int) -> Guess:
+    sequence = Sequence(
+        tuple(log.kind[rows].tolist()), log.pair[rows], log.side[rows].astype(float),
+        log.contact_state[rows].astype(float), np.zeros(rows.size), cycles,
+    )  # fmt: skip
+    states = np.concatenate([log.displacement[rows], log.velocity[rows]], axis=1)
+    return Guess(sequence, states, phases - 2.0 * math.pi * math.floor(phases[0] / (2.0 * math.pi)))
+
+
+def _of_orbit(orbit: PeriodicOrbit, cycles: int) -> Guess:
+    """That of an orbit, or of several periods of it."""
+    times, left = divmod(cycles, orbit.cycles)
+    require(left == 0, "cycles", cycles, "", f"must be {orbit.cycles} times a whole number, as the guess has")
+    omega, log = 2.0 * math.pi * orbit.excitation.frequency, orbit.events
+    if len(log):
+        rows = np.tile(np.arange(len(log)), times)
+        later = np.repeat(np.arange(times) * orbit.period, len(log))
+        return _of_rows(log, rows, omega * (log.time[rows] + later) + orbit.excitation.phase, cycles)
+    return without_events(state_vector(orbit.state), orbit.contact_state, orbit.excitation.phase, cycles)
+
+
+def _state_before(log: EventLog, row: int, at_end: NDArray[Any]) -> NDArray[Any]:
+    """Contact states (pairs,) before an event: those that the next event of each pair begins from."""
+    state = at_end.copy()
+    for k in range(len(log) - 1, row - 1, -1):
+        state[log.pair[k]] = BEFORE.get(str(log.kind[k]), CONTACT) * log.side[k]
+    return state
+
+
+def _may_be_met(log: EventLog, rows: NDArray[np.intp], state: NDArray[Any], system: System) -> bool:
+    """Whether no pair of some events sticks."""
+    rigid = np.array([pair.parameters.is_rigid for pair in system.contacts], dtype=bool)
+    return not np.any(state[rigid]) and all(
+        kind in BEFORE and not (kind == TOUCH and rigid[pair])
+        for kind, pair in zip(log.kind[rows].tolist(), log.pair[rows].tolist(), strict=True)
+    )
+
+
+def _check_rows(log: EventLog, rows: NDArray[np.intp], state: NDArray[Any], system: System) -> None:
+    """Refuse impacts of several pairs at one instant, and balls that touch nothing."""
+    for k in rows[log.impacts[rows] > 1].tolist():
+        allowed = "must be impacts of one pair at a time: orbits with impacts at one instant are not looked for"
+        require(False, "guess", f"{log.impacts[k]} impacts at t = {log.time[k]:.6g} s", "", allowed)
+    for j, pair in enumerate(system.balls):
+        free = pair.free_stiffness == 0.0 and state[j] == FREE and j not in log.pair[rows]
+        allowed = "must touch a wall: else it may be anywhere"
+        require(not free, f"guess.{pair.name}", "no contact in a period", "", allowed)

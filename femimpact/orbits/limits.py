@@ -1,0 +1,152 @@
+"""Where a curve of orbits ends by itself: an impact without speed, two events at one instant, a symmetric orbit."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from femimpact.arrays import Array
+from femimpact.orbits.curve import LostError, Point, at_value, evaluated, locate, near_points
+from femimpact.orbits.equations import IMPACT, TOUCH, known_flow
+from femimpact.orbits.newton import EXACT, ROUNDED
+
+LONGEST = 0.02
+"""Longest step along a curve, of which the unit is the range of the parameter, and the unit of the states."""
+
+NEAR_END = 1e-4
+"""Distance to the end of a curve at which its multipliers are followed no further: at no speed they are infinite."""
+
+ON_SYMMETRIC = 1e-3
+"""Share of the asymmetry at the beginning of a step below which its end is taken for a symmetric orbit."""
+
+NEAR_SYMMETRIC = 2e-3
+"""The same distance to a symmetric branch, beside which the equations are singular."""
+
+MOST_SECANTS = 20
+"""Steps of a secant method."""
+
+
+@dataclass(frozen=True, eq=False)
+class Limit:
+    """A number that ends a curve where it is zero."""
+
+    function: Callable[[Point], float] | None  # None where a symmetric branch is met
+    far: float  # how far along the tangent, roughly
+    near: float  # how far it may be where the curve is followed no further
+
+
+def first_limit(left: Point, right: Point) -> Limit | None:
+    """The first of the limits that a step passes."""
+    found = []
+    for i in np.flatnonzero((right.limits <= 0.0) & (left.limits > 0.0)).tolist():
+
+        def function(point: Point, i: int = i) -> float:
+            return float(point.limits[i])
+
+        near = locate(left, right, function, 0.1 * NEAR_END)
+        found.append(Limit(function, float(left.row @ (near.x - left.x)), NEAR_END))
+    if left.curve.may_lose_symmetry and (apart := right.apart(left)) <= ON_SYMMETRIC:
+        far = float(left.row @ (right.x - left.x)) / (1.0 - apart)
+        found.append(Limit(None, far, NEAR_SYMMETRIC))
+    return min(found, key=lambda each: each.far, default=None)
+
+
+def limit_point(left: Point, right: Point, limit: Limit) -> tuple[list[tuple[str, Point]], float, str]:
+    """The point at a limit, as of `_advance`."""
+    if limit.function is None:
+        point = symmetric_point(left)
+        if point is None:
+            raise LostError("it is nearly symmetric, and no symmetric orbit is found there")
+        return joining(point)
+    return at_no_speed(locate(left, right, limit.function))
+
+
+def at_no_speed(point: Point) -> tuple[list[tuple[str, Point]], float, str]:
+    """A point at which events lose their speed or their order, as of `_advance`."""
+    solved = point.curve.solved
+    still = [k for k, kind in enumerate(solved.kind) if kind in (IMPACT, TOUCH) and abs(point.limits[k]) < ROUNDED]
+    if not still:
+        return [], 0.0, f"two events at one instant, {where(point)}"
+    k, j, side = still[0], int(solved.pair[still[0]]), float(solved.side[still[0]])
+    leaves = depth_beyond(point, k, j, side, point.orbit[1][k : k + 1], 2)[0] < 0.0
+    kind, words = ("grazing", "impact speed zero") if leaves else ("sticking", "sticking after an impact at no speed")
+    name = point.curve.parameter.at(point.value)[0].contacts[j].name
+    return [(kind, point)], 0.0, f"{words}, of {name} {where(point)}"
+
+
+def joining(point: Point) -> tuple[list[tuple[str, Point]], float, str]:
+    """A point on a symmetric branch, as of `_advance`."""
+    return [("symmetry-breaking", point)], 0.0, f"joins a symmetric branch {where(point)}"
+
+
+def where(point: Point) -> str:
+    """Words for the value at a point."""
+    return f"at {point.curve.parameter.path} = {point.value:.10g}"
+
+
+def near_no_contact(left: Point) -> Point | None:
+    """The point at which a Kelvin-Voigt contact has no duration, if one is near.
+
+    Its events are one there, and the equations singular: it is extrapolated from points before it.
+    """
+    speeds = [left.limits[k] for k, kind in enumerate(left.curve.solved.kind) if kind == TOUCH]
+    if min(speeds, default=math.inf) > 0.1 * LONGEST:
+        return None
+    k, step = left.limits.tolist().index(min(speeds)), NEAR_END
+    for _ in range(2):
+        points = [left, *near_points(left, (-0.5 * step, -step))]
+        if len(points) < 3:
+            return None
+        speed = np.array([point.limits[k] for point in points])
+        if not speed[0] < speed[1] < speed[2]:
+            return None
+        others = [np.delete(speed, i) for i in range(3)]
+        share = [float(np.prod(other / (other - at))) for other, at in zip(others, speed, strict=True)]
+        x = np.asarray(np.array(share) @ np.array([point.x for point in points]))
+        step = float(left.row @ (x - left.x))
+        if not 0.0 < step < LONGEST:
+            return None
+        # once more from nearer
+        left, step = next(iter(near_points(left, (0.9 * step,))), left), 0.1 * step
+    return evaluated(left.curve, x, left.tangent)
+
+
+def symmetric_point(left: Point) -> Point | None:
+    """The symmetric orbit at -1 of a half multiplier that a branch near it comes to.
+
+    The equations without symmetry are singular there: those of the half map are not.
+    """
+    states, phases = left.orbit
+    curve, half = replace(left.curve, is_symmetric=True), len(phases) // 2
+    later = phases[half:] - math.pi * curve.sequence.cycles
+    x = curve.unknowns(0.5 * (states[:half] - states[half:]), 0.5 * (phases[:half] + later), left.value)
+    value, step, before = left.value, 1e-6 * curve.width, None
+    for _ in range(MOST_SECANTS):
+        point = at_value(curve, x, value)
+        if point is None:
+            return None
+        x, test = point.x, point.tests["symmetry-breaking"]
+        if before is not None and test != before:
+            step *= -test / (test - before)
+        value, before = value + step, test
+        if abs(step) <= EXACT * abs(value):
+            found = left.curve.unknowns(*point.orbit, point.value)
+            far = found - left.x
+            near = far @ (left.curve.weight * far) < LONGEST**2
+            return evaluated(left.curve, found, left.tangent) if near else None
+    return None
+
+
+def depth_beyond(point: Point, k: int, pair: int, side: float, phases: Array, derivative: int) -> Array:
+    """Depth (n,) beyond a wall at phases (n,) after event k, m, or its first or second derivative by the time."""
+    hybrid, (states, begun) = point.passed.hybrid, point.orbit
+    flow, d = known_flow(hybrid, point.curve.sequence.contact_state[k], point.flows), hybrid.mass.size
+    z, _ = flow.carried(np.tile(states[k], (phases.size, 1)), np.full(phases.size, begun[k]), phases)
+    moves = (z[:, :d], z[:, d:], flow.field(z, phases)[:, d:])[derivative]
+    sine = (np.sin(phases), np.cos(phases), -np.sin(phases))[derivative]
+    base = hybrid.amplitude * hybrid.omega**derivative * sine
+    wall = 0.0 if derivative else float(hybrid.gaps[pair, 0 if side > 0.0 else 1])
+    return np.asarray(-side * (moves @ hybrid.force[:, pair] + hybrid.in_space[pair] * base) - wall)

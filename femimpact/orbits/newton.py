@@ -1,0 +1,100 @@
+"""Newton's method on the equations of a periodic orbit, damped far from it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.linalg.lapack import dgetrf, dgetrs
+
+from femimpact.arrays import Array
+from femimpact.orbits.equations import Passage, Sequence, jacobian, passage, residual
+from femimpact.orbits.flow import Flow, HybridSystem
+
+MOST_STEPS = 60
+"""Steps of one search."""
+
+EXACT = 1e-12
+"""Largest change of a state or a phase, in its unit, at which a search ends."""
+
+ROUNDED = 1e-8
+"""The same where rounding ends it: slow impacts leave their phases no more digits."""
+
+LEAST_SHARE = 1e-3
+"""Least share of a step that is tried."""
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """Where a search ended."""
+
+    states: Array  # (N, 2d) after the events
+    phases: Array  # (N,) rad
+    passed: Passage  # there
+    changes: tuple[float, ...]  # largest change of each step, in units of the length, the length times omega, and rad
+    residual: float  # largest, in the same units
+    converged: bool
+
+
+def solve(
+    hybrid: HybridSystem,
+    sequence: Sequence,
+    states: Array,
+    phases: Array,
+    length: float,  # m: unit of displacements; that of velocities is it times omega
+    flows: dict[bytes, Flow] | None = None,
+) -> Solution:
+    """Solution of the equations from a first guess.
+
+    A step is shortened until the step that would follow it, with the same matrix, is shorter (the natural
+    monotonicity test of Deuflhard, 2011, which does not depend on units), and the events keep their order.
+    """
+    flows = {} if flows is None else flows
+    (count, size), changes = states.shape, list[float]()
+    one = np.concatenate([np.full(size // 2, length), np.full(size // 2, length * hybrid.omega)])
+    unit = np.append(one, 1.0)
+    # h is a length, or the phase of a section
+    by_rows = np.append(one, length) if sequence.pair.max(initial=-1) >= 0 else unit
+    passed, converged = passage(hybrid, sequence, states, phases, flows), False
+
+    def scaled_step(factors: Any, made: Passage, at: Array) -> Array:
+        right = (residual(made, at) / by_rows).reshape(-1)
+        return -np.asarray(dgetrs(*factors, right)[0]).reshape(count, size + 1)
+
+    while len(changes) < MOST_STEPS:
+        matrix = (jacobian(passed) / by_rows[:, None, None] * unit).reshape(2 * [count * (size + 1)])
+        *factors, singular = dgetrf(matrix)
+        if singular or not np.all(np.isfinite(matrix)):
+            break
+        step = scaled_step(factors, passed, states)
+        change, share = float(np.abs(step).max()), 1.0
+        if not np.isfinite(change):
+            break
+        norm = float(np.linalg.norm(step))
+        while True:
+            moved = states + share * step[:, :size] * one
+            turned = phases + share * step[:, size]
+            if change <= ROUNDED or _in_order(turned, sequence.cycles):
+                after = passage(hybrid, sequence, moved, turned, flows)
+                next_norm = float(np.linalg.norm(scaled_step(factors, after, moved)))
+                if change <= ROUNDED or next_norm <= (1.0 - 0.25 * share) * norm:
+                    break
+            share *= 0.5
+            if share < LEAST_SHARE:
+                break
+        if share < LEAST_SHARE:
+            break
+        states, phases, passed = moved, turned, after
+        changes.append(change)
+        at_rounding = len(changes) > 1 and change <= ROUNDED and change >= 0.1 * changes[-2]
+        converged = change <= EXACT or at_rounding
+        if converged:
+            break
+    left = residual(passed, states) / by_rows
+    return Solution(states, phases, passed, tuple(changes), float(np.abs(left).max()), converged)
+
+
+def _in_order(phases: Array, cycles: int) -> bool:
+    """Whether events follow one another, the first once more after a period."""
+    return bool(np.all(np.diff(np.append(phases, phases[0] + 2.0 * np.pi * cycles)) >= 0.0))

@@ -1,0 +1,271 @@
+"""Event-driven runs over one period of many orbits in one compiled call, each with its frequency, gaps and start."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.optimize
+
+from femimpact.arrays import Array
+from femimpact.errors import DivergenceError
+from femimpact.integrators.channel_rows import drive_of
+from femimpact.integrators.event_driven import EventDriven
+from femimpact.integrators.event_driven.block import Inputs, new_block, no_cycles, run_block
+from femimpact.integrators.event_driven.equations import equations_of
+from femimpact.integrators.event_driven.loop_data import CONTACT, DONE, SEPARATING
+from femimpact.integrators.event_driven.store import FormStore, Outputs, outputs_of
+from femimpact.orbits.curve import RATES, LostError, Point, locate, near_points
+from femimpact.orbits.equations import IMPACT, PRESS_AGAIN, RELEASE, SECTION, SEPARATE, TOUCH
+from femimpact.orbits.limits import depth_beyond, where
+from femimpact.orbits.verification import between_events, check_events, check_missed, other_event
+from femimpact.response.impacts import CYCLE_COLUMNS, EventLog, event_log
+from femimpact.response.signals import CycleStatistics, steady_motion
+from femimpact.system.system import System
+
+MOST_CRESTS = 10
+"""Crests of a gap between two points of which the first to reach a wall is looked for."""
+
+SAME_PHASE = 1e-5
+"""Difference of phases (rad) up to which an event of a run is that of its orbit."""
+
+BEFORE_CREST = 1e-4
+"""Share of the way to a crest at the wall that lies between it and the last orbit that is looked at."""
+
+SLOW = 1e-3
+"""Speed of an impact, in lengths and rad, below which no run confirms it: rounding decides whether it is met."""
+
+PROFILE = 257
+"""Instants of an interval between events among which the highest crest of a gap is looked for."""
+
+MORE_EVENTS = 64
+"""Events of a run beyond those of its orbit that are kept: of an orbit that is no motion some are met."""
+
+
+@dataclass(frozen=True, eq=False)
+class OwnRuns:
+    """What the runs of n orbits leave."""
+
+    missed: Array  # (n,) by which each misses its start, in the units of the curve; infinite where events did not end
+    logs: tuple[EventLog, ...]
+    phase: Array  # (n,) rad: of the drive where each begins
+    first: tuple[int, ...]  # event that each is to meet first
+    peak: Array  # (n,) m: largest displacement of the default place
+    first_harmonic: Array  # (n,) m: its component at the frequency of the excitation
+
+
+def own_runs(system: System, points: Sequence[Point]) -> OwnRuns:
+    """Runs over one period of the orbits of some points of a curve, each from between two events."""
+    curve, count, method = points[0].curve, len(points), EventDriven()
+    starts, phase, first = zip(
+        *(between_events(p.passed.hybrid, curve.sequence, *p.orbit, p.flows) for p in points), strict=True
+    )
+    hybrids, state = [point.passed.hybrid for point in points], np.array(starts)
+    equations = equations_of(system, drive_of(system, curve.parameter.at(curve.parameter.value)[1]))
+    d, rigid = hybrids[0].mass.size, np.array([pair.parameters.is_rigid for pair in system.contacts], dtype=bool)
+    store = FormStore(equations, rigid, _outputs(system, d), rate=None, derived=system.derived)
+    inputs = Inputs(
+        omega=np.array([hybrid.omega for hybrid in hybrids]),
+        amplitude=np.array([[hybrid.drive] for hybrid in hybrids], dtype=complex),
+        phase=np.array(phase),
+        pieces=(),
+        gaps=np.array([hybrid.gaps for hybrid in hybrids]),
+        stiffness=np.array([hybrid.contact_stiffness for hybrid in hybrids]),
+        damping=np.array([hybrid.contact_damping for hybrid in hybrids]),
+        restitution=np.array([hybrid.restitution for hybrid in hybrids]),
+        is_sine=True,
+        position=state[:, :d],
+        velocity=state[:, d:],
+        window=np.tile([0.0, np.inf], (count, 1)),
+    )
+    kept = len(curve.sequence.kind) + MORE_EVENTS
+    block = new_block(system, store, inputs, method, None, most_events=kept)
+    samples, cycles = curve.sequence.cycles * method.samples_per_cycle, curve.sequence.cycles
+    block.grid = block.grid._replace(cycles=no_cycles(count, cycles), values=np.zeros((count, samples, 1 + 2 * d)))
+    begin, end = np.zeros(count, dtype=np.int64), np.full(count, samples)
+    run_block(block, begin, end, np.full(count, 10.0 * kept + samples))
+    unit, names = curve.unit[:-1], tuple(pair.name for pair in system.contacts)
+    missed = np.max(np.abs(block.grid.values[:, -1, 1:] - state) / unit, axis=1)
+    logs = tuple(
+        event_log(rows, int(found), names) for rows, found in zip(block.tables.events, block.tables.logged, strict=True)
+    )
+    table = np.moveaxis(block.grid.cycles[:, :, : len(CYCLE_COLUMNS)], (2, 1), (0, 1))
+    motion = steady_motion(CycleStatistics(*table), np.full(count, cycles))
+    done = block.stopped == DONE
+    return OwnRuns(np.where(done, missed, np.inf), logs, np.array(phase), first, motion.peak, motion.first_harmonic)
+
+
+def _outputs(system: System, d: int) -> Outputs:
+    """The default place, whose peak is found, then all coordinates and their rates."""
+    place, pairs = outputs_of(system, system.point_row(system.default_place)), len(system.contacts)
+    nothing, each = np.zeros((d, d)), np.eye(d)
+    return Outputs(
+        np.concatenate([place.position, each, nothing]),
+        np.concatenate([place.rate, nothing, each]),
+        np.zeros((1 + 2 * d, pairs)),
+        np.zeros((place.drive.shape[0], 1 + 2 * d)),
+        np.zeros(1 + 2 * d),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Followed:
+    """One way along a curve from its start, which is the first point."""
+
+    points: list[Point]
+    kinds: dict[int, str]  # of bifurcations, by the number of their points
+    peak: list[float]  # of each point, see `OwnRuns`
+    first_harmonic: list[float]
+    end: str
+
+
+def _is_slow(point: Point, runs: OwnRuns, i: int) -> bool:
+    """Whether a run leaves its orbit at an impact so slow that rounding decides whether it is met."""
+    n, kinds = point.curve.events, point.curve.solved.kind
+    slow = [k for k in range(n) if kinds[k] in (IMPACT, TOUCH) and abs(point.limits[k]) < SLOW]
+    extra = _extra_event(point, runs, i)
+    if extra is None or not slow:
+        return bool(slow)
+    count = len(point.curve.sequence.kind)
+    met = (runs.first[i] + extra[1]) % count
+    return any(abs(met - k - half) <= 1 for k in slow for half in (0, n, count))
+
+
+def verify(system: System, way: Followed) -> str:
+    """Cut a curve where its orbits are no motions of the system, and say why; their peaks are kept."""
+    begin = len(way.peak)
+    points = way.points[begin:]
+    runs = own_runs(system, points)
+    for i, point in enumerate(points):
+        number = begin + i
+        try:
+            check_events(runs.logs[i], point.curve.sequence, runs.first[i])
+            growth = float(np.abs(point.multipliers[0])) ** (2 if point.curve.is_symmetric else 1)
+            check_missed(float(runs.missed[i]), growth)
+        except DivergenceError as error:
+            if not _is_slow(point, runs, i):
+                return _cut(system, way, number, runs, i, error)
+        way.peak.append(float(runs.peak[i]))
+        way.first_harmonic.append(float(runs.first_harmonic[i]))
+    return ""
+
+
+def _cut(system: System, way: Followed, number: int, runs: OwnRuns, i: int, error: DivergenceError) -> str:
+    """End a curve before a point, at the crest of a gap that reaches a wall if there is one."""
+    left, right = way.points[max(number - 1, 0)], way.points[number]
+    del way.points[number:]
+    for k in [k for k in way.kinds if k >= number]:
+        del way.kinds[k]
+    for _ in range(MOST_CRESTS):
+        extra = _extra_event(right, runs, i)
+        if extra is None or not number:
+            break
+        log, row, at = extra
+        pair, side = int(log.pair[row]), float(log.side[row])
+        kind = _kind_there(right, str(log.kind[row]), pair, at)
+        try:
+            beyond = kind == TOUCH and log.kind[row] in (RELEASE, SEPARATE)
+            found = locate(left, right, _crest(right, kind, pair, side, at, beyond))
+        except LostError:
+            break
+        # whether another one is met before
+        before = near_points(left, ((1.0 - BEFORE_CREST) * float(left.row @ (found.x - left.x)),))
+        if not before:
+            break
+        runs, i, right = own_runs(system, [before[0], found]), 0, before[0]
+        if _extra_event(right, runs, 0) is None:
+            way.kinds[len(way.points)] = "grazing"
+            way.points.append(found)
+            way.peak.append(float(runs.peak[1]))
+            way.first_harmonic.append(float(runs.first_harmonic[1]))
+            what = "contact" if kind == TOUCH else kind
+            return f"extra {what} of {log.contacts[pair]} on its {'+' if side > 0.0 else '-'} side {where(found)}"
+    return f"no convergence: {error}"
+
+
+def _extra_event(point: Point, runs: OwnRuns, i: int) -> tuple[EventLog, int, float] | None:
+    """The first event of a run that is none of its orbit's: its row in the log, and its phase in the orbit's cycle."""
+    log, sequence, (_, phases) = runs.logs[i], point.curve.sequence, point.orbit
+    met = runs.phase[i] + float(point.passed.hybrid.omega) * log.time
+    expected = np.roll(np.where(np.arange(phases.size) < runs.first[i], phases + point.cycle, phases), -runs.first[i])
+    expected = expected[np.roll(np.array(sequence.kind) != SECTION, -runs.first[i])]
+    count = min(met.size, expected.size)
+    other = other_event(log, sequence, runs.first[i])
+    late = np.flatnonzero(np.abs(met[:count] - expected[:count]) > SAME_PHASE)
+    row = min([*late[:1].tolist(), *([] if other is None else [other])], default=met.size)
+    return (log, row, float(phases[0] + (met[row] - phases[0]) % point.cycle)) if row < met.size else None
+
+
+def _kind_there(point: Point, kind: str, pair: int, at: float) -> str:
+    """What an extra event is from the contact state that its pair has in the orbit: a run may begin beyond a wall."""
+    k = int(np.searchsorted(point.orbit[1], at, side="right")) - 1
+    state = abs(float(point.curve.sequence.contact_state[k, pair]))
+    if state == CONTACT:
+        return RELEASE
+    if state == SEPARATING:
+        return kind if kind == SEPARATE else PRESS_AGAIN
+    return TOUCH
+
+
+def _crest(
+    right: Point, kind: str, pair: int, side: float, at: float, begun_beyond: bool
+) -> Callable[[Point], float]:  # fmt: skip
+    """How far beyond that of an event is the crest of its condition next to the phase at which a point has met it."""
+    k, hybrid = int(np.searchsorted(right.orbit[1], at, side="right")) - 1, right.passed.hybrid
+    of_force, sign = kind in (RELEASE, PRESS_AGAIN), RATES.get(kind, 1.0)
+    damped = float(hybrid.contact_damping[pair] / hybrid.contact_stiffness[pair]) if of_force else 0.0
+
+    intervals = _intervals(right, k, pair, -1 if begun_beyond else 1)
+
+    def condition(point: Point, m: int, phases: Array, derivative: int) -> Array:
+        turns, event = divmod(m, point.orbit[1].size)
+        at = event, pair, side, phases - turns * point.cycle
+        found = depth_beyond(point, *at, derivative)
+        return sign * (found + damped * depth_beyond(point, *at, derivative + 1) if damped else found)
+
+    def tops(point: Point) -> list[tuple[float, float, int]]:
+        """Phases between which each crest is, and its interval; both are one where an event turns the motion round."""
+        found, last = [], -1.0
+        for m in intervals:
+            grid = np.linspace(_begin(point, m), _begin(point, m + 1), PROFILE)
+            rates = condition(point, m, grid, 1)
+            if last > 0.0 >= rates[0]:
+                found.append((float(grid[0]), float(grid[0]), m))
+            i = np.flatnonzero((rates[:-1] > 0.0) & (rates[1:] <= 0.0))
+            found += list(zip(grid[i].tolist(), grid[i + 1].tolist(), [m] * i.size, strict=True))
+            last = float(rates[-1])
+        return found
+
+    def height(point: Point, low: float, high: float, m: int) -> float:
+        if low < high:
+            low = scipy.optimize.brentq(lambda phase: float(condition(point, m, np.array([phase]), 1)[0]), low, high)
+        return float(condition(point, m, np.array([low]), 0)[0]) / float(point.curve.by_rows[-1])
+
+    if begun_beyond:
+        # the contact has turned the run from its orbit
+        place = max(tops(right), key=lambda top: height(right, *top), default=(at, at, k))[1]
+    else:
+        place = min((high for _, high, _ in tops(right) if high >= at), default=at)
+    place -= right.orbit[1][k]
+
+    def crest(point: Point) -> float:
+        between = tops(point)
+        nearest = min(between, key=lambda top: abs(top[1] - point.orbit[1][k] - place), default=None)
+        return -1.0 if nearest is None else height(point, *nearest)
+
+    return crest
+
+
+def _begin(point: Point, m: int) -> float:
+    """Phase of event m, of later cycles too."""
+    turns, event = divmod(m, point.orbit[1].size)
+    return float(point.orbit[1][event] + turns * point.cycle)
+
+
+def _intervals(point: Point, k: int, pair: int, way: int) -> list[int]:
+    """Events after which the pair goes on as after event k, until one of its own: later ones, or earlier ones."""
+    found, of = [k], point.curve.sequence.pair
+    while len(found) < of.size and of[(found[-1] + (way > 0)) % of.size] != pair:
+        found.append(found[-1] + way)
+    return found[::way]

@@ -1,0 +1,163 @@
+"""Search of periodic orbits: Newton from a first guess, and the verification by an event-driven run."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, cast
+
+import numpy as np
+
+from femimpact.arrays import Array
+from femimpact.errors import DivergenceError, InputError, instance, items, kind_of, quantity, require, takes
+from femimpact.excitation import Excitation, PointForce, Sine
+from femimpact.excitation.drives import alone
+from femimpact.integrators.event_driven.loop_data import check_events
+from femimpact.orbits.flow import Flow, hybrid_system
+from femimpact.orbits.guess import Guess, first_guess
+from femimpact.orbits.newton import solve
+from femimpact.orbits.orbit import PeriodicOrbit, state_vector
+from femimpact.orbits.verification import verified
+from femimpact.response.response import Response
+from femimpact.system.state import State
+from femimpact.system.system import System
+
+DISTINCT = 1e-6
+"""Largest difference of states, in their units, of one orbit that was found twice."""
+
+SYSTEM, CYCLES = instance(System), quantity("1", at_least=1, at_most=1000, integer=True)
+
+GUESSES = Response, State, PeriodicOrbit
+"""What a search begins from."""
+
+GRAZING = 1e-8
+"""Speed of an event, in lengths and rad of the drive, at which a search has ended on no impact."""
+
+TRY = "try a run that has settled for longer, a start nearer to the orbit, or another number of cycles"
+
+
+@takes(system=SYSTEM, cycles=CYCLES, guess=instance(*GUESSES))
+def find_orbit(
+    system: System, excitation: Excitation, cycles: int = 1, *, guess: Response | State | PeriodicOrbit
+) -> PeriodicOrbit:
+    """The periodic orbit next to a motion, stable or unstable, with its multipliers.
+
+    z(t + T) = z(t) of z = (u, y, u', y'), T = cycles/frequency, solved for the states after the events and their times.
+
+    Parameters
+    ----------
+    system : System
+        On its modes, with rigid and Kelvin-Voigt contacts.
+    excitation : Sine or PointForce
+        One sine of the base or of a force.
+    cycles : int
+        Periods of the excitation in one of the orbit. The one found may repeat after fewer.
+    guess : Response, State or PeriodicOrbit
+        The end of a run; a state near the orbit at the time that it names, 0 s unless it says otherwise; or another
+        orbit, as of a system with slightly different numbers.
+
+    Returns
+    -------
+    PeriodicOrbit
+        Verified: an event-driven run over one period meets the same events and ends where it began.
+
+    Raises
+    ------
+    InputError
+        If the excitation is not one sine, a contact is of another law, or the motion of the guess sticks, has impacts
+        of two pairs at one instant or leaves a ball untouched.
+    DivergenceError
+        If no orbit is found from the guess, or the one found is not a motion of the system.
+    """
+    check_events(system)
+    sine = one_sine(excitation)
+    if not isinstance(guess, State):
+        given, of_guess = (f"{one.dofs} dofs and {len(one.contacts)} contacts" for one in (system, guess.system))
+        same = given == of_guess and len(system.balls) == len(guess.system.balls)
+        require(same, "system", given, "", f"must be of as many coordinates as that of the guess: {of_guess}")
+    return orbit_near(system, sine, first_guess(system, sine, cycles, guess))
+
+
+@takes(system=SYSTEM, guesses=items(*GUESSES), cycles=CYCLES)
+def find_orbits(
+    system: System, excitation: Excitation, guesses: Sequence[State | Response | PeriodicOrbit], cycles: int = 1
+) -> tuple[PeriodicOrbit, ...]:
+    """The distinct orbits, stable and unstable, that `find_orbit` finds from several guesses.
+
+    Parameters
+    ----------
+    system, excitation, cycles
+        As of `find_orbit`.
+    guesses : sequence of State, Response or PeriodicOrbit
+        Those from which no orbit is found are passed over.
+
+    Returns
+    -------
+    tuple of PeriodicOrbit
+        In the order in which they were found.
+
+    Raises
+    ------
+    InputError
+        As of `find_orbit`, but for what a guess alone leads to.
+    """
+    check_events(system)
+    sine, found = one_sine(excitation), list[PeriodicOrbit]()
+    for guess in guesses:
+        try:
+            orbit = find_orbit(system, sine, cycles, guess=guess)
+        except DivergenceError:
+            continue
+        except InputError as error:
+            # a faulty call is no matter of the motion
+            if not all(fault.key.split(".")[0] == "guess" for fault in error.faults):
+                raise
+            continue
+        if not any(_is_same(orbit, other) for other in found):
+            found.append(orbit)
+    return tuple(found)
+
+
+def orbit_near(system: System, excitation: Sine | PointForce, guess: Guess) -> PeriodicOrbit:
+    """The orbit that Newton's method finds from a first guess, verified.
+
+    Raises `DivergenceError` if there is none, or it is no motion of the system.
+    """
+    hybrid, flows = hybrid_system(system, excitation), dict[bytes, Flow]()
+    length = length_of(system, guess.states)
+    found = solve(hybrid, guess.sequence, guess.states, guess.phases, length, flows)
+    if not found.converged:
+        last = f"the last changed them by {found.changes[-1]:.2g}" if found.changes else "none could be made"
+        raise DivergenceError(
+            f"no periodic orbit found: after {len(found.changes)} steps of Newton's method {len(guess.phases)} events "
+            f"leave a residual of {found.residual:.2g} (in gaps, gaps times omega and rad), {last}; {TRY}"
+        )
+    if np.min(np.abs(found.passed.distance_rate)) <= GRAZING * length:
+        raise DivergenceError(f"no periodic orbit found: the search ends where a contact begins at no speed; {TRY}")
+    return verified(system, excitation, hybrid, guess.sequence, found, length, flows)
+
+
+def length_of(system: System, states: Array) -> float:
+    """Unit of displacements (m): the smallest gap of the pairs, or the largest displacement."""
+    gaps = [[abs(gap) for gap in pair.gaps if math.isfinite(gap)] for pair in system.contacts if pair.has_walls]
+    smallest = min((max(of_pair) for of_pair in gaps), default=0.0)
+    return smallest or float(np.abs(states[:, : states.shape[1] // 2]).max(initial=0.0)) or 1.0
+
+
+def one_sine(excitation: Any) -> Sine | PointForce:
+    """The one sine of an excitation.
+
+    Raises `InputError` for any other.
+    """
+    drive = alone(excitation)
+    history = drive.history if isinstance(drive, PointForce) else drive
+    allowed = "must be one Sine, or a PointForce with one: periodic orbits are those under a single sine"
+    require(isinstance(history, Sine), "excitation", kind_of(excitation), "", allowed)
+    return cast("Sine | PointForce", drive)
+
+
+def _is_same(orbit: PeriodicOrbit, other: PeriodicOrbit) -> bool:
+    speed = orbit.length * 2.0 * math.pi * orbit.excitation.frequency
+    unit = np.repeat([orbit.length, speed], len(orbit.monodromy) // 2)
+    difference = state_vector(orbit.state) - state_vector(other.state)
+    return orbit.cycles == other.cycles and bool(np.all(np.abs(difference) <= DISTINCT * unit))

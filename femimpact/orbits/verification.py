@@ -1,0 +1,252 @@
+"""From a solution of the equations to an orbit: its multipliers, its symmetry, and its own event-driven run."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femimpact.arrays import Array
+from femimpact.errors import DivergenceError, InputError, changed, made
+from femimpact.excitation import PointForce, Sine
+from femimpact.integrators.event_driven import EventDriven
+from femimpact.integrators.event_driven.loop_data import FREE
+from femimpact.integrators.runs import integrate
+from femimpact.orbits.equations import IMPACT, SECTION, SEPARATE, Sequence, known_flow
+from femimpact.orbits.flow import Flow, HybridSystem
+from femimpact.orbits.guess import recorder_of_events
+from femimpact.orbits.newton import Solution
+from femimpact.orbits.orbit import PeriodicOrbit, state_vector
+from femimpact.response.impacts import EventLog, Impacts
+from femimpact.response.response import Response
+from femimpact.system.state import State
+from femimpact.system.system import System
+
+VERIFIED = 1e-10
+"""Largest miss of an orbit's own run after one period, times the largest multiplier where that is above 1."""
+
+SYMMETRIC = 1e-8
+"""Largest difference between an orbit and minus itself half a period later, in its units, of a symmetric one."""
+
+AT_START = 1e-12
+"""Share of the period up to which an event before or after t = 0 is taken to be there."""
+
+
+def verified(
+    system: System, excitation: Sine | PointForce, hybrid: HybridSystem, sequence: Sequence, found: Solution,
+    length: float, flows: dict[bytes, Flow],
+) -> PeriodicOrbit:  # fmt: skip
+    """The orbit of a solution of the equations.
+
+    Raises `DivergenceError` if its own run meets other events, or does not end where it began.
+    """
+    run, missed, first = own_run(system, excitation, sequence, found, flows, unit_of(hybrid, length))
+    check_events(run.events, sequence, first)
+    orbit = orbit_of(system, excitation, hybrid, sequence, found, length, flows, run, missed)
+    check_missed(missed, float(np.abs(orbit.multipliers[0])))
+    return orbit
+
+
+def unit_of(hybrid: HybridSystem, length: float) -> Array:
+    """Units (2d,) of a state."""
+    return np.repeat([length, length * float(hybrid.omega)], hybrid.mass.size)
+
+
+def check_missed(missed: float, growth: float) -> None:
+    """Refuse an orbit whose own run misses its start after one period."""
+    allowed = VERIFIED * max(1.0, growth)
+    if not missed <= allowed:
+        raise DivergenceError(
+            f"the orbit found is not confirmed: its own run misses its start by {missed:.2g} after one period (in gaps "
+            f"and gaps times omega), above {allowed:.2g}"
+        )
+
+
+def orbit_of(
+    system: System, excitation: Sine | PointForce, hybrid: HybridSystem, sequence: Sequence, found: Solution,
+    length: float, flows: dict[bytes, Flow], run: Response, missed: float,
+) -> PeriodicOrbit:  # fmt: skip
+    """The orbit of a solution and its own run."""
+    times = _times(found.phases, excitation, sequence.cycles)
+    order = np.argsort(times, kind="stable")
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        # an event without speed has no finite saltation
+        steps = found.passed.saltation @ found.passed.propagator
+        state, contact_state, monodromy = _at_start(hybrid, excitation, sequence, found, times, flows, steps)
+        half_map = _half_map(hybrid, sequence, found, steps, unit_of(hybrid, length), int(order[0]))
+    return made(
+        PeriodicOrbit,
+        system=system,
+        excitation=excitation,
+        cycles=sequence.cycles,
+        state=_state(system, state, 0.0),
+        events=_log(system, sequence, found, times, order),
+        contact_state=contact_state.astype(np.int8),
+        impacts=_impacts(run, sequence.cycles / excitation.frequency),
+        monodromy=monodromy,
+        half_map=half_map,
+        residual=missed,
+        length=length,
+    )
+
+
+def _times(phases: Array, excitation: Sine | PointForce, cycles: int) -> Array:
+    """Times (N,) of events within one period from t = 0 on, s."""
+    period = cycles / excitation.frequency
+    times = np.mod((phases - excitation.phase) / (2.0 * math.pi * excitation.frequency), period)
+    near = np.minimum(times, period - times) <= AT_START * period
+    return np.where(near, 0.0, times)
+
+
+def _product(steps: Array) -> Array:
+    """Product of matrices, the first one applied first."""
+    found = np.eye(steps.shape[1])
+    for step in steps:
+        found = step @ found
+    return found
+
+
+def _at_start(
+    hybrid: HybridSystem, excitation: Sine | PointForce, sequence: Sequence, found: Solution, times: Array,
+    flows: dict[bytes, Flow], steps: Array,
+) -> tuple[Array, Array, Array]:  # fmt: skip
+    """State (2d,) and contact states at t = 0, and the monodromy there."""
+    first = int(np.argmin(times))
+    later = np.roll(steps, -1 - first, axis=0)
+    if times[first] == 0.0:
+        return found.states[first], sequence.contact_state[first], _product(later)
+    contact_state = sequence.contact_state[first - 1]
+    flow, phase = known_flow(hybrid, contact_state, flows), np.array([found.phases[first]])
+    now = phase - times[first] * hybrid.omega
+    before = now - (sequence.cycles / excitation.frequency - times[first - 1]) * hybrid.omega
+    (state,), (onto,) = flow.carried(found.states[first - 1][None], before, now)
+    _, (up_to,) = flow.carried(state[None], now, phase)
+    return state, contact_state, onto @ _product(later[:-1]) @ found.passed.saltation[first] @ up_to
+
+
+def _half_map(
+    hybrid: HybridSystem, sequence: Sequence, found: Solution, steps: Array, unit: Array, first: int
+) -> Array | None:
+    """Minus the derivative of the state half a period later by that after the first event, of a symmetric orbit."""
+    if not may_be_symmetric(hybrid, sequence) or asymmetry(sequence, found.states, found.phases, unit) > SYMMETRIC:
+        return None
+    return -_product(np.roll(steps, -1 - first, axis=0)[: len(sequence.kind) // 2])
+
+
+def may_be_symmetric(hybrid: HybridSystem, sequence: Sequence) -> bool:
+    """Whether both sides of what is met are alike, and the events half a period later are those of the other side."""
+    half, odd = len(sequence.kind) // 2, len(sequence.kind) % 2
+    gaps = hybrid.gaps[np.unique(sequence.pair[sequence.pair >= 0])]
+    alike = np.allclose(gaps[:, 0], gaps[:, 1], rtol=1e-12, atol=0.0) and not np.any(hybrid.constant)
+    if odd or sequence.cycles % 2 == 0 or not alike:
+        return False
+    same = sequence.kind[:half] == sequence.kind[half:]
+    same = same and np.array_equal(sequence.pair[:half], sequence.pair[half:])
+    same = same and np.array_equal(sequence.side[:half], -sequence.side[half:])
+    return same and np.array_equal(sequence.contact_state[:half], -sequence.contact_state[half:])
+
+
+def asymmetry(sequence: Sequence, states: Array, phases: Array, unit: Array) -> float:
+    """Largest difference between an orbit that may be symmetric and minus itself half a period later, in its units."""
+    half = len(phases) // 2
+    apart = np.abs(states[:half] + states[half:]) / unit
+    turned = np.abs(phases[half:] - phases[:half] - math.pi * sequence.cycles)
+    return float(max(apart.max(), turned.max()))
+
+
+def _state(system: System, state: Array, time: float) -> State:
+    n, d = system.dofs, state.size // 2
+    return State(state[:n], state[d : d + n], state[n:d], state[d + n :], time=time)
+
+
+def own_run(
+    system: System, excitation: Sine | PointForce, sequence: Sequence, found: Solution, flows: dict[bytes, Flow],
+    unit: Array,
+) -> tuple[Response, float, int]:  # fmt: skip
+    """A run over one period, by how much it misses its start, and the event that it meets first."""
+    state, middle, first = between_events(found.passed.hybrid, sequence, found.states, found.phases, flows)
+    time = float(_times(np.array([middle]), excitation, sequence.cycles)[0])
+    period = sequence.cycles / excitation.frequency
+    try:
+        run = integrate(system, excitation, EventDriven(), period, recorder_of_events(), _state(system, state, time))
+    except InputError as error:
+        # beyond a wall that none of the events is at
+        raise DivergenceError(f"the orbit found is no motion of the system: {error}") from None
+    end: Any = run.final_state
+    return run, float(np.max(np.abs(state_vector(end) - state) / unit)), first
+
+
+def between_events(
+    hybrid: HybridSystem, sequence: Sequence, states: Array, phases: Array, flows: dict[bytes, Flow]
+) -> tuple[Array, float, int]:
+    """State and phase in the middle of the longest interval between events, and the event that follows.
+
+    If there is such an interval, nothing is in contact there. A run over one period that begins there has no event at
+    its ends.
+    """
+    before, begun = np.roll(sequence.contact_state, 1, axis=0), np.roll(phases, 1)
+    begun[0] -= 2.0 * math.pi * sequence.cycles
+    free = ~np.any(before != FREE, axis=1)
+    k = int(np.argmax((phases - begun) * np.where(free, 1.0, 1e-6)))
+    middle, flow = float(0.5 * (begun[k] + phases[k])), known_flow(hybrid, before[k], flows)
+    (state,), _ = flow.carried(states[[k - 1]], begun[[k]], np.array([middle]))
+    return state, middle, k
+
+
+def other_event(log: EventLog, sequence: Sequence, first: int) -> int | None:
+    """Row of a log at which it has another event than an orbit has from its event `first` on; None where it has not."""
+    met, expected = list(zip(log.kind, log.pair, log.side, strict=True)), _expected(sequence, first)
+    equal = [one == other for one, other in zip(met, expected, strict=False)]
+    return None if all(equal) and len(met) == len(expected) else [*equal, False].index(False)
+
+
+def _expected(sequence: Sequence, first: int) -> list[Any]:
+    """Events of an orbit from one on; sections are none."""
+    rows = list(zip(sequence.kind, sequence.pair, sequence.side, strict=True))
+    return [row for row in [*rows[first:], *rows[:first]] if row[0] != SECTION]
+
+
+def check_events(log: Any, sequence: Sequence, first: int) -> None:
+    """Refuse an orbit of which the own run, with its log from event `first` on, meets other events."""
+    i = other_event(log, sequence, first)
+    if i is None:
+        return
+    met, count = "nothing more", len(_expected(sequence, first))
+    if i < len(log):
+        side = "+" if log.side[i] > 0 else "-"
+        met = f"{log.kind[i]} of {log.contacts[log.pair[i]]} on its {side} side at t = {log.time[i]:.6g} s"
+    raise DivergenceError(
+        f"the orbit found is no motion of the system: after {i} of its {count} events its own run meets {met}; "
+        "start nearer to an orbit with the contacts of that run"
+    )
+
+
+def _log(system: System, sequence: Sequence, found: Solution, times: Array, order: NDArray[np.intp]) -> EventLog:
+    """The events of one period from t = 0 on; sections are none."""
+    order = order[[sequence.kind[k] != SECTION for k in order]]
+    kind, d = np.array(sequence.kind)[order], found.states.shape[1] // 2
+    return made(
+        EventLog,
+        time=times[order],
+        kind=kind,
+        pair=sequence.pair[order],
+        side=sequence.side[order].astype(np.int64),
+        impacts=np.isin(kind, (IMPACT, SEPARATE)).astype(np.int64),
+        contact_state=sequence.contact_state[order].astype(np.int8),
+        displacement=found.states[order, :d],
+        velocity=found.states[order, d:],
+        contacts=tuple(pair.name for pair in system.contacts),
+    )
+
+
+def _impacts(run: Response, period: float) -> Impacts:
+    """The table of impacts of one period, by their times within it."""
+    table = run.impacts
+    time = np.mod(table.time, period)
+    order = np.argsort(time, kind="stable")
+    names = [item.name for item in fields(table) if "axes" in item.metadata]
+    columns = {name: (time if name == "time" else getattr(table, name))[order] for name in names}
+    return changed(table, **columns)

@@ -1,0 +1,414 @@
+"""Branches of periodic orbits: closed forms, frequency responses, and what holds at each bifurcation and step."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from builders import REFERENCE, oscillator, reduced, with_ball
+from orbit_cases import MODELS
+from scipy.optimize import brentq
+from test_orbits import box, by_size, half_map, quadratic
+
+import femimpact as fi
+
+pytestmark = pytest.mark.impacts
+
+CASE = {"mu": 0.1, "e": 0.8, "zeta": 0.01, "ratio": 1.0, "clearance": 20.0}
+"""A ball in a box on an oscillator that a force of 1 N drives."""
+
+PATHS = {
+    "ratio": ("base.frequency", 1.0 / (2.0 * math.pi)),
+    "clearance": ("impactor.ball.gap", 0.5),
+    "e": ("impactor.ball.contact.restitution", 1.0),
+}
+"""Path and value of a parameter for one unit of a number of the case."""
+
+
+def branch_over(number, low, high, **changed):
+    """The branch of the faster of the two-impact orbits of the case."""
+    orbit, *_ = fi.two_impact_orbits(*box(*(CASE | changed).values()))
+    path, scale = PATHS[number]
+    return fi.continue_orbit(orbit, path, (scale * low, scale * high))
+
+
+@pytest.fixture(scope="module")
+def over_gap():
+    return branch_over("clearance", 1.0, 400.0)
+
+
+@pytest.fixture(scope="module")
+def beam():
+    """The system on which the asymmetric branch begins at 5.01159 Hz."""
+    return reduced(with_ball(REFERENCE, contact=fi.Rigid(0.3), gap=2e-3), 3, elements=80)
+
+
+def settled(system, frequency):
+    base = fi.Sine(0.2037e-3, frequency)
+    run = fi.integrate(system, base, fi.EventDriven(), 120.0, fi.Recorder(channels=(), ledger=False))
+    return fi.find_orbit(system, base, guess=run)
+
+
+@pytest.fixture(scope="module")
+def asymmetric(beam):
+    return fi.continue_orbit(settled(beam, 5.027), "frequency", (4.9, 5.2))
+
+
+@pytest.fixture(scope="module")
+def symmetric(beam):
+    (orbit,) = fi.two_impact_orbits(beam, fi.Sine(0.2037e-3, 5.05))
+    return fi.continue_orbit(orbit, "frequency", (4.9, 5.2))
+
+
+def kinds_of(branch):
+    return [each.kind for each in branch.bifurcations]
+
+
+def values_of(branch, kind):
+    return [each.value for each in branch.bifurcations if each.kind == kind]
+
+
+# ---- the quadratic of two impacts -------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("number", "low", "high"), [("ratio", 0.9, 1.1), ("clearance", 6.0, 103.2), ("e", 0.3, 1.0)])
+def test_a_branch_meets_the_quadratic(number, low, high):
+    branch, scale = branch_over(number, low, high), PATHS[number][1]
+    checked = 0
+    for i in range(0, len(branch), 4):
+        orbit, case = branch.orbits[i], CASE | {number: branch.values[i] / scale}
+        mu, e, *_ = case.values()
+        speed = orbit.impacts.approach_speed
+        at = orbit.events.time[orbit.events.side > 0][0] * 2 * math.pi * orbit.excitation.frequency
+        roots = [(2 * u * (1 + mu) / (1 + e), u, phase) for u, phase in quadratic(*case.values())]
+        exact, u, phase = min(roots, key=lambda root: abs(root[0] - speed[0]))
+        if len(roots) == 2 and abs(roots[0][0] - roots[1][0]) < 1e-2 * exact:
+            # at the fold the root of the discriminant has half the digits
+            continue
+        if exact < 1.0:
+            # the run from which the speeds are read leaves the orbit by rounding times a multiplier of 1/speed
+            continue
+        np.testing.assert_allclose(speed, exact, rtol=1e-9)
+        assert abs(np.exp(1j * at) - np.exp(1j * phase)) < 1e-9
+        multipliers = np.linalg.eigvals(half_map(*case.values(), u, phase)) ** 2
+        np.testing.assert_allclose(
+            by_size(branch.multipliers[i]), by_size(multipliers), atol=1e-9 * max(1.0, abs(multipliers).max())
+        )
+        checked += 1
+    assert checked > 10
+
+
+def coefficients(mu, e, zeta, ratio, clearance):
+    """P and r of (p u - clearance/2)^2 + (r u)^2 = A^2, and A: their derivation is at `quadratic`."""
+    (one, first), amplitude = quadratic(mu, e, zeta, ratio, 0.0)[0], 1 / math.hypot(1 - ratio**2, 2 * zeta * ratio)
+    lead = math.atan2(2 * zeta * ratio, 1 - ratio**2)
+    return amplitude * math.sin(first - lead) / one, amplitude * math.cos(first - lead) / one, amplitude
+
+
+def test_fold_and_grazing_are_those_of_the_quadratic(over_gap):
+    p, r, amplitude = coefficients(*CASE.values())
+    (fold,) = values_of(over_gap, "fold")
+    assert fold == pytest.approx(amplitude * math.hypot(p, r) / abs(r), rel=1e-10)
+    # without speed the motion is the linear one, whose amplitude is the gap
+    assert over_gap.bifurcations[-1].kind == "grazing"
+    assert over_gap.bifurcations[-1].value == pytest.approx(amplitude, rel=1e-10)
+    assert "impact speed zero, of ball" in over_gap.end[1]
+
+
+def test_symmetry_breaking_is_minus_one_of_the_half_map(over_gap):
+    def at_minus_one(gap):
+        case = CASE | {"clearance": 2 * gap}
+        u, phase = max(quadratic(*case.values()))
+        return np.linalg.det(half_map(*case.values(), u, phase) + np.eye(4))
+
+    (value,) = values_of(over_gap, "symmetry-breaking")
+    assert value == pytest.approx(brentq(at_minus_one, 7.5, 9.0, xtol=1e-14), rel=1e-10)
+    # +1 of the full map is no fold there
+    assert kinds_of(over_gap).count("fold") == 1
+
+
+def test_both_sheets_of_a_fold_are_in_one_branch(over_gap):
+    mu, e = CASE["mu"], CASE["e"]
+    exact = [u * 2 * (1 + mu) / (1 + e) for u, _ in quadratic(*(CASE | {"clearance": 102.0}).values())]
+    found = [orbit.impacts.approach_speed[0] for orbit in over_gap.at(51.0)]
+    np.testing.assert_allclose(sorted(found), sorted(exact), rtol=1e-9)
+    assert over_gap.at(over_gap.values.max() * 1.001) == ()
+    assert len(over_gap.at(20.0)) == 1
+
+
+def test_a_closed_branch_is_followed_once():
+    """With a gap above the highest linear response the two roots exist between two folds, at no speed nowhere."""
+    branch = branch_over("ratio", 0.5, 2.0, clearance=102.0)
+    assert branch.end == ("closed on itself", "closed on itself")
+    assert kinds_of(branch).count("fold") == 2
+    folds = values_of(branch, "fold")
+    for fold in folds:
+        p, r, amplitude = coefficients(*(CASE | {"ratio": fold * 2 * math.pi}).values())
+        assert amplitude * math.hypot(p, r) / abs(r) == pytest.approx(51.0, rel=1e-9)
+    assert len(branch.at(1.0 / (2 * math.pi))) == 2
+
+
+def test_the_grazing_of_a_compliant_contact_is_that_of_a_rigid_one():
+    """At no speed there is no contact: the amplitude is that at which the linear motion reaches the wall."""
+    found = []
+    for name in ("rigid", "Kelvin-Voigt"):
+        model = MODELS[name]
+        branch = fi.continue_orbit(model.orbit(), "amplitude", (1e-6, 3e-4))
+        assert branch.end[0].startswith("impact speed zero")
+        found.append(branch.bifurcations[0].value)
+        assert branch.bifurcations[0].kind == "grazing"
+    (natural,), omega, (base_load,) = model.omega, 2 * math.pi * model.frequency, model.base_load
+    ((shape, _, gap),) = model.pairs
+    w = shape[0] * base_load * omega**2 / (natural**2 - omega**2 + 2j * model.ratio * natural * omega)
+    # the ball stays where it is in space
+    np.testing.assert_allclose(found, gap / abs(1 + w), rtol=1e-10)
+
+
+# ---- motions without impacts ------------------------------------------------------------------------
+
+
+def test_a_linear_beam_has_one_branch_its_frequency_response():
+    structure = replace(REFERENCE, impactors=(), damping=fi.Rayleigh(0.02, (1, 2)))
+    system = reduced(structure, 3)
+    orbit = fi.find_orbit(system, fi.Sine(1e-3, 5.1, 0.3), guess=fi.State())
+    branch = fi.continue_orbit(orbit, "frequency", (3.0, 8.0))
+    assert branch.end == ("edge: base.frequency = 3", "edge: base.frequency = 8")
+    assert branch.bifurcations == ()
+    assert branch.is_stable.all()
+    M, C, K = (matrix.toarray() for matrix in (system.M, system.C, system.K))
+    row = system.point_row("tip")
+    omega = 2 * math.pi * branch.values
+    load = 1e-3 * omega[:, None] ** 2 * system.base_load
+    response = [row @ np.linalg.solve(K - w**2 * M + 1j * w * C, f) for w, f in zip(omega, load, strict=True)]
+    np.testing.assert_allclose(branch.peak, np.abs(response), rtol=1e-9)
+    np.testing.assert_allclose(branch.first_harmonic, np.abs(response), rtol=1e-9)
+    (at,) = branch.at(4.2)
+    again = fi.find_orbit(system, fi.Sine(1e-3, 4.2, 0.3), guess=fi.State())
+    np.testing.assert_allclose(at.state.displacement, again.state.displacement, atol=1e-14)
+
+
+@pytest.mark.parametrize(("ratio", "amplitude"), [(0.8, 0.2), (1.3, 0.3)])
+def test_a_crest_ends_a_branch_where_it_reaches_the_wall(ratio, amplitude):
+    """Of a linear motion it is the amplitude of the response."""
+    wall = fi.Stop("wall", "mass", (1.0, math.inf), fi.Rigid(0.8))
+    system, force = oscillator(1.0, 0.1, stops=[wall]), fi.Sine(amplitude, ratio / (2 * math.pi))
+    orbit = fi.find_orbit(system, fi.PointForce("mass", force), guess=fi.State())
+    branch = fi.continue_orbit(orbit, "amplitude", (0.0, 3.0))
+    exact = math.hypot(1 - ratio**2, 0.1 * ratio)
+    assert branch.end[0] == "edge: base.amplitude = 0"
+    assert branch.end[1].startswith("extra contact of wall on its + side")
+    (grazing,) = branch.bifurcations
+    assert grazing.kind == "grazing"
+    assert grazing.value == pytest.approx(exact, rel=1e-10)
+    over_gap = fi.continue_orbit(orbit, "stop.wall.gap", (0.0, 3.0))
+    assert over_gap.bifurcations[0].value == pytest.approx(amplitude / exact, rel=1e-10)
+
+
+# ---- asymmetric branches ----------------------------------------------------------------------------
+
+
+def test_two_neimark_sacker_points_3_mhz_apart_are_found(asymmetric):
+    found = values_of(asymmetric, "neimark-sacker")
+    np.testing.assert_allclose(found, [5.025867, 5.028924], atol=1.5e-6)
+
+
+def test_an_asymmetric_branch_ends_on_the_symmetric_one(asymmetric, symmetric):
+    exact = values_of(symmetric, "symmetry-breaking")
+    assert exact[0] == pytest.approx(5.01159, abs=1e-5)
+    np.testing.assert_allclose(values_of(asymmetric, "symmetry-breaking"), exact, rtol=1e-10)
+    assert all(words.startswith("joins a symmetric branch") for words in asymmetric.end)
+    assert not asymmetric.orbits[len(asymmetric) // 2].is_symmetric
+    assert asymmetric.bifurcations[0].orbit.is_symmetric
+
+
+def test_a_branch_is_the_same_from_any_of_its_orbits(beam, asymmetric):
+    again = fi.continue_orbit(settled(beam, 5.035), "frequency", (4.9, 5.2))
+    assert kinds_of(again) == kinds_of(asymmetric)
+    for one, other in zip(again.bifurcations, asymmetric.bifurcations, strict=True):
+        assert one.value == pytest.approx(other.value, rel=1e-10)
+
+
+def test_a_doubled_orbit_has_branch_points_where_the_single_one_doubles(branches):
+    """Twice its period, the multipliers are squares: -1 is +1 without a fold."""
+    single, model = branches["gravity"], MODELS["gravity"]
+    orbit = model.orbit()
+    twice = fi.find_orbit(orbit.system, orbit.excitation, cycles=2, guess=orbit)
+    branch = fi.continue_orbit(twice, "frequency", (4.5, 6.5))
+    np.testing.assert_allclose(values_of(branch, "branch-point"), values_of(single, "period-doubling"), rtol=1e-10)
+    for kind in ("fold", "grazing", "neimark-sacker"):
+        np.testing.assert_allclose(values_of(branch, kind), values_of(single, kind), rtol=1e-10)
+    assert values_of(single, "period-doubling")
+    assert "period-doubling" not in kinds_of(branch)
+
+
+# ---- what holds for every branch --------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def branches(over_gap, asymmetric, symmetric):
+    several = {"over gap": over_gap, "asymmetric": asymmetric, "symmetric": symmetric}
+    orbit = MODELS["two balls"].orbit()
+    several["two balls"] = fi.continue_orbit(orbit, "frequency", (4.5, 6.5))
+    several["gravity"] = fi.continue_orbit(MODELS["gravity"].orbit(), "base.frequency", (4.5, 6.5))
+    several["Kelvin-Voigt"] = fi.continue_orbit(MODELS["Kelvin-Voigt"].orbit(), "frequency", (4.5, 6.5))
+    several["stop in space"] = fi.continue_orbit(MODELS["stop in space"].orbit(), "amplitude", (1e-5, 2e-3))
+    return several
+
+
+NAMES = ("over gap", "asymmetric", "symmetric", "two balls", "gravity", "Kelvin-Voigt", "stop in space")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_multiplier_is_on_the_unit_circle_at_each_bifurcation(branches, name):
+    for each in branches[name].bifurcations:
+        full, half = each.orbit.multipliers, each.orbit.half_multipliers
+        if each.kind == "fold":
+            assert np.abs(full - 1).min() < 1e-6
+            # of a symmetric orbit +1 of the half map
+            assert half.size == 0 or np.abs(half - 1).min() < 1e-6
+        elif each.kind == "symmetry-breaking":
+            assert np.abs(half + 1).min() < 1e-6
+        elif each.kind == "period-doubling":
+            assert half.size == 0
+            assert np.abs(full + 1).min() < 1e-6
+        elif each.kind == "neimark-sacker":
+            nearest = full[np.argmin(np.abs(np.abs(full) - 1))]
+            assert abs(abs(nearest) - 1) < 1e-6
+            assert abs(nearest.imag) > 1e-6
+        else:
+            assert each.kind == "grazing"
+
+
+CROSSING = {"fold": 1, "period-doubling": 1, "symmetry-breaking": 1, "neimark-sacker": 2}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_stability_changes_only_at_bifurcations(branches, name):
+    """The number of multipliers outside the unit circle changes between two points by those that cross between them."""
+    branch = branches[name]
+    kinds = branch.to_pandas()["bifurcation"]
+    unstable, allowed = None, 0
+    for multipliers, kind in zip(branch.multipliers, kinds, strict=True):
+        if kind:
+            allowed += CROSSING.get(kind, 0)
+            continue
+        count = int(np.count_nonzero(np.abs(multipliers) > 1))
+        if unstable is not None:
+            assert abs(count - unstable) <= allowed
+            assert (count - unstable - allowed) % 2 == 0
+        unstable, allowed = count, 0
+    assert set(kinds) != {""}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_orbit_is_that_which_find_orbit_finds(branches, name):
+    branch = branches[name]
+    for i in range(3, len(branch), max(len(branch) // 5, 1)):
+        if branch.to_pandas()["bifurcation"][i]:
+            continue
+        orbit = branch.orbits[i]
+        assert orbit.residual <= 1e-10 * max(1.0, abs(orbit.multipliers[0]))
+        found = fi.find_orbit(orbit.system, orbit.excitation, guess=orbit)
+        size = np.maximum(np.abs(found.multipliers), 1.0)
+        assert np.max(np.abs(np.abs(branch.multipliers[i]) - np.abs(found.multipliers)) / size) < 1e-7
+        speed = orbit.length * 2 * math.pi * orbit.excitation.frequency
+        if min(orbit.impacts.approach_speed) < 1e-2 * speed:
+            # its run leaves it by rounding times a multiplier of 1/speed
+            continue
+        np.testing.assert_allclose(found.impacts.approach_speed, orbit.impacts.approach_speed, rtol=1e-9)
+        run = fi.integrate(orbit.system, orbit.excitation, fi.EventDriven(), orbit.period, initial=orbit.state)
+        assert run.steady.peak[0] == pytest.approx(branch.peak[i], rel=1e-6)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_end_has_its_reason(branches, name):
+    reasons = ("edge", "impact speed zero", "extra contact", "joins a symmetric branch", "closed on itself")
+    assert all(words.startswith(reasons) for words in branches[name].end)
+
+
+def test_a_branch_of_few_points_says_so():
+    orbit = MODELS["rigid"].orbit()
+    branch = fi.continue_orbit(orbit, "frequency", (4.5, 6.5), points=4)
+    assert branch.end == ("number of points: 4", "number of points: 4")
+    assert len(branch) == 7
+
+
+def test_tables_have_the_points(asymmetric):
+    frame, labelled = asymmetric.to_pandas(), asymmetric.to_xarray()
+    np.testing.assert_array_equal(frame["base.frequency"], asymmetric.values)
+    assert frame.attrs["units"]["base.frequency"] == labelled["value"].attrs["units"] == "Hz"
+    multipliers = labelled["multipliers_real"].to_numpy() + 1j * labelled["multipliers_imag"].to_numpy()
+    np.testing.assert_array_equal(multipliers, asymmetric.multipliers)
+    named = frame[frame["bifurcation"] != ""]
+    assert list(named["bifurcation"]) == kinds_of(asymmetric)
+    np.testing.assert_array_equal(named["base.frequency"], [each.value for each in asymmetric.bifurcations])
+    assert "joins a symmetric branch" in labelled.attrs["last_end"]
+
+
+def test_the_figure_has_every_bifurcation_and_two_lines(asymmetric):
+    axis = fi.figures.branch(asymmetric, ax=fi.figures.OffScreen())
+    words = [text.get_text() for text in axis.get_legend().get_texts()]
+    assert {"stable", "unstable", "Neimark-Sacker", "symmetry breaking"} <= set(words)
+    assert len(words) == len(set(words))
+    marks = [line for line in axis.get_lines() if line.get_linestyle() == "None"]
+    np.testing.assert_array_equal([m.get_xdata()[0] for m in marks], [b.value for b in asymmetric.bifurcations])
+    # between the two Neimark-Sacker points it is unstable
+    low, high = values_of(asymmetric, "neimark-sacker")
+    drawn = {}
+    for line in axis.get_lines():
+        x = np.asarray(line.get_xdata())
+        for value in (0.5 * (low + high), 5.04):
+            if x.size > 1 and x.min() < value < x.max():
+                drawn[value] = line.get_label()
+    assert drawn == {0.5 * (low + high): "unstable", 5.04: "stable"}
+
+
+# ---- bad input --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("parameter", "to", "words"),
+    [
+        ("frequncy", (0.1, 0.2), "parameter = 'frequncy': unknown; did you mean 'frequency'"),
+        ("impactor.bal.gap", (1.0, 20.0), "did you mean 'impactor.ball.gap'"),
+        ("mass.box.mass", (1.0, 2.0), "changes the modes"),
+        ("beam.thickness", (1.0, 2.0), "changes the modes"),
+        ("impactor.ball.mass", (1.0, 2.0), "is no number that a branch is followed over; known: amplitude, base."),
+        (5, (1.0, 2.0), "parameter = 'int': must be a str"),
+        ("frequency", (0.2, 0.1), "to = (0.2, 0.1) Hz: must rise, and have the orbit's 0.159155 in it"),
+        ("frequency", (0.2, 0.3), "must rise, and have the orbit's"),
+        ("frequency", 0.2, "to = 0.2 Hz: must be two numbers"),
+        ("frequency", (0.0, 0.3), "to[0] = 0.0 Hz: must be a finite number > 0 Hz"),
+        ("frequency", (0.1, math.nan), "to[1] = nan Hz"),
+        ("impactor.ball.contact.restitution", (0.5, 1.1), "to[1] = 1.1: must be a finite number >= 0 and <= 1"),
+        ("impactor.ball.gap", (0.0, 20.0), "to[0] = 0.0 m: must be a finite number > 0 m"),
+    ],
+)
+def test_bad_input_is_one_line(parameter, to, words):
+    orbit, *_ = fi.two_impact_orbits(*box(*CASE.values()))
+    with pytest.raises(fi.InputError) as caught:
+        fi.continue_orbit(orbit, parameter, to)
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_compliant_contact_has_no_restitution_to_follow():
+    orbit = MODELS["Kelvin-Voigt"].orbit()
+    with pytest.raises(fi.InputError, match="must have a Rigid contact, not kelvin-voigt"):
+        fi.continue_orbit(orbit, "impactor.ball 0.contact.restitution", (0.1, 0.9))
+
+
+def test_a_gap_that_differs_on_both_sides_is_not_one_number():
+    stop = fi.Stop("wall", "mass", (1.0, 2.0), fi.Rigid(0.8))
+    force = fi.PointForce("mass", fi.Sine(0.1, 0.1))
+    orbit = fi.find_orbit(oscillator(1.0, 0.1, stops=[stop]), force, guess=fi.State())
+    with pytest.raises(fi.InputError, match="must have the same gap on both sides"):
+        fi.continue_orbit(orbit, "stop.wall.gap", (0.5, 1.5))
+
+
+def test_an_orbit_is_needed():
+    with pytest.raises(fi.InputError, match=r"orbit = Sine.*: must be a PeriodicOrbit"):
+        fi.continue_orbit(fi.Sine(1.0, 1.0), "frequency", (1.0, 2.0))
+    (orbit, *_) = fi.two_impact_orbits(*box(*CASE.values()))
+    with pytest.raises(fi.InputError, match="points = 1: must be a whole number >= 2"):
+        fi.continue_orbit(orbit, "frequency", (0.1, 0.2), points=1)
