@@ -41,7 +41,8 @@ def console() -> Console:
     """Console on which a command prints."""
     from rich.console import Console
 
-    return Console(highlight=False, width=None if sys.stdout.isatty() else PIPE)
+    # brackets in texts are tables of a study file
+    return Console(highlight=False, markup=False, width=None if sys.stdout.isatty() else PIPE)
 
 
 def print_table(

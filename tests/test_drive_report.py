@@ -181,3 +181,11 @@ def test_a_stepped_sine_over_gaps_says_where_its_frequencies_are(tmp_path):
     axes = '[study]\nmeasures = ["peak"]\n[study.axes]\n"impactor.ball.gap" = [1e-3, 2e-3]\n'
     write_parameter_study(read(ball, "[damping]\nratio = 0.01\nmodes = [1, 2]\n", steps, axes, QUIET), tmp_path / "out")
     assert "one value over all dwells" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+
+
+def test_files_call_relative_what_is_relative_to_the_base():
+    system = fi.System.from_matrices([[1.0]], [[0.4]], [[900.0]], points={"mass": [1.0]})
+    record = fi.Recorder(("mass", "mass.absolute_acceleration"))
+    names = fi.integrate(system, fi.Sine(1e-3, 5.0), fi.EventDriven(), 0.1, record).to_xarray()
+    assert names["mass"].attrs["long_name"] == "mass, relative to the base"
+    assert names["mass.absolute_acceleration"].attrs["long_name"] == "mass.absolute_acceleration"

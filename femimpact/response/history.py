@@ -122,6 +122,13 @@ def check_histories(kept: Any) -> None:
         require(same, "energy", None, "", "must be at the times of the channels")
 
 
+def _long_name(name: str, unit: str) -> str:
+    """Words for a channel: a motion is relative to the base, unless it is absolute or bounded by gaps."""
+    read = name.rpartition(".")[2]
+    relative = unit in ("m", "m/s", "m/s^2") and not read.startswith("absolute_") and read != "gap"
+    return f"{name}, relative to the base" if relative else name
+
+
 def history_dataset(
     time: Array,
     channels: Mapping[str, Array],
@@ -135,10 +142,7 @@ def history_dataset(
     def variable(values: Array, unit: str, name: str) -> tuple[Any, ...]:
         return ("time", np.array(values), {"units": unit, "long_name": name})
 
-    data = {
-        name: variable(values, units[name], f"{name}, relative to the base" if units[name] != "N" else name)
-        for name, values in channels.items()
-    }
+    data = {name: variable(values, units[name], _long_name(name, units[name])) for name, values in channels.items()}
     data["base"] = variable(base.displacement(time), "m", "base displacement")
     if energy is not None:
         for name in ("kinetic", "strain", "ball", "contact", "work", "structure_loss", "contact_loss"):
