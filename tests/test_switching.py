@@ -182,9 +182,14 @@ def test_the_sides_of_grazing_differ_between_frequencies():
     assert {math.copysign(1.0, one_impact(ratio)[0]) for ratio in (0.6, 0.8, 1.3, 2.2)} == {-1.0, 1.0}
 
 
-@pytest.mark.parametrize(
-    "law", [fi.Rigid(0.8), fi.KelvinVoigt(stiffness=50.0, damping=1.0)], ids=["rigid", "compliant"]
-)
+LAWS = {
+    "rigid": fi.Rigid(0.8),
+    "compliant": fi.KelvinVoigt(stiffness=50.0, damping=1.0),
+    "without damping": fi.KelvinVoigt(stiffness=50.0, damping=0.0),
+}
+
+
+@pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
 @pytest.mark.parametrize("ratio", [0.8, 1.3])
 def test_an_impact_taken_away_leads_back_to_the_linear_motion(ratio, law):
     without = linear(ratio, law)
@@ -245,9 +250,11 @@ def test_bifurcations_without_another_branch_are_refused(kind, words):
 # ---- branches in files ------------------------------------------------------------------------------
 
 
-def test_a_branch_comes_back_from_its_file(tmp_path):
+@pytest.mark.parametrize("engine", [None, "scipy"])
+def test_a_branch_comes_back_from_its_file(tmp_path, engine):
+    """In the format that `to_netcdf` of some versions writes, too."""
     branch, path = branch_over("clearance", 6.0, 400.0), tmp_path / "branch.nc"
-    branch.to_xarray().to_netcdf(path)
+    branch.to_xarray().to_netcdf(path, engine=engine)
     loaded = fi.load_branch(path)
     for name in ("values", "multipliers", "peak", "first_harmonic", "is_stable", "bifurcation_points"):
         np.testing.assert_array_equal(getattr(loaded, name), getattr(branch, name))

@@ -214,27 +214,26 @@ def _with(point: Point, system: System, crests: list[tuple[int, int, float, floa
     Those of a Kelvin-Voigt contact are from so many rad before the crest to as many after it, as of a parabola.
     """
     (states, phases), sequence, hybrid = point.orbit, point.curve.sequence, point.passed.hybrid
-    events = [
-        (float(phases[k]), k, kind, int(sequence.pair[k]), float(sequence.side[k]), None)
-        for k, kind in enumerate(sequence.kind)
-        if kind != SECTION
+    # phase, event before, or itself, kind, pair, side, and the pair's contact state after it
+    met: list[tuple[float, int, str, int, float, float]] = [
+        (float(phases[k]), k, sequence.kind[k], j, float(sequence.side[k]), float(sequence.contact_state[k, j]))
+        for k, j in enumerate(sequence.pair.tolist())
+        if sequence.kind[k] != SECTION
     ]
-    # phase, event before, kind, pair, side, contact state after it where it is a new one
-    met: list[tuple[float, int, str, int, float, float | None]] = [*events]
     for k, j, side, at in crests:
         if system.contacts[j].parameters.is_rigid:
             met.append((at, k, IMPACT, j, side, FREE))
             continue
         stiffness, damping = hybrid.contact_stiffness[j], hybrid.contact_damping[j] * hybrid.omega
+        # a parabola of depth: stiffness (step^2 - t^2)/2 = damping t
         release = at + float(math.hypot(damping, stiffness * step) - damping) / stiffness
         met.append((at - step, k, TOUCH, j, side, CONTACT * side))
         met += [(release, k, RELEASE, j, side, SEPARATING * side), (at + step, k, SEPARATE, j, side, FREE)]
     met.sort(key=lambda event: event[0])
     found, before, kind, pair, side_of, after = zip(*met, strict=True)
     rows, at_phase, reached = _rows(sequence, np.array(before)), np.array(found), states[list(before)]
-    for i, (k, state) in enumerate(zip(before, after, strict=True)):
-        if state is not None:
-            flow = known_flow(hybrid, sequence.contact_state[k], point.flows)
-            reached[i] = flow.carried(states[[k]], phases[[k]], at_phase[[i]])[0][0]
-            rows.contact_state[i, pair[i]] = state
+    for i, k in enumerate(before):
+        flow = known_flow(hybrid, sequence.contact_state[k], point.flows)
+        reached[i] = flow.carried(states[[k]], phases[[k]], at_phase[[i]])[0][0]
+        rows.contact_state[i, pair[i]] = after[i]
     return Guess(replace(rows, kind=kind, pair=np.array(pair), side=np.array(side_of)), reached, at_phase)

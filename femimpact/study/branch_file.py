@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from femimpact.errors import require, require_path
+from femimpact.errors import faults_of, require, require_path
 from femimpact.orbits import Bifurcation, Branch
 from femimpact.study.results import load_dataset, undamaged
 
@@ -38,11 +38,13 @@ def load_branch(path: str | Path) -> Branch:
     """
     require_path(path, "path", "a file")
     require(Path(path).exists(), "path", str(path), "", "is missing")
-    return undamaged(Path(path), _branch_in)
+    with faults_of("path"):
+        return undamaged(Path(path), _branch_in)
 
 
 def _branch_in(path: Path) -> Branch:
-    data = load_dataset(path)
+    # `to_netcdf` of some versions writes another format
+    data = load_dataset(path, engine=None)
     missing = [name for name in PARTS if name not in data.variables] + [a for a in ATTRIBUTES if a not in data.attrs]
     require(not missing, "branch", ", ".join(missing), "", "is missing")
     value, peak, first_harmonic, real, imag, kinds = (np.asarray(data[name]) for name in PARTS)

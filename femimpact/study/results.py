@@ -214,13 +214,13 @@ def read_dataset(folder: Path, name: str, summary: Mapping[str, Any]) -> xarray.
     return _read(folder, FILES[name].name, summary, load_dataset)
 
 
-def load_dataset(path: Path) -> xarray.Dataset:
-    """A netCDF file that is no device or pipe."""
+def load_dataset(path: Path, engine: str | None = "h5netcdf") -> xarray.Dataset:
+    """A netCDF file that is no device or pipe; no engine is that of the file's own format."""
     import xarray
 
     # the library opens it by its name
     check_regular(path)
-    return xarray.load_dataset(path, engine="h5netcdf")
+    return xarray.load_dataset(path, engine=engine)
 
 
 def read_table(folder: Path, name: str, summary: Mapping[str, Any]) -> dict[str, Any] | None:
