@@ -105,6 +105,7 @@ if TYPE_CHECKING:
     from femimpact.orbits import continue_orbit as continue_orbit
     from femimpact.orbits import find_orbit as find_orbit
     from femimpact.orbits import find_orbits as find_orbits
+    from femimpact.orbits import switch_branch as switch_branch
     from femimpact.orbits import two_impact_orbits as two_impact_orbits
     from femimpact.parametric import AxisMargin as AxisMargin
     from femimpact.parametric import BestCase as BestCase
@@ -152,6 +153,7 @@ if TYPE_CHECKING:
     from femimpact.structure.structure import Structure as Structure
     from femimpact.structure.structure import Support as Support
     from femimpact.structure.structure import glue_impactors as glue_impactors
+    from femimpact.study.branch_file import load_branch as load_branch
     from femimpact.study.results import StudyResults as StudyResults
     from femimpact.study.results import load as load
     from femimpact.study.run import run_study as run_study
@@ -214,7 +216,8 @@ _MODULES = {
     "integrators.stepping.operators": ("recommended_step",),
     "laser": ("Laser", "LaserReading", "extrapolate"),
     "orbits": (
-        "Bifurcation", "Branch", "PeriodicOrbit", "continue_orbit", "find_orbit", "find_orbits", "two_impact_orbits",
+        "Bifurcation", "Branch", "PeriodicOrbit", "continue_orbit", "find_orbit", "find_orbits", "switch_branch",
+        "two_impact_orbits",
     ),
     "parametric": (
         "AxisMargin", "BestCase", "BestDesign", "ParameterStudy", "StudyProgress", "best_case", "load_parameter_study",
@@ -238,6 +241,7 @@ _MODULES = {
     "structure.structure": (
         "Absorber", "Dashpot", "Impactor", "PointMass", "Spring", "Stop", "Structure", "Support", "glue_impactors",
     ),
+    "study.branch_file": ("load_branch",),
     "study.results": ("StudyResults", "load"),
     "study.run": ("run_study",),
     "study.script_page": ("report",),

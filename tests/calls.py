@@ -55,6 +55,11 @@ def recorded() -> object:
     return fi.read_record("recorded.csv")
 
 
+def branch_file() -> str:
+    NOUNS["Branch"]().to_xarray().to_netcdf("branch.nc")
+    return "branch.nc"
+
+
 def studied_directory() -> str:
     fi.parameter_study(**parameter_study(), directory="studied")
     return "studied"
@@ -217,6 +222,7 @@ CALLS = {
     "history_writer's sink": (sent, lambda: {"piece": piece_without_snapshots()}),
     "tables.read_csv": (tables.read_csv, lambda: {"path": csv_file()}),
     "load": (fi.load, lambda: {"directory": results()}),
+    "load_branch": (fi.load_branch, lambda: {"path": branch_file()}),
     "load_parameter_study": (fi.load_parameter_study, lambda: {"directory": studied_directory()}),
     "parameter_study": (fi.parameter_study, lambda: {
         **parameter_study(), "directory": "study", "client": None, "threads": 1, "progress": lambda now: None,

@@ -326,6 +326,9 @@ VERBS = {
     "continue_orbit": (fi.continue_orbit, lambda: {
         "orbit": orbit(), "parameter": "amplitude", "to": (0.9, 1.1), "points": 3
     }),
+    "switch_branch": (fi.switch_branch, lambda: {
+        "bifurcation": fi.continue_orbit(orbit(), "impactor.ball.gap", to=(8.0, 10.0)).bifurcations[0]
+    }),
     "two_impact_orbits": (fi.two_impact_orbits, lambda: {
         "system": orbit().system, "excitation": orbit().excitation
     }),
@@ -500,7 +503,8 @@ VERBS = {
 OTHERS = {
     "ALUMINIUM", "STEEL", "AxisMargin", "BestCase", "BestDesign", "ContactLaw", "ContactParameters", "DivergenceError",
     "CalibratedParameter", "Calibration", "Preflight", "PreflightRow", "Refinement",
-    "FemimpactError", "InputError", "InputWarning", "StudyResults", "__version__", "figures", "load_parameter_study",
+    "FemimpactError", "InputError", "InputWarning", "StudyResults", "__version__", "figures", "load_branch",
+    "load_parameter_study",
     "ShockResponseSpectrum", "Spectrum", "TransferFunction", "report", "show_versions", "write_movie",
 }  # fmt: skip
 """Public names that take no numbers: constants, errors, what a verb alone makes, protocols, figures and files."""

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, overload
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, TypeVar, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,8 @@ from numpy.typing import NDArray
 from femimpact.arrays import Array, Complex
 from femimpact.errors import (
     DivergenceError,
+    Fault,
+    InputError,
     check_fields,
     checked,
     choice,
@@ -19,12 +22,13 @@ from femimpact.errors import (
     instance,
     items,
     made,
+    optional,
     quantity,
     require,
     takes,
     text,
 )  # fmt: skip
-from femimpact.orbits.curve import Curve, at_value
+from femimpact.orbits.curve import Curve, Point, at_value, curve_of
 from femimpact.orbits.equations import passage
 from femimpact.orbits.flow import Flow
 from femimpact.orbits.following import CHANGES, CLOSED, follow
@@ -42,6 +46,20 @@ if TYPE_CHECKING:
     import xarray
 
 
+T = TypeVar("T")
+
+
+def known(value: T | None, key: str) -> T:
+    """What a branch from a file lacks.
+
+    Raises `InputError` where it is None.
+    """
+    if value is None:
+        allowed = "must be of a branch that was followed: one read from a file has no orbits"
+        raise InputError([Fault(key, "read from a file", "", allowed)])
+    return value
+
+
 @dataclass(frozen=True, eq=False)
 class Bifurcation:
     """A point of a branch at which orbits are born, or lose their stability, or an impact appears.
@@ -52,16 +70,25 @@ class Bifurcation:
         "fold", "period-doubling", "symmetry-breaking", "branch-point", "neimark-sacker", "grazing" or "sticking".
     value : float
         Of the parameter, to a relative 1e-10.
-    orbit : PeriodicOrbit
-        At "grazing" and "sticking" its multipliers are no numbers to use: at no speed they are infinite.
+    point : Point or None
+        Of the equations of the branch, from which `orbit` and `switch_branch` go on; none of a branch from a file.
     """
 
     kind: str = field(metadata=choice(*CHANGES, "grazing", "sticking"))
     value: float = field(metadata=quantity(""))
-    orbit: PeriodicOrbit = field(metadata=instance(PeriodicOrbit))
+    point: Point | None = field(default=None, repr=False, metadata=optional(instance(Point)))
 
     def __post_init__(self) -> None:
         check_fields(self)
+
+    @cached_property
+    def orbit(self) -> PeriodicOrbit:
+        """The orbit there, made when it is read.
+
+        At "grazing" and "sticking" its multipliers are no numbers to use: at no speed they are infinite.
+        """
+        point = known(self.point, "bifurcation")
+        return _orbit(point.curve, point.x)
 
 
 @short_repr
@@ -91,9 +118,9 @@ class Branch:
         Numbers of these points, from 0.
     place : str
         The default place, of which the displacement is.
-    curve : Curve
-        Equations of the branch, for `at` and `orbits`.
-    unknowns : ndarray (points, unknowns), 1
+    curve : Curve or None
+        Equations of the branch, for `at` and `orbits`; none of a branch from a file.
+    unknowns : ndarray (points, unknowns), 1, or None
         Those of each point: states after events in units of the smallest gap, phases of events, and the parameter.
     """
 
@@ -107,8 +134,8 @@ class Branch:
     bifurcations: tuple[Bifurcation, ...] = field(metadata=items(Bifurcation))
     bifurcation_points: NDArray[np.int64] = field(metadata=column("1", "bifurcations", of="whole number"))
     place: str = field(metadata=text())
-    curve: Curve = field(metadata=instance(Curve))
-    unknowns: Array = field(metadata=column("1", "points", "unknowns"))
+    curve: Curve | None = field(default=None, metadata=optional(instance(Curve)))
+    unknowns: Array | None = field(default=None, metadata=optional(column("1", "points", "unknowns")))
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -124,21 +151,22 @@ class Branch:
     @property
     def orbits(self) -> Sequence[PeriodicOrbit]:
         """The orbit of each point, made when it is read."""
-        return _Orbits(self)
+        return _Orbits(known(self.curve, "branch"), known(self.unknowns, "branch"))
 
     def at(self, value: float) -> tuple[PeriodicOrbit, ...]:
         """All orbits of the branch at a value of the parameter, in their order along it; none where it has none.
 
         Raises `InputError` if the value is none that the parameter may have.
         """
-        value, found = checked("value", value, self.curve.parameter.allowed), list[PeriodicOrbit]()
+        curve, unknowns = known(self.curve, "branch"), known(self.unknowns, "branch")
+        value, found = checked("value", value, curve.parameter.allowed), list[PeriodicOrbit]()
         before, after = self.values[:-1] - value, self.values[1:] - value
         for i in np.flatnonzero((np.sign(before) * np.sign(after) < 0.0) | (before == 0.0)).tolist():
-            here, there = self.unknowns[i], self.unknowns[i + 1]
+            here, there = unknowns[i], unknowns[i + 1]
             share = before[i] / (before[i] - after[i]) if before[i] != after[i] else 0.0
-            point = at_value(self.curve, here + share * (there - here), value)
+            point = at_value(curve, here + share * (there - here), value)
             if point is not None:
-                found.append(_orbit(self.curve, point.x))
+                found.append(_orbit(curve, point.x))
         if self.values[-1] == value and self.end[1] != CLOSED:
             found.append(self.orbits[-1])
         return tuple(found)
@@ -165,7 +193,12 @@ class Branch:
         data["is_stable"] = ("point", self.is_stable)
         data["bifurcation"] = ("point", self._kinds)
         values = ("point", np.array(self.values), {"units": self.unit, "long_name": self.parameter})
-        attributes = {"parameter": self.parameter, "first_end": self.end[0], "last_end": self.end[1]}
+        attributes = {
+            "parameter": self.parameter,
+            "place": self.place,
+            "first_end": self.end[0],
+            "last_end": self.end[1],
+        }
         return xarray.Dataset(data, coords={"value": values}, attrs=attributes)
 
     @property
@@ -191,11 +224,11 @@ class Branch:
 class _Orbits(Sequence[PeriodicOrbit]):
     """The orbits of a branch, each made when it is read."""
 
-    def __init__(self, branch: Branch) -> None:
-        self._branch = branch
+    def __init__(self, curve: Curve, unknowns: Array) -> None:
+        self._curve, self._unknowns = curve, unknowns
 
     def __len__(self) -> int:
-        return len(self._branch)
+        return len(self._unknowns)
 
     @overload
     def __getitem__(self, number: int) -> PeriodicOrbit: ...
@@ -206,7 +239,7 @@ class _Orbits(Sequence[PeriodicOrbit]):
     def __getitem__(self, number: int | slice) -> PeriodicOrbit | tuple[PeriodicOrbit, ...]:
         if isinstance(number, slice):
             return tuple(self[i] for i in range(*number.indices(len(self))))
-        return _orbit(self._branch.curve, self._branch.unknowns[number])
+        return _orbit(self._curve, self._unknowns[number])
 
     def __iter__(self) -> Iterator[PeriodicOrbit]:
         return (self[i] for i in range(len(self)))
@@ -243,14 +276,27 @@ def continue_orbit(orbit: PeriodicOrbit, parameter: str, to: tuple[float, float]
     ------
     InputError
         If the system has no such number, or it changes the modes.
+
+    Examples
+    --------
+    >>> import femimpact as fi
+    >>> ball = fi.Impactor("ball", "tip", mass=0.1, gap=10.0, contact=fi.Rigid(0.8))
+    >>> box = fi.System.from_matrices([[1.0]], [[0.02]], [[1.0]], points={"tip": [1.0]}, impactors=[ball])
+    >>> orbit, *_ = fi.two_impact_orbits(box, fi.PointForce("tip", fi.Sine(1.0, frequency=0.16)))
+    >>> branch = fi.continue_orbit(orbit, "impactor.ball.gap", to=(6.0, 12.0))
+    >>> breaking = branch.bifurcations[0]
+    >>> print(f"{breaking.kind} at {breaking.value:.4f} m")
+    symmetry-breaking at 7.7302 m
+    >>> one, other = fi.switch_branch(breaking)
+    >>> one.is_symmetric
+    False
     """
     sine = one_sine(orbit.excitation)
     number = parameter_of(orbit.system, sine, parameter)
     low, high = _range(number, to)
     guess = first_guess(orbit.system, sine, orbit.cycles, orbit)
-    unit = np.append(unit_of(number.hybrid, length := length_of(orbit.system, guess.states)), 1.0)
-    by_rows = np.append(unit[:-1], length) if guess.sequence.pair.max(initial=-1) >= 0 else unit
-    curve = Curve(number, guess.sequence, orbit.is_symmetric, unit, by_rows, high - low)
+    length = length_of(orbit.system, guess.states)
+    curve = curve_of(number, guess.sequence, orbit.is_symmetric, length, high - low)
     # of an orbit without events the guess is one state
     found = solve(number.hybrid, guess.sequence, guess.states, guess.phases, length)
     start = at_value(curve, curve.unknowns(found.states, found.phases, number.value), number.value)
@@ -300,8 +346,7 @@ def _joined(curve: Curve, backward: Followed, forward: Followed) -> Branch:
         first_harmonic=np.array([*backward.first_harmonic[::-1], *forward.first_harmonic[1:]]),
         end=(backward.end, forward.end),
         bifurcations=tuple(
-            made(Bifurcation, kind=kinds[i], value=float(values[i]), orbit=_orbit(curve, points[i].x))
-            for i in sorted(kinds)
+            made(Bifurcation, kind=kinds[i], value=float(values[i]), point=points[i]) for i in sorted(kinds)
         ),
         bifurcation_points=np.array(sorted(kinds), dtype=np.int64),
         place=curve.parameter.at(curve.parameter.value)[0].default_place,

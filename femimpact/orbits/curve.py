@@ -21,7 +21,7 @@ from femimpact.orbits.equations import RELEASE, SEPARATE, Passage, Sequence, der
 from femimpact.orbits.flow import Flow
 from femimpact.orbits.newton import EXACT, ROUNDED
 from femimpact.orbits.parameter import Parameter
-from femimpact.orbits.verification import may_be_symmetric
+from femimpact.orbits.verification import may_be_symmetric, unit_of
 
 MOST_STEPS = 8
 """Steps of Newton's method onto the curve: more are taken for a step along it that was too long."""
@@ -96,6 +96,13 @@ class Curve:
     def in_units(self, rows: Array) -> Array:
         """Equations (m,) in units of rows (N, 2d + 1)."""
         return np.asarray((rows / self.by_rows).reshape(-1))
+
+
+def curve_of(parameter: Parameter, sequence: Sequence, is_symmetric: bool, length: float, width: float) -> Curve:
+    """The curve of some events, with a length (m) as unit of displacements."""
+    unit = np.append(unit_of(parameter.hybrid, length), 1.0)
+    by_rows = np.append(unit[:-1], length) if sequence.pair.max(initial=-1) >= 0 else unit
+    return Curve(parameter, sequence, is_symmetric, unit, by_rows, width)
 
 
 @dataclass(frozen=True, eq=False)

@@ -145,7 +145,13 @@ def _check_rows(log: EventLog, rows: NDArray[np.intp], state: NDArray[Any], syst
     for k in rows[log.impacts[rows] > 1].tolist():
         allowed = "must be impacts of one pair at a time: orbits with impacts at one instant are not looked for"
         require(False, "guess", f"{log.impacts[k]} impacts at t = {log.time[k]:.6g} s", "", allowed)
+    name, allowed = untouched_ball(system, log.pair[rows], state), "must touch a wall: else it may be anywhere"
+    require(name is None, f"guess.{name}", "no contact in a period", "", allowed)
+
+
+def untouched_ball(system: System, met: NDArray[Any], state: NDArray[Any]) -> str | None:
+    """Name of a ball that touches nothing, from the pairs that have events and the contact states at one."""
     for j, pair in enumerate(system.balls):
-        free = pair.free_stiffness == 0.0 and state[j] == FREE and j not in log.pair[rows]
-        allowed = "must touch a wall: else it may be anywhere"
-        require(not free, f"guess.{pair.name}", "no contact in a period", "", allowed)
+        if pair.free_stiffness == 0.0 and state[j] == FREE and j not in met:
+            return pair.name
+    return None

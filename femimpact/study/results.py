@@ -211,15 +211,16 @@ def read_dataset(folder: Path, name: str, summary: Mapping[str, Any]) -> xarray.
 
     Raises `InputError` if it is missing or cannot be read.
     """
-    return _read(folder, FILES[name].name, summary, _load_dataset)
+    return _read(folder, FILES[name].name, summary, load_dataset)
 
 
-def _load_dataset(path: Path) -> xarray.Dataset:
+def load_dataset(path: Path, engine: str | None = "h5netcdf") -> xarray.Dataset:
+    """A netCDF file that is no device or pipe; no engine is that of the file's own format."""
     import xarray
 
     # the library opens it by its name
     check_regular(path)
-    return xarray.load_dataset(path, engine="h5netcdf")
+    return xarray.load_dataset(path, engine=engine)
 
 
 def read_table(folder: Path, name: str, summary: Mapping[str, Any]) -> dict[str, Any] | None:
@@ -237,21 +238,27 @@ def _read(folder: Path, name: str, summary: Mapping[str, Any], reader: Callable[
         if expected is not None:
             raise InputError([Fault("file", str(path), "", f"is missing: {SUMMARY} names it among the results")])
         return None
-    with _quiet_finalizers():
-        try:
-            changed = expected is not None and checksum(path) != expected
-            found, problem = reader(path), None
-        # what a damaged file makes a reader raise is without limit
-        except Exception as error:
-            problem = _in_words(error)
-        if problem is not None:
-            # what the reader had opened
-            gc.collect()
-    if problem is not None:
-        raise _damaged(path, problem)
+    changed = expected is not None and undamaged(path, checksum) != expected
+    found = undamaged(path, reader)
     if changed:
         _warn_changed(path)
     return found
+
+
+def undamaged(path: Path, reader: Callable[[Path], T]) -> T:
+    """What a reader makes of a file.
+
+    Raises `InputError` if it cannot be read.
+    """
+    with _quiet_finalizers():
+        try:
+            return reader(path)
+        # what a damaged file makes a reader raise is without limit
+        except Exception as error:
+            problem = _in_words(error)
+        # what the reader had opened
+        gc.collect()
+    raise _damaged(path, problem)
 
 
 @contextmanager

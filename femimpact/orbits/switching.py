@@ -1,0 +1,239 @@
+"""The orbits that meet a branch at one of its bifurcations, a small step beyond it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import scipy.optimize
+from numpy.typing import NDArray
+
+from femimpact.arrays import Array
+from femimpact.errors import DivergenceError, InputError, checked, instance, require, takes
+from femimpact.integrators.event_driven.loop_data import CONTACT, FREE, SEPARATING
+from femimpact.orbits.branch import Bifurcation, known
+from femimpact.orbits.curve import Curve, Point, corrected, curve_of, evaluated
+from femimpact.orbits.equations import IMPACT, RELEASE, SECTION, SEPARATE, TOUCH, Sequence, derivative_by, known_flow
+from femimpact.orbits.guess import Guess, untouched_ball, without_events
+from femimpact.orbits.limits import depth_beyond
+from femimpact.orbits.orbit import PeriodicOrbit
+from femimpact.orbits.search import orbit_near
+from femimpact.system.system import System
+
+STEPS = (1e-2, 3e-3, 1e-3, 2e-2)
+"""Steps beyond a bifurcation, in the unit of the curve; the first is taken at which the orbits are found."""
+
+FARTHEST = 0.02
+"""Distance from the guess, in the same unit, beyond which an orbit is another one."""
+
+AT_WALL = 1e-6
+"""Distance of a crest from a wall, and speed of an impact, in units, that are none."""
+
+PROFILE = 129
+"""Instants of an interval between events among which the crests of a gap are looked for."""
+
+REFUSED = {
+    "fold": "has no other orbits to switch to: both sheets are in the branch",
+    "neimark-sacker": "has no periodic orbits to switch to: quasi-periodic motions are born there",
+    "sticking": "has no orbits to switch to that are looked for: those beyond it stick to a wall",
+}
+"""Why there is no other branch at some kinds of bifurcations."""
+
+
+@takes(bifurcation=instance(Bifurcation))
+def switch_branch(bifurcation: Bifurcation) -> tuple[PeriodicOrbit, ...]:
+    """The orbits of the other branch that a bifurcation belongs to, a small step beyond it.
+
+    The step is along the second null vector of the equations with the parameter among the unknowns, to which the
+    branch is orthogonal. At grazing it is along the tangent of the curve of orbits with the impact added or taken away,
+    which starts at speed zero: its equations are regular there. (Kuznetsov, 2004.)
+
+    Parameters
+    ----------
+    bifurcation : Bifurcation
+        Of a branch that was followed, of the kind "symmetry-breaking", "branch-point", "period-doubling" or "grazing".
+
+    Returns
+    -------
+    tuple of PeriodicOrbit
+        At symmetry breaking and branch points both orbits; at a doubling the one of twice the period; at grazing the
+        one with the impact added or taken away. Each is verified, and the parameter is that of its `system` and
+        `excitation`: its side of the bifurcation is the one on which the orbit is a motion of the system.
+
+    Raises
+    ------
+    InputError
+        If no other periodic orbits meet there, as at folds, Neimark-Sacker points and sticking, or where a ball that
+        loses its impacts touches nothing; and where a contact is released once more.
+    DivergenceError
+        If none are found.
+    """
+    kind = bifurcation.kind
+    require(kind not in REFUSED, "bifurcation", kind, "", REFUSED.get(kind, ""))
+    point = _whole(known(bifurcation.point, "bifurcation"), 2 if kind == "period-doubling" else 1)
+    tries = _grazed(point) if kind == "grazing" else _crossed(point, kind)
+    found = next((orbits for orbits in tries if orbits), ())
+    if not found:
+        raise DivergenceError(
+            f"no orbits found beyond the {kind} at {point.curve.parameter.path} = {bifurcation.value:.10g}"
+        )
+    return found
+
+
+def _whole(point: Point, times: int) -> Point:
+    """A point as one of the equations of all events, of so many periods of its orbit."""
+    old, (states, phases) = point.curve, point.orbit
+    moved, turned = (ahead - here for ahead, here in zip(old.orbit(point.x + point.tangent), point.orbit, strict=True))
+    later = np.repeat(np.arange(times) * point.cycle, phases.size)
+    sequence = _rows(old.sequence, np.tile(np.arange(phases.size), times))
+    sequence = replace(sequence, section=sequence.section + later, cycles=old.sequence.cycles * times)
+    curve = replace(old, sequence=sequence, is_symmetric=False)
+    x = curve.unknowns(np.tile(states, (times, 1)), np.tile(phases, times) + later, point.value)
+    tangent = curve.unknowns(np.tile(moved, (times, 1)), np.tile(turned, times), float(point.tangent[-1]))
+    return evaluated(curve, x, tangent)
+
+
+def _rows(sequence: Sequence, rows: NDArray[np.int64]) -> Sequence:
+    """Some events of a sequence."""
+    arrays = {name: getattr(sequence, name)[rows] for name in ("pair", "side", "contact_state", "section")}
+    return replace(sequence, kind=tuple(sequence.kind[k] for k in rows.tolist()), **arrays)
+
+
+# ---- branches that cross ----------------------------------------------------------------------------
+
+
+def _null_vectors(point: Point) -> Array:
+    """Two directions (2, m + 1) that change the equations least, the last one least, orthonormal with the weights."""
+    curve, root = point.curve, np.sqrt(point.curve.weight)
+    states, phases = curve.solved_states(point.x)
+    by_value = derivative_by(curve.parameter.hybrid_at, point.value, curve.solved, states, phases)
+    matrix = np.column_stack([curve.by_unknowns(point.passed), curve.in_units(by_value)]) / root
+    return np.asarray(np.linalg.svd(matrix)[2][-2:] / root)
+
+
+def _crossed(point: Point, kind: str) -> Iterator[tuple[PeriodicOrbit, ...]]:
+    """The orbits to both sides of a branch, of a doubling to one of them, for each of the steps that are tried."""
+    vectors, both = _null_vectors(point), kind != "period-doubling"
+    # where a symmetry is lost, one period after the other among them, the parameter is at a turn
+    along = vectors @ point.row if kind == "branch-point" else vectors[:, -1]
+    across = (along[0] * vectors[1] - along[1] * vectors[0]) / math.hypot(*along)
+    for step in STEPS:
+        found = [_beside(point.curve, point.x, way * step * across) for way in ((1.0, -1.0) if both else (1.0,))]
+        yield tuple(orbit for orbit in found if orbit is not None) if None not in found else ()
+
+
+def _beside(curve: Curve, x: Array, step: Array) -> PeriodicOrbit | None:
+    """The verified orbit on the plane across a step, if there is one near."""
+    return _verified(curve, x + step, curve.weight * step)
+
+
+def _verified(curve: Curve, guess: Array, row: Array) -> PeriodicOrbit | None:
+    """The verified orbit next to a guess, on the plane through it across a row, if there is one near."""
+    found, _ = corrected(curve, guess, row)
+    if found is None or curve.weight @ (found.x - guess) ** 2 > FARTHEST**2:
+        return None
+    try:
+        checked("value", found.value, curve.parameter.allowed)
+        return orbit_near(*curve.parameter.at(found.value), Guess(curve.sequence, *found.orbit))
+    except (InputError, DivergenceError):
+        return None
+
+
+# ---- grazing ----------------------------------------------------------------------------------------
+
+
+def _grazed(point: Point) -> Iterator[tuple[PeriodicOrbit, ...]]:
+    """The orbit with other impacts on the side on which it is a motion, for each of the steps that are tried."""
+    kinds, old = point.curve.sequence.kind, point.curve
+    still = [k for k, kind in enumerate(kinds) if kind in (IMPACT, TOUCH) and abs(point.limits[k]) < AT_WALL]
+    crests = [] if still else list(_crests(point))
+    allowed = "must have an impact without speed, or the crest of a gap at a wall: an extra release is not switched at"
+    require(bool(still or crests), "bifurcation", "grazing", "", allowed)
+    system, _ = old.parameter.at(point.value)
+    for step in STEPS:
+        guess = _without(point, still) if still else _with(point, system, crests, step)
+        ball = untouched_ball(system, guess.sequence.pair, guess.sequence.contact_state[-1])
+        require(ball is None, "bifurcation", "grazing", "", f"must leave {ball} a contact: else it may be anywhere")
+        curve = curve_of(old.parameter, guess.sequence, False, float(old.unit[0]), old.width)
+        x = curve.unknowns(guess.states, guess.phases, point.value)
+        k = np.flatnonzero(np.isin(guess.phases, [crests[0][3] - step, crests[0][3] + step])) if crests else ()
+        if len(k) == 2:
+            # without a duration a contact is one event, and the equations singular: the duration is given
+            row = np.zeros(x.size)
+            row[:-1].reshape(curve.events, -1)[k, -1] = -1.0, 1.0
+            found = [_verified(curve, x, row)]
+        else:
+            along = _null_vectors(evaluated(curve, x, np.zeros(x.size)))[-1]
+            found = [_beside(curve, x, way * step * along) for way in (1.0, -1.0)]
+        yield tuple(orbit for orbit in found if orbit is not None)
+
+
+def _without(point: Point, still: list[int]) -> Guess:
+    """Events and states of an orbit without impacts that have no speed, contacts to their end."""
+    (states, phases), sequence, hybrid = point.orbit, point.curve.sequence, point.passed.hybrid
+    count, gone = len(sequence.kind), set(still)
+    for k in still:
+        last = k
+        while sequence.kind[k] == TOUCH and sequence.kind[last] != SEPARATE:
+            last = (last + 1) % count
+            if sequence.pair[last] == sequence.pair[k]:
+                gone.add(last)
+    left = np.array([k for k in range(count) if k not in gone], dtype=np.int64)
+    if left.size:
+        return Guess(_rows(sequence, left), states[left], phases[left])
+    free = np.zeros(len(hybrid.gaps))
+    guess = without_events(states[0], free.astype(np.int8), float(phases[0]), sequence.cycles)
+    later, _ = known_flow(hybrid, free, point.flows).carried(states[:1], guess.phases[:1], guess.phases[1:])
+    return replace(guess, states=np.concatenate([states[:1], later]))
+
+
+def _crests(point: Point) -> Iterator[tuple[int, int, float, float]]:
+    """Where gaps just close between events: the event before, the pair, the side and the phase."""
+    sequence, hybrid, phases = point.curve.sequence, point.passed.hybrid, point.orbit[1]
+    ends = np.append(phases[1:], phases[0] + point.cycle)
+    for k, pair in np.argwhere((sequence.contact_state == FREE) & np.isfinite(hybrid.gaps).any(axis=1)).tolist():
+        for side in (1.0, -1.0):
+            where, grid = (k, pair, side), np.linspace(phases[k], ends[k], PROFILE)
+
+            def rate(phase: float, where: tuple[int, int, float] = where) -> float:
+                return float(depth_beyond(point, *where, np.array([phase]), 1)[0])
+
+            rates = depth_beyond(point, *where, grid, 1)
+            for i in np.flatnonzero((rates[:-1] > 0.0) & (rates[1:] <= 0.0)).tolist():
+                phase = float(scipy.optimize.brentq(rate, grid[i], grid[i + 1]))
+                depth = float(depth_beyond(point, *where, np.array([phase]), 0)[0])
+                if abs(depth) < AT_WALL * point.curve.unit[0]:
+                    yield *where, phase
+
+
+def _with(point: Point, system: System, crests: list[tuple[int, int, float, float]], step: float) -> Guess:
+    """Events and states of an orbit with impacts without speed at its crests.
+
+    Those of a Kelvin-Voigt contact are from so many rad before the crest to as many after it, as of a parabola.
+    """
+    (states, phases), sequence, hybrid = point.orbit, point.curve.sequence, point.passed.hybrid
+    # phase, event before, or itself, kind, pair, side, and the pair's contact state after it
+    met: list[tuple[float, int, str, int, float, float]] = [
+        (float(phases[k]), k, sequence.kind[k], j, float(sequence.side[k]), float(sequence.contact_state[k, j]))
+        for k, j in enumerate(sequence.pair.tolist())
+        if sequence.kind[k] != SECTION
+    ]
+    for k, j, side, at in crests:
+        if system.contacts[j].parameters.is_rigid:
+            met.append((at, k, IMPACT, j, side, FREE))
+            continue
+        stiffness, damping = hybrid.contact_stiffness[j], hybrid.contact_damping[j] * hybrid.omega
+        # a parabola of depth: stiffness (step^2 - t^2)/2 = damping t
+        release = at + float(math.hypot(damping, stiffness * step) - damping) / stiffness
+        met.append((at - step, k, TOUCH, j, side, CONTACT * side))
+        met += [(release, k, RELEASE, j, side, SEPARATING * side), (at + step, k, SEPARATE, j, side, FREE)]
+    met.sort(key=lambda event: event[0])
+    found, before, kind, pair, side_of, after = zip(*met, strict=True)
+    rows, at_phase, reached = _rows(sequence, np.array(before)), np.array(found), states[list(before)]
+    for i, k in enumerate(before):
+        flow = known_flow(hybrid, sequence.contact_state[k], point.flows)
+        reached[i] = flow.carried(states[[k]], phases[[k]], at_phase[[i]])[0][0]
+        rows.contact_state[i, pair[i]] = after[i]
+    return Guess(replace(rows, kind=kind, pair=np.array(pair), side=np.array(side_of)), reached, at_phase)
