@@ -294,7 +294,9 @@ def test_the_page_on_typical_values_runs_as_it_stands(capsys):
     assert names["speed"].max() < 1.5
 
 
-def test_the_page_on_orbits_runs_as_it_stands(capsys):
+def test_the_page_on_orbits_runs_as_it_stands(capsys, tmp_path, monkeypatch):
+    # it leaves a file
+    monkeypatch.chdir(tmp_path)
     names = ran("docs/howto/orbits.md")
     assert names["orbit"].is_stable
     assert names["orbit"].is_symmetric
