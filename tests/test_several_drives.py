@@ -116,7 +116,10 @@ def test_pieces_are_the_same_whatever_the_end(name):
         rows = one.coefficients.shape[0]
         assert rows >= 7.0 / 0.0071
         np.testing.assert_array_equal(one.knots, other.knots[: rows + 1])
-        np.testing.assert_array_equal(one.coefficients, other.coefficients[:rows])
+        # products of matrices of other sizes differ in the last bit on some processors; over a piece that is rounding
+        powers = np.diff(one.knots)[:, None] ** np.arange(one.coefficients.shape[1])
+        difference = np.abs(one.coefficients - other.coefficients[:rows]) * powers
+        assert difference.max() <= 1e-12 * np.abs(other.coefficients[:, 0]).max()
 
 
 def test_base_and_force_by_samples_are_the_motion_by_matrix_exponentials():

@@ -124,17 +124,21 @@ def test_a_mode_of_a_full_mesh_above_half_the_reading_rate_is_warned_of():
 @pytest.mark.impacts
 def test_acceleration_beside_rigid_contacts_has_its_impulses_by_the_velocity():
     """The truth is read finely, where jumps of the velocity have no aliases."""
-    coarse, fine = (random_run(ball=True, interval=h) for h in (4e-3, 2.5e-4))
+    fine = random_run(ball=True, interval=2.5e-4)
+    # of one run: of two the motions part, by the last bit of some processors
+    every = {name: values[::16] for name, values in fine.channels.items()}
+    coarse = replace(fine, time=fine.time[::16], channels=every, energy=None)
     assert len(coarse.impacts) > 200
     truth = fi.spectrum(fine, "tip.acceleration", resolution=1.0)
     found = fi.spectrum(coarse, "tip.acceleration", resolution=1.0)
     assert f"lacks the impulses of {len(coarse.impacts)} rigid impacts" in found.notes[0]
     assert found.notes[1].startswith("of the level of the jumps, ")
     # with their aliases they would be (x/sin x)^2 of it, x = pi f interval: 1.15, 1.5 and 2.2
-    for low, high in ((45.0, 60.0), (80.0, 100.0), (110.0, 124.0)):
+    # beside half the rate, 125 Hz, the aliases are as large as the line, and so is the scatter of what is taken out
+    for low, high, share in ((45.0, 60.0, 0.06), (80.0, 100.0, 0.06), (110.0, 124.0, 0.2)):
         band = (found.frequency >= low) & (found.frequency <= high)
         ratio = found.values[band].mean() / truth.values[: found.frequency.size][band].mean()
-        assert ratio == pytest.approx(1.0, abs=0.06)
+        assert ratio == pytest.approx(1.0, abs=share)
     # in space and relative to the base, from whichever velocity there is
     other = fi.spectrum(coarse, "tip.absolute_acceleration", resolution=1.0).values
     base = coarse.base.velocity(coarse.time)
