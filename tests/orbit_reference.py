@@ -73,7 +73,7 @@ class Reference:
         A[s, c], A[c, s] = self.omega, -self.omega
         return A
 
-    def flown(self, A: mp.matrix, z: mp.matrix, time: mp.mpf) -> mp.matrix:
+    def propagated(self, A: mp.matrix, z: mp.matrix, time: mp.mpf) -> mp.matrix:
         """e^{A t} z by Taylor's series, in steps that leave it all but some digits."""
         # A has squares of frequencies
         steps = max(int(mp.ceil(abs(time) * mp.sqrt(mp.mnorm(A, 1)) / 8)), 1)
@@ -115,14 +115,14 @@ class Reference:
         pressed: dict[int, int] = {}
         for number, (kind, j, side, guess) in enumerate(events):
             A = self.matrix(pressed)
-            z, now = self.flown(A, z, guess - now), guess
+            z, now = self.propagated(A, z, guess - now), guess
             for _ in range(40):
                 slope = A * z
                 value = self.condition(kind, j, side, z)
                 # the condition is affine in the state
                 rate = self.condition(kind, j, side, z + slope) - value
                 step = -value / rate
-                z, now = self.flown(A, z, step), now + step
+                z, now = self.propagated(A, z, step), now + step
                 if abs(step) < mp.mpf(10) ** -40:
                     break
             if kind == "impact":
@@ -133,7 +133,7 @@ class Reference:
                 pressed.pop(j, None)
             if most == number:
                 return list(z[: 2 * self.d]), self.omega * now
-        return list(self.flown(self.matrix(pressed), z, 2 * mp.pi / self.omega - now)[: 2 * self.d]), None
+        return list(self.propagated(self.matrix(pressed), z, 2 * mp.pi / self.omega - now)[: 2 * self.d]), None
 
 
 def difference(function, scale: list[mp.mpf]) -> mp.matrix:

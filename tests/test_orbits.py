@@ -13,7 +13,7 @@ from builders import REFERENCE, oscillator, reduced, with_ball
 from orbit_cases import MODELS
 
 import femimpact as fi
-from femimpact.orbits.equations import Sequence, derivative_by, jacobian, passage, residual
+from femimpact.orbits.equations import Sequence, derivative_by, event_maps, jacobian, residual
 from femimpact.orbits.flow import flow_of, hybrid_system
 from femimpact.orbits.guess import Guess, first_guess
 from femimpact.orbits.newton import solve
@@ -73,10 +73,10 @@ def test_derivatives_by_a_parameter_have_the_digits_of_50_digit_arithmetic(orbit
 
     model = MODELS[name]
     value = {"frequency": model.frequency, "amplitude": model.amplitude, "gap": 0.0, "restitution": model.law[0]}
-    passed = passage(hybrid, guess.sequence, guess.states, guess.phases, {})
+    maps = event_maps(hybrid, guess.sequence, guess.states, guess.phases, {})
     by = derivative_by(at, value[parameter], guess.sequence, guess.states, guess.phases)
     size = by.size
-    found = -np.linalg.solve(jacobian(passed).reshape(size, size), by.reshape(size)).reshape(by.shape)[0]
+    found = -np.linalg.solve(jacobian(maps).reshape(size, size), by.reshape(size)).reshape(by.shape)[0]
     exact = np.array(DIGITS[name][parameter])
     unit = np.append(units_of(orbit), 1.0)
     assert np.max(np.abs(found - exact) / unit) < 1e-8 * np.max(np.abs(exact) / unit)
@@ -244,9 +244,9 @@ def test_the_equations_are_regular_at_grazing():
     one = np.zeros(1)
     sequence = Sequence(("impact",), np.zeros(1, dtype=int), one + 1, one[:, None], one, 1)
     exact = np.array([[abs(response), 0.0]])
-    passed = passage(hybrid, sequence, exact, one + crest, {})
-    assert abs(passed.speed[0]) < 1e-15
-    assert np.linalg.cond(jacobian(passed).reshape(3, 3)) < 100
+    maps = event_maps(hybrid, sequence, exact, one + crest, {})
+    assert abs(maps.speed[0]) < 1e-15
+    assert np.linalg.cond(jacobian(maps).reshape(3, 3)) < 100
     off = exact + np.array([[0.0, -0.05]])
     found = solve(hybrid, sequence, off, one + crest + 0.02, abs(response))
     assert found.converged
@@ -345,9 +345,9 @@ def test_the_end_of_a_run_is_a_guess_at_any_phase_of_the_base():
     for phase in (0.0, 1.0, 4.0):
         turned = replace(base, phase=phase)
         guess = first_guess(system, turned, 1, run)
-        passed = passage(hybrid_system(system, turned), guess.sequence, guess.states, guess.phases, {})
+        maps = event_maps(hybrid_system(system, turned), guess.sequence, guess.states, guess.phases, {})
         # the run has settled: its events are those of the orbit already
-        assert np.max(np.abs(residual(passed, guess.states)[:, :2])) < 1e-9 * 2e-3
+        assert np.max(np.abs(residual(maps, guess.states)[:, :2])) < 1e-9 * 2e-3
 
 
 def test_an_orbit_is_confirmed_by_its_run(orbits):

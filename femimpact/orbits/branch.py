@@ -29,7 +29,7 @@ from femimpact.errors import (
     text,
 )  # fmt: skip
 from femimpact.orbits.curve import Curve, Point, at_value, curve_of
-from femimpact.orbits.equations import passage
+from femimpact.orbits.equations import event_maps
 from femimpact.orbits.flow import Flow
 from femimpact.orbits.following import CHANGES, CLOSED, follow
 from femimpact.orbits.guess import first_guess
@@ -361,7 +361,7 @@ def _orbit(curve: Curve, x: Array) -> PeriodicOrbit:
     system, excitation = curve.parameter.at(value)
     (states, phases), flows = curve.orbit(x), dict[bytes, Flow]()
     hybrid = curve.parameter.hybrid_at(value)
-    passed = passage(hybrid, curve.sequence, states, phases, flows)
-    found, length = Solution(states, phases, passed, (), 0.0, True), length_of(system, states)
+    maps = event_maps(hybrid, curve.sequence, states, phases, flows)
+    found, length = Solution(states, phases, maps, (), 0.0, True), length_of(system, states)
     run, missed, _ = own_run(system, excitation, curve.sequence, found, flows, unit_of(hybrid, length))
     return orbit_of(system, excitation, hybrid, curve.sequence, found, length, flows, run, missed)

@@ -17,7 +17,16 @@ import scipy.optimize
 from numpy.typing import NDArray
 
 from femimpact.arrays import Array, Complex
-from femimpact.orbits.equations import RELEASE, SEPARATE, Passage, Sequence, derivative_by, jacobian, passage, residual
+from femimpact.orbits.equations import (
+    RELEASE,
+    SEPARATE,
+    EventMaps,
+    Sequence,
+    derivative_by,
+    event_maps,
+    jacobian,
+    residual,
+)
 from femimpact.orbits.flow import Flow
 from femimpact.orbits.newton import EXACT, ROUNDED
 from femimpact.orbits.parameter import Parameter
@@ -88,9 +97,9 @@ class Curve:
             return states, phases
         return np.concatenate([states, -states]), np.concatenate([phases, phases + math.pi * self.sequence.cycles])
 
-    def by_unknowns(self, passed: Passage) -> Array:
+    def by_unknowns(self, maps: EventMaps) -> Array:
         """Derivative (m, m) of the equations, in units."""
-        found = jacobian(passed, self.solved.is_half) / self.by_rows[:, None, None] * self.unit
+        found = jacobian(maps, self.solved.is_half) / self.by_rows[:, None, None] * self.unit
         return np.asarray(found.reshape(2 * [self.events * self.unit.size]))
 
     def in_units(self, rows: Array) -> Array:
@@ -112,7 +121,7 @@ class Point:
     curve: Curve
     x: Array  # (m + 1,)
     tangent: Array  # (m + 1,) of unit length
-    passed: Passage
+    maps: EventMaps
     flows: dict[bytes, Flow]
 
     @property
@@ -139,7 +148,7 @@ class Point:
     def multipliers(self) -> Complex:
         """Those of the half map of a symmetric orbit, else of the orbit; infinite where an event has no speed."""
         with np.errstate(all="ignore"):
-            steps = self.passed.saltation @ self.passed.propagator
+            steps = self.maps.saltation @ self.maps.propagator
             found = np.eye(steps.shape[1])
             for step in steps:
                 found = step @ found
@@ -179,7 +188,7 @@ class Point:
         side = np.array([RATES.get(kind, 1.0) for kind in solved.kind])
         phases = self.curve.solved_states(self.x)[1]
         between = np.diff(np.append(phases, phases[0] + solved.turn))
-        return np.concatenate([side * self.passed.distance_rate / self.curve.by_rows[-1], between])
+        return np.concatenate([side * self.maps.distance_rate / self.curve.by_rows[-1], between])
 
     def apart(self, other: Point) -> float:
         """How far from symmetric the orbit is, along the difference that another one has."""
@@ -201,8 +210,8 @@ def _difference(point: Point) -> Array:
 def evaluated(curve: Curve, x: Array, tangent: Array) -> Point:
     """A point of known unknowns."""
     flows = dict[bytes, Flow]()
-    passed = passage(curve.parameter.hybrid_at(float(x[-1])), curve.solved, *curve.solved_states(x), flows)
-    return Point(curve, x, tangent, passed, flows)
+    maps = event_maps(curve.parameter.hybrid_at(float(x[-1])), curve.solved, *curve.solved_states(x), flows)
+    return Point(curve, x, tangent, maps, flows)
 
 
 def corrected(curve: Curve, guess: Array, row: Array) -> tuple[Point | None, float]:
@@ -230,17 +239,17 @@ def _newton(curve: Curve, x: Array, row: Array) -> Iterator[tuple[Point | None, 
     for _ in range(MOST_STEPS):
         flows, last = dict[bytes, Flow](), change
         states, phases = curve.solved_states(x)
-        passed = passage(parameter.hybrid_at(float(x[-1])), solved, states, phases, flows)
+        maps = event_maps(parameter.hybrid_at(float(x[-1])), solved, states, phases, flows)
         if change > SETTLED:
             by_value = derivative_by(parameter.hybrid_at, float(x[-1]), solved, states, phases)
-        matrix[:m, :m], matrix[:m, m] = curve.by_unknowns(passed), curve.in_units(by_value)
+        matrix[:m, :m], matrix[:m, m] = curve.by_unknowns(maps), curve.in_units(by_value)
         right = np.zeros((m + 1, 2))
-        right[:m, 0], right[m] = curve.in_units(residual(passed, states)), (row @ (x - guess), 1.0)
+        right[:m, 0], right[m] = curve.in_units(residual(maps, states)), (row @ (x - guess), 1.0)
         step, along = np.linalg.solve(matrix, right).T
         change = max(float(np.abs(step[:-1]).max()), abs(float(step[-1])) / curve.width)
         if change <= EXACT or (change <= ROUNDED and change >= 0.1 * last):
             tangent = along / math.sqrt(along @ (curve.weight * along))
-            yield Point(curve, x, tangent, passed, flows), change
+            yield Point(curve, x, tangent, maps, flows), change
         yield None, change
         if not change < FAR:
             return

@@ -58,8 +58,8 @@ IMPACT, TOUCH, RELEASE, PRESS_AGAIN, SEPARATE, SECTION = (
 
 
 @dataclass(frozen=True, eq=False)
-class Passage:
-    """What the flow and the events make of states and phases: from each event to the next, numbers (N, ...)."""
+class EventMaps:
+    """Maps of the flow from each event to the next, maps of the events, and their derivatives, numbers (N, ...)."""
 
     hybrid: HybridSystem
     propagator: Numbers  # (N, 2d, 2d) from after the event before to the event
@@ -132,14 +132,14 @@ def _rows(hybrid: HybridSystem, sequence: Sequence) -> _Rows:
     return rows
 
 
-def passage(
+def event_maps(
     hybrid: HybridSystem,
     sequence: Sequence,
     states: Numbers,  # (N, 2d) after the events
     phases: Numbers,  # (N,) of the drive, rad
     flows: dict[bytes, Flow],  # those known already of this system, by contact state
-) -> Passage:
-    """The flow from each event to the next, and what the events do."""
+) -> EventMaps:
+    """The maps from each event to the next, at given states and phases."""
     start, begin = np.roll(states, 1, axis=0), np.roll(phases, 1)
     begin[0] -= sequence.turn
     # a wall that springs back behind its body does not act
@@ -157,7 +157,7 @@ def passage(
     depth = (rows.gap * arrived[:, :d]).sum(axis=1) + rows.in_space * base - rows.wall
     impulse = np.concatenate([nothing, rows.impulse], axis=1)
     jumped = arrived + impulse * speed[:, None]
-    return Passage(
+    return EventMaps(
         hybrid=hybrid,
         propagator=propagator,
         arrived=arrived,
@@ -215,27 +215,27 @@ def _fields(
     return found
 
 
-def residual(passed: Passage, states: Numbers) -> Numbers:
+def residual(maps: EventMaps, states: Numbers) -> Numbers:
     """(N, 2d + 1): the states less those that the events make, and h."""
-    return np.concatenate([states - passed.jumped, passed.distance[:, None]], axis=1)
+    return np.concatenate([states - maps.jumped, maps.distance[:, None]], axis=1)
 
 
-def jacobian(passed: Passage, is_half: bool = False) -> Numbers:
+def jacobian(maps: EventMaps, is_half: bool = False) -> Numbers:
     """Derivatives of `residual` by the states and phases, (N, 2d + 1, N, 2d + 1); `is_half` as of the sequence."""
-    count, size = passed.row.shape
-    jump, omega = passed.jump, passed.hybrid.omega
-    found = np.zeros((count, size + 1, count, size + 1), dtype=passed.propagator.dtype)
+    count, size = maps.row.shape
+    jump, omega = maps.jump, maps.hybrid.omega
+    found = np.zeros((count, size + 1, count, size + 1), dtype=maps.propagator.dtype)
     each, before = np.arange(count), np.arange(count) - 1
     # of z- by the state and the phase of the event before
-    flown = np.concatenate([passed.propagator, -(passed.propagator @ passed.field_before[:, :, None]) / omega], axis=2)
+    by_before = np.concatenate([maps.propagator, -(maps.propagator @ maps.field_before[:, :, None]) / omega], axis=2)
     if is_half:
-        flown[0, :, :size] *= -1.0
-    found[each, :size, before] = -jump @ flown
-    found[each, size, before] = (passed.row[:, None, :] @ flown)[:, 0]
+        by_before[0, :, :size] *= -1.0
+    found[each, :size, before] = -jump @ by_before
+    found[each, size, before] = (maps.row[:, None, :] @ by_before)[:, 0]
     # with one event it is the event itself
     found[each, :size, each, :size] += np.eye(size)
-    found[each, :size, each, size] -= passed.jumped_by_phase
-    found[each, size, each, size] += passed.distance_rate
+    found[each, :size, each, size] -= maps.jumped_by_phase
+    found[each, size, each, size] += maps.distance_rate
     return found
 
 
@@ -244,5 +244,5 @@ def derivative_by(
 ) -> Array:
     """Derivative of `residual` by a number of the system, (N, 2d + 1), exact to rounding by a complex step."""
     step = STEP * max(abs(value), 1.0)
-    passed = passage(hybrid_at(complex(value, step)), sequence, states.astype(complex), phases, {})
-    return np.asarray(residual(passed, states).imag) / step
+    maps = event_maps(hybrid_at(complex(value, step)), sequence, states.astype(complex), phases, {})
+    return np.asarray(residual(maps, states).imag) / step

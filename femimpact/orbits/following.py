@@ -205,5 +205,5 @@ def _passes(start: Point, left: Point, right: Point) -> bool:
     if left is start or not along[0] < 0.0 <= along[1]:
         return False
     # where the line between both passes the start
-    passed = before - along[0] / (along[1] - along[0]) * (after - before)
-    return bool(passed @ (start.curve.weight * passed) < (0.2 * LONGEST) ** 2)
+    crossing = before - along[0] / (along[1] - along[0]) * (after - before)
+    return bool(crossing @ (start.curve.weight * crossing) < (0.2 * LONGEST) ** 2)

@@ -142,7 +142,7 @@ def symmetric_point(left: Point) -> Point | None:
 
 def depth_beyond(point: Point, k: int, pair: int, side: float, phases: Array, derivative: int) -> Array:
     """Depth (n,) beyond a wall at phases (n,) after event k, m, or its first or second derivative by the time."""
-    hybrid, (states, begun) = point.passed.hybrid, point.orbit
+    hybrid, (states, begun) = point.maps.hybrid, point.orbit
     flow, d = known_flow(hybrid, point.curve.sequence.contact_state[k], point.flows), hybrid.mass.size
     z, _ = flow.carried(np.tile(states[k], (phases.size, 1)), np.full(phases.size, begun[k]), phases)
     moves = (z[:, :d], z[:, d:], flow.field(z, phases)[:, d:])[derivative]

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.linalg.lapack import dgetrf, dgetrs
 
 from femimpact.arrays import Array
-from femimpact.orbits.equations import Passage, Sequence, jacobian, passage, residual
+from femimpact.orbits.equations import EventMaps, Sequence, event_maps, jacobian, residual
 from femimpact.orbits.flow import Flow, HybridSystem
 
 MOST_STEPS = 60
@@ -31,7 +31,7 @@ class Solution:
 
     states: Array  # (N, 2d) after the events
     phases: Array  # (N,) rad
-    passed: Passage  # there
+    maps: EventMaps  # there
     changes: tuple[float, ...]  # largest change of each step, in units of the length, the length times omega, and rad
     residual: float  # largest, in the same units
     converged: bool
@@ -56,18 +56,18 @@ def solve(
     unit = np.append(one, 1.0)
     # h is a length, or the phase of a section
     by_rows = np.append(one, length) if sequence.pair.max(initial=-1) >= 0 else unit
-    passed, converged = passage(hybrid, sequence, states, phases, flows), False
+    maps, converged = event_maps(hybrid, sequence, states, phases, flows), False
 
-    def scaled_step(factors: Any, made: Passage, at: Array) -> Array:
+    def scaled_step(factors: Any, made: EventMaps, at: Array) -> Array:
         right = (residual(made, at) / by_rows).reshape(-1)
         return -np.asarray(dgetrs(*factors, right)[0]).reshape(count, size + 1)
 
     while len(changes) < MOST_STEPS:
-        matrix = (jacobian(passed) / by_rows[:, None, None] * unit).reshape(2 * [count * (size + 1)])
+        matrix = (jacobian(maps) / by_rows[:, None, None] * unit).reshape(2 * [count * (size + 1)])
         *factors, singular = dgetrf(matrix)
         if singular or not np.all(np.isfinite(matrix)):
             break
-        step = scaled_step(factors, passed, states)
+        step = scaled_step(factors, maps, states)
         change, share = float(np.abs(step).max()), 1.0
         if not np.isfinite(change):
             break
@@ -76,7 +76,7 @@ def solve(
             moved = states + share * step[:, :size] * one
             turned = phases + share * step[:, size]
             if change <= ROUNDED or _in_order(turned, sequence.cycles):
-                after = passage(hybrid, sequence, moved, turned, flows)
+                after = event_maps(hybrid, sequence, moved, turned, flows)
                 next_norm = float(np.linalg.norm(scaled_step(factors, after, moved)))
                 if change <= ROUNDED or next_norm <= (1.0 - 0.25 * share) * norm:
                     break
@@ -85,14 +85,14 @@ def solve(
                 break
         if share < LEAST_SHARE:
             break
-        states, phases, passed = moved, turned, after
+        states, phases, maps = moved, turned, after
         changes.append(change)
         at_rounding = len(changes) > 1 and change <= ROUNDED and change >= 0.1 * changes[-2]
         converged = change <= EXACT or at_rounding
         if converged:
             break
-    left = residual(passed, states) / by_rows
-    return Solution(states, phases, passed, tuple(changes), float(np.abs(left).max()), converged)
+    left = residual(maps, states) / by_rows
+    return Solution(states, phases, maps, tuple(changes), float(np.abs(left).max()), converged)
 
 
 def _in_order(phases: Array, cycles: int) -> bool:

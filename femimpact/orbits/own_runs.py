@@ -59,9 +59,9 @@ def own_runs(system: System, points: Sequence[Point]) -> OwnRuns:
     """Runs over one period of the orbits of some points of a curve, each from between two events."""
     curve, count, method = points[0].curve, len(points), EventDriven()
     starts, phase, first = zip(
-        *(between_events(p.passed.hybrid, curve.sequence, *p.orbit, p.flows) for p in points), strict=True
+        *(between_events(p.maps.hybrid, curve.sequence, *p.orbit, p.flows) for p in points), strict=True
     )
-    hybrids, state = [point.passed.hybrid for point in points], np.array(starts)
+    hybrids, state = [point.maps.hybrid for point in points], np.array(starts)
     equations = equations_of(system, drive_of(system, curve.parameter.at(curve.parameter.value)[1]))
     d, rigid = hybrids[0].mass.size, np.array([pair.parameters.is_rigid for pair in system.contacts], dtype=bool)
     store = FormStore(equations, rigid, _outputs(system, d), rate=None, derived=system.derived)
@@ -187,7 +187,7 @@ def _cut(system: System, way: Followed, number: int, runs: OwnRuns, i: int, erro
 def _extra_event(point: Point, runs: OwnRuns, i: int) -> tuple[EventLog, int, float] | None:
     """The first event of a run that is none of its orbit's: its row in the log, and its phase in the orbit's cycle."""
     log, sequence, (_, phases) = runs.logs[i], point.curve.sequence, point.orbit
-    met = runs.phase[i] + float(point.passed.hybrid.omega) * log.time
+    met = runs.phase[i] + float(point.maps.hybrid.omega) * log.time
     expected = np.roll(np.where(np.arange(phases.size) < runs.first[i], phases + point.cycle, phases), -runs.first[i])
     expected = expected[np.roll(np.array(sequence.kind) != SECTION, -runs.first[i])]
     count = min(met.size, expected.size)
@@ -212,7 +212,7 @@ def _crest(
     right: Point, kind: str, pair: int, side: float, at: float, begun_beyond: bool
 ) -> Callable[[Point], float]:  # fmt: skip
     """How far beyond that of an event is the crest of its condition next to the phase at which a point has met it."""
-    k, hybrid = int(np.searchsorted(right.orbit[1], at, side="right")) - 1, right.passed.hybrid
+    k, hybrid = int(np.searchsorted(right.orbit[1], at, side="right")) - 1, right.maps.hybrid
     of_force, sign = kind in (RELEASE, PRESS_AGAIN), RATES.get(kind, 1.0)
     damped = float(hybrid.contact_damping[pair] / hybrid.contact_stiffness[pair]) if of_force else 0.0
 
@@ -264,7 +264,7 @@ def _begin(point: Point, m: int) -> float:
 
 
 def _intervals(point: Point, k: int, pair: int, way: int) -> list[int]:
-    """Events after which the pair goes on as after event k, until one of its own: later ones, or earlier ones."""
+    """Events after which the pair goes on as after event k, until one of that pair: later ones, or earlier ones."""
     found, of = [k], point.curve.sequence.pair
     while len(found) < of.size and of[(found[-1] + (way > 0)) % of.size] != pair:
         found.append(found[-1] + way)

@@ -89,7 +89,7 @@ def find_orbits(
     system, excitation, cycles
         As of `find_orbit`.
     guesses : sequence of State, Response or PeriodicOrbit
-        Those from which no orbit is found are passed over.
+        Those from which no orbit is found are left out.
 
     Returns
     -------
@@ -132,7 +132,7 @@ def orbit_near(system: System, excitation: Sine | PointForce, guess: Guess) -> P
             f"no periodic orbit found: after {len(found.changes)} steps of Newton's method {len(guess.phases)} events "
             f"leave a residual of {found.residual:.2g} (in gaps, gaps times omega and rad), {last}; {TRY}"
         )
-    if np.min(np.abs(found.passed.distance_rate)) <= GRAZING * length:
+    if np.min(np.abs(found.maps.distance_rate)) <= GRAZING * length:
         raise DivergenceError(f"no periodic orbit found: the search ends where a contact begins at no speed; {TRY}")
     return verified(system, excitation, hybrid, guess.sequence, found, length, flows)
 

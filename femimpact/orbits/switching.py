@@ -109,7 +109,7 @@ def _null_vectors(point: Point) -> Array:
     curve, root = point.curve, np.sqrt(point.curve.weight)
     states, phases = curve.solved_states(point.x)
     by_value = derivative_by(curve.parameter.hybrid_at, point.value, curve.solved, states, phases)
-    matrix = np.column_stack([curve.by_unknowns(point.passed), curve.in_units(by_value)]) / root
+    matrix = np.column_stack([curve.by_unknowns(point.maps), curve.in_units(by_value)]) / root
     return np.asarray(np.linalg.svd(matrix)[2][-2:] / root)
 
 
@@ -172,7 +172,7 @@ def _grazed(point: Point) -> Iterator[tuple[PeriodicOrbit, ...]]:
 
 def _without(point: Point, still: list[int]) -> Guess:
     """Events and states of an orbit without impacts that have no speed, contacts to their end."""
-    (states, phases), sequence, hybrid = point.orbit, point.curve.sequence, point.passed.hybrid
+    (states, phases), sequence, hybrid = point.orbit, point.curve.sequence, point.maps.hybrid
     count, gone = len(sequence.kind), set(still)
     for k in still:
         last = k
@@ -191,7 +191,7 @@ def _without(point: Point, still: list[int]) -> Guess:
 
 def _crests(point: Point) -> Iterator[tuple[int, int, float, float]]:
     """Where gaps just close between events: the event before, the pair, the side and the phase."""
-    sequence, hybrid, phases = point.curve.sequence, point.passed.hybrid, point.orbit[1]
+    sequence, hybrid, phases = point.curve.sequence, point.maps.hybrid, point.orbit[1]
     ends = np.append(phases[1:], phases[0] + point.cycle)
     for k, pair in np.argwhere((sequence.contact_state == FREE) & np.isfinite(hybrid.gaps).any(axis=1)).tolist():
         for side in (1.0, -1.0):
@@ -213,7 +213,7 @@ def _with(point: Point, system: System, crests: list[tuple[int, int, float, floa
 
     Those of a Kelvin-Voigt contact are from so many rad before the crest to as many after it, as of a parabola.
     """
-    (states, phases), sequence, hybrid = point.orbit, point.curve.sequence, point.passed.hybrid
+    (states, phases), sequence, hybrid = point.orbit, point.curve.sequence, point.maps.hybrid
     # phase, event before, or itself, kind, pair, side, and the pair's contact state after it
     met: list[tuple[float, int, str, int, float, float]] = [
         (float(phases[k]), k, sequence.kind[k], j, float(sequence.side[k]), float(sequence.contact_state[k, j]))

@@ -9,7 +9,7 @@ import numpy as np
 from femimpact.errors import DivergenceError, instance, require, takes
 from femimpact.excitation import Excitation
 from femimpact.integrators.event_driven.loop_data import check_events
-from femimpact.orbits.equations import IMPACT, Sequence, passage
+from femimpact.orbits.equations import IMPACT, Sequence, event_maps
 from femimpact.orbits.flow import HybridSystem, flow_of, hybrid_system
 from femimpact.orbits.guess import Guess
 from femimpact.orbits.orbit import PeriodicOrbit
@@ -73,7 +73,7 @@ def _solutions(hybrid: HybridSystem, pair: int) -> list[Guess]:
     sequence = Sequence(
         (IMPACT, IMPACT), np.full(2, pair), np.array([1.0, -1.0]), np.zeros((2, pairs)), np.zeros(2), 1
     )  # fmt: skip
-    rows = passage(hybrid, sequence, np.zeros((2, 2 * d)), np.array([0.0, math.pi]), {})
+    rows = event_maps(hybrid, sequence, np.zeros((2, 2 * d)), np.array([0.0, math.pi]), {})
     half = flow.over(np.array([math.pi / hybrid.omega]))[0][0]
     after = np.linalg.solve(np.eye(2 * d) + half, rows.impulse[0])
     alpha, beta = (float(row[0] @ (half @ after)) for row in (rows.row, rows.speed_row))

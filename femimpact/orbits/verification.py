@@ -74,7 +74,7 @@ def orbit_of(
     order = np.argsort(times, kind="stable")
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         # an event without speed has no finite saltation
-        steps = found.passed.saltation @ found.passed.propagator
+        steps = found.maps.saltation @ found.maps.propagator
         state, contact_state, monodromy = _at_start(hybrid, excitation, sequence, found, times, flows, steps)
         half_map = _half_map(hybrid, sequence, found, steps, unit_of(hybrid, length), int(order[0]))
     return made(
@@ -124,7 +124,7 @@ def _at_start(
     before = now - (sequence.cycles / excitation.frequency - times[first - 1]) * hybrid.omega
     (state,), (onto,) = flow.carried(found.states[first - 1][None], before, now)
     _, (up_to,) = flow.carried(state[None], now, phase)
-    return state, contact_state, onto @ _product(later[:-1]) @ found.passed.saltation[first] @ up_to
+    return state, contact_state, onto @ _product(later[:-1]) @ found.maps.saltation[first] @ up_to
 
 
 def _half_map(
@@ -137,11 +137,11 @@ def _half_map(
 
 
 def may_be_symmetric(hybrid: HybridSystem, sequence: Sequence) -> bool:
-    """Whether both sides of what is met are alike, and the events half a period later are those of the other side."""
+    """Whether both sides of what is met are equal, and the events half a period later are those of the other side."""
     half, odd = len(sequence.kind) // 2, len(sequence.kind) % 2
     gaps = hybrid.gaps[np.unique(sequence.pair[sequence.pair >= 0])]
-    alike = np.allclose(gaps[:, 0], gaps[:, 1], rtol=1e-12, atol=0.0) and not np.any(hybrid.constant)
-    if odd or sequence.cycles % 2 == 0 or not alike:
+    equal = np.allclose(gaps[:, 0], gaps[:, 1], rtol=1e-12, atol=0.0) and not np.any(hybrid.constant)
+    if odd or sequence.cycles % 2 == 0 or not equal:
         return False
     same = sequence.kind[:half] == sequence.kind[half:]
     same = same and np.array_equal(sequence.pair[:half], sequence.pair[half:])
@@ -167,7 +167,7 @@ def own_run(
     unit: Array,
 ) -> tuple[Response, float, int]:  # fmt: skip
     """A run over one period, by how much it misses its start, and the event that it meets first."""
-    state, middle, first = between_events(found.passed.hybrid, sequence, found.states, found.phases, flows)
+    state, middle, first = between_events(found.maps.hybrid, sequence, found.states, found.phases, flows)
     time = float(_times(np.array([middle]), excitation, sequence.cycles)[0])
     period = sequence.cycles / excitation.frequency
     try:

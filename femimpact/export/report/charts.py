@@ -229,12 +229,12 @@ def _last_part(channels: dict[str, tuple[Array, Array, str]], share: float = 0.0
 
 def history_charts(channels: Mapping[str, tuple[Array, Array, str]], when: str) -> list[Chart]:
     """A chart for the channels of each quantity; more than four are divided."""
-    alike: dict[tuple[str, str], list[str]] = {}
+    by_quantity: dict[tuple[str, str], list[str]] = {}
     for name, (_, _, unit) in channels.items():
-        alike.setdefault((_quantity(name, unit), unit), []).append(name)
+        by_quantity.setdefault((_quantity(name, unit), unit), []).append(name)
     parts = [
         (names[k : k + MOST_LINES], quantity, unit)
-        for (quantity, unit), names in alike.items()
+        for (quantity, unit), names in by_quantity.items()
         for k in range(0, len(names), MOST_LINES)
     ]
     return [
