@@ -220,7 +220,9 @@ class PeriodicOrbit:
             If there is no such channel.
         """
         data = period_of(self, self._channels if channels is None else channels).to_xarray()
-        kinds = {"multipliers": self.multipliers} | ({"half_multipliers": self.half_multipliers} if self.is_symmetric else {})
+        kinds = {"multipliers": self.multipliers} | (
+            {"half_multipliers": self.half_multipliers} if self.is_symmetric else {}
+        )
         for name, values in kinds.items():
             for part in ("real", "imag"):
                 labels = {"units": "1", "long_name": f"Floquet {name.replace('_', ' ')}, {part}"}

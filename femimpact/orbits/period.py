@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy.optimize
@@ -19,7 +19,6 @@ from femimpact.integrators.runs import integrate
 from femimpact.orbits.equations import known_flow
 from femimpact.orbits.flow import Flow, HybridSystem, hybrid_system
 from femimpact.response.channels import Channel, resolve_channels
-from femimpact.response.energy import EnergyLedger
 from femimpact.response.response import Recorder, Response
 from femimpact.response.signals import SteadyMotion, cycle_statistics, steady_motion
 from femimpact.structure.structure import Position
@@ -51,34 +50,35 @@ class Intervals:
     begin: Array  # (K,) s
     end: Array  # (K,)
     states: Array  # (K, 2d) at their begin
-    contact_state: NDArray[np.integer]  # (K, pairs)
+    contact_state: NDArray[np.integer[Any]]  # (K, pairs)
     flows: dict[bytes, Flow]
 
     def at(self, k: int, times: Array) -> Array:
         """States (n, 2d) at times (n,) in interval k, s."""
-        flow = known_flow(self.hybrid, self.contact_state[k], self.flows)
         begin, found = self.omega * self.begin[k] + self.phase, [np.zeros((0, self.states.shape[1]))]
         for part in np.split(times, range(AT_ONCE, times.size, AT_ONCE)):
             from_begin = np.tile(self.states[k], (part.size, 1)), np.full(part.size, begin)
-            found.append(flow.carried(*from_begin, self.omega * part + self.phase)[0])
+            found.append(self.flow(k).carried(*from_begin, self.omega * part + self.phase)[0])
         return np.concatenate(found)
 
-    def gaps(self, k: int, times: Array) -> tuple[Array, Array]:
-        """What the gaps bound, x (n, pairs) in m, and its rate, in interval k."""
+    def gaps(self, k: int, times: Array) -> Array:
+        """What the gaps bound, with its rate and the rate of that (3, n, pairs), m, m/s and m/s^2, in interval k."""
         state, phases, hybrid = self.at(k, times), self.omega * times + self.phase, self.hybrid
         u, v = np.split(state, 2, axis=1)
-        # of a force the base stands still
-        amplitude = hybrid.amplitude if hybrid.moves_base else 0.0
-        base, rate = amplitude * np.sin(phases), amplitude * self.omega * np.cos(phases)
-        return (
-            -(u @ hybrid.force + np.outer(base, hybrid.in_space)),
-            -(v @ hybrid.force + np.outer(rate, hybrid.in_space)),
-        )
+        moves = u, v, self.flow(k).field(state, phases)[:, u.shape[1] :]
+        base = np.sin(phases), self.omega * np.cos(phases), -(self.omega**2) * np.sin(phases)
+        return -np.array([
+            of_it @ hybrid.force + np.outer(hybrid.amplitude * of_base, hybrid.in_space)
+            for of_it, of_base in zip(moves, base, strict=True)
+        ])  # fmt: skip
+
+    def flow(self, k: int) -> Flow:
+        """That of interval k."""
+        return known_flow(self.hybrid, self.contact_state[k], self.flows)
 
     def instants(self, k: int) -> Array:
         """Instants (n,) of interval k, its ends included, that are dense beside its fastest motion."""
-        matrix = known_flow(self.hybrid, self.contact_state[k], self.flows).matrix
-        fastest = max(self.omega, float(np.abs(np.linalg.eigvals(matrix).imag).max()))
+        fastest = max(self.omega, float(np.abs(np.linalg.eigvals(self.flow(k).matrix).imag).max()))
         begin, end = float(self.begin[k]), float(self.end[k])
         return np.linspace(begin, end, 2 + math.ceil(PROFILE * fastest * (end - begin) / (2.0 * math.pi)))
 
@@ -86,12 +86,10 @@ class Intervals:
 def intervals_of(orbit: PeriodicOrbit) -> Intervals:
     """The intervals between the events of an orbit; of one without events the period from t = 0."""
     log, state = orbit.events, orbit.state
-    begin, contact_state, states = log.time, log.contact_state, np.hstack([log.displacement, log.velocity])
+    contact_state: NDArray[np.integer[Any]] = log.contact_state
+    begin, states = log.time, np.hstack([log.displacement, log.velocity])
     if not len(log):
-        parts: list[Array] = [
-            np.asarray(each)
-            for each in (state.displacement, state.ball_displacement, state.velocity, state.ball_velocity)
-        ]
+        parts: Any = state.displacement, state.ball_displacement, state.velocity, state.ball_velocity
         begin, contact_state, states = np.zeros(1), orbit.contact_state[None], np.concatenate(parts)[None]
     omega = 2.0 * math.pi * orbit.excitation.frequency
     end = np.append(begin[1:], begin[0] + orbit.period)
@@ -166,32 +164,57 @@ def clearances_of(orbit: PeriodicOrbit) -> Array:
     Infinite where it never does: where there is no wall, or each approach ends at the wall.
     """
     intervals = intervals_of(orbit)
-    found = np.full((len(orbit.system.contacts), 2), np.inf)
     times = [intervals.instants(k) for k in range(intervals.begin.size)]
     read = [intervals.gaps(k, each) for k, each in enumerate(times)]
+    found = np.full((len(orbit.system.contacts), 2), np.inf)
     for j, column in np.ndindex(found.shape):
         side, wall = (1.0, -1.0)[column], float(intervals.hybrid.gaps[j, column])
-        apart = intervals.contact_state[:, j] * side <= 0.0
-        near = np.array([wall - float((side * x[:, j]).max()) for x, _ in read])
         if not math.isfinite(wall):
             continue
-        if np.all(apart) and not np.any((orbit.events.pair == j) & (orbit.events.side == side)):
-            found[j, column] = near.min()
+        apart = intervals.contact_state[:, j] * side <= 0.0
+        met = (orbit.events.pair == j) & (orbit.events.side == side)
+        crests = list[float]()
         for k in np.flatnonzero(apart).tolist():
-            rate = side * read[k][1][:, j]
-            for i in np.flatnonzero((rate[:-1] > 0.0) & (rate[1:] <= 0.0)).tolist():
-
-                def rate_at(time: float, k: int = k, j: int = j) -> float:
-                    return float(intervals.gaps(k, np.array([time]))[1][0, j])
-
-                # beyond the smallest distance so far by more than its rate allows, it is not looked for
-                low, high = times[k][i : i + 2]
-                top = scipy.optimize.brentq(rate_at, low, high, xtol=1e-15 * orbit.period)
-                x = float(intervals.gaps(k, np.array([top]))[0][0, j])
-                found[j, column] = min(found[j, column], wall - side * x)
-            before = k - 1
-            of_wall = len(orbit.events) and orbit.events.pair[k] == j and orbit.events.side[k] == side
+            tops = _tops(intervals, k, j, side, times[k], side * read[k][:, :, j])
+            crests += (wall - side * intervals.gaps(k, np.array(tops))[0, :, j]).tolist()
             # an impact elsewhere turns it back
-            if apart[before] and not of_wall and side * read[before][1][-1, j] > 0.0 >= rate[0]:
-                found[j, column] = min(found[j, column], wall - side * float(read[k][0][0, j]))
-    return np.maximum(found, 0.0)
+            if (
+                met.size
+                and not met[k]
+                and apart[k - 1]
+                and side * read[k - 1][1, -1, j] > 0.0 >= side * read[k][1, 0, j]
+            ):
+                crests.append(wall - side * float(read[k][0, 0, j]))
+        if not crests and np.all(apart) and not np.any(met):
+            # it stands still
+            crests = [wall - side * float(read[0][0, 0, j])]
+        found[j, column] = max(min(crests, default=math.inf), 0.0)
+    return found
+
+
+def _tops(intervals: Intervals, k: int, pair: int, side: float, times: Array, read: Array) -> list[float]:
+    """Times (s) in interval k at which the gap of a pair turns back, given it, its rate and the rate of that (3, n)."""
+
+    def zero(derivative: int, low: float, high: float) -> float:
+        def value(time: float) -> float:
+            return float(intervals.gaps(k, np.array([time]))[derivative, 0, pair])
+
+        ends = value(low), value(high)
+        if ends[0] * ends[1] >= 0.0:
+            # rounding puts it at one of them
+            return (low, high)[int(np.argmin(np.abs(ends)))]
+        return float(scipy.optimize.brentq(value, low, high))
+
+    (_, rate, slope), step = read, np.diff(times)
+    found = [zero(1, times[i], times[i + 1]) for i in np.flatnonzero((rate[:-1] > 0.0) & (rate[1:] <= 0.0)).tolist()]
+    # twice within a step, beside a wall that it leaves slowly: the extreme of the rate lies between
+    for sign in (1.0, -1.0):
+        before, after = sign * rate[:-1], sign * rate[1:]
+        up, down = sign * slope[:-1], sign * slope[1:]
+        may = (before <= 0.0) & (after <= 0.0) & (up > 0.0) & (down < 0.0)
+        may &= (before + step * up > 0.0) & (after - step * down > 0.0)
+        for i in np.flatnonzero(may).tolist():
+            middle = zero(2, times[i], times[i + 1])
+            if sign * side * float(intervals.gaps(k, np.array([middle]))[1, 0, pair]) > 0.0:
+                found.append(zero(1, middle, times[i + 1]) if sign > 0.0 else zero(1, times[i], middle))
+    return found

@@ -202,6 +202,7 @@ class ContactRow:
         self.title = self.place if pair is None else f"{pair.name}, {self.place}" if moving else f"stop {pair.name}"
 
     def draw(self, axis: Any, inside: NDArray[np.bool_], close: bool) -> None:
+        """Draw the samples inside; of a long run its envelope, unless they are a close-up, which has the impacts."""
         time, factor = self.response.time[inside], self.factor
         width = 1.6 if close else 0.8
         if not close and self.oscillations > LONG:
