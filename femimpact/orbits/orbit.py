@@ -15,7 +15,7 @@ from femimpact.arrays import Array, Complex
 from femimpact.errors import check_fields, column, having, instance, optional, quantity
 from femimpact.excitation import Excitation
 from femimpact.excitation.excitation import MEMBERS
-from femimpact.orbits.period import clearances_of, period_of, steady_of
+from femimpact.orbits.period import clearances_of, period_of, smallest_approach_speed_of, steady_of
 from femimpact.response.channels import Channel
 from femimpact.response.energy import EnergyLedger
 from femimpact.response.impacts import EventLog, Impacts
@@ -194,7 +194,7 @@ class PeriodicOrbit:
 
         Not that of a contact which lasts over all of the period, and has no touch.
         """
-        return float(np.min(self.impacts.approach_speed, initial=math.inf))
+        return smallest_approach_speed_of(self)
 
     def to_xarray(self, channels: Sequence[Position | Channel] | None = None) -> xarray.Dataset:
         """One period from t = 0 to T, both included, as a labelled dataset over time, with the multipliers.

@@ -16,7 +16,7 @@ from femimpact.errors import changed
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.event_driven.loop_data import FREE
 from femimpact.integrators.runs import integrate
-from femimpact.orbits.equations import known_flow
+from femimpact.orbits.equations import IMPACT, TOUCH, known_flow
 from femimpact.orbits.flow import Flow, HybridSystem, hybrid_system
 from femimpact.response.channels import Channel, resolve_channels
 from femimpact.response.response import Recorder, Response
@@ -156,6 +156,15 @@ def steady_of(orbit: PeriodicOrbit, channel: Position | Channel) -> SteadyMotion
     first = np.arange(cycles) * (phase.size // cycles)
     motion = steady_motion(cycle_statistics(run.channels[read.name][1:], phase, first), np.array([cycles]))
     return changed(motion, peak=np.array([abs(run.largest(read).value)]), steadiness=np.array(["periodic"]))
+
+
+def smallest_approach_speed_of(orbit: PeriodicOrbit) -> float:
+    """Relative speed of the slowest touch of an orbit, m/s, from its states: where it is zero no run is as exact."""
+    intervals, log, speeds = intervals_of(orbit), orbit.events, [math.inf]
+    for k in np.flatnonzero(np.isin(log.kind, (IMPACT, TOUCH))).tolist():
+        rates = intervals.gaps(k - 1, intervals.end[[k - 1]])[1, 0]
+        speeds.append(float(log.side[k] * rates[log.pair[k]]))
+    return max(min(speeds), 0.0)
 
 
 def clearances_of(orbit: PeriodicOrbit) -> Array:
