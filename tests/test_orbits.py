@@ -20,6 +20,8 @@ from femimpact.orbits.newton import solve
 from femimpact.orbits.orbit import state_vector
 from femimpact.orbits.search import orbit_near
 from femimpact.orbits.verification import verified
+from femimpact.validation import branches
+from femimpact.validation.closed_forms import box_orbits
 
 pytestmark = pytest.mark.impacts
 
@@ -83,6 +85,23 @@ def test_derivatives_by_a_parameter_have_the_digits_of_50_digit_arithmetic(orbit
 
 
 @pytest.mark.parametrize("name", MODELS)
+def test_state_times_and_multipliers_have_the_digits_of_50_digit_arithmetic(orbits, name):
+    orbit, exact = orbits[name], DIGITS[name]
+    assert np.max(np.abs(state_of(orbit) - exact["state"]) / units_of(orbit)) < 1e-10
+    np.testing.assert_allclose(orbit.events.time, exact["times"], rtol=1e-10)
+    multipliers = np.array(exact["multipliers"]) @ [1.0, 1.0j]
+    np.testing.assert_allclose(by_size(orbit.multipliers), by_size(multipliers), atol=1e-10)
+
+
+def test_the_reference_case_has_the_same_digits():
+    exact = DIGITS["Kelvin-Voigt"]
+    assert list(branches.COMPLIANT_TIMES) == exact["times"]
+    assert list(branches.COMPLIANT_STATE) == exact["state"]
+    pairs = np.array(exact["multipliers"]) @ [1.0, 1.0j]
+    assert set(branches.COMPLIANT_MULTIPLIERS) == {value for value in pairs.tolist() if value.imag > 0.0}
+
+
+@pytest.mark.parametrize("name", MODELS)
 def test_liouville(orbits, name):
     """The product of the multipliers: each rigid impact turns a volume by e^2, all dashpots shrink it."""
     orbit, model = orbits[name], MODELS[name]
@@ -113,45 +132,6 @@ def test_liouville_of_a_beam(modes):
 # ---- closed forms -----------------------------------------------------------------------------------
 
 
-def quadratic(mu, e, zeta, ratio, clearance):
-    """(speed of the ball, phase of the force at the impact on the + wall) of the roots of the one-mode quadratic.
-
-    M = K = F = 1; derived from physics: the half-cycle map of the oscillator under the ball's impulse.
-    """
-    eta, period = math.sqrt(1 - zeta**2), math.pi / ratio
-    decay, c, s = math.exp(-zeta * period), math.cos(eta * period), math.sin(eta * period)
-    jump = [
-        [decay * s, 1 + decay * c],
-        [eta * (1 + decay * c) - decay * zeta * s, -zeta * (1 + decay * c) - decay * eta * s],
-    ]
-    a1, a2 = np.linalg.solve(jump, [0.0, 2 * mu])
-    after = -(1 - e - 2 * mu * e) / (1 + e)
-    p, q, r = math.pi / (2 * ratio) - a2, -clearance / 2, (after - (eta * a1 - zeta * a2)) / ratio
-    amplitude = 1 / math.hypot(1 - ratio**2, 2 * zeta * ratio)
-    lead = math.atan2(2 * zeta * ratio, 1 - ratio**2)
-    roots = [u for u in np.roots([p * p + r * r, 2 * p * q, q * q - amplitude**2]).real if u > 0]
-    return [(u, math.atan2(p * u + q, r * u) + lead) for u in roots]
-
-
-def half_map(mu, e, zeta, ratio, clearance, speed, phase):
-    """Minus the derivative of (x, y, x', y') after the impact on the - wall by that on the + wall, by hand."""
-    eta, period = math.sqrt(1 - zeta**2), math.pi / ratio
-    decay, c, s = math.exp(-zeta * period), math.cos(eta * period), math.sin(eta * period)
-    flow = np.zeros((4, 4))
-    flow[np.ix_([0, 2], [0, 2])] = decay * np.array([[c + zeta / eta * s, s / eta], [-s / eta, c - zeta / eta * s]])
-    flow[np.ix_([1, 3], [1, 3])] = [[1, period], [0, 1]]
-    gap, rate = np.array([-1.0, 1.0, 0, 0]), np.array([0, 0, -1.0, 1.0])
-    jump = np.eye(4) - (1 + e) / (1 + 1 / mu) * np.outer([0, 0, -1.0, 1 / mu], rate)
-    place, after = speed * period / 2 - clearance / 2, -speed * (1 - e - 2 * mu * e) / (1 + e)
-    approach = 2 * speed * (1 + mu) / (1 + e)
-    rates = np.array([after, -speed]) - np.array([mu, -1]) * (1 + e) * approach / (1 + mu), np.array([after, -speed])
-    before, later = (
-        np.array([v, w, math.sin(phase) - 2 * zeta * v - place, 0.0]) for v, w in rates
-    )  # fmt: skip
-    saltation = jump + np.outer(later - jump @ before, gap) / (gap @ before)
-    return -saltation @ flow
-
-
 def by_size(values):
     """Largest modulus first, of a pair the negative imaginary part."""
     return values[np.lexsort((values.imag, -np.round(np.abs(values), 8)))]
@@ -171,19 +151,17 @@ def box(mu, e, zeta, ratio, clearance):
 
 @pytest.mark.parametrize("case", [*TABLE, *OVER_FREQUENCY, *OVER_GAP, *OVER_RESTITUTION])
 def test_two_impacts_meet_the_quadratic(case):
-    mu, e, *_ = case
-    roots = quadratic(*case)
+    exact = box_orbits(*case)
     found = fi.two_impact_orbits(*box(*case))
     assert found
     speeds = [orbit.impacts.approach_speed[0] for orbit in found]
     assert speeds == sorted(speeds, reverse=True)
     for orbit in found:
-        u, phase = min(roots, key=lambda root: abs(root[0] * 2 * (1 + mu) / (1 + e) - orbit.impacts.approach_speed[0]))
-        np.testing.assert_allclose(orbit.impacts.approach_speed, 2 * u * (1 + mu) / (1 + e), rtol=1e-9)
+        speed, phase, half_map = min(exact, key=lambda each: abs(each[0] - orbit.impacts.approach_speed[0]))
+        np.testing.assert_allclose(orbit.impacts.approach_speed, speed, rtol=1e-9)
         at = orbit.events.time[orbit.events.side > 0][0] * 2 * math.pi * orbit.excitation.frequency
         assert abs(np.exp(1j * at) - np.exp(1j * phase)) < 1e-9
-        exact = np.linalg.eigvals(half_map(*case, u, phase))
-        np.testing.assert_allclose(by_size(orbit.half_multipliers), by_size(exact), atol=1e-9)
+        np.testing.assert_allclose(by_size(orbit.half_multipliers), by_size(np.linalg.eigvals(half_map)), atol=1e-9)
 
 
 def test_the_published_unstable_orbit():
@@ -230,7 +208,7 @@ def test_a_stop_in_space_has_a_slow_and_a_fast_orbit():
 
 def test_solutions_that_meet_a_wall_once_more_are_no_orbits():
     narrow = (0.1, 0.5, 0.01, 1.0, 2.0)
-    assert quadratic(*narrow)
+    assert box_orbits(*narrow)
     assert fi.two_impact_orbits(*box(*narrow)) == ()
 
 
