@@ -122,19 +122,21 @@ GAP, FREQUENCY, OF_BALL = "impactor.ball.gap", "base.frequency", "impactor.ball.
 
 
 @cache
-def box_branch(parameter: str, low: float, high: float, omega: float = OMEGA, clearance: float = CLEARANCE) -> Branch:
+def box_branch(
+    parameter: str, low: float, high: float, omega: float = OMEGA, clearance: float = CLEARANCE, points: int = 2000
+) -> Branch:
     """The branch of the faster orbit of the box over a parameter."""
     ball = Impactor("ball", "tip", MU, clearance / 2, Rigid(RESTITUTION))
     system = System.from_matrices([[1.0]], [[2 * ZETA]], [[1.0]], points={"tip": [1.0]}, impactors=[ball])
     orbit, *_ = two_impact_orbits(system, PointForce("tip", Sine(1.0, omega / (2 * math.pi))))
-    return continue_orbit(orbit, parameter, (low, high))
+    return continue_orbit(orbit, parameter, (low, high), points=points)
 
 
 OVER_GAP = partial(box_branch, GAP, 7.5, 53.0)
 OVER_FREQUENCY = partial(box_branch, FREQUENCY, 0.165, 0.21, 1.1)
-NEAR_RESONANCE = partial(box_branch, FREQUENCY, 0.1555, 0.1575, 0.98, 20.0)
+NEAR_RESONANCE = partial(box_branch, FREQUENCY, 0.154, 0.158, 0.98, 20.0, 12)
 OVER_RESTITUTION = partial(box_branch, OF_BALL, 0.5, 0.9, 1.15)
-OF_A_NARROW_BOX = partial(box_branch, OF_BALL, 0.55, 0.85, 1.0, 16.0)
+OF_A_NARROW_BOX = partial(box_branch, OF_BALL, 0.1, 1.0, 1.0, 16.0, 12)
 
 BOX = (
     Compared(
@@ -270,7 +272,7 @@ def beam_branch() -> Branch:
     """Its orbit through both resonances, on all its modes."""
     system = reduce(assemble(BEAM, elements=2), modes=4)
     orbit = find_orbit(system, Sine(SHAKEN, 5.3), guess=State())
-    return continue_orbit(orbit, FREQUENCY, (4.0, 40.0))
+    return continue_orbit(orbit, FREQUENCY, (4.0, 36.0))
 
 
 def _dense() -> tuple[System, list[NDArray[np.float64]]]:
