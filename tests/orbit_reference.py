@@ -1,4 +1,4 @@
-"""Digits of the monodromies and the parameter derivatives of `orbit_cases.MODELS`, by arithmetic of 50 digits.
+"""Digits of the orbits of `orbit_cases.MODELS`, their multipliers and derivatives, by arithmetic of 50 digits.
 
     python tests/orbit_reference.py      writes tests/data/orbit_derivatives.json, in some minutes
 
@@ -146,7 +146,10 @@ def difference(function, scale: list[mp.mpf]) -> mp.matrix:
 
 
 def derivatives(orbit: fi.PeriodicOrbit, model: Model) -> dict[str, list]:
-    """Monodromy at t = 0, and derivatives of state and phase at the first event by parameters."""
+    """State and monodromy at t = 0, multipliers, times of the events, and derivatives by parameters.
+
+    The latter are those of state and phase at the first event.
+    """
     log, start = orbit.events, orbit.state
     events = [
         (str(kind), int(j), int(side), mp.mpf(float(time)))
@@ -168,7 +171,14 @@ def derivatives(orbit: fi.PeriodicOrbit, model: Model) -> dict[str, list]:
         state = [value + step[k] for k, value in enumerate(state)]
         print("  Newton:", mp.nstr(mp.mnorm(step, 1), 3))
     M = difference(lambda i, by: reference.period(shifted(i, by), events)[0], scale)
-    found = {"monodromy": [[float(M[i, j]) for j in range(size)] for i in range(size)]}
+    times = [reference.period(state, events, most=k)[1] / reference.omega for k in range(len(events))]
+    multipliers = sorted(mp.eig(M, left=False, right=False), key=abs, reverse=True)
+    found = {
+        "state": [float(value) for value in state],
+        "times": [float(value) for value in times],
+        "multipliers": [[float(mp.re(value)), float(mp.im(value))] for value in multipliers],
+        "monodromy": [[float(M[i, j]) for j in range(size)] for i in range(size)],
+    }
 
     def first_event(of: Reference, at: list[mp.mpf]) -> list[mp.mpf]:
         after, phase = of.period(at, events, most=0)
