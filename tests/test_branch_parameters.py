@@ -117,6 +117,11 @@ def beam_with(mass=3.43e-3, ratio=0.0029, **law):
     return reduced(replace(structure, damping=fi.Rayleigh(ratio, (1, 2))), 4)
 
 
+def with_absorber(mass):
+    structure = with_ball(REFERENCE, gap=2e-3, contact=fi.Rigid(0.6))
+    return reduced(replace(structure, absorbers=[fi.Absorber("damper", "mid", mass, 20.0, 0.01)]), 4)
+
+
 def of_model(name, **changes):
     """The system of a model with other numbers; of a pair the mass."""
     model = CASES[name]
@@ -137,6 +142,7 @@ ANEW = {
     # path, range, system of a value
     "mass of a rigid ball": (OF_BALL, (3e-3, 4.5e-3), lambda v: beam_with(v)),
     "ratio of a beam": ("damping.factor", (0.5, 2.0), lambda v: beam_with(ratio=0.0029 * v)),
+    "mass of an absorber": ("absorber.damper.mass", (1e-3, 2e-3), with_absorber),
     "mass of a compliant ball": (OF_BALL, (3e-3, 3.8e-3), lambda v: beam_with(v, **COMPLIANT)),
     "mass beside a stiffness": (OF_BALL, (3e-3, 3.8e-3), lambda v: beam_with(v, **STIFF)),
     "restitution": (f"{OF_CONTACT}.restitution", (0.5, 0.7), lambda v: beam_with(restitution=v, contact_time=2e-3)),
@@ -318,7 +324,7 @@ def refused(system, parameter, to, words):
         ("impactor.ball 0.free_stiffness", (0.5, 0.9), "is no number that a branch is followed over; known: amplitude"),
         ("impactor.ball 0.contact.stifness", (0.5, 0.9), "is no number of the contact's law"),
         ("impactor.ball 1.mass", (0.5, 0.9), "unknown; did you mean 'impactor.ball 0.mass'"),
-        ("stop.ball 0.mass", (0.5, 0.9), "is no number that a branch is followed over"),
+        ("stop.ball 0.mass", (0.5, 0.9), "unknown; did you mean 'impactor.ball 0.mass'"),
     ],
 )  # fmt: skip
 def test_bad_input_is_one_line(parameter, to, words):

@@ -124,12 +124,13 @@ class Flow:
 
     def field(self, z: Numbers, phase: Numbers) -> Numbers:
         """Rates z' (n, 2d) at states (n, 2d) and phases (n,)."""
-        driven = np.outer(np.sin(phase), self.sine) + np.outer(np.cos(phase), self.cosine)
+        driven = np.sin(phase)[:, None] * self.sine + np.cos(phase)[:, None] * self.cosine
         return np.asarray(z @ self.matrix.T + self.constant + driven)
 
     def steady(self, phase: Numbers) -> Numbers:
         """The steady response (n, 2d) at phases (n,)."""
-        return np.asarray(np.outer(np.sin(phase), self.steady_sine) + np.outer(np.cos(phase), self.steady_cosine))
+        steady = np.sin(phase)[:, None] * self.steady_sine + np.cos(phase)[:, None] * self.steady_cosine
+        return np.asarray(steady)
 
     def carried(self, states: Numbers, begin: Numbers, end: Numbers) -> tuple[Numbers, Numbers]:
         """States (n, 2d) at phases `end` (n,) after those at phases `begin`, and their propagators (n, 2d, 2d)."""

@@ -69,22 +69,28 @@ def parameter_of(system: System, excitation: Sine | PointForce, path: Any) -> Pa
 
 def _refusal(system: System, path: str, known: list[str]) -> str:
     """Why a number is none that a branch follows."""
-    names, (owner, _, rest) = ", ".join(sorted(known)), path.partition(".")
+    names, owner = ", ".join(sorted(known)), path.partition(".")[0]
     if path == FACTOR:
         return f"must have a system with damping, of which this one has none; known: {names}"
     if owner in OF_DAMPING:
         return f"is in a system's damping matrix, of which {FACTOR} multiplies all; known: {names}"
     if owner in OF_MODES:
         return f"changes the modes, which a system has; known: {names}"
-    parts = [pair for pair in system.contacts if rest.startswith(f"{pair.name}.")]
-    if not parts:
+    pair = next((pair for pair in system.contacts if path.startswith(f"{_place(pair)}.")), None)
+    if pair is None:
         return suggestion(path, known)
-    number, law = rest.removeprefix(f"{parts[0].name}."), parts[0].law
-    if number == "gap":
-        return f"must have the same gap on both sides, not {parts[0].gaps} m; known: {names}"
+    number = path.removeprefix(f"{_place(pair)}.")
+    if number == "gap" and pair.has_walls:
+        return f"must have the same gap on both sides, not {pair.gaps} m; known: {names}"
     if number.startswith("contact."):
-        return f"is no number of the contact's law, {_words(law)}; known: {names}"
+        return f"is no number of the contact's law, {_words(pair.law)}; known: {names}"
     return f"is no number that a branch is followed over; known: {names}"
+
+
+def _place(pair: ContactPair) -> str:
+    """Path of a pair."""
+    owner = "stop" if pair.is_stop else "impactor" if pair.has_walls else "absorber"
+    return f"{owner}.{pair.name}"
 
 
 def _words(law: Any) -> str:
@@ -122,14 +128,12 @@ def _of_excitation(system: System, excitation: Sine | PointForce, hybrid: Hybrid
 def _of_pair(
     system: System, excitation: Sine | PointForce, hybrid: HybridSystem, j: int, pair: ContactPair
 ) -> Iterator[Parameter]:
-    owner = "stop" if pair.is_stop else "impactor" if pair.has_walls else "absorber"
-
     def parameter(
         name: str, unit: str, value: float, allowed: dict[str, Any], hybrid_at: Callable[..., HybridSystem],
         changed: Callable[[ContactPair, float], ContactPair], of_matrices: bool = False,
     ) -> Parameter:  # fmt: skip
         return Parameter(
-            f"{owner}.{pair.name}.{name}", unit, value, allowed, hybrid, partial(hybrid_at, hybrid, j),
+            f"{_place(pair)}.{name}", unit, value, allowed, hybrid, partial(hybrid_at, hybrid, j),
             partial(_with_pair, system, excitation, j, changed), of_matrices,
         )  # fmt: skip
 
