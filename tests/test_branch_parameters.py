@@ -297,6 +297,22 @@ def test_a_resonance_without_damping_ends_a_branch():
     assert fi.continue_orbit(below, "damping.factor", (0.0, 2.0)).end[0] == "edge: damping.factor = 0"
 
 
+def test_a_contact_without_loss_is_followed_over_other_numbers():
+    """It lets go where it separates, two events at one instant all along."""
+    over_damping = fi.continue_orbit(MODELS["Kelvin-Voigt"].orbit(), "impactor.ball 0.contact.damping", (0.0, 3.0))
+    assert over_damping.end[0] == "edge: impactor.ball 0.contact.damping = 0"
+    (orbit,) = over_damping.at(0.0)
+    released, separated = (orbit.events.time[orbit.events.kind == kind] for kind in ("release", "separate"))
+    np.testing.assert_allclose(released, separated, atol=1e-12)
+    for path, low, high in (("impactor.ball 0.mass", 3e-3, 3.7e-3), ("frequency", 5.15, 5.5)):
+        branch = fi.continue_orbit(orbit, path, (low, high))
+        assert all(words.startswith("edge") for words in branch.end)
+    in_space = fi.continue_orbit(
+        MODELS["Kelvin-Voigt stop in space"].orbit(), "stop.stop 0.contact.damping", (0.0, 1.0)
+    )
+    assert in_space.end[0] == "edge: stop.stop 0.contact.damping = 0"
+
+
 def refused(system, parameter, to, words):
     base = fi.Sine(0.2037e-3, 5.3)
     run = fi.integrate(system, base, fi.EventDriven(), 80.0, fi.Recorder(channels=(), ledger=False))
