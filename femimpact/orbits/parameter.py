@@ -16,7 +16,7 @@ import scipy.special
 
 from femimpact.contact.collision import damping_ratio_for_restitution, linear_angle
 from femimpact.contact.laws import KelvinVoigt, Rigid
-from femimpact.errors import quantity, require, require_type, suggestion
+from femimpact.errors import changed, quantity, require, require_type, suggestion
 from femimpact.excitation import PointForce, Sine
 from femimpact.orbits.flow import HybridSystem, Numbers, hybrid_system
 from femimpact.system.contact_pair import ContactPair
@@ -130,11 +130,11 @@ def _of_pair(
 ) -> Iterator[Parameter]:
     def parameter(
         name: str, unit: str, value: float, allowed: dict[str, Any], hybrid_at: Callable[..., HybridSystem],
-        changed: Callable[[ContactPair, float], ContactPair], of_matrices: bool = False,
+        with_value: Callable[[ContactPair, float], ContactPair], of_matrices: bool = False,
     ) -> Parameter:  # fmt: skip
         return Parameter(
             f"{_place(pair)}.{name}", unit, value, allowed, hybrid, partial(hybrid_at, hybrid, j),
-            partial(_with_pair, system, excitation, j, changed), of_matrices,
+            partial(_with_pair, system, excitation, j, with_value), of_matrices,
         )  # fmt: skip
 
     gaps = {gap for gap in pair.gaps if math.isfinite(gap)}
@@ -152,8 +152,8 @@ def _of_pair(
             if law is not None:
                 numbers, unit, value = _numbers_of(law), item.metadata["unit"], float(getattr(law, name))
                 hybrid_at = partial(_at_contact, numbers=numbers, name=name, effective_mass=pair.effective_mass)
-                changed = partial(_with_contact, law=law, name=name)
-                yield parameter(f"contact.{name}", unit, value, dict(item.metadata), hybrid_at, changed)
+                with_value = partial(_with_contact, law=law, name=name)
+                yield parameter(f"contact.{name}", unit, value, dict(item.metadata), hybrid_at, with_value)
     if not pair.is_stop:
         of_law = _numbers_of(pair.law) if isinstance(pair.law, KelvinVoigt) else None
         at_mass = partial(_at_mass, pair=pair, coordinate=system.dofs + j, numbers=of_law)
@@ -185,30 +185,30 @@ def _at_contact(
     hybrid: HybridSystem, j: int, value: Any, *, numbers: dict[str, Any], name: str, effective_mass: float
 ) -> HybridSystem:
     """The system with another number of a Kelvin-Voigt law, whose other one is held."""
-    changed = numbers | {name: value}
+    given = numbers | {name: value}
     if name == "restitution":
-        changed["shape"] = _ratio_and_angle(value)
-    return _with_spring(hybrid, j, changed, effective_mass)
+        given["ratio_and_angle"] = _ratio_and_angle(value)
+    return _with_spring(hybrid, j, given, effective_mass)
 
 
 def _at_mass(
     hybrid: HybridSystem, j: int, value: Any, *, pair: ContactPair, coordinate: int, numbers: dict[str, Any] | None
 ) -> HybridSystem:
     """The system with another mass of a ball, for which the numbers of its law give another spring and dashpot."""
-    changed = replace(
+    varied = replace(
         hybrid,
         mass=_with_entry(hybrid.mass, coordinate, value),
         load=_with_entry(hybrid.load, coordinate, -value if hybrid.moves_base else 0.0),
         constant=_with_entry(hybrid.constant, coordinate, value * pair.acceleration),
     )
-    return changed if numbers is None else _with_spring(changed, j, numbers, 1.0 / (pair.first_mode**2 + 1.0 / value))
+    return varied if numbers is None else _with_spring(varied, j, numbers, 1.0 / (pair.first_mode**2 + 1.0 / value))
 
 
 def _with_spring(hybrid: HybridSystem, j: int, numbers: dict[str, Any], effective_mass: Any) -> HybridSystem:
     """The system with the spring and dashpot of a Kelvin-Voigt law by its numbers, which may be complex."""
     stiffness, damping = numbers["stiffness"], numbers["damping"]
-    if numbers["shape"] is not None:
-        ratio, angle = numbers["shape"]
+    if numbers["ratio_and_angle"] is not None:
+        ratio, angle = numbers["ratio_and_angle"]
         if numbers["contact_time"] is not None:
             rate = 2.0 * angle / numbers["contact_time"]
             stiffness = effective_mass * rate * rate
@@ -222,8 +222,8 @@ def _with_spring(hybrid: HybridSystem, j: int, numbers: dict[str, Any], effectiv
 
 def _numbers_of(law: KelvinVoigt) -> dict[str, Any]:
     """Numbers of a law, None where it is given with others, and what follows from its restitution alone."""
-    shape = None if law.restitution is None else _ratio_and_angle(law.restitution)
-    return {name: getattr(law, name) for name in NUMBERS} | {"shape": shape}
+    both = None if law.restitution is None else _ratio_and_angle(law.restitution)
+    return {name: getattr(law, name) for name in NUMBERS} | {"ratio_and_angle": both}
 
 
 def _ratio_and_angle(restitution: Any) -> tuple[Any, Any]:
@@ -238,9 +238,9 @@ def _ratio_and_angle(restitution: Any) -> tuple[Any, Any]:
 
 def _with_entry(array: Numbers, index: Any, value: Any) -> Numbers:
     """An array with other entries."""
-    changed = array.astype(np.result_type(array, type(value)))
-    changed[index] = value
-    return changed
+    entries = array.astype(np.result_type(array, type(value)))
+    entries[index] = value
+    return entries
 
 
 def _law_that_has(pair: ContactPair, name: str) -> KelvinVoigt | None:
@@ -274,8 +274,8 @@ def _with_restitution(pair: ContactPair, value: float) -> ContactPair:
 
 
 def _with_contact(pair: ContactPair, value: float, *, law: KelvinVoigt, name: str) -> ContactPair:
-    changed: dict[str, Any] = {name: value}
-    return replace(pair, law=replace(law, **changed))
+    number: dict[str, Any] = {name: value}
+    return replace(pair, law=replace(law, **number))
 
 
 def _with_mass(pair: ContactPair, value: float) -> ContactPair:
@@ -285,13 +285,11 @@ def _with_mass(pair: ContactPair, value: float) -> ContactPair:
 def _with_factor(system: System, excitation: Any, value: float) -> tuple[System, Any]:
     """The system with all of its damping multiplied: of the structure, and of the dashpots that hold balls."""
     reactions = {
-        name: replace(item, on_velocity=frozen_row(value * item.on_velocity)) for name, item in system.reactions.items()
+        name: changed(item, on_velocity=frozen_row(value * item.on_velocity)) for name, item in system.reactions.items()
     }
-    changed = with_checked_fields(
-        system,
-        C=value * system.C,
-        rayleigh=None if system.rayleigh is None else (value * system.rayleigh[0], value * system.rayleigh[1]),
-        reactions=reactions,
-        contacts=tuple(replace(pair, free_damping=value * pair.free_damping) for pair in system.contacts),
-    )
-    return changed, excitation
+    contacts = [
+        replace(pair, free_damping=value * pair.free_damping) if pair.free_damping else pair for pair in system.contacts
+    ]
+    rayleigh = None if system.rayleigh is None else (value * system.rayleigh[0], value * system.rayleigh[1])
+    scaled: dict[str, Any] = {"C": value * system.C, "rayleigh": rayleigh, "reactions": reactions}
+    return with_checked_fields(system, **scaled, contacts=tuple(contacts)), excitation
