@@ -34,6 +34,7 @@ OF_DAMPING = ("damping", "dashpot")
 """Tables of a study file that a system has as one matrix."""
 
 FACTOR = "damping.factor"
+"""Path of what multiplies all damping of structure and balls."""
 
 NUMBERS = {item.name: item for item in fields(KelvinVoigt)}
 """Numbers of a Kelvin-Voigt law, of which it is given two."""
