@@ -188,6 +188,10 @@ class Point:
         side = np.array([RATES.get(kind, 1.0) for kind in solved.kind])
         phases = self.curve.solved_states(self.x)[1]
         between = np.diff(np.append(phases, phases[0] + solved.turn))
+        for k, (kind, j) in enumerate(zip(solved.kind, solved.pair.tolist(), strict=True)):
+            if kind == RELEASE and solved.kind[(k + 1) % len(solved.kind)] == SEPARATE:
+                # without loss a contact lets go where it separates: they are one all along
+                between[k] = np.inf if self.maps.hybrid.contact_damping[j] == 0.0 else between[k]
         return np.concatenate([side * self.maps.distance_rate / self.curve.by_rows[-1], between])
 
     def apart(self, other: Point) -> float:

@@ -38,8 +38,11 @@ MARKS = {
 }  # fmt: skip
 """Marker and colour of each kind of bifurcation."""
 
-AXES = {"base.frequency": "frequency of the excitation", "base.amplitude": "amplitude of the excitation"}
-"""Words for parameters of the excitation; the others are shown by their paths."""
+AXES = {
+    "base.frequency": "frequency of the excitation", "base.amplitude": "amplitude of the excitation",
+    "damping.factor": "factor on all damping",
+}  # fmt: skip
+"""Words for parameters of the excitation and the damping; the others are shown by their paths."""
 
 
 @takes(branch=instance(Branch))
