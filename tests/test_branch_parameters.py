@@ -11,14 +11,15 @@ import pytest
 from builders import REFERENCE, oscillator, reduced, with_ball
 from orbit_cases import HELD_BALL, MODELS
 from scipy.optimize import brentq
-from test_branches import CASE, coefficients, kinds_of, values_of
-from test_orbits import box, half_map, quadratic, units_of
+from test_branches import CASE, kinds_of, values_of
+from test_orbits import box, units_of
 
 import femimpact as fi
 from femimpact.orbits.equations import derivative_by, event_maps, jacobian
 from femimpact.orbits.guess import first_guess
 from femimpact.orbits.orbit import state_vector
 from femimpact.orbits.parameter import parameter_of
+from femimpact.validation.closed_forms import box_fold, box_orbits
 
 pytestmark = pytest.mark.impacts
 
@@ -242,8 +243,8 @@ def test_a_fold_is_that_of_the_quadratic(number, low, high):
     branch = branch_over(number, low, high, clearance=102.0)
 
     def discriminant(value):
-        p, r, amplitude = coefficients(*(CASE | {number: value}).values())
-        return amplitude * math.hypot(p, r) / abs(r) - 51.0
+        mu, e, zeta, ratio, _ = (CASE | {number: value}).values()
+        return box_fold(mu, e, zeta, ratio) - 102.0
 
     (fold,) = values_of(branch, "fold")
     exact = brentq(discriminant, low, high, xtol=1e-16, rtol=1e-15)
@@ -251,7 +252,7 @@ def test_a_fold_is_that_of_the_quadratic(number, low, high):
     assert len(branch.at(0.999 * fold)) == 2
     for orbit in branch.at(0.97 * fold):
         case = CASE | {number: 0.97 * exact, "clearance": 102.0}
-        speeds = [u * 2 * (1 + case["mu"]) / (1 + case["e"]) for u, _ in quadratic(*case.values())]
+        speeds = [speed for speed, _, _ in box_orbits(*case.values())]
         assert min(abs(orbit.impacts.approach_speed[0] / speed - 1) for speed in speeds) < 1e-9
 
 
@@ -268,8 +269,8 @@ def test_symmetry_breaking_is_minus_one_of_the_half_map(number, low, high, clear
 
     def at_minus_one(value):
         case = CASE | {number: value, "clearance": clearance}
-        u, phase = max(quadratic(*case.values()))
-        return np.linalg.det(half_map(*case.values(), u, phase) + np.eye(4))
+        *_, half_map = max(box_orbits(*case.values()), key=lambda each: each[0])
+        return np.linalg.det(half_map + np.eye(4))
 
     (value,) = values_of(branch, "symmetry-breaking")
     scale = SCALE[number][1]
