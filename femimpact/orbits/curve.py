@@ -13,11 +13,13 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import scipy.interpolate
 import scipy.optimize
 from numpy.typing import NDArray
 
 from femimpact.arrays import Array, Complex
 from femimpact.orbits.equations import (
+    PRESS_AGAIN,
     RELEASE,
     SEPARATE,
     EventMaps,
@@ -37,6 +39,9 @@ MOST_STEPS = 8
 
 FAR = 0.5
 """Largest change, in units, of a step of Newton's method onto the curve."""
+
+AROUND = 1e-3
+"""Distance to a point at which the equations are singular of the points from which it is interpolated."""
 
 SETTLED = 1e-5
 """Change below which the derivative by the parameter is that of the step before."""
@@ -183,12 +188,20 @@ class Point:
 
     @cached_property
     def limits(self) -> Array:
-        """Numbers that are above zero as long as events happen at a speed, in their order: by event, between events."""
-        solved = self.curve.solved
+        """Numbers (3, n) that are above zero as long as the events happen, at a speed and in their order.
+
+        The rates of their conditions, the phases (rad) up to the next ones, and the speeds away from the wall at which
+        contacts press again: at none they are at the wall itself, and would separate.
+        """
+        solved, unit = self.curve.solved, self.curve.by_rows[-1]
         side = np.array([RATES.get(kind, 1.0) for kind in solved.kind])
         phases = self.curve.solved_states(self.x)[1]
         between = np.diff(np.append(phases, phases[0] + solved.turn))
-        return np.concatenate([side * self.maps.distance_rate / self.curve.by_rows[-1], between])
+        again, release = (np.array([kind == one for kind in solved.kind]) for one in (PRESS_AGAIN, RELEASE))
+        # a contact without damping is released at the wall, and separates there
+        between[release & (self.maps.hybrid.contact_damping[solved.pair] == 0.0)] = math.inf
+        away = np.where(again, -self.maps.speed / (unit * float(self.maps.hybrid.omega)), math.inf)
+        return np.array([side * self.maps.distance_rate / unit, between, away])
 
     def apart(self, other: Point) -> float:
         """How far from symmetric the orbit is, along the difference that another one has."""
@@ -297,3 +310,22 @@ def locate(left: Point, right: Point, function: Callable[[Point], float], tolera
     except (ValueError, RuntimeError):
         raise LostError("an event on the curve cannot be located") from None
     return point_along(left, step, bend)
+
+
+def interpolated(
+    left: Point, right: Point, function: Callable[[Point], float], nearer: tuple[float, ...] = (AROUND,)
+) -> Point:
+    """The point between two others at which a function vanishes, and the equations are singular: from points around it.
+
+    Raises `LostError` where it cannot be found.
+    """
+    low, high = 0.0, float(left.row @ (right.x - left.x))
+    for around in (*nearer, 0.0):
+        points = near_points(left, tuple(low + share * (high - low) for share in (0.0, 0.3, 0.7, 1.0)))
+        values, x = np.array([function(point) for point in points]), np.array([point.x for point in points])
+        if len(points) < 4 or not np.all(np.diff(values) * (values[-1] - values[0]) > 0.0):
+            raise LostError("a point at which the equations are singular cannot be located")
+        found = scipy.interpolate.BarycentricInterpolator(values, x)(0.0)
+        at = float(left.row @ (found - left.x))
+        low, high = at - around, at + around
+    return evaluated(left.curve, np.asarray(found), left.tangent)
