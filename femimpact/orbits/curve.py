@@ -32,13 +32,16 @@ from femimpact.orbits.equations import (
 from femimpact.orbits.flow import Flow
 from femimpact.orbits.newton import EXACT, ROUNDED
 from femimpact.orbits.parameter import Parameter
-from femimpact.orbits.verification import may_be_symmetric, unit_of
+from femimpact.orbits.verification import halves_agree, may_be_symmetric, unit_of
 
 MOST_STEPS = 8
 """Steps of Newton's method onto the curve: more are taken for a step along it that was too long."""
 
 FAR = 0.5
 """Largest change, in units, of a step of Newton's method onto the curve."""
+
+SAME = 1e-6
+"""Difference between the halves of a period, in units, that is none."""
 
 AROUND = 1e-3
 """Distance to a point at which the equations are singular of the points from which it is interpolated."""
@@ -74,16 +77,23 @@ class Curve:
         """The events that have unknowns."""
         if not self.is_symmetric:
             return self.sequence
-        n = len(self.sequence.kind) // 2
-        arrays = {
-            name: getattr(self.sequence, name)[:n] for name in ("kind", "pair", "side", "contact_state", "section")
-        }
-        return replace(self.sequence, **arrays, is_half=True)
+        return replace(self.sequence.rows(slice(len(self.sequence.kind) // 2)), is_half=True)
 
     @cached_property
-    def may_lose_symmetry(self) -> bool:
-        """Whether an orbit without symmetry may come to one that has it."""
-        return not self.is_symmetric and may_be_symmetric(self.parameter.hybrid, self.sequence)
+    def half_sign(self) -> float:
+        """Sign with which an orbit may come to repeat after half a period: 1, -1 as a symmetric one does, 0 if none."""
+        if self.is_symmetric:
+            return 0.0
+        twice = self.sequence.cycles % 2 == 0 and halves_agree(self.sequence, 1.0)
+        return 1.0 if twice else -1.0 if may_be_symmetric(self.parameter.hybrid, self.sequence) else 0.0
+
+    @cached_property
+    def half(self) -> Curve:
+        """The curve of the orbits that do."""
+        if self.half_sign < 0.0:
+            return replace(self, is_symmetric=True)
+        first = self.sequence.rows(slice(len(self.sequence.kind) // 2))
+        return replace(self, sequence=replace(first, cycles=self.sequence.cycles // 2))
 
     def unknowns(self, states: Array, phases: Array, value: float) -> Array:
         """Unknowns (m + 1,) of an orbit."""
@@ -199,25 +209,29 @@ class Point:
         between = np.diff(np.append(phases, phases[0] + solved.turn))
         again, release = (np.array([kind == one for kind in solved.kind]) for one in (PRESS_AGAIN, RELEASE))
         # a contact without damping is released at the wall, and separates there
-        between[release & (self.maps.hybrid.contact_damping[solved.pair] == 0.0)] = math.inf
+        between[release & ~np.any(self.maps.row[:, self.maps.row.shape[1] // 2 :], axis=1)] = math.inf
         away = np.where(again, -self.maps.speed / (unit * float(self.maps.hybrid.omega)), math.inf)
         return np.array([side * self.maps.distance_rate / unit, between, away])
 
     def apart(self, other: Point) -> float:
-        """How far from symmetric the orbit is, along the difference that another one has."""
-        mine, its = (_difference(point) for point in (self, other))
-        return float(mine @ its / (its @ its))
+        """How far from repeating after half a period the orbit is, along the difference that another one has."""
+        mine, its = (point.half_difference for point in (self, other))
+        square = float(its @ its)
+        # of an orbit that has repeated all the time there is none
+        return float(mine @ its) / square if square > SAME**2 else 1.0
+
+    @cached_property
+    def half_difference(self) -> Array:
+        """By what an orbit does not repeat after half a period, as of `Curve.half_sign`, in units."""
+        (states, phases), half = self.orbit, len(self.orbit[1]) // 2
+        turned = phases[half:] - phases[:half] - 0.5 * self.cycle
+        return np.append(
+            ((states[:half] - self.curve.half_sign * states[half:]) / self.curve.unit[:-1]).ravel(), turned
+        )
 
 
 RATES = {RELEASE: -1.0, SEPARATE: -1.0}
 """Sign with which the condition of an event is met, where it is not from below."""
-
-
-def _difference(point: Point) -> Array:
-    curve, (states, phases) = point.curve, point.orbit
-    half = len(phases) // 2
-    turned = phases[half:] - phases[:half] - math.pi * curve.sequence.cycles
-    return np.append(((states[:half] + states[half:]) / curve.unit[:-1]).reshape(-1), turned)
 
 
 def evaluated(curve: Curve, x: Array, tangent: Array) -> Point:

@@ -17,7 +17,7 @@ from femimpact.orbits.limits import (
     joining,
     limit_point,
     near_no_contact,
-    symmetric_point,
+    repeating_point,
 )
 from femimpact.orbits.own_runs import Followed, verify
 from femimpact.system.system import System
@@ -128,7 +128,7 @@ def _advance(
             step *= 0.5
             if step < NEAR_END and (point := near_no_contact(left)) is not None:
                 return None, *at_no_speed(point)
-            if step < NEAR_END and left.curve.may_lose_symmetry and (point := symmetric_point(left)) is not None:
+            if step < NEAR_END and left.curve.half_sign and (point := repeating_point(left)) is not None:
                 return None, *joining(point)
             if step < SHORTEST:
                 raise

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -42,7 +42,7 @@ MERGING = {RELEASE: PRESS_AGAIN, PRESS_AGAIN: RELEASE, SEPARATE: TOUCH}
 class Limit:
     """A number that ends a curve where it is zero."""
 
-    function: Callable[[Point], float] | None  # None where a symmetric branch is met
+    function: Callable[[Point], float] | None  # None where a branch of orbits that repeat after half a period is met
     far: float  # how far along the tangent, roughly
     near: float  # how far it may be where the curve is followed no further
     is_singular: bool = False  # True where two events merge
@@ -59,7 +59,7 @@ def first_limit(left: Point, right: Point) -> Limit | None:
         near = locate(left, right, function, 0.1 * NEAR_END)
         merging = i[0] < 2 and near.curve.solved.kind[i[1]] in MERGING and without_speed(near, 10.0 * NEAR_END)
         found.append(Limit(function, float(left.row @ (near.x - left.x)), NEAR_END, bool(merging)))
-    if left.curve.may_lose_symmetry and (apart := right.apart(left)) <= ON_SYMMETRIC:
+    if left.curve.half_sign and (apart := right.apart(left)) <= ON_SYMMETRIC:
         far = float(left.row @ (right.x - left.x)) / (1.0 - apart)
         found.append(Limit(None, far, NEAR_SYMMETRIC))
     return min(found, key=lambda each: each.far, default=None)
@@ -68,9 +68,9 @@ def first_limit(left: Point, right: Point) -> Limit | None:
 def limit_point(left: Point, right: Point, limit: Limit) -> tuple[list[tuple[str, Point]], float, str]:
     """The point at a limit, as of `_advance`."""
     if limit.function is None:
-        point = symmetric_point(left)
+        point = repeating_point(left)
         if point is None:
-            raise LostError("it is nearly symmetric, and no symmetric orbit is found there")
+            raise LostError("it nearly repeats after half a period, and no orbit that does is found there")
         return joining(point)
     if limit.is_singular:
         return at_no_speed(interpolated(left, right, limit.function, NEARER))
@@ -112,7 +112,9 @@ def without_speed(point: Point, tolerance: float) -> list[int]:
 
 
 def joining(point: Point) -> tuple[list[tuple[str, Point]], float, str]:
-    """A point on a symmetric branch, as of `_advance`."""
+    """A point on a branch of orbits that repeat after half a period, as of `_advance`."""
+    if point.curve.half_sign > 0.0:
+        return [("period-doubling", point)], 0.0, f"joins the branch of half its period {where(point)}"
     return [("symmetry-breaking", point)], 0.0, f"joins a symmetric branch {where(point)}"
 
 
@@ -149,26 +151,28 @@ def near_no_contact(left: Point) -> Point | None:
     return evaluated(left.curve, x, left.tangent)
 
 
-def symmetric_point(left: Point) -> Point | None:
-    """The symmetric orbit at -1 of a half multiplier that a branch near it comes to.
+def repeating_point(left: Point) -> Point | None:
+    """The orbit that repeats after half a period, at -1 of a multiplier of that, to which a branch near it comes.
 
-    The equations without symmetry are singular there: those of the half map are not.
+    The equations of the whole period are singular there: those of the half are not.
     """
-    states, phases = left.orbit
-    curve, half = replace(left.curve, is_symmetric=True), len(phases) // 2
-    later = phases[half:] - math.pi * curve.sequence.cycles
-    x = curve.unknowns(0.5 * (states[:half] - states[half:]), 0.5 * (phases[:half] + later), left.value)
+    (states, phases), sign, curve = left.orbit, left.curve.half_sign, left.curve.half
+    half, kind = len(phases) // 2, "period-doubling" if sign > 0.0 else "symmetry-breaking"
+    later = phases[half:] - 0.5 * left.cycle
+    x = curve.unknowns(0.5 * (states[:half] + sign * states[half:]), 0.5 * (phases[:half] + later), left.value)
     value, step, before = left.value, 1e-6 * curve.width, None
     for _ in range(MOST_SECANTS):
         point = at_value(curve, x, value)
         if point is None:
             return None
-        x, test = point.x, point.tests["symmetry-breaking"]
+        x, test = point.x, point.tests[kind]
         if before is not None and test != before:
             step *= -test / (test - before)
         value, before = value + step, test
         if abs(step) <= EXACT * abs(value):
-            found = left.curve.unknowns(*point.orbit, point.value)
+            states, phases = (each[:half] for each in point.orbit)
+            both = np.concatenate([states, sign * states]), np.concatenate([phases, phases + 0.5 * left.cycle])
+            found = left.curve.unknowns(*both, point.value)
             far = found - left.x
             near = far @ (left.curve.weight * far) < LONGEST**2
             return evaluated(left.curve, found, left.tangent) if near else None

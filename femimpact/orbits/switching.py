@@ -7,14 +7,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from femimpact.arrays import Array
 from femimpact.errors import DivergenceError, InputError, checked, instance, require, takes
 from femimpact.integrators.event_driven.loop_data import CONTACT, FREE, SEPARATING
 from femimpact.orbits.branch import Bifurcation, known
 from femimpact.orbits.crests import crests, depth_beyond, top
-from femimpact.orbits.curve import Curve, Point, corrected, curve_of, evaluated
+from femimpact.orbits.curve import SAME, Curve, Point, corrected, curve_of, evaluated
 from femimpact.orbits.equations import (
     IMPACT,
     PRESS_AGAIN,
@@ -22,7 +21,6 @@ from femimpact.orbits.equations import (
     SECTION,
     SEPARATE,
     TOUCH,
-    Sequence,
     derivative_by,
     known_flow,
 )
@@ -76,7 +74,10 @@ def switch_branch(bifurcation: Bifurcation) -> tuple[PeriodicOrbit, ...]:
     """
     kind = bifurcation.kind
     require(kind not in REFUSED, "bifurcation", kind, "", REFUSED.get(kind, ""))
-    point = _whole(known(bifurcation.point, "bifurcation"), 2 if kind == "period-doubling" else 1)
+    there = known(bifurcation.point, "bifurcation")
+    # a branch that has ended on that of half its period is of twice that
+    joins = there.curve.half_sign > 0.0 and float(np.abs(there.half_difference).max()) < SAME
+    point = _whole(there, 2 if kind == "period-doubling" and not joins else 1)
     tries = _grazed(point) if kind == "grazing" else _crossed(point, kind)
     found = next((orbits for orbits in tries if orbits), ())
     if not found:
@@ -91,18 +92,12 @@ def _whole(point: Point, times: int) -> Point:
     old, (states, phases) = point.curve, point.orbit
     moved, turned = (ahead - here for ahead, here in zip(old.orbit(point.x + point.tangent), point.orbit, strict=True))
     later = np.repeat(np.arange(times) * point.cycle, phases.size)
-    sequence = _rows(old.sequence, np.tile(np.arange(phases.size), times))
+    sequence = old.sequence.rows(np.tile(np.arange(phases.size), times))
     sequence = replace(sequence, section=sequence.section + later, cycles=old.sequence.cycles * times)
     curve = replace(old, sequence=sequence, is_symmetric=False)
     x = curve.unknowns(np.tile(states, (times, 1)), np.tile(phases, times) + later, point.value)
     tangent = curve.unknowns(np.tile(moved, (times, 1)), np.tile(turned, times), float(point.tangent[-1]))
     return evaluated(curve, x, tangent)
-
-
-def _rows(sequence: Sequence, rows: NDArray[np.int64]) -> Sequence:
-    """Some events of a sequence."""
-    arrays = {name: getattr(sequence, name)[rows] for name in ("pair", "side", "contact_state", "section")}
-    return replace(sequence, kind=tuple(sequence.kind[k] for k in rows.tolist()), **arrays)
 
 
 # ---- branches that cross ----------------------------------------------------------------------------
@@ -192,7 +187,7 @@ def _without(point: Point, still: list[int]) -> Guess:
                 gone |= {k - 1 if k else count - 1, after}
     left = np.array([k for k in range(count) if k not in gone], dtype=np.int64)
     if left.size:
-        return Guess(_rows(replace(sequence, kind=tuple(kinds)), left), states[left], phases[left])
+        return Guess(replace(sequence, kind=tuple(kinds)).rows(left), states[left], phases[left])
     free = np.zeros(len(hybrid.gaps))
     guess = without_events(states[0], free.astype(np.int8), float(phases[0]), sequence.cycles)
     later, _ = known_flow(hybrid, free, point.flows).carried(states[:1], guess.phases[:1], guess.phases[1:])
@@ -264,7 +259,7 @@ def _with(point: Point, reached: list[_Reached], step: float) -> Guess:
             met.append((at, one.k, name, one.pair, one.side, state * one.side))
     met.sort(key=lambda event: event[0])
     found, before, kind, pair, side_of, after = zip(*met, strict=True)
-    rows, at_phase, states_there = _rows(sequence, np.array(before)), np.array(found), states[list(before)]
+    rows, at_phase, states_there = sequence.rows(np.array(before)), np.array(found), states[list(before)]
     for i, k in enumerate(before):
         flow = known_flow(hybrid, sequence.contact_state[k], point.flows)
         states_there[i] = flow.carried(states[[k]], phases[[k]], at_phase[[i]])[0][0]
