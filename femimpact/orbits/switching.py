@@ -156,8 +156,9 @@ def _grazed(point: Point) -> Iterator[tuple[PeriodicOrbit, ...]]:
         require(ball is None, "bifurcation", "grazing", "", f"must leave {ball} a contact: else it may be anywhere")
         curve = curve_of(old.parameter, guess.sequence, False, float(old.unit[0]), old.width)
         x = curve.unknowns(guess.states, guess.phases, point.value)
-        k = np.flatnonzero(np.isin(guess.phases, [reached[0].phase - step, reached[0].phase + step])) if reached else ()
-        if len(k):
+        ends = [reached[0].phase - step, reached[0].phase + step] if reached else []
+        k = np.flatnonzero(np.isin(guess.phases, ends))
+        if k.size:
             # without a duration these events are one, and the equations singular: the duration is given
             row = np.zeros(x.size)
             row[:-1].reshape(curve.events, -1)[k[[0, -1]], -1] = -1.0, 1.0
@@ -204,7 +205,7 @@ class _Reached:
     side: float
     phase: float  # rad
 
-    def met(self, hybrid: HybridSystem, step: float) -> list[tuple[float, str, float]]:
+    def met(self, hybrid: HybridSystem, step: float) -> list[tuple[float, str, int]]:
         """Events that are added: phases so many rad before and after it, kinds, and the pair's contact states."""
         before, after = self.phase - step, self.phase + step
         stiffness, damping = hybrid.contact_stiffness[self.pair], hybrid.contact_damping[self.pair] * hybrid.omega
