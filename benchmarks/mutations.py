@@ -160,6 +160,18 @@ MUTATIONS = (
     ),
     Mutation("stepped_contact_loss", "m.ledger(CONTACT_LOSS, c) += loss", "m.ledger(CONTACT_LOSS, c) += 0.0"),
     Mutation("stepped_ball_work", "MASS, j), c) * acting * increment", "MASS, j), c) * 0.0 * increment"),
+    # periodic orbits
+    Mutation("saltation", "np.asarray(self.jump + after[:, :, None]", "np.asarray(self.jump - after[:, :, None]"),
+    Mutation(
+        "release_of_an_orbit",
+        "rows.damped[k] = hybrid.contact_damping[j] / hybrid.contact_stiffness[j]",
+        "rows.damped[k] = 0.9 * hybrid.contact_damping[j] / hybrid.contact_stiffness[j]",
+    ),
+    Mutation(
+        "doubling_and_breaking",
+        '"symmetry-breaking" if self.curve.is_symmetric else "period-doubling"',
+        '"period-doubling" if self.curve.is_symmetric else "symmetry-breaking"',
+    ),
     # event-driven
     Mutation(
         "event_driven_ball_without_base",

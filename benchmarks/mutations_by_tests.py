@@ -1,9 +1,9 @@
 """Small bugs in what `femimpact validate` does not reach, put into a copy of the checkout: which test finds which.
 
 Command line, study files, pictures and files that are written, directories of results, input checks, convergence,
-identification and regimes. Run by hand: `python benchmarks/mutations_by_tests.py`, or with names for some of them.
-Each is tried by the tests named with it, up to the first that fails: seconds, or a minute. Exit status 1 if one
-survives.
+identification, regimes and steps along a branch. Run by hand: `python benchmarks/mutations_by_tests.py`, or with names
+for some of them. Each is tried by the tests named with it, up to the first that fails: seconds, or a minute. Exit
+status 1 if one survives.
 """
 
 from __future__ import annotations
@@ -158,6 +158,18 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
     "test_regimes.py": (
         Mutation("repeats", "window.cycles // (rules.repeats + 1)", "window.cycles // rules.repeats"),
         Mutation("phase_that_wraps", "    turn -= 2.0 * np.pi * np.round(turn / (2.0 * np.pi))", "    turn += 0.0"),
+    ),
+    "test_branches.py": (
+        Mutation(
+            "unexplained_change",
+            "if (change > explained or (change - explained) % 2) and step > RESOLVED:",
+            "if change < 0 and step > RESOLVED:",
+        ),
+        Mutation(
+            "multiplier_that_moves_far",
+            "if moved > MOST_MOVED and step > RESOLVED:",
+            "if moved < 0.0 and step > RESOLVED:",
+        ),
     ),
 }
 """By the file of tests that finds them."""

@@ -168,6 +168,7 @@ FIGURES = {
         "join_all": True, "ax": SHEET,
     },
     "branch": lambda: {"branch": NOUNS["Branch"](), "ax": SHEET},
+    "orbit": lambda: {"orbit": NOUNS["PeriodicOrbit"](), "of": "ball", "figure": SHEET},
     "decay": lambda: {"result": NOUNS["DecayEstimate"](), "ax": SHEET},
     "calibration": lambda: {"result": calibrated(), "title": "title", "figure": SHEET},
     "restitution_scan": lambda: {
@@ -266,6 +267,8 @@ CALLS = {
     "Response.largest": (of(response, "largest"), lambda: {"channel": "tip"}),
     "Response.largest_of": (of(response, "largest_of"), lambda: {"channels": ["tip"]}),
     "Branch.at": (of(NOUNS["Branch"], "at"), lambda: {"value": 1.0}),
+    "PeriodicOrbit.steady": (of(NOUNS["PeriodicOrbit"], "steady"), lambda: {"channel": "tip"}),
+    "PeriodicOrbit.to_xarray": (of(NOUNS["PeriodicOrbit"], "to_xarray"), lambda: {"channels": ["tip"]}),
     "Response.stroboscopic": (of(response, "stroboscopic"), lambda: {"phase": 0.5}),
     "Response[]": (entry(response, "channel"), lambda: {"channel": "tip"}),
     "FrequencyResponse[]": (entry(curve, "column"), lambda: {"column": "peak"}),

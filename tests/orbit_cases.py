@@ -1,4 +1,4 @@
-"""Six small systems with periodic orbits, by plain numbers: for the package and for the reference in many digits."""
+"""Small systems with periodic orbits, by plain numbers: for the package and for the reference in many digits."""
 
 from __future__ import annotations
 
@@ -24,6 +24,7 @@ class Model:
     frequency: float  # Hz
     in_space: bool = False
     acceleration: float = 0.0  # m/s^2 of the balls
+    held: tuple[float, float] = (0.0, 0.0)  # spring (N/m) and dashpot (N s/m) that hold each ball
 
     @property
     def is_rigid(self) -> bool:
@@ -35,7 +36,9 @@ class Model:
         law = fi.Rigid(self.law[0]) if self.is_rigid else fi.KelvinVoigt(stiffness=self.law[0], damping=self.law[1])
         points = {f"place {j}": shape for j, (shape, _, _) in enumerate(self.pairs)}
         balls = [
-            fi.Impactor(f"ball {j}", f"place {j}", mass, gap, law, acceleration=self.acceleration)
+            fi.Impactor(
+                f"ball {j}", f"place {j}", mass, gap, law, self.held[0], self.acceleration, free_damping=self.held[1]
+            )
             for j, (_, mass, gap) in enumerate(self.pairs)
             if mass is not None
         ]
@@ -75,3 +78,9 @@ MODELS = {
         (FIRST,), 0.0029, (0.178,), (((6.2,), 3.43e-3, 2e-3),), (0.6, 0.0), 0.2037e-3, 5.3, acceleration=-0.05
     ),
 }  # fmt: skip
+
+HELD_BALL = Model(
+    (FIRST, 6.3 * FIRST), 0.01, (0.178, 0.07), (((6.2, -4.0), 3.43e-3, 2e-3),), (0.6, 0.0), 0.2e-3, 5.3,
+    acceleration=-0.05, held=(2.0, 1e-2),
+)  # fmt: skip
+"""A ball on a spring and a dashpot, of which digits by parameters are kept alone."""

@@ -1,4 +1,4 @@
-"""Digits of the monodromies and the parameter derivatives of `orbit_cases.MODELS`, by arithmetic of 50 digits.
+"""Digits of the orbits of `orbit_cases.MODELS`, their multipliers and derivatives, by arithmetic of 50 digits.
 
     python tests/orbit_reference.py      writes tests/data/orbit_derivatives.json, in some minutes
 
@@ -16,7 +16,7 @@ from pathlib import Path
 
 import mpmath as mp
 import numpy as np
-from orbit_cases import MODELS, Model
+from orbit_cases import HELD_BALL, MODELS, Model
 
 import femimpact as fi
 
@@ -45,6 +45,10 @@ class Reference:
             self.rows.append(row)
             self.share.append(mp.mpf(1) if mass is None and model.in_space else mp.mpf(0))
         self.mass = [mp.mpf(1)] * self.n + [mp.mpf(model.pairs[j][1]) for j in self.balls]
+        if "mass" in numbers:
+            self.mass[self.n] = numbers["mass"]
+        self.law = tuple(numbers.get(key, mp.mpf(model.law[i])) for i, key in enumerate(("stiffness", "damping")))
+        self.factor = numbers.get("factor", mp.mpf(1))
 
     def matrix(self, pressed: dict[int, int]) -> mp.matrix:
         """Rate of the augmented state while pairs are pressed on sides."""
@@ -55,15 +59,16 @@ class Reference:
             A[i, d + i] = 1
             if i < self.n:
                 omega = mp.mpf(model.omega[i])
-                A[d + i, i], A[d + i, d + i] = -(omega**2), -2 * mp.mpf(model.ratio) * omega
+                A[d + i, i], A[d + i, d + i] = -(omega**2), -2 * mp.mpf(model.ratio) * self.factor * omega
                 A[d + i, s] = mp.mpf(model.base_load[i]) * self.amplitude * self.omega**2
             else:
                 A[d + i, s], A[d + i, one] = self.amplitude * self.omega**2, mp.mpf(model.acceleration)
-        for j, side in pressed.items():
-            k, b = (mp.mpf(value) for value in model.law)
+        held = (mp.mpf(model.held[0]), self.factor * mp.mpf(model.held[1]))
+        springs = [(j, 0, *held) for j in self.balls] + [(j, side, *self.law) for j, side in pressed.items()]
+        for j, side, k, b in springs:
             row, share = self.rows[j], self.share[j]
             for i in range(d):
-                # the force k (x - w) + b x' against the row
+                # the force k (x - w) + b x' against the row; the springs of balls have no wall
                 for m in range(d):
                     A[d + i, m] -= row[i] * k * row[m] / self.mass[i]
                     A[d + i, d + m] -= row[i] * b * row[m] / self.mass[i]
@@ -90,7 +95,7 @@ class Reference:
         """Distance of a pair from its wall, or its force."""
         x, rate = self.gap_motion(j, z)
         if kind in ("release", "press again"):
-            return mp.mpf(self.model.law[0]) * (side * x - self.gap[j]) + mp.mpf(self.model.law[1]) * side * rate
+            return self.law[0] * (side * x - self.gap[j]) + self.law[1] * side * rate
         return side * x - self.gap[j]
 
     def gap_motion(self, j: int, z: mp.matrix) -> tuple[mp.mpf, mp.mpf]:
@@ -146,7 +151,10 @@ def difference(function, scale: list[mp.mpf]) -> mp.matrix:
 
 
 def derivatives(orbit: fi.PeriodicOrbit, model: Model) -> dict[str, list]:
-    """Monodromy at t = 0, and derivatives of state and phase at the first event by parameters."""
+    """State and monodromy at t = 0, multipliers, times of the events, and derivatives by parameters.
+
+    The latter are those of state and phase at the first event.
+    """
     log, start = orbit.events, orbit.state
     events = [
         (str(kind), int(j), int(side), mp.mpf(float(time)))
@@ -168,19 +176,29 @@ def derivatives(orbit: fi.PeriodicOrbit, model: Model) -> dict[str, list]:
         state = [value + step[k] for k, value in enumerate(state)]
         print("  Newton:", mp.nstr(mp.mnorm(step, 1), 3))
     M = difference(lambda i, by: reference.period(shifted(i, by), events)[0], scale)
-    found = {"monodromy": [[float(M[i, j]) for j in range(size)] for i in range(size)]}
+    times = [reference.period(state, events, most=k)[1] / reference.omega for k in range(len(events))]
+    multipliers = sorted(mp.eig(M, left=False, right=False), key=abs, reverse=True)
+    found = {
+        "state": [float(value) for value in state],
+        "times": [float(value) for value in times],
+        "multipliers": [[float(mp.re(value)), float(mp.im(value))] for value in multipliers],
+        "monodromy": [[float(M[i, j]) for j in range(size)] for i in range(size)],
+    }
 
     def first_event(of: Reference, at: list[mp.mpf]) -> list[mp.mpf]:
         after, phase = of.period(at, events, most=0)
         return [*after, phase]
 
-    values = {"frequency": mp.mpf(model.frequency), "amplitude": mp.mpf(model.amplitude), "gap": mp.mpf(0)}
-    if model.is_rigid:
-        values["restitution"] = mp.mpf(model.law[0])
+    values = {"frequency": model.frequency, "amplitude": model.amplitude, "gap": 0, "factor": 1}
+    law = ("restitution",) if model.is_rigid else ("stiffness", "damping")
+    values |= dict(zip(law, model.law, strict=False))
+    if model.pairs[0][1] is not None:
+        # of the first ball
+        values["mass"] = model.pairs[0][1]
     for name, value in values.items():
 
-        def varied(by: mp.mpf, name: str = name, value: mp.mpf = value) -> Reference:
-            return Reference(model, **{name: value + by})
+        def varied(by: mp.mpf, name: str = name, value: float = value) -> Reference:
+            return Reference(model, **{name: mp.mpf(value) + by})
 
         moved = difference(lambda _, by, varied=varied: varied(by).period(state, events)[0], [mp.mpf(1)])
         rates = list(mp.lu_solve(mp.eye(size) - M, moved))
@@ -195,7 +213,7 @@ def derivatives(orbit: fi.PeriodicOrbit, model: Model) -> dict[str, list]:
 
 if __name__ == "__main__":
     made = {}
-    for name, model in MODELS.items():
+    for name, model in (MODELS | {"held ball": HELD_BALL}).items():
         print(name)
         made[name] = derivatives(model.orbit(), replace(model))
     FILE.write_text(json.dumps(made, indent=1) + "\n")

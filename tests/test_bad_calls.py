@@ -44,6 +44,7 @@ WORDS = {
     ("Response.absolute", "name"): "channel",
     ("Response.largest", "channel"): "(channels|at)",
     ("Response.largest_of", "channels"): "at",
+    ("PeriodicOrbit.steady", "channel"): "(channels|at)",
 }
 """What messages call an argument for which a user has a better word."""
 

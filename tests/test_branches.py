@@ -1,5 +1,6 @@
 """Branches of periodic orbits: closed forms, frequency responses, and what holds at each bifurcation and step."""
 
+import itertools
 import math
 from dataclasses import replace
 
@@ -8,9 +9,10 @@ import pytest
 from builders import REFERENCE, oscillator, reduced, with_ball
 from orbit_cases import MODELS
 from scipy.optimize import brentq
-from test_orbits import box, by_size, half_map, quadratic
+from test_orbits import box
 
 import femimpact as fi
+from femimpact.validation.closed_forms import box_fold, box_orbits, stop_orbits
 
 pytestmark = pytest.mark.impacts
 
@@ -68,70 +70,19 @@ def values_of(branch, kind):
     return [each.value for each in branch.bifurcations if each.kind == kind]
 
 
-# ---- the quadratic of two impacts -------------------------------------------------------------------
+# ---- the quadratic of two impacts, beside the reference cases ---------------------------------------
 
 
-@pytest.mark.parametrize(("number", "low", "high"), [("ratio", 0.9, 1.1), ("clearance", 6.0, 103.2), ("e", 0.3, 1.0)])
-def test_a_branch_meets_the_quadratic(number, low, high):
-    branch, scale = branch_over(number, low, high), PATHS[number][1]
-    checked = 0
-    for i in range(0, len(branch), 4):
-        orbit, case = branch.orbits[i], CASE | {number: branch.values[i] / scale}
-        mu, e, *_ = case.values()
-        speed = orbit.impacts.approach_speed
-        at = orbit.events.time[orbit.events.side > 0][0] * 2 * math.pi * orbit.excitation.frequency
-        roots = [(2 * u * (1 + mu) / (1 + e), u, phase) for u, phase in quadratic(*case.values())]
-        exact, u, phase = min(roots, key=lambda root: abs(root[0] - speed[0]))
-        if len(roots) == 2 and abs(roots[0][0] - roots[1][0]) < 1e-2 * exact:
-            # at the fold the root of the discriminant has half the digits
-            continue
-        if exact < 1.0:
-            # the run from which the speeds are read leaves the orbit by rounding times a multiplier of 1/speed
-            continue
-        np.testing.assert_allclose(speed, exact, rtol=1e-9)
-        assert abs(np.exp(1j * at) - np.exp(1j * phase)) < 1e-9
-        multipliers = np.linalg.eigvals(half_map(*case.values(), u, phase)) ** 2
-        np.testing.assert_allclose(
-            by_size(branch.multipliers[i]), by_size(multipliers), atol=1e-9 * max(1.0, abs(multipliers).max())
-        )
-        checked += 1
-    assert checked > 10
-
-
-def coefficients(mu, e, zeta, ratio, clearance):
-    """P and r of (p u - clearance/2)^2 + (r u)^2 = A^2, and A: their derivation is at `quadratic`."""
-    (one, first), amplitude = quadratic(mu, e, zeta, ratio, 0.0)[0], 1 / math.hypot(1 - ratio**2, 2 * zeta * ratio)
-    lead = math.atan2(2 * zeta * ratio, 1 - ratio**2)
-    return amplitude * math.sin(first - lead) / one, amplitude * math.cos(first - lead) / one, amplitude
-
-
-def test_fold_and_grazing_are_those_of_the_quadratic(over_gap):
-    p, r, amplitude = coefficients(*CASE.values())
-    (fold,) = values_of(over_gap, "fold")
-    assert fold == pytest.approx(amplitude * math.hypot(p, r) / abs(r), rel=1e-10)
-    # without speed the motion is the linear one, whose amplitude is the gap
-    assert over_gap.bifurcations[-1].kind == "grazing"
-    assert over_gap.bifurcations[-1].value == pytest.approx(amplitude, rel=1e-10)
+def test_symmetry_breaking_is_no_fold(over_gap):
+    """Though +1 is a multiplier of the full map."""
+    assert len(values_of(over_gap, "symmetry-breaking")) == kinds_of(over_gap).count("fold") == 1
     assert "impact speed zero, of ball" in over_gap.end[1]
 
 
-def test_symmetry_breaking_is_minus_one_of_the_half_map(over_gap):
-    def at_minus_one(gap):
-        case = CASE | {"clearance": 2 * gap}
-        u, phase = max(quadratic(*case.values()))
-        return np.linalg.det(half_map(*case.values(), u, phase) + np.eye(4))
-
-    (value,) = values_of(over_gap, "symmetry-breaking")
-    assert value == pytest.approx(brentq(at_minus_one, 7.5, 9.0, xtol=1e-14), rel=1e-10)
-    # +1 of the full map is no fold there
-    assert kinds_of(over_gap).count("fold") == 1
-
-
 def test_both_sheets_of_a_fold_are_in_one_branch(over_gap):
-    mu, e = CASE["mu"], CASE["e"]
-    exact = [u * 2 * (1 + mu) / (1 + e) for u, _ in quadratic(*(CASE | {"clearance": 102.0}).values())]
+    exact = [speed for speed, *_ in box_orbits(*(CASE | {"clearance": 102.0}).values())]
     found = [orbit.impacts.approach_speed[0] for orbit in over_gap.at(51.0)]
-    np.testing.assert_allclose(sorted(found), sorted(exact), rtol=1e-9)
+    np.testing.assert_allclose(sorted(found), exact, rtol=1e-9)
     assert over_gap.at(over_gap.values.max() * 1.001) == ()
     assert len(over_gap.at(20.0)) == 1
 
@@ -141,10 +92,9 @@ def test_a_closed_branch_is_followed_once():
     branch = branch_over("ratio", 0.5, 2.0, clearance=102.0)
     assert branch.end == ("closed on itself", "closed on itself")
     assert kinds_of(branch).count("fold") == 2
-    folds = values_of(branch, "fold")
-    for fold in folds:
-        p, r, amplitude = coefficients(*(CASE | {"ratio": fold * 2 * math.pi}).values())
-        assert amplitude * math.hypot(p, r) / abs(r) == pytest.approx(51.0, rel=1e-9)
+    mu, e, zeta, *_ = CASE.values()
+    for fold in values_of(branch, "fold"):
+        assert box_fold(mu, e, zeta, fold * 2 * math.pi) == pytest.approx(102.0, rel=1e-9)
     assert len(branch.at(1.0 / (2 * math.pi))) == 2
 
 
@@ -167,23 +117,16 @@ def test_the_grazing_of_a_compliant_contact_is_that_of_a_rigid_one():
 # ---- motions without impacts ------------------------------------------------------------------------
 
 
-def test_a_linear_beam_has_one_branch_its_frequency_response():
+def test_a_linear_beam_has_one_branch():
+    """Its frequency response is a reference case."""
     structure = replace(REFERENCE, impactors=(), damping=fi.Rayleigh(0.02, (1, 2)))
-    system = reduced(structure, 3)
-    orbit = fi.find_orbit(system, fi.Sine(1e-3, 5.1, 0.3), guess=fi.State())
+    orbit = fi.find_orbit(reduced(structure, 3), fi.Sine(1e-3, 5.1, 0.3), guess=fi.State())
     branch = fi.continue_orbit(orbit, "frequency", (3.0, 8.0))
     assert branch.end == ("edge: base.frequency = 3", "edge: base.frequency = 8")
-    assert branch.bifurcations == ()
     assert branch.is_stable.all()
-    M, C, K = (matrix.toarray() for matrix in (system.M, system.C, system.K))
-    row = system.point_row("tip")
-    omega = 2 * math.pi * branch.values
-    load = 1e-3 * omega[:, None] ** 2 * system.base_load
-    response = [row @ np.linalg.solve(K - w**2 * M + 1j * w * C, f) for w, f in zip(omega, load, strict=True)]
-    np.testing.assert_allclose(branch.peak, np.abs(response), rtol=1e-9)
-    np.testing.assert_allclose(branch.first_harmonic, np.abs(response), rtol=1e-9)
+    np.testing.assert_allclose(branch.peak, branch.first_harmonic, rtol=1e-9)
     (at,) = branch.at(4.2)
-    again = fi.find_orbit(system, fi.Sine(1e-3, 4.2, 0.3), guess=fi.State())
+    again = fi.find_orbit(orbit.system, fi.Sine(1e-3, 4.2, 0.3), guess=fi.State())
     np.testing.assert_allclose(at.state.displacement, again.state.displacement, atol=1e-14)
 
 
@@ -210,6 +153,46 @@ def test_a_crest_ends_a_branch_where_it_reaches_the_wall(ratio, amplitude):
 def test_two_neimark_sacker_points_3_mhz_apart_are_found(asymmetric):
     found = values_of(asymmetric, "neimark-sacker")
     np.testing.assert_allclose(found, [5.025867, 5.028924], atol=1.5e-6)
+
+
+def test_no_multiplier_near_the_unit_circle_moves_far_in_a_step(asymmetric):
+    """By at most 0.1 where it is within 0.3 of the circle: two Neimark-Sacker points in one step would go unseen."""
+    far = []
+    for here, there in itertools.pairwise(asymmetric.multipliers):
+        apart = np.abs(here[:, None] - there)
+        for one, distances in ((here, apart.min(axis=1)), (there, apart.min(axis=0))):
+            far.extend(distances[np.abs(np.abs(one) - 1.0) < 0.3])
+    assert 0.05 < max(far) < 0.1 + 1e-12
+
+
+@pytest.mark.parametrize("apart", [1e-2, 1e-4, 1e-6])
+def test_two_doublings_in_one_step_are_both_found(apart):
+    """Two oscillators alone, half a cycle apart, whose stops differ a little: -1 is passed twice the same way.
+
+    The product of both tests keeps its sign, but two multipliers more are outside the unit circle. The force at
+    which one impact a cycle doubles is in proportion to the distance of the stop.
+    """
+    damping, restitution, ratio = 0.05, 0.8, 0.8
+
+    def at_minus_one(force):
+        return np.linalg.det(stop_orbits(damping, restitution, ratio, 1.0, force)[-1][-1] + np.eye(2))
+
+    exact = brentq(at_minus_one, 0.45, 0.6, xtol=1e-15) * np.array([1.0, 1.0 + apart])
+    stops = [
+        fi.Stop(f"wall {i}", f"mass {i}", (distance, math.inf), fi.Rigid(restitution))
+        for i, distance in enumerate((1.0, 1.0 + apart))
+    ]
+    system = fi.System.from_matrices(
+        np.eye(2), 2 * damping * np.eye(2), np.eye(2), points={"mass 0": [1.0, 0.0], "mass 1": [0.0, 1.0]},
+        base_load=[1.0, -1.0], stops=stops,
+    )  # fmt: skip
+    # the force on a unit of the base load is omega squared times the amplitude
+    base = fi.Sine(0.6 / ratio**2, ratio / (2 * math.pi))
+    run = fi.integrate(system, base, fi.EventDriven(), 400 / base.frequency, fi.Recorder(channels=(), ledger=False))
+    orbit = fi.find_orbit(system, base, guess=run)
+    assert len(orbit.impacts) == 2
+    branch = fi.continue_orbit(orbit, "amplitude", (0.5 / ratio**2, 0.65 / ratio**2))
+    np.testing.assert_allclose(np.multiply(values_of(branch, "period-doubling"), ratio**2), exact, rtol=1e-10)
 
 
 def test_an_asymmetric_branch_ends_on_the_symmetric_one(asymmetric, symmetric):
@@ -373,7 +356,7 @@ def test_the_figure_has_every_bifurcation_and_two_lines(asymmetric):
         ("impactor.bal.gap", (1.0, 20.0), "did you mean 'impactor.ball.gap'"),
         ("mass.box.mass", (1.0, 2.0), "changes the modes"),
         ("beam.thickness", (1.0, 2.0), "changes the modes"),
-        ("impactor.ball.mass", (1.0, 2.0), "is no number that a branch is followed over; known: amplitude, base."),
+        ("impactor.ball.acceleration", (1.0, 2.0), "is no number that a branch is followed over; known: amplitude, b"),
         (5, (1.0, 2.0), "parameter = 'int': must be a str"),
         ("frequency", (0.2, 0.1), "to = (0.2, 0.1) Hz: must rise, and have the orbit's 0.159155 in it"),
         ("frequency", (0.2, 0.3), "must rise, and have the orbit's"),
@@ -390,12 +373,6 @@ def test_bad_input_is_one_line(parameter, to, words):
         fi.continue_orbit(orbit, parameter, to)
     assert words in str(caught.value)
     assert "\n" not in str(caught.value)
-
-
-def test_a_compliant_contact_has_no_restitution_to_follow():
-    orbit = MODELS["Kelvin-Voigt"].orbit()
-    with pytest.raises(fi.InputError, match="must have a Rigid contact, not kelvin-voigt"):
-        fi.continue_orbit(orbit, "impactor.ball 0.contact.restitution", (0.1, 0.9))
 
 
 def test_a_gap_that_differs_on_both_sides_is_not_one_number():

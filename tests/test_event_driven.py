@@ -11,6 +11,7 @@ import femimpact as fi
 from femimpact.integrators.channel_rows import drive_of
 from femimpact.integrators.event_driven.closed_form import closed_forms
 from femimpact.integrators.event_driven.equations import equations_of, stacked
+from femimpact.validation.closed_forms import box_orbits
 
 pytestmark = pytest.mark.impacts
 
@@ -26,23 +27,10 @@ def beam_with_ball(modes=4, restitution=0.7, *, damping=0.0029, **ball):
 
 
 def symmetric_orbit(mu, e, zeta, ratio, clearance):
-    """Two impacts per cycle on M = K = F0 = 1: speed, position at impact, state and phase just after it.
-
-    Derived from physics: the half-cycle map of the oscillator under the ball's impulse.
-    """
-    eta, period = math.sqrt(1 - zeta**2), math.pi / ratio
-    decay, c, s = math.exp(-zeta * period), math.cos(eta * period), math.sin(eta * period)
-    amplitude = 1.0 / math.hypot(1 - ratio**2, 2 * zeta * ratio)
-    jump = [
-        [decay * s, 1 + decay * c],
-        [eta * (1 + decay * c) - decay * zeta * s, -zeta * (1 + decay * c) - decay * eta * s],
-    ]
-    a1, a2 = np.linalg.solve(jump, [0.0, 2 * mu])  # per unit of the ball's speed
-    after = -(1 - e - 2 * mu * e) / (1 + e)
-    p, q, r = math.pi / (2 * ratio) - a2, -clearance / 2, (after - (eta * a1 - zeta * a2)) / ratio
-    speed = max(np.roots([p * p + r * r, 2 * p * q, q * q - amplitude**2]).real)
-    phase = math.atan2(p * speed + q, r * speed) + math.atan2(2 * zeta * ratio, 1 - ratio**2)
-    return speed, speed * math.pi / (2 * ratio) - clearance / 2, after * speed, phase
+    """Speed of the ball, position and velocity of the oscillator after an impact, and phase of the force there."""
+    approach, phase, _ = box_orbits(mu, e, zeta, ratio, clearance)[-1]
+    speed = approach * (1 + e) / (2 * (1 + mu))
+    return speed, speed * math.pi / (2 * ratio) - clearance / 2, -(1 - e - 2 * mu * e) / (1 + e) * speed, phase
 
 
 ORBITS = [

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from builders import REFERENCE, oscillator, reduced, with_ball
 from orbit_cases import MODELS
-from scipy.linalg import expm
 from test_branches import branch_over, kinds_of, settled
 from test_orbits import state_of, units_of
 
 import femimpact as fi
+from femimpact.validation.closed_forms import stop_coefficients, stop_orbits
 
 pytestmark = pytest.mark.impacts
 
@@ -169,33 +169,25 @@ def linear(ratio, law):
     return fi.continue_orbit(fi.find_orbit(system, force, guess=fi.State()), "amplitude", (0.0, 10.0))
 
 
-def one_impact(ratio):
-    """x, tail and A of (x^2 + tail^2) v^2 - 2 x v + 1 = (F A)^2, of one impact a cycle at speed v under a force F.
-
-    The free part goes from (1 - P, -e v - Q) to (1 - P, v - Q) in one cycle, with P and Q of the forced motion.
-    """
-    cycle = expm(np.array([[0.0, 1.0], [-1.0, -2.0 * DAMPING]]) * (2.0 * math.pi / ratio))
-    x, w = np.linalg.solve(cycle - np.eye(2), [0.0, 1.0 + RESTITUTION])
-    return x, (RESTITUTION + w) / ratio, 1.0 / math.hypot(1.0 - ratio**2, 2.0 * DAMPING * ratio)
-
-
 @pytest.mark.parametrize("ratio", [0.6, 0.8, 1.3, 2.2])
 def test_the_impact_added_at_grazing_is_on_the_side_of_the_closed_form(ratio):
     grazing = first(linear(ratio, fi.Rigid(RESTITUTION)), "grazing")
-    x, tail, amplitude = one_impact(ratio)
+    x, _, amplitude = stop_coefficients(DAMPING, RESTITUTION, ratio)
     assert grazing.value == pytest.approx(1.0 / amplitude, rel=1e-10)
     (orbit,) = fi.switch_branch(grazing)
     force = orbit.excitation.history.amplitude
     # at v = 0 dF/dv = -x/A: one frequency has the orbit above the grazing force, another one below
     assert math.copysign(1.0, force - grazing.value) == -math.copysign(1.0, x)
-    speeds = np.roots([x**2 + tail**2, -2.0 * x, 1.0 - (force * amplitude) ** 2])
+    speeds = [exact for exact, *_ in stop_orbits(DAMPING, RESTITUTION, ratio, 1.0, force)]
     (speed,) = orbit.impacts.approach_speed
-    assert np.min(np.abs(speeds - speed)) < 1e-9
+    assert np.min(np.abs(np.subtract(speeds, speed))) < 1e-9
     assert speed < 0.1
 
 
 def test_the_sides_of_grazing_differ_between_frequencies():
-    assert {math.copysign(1.0, one_impact(ratio)[0]) for ratio in (0.6, 0.8, 1.3, 2.2)} == {-1.0, 1.0}
+    assert {
+        math.copysign(1.0, stop_coefficients(DAMPING, RESTITUTION, ratio)[0]) for ratio in (0.6, 0.8, 1.3, 2.2)
+    } == {-1.0, 1.0}
 
 
 LAWS = {

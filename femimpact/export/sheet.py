@@ -183,7 +183,7 @@ def _history(axis: Any, film: Film, j: int) -> None:
     time, pair = snapshots.time, balls[j]
     wall, ball = 1e3 * film.at_pair(j), 1e3 * snapshots.ball_displacement[:, j]
     inside = (wall - 1e3 * pair.gaps[1], wall + 1e3 * pair.gaps[0])
-    place = name_at(film.response.system, pair.position) or "beam at the box"
+    place = name_at(film.response.system, pair) or "beam at the box"
     if pair.has_walls:
         axis.fill_between(time, *inside, color="#e6eaee", label="between the walls")
     axis.plot(time, wall, color=BEAM_COLOUR, label=place if len(balls) == 1 else "beam at the box")

@@ -247,7 +247,7 @@ class _Orbits(Sequence[PeriodicOrbit]):
 
 @takes(orbit=instance(PeriodicOrbit), points=quantity("1", at_least=2, at_most=10**6, integer=True))
 def continue_orbit(orbit: PeriodicOrbit, parameter: str, to: tuple[float, float], *, points: int = 2000) -> Branch:
-    """The branch of periodic orbits through one of them, over a number of the excitation or of a contact.
+    """The branch of periodic orbits through one of them, over a number of excitation, contacts, balls or damping.
 
     Followed both ways by pseudo-arclength: states, phases and the parameter are unknown together, so that a fold is a
     point as any other. A symmetric orbit is followed by its half map. Steps shrink where a multiplier near the unit
@@ -259,7 +259,12 @@ def continue_orbit(orbit: PeriodicOrbit, parameter: str, to: tuple[float, float]
     orbit : PeriodicOrbit
     parameter : str
         Path as in a study file: "base.frequency" (Hz) and "base.amplitude" (m, of a force N), also without "base.";
-        "impactor.NAME.gap" (m, both walls), "impactor.NAME.contact.restitution"; the same of "stop.NAME".
+        "impactor.NAME.gap" (m, both walls); "impactor.NAME.contact.restitution"; of a `KelvinVoigt` contact also
+        "impactor.NAME.contact.stiffness" (N/m), "impactor.NAME.contact.damping" (N s/m) and the numbers that its law
+        was given with; the same of "stop.NAME". "impactor.NAME.mass" (kg). "damping.factor", by which the damping of
+        the structure and the dashpots that hold balls are multiplied, 1 of the orbit.
+        What a law was given with beside its number that varies is held, also where the mass of the ball varies; where
+        it was not given with the stiffness or the damping named, the other of both is held.
     to : pair of float
         Range of the parameter in which the branch is followed, with the orbit's own value in it.
     points : int

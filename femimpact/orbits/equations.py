@@ -146,11 +146,12 @@ def event_maps(
     flows: dict[bytes, Flow],  # those known already of this system, by contact state
 ) -> EventMaps:
     """The maps from each event to the next, at given states and phases."""
-    start, begin = np.roll(states, 1, axis=0), np.roll(phases, 1)
+    last = np.arange(phases.size) - 1
+    start, begin = states[last], phases[last]
     begin[0] -= sequence.turn
     # a wall that springs back behind its body does not act
     after = np.where(np.abs(sequence.contact_state) == CONTACT, sequence.contact_state, 0.0)
-    before = np.roll(after, 1, axis=0)
+    before = after[last]
     if sequence.is_half:
         start[0], before[0] = 0.0 - start[0], 0.0 - before[0]
     arrived, propagator = _flown(hybrid, before, start, begin, phases, flows)

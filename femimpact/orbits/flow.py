@@ -124,12 +124,13 @@ class Flow:
 
     def field(self, z: Numbers, phase: Numbers) -> Numbers:
         """Rates z' (n, 2d) at states (n, 2d) and phases (n,)."""
-        driven = np.outer(np.sin(phase), self.sine) + np.outer(np.cos(phase), self.cosine)
+        driven = np.sin(phase)[:, None] * self.sine + np.cos(phase)[:, None] * self.cosine
         return np.asarray(z @ self.matrix.T + self.constant + driven)
 
     def steady(self, phase: Numbers) -> Numbers:
         """The steady response (n, 2d) at phases (n,)."""
-        return np.asarray(np.outer(np.sin(phase), self.steady_sine) + np.outer(np.cos(phase), self.steady_cosine))
+        steady = np.sin(phase)[:, None] * self.steady_sine + np.cos(phase)[:, None] * self.steady_cosine
+        return np.asarray(steady)
 
     def carried(self, states: Numbers, begin: Numbers, end: Numbers) -> tuple[Numbers, Numbers]:
         """States (n, 2d) at phases `end` (n,) after those at phases `begin`, and their propagators (n, 2d, 2d)."""
@@ -167,11 +168,14 @@ def flow_of(hybrid: HybridSystem, contact_state: Numbers) -> Flow:  # contact_st
         -P @ (c * in_space) * (hybrid.amplitude * hybrid.omega),
     )
     inverse, d = 1.0 / hybrid.mass, hybrid.mass.size
-    nothing = np.zeros(d)
-    A = np.block([[np.zeros((d, d)), np.eye(d)], [-inverse[:, None] * K, -inverse[:, None] * C]])
-    constant, sine, cosine = (np.concatenate([nothing, inverse * load]) for load in loads)
-    dynamic, turned = K - hybrid.omega**2 * np.diag(hybrid.mass), hybrid.omega * C
-    response = np.linalg.solve(np.block([[dynamic, -turned], [turned, dynamic]]), np.concatenate(loads[1:]))
+    A = np.zeros((2 * d, 2 * d), dtype=np.result_type(inverse, K, C))
+    A[:d, d:], A[d:, :d], A[d:, d:] = np.eye(d), -inverse[:, None] * K, -inverse[:, None] * C
+    constant, sine, cosine = (np.concatenate([np.zeros(d), inverse * load]) for load in loads)
+    turned = hybrid.omega * C
+    dynamic = np.empty((2 * d, 2 * d), dtype=np.result_type(A, turned))
+    dynamic[:d, :d] = dynamic[d:, d:] = K - hybrid.omega**2 * np.diag(hybrid.mass)
+    dynamic[:d, d:], dynamic[d:, :d] = -turned, turned
+    response = np.linalg.solve(dynamic, np.concatenate(loads[1:]))
     steady = response[:d], response[d:]
     off = ((K != 0.0) | (C != 0.0)) & ~np.eye(d, dtype=bool)
     alone, others = np.flatnonzero(~off.any(axis=0)), np.flatnonzero(off.any(axis=0))

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,10 +15,19 @@ from femimpact.arrays import Array, Complex
 from femimpact.errors import check_fields, column, having, instance, optional, quantity
 from femimpact.excitation import Excitation
 from femimpact.excitation.excitation import MEMBERS
+from femimpact.orbits.period import clearances_of, period_of, smallest_approach_speed_of, steady_of
+from femimpact.response.channels import Channel
+from femimpact.response.energy import EnergyLedger
 from femimpact.response.impacts import EventLog, Impacts
+from femimpact.response.signals import SteadyMotion
+from femimpact.structure.structure import Position
 from femimpact.system.state import State
 from femimpact.system.system import System
 from femimpact.table import Head, head_of_values, short_repr
+
+if TYPE_CHECKING:
+    import xarray
+
 
 LARGEST_SHOWN = 4
 """Multipliers that a notebook shows."""
@@ -101,6 +112,142 @@ class PeriodicOrbit:
     def is_symmetric(self) -> bool:
         """True if the motion half a period later is the same with the opposite sign."""
         return self.half_map is not None
+
+    def steady(self, channel: Position | Channel | None = None) -> SteadyMotion:
+        """Peak, rms, first harmonic and its phase of any channel over one period.
+
+        The peak is the largest |w(t)| of the motion itself, to 1e-9. The others are sums over 1,024 samples in a cycle
+        of the excitation: where impacts bend w(t) they are exact to some 1e-6 of the peak, those of a `Branch` and of a
+        sweep, with 64 samples, to some 1e-4.
+
+        Parameters
+        ----------
+        channel : str, float or Channel, optional
+            As of `Recorder.channels`: a place or a ball gives its displacement relative to the base, m. The system's
+            default place by default.
+
+        Returns
+        -------
+        SteadyMotion
+            Arrays of one entry, in the unit of the channel; as `Response.steady` of a run that has settled on it.
+
+        Raises
+        ------
+        InputError
+            If there is no such channel.
+        """
+        return steady_of(self, self.system.default_place if channel is None else channel)
+
+    @cached_property
+    def energy(self) -> EnergyLedger:
+        """Energies over one period from t = 0, relative to the base; work and losses since then."""
+        energy = period_of(self, ()).energy
+        assert energy is not None
+        return energy
+
+    @property
+    def work(self) -> float:
+        """Work of the excitation in one period, J.
+
+        It is that of `losses` to rounding: to 1e-12 of the energy that moves, times the largest multiplier where that
+        is above 1.
+        """
+        return float(self.energy.work[-1])
+
+    @property
+    def losses(self) -> float:
+        """Energy dissipated in one period, J: `structure_loss` and `contact_loss`."""
+        return self.structure_loss + self.contact_loss
+
+    @property
+    def structure_loss(self) -> float:
+        """Energy dissipated by the structure's damping in one period, J."""
+        return float(self.energy.structure_loss[-1])
+
+    @property
+    def contact_loss(self) -> float:
+        """Energy dissipated by impacts and by the dashpots of contacts and absorbers in one period, J.
+
+        The share of each impact is `impacts.energy_loss`.
+        """
+        return float(self.energy.contact_loss[-1])
+
+    @cached_property
+    def clearances(self) -> Mapping[str, tuple[float, float]]:
+        """How near each pair comes to its + and to its - wall where it turns back before it, m, by the pair's name.
+
+        It is the smallest distance to the wall at the crests of the gap that reach no wall: the next contact appears
+        (by grazing) where it falls to zero. An impact is no such crest, nor is what lies within a contact. Infinite
+        where there is no crest: where there is no wall, or each approach ends at the wall.
+        """
+        names = [pair.name for pair in self.system.contacts]
+        return {name: (plus, minus) for name, (plus, minus) in zip(names, clearances_of(self).tolist(), strict=True)}
+
+    @property
+    def smallest_clearance(self) -> float:
+        """The smallest of `clearances`, m: how far the next contact is; infinite where there is none to come."""
+        return min((each for of_pair in self.clearances.values() for each in of_pair), default=math.inf)
+
+    @property
+    def smallest_approach_speed(self) -> float:
+        """Relative speed at touch of the slowest impact, m/s: how far the loss of an impact is. Infinite without one.
+
+        Not that of a contact which lasts over all of the period, and has no touch.
+        """
+        return smallest_approach_speed_of(self)
+
+    def to_xarray(self, channels: Sequence[Position | Channel] | None = None) -> xarray.Dataset:
+        """One period from t = 0 to T, both included, as a labelled dataset over time, with the multipliers.
+
+        Scalars are attributes, with their units in their names. A velocity that jumps at an impact has the value after
+        it from there on.
+
+        Parameters
+        ----------
+        channels : sequence of str, float or Channel, optional
+            As of `Recorder.channels`. By default displacement and velocity of each named place and ball, and gap and
+            contact force of each pair that has walls.
+
+        Returns
+        -------
+        xarray.Dataset
+            Channels, energies and the base's displacement over "time", and the real and imaginary parts of the
+            multipliers over "multiplier"; of a symmetric orbit of the half multipliers too.
+
+        Raises
+        ------
+        InputError
+            If there is no such channel.
+        """
+        data = period_of(self, self._channels if channels is None else channels).to_xarray()
+        kinds = {"multipliers": self.multipliers} | (
+            {"half_multipliers": self.half_multipliers} if self.is_symmetric else {}
+        )
+        for name, values in kinds.items():
+            for part in ("real", "imag"):
+                labels = {"units": "1", "long_name": f"Floquet {name.replace('_', ' ')}, {part}"}
+                data[f"{name}_{part}"] = ("multiplier", np.array(getattr(values, part)), labels)
+        return data.assign_attrs(
+            cycles=self.cycles,
+            period_s=self.period,
+            is_stable=int(self.is_stable),
+            is_symmetric=int(self.is_symmetric),
+            impacts=len(self.impacts),
+            work_J=self.work,
+            structure_loss_J=self.structure_loss,
+            contact_loss_J=self.contact_loss,
+            smallest_clearance_m=self.smallest_clearance,
+            smallest_approach_speed_m_per_s=self.smallest_approach_speed,
+            residual=self.residual,
+        )
+
+    @property
+    def _channels(self) -> tuple[str, ...]:
+        """Places and balls with their velocities, and gap and force of each pair with walls."""
+        pairs = [pair.name for pair in self.system.contacts if pair.has_walls]
+        moving = dict.fromkeys([*self.system.points, *(pair.name for pair in self.system.balls)])
+        of_pairs = [f"{name}.{read}" for name in pairs for read in ("gap", "contact_force")]
+        return (*moving, *(f"{name}.velocity" for name in moving), *of_pairs)
 
     @property
     def _head(self) -> Head:

@@ -1,4 +1,4 @@
-"""Event-driven runs over one period of many orbits in one compiled call, each with its frequency, gaps and start."""
+"""Event-driven runs over one period of many orbits in one compiled call, each with its parameter and start."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from femimpact.arrays import Array
-from femimpact.errors import DivergenceError
+from femimpact.errors import DivergenceError, InputError
 from femimpact.integrators.channel_rows import drive_of
 from femimpact.integrators.event_driven import EventDriven
-from femimpact.integrators.event_driven.block import Inputs, new_block, no_cycles, run_block
+from femimpact.integrators.event_driven.block import Inputs, new_block, no_cycles, run_block, share_block
 from femimpact.integrators.event_driven.equations import equations_of
 from femimpact.integrators.event_driven.loop_data import CONTACT, DONE, SEPARATING
 from femimpact.integrators.event_driven.store import FormStore, Outputs, outputs_of
@@ -59,9 +59,14 @@ def own_runs(system: System, points: Sequence[Point]) -> OwnRuns:
         *(between_events(p.maps.hybrid, curve.sequence, *p.orbit, p.flows) for p in points), strict=True
     )
     hybrids, state = [point.maps.hybrid for point in points], np.array(starts)
-    equations = equations_of(system, drive_of(system, curve.parameter.at(curve.parameter.value)[1]))
+    # where the parameter is in the matrices, each has closed forms of its own
+    systems = [curve.parameter.at(point.value)[0] for point in points] if curve.parameter.of_matrices else [system]
+    excitation = curve.parameter.at(curve.parameter.value)[1]
+    equations = [equations_of(each, drive_of(each, excitation)) for each in systems]
     d, rigid = hybrids[0].mass.size, np.array([pair.parameters.is_rigid for pair in system.contacts], dtype=bool)
-    store = FormStore(equations, rigid, _outputs(system, d), rate=None, derived=system.derived)
+    store = FormStore(equations[0], rigid, _outputs(system, d), rate=None, derived=systems[0].derived)
+    for each, own in zip(systems[1:], equations[1:], strict=True):
+        store.add_system(own, store.outputs, each.derived)
     inputs = Inputs(
         omega=np.array([hybrid.omega for hybrid in hybrids]),
         amplitude=np.array([[hybrid.drive] for hybrid in hybrids], dtype=complex),
@@ -78,6 +83,8 @@ def own_runs(system: System, points: Sequence[Point]) -> OwnRuns:
     )
     kept = len(curve.sequence.kind) + MORE_EVENTS
     block = new_block(system, store, inputs, method, None, most_events=kept)
+    if len(systems) > 1:
+        share_block(block, systems, np.arange(count), method)
     samples, cycles = curve.sequence.cycles * method.samples_per_cycle, curve.sequence.cycles
     block.grid = block.grid._replace(cycles=no_cycles(count, cycles), values=np.zeros((count, samples, 1 + 2 * d)))
     begin, end = np.zeros(count, dtype=np.int64), np.full(count, samples)
@@ -131,9 +138,21 @@ def _is_slow(point: Point, runs: OwnRuns, i: int) -> bool:
 
 def verify(system: System, way: Followed) -> str:
     """Cut a curve where its orbits are no motions of the system, and say why; their peaks are kept."""
-    begin = len(way.peak)
-    points = way.points[begin:]
-    runs = own_runs(system, points)
+    begin, unbounded = len(way.peak), ""
+    while True:
+        try:
+            points = way.points[begin:]
+            runs = own_runs(system, points)
+            break
+        except InputError as error:
+            # a resonance, at the last point of which the damping is zero
+            if len(way.points) == 1:
+                raise
+            unbounded = f"no convergence: {error}"
+            way.kinds.pop(len(way.points) - 1, None)
+            del way.points[-1]
+            if len(points) == 1:
+                return unbounded
     for i, point in enumerate(points):
         number = begin + i
         try:
@@ -146,7 +165,7 @@ def verify(system: System, way: Followed) -> str:
                 return _cut(system, way, number, runs, i, error)
         way.peak.append(float(runs.peak[i]))
         way.first_harmonic.append(float(runs.first_harmonic[i]))
-    return ""
+    return unbounded
 
 
 def _cut(system: System, way: Followed, number: int, runs: OwnRuns, i: int, error: DivergenceError) -> str:

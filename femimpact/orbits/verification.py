@@ -71,11 +71,13 @@ def orbit_of(
 ) -> PeriodicOrbit:  # fmt: skip
     """The orbit of a solution and its own run."""
     times = _times(found.phases, excitation, sequence.cycles)
-    order = np.argsort(times, kind="stable")
+    order = _in_time(times)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         # an event without speed has no finite saltation
         steps = found.maps.saltation @ found.maps.propagator
-        state, contact_state, monodromy = _at_start(hybrid, excitation, sequence, found, times, flows, steps)
+        state, contact_state, monodromy = _at_start(
+            hybrid, excitation, sequence, found, times, int(order[0]), flows, steps
+        )
         half_map = _half_map(hybrid, sequence, found, steps, unit_of(hybrid, length), int(order[0]))
     return made(
         PeriodicOrbit,
@@ -101,6 +103,12 @@ def _times(phases: Array, excitation: Sine | PointForce, cycles: int) -> Array:
     return np.where(near, 0.0, times)
 
 
+def _in_time(times: Array) -> NDArray[np.intp]:
+    """Events from t = 0 on, those at one instant to rounding as they follow one another."""
+    first = int(np.argmax(np.roll(times, 1) - times))
+    return np.roll(np.arange(times.size), -first)
+
+
 def _product(steps: Array) -> Array:
     """Product of matrices, the first one applied first."""
     found = np.eye(steps.shape[1])
@@ -110,11 +118,10 @@ def _product(steps: Array) -> Array:
 
 
 def _at_start(
-    hybrid: HybridSystem, excitation: Sine | PointForce, sequence: Sequence, found: Solution, times: Array,
+    hybrid: HybridSystem, excitation: Sine | PointForce, sequence: Sequence, found: Solution, times: Array, first: int,
     flows: dict[bytes, Flow], steps: Array,
 ) -> tuple[Array, Array, Array]:  # fmt: skip
-    """State (2d,) and contact states at t = 0, and the monodromy there."""
-    first = int(np.argmin(times))
+    """State (2d,) and contact states at t = 0, before the first event or after it, and the monodromy there."""
     later = np.roll(steps, -1 - first, axis=0)
     if times[first] == 0.0:
         return found.states[first], sequence.contact_state[first], _product(later)
@@ -234,7 +241,7 @@ def _log(system: System, sequence: Sequence, found: Solution, times: Array, orde
     kind, d = np.array(sequence.kind)[order], found.states.shape[1] // 2
     return made(
         EventLog,
-        time=times[order],
+        time=np.maximum.accumulate(times[order]),
         kind=kind,
         pair=sequence.pair[order],
         side=sequence.side[order].astype(np.int64),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -40,6 +41,18 @@ class CycleStatistics:
 
     def __post_init__(self) -> None:
         check_fields(self)
+
+
+def cycle_statistics(
+    values: Array,  # (n,)
+    phase: Array,  # (n,) rad: of the base
+    first: NDArray[np.integer[Any]],  # (cycles,) sample that each cycle begins with
+) -> CycleStatistics:
+    """Statistics of the samples of base cycles, of which the extremes are those of samples."""
+    sums = (np.add.reduceat(part, first) for part in (values**2, values * np.sin(phase), values * np.cos(phase)))
+    extremes = (np.maximum.reduceat(values, first), np.minimum.reduceat(values, first))
+    samples = np.diff(np.append(first, values.size)).astype(float)
+    return CycleStatistics(*(column[:, None] for column in (*extremes, *sums, samples)))
 
 
 @short_repr

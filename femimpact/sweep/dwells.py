@@ -21,7 +21,7 @@ from femimpact.response.channels import Channel, channel_of
 from femimpact.response.energy import BALANCED
 from femimpact.response.impacts import ImpactStatistics
 from femimpact.response.response import Recorder, Response
-from femimpact.response.signals import CycleStatistics, SteadyMotion, steady_motion
+from femimpact.response.signals import SteadyMotion, cycle_statistics, steady_motion
 from femimpact.system.state import State
 from femimpact.system.system import System
 
@@ -208,9 +208,5 @@ def _motion(system: System, base: Sine, run: Response, method: Method, channel: 
     turns = base.frequency * (time - state.time)
     number = np.clip(np.ceil(turns - ROUNDING).astype(int) - 1, 0, measured - 1)
     first = np.flatnonzero(np.append(True, np.diff(number) > 0))
-    sums = (np.add.reduceat(part, first) for part in (values**2, values * np.sin(phase), values * np.cos(phase)))
-    extremes = (np.maximum.reduceat(values, first), np.minimum.reduceat(values, first))
-    samples = np.diff(np.append(first, number.size)).astype(float)
-    statistics = CycleStatistics(*(column[:, None] for column in (*extremes, *sums, samples)))
-    motion = steady_motion(statistics, np.array([measured]))
+    motion = steady_motion(cycle_statistics(values, phase, first), np.array([measured]))
     return replace(motion, peak=np.array([abs(again.largest(channel).value)]))

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from femimpact.validation import beams, contacts, excitations, ledgers, orbits, structures, studies
+from femimpact.validation import beams, branches, contacts, excitations, ledgers, orbits, structures, studies
 from femimpact.validation.case import Case, case_columns, markdown_table
 
 __all__ = ["Case", "case_columns", "markdown_table", "run_validation"]
 
 REFERENCE_CASES: tuple[Callable[[], Case], ...] = (
     *beams.CASES, *structures.CASES, *beams.TAPER_CASES, *structures.OSCILLATOR_CASES, *excitations.CASES,
-    *contacts.IMPACT_CASES, *orbits.CASES, *contacts.CASES, *ledgers.CASES, *excitations.READING_CASES, *studies.CASES,
+    *contacts.IMPACT_CASES, *orbits.CASES, *branches.CASES, *contacts.CASES,
+    *ledgers.CASES, *excitations.READING_CASES, *studies.CASES,
 )  # fmt: skip
 """Every case, not yet run."""
 

@@ -6,7 +6,7 @@ place gives a figure that is not shown, for a file. matplotlib is loaded by the 
 in the same style there are `STYLE`, which `matplotlib.rc_context` takes, and `COLOURS`.
 """
 
-from femimpact.export.figures.branches import branch
+from femimpact.export.figures.branches import branch, orbit
 from femimpact.export.figures.contacts import collision_history, contact_laws, impact_histograms, impulse_phase
 from femimpact.export.figures.curves import decay, response_curve, restitution_scan, value_map
 from femimpact.export.figures.drawing import COLOURS, STYLE, OffScreen, save_figure
@@ -28,8 +28,8 @@ __all__ = [
     "COLOURS", "STYLE", "OffScreen", "amplitude_spectrum", "beam_mesh", "bifurcation", "branch", "calibration",
     "collision_history", "contact_force", "contact_laws", "convergence", "convergence_panels",
     "cycle_averaged_force", "decay", "energies", "impact_histograms", "impulse_phase", "mesh_convergence",
-    "mode_convergence", "mode_shapes", "motion", "phase_portrait", "response_curve", "restitution_scan", "save_figure",
-    "shock_response_spectrum", "spectrum", "step_convergence", "study_lines", "study_map", "study_maps",
+    "mode_convergence", "mode_shapes", "motion", "orbit", "phase_portrait", "response_curve", "restitution_scan",
+    "save_figure", "shock_response_spectrum", "spectrum", "step_convergence", "study_lines", "study_map", "study_maps",
     "study_scatter", "transfer_function", "value_map",
 ]  # fmt: skip
 

@@ -309,16 +309,24 @@ def ball_of(response: Response, name: str | None) -> Any:
 
 def place_of(response: Response, pair: Any) -> str | None:
     """Name of the recorded channel that is the beam's displacement where a pair is; None if there is none."""
-    points = response.system.points
+    system = response.system
     for name, unit in response.units.items():
-        if unit == "m" and pair.position == (points[name] if name in points else decimal_number(name)):
+        at = _is_at(system, name, pair) if name in system.points else decimal_number(name) == pair.position
+        if unit == "m" and at:
             return name
     return None
 
 
-def name_at(system: System, position: float) -> str | None:
-    """Name of the point of a system at a position (m), the first of several."""
-    return next((name for name, x in system.points.items() if x == position), None)
+def name_at(system: System, pair: Any) -> str | None:
+    """Name of the point of a system where a pair is, the first of several."""
+    return next((name for name in system.points if _is_at(system, name, pair)), None)
+
+
+def _is_at(system: Any, point: str, pair: Any) -> bool:
+    if not math.isnan(pair.position):
+        return bool(system.points[point] == pair.position)
+    # places of a system given by matrices are rows, without positions
+    return np.array_equal(system.point_row(point), -pair.direction if pair.is_stop else pair.direction)
 
 
 def beam_at(response: Response, pair: Any) -> NDArray[np.float64]:
@@ -332,7 +340,7 @@ def beam_at(response: Response, pair: Any) -> NDArray[np.float64]:
     for gap in (f"{pair.name}.gap", "gap"):
         if gap in response.channels and pair.name in response.channels:
             return np.asarray(response[pair.name] - response[gap])
-    at = name_at(response.system, pair.position) or f"{pair.position:g}"
+    at = name_at(response.system, pair) or f"{pair.position:g}"
     raise InputError([Fault("channels", list(response.channels), "", f"must hold {at!r}, where {pair.name!r} is")])
 
 

@@ -166,7 +166,7 @@ def motion(
     require_history(response)
     pairs = response.system.contacts or (None,)
     # before a figure is made: a channel may be missing
-    rows = [_Row(response, pair) for pair in pairs]
+    rows = [ContactRow(response, pair) for pair in pairs]
     axes = panels(figure, 11.0, 2.5 * len(rows) + 0.8, len(rows), 2, sharex="col", width_ratios=(1.0, 1.3))
     start, words = last_cycles(response, cycles)
     for i, (row, pair_of_axes) in enumerate(zip(rows, axes, strict=True)):
@@ -185,7 +185,7 @@ def motion(
     return axes
 
 
-class _Row:
+class ContactRow:
     """Curves of one contact in a unit that reads well: the beam, the ball where there is one, and the walls."""
 
     def __init__(self, response: Response, pair: Any) -> None:
@@ -202,6 +202,7 @@ class _Row:
         self.title = self.place if pair is None else f"{pair.name}, {self.place}" if moving else f"stop {pair.name}"
 
     def draw(self, axis: Any, inside: NDArray[np.bool_], close: bool) -> None:
+        """Draw the samples inside; of a long run its envelope, unless they are a close-up, which has the impacts."""
         time, factor = self.response.time[inside], self.factor
         width = 1.6 if close else 0.8
         if not close and self.oscillations > LONG:
@@ -321,7 +322,7 @@ def _drawn_channels(response: Response, chosen: str | None) -> tuple[Any, tuple[
     pair, minus = None, tuple[str, ...]()
     if chosen in balls or (chosen is None and balls):
         pair = ball_of(response, chosen)
-        place = place_of(response, pair) or name_at(response.system, pair.position) or f"{pair.position:g}"
+        place = place_of(response, pair) or name_at(response.system, pair) or f"{pair.position:g}"
         name, minus = pair.name, _with_velocity(place)
     else:
         known = [*balls, *response.channels]
