@@ -1,6 +1,8 @@
 """Orbits beyond bifurcations: mirror images, doubled periods, impacts that appear, and branches read from files."""
 
+import functools
 import math
+from collections import Counter
 
 import numpy as np
 import pytest
@@ -129,6 +131,20 @@ def test_a_doubled_orbit_repeats_after_two_cycles(single):
         assert orbit.is_stable
 
 
+def test_a_branch_of_doubled_orbits_joins_that_of_half_its_period(single):
+    for doubling in single.bifurcations:
+        if doubling.kind != "period-doubling":
+            continue
+        (orbit,) = fi.switch_branch(doubling)
+        branch = fi.continue_orbit(orbit, "amplitude", (0.0, 0.7))
+        joined = min(branch.bifurcations, key=lambda each: abs(each.value - doubling.value))
+        assert joined.kind == "period-doubling"
+        assert any("joins the branch of half its period" in end for end in branch.end)
+        assert joined.value == pytest.approx(doubling.value, rel=1e-10)
+        (again,) = fi.switch_branch(joined)
+        assert again.cycles == 2
+
+
 def test_the_orbits_at_a_branch_point_are_one_a_cycle_apart():
     """Of a branch that has its orbits twice the branch point is their doubling."""
     model = MODELS["gravity"]
@@ -218,6 +234,68 @@ def test_two_impacts_more_at_the_grazing_of_an_orbit_with_impacts():
     slow, fast = np.sort(orbit.impacts.approach_speed)[1:3]
     assert slow < 0.1 * fast
     np.testing.assert_allclose(np.sort(grazing.orbit.impacts.approach_speed)[-2:], fast, rtol=0.1)
+
+
+# ---- grazing within a compliant contact -------------------------------------------------------------
+
+
+# frequency of the second mode (Hz), its shape at the stop, restitution and contact time (s), frequency (Hz)
+SHAKEN = {
+    "release": (33.753, 4.327, 0.49, 7.588e-3, 7.557),
+    "press again": (38.434, -4.129, 0.436, 11.979e-3, 7.933),
+    "at the wall": (32.194, 4.291, 0.725, 10.142e-3, 7.228),
+}
+
+
+@functools.cache
+def shaken(name):
+    """One contact a cycle with a stop, within which a second mode shakes: its force touches zero at both ends."""
+    second, shape, restitution, time, frequency = SHAKEN[name]
+    omega = 2.0 * math.pi * np.array([5.0, second])
+    stop = fi.Stop("stop", "tip", (2e-3, math.inf), fi.KelvinVoigt(restitution=restitution, contact_time=time))
+    system = fi.System.from_matrices(
+        np.eye(2), np.diag(0.06 * omega), np.diag(omega**2), points={"tip": np.array([4.0, shape])},
+        base_load=[0.2, 0.1], stops=[stop],
+    )  # fmt: skip
+    base, record = fi.Sine(1.5e-3, frequency), fi.Recorder(channels=(), ledger=False)
+    run = fi.integrate(system, base, fi.EventDriven(), 200 / frequency, record)
+    return fi.continue_orbit(fi.find_orbit(system, base, guess=run), "frequency", (4.0, 9.0))
+
+
+@pytest.mark.parametrize(
+    ("name", "end", "words", "added"),
+    [
+        ("release", 0, "extra release", {"release": 1, "press again": 1}),
+        ("press again", 0, "extra press again", {"release": 1, "press again": 1}),
+        ("at the wall", 0, "press again at the wall", {"separate": 1, "touch": 1, "press again": -1}),
+        ("at the wall", -1, "release and press again at one instant", {"release": -1, "press again": -1}),
+    ],
+)
+def test_a_release_within_a_contact_is_added_or_taken_away(name, end, words, added):
+    """And its branch begins at the same value, from which a switch leads back."""
+    branch = shaken(name)
+    grazing = branch.bifurcations[end]
+    assert grazing.kind == "grazing"
+    assert branch.end[end].startswith(words)
+    (orbit,) = fi.switch_branch(grazing)
+    met, before = (Counter(each.events.kind.tolist()) for each in (orbit, grazing.orbit))
+    assert {kind: met[kind] - before[kind] for kind in met | before if met[kind] != before[kind]} == added
+    value = orbit.excitation.frequency
+    width = max(3.0 * abs(value - grazing.value), 0.01)
+    other = fi.continue_orbit(orbit, "frequency", (value - width, value + width))
+    back = min(other.bifurcations, key=lambda each: abs(each.value - grazing.value))
+    assert back.kind == "grazing"
+    assert back.value == pytest.approx(grazing.value, rel=1e-10)
+    (again,) = fi.switch_branch(back)
+    assert Counter(again.events.kind.tolist()) == before
+
+
+def test_multipliers_go_on_through_an_extra_release():
+    """The force is zero on both sides of its events, where the rates are one: no saltation, no jump."""
+    grazing = shaken("release").bifurcations[0]
+    (orbit,) = fi.switch_branch(grazing)
+    # a release of 0.02 rad changes them by a share of it; at an impact without speed they are infinite
+    np.testing.assert_allclose(np.abs(orbit.multipliers), np.abs(grazing.orbit.multipliers), atol=0.02)
 
 
 # ---- what is refused --------------------------------------------------------------------------------

@@ -13,11 +13,13 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import scipy.interpolate
 import scipy.optimize
 from numpy.typing import NDArray
 
 from femimpact.arrays import Array, Complex
 from femimpact.orbits.equations import (
+    PRESS_AGAIN,
     RELEASE,
     SEPARATE,
     EventMaps,
@@ -30,13 +32,19 @@ from femimpact.orbits.equations import (
 from femimpact.orbits.flow import Flow
 from femimpact.orbits.newton import EXACT, ROUNDED
 from femimpact.orbits.parameter import Parameter
-from femimpact.orbits.verification import may_be_symmetric, unit_of
+from femimpact.orbits.verification import halves_agree, may_be_symmetric, unit_of
 
 MOST_STEPS = 8
 """Steps of Newton's method onto the curve: more are taken for a step along it that was too long."""
 
 FAR = 0.5
 """Largest change, in units, of a step of Newton's method onto the curve."""
+
+SAME = 1e-6
+"""Difference between the halves of a period, in units, that is none."""
+
+AROUND = 1e-3
+"""Distance to a point at which the equations are singular of the points from which it is interpolated."""
 
 SETTLED = 1e-5
 """Change below which the derivative by the parameter is that of the step before."""
@@ -69,16 +77,23 @@ class Curve:
         """The events that have unknowns."""
         if not self.is_symmetric:
             return self.sequence
-        n = len(self.sequence.kind) // 2
-        arrays = {
-            name: getattr(self.sequence, name)[:n] for name in ("kind", "pair", "side", "contact_state", "section")
-        }
-        return replace(self.sequence, **arrays, is_half=True)
+        return replace(self.sequence.rows(slice(len(self.sequence.kind) // 2)), is_half=True)
 
     @cached_property
-    def may_lose_symmetry(self) -> bool:
-        """Whether an orbit without symmetry may come to one that has it."""
-        return not self.is_symmetric and may_be_symmetric(self.parameter.hybrid, self.sequence)
+    def half_sign(self) -> float:
+        """Sign with which an orbit may come to repeat after half a period: 1, -1 as a symmetric one does, 0 if none."""
+        if self.is_symmetric:
+            return 0.0
+        twice = self.sequence.cycles % 2 == 0 and halves_agree(self.sequence, 1.0)
+        return 1.0 if twice else -1.0 if may_be_symmetric(self.parameter.hybrid, self.sequence) else 0.0
+
+    @cached_property
+    def half(self) -> Curve:
+        """The curve of the orbits that do."""
+        if self.half_sign < 0.0:
+            return replace(self, is_symmetric=True)
+        first = self.sequence.rows(slice(len(self.sequence.kind) // 2))
+        return replace(self, sequence=replace(first, cycles=self.sequence.cycles // 2))
 
     def unknowns(self, states: Array, phases: Array, value: float) -> Array:
         """Unknowns (m + 1,) of an orbit."""
@@ -183,32 +198,40 @@ class Point:
 
     @cached_property
     def limits(self) -> Array:
-        """Numbers that are above zero as long as events happen at a speed, in their order: by event, between events."""
-        solved = self.curve.solved
+        """Numbers (3, n) that are above zero as long as the events happen, at a speed and in their order.
+
+        The rates of their conditions, the phases (rad) up to the next ones, and the speeds away from the wall at which
+        contacts press again: at none they are at the wall itself, and would separate.
+        """
+        solved, unit = self.curve.solved, self.curve.by_rows[-1]
         side = np.array([RATES.get(kind, 1.0) for kind in solved.kind])
         phases = self.curve.solved_states(self.x)[1]
         between = np.diff(np.append(phases, phases[0] + solved.turn))
-        for k, (kind, j) in enumerate(zip(solved.kind, solved.pair.tolist(), strict=True)):
-            if kind == RELEASE and solved.kind[(k + 1) % len(solved.kind)] == SEPARATE:
-                # without loss a contact lets go where it separates: they are one all along
-                between[k] = np.inf if self.maps.hybrid.contact_damping[j] == 0.0 else between[k]
-        return np.concatenate([side * self.maps.distance_rate / self.curve.by_rows[-1], between])
+        again, release = (np.array([kind == one for kind in solved.kind]) for one in (PRESS_AGAIN, RELEASE))
+        # a contact without damping is released at the wall, and separates there
+        between[release & ~np.any(self.maps.row[:, self.maps.row.shape[1] // 2 :], axis=1)] = math.inf
+        away = np.where(again, -self.maps.speed / (unit * float(self.maps.hybrid.omega)), math.inf)
+        return np.array([side * self.maps.distance_rate / unit, between, away])
 
     def apart(self, other: Point) -> float:
-        """How far from symmetric the orbit is, along the difference that another one has."""
-        mine, its = (_difference(point) for point in (self, other))
-        return float(mine @ its / (its @ its))
+        """How far from repeating after half a period the orbit is, along the difference that another one has."""
+        mine, its = (point.half_difference for point in (self, other))
+        square = float(its @ its)
+        # of an orbit that has repeated all the time there is none
+        return float(mine @ its) / square if square > SAME**2 else 1.0
+
+    @cached_property
+    def half_difference(self) -> Array:
+        """By what an orbit does not repeat after half a period, as of `Curve.half_sign`, in units."""
+        (states, phases), half = self.orbit, len(self.orbit[1]) // 2
+        turned = phases[half:] - phases[:half] - 0.5 * self.cycle
+        return np.append(
+            ((states[:half] - self.curve.half_sign * states[half:]) / self.curve.unit[:-1]).ravel(), turned
+        )
 
 
 RATES = {RELEASE: -1.0, SEPARATE: -1.0}
 """Sign with which the condition of an event is met, where it is not from below."""
-
-
-def _difference(point: Point) -> Array:
-    curve, (states, phases) = point.curve, point.orbit
-    half = len(phases) // 2
-    turned = phases[half:] - phases[:half] - math.pi * curve.sequence.cycles
-    return np.append(((states[:half] + states[half:]) / curve.unit[:-1]).reshape(-1), turned)
 
 
 def evaluated(curve: Curve, x: Array, tangent: Array) -> Point:
@@ -301,3 +324,22 @@ def locate(left: Point, right: Point, function: Callable[[Point], float], tolera
     except (ValueError, RuntimeError):
         raise LostError("an event on the curve cannot be located") from None
     return point_along(left, step, bend)
+
+
+def interpolated(
+    left: Point, right: Point, function: Callable[[Point], float], nearer: tuple[float, ...] = (AROUND,)
+) -> Point:
+    """The point between two others at which a function vanishes, and the equations are singular: from points around it.
+
+    Raises `LostError` where it cannot be found.
+    """
+    low, high = 0.0, float(left.row @ (right.x - left.x))
+    for around in (*nearer, 0.0):
+        points = near_points(left, tuple(low + share * (high - low) for share in (0.0, 0.3, 0.7, 1.0)))
+        values, x = np.array([function(point) for point in points]), np.array([point.x for point in points])
+        if len(points) < 4 or not np.all(np.diff(values) * (values[-1] - values[0]) > 0.0):
+            raise LostError("a point at which the equations are singular cannot be located")
+        found = scipy.interpolate.BarycentricInterpolator(values, x)(0.0)
+        at = float(left.row @ (found - left.x))
+        low, high = at - around, at + around
+    return evaluated(left.curve, np.asarray(found), left.tangent)

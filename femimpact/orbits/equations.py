@@ -14,7 +14,8 @@ derivatives stay regular. The phase of the drive at t = 0 is in none of the equa
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,6 +45,11 @@ class Sequence:
     def turn(self) -> float:
         """Phase (rad) after which the events come again, those of a half on the other side."""
         return (np.pi if self.is_half else 2.0 * np.pi) * self.cycles
+
+    def rows(self, rows: Any) -> Sequence:  # numbers of events, or a slice of them
+        """Some of the events."""
+        arrays = {name: getattr(self, name)[rows] for name in ("pair", "side", "contact_state", "section")}
+        return replace(self, kind=tuple(np.array(self.kind)[rows].tolist()), **arrays)
 
     @property
     def is_impact(self) -> NDArray[np.bool_]:

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-import scipy.interpolate
 
 from femimpact.arrays import Array
-from femimpact.orbits.curve import LostError, Point, at_value, evaluated, locate, near_points, point_along
+from femimpact.orbits.curve import LostError, Point, at_value, interpolated, locate, point_along
 from femimpact.orbits.limits import (
     LONGEST,
     NEAR_END,
@@ -19,7 +17,7 @@ from femimpact.orbits.limits import (
     joining,
     limit_point,
     near_no_contact,
-    symmetric_point,
+    repeating_point,
 )
 from femimpact.orbits.own_runs import Followed, verify
 from femimpact.system.system import System
@@ -38,9 +36,6 @@ MOST_MOVED = 0.1
 
 RESOLVED = 1e-5
 """Step below which a curve is not followed more closely for its multipliers."""
-
-AROUND = 1e-3
-"""Distance to a branch point, where the equations are singular, of the points from which it is interpolated."""
 
 AT_ONCE = 64
 """Points that are verified in one call."""
@@ -133,7 +128,7 @@ def _advance(
             step *= 0.5
             if step < NEAR_END and (point := near_no_contact(left)) is not None:
                 return None, *at_no_speed(point)
-            if step < NEAR_END and left.curve.may_lose_symmetry and (point := symmetric_point(left)) is not None:
+            if step < NEAR_END and left.curve.half_sign and (point := repeating_point(left)) is not None:
                 return None, *joining(point)
             if step < SHORTEST:
                 raise
@@ -162,26 +157,12 @@ def _located(left: Point, right: Point) -> list[tuple[str, Point]]:
         def function(point: Point, kind: str = kind) -> float:
             return point.tests[kind]
 
-        find = _interpolated if kind == "branch-point" else locate
+        find = interpolated if kind == "branch-point" else locate
         point = find(left, right, function)
         # a real pair with product 1 is none
         if kind != "neimark-sacker" or _is_complex(point):
             found.append((kind, point))
     return sorted(found, key=lambda each: float(left.row @ each[1].x))
-
-
-def _interpolated(left: Point, right: Point, function: Callable[[Point], float]) -> Point:
-    """The point between two others at which a function vanishes, from points around it: there two branches cross."""
-    low, high = 0.0, float(left.row @ (right.x - left.x))
-    for _ in range(2):
-        points = near_points(left, tuple(low + share * (high - low) for share in (0.0, 0.3, 0.7, 1.0)))
-        values, x = np.array([function(point) for point in points]), np.array([point.x for point in points])
-        if len(points) < 4 or not np.all(np.diff(values) * (values[-1] - values[0]) > 0.0):
-            raise LostError("a branch point cannot be located")
-        found = scipy.interpolate.BarycentricInterpolator(values, x)(0.0)
-        at = float(left.row @ (found - left.x))
-        low, high = at - AROUND, at + AROUND
-    return evaluated(left.curve, np.asarray(found), left.tangent)
 
 
 def _is_complex(point: Point) -> bool:

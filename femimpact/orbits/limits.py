@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from femimpact.arrays import Array
-from femimpact.orbits.curve import LostError, Point, at_value, evaluated, locate, near_points
-from femimpact.orbits.equations import IMPACT, TOUCH, known_flow
-from femimpact.orbits.newton import EXACT, ROUNDED
+from femimpact.orbits.crests import depth_beyond
+from femimpact.orbits.curve import AROUND, LostError, Point, at_value, evaluated, interpolated, locate, near_points
+from femimpact.orbits.equations import IMPACT, PRESS_AGAIN, RELEASE, SEPARATE, TOUCH
+from femimpact.orbits.newton import EXACT
 
 LONGEST = 0.02
 """Longest step along a curve, of which the unit is the range of the parameter, and the unit of the states."""
@@ -28,27 +28,38 @@ NEAR_SYMMETRIC = 2e-3
 MOST_SECANTS = 20
 """Steps of a secant method."""
 
+NEARER = (AROUND, 0.1 * AROUND, 0.01 * AROUND)
+"""Distances to where two events merge of the points from which it is interpolated."""
+
+AT_WALL = 1e-6
+"""Distance of a crest from a wall, speed of an impact, and phase between two events, in units, that are none."""
+
+MERGING = {RELEASE: PRESS_AGAIN, PRESS_AGAIN: RELEASE, SEPARATE: TOUCH}
+"""Events of a Kelvin-Voigt contact of which the second follows the first at once where both lose their speed."""
+
 
 @dataclass(frozen=True, eq=False)
 class Limit:
     """A number that ends a curve where it is zero."""
 
-    function: Callable[[Point], float] | None  # None where a symmetric branch is met
+    function: Callable[[Point], float] | None  # None where a branch of orbits that repeat after half a period is met
     far: float  # how far along the tangent, roughly
     near: float  # how far it may be where the curve is followed no further
+    is_singular: bool = False  # True where two events merge
 
 
 def first_limit(left: Point, right: Point) -> Limit | None:
     """The first of the limits that a step passes."""
     found = []
-    for i in np.flatnonzero((right.limits <= 0.0) & (left.limits > 0.0)).tolist():
+    for i in np.argwhere((right.limits <= 0.0) & (left.limits > 0.0)).tolist():
 
-        def function(point: Point, i: int = i) -> float:
+        def function(point: Point, i: tuple[int, ...] = tuple(i)) -> float:
             return float(point.limits[i])
 
         near = locate(left, right, function, 0.1 * NEAR_END)
-        found.append(Limit(function, float(left.row @ (near.x - left.x)), NEAR_END))
-    if left.curve.may_lose_symmetry and (apart := right.apart(left)) <= ON_SYMMETRIC:
+        merging = i[0] < 2 and near.curve.solved.kind[i[1]] in MERGING and without_speed(near, 10.0 * NEAR_END)
+        found.append(Limit(function, float(left.row @ (near.x - left.x)), NEAR_END, bool(merging)))
+    if left.curve.half_sign and (apart := right.apart(left)) <= ON_SYMMETRIC:
         far = float(left.row @ (right.x - left.x)) / (1.0 - apart)
         found.append(Limit(None, far, NEAR_SYMMETRIC))
     return min(found, key=lambda each: each.far, default=None)
@@ -57,28 +68,53 @@ def first_limit(left: Point, right: Point) -> Limit | None:
 def limit_point(left: Point, right: Point, limit: Limit) -> tuple[list[tuple[str, Point]], float, str]:
     """The point at a limit, as of `_advance`."""
     if limit.function is None:
-        point = symmetric_point(left)
+        point = repeating_point(left)
         if point is None:
-            raise LostError("it is nearly symmetric, and no symmetric orbit is found there")
+            raise LostError("it nearly repeats after half a period, and no orbit that does is found there")
         return joining(point)
+    if limit.is_singular:
+        return at_no_speed(interpolated(left, right, limit.function, NEARER))
     return at_no_speed(locate(left, right, limit.function))
 
 
 def at_no_speed(point: Point) -> tuple[list[tuple[str, Point]], float, str]:
     """A point at which events lose their speed or their order, as of `_advance`."""
-    solved = point.curve.solved
-    still = [k for k, kind in enumerate(solved.kind) if kind in (IMPACT, TOUCH) and abs(point.limits[k]) < ROUNDED]
+    solved, still = point.curve.solved, without_speed(point, AT_WALL)
     if not still:
         return [], 0.0, f"two events at one instant, {where(point)}"
     k, j, side = still[0], int(solved.pair[still[0]]), float(solved.side[still[0]])
+    name, kind = point.curve.parameter.at(point.value)[0].contacts[j].name, solved.kind[k]
+    if kind == PRESS_AGAIN and abs(point.limits[2, k]) < AT_WALL:
+        return [("grazing", point)], 0.0, f"press again at the wall, of {name} {where(point)}"
+    if kind in MERGING:
+        return [("grazing", point)], 0.0, f"{kind} and {MERGING[kind]} at one instant, of {name} {where(point)}"
     leaves = depth_beyond(point, k, j, side, point.orbit[1][k : k + 1], 2)[0] < 0.0
     kind, words = ("grazing", "impact speed zero") if leaves else ("sticking", "sticking after an impact at no speed")
-    name = point.curve.parameter.at(point.value)[0].contacts[j].name
     return [(kind, point)], 0.0, f"{words}, of {name} {where(point)}"
 
 
+def without_speed(point: Point, tolerance: float) -> list[int]:
+    """Events at which a contact just begins or ends: impacts and touches without speed, the first of two that merge.
+
+    Also where a contact presses again just at the wall.
+    """
+    solved, n = point.curve.solved, point.curve.events
+    rate, between, away = np.abs(point.limits) < tolerance
+    after = (np.arange(n) + 1) % n
+    merging = [
+        k
+        for k in np.flatnonzero(rate & rate[after] & between & (solved.pair == solved.pair[after])).tolist()
+        if MERGING.get(solved.kind[k]) == solved.kind[after[k]]
+    ]
+    second = {int(after[k]) for k in merging}
+    alone = [k for k in np.flatnonzero(rate).tolist() if solved.kind[k] in (IMPACT, TOUCH) and k not in second]
+    return sorted({*merging, *alone, *np.flatnonzero(away).tolist()} - (second - set(merging)))
+
+
 def joining(point: Point) -> tuple[list[tuple[str, Point]], float, str]:
-    """A point on a symmetric branch, as of `_advance`."""
+    """A point on a branch of orbits that repeat after half a period, as of `_advance`."""
+    if point.curve.half_sign > 0.0:
+        return [("period-doubling", point)], 0.0, f"joins the branch of half its period {where(point)}"
     return [("symmetry-breaking", point)], 0.0, f"joins a symmetric branch {where(point)}"
 
 
@@ -88,19 +124,20 @@ def where(point: Point) -> str:
 
 
 def near_no_contact(left: Point) -> Point | None:
-    """The point at which a Kelvin-Voigt contact has no duration, if one is near.
+    """The point at which a Kelvin-Voigt contact, or its release, has no duration, if one is near.
 
     Its events are one there, and the equations singular: it is extrapolated from points before it.
     """
-    speeds = [left.limits[k] for k, kind in enumerate(left.curve.solved.kind) if kind == TOUCH]
+    kinds = TOUCH, RELEASE, PRESS_AGAIN
+    speeds = [left.limits[0, k] for k, kind in enumerate(left.curve.solved.kind) if kind in kinds]
     if min(speeds, default=math.inf) > 0.1 * LONGEST:
         return None
-    k, step = left.limits.tolist().index(min(speeds)), NEAR_END
-    for _ in range(2):
+    k, step = left.limits[0].tolist().index(min(speeds)), NEAR_END
+    for _ in range(3):
         points = [left, *near_points(left, (-0.5 * step, -step))]
         if len(points) < 3:
             return None
-        speed = np.array([point.limits[k] for point in points])
+        speed = np.array([point.limits[0, k] for point in points])
         if not speed[0] < speed[1] < speed[2]:
             return None
         others = [np.delete(speed, i) for i in range(3)]
@@ -114,39 +151,29 @@ def near_no_contact(left: Point) -> Point | None:
     return evaluated(left.curve, x, left.tangent)
 
 
-def symmetric_point(left: Point) -> Point | None:
-    """The symmetric orbit at -1 of a half multiplier that a branch near it comes to.
+def repeating_point(left: Point) -> Point | None:
+    """The orbit that repeats after half a period, at -1 of a multiplier of that, to which a branch near it comes.
 
-    The equations without symmetry are singular there: those of the half map are not.
+    The equations of the whole period are singular there: those of the half are not.
     """
-    states, phases = left.orbit
-    curve, half = replace(left.curve, is_symmetric=True), len(phases) // 2
-    later = phases[half:] - math.pi * curve.sequence.cycles
-    x = curve.unknowns(0.5 * (states[:half] - states[half:]), 0.5 * (phases[:half] + later), left.value)
+    (states, phases), sign, curve = left.orbit, left.curve.half_sign, left.curve.half
+    half, kind = len(phases) // 2, "period-doubling" if sign > 0.0 else "symmetry-breaking"
+    later = phases[half:] - 0.5 * left.cycle
+    x = curve.unknowns(0.5 * (states[:half] + sign * states[half:]), 0.5 * (phases[:half] + later), left.value)
     value, step, before = left.value, 1e-6 * curve.width, None
     for _ in range(MOST_SECANTS):
         point = at_value(curve, x, value)
         if point is None:
             return None
-        x, test = point.x, point.tests["symmetry-breaking"]
+        x, test = point.x, point.tests[kind]
         if before is not None and test != before:
             step *= -test / (test - before)
         value, before = value + step, test
         if abs(step) <= EXACT * abs(value):
-            found = left.curve.unknowns(*point.orbit, point.value)
+            states, phases = (each[:half] for each in point.orbit)
+            both = np.concatenate([states, sign * states]), np.concatenate([phases, phases + 0.5 * left.cycle])
+            found = left.curve.unknowns(*both, point.value)
             far = found - left.x
             near = far @ (left.curve.weight * far) < LONGEST**2
             return evaluated(left.curve, found, left.tangent) if near else None
     return None
-
-
-def depth_beyond(point: Point, k: int, pair: int, side: float, phases: Array, derivative: int) -> Array:
-    """Depth (n,) beyond a wall at phases (n,) after event k, m, or its first or second derivative by the time."""
-    hybrid, (states, begun) = point.maps.hybrid, point.orbit
-    flow, d = known_flow(hybrid, point.curve.sequence.contact_state[k], point.flows), hybrid.mass.size
-    z, _ = flow.carried(np.tile(states[k], (phases.size, 1)), np.full(phases.size, begun[k]), phases)
-    moves = (z[:, :d], z[:, d:], flow.field(z, phases)[:, d:])[derivative]
-    sine = (np.sin(phases), np.cos(phases), -np.sin(phases))[derivative]
-    base = hybrid.amplitude * hybrid.omega**derivative * sine
-    wall = 0.0 if derivative else float(hybrid.gaps[pair, 0 if side > 0.0 else 1])
-    return np.asarray(-side * (moves @ hybrid.force[:, pair] + hybrid.in_space[pair] * base) - wall)

@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.optimize
 
 from femimpact.arrays import Array
 from femimpact.errors import DivergenceError, InputError
@@ -16,9 +15,10 @@ from femimpact.integrators.event_driven.block import Inputs, new_block, no_cycle
 from femimpact.integrators.event_driven.equations import equations_of
 from femimpact.integrators.event_driven.loop_data import CONTACT, DONE, SEPARATING
 from femimpact.integrators.event_driven.store import FormStore, Outputs, outputs_of
-from femimpact.orbits.curve import RATES, LostError, Point, locate, near_points
-from femimpact.orbits.equations import IMPACT, PRESS_AGAIN, RELEASE, SECTION, SEPARATE, TOUCH
-from femimpact.orbits.limits import depth_beyond, where
+from femimpact.orbits.crests import crests, top
+from femimpact.orbits.curve import LostError, Point, locate, near_points
+from femimpact.orbits.equations import PRESS_AGAIN, RELEASE, SECTION, SEPARATE, TOUCH
+from femimpact.orbits.limits import where
 from femimpact.orbits.verification import between_events, check_events, check_missed, other_event
 from femimpact.response.impacts import CYCLE_COLUMNS, EventLog, event_log
 from femimpact.response.signals import CycleStatistics, steady_motion
@@ -35,9 +35,6 @@ BEFORE_CREST = 1e-4
 
 SLOW = 1e-3
 """Speed of an impact, in lengths and rad, below which no run confirms it: rounding decides whether it is met."""
-
-PROFILE = 257
-"""Instants of an interval between events among which the highest crest of a gap is looked for."""
 
 MORE_EVENTS = 64
 """Events of a run beyond those of its orbit that are kept: of an orbit that is no motion some are met."""
@@ -128,9 +125,9 @@ class Followed:
 
 
 def _is_slow(point: Point, runs: OwnRuns, i: int) -> bool:
-    """Whether a run leaves its orbit at an impact so slow that rounding decides whether it is met."""
+    """Whether a run leaves its orbit at an event so slow that rounding decides whether it is met."""
     n, kinds = point.curve.events, point.curve.solved.kind
-    slow = [k for k in range(n) if kinds[k] in (IMPACT, TOUCH) and abs(point.limits[k]) < SLOW]
+    slow = [k for k in range(n) if kinds[k] != SECTION and np.any(np.abs(point.limits[[0, 2], k]) < SLOW)]
     extra = _extra_event(point, runs, i)
     if extra is None or not slow:
         return bool(slow)
@@ -163,7 +160,8 @@ def verify(system: System, way: Followed) -> str:
             growth = float(np.abs(point.multipliers[0])) ** (2 if point.curve.is_symmetric else 1)
             check_missed(float(runs.missed[i]), growth)
         except DivergenceError as error:
-            if not _is_slow(point, runs, i):
+            # where two events merge rounding decides, too
+            if way.kinds.get(number) != "grazing" and not _is_slow(point, runs, i):
                 return _cut(system, way, number, runs, i, error)
         way.peak.append(float(runs.peak[i]))
         way.first_harmonic.append(float(runs.first_harmonic[i]))
@@ -231,55 +229,22 @@ def _crest(
     right: Point, kind: str, pair: int, side: float, at: float, begun_beyond: bool
 ) -> Callable[[Point], float]:  # fmt: skip
     """How far beyond that of an event is the crest of its condition next to the phase at which a point has met it."""
-    k, hybrid = int(np.searchsorted(right.orbit[1], at, side="right")) - 1, right.maps.hybrid
-    of_force, sign = kind in (RELEASE, PRESS_AGAIN), RATES.get(kind, 1.0)
-    damped = float(hybrid.contact_damping[pair] / hybrid.contact_stiffness[pair]) if of_force else 0.0
-
+    k, event = int(np.searchsorted(right.orbit[1], at, side="right")) - 1, (kind, pair, side)
     intervals = _intervals(right, k, pair, -1 if begun_beyond else 1)
-
-    def condition(point: Point, m: int, phases: Array, derivative: int) -> Array:
-        turns, event = divmod(m, point.orbit[1].size)
-        at = event, pair, side, phases - turns * point.cycle
-        found = depth_beyond(point, *at, derivative)
-        return sign * (found + damped * depth_beyond(point, *at, derivative + 1) if damped else found)
-
-    def tops(point: Point) -> list[tuple[float, float, int]]:
-        """Phases between which each crest is, and its interval; both are one where an event turns the motion round."""
-        found, last = [], -1.0
-        for m in intervals:
-            grid = np.linspace(_begin(point, m), _begin(point, m + 1), PROFILE)
-            rates = condition(point, m, grid, 1)
-            if last > 0.0 >= rates[0]:
-                found.append((float(grid[0]), float(grid[0]), m))
-            i = np.flatnonzero((rates[:-1] > 0.0) & (rates[1:] <= 0.0))
-            found += list(zip(grid[i].tolist(), grid[i + 1].tolist(), [m] * i.size, strict=True))
-            last = float(rates[-1])
-        return found
-
-    def height(point: Point, low: float, high: float, m: int) -> float:
-        if low < high:
-            low = scipy.optimize.brentq(lambda phase: float(condition(point, m, np.array([phase]), 1)[0]), low, high)
-        return float(condition(point, m, np.array([low]), 0)[0]) / float(point.curve.by_rows[-1])
-
+    found = crests(right, event, intervals)
     if begun_beyond:
         # the contact has turned the run from its orbit
-        place = max(tops(right), key=lambda top: height(right, *top), default=(at, at, k))[1]
+        place = max(found, key=lambda crest: top(right, event, *crest)[1], default=(at, at, k))[1]
     else:
-        place = min((high for _, high, _ in tops(right) if high >= at), default=at)
+        place = min((high for _, high, _ in found if high >= at), default=at)
     place -= right.orbit[1][k]
 
     def crest(point: Point) -> float:
-        between = tops(point)
-        nearest = min(between, key=lambda top: abs(top[1] - point.orbit[1][k] - place), default=None)
-        return -1.0 if nearest is None else height(point, *nearest)
+        between, from_here = crests(point, event, intervals), point.orbit[1][k] + place
+        nearest = min(between, key=lambda crest: abs(crest[1] - from_here), default=None)
+        return -1.0 if nearest is None else top(point, event, *nearest)[1]
 
     return crest
-
-
-def _begin(point: Point, m: int) -> float:
-    """Phase of event m, of later cycles too."""
-    turns, event = divmod(m, point.orbit[1].size)
-    return float(point.orbit[1][event] + turns * point.cycle)
 
 
 def _intervals(point: Point, k: int, pair: int, way: int) -> list[int]:

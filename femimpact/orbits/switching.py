@@ -4,35 +4,37 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.optimize
-from numpy.typing import NDArray
 
 from femimpact.arrays import Array
 from femimpact.errors import DivergenceError, InputError, checked, instance, require, takes
 from femimpact.integrators.event_driven.loop_data import CONTACT, FREE, SEPARATING
 from femimpact.orbits.branch import Bifurcation, known
-from femimpact.orbits.curve import Curve, Point, corrected, curve_of, evaluated
-from femimpact.orbits.equations import IMPACT, RELEASE, SECTION, SEPARATE, TOUCH, Sequence, derivative_by, known_flow
+from femimpact.orbits.crests import crests, depth_beyond, top
+from femimpact.orbits.curve import SAME, Curve, Point, corrected, curve_of, evaluated
+from femimpact.orbits.equations import (
+    IMPACT,
+    PRESS_AGAIN,
+    RELEASE,
+    SECTION,
+    SEPARATE,
+    TOUCH,
+    derivative_by,
+    known_flow,
+)
+from femimpact.orbits.flow import HybridSystem
 from femimpact.orbits.guess import Guess, untouched_ball, without_events
-from femimpact.orbits.limits import depth_beyond
+from femimpact.orbits.limits import AT_WALL, without_speed
 from femimpact.orbits.orbit import PeriodicOrbit
 from femimpact.orbits.search import orbit_near
-from femimpact.system.system import System
 
 STEPS = (1e-2, 3e-3, 1e-3, 2e-2)
 """Steps beyond a bifurcation, in the unit of the curve; the first is taken at which the orbits are found."""
 
 FARTHEST = 0.02
 """Distance from the guess, in the same unit, beyond which an orbit is another one."""
-
-AT_WALL = 1e-6
-"""Distance of a crest from a wall, and speed of an impact, in units, that are none."""
-
-PROFILE = 129
-"""Instants of an interval between events among which the crests of a gap are looked for."""
 
 REFUSED = {
     "fold": "has no other orbits to switch to: both sheets are in the branch",
@@ -72,7 +74,10 @@ def switch_branch(bifurcation: Bifurcation) -> tuple[PeriodicOrbit, ...]:
     """
     kind = bifurcation.kind
     require(kind not in REFUSED, "bifurcation", kind, "", REFUSED.get(kind, ""))
-    point = _whole(known(bifurcation.point, "bifurcation"), 2 if kind == "period-doubling" else 1)
+    there = known(bifurcation.point, "bifurcation")
+    # a branch that has ended on that of half its period is of twice that
+    joins = there.curve.half_sign > 0.0 and float(np.abs(there.half_difference).max()) < SAME
+    point = _whole(there, 2 if kind == "period-doubling" and not joins else 1)
     tries = _grazed(point) if kind == "grazing" else _crossed(point, kind)
     found = next((orbits for orbits in tries if orbits), ())
     if not found:
@@ -87,18 +92,12 @@ def _whole(point: Point, times: int) -> Point:
     old, (states, phases) = point.curve, point.orbit
     moved, turned = (ahead - here for ahead, here in zip(old.orbit(point.x + point.tangent), point.orbit, strict=True))
     later = np.repeat(np.arange(times) * point.cycle, phases.size)
-    sequence = _rows(old.sequence, np.tile(np.arange(phases.size), times))
+    sequence = old.sequence.rows(np.tile(np.arange(phases.size), times))
     sequence = replace(sequence, section=sequence.section + later, cycles=old.sequence.cycles * times)
     curve = replace(old, sequence=sequence, is_symmetric=False)
     x = curve.unknowns(np.tile(states, (times, 1)), np.tile(phases, times) + later, point.value)
     tangent = curve.unknowns(np.tile(moved, (times, 1)), np.tile(turned, times), float(point.tangent[-1]))
     return evaluated(curve, x, tangent)
-
-
-def _rows(sequence: Sequence, rows: NDArray[np.int64]) -> Sequence:
-    """Some events of a sequence."""
-    arrays = {name: getattr(sequence, name)[rows] for name in ("pair", "side", "contact_state", "section")}
-    return replace(sequence, kind=tuple(sequence.kind[k] for k in rows.tolist()), **arrays)
 
 
 # ---- branches that cross ----------------------------------------------------------------------------
@@ -145,24 +144,24 @@ def _verified(curve: Curve, guess: Array, row: Array) -> PeriodicOrbit | None:
 
 
 def _grazed(point: Point) -> Iterator[tuple[PeriodicOrbit, ...]]:
-    """The orbit with other impacts on the side on which it is a motion, for each of the steps that are tried."""
-    kinds, old = point.curve.sequence.kind, point.curve
-    still = [k for k, kind in enumerate(kinds) if kind in (IMPACT, TOUCH) and abs(point.limits[k]) < AT_WALL]
-    crests = [] if still else list(_crests(point))
-    allowed = "must have an impact without speed, or the crest of a gap at a wall: an extra release is not switched at"
-    require(bool(still or crests), "bifurcation", "grazing", "", allowed)
-    system, _ = old.parameter.at(point.value)
-    for step in STEPS:
-        guess = _without(point, still) if still else _with(point, system, crests, step)
-        ball = untouched_ball(system, guess.sequence.pair, guess.sequence.contact_state[-1])
+    """The orbit with other events on the side on which it is a motion, for each of the steps that are tried."""
+    old = point.curve
+    # a press again at the wall is another event beyond it
+    away = np.flatnonzero(np.abs(point.limits[2]) < AT_WALL).tolist()
+    still = [k for k in without_speed(point, AT_WALL) if k not in away]
+    reached = [] if still else list(_reached(point))
+    for step in STEPS if still or reached else ():
+        guess = _without(point, still) if still else _with(point, reached, step)
+        ball = untouched_ball(old.parameter.at(point.value)[0], guess.sequence.pair, guess.sequence.contact_state[-1])
         require(ball is None, "bifurcation", "grazing", "", f"must leave {ball} a contact: else it may be anywhere")
         curve = curve_of(old.parameter, guess.sequence, False, float(old.unit[0]), old.width)
         x = curve.unknowns(guess.states, guess.phases, point.value)
-        k = np.flatnonzero(np.isin(guess.phases, [crests[0][3] - step, crests[0][3] + step])) if crests else ()
-        if len(k) == 2:
-            # without a duration a contact is one event, and the equations singular: the duration is given
+        ends = [reached[0].phase - step, reached[0].phase + step] if reached else []
+        k = np.flatnonzero(np.isin(guess.phases, ends))
+        if k.size:
+            # without a duration these events are one, and the equations singular: the duration is given
             row = np.zeros(x.size)
-            row[:-1].reshape(curve.events, -1)[k, -1] = -1.0, 1.0
+            row[:-1].reshape(curve.events, -1)[k[[0, -1]], -1] = -1.0, 1.0
             found = [_verified(curve, x, row)]
         else:
             along = _null_vectors(evaluated(curve, x, np.zeros(x.size)))[-1]
@@ -171,69 +170,99 @@ def _grazed(point: Point) -> Iterator[tuple[PeriodicOrbit, ...]]:
 
 
 def _without(point: Point, still: list[int]) -> Guess:
-    """Events and states of an orbit without impacts that have no speed, contacts to their end."""
+    """Events and states of an orbit without those that have no speed, contacts to their end."""
     (states, phases), sequence, hybrid = point.orbit, point.curve.sequence, point.maps.hybrid
-    count, gone = len(sequence.kind), set(still)
+    kinds, count, gone = list(sequence.kind), len(sequence.kind), set(still)
     for k in still:
-        last = k
+        last, after = k, (k + 1) % count
         while sequence.kind[k] == TOUCH and sequence.kind[last] != SEPARATE:
             last = (last + 1) % count
             if sequence.pair[last] == sequence.pair[k]:
                 gone.add(last)
+        if sequence.kind[k] in (RELEASE, PRESS_AGAIN):
+            gone.add(after)
+        if sequence.kind[k] == SEPARATE:
+            # a contact that no longer ends before it begins again, which one without damping has not left to press
+            kinds[after] = PRESS_AGAIN
+            if not hybrid.contact_damping[sequence.pair[k]]:
+                gone |= {k - 1 if k else count - 1, after}
     left = np.array([k for k in range(count) if k not in gone], dtype=np.int64)
     if left.size:
-        return Guess(_rows(sequence, left), states[left], phases[left])
+        return Guess(replace(sequence, kind=tuple(kinds)).rows(left), states[left], phases[left])
     free = np.zeros(len(hybrid.gaps))
     guess = without_events(states[0], free.astype(np.int8), float(phases[0]), sequence.cycles)
     later, _ = known_flow(hybrid, free, point.flows).carried(states[:1], guess.phases[:1], guess.phases[1:])
     return replace(guess, states=np.concatenate([states[:1], later]))
 
 
-def _crests(point: Point) -> Iterator[tuple[int, int, float, float]]:
-    """Where gaps just close between events: the event before, the pair, the side and the phase."""
-    sequence, hybrid, phases = point.curve.sequence, point.maps.hybrid, point.orbit[1]
-    ends = np.append(phases[1:], phases[0] + point.cycle)
-    for k, pair in np.argwhere((sequence.contact_state == FREE) & np.isfinite(hybrid.gaps).any(axis=1)).tolist():
-        for side in (1.0, -1.0):
-            where, grid = (k, pair, side), np.linspace(phases[k], ends[k], PROFILE)
+@dataclass(frozen=True)
+class _Reached:
+    """The condition of an event that is just met."""
 
-            def rate(phase: float, where: tuple[int, int, float] = where) -> float:
-                return float(depth_beyond(point, *where, np.array([phase]), 1)[0])
+    k: int  # event before it, or a press again at which the contact just separates
+    kind: str
+    pair: int
+    side: float
+    phase: float  # rad
 
-            rates = depth_beyond(point, *where, grid, 1)
-            for i in np.flatnonzero((rates[:-1] > 0.0) & (rates[1:] <= 0.0)).tolist():
-                phase = float(scipy.optimize.brentq(rate, grid[i], grid[i + 1]))
-                depth = float(depth_beyond(point, *where, np.array([phase]), 0)[0])
-                if abs(depth) < AT_WALL * point.curve.unit[0]:
-                    yield *where, phase
+    def met(self, hybrid: HybridSystem, step: float) -> list[tuple[float, str, int]]:
+        """Events that are added: phases so many rad before and after it, kinds, and the pair's contact states."""
+        before, after = self.phase - step, self.phase + step
+        stiffness, damping = hybrid.contact_stiffness[self.pair], hybrid.contact_damping[self.pair] * hybrid.omega
+        if self.kind == IMPACT:
+            return [(self.phase, IMPACT, FREE)]
+        if self.kind == RELEASE and damping:
+            return [(before, RELEASE, SEPARATING), (after, PRESS_AGAIN, CONTACT)]
+        if self.kind == PRESS_AGAIN:
+            return [(before, PRESS_AGAIN, CONTACT), (after, RELEASE, SEPARATING)]
+        if self.kind == TOUCH:
+            # a parabola of depth: stiffness (step^2 - t^2)/2 = damping t
+            release = self.phase + float(math.hypot(damping, stiffness * step) - damping) / stiffness
+            return [(before, TOUCH, CONTACT), (release, RELEASE, SEPARATING), (after, SEPARATE, FREE)]
+        apart = [(before, SEPARATE, FREE), (after, TOUCH, CONTACT)]
+        return apart if damping else [(before, RELEASE, SEPARATING), *apart]
 
 
-def _with(point: Point, system: System, crests: list[tuple[int, int, float, float]], step: float) -> Guess:
-    """Events and states of an orbit with impacts without speed at its crests.
+def _reached(point: Point) -> Iterator[_Reached]:
+    """The conditions of events that are just met, between the events of an orbit or at one of them."""
+    sequence, (_, phases), pairs = point.curve.sequence, point.orbit, point.curve.parameter.at(point.value)[0].contacts
+    for k, j in np.ndindex(sequence.contact_state.shape):
+        state = float(sequence.contact_state[k, j])
+        first = IMPACT if pairs[j].parameters.is_rigid else TOUCH
+        kind = {FREE: first, CONTACT: RELEASE, SEPARATING: PRESS_AGAIN}[abs(int(state))]
+        here = [k] if sequence.pair[k] == j else [k - 1, k]
+        for side in (math.copysign(1.0, state),) if state else (1.0, -1.0) if pairs[j].has_walls else ():
+            for low, high, m in crests(point, (kind, j, side), here):
+                at, height = top(point, (kind, j, side), low, high, m)
+                if m == k and abs(height) < AT_WALL:
+                    yield _Reached(k, kind, j, side, at)
+        if sequence.kind[k] == PRESS_AGAIN and sequence.pair[k] == j:
+            depth = depth_beyond(point, k, j, float(sequence.side[k]), phases[[k]], 0)[0]
+            if abs(depth) < AT_WALL * point.curve.unit[0]:
+                yield _Reached(k, SEPARATE, j, float(sequence.side[k]), float(phases[k]))
 
-    Those of a Kelvin-Voigt contact are from so many rad before the crest to as many after it, as of a parabola.
+
+def _with(point: Point, reached: list[_Reached], step: float) -> Guess:
+    """Events and states of an orbit with events without speed where their conditions are just met.
+
+    Those of a Kelvin-Voigt contact are from so many rad before that to as many after it.
     """
     (states, phases), sequence, hybrid = point.orbit, point.curve.sequence, point.maps.hybrid
+    gone = {one.k for one in reached if one.kind == SEPARATE}
     # phase, event before, or itself, kind, pair, side, and the pair's contact state after it
     met: list[tuple[float, int, str, int, float, float]] = [
         (float(phases[k]), k, sequence.kind[k], j, float(sequence.side[k]), float(sequence.contact_state[k, j]))
         for k, j in enumerate(sequence.pair.tolist())
-        if sequence.kind[k] != SECTION
+        if sequence.kind[k] != SECTION and k not in gone
     ]
-    for k, j, side, at in crests:
-        if system.contacts[j].parameters.is_rigid:
-            met.append((at, k, IMPACT, j, side, FREE))
-            continue
-        stiffness, damping = hybrid.contact_stiffness[j], hybrid.contact_damping[j] * hybrid.omega
-        # a parabola of depth: stiffness (step^2 - t^2)/2 = damping t
-        release = at + float(math.hypot(damping, stiffness * step) - damping) / stiffness
-        met.append((at - step, k, TOUCH, j, side, CONTACT * side))
-        met += [(release, k, RELEASE, j, side, SEPARATING * side), (at + step, k, SEPARATE, j, side, FREE)]
+    for one in reached:
+        for at, name, state in one.met(hybrid, step):
+            met.append((at, one.k, name, one.pair, one.side, state * one.side))
     met.sort(key=lambda event: event[0])
     found, before, kind, pair, side_of, after = zip(*met, strict=True)
-    rows, at_phase, reached = _rows(sequence, np.array(before)), np.array(found), states[list(before)]
+    rows, at_phase, states_there = sequence.rows(np.array(before)), np.array(found), states[list(before)]
     for i, k in enumerate(before):
         flow = known_flow(hybrid, sequence.contact_state[k], point.flows)
-        reached[i] = flow.carried(states[[k]], phases[[k]], at_phase[[i]])[0][0]
+        states_there[i] = flow.carried(states[[k]], phases[[k]], at_phase[[i]])[0][0]
         rows.contact_state[i, pair[i]] = after[i]
-    return Guess(replace(rows, kind=kind, pair=np.array(pair), side=np.array(side_of)), reached, at_phase)
+    return Guess(replace(rows, kind=kind, pair=np.array(pair), side=np.array(side_of)), states_there, at_phase)

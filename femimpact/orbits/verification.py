@@ -145,15 +145,19 @@ def _half_map(
 
 def may_be_symmetric(hybrid: HybridSystem, sequence: Sequence) -> bool:
     """Whether both sides of what is met are equal, and the events half a period later are those of the other side."""
-    half, odd = len(sequence.kind) // 2, len(sequence.kind) % 2
     gaps = hybrid.gaps[np.unique(sequence.pair[sequence.pair >= 0])]
     equal = np.allclose(gaps[:, 0], gaps[:, 1], rtol=1e-12, atol=0.0) and not np.any(hybrid.constant)
-    if odd or sequence.cycles % 2 == 0 or not equal:
+    return sequence.cycles % 2 == 1 and equal and halves_agree(sequence, -1.0)
+
+
+def halves_agree(sequence: Sequence, sign: float) -> bool:
+    """Whether the events of the second half of a period are those of the first, on the same side or on the other."""
+    half, odd = divmod(len(sequence.kind), 2)
+    if odd or sequence.kind[:half] != sequence.kind[half:]:
         return False
-    same = sequence.kind[:half] == sequence.kind[half:]
-    same = same and np.array_equal(sequence.pair[:half], sequence.pair[half:])
-    same = same and np.array_equal(sequence.side[:half], -sequence.side[half:])
-    return same and np.array_equal(sequence.contact_state[:half], -sequence.contact_state[half:])
+    one_side = sequence.pair, sign * sequence.side, sign * sequence.contact_state
+    other = sequence.pair, sequence.side, sequence.contact_state
+    return all(np.array_equal(here[:half], there[half:]) for here, there in zip(one_side, other, strict=True))
 
 
 def asymmetry(sequence: Sequence, states: Array, phases: Array, unit: Array) -> float:
