@@ -50,3 +50,37 @@ def test_a_resonance_without_damping_is_refused_as_in_runs():
     ):
         with pytest.raises(fi.InputError, match=words):
             search()
+
+
+@pytest.mark.parametrize("gap", [0.0, 1e-12, 1e-6, -1e-6])
+def test_an_oscillator_at_rest_on_its_stop_has_the_orbit_of_the_closed_form(gap):
+    """One impact in a period, by hand: the steady motion, and a free one that the impact makes anew."""
+    zeta, ratio, restitution = 0.05, 2.7, 0.6
+    eta, period = math.sqrt(1 - zeta**2), 2 * math.pi / ratio
+    decay, c, s = math.exp(-zeta * period), math.cos(eta * period), math.sin(eta * period)
+    flow = decay * np.array([[c + zeta / eta * s, s / eta], [-s / eta, c - zeta / eta * s]])
+    # the free motion per unit of the approach speed, just before the impact
+    place, rate = flow @ np.linalg.solve(np.eye(2) - flow, [0.0, -(1 + restitution)])
+    response = 1.2 / (1 - ratio**2 + 2j * zeta * ratio)
+    # |X|^2 = (gap - place v)^2 + ((1 - rate) v/ratio)^2
+    square = [place**2 + ((1 - rate) / ratio) ** 2, -2 * gap * place, gap**2 - abs(response) ** 2]
+    speed = max(np.roots(square).real)
+    phase = math.atan2(gap - place * speed, (1 - rate) * speed / ratio) - np.angle(response)
+    system = stopped(fi.Rigid(restitution), 2 * zeta, gap)
+    push = force(ratio, 1.2)
+    start = fi.State([gap], [-restitution * speed], time=(phase % (2 * math.pi)) / ratio)
+    run = fi.integrate(system, push, fi.EventDriven(), 60 * period)
+    for guess in (start, run):
+        orbit = fi.find_orbit(system, push, guess=guess)
+        assert orbit.impacts.approach_speed == pytest.approx(speed, rel=1e-10)
+        # Liouville
+        assert np.prod(orbit.multipliers) == pytest.approx(restitution**2 * math.exp(-2 * zeta * period), rel=1e-10)
+
+
+@pytest.mark.parametrize("damping", [0.02, 1e-6])
+@pytest.mark.parametrize("phase", [0.0, 0.5 * math.pi, 1.0])
+def test_the_unit_of_a_motion_without_walls_is_its_size_at_any_phase(damping, phase):
+    push = fi.PointForce("mass", fi.Sine(1.0, FIRST, phase))
+    orbit = fi.find_orbit(oscillator(damping=damping), push, guess=fi.State())
+    # at resonance |x| = |F|/(c omega): the larger of |x| and |x'/omega| is no less than this over sqrt 2
+    assert 1 / math.sqrt(2) - 1e-8 <= orbit.length * damping <= 1 + 1e-8

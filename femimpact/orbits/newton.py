@@ -109,7 +109,7 @@ def _at_rounding(changes: list[float]) -> bool:
     pairs = list(pairwise(changes))
     if not pairs or changes[-1] > ROUNDED or changes[-1] < FALL * changes[-2]:
         return False
-    return changes[0] <= GIVEN or any(GIVEN < before <= NEAR and after <= FALL * before for before, after in pairs)
+    return changes[0] <= GIVEN or any(before > GIVEN and after <= FALL * min(before, NEAR) for before, after in pairs)
 
 
 def _in_order(phases: Array, cycles: int) -> bool:

@@ -48,7 +48,8 @@ class PeriodicOrbit:
         By which the orbit's own run misses its start after one period: displacements over `length`, velocities over
         `length` times omega.
     length : float, m
-        Unit of displacements: the smallest of the pairs' gaps, or the largest displacement where there is none.
+        Unit of displacements: the smallest of the gaps, or 1e-3 of the motion's size where that is larger; without
+        gaps the size itself, the largest displacement or velocity over omega just after the events.
     half_map : ndarray or None
         Of a symmetric orbit: derivative of minus the state half a period later by the state just after its first event.
         Its square is the monodromy there. None of any other.

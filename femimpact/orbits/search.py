@@ -13,7 +13,7 @@ from femimpact.errors import DivergenceError, InputError, instance, items, kind_
 from femimpact.excitation import Excitation, PointForce, Sine
 from femimpact.excitation.drives import alone
 from femimpact.integrators.event_driven.loop_data import check_events
-from femimpact.orbits.flow import Flow, hybrid_system
+from femimpact.orbits.flow import Flow, HybridSystem, hybrid_system
 from femimpact.orbits.guess import Guess, first_guess
 from femimpact.orbits.newton import solve
 from femimpact.orbits.orbit import PeriodicOrbit, state_vector
@@ -32,6 +32,9 @@ GUESSES = Response, State, PeriodicOrbit
 
 GRAZING = 1e-8
 """Speed of an event, in lengths and rad of the drive, at which a search has ended on no impact."""
+
+LEAST_UNIT = 1e-3
+"""Share of the size of a motion below which no gap is its unit: rounding of the motion would be read as a miss."""
 
 TRY = "try a run that has settled for longer, a start nearer to the orbit, or another number of cycles"
 
@@ -124,24 +127,37 @@ def orbit_near(system: System, excitation: Sine | PointForce, guess: Guess) -> P
     Raises `DivergenceError` if there is none, or it is no motion of the system.
     """
     hybrid, flows = hybrid_system(system, excitation), dict[bytes, Flow]()
-    length = length_of(system, guess.states)
+    length = length_of(hybrid, guess.states)
     found = solve(hybrid, guess.sequence, guess.states, guess.phases, length, flows)
+    of_guess, length = length, length_of(hybrid, found.states)
+    if length > 2.0 * of_guess:
+        # a motion that is far larger than its guess has its rounding, too
+        found = solve(hybrid, guess.sequence, found.states, found.phases, length, flows)
     if not found.converged:
         last = f"the last changed them by {found.changes[-1]:.2g}" if found.changes else "none could be made"
         raise DivergenceError(
             f"no periodic orbit found: after {len(found.changes)} steps of Newton's method {len(guess.phases)} events "
-            f"leave a residual of {found.residual:.2g} (in gaps, gaps times omega and rad), {last}; {TRY}"
+            f"leave a residual of {found.residual:.2g} (in units of {length:.3g} m, of it times omega and of 1 rad), "
+            f"{last}; {TRY}"
         )
     if np.min(np.abs(found.maps.distance_rate)) <= GRAZING * length:
         raise DivergenceError(f"no periodic orbit found: the search ends where a contact begins at no speed; {TRY}")
     return verified(system, excitation, hybrid, guess.sequence, found, length, flows)
 
 
-def length_of(system: System, states: Array) -> float:
-    """Unit of displacements (m): the smallest gap of the pairs, or the largest displacement."""
-    gaps = [[abs(gap) for gap in pair.gaps if math.isfinite(gap)] for pair in system.contacts if pair.has_walls]
-    smallest = min((max(of_pair) for of_pair in gaps), default=0.0)
-    return smallest or float(np.abs(states[:, : states.shape[1] // 2]).max(initial=0.0)) or 1.0
+def length_of(hybrid: HybridSystem, states: Array) -> float:
+    """Unit of displacements (m): the smallest gap, or what is seen of motions that are far larger.
+
+    Without walls, and with walls at no distance, it is the size of the motion: the largest displacement, or velocity
+    over omega.
+    """
+    gaps = np.where(np.isfinite(hybrid.gaps), np.abs(hybrid.gaps), 0.0).max(axis=1)
+    of_pairs, sizes = np.kron(np.eye(2), hybrid.force), np.repeat([1.0, float(hybrid.omega)], states.shape[1] // 2)
+    size = float(np.abs(states / sizes).max(initial=0.0)) or 1.0
+    if not np.any(gaps > 0.0):
+        return size
+    del of_pairs
+    return max(float(gaps[gaps > 0.0].min()), LEAST_UNIT * size)
 
 
 def one_sine(excitation: Any) -> Sine | PointForce:

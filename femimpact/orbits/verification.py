@@ -60,8 +60,8 @@ def check_missed(missed: float, growth: float) -> None:
     allowed = VERIFIED * max(1.0, growth)
     if not missed <= allowed:
         raise DivergenceError(
-            f"the orbit found is not confirmed: its own run misses its start by {missed:.2g} after one period (in gaps "
-            f"and gaps times omega), above {allowed:.2g}"
+            f"the orbit found is not confirmed: its own run misses its start by {missed:.2g} after one period (in "
+            f"units of its length and of that times omega), above {allowed:.2g}"
         )
 
 
