@@ -84,3 +84,20 @@ def test_the_unit_of_a_motion_without_walls_is_its_size_at_any_phase(damping, ph
     orbit = fi.find_orbit(oscillator(damping=damping), push, guess=fi.State())
     # at resonance |x| = |F|/(c omega): the larger of |x| and |x'/omega| is no less than this over sqrt 2
     assert 1 / math.sqrt(2) - 1e-8 <= orbit.length * damping <= 1 + 1e-8
+
+
+def test_an_orbit_of_several_periods_is_one_orbit_from_each_of_them():
+    """Begun one period of the drive later, it is the same motion with another state at t = 0."""
+    system, push = stopped(fi.Rigid(0.8)), force(2.093220338983051)
+    drive = 1 / push.frequency
+    run = fi.integrate(system, push, fi.EventDriven(), 800 * drive)
+    orbit = fi.find_orbit(system, push, 2, guess=run)
+    left = fi.integrate(system, push, fi.EventDriven(), drive, initial=orbit.state).final_state
+    later = fi.State(left.displacement, left.velocity)
+    assert abs(later.displacement[0] - orbit.state.displacement[0]) > 0.01
+    for guess in (orbit.state, later):
+        # the orbit has the state of the guess at the time of the guess
+        found = fi.find_orbit(system, push, 2, guess=guess)
+        assert found.state.displacement == pytest.approx(guess.displacement, abs=1e-8)
+        assert found.state.velocity == pytest.approx(guess.velocity, abs=1e-8)
+    assert len(fi.find_orbits(system, push, [orbit, later, orbit.state, run], 2)) == 1

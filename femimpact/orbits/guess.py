@@ -108,7 +108,8 @@ def _of_rows(log: EventLog, rows: NDArray[np.intp], phases: Array, cycles: int) 
         log.contact_state[rows].astype(float), np.zeros(rows.size), cycles,
     )  # fmt: skip
     states = np.concatenate([log.displacement[rows], log.velocity[rows]], axis=1)
-    return Guess(sequence, states, phases - 2.0 * math.pi * math.floor(phases[0] / (2.0 * math.pi)))
+    # by whole periods of the orbit: t = 0 is at the same of its `cycles`
+    return Guess(sequence, states, phases - sequence.turn * math.floor(phases[0] / sequence.turn))
 
 
 def _of_orbit(orbit: PeriodicOrbit, cycles: int) -> Guess:

@@ -173,7 +173,14 @@ def one_sine(excitation: Any) -> Sine | PointForce:
 
 
 def _is_same(orbit: PeriodicOrbit, other: PeriodicOrbit) -> bool:
-    speed = orbit.length * 2.0 * math.pi * orbit.excitation.frequency
-    unit = np.repeat([orbit.length, speed], len(orbit.monodromy) // 2)
-    difference = state_vector(orbit.state) - state_vector(other.state)
-    return orbit.cycles == other.cycles and bool(np.all(np.abs(difference) <= DISTINCT * unit))
+    """Whether the first event of an orbit is one of another: the same state after it at the same phase of the drive."""
+    d, omega = len(orbit.monodromy) // 2, 2.0 * math.pi * orbit.excitation.frequency
+    unit = np.repeat([orbit.length, orbit.length * omega], d)
+    if len(orbit.events) == 0 or len(other.events) == 0:
+        apart = np.abs(state_vector(orbit.state) - state_vector(other.state)) / unit
+        return len(orbit.events) == len(other.events) and bool(np.all(apart <= DISTINCT))
+    one, log = orbit.events, other.events
+    later = omega * (log.time - one.time[0])
+    apart = np.abs(np.concatenate([log.displacement - one.displacement[0], log.velocity - one.velocity[0]], axis=1))
+    near = np.all(apart <= DISTINCT * unit, axis=1) & (np.abs(np.exp(1j * later) - 1.0) <= DISTINCT)
+    return bool(np.any(near & (log.kind == one.kind[0]) & (log.pair == one.pair[0]) & (log.side == one.side[0])))
