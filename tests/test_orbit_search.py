@@ -7,6 +7,7 @@ import pytest
 from builders import oscillator
 
 import femimpact as fi
+from femimpact.orbits.guess import first_guess
 from femimpact.orbits.newton import _at_rounding
 
 pytestmark = pytest.mark.impacts
@@ -101,3 +102,79 @@ def test_an_orbit_of_several_periods_is_one_orbit_from_each_of_them():
         assert found.state.displacement == pytest.approx(guess.displacement, abs=1e-8)
         assert found.state.velocity == pytest.approx(guess.velocity, abs=1e-8)
     assert len(fi.find_orbits(system, push, [orbit, later, orbit.state, run], 2)) == 1
+
+
+def settled(damping=0.02):
+    """A run in a box that has settled on the orbit with two impacts."""
+    system = boxed(12.0, damping=damping)
+    return fi.integrate(system, force(1.0), fi.EventDriven(), 400 / FIRST)
+
+
+OTHER_DRIVES = {
+    "Chirp": fi.Chirp(0.1, 0.2, 30.0, amplitude=0.1),
+    "Shock": fi.Shock("half-sine", 0.1, 0.1),
+    "Sum": fi.Sine(0.1, 0.1) + fi.Sine(0.1, 0.2),
+    "Drives": fi.Sine(0.1, 0.1) + force(1.0),
+    "HammerBlow": fi.HammerBlow("mass", impulse=0.01, duration=0.003),
+}
+
+
+def test_guesses_that_lead_to_no_orbit_are_left_out_and_faulty_calls_are_refused():
+    run = settled()
+    system, push = run.system, run.base
+    orbit, twice = fi.find_orbit(system, push, guess=run), fi.find_orbit(system, push, 2, guess=run)
+    compliant = oscillator(
+        damping=0.02, impactors=[fi.Impactor("ball", "mass", 0.1, 12.0, fi.KelvinVoigt(stiffness=200.0, damping=1.0))]
+    )
+    soft = fi.find_orbit(compliant, push, guess=fi.integrate(compliant, push, fi.EventDriven(), 200 / FIRST))
+    to_plus = stopped(fi.Rigid(0.8), gap=0.3)
+    to_minus = oscillator(damping=0.1, stops=[fi.Stop("stop", "mass", (math.inf, 0.3), fi.Rigid(0.8))])
+    met = fi.find_orbit(to_plus, push, guess=fi.integrate(to_plus, push, fi.EventDriven(), 400 / FIRST))
+    beyond = fi.State(ball_displacement=[13.0])
+    for of, guess, words in (
+        (system, twice, "guess.cycles = 2: must divide"),
+        (system, soft, "guess.ball = 'kelvin-voigt on the . side': must be events of contacts as the system has"),
+        (compliant, orbit, "guess.ball = 'rigid on the . side'"),
+        (to_minus, met, r"guess.stop = 'rigid on the \+ side'"),
+        (system, beyond, "guess.ball.gap = 13.0 m: must start between its walls"),
+        *(
+            (system, fi.integrate(system, drive, fi.EventDriven(), 5.0), f"guess = 'a run under {name}': must be")
+            for name, drive in OTHER_DRIVES.items()
+        ),
+    ):
+        with pytest.raises(fi.InputError, match=words) as caught:
+            fi.find_orbit(of, push, guess=guess)
+        assert len(str(caught.value).splitlines()) == 1
+        assert fi.find_orbits(of, push, [guess]) == ()
+    assert len(fi.find_orbits(system, push, [beyond, twice, soft, run, orbit])) == 1
+    # the state of another motion is a guess of any
+    assert fi.find_orbit(system, push, guess=soft.state).impacts.approach_speed == pytest.approx(
+        orbit.impacts.approach_speed, rel=1e-10
+    )
+    for guess, words in (
+        (fi.State(displacement=[1.0, 2.0]), "guess.displacement = .* must hold 1 finite numbers"),
+        (fi.State(ball_velocity=[1.0, 2.0]), "guess.ball_velocity = "),
+        (
+            fi.find_orbit(oscillator(damping=0.1), push, guess=fi.State()),
+            "system = '1 dofs, 1 balls and 0 stops': .*0 b",
+        ),
+    ):
+        with pytest.raises(fi.InputError, match=words):
+            fi.find_orbits(system, push, [guess])
+
+
+def test_a_sum_of_one_sine_is_a_sine():
+    run = settled()
+    one = fi.PointForce("mass", fi.Sum((run.base.history,)))
+    for guess in (run, fi.integrate(run.system, one, fi.EventDriven(), 400 / FIRST)):
+        for push in (run.base, one):
+            found = fi.find_orbit(run.system, push, guess=guess)
+            assert len(found.impacts) == 2
+            assert found.is_symmetric
+
+
+def test_many_cycles_are_no_chatter():
+    """600 periods of two impacts each: 2400 events in two periods of the orbit."""
+    run = settled()
+    guess = first_guess(run.system, run.base, 600, run)
+    assert len(guess.phases) == 1200

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import fields
 from typing import Any, cast
 
 import numpy as np
@@ -11,10 +12,9 @@ import numpy as np
 from femimpact.arrays import Array
 from femimpact.errors import DivergenceError, InputError, instance, items, kind_of, quantity, require, takes
 from femimpact.excitation import Excitation, PointForce, Sine
-from femimpact.excitation.drives import alone
 from femimpact.integrators.event_driven.loop_data import check_events
 from femimpact.orbits.flow import Flow, HybridSystem, hybrid_system
-from femimpact.orbits.guess import Guess, first_guess
+from femimpact.orbits.guess import Guess, first_guess, sine_of
 from femimpact.orbits.newton import solve
 from femimpact.orbits.orbit import PeriodicOrbit, state_vector
 from femimpact.orbits.verification import verified
@@ -26,6 +26,9 @@ DISTINCT = 1e-6
 """Largest difference of states, in their units, of one orbit that was found twice."""
 
 SYSTEM, CYCLES = instance(System), quantity("1", at_least=1, at_most=1000, integer=True)
+
+STATE = {f"guess.{field.name}" for field in fields(State)}
+"""Keys of a state that is none of the system."""
 
 GUESSES = Response, State, PeriodicOrbit
 """What a search begins from."""
@@ -75,9 +78,11 @@ def find_orbit(
     check_events(system)
     sine = one_sine(excitation)
     if not isinstance(guess, State):
-        given, of_guess = (f"{one.dofs} dofs and {len(one.contacts)} contacts" for one in (system, guess.system))
-        same = given == of_guess and len(system.balls) == len(guess.system.balls)
-        require(same, "system", given, "", f"must be of as many coordinates as that of the guess: {of_guess}")
+        given, of_guess = (
+            f"{one.dofs} dofs, {len(one.balls)} balls and {len(one.contacts) - len(one.balls)} stops"
+            for one in (system, guess.system)
+        )
+        require(given == of_guess, "system", given, "", f"must have as many as that of the guess: {of_guess}")
     return orbit_near(system, sine, first_guess(system, sine, cycles, guess))
 
 
@@ -92,7 +97,8 @@ def find_orbits(
     system, excitation, cycles
         As of `find_orbit`.
     guesses : sequence of State, Response or PeriodicOrbit
-        Those from which no orbit is found are left out.
+        Left out are those from which no orbit is found, and those that lead to none: a motion that sticks, a state
+        beyond a wall, an orbit of other cycles, a run under another drive than a sine.
 
     Returns
     -------
@@ -112,8 +118,9 @@ def find_orbits(
         except DivergenceError:
             continue
         except InputError as error:
-            # a faulty call is no matter of the motion
-            if not all(fault.key.split(".")[0] == "guess" for fault in error.faults):
+            # a faulty call is no matter of the motion, nor is a state of another number of coordinates
+            keys = [fault.key for fault in error.faults]
+            if not all(key.split(".")[0] == "guess" for key in keys) or STATE.intersection(keys):
                 raise
             continue
         if not any(_is_same(orbit, other) for other in found):
@@ -165,10 +172,9 @@ def one_sine(excitation: Any) -> Sine | PointForce:
 
     Raises `InputError` for any other.
     """
-    drive = alone(excitation)
-    history = drive.history if isinstance(drive, PointForce) else drive
+    drive = sine_of(excitation)
     allowed = "must be one Sine, or a PointForce with one: periodic orbits are those under a single sine"
-    require(isinstance(history, Sine), "excitation", kind_of(excitation), "", allowed)
+    require(drive is not None, "excitation", kind_of(excitation), "", allowed)
     return cast("Sine | PointForce", drive)
 
 

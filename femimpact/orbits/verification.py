@@ -171,7 +171,9 @@ def own_run(
     time = float(_times(np.array([middle]), excitation, sequence.cycles)[0])
     period = sequence.cycles / excitation.frequency
     try:
-        run = integrate(system, excitation, EventDriven(), period, recorder_of_events(), _state(system, state, time))
+        run = integrate(
+            system, excitation, EventDriven(), period, recorder_of_events(sequence.cycles), _state(system, state, time)
+        )
     except InputError as error:
         # beyond a wall that none of the events is at
         raise DivergenceError(f"the orbit found is no motion of the system: {error}") from None
