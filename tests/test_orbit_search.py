@@ -178,3 +178,44 @@ def test_many_cycles_are_no_chatter():
     run = settled()
     guess = first_guess(run.system, run.base, 600, run)
     assert len(guess.phases) == 1200
+
+
+def test_no_solution_of_the_closed_form_vanishes_by_rounding():
+    # beside the resonance the steady response is 1e6 gaps, and its rounding above what confirms an orbit
+    with pytest.raises(fi.DivergenceError, match="not confirmed: its own run misses its start by .* above 1e-10"):
+        fi.two_impact_orbits(boxed(), fi.PointForce("mass", fi.Sine(1.0, 0.159155)))
+    # a little farther away it is one
+    assert len(fi.two_impact_orbits(boxed(), force(0.99))) >= 1
+
+
+def test_impacts_of_two_pairs_at_one_instant_are_named_from_an_orbit_too():
+    def pair(second):
+        stops = [fi.Stop(f"{name} stop", name, (3.0, math.inf), fi.Rigid(0.7)) for name in ("first", "second")]
+        return fi.System.from_matrices(
+            np.eye(2), 0.2 * np.eye(2), np.diag([1.0, second]), base_load=[1.0, 1.0], stops=stops,
+            points={"first": [1.0, 0.0], "second": [0.0, 1.0]},
+        )  # fmt: skip
+
+    base = fi.Sine(1.0, 1.1 * FIRST)
+    split = fi.find_orbit(pair(1.05), base, guess=fi.integrate(pair(1.05), base, fi.EventDriven(), 400 / FIRST))
+    with pytest.raises(fi.DivergenceError, match="has impacts of 2 pairs at one instant, t = .* not looked for"):
+        fi.find_orbit(pair(1.0), base, guess=split)
+
+
+def test_compliant_stops_that_touch_at_one_instant_are_one_stop():
+    """Two equal ones side by side are one with twice the stiffness and dashpot, and their forces have no jump."""
+    push = force(0.9)
+    soft = fi.KelvinVoigt(stiffness=20.0, damping=0.2)
+    both, one = (
+        stopped(soft, gap=1.0, names=("first", "second")),
+        stopped(fi.KelvinVoigt(stiffness=40.0, damping=0.4), gap=1.0),
+    )
+    double, single = (
+        fi.find_orbit(system, push, guess=fi.integrate(system, push, fi.EventDriven(), 400 / FIRST))
+        for system in (both, one)
+    )
+    assert len(double.impacts) == 2 * len(single.impacts) > 0
+    # of the gap of 1 m; multipliers have the digits of the flow between 6 events
+    np.testing.assert_allclose(double.state.displacement, single.state.displacement, atol=1e-12)
+    np.testing.assert_allclose(double.state.velocity, single.state.velocity, atol=1e-12)
+    np.testing.assert_allclose(double.multipliers, single.multipliers, atol=1e-10)
