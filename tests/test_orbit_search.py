@@ -219,3 +219,16 @@ def test_compliant_stops_that_touch_at_one_instant_are_one_stop():
     np.testing.assert_allclose(double.state.displacement, single.state.displacement, atol=1e-12)
     np.testing.assert_allclose(double.state.velocity, single.state.velocity, atol=1e-12)
     np.testing.assert_allclose(double.multipliers, single.multipliers, atol=1e-10)
+
+
+@pytest.mark.parametrize("ratio", [1.0, 1.1, 1.2, 1.3, 1.4, 1.5, 1.7, 2.3])
+def test_a_motion_without_damping_is_not_stable(ratio):
+    """Its disturbances neither grow nor decay, whatever side of 1 rounding puts the multipliers."""
+    orbit = fi.find_orbit(oscillator(ratio**2), fi.PointForce("mass", fi.Sine(1.0, 0.11)), guess=fi.State())
+    assert np.max(abs(abs(orbit.multipliers) - 1)) < 1e-14
+    assert not orbit.is_stable
+    # exp(-c T/2) of a dashpot that takes 2e-9 in a period
+    damped = fi.find_orbit(oscillator(ratio**2, 4e-10), orbit.excitation, guess=orbit)
+    assert damped.is_stable
+    branch = fi.continue_orbit(orbit, "amplitude", to=(0.9, 1.1))
+    assert not branch.is_stable.any()

@@ -34,7 +34,7 @@ from femimpact.orbits.flow import Flow
 from femimpact.orbits.following import CHANGES, CLOSED, follow
 from femimpact.orbits.guess import first_guess
 from femimpact.orbits.newton import Solution, solve
-from femimpact.orbits.orbit import PeriodicOrbit
+from femimpact.orbits.orbit import PeriodicOrbit, decays
 from femimpact.orbits.own_runs import Followed
 from femimpact.orbits.parameter import Parameter, parameter_of
 from femimpact.orbits.search import length_of, one_sine
@@ -145,8 +145,8 @@ class Branch:
 
     @property
     def is_stable(self) -> NDArray[np.bool_]:
-        """True where every small disturbance decays, (points,); at a bifurcation it does to rounding alone."""
-        return np.asarray(np.abs(self.multipliers[:, 0]) < 1.0)
+        """True where every small disturbance decays, (points,), as of `PeriodicOrbit`."""
+        return decays(self.multipliers)
 
     @property
     def orbits(self) -> Sequence[PeriodicOrbit]:

@@ -22,6 +22,10 @@ LARGEST_SHOWN = 4
 """Multipliers that a notebook shows."""
 
 
+NEUTRAL = 1e-10
+"""Distance of a modulus from 1 up to which it is 1: an orbit is confirmed to this, and its multipliers are no more."""
+
+
 @short_repr
 @dataclass(frozen=True, eq=False)
 class PeriodicOrbit:
@@ -95,8 +99,8 @@ class PeriodicOrbit:
 
     @property
     def is_stable(self) -> bool:
-        """True if every small disturbance decays."""
-        return bool(np.abs(self.multipliers[0]) < 1.0)
+        """True if every small disturbance decays: all multipliers are below 1 - 1e-10, as `decays` has it."""
+        return bool(decays(self.multipliers))
 
     @property
     def is_symmetric(self) -> bool:
@@ -114,6 +118,14 @@ class PeriodicOrbit:
         }
         kind = "symmetric, " if self.is_symmetric else ""
         return head_of_values(f"PeriodicOrbit: {kind}{'stable' if self.is_stable else 'unstable'}", values)
+
+
+def decays(multipliers: Complex) -> NDArray[np.bool_]:
+    """Whether every small disturbance decays, of multipliers (..., 2(n+balls)), the largest first.
+
+    Those of an undamped motion are 1, and rounding puts them to either side.
+    """
+    return np.asarray(np.abs(multipliers[..., 0]) < 1.0 - NEUTRAL)
 
 
 def state_vector(state: State) -> Array:
