@@ -133,7 +133,7 @@ def test_guesses_that_lead_to_no_orbit_are_left_out_and_faulty_calls_are_refused
     beyond = fi.State(ball_displacement=[13.0])
     for of, guess, words in (
         (system, twice, "guess.cycles = 2: must divide"),
-        (system, soft, "guess.ball = 'kelvin-voigt on the . side': must be events of contacts as the system has"),
+        (system, soft, "guess.ball = 'kelvin-voigt on the . side': must be met at a wall of the same law"),
         (compliant, orbit, "guess.ball = 'rigid on the . side'"),
         (to_minus, met, r"guess.stop = 'rigid on the \+ side'"),
         (system, beyond, "guess.ball.gap = 13.0 m: must start between its walls"),
@@ -182,7 +182,7 @@ def test_many_cycles_are_no_chatter():
 
 def test_no_solution_of_the_closed_form_vanishes_by_rounding():
     # beside the resonance the steady response is 1e6 gaps, and its rounding above what confirms an orbit
-    with pytest.raises(fi.DivergenceError, match="not confirmed: its own run misses its start by .* above 1e-10"):
+    with pytest.raises(fi.DivergenceError, match=r"not confirmed: its own run misses its start by .* above 1e-10"):
         fi.two_impact_orbits(boxed(), fi.PointForce("mass", fi.Sine(1.0, 0.159155)))
     # a little farther away it is one
     assert len(fi.two_impact_orbits(boxed(), force(0.99))) >= 1
@@ -198,7 +198,7 @@ def test_impacts_of_two_pairs_at_one_instant_are_named_from_an_orbit_too():
 
     base = fi.Sine(1.0, 1.1 * FIRST)
     split = fi.find_orbit(pair(1.05), base, guess=fi.integrate(pair(1.05), base, fi.EventDriven(), 400 / FIRST))
-    with pytest.raises(fi.DivergenceError, match="has impacts of 2 pairs at one instant, t = .* not looked for"):
+    with pytest.raises(fi.DivergenceError, match=r"has impacts of 2 pairs at one instant, t = .* not looked for"):
         fi.find_orbit(pair(1.0), base, guess=split)
 
 

@@ -115,7 +115,7 @@ def _end_of(run: Response, excitation: Excitation) -> State:
     if same_excitation(run.base, excitation):
         return state
     base = sine_of(run.base)
-    allowed = "must be the end of a run under one sine, which has a phase; its final_state is a guess of another"
+    allowed = "must be under one sine, at a phase of which it ends; of another run give final_state, at its time"
     require(base is not None, "guess", f"a run under {kind_of(run.base)}", "", allowed)
     base = cast("Sine | PointForce", base)
     phase = 2.0 * math.pi * base.frequency * state.time + base.phase
@@ -140,7 +140,7 @@ def _of_orbit(system: System, orbit: PeriodicOrbit, cycles: int) -> Guess:
     for j, side in set(zip(orbit.events.pair.tolist(), orbit.events.side.tolist(), strict=True)):
         pair, other = system.contacts[j], orbit.system.contacts[j]
         same = pair.parameters.is_rigid == other.parameters.is_rigid and math.isfinite(pair.gaps[0 if side > 0 else 1])
-        allowed = "must be events of contacts as the system has: give its state, guess=orbit.state"
+        allowed = "must be met at a wall of the same law: else give its state, guess=orbit.state"
         require(same, f"guess.{other.name}", f"{other.law.name} on the {'+' if side > 0 else '-'} side", "", allowed)
     omega, log = 2.0 * math.pi * orbit.excitation.frequency, orbit.events
     if len(log):

@@ -142,9 +142,10 @@ def orbit_near(system: System, excitation: Sine | PointForce, guess: Guess) -> P
         found = solve(hybrid, guess.sequence, found.states, found.phases, length, flows)
     if not found.converged:
         last = f"the last changed them by {found.changes[-1]:.2g}" if found.changes else "none could be made"
+        left = f"a residual of {found.residual:.2g}" if math.isfinite(found.residual) else "no finite residual"
         raise DivergenceError(
             f"no periodic orbit found: after {len(found.changes)} steps of Newton's method {len(guess.phases)} events "
-            f"leave a residual of {found.residual:.2g} (in units of {length:.3g} m, of it times omega and of 1 rad), "
+            f"leave {left} (in units of {length:.3g} m, of it times omega and of 1 rad), "
             f"{last}; {TRY}"
         )
     if np.min(np.abs(found.maps.distance_rate)) <= GRAZING * length:
