@@ -34,7 +34,7 @@ from femimpact.orbits.flow import Flow
 from femimpact.orbits.following import CHANGES, CLOSED, follow
 from femimpact.orbits.guess import first_guess
 from femimpact.orbits.newton import Solution, solve
-from femimpact.orbits.orbit import PeriodicOrbit
+from femimpact.orbits.orbit import PeriodicOrbit, decays
 from femimpact.orbits.own_runs import Followed
 from femimpact.orbits.parameter import Parameter, parameter_of
 from femimpact.orbits.search import length_of, one_sine
@@ -145,8 +145,8 @@ class Branch:
 
     @property
     def is_stable(self) -> NDArray[np.bool_]:
-        """True where every small disturbance decays, (points,); at a bifurcation it does to rounding alone."""
-        return np.asarray(np.abs(self.multipliers[:, 0]) < 1.0)
+        """True where every small disturbance decays, (points,), as of `PeriodicOrbit`."""
+        return decays(self.multipliers)
 
     @property
     def orbits(self) -> Sequence[PeriodicOrbit]:
@@ -300,7 +300,7 @@ def continue_orbit(orbit: PeriodicOrbit, parameter: str, to: tuple[float, float]
     number = parameter_of(orbit.system, sine, parameter)
     low, high = _range(number, to)
     guess = first_guess(orbit.system, sine, orbit.cycles, orbit)
-    length = length_of(orbit.system, guess.states)
+    length = length_of(number.hybrid, guess.states)
     curve = curve_of(number, guess.sequence, orbit.is_symmetric, length, high - low)
     # of an orbit without events the guess is one state
     found = solve(number.hybrid, guess.sequence, guess.states, guess.phases, length)
@@ -367,6 +367,6 @@ def _orbit(curve: Curve, x: Array) -> PeriodicOrbit:
     (states, phases), flows = curve.orbit(x), dict[bytes, Flow]()
     hybrid = curve.parameter.hybrid_at(value)
     maps = event_maps(hybrid, curve.sequence, states, phases, flows)
-    found, length = Solution(states, phases, maps, (), 0.0, True), length_of(system, states)
+    found, length = Solution(states, phases, maps, (), 0.0, True), length_of(hybrid, states)
     run, missed, _ = own_run(system, excitation, curve.sequence, found, flows, unit_of(hybrid, length))
     return orbit_of(system, excitation, hybrid, curve.sequence, found, length, flows, run, missed)

@@ -22,8 +22,10 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from femimpact.errors import Fault, InputError
 from femimpact.excitation import Excitation
 from femimpact.integrators.channel_rows import drive_of
+from femimpact.integrators.event_driven.block import RESONANCE
 from femimpact.integrators.event_driven.equations import equations_of
 from femimpact.integrators.event_driven.loop_data import CONTACT
 from femimpact.system.system import System
@@ -36,6 +38,10 @@ SEPARATE = 1e8
 
 SERIES = 1e-4
 """|Delta| t^2 of a nearly critical coordinate up to which its sine is taken as a series."""
+
+
+class ResonanceError(InputError, np.linalg.LinAlgError):
+    """A steady response without bound: a bad input, and to a search along a curve a singular matrix."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,7 +162,10 @@ class Flow:
 
 
 def flow_of(hybrid: HybridSystem, contact_state: Numbers) -> Flow:  # contact_state (pairs,)
-    """The flow while the pairs in contact are pressed."""
+    """The flow while the pairs in contact are pressed.
+
+    Raises `ResonanceError` at a natural frequency without damping.
+    """
     pressed = np.flatnonzero(np.abs(contact_state) == CONTACT)
     side = contact_state[pressed]
     P, k, c = hybrid.force[:, pressed], hybrid.contact_stiffness[pressed], hybrid.contact_damping[pressed]
@@ -175,7 +184,11 @@ def flow_of(hybrid: HybridSystem, contact_state: Numbers) -> Flow:  # contact_st
     dynamic = np.empty((2 * d, 2 * d), dtype=np.result_type(A, turned))
     dynamic[:d, :d] = dynamic[d:, d:] = K - hybrid.omega**2 * np.diag(hybrid.mass)
     dynamic[:d, d:], dynamic[d:, :d] = -turned, turned
-    response = np.linalg.solve(dynamic, np.concatenate(loads[1:]))
+    try:
+        response = np.linalg.solve(dynamic, np.concatenate(loads[1:]))
+    except np.linalg.LinAlgError:
+        frequency = float(np.real(hybrid.omega)) / (2.0 * np.pi)
+        raise ResonanceError([Fault("frequency", frequency, "Hz", RESONANCE)]) from None
     steady = response[:d], response[d:]
     off = ((K != 0.0) | (C != 0.0)) & ~np.eye(d, dtype=bool)
     alone, others = np.flatnonzero(~off.any(axis=0)), np.flatnonzero(off.any(axis=0))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass, replace
 from typing import Any, cast
 
@@ -10,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.arrays import Array
-from femimpact.errors import Fault, InputError, require
-from femimpact.excitation import Excitation
+from femimpact.errors import Fault, InputError, changed, kind_of, require
+from femimpact.excitation import Excitation, PointForce, Sine, Sum
+from femimpact.excitation.drives import alone
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.event_driven.loop_data import CONTACT, FREE, SEPARATING
 from femimpact.integrators.runs import integrate
@@ -23,7 +25,7 @@ from femimpact.system.state import State, same_excitation
 from femimpact.system.system import System
 
 MOST_EVENTS = 1000
-"""Events of one period beyond which a motion is taken for chatter."""
+"""Events of one period of the drive beyond which a motion is taken for chatter."""
 
 BEFORE = {IMPACT: FREE, TOUCH: FREE, RELEASE: CONTACT, PRESS_AGAIN: SEPARATING, SEPARATE: SEPARATING}
 """Contact state, without the side, of a pair before an event of each kind that an orbit may have."""
@@ -40,9 +42,9 @@ class Guess:
     phases: Array  # (N,) rad
 
 
-def recorder_of_events() -> Recorder:
-    """What a run keeps of which the events alone are read."""
-    return Recorder(channels=(), ledger=False, impacts=MOST_EVENTS, events=2 * MOST_EVENTS)
+def recorder_of_events(cycles: int) -> Recorder:
+    """What a run keeps of which the events alone are read, over two periods of so many of the drive."""
+    return Recorder(channels=(), ledger=False, impacts=cycles * MOST_EVENTS, events=2 * cycles * MOST_EVENTS)
 
 
 def first_guess(system: System, excitation: Excitation, cycles: int, guess: Response | State | PeriodicOrbit) -> Guess:
@@ -54,10 +56,14 @@ def first_guess(system: System, excitation: Excitation, cycles: int, guess: Resp
     Raises `InputError` if there is none, or a ball touches nothing.
     """
     if isinstance(guess, PeriodicOrbit):
-        return _of_orbit(guess, cycles)
+        return _of_orbit(system, guess, cycles)
     start = guess if isinstance(guess, State) else _end_of(guess, excitation)
     period, omega = cycles / excitation.frequency, 2.0 * math.pi * excitation.frequency
-    run = integrate(system, excitation, EventDriven(), 2.0 * period, recorder_of_events(), start)
+    try:
+        run = integrate(system, excitation, EventDriven(), 2.0 * period, recorder_of_events(cycles), start)
+    except InputError as error:
+        renamed = [replace(fault, key=re.sub("^initial", "guess", fault.key)) for fault in error.faults]
+        raise InputError(renamed) from None
     log: Any = run.events
     final: Any = run.final_state
     require(log.dropped == 0, "guess", f"{len(log) + log.dropped} events in two periods", "", STICKS)
@@ -89,6 +95,17 @@ def without_events(state: Array, contact_state: NDArray[Any], phase: float, cycl
     return Guess(sequence, np.tile(state, (2, 1)), phases)
 
 
+def sine_of(excitation: Any) -> Sine | PointForce | None:
+    """The drive of an excitation that is one sine, None of any other."""
+    drive = alone(excitation)
+    history = drive.history if isinstance(drive, PointForce) else drive
+    while isinstance(history, Sum) and len(history.parts) == 1:
+        history = history.parts[0]
+    if not isinstance(history, Sine):
+        return None
+    return changed(drive, history=history) if isinstance(drive, PointForce) else history
+
+
 def _end_of(run: Response, excitation: Excitation) -> State:
     """Where a run has ended, at a time when the excitation has the phase that its own has there."""
     require(
@@ -97,7 +114,11 @@ def _end_of(run: Response, excitation: Excitation) -> State:
     state = cast(State, run.final_state)
     if same_excitation(run.base, excitation):
         return state
-    phase = 2.0 * math.pi * run.base.frequency * state.time + run.base.phase
+    base = sine_of(run.base)
+    allowed = "must be under one sine, at a phase of which it ends; of another run give final_state, at its time"
+    require(base is not None, "guess", f"a run under {kind_of(run.base)}", "", allowed)
+    base = cast("Sine | PointForce", base)
+    phase = 2.0 * math.pi * base.frequency * state.time + base.phase
     turn = (phase - excitation.phase) % (2.0 * math.pi)
     return replace(state, time=turn / (2.0 * math.pi * excitation.frequency), continuation=None)
 
@@ -108,13 +129,19 @@ def _of_rows(log: EventLog, rows: NDArray[np.intp], phases: Array, cycles: int) 
         log.contact_state[rows].astype(float), np.zeros(rows.size), cycles,
     )  # fmt: skip
     states = np.concatenate([log.displacement[rows], log.velocity[rows]], axis=1)
-    return Guess(sequence, states, phases - 2.0 * math.pi * math.floor(phases[0] / (2.0 * math.pi)))
+    # by whole periods of the orbit: t = 0 is at the same of its `cycles`
+    return Guess(sequence, states, phases - sequence.turn * math.floor(phases[0] / sequence.turn))
 
 
-def _of_orbit(orbit: PeriodicOrbit, cycles: int) -> Guess:
+def _of_orbit(system: System, orbit: PeriodicOrbit, cycles: int) -> Guess:
     """That of an orbit, or of several periods of it."""
     times, left = divmod(cycles, orbit.cycles)
-    require(left == 0, "cycles", cycles, "", f"must be {orbit.cycles} times a whole number, as the guess has")
+    require(left == 0, "guess.cycles", orbit.cycles, "", f"must divide the cycles of the orbit looked for, {cycles}")
+    for j, side in set(zip(orbit.events.pair.tolist(), orbit.events.side.tolist(), strict=True)):
+        pair, other = system.contacts[j], orbit.system.contacts[j]
+        same = pair.parameters.is_rigid == other.parameters.is_rigid and math.isfinite(pair.gaps[0 if side > 0 else 1])
+        allowed = "must be met at a wall of the same law: else give its state, guess=orbit.state"
+        require(same, f"guess.{other.name}", f"{other.law.name} on the {'+' if side > 0 else '-'} side", "", allowed)
     omega, log = 2.0 * math.pi * orbit.excitation.frequency, orbit.events
     if len(log):
         rows = np.tile(np.arange(len(log)), times)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,12 @@ EXACT = 1e-12
 
 ROUNDED = 1e-8
 """The same where rounding ends it: slow impacts leave their phases no more digits."""
+
+NEAR, FALL = 0.1, 0.1
+"""Change below which the next one is less than this share of it, beside a solution that is not singular."""
+
+GIVEN = 1e-6
+"""First change up to which the guess is a solution already, but for rounding."""
 
 LEAST_SHARE = 1e-3
 """Least share of a step that is tried."""
@@ -87,12 +94,22 @@ def solve(
             break
         states, phases, maps = moved, turned, after
         changes.append(change)
-        at_rounding = len(changes) > 1 and change <= ROUNDED and change >= 0.1 * changes[-2]
-        converged = change <= EXACT or at_rounding
+        converged = change <= EXACT or _at_rounding(changes)
         if converged:
             break
     left = residual(maps, states) / by_rows
     return Solution(states, phases, maps, tuple(changes), float(np.abs(left).max()), converged)
+
+
+def _at_rounding(changes: list[float]) -> bool:
+    """Whether the steps fall no more, after one that fell as beside a solution that is not singular.
+
+    Beside one that is singular each step is about half of the one before, and the error is as large as the step.
+    """
+    pairs = list(pairwise(changes))
+    if not pairs or changes[-1] > ROUNDED or changes[-1] < FALL * changes[-2]:
+        return False
+    return changes[0] <= GIVEN or any(before > GIVEN and after <= FALL * min(before, NEAR) for before, after in pairs)
 
 
 def _in_order(phases: Array, cycles: int) -> bool:

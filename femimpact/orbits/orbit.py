@@ -33,6 +33,10 @@ LARGEST_SHOWN = 4
 """Multipliers that a notebook shows."""
 
 
+NEUTRAL = 1e-10
+"""Distance of a modulus from 1 up to which it is 1: an orbit is confirmed to this, and its multipliers are no more."""
+
+
 @short_repr
 @dataclass(frozen=True, eq=False)
 class PeriodicOrbit:
@@ -59,7 +63,8 @@ class PeriodicOrbit:
         By which the orbit's own run misses its start after one period: displacements over `length`, velocities over
         `length` times omega.
     length : float, m
-        Unit of displacements: the smallest of the pairs' gaps, or the largest displacement where there is none.
+        Unit of displacements: the smallest of the gaps, or 1e-3 of the motion's size where that is larger; without
+        gaps the size itself, the largest displacement or velocity over omega just after the events.
     half_map : ndarray or None
         Of a symmetric orbit: derivative of minus the state half a period later by the state just after its first event.
         Its square is the monodromy there. None of any other.
@@ -105,8 +110,8 @@ class PeriodicOrbit:
 
     @property
     def is_stable(self) -> bool:
-        """True if every small disturbance decays."""
-        return bool(np.abs(self.multipliers[0]) < 1.0)
+        """True if every small disturbance decays: all multipliers are below 1 - 1e-10, as `decays` has it."""
+        return bool(decays(self.multipliers))
 
     @property
     def is_symmetric(self) -> bool:
@@ -260,6 +265,14 @@ class PeriodicOrbit:
         }
         kind = "symmetric, " if self.is_symmetric else ""
         return head_of_values(f"PeriodicOrbit: {kind}{'stable' if self.is_stable else 'unstable'}", values)
+
+
+def decays(multipliers: Complex) -> NDArray[np.bool_]:
+    """Whether every small disturbance decays, of multipliers (..., 2(n+balls)), the largest first.
+
+    Those of an undamped motion are 1, and rounding puts them to either side.
+    """
+    return np.asarray(np.abs(multipliers[..., 0]) < 1.0 - NEUTRAL)
 
 
 def state_vector(state: State) -> Array:

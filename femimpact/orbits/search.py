@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import fields
 from typing import Any, cast
 
 import numpy as np
@@ -11,10 +12,9 @@ import numpy as np
 from femimpact.arrays import Array
 from femimpact.errors import DivergenceError, InputError, instance, items, kind_of, quantity, require, takes
 from femimpact.excitation import Excitation, PointForce, Sine
-from femimpact.excitation.drives import alone
 from femimpact.integrators.event_driven.loop_data import check_events
-from femimpact.orbits.flow import Flow, hybrid_system
-from femimpact.orbits.guess import Guess, first_guess
+from femimpact.orbits.flow import Flow, HybridSystem, hybrid_system
+from femimpact.orbits.guess import Guess, first_guess, sine_of
 from femimpact.orbits.newton import solve
 from femimpact.orbits.orbit import PeriodicOrbit, state_vector
 from femimpact.orbits.verification import verified
@@ -27,11 +27,17 @@ DISTINCT = 1e-6
 
 SYSTEM, CYCLES = instance(System), quantity("1", at_least=1, at_most=1000, integer=True)
 
+STATE = {f"guess.{field.name}" for field in fields(State)}
+"""Keys of a state that is none of the system."""
+
 GUESSES = Response, State, PeriodicOrbit
 """What a search begins from."""
 
 GRAZING = 1e-8
 """Speed of an event, in lengths and rad of the drive, at which a search has ended on no impact."""
+
+LEAST_UNIT = 1e-3
+"""Share of the size of a motion below which no gap is its unit: rounding of the motion would be read as a miss."""
 
 TRY = "try a run that has settled for longer, a start nearer to the orbit, or another number of cycles"
 
@@ -72,9 +78,11 @@ def find_orbit(
     check_events(system)
     sine = one_sine(excitation)
     if not isinstance(guess, State):
-        given, of_guess = (f"{one.dofs} dofs and {len(one.contacts)} contacts" for one in (system, guess.system))
-        same = given == of_guess and len(system.balls) == len(guess.system.balls)
-        require(same, "system", given, "", f"must be of as many coordinates as that of the guess: {of_guess}")
+        given, of_guess = (
+            f"{one.dofs} dofs, {len(one.balls)} balls and {len(one.contacts) - len(one.balls)} stops"
+            for one in (system, guess.system)
+        )
+        require(given == of_guess, "system", given, "", f"must have as many as that of the guess: {of_guess}")
     return orbit_near(system, sine, first_guess(system, sine, cycles, guess))
 
 
@@ -89,7 +97,8 @@ def find_orbits(
     system, excitation, cycles
         As of `find_orbit`.
     guesses : sequence of State, Response or PeriodicOrbit
-        Those from which no orbit is found are left out.
+        Left out are those from which no orbit is found, and those that lead to none: a motion that sticks, a state
+        beyond a wall, an orbit of other cycles, a run under another drive than a sine.
 
     Returns
     -------
@@ -109,8 +118,9 @@ def find_orbits(
         except DivergenceError:
             continue
         except InputError as error:
-            # a faulty call is no matter of the motion
-            if not all(fault.key.split(".")[0] == "guess" for fault in error.faults):
+            # a faulty call is no matter of the motion, nor is a state of another number of coordinates
+            keys = [fault.key for fault in error.faults]
+            if not all(key.split(".")[0] == "guess" for key in keys) or STATE.intersection(keys):
                 raise
             continue
         if not any(_is_same(orbit, other) for other in found):
@@ -124,24 +134,38 @@ def orbit_near(system: System, excitation: Sine | PointForce, guess: Guess) -> P
     Raises `DivergenceError` if there is none, or it is no motion of the system.
     """
     hybrid, flows = hybrid_system(system, excitation), dict[bytes, Flow]()
-    length = length_of(system, guess.states)
+    length = length_of(hybrid, guess.states)
     found = solve(hybrid, guess.sequence, guess.states, guess.phases, length, flows)
+    of_guess, length = length, length_of(hybrid, found.states)
+    if length > 2.0 * of_guess:
+        # a motion that is far larger than its guess has its rounding, too
+        found = solve(hybrid, guess.sequence, found.states, found.phases, length, flows)
     if not found.converged:
         last = f"the last changed them by {found.changes[-1]:.2g}" if found.changes else "none could be made"
+        left = f"a residual of {found.residual:.2g}" if math.isfinite(found.residual) else "no finite residual"
         raise DivergenceError(
             f"no periodic orbit found: after {len(found.changes)} steps of Newton's method {len(guess.phases)} events "
-            f"leave a residual of {found.residual:.2g} (in gaps, gaps times omega and rad), {last}; {TRY}"
+            f"leave {left} (in units of {length:.3g} m, of it times omega and of 1 rad), "
+            f"{last}; {TRY}"
         )
     if np.min(np.abs(found.maps.distance_rate)) <= GRAZING * length:
         raise DivergenceError(f"no periodic orbit found: the search ends where a contact begins at no speed; {TRY}")
     return verified(system, excitation, hybrid, guess.sequence, found, length, flows)
 
 
-def length_of(system: System, states: Array) -> float:
-    """Unit of displacements (m): the smallest gap of the pairs, or the largest displacement."""
-    gaps = [[abs(gap) for gap in pair.gaps if math.isfinite(gap)] for pair in system.contacts if pair.has_walls]
-    smallest = min((max(of_pair) for of_pair in gaps), default=0.0)
-    return smallest or float(np.abs(states[:, : states.shape[1] // 2]).max(initial=0.0)) or 1.0
+def length_of(hybrid: HybridSystem, states: Array) -> float:
+    """Unit of displacements (m): the smallest gap, or what is seen of motions that are far larger.
+
+    Without walls, and with walls at no distance, it is the size of the motion: the largest displacement, or velocity
+    over omega.
+    """
+    gaps = np.where(np.isfinite(hybrid.gaps), np.abs(hybrid.gaps), 0.0).max(axis=1)
+    of_pairs, sizes = np.kron(np.eye(2), hybrid.force), np.repeat([1.0, float(hybrid.omega)], states.shape[1] // 2)
+    size = float(np.abs(states / sizes).max(initial=0.0)) or 1.0
+    if not np.any(gaps > 0.0):
+        return size
+    del of_pairs
+    return max(float(gaps[gaps > 0.0].min()), LEAST_UNIT * size)
 
 
 def one_sine(excitation: Any) -> Sine | PointForce:
@@ -149,15 +173,21 @@ def one_sine(excitation: Any) -> Sine | PointForce:
 
     Raises `InputError` for any other.
     """
-    drive = alone(excitation)
-    history = drive.history if isinstance(drive, PointForce) else drive
+    drive = sine_of(excitation)
     allowed = "must be one Sine, or a PointForce with one: periodic orbits are those under a single sine"
-    require(isinstance(history, Sine), "excitation", kind_of(excitation), "", allowed)
+    require(drive is not None, "excitation", kind_of(excitation), "", allowed)
     return cast("Sine | PointForce", drive)
 
 
 def _is_same(orbit: PeriodicOrbit, other: PeriodicOrbit) -> bool:
-    speed = orbit.length * 2.0 * math.pi * orbit.excitation.frequency
-    unit = np.repeat([orbit.length, speed], len(orbit.monodromy) // 2)
-    difference = state_vector(orbit.state) - state_vector(other.state)
-    return orbit.cycles == other.cycles and bool(np.all(np.abs(difference) <= DISTINCT * unit))
+    """Whether the first event of an orbit is one of another: the same state after it at the same phase of the drive."""
+    d, omega = len(orbit.monodromy) // 2, 2.0 * math.pi * orbit.excitation.frequency
+    unit = np.repeat([orbit.length, orbit.length * omega], d)
+    if len(orbit.events) == 0 or len(other.events) == 0:
+        apart = np.abs(state_vector(orbit.state) - state_vector(other.state)) / unit
+        return len(orbit.events) == len(other.events) and bool(np.all(apart <= DISTINCT))
+    one, log = orbit.events, other.events
+    later = omega * (log.time - one.time[0])
+    apart = np.abs(np.concatenate([log.displacement - one.displacement[0], log.velocity - one.velocity[0]], axis=1))
+    near = np.all(apart <= DISTINCT * unit, axis=1) & (np.abs(np.exp(1j * later) - 1.0) <= DISTINCT)
+    return bool(np.any(near & (log.kind == one.kind[0]) & (log.pair == one.pair[0]) & (log.side == one.side[0])))

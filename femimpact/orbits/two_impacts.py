@@ -6,14 +6,15 @@ import math
 
 import numpy as np
 
-from femimpact.errors import DivergenceError, instance, require, takes
+from femimpact.errors import instance, require, takes
 from femimpact.excitation import Excitation
 from femimpact.integrators.event_driven.loop_data import check_events
 from femimpact.orbits.equations import IMPACT, Sequence, event_maps
 from femimpact.orbits.flow import HybridSystem, flow_of, hybrid_system
 from femimpact.orbits.guess import Guess
 from femimpact.orbits.orbit import PeriodicOrbit
-from femimpact.orbits.search import one_sine, orbit_near
+from femimpact.orbits.search import GRAZING, one_sine, orbit_near
+from femimpact.orbits.verification import OtherMotionError
 from femimpact.system.system import System
 
 
@@ -40,12 +41,14 @@ def two_impact_orbits(system: System, excitation: Excitation) -> tuple[PeriodicO
     -------
     tuple of PeriodicOrbit
         Stable and unstable, the higher approach speed first. A solution that is no motion of the system, because it
-        meets a wall once more or leaves the gap, is not among them.
+        meets a wall once more or leaves the gap, is not among them, nor is one whose impacts have no speed.
 
     Raises
     ------
     InputError
-        If the system or the excitation is another one.
+        If the system or the excitation is another one, or a natural frequency without damping.
+    DivergenceError
+        If rounding keeps a solution from being confirmed, as beside a natural frequency with next to no damping.
     """
     check_events(system)
     sine = one_sine(excitation)
@@ -61,8 +64,7 @@ def two_impact_orbits(system: System, excitation: Excitation) -> tuple[PeriodicO
     for guess in _solutions(hybrid, walls[0]):
         try:
             found.append(orbit_near(system, sine, guess))
-        except DivergenceError:
-            # it meets a wall once more
+        except OtherMotionError:
             continue
     return tuple(found)
 
@@ -83,8 +85,8 @@ def _solutions(hybrid: HybridSystem, pair: int) -> list[Guess]:
     along[0] += in_space
     gap, tail = float(hybrid.gaps[pair, 0]), (1.0 + beta) / float(hybrid.omega)
     roots = np.roots([alpha**2 + tail**2, 2.0 * alpha * gap, gap**2 - float(along @ along)])
-    guesses = []
-    for speed in sorted((float(root.real) for root in roots if root.imag == 0.0 and root.real > 0.0), reverse=True):
+    guesses, least = [], GRAZING * gap * float(hybrid.omega)
+    for speed in sorted((float(root.real) for root in roots if root.imag == 0.0 and root.real > least), reverse=True):
         # X = R sin(theta + lead)
         lead = math.atan2(along[1], along[0])
         phase = math.atan2(gap + speed * alpha, speed * tail) - lead

@@ -60,8 +60,8 @@ def check_missed(missed: float, growth: float) -> None:
     allowed = VERIFIED * max(1.0, growth)
     if not missed <= allowed:
         raise DivergenceError(
-            f"the orbit found is not confirmed: its own run misses its start by {missed:.2g} after one period (in gaps "
-            f"and gaps times omega), above {allowed:.2g}"
+            f"the orbit found is not confirmed: its own run misses its start by {missed:.2g} after one period (in "
+            f"units of its length and of that times omega), above {allowed:.2g}"
         )
 
 
@@ -182,10 +182,16 @@ def own_run(
     time = float(_times(np.array([middle]), excitation, sequence.cycles)[0])
     period = sequence.cycles / excitation.frequency
     try:
-        run = integrate(system, excitation, EventDriven(), period, recorder_of_events(), _state(system, state, time))
+        run = integrate(
+            system, excitation, EventDriven(), period, recorder_of_events(sequence.cycles), _state(system, state, time)
+        )
     except InputError as error:
-        # beyond a wall that none of the events is at
-        raise DivergenceError(f"the orbit found is no motion of the system: {error}") from None
+        if not all(fault.key.endswith(".gap") for fault in error.faults):
+            raise DivergenceError(f"the orbit found is not confirmed: {error}") from None
+        # that none of the events is at
+        name, place = error.faults[0].key.split(".")[1], error.faults[0].value
+        where = f"between two events {name} is at {place:.6g} m, beyond a wall"
+        raise OtherMotionError(f"the orbit found is no motion of the system: {where}") from None
     end: Any = run.final_state
     return run, float(np.max(np.abs(state_vector(end) - state) / unit)), first
 
@@ -220,16 +226,23 @@ def _expected(sequence: Sequence, first: int) -> list[Any]:
     return [row for row in [*rows[first:], *rows[:first]] if row[0] != SECTION]
 
 
+class OtherMotionError(DivergenceError):
+    """A solution of the equations that is no motion of the system: it meets other events, or is beyond a wall."""
+
+
 def check_events(log: Any, sequence: Sequence, first: int) -> None:
     """Refuse an orbit of which the own run, with its log from event `first` on, meets other events."""
     i = other_event(log, sequence, first)
     if i is None:
         return
     met, count = "nothing more", len(_expected(sequence, first))
+    if i < len(log) and log.impacts[i] > 1:
+        met = f"impacts of {log.impacts[i]} pairs at one instant, t = {log.time[i]:.6g} s"
+        raise OtherMotionError(f"the orbit found has {met}: such orbits are not looked for")
     if i < len(log):
         side = "+" if log.side[i] > 0 else "-"
         met = f"{log.kind[i]} of {log.contacts[log.pair[i]]} on its {side} side at t = {log.time[i]:.6g} s"
-    raise DivergenceError(
+    raise OtherMotionError(
         f"the orbit found is no motion of the system: after {i} of its {count} events its own run meets {met}; "
         "start nearer to an orbit with the contacts of that run"
     )

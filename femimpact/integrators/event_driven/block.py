@@ -44,6 +44,8 @@ LINE = 64
 EXTREMES = 2
 """Columns of a cycle behind those of `CYCLE_COLUMNS`: the times of its maximum and minimum."""
 
+RESONANCE = "must not be a natural frequency of an undamped mode: the steady response is unbounded; add damping"
+
 
 @dataclass(frozen=True, eq=False)
 class Inputs:
@@ -361,10 +363,7 @@ def run_block(
         resonant = np.flatnonzero(block.stopped == RESONANT)
         if resonant.size:
             frequency = float(block.cases.omega[resonant[0]]) / (2.0 * np.pi)
-            allowed = (
-                "must not be a natural frequency of an undamped mode: the steady response is unbounded; add damping"
-            )
-            require(False, "frequency", frequency, "Hz", allowed)
+            require(False, "frequency", frequency, "Hz", RESONANCE)
         members = members[block.stopped[members] == FORM_WANTED]
         _add_forms(members, block.cases, store, block.system_of)
 
