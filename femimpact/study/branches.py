@@ -27,9 +27,10 @@ from femimpact.study.branch_file import FollowedBranches, dataset_of
 from femimpact.study.prepared import PreparedStudy, prepare
 from femimpact.study.result_directory import FILES, prepare_directory
 from femimpact.study.result_page import add_report
-from femimpact.study.results import StudyResults, load
+from femimpact.study.results import StudyResults, load, write_summary
 from femimpact.study.run import Found, Report, keep_pictures, keep_study
 from femimpact.study.study import OrbitsPlan, Study, sine_of
+from femimpact.study.summary import summary_of
 from femimpact.sweep import frequency_sweep
 
 SAME = 1e-6
@@ -299,7 +300,11 @@ def write_orbits(study: Study, directory: Path, force: bool, report: Report) -> 
         tables.write_netcdf(staging.folder / FILES["branches"].name, dataset_of(followed))
         for key, (columns, units) in (("branch_table", _points(done)), ("bifurcations", _bifurcations(done))):
             tables.write_csv(staging.folder / FILES[key].name, columns, units)
-        keep_pictures(staging, found.prepared, Found(), report, _summary(found, followed, done))
+        more = _summary(found, followed, done)
+        # so that the branches stay, should drawing end the run
+        write_summary(staging.folder, summary_of(found.prepared) | more, staging.finished)
+        staging.finish_part("branches")
+        keep_pictures(staging, found.prepared, Found(), report, more)
     if study.output.report:
         add_report(directory, report)
     return load(directory)
