@@ -24,7 +24,7 @@ from femimpact.orbits.parameter import Parameter, parameter_of
 from femimpact.orbits.search import TRY, one_sine
 from femimpact.response.response import Recorder
 from femimpact.study.branch_file import FollowedBranches, dataset_of
-from femimpact.study.prepared import PreparedStudy, prepare
+from femimpact.study.prepared import PreparedStudy, in_study_words, prepare
 from femimpact.study.result_directory import FILES, prepare_directory
 from femimpact.study.result_page import add_report
 from femimpact.study.results import StudyResults, load, write_summary
@@ -251,11 +251,16 @@ def _sweep(found: PreparedOrbits, notes: list[str], report: Report) -> tuple[Arr
     if given.acceleration is not None:
         notes.append("no sweep beside the branches: sweep.acceleration has another amplitude at each frequency")
         return None
-    swept = frequency_sweep(
-        small, sine_of(study, "sweep").amplitude, np.linspace(*plan.range, given.points), found.prepared.method,
-        given.cycles, initial=study.initial, at=small.default_place, ledger=False,
-        progress=lambda share: report("sweep", share),
-    )  # fmt: skip
+    try:
+        swept = frequency_sweep(
+            small, sine_of(study, "sweep").amplitude, np.linspace(*plan.range, given.points), found.prepared.method,
+            given.cycles, initial=study.initial, at=small.default_place, ledger=False,
+            progress=lambda share: report("sweep", share),
+        )  # fmt: skip
+    except DivergenceError as error:
+        notes.append(f"no sweep beside the branches: {_words(error)}")
+        return None
+    notes += [f"sweep: {in_study_words(text)}" for text in swept.warnings]
     notes.append(
         f"sweep: {given.points} frequencies over the range of the branches, each {given.cycles} cycles from the "
         "study's start, event-driven; a motion that does not settle has the largest peak of its last third"
