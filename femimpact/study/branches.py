@@ -51,6 +51,13 @@ ADVICE = (
 )
 
 
+UNSETTLED = (
+    "the first orbit is unstable: the run has not settled on it, and another orbits.guess_duration or another "
+    "processor may lead to another orbit, or to none"
+)
+"""What is said of an orbit that a motion only passes."""
+
+
 @dataclass(frozen=True, eq=False)
 class PreparedOrbits:
     """A study whose branches are to be followed."""
@@ -297,7 +304,10 @@ def write_orbits(study: Study, directory: Path, force: bool, report: Report) -> 
     """
     found = prepare_orbits(study)
     with prepare_directory(directory, force) as staging:
-        done = _follow(first_orbit(found, report), found, report)
+        start = first_orbit(found, report)
+        done = _follow(start, found, report)
+        if not start.is_stable:
+            done.notes.insert(0, UNSETTLED)
         swept = _sweep(found, done.notes, report)
         modes = found.prepared.small.dofs
         followed = FollowedBranches(tuple(done.branches), tuple(done.origins), tuple(done.cycles), modes, swept)

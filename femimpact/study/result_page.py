@@ -14,7 +14,7 @@ import numpy as np
 
 from femimpact.errors import require, require_path
 from femimpact.excitation import SteppedSine
-from femimpact.excitation.excitation import has_cycle
+from femimpact.excitation.excitation import has_cycle, words_of
 from femimpact.export.placed import DrawnSystem, drawn_system, placed_structure
 from femimpact.export.report.branch_charts import branches_section
 from femimpact.export.report.charts import (
@@ -314,7 +314,8 @@ def _lead(study: Study | None, summary: Mapping[str, Any], written: Mapping[str,
     followed = summary.get("orbits")
     if isinstance(followed, Mapping) and study.orbits is not None:
         low, high = (unit_text(value, str(followed.get("unit", ""))) for value in study.orbits.range)
-        said.append(f"Periodic orbits over {followed.get('parameter')} from {low} to {high}.")
+        drive = words_of(study.excitation)
+        said.append(f"Periodic orbits over {followed.get('parameter')} from {low} to {high}; drive: {drive}.")
     kept = f"on {study.reduction.modes} modes" if study.reduction is not None else "in physical degrees of freedom"
     step = summary.get("step")
     steps = f", step {1e3 * step:.4g} ms" if isinstance(step, float) and step == step else ""
