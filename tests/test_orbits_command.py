@@ -314,7 +314,7 @@ def test_the_amplitude_of_a_force_is_in_newtons():
         ({"cycles": "0"}, "orbits.cycles = 0: must be a whole number >= 1"),
         ({"switch": '["fold"]'}, "orbits.switch = 'fold': has no other orbits to switch to: both sheets are in the"),
         ({"switch": '["grazin"]'}, "orbits.switch = 'grazin': unknown; did you mean 'grazing'"),
-        ({"switch": '"grazing"'}, "orbits.switch = 'grazing': must be some of"),
+        ({"switch": '"grazing"'}, "orbits.switch = 'grazing': must be a list of"),
     ],
 )
 def test_bad_keys_are_one_line_of_check_and_of_the_command(tmp_path, orbits, words):

@@ -51,7 +51,7 @@ SWITCHED = tuple(kind for kind in (*CHANGES, "grazing") if kind not in REFUSED)
 """Kinds of bifurcations at which another branch begins."""
 
 KINDS: dict[str, Any] = text(several=True) | {
-    "allowed": f"must be some of {', '.join(map(repr, SWITCHED))}",
+    "allowed": f"must be a list of {' or '.join(map(repr, SWITCHED))}",
     "schema": {"type": "array", "items": {"enum": list(SWITCHED)}},
 }
 """Metadata of the kinds of bifurcations at which another branch is followed."""
