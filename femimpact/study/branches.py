@@ -123,8 +123,8 @@ def orbit_lines(study: Study) -> list[str]:
         f"orbits: a run of {plan.guess_duration:g} s, about {seconds * found.sine.frequency * plan.guess_duration:.2g} "
         f"s, leads to an orbit of {_cycles(plan.cycles)}; its branch over {number.path} from {low:g} to {high:g}"
         f"{f' {number.unit}' if number.unit != '1' else ''}{switched}",
-        f"orbits: up to {plan.most_branches} branches of up to {plan.points} points each way; 500 points take some 3 to "
-        "12 s",
+        f"orbits: up to {plan.most_branches} branches of up to {plan.points} points each way; 500 points take some "
+        "3 to 12 s",
     ]  # fmt: skip
 
 
