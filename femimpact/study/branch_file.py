@@ -49,6 +49,12 @@ def load_branch(path: str | Path, *, number: int = 1) -> Branch:
     ------
     InputError
         If the file is missing, damaged, or holds no branch of this number.
+
+    Examples
+    --------
+    >>> import femimpact as fi
+    >>> branch = fi.load_branch("study-orbits/branches.nc", number=2)  # doctest: +SKIP
+    >>> branch.bifurcations[0].value  # doctest: +SKIP
     """
     require_path(path, "path", "a file")
     require(Path(path).exists(), "path", str(path), "", "is missing")
