@@ -182,23 +182,22 @@ def _follow(start: PeriodicOrbit, found: PreparedOrbits, report: Report) -> _Fol
     while waiting:
         orbit, origin, place = waiting.popleft()
         report("branches", len(done.branches) / plan.most_branches)
-        number = next((i for i, branch in enumerate(done.branches, 1) if _lies_on(orbit, branch)), 0)
-        if not number and len(done.branches) == plan.most_branches:
-            left.append(origin)
-            continue
-        if not number:
-            try:
-                branch = continue_orbit(orbit, plan.parameter, to=plan.range, points=plan.points)
-            except FemimpactError as error:
-                if not done.branches:
-                    raise _of_study(error) from None
-                done.notes.append(f"not followed from {origin}: {_words(error)}")
+        try:
+            number = next((i for i, branch in enumerate(done.branches, 1) if _lies_on(orbit, branch)), 0)
+            if not number and len(done.branches) == plan.most_branches:
+                left.append(origin)
                 continue
-            done.branches.append(branch)
-            done.origins.append(origin)
-            done.cycles.append(orbit.cycles)
-            number = len(done.branches)
-            waiting.extend(_switched(branch, number, found, done.notes))
+            if not number:
+                done.branches.append(continue_orbit(orbit, plan.parameter, to=plan.range, points=plan.points))
+                done.origins.append(origin)
+                done.cycles.append(orbit.cycles)
+                number = len(done.branches)
+                waiting.extend(_switched(done.branches[-1], number, found, done.notes))
+        except FemimpactError as error:
+            if not done.branches:
+                raise _of_study(error) from None
+            done.notes.append(f"not followed from {origin}: {_words(error)}")
+            continue
         if place[0]:
             done.leads.setdefault(place, set()).add(number)
     report("branches", 1.0)
