@@ -113,7 +113,7 @@ def run_of(orbit: PeriodicOrbit, channels: Sequence[Position | Channel]) -> Resp
     (state,) = intervals.at(k, np.array([time]))
     d = state.size // 2
     start = State(state[:n], state[d : d + n], state[n:d], state[d + n :], time=time)
-    recorder = Recorder(channels=tuple(channels), impacts=max(len(orbit.impacts), 1))
+    recorder = Recorder(channels=channels, impacts=max(len(orbit.impacts), 1))
     method = EventDriven(samples_per_cycle=SAMPLES * finer)
     return integrate(orbit.system, orbit.excitation, method, orbit.period, recorder, start)
 
