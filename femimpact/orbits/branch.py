@@ -38,7 +38,7 @@ from femimpact.orbits.orbit import PeriodicOrbit, decays
 from femimpact.orbits.own_runs import Followed
 from femimpact.orbits.parameter import Parameter, parameter_of
 from femimpact.orbits.search import length_of, one_sine
-from femimpact.orbits.verification import orbit_of, own_run, unit_of
+from femimpact.orbits.verification import orbit_of, own_run
 from femimpact.table import Head, frame_of, head_of_values, short_repr
 
 if TYPE_CHECKING:
@@ -367,6 +367,6 @@ def _orbit(curve: Curve, x: Array) -> PeriodicOrbit:
     (states, phases), flows = curve.orbit(x), dict[bytes, Flow]()
     hybrid = curve.parameter.hybrid_at(value)
     maps = event_maps(hybrid, curve.sequence, states, phases, flows)
-    found, length = Solution(states, phases, maps, (), 0.0, True), length_of(hybrid, states)
-    run, missed, _ = own_run(system, excitation, curve.sequence, found, flows, unit_of(hybrid, length))
-    return orbit_of(system, excitation, hybrid, curve.sequence, found, length, flows, run, missed)
+    found = Solution(curve.sequence, states, phases, maps, length_of(hybrid, states), flows)
+    run, missed, _ = own_run(system, excitation, found)
+    return orbit_of(system, excitation, found, run, missed)

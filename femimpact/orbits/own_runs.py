@@ -19,7 +19,7 @@ from femimpact.orbits.crests import crests, top
 from femimpact.orbits.curve import LostError, Point, locate, near_points
 from femimpact.orbits.equations import PRESS_AGAIN, RELEASE, SECTION, SEPARATE, TOUCH
 from femimpact.orbits.limits import where
-from femimpact.orbits.verification import between_events, check_events, check_missed, other_event
+from femimpact.orbits.verification import check_events, check_missed, other_event
 from femimpact.response.impacts import CYCLE_COLUMNS, EventLog, event_log
 from femimpact.response.signals import CycleStatistics, steady_motion
 from femimpact.system.system import System
@@ -55,9 +55,7 @@ class OwnRuns:
 def own_runs(system: System, points: Sequence[Point]) -> OwnRuns:
     """Runs over one period of the orbits of some points of a curve, each from between two events."""
     curve, count, method = points[0].curve, len(points), EventDriven()
-    starts, phase, first = zip(
-        *(between_events(p.maps.hybrid, curve.sequence, *p.orbit, p.flows) for p in points), strict=True
-    )
+    starts, phase, first = zip(*(point.intervals.start() for point in points), strict=True)
     hybrids, state = [point.maps.hybrid for point in points], np.array(starts)
     # where the parameter is in the matrices, each has closed forms of its own
     systems = [curve.parameter.at(point.value)[0] for point in points] if curve.parameter.of_matrices else [system]

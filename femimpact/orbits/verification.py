@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import fields
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,13 +13,13 @@ from femimpact.arrays import Array
 from femimpact.errors import DivergenceError, InputError, changed, made
 from femimpact.excitation import PointForce, Sine
 from femimpact.integrators.event_driven import EventDriven
-from femimpact.integrators.event_driven.loop_data import FREE
 from femimpact.integrators.runs import integrate
-from femimpact.orbits.equations import IMPACT, SECTION, SEPARATE, Sequence, known_flow
-from femimpact.orbits.flow import Flow, HybridSystem
+from femimpact.orbits.equations import IMPACT, SECTION, SEPARATE, Sequence, known_flow, product, state_unit
+from femimpact.orbits.flow import HybridSystem
 from femimpact.orbits.guess import recorder_of_events
 from femimpact.orbits.newton import Solution
 from femimpact.orbits.orbit import PeriodicOrbit, state_vector
+from femimpact.orbits.period import intervals_between, state_of
 from femimpact.response.impacts import EventLog, Impacts
 from femimpact.response.response import Response
 from femimpact.system.state import State
@@ -35,24 +35,16 @@ AT_START = 1e-12
 """Share of the period up to which an event before or after t = 0 is taken to be there."""
 
 
-def verified(
-    system: System, excitation: Sine | PointForce, hybrid: HybridSystem, sequence: Sequence, found: Solution,
-    length: float, flows: dict[bytes, Flow],
-) -> PeriodicOrbit:  # fmt: skip
+def verified(system: System, excitation: Sine | PointForce, found: Solution) -> PeriodicOrbit:
     """The orbit of a solution of the equations.
 
     Raises `DivergenceError` if its own run meets other events, or does not end where it began.
     """
-    run, missed, first = own_run(system, excitation, sequence, found, flows, unit_of(hybrid, length))
-    check_events(run.events, sequence, first)
-    orbit = orbit_of(system, excitation, hybrid, sequence, found, length, flows, run, missed)
+    run, missed, first = own_run(system, excitation, found)
+    check_events(run.events, found.sequence, first)
+    orbit = orbit_of(system, excitation, found, run, missed)
     check_missed(missed, float(np.abs(orbit.multipliers[0])))
     return orbit
-
-
-def unit_of(hybrid: HybridSystem, length: float) -> Array:
-    """Units (2d,) of a state."""
-    return np.repeat([length, length * float(hybrid.omega)], hybrid.mass.size)
 
 
 def check_missed(missed: float, growth: float) -> None:
@@ -66,32 +58,28 @@ def check_missed(missed: float, growth: float) -> None:
 
 
 def orbit_of(
-    system: System, excitation: Sine | PointForce, hybrid: HybridSystem, sequence: Sequence, found: Solution,
-    length: float, flows: dict[bytes, Flow], run: Response, missed: float,
-) -> PeriodicOrbit:  # fmt: skip
+    system: System, excitation: Sine | PointForce, found: Solution, run: Response, missed: float
+) -> PeriodicOrbit:
     """The orbit of a solution and its own run."""
-    times = _times(found.phases, excitation, sequence.cycles)
+    cycles, times = found.sequence.cycles, _times(found.phases, excitation, found.sequence.cycles)
     order = _in_time(times)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         # an event without speed has no finite saltation
-        steps = found.maps.saltation @ found.maps.propagator
-        state, contact_state, monodromy = _at_start(
-            hybrid, excitation, sequence, found, times, int(order[0]), flows, steps
-        )
-        half_map = _half_map(hybrid, sequence, found, steps, unit_of(hybrid, length), int(order[0]))
+        state, contact_state, monodromy = _at_start(excitation, found, times, int(order[0]))
+        half_map = _half_map(found, int(order[0]))
     return made(
         PeriodicOrbit,
         system=system,
         excitation=excitation,
-        cycles=sequence.cycles,
-        state=_state(system, state, 0.0),
-        events=_log(system, sequence, found, times, order),
+        cycles=cycles,
+        state=state_of(system, state, 0.0),
+        events=_log(system, found, times, order),
         contact_state=contact_state.astype(np.int8),
-        impacts=_impacts(run, sequence.cycles / excitation.frequency),
+        impacts=_impacts(run, cycles / excitation.frequency),
         monodromy=monodromy,
         half_map=half_map,
         residual=missed,
-        length=length,
+        length=found.length,
     )
 
 
@@ -109,38 +97,27 @@ def _in_time(times: Array) -> NDArray[np.intp]:
     return np.roll(np.arange(times.size), -first)
 
 
-def _product(steps: Array) -> Array:
-    """Product of matrices, the first one applied first."""
-    found = np.eye(steps.shape[1])
-    for step in steps:
-        found = step @ found
-    return found
-
-
-def _at_start(
-    hybrid: HybridSystem, excitation: Sine | PointForce, sequence: Sequence, found: Solution, times: Array, first: int,
-    flows: dict[bytes, Flow], steps: Array,
-) -> tuple[Array, Array, Array]:  # fmt: skip
+def _at_start(excitation: Sine | PointForce, found: Solution, times: Array, first: int) -> tuple[Array, Array, Array]:
     """State (2d,) and contact states at t = 0, before the first event or after it, and the monodromy there."""
-    later = np.roll(steps, -1 - first, axis=0)
+    sequence, later, hybrid = found.sequence, np.roll(found.maps.steps, -1 - first, axis=0), found.maps.hybrid
     if times[first] == 0.0:
-        return found.states[first], sequence.contact_state[first], _product(later)
+        return found.states[first], sequence.contact_state[first], product(later)
     contact_state = sequence.contact_state[first - 1]
-    flow, phase = known_flow(hybrid, contact_state, flows), np.array([found.phases[first]])
+    flow, phase = known_flow(hybrid, contact_state, found.flows), np.array([found.phases[first]])
     now = phase - times[first] * hybrid.omega
     before = now - (sequence.cycles / excitation.frequency - times[first - 1]) * hybrid.omega
     (state,), (onto,) = flow.carried(found.states[first - 1][None], before, now)
     _, (up_to,) = flow.carried(state[None], now, phase)
-    return state, contact_state, onto @ _product(later[:-1]) @ found.maps.saltation[first] @ up_to
+    return state, contact_state, onto @ product(later[:-1]) @ found.maps.saltation[first] @ up_to
 
 
-def _half_map(
-    hybrid: HybridSystem, sequence: Sequence, found: Solution, steps: Array, unit: Array, first: int
-) -> Array | None:
+def _half_map(found: Solution, first: int) -> Array | None:
     """Minus the derivative of the state half a period later by that after the first event, of a symmetric orbit."""
+    hybrid, sequence = found.maps.hybrid, found.sequence
+    unit = state_unit(found.length, hybrid.omega, hybrid.mass.size)
     if not may_be_symmetric(hybrid, sequence) or asymmetry(sequence, found.states, found.phases, unit) > SYMMETRIC:
         return None
-    return -_product(np.roll(steps, -1 - first, axis=0)[: len(sequence.kind) // 2])
+    return -product(np.roll(found.maps.steps, -1 - first, axis=0)[: len(sequence.kind) // 2])
 
 
 def may_be_symmetric(hybrid: HybridSystem, sequence: Sequence) -> bool:
@@ -168,23 +145,15 @@ def asymmetry(sequence: Sequence, states: Array, phases: Array, unit: Array) -> 
     return float(max(apart.max(), turned.max()))
 
 
-def _state(system: System, state: Array, time: float) -> State:
-    n, d = system.dofs, state.size // 2
-    return State(state[:n], state[d : d + n], state[n:d], state[d + n :], time=time)
-
-
-def own_run(
-    system: System, excitation: Sine | PointForce, sequence: Sequence, found: Solution, flows: dict[bytes, Flow],
-    unit: Array,
-) -> tuple[Response, float, int]:  # fmt: skip
+def own_run(system: System, excitation: Sine | PointForce, found: Solution) -> tuple[Response, float, int]:
     """A run over one period, by how much it misses its start, and the event that it meets first."""
-    state, middle, first = between_events(found.maps.hybrid, sequence, found.states, found.phases, flows)
+    sequence, hybrid = found.sequence, found.maps.hybrid
+    between = intervals_between(hybrid, sequence, found.states, found.phases, found.flows)
+    state, middle, first = between.start()
     time = float(_times(np.array([middle]), excitation, sequence.cycles)[0])
-    period = sequence.cycles / excitation.frequency
+    period, start = sequence.cycles / excitation.frequency, state_of(system, state, time)
     try:
-        run = integrate(
-            system, excitation, EventDriven(), period, recorder_of_events(sequence.cycles), _state(system, state, time)
-        )
+        run = integrate(system, excitation, EventDriven(), period, recorder_of_events(sequence.cycles), start)
     except InputError as error:
         if not all(fault.key.endswith(".gap") for fault in error.faults):
             raise DivergenceError(f"the orbit found is not confirmed: {error}") from None
@@ -192,25 +161,8 @@ def own_run(
         name, place = error.faults[0].key.split(".")[1], error.faults[0].value
         where = f"between two events {name} is at {place:.6g} m, beyond a wall"
         raise OtherMotionError(f"the orbit found is no motion of the system: {where}") from None
-    end: Any = run.final_state
+    end, unit = cast(State, run.final_state), state_unit(found.length, hybrid.omega, hybrid.mass.size)
     return run, float(np.max(np.abs(state_vector(end) - state) / unit)), first
-
-
-def between_events(
-    hybrid: HybridSystem, sequence: Sequence, states: Array, phases: Array, flows: dict[bytes, Flow]
-) -> tuple[Array, float, int]:
-    """State and phase in the middle of the longest interval between events, and the event that follows.
-
-    If there is such an interval, nothing is in contact there. A run over one period that begins there has no event at
-    its ends.
-    """
-    before, begun = np.roll(sequence.contact_state, 1, axis=0), np.roll(phases, 1)
-    begun[0] -= 2.0 * math.pi * sequence.cycles
-    free = ~np.any(before != FREE, axis=1)
-    k = int(np.argmax((phases - begun) * np.where(free, 1.0, 1e-6)))
-    middle, flow = float(0.5 * (begun[k] + phases[k])), known_flow(hybrid, before[k], flows)
-    (state,), _ = flow.carried(states[[k - 1]], begun[[k]], np.array([middle]))
-    return state, middle, k
 
 
 def other_event(log: EventLog, sequence: Sequence, first: int) -> int | None:
@@ -248,8 +200,9 @@ def check_events(log: Any, sequence: Sequence, first: int) -> None:
     )
 
 
-def _log(system: System, sequence: Sequence, found: Solution, times: Array, order: NDArray[np.intp]) -> EventLog:
+def _log(system: System, found: Solution, times: Array, order: NDArray[np.intp]) -> EventLog:
     """The events of one period from t = 0 on; sections are none."""
+    sequence = found.sequence
     order = order[[sequence.kind[k] != SECTION for k in order]]
     kind, d = np.array(sequence.kind)[order], found.states.shape[1] // 2
     return made(
