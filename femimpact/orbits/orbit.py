@@ -116,7 +116,11 @@ class PeriodicOrbit:
 
     @property
     def is_symmetric(self) -> bool:
-        """True if the motion half a period later is the same with the opposite sign."""
+        """True if the motion half a period later is the same with the opposite sign.
+
+        False of an orbit found for an even number of `cycles`: half of its period is whole cycles of the excitation,
+        after which that is the same.
+        """
         return self.half_map is not None
 
     def steady(self, channel: Position | Channel | None = None) -> SteadyMotion:
