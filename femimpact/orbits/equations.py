@@ -285,4 +285,6 @@ def product(steps: Array) -> Array:
 def multipliers_of(matrix: Array) -> Complex:
     """Eigenvalues of a map, the largest modulus first."""
     values = np.linalg.eigvals(matrix).astype(complex)
-    return np.asarray(values[np.argsort(-np.abs(values), kind="stable")])
+    found = np.asarray(values[np.argsort(-np.abs(values), kind="stable")])
+    found.setflags(write=False)
+    return found
