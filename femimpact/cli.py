@@ -334,6 +334,10 @@ def check(study: Path, *, strict: bool = False) -> None:
         from femimpact.parametric.study_command import plan_lines as study_lines
 
         lines += study_lines(plan)
+    if plan.orbits is not None:
+        from femimpact.study.branches import orbit_lines
+
+        lines += orbit_lines(plan)
     for line in lines:
         print(line)
     warned = [line for line in lines if line.startswith("warning: ")]
@@ -402,6 +406,26 @@ def converge(
         print(line)
     _print_report(console(), found.directory)
     print(f"results in {found.directory}")
+
+
+@app.command
+def orbits(study: Path, *, output: Output = None, force: Force = False, quiet: Quiet = False) -> None:
+    """Periodic orbits of [orbits], stable and unstable: their branches over a number, with bifurcations and a figure.
+
+    Example: femimpact orbits study.toml -o branches
+    """
+    from femimpact.study.branches import write_orbits
+    from femimpact.study.study_file import load_study
+
+    plan = load_study(study)
+    with _progress(quiet) as report:
+        results = write_orbits(plan, output or _directory(study, "orbits"), force, report)
+    if quiet:
+        _show_warnings(results)
+        return
+    where = console()
+    _print_branches(where, results)
+    _print_closing(where, results)
 
 
 @app.command(name="study")
@@ -665,6 +689,30 @@ def _print_results(study: Study, results: StudyResults) -> None:
     if any(marks):
         where.print(f"* {ONE_START}")
     _print_closing(where, results)
+
+
+def _print_branches(where: Console, results: StudyResults) -> None:
+    """Print a line for each branch with its ends, and the table of the bifurcations."""
+    from femimpact.export.tables import in_shown_units, read_units
+    from femimpact.study.result_directory import FILES
+
+    found = results.summary["orbits"]
+    unit = f" {found['unit']}" if found["unit"] != "1" else ""
+    for number, branch in enumerate(found["branches"], 1):
+        where.print(
+            f"branch {number}, from {branch['origin']}: {branch['lowest']:.6g} to {branch['highest']:.6g}{unit}, "
+            f"{branch['points']} points, {branch['stable_points']} of them stable"
+        )
+        for side, end in zip(("first", "last"), branch["ends"], strict=True):
+            where.print(f"  {side} end: {end}")
+    rows = results.bifurcations
+    if rows is not None and len(rows["kind"]):
+        units = read_units(results.directory / FILES["bifurcations"].name)
+        rows, shown = in_shown_units(rows, units)
+        header = [name + (f" ({shown[name]})" if shown.get(name, "1") != "1" else "") for name in rows]
+        title = f"Bifurcations over {found['parameter']}, {found['modes']} modes kept"
+        cells = ([None if value == "" else value for value in row] for row in zip(*rows.values(), strict=True))
+        print_table(where, header, cells, title)
 
 
 def _print_history(where: Console, study: Study, summary: Mapping[str, Any]) -> str:

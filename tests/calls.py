@@ -167,7 +167,9 @@ FIGURES = {
         "bands": [("starts", [5.0, 6.0], [1e-3, 2e-3], [2e-3, 3e-3])],
         "join_all": True, "ax": SHEET,
     },
-    "branch": lambda: {"branch": NOUNS["Branch"](), "ax": SHEET},
+    "branch": lambda: {
+        "branch": NOUNS["Branch"](), "ax": SHEET, "title": "4 modes", "swept": ([5.0, 5.1], [1e-3, 2e-3]),
+    },
     "orbit": lambda: {"orbit": NOUNS["PeriodicOrbit"](), "of": "ball", "figure": SHEET},
     "decay": lambda: {"result": NOUNS["DecayEstimate"](), "ax": SHEET},
     "calibration": lambda: {"result": calibrated(), "title": "title", "figure": SHEET},
@@ -223,7 +225,7 @@ CALLS = {
     "history_writer's sink": (sent, lambda: {"piece": piece_without_snapshots()}),
     "tables.read_csv": (tables.read_csv, lambda: {"path": csv_file()}),
     "load": (fi.load, lambda: {"directory": results()}),
-    "load_branch": (fi.load_branch, lambda: {"path": branch_file()}),
+    "load_branch": (fi.load_branch, lambda: {"path": branch_file(), "number": 1}),
     "load_parameter_study": (fi.load_parameter_study, lambda: {"directory": studied_directory()}),
     "parameter_study": (fi.parameter_study, lambda: {
         **parameter_study(), "directory": "study", "client": None, "threads": 1, "progress": lambda now: None,

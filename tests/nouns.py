@@ -21,7 +21,7 @@ from femimpact.response.signals import CycleStatistics, steady_motion
 from femimpact.structure.damping import rayleigh_coefficients, realised_damping_ratio
 from femimpact.study.base_motion import BaseMotion, RecordedMotion
 from femimpact.study.demo import paper_study
-from femimpact.study.study import Gravity, MeshChoice, Output, Reduction, SweepPlan
+from femimpact.study.study import Gravity, MeshChoice, OrbitsPlan, Output, Reduction, SweepPlan
 from femimpact.sweep import on_grid
 from femimpact.system.hermite import hermite_rows, shape_functions
 from femimpact.system.modes import solve_stiffness
@@ -238,6 +238,7 @@ NOUNS = {
     "StepConvergence": lambda: columns(
         StepConvergence, {"steps": 3}, linear_order=2.0, first_impact_order=1.0, impacts=8, notes=("note",)
     ),
+    "OrbitsPlan": lambda: OrbitsPlan("frequency", (4.0, 6.0), 10.0, switch=("grazing",)),
     "SweepPlan": lambda: SweepPlan(4.0, 6.0, 21, 300),
 }
 """Every noun by its name."""

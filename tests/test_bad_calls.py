@@ -45,6 +45,7 @@ WORDS = {
     ("Response.largest", "channel"): "(channels|at)",
     ("Response.largest_of", "channels"): "at",
     ("PeriodicOrbit.steady", "channel"): "(channels|at)",
+    ("PeriodicOrbit.to_xarray", "channels"): "(channels|at)",
 }
 """What messages call an argument for which a user has a better word."""
 

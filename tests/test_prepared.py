@@ -21,7 +21,7 @@ from femimpact.study.parameter_plan import AxisValues, ParameterPlan
 from femimpact.study.prepared import plan_lines, prepare, with_base
 from femimpact.study.result_directory import FILES
 from femimpact.study.run import last_cycles, run_simulation, run_study
-from femimpact.study.study import Gravity, MeshChoice, Output, Reduction, SweepPlan
+from femimpact.study.study import Gravity, MeshChoice, OrbitsPlan, Output, Reduction, SweepPlan
 from femimpact.study.study_file import LAWS, TABLES, load_study, read_study, same_study, study_text
 from femimpact.study.summary import contacts_of, summary_of
 
@@ -217,7 +217,10 @@ def test_every_table_of_a_study_file_can_be_written(study):
     hung = {"springs": springs, "dashpots": dashpots, "absorbers": (fi.Absorber("body", "mid", 1e-3, 5.0, 0.1 + 0.2),)}
     structure = dataclasses.replace(structure_with(fi.Rigid(0.5)), **hung)
     plan = ParameterPlan(("peak",), {"base.amplitude": AxisValues((1e-4, 2e-4))})
-    everything = dataclasses.replace(study, structure=structure, method={"name": "event-driven"}, plan=plan)
+    orbits = OrbitsPlan("frequency", (4.0, 6.0), 10.0, switch=("grazing",))
+    everything = dataclasses.replace(
+        study, structure=structure, method={"name": "event-driven"}, plan=plan, orbits=orbits
+    )
     # forces go without a sweep
     blow = StudyForce("hammer", "tip", (("impulse", 1e-3), ("duration", 1e-3)))
     struck = dataclasses.replace(everything, sweep=None, base=DrivenMotion(study.base, (blow,)))

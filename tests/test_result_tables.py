@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 from pathlib import Path
 
 import pytest
 
+from femimpact.study.branches import write_orbits
 from femimpact.study.contact_table import write_contact_table
 from femimpact.study.demo import paper_study_text
 from femimpact.study.run import run_study
+from femimpact.study.study import OrbitsPlan
 from femimpact.study.study_file import load_study
 
 pytestmark = pytest.mark.impacts
@@ -44,7 +47,7 @@ def documented() -> dict[str, list[tuple[str, str]]]:
 def written(path: Path) -> list[tuple[str, str]]:
     """Names and units of the columns of a file; of the shares of modes the first stands for all."""
     titles = path.read_text(encoding="utf-8").splitlines()[0].split(",")
-    columns = [re.fullmatch(r"(\w+)(?: \[(.*)\])?", title).groups("") for title in titles]
+    columns = [re.fullmatch(r"([\w.]+)(?: \[(.*)\])?", title).groups("") for title in titles]
     return [(name, unit) for name, unit in columns if not re.fullmatch(r"share_of_mode_(?!1$)\d+", name)]
 
 
@@ -59,7 +62,12 @@ def results(tmp_path_factory):
     study = load_study(folder / "study.toml")
     run_study(study, folder / "results")
     write_contact_table(study, folder / "contact")
-    return [*(folder / "results").glob("*.csv"), *(folder / "contact").glob("*.csv")]
+    # without a ball: one branch, its frequency response
+    alone = dataclasses.replace(study.structure, impactors=())
+    plan = OrbitsPlan("frequency", (4.8, 5.0), 2.0)
+    linear = dataclasses.replace(study, structure=alone, sweep=None, orbits=plan)
+    write_orbits(linear, folder / "orbits", False, lambda _what, _share: None)
+    return [path for name in ("results", "contact", "orbits") for path in (folder / name).glob("*.csv")]
 
 
 def test_every_table_and_column_is_on_the_page(results):

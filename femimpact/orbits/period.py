@@ -137,7 +137,7 @@ def run_of(orbit: PeriodicOrbit, channels: Sequence[Position | Channel]) -> Resp
     interval = 1.0 / (frequency * SAMPLES * finer)
     time = interval * round(0.5 * (begin + end) / interval) if len(orbit.events) else 0.0
     (state,) = intervals.at(k, np.array([omega * time + phase]))
-    recorder = Recorder(channels=tuple(channels), impacts=max(len(orbit.impacts), 1))
+    recorder = Recorder(channels=channels, impacts=max(len(orbit.impacts), 1))
     method, start = EventDriven(samples_per_cycle=SAMPLES * finer), state_of(orbit.system, state, time)
     return integrate(orbit.system, orbit.excitation, method, orbit.period, recorder, start)
 

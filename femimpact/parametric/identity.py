@@ -52,7 +52,7 @@ NUMERICAL = ("contact", "excitation", "fem", "integrators", "response", "structu
 BESIDE = ("study/study.py", "study/parameter_plan.py", "study/base_motion.py", "study/starts.py")
 """Files of other folders whose sources do."""
 
-WITHOUT = ("text", "path", "plan", "output", "sweep")
+WITHOUT = ("text", "path", "plan", "output", "sweep", "orbits")
 """Fields of a study that do not change its cases."""
 
 COMPILED_PLAINLY = {"nopython": True, "boundscheck": None}

@@ -13,6 +13,7 @@ from typing import Any
 
 from femimpact.errors import LARGEST, Fault, InputError
 from femimpact.excitation.columns import cells_of, first_lines, names_and_units
+from femimpact.orbits.parameter import SHORT
 from femimpact.regular_file import decimal_number, read_regular
 from femimpact.response.channels import QUANTITIES
 from femimpact.study.parameter_plan import is_part_of_path
@@ -78,6 +79,10 @@ def in_si_units(data: Mapping[str, Any], schema: Mapping[str, Any], folder: Path
     found = {
         name: _read(name, value, tables[name], readings) if name in tables else value for name, value in data.items()
     }
+    orbits: Any = found.get("orbits")
+    if isinstance(orbits, dict) and isinstance(orbits.get("range"), list):
+        unit = _unit_of_orbits(orbits.get("parameter"), data, tables)
+        found["orbits"] = {**orbits, "range": readings.number("orbits.range", orbits["range"], unit)}
     plan: Any = found.get("study")
     if isinstance(plan, dict) and isinstance(plan.get("axes"), dict):
 
@@ -337,6 +342,14 @@ def _axis(key: str, given: Any, unit: str, readings: Readings) -> Any:
         # the spread of a logarithm has no unit
         read["lognormal"][1:] = given["lognormal"][1:]
     return read
+
+
+def _unit_of_orbits(path: Any, data: Mapping[str, Any], tables: Mapping[str, Any]) -> str:
+    """Unit of the parameter of [orbits]; its amplitude is that of the base, or of a force beside a base at rest."""
+    base, path = data.get("base"), SHORT.get(path, path) if isinstance(path, str) else ""
+    at_rest = isinstance(base, dict) and base.get("kind") == "rest"
+    of_force = {"base.frequency": "Hz", "base.amplitude": "N"} if at_rest else {}
+    return of_force.get(path) or _unit_at(path, data, tables)
 
 
 def _unit_at(path: str, data: Mapping[str, Any], tables: Mapping[str, Any]) -> str:

@@ -21,6 +21,7 @@ from typing import IO, Any
 from femimpact.child_process import child_process
 from femimpact.contact.laws import Rigid
 from femimpact.errors import Fault, InputError, require
+from femimpact.study.branch_file import read_followed
 from femimpact.study.picture_data import read_bands, read_curves, read_film, read_last_cycles, read_mode_shapes
 from femimpact.study.result_directory import FILES, update_results
 from femimpact.study.results import carried_of, read_summary, write_summary
@@ -117,6 +118,14 @@ def _figures(source: Path, summary: Mapping[str, Any]) -> Iterator[tuple[str, Ca
         yield (
             "response_figure",
             lambda: figures.response_curve(named, coarse=coarse, bands=read_bands(source, summary), ax=off_screen),
+        )
+    followed = read_followed(source, summary)
+    if followed is not None:
+        yield (
+            "branch_figure",
+            lambda: figures.branch(
+                followed.branches, off_screen, title=f"{followed.modes} modes kept", swept=followed.swept
+            ),
         )
     last = read_last_cycles(source, summary)
     if last is None:

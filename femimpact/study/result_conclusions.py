@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -13,6 +14,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from femimpact.export import tables
+from femimpact.export.figures.branches import MARKS, kind_words
 from femimpact.export.report.page import Conclusion
 from femimpact.export.tables import (
     PREFIXES,
@@ -108,8 +110,26 @@ def conclusions_of(summary: Mapping[str, Any]) -> tuple[Conclusion, ...]:
     """Conclusions of a summary: peaks, damping, regime, stresses, forces, frequencies, energy; what it has of them."""
     return (
         *_peaks(summary), *_ratio(summary), *_damping(summary), *_history(summary), *_contacts(summary),
-        *_frequencies(summary), *_energy(summary),
+        *_frequencies(summary), *_energy(summary), *_orbits(summary),
     )  # fmt: skip
+
+
+def _orbits(summary: Mapping[str, Any]) -> list[Conclusion]:
+    """How many branches of periodic orbits there are, and where their orbits are stable."""
+    found, branches = _at(summary, "orbits"), _at(summary, "orbits", "branches")
+    if not isinstance(branches, list) or not branches:
+        return []
+    stable = sum(1 for branch in branches if _number(branch, "stable_points"))
+    # two branches share the point at which they meet
+    places = {
+        (str(_at(each, "kind")), f"{_number(each, 'value') or 0.0:.9g}")
+        for branch in branches
+        for each in _at(branch, "bifurcations") or []
+    }
+    kinds = Counter(kind for kind, _ in places)
+    details = tuple(f"{kind_words(kind)}: {kinds[kind]}" for kind in MARKS if kind in kinds)
+    note = f"over {_at(found, 'parameter')}, on {_at(found, 'modes')} modes; {stable} of them with stable orbits"
+    return [Conclusion("Branches of periodic orbits", str(len(branches)), note=note, details=details)]
 
 
 def _shown(value: float) -> str:

@@ -92,8 +92,12 @@ _ROWS: Mapping[str, tuple[str, ...]] = {
     "parameter_study": ("study.nc", "every measure over the axes of the study, with labels (netCDF, xarray)", "study"),
     "parameter_table": ("study.csv", "every measure and its statistics, a row for each case", "study"),
     "best_study": ("best.toml", "the study with the values of the best case, to be run", "study", "input"),
+    "branches": ("branches.nc", "branches of periodic orbits with labels (netCDF, xarray)", "orbits"),
+    "branch_table": ("branches.csv", "every orbit of the branches, a row each", "orbits"),
+    "bifurcations": ("bifurcations.csv", "every bifurcation of the branches, a row each", "orbits"),
+    "branch_figure": ("branches.png", "branches of periodic orbits", "orbits"),
     "convergence_notes": ("convergence.json", "what was studied, with versions and notes", "converge"),
-    "report": ("report.html", "this page", "run, converge, study, report"),
+    "report": ("report.html", "this page", "run, converge, study, orbits, report"),
 }
 
 FILES = {key: ResultFile(*row) for key, row in _ROWS.items()}

@@ -14,8 +14,9 @@ import numpy as np
 
 from femimpact.errors import require, require_path
 from femimpact.excitation import SteppedSine
-from femimpact.excitation.excitation import has_cycle
+from femimpact.excitation.excitation import has_cycle, words_of
 from femimpact.export.placed import DrawnSystem, drawn_system, placed_structure
+from femimpact.export.report.branch_charts import branches_section
 from femimpact.export.report.charts import (
     axis_section,
     curves_section,
@@ -46,6 +47,7 @@ from femimpact.structure.structure import Structure
 from femimpact.study.best_case import best_cases
 from femimpact.study.best_design import BestCase
 from femimpact.study.best_picture import marks_of, worst_over_axes
+from femimpact.study.branch_file import read_followed
 from femimpact.study.picture_data import (
     read_bands,
     read_curves,
@@ -309,6 +311,11 @@ def _lead(study: Study | None, summary: Mapping[str, Any], written: Mapping[str,
             f"Sweep: {plan.start:g} to {plan.stop:g} Hz at {plan.points} points, {plan.refine} more around each "
             f"resonance; {plan.cycles} cycles at each frequency."
         )
+    followed = summary.get("orbits")
+    if isinstance(followed, Mapping) and study.orbits is not None:
+        low, high = (unit_text(value, str(followed.get("unit", ""))) for value in study.orbits.range)
+        drive = words_of(study.excitation)
+        said.append(f"Periodic orbits over {followed.get('parameter')} from {low} to {high}; drive: {drive}.")
     kept = f"on {study.reduction.modes} modes" if study.reduction is not None else "in physical degrees of freedom"
     step = summary.get("step")
     steps = f", step {1e3 * step:.4g} ms" if isinstance(step, float) and step == step else ""
@@ -510,6 +517,22 @@ def cases_section(columns: Mapping[str, Any], units: Mapping[str, str], file: st
     return Section(key, "Cases", (table_element(table),))
 
 
+def _orbits(results: ResultReading) -> list[Section]:
+    """Branches of periodic orbits, and the command that follows them again."""
+    followed, name = read_followed(results.folder, results.summary), FILES["bifurcations"].name
+    if followed is None:
+        return []
+    words = (
+        f"On {followed.modes} modes: one mode more moves windows that are some 0.01 Hz wide. At stable orbits every "
+        "small disturbance decays.",
+        f"'femimpact orbits {FILES['study'].name}' in the folder of this page follows the branches again.",
+    )
+    table = results.table(name)
+    rows = None if table is None else (table, results.units(name), name)
+    file = FILES["branches"].name
+    return [branches_section(followed.branches, followed.origins, followed.cycles, words, rows, followed.swept, file)]
+
+
 def _contact_table(results: ResultReading) -> list[Section]:
     def shown(columns: Any, name: str) -> Section:
         table = table_of("One collision, by its approach speed", columns, results.units(name), name)
@@ -521,6 +544,7 @@ def _contact_table(results: ResultReading) -> list[Section]:
 SECTIONS: tuple[tuple[str, Callable[[ResultReading], list[Section]]], ...] = (
     ("comparison", _comparison),
     ("response curves", _curves),
+    ("periodic orbits", _orbits),
     ("player", _player),
     ("histories", _motion),
     ("impacts", _impacts),

@@ -48,10 +48,10 @@ class StudyResults:
     directory : Path
     summary : mapping
         `summary.json`.
-    modes, impacts, sticking : mapping of str to ndarray, or None
-        Tables by column; no sticking where nothing stuck.
-    sweep, history, impact_data : xarray.Dataset or None
-        The last holds the impacts with the energy to each mode.
+    modes, impacts, sticking, bifurcations : mapping of str to ndarray, or None
+        Tables by column; no sticking where nothing stuck. The last one is of branches of periodic orbits.
+    sweep, history, impact_data, branches : xarray.Dataset or None
+        The third holds the impacts with the energy to each mode, the last one the branches of periodic orbits.
     """
 
     directory: Path
@@ -62,11 +62,13 @@ class StudyResults:
     history: xarray.Dataset | None
     impact_data: xarray.Dataset | None
     sticking: Mapping[str, Any] | None
+    branches: xarray.Dataset | None = None
+    bifurcations: Mapping[str, Any] | None = None
 
     @property
     def _head(self) -> Head:
-        tables = {name: getattr(self, name) for name in ("modes", "impacts", "sticking")}
-        data = {name: getattr(self, name) for name in ("sweep", "history", "impact_data")}
+        tables = {name: getattr(self, name) for name in ("modes", "impacts", "sticking", "bifurcations")}
+        data = {name: getattr(self, name) for name in ("sweep", "history", "impact_data", "branches")}
         values = {name: ", ".join(table) for name, table in tables.items() if table is not None}
         values |= {name: ", ".join(map(str, found.data_vars)) for name, found in data.items() if found is not None}
         values["warnings"] = "; ".join(self.summary.get("warnings", [])) or "none"
@@ -131,11 +133,16 @@ def load(directory: str | Path) -> StudyResults:
         history=dataset("history"),
         impact_data=dataset("impact_data"),
         sticking=read_sticking(folder, summary),
+        branches=dataset("branches"),
+        bifurcations=table(FILES["bifurcations"].name),
     )
     read = {
         STICKING_FILE,
         FILES["old_sticking"].name,
-        *(FILES[name].name for name in ("modes", "impacts", "sweep_data", "history", "impact_data")),
+        *(
+            FILES[name].name
+            for name in ("modes", "impacts", "sweep_data", "history", "impact_data", "branches", "bifurcations")
+        ),
     }
     _check_others(folder, summary, read)
     return results

@@ -33,7 +33,8 @@ from femimpact.study.parameter_plan import DISTRIBUTIONS, MOST_POINTS, BestPlan,
 NOT_IN_SCHEMA = (
     "what is not a number (nan), for which a schema has no word",
     "pairs of keys that belong together, as width and thickness, or restitution and contact_time",
-    "comparisons of two keys, as stop above start in [sweep], of the two numbers of an axis, of the rows of a density",
+    "comparisons of two keys, as stop above start in [sweep], of the two numbers of an axis or a range, of the rows of "
+    "a density",
     'units: whether that of a text, as of "4 mm", fits the key; a slope, which needs a level beside it',
     "axes: whether a path leads to a number of the study, and a measure is known; a power of two of a Sobol sequence",
     "how many numbers a list has: two for a gap and for the ratio, modes or frequencies of [damping]",

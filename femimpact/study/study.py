@@ -18,6 +18,7 @@ from femimpact.errors import (
     quantity,
     require,
     require_name,
+    suggestion,
     text,
     truth,
 )
@@ -28,6 +29,8 @@ from femimpact.fem.assembly import assemble
 from femimpact.fem.mesh import Mesh
 from femimpact.fem.mesh_files import read_mesh
 from femimpact.integrators.methods import METHODS, Method
+from femimpact.orbits.following import CHANGES
+from femimpact.orbits.switching import REFUSED
 from femimpact.structure.structure import Structure
 from femimpact.study.base_motion import BaseMotion, RecordedMotion, Signal, SignalMotion
 from femimpact.study.forces import DrivenMotion, Motion, StudyForce
@@ -35,6 +38,23 @@ from femimpact.study.parameter_plan import MOST_STARTS, ParameterPlan
 from femimpact.system.reduction import reduce
 from femimpact.system.state import State
 from femimpact.system.system import System
+
+TWO_VALUES: dict[str, Any] = quantity("", several=True) | {
+    "allowed": "must be two finite numbers, the lowest and the highest value",
+    "schema": {
+        "type": "array", "minItems": 2, "maxItems": 2, "items": {"anyOf": [{"type": "number"}, {"type": "string"}]},
+    },
+}  # fmt: skip
+"""Metadata of a range whose unit another key decides."""
+
+SWITCHED = tuple(kind for kind in (*CHANGES, "grazing") if kind not in REFUSED)
+"""Kinds of bifurcations at which another branch begins."""
+
+KINDS: dict[str, Any] = text(several=True) | {
+    "allowed": f"must be a list of {' or '.join(map(repr, SWITCHED))}",
+    "schema": {"type": "array", "items": {"enum": list(SWITCHED)}},
+}
+"""Metadata of the kinds of bifurcations at which another branch is followed."""
 
 
 @dataclass(frozen=True)
@@ -140,6 +160,51 @@ class SweepPlan:
 
 
 @dataclass(frozen=True)
+class OrbitsPlan:
+    """`[orbits]`: branches of periodic orbits over a number of the study, from the motion that its run settles to.
+
+    Parameters
+    ----------
+    parameter : str
+        Path of the number, as of `fi.continue_orbit`: "frequency", "amplitude", "impactor.ball.gap", ...
+    range : pair of float
+        Its lowest and its highest value, with that of the study between them; in the unit of the number.
+    guess_duration : float, s
+        Length of the run from the study's own start, from the end of which the first orbit is searched.
+    cycles : int
+        Periods of the excitation in one of the first orbit.
+    switch : sequence of str
+        Kinds of bifurcations at which the other branch is followed too: "symmetry-breaking", "branch-point",
+        "period-doubling", "grazing".
+    most_branches : int
+        Branches that are followed at most, that of the first orbit included.
+    points : int
+        Most points of a branch to each side of the orbit from which it is followed.
+
+    Raises
+    ------
+    InputError
+        If the range does not rise, or there is no other branch at a kind of bifurcation.
+    """
+
+    parameter: str = field(metadata=text())
+    range: tuple[float, float] = field(metadata=TWO_VALUES)
+    guess_duration: float = field(metadata=quantity("s", above=0.0))
+    cycles: int = field(default=1, metadata=quantity("1", at_least=1, at_most=1000, integer=True))
+    switch: tuple[str, ...] = field(default=(), metadata=KINDS)
+    most_branches: int = field(default=10, metadata=quantity("1", at_least=1, at_most=1000, integer=True))
+    points: int = field(default=2000, metadata=quantity("1", at_least=2, at_most=10**6, integer=True))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        rises = isinstance(self.range, tuple) and len(self.range) == 2 and self.range[0] < self.range[1]
+        require(rises, "range", self.range, "", TWO_VALUES["allowed"])
+        for kind in self.switch:
+            allowed = REFUSED[kind] if kind in REFUSED else suggestion(kind, SWITCHED)
+            require(kind in SWITCHED, "switch", kind, "", allowed)
+
+
+@dataclass(frozen=True)
 class Output:
     """`[output]`: channels, snapshots, files and pictures that are written.
 
@@ -218,6 +283,7 @@ class Study:
         The file as read; what is kept with the results is `study_file.study_text`.
     plan : ParameterPlan or None
         The axes and measures of a parameter study.
+    orbits : OrbitsPlan or None
 
     Raises
     ------
@@ -237,6 +303,7 @@ class Study:
     path: Path = field(metadata=instance(Path))
     text: str = field(repr=False, metadata=text())
     plan: ParameterPlan | None = field(default=None, metadata=optional(instance(ParameterPlan)))
+    orbits: OrbitsPlan | None = field(default=None, metadata=optional(instance(OrbitsPlan)))
 
     def __post_init__(self) -> None:
         check_fields(self)

@@ -57,7 +57,7 @@ from femimpact.study.schema import (
     noun_schema,
     plan_schema,
 )
-from femimpact.study.study import Gravity, MeshChoice, Output, Reduction, Study, SweepPlan
+from femimpact.study.study import Gravity, MeshChoice, OrbitsPlan, Output, Reduction, Study, SweepPlan
 from femimpact.units import in_si
 
 MOST_BYTES = 10_000_000
@@ -639,6 +639,7 @@ TABLES: Mapping[str, _Table] = {
     "force": _Table("forces", _force, force_schema, many=True),
     "method": _Table("method", _method, method_schema, _table_lines),
     "sweep": _of(SweepPlan, "sweep"),
+    "orbits": _of(OrbitsPlan, "orbits"),
     "output": _of(Output, "output"),
     "study": _Table("plan", _plan, plan_schema, _plan_lines),
 }

@@ -1,13 +1,15 @@
-"""Figures of a periodic orbit and of a branch of them."""
+"""Figures of a periodic orbit and of branches of them."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from femimpact.errors import instance, optional, require, suggestion, takes, text
+from femimpact.arrays import Array
+from femimpact.errors import checked, column, instance, items, optional, require, suggestion, takes, text
 from femimpact.export.figures.drawing import (
     BLUE,
     DARK,
@@ -22,7 +24,7 @@ from femimpact.export.figures.drawing import (
     name_at,
     panel,
     panels,
-    scaled,
+    prefixed,
 )
 from femimpact.export.figures.portraits import ContactRow, phase_portrait
 from femimpact.orbits import Branch, PeriodicOrbit
@@ -45,51 +47,98 @@ AXES = {
 """Words for parameters of the excitation and the damping; the others are shown by their paths."""
 
 
-@takes(branch=instance(Branch))
-def branch(branch: Branch, ax: Axes | OffScreen | None = None) -> Axes:
-    """The largest displacement of the orbits of a branch over its parameter: stable solid, unstable dashed.
+SWEPT = "stepped sweep"
+"""What the points of a sweep are called."""
 
-    Bifurcations are marked by kind. Several branches on the same axes share one legend.
+
+@takes(title=text())
+def branch(
+    branch: Branch | Sequence[Branch], ax: Axes | OffScreen | None = None, *, title: str = "",
+    swept: tuple[ArrayLike, ArrayLike] | None = None,
+) -> Axes:  # fmt: skip
+    """The largest displacement of the orbits of branches over their parameter: stable solid, unstable dashed.
+
+    Bifurcations are marked by kind.
 
     Parameters
     ----------
-    branch : Branch
+    branch : Branch or sequence of Branch
+        Of one parameter, and of the displacement of one place.
     ax : Axes, optional
         Drawn on; those of a new pyplot figure by default.
+    title : str
+    swept : pair of array_like (n,), optional
+        Values of the parameter and largest displacements (m) of runs, drawn as dots.
 
     Returns
     -------
     Axes
+
+    Raises
+    ------
+    InputError
+        If the branches are of several parameters or places, if there is none, or if axes that have branches already
+        have another unit or quantity.
     """
-    axis = panel(ax, 8.0, 5.0)
-    values, unit = scaled(branch.values, branch.unit)
-    peak, of_peak = scaled(branch.peak, "m")
-    stable = _stable_between(branch)
-    ends = np.append(np.flatnonzero(np.diff(stable)) + 1, stable.size)
-    begin = 0
-    for end in ends.tolist():
-        part, is_stable = slice(begin, end + 1), bool(stable[begin])
-        style: dict[str, Any] = {"linestyle": "-", "linewidth": 2.2} if is_stable else {"linestyle": (0, (4, 2))}
-        axis.plot(values[part], peak[part], color=BLUE, label="stable" if is_stable else "unstable", **style)
-        begin = end
-    numbers = branch.bifurcation_points
-    for number, each in zip(numbers.tolist(), branch.bifurcations, strict=True):
-        marker, colour = MARKS[each.kind]
-        axis.plot(
-            values[number], peak[number], marker, color=colour, markersize=8.0, markeredgecolor="white",
-            markeredgewidth=0.8, zorder=3, label=_words(each.kind),
-        )  # fmt: skip
-    name = AXES.get(branch.parameter, branch.parameter)
-    label_axes(axis, f"{name} ({unit})" if unit != "1" else name, f"largest displacement of {branch.place} ({of_peak})")
+    branches = checked("branch", [branch] if isinstance(branch, Branch) else branch, items(Branch))
+    different = {f"{each.parameter}, of {each.place}" for each in branches}
+    allowed = "must be one or more, of one parameter and one place"
+    require(len(different) == 1, "branch", sorted(different) or "none", "", allowed)
+    pair = swept is None or (isinstance(swept, (tuple, list)) and len(swept) == 2)
+    require(pair, "swept", swept, "", "must be values of the parameter and largest displacements")
+    runs = [checked(f"swept[{i}]", one, column("", "n")) for i, one in enumerate(swept or ())]
+    require(not runs or runs[0].size == runs[1].size, "swept", runs, "", "must have a displacement for each value")
+    axis, first = panel(ax, 8.0, 5.0), branches[0]
+    factor, unit = _prefix([each.values for each in branches], first.unit)
+    of_peak, unit_of_peak = _prefix([*(each.peak for each in branches), *runs[1:]], "m")
+    name = AXES.get(first.parameter, first.parameter)
+    words = f"{name} ({unit})" if unit != "1" else name, f"largest displacement of {first.place} ({unit_of_peak})"
+    for old, new in zip((axis.get_xlabel(), axis.get_ylabel()), words, strict=True):
+        require(old in ("", new), "ax", old, "", f"must have no other axis than {new}: draw branches in one call")
+    for each in branches:
+        _draw(axis, each, factor, of_peak)
+    if runs:
+        rings: Any = {"color": DARK, "markersize": 5.0, "markerfacecolor": "none", "linestyle": "none", "zorder": 2.5}
+        axis.plot(factor * runs[0], of_peak * runs[1], "o", label=SWEPT, **rings)
+    label_axes(axis, *words, title)
     handles, labels = axis.get_legend_handles_labels()
-    order = ["stable", "unstable", *map(_words, MARKS)]
-    first = {label: handle for handle, label in zip(handles[::-1], labels[::-1], strict=True)}
-    legend_above(axis, sorted(first.values(), key=lambda handle: order.index(str(handle.get_label()))))
+    order = ["stable", "unstable", SWEPT, *map(kind_words, MARKS)]
+    named = {label: handle for handle, label in zip(handles[::-1], labels[::-1], strict=True)}
+    legend_above(axis, sorted(named.values(), key=lambda handle: order.index(str(handle.get_label()))))
     return axis
 
 
-def _words(kind: str) -> str:
+def _prefix(arrays: Sequence[Array], unit: str) -> tuple[float, str]:
+    """Factor and unit with the prefix of the largest value of arrays."""
+    return prefixed(float(np.nanmax(np.abs(np.concatenate(arrays)), initial=0.0)), unit)
+
+
+def _draw(axis: Axes, branch: Branch, factor: float, of_peak: float) -> None:
+    """Lines of a branch, and marks of its bifurcations."""
+    values, peak = factor * branch.values, of_peak * branch.peak
+    for part, is_stable in stretches(branch):
+        style: dict[str, Any] = {"linestyle": "-", "linewidth": 2.2} if is_stable else {"linestyle": (0, (4, 2))}
+        axis.plot(values[part], peak[part], color=BLUE, label="stable" if is_stable else "unstable", **style)
+    for number, each in zip(branch.bifurcation_points.tolist(), branch.bifurcations, strict=True):
+        marker, colour = MARKS[each.kind]
+        axis.plot(
+            values[number], peak[number], marker, color=colour, markersize=8.0, markeredgecolor="white",
+            markeredgewidth=0.8, zorder=3, label=kind_words(each.kind),
+        )  # fmt: skip
+
+
+def kind_words(kind: str) -> str:
+    """Words for a kind of bifurcation."""
     return "Neimark-Sacker" if kind == "neimark-sacker" else kind.replace("-", " ")
+
+
+def stretches(branch: Branch) -> Iterator[tuple[slice, bool]]:
+    """Points of a branch between changes of its stability, and whether the orbits there are stable."""
+    stable = branch.is_stable if len(branch) == 1 else _stable_between(branch)
+    begin = 0
+    for end in np.append(np.flatnonzero(np.diff(stable)) + 1, stable.size).tolist():
+        yield slice(begin, end + 1), bool(stable[begin])
+        begin = end
 
 
 def _stable_between(branch: Branch) -> NDArray[np.bool_]:

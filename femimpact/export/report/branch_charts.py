@@ -1,0 +1,91 @@
+"""The part of a report with branches of periodic orbits."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from femimpact.arrays import Array
+from femimpact.export.figures.branches import AXES, MARKS, SWEPT, kind_words, stretches
+from femimpact.export.figures.drawing import prefixed
+from femimpact.export.report.charts import largest_of
+from femimpact.export.report.page import Section, Table, table_element, table_of
+from femimpact.export.tables import in_shown_units, unit_text
+from femimpact.orbits import Branch
+from femimpact.svg import Chart, Line, axis_of, chart_element, element
+
+
+def branches_section(
+    branches: Sequence[Branch],
+    origins: Sequence[str],
+    cycles: Sequence[int],
+    words: Sequence[str],  # sentences above the chart
+    bifurcations: tuple[Mapping[str, Any], Mapping[str, str], str] | None,  # columns, units, name of the file
+    swept: tuple[Array, Array] | None = None,  # values of the parameter and largest displacements (m)
+    file: str = "",  # of the branches
+) -> Section:
+    """Largest displacements over the parameter, a row for each branch and one for each bifurcation."""
+    rows = tuple(
+        (
+            number, origin, cycle, unit_text(branch.values.min(), branch.unit),
+            unit_text(branch.values.max(), branch.unit), len(branch), int(np.count_nonzero(branch.is_stable)),
+            *branch.end,
+        )
+        for number, (branch, origin, cycle) in enumerate(zip(branches, origins, cycles, strict=True), 1)
+    )  # fmt: skip
+    header = ("branch", "followed from", "cycles", "from", "to", "points", "stable points", "first end", "last end")
+    tables = [Table("The branches", header, rows, file)]
+    if bifurcations is not None and len(bifurcations[0]["branch"]):
+        columns, units, name = bifurcations
+        tables.append(table_of("Bifurcations", *in_shown_units(_whole_branches(columns), units), name))
+    chart = element("div.wide", chart_element(_chart(branches, swept)))
+    return Section(
+        "orbits", "Periodic orbits", (*(element("p", text) for text in words), chart, *map(table_element, tables))
+    )
+
+
+def _whole_branches(columns: Mapping[str, Any]) -> dict[str, Any]:
+    """The columns with numbers of branches as whole numbers, and words for the kinds."""
+    kinds = [kind_words(str(kind)) for kind in columns["kind"]]
+    return {**columns, "branch": np.asarray(columns["branch"]).astype(int), "kind": kinds}
+
+
+def _chart(branches: Sequence[Branch], swept: tuple[Array, Array] | None) -> Chart:
+    """Stable orbits as lines, unstable ones dashed, bifurcations and runs as dots."""
+    first = branches[0]
+    x_factor, x_unit = prefixed(largest_of(*(branch.values for branch in branches)), first.unit)
+    runs = [] if swept is None else [swept[1]]
+    y_factor, y_unit = prefixed(largest_of(*(branch.peak for branch in branches), *runs), "m")
+    lines, named = list[Line](), set[str]()
+    for style, x, y in sorted(_lines(branches), key=lambda line: line[0] != "line"):
+        # one entry in the legend for all of them
+        words = "stable" if style == "line" else "unstable"
+        lines.append(Line("" if words in named else words, x_factor * x, y_factor * y, 1, style))
+        named.add(words)
+    kinds = [kind for kind in MARKS if any(each.kind == kind for branch in branches for each in branch.bifurcations)]
+    for colour, kind in enumerate(kinds, 2):
+        points = np.array([
+            (branch.values[number], branch.peak[number])
+            for branch in branches
+            for number, each in zip(branch.bifurcation_points.tolist(), branch.bifurcations, strict=True)
+            if each.kind == kind
+        ])  # fmt: skip
+        lines.append(_dots(kind_words(kind), points[:, 0], points[:, 1], colour, x_factor, y_factor))
+    if swept is not None:
+        lines.append(_dots(SWEPT, *swept, 0, x_factor, y_factor))
+    name = AXES.get(first.parameter, first.parameter)
+    across = axis_of(name if x_unit == "1" else f"{name} ({x_unit})", *(line.x for line in lines), tight=True)
+    up = axis_of(f"largest displacement ({y_unit})", *(line.y for line in lines), zero=True)
+    return Chart(f"Largest displacement of {first.place}, relative to the base", across, up, tuple(lines))
+
+
+def _lines(branches: Sequence[Branch]) -> Iterator[tuple[str, Array, Array]]:
+    for branch in branches:
+        for part, is_stable in stretches(branch):
+            yield "line" if is_stable else "dashed", branch.values[part], branch.peak[part]
+
+
+def _dots(name: str, x: Array, y: Array, colour: int, x_factor: float, y_factor: float) -> Line:
+    return Line(name, x_factor * x, y_factor * y, colour, "none", marked=np.ones(np.size(x), dtype=bool))

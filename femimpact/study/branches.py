@@ -1,0 +1,377 @@
+"""`femimpact orbits`: the branches of periodic orbits of a study over one of its numbers, and their files."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from femimpact.arrays import Array
+from femimpact.errors import DivergenceError, FemimpactError, InputError, checked, require
+from femimpact.excitation import PointForce, Sine
+from femimpact.excitation.excitation import words_of
+from femimpact.export import tables
+from femimpact.export.figures.branches import kind_words
+from femimpact.integrators.cases import check_memory
+from femimpact.integrators.runs import integrate
+from femimpact.orbits import Branch, PeriodicOrbit, continue_orbit, find_orbit, switch_branch
+from femimpact.orbits.parameter import Parameter, parameter_of
+from femimpact.orbits.search import TRY, one_sine
+from femimpact.response.response import Recorder
+from femimpact.study.branch_file import FollowedBranches, dataset_of
+from femimpact.study.prepared import PreparedStudy, in_study_words, prepare
+from femimpact.study.result_directory import FILES, prepare_directory
+from femimpact.study.result_page import add_report
+from femimpact.study.results import StudyResults, load, write_summary
+from femimpact.study.run import Found, Report, keep_pictures, keep_study
+from femimpact.study.study import OrbitsPlan, Study, sine_of
+from femimpact.study.summary import summary_of
+from femimpact.sweep import frequency_sweep
+
+SAME = 1e-6
+"""Relative difference of the impact speeds of one orbit that was found twice."""
+
+MOST_NAMED = 3
+"""Bifurcations that a note names of those from which no more branches are followed."""
+
+LOCATED = 1e-9
+"""Relative difference of the values of one bifurcation that two branches share."""
+
+IN_STUDY = {"to": "orbits.range", "parameter": "orbits.parameter", "record.memory_limit": "output.memory_limit"}
+"""Keys of the study file that stand for arguments of the functions that are called."""
+
+ADVICE = (
+    "try numbers of the study at which its run settles, a longer orbits.guess_duration, or another number of "
+    "orbits.cycles"
+)
+
+
+UNSETTLED = (
+    "the first orbit is unstable: the run has not settled on it, and another orbits.guess_duration or another "
+    "processor may lead to another orbit, or to none"
+)
+"""What is said of an orbit that a motion only passes."""
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedOrbits:
+    """A study whose branches are to be followed."""
+
+    prepared: PreparedStudy
+    plan: OrbitsPlan
+    sine: Sine | PointForce
+    number: Parameter
+
+    @property
+    def record(self) -> Recorder:
+        """What the run that settles keeps: its end, and its impacts."""
+        return Recorder(channels=(), ledger=False, memory_limit=self.prepared.study.output.memory_limit)
+
+
+def prepare_orbits(study: Study) -> PreparedOrbits:
+    """Make the branches of a study ready, and find what can be wrong with them before the first run.
+
+    Raises
+    ------
+    InputError
+        If there is no [orbits], the method is not event-driven, the excitation is not one sine, or the parameter or its
+        range does not fit the study.
+    """
+    plan: Any = study.orbits
+    require(plan is not None, "orbits", None, "", "table [orbits] is missing from the study")
+    method = study.method.get("name", "newmark")
+    require(method == "event-driven", "method.name", method, "", "must be 'event-driven' for [orbits]")
+    prepared = prepare(study, ())
+    small = prepared.small
+    try:
+        sine = one_sine(study.excitation)
+    except InputError:
+        allowed = "needs one sine, of the base or of a force beside a base at rest"
+        require(False, "orbits", words_of(study.excitation), "", allowed)
+    try:
+        number = parameter_of(small, sine, plan.parameter)
+    except InputError as error:
+        raise InputError([fault.under("orbits") for fault in error.faults]) from None
+    for value in plan.range:
+        checked("orbits.range", value, number.allowed)
+    inside = plan.range[0] <= number.value <= plan.range[1]
+    allowed = f"must have the study's {number.path} = {number.value:g} {number.unit} in it"
+    require(inside, "orbits.range", plan.range, number.unit, allowed)
+    found = PreparedOrbits(prepared, plan, sine, number)
+    grid = prepared.method.interval(small, sine, plan.guess_duration, found.record)
+    steps = round(plan.guess_duration / grid)
+    check_memory(small, found.record, 0, steps, grid, sine.frequency, "output.memory_limit")
+    return found
+
+
+def orbit_lines(study: Study) -> list[str]:
+    """Lines on what `femimpact orbits` would do.
+
+    Raises `InputError` as of `prepare_orbits`.
+    """
+    found = prepare_orbits(study)
+    plan, number, small = found.plan, found.number, found.prepared.small
+    seconds = found.prepared.method.cost(small, found.sine.frequency).history_seconds
+    low, high = plan.range
+    switched = f", and at {', '.join(plan.switch)} the others too" if plan.switch else ""
+    return [
+        f"orbits: a run of {plan.guess_duration:g} s, about {seconds * found.sine.frequency * plan.guess_duration:.2g} "
+        f"s, leads to an orbit of {_cycles(plan.cycles)}; its branch over {number.path} from {low:g} to {high:g}"
+        f"{f' {number.unit}' if number.unit != '1' else ''}{switched}",
+        f"orbits: up to {plan.most_branches} branches of up to {plan.points} points each way; 500 points take some "
+        "3 to 12 s",
+    ]  # fmt: skip
+
+
+def _cycles(count: int) -> str:
+    return f"{count} cycle{'s' * (count > 1)} of the excitation"
+
+
+# ---- the branches ---------------------------------------------------------------------------------
+
+
+@dataclass
+class _Following:
+    """Branches that are being followed."""
+
+    branches: list[Branch] = field(default_factory=list)
+    origins: list[str] = field(default_factory=list)
+    cycles: list[int] = field(default_factory=list)
+    leads: dict[tuple[int, int], set[int]] = field(default_factory=dict)
+    """Numbers of the branches to which a bifurcation of a branch leads, by its branch and its number in it."""
+    notes: list[str] = field(default_factory=list)
+
+
+def first_orbit(found: PreparedOrbits, report: Report) -> PeriodicOrbit:
+    """The orbit to which the study's run leads.
+
+    Raises
+    ------
+    InputError
+        If the motion at the end of the run is none that a search takes.
+    DivergenceError
+        If no orbit is found from there.
+    """
+    small, plan, study = found.prepared.small, found.plan, found.prepared.study
+    run = integrate(
+        small, found.sine, found.prepared.method, plan.guess_duration, found.record, study.initial,
+        lambda share: report("run that settles", share),
+    )  # fmt: skip
+    try:
+        return find_orbit(small, found.sine, plan.cycles, guess=run)
+    except InputError as error:
+        raise InputError([fault.under("orbits") for fault in error.faults]) from None
+    except DivergenceError as error:
+        raise DivergenceError(f"orbits: after {plan.guess_duration:g} s, {str(error).replace(TRY, ADVICE)}") from None
+
+
+def _follow(start: PeriodicOrbit, found: PreparedOrbits, report: Report) -> _Following:
+    """The branch of an orbit and those that its bifurcations lead to, the nearest first.
+
+    An orbit that lies on one of the branches is left out, as are its mirror image and the same a cycle later: their
+    curves are one.
+    """
+    plan, done = found.plan, _Following()
+    waiting: deque[tuple[PeriodicOrbit, str, tuple[int, int]]] = deque([(start, "the run that settles", (0, 0))])
+    left = list[str]()
+    while waiting:
+        orbit, origin, place = waiting.popleft()
+        report("branches", len(done.branches) / plan.most_branches)
+        try:
+            number = next((i for i, branch in enumerate(done.branches, 1) if _lies_on(orbit, branch)), 0)
+            if not number and len(done.branches) == plan.most_branches:
+                left.append(origin)
+                continue
+            if not number:
+                done.branches.append(continue_orbit(orbit, plan.parameter, to=plan.range, points=plan.points))
+                done.origins.append(origin)
+                done.cycles.append(orbit.cycles)
+                number = len(done.branches)
+                waiting.extend(_switched(done.branches[-1], number, found, done.notes))
+        except FemimpactError as error:
+            if not done.branches:
+                raise _of_study(error) from None
+            done.notes.append(f"not followed from {origin}: {_words(error)}")
+            continue
+        if place[0]:
+            done.leads.setdefault(place, set()).add(number)
+    report("branches", 1.0)
+    if left:
+        places = list(dict.fromkeys(left))
+        more = f" and {len(places) - MOST_NAMED} more" if len(places) > MOST_NAMED else ""
+        shown = f"{', '.join(places[:MOST_NAMED])}{more}"
+        done.notes.append(f"not followed, for orbits.most_branches = {plan.most_branches}: from {shown}")
+    return done
+
+
+def _switched(
+    branch: Branch, number: int, found: PreparedOrbits, notes: list[str]
+) -> Iterator[tuple[PeriodicOrbit, str, tuple[int, int]]]:
+    """Orbits of other branches at the bifurcations of one, each with words for its origin, and its place."""
+    for i, bifurcation in enumerate(branch.bifurcations):
+        if bifurcation.kind not in found.plan.switch:
+            continue
+        unit = f" {branch.unit}" if branch.unit != "1" else ""
+        origin = f"{kind_words(bifurcation.kind)} of branch {number} at {bifurcation.value:.6g}{unit}"
+        try:
+            for orbit in switch_branch(bifurcation):
+                yield orbit, origin, (number, i)
+        except FemimpactError as error:
+            notes.append(f"not followed from {origin}: {_words(error)}")
+
+
+def _lies_on(orbit: PeriodicOrbit, branch: Branch) -> bool:
+    """Whether an orbit, its mirror image or the same some cycles later is one of a branch."""
+    value = parameter_of(orbit.system, one_sine(orbit.excitation), branch.parameter).value
+    return any(_is_same(orbit, other) for other in branch.at(value))
+
+
+def _is_same(orbit: PeriodicOrbit, other: PeriodicOrbit) -> bool:
+    """Whether two orbits have the same impact speeds; of one of several times the period so many times over."""
+    times = math.lcm(orbit.cycles, other.cycles)
+    one, two = (np.sort(np.tile(each.impacts.approach_speed, times // each.cycles)) for each in (orbit, other))
+    return one.size == two.size and bool(np.all(np.abs(one - two) <= SAME * one.max(initial=0.0)))
+
+
+def _of_study(error: FemimpactError) -> FemimpactError:
+    """The error with keys of the study file."""
+    if not isinstance(error, InputError):
+        return error
+    return InputError([replace(fault, key=IN_STUDY.get(fault.key, fault.key)) for fault in error.faults])
+
+
+def _words(error: FemimpactError) -> str:
+    return " ".join(str(_of_study(error)).split())
+
+
+def _sweep(found: PreparedOrbits, notes: list[str], report: Report) -> tuple[Array, Array] | None:
+    """Frequencies (Hz) and peaks (m) of a stepped sweep over the range; None where the study has none of them."""
+    plan, study, small = found.plan, found.prepared.study, found.prepared.small
+    given = study.sweep
+    if given is None or found.number.path != "base.frequency":
+        return None
+    if given.acceleration is not None:
+        notes.append("no sweep beside the branches: sweep.acceleration has another amplitude at each frequency")
+        return None
+    try:
+        swept = frequency_sweep(
+            small, sine_of(study, "sweep").amplitude, np.linspace(*plan.range, given.points), found.prepared.method,
+            given.cycles, initial=study.initial, at=small.default_place, ledger=False,
+            progress=lambda share: report("sweep", share),
+        )  # fmt: skip
+    except DivergenceError as error:
+        notes.append(f"no sweep beside the branches: {_words(error)}")
+        return None
+    notes += [f"sweep: {in_study_words(text)}" for text in swept.warnings]
+    notes.append(
+        f"sweep: {given.points} frequencies over the range of the branches, each {given.cycles} cycles from the "
+        "study's start, event-driven; a motion that does not settle has the largest peak of its last third"
+    )
+    known = np.isfinite(swept.peak)
+    return swept.frequency[known], swept.peak[known]
+
+
+# ---- files ----------------------------------------------------------------------------------------
+
+
+def write_orbits(study: Study, directory: Path, force: bool, report: Report) -> StudyResults:
+    """Follow the branches of a study and write their files: data, tables, figure and report.
+
+    Parameters
+    ----------
+    study : Study
+    directory : Path
+    force : bool
+    report : callable
+        Called with what is done and its share, 0 to 1.
+
+    Returns
+    -------
+    StudyResults
+        As read back from the directory.
+
+    Raises
+    ------
+    InputError
+        As of `prepare_orbits` and `first_orbit`.
+    DivergenceError
+        If the study's run leads to no orbit.
+    """
+    found = prepare_orbits(study)
+    with prepare_directory(directory, force) as staging:
+        start = first_orbit(found, report)
+        done = _follow(start, found, report)
+        if not start.is_stable:
+            done.notes.insert(0, UNSETTLED)
+        swept = _sweep(found, done.notes, report)
+        modes = found.prepared.small.dofs
+        followed = FollowedBranches(tuple(done.branches), tuple(done.origins), tuple(done.cycles), modes, swept)
+        keep_study(staging, study)
+        tables.write_netcdf(staging.folder / FILES["branches"].name, dataset_of(followed))
+        for key, (columns, units) in (("branch_table", _points(done)), ("bifurcations", _bifurcations(done))):
+            tables.write_csv(staging.folder / FILES[key].name, columns, units)
+        more = _summary(found, followed, done)
+        # so that the branches stay, should drawing end the run
+        write_summary(staging.folder, summary_of(found.prepared) | more, staging.finished)
+        staging.finish_part("branches")
+        keep_pictures(staging, found.prepared, Found(), report, more)
+    if study.output.report:
+        add_report(directory, report)
+    return load(directory)
+
+
+def _points(done: _Following) -> tuple[dict[str, Any], dict[str, str]]:
+    """A row for each orbit, with the number of its branch."""
+    frames = [branch.to_pandas() for branch in done.branches]
+    columns: dict[str, Any] = {"branch": np.repeat(np.arange(1, len(frames) + 1), list(map(len, frames)))}
+    columns |= {str(name): np.concatenate([frame[name].to_numpy() for frame in frames]) for name in frames[0]}
+    return columns, dict(frames[0].attrs["units"])
+
+
+def _bifurcations(done: _Following) -> tuple[dict[str, Any], dict[str, str]]:
+    """A row for each bifurcation, with the numbers of the branches to which it leads."""
+    columns, units = _points(done)
+    here = columns["bifurcation"] != ""
+    rows = {name: values[here] for name, values in columns.items() if name not in ("is_stable", "bifurcation")}
+    places = [(n, i) for n, branch in enumerate(done.branches, 1) for i in range(len(branch.bifurcations))]
+    leads = [" ".join(map(str, sorted(_leads_to(done, *place)))) for place in places]
+    return {"branch": rows.pop("branch"), "kind": columns["bifurcation"][here], **rows, "leads_to": leads}, units
+
+
+def _leads_to(done: _Following, number: int, i: int) -> set[int]:
+    """Numbers of the other branches that meet a branch at one of its bifurcations."""
+    here = done.branches[number - 1].bifurcations[i]
+    joined = {
+        n
+        for n, branch in enumerate(done.branches, 1)
+        for each in branch.bifurcations
+        if each.kind == here.kind and abs(each.value - here.value) <= LOCATED * abs(here.value)
+    }
+    return (joined | done.leads.get((number, i), set())) - {number}
+
+
+def _summary(found: PreparedOrbits, followed: FollowedBranches, done: _Following) -> dict[str, Any]:
+    """What the summary says of the branches."""
+    plan, number = found.plan, found.number
+    rows = [
+        {
+            "origin": origin,
+            "cycles": cycles,
+            "points": len(branch),
+            "stable_points": int(np.count_nonzero(branch.is_stable)),
+            "lowest": float(branch.values.min()),
+            "highest": float(branch.values.max()),
+            "largest_peak": float(np.nanmax(branch.peak)),
+            "ends": branch.end,
+            "bifurcations": [{"kind": each.kind, "value": each.value} for each in branch.bifurcations],
+        }
+        for branch, origin, cycles in zip(followed.branches, followed.origins, followed.cycles, strict=True)
+    ]
+    about = {"parameter": number.path, "unit": number.unit, "range": plan.range, "modes": followed.modes}
+    notes = [*found.prepared.method.notes(found.prepared.small), *done.notes]
+    return {"orbits": {**about, "branches": rows}, "notes": notes}
