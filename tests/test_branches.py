@@ -12,6 +12,7 @@ from scipy.optimize import brentq
 from test_orbits import box
 
 import femimpact as fi
+from femimpact.orbits.orbit import state_vector
 from femimpact.validation.closed_forms import box_fold, box_orbits, stop_orbits
 
 pytestmark = pytest.mark.impacts
@@ -301,6 +302,41 @@ def test_every_orbit_is_that_which_find_orbit_finds(branches, name):
         np.testing.assert_allclose(found.impacts.approach_speed, orbit.impacts.approach_speed, rtol=1e-9)
         run = fi.integrate(orbit.system, orbit.excitation, fi.EventDriven(), orbit.period, initial=orbit.state)
         assert run.steady.peak[0] == pytest.approx(branch.peak[i], rel=1e-6)
+
+
+@pytest.fixture(scope="module")
+def undamped():
+    """A branch through the natural frequency of an oscillator without damping."""
+    orbit, *_ = fi.two_impact_orbits(*box(*(CASE | {"zeta": 0.0, "ratio": 0.99}).values()))
+    return fi.continue_orbit(orbit, "frequency", (0.157, 0.161))
+
+
+def test_an_orbit_between_two_points_that_no_run_confirms_is_refused(undamped):
+    """Beside the resonance the steady response is 1e5 to 1e7 gaps, and rounding of it is no orbit to 1e-10."""
+    first = 1.0 / (2.0 * math.pi)
+    assert undamped.values[0] < first < undamped.values[-1]
+    (far,) = undamped.at(0.158)
+    assert far.residual <= 1e-10
+    for near, words in (
+        ((1.0 + 1e-8) * first, "own run misses its start by"),
+        (first, "no orbit of the branch found at base.frequency"),
+    ):
+        with pytest.raises(fi.DivergenceError, match=words) as refused:
+            undamped.at(near)
+        assert f"base.frequency = {near:.10g}" in str(refused.value)
+
+
+def test_orbits_of_points_are_confirmed_by_their_runs(branches):
+    """But for bifurcations, and impacts slower than 1e-3 of a gap in a radian, of which rounding decides."""
+    for name in NAMES:
+        branch = branches[name]
+        for i in (*range(0, len(branch), max(len(branch) // 7, 1)), -1):
+            orbit, slow = branch.orbits[i], 1e-3 * 2 * math.pi
+            orbit_is_slow = orbit.smallest_approach_speed < slow * orbit.length * orbit.excitation.frequency
+            exempt = i % len(branch) in branch.bifurcation_points
+            assert exempt or orbit_is_slow or orbit.residual <= 1e-10 * max(1.0, abs(orbit.multipliers[0]))
+        for each, number in zip(branch.bifurcations, branch.bifurcation_points, strict=True):
+            assert np.array_equal(state_vector(each.orbit.state), state_vector(branch.orbits[number].state))
 
 
 @pytest.mark.parametrize("name", NAMES)

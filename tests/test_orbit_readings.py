@@ -265,6 +265,77 @@ def test_an_impact_at_the_start_of_the_period_is_in_it_once(beam):
         np.testing.assert_allclose(orbit.work, beam.work, rtol=1e-9)
 
 
+# ---- the table of impacts ---------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def held():
+    """A mass that two compliant stops press from both sides, of which one is always in contact."""
+    law = fi.KelvinVoigt(stiffness=5.0, damping=0.3)
+    stops = [
+        fi.Stop("above", "mass", (-0.3, math.inf), law),
+        fi.Stop("below", "mass", (math.inf, -0.05), law),
+    ]
+    system, force = oscillator(damping=0.1, stops=stops), fi.PointForce("mass", fi.Sine(6.0, 0.4))
+    run = fi.integrate(system, force, fi.EventDriven(), 400.0)
+    return run, fi.find_orbit(system, force, guess=run)
+
+
+def test_where_a_contact_is_always_closed_each_impact_is_whole(held):
+    run, orbit = held
+    assert np.all(np.any(orbit.events.contact_state != 0, axis=1))
+    assert sorted(orbit.impacts.impactor) == ["above", "below"]
+    for name in orbit.impacts.impactor:
+        settled, found = (np.flatnonzero(table.impactor == name)[-1] for table in (run.impacts, orbit.impacts))
+        for column in ("approach_speed", "rebound_speed", "impulse", "peak_force", "duration", "energy_loss"):
+            # the run has settled to rounding: a disturbance falls to 0.61 in each of its 160 periods
+            np.testing.assert_allclose(orbit.impacts[column][found], run.impacts[column][settled], rtol=1e-7)
+    np.testing.assert_allclose(orbit.impacts.energy_loss.sum(), orbit.contact_loss, rtol=1e-9)
+    # a period changes no momentum: the spring of 1 N/m takes what the walls give
+    frame = orbit.to_xarray(["mass"])
+    taken = np.trapezoid(frame["mass"], frame["time"])
+    given = -(orbit.impacts.side * orbit.impacts.impulse).sum()
+    assert abs(taken - given) < READ * orbit.impacts.impulse.sum()
+    assert abs(given) > 1e3 * READ * orbit.impacts.impulse.sum()
+
+
+@pytest.mark.parametrize("name", ["rigid", "Kelvin-Voigt", "two balls", "held"])
+def test_impacts_are_in_the_order_and_at_the_times_of_their_events(held, name):
+    """Also where one is at t = 0, the other side of which is the end of the period."""
+    orbit = held[1] if name == "held" else MODELS[name].orbit()
+    omega, drive = 2 * math.pi * orbit.excitation.frequency, orbit.excitation
+    for time in np.append(orbit.events.time, 0.1 * orbit.period):
+        for off in (-1e-15, 0.0, 1e-15):
+            phase = omega * float(time) + off
+            turned = (
+                replace(drive, history=replace(drive.history, phase=phase))
+                if isinstance(drive, fi.PointForce)
+                else replace(drive, phase=phase)
+            )
+            found = fi.find_orbit(orbit.system, turned, guess=orbit)
+            log, table = found.events, found.impacts
+            touches = np.isin(log.kind, ("impact", "touch"))
+            assert table.time.tolist() == log.time[touches].tolist()
+            assert table.impactor.tolist() == [log.contacts[j] for j in log.pair[touches]]
+            assert table.side.tolist() == log.side[touches].tolist()
+            assert np.all((table.time >= 0.0) & (table.time < found.period))
+            turns = (omega * table.time + phase - table.phase) / (2 * math.pi)
+            np.testing.assert_allclose(turns, np.round(turns), atol=1e-12)
+
+
+def test_arrays_of_an_orbit_are_only_read(beam, held):
+    """Its multipliers are kept once they are read: the monodromy must not change after that."""
+    for orbit in (beam, held[1]):
+        multipliers = orbit.multipliers
+        for record in (orbit, orbit.state, orbit.events, orbit.impacts):
+            arrays = [value for value in vars(record).values() if isinstance(value, np.ndarray)]
+            assert arrays
+            assert not any(array.flags.writeable for array in arrays)
+        assert not multipliers.flags.writeable
+        with pytest.raises(ValueError, match="read-only"):
+            orbit.monodromy[0, 0] = 1.0
+
+
 # ---- clearances -------------------------------------------------------------------------------------
 
 

@@ -342,7 +342,13 @@ def test_an_orbit_is_confirmed_by_its_run(orbits):
     exact = solve(hybrid, guess.sequence, guess.states, guess.phases, orbit.length)
     wrong = replace(exact, states=exact.states + 1e-8 * units_of(orbit))
     with pytest.raises(fi.DivergenceError, match="not confirmed: its own run misses its start by"):
-        verified(orbit.system, orbit.excitation, hybrid, guess.sequence, wrong, orbit.length, {})
+        verified(orbit.system, orbit.excitation, wrong)
+    # the same events at other times: the first one that is off is named
+    later = replace(exact, phases=exact.phases + 1e-3)
+    with pytest.raises(
+        fi.DivergenceError, match=r"; event 1 of it, impact of ball 0 on its . side at t = .* s, is .* rad"
+    ):
+        verified(orbit.system, orbit.excitation, later)
     # a stop in the way of it
     run = fi.integrate(orbit.system, orbit.excitation, fi.EventDriven(), 5 * orbit.period, initial=orbit.state)
     stop = fi.Stop("stop", "place 0", (0.99 * float(run.steady.peak[0]), math.inf), fi.Rigid(0.6))

@@ -28,17 +28,16 @@ from femimpact.errors import (
     takes,
     text,
 )  # fmt: skip
-from femimpact.orbits.curve import Curve, Point, at_value, curve_of
+from femimpact.orbits.curve import Curve, Point, at_value, curve_of, evaluated
 from femimpact.orbits.equations import event_maps
-from femimpact.orbits.flow import Flow
 from femimpact.orbits.following import CHANGES, CLOSED, follow
 from femimpact.orbits.guess import first_guess
 from femimpact.orbits.newton import Solution, solve
 from femimpact.orbits.orbit import PeriodicOrbit, decays
-from femimpact.orbits.own_runs import Followed
+from femimpact.orbits.own_runs import Followed, refusal
 from femimpact.orbits.parameter import Parameter, parameter_of
 from femimpact.orbits.search import length_of, one_sine
-from femimpact.orbits.verification import orbit_of, own_run, unit_of
+from femimpact.orbits.verification import orbit_of, own_run
 from femimpact.table import Head, frame_of, head_of_values, short_repr
 
 if TYPE_CHECKING:
@@ -83,12 +82,12 @@ class Bifurcation:
 
     @cached_property
     def orbit(self) -> PeriodicOrbit:
-        """The orbit there, made when it is read.
+        """The orbit there, made when it is read. Its own run does not confirm it: rounding decides what that meets.
 
         At "grazing" and "sticking" its multipliers are no numbers to use: at no speed they are infinite.
         """
         point = known(self.point, "bifurcation")
-        return _orbit(point.curve, point.x)
+        return _orbit(point.curve, point.x, is_bifurcation=True)
 
 
 @short_repr
@@ -150,23 +149,36 @@ class Branch:
 
     @property
     def orbits(self) -> Sequence[PeriodicOrbit]:
-        """The orbit of each point, made when it is read."""
-        return _Orbits(known(self.curve, "branch"), known(self.unknowns, "branch"))
+        """The orbit of each point, made and verified when it is read, as of `at`; a bifurcation's as of itself."""
+        exempt = frozenset(self.bifurcation_points.tolist())
+        return _Orbits(known(self.curve, "branch"), known(self.unknowns, "branch"), exempt)
 
     def at(self, value: float) -> tuple[PeriodicOrbit, ...]:
         """All orbits of the branch at a value of the parameter, in their order along it; none where it has none.
 
-        Raises `InputError` if the value is none that the parameter may have.
+        Each is verified as one that `find_orbit` returns, unless an impact is so slow, below 1e-3 of a gap in a radian
+        of the excitation, that rounding decides whether its run meets it.
+
+        Raises
+        ------
+        InputError
+            If the value is none that the parameter may have.
+        DivergenceError
+            If rounding keeps an orbit there from being found or confirmed, as beside a resonance without damping.
         """
         curve, unknowns = known(self.curve, "branch"), known(self.unknowns, "branch")
         value, found = checked("value", value, curve.parameter.allowed), list[PeriodicOrbit]()
         before, after = self.values[:-1] - value, self.values[1:] - value
         for i in np.flatnonzero((np.sign(before) * np.sign(after) < 0.0) | (before == 0.0)).tolist():
+            if before[i] == 0.0:
+                found.append(self.orbits[i])
+                continue
             here, there = unknowns[i], unknowns[i + 1]
-            share = before[i] / (before[i] - after[i]) if before[i] != after[i] else 0.0
-            point = at_value(curve, here + share * (there - here), value)
-            if point is not None:
-                found.append(_orbit(curve, point.x))
+            point = at_value(curve, here + before[i] / (before[i] - after[i]) * (there - here), value)
+            if point is None:
+                between = f"between its values {self.values[i]:.10g} and {self.values[i + 1]:.10g}"
+                raise DivergenceError(f"no orbit of the branch found at {self.parameter} = {value:.10g}, {between}")
+            found.append(_orbit(curve, point.x))
         if self.values[-1] == value and self.end[1] != CLOSED:
             found.append(self.orbits[-1])
         return tuple(found)
@@ -224,8 +236,8 @@ class Branch:
 class _Orbits(Sequence[PeriodicOrbit]):
     """The orbits of a branch, each made when it is read."""
 
-    def __init__(self, curve: Curve, unknowns: Array) -> None:
-        self._curve, self._unknowns = curve, unknowns
+    def __init__(self, curve: Curve, unknowns: Array, bifurcations: frozenset[int]) -> None:
+        self._curve, self._unknowns, self._bifurcations = curve, unknowns, bifurcations
 
     def __len__(self) -> int:
         return len(self._unknowns)
@@ -239,7 +251,7 @@ class _Orbits(Sequence[PeriodicOrbit]):
     def __getitem__(self, number: int | slice) -> PeriodicOrbit | tuple[PeriodicOrbit, ...]:
         if isinstance(number, slice):
             return tuple(self[i] for i in range(*number.indices(len(self))))
-        return _orbit(self._curve, self._unknowns[number])
+        return _orbit(self._curve, self._unknowns[number], number % len(self) in self._bifurcations)
 
     def __iter__(self) -> Iterator[PeriodicOrbit]:
         return (self[i] for i in range(len(self)))
@@ -360,13 +372,19 @@ def _joined(curve: Curve, backward: Followed, forward: Followed) -> Branch:
     )
 
 
-def _orbit(curve: Curve, x: Array) -> PeriodicOrbit:
-    """The orbit of a point of a branch, with its own run."""
+def _orbit(curve: Curve, x: Array, is_bifurcation: bool = False) -> PeriodicOrbit:
+    """The orbit of a point of a branch, confirmed by its own run unless rounding decides what that meets.
+
+    Raises `DivergenceError` if it is not.
+    """
     value = float(x[-1])
     system, excitation = curve.parameter.at(value)
-    (states, phases), flows = curve.orbit(x), dict[bytes, Flow]()
-    hybrid = curve.parameter.hybrid_at(value)
+    point = evaluated(curve, x, np.zeros_like(x))
+    (states, phases), hybrid, flows = point.orbit, point.maps.hybrid, point.flows
     maps = event_maps(hybrid, curve.sequence, states, phases, flows)
-    found, length = Solution(states, phases, maps, (), 0.0, True), length_of(hybrid, states)
-    run, missed, _ = own_run(system, excitation, curve.sequence, found, flows, unit_of(hybrid, length))
-    return orbit_of(system, excitation, hybrid, curve.sequence, found, length, flows, run, missed)
+    found = Solution(curve.sequence, states, phases, maps, length_of(hybrid, states), flows)
+    run, impacts = own_run(system, excitation, found)
+    error = None if is_bifurcation else refusal(point, run)
+    if error is not None:
+        raise DivergenceError(f"{curve.parameter.path} = {value:.10g}: {error}")
+    return orbit_of(system, excitation, found, run, impacts)

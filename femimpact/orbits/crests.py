@@ -7,7 +7,7 @@ import scipy.optimize
 
 from femimpact.arrays import Array
 from femimpact.orbits.curve import RATES, Point
-from femimpact.orbits.equations import PRESS_AGAIN, RELEASE, known_flow
+from femimpact.orbits.equations import PRESS_AGAIN, RELEASE
 
 PROFILE = 257
 """Instants of an interval between events among which the crests of a condition are looked for."""
@@ -15,14 +15,8 @@ PROFILE = 257
 
 def depth_beyond(point: Point, k: int, pair: int, side: float, phases: Array, derivative: int) -> Array:
     """Depth (n,) beyond a wall at phases (n,) after event k, m, or its first or second derivative by the time."""
-    hybrid, (states, begun) = point.maps.hybrid, point.orbit
-    flow, d = known_flow(hybrid, point.curve.sequence.contact_state[k], point.flows), hybrid.mass.size
-    z, _ = flow.carried(np.tile(states[k], (phases.size, 1)), np.full(phases.size, begun[k]), phases)
-    moves = (z[:, :d], z[:, d:], flow.field(z, phases)[:, d:])[derivative]
-    sine = (np.sin(phases), np.cos(phases), -np.sin(phases))[derivative]
-    base = hybrid.amplitude * hybrid.omega**derivative * sine
-    wall = 0.0 if derivative else float(hybrid.gaps[pair, 0 if side > 0.0 else 1])
-    return np.asarray(-side * (moves @ hybrid.force[:, pair] + hybrid.in_space[pair] * base) - wall)
+    wall = 0.0 if derivative else float(point.maps.hybrid.gaps[pair, 0 if side > 0.0 else 1])
+    return np.asarray(side * point.intervals.gaps(k, phases)[derivative, :, pair] - wall)
 
 
 def begin(point: Point, m: int) -> float:

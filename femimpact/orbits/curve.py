@@ -27,12 +27,16 @@ from femimpact.orbits.equations import (
     derivative_by,
     event_maps,
     jacobian,
+    multipliers_of,
+    product,
     residual,
+    units_of,
 )
 from femimpact.orbits.flow import Flow
 from femimpact.orbits.newton import EXACT, ROUNDED
 from femimpact.orbits.parameter import Parameter
-from femimpact.orbits.verification import halves_agree, may_be_symmetric, unit_of
+from femimpact.orbits.period import Intervals, intervals_between
+from femimpact.orbits.verification import halves_agree, may_be_symmetric
 
 MOST_STEPS = 8
 """Steps of Newton's method onto the curve: more are taken for a step along it that was too long."""
@@ -124,9 +128,7 @@ class Curve:
 
 def curve_of(parameter: Parameter, sequence: Sequence, is_symmetric: bool, length: float, width: float) -> Curve:
     """The curve of some events, with a length (m) as unit of displacements."""
-    unit = np.append(unit_of(parameter.hybrid, length), 1.0)
-    by_rows = np.append(unit[:-1], length) if sequence.pair.max(initial=-1) >= 0 else unit
-    return Curve(parameter, sequence, is_symmetric, unit, by_rows, width)
+    return Curve(parameter, sequence, is_symmetric, *units_of(parameter.hybrid, sequence, length), width)
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,6 +156,11 @@ class Point:
         """States (N, 2d) and phases (N,) of all events."""
         return self.curve.orbit(self.x)
 
+    @cached_property
+    def intervals(self) -> Intervals:
+        """The motion between all events."""
+        return intervals_between(self.maps.hybrid, self.curve.sequence, *self.orbit, self.flows)
+
     @property
     def cycle(self) -> float:
         """Phase (rad) of one period of the orbit."""
@@ -163,14 +170,10 @@ class Point:
     def multipliers(self) -> Complex:
         """Those of the half map of a symmetric orbit, else of the orbit; infinite where an event has no speed."""
         with np.errstate(all="ignore"):
-            steps = self.maps.saltation @ self.maps.propagator
-            found = np.eye(steps.shape[1])
-            for step in steps:
-                found = step @ found
+            found = product(self.maps.steps)
         if not np.all(np.isfinite(found)):
             return np.full(found.shape[0], np.inf, dtype=complex)
-        values = np.linalg.eigvals(-found if self.curve.is_symmetric else found).astype(complex)
-        return np.asarray(values[np.argsort(-np.abs(values), kind="stable")])
+        return multipliers_of(-found if self.curve.is_symmetric else found)
 
     @property
     def unstable(self) -> int:
@@ -205,8 +208,7 @@ class Point:
         """
         solved, unit = self.curve.solved, self.curve.by_rows[-1]
         side = np.array([RATES.get(kind, 1.0) for kind in solved.kind])
-        phases = self.curve.solved_states(self.x)[1]
-        between = np.diff(np.append(phases, phases[0] + solved.turn))
+        between = solved.between(self.curve.solved_states(self.x)[1])
         again, release = (np.array([kind == one for kind in solved.kind]) for one in (PRESS_AGAIN, RELEASE))
         # a contact without damping is released at the wall, and separates there
         between[release & ~np.any(self.maps.row[:, self.maps.row.shape[1] // 2 :], axis=1)] = math.inf

@@ -15,12 +15,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import reduce
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.arrays import Array, Integers
+from femimpact.arrays import Array, Complex, Integers
 from femimpact.integrators.event_driven.loop_data import CONTACT
 from femimpact.orbits.flow import Flow, HybridSystem, Numbers, flow_of
 
@@ -45,6 +46,10 @@ class Sequence:
     def turn(self) -> float:
         """Phase (rad) after which the events come again, those of a half on the other side."""
         return (np.pi if self.is_half else 2.0 * np.pi) * self.cycles
+
+    def between(self, phases: Array) -> Array:
+        """Phases (N,) from each event to the next, the first one once more after the last."""
+        return np.diff(np.append(phases, phases[0] + self.turn))
 
     def rows(self, rows: Any) -> Sequence:  # numbers of events, or a slice of them
         """Some of the events."""
@@ -105,6 +110,11 @@ class EventMaps:
         after = self.field_after / self.hybrid.omega - self.jumped_by_phase
         # the event comes sooner by what the state is nearer to it
         return np.asarray(self.jump + after[:, :, None] * (self.row / self.distance_rate[:, None])[:, None, :])
+
+    @property
+    def steps(self) -> Numbers:
+        """Derivatives (N, 2d, 2d) of the state after each event by that after the one before, at fixed times."""
+        return np.asarray(self.saltation @ self.propagator)
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,8 +200,8 @@ def known_flow(hybrid: HybridSystem, contact_state: Array, flows: dict[bytes, Fl
     return flows[key]
 
 
-def _by_state(contact_state: Array) -> list[tuple[Array, NDArray[np.bool_]]]:
-    """Distinct contact states and where each is, of (N, pairs)."""
+def _by_state(contact_state: Array) -> list[tuple[Array, NDArray[np.intp]]]:
+    """Distinct contact states and the numbers of the events that have each, of (N, pairs)."""
     found: dict[bytes, list[int]] = {}
     for k, state in enumerate(contact_state):
         found.setdefault(state.tobytes(), []).append(k)
@@ -253,3 +263,28 @@ def derivative_by(
     step = STEP * max(abs(value), 1.0)
     maps = event_maps(hybrid_at(complex(value, step)), sequence, states.astype(complex), phases, {})
     return np.asarray(residual(maps, states).imag) / step
+
+
+def state_unit(length: float, omega: Any, coordinates: int) -> Array:
+    """Units (2d,) of a state: a length (m), and that times omega."""
+    return np.repeat([length, length * float(omega)], coordinates)
+
+
+def units_of(hybrid: HybridSystem, sequence: Sequence, length: float) -> tuple[Array, Array]:
+    """Units (2d + 1,) of the states and the phase of an event, and of its rows in `residual`."""
+    state = state_unit(length, hybrid.omega, hybrid.mass.size)
+    # h is a length, or the phase of a section
+    return np.append(state, 1.0), np.append(state, length if sequence.pair.max(initial=-1) >= 0 else 1.0)
+
+
+def product(steps: Array) -> Array:
+    """Product of matrices, the first one applied first."""
+    return np.asarray(reduce(lambda found, step: step @ found, steps, np.eye(steps.shape[1])))
+
+
+def multipliers_of(matrix: Array) -> Complex:
+    """Eigenvalues of a map, the largest modulus first."""
+    values = np.linalg.eigvals(matrix).astype(complex)
+    found = np.asarray(values[np.argsort(-np.abs(values), kind="stable")])
+    found.setflags(write=False)
+    return found

@@ -46,7 +46,7 @@ class ResonanceError(InputError, np.linalg.LinAlgError):
 
 @dataclass(frozen=True, eq=False)
 class HybridSystem:
-    """The numbers of structure, balls, contacts and sine; those that are derived by may be complex."""
+    """The numbers of structure, balls, contacts and sine. One by which the equations are differentiated is complex."""
 
     mass: Numbers  # (d,) of structure and balls
     damping: Numbers  # (d, d)
@@ -239,7 +239,7 @@ def _add_alone(alone: _Alone, time: Numbers, propagator: Numbers, moved: Numbers
     held = cosine + sigma * sine
     propagator[:, p, p], propagator[:, p, v] = held, sine
     propagator[:, v, p], propagator[:, v, v] = -kappa * sine, cosine - sigma * sine
-    # the integral of the sine, of which the ways divide by what is not zero
+    # the integral of the sine: each formula divides by a number that is not zero where it is taken
     by_stiffness = (1.0 - held) / np.where(kappa == 0.0, 1.0, kappa)
     by_damping = (time - sine) / np.where(sigma == 0.0, 1.0, 2.0 * sigma)
     integral = np.where(kappa != 0.0, by_stiffness, np.where(sigma != 0.0, by_damping, 0.5 * time**2))

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.linalg.lapack import dgetrf, dgetrs
 
 from femimpact.arrays import Array
-from femimpact.orbits.equations import EventMaps, Sequence, event_maps, jacobian, residual
+from femimpact.orbits.equations import EventMaps, Sequence, event_maps, jacobian, residual, units_of
 from femimpact.orbits.flow import Flow, HybridSystem
 
 MOST_STEPS = 60
@@ -36,12 +36,15 @@ LEAST_SHARE = 1e-3
 class Solution:
     """Where a search ended."""
 
+    sequence: Sequence
     states: Array  # (N, 2d) after the events
     phases: Array  # (N,) rad
     maps: EventMaps  # there
-    changes: tuple[float, ...]  # largest change of each step, in units of the length, the length times omega, and rad
-    residual: float  # largest, in the same units
-    converged: bool
+    length: float  # m: unit of displacements
+    flows: dict[bytes, Flow]
+    changes: tuple[float, ...] = ()  # largest of each step, in units of the length, the length times omega, and rad
+    residual: float = 0.0  # largest, in the same units
+    converged: bool = True
 
 
 def solve(
@@ -59,10 +62,7 @@ def solve(
     """
     flows = {} if flows is None else flows
     (count, size), changes = states.shape, list[float]()
-    one = np.concatenate([np.full(size // 2, length), np.full(size // 2, length * hybrid.omega)])
-    unit = np.append(one, 1.0)
-    # h is a length, or the phase of a section
-    by_rows = np.append(one, length) if sequence.pair.max(initial=-1) >= 0 else unit
+    unit, by_rows = units_of(hybrid, sequence, length)
     maps, converged = event_maps(hybrid, sequence, states, phases, flows), False
 
     def scaled_step(factors: Any, made: EventMaps, at: Array) -> Array:
@@ -80,9 +80,9 @@ def solve(
             break
         norm = float(np.linalg.norm(step))
         while True:
-            moved = states + share * step[:, :size] * one
+            moved = states + share * step[:, :size] * unit[:-1]
             turned = phases + share * step[:, size]
-            if change <= ROUNDED or _in_order(turned, sequence.cycles):
+            if change <= ROUNDED or np.all(sequence.between(turned) >= 0.0):
                 after = event_maps(hybrid, sequence, moved, turned, flows)
                 next_norm = float(np.linalg.norm(scaled_step(factors, after, moved)))
                 if change <= ROUNDED or next_norm <= (1.0 - 0.25 * share) * norm:
@@ -98,7 +98,7 @@ def solve(
         if converged:
             break
     left = residual(maps, states) / by_rows
-    return Solution(states, phases, maps, tuple(changes), float(np.abs(left).max()), converged)
+    return Solution(sequence, states, phases, maps, length, flows, tuple(changes), float(np.abs(left).max()), converged)
 
 
 def _at_rounding(changes: list[float]) -> bool:
@@ -110,8 +110,3 @@ def _at_rounding(changes: list[float]) -> bool:
     if not pairs or changes[-1] > ROUNDED or changes[-1] < FALL * changes[-2]:
         return False
     return changes[0] <= GIVEN or any(before > GIVEN and after <= FALL * min(before, NEAR) for before, after in pairs)
-
-
-def _in_order(phases: Array, cycles: int) -> bool:
-    """Whether events follow one another, the first once more after a period."""
-    return bool(np.all(np.diff(np.append(phases, phases[0] + 2.0 * np.pi * cycles)) >= 0.0))

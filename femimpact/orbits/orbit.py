@@ -15,6 +15,7 @@ from femimpact.arrays import Array, Complex
 from femimpact.errors import check_fields, column, having, instance, optional, quantity
 from femimpact.excitation import Excitation
 from femimpact.excitation.excitation import MEMBERS
+from femimpact.orbits.equations import multipliers_of
 from femimpact.orbits.period import clearances_of, period_of, smallest_approach_speed_of, steady_of
 from femimpact.response.channels import Channel
 from femimpact.response.energy import EnergyLedger
@@ -98,7 +99,7 @@ class PeriodicOrbit:
         below 1e-13 of the norm of the matrix are rounding. Where an impact has no speed they are infinite: those of an
         orbit that grazes are not tested.
         """
-        return _sorted_eigenvalues(self.monodromy)
+        return multipliers_of(self.monodromy)
 
     @cached_property
     def half_multipliers(self) -> Complex:
@@ -106,7 +107,7 @@ class PeriodicOrbit:
 
         At -1 of one of them, +1 of its square, the orbit loses its symmetry; at +1 it has a fold.
         """
-        return np.zeros(0, dtype=complex) if self.half_map is None else _sorted_eigenvalues(self.half_map)
+        return np.zeros(0, dtype=complex) if self.half_map is None else multipliers_of(self.half_map)
 
     @property
     def is_stable(self) -> bool:
@@ -115,7 +116,11 @@ class PeriodicOrbit:
 
     @property
     def is_symmetric(self) -> bool:
-        """True if the motion half a period later is the same with the opposite sign."""
+        """True if the motion half a period later is the same with the opposite sign.
+
+        False of an orbit found for an even number of `cycles`: half of its period is whole cycles of the excitation,
+        after which that is the same.
+        """
         return self.half_map is not None
 
     def steady(self, channel: Position | Channel | None = None) -> SteadyMotion:
@@ -278,8 +283,3 @@ def decays(multipliers: Complex) -> NDArray[np.bool_]:
 def state_vector(state: State) -> Array:
     """The vector (u, y, u', y') of a state that has all of them."""
     return np.concatenate([state.displacement, state.ball_displacement, state.velocity, state.ball_velocity])
-
-
-def _sorted_eigenvalues(matrix: Array) -> Complex:
-    values = np.linalg.eigvals(matrix).astype(complex)
-    return np.asarray(values[np.argsort(-np.abs(values), kind="stable")])

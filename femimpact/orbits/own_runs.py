@@ -19,16 +19,13 @@ from femimpact.orbits.crests import crests, top
 from femimpact.orbits.curve import LostError, Point, locate, near_points
 from femimpact.orbits.equations import PRESS_AGAIN, RELEASE, SECTION, SEPARATE, TOUCH
 from femimpact.orbits.limits import where
-from femimpact.orbits.verification import between_events, check_events, check_missed, other_event
+from femimpact.orbits.verification import OwnRun, check_events, check_missed, first_other
 from femimpact.response.impacts import CYCLE_COLUMNS, EventLog, event_log
 from femimpact.response.signals import CycleStatistics, steady_motion
 from femimpact.system.system import System
 
 MOST_CRESTS = 10
 """Crests of a gap between two points of which the first to reach a wall is looked for."""
-
-SAME_PHASE = 1e-5
-"""Difference of phases (rad) up to which an event of a run is that of its orbit."""
 
 BEFORE_CREST = 1e-4
 """Share of the way to a crest at the wall that lies between it and the last orbit that is looked at."""
@@ -44,10 +41,7 @@ MORE_EVENTS = 64
 class OwnRuns:
     """What the runs of n orbits leave."""
 
-    missed: Array  # (n,) by which each misses its start, in the units of the curve; infinite where events did not end
-    logs: tuple[EventLog, ...]
-    phase: Array  # (n,) rad: of the drive where each begins
-    first: tuple[int, ...]  # event that each is to meet first
+    each: tuple[OwnRun, ...]  # in the units of the curve
     peak: Array  # (n,) m: largest displacement of the default place
     first_harmonic: Array  # (n,) m: its component at the frequency of the excitation
 
@@ -55,9 +49,7 @@ class OwnRuns:
 def own_runs(system: System, points: Sequence[Point]) -> OwnRuns:
     """Runs over one period of the orbits of some points of a curve, each from between two events."""
     curve, count, method = points[0].curve, len(points), EventDriven()
-    starts, phase, first = zip(
-        *(between_events(p.maps.hybrid, curve.sequence, *p.orbit, p.flows) for p in points), strict=True
-    )
+    starts, phase, first = zip(*(point.intervals.start() for point in points), strict=True)
     hybrids, state = [point.maps.hybrid for point in points], np.array(starts)
     # where the parameter is in the matrices, each has closed forms of its own
     systems = [curve.parameter.at(point.value)[0] for point in points] if curve.parameter.of_matrices else [system]
@@ -96,8 +88,10 @@ def own_runs(system: System, points: Sequence[Point]) -> OwnRuns:
     )
     table = np.moveaxis(block.grid.cycles[:, :, : len(CYCLE_COLUMNS)], (2, 1), (0, 1))
     motion = steady_motion(CycleStatistics(*table), np.full(count, cycles))
-    done = block.stopped == DONE
-    return OwnRuns(np.where(done, missed, np.inf), logs, np.array(phase), first, motion.peak, motion.first_harmonic)
+    missed = np.where(block.stopped == DONE, missed, np.inf)
+    at_events = [begun + omega * log.time for begun, omega, log in zip(phase, inputs.omega, logs, strict=True)]
+    runs = tuple(map(OwnRun, logs, at_events, first, missed.tolist()))
+    return OwnRuns(runs, motion.peak, motion.first_harmonic)
 
 
 def _outputs(system: System, d: int) -> Outputs:
@@ -124,15 +118,26 @@ class Followed:
     end: str
 
 
-def _is_slow(point: Point, runs: OwnRuns, i: int) -> bool:
+def refusal(point: Point, run: OwnRun) -> DivergenceError | None:
+    """Why its own run does not confirm the orbit of a point; None where it does, or an impact is too slow for that."""
+    phases, growth = point.orbit[1], float(np.abs(point.multipliers[0])) ** (2 if point.curve.is_symmetric else 1)
+    try:
+        check_events(run, point.curve.sequence)
+        check_missed(run, point.curve.sequence, phases, growth)
+    except DivergenceError as error:
+        return None if _is_slow(point, run) else error
+    return None
+
+
+def _is_slow(point: Point, run: OwnRun) -> bool:
     """Whether a run leaves its orbit at an event so slow that rounding decides whether it is met."""
     n, kinds = point.curve.events, point.curve.solved.kind
     slow = [k for k in range(n) if kinds[k] != SECTION and np.any(np.abs(point.limits[[0, 2], k]) < SLOW)]
-    extra = _extra_event(point, runs, i)
+    extra = _extra_event(point, run)
     if extra is None or not slow:
         return bool(slow)
     count = len(point.curve.sequence.kind)
-    met = (runs.first[i] + extra[1]) % count
+    met = (run.first + extra[1]) % count
     return any(abs(met - k - half) <= 1 for k in slow for half in (0, n, count))
 
 
@@ -155,27 +160,22 @@ def verify(system: System, way: Followed) -> str:
                 return unbounded
     for i, point in enumerate(points):
         number = begin + i
-        try:
-            check_events(runs.logs[i], point.curve.sequence, runs.first[i])
-            growth = float(np.abs(point.multipliers[0])) ** (2 if point.curve.is_symmetric else 1)
-            check_missed(float(runs.missed[i]), growth)
-        except DivergenceError as error:
-            # where two events merge rounding decides, too
-            if way.kinds.get(number) != "grazing" and not _is_slow(point, runs, i):
-                return _cut(system, way, number, runs, i, error)
+        refused = None if way.kinds.get(number) == "grazing" else refusal(point, runs.each[i])
+        if refused is not None:
+            return _cut(system, way, number, runs.each[i], refused)
         way.peak.append(float(runs.peak[i]))
         way.first_harmonic.append(float(runs.first_harmonic[i]))
     return unbounded
 
 
-def _cut(system: System, way: Followed, number: int, runs: OwnRuns, i: int, error: DivergenceError) -> str:
+def _cut(system: System, way: Followed, number: int, run: OwnRun, error: DivergenceError) -> str:
     """End a curve before a point, at the crest of a gap that reaches a wall if there is one."""
     left, right = way.points[max(number - 1, 0)], way.points[number]
     del way.points[number:]
     for k in [k for k in way.kinds if k >= number]:
         del way.kinds[k]
     for _ in range(MOST_CRESTS):
-        extra = _extra_event(right, runs, i)
+        extra = _extra_event(right, run)
         if extra is None or not number:
             break
         log, row, at = extra
@@ -190,8 +190,9 @@ def _cut(system: System, way: Followed, number: int, runs: OwnRuns, i: int, erro
         before = near_points(left, ((1.0 - BEFORE_CREST) * float(left.row @ (found.x - left.x)),))
         if not before:
             break
-        runs, i, right = own_runs(system, [before[0], found]), 0, before[0]
-        if _extra_event(right, runs, 0) is None:
+        runs, right = own_runs(system, [before[0], found]), before[0]
+        run = runs.each[0]
+        if _extra_event(right, run) is None:
             way.kinds[len(way.points)] = "grazing"
             way.points.append(found)
             way.peak.append(float(runs.peak[1]))
@@ -201,17 +202,13 @@ def _cut(system: System, way: Followed, number: int, runs: OwnRuns, i: int, erro
     return f"no convergence: {error}"
 
 
-def _extra_event(point: Point, runs: OwnRuns, i: int) -> tuple[EventLog, int, float] | None:
+def _extra_event(point: Point, run: OwnRun) -> tuple[EventLog, int, float] | None:
     """The first event of a run that is none of its orbit's: its row in the log, and its phase in the orbit's cycle."""
-    log, sequence, (_, phases) = runs.logs[i], point.curve.sequence, point.orbit
-    met = runs.phase[i] + float(point.maps.hybrid.omega) * log.time
-    expected = np.roll(np.where(np.arange(phases.size) < runs.first[i], phases + point.cycle, phases), -runs.first[i])
-    expected = expected[np.roll(np.array(sequence.kind) != SECTION, -runs.first[i])]
-    count = min(met.size, expected.size)
-    other = other_event(log, sequence, runs.first[i])
-    late = np.flatnonzero(np.abs(met[:count] - expected[:count]) > SAME_PHASE)
-    row = min([*late[:1].tolist(), *([] if other is None else [other])], default=met.size)
-    return (log, row, float(phases[0] + (met[row] - phases[0]) % point.cycle)) if row < met.size else None
+    phases = point.orbit[1]
+    row = first_other(run, point.curve.sequence, phases)
+    if row is None or row == len(run.log):
+        return None
+    return run.log, row, float(phases[0] + (run.phases[row] - phases[0]) % point.cycle)
 
 
 def _kind_there(point: Point, kind: str, pair: int, at: float) -> str:

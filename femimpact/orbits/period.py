@@ -17,12 +17,14 @@ from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.event_driven.loop_data import FREE
 from femimpact.integrators.runs import integrate
 from femimpact.orbits.equations import IMPACT, TOUCH, known_flow
+from femimpact.orbits.equations import Sequence as Events
 from femimpact.orbits.flow import Flow, HybridSystem, hybrid_system
 from femimpact.response.channels import Channel, resolve_channels
 from femimpact.response.response import Recorder, Response
 from femimpact.response.signals import SteadyMotion, cycle_statistics, steady_motion
 from femimpact.structure.structure import Position
 from femimpact.system.state import State
+from femimpact.system.system import System
 
 if TYPE_CHECKING:
     from femimpact.orbits.orbit import PeriodicOrbit
@@ -45,28 +47,25 @@ class Intervals:
     """The motion between the events of one period; the last interval goes on to the first event of the next one."""
 
     hybrid: HybridSystem
-    omega: float  # rad/s
-    phase: float  # rad: of the excitation at t = 0
-    begin: Array  # (K,) s
+    begin: Array  # (K,) rad: phases of the excitation
     end: Array  # (K,)
     states: Array  # (K, 2d) at their begin
-    contact_state: NDArray[np.integer[Any]]  # (K, pairs)
+    contact_state: NDArray[Any]  # (K, pairs)
     flows: dict[bytes, Flow]
 
-    def at(self, k: int, times: Array) -> Array:
-        """States (n, 2d) at times (n,) in interval k, s."""
-        begin, found = self.omega * self.begin[k] + self.phase, [np.zeros((0, self.states.shape[1]))]
-        for part in np.split(times, range(AT_ONCE, times.size, AT_ONCE)):
-            from_begin = np.tile(self.states[k], (part.size, 1)), np.full(part.size, begin)
-            found.append(self.flow(k).carried(*from_begin, self.omega * part + self.phase)[0])
+    def at(self, k: int, phases: Array) -> Array:
+        """States (n, 2d) at phases (n,) in interval k."""
+        found = [np.zeros((0, self.states.shape[1]))]
+        for part in np.split(phases, range(AT_ONCE, phases.size, AT_ONCE)):
+            from_begin = np.tile(self.states[k], (part.size, 1)), np.full(part.size, self.begin[k])
+            found.append(self.flow(k).carried(*from_begin, part)[0])
         return np.concatenate(found)
 
-    def gaps(self, k: int, times: Array) -> Array:
+    def gaps(self, k: int, phases: Array) -> Array:
         """What the gaps bound, with its rate and the rate of that (3, n, pairs), m, m/s and m/s^2, in interval k."""
-        state, phases, hybrid = self.at(k, times), self.omega * times + self.phase, self.hybrid
-        u, v = np.split(state, 2, axis=1)
-        moves = u, v, self.flow(k).field(state, phases)[:, u.shape[1] :]
-        base = np.sin(phases), self.omega * np.cos(phases), -(self.omega**2) * np.sin(phases)
+        state, hybrid, d = self.at(k, phases), self.hybrid, self.hybrid.mass.size
+        moves = state[:, :d], state[:, d:], self.flow(k).field(state, phases)[:, d:]
+        base = np.sin(phases), hybrid.omega * np.cos(phases), -(hybrid.omega**2) * np.sin(phases)
         return -np.array([
             of_it @ hybrid.force + np.outer(hybrid.amplitude * of_base, hybrid.in_space)
             for of_it, of_base in zip(moves, base, strict=True)
@@ -77,24 +76,51 @@ class Intervals:
         return known_flow(self.hybrid, self.contact_state[k], self.flows)
 
     def instants(self, k: int) -> Array:
-        """Instants (n,) of interval k, its ends included, that are dense beside its fastest motion."""
-        fastest = max(self.omega, float(np.abs(np.linalg.eigvals(self.flow(k).matrix).imag).max()))
+        """Phases (n,) of interval k, its ends included, that are dense beside its fastest motion."""
+        fastest = max(1.0, float(np.abs(np.linalg.eigvals(self.flow(k).matrix).imag).max()) / float(self.hybrid.omega))
         begin, end = float(self.begin[k]), float(self.end[k])
         return np.linspace(begin, end, 2 + math.ceil(PROFILE * fastest * (end - begin) / (2.0 * math.pi)))
+
+    def longest(self, pair: int | None = None) -> int:
+        """Number of the longest interval in which nothing, or a pair, is in contact, if there is one."""
+        held = self.contact_state if pair is None else self.contact_state[:, [pair]]
+        return int(np.argmax((self.end - self.begin) * np.where(np.any(held != FREE, axis=1), HELD, 1.0)))
+
+    def start(self, pair: int | None = None) -> tuple[Array, float, int]:
+        """State and phase in the middle of the longest interval, and number of the event that follows.
+
+        A run over one period that begins there has no event at its ends.
+        """
+        k, count = self.longest(pair), self.begin.size
+        middle, first = 0.5 * float(self.begin[k] + self.end[k]), (k + 1) % count
+        turn = 0.0 if first else float(self.end[-1] - self.begin[0])
+        return self.at(k, np.array([middle]))[0], middle - turn, first
+
+
+def intervals_between(
+    hybrid: HybridSystem, sequence: Events, states: Array, phases: Array, flows: dict[bytes, Flow]
+) -> Intervals:
+    """The intervals between some events."""
+    return Intervals(hybrid, phases, phases + sequence.between(phases), states, sequence.contact_state, flows)
 
 
 def intervals_of(orbit: PeriodicOrbit) -> Intervals:
     """The intervals between the events of an orbit; of one without events the period from t = 0."""
-    log, state = orbit.events, orbit.state
-    contact_state: NDArray[np.integer[Any]] = log.contact_state
+    log, state, excitation = orbit.events, orbit.state, orbit.excitation
+    hybrid, contact_state = hybrid_system(orbit.system, excitation), np.asarray(log.contact_state, dtype=float)
     begin, states = log.time, np.hstack([log.displacement, log.velocity])
     if not len(log):
         parts: Any = state.displacement, state.ball_displacement, state.velocity, state.ball_velocity
-        begin, contact_state, states = np.zeros(1), orbit.contact_state[None], np.concatenate(parts)[None]
-    omega = 2.0 * math.pi * orbit.excitation.frequency
+        begin, contact_state, states = np.zeros(1), orbit.contact_state[None].astype(float), np.concatenate(parts)[None]
     end = np.append(begin[1:], begin[0] + orbit.period)
-    hybrid = hybrid_system(orbit.system, orbit.excitation)
-    return Intervals(hybrid, omega, orbit.excitation.phase, begin, end, states, contact_state, {})
+    begin, end = (hybrid.omega * time + excitation.phase for time in (begin, end))
+    return Intervals(hybrid, begin, end, states, contact_state, {})
+
+
+def state_of(system: System, vector: Array, time: float) -> State:
+    """The state of a system from the vector (u, y, u', y') at a time."""
+    n, d = system.dofs, vector.size // 2
+    return State(vector[:n], vector[d : d + n], vector[n:d], vector[d + n :], time=time)
 
 
 def run_of(orbit: PeriodicOrbit, channels: Sequence[Position | Channel]) -> Response:
@@ -103,18 +129,16 @@ def run_of(orbit: PeriodicOrbit, channels: Sequence[Position | Channel]) -> Resp
     It begins at the instant of reading next to the middle of the longest interval between events, so that no event is
     at its ends: these instants divide the period from t = 0.
     """
-    intervals, n = intervals_of(orbit), orbit.system.dofs
-    length = intervals.end - intervals.begin
-    k = int(np.argmax(length * np.where(np.any(intervals.contact_state != FREE, axis=1), HELD, 1.0)))
+    intervals, frequency, phase = intervals_of(orbit), orbit.excitation.frequency, orbit.excitation.phase
+    omega, k = float(intervals.hybrid.omega), intervals.longest()
+    begin, end = ((float(each[k]) - phase) / omega for each in (intervals.begin, intervals.end))
     # at least one instant is inside
-    finer = 2 ** max(math.ceil(math.log2(2.0 / (SAMPLES * orbit.excitation.frequency * length[k]))), 0)
-    interval = 1.0 / (orbit.excitation.frequency * SAMPLES * finer)
-    time = interval * round(0.5 * (intervals.begin[k] + intervals.end[k]) / interval) if len(orbit.events) else 0.0
-    (state,) = intervals.at(k, np.array([time]))
-    d = state.size // 2
-    start = State(state[:n], state[d : d + n], state[n:d], state[d + n :], time=time)
+    finer = 2 ** max(math.ceil(math.log2(2.0 / (SAMPLES * frequency * (end - begin)))), 0)
+    interval = 1.0 / (frequency * SAMPLES * finer)
+    time = interval * round(0.5 * (begin + end) / interval) if len(orbit.events) else 0.0
+    (state,) = intervals.at(k, np.array([omega * time + phase]))
     recorder = Recorder(channels=channels, impacts=max(len(orbit.impacts), 1))
-    method = EventDriven(samples_per_cycle=SAMPLES * finer)
+    method, start = EventDriven(samples_per_cycle=SAMPLES * finer), state_of(orbit.system, state, time)
     return integrate(orbit.system, orbit.excitation, method, orbit.period, recorder, start)
 
 
@@ -173,8 +197,8 @@ def clearances_of(orbit: PeriodicOrbit) -> Array:
     Infinite where it never does: where there is no wall, or each approach ends at the wall.
     """
     intervals = intervals_of(orbit)
-    times = [intervals.instants(k) for k in range(intervals.begin.size)]
-    read = [intervals.gaps(k, each) for k, each in enumerate(times)]
+    phases = [intervals.instants(k) for k in range(intervals.begin.size)]
+    read = [intervals.gaps(k, each) for k, each in enumerate(phases)]
     found = np.full((len(orbit.system.contacts), 2), np.inf)
     for j, column in np.ndindex(found.shape):
         side, wall = (1.0, -1.0)[column], float(intervals.hybrid.gaps[j, column])
@@ -184,7 +208,7 @@ def clearances_of(orbit: PeriodicOrbit) -> Array:
         met = (orbit.events.pair == j) & (orbit.events.side == side)
         crests = list[float]()
         for k in np.flatnonzero(apart).tolist():
-            tops = _tops(intervals, k, j, side, times[k], side * read[k][:, :, j])
+            tops = _tops(intervals, k, j, side, phases[k], side * read[k][:, :, j])
             crests += (wall - side * intervals.gaps(k, np.array(tops))[0, :, j]).tolist()
             # an impact elsewhere turns it back
             if (
@@ -201,12 +225,12 @@ def clearances_of(orbit: PeriodicOrbit) -> Array:
     return found
 
 
-def _tops(intervals: Intervals, k: int, pair: int, side: float, times: Array, read: Array) -> list[float]:
-    """Times (s) in interval k at which the gap of a pair turns back, given it, its rate and the rate of that (3, n)."""
+def _tops(intervals: Intervals, k: int, pair: int, side: float, phases: Array, read: Array) -> list[float]:
+    """Phases in interval k at which the gap of a pair turns back, given it, its rate and the rate of that (3, n)."""
 
     def zero(derivative: int, low: float, high: float) -> float:
-        def value(time: float) -> float:
-            return float(intervals.gaps(k, np.array([time]))[derivative, 0, pair])
+        def value(phase: float) -> float:
+            return float(intervals.gaps(k, np.array([phase]))[derivative, 0, pair])
 
         ends = value(low), value(high)
         if ends[0] * ends[1] >= 0.0:
@@ -214,8 +238,8 @@ def _tops(intervals: Intervals, k: int, pair: int, side: float, times: Array, re
             return (low, high)[int(np.argmin(np.abs(ends)))]
         return float(scipy.optimize.brentq(value, low, high))
 
-    (_, rate, slope), step = read, np.diff(times)
-    found = [zero(1, times[i], times[i + 1]) for i in np.flatnonzero((rate[:-1] > 0.0) & (rate[1:] <= 0.0)).tolist()]
+    (_, rate, slope), step = read, np.diff(phases) / float(intervals.hybrid.omega)
+    found = [zero(1, phases[i], phases[i + 1]) for i in np.flatnonzero((rate[:-1] > 0.0) & (rate[1:] <= 0.0)).tolist()]
     # twice within a step, beside a wall that it leaves slowly: the extreme of the rate lies between
     for sign in (1.0, -1.0):
         before, after = sign * rate[:-1], sign * rate[1:]
@@ -223,7 +247,7 @@ def _tops(intervals: Intervals, k: int, pair: int, side: float, times: Array, re
         may = (before <= 0.0) & (after <= 0.0) & (up > 0.0) & (down < 0.0)
         may &= (before + step * up > 0.0) & (after - step * down > 0.0)
         for i in np.flatnonzero(may).tolist():
-            middle = zero(2, times[i], times[i + 1])
+            middle = zero(2, phases[i], phases[i + 1])
             if sign * side * float(intervals.gaps(k, np.array([middle]))[1, 0, pair]) > 0.0:
-                found.append(zero(1, middle, times[i + 1]) if sign > 0.0 else zero(1, times[i], middle))
+                found.append(zero(1, middle, phases[i + 1]) if sign > 0.0 else zero(1, phases[i], middle))
     return found

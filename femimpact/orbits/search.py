@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Any, cast
 
 import numpy as np
@@ -13,6 +13,7 @@ from femimpact.arrays import Array
 from femimpact.errors import DivergenceError, InputError, instance, items, kind_of, quantity, require, takes
 from femimpact.excitation import Excitation, PointForce, Sine
 from femimpact.integrators.event_driven.loop_data import check_events
+from femimpact.orbits.equations import state_unit
 from femimpact.orbits.flow import Flow, HybridSystem, hybrid_system
 from femimpact.orbits.guess import Guess, first_guess, sine_of
 from femimpact.orbits.newton import solve
@@ -150,7 +151,7 @@ def orbit_near(system: System, excitation: Sine | PointForce, guess: Guess) -> P
         )
     if np.min(np.abs(found.maps.distance_rate)) <= GRAZING * length:
         raise DivergenceError(f"no periodic orbit found: the search ends where a contact begins at no speed; {TRY}")
-    return verified(system, excitation, hybrid, guess.sequence, found, length, flows)
+    return verified(system, excitation, replace(found, length=length))
 
 
 def length_of(hybrid: HybridSystem, states: Array) -> float:
@@ -160,11 +161,9 @@ def length_of(hybrid: HybridSystem, states: Array) -> float:
     over omega.
     """
     gaps = np.where(np.isfinite(hybrid.gaps), np.abs(hybrid.gaps), 0.0).max(axis=1)
-    of_pairs, sizes = np.kron(np.eye(2), hybrid.force), np.repeat([1.0, float(hybrid.omega)], states.shape[1] // 2)
-    size = float(np.abs(states / sizes).max(initial=0.0)) or 1.0
+    size = float(np.abs(states / state_unit(1.0, hybrid.omega, hybrid.mass.size)).max(initial=0.0)) or 1.0
     if not np.any(gaps > 0.0):
         return size
-    del of_pairs
     return max(float(gaps[gaps > 0.0].min()), LEAST_UNIT * size)
 
 
@@ -181,8 +180,8 @@ def one_sine(excitation: Any) -> Sine | PointForce:
 
 def _is_same(orbit: PeriodicOrbit, other: PeriodicOrbit) -> bool:
     """Whether the first event of an orbit is one of another: the same state after it at the same phase of the drive."""
-    d, omega = len(orbit.monodromy) // 2, 2.0 * math.pi * orbit.excitation.frequency
-    unit = np.repeat([orbit.length, orbit.length * omega], d)
+    omega = 2.0 * math.pi * orbit.excitation.frequency
+    unit = state_unit(orbit.length, omega, len(orbit.monodromy) // 2)
     if len(orbit.events) == 0 or len(other.events) == 0:
         apart = np.abs(state_vector(orbit.state) - state_vector(other.state)) / unit
         return len(orbit.events) == len(other.events) and bool(np.all(apart <= DISTINCT))

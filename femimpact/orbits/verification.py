@@ -3,27 +3,29 @@
 from __future__ import annotations
 
 import math
-from dataclasses import fields
-from typing import Any
+from dataclasses import dataclass, fields
+from typing import Any, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.arrays import Array
-from femimpact.errors import DivergenceError, InputError, changed, made
+from femimpact.errors import DivergenceError, InputError, made
 from femimpact.excitation import PointForce, Sine
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.event_driven.loop_data import FREE
 from femimpact.integrators.runs import integrate
-from femimpact.orbits.equations import IMPACT, SECTION, SEPARATE, Sequence, known_flow
-from femimpact.orbits.flow import Flow, HybridSystem
+from femimpact.orbits.equations import IMPACT, SECTION, SEPARATE, TOUCH, Sequence, known_flow, product, state_unit
+from femimpact.orbits.flow import HybridSystem
 from femimpact.orbits.guess import recorder_of_events
 from femimpact.orbits.newton import Solution
 from femimpact.orbits.orbit import PeriodicOrbit, state_vector
+from femimpact.orbits.period import intervals_between, state_of
 from femimpact.response.impacts import EventLog, Impacts
-from femimpact.response.response import Response
 from femimpact.system.state import State
 from femimpact.system.system import System
+
+R = TypeVar("R")
 
 VERIFIED = 1e-10
 """Largest miss of an orbit's own run after one period, times the largest multiplier where that is above 1."""
@@ -31,67 +33,75 @@ VERIFIED = 1e-10
 SYMMETRIC = 1e-8
 """Largest difference between an orbit and minus itself half a period later, in its units, of a symmetric one."""
 
+SAME_PHASE = 1e-5
+"""Difference of phases (rad) up to which an event of a run is that of its orbit."""
+
 AT_START = 1e-12
 """Share of the period up to which an event before or after t = 0 is taken to be there."""
 
 
-def verified(
-    system: System, excitation: Sine | PointForce, hybrid: HybridSystem, sequence: Sequence, found: Solution,
-    length: float, flows: dict[bytes, Flow],
-) -> PeriodicOrbit:  # fmt: skip
+@dataclass(frozen=True, eq=False)
+class OwnRun:
+    """What the event-driven run of an orbit over one period leaves. It begins between two events."""
+
+    log: EventLog
+    phases: Array  # (events,) rad: of the drive at them
+    first: int  # event of the orbit that it is to meet first
+    missed: float  # by which it misses its start, in units; infinite where its events did not end
+
+
+def verified(system: System, excitation: Sine | PointForce, found: Solution) -> PeriodicOrbit:
     """The orbit of a solution of the equations.
 
     Raises `DivergenceError` if its own run meets other events, or does not end where it began.
     """
-    run, missed, first = own_run(system, excitation, sequence, found, flows, unit_of(hybrid, length))
-    check_events(run.events, sequence, first)
-    orbit = orbit_of(system, excitation, hybrid, sequence, found, length, flows, run, missed)
-    check_missed(missed, float(np.abs(orbit.multipliers[0])))
+    run, impacts = own_run(system, excitation, found)
+    check_events(run, found.sequence)
+    orbit = orbit_of(system, excitation, found, run, impacts)
+    check_missed(run, found.sequence, found.phases, float(np.abs(orbit.multipliers[0])))
     return orbit
 
 
-def unit_of(hybrid: HybridSystem, length: float) -> Array:
-    """Units (2d,) of a state."""
-    return np.repeat([length, length * float(hybrid.omega)], hybrid.mass.size)
-
-
-def check_missed(missed: float, growth: float) -> None:
+def check_missed(run: OwnRun, sequence: Sequence, phases: Array, growth: float) -> None:
     """Refuse an orbit whose own run misses its start after one period."""
     allowed = VERIFIED * max(1.0, growth)
-    if not missed <= allowed:
-        raise DivergenceError(
-            f"the orbit found is not confirmed: its own run misses its start by {missed:.2g} after one period (in "
-            f"units of its length and of that times omega), above {allowed:.2g}"
-        )
+    if run.missed <= allowed:
+        return
+    k, off = first_other(run, sequence, phases), ""
+    if k is not None and k < len(run.log):
+        later = run.phases[k] - _expected_phases(run, sequence, phases)[k]
+        words = f"event {k + 1} of it, {_words(run.log, k)}, is {abs(later):.2g} rad of the excitation"
+        off = f"; {words} {'later' if later > 0.0 else 'sooner'} than that of the orbit"
+    raise DivergenceError(
+        f"the orbit found is not confirmed: its own run misses its start by {run.missed:.2g} after one period (in "
+        f"units of its length and of that times omega), above {allowed:.2g}{off}"
+    )
 
 
 def orbit_of(
-    system: System, excitation: Sine | PointForce, hybrid: HybridSystem, sequence: Sequence, found: Solution,
-    length: float, flows: dict[bytes, Flow], run: Response, missed: float,
-) -> PeriodicOrbit:  # fmt: skip
-    """The orbit of a solution and its own run."""
-    times = _times(found.phases, excitation, sequence.cycles)
+    system: System, excitation: Sine | PointForce, found: Solution, run: OwnRun, impacts: Impacts
+) -> PeriodicOrbit:
+    """The orbit of a solution, and of its own run with the impacts of that."""
+    cycles, times = found.sequence.cycles, _times(found.phases, excitation, found.sequence.cycles)
     order = _in_time(times)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         # an event without speed has no finite saltation
-        steps = found.maps.saltation @ found.maps.propagator
-        state, contact_state, monodromy = _at_start(
-            hybrid, excitation, sequence, found, times, int(order[0]), flows, steps
-        )
-        half_map = _half_map(hybrid, sequence, found, steps, unit_of(hybrid, length), int(order[0]))
-    return made(
+        state, contact_state, monodromy = _at_start(excitation, found, times, int(order[0]))
+        half_map = _half_map(found, int(order[0]))
+    log = _log(system, found, times, order)
+    return _made(
         PeriodicOrbit,
         system=system,
         excitation=excitation,
-        cycles=sequence.cycles,
-        state=_state(system, state, 0.0),
-        events=_log(system, sequence, found, times, order),
+        cycles=cycles,
+        state=state_of(system, state, 0.0),
+        events=log,
         contact_state=contact_state.astype(np.int8),
-        impacts=_impacts(run, sequence.cycles / excitation.frequency),
+        impacts=_impacts(system, excitation, found, run, impacts, log),
         monodromy=monodromy,
         half_map=half_map,
-        residual=missed,
-        length=length,
+        residual=run.missed,
+        length=found.length,
     )
 
 
@@ -109,38 +119,27 @@ def _in_time(times: Array) -> NDArray[np.intp]:
     return np.roll(np.arange(times.size), -first)
 
 
-def _product(steps: Array) -> Array:
-    """Product of matrices, the first one applied first."""
-    found = np.eye(steps.shape[1])
-    for step in steps:
-        found = step @ found
-    return found
-
-
-def _at_start(
-    hybrid: HybridSystem, excitation: Sine | PointForce, sequence: Sequence, found: Solution, times: Array, first: int,
-    flows: dict[bytes, Flow], steps: Array,
-) -> tuple[Array, Array, Array]:  # fmt: skip
+def _at_start(excitation: Sine | PointForce, found: Solution, times: Array, first: int) -> tuple[Array, Array, Array]:
     """State (2d,) and contact states at t = 0, before the first event or after it, and the monodromy there."""
-    later = np.roll(steps, -1 - first, axis=0)
+    sequence, later, hybrid = found.sequence, np.roll(found.maps.steps, -1 - first, axis=0), found.maps.hybrid
     if times[first] == 0.0:
-        return found.states[first], sequence.contact_state[first], _product(later)
+        return found.states[first], sequence.contact_state[first], product(later)
     contact_state = sequence.contact_state[first - 1]
-    flow, phase = known_flow(hybrid, contact_state, flows), np.array([found.phases[first]])
+    flow, phase = known_flow(hybrid, contact_state, found.flows), np.array([found.phases[first]])
     now = phase - times[first] * hybrid.omega
     before = now - (sequence.cycles / excitation.frequency - times[first - 1]) * hybrid.omega
     (state,), (onto,) = flow.carried(found.states[first - 1][None], before, now)
     _, (up_to,) = flow.carried(state[None], now, phase)
-    return state, contact_state, onto @ _product(later[:-1]) @ found.maps.saltation[first] @ up_to
+    return state, contact_state, onto @ product(later[:-1]) @ found.maps.saltation[first] @ up_to
 
 
-def _half_map(
-    hybrid: HybridSystem, sequence: Sequence, found: Solution, steps: Array, unit: Array, first: int
-) -> Array | None:
+def _half_map(found: Solution, first: int) -> Array | None:
     """Minus the derivative of the state half a period later by that after the first event, of a symmetric orbit."""
+    hybrid, sequence = found.maps.hybrid, found.sequence
+    unit = state_unit(found.length, hybrid.omega, hybrid.mass.size)
     if not may_be_symmetric(hybrid, sequence) or asymmetry(sequence, found.states, found.phases, unit) > SYMMETRIC:
         return None
-    return -_product(np.roll(steps, -1 - first, axis=0)[: len(sequence.kind) // 2])
+    return -product(np.roll(found.maps.steps, -1 - first, axis=0)[: len(sequence.kind) // 2])
 
 
 def may_be_symmetric(hybrid: HybridSystem, sequence: Sequence) -> bool:
@@ -168,23 +167,17 @@ def asymmetry(sequence: Sequence, states: Array, phases: Array, unit: Array) -> 
     return float(max(apart.max(), turned.max()))
 
 
-def _state(system: System, state: Array, time: float) -> State:
-    n, d = system.dofs, state.size // 2
-    return State(state[:n], state[d : d + n], state[n:d], state[d + n :], time=time)
-
-
 def own_run(
-    system: System, excitation: Sine | PointForce, sequence: Sequence, found: Solution, flows: dict[bytes, Flow],
-    unit: Array,
-) -> tuple[Response, float, int]:  # fmt: skip
-    """A run over one period, by how much it misses its start, and the event that it meets first."""
-    state, middle, first = between_events(found.maps.hybrid, sequence, found.states, found.phases, flows)
+    system: System, excitation: Sine | PointForce, found: Solution, pair: int | None = None
+) -> tuple[OwnRun, Impacts]:
+    """The run of an orbit from where nothing, or a pair, is in contact if it ever is not, and its impacts."""
+    sequence, hybrid = found.sequence, found.maps.hybrid
+    between = intervals_between(hybrid, sequence, found.states, found.phases, found.flows)
+    state, middle, first = between.start(pair)
     time = float(_times(np.array([middle]), excitation, sequence.cycles)[0])
-    period = sequence.cycles / excitation.frequency
+    period, start = sequence.cycles / excitation.frequency, state_of(system, state, time)
     try:
-        run = integrate(
-            system, excitation, EventDriven(), period, recorder_of_events(sequence.cycles), _state(system, state, time)
-        )
+        run = integrate(system, excitation, EventDriven(), period, recorder_of_events(sequence.cycles), start)
     except InputError as error:
         if not all(fault.key.endswith(".gap") for fault in error.faults):
             raise DivergenceError(f"the orbit found is not confirmed: {error}") from None
@@ -192,30 +185,26 @@ def own_run(
         name, place = error.faults[0].key.split(".")[1], error.faults[0].value
         where = f"between two events {name} is at {place:.6g} m, beyond a wall"
         raise OtherMotionError(f"the orbit found is no motion of the system: {where}") from None
-    end: Any = run.final_state
-    return run, float(np.max(np.abs(state_vector(end) - state) / unit)), first
+    log, end = cast(EventLog, run.events), cast(State, run.final_state)
+    unit, phases = state_unit(found.length, hybrid.omega, hybrid.mass.size), middle + hybrid.omega * (log.time - time)
+    return OwnRun(log, phases, first, float(np.max(np.abs(state_vector(end) - state) / unit))), run.impacts
 
 
-def between_events(
-    hybrid: HybridSystem, sequence: Sequence, states: Array, phases: Array, flows: dict[bytes, Flow]
-) -> tuple[Array, float, int]:
-    """State and phase in the middle of the longest interval between events, and the event that follows.
+def first_other(run: OwnRun, sequence: Sequence, phases: Array) -> int | None:
+    """Row of the log of a run with the first event that its orbit has not, or has at another phase.
 
-    If there is such an interval, nothing is in contact there. A run over one period that begins there has no event at
-    its ends.
+    It is the number of rows where the first one is missing, and None where there is none.
     """
-    before, begun = np.roll(sequence.contact_state, 1, axis=0), np.roll(phases, 1)
-    begun[0] -= 2.0 * math.pi * sequence.cycles
-    free = ~np.any(before != FREE, axis=1)
-    k = int(np.argmax((phases - begun) * np.where(free, 1.0, 1e-6)))
-    middle, flow = float(0.5 * (begun[k] + phases[k])), known_flow(hybrid, before[k], flows)
-    (state,), _ = flow.carried(states[[k - 1]], begun[[k]], np.array([middle]))
-    return state, middle, k
+    expected, other = _expected_phases(run, sequence, phases), _other_event(run, sequence)
+    count = min(run.phases.size, expected.size)
+    late = np.flatnonzero(np.abs(run.phases[:count] - expected[:count]) > SAME_PHASE)
+    return min([*late[:1].tolist(), *([] if other is None else [other])], default=None)
 
 
-def other_event(log: EventLog, sequence: Sequence, first: int) -> int | None:
-    """Row of a log at which it has another event than an orbit has from its event `first` on; None where it has not."""
-    met, expected = list(zip(log.kind, log.pair, log.side, strict=True)), _expected(sequence, first)
+def _other_event(run: OwnRun, sequence: Sequence) -> int | None:
+    """Row of the log of a run at which it has another event than its orbit has; None where it has not."""
+    log = run.log
+    met, expected = list(zip(log.kind, log.pair, log.side, strict=True)), _expected(sequence, run.first)
     equal = [one == other for one, other in zip(met, expected, strict=False)]
     return None if all(equal) and len(met) == len(expected) else [*equal, False].index(False)
 
@@ -226,33 +215,44 @@ def _expected(sequence: Sequence, first: int) -> list[Any]:
     return [row for row in [*rows[first:], *rows[:first]] if row[0] != SECTION]
 
 
+def _expected_phases(run: OwnRun, sequence: Sequence, phases: Array) -> Array:
+    """Phases of the events that a run is to meet."""
+    later = np.where(np.arange(phases.size) < run.first, phases + sequence.turn, phases)
+    rows = np.flatnonzero(np.array(sequence.kind) != SECTION)
+    return later[np.roll(rows, -np.searchsorted(rows, run.first))]
+
+
+def _words(log: EventLog, row: int) -> str:
+    """Kind, pair, side and time of an event."""
+    side = "+" if log.side[row] > 0 else "-"
+    return f"{log.kind[row]} of {log.contacts[log.pair[row]]} on its {side} side at t = {log.time[row]:.6g} s"
+
+
 class OtherMotionError(DivergenceError):
     """A solution of the equations that is no motion of the system: it meets other events, or is beyond a wall."""
 
 
-def check_events(log: Any, sequence: Sequence, first: int) -> None:
-    """Refuse an orbit of which the own run, with its log from event `first` on, meets other events."""
-    i = other_event(log, sequence, first)
+def check_events(run: OwnRun, sequence: Sequence) -> None:
+    """Refuse an orbit of which the own run meets other events."""
+    i, log = _other_event(run, sequence), run.log
     if i is None:
         return
-    met, count = "nothing more", len(_expected(sequence, first))
     if i < len(log) and log.impacts[i] > 1:
         met = f"impacts of {log.impacts[i]} pairs at one instant, t = {log.time[i]:.6g} s"
         raise OtherMotionError(f"the orbit found has {met}: such orbits are not looked for")
-    if i < len(log):
-        side = "+" if log.side[i] > 0 else "-"
-        met = f"{log.kind[i]} of {log.contacts[log.pair[i]]} on its {side} side at t = {log.time[i]:.6g} s"
+    met, count = _words(log, i) if i < len(log) else "nothing more", len(_expected(sequence, run.first))
     raise OtherMotionError(
         f"the orbit found is no motion of the system: after {i} of its {count} events its own run meets {met}; "
         "start nearer to an orbit with the contacts of that run"
     )
 
 
-def _log(system: System, sequence: Sequence, found: Solution, times: Array, order: NDArray[np.intp]) -> EventLog:
+def _log(system: System, found: Solution, times: Array, order: NDArray[np.intp]) -> EventLog:
     """The events of one period from t = 0 on; sections are none."""
+    sequence = found.sequence
     order = order[[sequence.kind[k] != SECTION for k in order]]
     kind, d = np.array(sequence.kind)[order], found.states.shape[1] // 2
-    return made(
+    return _made(
         EventLog,
         time=np.maximum.accumulate(times[order]),
         kind=kind,
@@ -266,11 +266,42 @@ def _log(system: System, sequence: Sequence, found: Solution, times: Array, orde
     )
 
 
-def _impacts(run: Response, period: float) -> Impacts:
-    """The table of impacts of one period, by their times within it."""
-    table = run.impacts
-    time = np.mod(table.time, period)
-    order = np.argsort(time, kind="stable")
-    names = [item.name for item in fields(table) if "axes" in item.metadata]
-    columns = {name: (time if name == "time" else getattr(table, name))[order] for name in names}
-    return changed(table, **columns)
+def _impacts(
+    system: System, excitation: Sine | PointForce, found: Solution, run: OwnRun, table: Impacts, log: EventLog
+) -> Impacts:
+    """The impacts of one period at the times of their events, from the table of its own run.
+
+    Where that begins within a contact, it cuts it: such a pair has its impacts from a run that begins where it is free.
+    """
+    names, touches = np.array(log.contacts), np.flatnonzero(np.isin(log.kind, (IMPACT, TOUCH)))
+    held = np.flatnonzero(found.sequence.contact_state[run.first - 1] != FREE)
+    parts = [_rows_of(table, ~np.isin(table.impactor, names[held]))]
+    for j in np.intersect1d(held, log.pair[touches]).tolist():
+        whole = own_run(system, excitation, found, j)[1]
+        parts.append(_rows_of(whole, whole.impactor == names[j]))
+    columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    period, omega = found.sequence.cycles / excitation.frequency, float(found.maps.hybrid.omega)
+    columns["time"], place = np.mod(columns["time"], period), np.full(len(columns["time"]), len(log))
+    for i, (time, name, side) in enumerate(zip(*(columns[one] for one in ("time", "impactor", "side")), strict=True)):
+        own = touches[(names[log.pair[touches]] == name) & (log.side[touches] == side)]
+        apart = np.abs(np.mod(log.time[own] - time + 0.5 * period, period) - 0.5 * period)
+        if own.size and omega * apart.min() <= SAME_PHASE:
+            # of an event at t = 0 the run's own time may be just before the end of the period
+            place[i] = own[np.argmin(apart)]
+            columns["time"][i] = log.time[place[i]]
+    columns["phase"] = np.mod(omega * columns["time"] + excitation.phase, 2.0 * math.pi)
+    order = np.lexsort((place, columns["time"]))
+    return _made(Impacts, law=table.law, dropped=table.dropped, **{name: each[order] for name, each in columns.items()})
+
+
+def _rows_of(table: Impacts, rows: NDArray[np.bool_]) -> dict[str, NDArray[Any]]:
+    """Columns of some rows of a table."""
+    return {item.name: getattr(table, item.name)[rows] for item in fields(table) if "axes" in item.metadata}
+
+
+def _made(record: type[R], /, **values: Any) -> R:
+    """A record whose arrays are only read: what is derived from them is kept."""
+    for value in values.values():
+        if isinstance(value, np.ndarray):
+            value.setflags(write=False)
+    return made(record, **values)
