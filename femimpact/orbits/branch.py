@@ -28,7 +28,18 @@ from femimpact.errors import (
     takes,
     text,
 )  # fmt: skip
-from femimpact.orbits.curve import Curve, Point, at_value, curve_of
+from femimpact.orbits.curve import (
+    LONGEST,
+    Curve,
+    LostError,
+    Point,
+    at_value,
+    between,
+    corrected,
+    curve_of,
+    evaluated,
+    null_vectors,
+)  # fmt: skip
 from femimpact.orbits.equations import event_maps
 from femimpact.orbits.flow import Flow
 from femimpact.orbits.following import CHANGES, CLOSED, follow
@@ -156,19 +167,20 @@ class Branch:
     def at(self, value: float) -> tuple[PeriodicOrbit, ...]:
         """All orbits of the branch at a value of the parameter, in their order along it; none where it has none.
 
-        Raises `InputError` if the value is none that the parameter may have.
+        Raises `InputError` if the value is none that the parameter may have, `DivergenceError` if one is not found.
         """
         curve, unknowns = known(self.curve, "branch"), known(self.unknowns, "branch")
         value, found = checked("value", value, curve.parameter.allowed), list[PeriodicOrbit]()
-        before, after = self.values[:-1] - value, self.values[1:] - value
-        for i in np.flatnonzero((np.sign(before) * np.sign(after) < 0.0) | (before == 0.0)).tolist():
-            here, there = unknowns[i], unknowns[i + 1]
-            share = before[i] / (before[i] - after[i]) if before[i] != after[i] else 0.0
-            point = at_value(curve, here + share * (there - here), value)
-            if point is not None:
-                found.append(_orbit(curve, point.x))
-        if self.values[-1] == value and self.end[1] != CLOSED:
-            found.append(self.orbits[-1])
+        side = np.sign(self.values - value)
+        # a closed branch ends with its first point
+        for i in range(len(self) - (self.end[1] == CLOSED)):
+            if side[i] == 0.0:
+                found.append(self.orbits[i])
+            elif side[i] * side[min(i + 1, len(self) - 1)] < 0.0:
+                try:
+                    found.append(_orbit(curve, between(curve, unknowns[i], unknowns[i + 1], value).x))
+                except LostError as error:
+                    raise DivergenceError(f"an orbit of the branch at {value:g} is not found: {error}") from None
         return tuple(found)
 
     def to_pandas(self) -> pandas.DataFrame:
@@ -306,15 +318,23 @@ def continue_orbit(orbit: PeriodicOrbit, parameter: str, to: tuple[float, float]
     found = solve(number.hybrid, guess.sequence, guess.states, guess.phases, length)
     start = at_value(curve, curve.unknowns(found.states, found.phases, number.value), number.value)
     if start is None:
-        raise DivergenceError(
-            f"the orbit is none at {number.path} = {number.value:g}: it has changed since it was found"
-        )
+        start = _beside(curve, curve.unknowns(guess.states, guess.phases, number.value))
     backward = follow(orbit.system, replace(start, tangent=-start.tangent), low, high, points)
     if backward.end == CLOSED:
         return _joined(
             curve, backward, Followed(backward.points[:1], {}, backward.peak[:1], backward.first_harmonic[:1], CLOSED)
         )
     return _joined(curve, backward, follow(orbit.system, start, low, high, points))
+
+
+def _beside(curve: Curve, x: Array) -> Point:
+    """The point a little along the curve from unknowns at which the equations fail at one value, as at a fold."""
+    tangent = null_vectors(evaluated(curve, x, np.zeros(x.size)))[-1]
+    start, change = corrected(curve, x + 0.1 * LONGEST * tangent, curve.weight * tangent)
+    if start is None:
+        words = f"no orbit found beside it: the last step of Newton's method changed it by {change:.2g}"
+        raise DivergenceError(f"the orbit at {curve.parameter.path} = {x[-1]:.10g} begins no branch: {words}")
+    return start
 
 
 def _range(number: Parameter, to: Any) -> tuple[float, float]:

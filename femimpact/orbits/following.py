@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from femimpact.arrays import Array
-from femimpact.orbits.curve import LostError, Point, at_value, interpolated, locate, point_along
+from femimpact.errors import DivergenceError
+from femimpact.orbits.curve import LostError, Point, between, interpolated, locate, point_along
 from femimpact.orbits.limits import (
-    LONGEST,
     NEAR_END,
     at_no_speed,
     first_limit,
@@ -19,6 +19,7 @@ from femimpact.orbits.limits import (
     near_no_contact,
     repeating_point,
 )
+from femimpact.orbits.orbit import NEUTRAL
 from femimpact.orbits.own_runs import Followed, verify
 from femimpact.system.system import System
 
@@ -50,7 +51,7 @@ CHANGES = {"fold": 1, "period-doubling": 1, "symmetry-breaking": 1, "branch-poin
 def follow(system: System, start: Point, low: float, high: float, most: int) -> Followed:
     """Points along the tangent of a start as far as values (low, high), or so many points, and its own event."""
     way = Followed([start], {}, [], [], "")
-    left, step = start, LONGEST
+    left, step = start, start.longest
     end = _outside(start, low, high)
     while not end:
         try:
@@ -74,6 +75,8 @@ def follow(system: System, start: Point, low: float, high: float, most: int) -> 
             end = verify(system, way) or end
     if len(way.peak) < len(way.points):
         end = verify(system, way) or end
+    if not way.points:
+        raise DivergenceError(end.removeprefix("no convergence: "))
     return replace(way, end=end)
 
 
@@ -102,9 +105,15 @@ def _advance(
     """The next point, the events before it, the step after it, and the reason if the curve ends there."""
     while True:
         try:
-            right, end = point_along(left, step), ""
+            right, end = point_along(left, step, left.bend), ""
+            if low <= right.value <= high and left.tangent[-1] * right.tangent[-1] < 0.0:
+                fold = locate(left, right, lambda point: point.tests["fold"])
+                # it may turn round beyond the range
+                right = right if low <= fold.value <= high else fold
             if not low <= right.value <= high:
-                right, end = _at_edge(left, right, low if right.value < low else high)
+                edge = low if right.value < low else high
+                right = between(left.curve, left.x, right.x, edge)
+                end = _edge(right, edge)
             if not left.row @ right.tangent > TURN:
                 raise LostError("the curve turns too sharply")
             limit = first_limit(left, right)
@@ -133,25 +142,18 @@ def _advance(
             if step < SHORTEST:
                 raise
             continue
+        right = replace(right, bend=(right.tangent - left.tangent) / (2.0 * float(left.row @ (right.x - left.x))))
         grown = min(1.5, 0.8 * MOST_MOVED / max(moved, 1e-9)) if moved else 1.5
-        return right, located, min(LONGEST, step * max(grown, 0.5)), end
-
-
-def _at_edge(left: Point, right: Point, value: float) -> tuple[Point, str]:
-    """The point between two others that has a value."""
-    share = (value - left.value) / (right.value - left.value)
-    found = at_value(left.curve, left.x + share * (right.x - left.x), value)
-    if found is None:
-        raise LostError(f"no orbit found at {value:g}")
-    aligned = found if left.row @ found.tangent > 0.0 else replace(found, tangent=-found.tangent)
-    return aligned, _edge(found, value)
+        return right, located, min(right.longest, step * max(grown, 0.5)), end
 
 
 def _located(left: Point, right: Point) -> list[tuple[str, Point]]:
     """Bifurcations between two points, in their order."""
     found = []
     for kind, before in left.tests.items():
-        if not before * right.tests[kind] < 0.0:
+        after = right.tests[kind]
+        # multipliers of a motion without damping are on the unit circle, to rounding
+        if not (before * after < 0.0 and abs(after - before) > NEUTRAL):
             continue
 
         def function(point: Point, kind: str = kind) -> float:
@@ -187,4 +189,4 @@ def _passes(start: Point, left: Point, right: Point) -> bool:
         return False
     # where the line between both passes the start
     crossing = before - along[0] / (along[1] - along[0]) * (after - before)
-    return bool(crossing @ (start.curve.weight * crossing) < (0.2 * LONGEST) ** 2)
+    return bool(crossing @ (start.curve.weight * crossing) < (0.2 * start.longest) ** 2)

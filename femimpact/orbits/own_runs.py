@@ -19,7 +19,8 @@ from femimpact.orbits.crests import crests, top
 from femimpact.orbits.curve import LostError, Point, locate, near_points
 from femimpact.orbits.equations import PRESS_AGAIN, RELEASE, SECTION, SEPARATE, TOUCH
 from femimpact.orbits.limits import where
-from femimpact.orbits.verification import between_events, check_events, check_missed, other_event
+from femimpact.orbits.search import length_of
+from femimpact.orbits.verification import between_events, check_events, check_missed, other_event, unit_of
 from femimpact.response.impacts import CYCLE_COLUMNS, EventLog, event_log
 from femimpact.response.signals import CycleStatistics, steady_motion
 from femimpact.system.system import System
@@ -44,7 +45,7 @@ MORE_EVENTS = 64
 class OwnRuns:
     """What the runs of n orbits leave."""
 
-    missed: Array  # (n,) by which each misses its start, in the units of the curve; infinite where events did not end
+    missed: Array  # (n,) by which each misses its start, in its own units; infinite where events did not end
     logs: tuple[EventLog, ...]
     phase: Array  # (n,) rad: of the drive where each begins
     first: tuple[int, ...]  # event that each is to meet first
@@ -89,7 +90,8 @@ def own_runs(system: System, points: Sequence[Point]) -> OwnRuns:
     block.grid = block.grid._replace(cycles=no_cycles(count, cycles), values=np.zeros((count, samples, 1 + 2 * d)))
     begin, end = np.zeros(count, dtype=np.int64), np.full(count, samples)
     run_block(block, begin, end, np.full(count, 10.0 * kept + samples))
-    unit, names = curve.unit[:-1], tuple(pair.name for pair in system.contacts)
+    unit = np.array([unit_of(p.maps.hybrid, length_of(p.maps.hybrid, p.orbit[0])) for p in points])
+    names = tuple(pair.name for pair in system.contacts)
     missed = np.max(np.abs(block.grid.values[:, -1, 1:] - state) / unit, axis=1)
     logs = tuple(
         event_log(rows, int(found), names) for rows, found in zip(block.tables.events, block.tables.logged, strict=True)
