@@ -53,7 +53,7 @@ Of states larger than their unit it is a share of them.
 AROUND = 1e-3
 """Distance to a point at which the equations are singular of the points from which it is interpolated."""
 
-SETTLED = 1e-5
+SETTLED = 1e-4
 """Change below which the derivative by the parameter is that of the step before."""
 
 

@@ -45,7 +45,7 @@ MORE_EVENTS = 64
 class OwnRuns:
     """What the runs of n orbits leave."""
 
-    missed: Array  # (n,) by which each misses its start, in its own units; infinite where events did not end
+    missed: Array  # (n,) by which each misses its start, in units; infinite where events did not end
     logs: tuple[EventLog, ...]
     phase: Array  # (n,) rad: of the drive where each begins
     first: tuple[int, ...]  # event that each is to meet first
@@ -90,7 +90,9 @@ def own_runs(system: System, points: Sequence[Point]) -> OwnRuns:
     block.grid = block.grid._replace(cycles=no_cycles(count, cycles), values=np.zeros((count, samples, 1 + 2 * d)))
     begin, end = np.zeros(count, dtype=np.int64), np.full(count, samples)
     run_block(block, begin, end, np.full(count, 10.0 * kept + samples))
-    unit = np.array([unit_of(p.maps.hybrid, length_of(p.maps.hybrid, p.orbit[0])) for p in points])
+    own_units = np.array([unit_of(p.maps.hybrid, length_of(p.maps.hybrid, p.orbit[0])) for p in points])
+    # a motion may vanish on its curve
+    unit = np.maximum(own_units, curve.unit[:-1])
     names = tuple(pair.name for pair in system.contacts)
     missed = np.max(np.abs(block.grid.values[:, -1, 1:] - state) / unit, axis=1)
     logs = tuple(
