@@ -308,6 +308,29 @@ def test_a_doubled_orbit_has_branch_points_where_the_single_one_doubles(branches
     assert "period-doubling" not in kinds_of(branch)
 
 
+def test_twice_an_orbit_has_a_branch_point_where_it_loses_its_symmetry(over_gap):
+    """Where the equations are singular: the point is found from others around it."""
+    system, force = box(*CASE.values())
+    orbit, *_ = fi.two_impact_orbits(system, force)
+    branch = fi.continue_orbit(fi.find_orbit(system, force, 2, guess=orbit), "impactor.ball.gap", (3.0, 20.0))
+    np.testing.assert_allclose(values_of(branch, "branch-point"), values_of(over_gap, "symmetry-breaking"), rtol=1e-10)
+
+
+@pytest.mark.parametrize("points", [2, 3, 5, 20])
+def test_no_side_has_more_points_than_asked_for(over_gap, points):
+    """Bifurcations among them."""
+    orbit = over_gap.at(9.0)[0]
+    branch = fi.continue_orbit(orbit, "impactor.ball.gap", (0.5, 200.0), points=points)
+    assert branch.end == (f"number of points: {points}",) * 2
+    assert len(branch) == 2 * points - 1
+    assert all(point < len(branch) for point in branch.bifurcation_points)
+    assert f"{len(branch)} points" in str(branch)
+
+
+def test_a_number_without_a_unit_has_none_in_print():
+    assert " to 0.85, " in str(branch_over("e", 0.75, 0.85))
+
+
 # ---- what holds for every branch --------------------------------------------------------------------
 
 
@@ -395,7 +418,7 @@ def test_every_end_has_its_reason(branches, name):
 
 def test_a_branch_of_few_points_says_so():
     orbit = MODELS["rigid"].orbit()
-    branch = fi.continue_orbit(orbit, "frequency", (4.5, 6.5), points=4)
+    branch = fi.continue_orbit(orbit, "frequency", np.array([4.5, 6.5]), points=4)
     assert branch.end == ("number of points: 4", "number of points: 4")
     assert len(branch) == 7
 

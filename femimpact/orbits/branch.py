@@ -223,8 +223,9 @@ class Branch:
     @property
     def _head(self) -> Head:
         low, high = float(self.values.min()), float(self.values.max())
+        unit = "" if self.unit == "1" else f" {self.unit}"
         values = {
-            "values": f"{low:.6g} to {high:.6g} {self.unit}, {len(self)} points",
+            "values": f"{low:.6g} to {high:.6g}{unit}, {len(self)} points",
             "stable": f"{np.count_nonzero(self.is_stable)} of them",
             "bifurcations": ", ".join(f"{b.kind} {b.value:.6g}" for b in self.bifurcations) or "none",
             "first end": self.end[0],
@@ -280,7 +281,7 @@ def continue_orbit(orbit: PeriodicOrbit, parameter: str, to: tuple[float, float]
     to : pair of float
         Range of the parameter in which the branch is followed, with the orbit's own value in it.
     points : int
-        Most points to each side of the orbit.
+        Most points to each side of the orbit, itself among them.
 
     Returns
     -------
@@ -342,6 +343,7 @@ def _range(number: Parameter, to: Any) -> tuple[float, float]:
 
     Raises `InputError` if it is none, or lacks the orbit's value.
     """
+    to = to.tolist() if isinstance(to, np.ndarray) else to
     pair = isinstance(to, (tuple, list)) and len(to) == 2
     require(pair, "to", to, number.unit, "must be two numbers, the lowest and the highest value")
     low, high = (checked(f"to[{i}]", value, number.allowed) for i, value in enumerate(to))

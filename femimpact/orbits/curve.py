@@ -378,7 +378,7 @@ def locate(left: Point, right: Point, function: Callable[[Point], float], tolera
 
 
 def interpolated(
-    left: Point, right: Point, function: Callable[[Point], float], nearer: tuple[float, ...] = (AROUND,)
+    left: Point, right: Point, function: Callable[[Point], float], nearer: tuple[float, ...] = (AROUND, 0.3 * AROUND)
 ) -> Point:
     """The point between two others at which a function vanishes, and the equations are singular: from points around it.
 

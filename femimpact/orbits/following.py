@@ -9,7 +9,7 @@ import numpy as np
 
 from femimpact.arrays import Array
 from femimpact.errors import DivergenceError
-from femimpact.orbits.curve import LostError, Point, between, interpolated, locate, point_along
+from femimpact.orbits.curve import LONGEST, SAME, LostError, Point, between, interpolated, locate, point_along
 from femimpact.orbits.limits import (
     NEAR_END,
     at_no_speed,
@@ -39,7 +39,11 @@ RESOLVED = 1e-5
 """Step below which a curve is not followed more closely for its multipliers."""
 
 AT_ONCE = 64
-"""Points that are verified in one call."""
+"""Points that are verified in one call.
+
+More save little: a branch of 370 points 0.015 s at 512. A point that is followed in vain, beyond where its orbits are
+no motions, costs 3 to 6 ms.
+"""
 
 CLOSED = "closed on itself"
 """Why a closed curve ends."""
@@ -69,8 +73,10 @@ def follow(system: System, start: Point, low: float, high: float, most: int) -> 
                 left = start if closed else after
                 way.points.append(left)
             end = CLOSED if closed else end
-        if not end and len(way.points) >= most:
+        if len(way.points) > most or (len(way.points) == most and not end):
             end = f"number of points: {most}"
+            del way.points[most:]
+            way.kinds.pop(most, None)
         if len(way.points) - len(way.peak) >= AT_ONCE:
             end = verify(system, way) or end
     if len(way.peak) < len(way.points):
@@ -133,6 +139,9 @@ def _advance(
             if (change > explained or (change - explained) % 2) and step > RESOLVED:
                 step *= 0.5
                 continue
+            if change == explained + 2 and _outside_circle(left) * _outside_circle(right) < 0.0:
+                # together with a real pair of product 1
+                located.append(("neimark-sacker", locate(left, right, _outside_circle)))
         except LostError:
             step *= 0.5
             if step < NEAR_END and (point := near_no_contact(left)) is not None:
@@ -142,7 +151,8 @@ def _advance(
             if step < SHORTEST:
                 raise
             continue
-        right = replace(right, bend=(right.tangent - left.tangent) / (2.0 * float(left.row @ (right.x - left.x))))
+        if not end:
+            right = replace(right, bend=(right.tangent - left.tangent) / (2.0 * float(left.row @ (right.x - left.x))))
         grown = min(1.5, 0.8 * MOST_MOVED / max(moved, 1e-9)) if moved else 1.5
         return right, located, min(right.longest, step * max(grown, 0.5)), end
 
@@ -174,6 +184,12 @@ def _is_complex(point: Point) -> bool:
     return bool(abs(point.multipliers[i[k]].imag) > 1e-6 and abs(point.multipliers[j[k]].imag) > 1e-6)
 
 
+def _outside_circle(point: Point) -> float:
+    """By how much the complex multipliers nearest to the unit circle are outside it; 0 if there are none."""
+    far = np.abs(point.multipliers[np.abs(point.multipliers.imag) > 1e-6]) - 1.0
+    return float(far[np.argmin(np.abs(far))]) if far.size else 0.0
+
+
 def _from_start(start: Point, point: Point) -> Array:
     """Unknowns of a point less those of a start, with phases that may have turned by whole cycles."""
     states, phases = point.orbit
@@ -189,4 +205,11 @@ def _passes(start: Point, left: Point, right: Point) -> bool:
         return False
     # where the line between both passes the start
     crossing = before - along[0] / (along[1] - along[0]) * (after - before)
-    return bool(crossing @ (start.curve.weight * crossing) < (0.2 * start.longest) ** 2)
+    if crossing @ (start.curve.weight * crossing) > (0.2 * start.longest) ** 2:
+        return False
+    try:
+        there = locate(left, right, lambda point: float(start.row @ _from_start(start, point)))
+    except LostError:
+        return False
+    # another sheet may be near
+    return bool(np.abs(_from_start(start, there)).max() < SAME * start.longest / LONGEST)
