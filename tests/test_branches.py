@@ -90,14 +90,14 @@ def test_both_sheets_of_a_fold_are_in_one_branch(over_gap):
 def test_at_a_fold_is_one_orbit_and_inside_it_are_two(over_gap):
     """As far as rounding tells the two roots of the quadratic from one."""
     (fold,) = values_of(over_gap, "fold")
-    for apart in 10.0 ** -np.arange(2.0, 12.0):
+    for apart in 10.0 ** -np.arange(2.0, 11.0):
         value = fold * (1.0 - apart)
         found = over_gap.at(value)
         exact = [speed for speed, *_ in box_orbits(*(CASE | {"clearance": 2.0 * value}).values())]
         speeds = sorted(orbit.impacts.approach_speed[0] for orbit in found)
         assert all(orbit.system.contacts[0].gaps[0] == value for orbit in found)
-        # they are 11 times the root of the distance apart: of that 1e-12 of the value are a part
-        np.testing.assert_allclose(speeds, exact, rtol=max(1e-9, 1e-11 / math.sqrt(apart)))
+        # they are 11 times the root of the distance apart, of which an error of 3e-12 of the value is this share
+        np.testing.assert_allclose(speeds, exact, rtol=3e-11 / math.sqrt(apart))
     (at_fold,) = over_gap.at(fold)
     assert np.abs(at_fold.multipliers - 1).min() < 1e-6
     assert over_gap.at(fold * (1 + 1e-9)) == ()
@@ -122,7 +122,7 @@ def test_a_branch_ends_at_an_edge_before_a_fold(over_gap, beyond):
     assert branch.values[-1] == edge == branch.values.max()
     faster = max(speed for speed, *_ in box_orbits(*(CASE | {"clearance": 2.0 * edge}).values()))
     # as beside a fold
-    assert branch.orbits[-1].impacts.approach_speed[0] == pytest.approx(faster, rel=1e-11 / math.sqrt(beyond))
+    assert branch.orbits[-1].impacts.approach_speed[0] == pytest.approx(faster, rel=3e-11 / math.sqrt(beyond))
 
 
 def test_a_closed_branch_is_followed_once():

@@ -68,7 +68,7 @@ class Curve:
     by_rows: Array  # (2d + 1,) of the equations
     width: float  # of the parameter: its range
 
-    @property
+    @cached_property
     def weight(self) -> Array:
         """Weights (m + 1,) of squares in the length of the curve."""
         m = self.events * self.unit.size
