@@ -88,6 +88,46 @@ def test_both_sheets_of_a_fold_are_in_one_branch(over_gap):
     assert len(over_gap.at(20.0)) == 1
 
 
+def test_at_a_fold_is_one_orbit_and_inside_it_are_two(over_gap):
+    """As far as rounding tells the two roots of the quadratic from one."""
+    (fold,) = values_of(over_gap, "fold")
+    for apart in 10.0 ** -np.arange(2.0, 11.0):
+        value = fold * (1.0 - apart)
+        found = over_gap.at(value)
+        exact = [speed for speed, *_ in box_orbits(*(CASE | {"clearance": 2.0 * value}).values())]
+        speeds = sorted(orbit.impacts.approach_speed[0] for orbit in found)
+        assert all(orbit.system.contacts[0].gaps[0] == value for orbit in found)
+        # they are 11 times the root of the distance apart, of which an error of 3e-12 of the value is this share
+        np.testing.assert_allclose(speeds, exact, rtol=3e-11 / math.sqrt(apart))
+    (at_fold,) = over_gap.at(fold)
+    assert np.abs(at_fold.multipliers - 1).min() < 1e-6
+    assert over_gap.at(fold * (1 + 1e-9)) == ()
+
+
+def test_a_branch_begins_at_a_fold_too(over_gap):
+    (fold,) = (each for each in over_gap.bifurcations if each.kind == "fold")
+    again = fi.continue_orbit(fold.orbit, "impactor.ball.gap", (0.5, 200.0))
+    # a symmetric orbit reaches both walls at once
+    ends, before = ([end.replace("+", "-") for end in branch.end] for branch in (again, over_gap))
+    assert sorted(ends) == sorted(before)
+    for one, other in zip(again.bifurcations[::-1], over_gap.bifurcations, strict=True):
+        assert one.kind == other.kind
+        assert one.value == pytest.approx(other.value, rel=1e-10)
+
+
+@pytest.mark.parametrize("beyond", [1e-3, 1e-5, 1e-9])
+def test_a_branch_ends_at_an_edge_before_a_fold(over_gap, beyond):
+    """Where it first leaves the range: the other sheet comes back from outside."""
+    (fold,) = values_of(over_gap, "fold")
+    edge = fold * (1.0 - beyond)
+    branch = branch_over("clearance", 8.0, 2.0 * edge)
+    assert branch.end[1].startswith("edge: impactor.ball.gap = 51.")
+    assert branch.values[-1] == edge == branch.values.max()
+    faster = max(speed for speed, *_ in box_orbits(*(CASE | {"clearance": 2.0 * edge}).values()))
+    # as beside a fold
+    assert branch.orbits[-1].impacts.approach_speed[0] == pytest.approx(faster, rel=3e-11 / math.sqrt(beyond))
+
+
 def test_a_closed_branch_is_followed_once():
     """With a gap above the highest linear response the two roots exist between two folds, at no speed nowhere."""
     branch = branch_over("ratio", 0.5, 2.0, clearance=102.0)
@@ -97,6 +137,9 @@ def test_a_closed_branch_is_followed_once():
     for fold in values_of(branch, "fold"):
         assert box_fold(mu, e, zeta, fold * 2 * math.pi) == pytest.approx(102.0, rel=1e-9)
     assert len(branch.at(1.0 / (2 * math.pi))) == 2
+    assert len(branch.at(branch.values.min())) == len(branch.at(branch.values.max())) == 1
+    again = fi.continue_orbit(branch.bifurcations[0].orbit, "frequency", (0.5 / (2 * math.pi), 2.0 / (2 * math.pi)))
+    assert sorted(kinds_of(again)) == sorted(kinds_of(branch))
 
 
 def test_the_grazing_of_a_compliant_contact_is_that_of_a_rigid_one():
@@ -129,6 +172,49 @@ def test_a_linear_beam_has_one_branch():
     (at,) = branch.at(4.2)
     again = fi.find_orbit(orbit.system, fi.Sine(1e-3, 4.2, 0.3), guess=fi.State())
     np.testing.assert_allclose(at.state.displacement, again.state.displacement, atol=1e-14)
+
+
+@pytest.mark.parametrize("frequency", [4.0, 5.0, 5.3])
+def test_a_sharp_resonance_is_passed(frequency):
+    """With a damping ratio of 0.0029: steps are a share of a motion that has grown."""
+    system = reduced(replace(REFERENCE, impactors=()), 4)
+    orbit = fi.find_orbit(system, fi.Sine(0.2037e-3, frequency), guess=fi.State())
+    branch = fi.continue_orbit(orbit, "frequency", (4.0, 6.0))
+    assert branch.end == ("edge: base.frequency = 4", "edge: base.frequency = 6")
+    assert branch.bifurcations == ()
+    assert len(branch) < 1000
+    # beyond one resonance the response has turned round
+    assert branch.peak.max() > 30.0 * max(branch.peak[0], branch.peak[-1])
+
+
+@pytest.mark.parametrize("ratio", [1e-2, 1e-6])
+@pytest.mark.parametrize("of_force", [False, True])
+def test_the_peak_of_an_oscillator_is_reached(ratio, of_force):
+    """At the frequency of the peak of its response, of a thousand times the motion at the start and more."""
+    system = oscillator(1.0, 2.0 * ratio)
+    sine = fi.Sine(1e-3, 0.1, 0.4)
+    force = fi.PointForce("mass", sine) if of_force else sine
+    branch = fi.continue_orbit(fi.find_orbit(system, force, guess=fi.State()), "frequency", (0.05, 0.5))
+    assert branch.end == ("edge: base.frequency = 0.05", "edge: base.frequency = 0.5")
+    omega = 2 * math.pi * branch.values
+    response = 1e-3 / np.abs(1 - omega**2 + 2j * ratio * omega) * (1.0 if of_force else omega**2)
+    # the natural frequency has no more digits than rounding of the matrices
+    np.testing.assert_allclose(branch.peak, response, rtol=1e-8)
+    assert branch.peak.max() > 0.98 * 1e-3 / (2 * ratio)
+
+
+def test_an_amplitude_grows_five_thousand_times():
+    """A linear motion is in proportion to it."""
+    orbit = fi.find_orbit(oscillator(1.0, 0.02), fi.Sine(1e-3, 0.1, 0.4), guess=fi.State())
+    branch = fi.continue_orbit(orbit, "amplitude", (0.0, 5.0))
+    assert branch.end == ("edge: base.amplitude = 0", "edge: base.amplitude = 5")
+    np.testing.assert_allclose(branch.peak, branch.values * orbit.steady("mass").peak / 1e-3, rtol=1e-9, atol=1e-15)
+
+
+def test_a_motion_without_damping_has_no_bifurcations():
+    """Its multipliers are on the unit circle all along: rounding moves them over it."""
+    orbit = fi.find_orbit(oscillator(1.0, 0.0), fi.Sine(1e-3, 0.1, 0.4), guess=fi.State())
+    assert fi.continue_orbit(orbit, "frequency", (0.08, 0.13)).bifurcations == ()
 
 
 @pytest.mark.parametrize(("ratio", "amplitude"), [(0.8, 0.2), (1.3, 0.3)])
@@ -225,6 +311,29 @@ def test_a_doubled_orbit_has_branch_points_where_the_single_one_doubles(branches
     assert "period-doubling" not in kinds_of(branch)
 
 
+def test_twice_an_orbit_has_a_branch_point_where_it_loses_its_symmetry(over_gap):
+    """Where the equations are singular: the point is found from others around it."""
+    system, force = box(*CASE.values())
+    orbit, *_ = fi.two_impact_orbits(system, force)
+    branch = fi.continue_orbit(fi.find_orbit(system, force, 2, guess=orbit), "impactor.ball.gap", (3.0, 20.0))
+    np.testing.assert_allclose(values_of(branch, "branch-point"), values_of(over_gap, "symmetry-breaking"), rtol=1e-10)
+
+
+@pytest.mark.parametrize("points", [2, 3, 5, 20])
+def test_no_side_has_more_points_than_asked_for(over_gap, points):
+    """Bifurcations among them."""
+    orbit = over_gap.at(9.0)[0]
+    branch = fi.continue_orbit(orbit, "impactor.ball.gap", (0.5, 200.0), points=points)
+    assert branch.end == (f"number of points: {points}",) * 2
+    assert len(branch) == 2 * points - 1
+    assert all(point < len(branch) for point in branch.bifurcation_points)
+    assert f"{len(branch)} points" in str(branch)
+
+
+def test_a_number_without_a_unit_has_none_in_print():
+    assert " to 0.85, " in str(branch_over("e", 0.75, 0.85))
+
+
 # ---- what holds for every branch --------------------------------------------------------------------
 
 
@@ -319,7 +428,7 @@ def test_an_orbit_between_two_points_that_no_run_confirms_is_refused(undamped):
     assert far.residual <= 1e-10
     for near, words in (
         ((1.0 + 1e-8) * first, "own run misses its start by"),
-        (first, "no orbit of the branch found at base.frequency"),
+        (first, "an orbit of the branch is not found"),
     ):
         with pytest.raises(fi.DivergenceError, match=words) as refused:
             undamped.at(near)
@@ -347,7 +456,7 @@ def test_every_end_has_its_reason(branches, name):
 
 def test_a_branch_of_few_points_says_so():
     orbit = MODELS["rigid"].orbit()
-    branch = fi.continue_orbit(orbit, "frequency", (4.5, 6.5), points=4)
+    branch = fi.continue_orbit(orbit, "frequency", np.array([4.5, 6.5]), points=4)
     assert branch.end == ("number of points: 4", "number of points: 4")
     assert len(branch) == 7
 

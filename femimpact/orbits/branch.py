@@ -28,7 +28,18 @@ from femimpact.errors import (
     takes,
     text,
 )  # fmt: skip
-from femimpact.orbits.curve import Curve, Point, at_value, curve_of, evaluated
+from femimpact.orbits.curve import (
+    LONGEST,
+    Curve,
+    LostError,
+    Point,
+    at_value,
+    between,
+    corrected,
+    curve_of,
+    evaluated,
+    null_vectors,
+)  # fmt: skip
 from femimpact.orbits.equations import event_maps
 from femimpact.orbits.following import CHANGES, CLOSED, follow
 from femimpact.orbits.guess import first_guess
@@ -168,19 +179,17 @@ class Branch:
         """
         curve, unknowns = known(self.curve, "branch"), known(self.unknowns, "branch")
         value, found = checked("value", value, curve.parameter.allowed), list[PeriodicOrbit]()
-        before, after = self.values[:-1] - value, self.values[1:] - value
-        for i in np.flatnonzero((np.sign(before) * np.sign(after) < 0.0) | (before == 0.0)).tolist():
-            if before[i] == 0.0:
+        side = np.sign(self.values - value)
+        # a closed branch ends with its first point
+        for i in range(len(self) - (self.end[1] == CLOSED)):
+            if side[i] == 0.0:
                 found.append(self.orbits[i])
-                continue
-            here, there = unknowns[i], unknowns[i + 1]
-            point = at_value(curve, here + before[i] / (before[i] - after[i]) * (there - here), value)
-            if point is None:
-                between = f"between its values {self.values[i]:.10g} and {self.values[i + 1]:.10g}"
-                raise DivergenceError(f"no orbit of the branch found at {self.parameter} = {value:.10g}, {between}")
-            found.append(_orbit(curve, point.x))
-        if self.values[-1] == value and self.end[1] != CLOSED:
-            found.append(self.orbits[-1])
+            elif side[i] * side[min(i + 1, len(self) - 1)] < 0.0:
+                try:
+                    found.append(_orbit(curve, between(curve, unknowns[i], unknowns[i + 1], value).x))
+                except LostError as error:
+                    words = f"{self.parameter} = {value:.10g}: an orbit of the branch is not found"
+                    raise DivergenceError(f"{words}: {error}") from None
         return tuple(found)
 
     def to_pandas(self) -> pandas.DataFrame:
@@ -223,8 +232,9 @@ class Branch:
     @property
     def _head(self) -> Head:
         low, high = float(self.values.min()), float(self.values.max())
+        unit = "" if self.unit == "1" else f" {self.unit}"
         values = {
-            "values": f"{low:.6g} to {high:.6g} {self.unit}, {len(self)} points",
+            "values": f"{low:.6g} to {high:.6g}{unit}, {len(self)} points",
             "stable": f"{np.count_nonzero(self.is_stable)} of them",
             "bifurcations": ", ".join(f"{b.kind} {b.value:.6g}" for b in self.bifurcations) or "none",
             "first end": self.end[0],
@@ -280,7 +290,7 @@ def continue_orbit(orbit: PeriodicOrbit, parameter: str, to: tuple[float, float]
     to : pair of float
         Range of the parameter in which the branch is followed, with the orbit's own value in it.
     points : int
-        Most points to each side of the orbit.
+        Most points to each side of the orbit, itself among them.
 
     Returns
     -------
@@ -318,9 +328,7 @@ def continue_orbit(orbit: PeriodicOrbit, parameter: str, to: tuple[float, float]
     found = solve(number.hybrid, guess.sequence, guess.states, guess.phases, length)
     start = at_value(curve, curve.unknowns(found.states, found.phases, number.value), number.value)
     if start is None:
-        raise DivergenceError(
-            f"the orbit is none at {number.path} = {number.value:g}: it has changed since it was found"
-        )
+        start = _beside(curve, curve.unknowns(guess.states, guess.phases, number.value))
     backward = follow(orbit.system, replace(start, tangent=-start.tangent), low, high, points)
     if backward.end == CLOSED:
         return _joined(
@@ -329,11 +337,22 @@ def continue_orbit(orbit: PeriodicOrbit, parameter: str, to: tuple[float, float]
     return _joined(curve, backward, follow(orbit.system, start, low, high, points))
 
 
+def _beside(curve: Curve, x: Array) -> Point:
+    """The point a little along the curve from unknowns at which the equations fail at one value, as at a fold."""
+    tangent = null_vectors(evaluated(curve, x, np.zeros(x.size)))[-1]
+    start, change = corrected(curve, x + 0.1 * LONGEST * tangent, curve.weight * tangent)
+    if start is None:
+        words = f"no orbit found beside it: the last step of Newton's method changed it by {change:.2g}"
+        raise DivergenceError(f"the orbit at {curve.parameter.path} = {x[-1]:.10g} begins no branch: {words}")
+    return start
+
+
 def _range(number: Parameter, to: Any) -> tuple[float, float]:
     """Both ends of a range.
 
     Raises `InputError` if it is none, or lacks the orbit's value.
     """
+    to = to.tolist() if isinstance(to, np.ndarray) else to
     pair = isinstance(to, (tuple, list)) and len(to) == 2
     require(pair, "to", to, number.unit, "must be two numbers, the lowest and the highest value")
     low, high = (checked(f"to[{i}]", value, number.allowed) for i, value in enumerate(to))

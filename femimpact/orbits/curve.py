@@ -34,6 +34,7 @@ from femimpact.orbits.equations import (
 )
 from femimpact.orbits.flow import Flow
 from femimpact.orbits.newton import EXACT, ROUNDED
+from femimpact.orbits.orbit import NEUTRAL
 from femimpact.orbits.parameter import Parameter
 from femimpact.orbits.period import Intervals, intervals_between
 from femimpact.orbits.verification import halves_agree, may_be_symmetric
@@ -47,10 +48,16 @@ FAR = 0.5
 SAME = 1e-6
 """Difference between the halves of a period, in units, that is none."""
 
+LONGEST = 0.02
+"""Most that states and phases change in a step along a curve, in their units, and the parameter, in that of its range.
+
+Of states larger than their unit it is a share of them.
+"""
+
 AROUND = 1e-3
 """Distance to a point at which the equations are singular of the points from which it is interpolated."""
 
-SETTLED = 1e-5
+SETTLED = 1e-4
 """Change below which the derivative by the parameter is that of the step before."""
 
 
@@ -65,7 +72,7 @@ class Curve:
     by_rows: Array  # (2d + 1,) of the equations
     width: float  # of the parameter: its range
 
-    @property
+    @cached_property
     def weight(self) -> Array:
         """Weights (m + 1,) of squares in the length of the curve."""
         m = self.events * self.unit.size
@@ -116,6 +123,14 @@ class Curve:
             return states, phases
         return np.concatenate([states, -states]), np.concatenate([phases, phases + math.pi * self.sequence.cycles])
 
+    def sizes(self, x: Array) -> Array:
+        """Sizes (3,) of a change of the unknowns: of states and phases, root mean squares in units, and parameter."""
+        states, phases = np.split(x[:-1].reshape(self.events, -1), [-1], axis=1)
+        m = self.events * self.unit.size
+        return np.array(
+            [np.linalg.norm(states), np.linalg.norm(phases), math.sqrt(m) * abs(x[-1]) / self.width]
+        ) / math.sqrt(m)
+
     def by_unknowns(self, maps: EventMaps) -> Array:
         """Derivative (m, m) of the equations, in units."""
         found = jacobian(maps, self.solved.is_half) / self.by_rows[:, None, None] * self.unit
@@ -140,6 +155,7 @@ class Point:
     tangent: Array  # (m + 1,) of unit length
     maps: EventMaps
     flows: dict[bytes, Flow]
+    bend: Array | float = 0.0  # (m + 1,) half the change of the tangent along the curve, where it is known
 
     @property
     def value(self) -> float:
@@ -162,6 +178,13 @@ class Point:
         return intervals_between(self.maps.hybrid, self.curve.sequence, *self.orbit, self.flows)
 
     @property
+    def longest(self) -> float:
+        """Longest step from it along the curve: states may grow in proportion to their size."""
+        most = LONGEST * np.array([max(1.0, self.curve.sizes(self.x)[0]), 1.0, 1.0])
+        with np.errstate(divide="ignore"):
+            return float(np.min(most / self.curve.sizes(self.tangent)))
+
+    @property
     def cycle(self) -> float:
         """Phase (rad) of one period of the orbit."""
         return 2.0 * math.pi * self.curve.sequence.cycles
@@ -178,7 +201,7 @@ class Point:
     @property
     def unstable(self) -> int:
         """Number of multipliers outside the unit circle."""
-        return int(np.count_nonzero(np.abs(self.multipliers) > 1.0))
+        return int(np.count_nonzero(np.abs(self.multipliers) > 1.0 + NEUTRAL))
 
     @cached_property
     def pair_products(self) -> NDArray[Any]:
@@ -243,6 +266,15 @@ def evaluated(curve: Curve, x: Array, tangent: Array) -> Point:
     return Point(curve, x, tangent, maps, flows)
 
 
+def null_vectors(point: Point) -> Array:
+    """Two directions (2, m + 1) that change the equations least, the last one least, orthonormal with the weights."""
+    curve, root = point.curve, np.sqrt(point.curve.weight)
+    states, phases = curve.solved_states(point.x)
+    by_value = derivative_by(curve.parameter.hybrid_at, point.value, curve.solved, states, phases)
+    matrix = np.column_stack([curve.by_unknowns(point.maps), curve.in_units(by_value)]) / root
+    return np.asarray(np.linalg.svd(matrix)[2][-2:] / root)
+
+
 def corrected(curve: Curve, guess: Array, row: Array) -> tuple[Point | None, float]:
     """The point of the curve next to a guess, on the plane through it across a row (m + 1,), and the last change.
 
@@ -265,6 +297,9 @@ def _newton(curve: Curve, x: Array, row: Array) -> Iterator[tuple[Point | None, 
     guess, m, parameter, solved = x, x.size - 1, curve.parameter, curve.solved
     change, by_value, matrix = math.inf, np.zeros((0, 0)), np.empty((m + 1, m + 1))
     matrix[m] = row
+    # of states larger than their unit it is a share that rounding leaves
+    size = np.repeat([max(1.0, curve.sizes(x)[0]), 1.0], [curve.unit.size - 1, 1])
+    size = np.tile(size, curve.events)
     for _ in range(MOST_STEPS):
         flows, last = dict[bytes, Flow](), change
         states, phases = curve.solved_states(x)
@@ -275,7 +310,7 @@ def _newton(curve: Curve, x: Array, row: Array) -> Iterator[tuple[Point | None, 
         right = np.zeros((m + 1, 2))
         right[:m, 0], right[m] = curve.in_units(residual(maps, states)), (row @ (x - guess), 1.0)
         step, along = np.linalg.solve(matrix, right).T
-        change = max(float(np.abs(step[:-1]).max()), abs(float(step[-1])) / curve.width)
+        change = max(float(np.abs(step[:-1] / size).max()), abs(float(step[-1])) / curve.width)
         if change <= EXACT or (change <= ROUNDED and change >= 0.1 * last):
             tangent = along / math.sqrt(along @ (curve.weight * along))
             yield Point(curve, x, tangent, maps, flows), change
@@ -310,6 +345,22 @@ def at_value(curve: Curve, near: Array, value: float) -> Point | None:
     return corrected(curve, guess, row)[0]
 
 
+def between(curve: Curve, here: Array, there: Array, value: float) -> Point:
+    """The point at a value of the parameter between the unknowns of two others, on planes across the line of both.
+
+    Raises `LostError` where it is not found.
+    """
+    line = there - here
+    direction = line / math.sqrt(line @ (curve.weight * line))
+    left, right = (evaluated(curve, x, direction) for x in (here, there))
+    found = locate(left, right, lambda point: point.value - value)
+    # beside a fold the equations at the value are nearly singular
+    exact = at_value(curve, found.x, value)
+    if exact is None or np.abs(exact.x - found.x).max() > 1e-3 * SAME:
+        return replace(found, x=np.append(found.x[:-1], value))
+    return exact if found.tangent @ exact.row > 0.0 else replace(exact, tangent=-exact.tangent)
+
+
 def locate(left: Point, right: Point, function: Callable[[Point], float], tolerance: float = EXACT) -> Point:
     """The point between two others at which a function of the points vanishes, that has two signs at them."""
     length = float(left.row @ (right.x - left.x))
@@ -329,7 +380,7 @@ def locate(left: Point, right: Point, function: Callable[[Point], float], tolera
 
 
 def interpolated(
-    left: Point, right: Point, function: Callable[[Point], float], nearer: tuple[float, ...] = (AROUND,)
+    left: Point, right: Point, function: Callable[[Point], float], nearer: tuple[float, ...] = (AROUND, 0.3 * AROUND)
 ) -> Point:
     """The point between two others at which a function vanishes, and the equations are singular: from points around it.
 

@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from femimpact.arrays import Array
-from femimpact.orbits.curve import LostError, Point, at_value, interpolated, locate, point_along
+from femimpact.errors import DivergenceError
+from femimpact.orbits.curve import LONGEST, SAME, LostError, Point, between, interpolated, locate, point_along
 from femimpact.orbits.limits import (
-    LONGEST,
     NEAR_END,
     at_no_speed,
     first_limit,
@@ -19,6 +19,7 @@ from femimpact.orbits.limits import (
     near_no_contact,
     repeating_point,
 )
+from femimpact.orbits.orbit import NEUTRAL
 from femimpact.orbits.own_runs import Followed, verify
 from femimpact.system.system import System
 
@@ -38,7 +39,11 @@ RESOLVED = 1e-5
 """Step below which a curve is not followed more closely for its multipliers."""
 
 AT_ONCE = 64
-"""Points that are verified in one call."""
+"""Points that are verified in one call.
+
+More save little: a branch of 370 points 0.015 s at 512. A point that is followed in vain, beyond where its orbits are
+no motions, costs 3 to 6 ms.
+"""
 
 CLOSED = "closed on itself"
 """Why a closed curve ends."""
@@ -50,7 +55,7 @@ CHANGES = {"fold": 1, "period-doubling": 1, "symmetry-breaking": 1, "branch-poin
 def follow(system: System, start: Point, low: float, high: float, most: int) -> Followed:
     """Points along the tangent of a start as far as values (low, high), or so many points, and its own event."""
     way = Followed([start], {}, [], [], "")
-    left, step = start, LONGEST
+    left, step = start, start.longest
     end = _outside(start, low, high)
     while not end:
         try:
@@ -68,12 +73,16 @@ def follow(system: System, start: Point, low: float, high: float, most: int) -> 
                 left = start if closed else after
                 way.points.append(left)
             end = CLOSED if closed else end
-        if not end and len(way.points) >= most:
+        if len(way.points) > most or (len(way.points) == most and not end):
             end = f"number of points: {most}"
+            del way.points[most:]
+            way.kinds.pop(most, None)
         if len(way.points) - len(way.peak) >= AT_ONCE:
             end = verify(system, way) or end
     if len(way.peak) < len(way.points):
         end = verify(system, way) or end
+    if not way.points:
+        raise DivergenceError(end.removeprefix("no convergence: "))
     return replace(way, end=end)
 
 
@@ -102,9 +111,15 @@ def _advance(
     """The next point, the events before it, the step after it, and the reason if the curve ends there."""
     while True:
         try:
-            right, end = point_along(left, step), ""
+            right, end = point_along(left, step, left.bend), ""
+            if low <= right.value <= high and left.tangent[-1] * right.tangent[-1] < 0.0:
+                fold = locate(left, right, lambda point: point.tests["fold"])
+                # it may turn round beyond the range
+                right = right if low <= fold.value <= high else fold
             if not low <= right.value <= high:
-                right, end = _at_edge(left, right, low if right.value < low else high)
+                edge = low if right.value < low else high
+                right = between(left.curve, left.x, right.x, edge)
+                end = _edge(right, edge)
             if not left.row @ right.tangent > TURN:
                 raise LostError("the curve turns too sharply")
             limit = first_limit(left, right)
@@ -124,6 +139,9 @@ def _advance(
             if (change > explained or (change - explained) % 2) and step > RESOLVED:
                 step *= 0.5
                 continue
+            if change == explained + 2 and _outside_circle(left) * _outside_circle(right) < 0.0:
+                # together with a real pair of product 1
+                located.append(("neimark-sacker", locate(left, right, _outside_circle)))
         except LostError:
             step *= 0.5
             if step < NEAR_END and (point := near_no_contact(left)) is not None:
@@ -133,25 +151,19 @@ def _advance(
             if step < SHORTEST:
                 raise
             continue
+        if not end:
+            right = replace(right, bend=(right.tangent - left.tangent) / (2.0 * float(left.row @ (right.x - left.x))))
         grown = min(1.5, 0.8 * MOST_MOVED / max(moved, 1e-9)) if moved else 1.5
-        return right, located, min(LONGEST, step * max(grown, 0.5)), end
-
-
-def _at_edge(left: Point, right: Point, value: float) -> tuple[Point, str]:
-    """The point between two others that has a value."""
-    share = (value - left.value) / (right.value - left.value)
-    found = at_value(left.curve, left.x + share * (right.x - left.x), value)
-    if found is None:
-        raise LostError(f"no orbit found at {value:g}")
-    aligned = found if left.row @ found.tangent > 0.0 else replace(found, tangent=-found.tangent)
-    return aligned, _edge(found, value)
+        return right, located, min(right.longest, step * max(grown, 0.5)), end
 
 
 def _located(left: Point, right: Point) -> list[tuple[str, Point]]:
     """Bifurcations between two points, in their order."""
     found = []
     for kind, before in left.tests.items():
-        if not before * right.tests[kind] < 0.0:
+        after = right.tests[kind]
+        # multipliers of a motion without damping are on the unit circle, to rounding
+        if not (before * after < 0.0 and abs(after - before) > NEUTRAL):
             continue
 
         def function(point: Point, kind: str = kind) -> float:
@@ -172,6 +184,12 @@ def _is_complex(point: Point) -> bool:
     return bool(abs(point.multipliers[i[k]].imag) > 1e-6 and abs(point.multipliers[j[k]].imag) > 1e-6)
 
 
+def _outside_circle(point: Point) -> float:
+    """By how much the complex multipliers nearest to the unit circle are outside it; 0 if there are none."""
+    far = np.abs(point.multipliers[np.abs(point.multipliers.imag) > 1e-6]) - 1.0
+    return float(far[np.argmin(np.abs(far))]) if far.size else 0.0
+
+
 def _from_start(start: Point, point: Point) -> Array:
     """Unknowns of a point less those of a start, with phases that may have turned by whole cycles."""
     states, phases = point.orbit
@@ -187,4 +205,11 @@ def _passes(start: Point, left: Point, right: Point) -> bool:
         return False
     # where the line between both passes the start
     crossing = before - along[0] / (along[1] - along[0]) * (after - before)
-    return bool(crossing @ (start.curve.weight * crossing) < (0.2 * LONGEST) ** 2)
+    if crossing @ (start.curve.weight * crossing) > (0.2 * start.longest) ** 2:
+        return False
+    try:
+        there = locate(left, right, lambda point: float(start.row @ _from_start(start, point)))
+    except LostError:
+        return False
+    # another sheet may be near
+    return bool(np.abs(_from_start(start, there)).max() < SAME * start.longest / LONGEST)

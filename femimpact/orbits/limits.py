@@ -9,12 +9,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from femimpact.orbits.crests import depth_beyond
-from femimpact.orbits.curve import AROUND, LostError, Point, at_value, evaluated, interpolated, locate, near_points
+from femimpact.orbits.curve import (
+    AROUND,
+    LONGEST,
+    LostError,
+    Point,
+    at_value,
+    evaluated,
+    interpolated,
+    locate,
+    near_points,
+)
 from femimpact.orbits.equations import IMPACT, PRESS_AGAIN, RELEASE, SEPARATE, TOUCH
 from femimpact.orbits.newton import EXACT
-
-LONGEST = 0.02
-"""Longest step along a curve, of which the unit is the range of the parameter, and the unit of the states."""
 
 NEAR_END = 1e-4
 """Distance to the end of a curve at which its multipliers are followed no further: at no speed they are infinite."""

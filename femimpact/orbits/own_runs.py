@@ -17,8 +17,9 @@ from femimpact.integrators.event_driven.loop_data import CONTACT, DONE, SEPARATI
 from femimpact.integrators.event_driven.store import FormStore, Outputs, outputs_of
 from femimpact.orbits.crests import crests, top
 from femimpact.orbits.curve import LostError, Point, locate, near_points
-from femimpact.orbits.equations import PRESS_AGAIN, RELEASE, SECTION, SEPARATE, TOUCH
+from femimpact.orbits.equations import PRESS_AGAIN, RELEASE, SECTION, SEPARATE, TOUCH, state_unit
 from femimpact.orbits.limits import where
+from femimpact.orbits.search import length_of
 from femimpact.orbits.verification import OwnRun, check_events, check_missed, first_other
 from femimpact.response.impacts import CYCLE_COLUMNS, EventLog, event_log
 from femimpact.response.signals import CycleStatistics, steady_motion
@@ -41,7 +42,7 @@ MORE_EVENTS = 64
 class OwnRuns:
     """What the runs of n orbits leave."""
 
-    each: tuple[OwnRun, ...]  # in the units of the curve
+    each: tuple[OwnRun, ...]  # in the units of the curve, or of a larger motion
     peak: Array  # (n,) m: largest displacement of the default place
     first_harmonic: Array  # (n,) m: its component at the frequency of the excitation
 
@@ -81,7 +82,11 @@ def own_runs(system: System, points: Sequence[Point]) -> OwnRuns:
     block.grid = block.grid._replace(cycles=no_cycles(count, cycles), values=np.zeros((count, samples, 1 + 2 * d)))
     begin, end = np.zeros(count, dtype=np.int64), np.full(count, samples)
     run_block(block, begin, end, np.full(count, 10.0 * kept + samples))
-    unit, names = curve.unit[:-1], tuple(pair.name for pair in system.contacts)
+    lengths = [length_of(point.maps.hybrid, point.orbit[0]) for point in points]
+    own_units = np.array([state_unit(each, hybrid.omega, d) for each, hybrid in zip(lengths, hybrids, strict=True)])
+    # a motion may vanish on its curve
+    unit = np.maximum(own_units, curve.unit[:-1])
+    names = tuple(pair.name for pair in system.contacts)
     missed = np.max(np.abs(block.grid.values[:, -1, 1:] - state) / unit, axis=1)
     logs = tuple(
         event_log(rows, int(found), names) for rows, found in zip(block.tables.events, block.tables.logged, strict=True)

@@ -13,7 +13,7 @@ from femimpact.errors import DivergenceError, InputError, checked, instance, req
 from femimpact.integrators.event_driven.loop_data import CONTACT, FREE, SEPARATING
 from femimpact.orbits.branch import Bifurcation, known
 from femimpact.orbits.crests import crests, depth_beyond, top
-from femimpact.orbits.curve import SAME, Curve, Point, corrected, curve_of, evaluated
+from femimpact.orbits.curve import SAME, Curve, Point, corrected, curve_of, evaluated, null_vectors
 from femimpact.orbits.equations import (
     IMPACT,
     PRESS_AGAIN,
@@ -21,7 +21,6 @@ from femimpact.orbits.equations import (
     SECTION,
     SEPARATE,
     TOUCH,
-    derivative_by,
     known_flow,
 )
 from femimpact.orbits.flow import HybridSystem
@@ -103,18 +102,9 @@ def _whole(point: Point, times: int) -> Point:
 # ---- branches that cross ----------------------------------------------------------------------------
 
 
-def _null_vectors(point: Point) -> Array:
-    """Two directions (2, m + 1) that change the equations least, the last one least, orthonormal with the weights."""
-    curve, root = point.curve, np.sqrt(point.curve.weight)
-    states, phases = curve.solved_states(point.x)
-    by_value = derivative_by(curve.parameter.hybrid_at, point.value, curve.solved, states, phases)
-    matrix = np.column_stack([curve.by_unknowns(point.maps), curve.in_units(by_value)]) / root
-    return np.asarray(np.linalg.svd(matrix)[2][-2:] / root)
-
-
 def _crossed(point: Point, kind: str) -> Iterator[tuple[PeriodicOrbit, ...]]:
     """The orbits to both sides of a branch, of a doubling to one of them, for each of the steps that are tried."""
-    vectors, both = _null_vectors(point), kind != "period-doubling"
+    vectors, both = null_vectors(point), kind != "period-doubling"
     # where a symmetry is lost, one period after the other among them, the parameter is at a turn
     along = vectors @ point.row if kind == "branch-point" else vectors[:, -1]
     across = (along[0] * vectors[1] - along[1] * vectors[0]) / math.hypot(*along)
@@ -164,7 +154,7 @@ def _grazed(point: Point) -> Iterator[tuple[PeriodicOrbit, ...]]:
             row[:-1].reshape(curve.events, -1)[k[[0, -1]], -1] = -1.0, 1.0
             found = [_verified(curve, x, row)]
         else:
-            along = _null_vectors(evaluated(curve, x, np.zeros(x.size)))[-1]
+            along = null_vectors(evaluated(curve, x, np.zeros(x.size)))[-1]
             found = [_beside(curve, x, way * step * along) for way in (1.0, -1.0)]
         yield tuple(orbit for orbit in found if orbit is not None)
 
