@@ -56,6 +56,9 @@ if TYPE_CHECKING:
     import xarray
 
 
+FAR_SMALLER = 0.1
+"""Share of the unit of a branch below which that of one of its orbits asks for more digits."""
+
 T = TypeVar("T")
 
 
@@ -403,7 +406,11 @@ def _orbit(curve: Curve, x: Array, is_bifurcation: bool = False) -> PeriodicOrbi
     point = evaluated(curve, x, np.zeros_like(x))
     (states, phases), hybrid, flows = point.orbit, point.maps.hybrid, point.flows
     maps = event_maps(hybrid, curve.sequence, states, phases, flows)
-    found = Solution(curve.sequence, states, phases, maps, length_of(hybrid, states), flows)
+    found, length = Solution(curve.sequence, states, phases, maps, length_of(hybrid, states), flows), curve.unit[0]
+    if found.length < FAR_SMALLER * length and not is_bifurcation:
+        # it has the digits of a larger unit
+        nearer = solve(hybrid, curve.sequence, states, phases, found.length, flows)
+        found = nearer if nearer.converged else found
     run, impacts = own_run(system, excitation, found)
     error = None if is_bifurcation else refusal(point, run)
     if error is not None:
