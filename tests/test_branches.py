@@ -536,14 +536,14 @@ def test_an_orbit_is_needed():
         fi.continue_orbit(orbit, "frequency", (0.1, 0.2), points=1)
 
 
-def test_orbits_at_a_far_smaller_gap_than_that_of_the_start_are_confirmed():
+@pytest.mark.parametrize("high", [0.225, 0.3, 0.45])
+def test_orbits_at_a_far_smaller_gap_than_that_of_the_start_are_confirmed(high):
     """Their unit is the smaller gap, the branch has the digits of the larger one."""
-    wall = fi.Stop("wall", "tip", (0.1, math.inf), fi.Rigid(0.6))
-    system = fi.System.from_matrices([[1.0]], [[0.1]], [[1.0]], points={"tip": [1.0]}, stops=[wall])
-    push = fi.PointForce("tip", fi.Sine(1.2, 2.7 / (2 * math.pi)))
-    (speed, phase, _), *_ = stop_orbits(0.05, 0.6, 2.7, 0.1, 1.2)
-    start = fi.State([0.1], [-0.6 * speed], time=(phase % (2 * math.pi)) / 2.7)
-    branch = fi.continue_orbit(fi.find_orbit(system, push, guess=start), "stop.wall.gap", (1e-5, 0.3))
-    assert branch.values[0] == 1e-5
-    for orbit in branch.orbits:
-        assert orbit.residual <= 1e-10 * max(1.0, abs(orbit.multipliers[0]))
+    wall = fi.Stop("wall", "tip", (0.15, math.inf), fi.Rigid(0.8))
+    system = fi.System.from_matrices([[1.0]], [[0.04]], [[1.0]], points={"tip": [1.0]}, stops=[wall])
+    push = fi.PointForce("tip", fi.Sine(1.2, 1.0 / math.pi))
+    for speed, phase, _ in stop_orbits(0.02, 0.8, 2.0, 0.15, 1.2):
+        start = fi.State([0.15], [-0.8 * speed], time=(phase % (2 * math.pi)) / 2.0)
+        orbits = fi.continue_orbit(fi.find_orbit(system, push, guess=start), "stop.wall.gap", (1.5e-5, high)).orbits
+        for orbit in orbits:
+            assert orbit.residual <= 1e-10 * max(1.0, abs(orbit.multipliers[0]))
