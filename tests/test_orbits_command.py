@@ -106,6 +106,36 @@ def test_a_switched_branch_is_that_of_the_functions(out, branch):
     assert_rows(rows_of(out, int(first["leads_to"][row])), fi.continue_orbit(one, "frequency", (4.9, 5.6)))
 
 
+def beginning_at(folder, frequency, **orbits):
+    """Results of a study that settles on an orbit of a branch that ends on another one."""
+    changes = (("figures = true", "figures = false\nreport = false"), ("frequency = 5.3 ", f"frequency = {frequency} "))
+    (folder / "study.toml").write_text(without_sweep(study_text(changes, most_branches=2, **orbits)), encoding="utf-8")
+    femimpact("orbits", "study.toml", "-o", "out", cwd=folder)
+    return fi.load(folder / "out").summary["orbits"]["branches"]
+
+
+def test_from_an_asymmetric_orbit_the_symmetric_branch_is_followed(tmp_path, branch):
+    beginning_at(tmp_path, 5.16, range="[5.155, 5.18]")
+    breaking = next(each.value for each in branch.bifurcations if each.kind == "symmetry-breaking" and each.value > 5.1)
+    for number, other in ((1, 2), (2, 1)):
+        rows = rows_of(tmp_path / "out", number)
+        (row,) = np.flatnonzero(rows["kind"] == "symmetry-breaking")
+        # located to a relative 1e-10, from either branch
+        assert rows["base.frequency"][row] == pytest.approx(breaking, rel=1e-9)
+        assert float(rows["leads_to"][row]) == other
+
+
+def test_from_a_doubled_orbit_the_branch_of_half_its_period_is_followed(tmp_path):
+    keys = {"range": "[5.119, 5.142]", "guess_duration": "200.0", "cycles": "2", "switch": '["period-doubling"]'}
+    doubled, single = beginning_at(tmp_path, 5.122, **keys)
+    assert (doubled["cycles"], single["cycles"]) == (2, 1)
+    assert any(end.startswith("joins the branch of half its period") for end in doubled["ends"])
+    rows = [rows_of(tmp_path / "out", number) for number in (1, 2)]
+    (row,) = np.flatnonzero(rows[0]["leads_to"] == 2)
+    back = rows[1]["leads_to"] == 1
+    np.testing.assert_allclose(rows[1]["base.frequency"][back], rows[0]["base.frequency"][[row]], rtol=1e-9)
+
+
 def test_mirror_images_are_one_branch(out):
     """Each pair begins and ends on the symmetric branch, or at an impact more, and is followed once."""
     table = read_csv(out / "bifurcations.csv")

@@ -20,6 +20,7 @@ from femimpact.export.figures.branches import kind_words
 from femimpact.integrators.cases import check_memory
 from femimpact.integrators.runs import integrate
 from femimpact.orbits import Branch, PeriodicOrbit, continue_orbit, find_orbit, switch_branch
+from femimpact.orbits.branch import known
 from femimpact.orbits.parameter import Parameter, parameter_of
 from femimpact.orbits.search import TRY, one_sine
 from femimpact.response.response import Recorder
@@ -219,14 +220,30 @@ def _switched(
         unit = f" {branch.unit}" if branch.unit != "1" else ""
         origin = f"{kind_words(bifurcation.kind)} of branch {number} at {bifurcation.value:.6g}{unit}"
         try:
-            for orbit in switch_branch(bifurcation):
+            for orbit in (*_joined(branch, i), *switch_branch(bifurcation)):
                 yield orbit, origin, (number, i)
         except FemimpactError as error:
             notes.append(f"not followed from {origin}: {_words(error)}")
 
 
+def _joined(branch: Branch, i: int) -> Iterator[PeriodicOrbit]:
+    """The orbit of the branch on which one ends at its bifurcation: a symmetric orbit, or one of half the period."""
+    at, bifurcation = int(branch.bifurcation_points[i]), branch.bifurcations[i]
+    if at in (0, len(branch) - 1) and branch.end[0 if at == 0 else 1].startswith("joins "):
+        orbit = bifurcation.orbit
+        half = bifurcation.kind == "period-doubling"
+        yield find_orbit(orbit.system, orbit.excitation, orbit.cycles // 2, guess=orbit.state) if half else orbit
+
+
 def _lies_on(orbit: PeriodicOrbit, branch: Branch) -> bool:
-    """Whether an orbit, its mirror image or the same some cycles later is one of a branch."""
+    """Whether an orbit, its mirror image or the same some cycles later is one of a branch.
+
+    A symmetric orbit is none of a branch without the symmetry, nor one of fewer cycles of a branch of more: these end
+    there.
+    """
+    curve = known(branch.curve, "branch")
+    if orbit.is_symmetric > curve.is_symmetric or orbit.cycles < curve.sequence.cycles:
+        return False
     value = parameter_of(orbit.system, one_sine(orbit.excitation), branch.parameter).value
     return any(_is_same(orbit, other) for other in branch.at(value))
 
