@@ -17,6 +17,7 @@ from command import femimpact
 
 import femimpact as fi
 from femimpact.export.tables import read_csv, read_units
+from femimpact.study.branch_file import read_followed
 from femimpact.study.demo import paper_study_text
 from femimpact.study.study import build
 from femimpact.study.study_file import read_study
@@ -207,6 +208,60 @@ def test_a_damaged_file_is_one_line(out, tmp_path, damage):
     damage(tmp_path / "branches.nc")
     with pytest.raises(fi.InputError, match="is damaged and cannot be read") as caught:
         fi.load_branch(tmp_path / "branches.nc", number=2)
+    assert "\n" not in str(caught.value)
+
+
+def edited(name, change):
+    def changed(data):
+        return data.assign({name: data[name].copy(data=change(data[name].to_numpy().copy()))})
+
+    return changed
+
+
+def with_units(name, unit):
+    def changed(data):
+        data[name].attrs["units"] = unit
+        return data
+
+    return changed
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (with_units("peak", "mm"), "units of peak = 'mm': must be m"),
+        (with_units("first_harmonic", ""), "units of first_harmonic = 'none': must be m"),
+        (with_units("value", "kHz"), "units of value = 'kHz': must be Hz"),
+        (edited("peak", lambda peak: -peak), "peak = array"),
+        (edited("first_harmonic", lambda peak: np.nan * peak), "must be finite numbers >= 0"),
+        (edited("is_stable", lambda stable: ~stable), "is_stable = array"),
+        (edited("number", lambda number: np.where(number == 2, 1, number)), "number = [1"),
+        (lambda data: data.isel(multiplier=slice(None, None, -1)), "the largest first"),
+        (lambda data: data.isel(multiplier=slice(0)), "must be one or more of each orbit"),
+        (lambda data: data.isel(branch=slice(1)), "must be 1 to 1, for as many branches have ends"),
+        (edited("multipliers_real", lambda real: np.nan * real), "the largest first"),
+    ],
+)
+def test_an_edited_file_is_one_line(out, tmp_path, change, words):
+    import xarray
+
+    change(xarray.load_dataset(out / "branches.nc")).to_netcdf(tmp_path / "branches.nc")
+    with pytest.raises(fi.InputError, match="is damaged and cannot be read: ") as caught:
+        fi.load_branch(tmp_path / "branches.nc")
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("change", [
+    lambda data: data.drop_attrs(deep=False), lambda data: data.drop_vars("origin"),
+    lambda data: data.drop_vars("swept_peak"), lambda data: data.assign_attrs(modes="four"),
+])  # fmt: skip
+def test_results_that_lack_a_part_are_one_line(out, tmp_path, change):
+    import xarray
+
+    change(xarray.load_dataset(out / "branches.nc")).to_netcdf(tmp_path / "branches.nc")
+    with pytest.raises(fi.InputError, match="cannot be read") as caught:
+        read_followed(tmp_path, {})
     assert "\n" not in str(caught.value)
 
 
