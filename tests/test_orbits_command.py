@@ -392,7 +392,13 @@ def test_the_amplitude_of_a_force_is_in_newtons():
         ({"parameter": '"impactor.bal.gap"'}, "orbits.parameter = 'impactor.bal.gap': unknown; did you mean"),
         ({"parameter": '"beam.thickness"'}, "orbits.parameter = 'beam.thickness': changes the modes"),
         ({"guess_duration": "-1"}, "orbits.guess_duration = -1 s: must be a finite number > 0 s"),
-        ({"guess_duration": "1e12"}, "output.memory_limit"),
+        ({"guess_duration": "1e12"}, "orbits.guess_duration = 1000000000000.0 s: must be shorter: the run keeps"),
+        ({"guess_duration": "1e-6"}, "orbits.guess_duration = 1e-06 s: must be >= one reading of the run"),
+        (
+            {"parameter": '"damping.factor"', "range": "[0.2, 0.9]"},
+            "orbits.range = (0.2, 0.9): must have the study's damping.factor = 1 in it",
+        ),
+        ({"switch": '["grazing", "grazing"]'}, "orbits.switch = ('grazing', 'grazing'): must have each kind once"),
         ({"guess_duration": None}, "orbits.guess_duration: is missing"),
         ({"most_branches": "0"}, "orbits.most_branches = 0: must be a whole number >= 1"),
         ({"points": "1"}, "orbits.points = 1: must be a whole number >= 2"),
@@ -444,6 +450,20 @@ def test_a_study_without_the_table_is_one_line(tmp_path):
     (tmp_path / "study.toml").write_text(text, encoding="utf-8")
     refused = femimpact("orbits", "study.toml", cwd=tmp_path, check=False)
     assert (refused.returncode, refused.stderr) == (2, "femimpact: orbits: table [orbits] is missing from the study\n")
+
+
+def test_a_ball_that_touches_nothing_is_one_line_with_a_key_of_the_study(tmp_path):
+    text = study_text((("amplitude = 0.2037e-3", "amplitude = 0.2037e-6"),))
+    (tmp_path / "study.toml").write_text(text, encoding="utf-8")
+    refused = femimpact("orbits", "study.toml", "-q", cwd=tmp_path, check=False)
+    words = "orbits.guess_duration = 'ball: no contact in a period': must touch a wall: else it may be anywhere"
+    assert (refused.returncode, refused.stderr) == (2, f"femimpact: {words}\n")
+
+
+def test_a_sweep_that_does_not_fit_is_one_line(tmp_path):
+    text = study_text((("[output]", "[output]\nmemory_limit = 3e7"), ("points = 15 ", "points = 20000 ")))
+    (tmp_path / "study.toml").write_text(text, encoding="utf-8")
+    assert_refused(tmp_path, "output.memory_limit = 30000000.0 bytes: must be >=")
 
 
 def test_a_motion_that_has_not_settled_is_one_line_with_what_to_try(tmp_path):

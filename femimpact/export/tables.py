@@ -136,6 +136,11 @@ def unit_words(value: float, unit: str) -> str:
     return "" if unit == "1" else unit
 
 
+def parameter_text(value: float, unit: str) -> str:
+    """A value of the parameter of branches with its unit, to 8 digits, at which bifurcations side by side differ."""
+    return f"{value:.8g} {unit_words(value, unit)}".rstrip()
+
+
 def value_text(value: Any, unit: str) -> str:
     """A value of an axis for the eye: a name, a number or a pair of gaps."""
     if isinstance(value, str):
