@@ -136,9 +136,13 @@ def unit_words(value: float, unit: str) -> str:
     return "" if unit == "1" else unit
 
 
+PARAMETER_DIGITS = 8
+"""Significant digits of a value of the parameter of branches: bifurcations side by side differ there."""
+
+
 def parameter_text(value: float, unit: str) -> str:
-    """A value of the parameter of branches with its unit, to 8 digits, at which bifurcations side by side differ."""
-    return f"{value:.8g} {unit_words(value, unit)}".rstrip()
+    """A value of the parameter of branches with its unit."""
+    return f"{value:.{PARAMETER_DIGITS}g} {unit_words(value, unit)}".rstrip()
 
 
 def value_text(value: Any, unit: str) -> str:

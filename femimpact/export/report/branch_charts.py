@@ -8,13 +8,19 @@ from typing import Any
 import numpy as np
 
 from femimpact.arrays import Array
-from femimpact.export.figures.branches import AXES, MARKS, SWEPT, kind_words, stretches
+from femimpact.export.figures.branches import AXES, SWEPT, kind_words, stretches
 from femimpact.export.figures.drawing import prefixed
 from femimpact.export.report.charts import largest_of
 from femimpact.export.report.page import Section, Table, table_element, table_of
-from femimpact.export.tables import in_shown_units, unit_text
+from femimpact.export.tables import PARAMETER_DIGITS, in_shown_units, parameter_text
 from femimpact.orbits import Branch
 from femimpact.svg import Chart, Line, axis_of, chart_element, element
+
+COLOURS = {
+    "fold": 2, "symmetry-breaking": 3, "period-doubling": 4, "neimark-sacker": 5, "branch-point": 1, "grazing": 6,
+    "sticking": 6,
+}  # fmt: skip
+"""Number of the colour of each kind of bifurcation in a chart, the same whichever kinds are there."""
 
 
 def branches_section(
@@ -29,8 +35,8 @@ def branches_section(
     """Largest displacements over the parameter, a row for each branch and one for each bifurcation."""
     rows = tuple(
         (
-            number, origin, cycle, unit_text(branch.values.min(), branch.unit),
-            unit_text(branch.values.max(), branch.unit), len(branch), int(np.count_nonzero(branch.is_stable)),
+            number, origin, cycle, parameter_text(branch.values.min(), branch.unit),
+            parameter_text(branch.values.max(), branch.unit), len(branch), int(np.count_nonzero(branch.is_stable)),
             *branch.end,
         )
         for number, (branch, origin, cycle) in enumerate(zip(branches, origins, cycles, strict=True), 1)
@@ -39,7 +45,9 @@ def branches_section(
     tables = [Table("The branches", header, rows, file)]
     if bifurcations is not None and len(bifurcations[0]["branch"]):
         columns, units, name = bifurcations
-        tables.append(table_of("Bifurcations", *in_shown_units(_whole_branches(columns), units), name))
+        shown = in_shown_units(_whole_branches(columns), units)
+        digits = {branches[0].parameter: PARAMETER_DIGITS}
+        tables.append(table_of("Bifurcations", *shown, name, digits=digits))
     chart = element("div.wide", chart_element(_chart(branches, swept)))
     return Section(
         "orbits", "Periodic orbits", (*(element("p", text) for text in words), chart, *map(table_element, tables))
@@ -64,15 +72,15 @@ def _chart(branches: Sequence[Branch], swept: tuple[Array, Array] | None) -> Cha
         words = "stable" if style == "line" else "unstable"
         lines.append(Line("" if words in named else words, x_factor * x, y_factor * y, 1, style))
         named.add(words)
-    kinds = [kind for kind in MARKS if any(each.kind == kind for branch in branches for each in branch.bifurcations)]
-    for colour, kind in enumerate(kinds, 2):
+    for kind, colour in COLOURS.items():
         points = np.array([
             (branch.values[number], branch.peak[number])
             for branch in branches
             for number, each in zip(branch.bifurcation_points.tolist(), branch.bifurcations, strict=True)
             if each.kind == kind
-        ])  # fmt: skip
-        lines.append(_dots(kind_words(kind), points[:, 0], points[:, 1], colour, x_factor, y_factor))
+        ]).reshape(-1, 2)  # fmt: skip
+        if len(points):
+            lines.append(_dots(kind_words(kind), points[:, 0], points[:, 1], colour, x_factor, y_factor))
     if swept is not None:
         lines.append(_dots(SWEPT, *swept, 0, x_factor, y_factor))
     name = AXES.get(first.parameter, first.parameter)
