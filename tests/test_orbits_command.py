@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,7 @@ from femimpact.export.report.branch_charts import branches_section
 from femimpact.export.tables import read_csv, read_units
 from femimpact.study.branch_file import read_followed
 from femimpact.study.demo import paper_study_text
-from femimpact.study.study import build
+from femimpact.study.study import OrbitsPlan, build
 from femimpact.study.study_file import read_study
 from femimpact.svg import markup
 
@@ -379,6 +380,11 @@ def test_a_killed_process_leaves_no_file_of_results(tmp_path):
 
 
 # ---- what would run, and what is refused ------------------------------------------------------------
+
+
+def test_a_new_study_names_every_key_of_the_table():
+    shown = paper_study_text().partition("# [orbits]")[2].partition("# [study]")[0]
+    assert set(re.findall(r"^# (\w+) = ", shown, re.MULTILINE)) == {key.name for key in fields(OrbitsPlan)}
 
 
 def test_check_says_what_would_run(tmp_path):
