@@ -362,7 +362,8 @@ def write_orbits(study: Study, directory: Path, force: bool, report: Report) -> 
         followed = FollowedBranches(tuple(done.branches), tuple(done.origins), tuple(done.cycles), modes, swept)
         keep_study(staging, study)
         tables.write_netcdf(staging.folder / FILES["branches"].name, dataset_of(followed))
-        for key, (columns, units) in (("branch_table", _points(done)), ("bifurcations", _bifurcations(done))):
+        points, units = _points(done)
+        for key, columns in (("branch_table", points), ("bifurcations", _bifurcations(done, points))):
             tables.write_csv(staging.folder / FILES[key].name, columns, units)
         more = _summary(found, followed, done)
         # so that the branches stay, should drawing end the run
@@ -382,14 +383,13 @@ def _points(done: _Following) -> tuple[dict[str, Any], dict[str, str]]:
     return columns, dict(frames[0].attrs["units"])
 
 
-def _bifurcations(done: _Following) -> tuple[dict[str, Any], dict[str, str]]:
-    """A row for each bifurcation, with the numbers of the branches to which it leads."""
-    columns, units = _points(done)
+def _bifurcations(done: _Following, columns: dict[str, Any]) -> dict[str, Any]:
+    """A row for each bifurcation, of those of the points, with the numbers of the branches to which it leads."""
     here = columns["bifurcation"] != ""
     rows = {name: values[here] for name, values in columns.items() if name not in ("is_stable", "bifurcation")}
     places = [(n, i) for n, branch in enumerate(done.branches, 1) for i in range(len(branch.bifurcations))]
     leads = [" ".join(map(str, sorted(_leads_to(done, *place)))) for place in places]
-    return {"branch": rows.pop("branch"), "kind": columns["bifurcation"][here], **rows, "leads_to": leads}, units
+    return {"branch": rows.pop("branch"), "kind": columns["bifurcation"][here], **rows, "leads_to": leads}
 
 
 def _leads_to(done: _Following, number: int, i: int) -> set[int]:

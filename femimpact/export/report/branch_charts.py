@@ -8,9 +8,7 @@ from typing import Any
 import numpy as np
 
 from femimpact.arrays import Array
-from femimpact.export.figures.branches import AXES, SWEPT, kind_words, stretches
-from femimpact.export.figures.drawing import prefixed
-from femimpact.export.report.charts import largest_of
+from femimpact.export.figures.branches import SWEPT, kind_words, parameter_words, prefix_of, stretches
 from femimpact.export.report.page import Section, Table, table_element, table_of
 from femimpact.export.tables import PARAMETER_DIGITS, in_shown_units, parameter_text
 from femimpact.orbits import Branch
@@ -63,9 +61,9 @@ def _whole_branches(columns: Mapping[str, Any]) -> dict[str, Any]:
 def _chart(branches: Sequence[Branch], swept: tuple[Array, Array] | None) -> Chart:
     """Stable orbits as lines, unstable ones dashed, bifurcations and runs as dots."""
     first = branches[0]
-    x_factor, x_unit = prefixed(largest_of(*(branch.values for branch in branches)), first.unit)
+    x_factor, x_unit = prefix_of([branch.values for branch in branches], first.unit)
     runs = [] if swept is None else [swept[1]]
-    y_factor, y_unit = prefixed(largest_of(*(branch.peak for branch in branches), *runs), "m")
+    y_factor, y_unit = prefix_of([*(branch.peak for branch in branches), *runs], "m")
     lines, named = list[Line](), set[str]()
     for style, x, y in sorted(_lines(branches), key=lambda line: line[0] != "line"):
         # one entry in the legend for all of them
@@ -83,8 +81,7 @@ def _chart(branches: Sequence[Branch], swept: tuple[Array, Array] | None) -> Cha
             lines.append(_dots(kind_words(kind), points[:, 0], points[:, 1], colour, x_factor, y_factor))
     if swept is not None:
         lines.append(_dots(SWEPT, *swept, 0, x_factor, y_factor))
-    name = AXES.get(first.parameter, first.parameter)
-    across = axis_of(name if x_unit == "1" else f"{name} ({x_unit})", *(line.x for line in lines), tight=True)
+    across = axis_of(parameter_words(first.parameter, x_unit), *(line.x for line in lines), tight=True)
     up = axis_of(f"largest displacement ({y_unit})", *(line.y for line in lines), zero=True)
     return Chart(f"Largest displacement of {first.place}, relative to the base", across, up, tuple(lines))
 
