@@ -42,7 +42,11 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
         Mutation(
             "status_of_interrupt", '_with_notes("interrupted", error), 130)', '_with_notes("interrupted", error), 1)'
         ),
-        Mutation("quiet_without_warnings", "if quiet:\n        _show_warnings(results)", "if quiet:\n        pass"),
+        Mutation(
+            "quiet_without_warnings",
+            "if quiet:\n        _show_warnings(results)\n    else:",
+            "if quiet:\n        pass\n    else:",
+        ),
         Mutation("init_over_a_file", 'require(force or not file.exists(), "file"', 'require(True, "file"'),
         Mutation("no_star", '"*" if curve.get("peak_is_one_start") else ""', '""'),
         Mutation(

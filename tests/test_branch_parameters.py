@@ -284,6 +284,11 @@ def test_symmetry_breaking_is_minus_one_of_the_half_map(number, low, high, clear
         assert [name for name in SCALE if found[name] != CASE[name]] == [number]
         asymmetric = fi.continue_orbit(orbit, "frequency", (0.155, 0.165))
         assert len(asymmetric) > 3
+        # the other branch has the scale of the one that it begins at, also a factor
+        path, scale = SCALE[number]
+        again = fi.continue_orbit(orbit, path, tuple(scale * limit for limit in (low, high)))
+        joined = [one for one in again.bifurcations if one.kind == "symmetry-breaking"]
+        assert min(abs(one.value / value - 1.0) for one in joined) < 1e-9
 
 
 # ---- ends and bad input -----------------------------------------------------------------------------

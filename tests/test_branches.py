@@ -534,3 +534,16 @@ def test_an_orbit_is_needed():
     (orbit, *_) = fi.two_impact_orbits(*box(*CASE.values()))
     with pytest.raises(fi.InputError, match="points = 1: must be a whole number >= 2"):
         fi.continue_orbit(orbit, "frequency", (0.1, 0.2), points=1)
+
+
+def test_orbits_at_a_far_smaller_gap_than_that_of_the_start_are_confirmed():
+    """Their unit is the smaller gap, the branch has the digits of the larger one."""
+    wall = fi.Stop("wall", "tip", (0.1, math.inf), fi.Rigid(0.6))
+    system = fi.System.from_matrices([[1.0]], [[0.1]], [[1.0]], points={"tip": [1.0]}, stops=[wall])
+    push = fi.PointForce("tip", fi.Sine(1.2, 2.7 / (2 * math.pi)))
+    (speed, phase, _), *_ = stop_orbits(0.05, 0.6, 2.7, 0.1, 1.2)
+    start = fi.State([0.1], [-0.6 * speed], time=(phase % (2 * math.pi)) / 2.7)
+    branch = fi.continue_orbit(fi.find_orbit(system, push, guess=start), "stop.wall.gap", (1e-5, 0.3))
+    assert branch.values[0] == 1e-5
+    for orbit in branch.orbits:
+        assert orbit.residual <= 1e-10 * max(1.0, abs(orbit.multipliers[0]))

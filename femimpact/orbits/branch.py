@@ -56,6 +56,9 @@ if TYPE_CHECKING:
     import xarray
 
 
+FAR_SMALLER = 0.1
+"""Share of the unit of a branch below which that of one of its orbits asks for more digits."""
+
 T = TypeVar("T")
 
 
@@ -119,7 +122,8 @@ class Branch:
     peak : ndarray (points,), m
         Largest displacement of the system's default place, relative to the base.
     first_harmonic : ndarray (points,), m
-        Its component at the frequency of the excitation.
+        Its component at the frequency of the excitation, a sum over 512 samples in the period of an orbit and at least
+        64 in a cycle: exact to some 1e-5 of the peak, 1e-4 with 64.
     end : tuple of str
         Why the branch ends, at its first point and at its last.
     bifurcations : tuple of Bifurcation
@@ -284,7 +288,8 @@ def continue_orbit(orbit: PeriodicOrbit, parameter: str, to: tuple[float, float]
         "impactor.NAME.gap" (m, both walls); "impactor.NAME.contact.restitution"; of a `KelvinVoigt` contact also
         "impactor.NAME.contact.stiffness" (N/m), "impactor.NAME.contact.damping" (N s/m) and the numbers that its law
         was given with; the same of "stop.NAME". "impactor.NAME.mass" (kg). "damping.factor", by which the damping of
-        the structure and the dashpots that hold balls are multiplied, 1 of the orbit.
+        the structure and the dashpots that hold balls are multiplied: 1 of the orbit, or what it is on the branch over
+        this factor from which the orbit comes.
         What a law was given with beside its number that varies is held, also where the mass of the ball varies; where
         it was not given with the stiffness or the damping named, the other of both is held.
     to : pair of float
@@ -401,7 +406,11 @@ def _orbit(curve: Curve, x: Array, is_bifurcation: bool = False) -> PeriodicOrbi
     point = evaluated(curve, x, np.zeros_like(x))
     (states, phases), hybrid, flows = point.orbit, point.maps.hybrid, point.flows
     maps = event_maps(hybrid, curve.sequence, states, phases, flows)
-    found = Solution(curve.sequence, states, phases, maps, length_of(hybrid, states), flows)
+    found, length = Solution(curve.sequence, states, phases, maps, length_of(hybrid, states), flows), curve.unit[0]
+    if found.length < FAR_SMALLER * length and not is_bifurcation:
+        # it has the digits of a larger unit
+        nearer = solve(hybrid, curve.sequence, states, phases, found.length, flows)
+        found = nearer if nearer.converged else found
     run, impacts = own_run(system, excitation, found)
     error = None if is_bifurcation else refusal(point, run)
     if error is not None:

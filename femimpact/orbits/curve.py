@@ -205,9 +205,12 @@ class Point:
 
     @cached_property
     def pair_products(self) -> NDArray[Any]:
-        """1 - mu_i mu_j of each two multipliers."""
+        """1 - mu_i mu_j of each two multipliers, over 1 + |mu_i mu_j|, so that no product of them overflows."""
         i, j = np.triu_indices(self.multipliers.size, 1)
-        return np.asarray(1.0 - self.multipliers[i] * self.multipliers[j])
+        both = self.multipliers[i] * self.multipliers[j]
+        with np.errstate(invalid="ignore"):
+            # of an impact without speed they are no numbers
+            return np.asarray((1.0 - both) / (1.0 + np.abs(both)))
 
     @cached_property
     def tests(self) -> dict[str, float]:

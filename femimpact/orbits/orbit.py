@@ -127,8 +127,8 @@ class PeriodicOrbit:
         """Peak, rms, first harmonic and its phase of any channel over one period.
 
         The peak is the largest |w(t)| of the motion itself, to 1e-9. The others are sums over 1,024 samples in a cycle
-        of the excitation: where impacts bend w(t) they are exact to some 1e-6 of the peak, those of a `Branch` and of a
-        sweep, with 64 samples, to some 1e-4.
+        of the excitation: where impacts bend w(t) they are exact to some 1e-6 of the peak, those of a sweep, with 64
+        samples, to some 1e-4.
 
         Parameters
         ----------

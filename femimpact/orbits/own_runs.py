@@ -34,6 +34,9 @@ BEFORE_CREST = 1e-4
 SLOW = 1e-3
 """Speed of an impact, in lengths and rad, below which no run confirms it: rounding decides whether it is met."""
 
+SAMPLES = 512
+"""Instants of a period over which the first harmonic is summed; of many cycles those of `EventDriven` in each."""
+
 MORE_EVENTS = 64
 """Events of a run beyond those of its orbit that are kept: of an orbit that is no motion some are met."""
 
@@ -49,7 +52,8 @@ class OwnRuns:
 
 def own_runs(system: System, points: Sequence[Point]) -> OwnRuns:
     """Runs over one period of the orbits of some points of a curve, each from between two events."""
-    curve, count, method = points[0].curve, len(points), EventDriven()
+    curve, count = points[0].curve, len(points)
+    method = EventDriven(samples_per_cycle=max(SAMPLES // curve.sequence.cycles, EventDriven().samples_per_cycle))
     starts, phase, first = zip(*(point.intervals.start() for point in points), strict=True)
     hybrids, state = [point.maps.hybrid for point in points], np.array(starts)
     # where the parameter is in the matrices, each has closed forms of its own

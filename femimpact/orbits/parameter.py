@@ -105,10 +105,12 @@ def _parameters(system: System, excitation: Sine | PointForce, hybrid: HybridSys
     yield from _of_excitation(system, excitation, hybrid)
     for j, pair in enumerate(system.contacts):
         yield from _of_pair(system, excitation, hybrid, j, pair)
-    if np.any(hybrid.damping):
+    given, factor = system.derived.get(FACTOR, (system, 1.0))
+    undivided = hybrid if given is system else hybrid_system(given, excitation)
+    if np.any(undivided.damping):
         yield Parameter(
-            FACTOR, "1", 1.0, quantity("1", at_least=0.0), hybrid, partial(_at_factor, hybrid),
-            partial(_with_factor, system, excitation), of_matrices=True,
+            FACTOR, "1", factor, quantity("1", at_least=0.0), hybrid, partial(_at_factor, undivided),
+            partial(_with_factor, given, excitation), of_matrices=True,
         )  # fmt: skip
 
 
@@ -293,4 +295,7 @@ def _with_factor(system: System, excitation: Any, value: float) -> tuple[System,
     ]
     rayleigh = None if system.rayleigh is None else (value * system.rayleigh[0], value * system.rayleigh[1])
     scaled: dict[str, Any] = {"C": value * system.C, "rayleigh": rayleigh, "reactions": reactions}
-    return with_checked_fields(system, **scaled, contacts=tuple(contacts)), excitation
+    varied = with_checked_fields(system, **scaled, contacts=tuple(contacts))
+    # another branch that begins with it has the same scale
+    varied.derived[FACTOR] = system, value
+    return varied, excitation
