@@ -693,15 +693,15 @@ def _print_results(study: Study, results: StudyResults) -> None:
 
 def _print_branches(where: Console, results: StudyResults) -> None:
     """Print a line for each branch with its ends, and the table of the bifurcations."""
-    from femimpact.export.tables import in_shown_units, read_units
+    from femimpact.export.tables import PARAMETER_DIGITS, in_shown_units, parameter_text, read_units
     from femimpact.study.result_directory import FILES
 
     found = results.summary["orbits"]
-    unit = f" {found['unit']}" if found["unit"] != "1" else ""
     for number, branch in enumerate(found["branches"], 1):
+        low, high = (parameter_text(branch[edge], unit) for edge, unit in (("lowest", "1"), ("highest", found["unit"])))
         where.print(
-            f"branch {number}, from {branch['origin']}: {branch['lowest']:.6g} to {branch['highest']:.6g}{unit}, "
-            f"{branch['points']} points, {branch['stable_points']} of them stable"
+            f"branch {number}, from {branch['origin']}: {low} to {high}, {branch['points']} points, "
+            f"{branch['stable_points']} of them stable"
         )
         for side, end in zip(("first", "last"), branch["ends"], strict=True):
             where.print(f"  {side} end: {end}")
@@ -709,6 +709,7 @@ def _print_branches(where: Console, results: StudyResults) -> None:
     if rows is not None and len(rows["kind"]):
         units = read_units(results.directory / FILES["bifurcations"].name)
         rows, shown = in_shown_units(rows, units)
+        rows[found["parameter"]] = [f"{value:.{PARAMETER_DIGITS}g}" for value in rows[found["parameter"]]]
         header = [name + (f" ({shown[name]})" if shown.get(name, "1") != "1" else "") for name in rows]
         title = f"Bifurcations over {found['parameter']}, {found['modes']} modes kept"
         cells = ([None if value == "" else value for value in row] for row in zip(*rows.values(), strict=True))

@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -16,10 +17,14 @@ import pytest
 from command import femimpact
 
 import femimpact as fi
+from femimpact.export.figures.branches import kind_words
+from femimpact.export.report.branch_charts import branches_section
 from femimpact.export.tables import read_csv, read_units
+from femimpact.study.branch_file import read_followed
 from femimpact.study.demo import paper_study_text
-from femimpact.study.study import build
+from femimpact.study.study import OrbitsPlan, build
 from femimpact.study.study_file import read_study
+from femimpact.svg import markup
 
 pytestmark = pytest.mark.impacts
 
@@ -106,6 +111,36 @@ def test_a_switched_branch_is_that_of_the_functions(out, branch):
     assert_rows(rows_of(out, int(first["leads_to"][row])), fi.continue_orbit(one, "frequency", (4.9, 5.6)))
 
 
+def beginning_at(folder, frequency, **orbits):
+    """Results of a study that settles on an orbit of a branch that ends on another one."""
+    changes = (("figures = true", "figures = false\nreport = false"), ("frequency = 5.3 ", f"frequency = {frequency} "))
+    (folder / "study.toml").write_text(without_sweep(study_text(changes, most_branches=2, **orbits)), encoding="utf-8")
+    femimpact("orbits", "study.toml", "-o", "out", cwd=folder)
+    return fi.load(folder / "out").summary["orbits"]["branches"]
+
+
+def test_from_an_asymmetric_orbit_the_symmetric_branch_is_followed(tmp_path, branch):
+    beginning_at(tmp_path, 5.16, range="[5.155, 5.18]")
+    breaking = next(each.value for each in branch.bifurcations if each.kind == "symmetry-breaking" and each.value > 5.1)
+    for number, other in ((1, 2), (2, 1)):
+        rows = rows_of(tmp_path / "out", number)
+        (row,) = np.flatnonzero(rows["kind"] == "symmetry-breaking")
+        # located to a relative 1e-10, from either branch
+        assert rows["base.frequency"][row] == pytest.approx(breaking, rel=1e-9)
+        assert float(rows["leads_to"][row]) == other
+
+
+def test_from_a_doubled_orbit_the_branch_of_half_its_period_is_followed(tmp_path):
+    keys = {"range": "[5.119, 5.142]", "guess_duration": "200.0", "cycles": "2", "switch": '["period-doubling"]'}
+    doubled, single = beginning_at(tmp_path, 5.122, **keys)
+    assert (doubled["cycles"], single["cycles"]) == (2, 1)
+    assert any(end.startswith("joins the branch of half its period") for end in doubled["ends"])
+    rows = [rows_of(tmp_path / "out", number) for number in (1, 2)]
+    (row,) = np.flatnonzero(rows[0]["leads_to"] == 2)
+    back = rows[1]["leads_to"] == 1
+    np.testing.assert_allclose(rows[1]["base.frequency"][back], rows[0]["base.frequency"][[row]], rtol=1e-9)
+
+
 def test_mirror_images_are_one_branch(out):
     """Each pair begins and ends on the symmetric branch, or at an impact more, and is followed once."""
     table = read_csv(out / "bifurcations.csv")
@@ -180,6 +215,60 @@ def test_a_damaged_file_is_one_line(out, tmp_path, damage):
     assert "\n" not in str(caught.value)
 
 
+def edited(name, change):
+    def changed(data):
+        return data.assign({name: data[name].copy(data=change(data[name].to_numpy().copy()))})
+
+    return changed
+
+
+def with_units(name, unit):
+    def changed(data):
+        data[name].attrs["units"] = unit
+        return data
+
+    return changed
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (with_units("peak", "mm"), "units of peak = 'mm': must be m"),
+        (with_units("first_harmonic", ""), "units of first_harmonic = 'none': must be m"),
+        (with_units("value", "kHz"), "units of value = 'kHz': must be Hz"),
+        (edited("peak", lambda peak: -peak), "peak = array"),
+        (edited("first_harmonic", lambda peak: np.nan * peak), "must be finite numbers >= 0"),
+        (edited("is_stable", lambda stable: ~stable), "is_stable = array"),
+        (edited("number", lambda number: np.where(number == 2, 1, number)), "number = [1"),
+        (lambda data: data.isel(multiplier=slice(None, None, -1)), "the largest first"),
+        (lambda data: data.isel(multiplier=slice(0)), "must be one or more of each orbit"),
+        (lambda data: data.isel(branch=slice(1)), "must be 1 to 1, for as many branches have ends"),
+        (edited("multipliers_real", lambda real: np.nan * real), "the largest first"),
+    ],
+)
+def test_an_edited_file_is_one_line(out, tmp_path, change, words):
+    import xarray
+
+    change(xarray.load_dataset(out / "branches.nc")).to_netcdf(tmp_path / "branches.nc")
+    with pytest.raises(fi.InputError, match="is damaged and cannot be read: ") as caught:
+        fi.load_branch(tmp_path / "branches.nc")
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("change", [
+    lambda data: data.drop_attrs(deep=False), lambda data: data.drop_vars("origin"),
+    lambda data: data.drop_vars("swept_peak"), lambda data: data.assign_attrs(modes="four"),
+])  # fmt: skip
+def test_results_that_lack_a_part_are_one_line(out, tmp_path, change):
+    import xarray
+
+    change(xarray.load_dataset(out / "branches.nc")).to_netcdf(tmp_path / "branches.nc")
+    with pytest.raises(fi.InputError, match="cannot be read") as caught:
+        read_followed(tmp_path, {})
+    assert "\n" not in str(caught.value)
+
+
 def test_a_report_of_damaged_branches_says_so(out, tmp_path):
     shutil.copytree(out, tmp_path / "out")
     cut_off(tmp_path / "out" / "branches.nc")
@@ -208,8 +297,31 @@ def test_figure_report_and_printed_lines_say_the_same(done, out):
         assert f"branch {number}, from {branch['origin']}: " in printed
         assert all(end in printed.replace("\n", "") and end in section for end in branch["ends"])
     assert "Bifurcations over base.frequency, 4 modes kept" in printed
+    # of 8 digits, so that bifurcations side by side can be told apart
+    for value in rows["base.frequency"]:
+        assert f"{value:.8g}" in printed
+        assert f">{value:.7f}<" in section
     conclusions = page[page.index('<section id="conclusions"') : page.index('<section id="structure"')]
     assert f'Branches of periodic orbits</dt><dd class="value">{len(branches)}</dd>' in conclusions
+
+
+def test_a_kind_has_one_colour_whichever_kinds_are_there():
+    """That of folds, doublings, ... in the chart of any branches."""
+    kinds = ("fold", "period-doubling", "neimark-sacker", "grazing")
+
+    def colours(*present):
+        size = len(present) + 2
+        points = np.arange(1, size - 1)
+        branch = fi.Branch(
+            "base.frequency", "Hz", np.linspace(5.0, 5.1, size), np.full((size, 2), 0.5j), np.ones(size), np.ones(size),
+            ("edge", "edge"), tuple(fi.Bifurcation(kind, 5.05) for kind in present), points, "tip",
+        )  # fmt: skip
+        page = "".join(markup(element) for element in branches_section([branch], ["a run"], [1], [], None).content)
+        return {kind: re.search(rf"fi-c(\d)[^>]*>(?:<[^>]*>)*{kind_words(kind)}", page)[1] for kind in present}
+
+    together = colours(*kinds)
+    assert len(set(together.values())) == len(kinds)
+    assert all(colours(kind)[kind] == together[kind] for kind in kinds)
 
 
 def test_the_figure_is_drawn_again_and_a_second_run_is_refused(done, out):
@@ -270,6 +382,11 @@ def test_a_killed_process_leaves_no_file_of_results(tmp_path):
 # ---- what would run, and what is refused ------------------------------------------------------------
 
 
+def test_a_new_study_names_every_key_of_the_table():
+    shown = paper_study_text().partition("# [orbits]")[2].partition("# [study]")[0]
+    assert set(re.findall(r"^# (\w+) = ", shown, re.MULTILINE)) == {key.name for key in fields(OrbitsPlan)}
+
+
 def test_check_says_what_would_run(tmp_path):
     (tmp_path / "study.toml").write_text(study_text(range='["4.9 Hz", "0.0056 kHz"]'), encoding="utf-8")
     lines = [line for line in femimpact("check", "study.toml", cwd=tmp_path).stdout.splitlines() if "orbits" in line]
@@ -307,7 +424,13 @@ def test_the_amplitude_of_a_force_is_in_newtons():
         ({"parameter": '"impactor.bal.gap"'}, "orbits.parameter = 'impactor.bal.gap': unknown; did you mean"),
         ({"parameter": '"beam.thickness"'}, "orbits.parameter = 'beam.thickness': changes the modes"),
         ({"guess_duration": "-1"}, "orbits.guess_duration = -1 s: must be a finite number > 0 s"),
-        ({"guess_duration": "1e12"}, "output.memory_limit"),
+        ({"guess_duration": "1e12"}, "orbits.guess_duration = 1000000000000.0 s: must be shorter: the run keeps"),
+        ({"guess_duration": "1e-6"}, "orbits.guess_duration = 1e-06 s: must be >= one reading of the run"),
+        (
+            {"parameter": '"damping.factor"', "range": "[0.2, 0.9]"},
+            "orbits.range = (0.2, 0.9): must have the study's damping.factor = 1 in it",
+        ),
+        ({"switch": '["grazing", "grazing"]'}, "orbits.switch = ('grazing', 'grazing'): must have each kind once"),
         ({"guess_duration": None}, "orbits.guess_duration: is missing"),
         ({"most_branches": "0"}, "orbits.most_branches = 0: must be a whole number >= 1"),
         ({"points": "1"}, "orbits.points = 1: must be a whole number >= 2"),
@@ -359,6 +482,20 @@ def test_a_study_without_the_table_is_one_line(tmp_path):
     (tmp_path / "study.toml").write_text(text, encoding="utf-8")
     refused = femimpact("orbits", "study.toml", cwd=tmp_path, check=False)
     assert (refused.returncode, refused.stderr) == (2, "femimpact: orbits: table [orbits] is missing from the study\n")
+
+
+def test_a_ball_that_touches_nothing_is_one_line_with_a_key_of_the_study(tmp_path):
+    text = study_text((("amplitude = 0.2037e-3", "amplitude = 0.2037e-6"),))
+    (tmp_path / "study.toml").write_text(text, encoding="utf-8")
+    refused = femimpact("orbits", "study.toml", "-q", cwd=tmp_path, check=False)
+    words = "orbits.guess_duration = 'ball: no contact in a period': must touch a wall: else it may be anywhere"
+    assert (refused.returncode, refused.stderr) == (2, f"femimpact: {words}\n")
+
+
+def test_a_sweep_that_does_not_fit_is_one_line(tmp_path):
+    text = study_text((("[output]", "[output]\nmemory_limit = 3e7"), ("points = 15 ", "points = 20000 ")))
+    (tmp_path / "study.toml").write_text(text, encoding="utf-8")
+    assert_refused(tmp_path, "output.memory_limit = 30000000.0 bytes: must be >=")
 
 
 def test_a_motion_that_has_not_settled_is_one_line_with_what_to_try(tmp_path):

@@ -136,6 +136,15 @@ def unit_words(value: float, unit: str) -> str:
     return "" if unit == "1" else unit
 
 
+PARAMETER_DIGITS = 8
+"""Significant digits of a value of the parameter of branches: bifurcations side by side differ there."""
+
+
+def parameter_text(value: float, unit: str) -> str:
+    """A value of the parameter of branches with its unit."""
+    return f"{value:.{PARAMETER_DIGITS}g} {unit_words(value, unit)}".rstrip()
+
+
 def value_text(value: Any, unit: str) -> str:
     """A value of an axis for the eye: a name, a number or a pair of gaps."""
     if isinstance(value, str):

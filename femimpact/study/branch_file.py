@@ -12,17 +12,27 @@ import numpy as np
 from femimpact.arrays import Array
 from femimpact.errors import faults_of, quantity, require, require_path, takes
 from femimpact.orbits import Bifurcation, Branch
+from femimpact.orbits.parameter import NUMBERS
 from femimpact.study.result_directory import FILES
 from femimpact.study.results import load_dataset, read_dataset, undamaged
 
 if TYPE_CHECKING:
     import xarray
 
-PARTS = ("value", "peak", "first_harmonic", "multipliers_real", "multipliers_imag", "bifurcation")
+PARTS = ("value", "peak", "first_harmonic", "multipliers_real", "multipliers_imag", "bifurcation", "is_stable")
 """Variables that `Branch.to_xarray` writes and a branch is made of."""
 
 ATTRIBUTES = ("parameter", "place")
 """Its attributes; in a file of several branches they are those of all."""
+
+UNITS = {
+    "frequency": ("Hz",), "amplitude": ("m", "N"), "factor": ("1",), "gap": ("m",), "mass": ("kg",),
+    **{name: (str(number.metadata["unit"]),) for name, number in NUMBERS.items()},
+}  # fmt: skip
+"""Units that a parameter may have, by the last word of its path."""
+
+ROUNDING = 1e-9
+"""Relative difference of two moduli that may be in either order."""
 
 ENDS = ("first_end", "last_end")
 """Attributes of one branch; in a file of several they are variables."""
@@ -102,18 +112,19 @@ def read_followed(folder: Path, summary: Mapping[str, Any]) -> FollowedBranches 
     Raises `InputError` if the file is damaged.
     """
     data = read_dataset(folder, "branches", summary)
-    if data is None:
-        return None
-    with faults_of(FILES["branches"].name):
-        swept = (np.asarray(data["swept"]), np.asarray(data["swept_peak"])) if "swept" in data.coords else None
-        origins, cycles = (tuple(np.asarray(data[name]).tolist()) for name in ("origin", "cycles"))
-        return FollowedBranches(tuple(branches_of(data)), origins, cycles, int(data.attrs["modes"]), swept)
+    return None if data is None else undamaged(folder / FILES["branches"].name, lambda _: _followed_in(data))
+
+
+def _followed_in(data: xarray.Dataset) -> FollowedBranches:
+    swept = (np.asarray(data["swept"]), np.asarray(data["swept_peak"])) if "swept" in data.coords else None
+    origins, cycles = (tuple(np.asarray(data[name]).tolist()) for name in ("origin", "cycles"))
+    return FollowedBranches(tuple(branches_of(data)), origins, cycles, int(data.attrs["modes"]), swept)
 
 
 def branches_of(data: xarray.Dataset) -> list[Branch]:
     """The branches of a dataset, of one branch or of several.
 
-    Raises `InputError` if it lacks a part of them.
+    Raises `InputError` if it lacks a part of them, or a part is none of a branch.
     """
     several = "number" in data.variables
     missing = [name for name in PARTS if name not in data.variables] + [a for a in ATTRIBUTES if a not in data.attrs]
@@ -123,18 +134,30 @@ def branches_of(data: xarray.Dataset) -> list[Branch]:
         return [_branch_in(data, data.attrs["first_end"], data.attrs["last_end"])]
     first, last = (np.asarray(data[name]).tolist() for name in ENDS)
     numbers = np.asarray(data["number"])
+    given, allowed = sorted(set(numbers.tolist())), f"must be 1 to {len(first)}, for as many branches have ends"
+    require(given == list(range(1, len(first) + 1)), "number", given, "", allowed)
     return [_branch_in(data.isel(point=numbers == i), *ends) for i, ends in enumerate(zip(first, last, strict=True), 1)]
 
 
 def _branch_in(data: xarray.Dataset, first_end: str, last_end: str) -> Branch:
-    value, peak, first_harmonic, real, imag, kinds = (np.asarray(data[name]) for name in PARTS)
+    value, peak, first_harmonic, real, imag, kinds, stable = (np.asarray(data[name]) for name in PARTS)
     require(value.size > 0 and kinds.shape == value.shape, "bifurcation", kinds.shape, "", "must be one of each value")
     points, (parameter, place) = np.flatnonzero(kinds != ""), (data.attrs[name] for name in ATTRIBUTES)
-    return Branch(
+    known = {"value": UNITS.get(parameter.rpartition(".")[2]), "peak": ("m",), "first_harmonic": ("m",)}
+    for name, units in known.items():
+        given = data[name].attrs.get("units")
+        allowed = f"must be {' or '.join(units)}" if units else "must be the unit of the parameter"
+        require(given in units if units else bool(given), f"units of {name}", given or "none", "", allowed)
+    for name, sizes in (("peak", peak), ("first_harmonic", first_harmonic)):
+        sound = bool(np.all(np.isfinite(sizes) & (sizes >= 0.0)))
+        require(sound, name, sizes, "m", "must be finite numbers >= 0")
+    multipliers = real.astype(complex)
+    multipliers.imag = imag
+    branch = Branch(
         parameter=parameter,
         unit=data["value"].attrs["units"],
         values=value,
-        multipliers=real + 1j * imag,
+        multipliers=multipliers,
         peak=peak,
         first_harmonic=first_harmonic,
         end=(first_end, last_end),
@@ -142,3 +165,10 @@ def _branch_in(data: xarray.Dataset, first_end: str, last_end: str) -> Branch:
         bifurcation_points=points,
         place=place,
     )
+    # at an impact without speed they are no numbers to use
+    size = np.abs(multipliers[~np.isin(kinds, ("grazing", "sticking"))])
+    falls = size.shape[-1] > 0 and bool(np.all(size[:, 1:] <= (1.0 + ROUNDING) * size[:, :-1]))
+    require(falls, "multipliers", multipliers, "1", "must be one or more of each orbit, the largest first")
+    same = np.array_equal(stable, branch.is_stable)
+    require(same, "is_stable", stable, "", "must be what the multipliers say")
+    return branch

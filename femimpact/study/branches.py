@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -12,19 +13,21 @@ from typing import Any
 import numpy as np
 
 from femimpact.arrays import Array
-from femimpact.errors import DivergenceError, FemimpactError, InputError, checked, require
+from femimpact.errors import DivergenceError, Fault, FemimpactError, InputError, checked, require
 from femimpact.excitation import PointForce, Sine
 from femimpact.excitation.excitation import words_of
 from femimpact.export import tables
 from femimpact.export.figures.branches import kind_words
-from femimpact.integrators.cases import check_memory
+from femimpact.export.tables import parameter_text
+from femimpact.integrators.cases import memory_needed
 from femimpact.integrators.runs import integrate
 from femimpact.orbits import Branch, PeriodicOrbit, continue_orbit, find_orbit, switch_branch
+from femimpact.orbits.branch import known
 from femimpact.orbits.parameter import Parameter, parameter_of
 from femimpact.orbits.search import TRY, one_sine
 from femimpact.response.response import Recorder
 from femimpact.study.branch_file import FollowedBranches, dataset_of
-from femimpact.study.prepared import PreparedStudy, in_study_words, prepare
+from femimpact.study.prepared import PreparedStudy, check_sweep, in_study_words, prepare
 from femimpact.study.result_directory import FILES, prepare_directory
 from femimpact.study.result_page import add_report
 from femimpact.study.results import StudyResults, load, write_summary
@@ -42,7 +45,10 @@ MOST_NAMED = 3
 LOCATED = 1e-9
 """Relative difference of the values of one bifurcation that two branches share."""
 
-IN_STUDY = {"to": "orbits.range", "parameter": "orbits.parameter", "record.memory_limit": "output.memory_limit"}
+IN_STUDY = {
+    "to": "orbits.range", "parameter": "orbits.parameter", "duration": "orbits.guess_duration",
+    "cycles": "orbits.cycles", "record.memory_limit": "output.memory_limit",
+}  # fmt: skip
 """Keys of the study file that stand for arguments of the functions that are called."""
 
 ADVICE = (
@@ -93,20 +99,29 @@ def prepare_orbits(study: Study) -> PreparedOrbits:
     except InputError:
         allowed = "needs one sine, of the base or of a force beside a base at rest"
         require(False, "orbits", words_of(study.excitation), "", allowed)
-    try:
+    with _study_words():
         number = parameter_of(small, sine, plan.parameter)
-    except InputError as error:
-        raise InputError([fault.under("orbits") for fault in error.faults]) from None
     for value in plan.range:
         checked("orbits.range", value, number.allowed)
     inside = plan.range[0] <= number.value <= plan.range[1]
-    allowed = f"must have the study's {number.path} = {number.value:g} {number.unit} in it"
+    allowed = f"must have the study's {number.path} = {parameter_text(number.value, number.unit)} in it"
     require(inside, "orbits.range", plan.range, number.unit, allowed)
     found = PreparedOrbits(prepared, plan, sine, number)
-    grid = prepared.method.interval(small, sine, plan.guess_duration, found.record)
-    steps = round(plan.guess_duration / grid)
-    check_memory(small, found.record, 0, steps, grid, sine.frequency, "output.memory_limit")
+    _check_run(found)
+    if _has_sweep(found):
+        check_sweep(study, small, prepared.method)
     return found
+
+
+def _check_run(found: PreparedOrbits) -> None:
+    """Refuse a run that is shorter than one of its readings, or keeps more than fits."""
+    small, duration, record = found.prepared.small, found.plan.guess_duration, found.record
+    grid = found.prepared.method.interval(small, found.sine, duration, record)
+    allowed = f"must be >= one reading of the run, {grid:g} s"
+    require(duration >= grid, "orbits.guess_duration", duration, "s", allowed)
+    needed = sum(memory_needed(small, record, 0, round(duration / grid), grid, found.sine.frequency).values())
+    allowed = f"must be shorter: the run keeps {needed:.3g} bytes, output.memory_limit is {record.memory_limit:.3g}"
+    require(needed <= record.memory_limit, "orbits.guess_duration", duration, "s", allowed)
 
 
 def orbit_lines(study: Study) -> list[str]:
@@ -121,8 +136,8 @@ def orbit_lines(study: Study) -> list[str]:
     switched = f", and at {', '.join(plan.switch)} the others too" if plan.switch else ""
     return [
         f"orbits: a run of {plan.guess_duration:g} s, about {seconds * found.sine.frequency * plan.guess_duration:.2g} "
-        f"s, leads to an orbit of {_cycles(plan.cycles)}; its branch over {number.path} from {low:g} to {high:g}"
-        f"{f' {number.unit}' if number.unit != '1' else ''}{switched}",
+        f"s, leads to an orbit of {_cycles(plan.cycles)}; its branch over {number.path} from {low:g} to "
+        f"{parameter_text(high, number.unit)}{switched}",
         f"orbits: up to {plan.most_branches} branches of up to {plan.points} points each way; 500 points take some "
         "3 to 12 s",
     ]  # fmt: skip
@@ -158,16 +173,16 @@ def first_orbit(found: PreparedOrbits, report: Report) -> PeriodicOrbit:
         If no orbit is found from there.
     """
     small, plan, study = found.prepared.small, found.plan, found.prepared.study
-    run = integrate(
-        small, found.sine, found.prepared.method, plan.guess_duration, found.record, study.initial,
-        lambda share: report("run that settles", share),
-    )  # fmt: skip
-    try:
-        return find_orbit(small, found.sine, plan.cycles, guess=run)
-    except InputError as error:
-        raise InputError([fault.under("orbits") for fault in error.faults]) from None
-    except DivergenceError as error:
-        raise DivergenceError(f"orbits: after {plan.guess_duration:g} s, {str(error).replace(TRY, ADVICE)}") from None
+    with _study_words():
+        run = integrate(
+            small, found.sine, found.prepared.method, plan.guess_duration, found.record, study.initial,
+            lambda share: report("run that settles", share),
+        )  # fmt: skip
+        try:
+            return find_orbit(small, found.sine, plan.cycles, guess=run)
+        except DivergenceError as error:
+            words = f"orbits: after {plan.guess_duration:g} s, {str(error).replace(TRY, ADVICE)}"
+            raise DivergenceError(words) from None
 
 
 def _follow(start: PeriodicOrbit, found: PreparedOrbits, report: Report) -> _Following:
@@ -195,7 +210,8 @@ def _follow(start: PeriodicOrbit, found: PreparedOrbits, report: Report) -> _Fol
                 waiting.extend(_switched(done.branches[-1], number, found, done.notes))
         except FemimpactError as error:
             if not done.branches:
-                raise _of_study(error) from None
+                with _study_words():
+                    raise
             done.notes.append(f"not followed from {origin}: {_words(error)}")
             continue
         if place[0]:
@@ -216,17 +232,34 @@ def _switched(
     for i, bifurcation in enumerate(branch.bifurcations):
         if bifurcation.kind not in found.plan.switch:
             continue
-        unit = f" {branch.unit}" if branch.unit != "1" else ""
-        origin = f"{kind_words(bifurcation.kind)} of branch {number} at {bifurcation.value:.6g}{unit}"
+        origin = (
+            f"{kind_words(bifurcation.kind)} of branch {number} at {parameter_text(bifurcation.value, branch.unit)}"
+        )
         try:
-            for orbit in switch_branch(bifurcation):
+            for orbit in (*_joined(branch, i), *switch_branch(bifurcation)):
                 yield orbit, origin, (number, i)
         except FemimpactError as error:
             notes.append(f"not followed from {origin}: {_words(error)}")
 
 
+def _joined(branch: Branch, i: int) -> Iterator[PeriodicOrbit]:
+    """The orbit of the branch on which one ends at its bifurcation: a symmetric orbit, or one of half the period."""
+    at, bifurcation = int(branch.bifurcation_points[i]), branch.bifurcations[i]
+    if at in (0, len(branch) - 1) and branch.end[0 if at == 0 else 1].startswith("joins "):
+        orbit = bifurcation.orbit
+        half = bifurcation.kind == "period-doubling"
+        yield find_orbit(orbit.system, orbit.excitation, orbit.cycles // 2, guess=orbit.state) if half else orbit
+
+
 def _lies_on(orbit: PeriodicOrbit, branch: Branch) -> bool:
-    """Whether an orbit, its mirror image or the same some cycles later is one of a branch."""
+    """Whether an orbit, its mirror image or the same some cycles later is one of a branch.
+
+    A symmetric orbit is none of a branch without the symmetry, nor one of fewer cycles of a branch of more: these end
+    there.
+    """
+    curve = known(branch.curve, "branch")
+    if orbit.is_symmetric > curve.is_symmetric or orbit.cycles < curve.sequence.cycles:
+        return False
     value = parameter_of(orbit.system, one_sine(orbit.excitation), branch.parameter).value
     return any(_is_same(orbit, other) for other in branch.at(value))
 
@@ -238,25 +271,41 @@ def _is_same(orbit: PeriodicOrbit, other: PeriodicOrbit) -> bool:
     return one.size == two.size and bool(np.all(np.abs(one - two) <= SAME * one.max(initial=0.0)))
 
 
-def _of_study(error: FemimpactError) -> FemimpactError:
-    """The error with keys of the study file."""
-    if not isinstance(error, InputError):
-        return error
-    return InputError([replace(fault, key=IN_STUDY.get(fault.key, fault.key)) for fault in error.faults])
+@contextmanager
+def _study_words() -> Iterator[None]:
+    """Context in which faults have keys of the study file."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(map(_of_study, error.faults)) from None
+
+
+def _of_study(fault: Fault) -> Fault:
+    """The fault with a key of the study file: what it says of the guess it says of the run that leads to it."""
+    if fault.key.split(".")[0] != "guess":
+        return replace(fault, key=IN_STUDY.get(fault.key, fault.key))
+    names = [fault.key.partition(".")[2], "" if fault.value is None else str(fault.value)]
+    return replace(fault, key="orbits.guess_duration", value=": ".join(filter(None, names)) or None)
 
 
 def _words(error: FemimpactError) -> str:
-    return " ".join(str(_of_study(error)).split())
+    given = InputError(map(_of_study, error.faults)) if isinstance(error, InputError) else error
+    return " ".join(str(given).split())
+
+
+def _has_sweep(found: PreparedOrbits) -> bool:
+    """Whether a stepped sweep is beside the branches."""
+    given = found.prepared.study.sweep
+    return given is not None and given.acceleration is None and found.number.path == "base.frequency"
 
 
 def _sweep(found: PreparedOrbits, notes: list[str], report: Report) -> tuple[Array, Array] | None:
     """Frequencies (Hz) and peaks (m) of a stepped sweep over the range; None where the study has none of them."""
     plan, study, small = found.plan, found.prepared.study, found.prepared.small
     given = study.sweep
-    if given is None or found.number.path != "base.frequency":
-        return None
-    if given.acceleration is not None:
-        notes.append("no sweep beside the branches: sweep.acceleration has another amplitude at each frequency")
+    if given is None or not _has_sweep(found):
+        if given is not None and found.number.path == "base.frequency":
+            notes.append("no sweep beside the branches: sweep.acceleration has another amplitude at each frequency")
         return None
     try:
         swept = frequency_sweep(
@@ -264,7 +313,7 @@ def _sweep(found: PreparedOrbits, notes: list[str], report: Report) -> tuple[Arr
             given.cycles, initial=study.initial, at=small.default_place, ledger=False,
             progress=lambda share: report("sweep", share),
         )  # fmt: skip
-    except DivergenceError as error:
+    except FemimpactError as error:
         notes.append(f"no sweep beside the branches: {_words(error)}")
         return None
     notes += [f"sweep: {in_study_words(text)}" for text in swept.warnings]
@@ -313,7 +362,8 @@ def write_orbits(study: Study, directory: Path, force: bool, report: Report) -> 
         followed = FollowedBranches(tuple(done.branches), tuple(done.origins), tuple(done.cycles), modes, swept)
         keep_study(staging, study)
         tables.write_netcdf(staging.folder / FILES["branches"].name, dataset_of(followed))
-        for key, (columns, units) in (("branch_table", _points(done)), ("bifurcations", _bifurcations(done))):
+        points, units = _points(done)
+        for key, columns in (("branch_table", points), ("bifurcations", _bifurcations(done, points))):
             tables.write_csv(staging.folder / FILES[key].name, columns, units)
         more = _summary(found, followed, done)
         # so that the branches stay, should drawing end the run
@@ -333,14 +383,13 @@ def _points(done: _Following) -> tuple[dict[str, Any], dict[str, str]]:
     return columns, dict(frames[0].attrs["units"])
 
 
-def _bifurcations(done: _Following) -> tuple[dict[str, Any], dict[str, str]]:
-    """A row for each bifurcation, with the numbers of the branches to which it leads."""
-    columns, units = _points(done)
+def _bifurcations(done: _Following, columns: dict[str, Any]) -> dict[str, Any]:
+    """A row for each bifurcation, of those of the points, with the numbers of the branches to which it leads."""
     here = columns["bifurcation"] != ""
     rows = {name: values[here] for name, values in columns.items() if name not in ("is_stable", "bifurcation")}
     places = [(n, i) for n, branch in enumerate(done.branches, 1) for i in range(len(branch.bifurcations))]
     leads = [" ".join(map(str, sorted(_leads_to(done, *place)))) for place in places]
-    return {"branch": rows.pop("branch"), "kind": columns["bifurcation"][here], **rows, "leads_to": leads}, units
+    return {"branch": rows.pop("branch"), "kind": columns["bifurcation"][here], **rows, "leads_to": leads}
 
 
 def _leads_to(done: _Following, number: int, i: int) -> set[int]:

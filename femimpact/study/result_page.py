@@ -522,9 +522,10 @@ def _orbits(results: ResultReading) -> list[Section]:
     followed, name = read_followed(results.folder, results.summary), FILES["bifurcations"].name
     if followed is None:
         return []
+    over_frequency = followed.branches[0].parameter == "base.frequency"
+    more = ": one mode more moves windows that are some 0.01 Hz wide" if over_frequency else ""
     words = (
-        f"On {followed.modes} modes: one mode more moves windows that are some 0.01 Hz wide. At stable orbits every "
-        "small disturbance decays.",
+        f"On {followed.modes} modes{more}. At stable orbits every small disturbance decays.",
         f"'femimpact orbits {FILES['study'].name}' in the folder of this page follows the branches again.",
     )
     table = results.table(name)

@@ -184,7 +184,7 @@ class OrbitsPlan:
     Raises
     ------
     InputError
-        If the range does not rise, or there is no other branch at a kind of bifurcation.
+        If the range does not rise, a kind of bifurcation is there twice, or there is no other branch at one.
     """
 
     parameter: str = field(metadata=text())
@@ -202,6 +202,7 @@ class OrbitsPlan:
         for kind in self.switch:
             allowed = REFUSED[kind] if kind in REFUSED else suggestion(kind, SWITCHED)
             require(kind in SWITCHED, "switch", kind, "", allowed)
+        require(len(set(self.switch)) == len(self.switch), "switch", self.switch, "", "must have each kind once")
 
 
 @dataclass(frozen=True)

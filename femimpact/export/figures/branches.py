@@ -89,10 +89,9 @@ def branch(
     runs = [checked(f"swept[{i}]", one, column("", "n")) for i, one in enumerate(swept or ())]
     require(not runs or runs[0].size == runs[1].size, "swept", runs, "", "must have a displacement for each value")
     axis, first = panel(ax, 8.0, 5.0), branches[0]
-    factor, unit = _prefix([each.values for each in branches], first.unit)
-    of_peak, unit_of_peak = _prefix([*(each.peak for each in branches), *runs[1:]], "m")
-    name = AXES.get(first.parameter, first.parameter)
-    words = f"{name} ({unit})" if unit != "1" else name, f"largest displacement of {first.place} ({unit_of_peak})"
+    factor, unit = prefix_of([each.values for each in branches], first.unit)
+    of_peak, unit_of_peak = prefix_of([*(each.peak for each in branches), *runs[1:]], "m")
+    words = parameter_words(first.parameter, unit), f"largest displacement of {first.place} ({unit_of_peak})"
     for old, new in zip((axis.get_xlabel(), axis.get_ylabel()), words, strict=True):
         require(old in ("", new), "ax", old, "", f"must have no other axis than {new}: draw branches in one call")
     for each in branches:
@@ -108,7 +107,13 @@ def branch(
     return axis
 
 
-def _prefix(arrays: Sequence[Array], unit: str) -> tuple[float, str]:
+def parameter_words(parameter: str, unit: str) -> str:
+    """Words for the axis of a parameter, in a unit."""
+    name = AXES.get(parameter, parameter)
+    return name if unit == "1" else f"{name} ({unit})"
+
+
+def prefix_of(arrays: Sequence[Array], unit: str) -> tuple[float, str]:
     """Factor and unit with the prefix of the largest value of arrays."""
     return prefixed(float(np.nanmax(np.abs(np.concatenate(arrays)), initial=0.0)), unit)
 

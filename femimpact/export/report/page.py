@@ -55,6 +55,7 @@ class Table:
     rows: tuple[tuple[Any, ...], ...]  # numbers, texts, or None
     file: str = ""  # the file that holds all rows, or nothing
     total: int | None = None  # how many rows there are, where these are not all
+    digits: Mapping[int, int] = field(default_factory=dict)  # significant ones, of columns by their numbers from 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,8 +110,9 @@ def list_element(texts: Sequence[str], kind: str) -> Element:
 
 
 def table_of(
-    title: str, columns: Mapping[str, Any], units: Mapping[str, str], file: str = "", most: int = MOST_ROWS
-) -> Table:
+    title: str, columns: Mapping[str, Any], units: Mapping[str, str], file: str = "", most: int = MOST_ROWS,
+    digits: Mapping[str, int] | None = None,
+) -> Table:  # fmt: skip
     """The first rows of columns as a table."""
     # a unit is not divided
     known = {name: f" ({unit})".replace(" ", "\u00a0")[1:] for name, unit in units.items() if unit not in ("", "1")}
@@ -118,7 +120,8 @@ def table_of(
     arrays = [np.asarray(values) for values in columns.values()]
     count = min((array.shape[0] for array in arrays), default=0)
     rows = tuple(zip(*(array[:most].tolist() for array in arrays), strict=False))
-    return Table(title, header, rows, file, count if count > most else None)
+    more = {number: digits[name] for number, name in enumerate(columns) if digits and name in digits}
+    return Table(title, header, rows, file, count if count > most else None, more)
 
 
 def table_element(table: Table) -> Element:
@@ -134,8 +137,8 @@ def table_element(table: Table) -> Element:
         ),
     )
     shown_as = [
-        _number_cells(column) if numeric else _text_cells(column)
-        for column, numeric in zip(columns, numbers, strict=True)
+        _number_cells(column, table.digits.get(i)) if numeric else _text_cells(column)
+        for i, (column, numeric) in enumerate(zip(columns, numbers, strict=True))
     ]
     body = [element("tr", *cells) for cells in zip(*shown_as, strict=True)]
     shown = element("table", element("caption", table.title), element("thead", head), element("tbody", *body))
@@ -152,7 +155,7 @@ def table_element(table: Table) -> Element:
     )
 
 
-def _texts(values: Sequence[Any]) -> list[str]:
+def _texts(values: Sequence[Any], given: int | None = None) -> list[str]:
     """Numbers of a column with as many digits behind the point each, so that they stand below one another."""
     known = [float(value) for value in values if value is not None and value != ""]
     sizes = [abs(value) for value in known if math.isfinite(value) and value]
@@ -162,11 +165,13 @@ def _texts(values: Sequence[Any]) -> list[str]:
     wide = largest > 1e4 * smallest
     if wide and largest >= 1.0:
         # of several units: each number for itself
-        return [NO_NUMBER if value is None or value == "" else number_text(float(value), DIGITS) for value in values]
+        each = given or DIGITS
+        return [NO_NUMBER if value is None or value == "" else number_text(float(value), each) for value in values]
     if wide or largest < 1e-4 or largest >= 1e7:
-        return [_plain(value, f"{float(value or 0.0):.3e}") for value in values]
+        return [_plain(value, f"{float(value or 0.0):.{(given or LEAST_DIGITS) - 1}e}") for value in values]
     most, least = math.floor(math.log10(largest)), math.floor(math.log10(smallest))
-    digits = max(0, min(max(DIGITS - 1 - most, LEAST_DIGITS - 1 - least), MOST_DIGITS - 1 - most))
+    digits = min(max(DIGITS - 1 - most, LEAST_DIGITS - 1 - least), MOST_DIGITS - 1 - most)
+    digits = max(0, digits if given is None else given - 1 - most)
     # of numbers that need none, none behind the point
     while digits and all(round(size, digits) == round(size, digits - 1) for size in sizes):
         digits -= 1
@@ -197,14 +202,14 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
 
 
-def _number_cells(values: Sequence[Any]) -> list[Element]:
+def _number_cells(values: Sequence[Any], digits: int | None) -> list[Element]:
     return [
         element(
             "td.number",
             text,
             data_value="" if text == NO_NUMBER else value if isinstance(value, int) else repr(float(value)),
         )
-        for value, text in zip(values, _texts(values), strict=True)
+        for value, text in zip(values, _texts(values, digits), strict=True)
     ]
 
 
