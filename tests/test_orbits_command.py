@@ -493,8 +493,9 @@ def test_a_ball_that_touches_nothing_is_one_line_with_a_key_of_the_study(tmp_pat
 
 
 def test_a_sweep_that_does_not_fit_is_one_line(tmp_path):
-    text = study_text((("[output]", "[output]\nmemory_limit = 3e7"), ("points = 15 ", "points = 20000 ")))
+    text = study_text((("[output]", "[output]\nmemory_limit = 3e7"), ("points = 15 ", "points = 100000 ")))
     (tmp_path / "study.toml").write_text(text, encoding="utf-8")
+    # four times the limit, on one core too
     assert_refused(tmp_path, "output.memory_limit = 30000000.0 bytes: must be >=")
 
 
