@@ -124,6 +124,11 @@ def test_the_work_is_what_is_lost_on_unstable_orbits_and_over_several_cycles(asy
     np.testing.assert_allclose([twice.work, twice.losses], [2 * beam.work, 2 * beam.losses], rtol=1e-11)
 
 
+def test_energies_that_are_kept_cannot_be_written_to(beam):
+    with pytest.raises(ValueError, match="read-only"):
+        beam.energy.work[:] = 0.0
+
+
 def test_the_work_of_a_linear_motion_is_that_of_its_dashpot():
     """In a cycle pi c omega |X|^2, of x = Im(X e^(i omega t)) under a force."""
     omega, stiffness, damping = 0.9, 1.0, 0.1

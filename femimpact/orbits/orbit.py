@@ -153,6 +153,10 @@ class PeriodicOrbit:
         """Energies over one period from t = 0, relative to the base; work and losses since then."""
         energy = period_of(self, ()).energy
         assert energy is not None
+        for values in (*vars(energy).values(), *energy.work_of.values()):
+            if isinstance(values, np.ndarray):
+                # it is read again and again
+                values.setflags(write=False)
         return energy
 
     @property

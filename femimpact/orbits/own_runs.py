@@ -56,7 +56,7 @@ def own_runs(system: System, points: Sequence[Point]) -> OwnRuns:
     method = EventDriven(samples_per_cycle=max(SAMPLES // curve.sequence.cycles, EventDriven().samples_per_cycle))
     starts, phase, first = zip(*(point.intervals.start() for point in points), strict=True)
     hybrids, state = [point.maps.hybrid for point in points], np.array(starts)
-    # where the parameter is in the matrices, each has closed forms of its own
+    # where the parameter is in the matrices, the closed forms of each differ
     systems = [curve.parameter.at(point.value)[0] for point in points] if curve.parameter.of_matrices else [system]
     excitation = curve.parameter.at(curve.parameter.value)[1]
     equations = [equations_of(each, drive_of(each, excitation)) for each in systems]
