@@ -94,6 +94,9 @@ _SYMBOLS: Mapping[str, tuple[Fraction, Mapping[str, Any]]] = {
 
 _G = (_GRAVITY, _ACCELERATION)
 
+GRAVITY = float(_GRAVITY)
+"""Standard acceleration of gravity, m/s^2."""
+
 _WRITTEN = {
     "⁻²": "^-2", "⁻¹": "^-1", "²": "^2", "³": "^3", "⁴": "^4", "µ": "u", "μ": "u", "·": " ", "*": " ", "°": "deg",
 }  # fmt: skip

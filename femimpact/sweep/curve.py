@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
@@ -30,24 +29,22 @@ from femimpact.excitation.levels import Level, level_at
 from femimpact.excitation.remarks import frequency_warnings, motion_warnings
 from femimpact.identification import (
     DampingEstimate,
-    PeakResolution,
     fit_one_pole,
     half_power,
-    peak_resolution,
     resolution_warnings,
 )
 from femimpact.integrators.cases import SineCases, SineDwellResults
 from femimpact.integrators.methods import Method
+from femimpact.integrators.planned_drive import TRANSIENT_LEFT, contact_notes, grid_resolution, transient_left
 from femimpact.response.energy import residual_warnings
 from femimpact.response.impacts import statistics_of_cases
 from femimpact.response.signals import SteadyMotion, deflection_warnings
-from femimpact.structure.damping import realised_damping_ratio
 from femimpact.structure.structure import Position
 from femimpact.svg import Chart, Line, axis_of
 from femimpact.sweep.dwells import DwellRun
-from femimpact.system.modes import first_elastic_frequency, first_resonance
+from femimpact.system.modes import first_elastic_frequency
 from femimpact.system.state import State
-from femimpact.system.system import System, without_impactors
+from femimpact.system.system import System
 from femimpact.table import Head, flat_columns, frame_of, head_of_columns, named_column, short_repr
 
 if TYPE_CHECKING:
@@ -314,10 +311,6 @@ class FrequencyResponse:
         return xarray.Dataset(data, coords={"frequency": frequency}, attrs=attributes)
 
 
-TRANSIENT_LEFT = 0.03
-"""Share of the first mode's transient that may be left where measuring begins without a warning."""
-
-
 Columns = dict[str, NDArray[Any]]
 
 
@@ -391,7 +384,7 @@ def curve_of(
     warnings += frequency_warnings(f, system.highest_kept, system.first_left_out)
     if curve.unit == "m":
         warnings += deflection_warnings(columns["peak"], system.length)
-    return replace(curve, warnings=tuple(warnings), notes=method.notes(system))
+    return replace(curve, warnings=tuple(warnings), notes=(*method.notes(system), *contact_notes(system)))
 
 
 def start_of(state: State, system: System) -> str:
@@ -446,30 +439,10 @@ def _shortest_begin(cases: SineCases) -> float:
     return float(((cases.cycles - cases.measured) / cases.frequency).min())
 
 
-def transient_left(system: System, begin: float) -> tuple[float, float, float]:
-    """First natural frequency (Hz), its damping ratio, and the share exp(-ratio omega t) of its transient left at t."""
-    first = first_elastic_frequency(system)
-    omega = 2.0 * math.pi * first
-    if system.rayleigh is None or first == 0.0:
-        first, ratio = first_resonance(without_impactors(system))
-        omega = 2.0 * math.pi * first
-    else:
-        ratio = float(realised_damping_ratio(*system.rayleigh, omega))
-    return first, ratio, math.exp(-ratio * omega * begin)
-
-
 def _grid_warnings(system: System, f: Array) -> list[str]:
     """A warning where the grid is too coarse for the first resonance of a structure without contacts."""
     found = None if system.contacts else grid_resolution(system, f)
     return [] if found is None else list(resolution_warnings(found))
-
-
-def grid_resolution(system: System, f: Array) -> PeakResolution | None:
-    """Resolution of the first resonance by frequencies (Hz); None where it is not among them or has no width."""
-    near, ratio = first_resonance(system)
-    if np.unique(f).size < 2 or not f.min() < near < f.max() or ratio == 0.0:
-        return None
-    return peak_resolution(np.unique(f), near, 2.0 * ratio * near)
 
 
 def _read_only(array: NDArray[Any]) -> NDArray[Any]:

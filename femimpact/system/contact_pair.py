@@ -88,6 +88,11 @@ class ContactPair:
         return min(self.gaps) < 0.0
 
     @property
+    def preload_words(self) -> str:
+        """The depth of a preload: "preloaded by 0.1 mm", or "" without one."""
+        return f"preloaded by {-1e3 * min(self.gaps):.4g} mm" if self.is_preloaded else ""
+
+    @property
     def mobility(self) -> float:
         """1/m of the ball (1/kg), 0 for a stop."""
         return 0.0 if self.is_stop else 1.0 / self.mass
