@@ -287,7 +287,8 @@ def dataset_of(
     attributes = dict(labels["attributes"])
     peaks = [columns.numbers[name] for name in ("peak", "peak_high") if name in columns.numbers]
     bends = deflection_warnings(np.concatenate(peaks), attributes.pop("beam_length", 0.0)) if peaks else ()
-    attributes["warnings"] = "; ".join(filter(None, (attributes.get("warnings", ""), *bends)))
+    said = "; ".join(filter(None, (attributes.pop("warnings", ""), *bends)))
+    attributes |= {"warnings": said} if said else {}
     if columns.starts >= LEAST_FOR_INTERVAL:
         attributes["median_interval"] = "90 %, by order statistics"
     return xarray.Dataset(data, coords=coordinates, attrs=attributes)
