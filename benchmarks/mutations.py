@@ -100,6 +100,7 @@ MUTATIONS = (
     Mutation(
         "force_phase", "Harmonic(self.amplitude, self.omega, self.phase)", "Harmonic(self.amplitude, self.omega, 0.0)"
     ),
+    Mutation("split_of_a_continued_run", "if not held.motion or first == end:", "if True:"),
     Mutation("rest_in_space", "y, y_rate = y - offset, y_rate - speed", "y, y_rate = y - offset, y_rate + speed"),
     Mutation(
         "absolute_displacement",

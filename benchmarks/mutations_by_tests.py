@@ -29,6 +29,13 @@ FAILED = re.compile(r"^(?:FAILED|ERROR) tests/(.+?)(?: - (.*))?$", re.MULTILINE)
 """A test that failed, and the beginning of what it says."""
 
 MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
+    "test_two_halves.py": (
+        Mutation(
+            "split_of_a_slower_run",
+            "if not held.motion or first == end:",
+            "if not held.motion or now <= held.driven:",
+        ),
+    ),
     "test_taper.py": (
         Mutation("gauss_points_of_taper", "first = m1 / m0", "first = 0.5 * m1 / m0"),
         Mutation("taper_of_mass", "self.mass_per_length[element] * (a * b)", "self.mass_per_length[element] * a"),

@@ -18,7 +18,7 @@ from femimpact.errors import require
 from femimpact.excitation import Harmonic, PiecewisePolynomial
 from femimpact.excitation.piecewise_polynomial import HIGHEST_DEGREE, ORDERS, motion_at, piece_at
 from femimpact.integrators.channel_rows import Drive
-from femimpact.integrators.event_driven.continued import Held, resumed
+from femimpact.integrators.event_driven.continued import Held, resumed, split_anew
 from femimpact.integrators.event_driven.equations import Equations
 from femimpact.integrators.event_driven.loop_data import (
     CONTACT,
@@ -262,6 +262,8 @@ def _new_cases(store: FormStore, inputs: Inputs, modes: int) -> core.events.Case
     cases = resumed(inputs.held, cases)
     # the arrays of all forms are then as large as a motion in this one
     _add_forms(np.zeros(1, dtype=np.intp), cases, store, np.zeros(1, dtype=np.int64))
+    wanted = _wanted_form(cases, 0, 0)
+    split_anew(inputs.held, cases, store.forms, store.known[wanted.parameters, wanted.key])
     return cases
 
 
@@ -389,10 +391,15 @@ def _add_forms(
     of_case = [row.tobytes() + int(system_of[c]).to_bytes(8, "little") for c, row in zip(members, keys, strict=True)]
     for c, key in zip(members.tolist(), of_case, strict=True):
         if key not in wanted:
-            bits = sum(1 << j for j in np.flatnonzero(np.abs(cases.state[c]) == CONTACT).tolist())
-            wanted[key] = WantedForm(bits, cases.stiffness[c], cases.damping[c], int(system_of[c]))
+            wanted[key] = _wanted_form(cases, c, int(system_of[c]))
     first = dict(zip(wanted, store.first_forms(list(wanted.values())), strict=True))
     cases.form[members, 0] = [first[key] for key in of_case]
+
+
+def _wanted_form(cases: core.events.Cases, number: int, system: int) -> WantedForm:
+    """The closed form of the contact states of a case."""
+    bits = sum(1 << j for j in np.flatnonzero(np.abs(cases.state[number]) == CONTACT).tolist())
+    return WantedForm(bits, cases.stiffness[number], cases.damping[number], system)
 
 
 def _fitted(cases: core.events.Cases, forms: core.events.Forms) -> core.events.Cases:

@@ -142,21 +142,36 @@ def followed(rows: Rows, modes: ComplexModes, load: Complex, driven: NDArray[np.
 
 def _followed(rows: Rows, rate: Complex, load: Complex, driven: int) -> Array:
     """That of one system, (8, R)."""
-    fast = slice(driven, None)
     follow = []
-    for of_load, through in zip(load.reshape(-1, 3, load.shape[1]), rows.through.reshape(-1, 3, rows.through.shape[1]),
-                                strict=True):  # fmt: skip
-        response = np.zeros((ORDERS, load.shape[1]), dtype=complex)
-        before = np.zeros(load.shape[1] - driven, dtype=complex)
-        for order in range(ORDERS):
-            # G' = Lambda G + load (s, ub', ub) with G a sum over ub and its derivatives
-            forcing = of_load[2 - order, fast] if order < 3 else 0.0
-            before = scipy.linalg.solve_triangular(rate[fast, fast], before - forcing) if before.size else before
-            response[order, fast] = before
+    for of_fast, through in zip(
+        steady_entries(rate, load, driven, rate.shape[0]), rows.through.reshape(-1, 3, rows.through.shape[1]),
+        strict=True,
+    ):  # fmt: skip
+        response = np.zeros((ORDERS, rate.shape[0]), dtype=complex)
+        response[:, driven:] = of_fast
         # each row by itself: the rounding of a matrix product depends on its shape, and events not on what else is read
         follow.append(np.sum(response[:, None, :] * rows.weight, axis=2).real)
         follow[-1][:3] += through[::-1]
     return np.concatenate(follow)
+
+
+def steady_entries(
+    rate: Complex,  # (K, K) 1/s: of one system; see `ComplexModes`
+    load: Complex,  # (3H, K) as of `ClosedForms`
+    first: int,  # of the entries, which are whole blocks, and the one behind the last
+    end: int,
+) -> Complex:
+    """Steady response (H, 8, entries) of some entries, per unit of ub, ub', s and the derivatives of s to the fifth."""
+    chosen, forces = slice(first, end), load.reshape(-1, 3, load.shape[1])
+    found = np.zeros((forces.shape[0], ORDERS, end - first), dtype=complex)
+    for of_load, response in zip(forces, found, strict=True):
+        before = np.zeros(end - first, dtype=complex)
+        for order in range(ORDERS):
+            # G' = Lambda G + load (s, ub', ub) with G a sum over ub and its derivatives
+            forcing = of_load[2 - order, chosen] if order < 3 else 0.0
+            before = scipy.linalg.solve_triangular(rate[chosen, chosen], before - forcing) if before.size else before
+            response[order] = before
+    return found
 
 
 ROUNDED = 1e-12
