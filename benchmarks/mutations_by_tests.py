@@ -36,6 +36,14 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
             "if not held.motion or now <= held.driven:",
         ),
     ),
+    "test_spectra.py": (
+        Mutation("neighbours_of_a_line", "HANN_BANDWIDTH = 1.5", "HANN_BANDWIDTH = 1.0"),
+        Mutation(
+            "line_of_the_mean",
+            "(self.values[0] ** 2 + 0.5 * np.sum(self.values[1:] ** 2))",
+            "0.5 * np.sum(self.values**2)",
+        ),
+    ),
     "test_taper.py": (
         Mutation("gauss_points_of_taper", "first = m1 / m0", "first = 0.5 * m1 / m0"),
         Mutation("taper_of_mass", "self.mass_per_length[element] * (a * b)", "self.mass_per_length[element] * a"),

@@ -46,6 +46,9 @@ MODES = 12
 """Lowest modes of a system in physical coordinates whose half-power widths are compared with the resolution."""
 
 
+HANN_BANDWIDTH = 1.5
+"""Lines of a Hann window over which the square of a sine spreads: N sum w^2/(sum w)^2."""
+
 CONFIDENCE = 0.95
 """Probability that the interval of a line holds the density, unless it is given."""
 
@@ -96,8 +99,13 @@ class Spectrum:
 
     @property
     def mean_square(self) -> float:
-        """Integral of a density: the mean square of the channel without its mean; of amplitudes the sum of a^2/2."""
-        return float(np.sum(self.values) * self.resolution if self.kind == "density" else 0.5 * np.sum(self.values**2))
+        """Mean square of the channel: of a density its integral, without the mean; of amplitudes with it.
+
+        Of amplitudes it is (a_0^2 + sum a_k^2/2)/1.5, as a Hann window has a sine in three lines, A/2, A and A/2.
+        """
+        if self.kind == "density":
+            return float(np.sum(self.values) * self.resolution)
+        return float((self.values[0] ** 2 + 0.5 * np.sum(self.values[1:] ** 2)) / HANN_BANDWIDTH)
 
     def in_gravity(self) -> Spectrum:
         """The density of an acceleration in g^2/Hz, g = 9.80665 m/s^2; any other spectrum as it is."""
