@@ -36,6 +36,20 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
             "if not held.motion or now <= held.driven:",
         ),
     ),
+    "test_section_channels.py": (
+        Mutation("static_value_of_the_modes", "terms.sum(axis=1), channel", "0.99 * terms.sum(axis=1), channel"),
+        Mutation(
+            "static_value_of_the_whole",
+            '"1 m/s^2 of the base", -whole.base_load',
+            '"1 m/s^2 of the base", whole.base_load',
+        ),
+        Mutation("static_value_unsaid", "NAMED = 1e-3", "NAMED = 1e-2"),
+        Mutation(
+            "reaction_under_the_first_drive",
+            "    for load in drive.loads:\n        rows =",
+            "    for load in drive.loads[:1]:\n        rows =",
+        ),
+    ),
     "test_spectra.py": (
         Mutation("neighbours_of_a_line", "HANN_BANDWIDTH = 1.5", "HANN_BANDWIDTH = 1.0"),
         Mutation(

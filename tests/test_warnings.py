@@ -41,6 +41,8 @@ SITES = {
                                                    "the mean acceleration of its record is"],
     ("excitation/remarks.py", "_removed_of_pulse"): ["the record is a pulse that changes the velocity"],
     ("excitation/remarks.py", "_kept"): ["no mode is kept"],
+    ("integrators/channel_rows.py", "mode_notes"): ["changes slowly lacks the difference",
+                                                    "modes are left out: reactions"],
     ("integrators/record_reading.py", "record_warnings"): ["the record is coarse"],
     ("integrators/stepping/operators.py", "check_step"): ["coarse step"],
     ("integrators/stepping/run.py", "_residual_warning"): ["energy residual", "are not in the table"],

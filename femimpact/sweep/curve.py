@@ -391,7 +391,7 @@ def curve_of(
     warnings += frequency_warnings(f, system.highest_kept, system.first_left_out)
     if curve.unit == "m":
         warnings += deflection_warnings(columns["peak"], system.length)
-    return replace(curve, warnings=tuple(warnings), notes=method.notes(system))
+    return replace(curve, warnings=tuple(warnings), notes=(*method.notes(system), *curve.notes))
 
 
 def start_of(state: State, system: System) -> str:

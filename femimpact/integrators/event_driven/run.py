@@ -16,7 +16,7 @@ from femimpact.contact.laws import RIGID
 from femimpact.errors import DivergenceError, changed, in_range, made, quantity, require
 from femimpact.excitation import Excitation
 from femimpact.integrators.cases import check_memory
-from femimpact.integrators.channel_rows import ChannelRows, Drive, channel_rows, drive_of, named_work, reaction_notes
+from femimpact.integrators.channel_rows import ChannelRows, Drive, channel_rows, drive_of, mode_notes, named_work
 from femimpact.integrators.event_driven.block import (
     EXTREMES,
     Block,
@@ -506,7 +506,7 @@ def _response(run: _Run, stream: Stream, samples: int, begin: float) -> Response
                 run.initial.continuation, contacts_in_progress(held_by(run.initial, system, run.excitation), system)
             ),
             *truncation_notes(system),
-            *reaction_notes(system, run.drive, run.channels),
+            *mode_notes(system, run.drive, run.channels),
             *_open_contacts(run),
             *_events_dropped(log),
         ),

@@ -27,7 +27,7 @@ from femimpact.integrators.cases import (
     start_of,
     with_contacts_of,
 )
-from femimpact.integrators.channel_rows import channel_rows, drive_of, reaction_notes
+from femimpact.integrators.channel_rows import channel_rows, drive_of, mode_notes
 from femimpact.integrators.stepping.arrays import Inputs
 from femimpact.integrators.stepping.block import (
     Block,
@@ -140,7 +140,7 @@ def run_steps(
         if step in kept:
             kept_state = _state(block, system, excitation, method)
     response = _response(block, system, excitation, method, recorder, initial, stream, warnings)
-    notes = (*response.notes, *reaction_notes(system, drive, channels))
+    notes = (*response.notes, *mode_notes(system, drive, channels))
     return changed(response, notes=notes, kept_state=kept_state, largest_values=largest)
 
 
