@@ -88,7 +88,7 @@ MUTATIONS = (
     Mutation("flexibility", 'np.einsum("ji,ij->j", rows, solved))', 'np.einsum("ji,ij->j", rows, solved)) * 1.01'),
     Mutation("static_correction", "if static_correction and system.contacts:", "if False and system.contacts:"),
     Mutation("attachment_vector", "psi @ mix / np.sqrt(inverse_square)", "psi @ mix / inverse_square"),
-    Mutation("damping_of_attachment", "np.append(ratio, _damping_ratio(", "np.append(ratio, 0.5 * _damping_ratio("),
+    Mutation("damping_of_attachment", "np.append(ratio, damping_ratios(", "np.append(ratio, 0.5 * damping_ratios("),
     # excitation
     Mutation(
         "base_speed_sign",

@@ -62,6 +62,13 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
         Mutation("gauss_points_of_taper", "first = m1 / m0", "first = 0.5 * m1 / m0"),
         Mutation("taper_of_mass", "self.mass_per_length[element] * (a * b)", "self.mass_per_length[element] * a"),
     ),
+    "test_modes.py": (
+        Mutation("beside_rigid_motions", "qr(motions)[0][:, rigid.shape[1] :]", "qr(motions)[0][:, : -rigid.shape[1]]"),
+        Mutation("free_motions_of_matrices", "if factor.shape[0] >= system.dofs:", "if True:"),
+        Mutation("units_of_dofs", "scale = _scale(matrix)", "scale = np.ones(len(matrix))"),
+        Mutation("rounding_of_damping", "np.outer(diagonal, diagonal) + rounding", "np.outer(diagonal, diagonal)"),
+        Mutation("coupled_damping", "rounding = 10.0 * system", "rounding = 1e9 * system"),
+    ),
     "test_cli.py": (
         Mutation(
             "status_of_bad_input",
