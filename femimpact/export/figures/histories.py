@@ -26,11 +26,11 @@ from femimpact.export.figures.drawing import (
     last_cycles,
     legend_above,
     panels,
-    prefixed,
     require_history,
     scaled,
 )
 from femimpact.response.response import Response
+from femimpact.units import prefixed
 
 if TYPE_CHECKING:
     from matplotlib.figure import FigureBase

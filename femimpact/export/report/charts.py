@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.arrays import Array
-from femimpact.export.figures.drawing import prefixed
 from femimpact.export.report.page import Section, Table, table_element, table_of
 from femimpact.export.tables import unit_text
 from femimpact.svg import MINUS, Axis, Band, Chart, Element, Line, axis_of, chart_element, element, number_text
 from femimpact.sweep import FrequencyResponse
+from femimpact.units import prefixed
 
 if TYPE_CHECKING:
     import xarray
@@ -131,7 +131,7 @@ def curve_table(curves: Mapping[str, FrequencyResponse]) -> Table:
     rows: list[tuple[Any, ...]] = []
     for label, curve in curves.items():
         if np.any(np.isfinite(curve.peak)):
-            mark = "one sample" if curve.peak_is_sample else "periodic"
+            mark = "one sample" if curve.peak_is_sample else "transient" if curve.peak_is_transient else "periodic"
             scale = 1e3 if curve.unit == "m" else 1.0
             rows.append((label, curve.peak_frequency, scale * curve.peak_amplitude, mark, len(curve.warnings)))
     units = dict.fromkeys("mm" if curve.unit == "m" else curve.unit for curve in curves.values())
