@@ -431,12 +431,12 @@ def test_a_line_joins_what_repeats_and_what_scatters_is_dots(curves):
     peak = np.where(steadiness == "failed", np.nan, with_ball.peak)
     mixed = dataclasses.replace(with_ball, steadiness=steadiness, peak=peak, impacts_per_cycle=np.ones(11))
     axis = fi.figures.response_curve({"without ball": empty, "with ball": mixed}, published=[("paper", 4.95, 7e-3)])
-    # linear: no scatter, whatever its transient, which another start has another of
+    # linear: no scatter and no sample, whatever is left of its transient
     np.testing.assert_allclose(line(axis, "without ball: peak").get_ydata(), 1e3 * empty.peak)
-    transient = empty.steadiness != "periodic"
-    assert transient.any()
-    dots = line(axis, "without ball: peak, one start's value: the motion is not periodic")
-    np.testing.assert_allclose(dots.get_xdata(), FREQUENCIES[transient])
+    assert empty.peak_is_transient
+    assert not empty.is_sample.any()
+    assert not any("without ball: peak, one start" in str(drawn.get_label()) for drawn in axis.lines)
+    assert any("transient has not died out" in drawn.get_text() for drawn in axis.texts)
     joined = line(axis, "with ball: peak").get_ydata()
     np.testing.assert_allclose(joined[steadiness == "periodic"], 1e3 * peak[steadiness == "periodic"])
     assert np.isnan(joined[steadiness != "periodic"]).all()
