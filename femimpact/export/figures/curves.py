@@ -51,11 +51,11 @@ def response_curve(
 ) -> Axes:
     """Response curves over the base frequency on one logarithmic axis (the paper's Fig. 6 and 7).
 
-    A line joins the peaks of motions that repeat ("periodic" in `FrequencyResponse.steadiness`) and of those
-    without impacts, at whose largest peak is said where a transient has not died out. A dot marks a value of one start
-    wherever a motion with impacts is not periodic (`FrequencyResponse.is_sample`): such a peak is one sample of a
-    scatter, from another start it is another one, and no line joins it. The rms, which scatters less, is a dotted line where there are impacts, with small
-    dots.
+    A line joins the peaks of motions that repeat ("periodic" in `FrequencyResponse.steadiness`) and of those without
+    impacts, at whose largest peak is said where a transient has not died out. A dot marks a value of one start wherever
+    a motion with impacts is not periodic (`FrequencyResponse.is_sample`): such a peak is one sample of a scatter, from
+    another start it is another one, and no line joins it. The rms, which scatters less, is a dotted line where there
+    are impacts, with small dots.
 
     Parameters
     ----------
