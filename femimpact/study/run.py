@@ -18,7 +18,7 @@ from femimpact.integrators.cases import first_steps
 from femimpact.integrators.methods import Method
 from femimpact.integrators.runs import integrate
 from femimpact.integrators.stepping.operators import shortest_contact
-from femimpact.response.impacts import STICKING_UNITS, impact_columns
+from femimpact.response.impacts import DRAWN_IN_CONTACT, STICKING_UNITS, impact_columns
 from femimpact.response.response import Response
 from femimpact.structure.structure import glue_impactors
 from femimpact.study.base_motion import RecordedMotion
@@ -48,9 +48,6 @@ from femimpact.system.state import State
 
 MODES_LISTED = 4
 
-
-SAMPLES_PER_CONTACT = 20
-"""Instants at which a figure shows the force of one contact, at least."""
 
 Report = Callable[[str, float], None]
 """Called with what is being done and the share of it that is done."""
@@ -109,7 +106,7 @@ def _read_within_contacts(prepared: PreparedStudy, grid: float) -> tuple[Method,
     study, small, method, record = prepared.study, prepared.small, prepared.method, prepared.record
     contact_time, frequency, parts = shortest_contact(small), study.base.frequency, 1
     # doubled, the grid keeps its instants to the last bit, and with them the pieces in which a run is computed
-    while math.isfinite(contact_time) and parts * contact_time < SAMPLES_PER_CONTACT * grid:
+    while math.isfinite(contact_time) and parts * contact_time < DRAWN_IN_CONTACT * grid:
         parts *= 2
     samples = round(1.0 / (frequency * method.time_grid(frequency)))
     finely = method.read_at_least(parts * samples)
