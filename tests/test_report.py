@@ -400,6 +400,54 @@ def test_a_script_writes_responses_curves_tables_and_maps(run, tmp_path):
     assert text.count("fill:#") >= 12 - 2
 
 
+def test_every_curve_of_a_report_speaks_and_has_its_unit(tmp_path):
+    """Warnings of all curves of one heading, and the stress at a root in MPa."""
+    small = reduced(replace(REFERENCE, impactors=()), 3, 10)
+    f = np.linspace(5.0, 5.6, 4)
+    first = fi.frequency_sweep(small, 2e-4, f, fi.EventDriven(), 30)
+    second = replace(first, warnings=())
+    stress = fi.frequency_sweep(small, 2e-4, f, fi.EventDriven(), 30, channel="root.surface_stress")
+    path = fi.report(tmp_path / "r.html", {"Curves": {"first": first, "second": second}, "Root": stress})
+    text = Parsed(path.read_text(encoding="utf-8")).text
+    assert len(first.warnings) > 0
+    for warning in first.warnings:
+        assert f"Curves, first: {warning}" in text
+    assert f"{1e-6 * stress.peak_amplitude:.4g} MPa" in text.replace("Largest peak, Root", "")
+    assert f"{1e3 * first.peak_amplitude:.4g} mm" in text
+    assert text.count("has not died out") == 3
+    assert "one sample" not in text
+    assert "peak (MPa)" in text
+
+
+def test_a_study_on_a_page_names_its_drive_and_takes_the_axes_of_the_worst(tmp_path):
+    small = reduced(replace(REFERENCE, impactors=(replace(REFERENCE.impactors[0], gap=1e-3),)), 3, 10)
+    axes = {
+        "impactor.ball.gap": [1e-3, 2e-3],
+        "base.frequency": [4.8, 5.2],
+        "impactor.ball.contact.restitution": [0.5, 0.8],
+    }
+    data = fi.parameter_study(small, axes, ["peak"], cycles=30, excitation=fi.Sine(2e-4, 5.0))
+    worst = ("base.frequency", "impactor.ball.contact.restitution")
+    cards = {}
+    for name in ((), worst):
+        path = fi.report(tmp_path / "r.html", {"Study": data}, worst_over=name or None)
+        text = " ".join(Parsed(path.read_text(encoding="utf-8")).text.split())
+        best = fi.best_case(data, "peak", worst_over=name or None)
+        cards[name] = f"Smallest worst peak{1e3 * best.designs[0].value:.4g}"
+        assert cards[name].replace(" ", "") in text.replace(" ", "")
+        assert "a sine of the base, amplitude 0.2 mm, frequency as its axis has it" in text
+    assert cards[()] != cards[worst]
+    with pytest.raises(fi.InputError, match="worst_over"):
+        fi.report(tmp_path / "r.html", {"Study": data}, worst_over=("impactor.ball.mass",))
+
+
+def test_numbers_of_a_planned_test_are_a_part(tmp_path):
+    found = fi.preflight(reduced(REFERENCE, 3, 10), fi.Sine(2e-4, 5.0), duration=3.0)
+    path = fi.report(tmp_path / "r.html", {"B": found})
+    text = Parsed(path.read_text(encoding="utf-8")).text
+    assert all(row.what in text for row in found.rows)
+
+
 def test_a_map_has_a_cell_of_the_right_colour_at_every_place():
     import xarray
 

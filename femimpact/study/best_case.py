@@ -128,6 +128,7 @@ def ranked_designs(
 def best_cases(
     dataset: xarray.Dataset,
     plan: BestPlan | None,  # of the study file
+    worst_over: Sequence[str] | None = None,  # without a plan
 ) -> tuple[dict[str, BestCase], dict[str, str]]:
     """The best case by the measure of the plan, else by the first that has one; and why those before it have none."""
     axes, found, reasons = axes_of(dataset), dict[str, BestCase](), dict[str, str]()
@@ -141,7 +142,7 @@ def best_cases(
     asked = known if plan is None else [plan.measure]
     for name in asked:
         try:
-            found[name] = best_case(dataset, name, *((plan.worst_over, plan.limits) if plan else ()))
+            found[name] = best_case(dataset, name, *((plan.worst_over, plan.limits) if plan else (worst_over,)))
             break
         except InputError as error:
             reasons[name] = " ".join(str(error).split())

@@ -419,8 +419,10 @@ def study_lead(data: xarray.Dataset) -> list[str]:
     if "cycles" in data.attrs:
         cycles, measured = (int(data.attrs[name]) for name in ("cycles", "measured_cycles"))
         run = f"{cycles} cycles of the base, of which the last {measured} are measured"
+    drive = [f"Drive: {data.attrs['drive']}."] if "drive" in data.attrs else []
     return [
         f"Parameter study: {int(np.prod(sizes))} cases{shape}, {each}; {run}, at {data.attrs['place']}.",
+        *drive,
         f"Axes: {'; '.join(_axes(data))}.",
     ]
 

@@ -214,7 +214,7 @@ def summary_of(
         summary["history"] = {
             **({"frequency": response.base.frequency} if has_cycle(response.base) else {}),
             "peak": peak_of_history(response),
-            **_kind_of_peak(response),
+            **kind_of_peak(response),
             "rms": response.steady.rms[0],
             "steadiness": str(response.steady.steadiness[0]),
             "impacts": len(response.impacts) + response.impacts.dropped,
@@ -284,7 +284,7 @@ def window_of_peaks(history: Mapping[str, Any]) -> str:
     return "of the whole run" if history.get("frequency") is None else "over the last third"
 
 
-def _kind_of_peak(response: Response) -> dict[str, bool]:
+def kind_of_peak(response: Response) -> dict[str, bool]:
     """Whether the peak of a motion that does not repeat is one start's value, or holds a transient of the start.
 
     With impacts in the last third it is the former; without them, where the drive repeats, the latter.
