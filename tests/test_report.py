@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from builders import NO_PICTURES, REFERENCE, reduced, short_study
+from builders import NO_PICTURES, REFERENCE, UNDRAWN_STUDY, reduced, short_study
 from test_svg import HOSTILE, Parsed
 
 import femimpact as fi
@@ -193,6 +193,36 @@ def test_values_of_any_kind_in_a_summary_stop_nothing(sound, tmp_path):
             (tmp_path / "summary.json").write_text(json.dumps({key: value}))
             write_report(tmp_path)
             assert "What was found" in text_of(tmp_path)
+
+
+FOREIGN = {
+    "nothing": {},
+    "notes": {"notes.txt": "a", "report.html": "<p>mine</p>"},
+    "tables": {"modes.csv": "a,b\n1,2\n", "sweep.csv": "f,x\n1,2\n", "contact.csv": "name\nme\n"},
+    "summary": {"summary.json": '{"total": 3}', "response.png": "no picture"},
+    "broken": {"summary.json": "{", "convergence.json": "[]"},
+    "a study": {"study.toml": UNDRAWN_STUDY, "best.toml": UNDRAWN_STUDY},
+    "folders": {"blocks/mine.txt": "a", "deflection/0000.vtu": "a"},
+}
+
+
+@pytest.mark.parametrize("name", FOREIGN)
+def test_a_foreign_folder_gets_no_page(name, tmp_path):
+    for file, content in FOREIGN[name].items():
+        (tmp_path / file).parent.mkdir(exist_ok=True)
+        (tmp_path / file).write_text(content, encoding="utf-8")
+    before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    with pytest.raises(fi.InputError, match="must hold results of a study"):
+        write_report(tmp_path)
+    assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
+
+
+def test_a_history_without_a_contact_has_no_figure_and_no_warning_of_it(tmp_path):
+    short = short_study(1.0, figures=True, paraview=False, movie=False, frames=0, starts=1)
+    bare = replace(short, structure=replace(short.structure, impactors=()), sweep=None)
+    found = run_study(bare, tmp_path / "out", parts=("simulate",))
+    assert not any("not drawn" in text for text in found.summary["warnings"])
+    assert not list((tmp_path / "out").glob("*.png"))
 
 
 def test_results_of_a_version_without_these_files_make_a_report(results):

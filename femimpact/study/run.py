@@ -368,13 +368,16 @@ def keep_pictures(
     """Write what the figures show besides, draw, and write the summary of it all."""
     folder, study, output = staging.folder, prepared.study, prepared.study.output
     summary = _summary(prepared, found) | dict(more or {})
-    if output.figures and found.response is not None and found.response.system.contacts:
+    touched = found.response is not None and bool(found.response.system.contacts)
+    if output.figures and found.response is not None and touched:
         report("last cycles, for figures", 0.0)
         end = last_cycles(prepared, found.response)
         write_last_cycles(folder / FILES["last_cycles"].name, study.structure, found.response, end)
         report("last cycles, for figures", 1.0)
     filmed = found.response is not None and found.response.snapshots is not None
-    kinds = [*(["figures"] if output.figures else []), *(["movie"] if output.movie and filmed else [])]
+    # a history without contacts has no figure
+    figured = output.figures and (touched or found.modes is not None or found.sweeps is not None)
+    kinds = [*(["figures"] if figured else []), *(["movie"] if output.movie and filmed else [])]
     if kinds:
         ended = dict.fromkeys(kinds, "the run was ended before")
         write_summary(folder, with_pictures(summary, ended, staging.target), staging.finished)
