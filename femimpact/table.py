@@ -32,8 +32,13 @@ LINES = 9
 
 
 def column_units(table: Any) -> dict[str, str]:
-    """Units by name of a record's columns: its array fields along the axis of the first one, which is the rows'."""
+    """Units by name of a record's columns: its array fields along the axis of the first one, which is the rows'.
+
+    None of a record whose rows are no arrays.
+    """
     arrays = [item for item in fields(table) if "axes" in item.metadata]
+    if not arrays:
+        return {}
     rows = arrays[0].metadata["axes"][0]
     return {item.name: item.metadata["unit"] for item in arrays if item.metadata["axes"][0] == rows}
 

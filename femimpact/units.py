@@ -1,4 +1,7 @@
-"""Units in texts: what "10 g", "4 mm" or "0.04 g^2/Hz" are in the unit of a field, and the one table of units."""
+"""Units in texts: what "10 g", "4 mm" or "0.04 g^2/Hz" are in the unit of a field, and the one table of units.
+
+Numbers for the eye too: with how many digits, and in which unit.
+"""
 
 from __future__ import annotations
 
@@ -174,6 +177,87 @@ def in_si(key: str, value: Any, unit: str) -> Any:
         return float(Fraction(found[1]) * size)
     except OverflowError:
         raise InputError([Fault(key, value, "", f"must be a finite number, in {unit}")]) from None
+
+
+# ---- numbers for the eye --------------------------------------------------------------------------
+
+
+PLAIN = (1e-4, 1e7)
+"""Sizes from and up to which a number is written without a power of ten."""
+
+PREFIXES = ((1.0, ""), (1e3, "m"), (1e6, "µ"), (1e9, "n"))
+SMALLEST_IN_MM, LARGEST_IN_MM = 1e-5, 10.0
+"""Lengths (m) that are shown in mm."""
+SMALLEST_IN_MPA = 1e5
+"""Smallest stress (Pa) that is shown in MPa."""
+
+MOST_DIGITS = 5
+"""Digits of the ends of an interval, where one digit of its half width remains."""
+
+
+def number_text(
+    value: float,
+    digits: int = 4,  # that count
+    zeros: bool = False,  # whether zeros at its end stay: they say how exact it is
+) -> str:
+    """A number for the eye, without a power of ten where that is readable."""
+    text = f"{value:#.{digits}g}".rstrip(".") if zeros and value else f"{value:.{digits}g}"
+    if "e" not in text or not PLAIN[0] <= abs(value) < PLAIN[1]:
+        return text
+    # 12340 is read more easily than with a power of ten
+    return f"{value:.0f}"
+
+
+def prefixed(largest: float, unit: str) -> tuple[float, str]:
+    """Factor and unit with the prefix in which the largest value is at least 1.
+
+    Lengths from 0.01 mm to 10 m are in mm, stresses from 0.1 MPa on in MPa, masses below 1 kg in g.
+    """
+    if not unit[:1].isalpha():
+        # of a number in a time or a length
+        return 1.0, unit
+    if unit.startswith("kg") and 0.0 < largest < 1.0:
+        factor, shown = prefixed(1e3 * largest, unit[1:])
+        return 1e3 * factor, shown
+    if unit == "Pa" and largest >= SMALLEST_IN_MPA:
+        return 1e-6, "MPa"
+    if unit == "m" and SMALLEST_IN_MM <= largest < LARGEST_IN_MM:
+        # as on every axis of a displacement, so that figures can be laid side by side
+        return 1e3, "mm"
+    found = next(((f, p) for f, p in PREFIXES if f * largest >= 1.0), PREFIXES[-1] if largest else PREFIXES[0])
+    return found[0], found[1] + unit
+
+
+def quantity_text(value: float, unit: str, digits: int = 4) -> str:
+    """A number for the eye in the unit that fits, as "130 mm" for 0.13 m."""
+    factor, shown = prefixed(abs(value), unit)
+    return f"{number_text(factor * value, digits)} {shown}"
+
+
+def interval_texts(value: float, low: float, high: float) -> tuple[str, str, str]:
+    """A value and the ends of its interval, all to two digits of the half width.
+
+    Of more than five digits one of the half width is enough: 5.3000 (5.2998 to 5.3003).
+    """
+    half = decimal_place(0.5 * (high - low))
+    fifth = decimal_place(max(abs(low), abs(high))) - MOST_DIGITS + 1
+    place = fifth if half - 1 < fifth <= half else half - 1
+    if not (math.isfinite(low + high) and half > decimal_place(value) - 15):
+        return number_text(value, 6), number_text(low, 6), number_text(high, 6)
+    return at_place(value, place), at_place(low, place), at_place(high, place)
+
+
+def decimal_place(value: float) -> int:
+    """Power of ten of the first digit of a size, far below all others for zero."""
+    return math.floor(math.log10(abs(value)) + 1e-9) if value and math.isfinite(value) else -400
+
+
+def at_place(value: float, place: int) -> str:
+    """The value rounded to a power of ten."""
+    return f"{round(value, -place):.{max(-place, 0)}f}"
+
+
+# ---- units ----------------------------------------------------------------------------------------
 
 
 @cache

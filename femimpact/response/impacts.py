@@ -32,6 +32,9 @@ COUNT, APPROACH_SUM, LARGEST_APPROACH, IMPULSE_SUM, PEAK_FORCE, FORCE_TIME = ran
 # the first four count impacts that end within the window; the last two every force in it, sticking included
 
 
+READINGS_IN_CONTACT, DRAWN_IN_CONTACT = 10, 20
+"""Readings of a contact force in a compliant contact, below which it has a note, and those of a figure at least."""
+
 MOST_DRAWN = 6
 """Balls and stops whose impacts a notebook shows."""
 

@@ -254,12 +254,18 @@ class LargestSample:
             self.value, self.time = float(values[i]), float(times[i])
 
 
+Reread = Callable[[tuple[Channel, ...], float, float], tuple[Array, dict[str, Array]]]
+"""From channels, a time (s) and a longest interval (s) to times and values from there on, of a run computed anew."""
+
+
 @dataclass(frozen=True, eq=False)
 class LargestValues:
     """Largest values of the channels of a run, found when they are first asked for and then known."""
 
     # from channels to the largest value of each, found by computing the run once more
     find: Callable[[tuple[Channel, ...]], tuple[Largest, ...]] = field(repr=False)
+    # reads the same run at shorter intervals; a method with steps has its steps
+    reread: Reread = field(repr=False)
     known: list[tuple[Channel, Largest]] = field(default_factory=list, repr=False)  # (Channel, Largest)
 
     def of(self, channels: tuple[Channel, ...]) -> tuple[Largest, ...]:

@@ -47,6 +47,8 @@ IN_PYTHON = {
     r"Recorder\(interval=\) sets another one, and largest\(channel\) of the response finds what lies between": (
         "output.interval sets another one; the largest values of the summary are exact between the readings too"
     ),
+    r"impacts\.peak_force": "impacts.csv",
+    r"a smaller Recorder\(interval=\) or every": "a smaller output.interval or output.every",
     r'as RecordedBase\.from_csv\(\.\.\., detrend="line"\) does': 'by base.detrend = "line"',
     r"RecordedBase\.from_displacement\(.*(high_pass = [^)]*)\) of the displacement of this record": r"base.\1",
 }

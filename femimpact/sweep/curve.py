@@ -45,10 +45,13 @@ from femimpact.structure.damping import realised_damping_ratio
 from femimpact.structure.structure import Position
 from femimpact.svg import Chart, Line, axis_of
 from femimpact.sweep.dwells import DwellRun
-from femimpact.system.modes import first_elastic_frequency, first_resonance
+from femimpact.system.contact_pair import ContactPair
+from femimpact.system.matrices import rigid_motions
+from femimpact.system.modes import first_elastic_frequency, first_resonance, solve_modes
 from femimpact.system.state import State
 from femimpact.system.system import System, without_impactors
 from femimpact.table import Head, flat_columns, frame_of, head_of_columns, named_column, short_repr
+from femimpact.units import number_text, prefixed
 
 if TYPE_CHECKING:
     import pandas
@@ -114,8 +117,9 @@ def on_grid(
 class FrequencyResponse:
     """Response curve over the base frequency, measured at the end of each dwell.
 
-    `curve["peak"]` reads a column. Where `steadiness` is not "periodic" the values are those of one start: another one
-    has others. They have a star where the curve is printed, and a dot where it is drawn; see `is_sample`.
+    `curve["peak"]` reads a column. Where `steadiness` is not "periodic" and there are impacts the values are those of
+    one start: another one has others. They have a star where the curve is printed, and a dot where it is drawn; see
+    `is_sample`. Without impacts what does not repeat is a transient of the start.
 
     Parameters
     ----------
@@ -218,7 +222,8 @@ class FrequencyResponse:
         found = bool(np.any(np.isfinite(self.peak)))
         star = "*" if found and self.peak_is_sample else ""
         highest = f", peak {self.peak_amplitude:.5g}{star} {self.unit} at {self.peak_frequency:.5g} Hz" if found else ""
-        title = f"FrequencyResponse: {size}{span}{highest}, {len(self.warnings)} warnings"
+        settling = " where a transient has not died out" if found and self.peak_is_transient else ""
+        title = f"FrequencyResponse: {size}{span}{highest}{settling}, {len(self.warnings)} warnings"
         columns, units = flat_columns(self)
         units = self._units_of(units)
         if np.any(self.is_sample):
@@ -231,24 +236,40 @@ class FrequencyResponse:
         if not np.any(np.isfinite(self.peak)):
             return None
         order = np.argsort(self.frequency, kind="stable")
-        line = Line("peak", self.frequency[order], 1e3 * self.peak[order], marked=self.is_sample[order])
+        factor, unit = prefixed(float(np.nanmax(self.peak)), self.unit)
+        line = Line("peak", self.frequency[order], factor * self.peak[order], marked=self.is_sample[order])
         note = f"Dots: {ONE_START}." if np.any(self.is_sample) else ""
         frequency = axis_of("frequency of the base (Hz)", line.x, tight=True)
-        return Chart("", frequency, axis_of("peak (mm)", line.y, zero=True), (line,), note=note)
+        return Chart("", frequency, axis_of(f"peak ({unit})", line.y, zero=True), (line,), note=note)
 
     @property
     def is_sample(self) -> NDArray[np.bool_]:
-        """True where the values are one start's of a motion that is not periodic, (n,); False where a case failed.
+        """True where the values are one start's of a motion with impacts that is not periodic, (n,).
 
-        Chaotic and transient motions have other values from another start. A mark says so: a star in printed tables,
-        a dot in figures; in files it is the column `steadiness`.
+        Such a motion has other values from another start. A mark says so: a star in printed tables, a dot in figures;
+        in files it is the column `steadiness`. False where a case failed, and where there are no impacts in the
+        measured time: what does not repeat there is a transient that has not died out, as `has_transient` says.
         """
+        return np.asarray(self._irregular & (self.impacts_per_cycle > 0.0))
+
+    @property
+    def has_transient(self) -> NDArray[np.bool_]:
+        """True where a motion without impacts does not repeat: a transient of the start has not died out, (n,)."""
+        return np.asarray(self._irregular & (self.impacts_per_cycle == 0.0))
+
+    @property
+    def _irregular(self) -> NDArray[np.bool_]:
         return np.asarray((self.steadiness != "periodic") & (self.steadiness != "failed"))
 
     @property
     def peak_is_sample(self) -> bool:
         """True if the largest peak of the curve is one start's value."""
         return bool(self.is_sample[np.nanargmax(self.peak)])
+
+    @property
+    def peak_is_transient(self) -> bool:
+        """True if the largest peak of the curve has a transient of the start in it."""
+        return bool(self.has_transient[np.nanargmax(self.peak)])
 
     @cached_property
     def damping(self) -> DampingEstimate:
@@ -435,9 +456,9 @@ def _dwell_warnings(system: System, cases: SineCases) -> list[str]:
     if left <= TRANSIENT_LEFT:
         return []
     return [
-        f"dwell of {begin:.3g} s before measuring begins: {100 * left:.2g} % of the first mode's transient "
-        f"(damping ratio {ratio:.3g}) is left there: peaks and damping near {first:.4g} Hz need a "
-        "longer dwell"
+        f"dwell of {number_text(begin, 3)} s before measuring begins: {number_text(100 * left, 2)} % of the first "
+        f"mode's transient (damping ratio {number_text(ratio, 3)}) is left there: peaks and damping near "
+        f"{first:.4g} Hz need a longer dwell"
     ]
 
 
@@ -447,15 +468,44 @@ def _shortest_begin(cases: SineCases) -> float:
 
 
 def transient_left(system: System, begin: float) -> tuple[float, float, float]:
-    """First natural frequency (Hz), its damping ratio, and the share exp(-ratio omega t) of its transient left at t."""
+    """Frequency (Hz) and damping ratio of the first mode's transient, and the share exp(-ratio omega t) left at t.
+
+    With absorbers it is the sum of one transient more for each of them: the share is that of the sum, and frequency and
+    ratio are those of the transient of which most is left.
+    """
+    bare = without_impactors(system)
     first = first_elastic_frequency(system)
-    omega = 2.0 * math.pi * first
     if system.rayleigh is None or first == 0.0:
-        first, ratio = first_resonance(without_impactors(system))
-        omega = 2.0 * math.pi * first
+        first, ratio = first_resonance(bare)
     else:
-        ratio = float(realised_damping_ratio(*system.rayleigh, omega))
-    return first, ratio, math.exp(-ratio * omega * begin)
+        ratio = float(realised_damping_ratio(*system.rayleigh, 2.0 * math.pi * first))
+    omega = 2.0 * math.pi * first
+    hung = [pair for pair in system.contacts if not pair.has_walls]
+    if not hung or omega == 0.0:
+        return first, ratio, math.exp(-ratio * omega * begin)
+    mode = solve_modes(bare, min(rigid_motions(bare).shape[1] + 1, bare.dofs)).vectors[:, -1]
+    poles, shares = _first_mode_with(hung, mode, omega, ratio)
+    left = shares * np.exp(poles.real * begin)
+    longest = poles[np.argmax(left)]
+    return float(abs(longest)) / (2.0 * math.pi), float(-longest.real / abs(longest)), float(left.sum())
+
+
+def _first_mode_with(
+    absorbers: Sequence[ContactPair], mode: Array, omega: float, ratio: float
+) -> tuple[NDArray[np.complex128], Array]:
+    """Poles (1/s) of a mode with absorbers on it, and their shares of its motion after it is let go."""
+    n = len(absorbers) + 1
+    # of the mode's coordinate and of the bodies: lengths of the springs between them
+    lengths = np.column_stack([[pair.direction @ mode for pair in absorbers], -np.eye(n - 1)])
+    of_mode, mass = np.diag(np.eye(n)[0]), np.array([1.0, *(pair.mass for pair in absorbers)])
+    stiffness, damping = (
+        own * of_mode + lengths.T @ np.diag([getattr(pair, name) for pair in absorbers]) @ lengths
+        for own, name in ((omega**2, "free_stiffness"), (2.0 * ratio * omega, "free_damping"))
+    )
+    matrix = np.block([[np.zeros((n, n)), np.eye(n)], [-stiffness / mass[:, None], -damping / mass[:, None]]])
+    poles, vectors = np.linalg.eig(matrix)
+    shares = np.abs(vectors[0] * np.linalg.pinv(vectors)[:, 0])
+    return poles, shares / shares.sum()
 
 
 def _grid_warnings(system: System, f: Array) -> list[str]:

@@ -22,7 +22,6 @@ from femimpact.export.figures.drawing import (
     panel,
     panels,
     plain_log_ticks,
-    prefixed,
     require_history,
 )
 from femimpact.export.tables import GRAVITY
@@ -31,6 +30,7 @@ from femimpact.response.response import Response
 from femimpact.spectra import ShockResponseSpectrum, Spectrum, TransferFunction
 from femimpact.spectra import spectrum as spectrum_of
 from femimpact.structure.structure import Position
+from femimpact.units import prefixed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -18,7 +18,6 @@ from femimpact.export.figures.drawing import (
     panel,
     panels,
     plain_log_ticks,
-    prefixed,
 )
 from femimpact.export.tables import (
     OUTLINE,
@@ -34,6 +33,7 @@ from femimpact.export.tables import (
     value_words,
 )
 from femimpact.sweep import ONE_START
+from femimpact.units import prefixed
 
 if TYPE_CHECKING:
     import xarray

@@ -92,6 +92,22 @@ def find_largest(
     )
 
 
+def reread(
+    run: Callable[[Recorder], Any],  # as of `find_largest`
+    recorder: Recorder,
+    channels: tuple[Channel, ...],
+    start: float,  # s: from when on
+    _: float,  # s: a run with steps is read at them
+) -> tuple[Array, dict[str, Array]]:
+    """Times (s) and values of channels at all steps of a run from a time on."""
+    every_step = replace(
+        recorder, channels=channels, every=1, start=start, snapshots=0, state_at=None, impacts=0, ledger=False,
+        memory_limit=NO_LIMIT, sink=None,
+    )  # fmt: skip
+    found = run(every_step)
+    return found.time, dict(found.channels)
+
+
 def run_steps(
     system: System,
     excitation: Excitation,
@@ -113,7 +129,7 @@ def run_steps(
     require(fits, "duration", duration, "s", f"must be a finite number >= one step, {method.dt:g} s")
     check_sampling(np.array([excitation.frequency]), method, "frequency")
     warnings, again = check_step(system, method), partial(_again, system, excitation, method, duration, initial)
-    largest = LargestValues(partial(find_largest, again, recorder))
+    largest = LargestValues(partial(find_largest, again, recorder), partial(reread, again, recorder))
     steps = round(duration / method.dt)
     # the sines of a sum go on behind the last step, which may be half a step after the end
     excitation = until(excitation, initial.time + duration + 2.0 * method.dt)
