@@ -11,19 +11,18 @@ import numpy as np
 
 from femimpact.arrays import Array
 from femimpact.errors import Fault, InputError, InputWarning, checked, instance, optional, quantity, require
+from femimpact.excitation.column_names import TIMES, in_si, unit_of
 from femimpact.excitation.columns import (
     MOST_BYTES,
-    TIMES,
     RecordHeader,
     has_decimal_commas,
-    in_si,
+    in_columns,
     interval_of,
     is_column,
     line_of_row,
     read_columns,
     record_header,
     record_text,
-    unit_of,
 )
 from femimpact.regular_file import open_regular
 
@@ -101,7 +100,7 @@ def _read_text(
     path: str | Path, columns: Sequence[int | str] | None, units: Sequence[str] | None, rate: float | None, pick: Pick
 ) -> xarray.Dataset:
     """Columns of a text; where none are given, some of the signals."""
-    text, file = record_text(path), Path(path)
+    text, file = in_columns(record_text(path), path), Path(path)
     found = record_header(text, file)
     if columns is None:
         places, notes = _places(found, file, rate, pick)
@@ -139,9 +138,11 @@ def _places(found: RecordHeader, file: Path, rate: float | None, pick: Pick) -> 
     counts = f"must have a column of time: {found.name(first)!r} counts samples; give sample_rate"
     require(bool(time) or rate is not None or first not in found.counted, "path", str(file), "", counts)
     time = time or [first][rate is not None :]
-    further = {*of_time, *named} - {*time, *found.counted}
-    signals = [p for p in found.places if p not in (*time, *found.counted, *further)]
-    notes = [f"{found.name(p)!r} is left out: it counts samples" for p in found.counted]
+    counted = found.counted
+    further = {*of_time, *named} - {*time, *counted}
+    left_out = {*time, *counted, *further}
+    signals = [p for p in found.places if p not in left_out]
+    notes = [f"{found.name(p)!r} is left out: it counts samples" for p in counted]
     notes += [f"column {p}, {found.name(p)!r}, is left out: a further time" for p in sorted(further)]
     notes += [f"{name!r} is left out: few of its rows have numbers, or none" for name in found.left]
     if rate is not None and time:
