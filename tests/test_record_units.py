@@ -84,8 +84,6 @@ def test_pipe_device_folder_and_nothing_are_refused(tmp_path):
 
 @pytest.mark.parametrize("name", ["record.csv", "record.uff"])
 def test_what_is_written_is_read(tmp_path, name):
-    if name.endswith("uff"):
-        pytest.importorskip("pyuff")
     record = fi.read_record(written(tmp_path, "time,tip,force\ns,mm,N\n" + ROWS.replace("\n", ",1.5\n"), "in.csv"))
     found = fi.read_record(fi.write_record(tmp_path / name, record))
     assert list(found.data_vars) == list(record.data_vars)
@@ -98,7 +96,6 @@ def test_what_is_written_is_read(tmp_path, name):
 
 @pytest.mark.parametrize(("unit", "seconds"), [("ms", 1e-3), ("NONE", 1.0), ("SEC", 1.0), ("mm", None), ("days", None)])
 def test_the_unit_of_the_time_of_a_uff_file_is_applied_and_said(tmp_path, unit, seconds):
-    pytest.importorskip("pyuff")
     text = fi.write_record(tmp_path / "s.uff", fi.read_record(written(tmp_path, "time,tip\ns,mm\n" + ROWS))).read_text()
     path = written(
         tmp_path, text.replace(" NONE                 s   ", f" NONE                 {unit:4}", 1), "other.uff"
@@ -112,26 +109,9 @@ def test_the_unit_of_the_time_of_a_uff_file_is_applied_and_said(tmp_path, unit, 
     assert found.attrs["notes"][0].startswith("the time is in " + ("s" if unit == "NONE" else unit))
 
 
-def test_a_binary_uff_file_with_what_is_no_number_is_refused(tmp_path):
-    pytest.importorskip("pyuff")
-    text = fi.write_record(tmp_path / "s.uff", fi.read_record(written(tmp_path, ROWS, "in.csv"))).read_text()
-    lines = text.split("\n")
-    binary = "    58b     1     2          11         160     0     0           0           0"
-    head = "\n".join([lines[0], binary, *lines[2:13]]) + "\n"
-    for values in (VALUES, np.where(np.arange(20) == 5, np.nan, VALUES)):
-        (tmp_path / "b.uff").write_bytes(head.encode() + values.astype("<f8").tobytes() + b"\n    -1\n")
-        if np.isfinite(values).all():
-            assert fi.read_record(tmp_path / "b.uff")["column 1"].to_numpy().tolist() == VALUES.tolist()
-        else:
-            with pytest.raises(fi.InputError, match="sample 6: is no finite number"):
-                fi.read_record(tmp_path / "b.uff")
-
-
 @pytest.mark.parametrize("name", ["out.csv", "out.uff"])
 def test_what_is_written_is_what_was_there_or_is_refused(tmp_path, name):
     xarray = pytest.importorskip("xarray")
-    if name.endswith("uff"):
-        pytest.importorskip("pyuff")
 
     def dataset(time, values, unit="m", signal="tip", of_time="s"):
         return xarray.Dataset({signal: ("time", values, {"units": unit})}, {"time": ("time", time, {"units": of_time})})
@@ -151,27 +131,6 @@ def test_what_is_written_is_what_was_there_or_is_refused(tmp_path, name):
     found = fi.read_record(fi.write_record(path, dataset(time, VALUES, unit="m,\nor so", signal="a\nb")))
     np.testing.assert_allclose(found["a b"], VALUES, rtol=1e-11)
     assert found["a b"].attrs["units"] == "m or so"
-
-
-# pyuff leaves the file of what it has written to the garbage collector
-@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning", "ignore:unclosed file:ResourceWarning")
-def test_damaged_uff_files_are_refused(tmp_path):
-    pyuff = pytest.importorskip("pyuff")
-    record = fi.read_record(written(tmp_path, "time,tip,force\ns,mm,N\n" + ROWS.replace("\n", ",1.5\n"), "in.csv"))
-    text = fi.write_record(tmp_path / "whole.uff", record).read_text()
-    half = len(text) // 2
-    damaged = {
-        "no dataset": "", "no dataset ": ROWS, "can be read": text[: half // 2], "cut off": text[: half + half // 2],
-        "20,000,020 samples": text.replace("        20", "  20000000", 1),
-    }  # fmt: skip
-    for words, content in damaged.items():
-        with pytest.raises(fi.InputError, match=words.strip()):
-            fi.read_record(written(tmp_path, content, "damaged.uff"))
-    one = pyuff.UFF(str(tmp_path / "whole.uff")).read_sets()[0]
-    pyuff.UFF(str(tmp_path / "binary.uff")).write_sets({**one, "binary": 1}, "add")
-    found = fi.read_record(tmp_path / "binary.uff")
-    # of the text it was made from
-    np.testing.assert_allclose(found["tip"], record["tip"], rtol=1e-11)
 
 
 def test_base_from_csv_takes_the_unit_of_its_header(tmp_path):
@@ -392,6 +351,136 @@ def test_a_peer_file_has_five_values_a_row_and_no_times(tmp_path, factor, line):
     for damaged in (text[:-20], text.replace("20,", "21,").replace("    20 ", "    21 ")):
         with pytest.raises(fi.InputError, match=r"samples, and 2[01] by its NPTS: is the file cut off"):
             fi.read_record(written(tmp_path, damaged, "record.AT2"))
+
+
+def uff_text(tmp_path, unit="mm"):
+    record = fi.read_record(written(tmp_path, "time,tip\n" + ROWS))
+    record["tip"].attrs["units"] = unit
+    return fi.write_record(tmp_path / "whole.uff", record).read_text()
+
+
+def binary_uff(tmp_path, kind="<f8", end=b"\n", line=b"\n"):
+    """A file of two datasets 58b of the samples, and where the numbers of the first one begin."""
+    lines = uff_text(tmp_path).split("\n")[:13]
+    order, of_data = ("1" if kind[0] == "<" else "2"), {"f4": "2", "f8": "4"}[kind[1:]]
+    lines[1] = f"    58b     {order}     2          11         160     0     0           0           0"
+    lines[8] = f"{of_data:>10}{lines[8][10:]}"
+    head = line.join(one.encode() for one in lines) + line
+    second = head.replace(b"tip", b"two")
+    data = VALUES.astype(kind).tobytes() + end + b"    -1" + line
+    return head + data + second + data, len(head)
+
+
+SAME = {
+    "exponents with a D": lambda text: text.replace("e-", "D-").replace("e+", "D+"),
+    "no last -1": lambda text: text[: text.rindex("    -1")],
+    "columns 15 wide": lambda text: "\n".join(
+        "".join(f"{float(cell):15.7e}" for cell in line.split()) if 12 < i < 18 else line
+        for i, line in enumerate(text.split("\n"))),
+    "one in a row": lambda text: "\n".join(
+        "\n".join(line.split()) if 12 < i < 18 else line for i, line in enumerate(text.split("\n"))),
+    "exponents without a letter": lambda text: text.replace("e-01", "-001"),
+    "lines of Windows": lambda text: text.replace("\n", "\r\n"),
+    "blanks behind -1": lambda text: text.replace("    -1\n", "    -1" + 74 * " " + "\n"),
+    "other datasets": lambda text: "    -1\n   151\nNONE\n    -1\n" + text + "    -1\n  2420\n 1 1\n    -1\n",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("way", SAME)
+@pytest.mark.parametrize("ending", [".uff", ".uf", ".ufb", ".unv", ".UNV"])
+def test_every_way_of_writing_a_uff_file_gives_the_same_samples(tmp_path, way, ending):
+    path = written(tmp_path, SAME[way](uff_text(tmp_path)), f"other{ending}")
+    record = fi.read_record(path)
+    np.testing.assert_allclose(record["tip"], 1e-3 * VALUES, rtol=1e-6)
+    assert record["tip"].attrs["units"] == "m"
+    assert record["time"].to_numpy() == pytest.approx(0.01 * np.arange(20), rel=1e-12)
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("mm/s²", 1e-3), ("µm", 1e-6), ("g", G), ("m·s⁻²", 1.0)])
+@pytest.mark.parametrize("code", ["utf-8", "latin-1"])
+def test_the_unit_of_a_uff_file_keeps_its_factor_in_either_code(tmp_path, unit, factor, code):
+    if code == "latin-1" and "⁻" in unit:
+        pytest.skip("has no such letter")
+    path = tmp_path / "other.uff"
+    path.write_bytes(
+        uff_text(tmp_path, "N").replace("NONE                 N ", f"NONE                 {unit} ").encode(code)
+    )
+    np.testing.assert_allclose(fi.read_record(path)["tip"], factor * VALUES, rtol=1e-11)
+
+
+@pytest.mark.parametrize("kind", ["<f8", ">f8", "<f4", ">f4"])
+@pytest.mark.parametrize(("end", "line"), [(b"", b"\n"), (b"\n", b"\n"), (b"\r\n", b"\r\n")])
+def test_a_binary_uff_file_is_read_and_one_with_a_byte_lost_is_refused(tmp_path, kind, end, line):
+    content, begin = binary_uff(tmp_path, kind, end, line)
+    path = tmp_path / "b.uff"
+    path.write_bytes(content)
+    record = fi.read_record(path)
+    for name in ("tip", "two"):
+        np.testing.assert_allclose(record[name], 1e-3 * VALUES, rtol=1e-7)
+    size = 20 * np.dtype(kind).itemsize
+    for lost in (begin, begin + 7, begin + size // 2, begin + size - 1):
+        for damaged in (content[:lost] + content[lost + 1 :], content[:lost] + b"7" + content[lost:]):
+            path.write_bytes(damaged)
+            with pytest.raises(fi.InputError, match="are bytes lost or added"):
+                fi.read_record(path)
+    path.write_bytes(content[: begin + size - 3])
+    with pytest.raises(fi.InputError, match="is the file cut off"):
+        fi.read_record(path)
+    nan = np.where(np.arange(20) == 5, np.nan, VALUES).astype(kind).tobytes()
+    path.write_bytes(content[:begin] + nan + content[begin + size :])
+    with pytest.raises(fi.InputError, match="sample 6: is no finite number"):
+        fi.read_record(path)
+
+
+@pytest.mark.parametrize(
+    ("kind", "words"), [(0, "type 0"), (1, "type 1"), (3, "type 3"), (99, "type 99"), (5, "complex"), (6, "complex")]
+)
+def test_data_of_a_uff_file_that_is_no_real_number_is_refused_by_its_type(tmp_path, kind, words):
+    text = uff_text(tmp_path).replace("         4        20", f"{kind:10}        20")
+    with pytest.raises(fi.InputError, match=words):
+        fi.read_record(written(tmp_path, text, "other.uff"))
+
+
+def test_uneven_times_and_a_lost_line_between_datasets_of_a_uff_file(tmp_path):
+    text = uff_text(tmp_path)
+    lines = text.split("\n")
+    lines[8] = f"{4:10}{20:10}{0:10}{0.0:13.5e}{0.0:13.5e}{0.0:13.5e}"
+    lines[13:18] = [f"{0.01 * i:13.5e}{value:20.12e}" for i, value in enumerate(VALUES)]
+    uneven = fi.read_record(written(tmp_path, "\n".join(lines), "uneven.uff"))
+    np.testing.assert_allclose(uneven["tip"], 1e-3 * VALUES, rtol=1e-12)
+    two = text[: text.rindex("    -1")] + text.replace("tip", "two")
+    assert list(fi.read_record(written(tmp_path, two, "two.uff")).data_vars) == ["tip", "two"]
+    again = fi.read_record(written(tmp_path, text * 3, "again.uff"))
+    assert list(again.data_vars) == ["tip", "tip 2", "tip 3"]
+
+
+# pyuff leaves the file of what it has written to the garbage collector
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning", "ignore:unclosed file:ResourceWarning")
+def test_a_reader_that_shares_no_code_finds_what_is_written_in_a_uff_file(tmp_path):
+    pyuff = pytest.importorskip("pyuff")
+    uff_text(tmp_path)
+    found = pyuff.UFF(str(tmp_path / "whole.uff")).read_sets()
+    np.testing.assert_allclose(found["data"], VALUES, rtol=1e-11)
+    np.testing.assert_allclose(found["x"], 0.01 * np.arange(20), rtol=1e-9)
+    assert (found["id1"], found["ordinate_axis_units_lab"], found["abscissa_spec_data_type"]) == ("tip", "mm", 17)
+    pyuff.UFF(str(tmp_path / "binary.uff")).write_sets({**found, "binary": 1}, "add")
+    np.testing.assert_allclose(fi.read_record(tmp_path / "binary.uff")["tip"], 1e-3 * VALUES, rtol=1e-11)
+
+
+def test_damaged_uff_files_are_refused(tmp_path):
+    record = fi.read_record(written(tmp_path, "time,tip,force\ns,mm,N\n" + ROWS.replace("\n", ",1.5\n"), "in.csv"))
+    text = fi.write_record(tmp_path / "whole.uff", record).read_text()
+    half = len(text) // 2
+    damaged = {
+        "no dataset": "", "no dataset ": ROWS, "in the header": text[: half // 3], "cut off": text[: half + half // 2],
+        "has none": "    -1\n   151\n    -1\n", "line 7 of its header": text.replace("        20", "        2x"),
+        "20,000,000 samples": text.replace("        20", "  20000000", 1),
+        "over time": text.replace("        17", "        18"),
+        "holds what is no number": text.replace(f"{1e-3 * VALUES[3]:20.11e}", "            x.5e-01"),
+    }  # fmt: skip
+    for words, content in damaged.items():
+        with pytest.raises(fi.InputError, match=words.strip()):
+            fi.read_record(written(tmp_path, content, "damaged.uff"))
 
 
 def test_the_time_of_thousands_of_columns_grows_as_their_number(tmp_path):

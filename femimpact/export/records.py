@@ -12,16 +12,13 @@ import numpy as np
 
 from femimpact.arrays import Array, even_interval
 from femimpact.errors import checked, instance, require
-from femimpact.excitation.record_files import UFF, load_pyuff
+from femimpact.excitation.uff import UFF, write_uff
 from femimpact.export.files import atomic_path, atomic_write
 from femimpact.identification import DecayEstimate
 from femimpact.units import read_unit
 
 if TYPE_CHECKING:
     import xarray
-
-KINDS = {"m": 8, "m/s": 11, "m/s^2": 12, "N": 13}
-"""Type of the data of a UFF dataset by the SI unit."""
 
 
 def write_record(path: str | Path, dataset: xarray.Dataset) -> Path:
@@ -73,20 +70,10 @@ def _cell(word: object) -> str:
 
 
 def _write_uff(path: Path, time: Array, held: list[tuple[str, str, Array]]) -> None:
-    pyuff = load_pyuff()
     require(time.size >= 2, "dataset", time.size, "samples", "must have 2 or more in a UFF file")
     step, bad = even_interval(time)
     require(bad < 0, "dataset", time[max(bad, 0)], "s", "must have evenly spaced times in a UFF file: this one is off")
-    sets = [
-        pyuff.prepare_58(
-            binary=0, func_type=1, rsp_node=i, rsp_dir=3, ref_node=i, ref_dir=3, data=values, x=time, id1=name[:80],
-            ord_data_type=4, num_pts=time.size, abscissa_spacing=1, abscissa_min=float(time[0]), abscissa_inc=step,
-            abscissa_spec_data_type=17, abscissa_axis_units_lab="s", orddenom_spec_data_type=0,
-            ordinate_spec_data_type=KINDS.get(unit, 0), ordinate_axis_units_lab=unit[:20] or "NONE",
-        )
-        for i, (name, unit, values) in enumerate(held, 1)
-    ]  # fmt: skip
-    pyuff.UFF(str(path)).write_sets(sets, "overwrite")
+    write_uff(path, float(time[0]), step, held)
 
 
 IDENTIFIED = ("identify.json", "identify.png")
