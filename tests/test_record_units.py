@@ -2,6 +2,7 @@
 
 import os
 import warnings
+from contextlib import suppress
 from time import process_time
 
 import numpy as np
@@ -120,17 +121,49 @@ def test_what_is_written_is_what_was_there_or_is_refused(tmp_path, name):
     found = fi.read_record(fi.write_record(path, dataset(1e3 * time, VALUES, of_time="ms")))
     np.testing.assert_allclose(found["time"], time, rtol=1e-12)
     refused = [dataset(time, np.where(time == 0.05, np.nan, VALUES)), dataset(time, VALUES, of_time="m")]
-    refused += [dataset(time**1.5, VALUES), dataset(time[:1], VALUES[:1])] if name.endswith("uff") else []
+    refused += [dataset(time**1.5, VALUES), dataset(time[::-1], VALUES), dataset(time[:1], VALUES[:1])]
+    refused += [dataset(time[:0], VALUES[:0]), dataset(time + 1j, VALUES), dataset(time, VALUES + 1j)]
+    refused += [dataset(np.datetime64("2026-01-01") + (1e9 * time).astype("m8[ns]"), VALUES)]
     for one in refused:
         path.unlink(missing_ok=True)
-        with pytest.raises(fi.InputError, match="must h"):
+        with pytest.raises(fi.InputError, match=r"must (h|b)"):
             fi.write_record(path, one)
         assert not path.exists()
+    for unit in ("m8[ns]", "m8[ms]"):
+        found = fi.read_record(fi.write_record(path, dataset((1e9 * time).astype("m8[ns]").astype(unit), VALUES)))
+        np.testing.assert_allclose(found["time"], time, rtol=1e-12)
     # a name that is no text, and marks in names and units
     assert "0" in fi.read_record(fi.write_record(path, dataset(time, VALUES, signal=0)))
     found = fi.read_record(fi.write_record(path, dataset(time, VALUES, unit="m,\nor so", signal="a\nb")))
     np.testing.assert_allclose(found["a b"], VALUES, rtol=1e-11)
-    assert found["a b"].attrs["units"] == "m or so"
+    assert found["a b"].attrs["units"] == "m, or so"
+
+
+@pytest.mark.parametrize("ending", [".csv", ".uff"])
+def test_names_that_are_written_are_read_back_or_refused(tmp_path, ending):
+    xarray = pytest.importorskip("xarray")
+    names = [
+        "a b", "a,b", "Time", "t", "time [ms]", "a;b", 'a"b', "#a", "", " ", "none", "x in mm", "acc (g)", "g-force",
+        "1.5", "No.", "Units", "double", "s", "µ", "a" * 99, "a, (g)", '"a"', "V/s", "T_s", "gFx", "Unit: g",
+    ]  # fmt: skip
+    written_names = 0
+    for several in [*([name] for name in names), names[:2], names[2:4], ["a" * 90, "a" * 91]]:
+        for unit in ("", "mm", "V", "1/s", "a long unit of many letters"):
+            signals = {name: ("time", VALUES, {"units": unit}) for name in several}
+            record = xarray.Dataset(signals, {"time": ("time", 0.01 * np.arange(20))})
+            path = tmp_path / f"signals{ending}"
+            with suppress(fi.InputError):
+                fi.write_record(path, record)
+            if not path.exists():
+                continue
+            found = fi.read_record(path)
+            assert list(found.data_vars) == several
+            factor = 1e-3 if unit == "mm" else 1.0
+            for name in several:
+                np.testing.assert_allclose(found[name], factor * VALUES, rtol=1e-11)
+            written_names += len(several)
+            path.unlink()
+    assert written_names > 60
 
 
 def test_base_from_csv_takes_the_unit_of_its_header(tmp_path):

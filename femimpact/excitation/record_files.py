@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from femimpact.arrays import Array
-from femimpact.errors import InputWarning, checked, instance, optional, quantity, require
+from femimpact.errors import InputError, InputWarning, checked, instance, optional, quantity, require
 from femimpact.excitation.column_names import TIMES, in_si, unit_of
 from femimpact.excitation.columns import (
     RecordHeader,
@@ -142,6 +142,16 @@ def _places(found: RecordHeader, file: Path, rate: float | None, pick: Pick) -> 
         notes.append(f"the column of time {found.name(time[0])!r} is not used: the sample rate is given")
         time = []
     return [*time, *(signals[i] for i in pick([found.name(p) for p in signals]))], notes
+
+
+def columns_in(text: str) -> list[tuple[str, str]]:
+    """Names and units of the signals that `read_record` finds in a text of columns; none where it finds no record."""
+    try:
+        found = record_header(text, Path("text"))
+        places, _ = _places(found, Path("text"), None, lambda names: range(len(names)))
+    except InputError:
+        return []
+    return [(found.names.get(p, ""), found.units.get(p, "")) for p in places[1:]]
 
 
 def _given_units(units: Sequence[str] | None, names: list[str], stated: list[str]) -> tuple[list[str], list[str]]:

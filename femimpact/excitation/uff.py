@@ -203,6 +203,12 @@ def _unit(line: str) -> str:
     return "" if unit.upper() == "NONE" else unit
 
 
+def names_in_uff(signals: Sequence[tuple[str, str, Array]]) -> list[tuple[str, str]]:
+    """Names and units of signals, cut to the columns of a file that `write_uff` makes, "" where they are lost."""
+    cut = [(name[:80].strip(), unit[:20].strip()) for name, unit, _ in signals]
+    return [tuple("" if word.upper() == "NONE" else word for word in words) for words in cut]
+
+
 def write_uff(
     path: Path,
     begin: float,  # s
