@@ -9,8 +9,9 @@ import itertools
 import math
 import re
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from fractions import Fraction
-from functools import cache
+from functools import lru_cache
 from typing import Any
 
 from femimpact.errors import Fault, InputError
@@ -64,6 +65,7 @@ _WITH_PREFIX: Mapping[str, tuple[Fraction, Mapping[str, Any]]] = {
     "Hz": (Fraction(1), _RATE),
     "rad": (Fraction(1), _ANGLE),
     "B": (Fraction(1), _BYTES),
+    "Gal": (Fraction(1, 100), _ACCELERATION),
 }
 """Size in SI and powers of the base units of what may have a prefix."""
 
@@ -72,8 +74,6 @@ _PREFIXES = {p: Fraction(10) ** n for p, n in (("", 0), *zip("GMkcmun", (9, 6, 3
 _SYMBOLS: Mapping[str, tuple[Fraction, Mapping[str, Any]]] = {
     **{p + name: (f * size, of) for (p, f), (name, (size, of)) in itertools.product(
         _PREFIXES.items(), _WITH_PREFIX.items())},
-    **dict.fromkeys(("secs", "second", "seconds"), (Fraction(1), _TIME)),
-    **dict.fromkeys(("millisecond", "milliseconds"), (Fraction(1, 1000), _TIME)),
     "min": (Fraction(60), _TIME),
     "h": (Fraction(3600), _TIME),
     "in": (_INCH, _LENGTH),
@@ -95,11 +95,27 @@ _SYMBOLS: Mapping[str, tuple[Fraction, Mapping[str, Any]]] = {
 }  # fmt: skip
 """Size in SI and powers of the base units of every symbol; g is that of a mass here."""
 
+_SPELLED: Mapping[str, str] = {
+    word: symbol for symbol, words in {
+        "s": "secs second seconds sek sekunde sekunden seconde secondes segundo segundos secondo secondi",
+        "ms": "millisecond milliseconds millisekunde millisekunden milliseconde millisecondes",
+        "us": "microsecond microseconds mikrosekunde mikrosekunden", "min": "minute minutes minuten",
+        "in": "inch inches",
+        "m": "meter meters metre metres", "mm": "millimeter millimeters millimetre millimetres", "mil": "mils",
+        "um": "micron microns micrometer micrometers micrometre micrometres mikrometer", "ft": "foot feet",
+        "N": "newton newtons", "Gal": "gal gals", "mGal": "mgal", "Hz": "hertz", "Pa": "pascal",
+    }.items() for word in words.split()
+}  # fmt: skip
+"""Symbols of units that are written out, in small letters."""
+
 _G = (_GRAVITY, _ACCELERATION)
 
 _WRITTEN = {
     "⁻²": "^-2", "⁻¹": "^-1", "²": "^2", "³": "^3", "⁴": "^4", "µ": "u", "μ": "u", "·": " ", "*": " ", "°": "deg",
 }  # fmt: skip
+
+_GS = re.compile(r"\bg(?:[- ]?forces?|'?s)\b", re.IGNORECASE)
+"""Words for g, as "g-force" and "g's"."""
 
 _TOKEN = re.compile(
     r"\s*(?:(?P<symbol>[A-Za-z]+|%|1(?![\d.]))|(?P<mark>[()/])|\^?(?P<power>-?\d+(?:\.\d+)?))", re.ASCII
@@ -260,22 +276,26 @@ def at_place(value: float, place: int) -> str:
 # ---- units ----------------------------------------------------------------------------------------
 
 
-@cache
 def _size_in(text: str, unit: str) -> Fraction | None:
     """How many of an SI unit a unit is; None where the text is no unit, or of another dimension."""
-    # g is what makes the unit fit, an acceleration before a mass
+    # g is what makes the unit fit, an acceleration before a mass; none is in a unit of SI
+    fitting = (size / target for target, its in _readings(unit)[-1:] for size, of in _readings(text) if of == its)
+    return next(fitting, None)
+
+
+@lru_cache(4096)
+def _readings(text: str) -> tuple[tuple[Fraction, dict[str, Fraction]], ...]:
+    """What `_parsed` finds with g as an acceleration, and as a mass, where that makes the text a unit."""
+    readings = []
     for g in (_G, None):
-        try:
-            (target, of), (size, its) = _parsed(unit, None), _parsed(text, g)
-        except (_NoUnitError, OverflowError):
-            continue
-        if its == of:
-            return size / target
-    return None
+        with suppress(_NoUnitError, OverflowError):
+            readings.append(_parsed(text, g))
+    return tuple(readings)
 
 
 def _parsed(text: str, g: tuple[Fraction, Mapping[str, Any]] | None) -> tuple[Fraction, dict[str, Fraction]]:
     """Size in SI and powers of the base units of a text; with g as an acceleration, with prefixes, or as a mass."""
+    text = _GS.sub("g", text)
     for written, plain in _WRITTEN.items():
         text = text.replace(written, plain)
     tokens, at = [], 0
@@ -322,10 +342,11 @@ def _product(
 
 
 def _symbol(word: str, g: tuple[Fraction, Mapping[str, Any]] | None) -> tuple[Fraction, dict[str, Any]]:
-    if g is not None and word in ("g", "mg", "ug", "G", "gn"):
-        prefix = word[0] if len(word) == 2 and word[1] == "g" else ""
+    if g is not None and word in ("g", "mg", "ug", "G", "mG", "uG", "gn"):
+        prefix = word[0] if len(word) == 2 and word != "gn" else ""
         return _PREFIXES[prefix] * g[0], dict(g[1])
-    if word not in _SYMBOLS:
+    symbol = word if word in _SYMBOLS else _SPELLED.get(word.lower(), "")
+    if symbol not in _SYMBOLS:
         raise _NoUnitError
-    size, of = _SYMBOLS[word]
+    size, of = _SYMBOLS[symbol]
     return size, dict(of)

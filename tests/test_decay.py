@@ -1,12 +1,16 @@
 """Damping of a free decay against records whose truth is known."""
 
+import errno
 import json
+import os
 
 import numpy as np
 import pytest
+import xarray
 from command import femimpact
 
 import femimpact as fi
+from femimpact.export import figures
 
 TIME = 0.01 * np.arange(2000)
 
@@ -299,3 +303,19 @@ def test_command_identifies_and_names_what_it_took(tmp_path):
     assert (tmp_path / "found" / "identify.png").stat().st_size > 0
     again = femimpact("identify", "a.csv", "--column", "Weg", "-o", "found", cwd=tmp_path, check=False)
     assert again.returncode == 2
+
+
+@pytest.mark.parametrize("fails", ["save_figure", "decay"])
+def test_a_full_disk_leaves_neither_of_the_files_of_identify(tmp_path, monkeypatch, fails):
+    record = xarray.Dataset({"tip": ("time", decay(ONE, noise=0.01))}, {"time": ("time", TIME)})
+    fi.write_record(tmp_path / "ring.csv", record)
+
+    def full(*_, **__):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with monkeypatch.context() as patched:
+        patched.setattr(figures, fails, full)
+        assert femimpact("identify", "ring.csv", cwd=tmp_path, check=False).returncode != 0
+    assert not list(tmp_path.rglob("*identify*.*"))
+    femimpact("identify", "ring.csv", cwd=tmp_path)
+    assert {path.name for path in tmp_path.rglob("*identify*.*")} == {"identify.json", "identify.png"}

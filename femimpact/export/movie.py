@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from femimpact.errors import choice, instance, optional, quantity, require, takes
 from femimpact.excitation.excitation import words_of
 from femimpact.export.figures.drawing import BLUE, DARK, ORANGE
-from femimpact.export.files import atomic_path, file_path
+from femimpact.export.files import atomic_path, target_path
 from femimpact.export.placed import ball_radius, placed_structure
 from femimpact.export.scene import (
     BALL,
@@ -152,7 +152,7 @@ def write_movie(
     >>> run = fi.integrate(system, fi.Sine(1e-4, 5.0), fi.Newmark(1e-4), 0.1, record)
     >>> fi.write_movie("run.gif", run, structure)  # doctest: +SKIP
     """
-    file = file_path(path)
+    file = target_path(path)
     film = _film(response, structure, exaggeration, fps, most)
     window = gl_window() if renderer != "matplotlib" else None
     require(renderer != "pyvista" or window is not None, "renderer", renderer, "", "cannot render here (no GL library)")

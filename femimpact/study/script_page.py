@@ -15,7 +15,7 @@ import numpy as np
 from femimpact.convergence import ConvergenceStudy, ConvergenceTable
 from femimpact.errors import Fault, InputError, instance, optional, require, require_type, suggestion, takes, text
 from femimpact.excitation.excitation import has_cycle
-from femimpact.export.files import file_path
+from femimpact.export.files import target_path
 from femimpact.export.placed import drawn_system, placed_structure
 from femimpact.export.report.charts import (
     axis_section,
@@ -198,7 +198,7 @@ def report(
     >>> fi.report("report.html", {"Run": run}, structure).name  # doctest: +SKIP
     'report.html'
     """
-    file = file_path(path)
+    file = target_path(path)
     require_type(parts, Mapping, "parts")
     for heading in parts:
         require_type(heading, str, "parts")

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from femimpact.errors import Fault, InputError, checked, quantity, require, require_type, suggestion
 from femimpact.excitation.excitation import has_cycle
-from femimpact.export.files import atomic_path, file_path
+from femimpact.export.files import atomic_path, target_path
 from femimpact.regular_file import decimal_number
 from femimpact.response.channels import channel_key
 from femimpact.response.response import Response
@@ -146,7 +146,7 @@ def save_figure(drawn: Axes | NDArray[np.object_] | Figure, path: str | Path) ->
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    path, first = file_path(path), drawn.flat[0] if isinstance(drawn, np.ndarray) and drawn.size else drawn
+    path, first = target_path(path), drawn.flat[0] if isinstance(drawn, np.ndarray) and drawn.size else drawn
     # the figure of axes may be a part of one
     figure: Any = first.figure.figure if isinstance(first, Axes) else first
     require_type(figure, Figure, "drawn")
