@@ -176,6 +176,7 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
     ),
     "test_pictures.py": (Mutation("two_movies", "(movies - names if names & movies else frozenset())", "frozenset()"),),
     "test_inputs.py": (
+        Mutation("control_character_in_name", "if NO_NAME.search(", "if NO_NAME.fullmatch("),
         Mutation(
             "truth_for_a_number",
             "isinstance(value, bool) or not isinstance(value, numbers.Real)",

@@ -110,6 +110,9 @@ _SPELLED: Mapping[str, str] = {
 
 _G = (_GRAVITY, _ACCELERATION)
 
+GRAVITY = float(_GRAVITY)
+"""Standard acceleration of gravity, m/s^2."""
+
 _WRITTEN = {
     "⁻²": "^-2", "⁻¹": "^-1", "²": "^2", "³": "^3", "⁴": "^4", "µ": "u", "μ": "u", "·": " ", "*": " ", "°": "deg",
 }  # fmt: skip

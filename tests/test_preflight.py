@@ -10,7 +10,7 @@ from builders import REFERENCE, cantilever, oscillator, paper_study, reduced, wi
 from scipy.integrate import quad
 
 import femimpact as fi
-from femimpact.parametric.planned_drive import largest_motion, swept_envelope, swept_peak
+from femimpact.integrators.planned_drive import largest_motion, swept_envelope, swept_peak
 from femimpact.study.parameter_plan import AxisValues, ParameterPlan
 
 pytestmark = pytest.mark.impacts

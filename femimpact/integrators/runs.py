@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from femimpact.arrays import Array
 from femimpact.errors import changed, checked, in_range, quantity, require, require_type
 from femimpact.excitation import Excitation, require_excitation
-from femimpact.excitation.drives import Drives, alone, until
+from femimpact.excitation.drives import alone, until
 from femimpact.excitation.excitation import has_cycle
 from femimpact.excitation.remarks import drive_warnings, motion_notes, motion_warnings
 from femimpact.integrators.cases import (
@@ -28,6 +28,7 @@ from femimpact.integrators.cases import (
     workers_of,
 )
 from femimpact.integrators.methods import DwellMethod, Method, require_method
+from femimpact.integrators.planned_drive import plan_notes
 from femimpact.integrators.record_reading import record_warnings
 from femimpact.progress import Progress, check_progress, draws_progress
 from femimpact.response.channels import Motion, resolve_channels
@@ -162,19 +163,13 @@ def _with_remarks(
     end: float,  # s: asked for
 ) -> Response:  # fmt: skip
     """The response with warnings and notes on its excitation, deflections, end, stops and start."""
-    drives, names = (drive.drives, drive.names) if isinstance(drive, Drives) else ((drive,), ("",))
-    warnings = tuple(text for each in drives for text in motion_warnings(each, system.length))
-    warnings += tuple(
-        text for each in drives for text in drive_warnings(each, system.highest_kept, system.first_left_out)
-    )
-    warnings += tuple(text for each in drives for text in record_warnings(system, each, end))
+    warnings = motion_warnings(drive, system.length)
+    warnings += drive_warnings(drive, system.highest_kept, system.first_left_out)
+    warnings += record_warnings(system, drive, end)
     warnings += deflection_warnings(_largest_deflections(response, recorder), system.length)
     notes = (
-        *(
-            text
-            for each, name in zip(drives, names, strict=True)
-            for text in motion_notes(each, system.length, end, name)
-        ),
+        *motion_notes(drive, system.length, end),
+        *plan_notes(system, drive, end - start.time, start),
         *_other_end(response, end),
         *_stops_not_met(response),
         *_coarse_forces(response),

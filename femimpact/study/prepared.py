@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from femimpact import core
 from femimpact.errors import InputError, require
-from femimpact.excitation.remarks import drive_warnings, frequency_warnings, motion_warnings
+from femimpact.excitation.drives import until
+from femimpact.excitation.remarks import drive_warnings, frequency_warnings, motion_notes, motion_warnings
 from femimpact.fem.mesh import Mesh
 from femimpact.identification import PeakResolution
 from femimpact.integrators.cases import check_memory, memory_needed, workers_of
@@ -231,12 +232,10 @@ def _empty_sweep(study: Study, bare: System, parts: tuple[str, ...]) -> tuple[st
 
 def _drives_not_followed(study: Study, small: System, parts: tuple[str, ...]) -> tuple[str, ...]:
     """Warnings where a drive moves the base far, is above the modes that are kept, or is a coarse record."""
-    kept, drives = (small.highest_kept, small.first_left_out), getattr(study.excitation, "drives", (study.excitation,))
-    found = [text for drive in drives for text in motion_warnings(drive, small.length)]
+    kept, drive = (small.highest_kept, small.first_left_out), study.excitation
+    found = list(motion_warnings(drive, small.length))
     if "simulate" in parts:
-        for drive in drives:
-            found += drive_warnings(drive, *kept)
-            found += record_warnings(small, drive, study.base.history_duration)
+        found += [*drive_warnings(drive, *kept), *record_warnings(small, drive, study.base.history_duration)]
     if "sweep" in parts and study.sweep is not None:
         found += [f"sweep.stop: {text}" for text in frequency_warnings(study.sweep.stop, *kept)]
     return tuple(found)
@@ -303,7 +302,7 @@ def lines_of_plan(prepared: PreparedStudy) -> list[str]:
             )
             continue
         fixed = ", fixed in space" if pair.fixed_to == "space" else ""
-        preload = f", preloaded by {-1e3 * min(pair.gaps):.4g} mm" if pair.is_preloaded else ""
+        preload = f", {pair.preload_words}" if pair.is_preloaded else ""
         lines.append(
             f"contact of {pair.name}: {pair.law.name}, {_numbers(pair)}restitution {pair.parameters.restitution:.4g}, "
             f"effective mass {1e3 * pair.effective_mass:.4g} g, {_clearance(pair.gaps)}"
@@ -333,7 +332,9 @@ def lines_of_plan(prepared: PreparedStudy) -> list[str]:
     mesh = mesh_memory(full.nodes.size - 1, small.dofs if study.reduction else None)
     lines.append(f"mesh and modes: take about {max(mesh.values()) / 1e6:.3g} MB")
     lines.append("besides: some 200 MB for the libraries")
-    lines += [f"note: {in_study_words(text)}" for text in (*method.notes(small), *_files_elsewhere(study))]
+    end = study.base.history_duration
+    notes = (*method.notes(small), *motion_notes(until(study.excitation, end), small.length, end))
+    lines += [f"note: {in_study_words(text)}" for text in (*notes, *_files_elsewhere(study))]
     return lines + [f"warning: {text}" for text in prepared.warnings]
 
 

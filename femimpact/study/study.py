@@ -14,6 +14,7 @@ from femimpact.errors import (
     faults_of,
     instance,
     level_rows,
+    name_text,
     optional,
     quantity,
     require,
@@ -253,9 +254,9 @@ class Output:
     vtkhdf: bool = field(default=False, metadata=truth())
     movie: bool = field(default=True, metadata=truth())
     report: bool = field(default=True, metadata=truth())
-    title: str = field(default="", metadata=text())
-    author: str = field(default="", metadata=text())
-    date: str = field(default="", metadata=text())
+    title: str = field(default="", metadata=name_text(lines=True))
+    author: str = field(default="", metadata=name_text(lines=True))
+    date: str = field(default="", metadata=name_text(lines=True))
     starts: int = field(default=1, metadata=quantity("1", at_least=1, at_most=MOST_STARTS, integer=True))
 
     def __post_init__(self) -> None:

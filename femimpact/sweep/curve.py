@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
@@ -30,26 +29,22 @@ from femimpact.excitation.levels import Level, level_at
 from femimpact.excitation.remarks import frequency_warnings, motion_warnings
 from femimpact.identification import (
     DampingEstimate,
-    PeakResolution,
     fit_one_pole,
     half_power,
-    peak_resolution,
     resolution_warnings,
 )
 from femimpact.integrators.cases import SineCases, SineDwellResults
 from femimpact.integrators.methods import Method
+from femimpact.integrators.planned_drive import TRANSIENT_LEFT, contact_notes, grid_resolution, transient_left
 from femimpact.response.energy import residual_warnings
 from femimpact.response.impacts import statistics_of_cases
 from femimpact.response.signals import SteadyMotion, deflection_warnings
-from femimpact.structure.damping import realised_damping_ratio
 from femimpact.structure.structure import Position
 from femimpact.svg import Chart, Line, axis_of
 from femimpact.sweep.dwells import DwellRun
-from femimpact.system.contact_pair import ContactPair
-from femimpact.system.matrices import rigid_motions
-from femimpact.system.modes import first_elastic_frequency, first_resonance, solve_modes
+from femimpact.system.modes import first_elastic_frequency
 from femimpact.system.state import State
-from femimpact.system.system import System, without_impactors
+from femimpact.system.system import System
 from femimpact.table import Head, flat_columns, frame_of, head_of_columns, named_column, short_repr
 from femimpact.units import number_text, prefixed
 
@@ -335,10 +330,6 @@ class FrequencyResponse:
         return xarray.Dataset(data, coords={"frequency": frequency}, attrs=attributes)
 
 
-TRANSIENT_LEFT = 0.03
-"""Share of the first mode's transient that may be left where measuring begins without a warning."""
-
-
 Columns = dict[str, NDArray[Any]]
 
 
@@ -412,7 +403,8 @@ def curve_of(
     warnings += frequency_warnings(f, system.highest_kept, system.first_left_out)
     if curve.unit == "m":
         warnings += deflection_warnings(columns["peak"], system.length)
-    return replace(curve, warnings=tuple(warnings), notes=(*method.notes(system), *curve.notes))
+    notes = (*method.notes(system), *contact_notes(system), *curve.notes)
+    return replace(curve, warnings=tuple(warnings), notes=notes)
 
 
 def start_of(state: State, system: System) -> str:
@@ -467,59 +459,10 @@ def _shortest_begin(cases: SineCases) -> float:
     return float(((cases.cycles - cases.measured) / cases.frequency).min())
 
 
-def transient_left(system: System, begin: float) -> tuple[float, float, float]:
-    """Frequency (Hz) and damping ratio of the first mode's transient, and the share exp(-ratio omega t) left at t.
-
-    With absorbers it is the sum of one transient more for each of them: the share is that of the sum, and frequency and
-    ratio are those of the transient of which most is left.
-    """
-    bare = without_impactors(system)
-    first = first_elastic_frequency(system)
-    if system.rayleigh is None or first == 0.0:
-        first, ratio = first_resonance(bare)
-    else:
-        ratio = float(realised_damping_ratio(*system.rayleigh, 2.0 * math.pi * first))
-    omega = 2.0 * math.pi * first
-    hung = [pair for pair in system.contacts if not pair.has_walls]
-    if not hung or omega == 0.0:
-        return first, ratio, math.exp(-ratio * omega * begin)
-    mode = solve_modes(bare, min(rigid_motions(bare).shape[1] + 1, bare.dofs)).vectors[:, -1]
-    poles, shares = _first_mode_with(hung, mode, omega, ratio)
-    left = shares * np.exp(poles.real * begin)
-    longest = poles[np.argmax(left)]
-    return float(abs(longest)) / (2.0 * math.pi), float(-longest.real / abs(longest)), float(left.sum())
-
-
-def _first_mode_with(
-    absorbers: Sequence[ContactPair], mode: Array, omega: float, ratio: float
-) -> tuple[NDArray[np.complex128], Array]:
-    """Poles (1/s) of a mode with absorbers on it, and their shares of its motion after it is let go."""
-    n = len(absorbers) + 1
-    # of the mode's coordinate and of the bodies: lengths of the springs between them
-    lengths = np.column_stack([[pair.direction @ mode for pair in absorbers], -np.eye(n - 1)])
-    of_mode, mass = np.diag(np.eye(n)[0]), np.array([1.0, *(pair.mass for pair in absorbers)])
-    stiffness, damping = (
-        own * of_mode + lengths.T @ np.diag([getattr(pair, name) for pair in absorbers]) @ lengths
-        for own, name in ((omega**2, "free_stiffness"), (2.0 * ratio * omega, "free_damping"))
-    )
-    matrix = np.block([[np.zeros((n, n)), np.eye(n)], [-stiffness / mass[:, None], -damping / mass[:, None]]])
-    poles, vectors = np.linalg.eig(matrix)
-    shares = np.abs(vectors[0] * np.linalg.pinv(vectors)[:, 0])
-    return poles, shares / shares.sum()
-
-
 def _grid_warnings(system: System, f: Array) -> list[str]:
     """A warning where the grid is too coarse for the first resonance of a structure without contacts."""
     found = None if system.contacts else grid_resolution(system, f)
     return [] if found is None else list(resolution_warnings(found))
-
-
-def grid_resolution(system: System, f: Array) -> PeakResolution | None:
-    """Resolution of the first resonance by frequencies (Hz); None where it is not among them or has no width."""
-    near, ratio = first_resonance(system)
-    if np.unique(f).size < 2 or not f.min() < near < f.max() or ratio == 0.0:
-        return None
-    return peak_resolution(np.unique(f), near, 2.0 * ratio * near)
 
 
 def _read_only(array: NDArray[Any]) -> NDArray[Any]:

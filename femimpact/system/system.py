@@ -28,6 +28,7 @@ from femimpact.errors import (
     in_range,
     instance,
     items,
+    name_text,
     optional,
     quantity,
     require,
@@ -543,7 +544,7 @@ def _check_parts(points: Any, impactors: Any, absorbers: Any, stops: Any) -> Non
     """Refuse named places, balls, absorbers and stops that are of the wrong kind."""
     require_type(points, Mapping, "points")
     for name in points:
-        require_type(name, str, "points")
+        checked("points", name, name_text())
     given: tuple[tuple[str, Any, Any], ...]
     given = ("impactors", impactors, Impactor), ("absorbers", absorbers, Absorber), ("stops", stops, Stop)
     for key, bodies, kind in given:

@@ -14,12 +14,12 @@ from femimpact.excitation import Chirp, Drives, HammerBlow, PiecewisePolynomial,
 from femimpact.excitation.excitation import has_cycle, is_force, words_of
 from femimpact.export.report.charts import MOST_LINES, largest_of
 from femimpact.export.report.page import Section
-from femimpact.export.tables import GRAVITY, unit_text
+from femimpact.export.tables import unit_text
 from femimpact.response.response import Response
 from femimpact.spectra import measured_transfer, shock_response_spectrum, spectrum
 from femimpact.spectra.densities import drive_history, remarks
 from femimpact.svg import Band, Chart, Line, axis_of, chart_element, element, number_text
-from femimpact.units import prefixed
+from femimpact.units import GRAVITY, prefixed
 
 SHOWN_CYCLES, READINGS, MOST_READINGS = 10, 64, 200_000
 """Cycles of a steady sine that are drawn; readings of a drive in a cycle, and at most in all."""
