@@ -100,7 +100,6 @@ class Forms(NamedTuple):
     to_rigid_body: Array  # (F, P, d)
     impulse_entry: Complex  # (F, K, R)
     impulse_rigid_body: Array  # (F, P, R)
-    reaction: Array  # (F, R, R)
     together: NDArray[np.bool_]  # (F, K, K)
     first: Integers  # (F, d+1)
     members: Integers  # (F, dK)
@@ -139,6 +138,7 @@ class Space(NamedTuple):
     search: Search
     bounds: Bounds
     products: Products
+    impulses: Impulses
     turn: Complex  # (K,)
     impulse: Array  # (R,)
     row: Integers  # (R,)
@@ -183,6 +183,22 @@ class Products(NamedTuple):
     minus: Complex  # (K+2, K+2)
     moments: Complex  # (K, 6)
     rates: Array  # (d, 9+9+6)
+
+class Impulses(NamedTuple):
+    rounding: Array  # (R,)
+    pair: Integers  # (R,)
+    held: NDArray[np.bool_]  # (R,)
+    pushes: NDArray[np.bool_]  # (R,)
+    approach: Array  # (R,)
+    target: Array  # (R,)
+    impulse: Array  # (R,)
+    trial: Array  # (R,)
+    mobility: Array  # (R, R)
+    factor: Array  # (R, R)
+    normal: Array  # (R, R)
+    order: Integers  # (2, R)
+    size: Array  # (R,)
+    solved: Array  # (R,)
 
 class Ledger(NamedTuple):
     mass: Array  # (d,)

@@ -11,6 +11,7 @@
 
 #include "../array.hpp"
 #include "../columns.hpp"
+#include "../contact/impulses.hpp"
 #include "../fields.hpp"
 
 namespace FEMIMPACT_TARGET {
@@ -135,7 +136,6 @@ struct Forms {
     ARRAY(to_rigid_body, "F P d", View<const double, 3>);
     ARRAY(impulse_entry, "F K R", View<const Complex, 3>); // what a unit impulse on the structure at a pair adds
     ARRAY(impulse_rigid_body, "F P R", View<const double, 3>);
-    ARRAY(reaction, "F R R", View<const double, 3>);        // impulses at the pairs that stick (rows) by one elsewhere
     ARRAY(together, "F K K", View<const unsigned char, 3>); // whether the product of two terms occurs in the ledger
     ARRAY(first, "F d+1", View<const Index, 2>); // entries that move coordinate i: members[first[i]:first[i + 1]]
     ARRAY(members, "F dK", View<const Index, 2>);
@@ -166,7 +166,6 @@ struct Form {
     GivenComplexArray rigid_body_sine;     // (P,)
     GivenComplexMatrix impulse_entry;      // (K, R)
     GivenMatrix impulse_rigid_body;        // (P, R)
-    GivenMatrix reaction;                  // (R, R)
     GivenMatrix load_on_rigid_body;        // (P, 1 + R)
 };
 
@@ -361,6 +360,7 @@ struct Space {
     GROUP(search, Search);
     GROUP(bounds, Bounds);
     GROUP(products, Products);
+    GROUP(impulses, Impulses);
     ARRAY(turn, "K", ComplexArray); // growth of the entries between two samples
     ARRAY(impulse, "R", Array);
     ARRAY(row, "R", View<Index, 1>); // in the table, or behind it, of the last impact of each pair

@@ -171,7 +171,6 @@ inline bool set_steady_motion(Index f, const Case &c, const Cases &cases, const 
         .rigid_body_sine = cases.rigid_body_sine.row(c.number, n),
         .impulse_entry = forms.impulse_entry.row(f),
         .impulse_rigid_body = forms.impulse_rigid_body.row(f),
-        .reaction = forms.reaction.row(f),
         .load_on_rigid_body = forms.rigid_body_given.row(f),
     };
 }

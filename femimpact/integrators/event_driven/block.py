@@ -459,6 +459,17 @@ def working_space(block: Block, forms: core.events.Forms) -> core.events.Space:
         moments=np.zeros((entries, HIGHEST_DEGREE + 1), dtype=complex),
         rates=np.zeros((d, SERIES_TERMS)),
     )
+    rows_of_pairs = {name: np.zeros(pairs) for name in ("rounding", "approach", "target", "impulse", "trial")}
+    impulses = core.events.Impulses(
+        **rows_of_pairs,
+        pair=np.zeros(pairs, dtype=np.int64),
+        held=np.zeros(pairs, dtype=bool),
+        pushes=np.zeros(pairs, dtype=bool),
+        **{name: np.zeros((pairs, pairs)) for name in ("mobility", "factor", "normal")},
+        order=np.zeros((2, pairs), dtype=np.int64),
+        size=np.zeros(pairs),
+        solved=np.zeros(pairs),
+    )
     rest: list[NDArray[np.float64 | np.complex128 | np.int64]] = [
         np.zeros(entries, dtype=complex),
         np.zeros(pairs),
@@ -473,7 +484,7 @@ def working_space(block: Block, forms: core.events.Forms) -> core.events.Space:
         clock=np.zeros(2),
         drive=np.zeros(ORDERS * loads),
     )
-    *groups, rest = _together(*[motion] * 6, search, bounds, products, rest)
+    *groups, rest = _together(*[motion] * 6, search, bounds, products, impulses, rest)
     return core.events.Space._make((*groups, *rest))
 
 

@@ -200,9 +200,6 @@ class ClosedForms:
     to_rigid_body: Array  # (F, P, d)
     impulse_entry: Complex  # (F, K, pairs) change of H and of the rates by a unit impulse on the structure at each pair
     impulse_rigid_body: Array
-    # (F, pairs, pairs) impulses on the structure at the pairs that stick (rows; zero for others) by a unit one at each
-    # other pair
-    reaction: Array
     # (F, 2) whether a constant load, and whether s(t), drives a motion that is braked but not pulled back: neither it
     # nor a polynomial s(t) has a steady response
     unheld: NDArray[np.bool_]
@@ -375,7 +372,6 @@ def _forms(equations: Equations, contact: _Contact, motions: _UndampedMotions, m
         to_rigid_body=rigid_body.mT @ equations.M,
         impulse_entry=modes.from_v @ elastic.mT @ equations.force,
         impulse_rigid_body=rigid_body.mT @ equations.force,
-        reaction=_reactions(equations, contact.sticking),
         unheld=np.stack(unheld, axis=1),
     )
     force = forms.contact_force
@@ -416,19 +412,6 @@ def _no_forces(position: Rows, pairs: int) -> Rows:
         np.zeros((count, pairs, entries), dtype=complex), nothing, nothing, np.zeros((count, pairs, 1 + pairs)),
         np.zeros((count, position.through.shape[1], pairs)), np.zeros((count, position.follow.shape[1], pairs)),
     )  # fmt: skip
-
-
-def _reactions(equations: Equations, sticking: Integers) -> Array:
-    """Impulses by which sticking pairs stay at rest on their walls, of a unit one at each other pair."""
-    count, pairs = equations.in_space.shape
-    reaction = np.zeros((count, pairs, pairs))
-    if 0 < sticking.size < pairs:
-        others = np.delete(np.arange(pairs), sticking)
-        mobility = equations.force[:, :, sticking].mT @ np.linalg.solve(equations.M, equations.force)
-        reaction[np.ix_(np.arange(count), sticking, others)] = -np.linalg.solve(
-            mobility[:, :, sticking], mobility[:, :, others]
-        )
-    return reaction
 
 
 def _drives(loads: Array, all_loads: Array) -> NDArray[np.bool_]:

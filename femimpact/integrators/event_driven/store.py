@@ -229,7 +229,6 @@ class FormStore:
             "velocity_follow": (f, ORDERS * loads, d),
             "to_rigid_body": (f, rigid_bodies, d),
             "impulse_rigid_body": (f, rigid_bodies, pairs),
-            "reaction": (f, pairs, pairs),
         }
         integers: dict[str, tuple[int, ...]] = {
             "key": (f,), "following": (f,), "number": (f,), "entries": (f,), "rigid_bodies": (f,), "driven": (f,),
@@ -296,7 +295,7 @@ class FormStore:
             "position_through": made.position.through[:, 2], "position_follow": position, "velocity_follow": velocity,
             "load": made.load, "to_entry_u": made.to_entry_u, "to_entry_v": made.to_entry_v,
             "to_rigid_body": made.to_rigid_body, "impulse_entry": made.impulse_entry,
-            "impulse_rigid_body": made.impulse_rigid_body, "reaction": made.reaction,
+            "impulse_rigid_body": made.impulse_rigid_body,
             **_uses_of_entries(made, bool(np.any(active & ~self.rigid)) or _is_coupled(equations.C)),
         }  # fmt: skip
         for name, value in values.items():
