@@ -36,11 +36,11 @@ class Exact:
         self.more = more
 
     def start(self, speed, base=(0, 0)):
-        """z at the start."""
+        """State z at the start."""
         return mp.matrix([0, mp.mpf(speed), 1, *base, *self.more])
 
     def at(self, z, time):
-        """z after a time."""
+        """State z after a time."""
         return mp.expm(self.A * time, method="taylor") * z
 
     def missed(self, z, time, wall=-0.5):
@@ -101,7 +101,7 @@ def test_straight_lines_meet_the_wall_when_they_should(damping, constant):
 
 
 def test_a_braked_motion_that_nothing_pulls_back_goes_on_at_its_last_speed():
-    """x = (F/c) t - (F/c - v) (1 - e^-ct)/c, and the dashpot takes the whole force in the end."""
+    """By x = (F/c) t - (F/c - v) (1 - e^-ct)/c; the dashpot takes the whole force in the end."""
     for damping in (1e-3, 0.1, 2.0):
         system = fi.System.from_matrices([[1.0]], [[damping]], [[0.0]], points={"m": [1.0]}, constant_load=[0.3])
         run = run_of(system, fi.Sine(0.0, 1.0), duration=20.0)
