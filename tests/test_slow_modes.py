@@ -9,7 +9,7 @@ import pytest
 import femimpact as fi
 
 EXACT = fi.EventDriven()
-FREQUENCIES = (0.0, 1e-9, 1e-6, 1e-5, 1e-4, 3e-4, 1e-3, 1e-2, 0.1, 0.29, 0.31, 1.0, 3.0, 10.0)
+FREQUENCIES = (0.0, 1e-9, 1e-6, 1e-5, 1e-4, 3e-4, 1e-3, 1e-2, 0.1, 0.3, 0.89, 0.91, 1.0, 3.0, 10.0)
 """rad/s, beside the border between what is slow and what is not."""
 
 
@@ -108,3 +108,54 @@ def test_a_braked_motion_that_nothing_pulls_back_goes_on_at_its_last_speed():
         last, decay = 0.3 / damping, -np.expm1(-damping * run.time) / damping
         np.testing.assert_allclose(run["m"], last * run.time - (last + 1.0) * decay, rtol=1e-11, atol=1e-12)
         assert run.energy.residual < 1e-13
+
+
+DRIVES = {
+    "sine": fi.Sine(0.02, 3.0),
+    "lines": fi.RecordedBase([0.0, 3.0, -1.0, 2.0, 0.0], 0.1),
+    "shock": fi.Shock("half-sine", 30.0, 0.02),
+    "hammer": fi.HammerBlow("a", 0.3, 0.01, begin=0.05),
+    "sum": fi.PointForce("a", fi.Sine(1.0, 3.0)) + fi.HammerBlow("b", 0.3, 0.02, begin=0.1),
+    "both": fi.Sine(0.02, 3.0) + fi.PointForce("b", fi.Sine(1.0, 3.0, 0.4)),
+}
+
+
+def structure(slow, contact, wall, at="space"):
+    """Two slow motions and two others, a stop on one place and a ball on another."""
+    omega = np.array([slow, 40.0, slow, 300.0])
+    return fi.System.from_matrices(
+        np.eye(4), np.diag([0.0, 0.4, 0.3, 3.0]), np.diag(omega**2), base_load=[1.0, 0.5, -0.8, 0.2],
+        points={"a": [1.0, 0.6, -0.7, 0.4], "b": [0.8, -0.9, 0.5, 0.7]}, constant_load=[-0.5, 0.2, 1.0, 3.0],
+        stops=[fi.Stop("stop", at="a", gap=(math.inf, 0.03), contact=wall, fixed_to=at)],
+        impactors=[fi.Impactor("ball", at="b", mass=0.2, gap=0.02, contact=contact)],
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("slow", [1e-9, 1e-7])
+@pytest.mark.parametrize("drive", DRIVES)
+@pytest.mark.parametrize(
+    ("contact", "wall"),
+    [
+        (fi.Rigid(0.6), fi.Rigid(0.7)),
+        (fi.Rigid(0.0), fi.Rigid(0.0)),
+        (fi.KelvinVoigt(stiffness=2e3, damping=2.0), fi.KelvinVoigt(stiffness=5e3, damping=0.0)),
+        (fi.Rigid(0.0), fi.KelvinVoigt(stiffness=1e3, damping=100.0)),
+    ],
+)
+def test_what_is_nearly_free_moves_as_what_is_free(contact, wall, drive, slow):
+    """Two ways of computing: rigid motions are parabolas. What holds the slow ones does less than rounding."""
+    runs = []
+    for omega in (0.0, slow):
+        start = fi.State(np.zeros(4), np.array([0.1, 0.3, -0.2, 0.0]), np.zeros(1), np.zeros(1))
+        recorder = fi.Recorder(("a", "b"), events=1000, interval=0.01)
+        runs.append(fi.integrate(structure(omega, contact, wall), DRIVES[drive], EXACT, 0.4, recorder, start))
+    free, nearly = runs
+    assert len(free.events) > 0
+    assert list(free.events.kind) == list(nearly.events.kind)
+    np.testing.assert_allclose(nearly.events.time[:4], free.events.time[:4], rtol=0.0, atol=1e-12)
+    np.testing.assert_allclose(nearly["a"], free["a"], rtol=0.0, atol=1e-11)
+    for run in runs:
+        assert run.energy.residual < 1e-12
+    for name in ("work", "kinetic", "structure_loss", "contact_loss", "contact"):
+        size = np.abs(free.energy.work).max()
+        np.testing.assert_allclose(nearly.energy[name], free.energy[name], rtol=0.0, atol=1e-10 * size)

@@ -41,7 +41,13 @@ from femimpact.integrators.event_driven.complex_modes import (
     part_of,
     stack,
 )
-from femimpact.integrators.event_driven.equations import Equations, require_met, undamped_modes, wall_offsets
+from femimpact.integrators.event_driven.equations import (
+    INDEPENDENT,
+    Equations,
+    require_met,
+    undamped_modes,
+    wall_offsets,
+)
 
 OF_DISPLACEMENT, OF_VELOCITY = (2, 0), (1, 1)
 """Indices of ub and ub' in `Rows.through` and in `Rows.follow`."""
@@ -185,6 +191,9 @@ def _followed(rows: Rows, rate: Complex, load: Complex, driven: int) -> Array:
     return np.concatenate(follow)
 
 
+ABLE = 1e-3
+"""Share of the largest mobility of a coordinate at a stop, in speed, from which it may be the one that meets it."""
+
 ROUNDED = 1e-12
 """Share of the terms of a sum below which it is rounding."""
 
@@ -323,6 +332,8 @@ def _motions_on(equations: Equations, basis: Array, contact: _Contact) -> tuple[
     """omega^2, shapes and modal damping of all motions that the pairs in contact leave."""
     # what a pair does to a motion that leaves its gap as it is, is exactly nothing
     direction, pressed = basis.mT @ equations.force, contact.pressed
+    if np.any(_has_slow(equations)):
+        direction = _without_rounding(direction, np.abs(basis.mT) @ np.abs(equations.force))
     K = basis.mT @ equations.K @ basis + (direction * np.where(pressed, contact.stiffness, 0.0)[:, None]) @ direction.mT
     C = basis.mT @ equations.C @ basis + (direction * np.where(pressed, contact.damping, 0.0)[:, None]) @ direction.mT
     omega_squared, vectors = undamped_modes(K, basis.mT @ equations.M @ basis)
@@ -446,18 +457,19 @@ def _reactions(equations: Equations, sticking: Integers) -> Array:
 def _free_bases(equations: Equations, contact: _Contact) -> list[tuple[Integers, Array]]:
     """Bases of the motions that sticking pairs leave, (F, d, motions), of systems with as many.
 
-    Where the structure has rigid motions, a ball that is pressed moves with its place beside its coordinate: that
-    is then its gap, and nothing stiffens a rigid motion of all.
+    Where the structure has slow or rigid motions, a ball that is pressed moves with its place beside its coordinate,
+    and a pressed stop leaves a motion less: gaps are then coordinates, and what is stiff is beside what is slow.
     """
     n, every = equations.dofs, np.arange(equations.M.shape[0])
     stops = contact.sticking[equations.stop[contact.sticking]]
-    is_loose = ~(equations.K[:, :n, :n] != 0.0).any(axis=1).all(axis=1)
-    if stops.size == 0:
-        left = [np.eye(n)] * every.size
-    else:
-        for f in every:
-            require_met(part_of(equations, int(f)), contact.sticking)
-        left = [scipy.linalg.null_space(-force[:n, stops].T) for force in equations.force]
+    is_loose, left = _has_slow(equations), [np.eye(n)] * every.size
+    pressed = np.flatnonzero(contact.pressed & equations.stop)
+    for f in np.flatnonzero(is_loose & (pressed.size > 0) | (stops.size > 0)).tolist():
+        alone = part_of(equations, f)
+        require_met(alone, contact.sticking)
+        left[f] = (
+            _beside_stops(alone, stops, pressed) if is_loose[f] else scipy.linalg.null_space(-alone.force[:n, stops].T)
+        )
     motions = np.array([each.shape[1] for each in left])
     found = []
     for members in groups_of_equal_marks(is_loose[:, None], motions[:, None]):
@@ -467,6 +479,40 @@ def _free_bases(equations: Equations, contact: _Contact) -> list[tuple[Integers,
             (members, _basis_of(part_of(equations, members), bases, contact.sticking, np.flatnonzero(carried)))
         )
     return found
+
+
+def _has_slow(equations: Equations) -> NDArray[np.bool_]:
+    """Whether the structure has slow or rigid motions, (F,)."""
+    stiffness, mass = (np.diagonal(each, axis1=1, axis2=2)[:, : equations.dofs] for each in (equations.K, equations.M))
+    return np.any(stiffness <= SLOW**2 * mass, axis=1)
+
+
+def _beside_stops(equations: Equations, held: Integers, pressed: Integers) -> Array:
+    """Motions (n, m) of one structure in which some stops stay where they are, then one for each pressed stop.
+
+    Each stop is met by one coordinate, the slowest that does so well: others stay as slow as they are.
+    """
+    n, met = equations.dofs, list[int]()
+    stiffness, mass = equations.K.diagonal()[:n] / equations.M.diagonal()[:n], np.sqrt(equations.M.diagonal()[:n])
+    rows = equations.force[:n, [*held, *pressed]].T.copy()
+    least = INDEPENDENT * np.abs(rows / mass).max(axis=1)
+    kept = list[int]()
+    for i in range(rows.shape[0]):
+        size = np.abs(rows[i] / mass)
+        if size.max() <= least[i]:
+            continue
+        able = np.flatnonzero(size >= ABLE * size.max())
+        pivot = int(able[np.argmin(stiffness[able])])
+        rows[i] /= rows[i, pivot]
+        others = np.delete(np.arange(rows.shape[0]), i)
+        rows[others] -= rows[others, pivot][:, None] * rows[i]
+        rows[others, pivot] = 0.0
+        met.append(pivot)
+        kept.append(i)
+    free = np.setdiff1d(np.arange(n), met)
+    motions = np.eye(n)[:, free]
+    motions[met] = -rows[np.ix_(kept, free)]
+    return np.hstack([motions, np.eye(n)[:, [pivot for i, pivot in zip(kept, met, strict=True) if i >= held.size]]])
 
 
 def _basis_of(equations: Equations, left: Array, sticking: Integers, carried: Integers) -> Array:

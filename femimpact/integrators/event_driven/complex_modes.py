@@ -161,7 +161,7 @@ def _newton_step(X: Complex, S: Complex, omega_squared: Array, damping: Array) -
     return X + dX, S + dS
 
 
-SLOW = 0.3
+SLOW = 0.9
 """|lambda| (1/s) up to which a motion is slow: its displacement and its velocity times 1 s are of one size."""
 
 TOGETHER = 0.1
@@ -319,8 +319,10 @@ def _joined(parts: list[_Part], n: int, count: int) -> ComplexModes:
         if sizes[k] > 1:
             blocks.append((k, int(sizes[k])))
         k += int(sizes[k])
+    # no motion grows: what does is rounding, unless its block lets velocities become displacements
+    drifts = (sizes > 1) & (np.abs(exponent) <= SLOW)
     return ComplexModes(
-        np.minimum(exponent.real, 0.0) + 1j * exponent.imag,
+        np.where(drifts, exponent.real, np.minimum(exponent.real, 0.0)) + 1j * exponent.imag,
         np.triu(S, 1) if has_blocks else np.zeros((count, size, size), dtype=complex),
         np.array(blocks, dtype=np.int64).reshape(-1, 2),
         shape[each[:, :, None], np.arange(n)[:, None], order[:, None, :]],
