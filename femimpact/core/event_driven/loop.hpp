@@ -10,6 +10,9 @@ namespace FEMIMPACT_TARGET {
 // not end.
 ENUMERATION(STOP_NAMES, DONE, FORM_WANTED, RESONANT, UNENDING);
 
+// s, for which a search looks ahead where slow motions are: these may grow meanwhile.
+constexpr double LONGEST_OF_SLOW = 0.5;
+
 // Events at one instant beyond which the motion is called unresolved.
 constexpr Index EVENTS_AT_ONCE = 200;
 
@@ -128,6 +131,8 @@ inline Index to_next_event(Index begin, double until, const Form &form, const Ca
     double end = smaller(until, knot);
     if (are_pushed(scalars, motion.drive))
         end = smaller(end, motion.clock(0) + cases.longest);
+    if (scalars.slow > 0)
+        end = smaller(end, motion.clock(0) + LONGEST_OF_SLOW);
     copy_motion(motion, space.mark);
     copy_motion(motion, trial);
     Index status = next_event(scalars, trial, end, space.search);

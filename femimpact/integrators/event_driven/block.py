@@ -18,6 +18,7 @@ from femimpact.errors import require
 from femimpact.excitation import Harmonic, PiecewisePolynomial
 from femimpact.excitation.piecewise_polynomial import HIGHEST_DEGREE, ORDERS, motion_at, piece_at
 from femimpact.integrators.channel_rows import Drive
+from femimpact.integrators.event_driven.complex_modes import SLOW
 from femimpact.integrators.event_driven.continued import Held, resumed, split_anew
 from femimpact.integrators.event_driven.equations import Equations
 from femimpact.integrators.event_driven.loop_data import (
@@ -36,7 +37,7 @@ SERIES_TERMS = 24
 """Most terms of the series of a driven entry."""
 
 LONGEST_SERIES = 0.5
-"""Longest time in which a driven entry is advanced at once, times the rate of the polynomials."""
+"""Longest time in which a driven entry is advanced at once, times the rate of the polynomials or of slow entries."""
 
 LINE = 64
 """Bytes of a cache line."""
@@ -228,7 +229,7 @@ def _new_cases(store: FormStore, inputs: Inputs, modes: int) -> core.events.Case
         knots=knots,
         pieces=table,
         degree=max((each.degree for each in pieces), default=-1),
-        longest=LONGEST_SERIES / rate if (rate := store.rate) else math.inf,
+        longest=LONGEST_SERIES / max(store.rate or 0.0, SLOW),
         gap_plus=inputs.gaps[:, :, 0].copy(),
         gap_minus=inputs.gaps[:, :, 1].copy(),
         stiffness=np.where(store.rigid, 0.0, inputs.stiffness),
@@ -444,7 +445,9 @@ def working_space(block: Block, forms: core.events.Forms) -> core.events.Space:
         lasting=np.zeros(2 * pairs),
         constant=np.zeros(rows),
         static=np.zeros(d),
+        static_rate=np.zeros(d),
         given=np.zeros(rigid_bodies),
+        entry_given=np.zeros(entries, dtype=complex),
         nothing=np.zeros((loads, rigid_bodies)),
         wall=np.zeros(1 + pairs),
         steady=np.zeros((2, entries), dtype=complex),
