@@ -224,6 +224,11 @@ def test_runs_and_sweeps_name_what_few_modes_lack(key):
     system = fi.reduce(whole, 1)
     said = static_values(run(system, METHODS[key], (name,), duration=0.02).notes, "1 m/s^2 of the base")
     assert set(said) == {name}
+    # of a channel that was not recorded
+    assert (
+        static_values(run(system, METHODS[key], ("tip",), duration=0.02).largest(name).notes, "1 m/s^2 of the base")
+        == said
+    )
     if key == "event-driven":
         curve = fi.frequency_sweep(system, 1e-4, [1.0], METHODS[key], 4, channel=name)
         assert static_values(curve.notes, "1 m/s^2 of the base") == said

@@ -228,11 +228,14 @@ class Largest:
         When the channel has it.
     unit : str
         Of the value.
+    notes : tuple of str
+        What the modes of a reduced system leave out of the channel.
     """
 
     value: float = field(metadata=quantity("", finite=False))
     time: float = field(metadata=quantity("s", at_least=0.0))
     unit: str = field(metadata=text())
+    notes: tuple[str, ...] = field(default=(), metadata=text(several=True))
 
     def __post_init__(self) -> None:
         check_fields(self)

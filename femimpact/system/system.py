@@ -166,6 +166,8 @@ class System:
             check_shapes(self)
             check_factor(self)
             check_damping(self)
+            # the matrices may be others
+            object.__setattr__(self, "unreduced", None)
         else:
             require_type(origin, SystemOrigin, "computed_together")
             if check_unchanged(self, origin):

@@ -237,7 +237,8 @@ def find_extremes(
         )
         run_block(block, np.array([begin]), np.array([begin + end - done]), np.array([most * max(end - done, 1)]))
     row, times = extremes[0, 0], extremes[0, 0, -EXTREMES:]
-    highest, lowest = (Largest(float(row[i]), float(times[i]), channel.unit) for i in (MAXIMUM, MINIMUM))
+    notes = mode_notes(system, drive, (channel,))
+    highest, lowest = (Largest(float(row[i]), float(times[i]), channel.unit, notes) for i in (MAXIMUM, MINIMUM))
     return highest, lowest
 
 

@@ -73,6 +73,7 @@ NO_LIMIT = 1e30
 def find_largest(
     run: Callable[[Recorder], Any],  # the run, with what it is to keep: its steps have the same bits whatever that is
     recorder: Recorder,  # of the run before
+    notes: Callable[[tuple[Channel, ...]], tuple[str, ...]],  # on channels
     channels: tuple[Channel, ...],
 ) -> tuple[Largest, ...]:
     """Largest values of channels over all steps of a run."""
@@ -88,7 +89,8 @@ def find_largest(
     )  # fmt: skip
     run(every_step)
     return tuple(
-        Largest(one.value, one.time or 0.0, channel.unit) for one, channel in zip(found, channels, strict=True)
+        Largest(one.value, one.time or 0.0, channel.unit, notes((channel,)))
+        for one, channel in zip(found, channels, strict=True)
     )
 
 
@@ -129,12 +131,14 @@ def run_steps(
     require(fits, "duration", duration, "s", f"must be a finite number >= one step, {method.dt:g} s")
     check_sampling(np.array([excitation.frequency]), method, "frequency")
     warnings, again = check_step(system, method), partial(_again, system, excitation, method, duration, initial)
-    largest = LargestValues(partial(find_largest, again, recorder), partial(reread, again, recorder))
     steps = round(duration / method.dt)
     # the sines of a sum go on behind the last step, which may be half a step after the end
     excitation = until(excitation, initial.time + duration + 2.0 * method.dt)
     channels, drive = resolve_channels(system, recorder.channels), drive_of(system, excitation)
     rows = channel_rows(system, drive, channels, springs_apart=False)
+    largest = LargestValues(
+        partial(find_largest, again, recorder, partial(mode_notes, system, drive)), partial(reread, again, recorder)
+    )
     beginning, recorder = beginning_of(initial, system, excitation, method), recorder.seen_from(initial.time)
     block = prepare(
         system,
