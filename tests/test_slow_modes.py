@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import femimpact as fi
+from femimpact.orbits.flow import flow_of, hybrid_system
 
 EXACT = fi.EventDriven()
 FREQUENCIES = (0.0, 1e-9, 1e-6, 1e-5, 1e-4, 3e-4, 1e-3, 1e-2, 0.1, 0.3, 0.89, 0.91, 1.0, 3.0, 10.0)
@@ -159,3 +160,46 @@ def test_what_is_nearly_free_moves_as_what_is_free(contact, wall, drive, slow):
     for name in ("work", "kinetic", "structure_loss", "contact_loss", "contact"):
         size = np.abs(free.energy.work).max()
         np.testing.assert_allclose(nearly.energy[name], free.energy[name], rtol=0.0, atol=1e-10 * size)
+
+
+# ---- periodic orbits --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("stiffness", [0.0, 1e-18, 1e-12, 1e-9, 1e-7])
+def test_a_nearly_free_mass_in_a_box_loses_its_symmetry_where_a_free_one_does(stiffness):
+    """At gap/amplitude (pi^2 - 4)/(2 sqrt(4 + pi^2 k^2)), k = (1 - e)/(1 + e), but for 0.56 k/omega^2."""
+    for frequency in (0.5 / math.pi, 1.0):
+        stop = fi.Stop("walls", at="m", gap=1.35, contact=fi.Rigid(0.9))
+        box = fi.System.from_matrices([[1.0]], [[0.0]], [[stiffness]], points={"m": [1.0]}, stops=[stop])
+        orbit = fi.two_impact_orbits(box, fi.Sine(1.0, frequency))[0]
+        branch = fi.continue_orbit(orbit, "stop.walls.gap", to=(1.35, 1.55))
+        (value,) = [each.value for each in branch.bifurcations if each.kind == "symmetry-breaking"]
+        exact = (math.pi**2 - 4.0) / (2.0 * math.hypot(2.0, math.pi * 0.1 / 1.9))
+        assert value == pytest.approx(exact - 0.5604 * stiffness / (2.0 * math.pi * frequency) ** 2, abs=2e-11)
+
+
+def test_the_flow_of_slow_motions_is_that_of_the_matrix_exponential():
+    """Of random slow, braked and pressed motions under constant forces, in 30 digits."""
+    rng = np.random.default_rng(1)
+    for _ in range(60):
+        omega = rng.choice([0.0, 1e-9, 1e-6, 1e-4, 1e-2, 0.1, 1.0, 40.0], 2)
+        brakes = 2.0 * omega * rng.choice([0.0, 0.3, 1.0, 3.0]) + rng.choice([0.0, 1e-9, 1e-4, 0.1, 3.0])
+        wall = fi.KelvinVoigt(stiffness=10.0 ** rng.uniform(1, 3), damping=rng.choice([0.0, 1.0]))
+        system = fi.System.from_matrices(
+            np.eye(2), np.diag(brakes), np.diag(omega**2), points={"a": rng.normal(size=2)},
+            constant_load=rng.normal(size=2), stops=[fi.Stop("stop", at="a", gap=0.01, contact=wall)],
+        )  # fmt: skip
+        flow = flow_of(hybrid_system(system, fi.Sine(1e-3, 0.7)), rng.choice([0.0, 1.0], 1))
+        time = 10.0 ** rng.uniform(-2, 0.7)
+        (propagator,), (moved,) = flow.over(np.array([time]))
+        augmented = np.zeros((5, 5))
+        augmented[:4, :4], augmented[:4, 4] = flow.matrix, flow.constant
+        with mp.workdps(30):
+            exact = mp.expm(mp.matrix(augmented.tolist()) * mp.mpf(time), method="taylor")
+        exact = np.array(exact.tolist(), dtype=float)[:4]
+        # displacements and velocities, of which each motion has its size
+        for rows in (slice(0, 2), slice(2, 4)):
+            size = np.abs(exact[rows]).max()
+            np.testing.assert_allclose(propagator[rows], exact[rows, :4], rtol=0.0, atol=1e-11 * size)
+            size = np.abs(exact[rows, 4]).max() + 1e-3 * np.abs(flow.constant).max()
+            np.testing.assert_allclose(moved[rows], exact[rows, 4], rtol=0.0, atol=1e-11 * size)
