@@ -13,9 +13,9 @@ enum : Index { STAY, ENTER, COLLIDE, LET_GO, UNRESOLVED };
 // Most collisions that one instant may take among several pairs.
 constexpr Index COLLISIONS_AT_ONCE = 100'000;
 
-// Times its rounding by which a pair may be short of its wall beside another that has met its own: each is at its wall
-// to rounding, and the search ends at the first.
-constexpr double BESIDE = 4.0;
+// Times its rounding by which a pair may be short of its wall beside another that has met its own: equal parts differ by
+// the rounding of their modes and of the impacts before.
+constexpr double BESIDE = 64.0;
 
 // Share of an impact's speed that rounding may leave of none where it does not reach.
 constexpr double ROUNDING_SHARE = 1e-12;
@@ -284,11 +284,15 @@ constexpr double ROUNDING_SHARE = 1e-12;
 //
 // Those of pairs that stick belong to their sticking phases, and the motion has them without being told. What is not
 // real is no impact.
-[[gnu::noinline]] inline void pass_on(Index n, bool real, double base_rate, const Pairs &pairs, const Case &c,
-                                      const Space &space, const Tables &tables, const Ledger *b) {
+[[gnu::noinline]] inline void pass_on(Index n, bool real, double slow, double base_rate, const Pairs &pairs,
+                                      const Case &c, const Space &space, const Tables &tables, const Ledger *b) {
     const Search &search = space.search;
     const Impulses &x = space.impulses;
     double time = space.motion.clock(0);
+    // what rests, and is reached by rounding only, is not hit
+    for (Index k = 0; k < n; k++)
+        if (x.approach(k) == 0.0 && magnitude(x.impulse(k)) * x.mobility(k, k) <= slow)
+            x.impulse(k) = 0.0;
     if (b)
         change_velocities(n, pairs, space, *b);
     for (Index k = 0; k < n; k++) {
@@ -313,7 +317,8 @@ constexpr double ROUNDING_SHARE = 1e-12;
         if (b)
             b->contact_loss(c.number) += 0.5 * push * (1.0 - e) * approach;
         space.impulse(hit) += wall * push;
-        search.leaving(hit) = 0.0;
+        // what stays at its wall has a rate of rounding, which is no impact again
+        search.leaving(hit) = e * approach == 0.0 ? wall : 0.0;
     }
     for (Index r = 0; r < c.state.size(); r++)
         if (is_active(c.state(r)))
@@ -338,6 +343,7 @@ constexpr double ROUNDING_SHARE = 1e-12;
         if (lasting >= 0.0) {
             c.state(r) = wall * CONTACT;
             begin_contact(r, time + lasting, 0.0, c);
+            search.leaving(r) = 0.0;
             caught = true;
         } else
             impulse(r) = 0.0;
@@ -410,7 +416,7 @@ constexpr double ROUNDING_SHARE = 1e-12;
             add_impulses(form, space);
             return LET_GO;
         }
-        pass_on(n, real, base_rate, pairs, c, space, tables, b);
+        pass_on(n, real, ROUNDING_SHARE * largest, base_rate, pairs, c, space, tables, b);
     }
     if (n > 0)
         return UNRESOLVED;
