@@ -101,6 +101,11 @@ MUTATIONS = (
         "force_phase", "Harmonic(self.amplitude, self.omega, self.phase)", "Harmonic(self.amplitude, self.omega, 0.0)"
     ),
     Mutation("split_of_a_continued_run", "if not held.motion or first == end:", "if True:"),
+    Mutation(
+        "phase_of_forces_at_one_place",
+        "if wave is None or len(waves) == 1 else wave.phase",
+        "if wave is None or len(waves) > 0 else wave.phase",
+    ),
     Mutation("rest_in_space", "y, y_rate = y - offset, y_rate - speed", "y, y_rate = y - offset, y_rate + speed"),
     Mutation(
         "absolute_displacement",
@@ -172,6 +177,22 @@ MUTATIONS = (
         "doubling_and_breaking",
         '"symmetry-breaking" if self.curve.is_symmetric else "period-doubling"',
         '"period-doubling" if self.curve.is_symmetric else "symmetry-breaking"',
+    ),
+    Mutation(
+        "one_cycle_of_two",
+        "steady_motion(CycleStatistics(*table), np.full",
+        "steady_motion(CycleStatistics(*table[:, -1:]), np.full",
+    ),
+    Mutation("two_bifurcations_in_a_step", "beyond = _beyond(left, right)", "beyond = None"),
+    Mutation(
+        "crest_of_a_stop_in_space",
+        "np.outer(hybrid.amplitude * of_base, hybrid.in_space)",
+        "np.outer(0.9 * hybrid.amplitude * of_base, hybrid.in_space)",
+    ),
+    Mutation(
+        "multipliers_of_a_stop_in_space",
+        "speed_by_phase = -rows.in_space * hybrid.omega * base",
+        "speed_by_phase = rows.in_space * hybrid.omega * base",
     ),
     # event-driven
     Mutation(
@@ -250,6 +271,13 @@ MUTATIONS = (
         "scatter_of_another_case",
         ".to_numpy()[at], values.attrs) for side",
         ".to_numpy()[end], values.attrs) for side",
+    ),
+    Mutation("spread_of_a_median", "1.0 + 0.5 * math.pi / starts", "1.0 + math.pi / starts"),
+    # damping of a free decay
+    Mutation(
+        "one_sided_interval_of_a_mode",
+        "stdtrit(max(fit.time.size - 4 * count - 2, 1), 0.5 + 0.5 * level)",
+        "stdtrit(max(fit.time.size - 4 * count - 2, 1), level)",
     ),
 )
 

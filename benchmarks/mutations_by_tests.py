@@ -196,6 +196,10 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
         Mutation("half_power_crossing", "share * (f[outer] - f[i])", "0.5 * (f[outer] - f[i])"),
         Mutation("interval_of_a_fit", "quantile(freedom, 0.975)", "quantile(freedom, 0.6)"),
     ),
+    "test_decay.py": (
+        Mutation("unsquared_weights_of_a_slope", "_SLOPE**2 @ one.spread**2", "np.abs(_SLOPE) @ one.spread**2"),
+        Mutation("maxima_of_five_cycles", "(2.0 * math.pi * (CYCLES - 1))", "(2.0 * math.pi * CYCLES)"),
+    ),
     "test_regimes.py": (
         Mutation("repeats", "window.cycles // (rules.repeats + 1)", "window.cycles // rules.repeats"),
         Mutation("phase_that_wraps", "    turn -= 2.0 * np.pi * np.round(turn / (2.0 * np.pi))", "    turn += 0.0"),

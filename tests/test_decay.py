@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 import xarray
 from command import femimpact
+from scipy.stats import norm
 
 import femimpact as fi
 from femimpact.export import figures
+from femimpact.identification.decay_windows import noise_of, windows
 
 TIME = 0.01 * np.arange(2000)
 
@@ -91,6 +93,45 @@ def test_intervals_hold_the_truth_in_nine_of_ten_records():
     # 90 % of 40 are 36; four standard deviations of a binomial fewer
     assert len(hits) >= 36
     assert sum(hits) >= 0.9 * len(hits) - 4 * np.sqrt(0.09 * len(hits))
+
+
+def test_the_interval_of_a_mode_has_the_width_of_the_cramer_rao_bound():
+    """To both sides: as wide as the noise of the record asks for, and no wider."""
+    for modes, noise in (((ONE,), 0.01), (CLOSE, 0.002)):
+        found = fi.identify_decay(TIME, decay(*modes, noise=noise), modes=len(modes)).modes
+        widths = [[np.ptp(m.frequency_interval), np.ptp(m.damping_ratio_interval)] for m in found]
+        expected = 2.0 * norm.ppf(0.95) * cramer_rao(modes, noise * np.abs(decay(*modes)).max())
+        # four standard deviations, 1/sqrt(2 2000), of the noise that is estimated
+        np.testing.assert_allclose(widths, expected, rtol=0.064)
+
+
+def test_intervals_of_windows_have_the_width_of_white_noise_and_hold_the_truth_as_often_as_they_say():
+    time, hits, wide = 0.0025 * np.arange(3000), [], []
+    f, ratio, size, _ = ONE
+    exact = decay(ONE, time=time)
+    # of the logarithm of each amplitude it is sigma sqrt(2/n)/a, over the n samples of a cycle
+    noise = 0.01 * np.abs(exact).max() * np.sqrt(2.0 * f * 0.0025)
+    for seed in range(60):
+        x = exact + 0.01 * np.abs(exact).max() * np.random.default_rng(seed).standard_normal(time.size)
+        found, warnings, notes = windows(time, x, 0.0025, f, noise_of(x, 0.0025, f), 0.9)
+        assert not warnings + notes
+        cycles = found["time"][:, None] + (np.arange(5) - 2.0) / f
+        amplitude = size * np.exp(-2.0 * np.pi * f * ratio * cycles)
+        slope = np.sqrt(np.sum((np.arange(-2, 3) / 10.0 / amplitude) ** 2, axis=1))
+        wide.extend((found["high"] - found["low"]) / (2.0 * norm.ppf(0.95) * noise * slope / (2.0 * np.pi)))
+        hits.extend((found["low"] <= ratio) & (ratio <= found["high"]))
+    # some are wider, for what else may be in a window
+    assert 0.97 < np.quantile(wide, 0.1) < np.median(wide) < 1.06
+    # 90 % of 420, and four standard deviations of a binomial to both sides
+    assert len(hits) == 420
+    assert abs(np.mean(hits) - 0.9) < 4 * np.sqrt(0.09 / len(hits))
+
+
+def test_the_maxima_of_the_first_and_the_last_cycle_of_a_window_are_four_cycles_apart():
+    time = 0.001 * np.arange(20_000)
+    found = fi.identify_decay(time, decay((5.0, 0.003, 1.0, -0.5 * np.pi), time=time))
+    # 200 samples in a cycle, with crests a quarter of a cycle from its ends: at the same place in each
+    assert found.from_maxima == pytest.approx(np.full(len(found), 0.003), rel=2e-3)
 
 
 def test_ratio_follows_the_amplitude():
