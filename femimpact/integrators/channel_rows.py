@@ -21,6 +21,7 @@ from femimpact.excitation.sums import one_sine
 from femimpact.response.channels import Channel, Reading, ShakerForce, zero_reading
 from femimpact.structure.structure import Position
 from femimpact.system.system import System
+from femimpact.units import number_text
 
 JUMP = 1e-6
 """Share of the largest value of a history above which two pieces of it do not meet: those made of sines do to 1e-9."""
@@ -297,15 +298,19 @@ def reaction_notes(system: System, drive: Drive, channels: tuple[Channel, ...]) 
     moved = drive.share > 0.0
     parts = []
     if by_drive > NEGLIGIBLE * (system.total_mass if moved else 1.0):
-        parts.append(f"{by_drive:.3g} kg times the base's acceleration" if moved else f"{by_drive:.3g} of the force")
+        parts.append(
+            f"{number_text(by_drive, 3)} kg times the base's acceleration"
+            if moved
+            else f"{number_text(by_drive, 3)} of the force"
+        )
     if at_rest > NEGLIGIBLE * abs(constant[1]):
-        parts.append(f"{at_rest:.3g} N of gravity and other constant forces")
+        parts.append(f"{number_text(at_rest, 3)} N of gravity and other constant forces")
     if not parts:
         return ()
     return (
         f"modes are left out: reactions, read from those that are kept, differ from the sum of inertia forces by "
         f"{', by '.join(parts)}, and by what contacts excite in the others; all that moves with the base has "
-        f"{system.total_mass:.3g} kg",
+        f"{number_text(system.total_mass, 3)} kg",
     )
 
 
