@@ -51,10 +51,11 @@ class DampingEstimate:
 
     def __str__(self) -> str:
         low, high = self.interval
-        known = math.isfinite(low + high)
-        texts = interval_texts(self.ratio, low, high) if known else (number_text(self.ratio),)
-        interval = f"{texts[1]} to {texts[2]}" if known else "no interval"
-        ratio = f"{texts[0]} ({interval})" if math.isfinite(self.ratio) else "no damping ratio"
+        shown, interval = number_text(self.ratio), "no interval"
+        if math.isfinite(low + high):
+            shown, least, most = interval_texts(self.ratio, low, high)
+            interval = f"{least} to {most}"
+        ratio = f"{shown} ({interval})" if math.isfinite(self.ratio) else "no damping ratio"
         text = f"{ratio} at {self.frequency:.6g} Hz by {self.method}"
         return text + "".join(f"\n  warning: {warning}" for warning in self.warnings)
 

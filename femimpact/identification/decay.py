@@ -72,9 +72,9 @@ class DecayMode:
             (100.0 * self.damping_ratio, 100.0 * np.array(self.damping_ratio_interval), " %"),
         ):
             known = math.isfinite(low + high)
-            texts = interval_texts(value, low, high) if known else (number_text(value, 6),)
-            interval = f"{LEVEL:.0%} interval {texts[1]} to {texts[2]}" if known else "no interval"
-            shown.append(f"{texts[0]}{unit} ({interval})")
+            text, least, most = interval_texts(value, low, high)
+            interval = f"{LEVEL:.0%} interval {least} to {most}" if known else "no interval"
+            shown.append(f"{text}{unit} ({interval})")
         return f"{shown[0]}, damping ratio {shown[1]}, amplitude {number_text(self.amplitude)}"
 
 
