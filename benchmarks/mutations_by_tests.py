@@ -92,6 +92,60 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
         ),
         Mutation("memory_limit", "limit < LEAST_MEMORY and", "limit < 0.5 * LEAST_MEMORY and"),
     ),
+    "test_starts_of_a_run.py": (
+        Mutation(
+            "peak_of_the_run_under_a_force",
+            'return "of the whole run" if history.get("frequency") is None else "over the last third"',
+            'return "of the whole run"',
+        ),
+        Mutation(
+            "peak_of_a_blow_over_the_last_third",
+            "    return abs(response.largest(response.system.default_place).value)\n",
+            "    return float(response.steady.peak[0])\n",
+        ),
+        Mutation(
+            "force_of_a_rigid_contact", "    return rigid and name in response.impacts.impactor\n", "    return False\n"
+        ),
+        Mutation(
+            "linear_motion_as_a_sample",
+            '"peak_is_one_start": irregular and struck,',
+            '"peak_is_one_start": irregular,',
+        ),
+    ),
+    "test_best_case.py": (
+        Mutation(
+            "margin_within_the_scatter",
+            "np.where(self.low > self.high[row], more, np.minimum(more, 0.0))",
+            "more",
+        ),
+    ),
+    "test_absorber.py": (
+        Mutation(
+            "damping_of_an_absorber", '(2.0 * ratio * omega, "free_damping")', '(2.0 * ratio * omega, "acceleration")'
+        ),
+    ),
+    "test_report.py": (
+        Mutation(
+            "warnings_of_the_last_curve",
+            '        name if name == heading else f"{heading}, {name}": curve\n',
+            "        heading: curve\n",
+        ),
+        Mutation(
+            "stress_in_mm",
+            "number_conclusion(label, curve.peak_amplitude, curve.unit,",
+            'number_conclusion(label, curve.peak_amplitude, "m",',
+        ),
+        Mutation("worst_over_left_out", "if plan else (worst_over,)", "if plan else ()"),
+        Mutation("page_in_a_foreign_folder", "if len(OF_SUMMARY & set(written)) > 1:", "if written:"),
+    ),
+    "test_units.py": (
+        Mutation("digits_of_an_interval", "fifth if half - 1 < fifth <= half else half - 1", "half"),
+        Mutation(
+            "exponent_of_a_readable_number",
+            '    return f"{value:.0f}"\n\n\ndef prefixed',
+            "    return text\n\n\ndef prefixed",
+        ),
+    ),
     "test_contact_table.py": (
         Mutation(
             "least_speed_left_out",
@@ -102,8 +156,8 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
     "test_terminal_tables.py": (
         Mutation(
             "digits_of_a_cell",
-            'isinstance(value, str) else f"{value:.5g}"',
-            'isinstance(value, str) else f"{value:.4g}"',
+            "isinstance(value, str) else number_text(value, 5)",
+            "isinstance(value, str) else number_text(value, 4)",
         ),
     ),
     "test_study.py": (
@@ -164,6 +218,17 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
         Mutation("impact_between_frames", "chosen[:1], chosen[:1], chosen])[:-2]", "chosen[:1], chosen])[:-1]"),
     ),
     "test_figures.py": (
+        Mutation("contacts_drawn_coarsely", "if time[1] - time[0] > wanted:", "if time[1] - time[0] > 1e3 * wanted:"),
+        Mutation(
+            "pieces_of_a_finer_reading",
+            "_run_piece(run, done * parts, (end - done) * parts)",
+            "_run_piece(run, done, end - done)",
+        ),
+        Mutation(
+            "force_read_coarsely",
+            "READINGS_IN_CONTACT, DRAWN_IN_CONTACT = 10, 20",
+            "READINGS_IN_CONTACT, DRAWN_IN_CONTACT = 8, 20",
+        ),
         Mutation("dots_of_a_scan", 'moving = scan.steadiness != "periodic"', 'moving = scan.steadiness == "periodic"'),
     ),
     "test_impact_record.py": (Mutation("degrees", "np.degrees(impacts.phase[inside])", "impacts.phase[inside]"),),

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from femimpact.errors import require_name
 from femimpact.svg import notebook_markup
+from femimpact.units import number_text
 
 if TYPE_CHECKING:
     import pandas
@@ -178,7 +179,7 @@ def head_of_values(title: str, values: Mapping[str, str]) -> Head:
 
 
 def _cell(value: Any) -> str:
-    return f"{value:.5g}" if isinstance(value, float) else str(value)
+    return number_text(value, 5) if isinstance(value, float) else str(value)
 
 
 def _cut(line: str) -> str:

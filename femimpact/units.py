@@ -220,7 +220,7 @@ def number_text(
     zeros: bool = False,  # whether zeros at its end stay: they say how exact it is
 ) -> str:
     """A number for the eye, without a power of ten where that is readable."""
-    text = f"{value:#.{digits}g}".rstrip(".") if zeros and value else f"{value:.{digits}g}"
+    text = f"{value:#.{digits}g}".rstrip(".").replace(".e", "e") if zeros and value else f"{value:.{digits}g}"
     if "e" not in text or not PLAIN[0] <= abs(value) < PLAIN[1]:
         return text
     # 12340 is read more easily than with a power of ten
@@ -258,12 +258,16 @@ def interval_texts(value: float, low: float, high: float) -> tuple[str, str, str
 
     Of more than five digits one of the half width is enough: 5.3000 (5.2998 to 5.3003).
     """
-    half = decimal_place(0.5 * (high - low))
-    fifth = decimal_place(max(abs(low), abs(high))) - MOST_DIGITS + 1
+    largest = max(abs(low), abs(high))
+    half, first = decimal_place(0.5 * (high - low)), decimal_place(largest)
+    fifth = first - MOST_DIGITS + 1
     place = fifth if half - 1 < fifth <= half else half - 1
-    if not (math.isfinite(low + high) and half > decimal_place(value) - 15):
+    if not (low < high and math.isfinite(low + high) and half > first - 15):
         return number_text(value, 6), number_text(low, 6), number_text(high, 6)
-    return at_place(value, place), at_place(low, place), at_place(high, place)
+    if PLAIN[0] <= largest < PLAIN[1]:
+        return at_place(value, place), at_place(low, place), at_place(high, place)
+    texts = (number_text(one, max(decimal_place(one) - place + 1, 1), zeros=True) for one in (value, low, high))
+    return next(texts), next(texts), next(texts)
 
 
 def decimal_place(value: float) -> int:

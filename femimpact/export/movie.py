@@ -37,6 +37,7 @@ from femimpact.export.tables import thinned
 from femimpact.response.history import Snapshots
 from femimpact.response.response import Response
 from femimpact.structure.structure import Structure
+from femimpact.units import number_text
 
 __all__ = ["gl_window", "write_movie"]
 
@@ -167,7 +168,7 @@ def _film(response: Response, structure: Structure, exaggeration: float | None, 
         exaggeration = chosen_exaggeration(np.hstack([snapshots.displacement[:, 0::2], hung]), structure, balls)
     chosen = thinned(snapshots.time.size, most)
     shown = float(snapshots.time[chosen[-1]] - snapshots.time[chosen[0]])
-    slow = f"   Slowed {(chosen.size - 1) / fps / shown:.2g} times." if shown > 0.0 else ""
+    slow = f"   Slowed {number_text((chosen.size - 1) / fps / shown, 2)} times." if shown > 0.0 else ""
     words = words_of(response.base)
     is_sine = math.isfinite(response.base.phase) and response.base.amplitude > 0.0
     moved = f", {1e3 * response.base.amplitude:.4g} mm" if is_sine else ""

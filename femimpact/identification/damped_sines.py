@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from femimpact.arrays import Array
 from femimpact.identification.one_pole import pattern_in
+from femimpact.units import number_text
 
 SAMPLES_KEPT, PER_CYCLE = 2000, 16.0
 """Of a longer record means of neighbours are fitted, at least so many in a cycle: a damped sine stays one."""
@@ -144,7 +145,7 @@ class DecayFit:
         found = "" if size <= NEGLIGIBLE else self.means.pattern or self._uneven()
         if not found:
             return "", False
-        share = f"{100.0 * size:.2g} % of the largest value"
+        share = f"{number_text(100.0 * size, 2)} % of the largest value"
         words = f"no linear decay, and no interval: the misfit of {share} is no noise: {found}"
         count = self.means.poles.size + 1
         other = seen_fit(x, interval, count) if count <= 3 else None
@@ -166,7 +167,7 @@ class DecayFit:
         freedom = fit.time.size / 2 - fit.basis.shape[1]
         limit = float(fdtri(freedom, freedom, 0.9975)) if freedom > 4 else math.inf
         ratio = max(small, large) / max(min(small, large), 1e-300)
-        words = f"it is {math.sqrt(ratio):.3g} times as large where the amplitude is"
+        words = f"it is {number_text(math.sqrt(ratio), 3)} times as large where the amplitude is"
         return "" if ratio <= limit else f"{words} {'large' if large > small else 'small'}"
 
     def beats(self, x: Array, interval: float) -> bool:

@@ -15,6 +15,7 @@ from femimpact.identification.damped_sines import DecayFit, seen_modes
 from femimpact.identification.decay_windows import noise_of, windows
 from femimpact.svg import Band, Chart, Line, axis_of
 from femimpact.table import Head, flat_columns, frame_of, head_of_columns, named_column, short_repr
+from femimpact.units import interval_texts, number_text
 
 if TYPE_CHECKING:
     import pandas
@@ -71,9 +72,10 @@ class DecayMode:
             (100.0 * self.damping_ratio, 100.0 * np.array(self.damping_ratio_interval), " %"),
         ):
             known = math.isfinite(low + high)
-            interval = f"{LEVEL:.0%} interval {low:.6g} to {high:.6g}" if known else "no interval"
-            shown.append(f"{value:.6g}{unit} ({interval})")
-        return f"{shown[0]}, damping ratio {shown[1]}, amplitude {self.amplitude:.4g}"
+            text, least, most = interval_texts(value, low, high)
+            interval = f"{LEVEL:.0%} interval {least} to {most}" if known else "no interval"
+            shown.append(f"{text}{unit} ({interval})")
+        return f"{shown[0]}, damping ratio {shown[1]}, amplitude {number_text(self.amplitude)}"
 
 
 @short_repr
@@ -267,20 +269,24 @@ def _unfit(fit: DecayFit, found: tuple[DecayMode, ...], t: Array, y: Array, inte
     duration, samples = y.size * interval, 1.0 / (interval * fastest)
     words, wander, cycles = _rounded_or_clipped(y), _wander(t, interval), duration * slowest
     if wander > MOST_WANDER:
-        words.append(f"the times wander off the even grid by {wander:.2g} of a step (at most {MOST_WANDER:g})")
+        words.append(
+            f"the times wander off the even grid by {number_text(wander, 2)} of a step (at most {MOST_WANDER:g})"
+        )
     if cycles < FEWEST_CYCLES:
-        words.append(f"the record has {cycles:.2g} cycles of {slowest:.4g} Hz (at least {FEWEST_CYCLES:g})")
+        words.append(f"the record has {number_text(cycles, 2)} cycles of {slowest:.4g} Hz (at least {FEWEST_CYCLES:g})")
     if samples < FEWEST_SAMPLES:
-        words.append(f"a cycle of {fastest:.4g} Hz has {samples:.3g} samples (at least {FEWEST_SAMPLES:g})")
+        words.append(f"a cycle of {fastest:.4g} Hz has {number_text(samples, 3)} samples (at least {FEWEST_SAMPLES:g})")
     words += [
-        f"the amplitude of {one.frequency:.4g} Hz grows, by a damping ratio of {100.0 * one.damping_ratio:.3g} %: "
+        f"the amplitude of {one.frequency:.4g} Hz grows, by a damping ratio of "
+        f"{number_text(100.0 * one.damping_ratio, 3)} %: "
         "no free decay"
         for one in found
         if one.damping_ratio_interval[1] < 0.0
     ]
     if near * duration < 1.0:
         words.append(
-            f"two modes are {near:.2g} Hz apart, below the {1.0 / duration:.2g} Hz of one beat in the record: they may "
+            f"two modes are {number_text(near, 2)} Hz apart, below the {number_text(1.0 / duration, 2)} Hz of one "
+            "beat in the record: they may "
             "be one whose damping depends on the amplitude"
         )
     return [f"no interval: {one}" for one in words]
@@ -303,7 +309,8 @@ def _rounded_or_clipped(y: Array) -> list[str]:
     found = []
     if half < FEWEST_STEPS * step:
         found.append(
-            f"the record is rounded to steps of {step:.3g}, of which its largest value has {half / step:.2g} "
+            f"the record is rounded to steps of {number_text(step, 3)}, of which its largest value has "
+            f"{number_text(half / step, 2)} "
             f"(at least {FEWEST_STEPS:g})"
         )
     for top in (values[-1], values[0]):

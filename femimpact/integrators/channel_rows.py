@@ -23,6 +23,7 @@ from femimpact.structure.structure import Position
 from femimpact.system.modes import solve_stiffness
 from femimpact.system.reduction import kept_modes
 from femimpact.system.system import System
+from femimpact.units import number_text
 
 JUMP = 1e-6
 """Share of the largest value of a history above which two pieces of it do not meet: those made of sines do to 1e-9."""
@@ -301,18 +302,18 @@ def _reaction_notes(system: System, drive: Drive, channels: Sequence[Channel]) -
         driven = [row[6][2] * load.share + row[DRIVEN] for row in rows]
         by_drive, moved = abs(driven[0] - driven[1]), load.share > 0.0
         if by_drive > NEGLIGIBLE * (system.total_mass if moved else 1.0):
-            of_force = f"{by_drive:.3g} of the force" + (f" at {load.at}" if drive.more else "")
-            parts.append(f"{by_drive:.3g} kg times the base's acceleration" if moved else of_force)
+            of_force = f"{number_text(by_drive, 3)} of the force" + (f" at {load.at}" if drive.more else "")
+            parts.append(f"{number_text(by_drive, 3)} kg times the base's acceleration" if moved else of_force)
     constant = [row[8] for row in rows]
     at_rest = abs(constant[0] - constant[1])
     if at_rest > NEGLIGIBLE * abs(constant[1]):
-        parts.append(f"{at_rest:.3g} N of gravity and other constant forces")
+        parts.append(f"{number_text(at_rest, 3)} N of gravity and other constant forces")
     if not parts:
         return ()
     return (
         f"modes are left out: reactions, read from those that are kept, differ from the sum of inertia forces by "
         f"{', by '.join(parts)}, and by what contacts excite in the others; all that moves with the base has "
-        f"{system.total_mass:.3g} kg",
+        f"{number_text(system.total_mass, 3)} kg",
     )
 
 

@@ -286,7 +286,7 @@ def transient_left(system: System, begin: float) -> tuple[float, float, float]:
     poles, shares = _first_mode_with(hung, mode, omega, ratio)
     left = shares * np.exp(poles.real * begin)
     longest = poles[np.argmax(left)]
-    return float(abs(longest)) / (2.0 * math.pi), float(-longest.real / abs(longest)), float(left.sum())
+    return float(abs(longest)) / (2.0 * math.pi), float(-longest.real / abs(longest)), min(float(left.sum()), 1.0)
 
 
 def _first_mode_with(
@@ -304,7 +304,7 @@ def _first_mode_with(
     matrix = np.block([[np.zeros((n, n)), np.eye(n)], [-stiffness / mass[:, None], -damping / mass[:, None]]])
     poles, vectors = np.linalg.eig(matrix)
     shares = np.abs(vectors[0] * np.linalg.pinv(vectors)[:, 0])
-    return poles, shares / shares.sum()
+    return poles, shares
 
 
 def step_rows(bare: System, f: Array, of: str) -> Iterator[PreflightRow]:

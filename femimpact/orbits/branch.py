@@ -50,6 +50,7 @@ from femimpact.orbits.parameter import Parameter, parameter_of
 from femimpact.orbits.search import length_of, one_sine
 from femimpact.orbits.verification import orbit_of, own_run
 from femimpact.table import Head, frame_of, head_of_values, short_repr
+from femimpact.units import number_text
 
 if TYPE_CHECKING:
     import pandas
@@ -381,7 +382,7 @@ def _beside(curve: Curve, x: Array) -> Point:
     tangent = null_vectors(evaluated(curve, x, np.zeros(x.size)))[-1]
     start, change = corrected(curve, x + 0.1 * LONGEST * tangent, curve.weight * tangent)
     if start is None:
-        words = f"no orbit found beside it: the last step of Newton's method changed it by {change:.2g}"
+        words = f"no orbit found beside it: the last step of Newton's method changed it by {number_text(change, 2)}"
         raise DivergenceError(f"the orbit at {curve.parameter.path} = {x[-1]:.10g} begins no branch: {words}")
     return start
 

@@ -38,6 +38,7 @@ from femimpact.orbits.orbit import NEUTRAL
 from femimpact.orbits.parameter import Parameter
 from femimpact.orbits.period import Intervals, intervals_between
 from femimpact.orbits.verification import halves_agree, may_be_symmetric
+from femimpact.units import number_text
 
 MOST_STEPS = 8
 """Steps of Newton's method onto the curve: more are taken for a step along it that was too long."""
@@ -358,7 +359,7 @@ def point_along(left: Point, step: float, bend: Array | float = 0.0) -> Point:
     """The point so far along the tangent of another one, near to where a parabola leads."""
     point, change = corrected(left.curve, left.x + step * left.tangent + step**2 * bend, left.row)
     if point is None:
-        raise LostError(f"the last step of Newton's method changed the orbit by {change:.2g}")
+        raise LostError(f"the last step of Newton's method changed the orbit by {number_text(change, 2)}")
     return point
 
 

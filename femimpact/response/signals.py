@@ -13,6 +13,7 @@ from femimpact.arrays import Array
 from femimpact.errors import check_fields, checked, column, made, quantity, real_array, require, require_type, text
 from femimpact.response.channels import Channel
 from femimpact.table import Head, column_units, head_of_columns, short_repr
+from femimpact.units import number_text
 
 PARTS = 8
 """Parts of a window: their scatter tells how far its two halves may differ."""
@@ -303,6 +304,7 @@ def deflection_warnings(
         return ()
     share = largest / length
     return (
-        f"the beam deflects by up to {largest:.4g} m, {share:.3g} of its length, beyond {LARGE:g}: linear beam theory "
-        f"has an error of about the square of this share, {100.0 * share * share:.2g} %",
+        f"the beam deflects by up to {largest:.4g} m, {number_text(share, 3)} of its length, beyond {LARGE:g}: "
+        "linear beam theory "
+        f"has an error of about the square of this share, {number_text(100.0 * share * share, 2)} %",
     )

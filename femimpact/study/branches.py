@@ -35,6 +35,7 @@ from femimpact.study.run import Found, Report, keep_pictures, keep_study
 from femimpact.study.study import OrbitsPlan, Study, sine_of
 from femimpact.study.summary import summary_of
 from femimpact.sweep import frequency_sweep
+from femimpact.units import number_text
 
 SAME = 1e-6
 """Relative difference of the impact speeds of one orbit that was found twice."""
@@ -135,7 +136,8 @@ def orbit_lines(study: Study) -> list[str]:
     low, high = plan.range
     switched = f", and at {', '.join(plan.switch)} the others too" if plan.switch else ""
     return [
-        f"orbits: a run of {plan.guess_duration:g} s, about {seconds * found.sine.frequency * plan.guess_duration:.2g} "
+        f"orbits: a run of {plan.guess_duration:g} s, about "
+        f"{number_text(seconds * found.sine.frequency * plan.guess_duration, 2)} "
         f"s, leads to an orbit of {_cycles(plan.cycles)}; its branch over {number.path} from {low:g} to "
         f"{parameter_text(high, number.unit)}{switched}",
         f"orbits: up to {plan.most_branches} branches of up to {plan.points} points each way; 500 points take some "

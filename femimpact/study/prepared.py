@@ -28,6 +28,7 @@ from femimpact.study.study import Study, SweepPlan, build_systems, check_method,
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.modes import DENSE_LIMIT, first_elastic_frequency, first_resonance, solve_modes
 from femimpact.system.system import System, without_impactors
+from femimpact.units import number_text
 
 PARTS = ("modes", "simulate", "sweep")
 """Names of the parts of `run_study`."""
@@ -213,7 +214,7 @@ def _coarse_history(study: Study, small: System, method: Method) -> tuple[str, .
         f"at most {most}" if every > 1 else "a smaller method.dt or output.interval, or more method.samples_per_cycle"
     )
     return (
-        f"output.every = {every}: the history keeps {samples:.3g} samples of a base cycle, below "
+        f"output.every = {every}: the history keeps {number_text(samples, 3)} samples of a base cycle, below "
         f"{LEAST_SAMPLES}, and misses the extremes between them; take {mend}",
     )
 
@@ -314,7 +315,7 @@ def lines_of_plan(prepared: PreparedStudy) -> list[str]:
     history = history_cost(study, small, method, prepared.record)
     lines.append(
         f"history: {steps} {method.unit}, {grid:.4g} s apart, {study.base.words}, "
-        f"takes about {history.memory / 1e6:.3g} MB and {history.seconds:.2g} s"
+        f"takes about {number_text(history.memory / 1e6, 3)} MB and {number_text(history.seconds, 2)} s"
         f"{_starts_words(small, study.output.starts)}"
     )
     if study.sweep is not None:
@@ -324,13 +325,14 @@ def lines_of_plan(prepared: PreparedStudy) -> list[str]:
         swept = sweep_cost(study, small, method)
         lines.append(
             f"sweep: up to {cases} frequencies from {plan.start:g} to {plan.stop:g} Hz, {plan.cycles} cycles each, "
-            f"{total:.3g} {method.unit}, takes about {swept.memory / 1e6:.3g} MB and {swept.seconds:.2g} s on one core"
+            f"{number_text(total, 3)} {method.unit}, takes about {number_text(swept.memory / 1e6, 3)} MB and "
+            f"{number_text(swept.seconds, 2)} s on one core"
             f"{_starts_words(small, plan.starts)}"
         )
     if picture_seconds(study) > 0.0:
-        lines.append(f"figures and movie: about {picture_seconds(study):.2g} s, when the rest is done")
+        lines.append(f"figures and movie: about {number_text(picture_seconds(study), 2)} s, when the rest is done")
     mesh = mesh_memory(full.nodes.size - 1, small.dofs if study.reduction else None)
-    lines.append(f"mesh and modes: take about {max(mesh.values()) / 1e6:.3g} MB")
+    lines.append(f"mesh and modes: take about {number_text(max(mesh.values()) / 1e6, 3)} MB")
     lines.append("besides: some 200 MB for the libraries")
     end = study.base.history_duration
     notes = (*method.notes(small), *motion_notes(until(study.excitation, end), small.length, end))
@@ -511,7 +513,8 @@ def check_mesh(study: Study, elements: int) -> None:
     """
     parts = mesh_memory(elements, study.reduction.modes if study.reduction else None)
     limit, needed = study.output.memory_limit, max(parts.values())
-    shares = f"mesh of {elements} elements {parts['mesh'] / 1e6:.3g} MB, modes {parts['modes'] / 1e6:.3g} MB"
+    mesh, modes = (number_text(parts[part] / 1e6, 3) for part in ("mesh", "modes"))
+    shares = f"mesh of {elements} elements {mesh} MB, modes {modes} MB"
     allowed = f"must be >= {needed:.3g}, what this study takes ({shares}): take fewer elements or modes, or raise it"
     require(needed <= limit, "output.memory_limit", limit, "bytes", allowed)
 

@@ -251,10 +251,12 @@ def _damping(summary: Mapping[str, Any]) -> list[Conclusion]:
     if ratio is not None:
         interval = _at(summary, "sweep", "empty", "damping_fit_interval")
         known = isinstance(interval, list) and len(interval) == 2 and all(isinstance(one, float) for one in interval)
-        shown = interval_texts(100 * ratio, 100 * interval[0], 100 * interval[1]) if known else (_shown(100 * ratio),)
-        words = f"95 % interval {shown[1]} to {shown[2]} %" if known else ""
+        shown, words = _shown(100 * ratio), ""
+        if known:
+            shown, low, high = interval_texts(100 * ratio, *(100 * one for one in interval))
+            words = f"95 % interval {low} to {high} %"
         note = "one-pole fit of the curve"
-        found.append(Conclusion(f"Damping ratio without {carried}", shown[0], "%", words, note=note))
+        found.append(Conclusion(f"Damping ratio without {carried}", shown, "%", words, note=note))
     several = _from_starts(summary, "damping_amplitude_ratio", DROP, "%")
     with_ball = _number(summary, "sweep", "ball", "damping_amplitude_ratio")
     if several or with_ball is None:

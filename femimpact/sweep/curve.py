@@ -217,7 +217,7 @@ class FrequencyResponse:
         found = bool(np.any(np.isfinite(self.peak)))
         star = "*" if found and self.peak_is_sample else ""
         highest = f", peak {self.peak_amplitude:.5g}{star} {self.unit} at {self.peak_frequency:.5g} Hz" if found else ""
-        settling = " where a transient has not died out" if found and self.peak_is_transient else ""
+        settling = " (transient)" if found and self.peak_is_transient else ""
         title = f"FrequencyResponse: {size}{span}{highest}{settling}, {len(self.warnings)} warnings"
         columns, units = flat_columns(self)
         units = self._units_of(units)

@@ -355,12 +355,17 @@ def value_map(
     low, high = np.nanmin(shown), np.nanmax(shown)
     axis.imshow(shown, cmap="cividis", origin="lower", aspect="auto", vmin=low, vmax=high)
     axis.grid(False)
-    axis.set_xticks(np.arange(columns.size), [f"{value:.3g}" for value in columns])
-    axis.set_yticks(np.arange(rows.size), [f"{value:.3g}" for value in rows])
+    axis.set_xticks(np.arange(columns.size), [f"{number_text(value, 3)}" for value in columns])
+    axis.set_yticks(np.arange(rows.size), [f"{number_text(value, 3)}" for value in rows])
     for (i, j), value in np.ndenumerate(shown):
         colour = "white" if value < 0.5 * (low + high) else "black"
         axis.annotate(
-            f"{value:.2g}{'*' if marked[i, j] else ''}", (j, i), ha="center", va="center", color=colour, fontsize=9.0
+            f"{number_text(value, 2)}{'*' if marked[i, j] else ''}",
+            (j, i),
+            ha="center",
+            va="center",
+            color=colour,
+            fontsize=9.0,
         )
     axis.set_title(title, loc="left")
     if marked.any():

@@ -19,7 +19,7 @@ from femimpact.response.channels import channel_key
 from femimpact.response.response import Response
 from femimpact.structure.structure import Dashpot, Position, Spring
 from femimpact.system.system import System
-from femimpact.units import prefixed
+from femimpact.units import number_text, prefixed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -76,7 +76,7 @@ def last_cycles(response: Response, cycles: float) -> tuple[float, str]:
     frequency = first_mode if known and not has_cycle(base) else base.frequency
     start = max(last - cycles / frequency, first)
     if math.isnan(base.phase):
-        return start, f"last {last - start:.3g} s"
+        return start, f"last {number_text(last - start, 3)} s"
     shown = cycles if start > first else (last - first) * frequency
     return start, f"last {shown:.4g} cycles at {frequency:.4g} Hz"
 

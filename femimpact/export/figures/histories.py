@@ -32,7 +32,7 @@ from femimpact.export.figures.drawing import (
 from femimpact.response.channels import channel_of
 from femimpact.response.impacts import DRAWN_IN_CONTACT
 from femimpact.response.response import Response
-from femimpact.units import prefixed
+from femimpact.units import number_text, prefixed
 
 if TYPE_CHECKING:
     from matplotlib.figure import FigureBase
@@ -85,7 +85,7 @@ def energies(response: Response, figure: FigureBase | OffScreen | None = None) -
         axis.set_ylabel(f"energy ({unit})")
         legend_above(axis)
     axes[2].plot(ledger.time, ledger.residual_history, color=PURPLE, linewidth=1.2)
-    title = f"energy unaccounted for over the energy put in: at most {ledger.residual:.2g}"
+    title = f"energy unaccounted for over the energy put in: at most {number_text(ledger.residual, 2)}"
     label_axes(axes[2], "time (s)", "residual (1)", title)
     return axes
 
@@ -177,8 +177,8 @@ def contact_force(
     else:
         axes[1].axhline(statistics.cycle_mean_force, color=GREY, linestyle="--", linewidth=1.2)
         mean = "cycle-averaged" if cyclic else "mean"
-        title += f"dashed: {mean} force {1e3 * statistics.cycle_mean_force:.3g} mN;\n"
-    title += f"mean impulse {1e3 * statistics.mean_impulse:.3g} mN s"
+        title += f"dashed: {mean} force {number_text(1e3 * statistics.cycle_mean_force, 3)} mN;\n"
+    title += f"mean impulse {number_text(1e3 * statistics.mean_impulse, 3)} mN s"
     label_axes(axes[1], "time (s)", "peak force (N)", title)
     axes[1].set_ylim(0.0, 1.05 * (np.nanmax(impacts.peak_force, initial=0.0) or 1.0))
     legend_above(axes[1])
@@ -220,5 +220,5 @@ def _averages(axis: Any, response: Response) -> None:
     mean, mean_unit = scaled(response.statistics.cycle_mean_force, "N")
     axis.plot(time, shown, color=BLUE, linewidth=1.0, marker=".", markersize=4.0)
     axis.set_ylim(0.0, 1.15 * (shown.max(initial=0.0) or 1.0))
-    title = f"normal force averaged over each base cycle; over the last third {mean:.3g} {mean_unit}"
+    title = f"normal force averaged over each base cycle; over the last third {number_text(mean, 3)} {mean_unit}"
     label_axes(axis, "time (s)", f"average force ({unit})", title)

@@ -77,6 +77,7 @@ from femimpact.response.signals import (
 from femimpact.system.reduction import truncation_notes
 from femimpact.system.state import State, begun_anew
 from femimpact.system.system import System
+from femimpact.units import number_text
 
 CYCLES_AT_ONCE = 256
 """Base cycles between two reports of progress, when interrupts are checked."""
@@ -555,7 +556,8 @@ def _balance_warnings(run: _Run, energy: EnergyLedger) -> list[str]:
     if residual <= bound:
         return []
     return [
-        f"energy residual {residual:.2g} of the energy put in, above {bound:.2g}: an event-driven run "
+        f"energy residual {number_text(residual, 2)} of the energy put in, above {number_text(bound, 2)}: an "
+        "event-driven run "
         "closes to rounding unless its modes span too many decades; keep fewer"
     ]
 

@@ -62,6 +62,7 @@ from femimpact.response.signals import (
 from femimpact.system.reduction import truncation_notes
 from femimpact.system.state import State, begun_anew
 from femimpact.system.system import System
+from femimpact.units import number_text
 
 PIECE = 10_000
 """Steps in memory at once."""
@@ -175,7 +176,8 @@ def divergence_message(frequency: float, time: float, method: SteppingMethod) ->
     """Words for a run that grew without bound, and what to do."""
     return (
         f"the motion at {frequency:g} Hz is not finite or grew without bound before t = {time:.4g} s with "
-        f"dt = {method.dt:.3g} s: take a smaller dt (recommended_step gives one), a contact law with damping, "
+        f"dt = {number_text(method.dt, 3)} s: take a smaller dt (recommended_step gives one), a contact law with "
+        "damping, "
         f"or raise divergence_limit ({method.divergence_limit:g})"
     )
 
@@ -289,7 +291,8 @@ def _law_notes(block: Block) -> tuple[str, ...]:
 
 def _residual_warning(residual: float, limit: float) -> str:
     return (
-        f"energy residual {residual:.2g} exceeds {limit:g}: the method or the contact law makes or loses energy that "
+        f"energy residual {number_text(residual, 2)} exceeds {limit:g}: the method or the contact law makes or loses "
+        "energy that "
         "the ledger cannot name; take a smaller dt, or raise Recorder.residual_limit"
     )
 
