@@ -45,10 +45,10 @@ from femimpact.integrators.planned_drive import (
 from femimpact.integrators.preflight_row import PreflightRow, rounded, row_of
 from femimpact.integrators.runs import integrate
 from femimpact.parametric.definition import ParameterStudy
+from femimpact.parametric.labelled import axis_rows
 from femimpact.parametric.study_command import definition_of
 from femimpact.response.response import Recorder
 from femimpact.response.signals import LARGE, deflection_warnings
-from femimpact.structure.damping import ModalDamping
 from femimpact.structure.structure import Structure, unusual_numbers
 from femimpact.study.prepared import carried_words, in_study_words, lines_of_plan, prepare, refined_grid
 from femimpact.study.study import Study, build
@@ -60,9 +60,6 @@ from femimpact.table import frame_of
 
 if TYPE_CHECKING:
     import pandas
-
-LARGEST_RATIO = 0.2
-"""Damping ratio above which a percentage was probably given as a ratio."""
 
 OF_MATERIAL = ("Young's modulus", "density")
 
@@ -242,27 +239,17 @@ def _of_cases(plan: ParameterStudy) -> Preflight:
 
 
 def _with_axes(found: Preflight, plan: ParameterStudy) -> Preflight:
-    """The rows, and the step of an axis of frequencies; a sample has no step."""
-    rows = list(found.rows)
-    for place, levels in zip(plan.table.places, plan.table.levels, strict=True):
-        # of the base, of a part of a sum or of a force
-        if place.field == "frequency" and place.owner in ("base", "force") and plan.plan_of_sample is None:
-            rows += step_rows(without_impactors(plan.nominal), np.unique(levels), f" of the axis {place.path}")
-    return Preflight(tuple(rows))
+    """The rows, and the steps of axes of frequencies."""
+    return Preflight((*found.rows, *axis_rows(plan)))
 
 
 # ---- numbers that are probably in another unit ---------------------------------------------------
 
 
 def _of_structure(structure: Structure | None) -> Iterator[PreflightRow]:
-    """Damping ratio, modulus and density that were given."""
+    """Modulus and density that were given, and what else is unusual."""
     if structure is None:
         return
-    if structure.damping is not None:
-        given = structure.damping.ratios if isinstance(structure.damping, ModalDamping) else structure.damping.ratio
-        ratio = float(np.max(given))
-        instead = f"is it a percentage? {ratio:g} % is a ratio of {0.01 * ratio:.4g}"
-        yield row_of("damping ratio", ratio, "1", LARGEST_RATIO, instead)
     for segment in {(s.name, s.young_modulus, s.density): s for s in structure.beam.segments}.values():
         of, modulus, density = f" of segment {segment.name!r}", segment.young_modulus, segment.density
         instead = f"is it in GPa? {modulus:g} GPa are {1e9 * modulus:.4g} Pa"

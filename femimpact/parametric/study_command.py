@@ -292,6 +292,8 @@ def summary_lines(dataset: xarray.Dataset, directory: Path, best: BestPlan | Non
     if failed.any():
         first = next(str(reason) for reason in dataset["failure"].to_numpy().ravel() if reason)
         lines.append(f"{int(np.count_nonzero(failed))} of {failed.size} cases failed, the first: {first}")
+    if dataset.attrs.get("warnings"):
+        lines.append(f"warning: {dataset.attrs['warnings']}")
     best_study = directory / FILES["best_study"].name
     if best_study.exists():
         lines.append(f"run the best case where it is worst, with its report: femimpact run {best_study}")

@@ -11,6 +11,7 @@ import numpy as np
 from femimpact.arrays import Array, Complex
 from femimpact.errors import optional, quantity, require, require_name, takes
 from femimpact.excitation import Chirp, Drives, HammerBlow, PiecewisePolynomial, RandomBase, Shock, SteppedSine
+from femimpact.excitation.drives import named_parts
 from femimpact.excitation.excitation import is_force
 from femimpact.integrators.channel_rows import Drive
 from femimpact.response.channels import channel_key
@@ -62,8 +63,9 @@ def measured_transfer(
       have fewer aliases. With one record both estimates are one, and there is no coherence.
     - A stepped sine: the harmonics over the second half of the cycles of each dwell, a sine that of the last third of
       the run. Coherence is the share of the harmonic in the mean square.
-    - Any other drive: averages over Hann windows that overlap by half. H1 = S_xy/S_xx has no error by noise in the
-      output, H2 = S_yy/S_yx none by noise in the input; coherence is |S_xy|^2/(S_xx S_yy).
+    - A random motion, a record, or a sum of these and of sines: averages over Hann windows that overlap by half.
+      H1 = S_xy/S_xx has no error by noise in the output, H2 = S_yy/S_yx none by noise in the input; coherence is
+      |S_xy|^2/(S_xx S_yy).
 
     Lines at which the input has no content are left out, and of a blow or a shock those above a quarter of the reading
     rate and those that aliases spoil by more than about 2 %. With impacts it is a linear description of the run at its
@@ -87,8 +89,9 @@ def measured_transfer(
     Raises
     ------
     InputError
-        As of `spectrum`; if a record that is transformed whole does not begin at rest or has not decayed, the input is
-        zero, no dwell is complete, or a resolution is given to what is no average.
+        As of `spectrum`; if a sum has a part that passes, as a chirp, a stepped sine or a shock, a record that is
+        transformed whole does not begin at rest or has not decayed, the input is zero, no dwell is complete, or a
+        resolution is given to what is no average.
 
     Examples
     --------
@@ -103,6 +106,8 @@ def measured_transfer(
     history = drive_history(response)
     dwells = isinstance(history, SteppedSine) or is_steady(response.base)
     whole = not dwells and isinstance(history, Chirp | HammerBlow | Shock)
+    if not (dwells or whole):
+        _require_stationary(response.base)
     allowed = "must be left out: it belongs to averages over windows, as of a random drive"
     require(resolution is None or not (dwells or whole), "resolution", resolution, "Hz", allowed)
     output = record_of(response, to, key="to", whole=whole)
@@ -123,6 +128,17 @@ def measured_transfer(
         f, {name: h1 * factor}, {name: unit_over(output.unit, given.unit)}, given.name, {name: h2 * factor},
         {name: coherence}, (*output.notes, *notes), (*output.warnings, *warnings),
     )  # fmt: skip
+
+
+def _require_stationary(excitation: Any) -> None:
+    """Refuse a sum with a part that is not stationary: its response may fall into a window after it."""
+    for which, _, part in named_parts(excitation):
+        allowed = (
+            "must be a sine, a random motion or a record: averages over windows take no transient beside another "
+            "drive; a run under it alone is transformed whole"
+        )
+        passing = isinstance(part, Chirp | HammerBlow | Shock | SteppedSine)
+        require(not passing, "response", f"{which}, {type(part).__name__}", "", allowed)
 
 
 class Input(NamedTuple):

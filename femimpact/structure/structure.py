@@ -512,6 +512,9 @@ USUAL_MODULUS = (1e8, 2e12)
 USUAL_DENSITY = (10.0, 3e4)
 """Densities (kg/m^3) of what beams are made of: from light foam to osmium, 22,600."""
 
+LARGEST_RATIO = 0.2
+"""Damping ratio above which a percentage was probably given as a ratio."""
+
 HEAVY_BODY = 100.0
 """Mass of a body over that of the beam above which grams may have been typed as kilograms."""
 
@@ -532,12 +535,23 @@ class UnusualNumber:
     instead: str  # a question
 
     def __str__(self) -> str:
-        return f"{self.path} = {self.value:.4g} {self.unit}: {self.usual}; {self.instead}"
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        return f"{self.path} = {self.value:.4g}{unit}: {self.usual}; {self.instead}"
 
 
 def unusual_numbers(structure: Structure) -> list[UnusualNumber]:
     """Every number that may be in another unit."""
-    return [*_of_sections(structure), *_of_gaps(structure), *_of_masses(structure)]
+    return [*_of_damping(structure), *_of_sections(structure), *_of_gaps(structure), *_of_masses(structure)]
+
+
+def _of_damping(structure: Structure) -> Iterator[UnusualNumber]:
+    if structure.damping is None:
+        return
+    given = structure.damping.ratios if isinstance(structure.damping, ModalDamping) else structure.damping.ratio
+    ratio = max(given) if isinstance(given, tuple) else given
+    if ratio > LARGEST_RATIO:
+        instead = f"is it a percentage? {ratio:g} % is a ratio of {0.01 * ratio:.4g}"
+        yield UnusualNumber("damping.ratio", ratio, "1", LARGEST_RATIO, f"more than {LARGEST_RATIO:g}", instead)
 
 
 def _of_sections(structure: Structure) -> Iterator[UnusualNumber]:
