@@ -249,6 +249,30 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
         ),
         Mutation("masked_numbers", "if _is_endless(value) or _is_masked(value):", "if _is_endless(value):"),
     ),
+    "test_record_units.py": (
+        Mutation(
+            "line_of_units", "if len(cells) == len(columns):\n            yield", "if not cells:\n            yield"
+        ),
+        Mutation("din_rate", "and not HAS_TIME.search(name)", "or HAS_TIME.search(name) is None"),
+        Mutation("gal", '"Gal": (Fraction(1, 100), _ACCELERATION)', '"Gal": (Fraction(1), _ACCELERATION)'),
+        Mutation("unit_in_latin_1", 'header.decode("latin-1")', 'header.decode("ascii", "ignore")'),
+        Mutation("exponent_with_d", 'block.upper().replace(b"D", b"E")', "block.upper()"),
+        Mutation("byte_lost", "swallowed = content[:end].endswith(line) and", "swallowed = False and"),
+        Mutation("seconds_of_timedelta", 'time.to_numpy() / np.timedelta64(1, "s")', "time.to_numpy().astype(float)"),
+        Mutation("names_read_back", "same = bool(name) and (name, unit) == tuple(other[:2])", "same = bool(name)"),
+        Mutation("step_of_peer", 'f"{i * step!r},{sample}"', 'f"{(i + 1) * step!r},{sample}"'),
+    ),
+    "test_regular_files.py": (
+        Mutation("device_replaced", "target = target_path(path)", "target = file_path(path)"),
+        Mutation("numbers_of_a_file", "stated <= PACKED * size", "stated <= PACKED**9 * size"),
+    ),
+    "test_decay.py": (
+        Mutation("rest_before_release", "if 2 * still > cycle else 0", "if still > 99 * cycle else 0"),
+        Mutation("clipped_beginning", "begin += last + 1", "begin += last // 2"),
+        Mutation("sweep_as_decay", "swept or reason)", "reason)"),
+        Mutation("large_ratio", "LARGEST_RATIO = 0.9", "LARGEST_RATIO = 0.5"),
+        Mutation("one_file_of_identify", "as table, atomic_path(directory / IDENTIFIED[1]) as picture:", "as picture:"),
+    ),
     "test_recorded_base.py": (Mutation("lost_sample", "UNEVEN = 0.25", "UNEVEN = 2.5"),),
     "test_mesh_files.py": (
         Mutation("branch", 'require(degree[busy] <= 2, "mesh.file"', 'require(degree[busy] <= 3, "mesh.file"'),
