@@ -224,6 +224,8 @@ MUTATIONS = (
     Mutation(
         "stiffness_of_a_wall", "gap_on(side, j, c), 0.0), c.stiffness(j))", "gap_on(side, j, c), 0.0), c.stiffness(0))"
     ),
+    Mutation("slow_modes", "SLOW = 0.9\n", "SLOW = 1e-9\n"),
+    Mutation("load_on_slow_modes", "k < forms.slow(f) && w <", "k + 1 < forms.slow(f) && w <"),
     Mutation("left_by_its_wall", "c.restitution(i) * share : -share)", "c.restitution(i) * share : 0.0)"),
     # what is read
     Mutation(

@@ -58,6 +58,22 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
             "0.5 * np.sum(self.values**2)",
         ),
     ),
+    "test_slow_modes.py": (
+        Mutation(
+            "rate_beside_slow_entries",
+            '"static_rate": settled(made.velocity, modes, made.given)',
+            '"static_rate": 0.0 * settled(made.velocity, modes, made.given)',
+        ),
+        Mutation("slow_beside_stops", "able[np.argmin(stiffness[able])]", "able[np.argmax(stiffness[able])]"),
+        Mutation("slow_beside_fast", "ORTHOGONAL = 1e-15", "ORTHOGONAL = 1e-3"),
+        Mutation("slow_pair", "near |= np.maximum(*both) <= SLOW", "near |= np.maximum(*both) <= 0.0"),
+        Mutation(
+            "slow_force_of_sticking", "apart[:, sticking] = project @ apart", "apart[:, sticking] = project @ constant"
+        ),
+        Mutation("slow_flow", "now, -2.0 * sigma * now - kappa * before", "now, -2.0 * sigma * now"),
+        Mutation("slow_braked_flow", "is_held = square > HELD * (1.0 + decay)", "is_held = square > 0.0"),
+        Mutation("slow_pressed_flow", "SEPARATE = 1e3", "SEPARATE = 1e12"),
+    ),
     "test_taper.py": (
         Mutation("gauss_points_of_taper", "first = m1 / m0", "first = 0.5 * m1 / m0"),
         Mutation("taper_of_mass", "self.mass_per_length[element] * (a * b)", "self.mass_per_length[element] * a"),

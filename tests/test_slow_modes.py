@@ -7,6 +7,9 @@ import numpy as np
 import pytest
 
 import femimpact as fi
+from femimpact.integrators.channel_rows import drive_of
+from femimpact.integrators.event_driven.closed_form import closed_forms
+from femimpact.integrators.event_driven.equations import equations_of, stacked
 from femimpact.orbits.flow import flow_of, hybrid_system
 
 EXACT = fi.EventDriven()
@@ -101,6 +104,21 @@ def test_straight_lines_meet_the_wall_when_they_should(damping, constant):
         assert abs(missed) < 1e-12, omega
 
 
+def test_a_wall_is_met_from_any_start():
+    """A velocity becomes a displacement: a bound on the motion that does not grow with it passes walls."""
+    rng = np.random.default_rng(4)
+    for omega in np.repeat([1e-6, 1e-3, 0.3, 0.8], 25).tolist():
+        place, speed, time = rng.uniform(-1.0, 1.0), rng.uniform(0.1, 1.0), rng.uniform(0.1, 1.4)
+        angle = omega * time
+        wall = place * math.cos(angle) + speed * math.sin(angle) / omega
+        if wall <= max(place, 0.0) or speed * math.cos(angle) <= omega * place * math.sin(angle):
+            continue
+        stop = fi.Stop("wall", at="m", gap=(wall, math.inf), contact=fi.Rigid(0.5))
+        system = fi.System.from_matrices([[1.0]], [[0.0]], [[omega**2]], points={"m": [1.0]}, stops=[stop])
+        run = fi.integrate(system, fi.Sine(0.0, 1.0), EXACT, 1.5, initial=fi.State([place], [speed]))
+        assert float(run.impacts.time[0]) == pytest.approx(time, abs=1e-12)
+
+
 def test_a_braked_motion_that_nothing_pulls_back_goes_on_at_its_last_speed():
     """By x = (F/c) t - (F/c - v) (1 - e^-ct)/c; the dashpot takes the whole force in the end."""
     for damping in (1e-3, 0.1, 2.0):
@@ -160,6 +178,27 @@ def test_what_is_nearly_free_moves_as_what_is_free(contact, wall, drive, slow):
     for name in ("work", "kinetic", "structure_loss", "contact_loss", "contact"):
         size = np.abs(free.energy.work).max()
         np.testing.assert_allclose(nearly.energy[name], free.energy[name], rtol=0.0, atol=1e-10 * size)
+
+
+@pytest.mark.parametrize("stiffness", [None, 1e2, 1e7])
+def test_what_a_stop_leaves_is_as_slow_as_it_is(stiffness):
+    """A stop that holds a place, or presses it: the eigenvalues of Omega^2 + k b b^T in 150 digits."""
+    omega, b = [1e-9, 300.0, 3e-9, 40.0, 2e-4], [0.3, 1.0, -0.5, 0.7, 0.2]
+    wall = fi.Rigid(0.0) if stiffness is None else fi.KelvinVoigt(stiffness=stiffness, damping=0.0)
+    system = fi.System.from_matrices(
+        np.eye(5), np.zeros((5, 5)), np.diag(np.square(omega)), points={"a": b},
+        stops=[fi.Stop("stop", at="a", gap=0.01, contact=wall)],
+    )  # fmt: skip
+    equations = stacked([equations_of(system, drive_of(system, fi.Sine(1e-3, 1.0)))])
+    touch, rigid = np.ones(1, dtype=bool), np.array([stiffness is None])
+    [(_, forms)] = closed_forms(equations, touch, rigid, np.array([[stiffness or 0.0]]), np.zeros((1, 1)))
+    found = np.unique(np.abs(forms.modes.exponent[0]))
+    with mp.workdps(150):
+        push = mp.matrix(b)
+        K = mp.diag([mp.mpf(each) ** 2 for each in omega]) + mp.mpf(stiffness or "1e60") * push * push.T
+        exact = [float(mp.sqrt(each)) for each in mp.eigsy(K, eigvals_only=True)]
+    np.testing.assert_allclose(found, exact[: found.size], rtol=1e-12)
+    assert found.size == (4 if stiffness is None else 5)
 
 
 # ---- periodic orbits --------------------------------------------------------------------------------

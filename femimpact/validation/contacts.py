@@ -308,12 +308,37 @@ def ball_is_left() -> Case:
     )  # fmt: skip
 
 
+def nearly_rigid_meets_its_wall() -> Case:
+    """A mass that next to nothing holds, under a sine and a constant force."""
+    from scipy.optimize import brentq
+
+    omega, pull, amplitude, rate, gap = 1e-4, 0.7, 0.02, 2 * math.pi * FREQUENCY, 0.4
+    stop = Stop("wall", at="mass", gap=(gap, math.inf), contact=Rigid(0.5))
+    system = System.from_matrices(
+        [[1.0]], [[0.0]], [[omega**2]], points={"mass": [1.0]}, stops=[stop], constant_load=[pull]
+    )  # fmt: skip
+    run = integrate(system, Sine(amplitude, FREQUENCY), EventDriven(), 1.5, initial=State([0.0], [0.1]))
+    steady = amplitude * rate**2 / (omega**2 - rate**2)
+
+    def clearance(time: float) -> float:
+        free = (0.1 - steady * rate) / omega * math.sin(omega * time)
+        return steady * math.sin(rate * time) + free + 2 * pull * (math.sin(omega * time / 2) / omega) ** 2 - gap
+
+    time = float(run.impacts.time[0])
+    return Case(
+        "nearly rigid mass under a sine and a constant force", "derived here (steady and free motions)",
+        "time of its impact", "s", float(brentq(clearance, 0.9 * time, 1.1 * time, xtol=1e-15)), time, 1e-13,
+        "rounding of the gap over its speed",
+    )  # fmt: skip
+
+
 IMPACT_CASES: tuple[Callable[[], Case], ...] = (
     *(partial(collision, body, e) for e in (0.0, 0.6, 1.0) for body in (0, 1)),
     cradle,
     *(partial(ball_comes_to_rest, e) for e in (0.3, 0.7, 0.95)),
     ball_leaves_the_table,
     ball_is_left,
+    nearly_rigid_meets_its_wall,
     *(partial(ball_bounces_once_a_cycle, e) for e in (0.5, 0.8)),
 )
 """The cases of this subject, in the order of the table."""
