@@ -200,7 +200,19 @@ MUTATIONS = (
         "        load[0, n + j] = -pair.mass * drive.share\n",
         "        load[0, n + j] = 0.0\n",
     ),
-    Mutation("impulse_mobility", "fastest / -pairs.mobility(hit, hit)", "fastest / -(1.02 * pairs.mobility(hit, hit))"),
+    Mutation(
+        "impulse_mobility", "pairs.mobility(x.pair(i), x.pair(j));", "1.02 * pairs.mobility(x.pair(i), x.pair(j));"
+    ),
+    Mutation(
+        "first_in_the_list_gets_the_blow",
+        "        closes = closes || approach > rest;\n        n++;",
+        "        n += !closes || approach <= rest;\n        closes = closes || approach > rest;",
+    ),
+    Mutation(
+        "what_rests_is_left_out",
+        "search.at_wall(r) == 0.0 || approach < -rest",
+        "search.at_wall(r) == 0.0 || approach <= rest",
+    ),
     Mutation(
         "contact_stiffness",
         "np.where(store.rigid, 0.0, inputs.stiffness)",
@@ -211,13 +223,13 @@ MUTATIONS = (
         "touch(PUSHED, j) += impulse;",
         "touch(PUSHED, j) += 0.0 * impulse;",
     ),
-    Mutation("impact_loss", "0.5 * push * (1.0 - e) * fastest", "0.5 * push * fastest"),
+    Mutation("impact_loss", "0.5 * push * (1.0 - e) * approach", "0.5 * push * approach"),
     Mutation("contact_loss", "double loss = c.damping(j) * square_of_rate", "double loss = 0.0 * square_of_rate"),
     Mutation("ball_work", "0.5 * (after * after - before * before)", "0.4 * (after * after - before * before)"),
     Mutation(
         "energy_to_modes",
-        "IMPACT_COLUMNS + i) = momentum * (velocity(i) + 0.5 * momentum / b->mass(i))",
-        "IMPACT_COLUMNS + i) = momentum * velocity(i)",
+        "middle(i) = velocity(i) + 0.5 * momentum / b.mass(i);",
+        "middle(i) = velocity(i);",
     ),
     Mutation("centring_spring", "K += pair.free_stiffness * np.outer(", "K += 0.9 * pair.free_stiffness * np.outer("),
     Mutation("centring_energy", "base), b.free_stiffness(j))", "base), 0.5 * b.free_stiffness(j))"),
@@ -226,7 +238,9 @@ MUTATIONS = (
     ),
     Mutation("slow_modes", "SLOW = 0.9\n", "SLOW = 1e-9\n"),
     Mutation("load_on_slow_modes", "k < forms.slow(f) && w <", "k + 1 < forms.slow(f) && w <"),
-    Mutation("left_by_its_wall", "c.restitution(i) * share : -share)", "c.restitution(i) * share : 0.0)"),
+    Mutation(
+        "left_by_its_wall", "larger(press, 0.0) * pairs.closure)", "larger(press, 0.0) * pairs.closure && speed < 0.0)"
+    ),
     # what is read
     Mutation(
         "cut_at_the_window",

@@ -283,6 +283,8 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
         Mutation("numbers_of_a_file", "stated <= PACKED * size", "stated <= PACKED**9 * size"),
     ),
     "test_decay.py": (
+        Mutation("unsquared_weights_of_a_slope", "_SLOPE**2 @ one.spread**2", "np.abs(_SLOPE) @ one.spread**2"),
+        Mutation("maxima_of_five_cycles", "(2.0 * math.pi * (CYCLES - 1))", "(2.0 * math.pi * CYCLES)"),
         Mutation("rest_before_release", "if 2 * still > cycle else 0", "if still > 99 * cycle else 0"),
         Mutation("clipped_beginning", "begin += last + 1", "begin += last // 2"),
         Mutation("sweep_as_decay", "swept or reason)", "reason)"),
@@ -300,10 +302,6 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
     "test_identification.py": (
         Mutation("half_power_crossing", "share * (f[outer] - f[i])", "0.5 * (f[outer] - f[i])"),
         Mutation("interval_of_a_fit", "quantile(freedom, 0.975)", "quantile(freedom, 0.6)"),
-    ),
-    "test_decay.py": (
-        Mutation("unsquared_weights_of_a_slope", "_SLOPE**2 @ one.spread**2", "np.abs(_SLOPE) @ one.spread**2"),
-        Mutation("maxima_of_five_cycles", "(2.0 * math.pi * (CYCLES - 1))", "(2.0 * math.pi * CYCLES)"),
     ),
     "test_regimes.py": (
         Mutation("repeats", "window.cycles // (rules.repeats + 1)", "window.cycles // rules.repeats"),

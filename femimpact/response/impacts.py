@@ -297,7 +297,8 @@ class EventLog:
         +1 or -1: which wall.
     impacts : ndarray (k,) of int
         Impacts that end with the event, each a row of `Response.impacts`: more than 1 where several pairs, or one
-        repeatedly, collide at one instant. They are one row here.
+        repeatedly, collide at one instant. They are one row here. A pair that rests free at its wall, and is pushed
+        by others, has one with an approach speed of zero.
     contact_state : ndarray (k, pairs) of int
         Of every pair after the event: 0 free, +1 or -1 pressed by that wall or sticking to it, +2 or -2 a Kelvin-Voigt
         contact without force that has not left that wall.
