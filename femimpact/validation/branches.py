@@ -338,7 +338,7 @@ def second_harmonic() -> Case:
     """Component at the frequency of the force of all points, over both cycles of each orbit."""
     branch = second_branch()
     exact = [
-        stop_harmonic(DAMPING, RESTITUTION, 2 * math.pi * f, *second_orbits(f), cycles=2)
+        stop_harmonic(DAMPING, RESTITUTION, 2 * math.pi * f, second_orbits(f)[0], cycles=2)
         for f in branch.values.tolist()
     ]
     return Case(
