@@ -348,8 +348,8 @@ def run_events(
         if progress is not None:
             progress(end / samples)
     found = _response(run, stream, samples, begin)
-    again = (partial(one, system, excitation, method, duration, asked, initial) for one in (find_largest, reread))
-    largest = LargestValues(*again)
+    given = (system, excitation, method, duration, asked, initial)
+    largest = LargestValues(partial(find_largest, *given), partial(reread, *given))
     return changed(found, notes=(*found.notes, *grid.chosen), kept_state=kept_state, largest_values=largest)
 
 
