@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from femimpact import core
 from femimpact.errors import InputError, require
+from femimpact.excitation import Excitation, PiecewisePolynomial
 from femimpact.excitation.drives import until
 from femimpact.excitation.remarks import drive_warnings, frequency_warnings, motion_notes, motion_warnings
 from femimpact.fem.mesh import Mesh
@@ -455,6 +456,9 @@ DENSE_MATRICES = 8
 COPIES = 2.3
 """Histories in memory while one is labelled and written."""
 
+PIECE = 300.0
+"""Bytes of a polynomial of a drive while a history is run."""
+
 POINT = 1200.0
 """Bytes of a frequency of a sweep in its tables."""
 
@@ -541,7 +545,14 @@ def history_cost(study: Study, small: System, method: Method, record: Recorder) 
     cycles = study.base.history_duration * study.base.frequency
     seconds = method.cost(small, study.base.frequency).history_seconds * cycles
     runs = RUNS_OF_HISTORY * runs_of_starts(small, study.output.starts)
+    rest += PIECE * _pieces(study.excitation)
     return Cost(LEAST + COPIES * kept + rest, START + runs * seconds + WRITING * kept)
+
+
+def _pieces(excitation: Excitation) -> int:
+    """Polynomials that all drives of a history are made of."""
+    forms = getattr(excitation, "closed_forms", None) or (getattr(excitation, "closed_form", None),)
+    return sum(form.knots.size for form in forms if isinstance(form, PiecewisePolynomial))
 
 
 def sweep_cost(study: Study, small: System, method: Method) -> Cost:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -313,7 +314,7 @@ class Study:
         if self.sweep is not None:
             sine_of(self, "sweep", instead="; remove [sweep], or give [base] an amplitude and a frequency")
 
-    @property
+    @cached_property
     def excitation(self) -> Sine | RecordedBase | Signal | Sum | Drives | PointForce | HammerBlow:
         """Drives of the simulated history: the motion of the base, and forces."""
         drives: Sine | RecordedBase | Signal | Sum | Drives | PointForce | HammerBlow = until(
