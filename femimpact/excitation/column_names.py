@@ -181,10 +181,10 @@ def _are_units(cells: list[str], above: list[str]) -> bool:
 
 def name_and_unit(cell: str) -> tuple[str, str]:
     """Name of a column and its unit, "" where the cell has none."""
-    for found in BRACKETS.finditer(cell):
-        known = None if found[1] == "t" else unit_of(found[1].strip())
-        if known is not None and known[0] != "1" and found.end() < len(cell):
-            return f"{cell[: found.start()]}{cell[found.end() :]}".strip(), found[1].strip()
+    for inner in BRACKETS.finditer(cell):
+        known = None if inner[1] == "t" else unit_of(inner[1].strip())
+        if known is not None and known[0] != "1" and inner.end() < len(cell):
+            return f"{cell[: inner.start()]}{cell[inner.end() :]}".strip(), inner[1].strip()
     if found := BRACKETED.fullmatch(cell):
         # "a(t)" is no column in tonnes
         return (cell, "") if found[2] == "t" else (found[1] or cell, found[2].strip("$ "))

@@ -111,7 +111,7 @@ def _signals(content: bytes) -> Iterator[Signal]:
         _check(values.size == stored, f"{allowed}is the file cut off?")
         table, at = values.reshape(form.count, form.columns), behind
         _check(bool(np.isfinite(table).all()), f"{name!r}, sample {_first_bad(table)}: is no finite number")
-        time = form.begin + np.arange(form.count) * form.step if form.columns == 1 else table[:, 0].copy()
+        time = table[:, 0].copy() if form.columns == 2 else form.begin + form.step * np.arange(form.count, dtype=float)
         yield Signal(name, table[:, -1].copy(), time, _unit(header[9]), _unit(header[8]))
 
 
@@ -200,13 +200,16 @@ def _unit(line: str) -> str:
     """Unit of an axis; empty where it names none."""
     label_and_unit = re.split(r"\s{2,}", line[25:].strip("\0 "))
     unit = label_and_unit[1] if len(label_and_unit) == 2 else line[46:67].strip("\0 ")
-    return "" if unit.upper() == "NONE" else unit
+    return _held(unit)
 
 
 def names_in_uff(signals: Sequence[tuple[str, str, Array]]) -> list[tuple[str, str]]:
     """Names and units of signals, cut to the columns of a file that `write_uff` makes, "" where they are lost."""
-    cut = [(name[:80].strip(), unit[:20].strip()) for name, unit, _ in signals]
-    return [tuple("" if word.upper() == "NONE" else word for word in words) for words in cut]
+    return [(_held(name[:80].strip()), _held(unit[:20].strip())) for name, unit, _ in signals]
+
+
+def _held(word: str) -> str:
+    return "" if word.upper() == "NONE" else word
 
 
 def write_uff(
