@@ -24,7 +24,7 @@ def main(frequency: float = 12.0, acceleration: float = 14.0, duration: float = 
     """A ball in a stiff box on a base whose acceleration (m/s^2) exceeds that of gravity."""
     beam = fi.Beam.uniform(length=0.05, width=0.020, thickness=1e-2, young_modulus=70e9, density=2700)
     ball = fi.Impactor("ball", at="tip", mass=3.4e-3, gap=4e-3, contact=fi.Rigid(restitution=0.3))
-    structure = fi.Structure(beam, impactors=[ball], damping=fi.Rayleigh(0.5, modes=(1, 2)), gravity=-9.81)
+    structure = fi.Structure(beam, impactors=[ball], damping=fi.Rayleigh(0.2, modes=(1, 2)), gravity=-9.81)
     system = fi.reduce(fi.assemble(structure, elements=10), modes=1)
     base = fi.Sine(acceleration / (2 * np.pi * frequency) ** 2, frequency)
     return fi.integrate(system, base, fi.EventDriven(), duration, fi.Recorder("ball", interval=1e-3))

@@ -88,6 +88,7 @@ if TYPE_CHECKING:
     from femimpact.identification import half_power as half_power
     from femimpact.identification import identify_decay as identify_decay
     from femimpact.integrators.event_driven import EventDriven as EventDriven
+    from femimpact.integrators.preflight_row import PreflightRow as PreflightRow
     from femimpact.integrators.runs import achieved_restitution as achieved_restitution
     from femimpact.integrators.runs import integrate as integrate
     from femimpact.integrators.stepping.newmark import HHT as HHT
@@ -121,7 +122,6 @@ if TYPE_CHECKING:
     from femimpact.parametric.measured_peaks import calibrate as calibrate
     from femimpact.parametric.planned_test import Preflight as Preflight
     from femimpact.parametric.planned_test import preflight as preflight
-    from femimpact.parametric.preflight_row import PreflightRow as PreflightRow
     from femimpact.refinement import Refinement as Refinement
     from femimpact.refinement import refine as refine
     from femimpact.response.energy import EnergyLedger as EnergyLedger
@@ -225,7 +225,7 @@ _MODULES = {
     ),
     "parametric.measured_peaks": ("CalibratedParameter", "Calibration", "calibrate"),
     "parametric.planned_test": ("Preflight", "preflight"),
-    "parametric.preflight_row": ("PreflightRow",),
+    "integrators.preflight_row": ("PreflightRow",),
     "refinement": ("Refinement", "refine"),
     "response.energy": ("EnergyLedger",),
     "response.history": ("HistoryPiece", "StroboscopicSection"),

@@ -44,6 +44,9 @@ MOST = 10**15
 """A whole number beyond this is taken for a mistake: it neither counts anything nor fits into a float."""
 
 
+NO_NAME = re.compile("[\x00-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff]")
+"""Characters that no name may hold: control characters, ends of lines, halves of surrogate pairs."""
+
 SMALLEST, LARGEST = 1e-30, 1e30
 """Range of numbers that must be above zero: beyond it, products and powers of a few underflow or overflow."""
 
@@ -148,7 +151,9 @@ class Fault:
     def __str__(self) -> str:
         unit = "" if self.unit in ("", "1") else f" {self.unit}"
         shown = f" = {_shown(self.value)}{unit}" if self.value is not None else ""
-        return f"{self.key}{shown}: {self.allowed}"
+        # a key of a file may be any text
+        key = NO_NAME.sub(lambda found: repr(found[0])[1:-1], self.key)
+        return f"{key}{shown}: {self.allowed}"
 
     def __reduce__(self) -> tuple[Any, ...]:
         plain = self.value is None or isinstance(self.value, (str, bool, int, float))
@@ -258,6 +263,12 @@ def text(*, several: bool = False) -> dict[str, Any]:
         return items(str) | {"allowed": "must be texts", "schema": {"type": "array", "items": {"type": "string"}}}
     take = functools.partial(_instance, kinds=(str,))
     return {"unit": "", "allowed": "must be a text", "take": take, "schema": {"type": "string"}}
+
+
+def name_text(*, lines: bool = False) -> dict[str, Any]:
+    """Metadata of a dataclass field that holds a name, which files and pages of results can hold; or several lines."""
+    allowed = f"must be a text without control characters{', but for ends of lines and tabs' if lines else ''}"
+    return text() | {"allowed": allowed, "take": functools.partial(_name, lines=lines)}
 
 
 def place() -> dict[str, Any]:
@@ -392,6 +403,13 @@ def _instance(value: Any, kinds: tuple[Any, ...], among: tuple[str, ...] | None 
         raise _Refused
     # a text of numpy is one, but of another type
     return str(value) if isinstance(value, str) and type(value) is not str else value
+
+
+def _name(value: Any, lines: bool) -> str:
+    named: str = _instance(value, (str,))
+    if NO_NAME.search(re.sub("[\t\r\n]", "", named) if lines else named):
+        raise _Refused
+    return named
 
 
 def _having(value: Any, names: tuple[str, ...]) -> Any:

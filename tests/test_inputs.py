@@ -12,6 +12,8 @@ import scipy.sparse as sparse
 from nouns import NOUNS, OTHERS, VERBS
 
 import femimpact as fi
+from femimpact.errors import Fault
+from femimpact.study.study import Output
 
 WRONG = {
     "none": None,
@@ -178,3 +180,55 @@ def test_a_function_in_place_of_its_result_is_named_with_the_call():
     words = re.escape("dt = the function recommended_step (did you mean recommended_step(system=...)?) s: must be")
     with pytest.raises(fi.InputError, match=words):
         fi.Newmark(dt=fi.recommended_step)
+
+
+NO_NAMES = ("a\0b", "a\nb", "a\x7fb", "a\x85b", "a\u2028b", "a\ud800b")
+"""What neither a file of results nor a line of a message can hold as a name."""
+
+
+def test_no_name_of_a_noun_holds_a_control_character():
+    nouns = {name: NOUNS[name]() for name in NOUNS}
+    # a table has a column of names
+    named = {name: noun for name, noun in nouns.items() if isinstance(getattr(noun, "name", ()), str | None)}
+    named = {name: noun for name, noun in named.items() if "name" in {item.name for item in fields(noun)}}
+    assert {"Absorber", "Dashpot", "HammerBlow", "Impactor", "PointMass", "Segment", "Spring", "Stop"} <= named.keys()
+    for noun in named.values():
+        assert replace(noun, name="Ω größer 2").name == "Ω größer 2"
+        for bad in NO_NAMES:
+            with pytest.raises(fi.InputError, match="must be a text without control characters"):
+                replace(noun, name=bad)
+
+
+def test_no_place_channel_measure_or_title_holds_a_control_character():
+    system = fi.System.from_matrices([[1.0]], [[0.1]], [[1e3]], points={"m": [1.0]})
+    sine = fi.Sine(1e-3, 5.0)
+
+    class Reading:
+        name, unit = "m", "m"
+
+        def reading(self, system):
+            raise AssertionError
+
+    def measure(response):
+        return 1.0
+
+    for bad in NO_NAMES:
+        Reading.name = measure.__name__ = bad
+        calls = (
+            lambda bad=bad: fi.System.from_matrices([[1.0]], [[0.1]], [[1e3]], points={bad: [1.0]}),
+            lambda bad=bad: fi.Mesh(np.array([0.0, 1.0]), {bad: 0.5}),
+            lambda bad=bad: fi.Mesh(np.array([0.0, 1.0]), {}, {bad: [0]}),
+            lambda: fi.integrate(system, sine, fi.EventDriven(), 1.0, fi.Recorder((Reading(),))),
+            lambda: fi.parameter_study(system, {"base.frequency": [4.0, 5.0]}, [measure], excitation=sine),
+        )
+        for call in calls:
+            with pytest.raises(fi.InputError, match="must be a text without control characters"):
+                call()
+    for key in ("title", "author", "date"):
+        assert getattr(Output(**{key: "a\tb\nc"}), key) == "a\tb\nc"
+        with pytest.raises(fi.InputError, match=f"^{key} = 'a.x00b': must be a text without"):
+            Output(**{key: "a\0b"})
+
+
+def test_a_line_shows_the_control_characters_of_a_key():
+    assert str(Fault("force.a\0b.name", 1.0, "", "unknown")) == r"force.a\x00b.name = 1.0: unknown"

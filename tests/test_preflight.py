@@ -10,7 +10,7 @@ from builders import REFERENCE, cantilever, oscillator, paper_study, reduced, wi
 from scipy.integrate import quad
 
 import femimpact as fi
-from femimpact.parametric.planned_drive import largest_motion, swept_envelope, swept_peak
+from femimpact.integrators.planned_drive import largest_motion, swept_envelope, swept_peak
 from femimpact.study.parameter_plan import AxisValues, ParameterPlan
 
 pytestmark = pytest.mark.impacts
@@ -265,7 +265,7 @@ USELESS = {
         fi.RandomBase([[100.0, 1e-3], [2000.0, 1e-3]], 2.0), {}, "mean square of the random"
     ),
     "a short random run": (fi.RandomBase([[3.0, 1e-3], [20.0, 1e-3]], 60.0), {}, "standard error"),
-    "a damping ratio in per cent": (None, {"structure": SLACK}, "damping ratio"),
+    "a damping ratio in per cent": (None, {"structure": SLACK}, "damping.ratio"),
     "a modulus in GPa": (None, {"structure": changed_beam(young_modulus=70.0)}, "Young's modulus"),
     "a modulus in MPa": (None, {"structure": changed_beam(young_modulus=70e3)}, "Young's modulus"),
     "a density in g/cm^3": (None, {"structure": changed_beam(density=2.7)}, "density"),

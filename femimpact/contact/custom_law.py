@@ -16,7 +16,7 @@ from scipy import LowLevelCallable
 
 from femimpact.contact.collision import Collision, integrated_collision
 from femimpact.contact.laws import ContactParameters
-from femimpact.errors import Fault, InputError, check_fields, checked, quantity, require, text
+from femimpact.errors import Fault, InputError, check_fields, checked, name_text, quantity, require
 
 ForceFunction: TypeAlias = Any
 """A function of Python, one that numba has compiled, one of ctypes, or a scipy.LowLevelCallable."""
@@ -240,7 +240,7 @@ class CustomLaw:
     """
 
     force: ForceFunction
-    name: str = field(default="custom", metadata=text())
+    name: str = field(default="custom", metadata=name_text())
     reference_speed: float = field(default=0.25, metadata=quantity("m/s", above=0.0))
     restitution: ClassVar[float | None] = None
     may_be_preloaded: ClassVar[bool] = True

@@ -10,7 +10,7 @@ import numpy as np
 
 from femimpact.arrays import Array
 from femimpact.convergence.cases import Case, newmark_frequency, time_factors
-from femimpact.errors import check_fields, checked, optional, place, quantity, require, text
+from femimpact.errors import check_fields, checked, name_text, optional, place, quantity, require, text
 from femimpact.structure.structure import Position
 from femimpact.system.hermite import hermite_rows, place_in_element
 from femimpact.system.system import System
@@ -300,7 +300,7 @@ class SupportReaction:
         Of the reaction, as "root.moment".
     """
 
-    name: str = field(default="root.moment", metadata=text())
+    name: str = field(default="root.moment", metadata=name_text())
 
     def __post_init__(self) -> None:
         check_fields(self)

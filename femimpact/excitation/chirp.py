@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from femimpact.arrays import Array
 from femimpact.errors import checked, choice, quantity, require
 from femimpact.excitation.excitation import times
-from femimpact.excitation.harmonic import FADE, LEVEL, PiecewiseMotion, check_fade, level_of, set_fields
+from femimpact.excitation.harmonic import FADE, LEVEL, PiecewiseMotion, check_cycles, check_fade, level_of, set_fields
 from femimpact.excitation.levels import (
     AT_ONCE,
     ROUNDING,
@@ -117,6 +117,7 @@ class Chirp(PiecewiseMotion):
         require(duration is not None, "duration", duration, "s", allowed)
         set_fields(self, start=start, stop=stop, duration=duration, kind=kind, level=level, by=by, fade=fade)
         require_reach(self.level, min(self.start, self.stop), max(self.start, self.stop))
+        check_cycles(float(self.phase_at(self.duration)) / (2.0 * np.pi), "duration", self.duration, "s")
         check_fade(self.fade, self.duration)
 
     @property

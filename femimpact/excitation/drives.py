@@ -143,6 +143,9 @@ class Drives:
 
     def until(self, end: float) -> Drives:
         """The same with closed forms up to a time (s)."""
+        if end == self.end:
+            # with the forms that it has
+            return self
         return replace(self, base=until(self.base, end), forces=tuple(until(f, end) for f in self.forces), end=end)
 
     @cached_property
@@ -176,12 +179,19 @@ def _forms_of(drive: Any) -> list[Form | None]:
     return [getattr(part, "closed_form", None) for part in parts_of(drive)]
 
 
+def named_parts(excitation: Any) -> Iterator[tuple[str, Any, Any]]:
+    """The histories that an excitation is made of: which one it is, the drive that it belongs to, and itself.
+
+    Which one is "part 2" of a sum, '"hammer"' of several drives, 'part 2 of "coil"', or "" where there is but one.
+    """
+    drives = getattr(excitation, "drives", (excitation,))
+    for drive, name in zip(drives, getattr(excitation, "names", ("",) * len(drives)), strict=True):
+        parts = parts_of(getattr(drive, "history", drive))
+        for number, part in enumerate(parts, start=1):
+            which = (f"part {number}" * (len(parts) > 1), f'"{name}"' if name else "")
+            yield " of ".join(filter(None, which)), drive, part
+
+
 def parts_in(excitation: Any) -> Iterator[Any]:
     """The histories that an excitation is made of: parts of sums, and of the drives."""
-    for drive in getattr(excitation, "drives", (excitation,)):
-        history = getattr(drive, "history", drive)
-        if isinstance(history, Sum):
-            for part in history.parts:
-                yield from parts_in(part)
-        else:
-            yield history
+    return (part for _, _, part in named_parts(excitation))

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from femimpact.errors import check_fields, kind_of, optional, place, quantity, require, text
+from femimpact.errors import check_fields, kind_of, name_text, optional, place, quantity, require
 from femimpact.excitation.excitation import MEMBERS, Harmonic, has_cycle, holds_drives, times
 from femimpact.excitation.piecewise_polynomial import PiecewisePolynomial, half_sine, pieces_of
 from femimpact.excitation.sums import Sum, added, force_form_of, parts_of
@@ -77,7 +77,7 @@ class PointForce(BaseAtRest):
 
     at: str | float = field(metadata=place())
     history: Any
-    name: str | None = field(default=None, metadata=optional(text()))
+    name: str | None = field(default=None, metadata=optional(name_text()))
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -147,7 +147,7 @@ class HammerBlow(BaseAtRest):
     impulse: float = field(metadata=quantity("N s"))
     duration: float = field(metadata=quantity("s", above=0.0))
     begin: float = field(default=0.0, metadata=quantity("s", at_least=0.0))
-    name: str | None = field(default=None, metadata=optional(text()))
+    name: str | None = field(default=None, metadata=optional(name_text()))
 
     def __post_init__(self) -> None:
         check_fields(self)

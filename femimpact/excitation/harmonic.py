@@ -49,6 +49,16 @@ def set_fields(frozen: Any, **values: Any) -> None:
     check_fields(frozen)
 
 
+MOST_OF_CYCLES = 2_000_000
+"""Most cycles of a motion in pieces, which take some gigabytes."""
+
+
+def check_cycles(cycles: float, key: str, value: Any, unit: str) -> None:
+    """Raise `InputError`, with the key that sets it, for more cycles than memory holds."""
+    allowed = f"must give at most {MOST_OF_CYCLES:,} cycles in all, which take some gigabytes, not {cycles:.4g}"
+    require(cycles <= MOST_OF_CYCLES, key, value, unit, allowed)
+
+
 def check_fade(fade: float, duration: float) -> None:
     """Raise `InputError` if both fades together are longer than the motion (s)."""
     require(fade <= 0.5 * duration, "fade", fade, "s", f"must be at most half the duration, {0.5 * duration:g} s")
@@ -236,6 +246,10 @@ class SteppedSine(PiecewiseMotion):
         allowed = "must be given alone: one of cycles and seconds"
         require((cycles is None) != (seconds is None), "cycles", cycles, "", allowed)
         require_reach(self.level, min(self.frequencies), max(self.frequencies))
+        if self.cycles is not None:
+            check_cycles(float(self.cycles) * self.steps.size, "cycles", self.cycles, "")
+        if self.seconds is not None:
+            check_cycles(float(np.sum(self.seconds * self.steps)), "seconds", self.seconds, "s")
         check_fade(self.fade, self.duration)
 
     @property

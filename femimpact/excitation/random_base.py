@@ -107,6 +107,9 @@ class RandomBase(PiecewiseMotion):
         lines = last - first + 1
         allowed = f"must hold 1 to {MOST_LINES:,} lines 1/duration apart between {psd[0, 0]:g} and {psd[-1, 0]:g} Hz"
         require(1 <= lines <= MOST_LINES, "duration", self.duration, "s", allowed)
+        # its pieces go with the cycles of the highest line, however few lines there are
+        allowed = f"must hold at most {2 * MOST_LINES:,} cycles of the highest line, {psd[-1, 0]:g} Hz"
+        require(last <= 2 * MOST_LINES, "duration", self.duration, "s", allowed)
         check_fade(self.fade, self.duration)
 
     @property

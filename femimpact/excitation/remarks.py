@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from femimpact.arrays import Array
 from femimpact.excitation.chirp import Chirp
-from femimpact.excitation.excitation import BrokenLine, Excitation
+from femimpact.excitation.drives import named_parts
+from femimpact.excitation.excitation import BrokenLine, Excitation, holds_drives, is_force
 from femimpact.excitation.piecewise_polynomial import PiecewisePolynomial
 from femimpact.excitation.random_base import RandomBase
 from femimpact.excitation.shock import Shock
-from femimpact.excitation.sums import Sum, parts_of
+from femimpact.excitation.sums import Sum
 
 FAR = 0.5
 """Displacement of the base over the length of the beam beyond which a wrong unit, or an offset, is likely."""
@@ -63,6 +65,8 @@ def motion_warnings(
 
     A pulse that moves the base away has a note instead (`motion_notes`).
     """
+    if holds_drives(excitation):
+        return tuple(text for drive in excitation.drives for text in motion_warnings(drive, length))  # type: ignore[attr-defined]
     if isinstance(excitation, Sum):
         found = [text for part in excitation.parts for text in motion_warnings(part, length)]
         if found:
@@ -124,38 +128,55 @@ def motion_notes(
     excitation: Excitation,
     length: float,
     end: float,
-    name: str = "",  # among several drives
 ) -> tuple[str, ...]:
-    """Notes where a run ends (s) before the drive begins or after the record, and where a pulse moves the base away."""
-    line = getattr(excitation, "closed_form", None)
-    if isinstance(line, PiecewisePolynomial) and end <= line.knots[0]:
-        begins = f'"{name}"' if name else "the excitation"
-        without = "it does not act" if name else "nothing drives it"
-        return (f"the run ends at {end:.6g} s, before {begins} begins at {line.knots[0]:.6g} s: {without}",)
-    if getattr(excitation, "at", None) is not None:
+    """Notes where a run ends (s) before a drive begins or after the record, and where a pulse moves the base away."""
+    notes = [text for *_, text in late_drives(excitation, end)]
+    for _, drive, part in named_parts(excitation):
+        given = str(getattr(part, "note", ""))
+        notes += [*([given] if given else ()), *_of_clipping(part)]
+        notes += [] if is_force(drive) else [*_of_level(part), *_of_pulse(part, length)]
+    for drive in getattr(excitation, "drives", (excitation,)):
+        line = None if is_force(drive) else getattr(drive, "closed_form", None)
+        if isinstance(line, PiecewisePolynomial):
+            notes += _after_last_knot(line, end)
+        elif isinstance(line, BrokenLine):
+            notes += _after_last_sample(line, end)
+    return tuple(dict.fromkeys(notes))
+
+
+def late_drives(excitation: Excitation, end: float) -> Iterator[tuple[str, float, str]]:
+    """Which histories begin after the end of a run (s), when (s), and a note on it."""
+    for which, _, part in named_parts(excitation):
+        line = getattr(part, "closed_form", None)
+        if isinstance(line, PiecewisePolynomial) and end <= line.knots[0]:
+            without = "it does not act" if which else "nothing drives it"
+            begins = f"{which or 'the excitation'} begins at {line.knots[0]:.6g} s"
+            yield which, float(line.knots[0]), f"the run ends at {end:.6g} s, before {begins}: {without}"
+
+
+def _of_pulse(excitation: Excitation, length: float) -> tuple[str, ...]:
+    """A note on a record of a pulse that moves the base far."""
+    line, far = getattr(excitation, "closed_form", None), float(excitation.amplitude)
+    if not (isinstance(line, BrokenLine) and 0.0 < FAR * length < far and is_pulse(line.samples)):
         return ()
-    if isinstance(line, PiecewisePolynomial):
-        said = (text for part in parts_of(excitation) for text in _of_clipping(part) + _of_level(part))
-        return (*said, *_after_last_knot(line, end))
-    if not isinstance(line, BrokenLine):
-        return ()
-    last, note = (len(line.samples) - 1) * line.interval, str(getattr(excitation, "note", ""))
-    notes = [note] if note else []
-    far = float(excitation.amplitude)
-    if 0.0 < FAR * length < far and is_pulse(line.samples):
-        change = line.interval * _total(np.asarray(line.samples, dtype=float))
-        notes.append(
-            f"a pulse changes the velocity of the base by {change:.3g} m/s for good, so that it moves by up to "
-            f"{far:.4g} m: no offset is to be removed; motion relative to the base depends on the pulse alone"
-        )
+    change = line.interval * _total(np.asarray(line.samples, dtype=float))
+    return (
+        f"a pulse changes the velocity of the base by {change:.3g} m/s for good, so that it moves by up to "
+        f"{far:.4g} m: no offset is to be removed; motion relative to the base depends on the pulse alone",
+    )
+
+
+def _after_last_sample(line: BrokenLine, end: float) -> tuple[str, ...]:
+    """A note where a run ends (s) after a record of the base."""
+    last = (len(line.samples) - 1) * line.interval
     # a run ends at a step or sample
-    if end > last + 1.5 * line.interval:
-        speed = float(line.motion_at(last)[1])
-        notes.append(
-            f"the run ends at {end:.6g} s, the record at {last:.6g} s: from there on the base moves on at {speed:.3g} "
-            "m/s, without acceleration"
-        )
-    return tuple(notes)
+    if end <= last + 1.5 * line.interval:
+        return ()
+    speed = float(line.motion_at(last)[1])
+    return (
+        f"the run ends at {end:.6g} s, the record at {last:.6g} s: from there on the base moves on at {speed:.3g} "
+        "m/s, without acceleration",
+    )
 
 
 def _of_clipping(excitation: Excitation) -> tuple[str, ...]:
@@ -233,43 +254,48 @@ def _changes_at_once(samples: Array) -> bool:
 # ---- what the kept modes cannot follow -----------------------------------------------------------
 
 
-def drive_above_modes(
+def drives_above_modes(
     excitation: Excitation,
     highest: float,  # Hz: of the modes kept
     # Hz: the lowest natural frequency that is left out; infinite where none is, which gives no limit. Below a quarter
     # of it that mode follows as if at rest, and nothing is said, nor up to 10 % above the highest mode kept where the
     # next one is farther from the drive.
     left_out: float,
-) -> tuple[str, float, str, float]:
-    """What of a drive is compared with the kept modes: its name, value, unit and limit.
+) -> Iterator[tuple[str, float, str, float, str]]:
+    """What of each history is compared with the kept modes: its name, value, unit and limit, and a warning or "".
 
     A sine, and what else has no closed form by samples, is compared by its frequency, a record by the share of the
     energy of its acceleration, or force, above the highest frequency that the modes follow. Its line of least squares
     is no part of it. Of a chirp that is the share of its time, of a random motion that of its mean square.
     """
-    line, limit = getattr(excitation, "closed_form", None), _limit(highest, left_out)
-    if isinstance(excitation, (Chirp, RandomBase)):
-        share, of = _band_above(excitation, limit)
+    for which, _, part in named_parts(excitation):
+        what, value, unit, limit = _above_modes(part, _limit(highest, left_out))
+        texts = frequency_warnings([value], highest, left_out) if unit == "Hz" else ()
+        if unit != "Hz" and value > limit:
+            words = what.removeprefix("share of the ").replace(" above ", " is above ")
+            texts = (f"{100.0 * value:.3g} % of the {words}, where {_kept(highest, left_out)}",)
+        of = f", {which}" * bool(which)
+        yield f"{what}{of}", value, unit, limit, "".join(f"{which}: {text}" if which else text for text in texts)
+
+
+def _above_modes(history: Excitation, limit: float) -> tuple[str, float, str, float]:
+    line = getattr(history, "closed_form", None)
+    if isinstance(history, (Chirp, RandomBase)):
+        share, of = _band_above(history, limit)
         return f"share of the {of} above {limit:.4g} Hz", share, "1", ENERGY_ABOVE
     if isinstance(line, BrokenLine):
         share = _energy_above(line, limit) if math.isfinite(limit) else 0.0
         return f"share of the energy of the record above {limit:.4g} Hz", share, "1", ENERGY_ABOVE
-    return "frequency of the drive", float(excitation.frequency), "Hz", limit
+    return "frequency of the drive", float(history.frequency), "Hz", limit
 
 
 def drive_warnings(
     excitation: Excitation,
-    highest: float,  # Hz, both as of `drive_above_modes`
+    highest: float,  # Hz, both as of `drives_above_modes`
     left_out: float,
 ) -> tuple[str, ...]:
     """A warning where a drive has frequencies that the kept modes do not follow; 1 % of a share is warned of."""
-    what, value, unit, limit = drive_above_modes(excitation, highest, left_out)
-    if unit == "Hz":
-        return frequency_warnings([value], highest, left_out)
-    if value <= limit:
-        return ()
-    words = what.removeprefix("share of the ").replace(" above ", " is above ")
-    return (f"{100.0 * value:.3g} % of the {words}, where {_kept(highest, left_out)}",)
+    return tuple(text for *_, text in drives_above_modes(excitation, highest, left_out) if text)
 
 
 def frequency_warnings(frequencies: ArrayLike, highest: float, left_out: float) -> tuple[str, ...]:

@@ -27,6 +27,7 @@ from femimpact.response.history import Snapshots
 from femimpact.response.response import Response
 from femimpact.structure.structure import Structure
 from femimpact.system.hermite import hermite_rows
+from femimpact.units import number_text
 
 WIDTH, HEIGHT = 1280, 720
 """Pixels; multiples of 16, or the encoder would resize."""
@@ -145,7 +146,11 @@ def _titles(film: Film, plane: bool) -> list[tuple[float, str]]:
     balls = film.response.system.balls
     for j, pair in enumerate(balls):
         plus, minus = (1e3 * gap for gap in pair.gaps)
-        gaps = f"gaps {plus:.3g} mm" if plus == minus else f"gaps +{plus:.3g}, -{minus:.3g} mm"
+        gaps = (
+            f"gaps {number_text(plus, 3)} mm"
+            if plus == minus
+            else f"gaps +{number_text(plus, 3)}, -{number_text(minus, 3)} mm"
+        )
         gaps = gaps if pair.has_walls else "absorber"
         name = f"Close-up, moving with the {_carrier(pair)}" if len(balls) == 1 else pair.name
         first, width = (CLOSE_UPS, 0.98 + SPACE - CLOSE_UPS) if plane else (0.52, 0.5)

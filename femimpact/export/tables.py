@@ -19,6 +19,7 @@ from femimpact.errors import require
 from femimpact.export.files import GuardedFile, atomic_path, atomic_write, file_path
 from femimpact.regular_file import decimal_number, open_regular
 from femimpact.svg import number_text
+from femimpact.units import GRAVITY
 
 if TYPE_CHECKING:
     import xarray
@@ -86,9 +87,6 @@ def axis_value(dataset: xarray.Dataset, axis: str, index: int) -> tuple[str, str
     value = float(dataset[axis].to_numpy().reshape(-1)[index])
     return axis_words(dataset, axis), value, "" if unit == "1" else unit
 
-
-GRAVITY = 9.80665
-"""Standard acceleration of gravity, m/s^2."""
 
 PREFIXES = {"m": (1e3, "mm"), "Pa": (1e-6, "MPa"), "N s": (1e3, "mN s"), "kg": (1e3, "g")}
 """Units of axes and measures that are shown in another one, by its factor and its name: the same wherever they are."""

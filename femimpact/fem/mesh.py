@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.arrays import Array
-from femimpact.errors import Fault, InputError, checked, quantity, real_array, require, require_type
+from femimpact.errors import Fault, InputError, checked, name_text, quantity, real_array, require, require_type
 from femimpact.structure.structure import Structure
 from femimpact.table import Head, head_of_values, short_repr
 
@@ -73,7 +73,7 @@ class Mesh:
         places = _ends_and_middle(root, tip)
         slack = SAME_PLACE * (tip - root)
         for name, given in self.points.items():
-            require_type(name, str, "mesh.points")
+            checked("mesh.points", name, name_text())
             on_beam = quantity("m", at_least=root - slack, at_most=tip + slack)
             at = min(max(checked(f"mesh.points.{name}", given, on_beam), root), tip)
             # a name that every mesh has means its place: another one would move what is attached there
@@ -88,7 +88,7 @@ class Mesh:
         require_type(self.regions, Mapping, "mesh.regions")
         regions = {}
         for name, given in self.regions.items():
-            require_type(name, str, "mesh.regions")
+            checked("mesh.regions", name, name_text())
             key, allowed = f"mesh.regions.{name}", f"must be numbers of elements, 0 to {self.elements - 1}, each once"
             members = real_array(key, given, "", allowed)
             sound = members.ndim == 1 and bool(np.all((members % 1 == 0) & (members >= 0) & (members < self.elements)))

@@ -11,9 +11,12 @@ from numpy.typing import NDArray
 from femimpact.arrays import Array
 from femimpact.errors import InputError
 from femimpact.excitation import BrokenLine, Excitation
+from femimpact.excitation.drives import parts_in
+from femimpact.excitation.excitation import holds_drives
 from femimpact.integrators.channel_rows import Drive, drive_of
 from femimpact.system.modes import solve_modes
 from femimpact.system.system import System
+from femimpact.units import number_text
 
 DIFFERENCE = 0.01
 """Difference of the peak by straight lines from that by a cubic spline, as a share of the latter, above which a
@@ -45,6 +48,8 @@ def record_warnings(
     end: float,  # s
 ) -> tuple[str, ...]:
     """A warning where a cubic spline through a record gives another peak than straight lines do, by more than 1 %."""
+    if holds_drives(excitation):
+        return tuple(text for drive in excitation.drives for text in record_warnings(system, drive, end))  # type: ignore[attr-defined]
     interval, change = record_coarseness(system, excitation, end)
     if abs(change) <= DIFFERENCE:
         return ()
@@ -53,8 +58,9 @@ def record_warnings(
     needed = 0.5 * interval * math.sqrt(DIFFERENCE / abs(change))
     return (
         f"the record is coarse: straight lines between its samples, {interval:.4g} s apart, give a peak without "
-        f"contacts {100.0 * abs(change):.2g} % {side} that of a cubic spline through them; sample it faster, every "
-        f"{needed:.2g} s",
+        f"contacts {number_text(100.0 * abs(change), 2)} % {side} that of a cubic spline through them; sample it "
+        "faster, every "
+        f"{number_text(needed, 2)} s",
     )
 
 
@@ -68,8 +74,7 @@ def record_coarseness(
     Compared with a cubic spline through the samples is the default place's peak up to a time, from rest at t = 0, of
     the structure without contacts in its first mode, and the second one if that is below half the sampling rate.
     """
-    parts = getattr(getattr(excitation, "history", excitation), "parts", (excitation,))
-    forms = (getattr(part, "closed_form", None) for part in parts)
+    forms = (getattr(part, "closed_form", None) for part in parts_in(excitation))
     records = [form for form in forms if isinstance(form, BrokenLine)]
     if not records or end <= 0.0:
         return math.inf, 0.0

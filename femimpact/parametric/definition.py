@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from femimpact.arrays import Integers
-from femimpact.errors import Fault, InputError, check_fields, kind_of, optional, quantity, require, require_type
+from femimpact.errors import Fault, InputError, check_fields, kind_of, optional, quantity, require
 from femimpact.excitation import Sine
 from femimpact.integrators.methods import Method, require_method
 from femimpact.parametric.measures import Measure, check_names, measures_of
@@ -65,7 +65,7 @@ class ParameterStudy:
     cycles : int, optional
         Of the base; the last third is measured. That of [study] or [sweep], or 300.
     excitation : Sine, optional
-        Of a system or a function: what no axis gives.
+        Of a system or a function: what no axis gives. Other drives are those of a study file.
     method : Method, optional
         Of a system or a function; by default event-driven, or Newmark's where that does not take the system.
     at : str or float, optional
@@ -103,8 +103,12 @@ class ParameterStudy:
         require(known, "study", kind_of(self.study), "", "must be a Study, a System or a function of values")
         if self.method is not None:
             require_method(self.method)
-        if self.excitation is not None:
-            require_type(self.excitation, Sine, "excitation")
+        allowed = (
+            "must be a Sine, of whose cycles a case is made; cases of a chirp, a record, a force or another drive are "
+            "those of a study file: load_study(path)"
+        )
+        sine = self.excitation is None or isinstance(self.excitation, Sine)
+        require(sine, "excitation", kind_of(self.excitation), "", allowed)
         require(self.version is None or isinstance(self.version, str), "version", self.version, "", "must be a text")
         named = not isinstance(self.measures, (str, bytes)) and isinstance(self.measures, Sequence)
         require(named, "measures", kind_of(self.measures), "", "must be a list of names or functions")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import is_dataclass
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
@@ -14,12 +14,17 @@ import scipy
 from numpy.typing import NDArray
 
 from femimpact.arrays import Array, Integers
+from femimpact.export.report.drive_charts import drive_words
+from femimpact.export.tables import unit_text
+from femimpact.integrators.planned_drive import contact_notes, step_rows
+from femimpact.integrators.preflight_row import PreflightRow
 from femimpact.parametric.definition import ParameterStudy
 from femimpact.parametric.measures import better_of
 from femimpact.parametric.runs import BlockValues
+from femimpact.response.signals import deflection_warnings
 from femimpact.study.study import Study
 from femimpact.study.study_file import study_text
-from femimpact.system.system import System
+from femimpact.system.system import System, without_impactors
 
 if TYPE_CHECKING:
     import xarray
@@ -127,6 +132,7 @@ WORDS = {
 def labels_of(study: ParameterStudy) -> dict[str, Any]:
     """Labels of the dataset of a study, in types of JSON."""
     table = study.table
+    warnings = [*(str(row) for row in axis_rows(study) if row.passed), *contact_notes(study.nominal)]
     return {
         "axes": [
             {"path": place.path, "unit": place.unit, "words": _words(place.owner, place.part, place.field),
@@ -150,11 +156,36 @@ def labels_of(study: ParameterStudy) -> dict[str, Any]:
             "starts": study.starts,
             "seed": study.seed,
             **({"cycles": study.dwell, "measured_cycles": study.dwell // 3} if study.has_cycle else {}),
+            "drive": _drive(study),
             "place": str(study.observed),
             "contact_laws": ", ".join(f"{pair.name}: {pair.law.name}" for pair in study.nominal.contacts),
+            "beam_length": study.nominal.length,
+            "warnings": "; ".join(warnings),
             **_description(study),
         },
     }  # fmt: skip
+
+
+def _drive(study: ParameterStudy) -> str:
+    """What drives every case, with the numbers that no axis gives."""
+    if isinstance(study.study, Study) and not study.has_cycle:
+        return ", with ".join(drive_words(study.study.excitation))
+    varied = {place.field for place in study.places if place.owner == "base"}
+    units = {"amplitude": "m", "frequency": "Hz"}
+    fixed = [
+        f"{name} {unit_text(study.base[name], unit)}"
+        for name, unit in units.items()
+        if name not in varied and study.base.get(name) is not None
+    ]
+    of_axes = [f"{name} as its axis has it" for name in units if name in varied]
+    return ", ".join(["a sine of the base", *fixed, *of_axes])
+
+
+def axis_rows(study: ParameterStudy) -> Iterator[PreflightRow]:
+    """The step of each axis of frequencies, of the base, of a part of a sum or of a force; a sample has no step."""
+    for place, levels in zip(study.table.places, study.table.levels, strict=True):
+        if place.field == "frequency" and place.owner in ("base", "force") and study.plan_of_sample is None:
+            yield from step_rows(without_impactors(study.nominal), np.unique(levels), f" of the axis {place.path}")
 
 
 def _description(study: ParameterStudy) -> dict[str, str]:
@@ -272,6 +303,10 @@ def dataset_of(
     enter("failure", columns.failure, "", "why the first of them has none")
     enter("finished", columns.done.astype(np.int8), "1", "whether the case has been run")
     attributes = dict(labels["attributes"])
+    peaks = [columns.numbers[name] for name in ("peak", "peak_high") if name in columns.numbers]
+    bends = deflection_warnings(np.concatenate(peaks), attributes.pop("beam_length", 0.0)) if peaks else ()
+    said = "; ".join(filter(None, (attributes.pop("warnings", ""), *bends)))
+    attributes |= {"warnings": said} if said else {}
     if columns.starts >= LEAST_FOR_INTERVAL:
         attributes["median_interval"] = "90 %, by order statistics"
     return xarray.Dataset(data, coords=coordinates, attrs=attributes)

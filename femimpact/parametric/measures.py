@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.arrays import Array
-from femimpact.errors import Fault, InputError, require, suggestion
+from femimpact.errors import Fault, InputError, checked, name_text, require, suggestion
 from femimpact.export.tables import BESIDE, STATISTICS
 from femimpact.integrators.cases import SineDwellResults
 from femimpact.response.channels import resolve_channels
@@ -116,6 +116,7 @@ def check_names(
         require(path not in taken, path, None, "", "is the name of another variable: give the argument another one")
     taken |= {f"{path}{side}" for path in axes for side in ("", ".plus", ".minus")}
     for item in measures:
+        checked("measures", item.name, name_text())
         sound = bool(item.name) and "/" not in item.name
         require(sound, "measures", item.name, "", "must have a name that a variable can have: no empty one, and no /")
         variables = {f"{item.name}{end}" for end in ("", *STATISTICS)}

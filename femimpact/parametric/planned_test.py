@@ -7,7 +7,7 @@ choose instead. Rows whose data are not given are left out; a row without a limi
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -28,28 +28,31 @@ from femimpact.errors import (
 )
 from femimpact.errors import checked as checked_value
 from femimpact.excitation import Chirp, Excitation, RandomBase, Sine, SteppedSine, require_excitation
-from femimpact.excitation.excitation import has_cycle
+from femimpact.excitation.drives import parts_in
 from femimpact.excitation.levels import Level, level_at, require_reach
-from femimpact.excitation.remarks import (
-    drive_above_modes,
-    frequency_warnings,
-)
-from femimpact.identification import resolution_warnings
+from femimpact.excitation.remarks import drives_above_modes, frequency_warnings
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.methods import Method, require_method
+from femimpact.integrators.planned_drive import (
+    MODES,
+    SAMPLES,
+    base_rows,
+    contact_rows,
+    drive_rows,
+    step_rows,
+    transient_rows,
+)
+from femimpact.integrators.preflight_row import PreflightRow, rounded, row_of
 from femimpact.integrators.runs import integrate
 from femimpact.parametric.definition import ParameterStudy
-from femimpact.parametric.planned_drive import MODES, SAMPLES, base_rows, drive_rows
-from femimpact.parametric.preflight_row import PreflightRow, rounded, row_of
+from femimpact.parametric.labelled import axis_rows
 from femimpact.parametric.study_command import definition_of
 from femimpact.response.response import Recorder
 from femimpact.response.signals import LARGE, deflection_warnings
-from femimpact.structure.damping import ModalDamping
 from femimpact.structure.structure import Structure, unusual_numbers
 from femimpact.study.prepared import carried_words, in_study_words, lines_of_plan, prepare, refined_grid
 from femimpact.study.study import Study, build
-from femimpact.sweep.curve import TRANSIENT_LEFT, grid_resolution, transient_left
-from femimpact.system.modes import Modes, first_elastic_frequency, solve_modes
+from femimpact.system.modes import Modes, solve_modes
 from femimpact.system.reduction import reduce
 from femimpact.system.state import State
 from femimpact.system.system import System, without_impactors
@@ -58,19 +61,13 @@ from femimpact.table import frame_of
 if TYPE_CHECKING:
     import pandas
 
-LARGEST_RATIO = 0.2
-"""Damping ratio above which a percentage was probably given as a ratio."""
-
-LONGEST_CONTACT = 0.2
-"""Contact time over the first period beyond which a contact is part of the motion, and no impact."""
-
 OF_MATERIAL = ("Young's modulus", "density")
 
 LEAST_MODULUS, LEAST_DENSITY = 1e6, 20.0
 """Pa and kg/m^3: rubber and foam; GPa, MPa and g/cm^3 give numbers below."""
 
 MOST_CYCLES = 5e4
-"""Cycles of the highest frequency of a chirp, steps or a random motion beyond which no run without contacts is made."""
+"""Cycles of chirps, steps and random motions, times the drives, beyond which no run without contacts is made."""
 
 FIRST_GAP = "best of runs: 1.1 to 1.35 times it at a restitution of 0.35 to 0.52, 1.6 to 2.9 times at 0.6 to 0.8"
 """Best gaps of the beam of `examples/design_map.py` over that of a light loss."""
@@ -187,11 +184,9 @@ def preflight(
     if _is_of_another_material(rows):
         # what follows from its modes says nothing, as "keep more modes"
         return Preflight(tuple(rows))
-    rows += _of_contacts(plan)
-    if isinstance(excitation, SteppedSine) and f is None and cycles is None:
-        f, cycles = np.unique(excitation.frequencies), excitation.cycles
+    rows += contact_rows(plan)
     if excitation is not None:
-        rows += [*base_rows(plan, excitation, duration), *drive_rows(plan, excitation, duration)]
+        rows += [*base_rows(plan, excitation, duration), *drive_rows(plan, excitation, duration, initial or State())]
         rows += _first_gaps(plan, excitation)
         if duration is not None:
             rows += _of_linear_run(plan, excitation, duration, method, initial or State())
@@ -244,26 +239,17 @@ def _of_cases(plan: ParameterStudy) -> Preflight:
 
 
 def _with_axes(found: Preflight, plan: ParameterStudy) -> Preflight:
-    """The rows, and the step of an axis of frequencies; a sample has no step."""
-    rows = list(found.rows)
-    for place, levels in zip(plan.table.places, plan.table.levels, strict=True):
-        if place.path == "base.frequency" and plan.plan_of_sample is None:
-            rows += _of_step(without_impactors(plan.nominal), np.unique(levels), " of the axis base.frequency")
-    return Preflight(tuple(rows))
+    """The rows, and the steps of axes of frequencies."""
+    return Preflight((*found.rows, *axis_rows(plan)))
 
 
 # ---- numbers that are probably in another unit ---------------------------------------------------
 
 
 def _of_structure(structure: Structure | None) -> Iterator[PreflightRow]:
-    """Damping ratio, modulus and density that were given."""
+    """Modulus and density that were given, and what else is unusual."""
     if structure is None:
         return
-    if structure.damping is not None:
-        given = structure.damping.ratios if isinstance(structure.damping, ModalDamping) else structure.damping.ratio
-        ratio = float(np.max(given))
-        instead = f"is it a percentage? {ratio:g} % is a ratio of {0.01 * ratio:.4g}"
-        yield row_of("damping ratio", ratio, "1", LARGEST_RATIO, instead)
     for segment in {(s.name, s.young_modulus, s.density): s for s in structure.beam.segments}.values():
         of, modulus, density = f" of segment {segment.name!r}", segment.young_modulus, segment.density
         instead = f"is it in GPa? {modulus:g} GPa are {1e9 * modulus:.4g} Pa"
@@ -279,18 +265,6 @@ def _of_structure(structure: Structure | None) -> Iterator[PreflightRow]:
 def _is_of_another_material(rows: Sequence[PreflightRow]) -> bool:
     """Whether modulus or density are in another unit."""
     return any(row.passed and row.what.startswith(OF_MATERIAL) for row in rows)
-
-
-def _of_contacts(system: System) -> Iterator[PreflightRow]:
-    """Contact time of each pair beside the first period."""
-    first = first_elastic_frequency(system)
-    if first == 0.0:
-        return
-    limit = LONGEST_CONTACT / first
-    instead = f"take at most {rounded(limit, math.floor):g} s, a fifth of the first period: is it in milliseconds?"
-    for pair in system.contacts:
-        if pair.has_walls and not pair.parameters.is_rigid:
-            yield row_of(f"contact time of {pair.name}", pair.parameters.contact_time, "s", limit, instead)
 
 
 # ---- the drive and the balls -----------------------------------------------------------------------
@@ -330,27 +304,30 @@ def _of_linear_run(
     One run with cavities so wide that no ball meets a wall: the ball of a start at rest in space stays there, and its
     gap is the absolute displacement of its place. That run is linear where no stop is met.
     """
-    if has_cycle(excitation):
-        yield from _transient(system, 2.0 / 3.0 * duration, lambda end: f"duration = {rounded(1.5 * end):g} s")
     wide = tuple(
         pair if pair.is_stop or not pair.has_walls else replace(pair, gaps=(WIDE, WIDE), law=Rigid(1.0))
         for pair in system.contacts
     )
-    bare, record = replace(system, contacts=wide), Recorder(channels=())
-    if duration * excitation.frequency > MOST_CYCLES and isinstance(excitation, (Chirp, RandomBase, SteppedSine)):
+    bare, record = replace(system, contacts=wide), Recorder(channels=(), ledger=False)
+    in_many_pieces = [part for part in parts_in(excitation) if isinstance(part, (Chirp, RandomBase, SteppedSine))]
+    # every drive is taken in the pieces of all
+    drives = len(getattr(excitation, "drives", (excitation,)))
+    cycles = drives * duration * sum(part.frequency for part in in_many_pieces)
+    if cycles > MOST_CYCLES:
+        yield row_of(f"cycles in pieces, beyond {MOST_CYCLES:g} of which no run without contacts is made", cycles, "1")
         return
     if method is None:
         bare = bare if bare.is_diagonal else reduce(bare, min(MODES, bare.dofs))
         method = EventDriven()
-    if isinstance(method, EventDriven) and isinstance(excitation, (Chirp, RandomBase, SteppedSine)):
-        record = replace(record, interval=1.0 / (SAMPLES * excitation.frequency))
     free = [pair for pair in system.balls if pair.free_stiffness == pair.free_damping == pair.acceleration == 0.0]
     at_rest_in_space = initial.is_at_rest and initial.frame == "space"
     stops = [pair for pair in system.contacts if pair.is_stop and min(pair.gaps) > 0.0]
     met = [*(free if at_rest_in_space else []), *stops]
     names = [f"{pair.name}.gap" for pair in met]
     if any(pair.gaps[0] != pair.gaps[1] for pair in met):
-        record = replace(record, channels=tuple(names))
+        # these are read, the others found between the readings too
+        interval = 1.0 / (SAMPLES * excitation.frequency) if in_many_pieces else None
+        record = replace(record, channels=tuple(names), interval=interval if isinstance(method, EventDriven) else None)
     try:
         run = integrate(bare, excitation, method, duration, record, initial)
         found = run.largest_of((system.default_place, *names))
@@ -379,16 +356,6 @@ def _nearer(moved: float, gap: float) -> str:
     return f"take a gap of at most {rounded(moved, math.floor):g} m or a drive {rounded(gap / moved):g} times as large"
 
 
-def _transient(system: System, begin: float, take: Callable[[float], str]) -> Iterator[PreflightRow]:
-    """Share of the first mode's transient that is left at a time (s) at which measuring begins."""
-    first, ratio, left = transient_left(system, begin)
-    decay = 2.0 * math.pi * first * ratio
-    if decay > 0.0:
-        needed = -math.log(TRANSIENT_LEFT) / decay
-        instead = f"the last third is measured, which must begin after {rounded(needed):g} s: take {take(needed)}"
-        yield row_of(f"transient of the first mode left at {begin:.3g} s", left, "1", TRANSIENT_LEFT, instead)
-
-
 # ---- the grid of a sweep ---------------------------------------------------------------------------
 
 
@@ -400,18 +367,17 @@ def _of_grid(
     modes = solve_modes(bare, min(MODES, bare.dofs))
     natural = modes.natural_frequency[modes.natural_frequency > 0.0]
     inside = int(np.count_nonzero((natural >= f[0]) & (natural <= f[-1])))
-    # dwells stand where the plan wants them
-    least = math.nan if isinstance(excitation, SteppedSine) else 1
     instead = f"the sweep has no resonance: the first natural frequency is {natural.min(initial=math.inf):.4g} Hz"
-    yield row_of("natural frequencies within the sweep", inside, "1", least, instead, at_least=True)
-    yield from _of_step(bare, f, "")
-    what, value, unit, limit = drive_above_modes(Sine(1.0, float(f[-1])), bare.highest_kept, bare.first_left_out)
+    yield row_of("natural frequencies within the sweep", inside, "1", 1, instead, at_least=True)
+    yield from step_rows(bare, f, "")
+    above = drives_above_modes(Sine(1.0, float(f[-1])), bare.highest_kept, bare.first_left_out)
+    what, value, unit, limit, _ = next(above)
     if math.isfinite(limit):
         texts = frequency_warnings(f, bare.highest_kept, bare.first_left_out)
         yield row_of(f"{what}, of the sweep", value, unit, limit, "; ".join(texts))
     if cycles is not None:
         begin = float((cycles - cycles // 3) / f[-1])
-        yield from _transient(bare, begin, lambda end: f"cycles = {math.ceil(rounded(1.5 * end * float(f[-1])))}")
+        yield from transient_rows(bare, begin, lambda end: f"cycles = {math.ceil(rounded(1.5 * end * float(f[-1])))}")
     amplitude = None
     if acceleration is not None:
         amplitude = level_at(acceleration, f) / (2.0 * np.pi * f) ** 2
@@ -419,14 +385,6 @@ def _of_grid(
         amplitude = np.full(f.size, excitation.amplitude)
     if amplitude is not None and bare.length > 0.0:
         yield _deflection(system, _linear_peak(bare, modes, f, amplitude), " of the sweep")
-
-
-def _of_step(bare: System, f: Array, of: str) -> Iterator[PreflightRow]:
-    """The step of frequencies (Hz), ascending, beside the first resonance and its width."""
-    grid = grid_resolution(bare, f)
-    if grid is not None:
-        instead = "; ".join(resolution_warnings(grid))
-        yield row_of(f"frequency step{of} at {grid.frequency:.4g} Hz", grid.step, "Hz", grid.step_needed, instead)
 
 
 def _deflection(system: System, largest: float, of: str) -> PreflightRow:

@@ -327,7 +327,8 @@ def _gaps(study: ParameterStudy, system: System, cases: Integers) -> Array:
     gaps = np.tile(np.array([pair.gaps for pair in system.contacts], dtype=float).reshape(-1, 2), (cases.size, 1, 1))
     table = study.table
     for axis, place in enumerate(table.places):
-        if place.field == "gap":
+        # an argument of a function may have this name
+        if place.field == "gap" and place.owner != "function":
             j = next(i for i, pair in enumerate(system.contacts) if pair.name == place.part)
             for row, code in enumerate(table.codes[axis][cases].tolist()):
                 gaps[row, j] = table.levels[axis][code]

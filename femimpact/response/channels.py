@@ -16,9 +16,11 @@ from numpy.typing import NDArray
 from femimpact.errors import (
     changed,
     check_fields,
+    checked,
     choice,
     column,
     in_range,
+    name_text,
     optional,
     place,
     quantity,
@@ -480,7 +482,8 @@ def resolve_channels(system: System, channels: Sequence[Position | Channel] | No
     found = tuple(channel_of(system, channel) for channel in channels)
     names: dict[str, Channel] = {}
     for channel in found:
-        # a user's channel may have anything for a unit
+        # a user's channel may have anything for a name and a unit
+        checked("channels", channel.name, name_text())
         require_type(channel.unit, str, f"units.{channel.name}")
         same = names.setdefault(channel.name, channel)
         require(same == channel, "channels", channel.name, "", "must be the name of one channel, not of two")

@@ -11,6 +11,7 @@ import numpy as np
 from femimpact.arrays import Array, Complex
 from femimpact.errors import optional, quantity, require, require_name, takes
 from femimpact.excitation import Chirp, Drives, HammerBlow, PiecewisePolynomial, RandomBase, Shock, SteppedSine
+from femimpact.excitation.drives import named_parts
 from femimpact.excitation.excitation import is_force
 from femimpact.integrators.channel_rows import Drive
 from femimpact.response.channels import channel_key
@@ -29,6 +30,7 @@ from femimpact.spectra.densities import (
 )
 from femimpact.spectra.transfer import INPUTS, TransferFunction, force_name, unit_over
 from femimpact.structure.structure import Position
+from femimpact.units import number_text
 
 DECAYED = 1e-3
 """Share of its largest value to which a channel has decayed at the end of a record that is transformed whole."""
@@ -61,8 +63,9 @@ def measured_transfer(
       have fewer aliases. With one record both estimates are one, and there is no coherence.
     - A stepped sine: the harmonics over the second half of the cycles of each dwell, a sine that of the last third of
       the run. Coherence is the share of the harmonic in the mean square.
-    - Any other drive: averages over Hann windows that overlap by half. H1 = S_xy/S_xx has no error by noise in the
-      output, H2 = S_yy/S_yx none by noise in the input; coherence is |S_xy|^2/(S_xx S_yy).
+    - A random motion, a record, or a sum of these and of sines: averages over Hann windows that overlap by half.
+      H1 = S_xy/S_xx has no error by noise in the output, H2 = S_yy/S_yx none by noise in the input; coherence is
+      |S_xy|^2/(S_xx S_yy).
 
     Lines at which the input has no content are left out, and of a blow or a shock those above a quarter of the reading
     rate and those that aliases spoil by more than about 2 %. With impacts it is a linear description of the run at its
@@ -86,8 +89,9 @@ def measured_transfer(
     Raises
     ------
     InputError
-        As of `spectrum`; if a record that is transformed whole does not begin at rest or has not decayed, the input is
-        zero, no dwell is complete, or a resolution is given to what is no average.
+        As of `spectrum`; if a sum has a part that passes, as a chirp, a stepped sine or a shock, a record that is
+        transformed whole does not begin at rest or has not decayed, the input is zero, no dwell is complete, or a
+        resolution is given to what is no average.
 
     Examples
     --------
@@ -102,6 +106,8 @@ def measured_transfer(
     history = drive_history(response)
     dwells = isinstance(history, SteppedSine) or is_steady(response.base)
     whole = not dwells and isinstance(history, Chirp | HammerBlow | Shock)
+    if not (dwells or whole):
+        _require_stationary(response.base)
     allowed = "must be left out: it belongs to averages over windows, as of a random drive"
     require(resolution is None or not (dwells or whole), "resolution", resolution, "Hz", allowed)
     output = record_of(response, to, key="to", whole=whole)
@@ -122,6 +128,17 @@ def measured_transfer(
         f, {name: h1 * factor}, {name: unit_over(output.unit, given.unit)}, given.name, {name: h2 * factor},
         {name: coherence}, (*output.notes, *notes), (*output.warnings, *warnings),
     )  # fmt: skip
+
+
+def _require_stationary(excitation: Any) -> None:
+    """Refuse a sum with a part that is not stationary: its response may fall into a window after it."""
+    for which, _, part in named_parts(excitation):
+        allowed = (
+            "must be a sine, a random motion or a record: averages over windows take no transient beside another "
+            "drive; a run under it alone is transformed whole"
+        )
+        passing = isinstance(part, Chirp | HammerBlow | Shock | SteppedSine)
+        require(not passing, "response", f"{which}, {type(part).__name__}", "", allowed)
 
 
 class Input(NamedTuple):
@@ -234,7 +251,8 @@ def _until(
     share = float(np.abs(late - late.mean()).max() / np.abs(values).max())
     more = max(math.log(share / DECAYED), 0.0) / rates[slowest]
     # the end is the last 2 %
-    return f": its slowest mode takes {more:.3g} s more, response.time = {1.01 * (end + more / 0.98):.3g} s"
+    last = number_text(1.01 * (end + more / 0.98), 3)
+    return f": its slowest mode takes {number_text(more, 3)} s more, response.time = {last} s"
 
 
 def _require_whole(
@@ -256,11 +274,12 @@ def _require_whole(
         largest = float(np.abs(values).max()) or 1.0
         first, left = abs(float(values[0])) / largest, float(np.abs(values[-max(time.size // 50, 2) :]).max()) / largest
         if left > DECAYED and values is not energy:
-            allowed = f"must end when {name} is at {100 * DECAYED:g} % of its largest, and it is at {100 * left:.2g} %"
+            share = number_text(100 * left, 2)
+            allowed = f"must end when {name} is at {100 * DECAYED:g} % of its largest, and it is at {share} %"
             last_time = float(f"{time[-1]:.6g}")
             require(False, "response.time", last_time, "s", allowed + _until(response, values))
         # a level that is taken from an end at rest
-        allowed = f"must begin at rest, and {name} begins at {100 * first:.2g} % of its largest value"
+        allowed = f"must begin at rest, and {name} begins at {number_text(100 * first, 2)} % of its largest value"
         require(first <= DECAYED, "response.time", float(time[0]), "s", allowed)
 
 

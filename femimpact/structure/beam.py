@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from femimpact.errors import Fault, InputError, check_fields, checked, quantity, require, require_type, text
+from femimpact.errors import Fault, InputError, check_fields, checked, name_text, quantity, require, require_type
 
 
 def require_single(values: Mapping[str, Any]) -> None:
@@ -90,7 +90,7 @@ class Segment:
     thickness: float | None = field(default=None, metadata=quantity("m", above=0.0))
     area: float | None = field(default=None, metadata=quantity("m^2", above=0.0))
     second_moment: float | None = field(default=None, metadata=quantity("m^4", above=0.0))
-    name: str = field(default="beam", metadata=text())
+    name: str = field(default="beam", metadata=name_text())
     end_width: float | None = field(default=None, metadata=quantity("m", above=0.0))
     end_thickness: float | None = field(default=None, metadata=quantity("m", above=0.0))
     outer_fibre: float | None = field(default=None, metadata=quantity("m", above=0.0))

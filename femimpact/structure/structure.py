@@ -16,12 +16,12 @@ from femimpact.errors import (
     InputError,
     check_fields,
     choice,
+    name_text,
     optional,
     place,
     quantity,
     require,
     require_type,
-    text,
 )
 from femimpact.structure.beam import Beam
 from femimpact.structure.damping import ModalDamping, Rayleigh
@@ -80,7 +80,7 @@ class PointMass:
         fixed to the section at its place, and its centre moves by w + offset dw/dx.
     """
 
-    name: str = field(metadata=text())
+    name: str = field(metadata=name_text())
     at: Position = field(metadata=place())
     mass: float = field(metadata=quantity("kg", at_least=0.0, at_most=LARGEST))
     rotary_inertia: float = field(default=0.0, metadata=quantity("kg m^2", at_least=0.0, at_most=LARGEST))
@@ -151,7 +151,7 @@ class Impactor:
         If the contact is no contact law, or is one with a spring of its own beside a dashpot.
     """
 
-    name: str = field(metadata=text())
+    name: str = field(metadata=name_text())
     at: Position = field(metadata=place())
     mass: float = field(metadata=quantity("kg", above=0.0))
     gap: float | tuple[float, float] = field(metadata=quantity("m", at_least=0.0, several=True))
@@ -197,7 +197,7 @@ class Absorber:
     tuned_absorber : the stiffness and damping that leave the smallest resonance.
     """
 
-    name: str = field(metadata=text())
+    name: str = field(metadata=name_text())
     at: Position = field(metadata=place())
     mass: float = field(metadata=quantity("kg", above=0.0, at_most=LARGEST))
     stiffness: float = field(metadata=quantity("N/m", above=0.0))
@@ -245,7 +245,7 @@ class Stop:
         If both gaps are negative.
     """
 
-    name: str = field(metadata=text())
+    name: str = field(metadata=name_text())
     at: Position = field(metadata=place())
     gap: float | tuple[float, float] = field(
         metadata=quantity("m", several=True, finite=False) | {"allowed": GAP_OF_STOP}
@@ -298,7 +298,7 @@ class Spring:
         If both ends are at one place.
     """
 
-    name: str = field(metadata=text())
+    name: str = field(metadata=name_text())
     at: str | float = field(metadata=place())
     stiffness: float = field(metadata=quantity("N/m", at_least=0.0))
     to: str | float | None = field(default=None, metadata=optional(place()))
@@ -331,7 +331,7 @@ class Dashpot:
         If both ends are at one place.
     """
 
-    name: str = field(metadata=text())
+    name: str = field(metadata=name_text())
     at: str | float = field(metadata=place())
     damping: float = field(metadata=quantity("N s/m", at_least=0.0))
     to: str | float | None = field(default=None, metadata=optional(place()))
@@ -512,6 +512,9 @@ USUAL_MODULUS = (1e8, 2e12)
 USUAL_DENSITY = (10.0, 3e4)
 """Densities (kg/m^3) of what beams are made of: from light foam to osmium, 22,600."""
 
+LARGEST_RATIO = 0.2
+"""Damping ratio above which a percentage was probably given as a ratio."""
+
 HEAVY_BODY = 100.0
 """Mass of a body over that of the beam above which grams may have been typed as kilograms."""
 
@@ -532,12 +535,23 @@ class UnusualNumber:
     instead: str  # a question
 
     def __str__(self) -> str:
-        return f"{self.path} = {self.value:.4g} {self.unit}: {self.usual}; {self.instead}"
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        return f"{self.path} = {self.value:.4g}{unit}: {self.usual}; {self.instead}"
 
 
 def unusual_numbers(structure: Structure) -> list[UnusualNumber]:
     """Every number that may be in another unit."""
-    return [*_of_sections(structure), *_of_gaps(structure), *_of_masses(structure)]
+    return [*_of_damping(structure), *_of_sections(structure), *_of_gaps(structure), *_of_masses(structure)]
+
+
+def _of_damping(structure: Structure) -> Iterator[UnusualNumber]:
+    if structure.damping is None:
+        return
+    given = structure.damping.ratios if isinstance(structure.damping, ModalDamping) else structure.damping.ratio
+    ratio = max(given) if isinstance(given, tuple) else given
+    if ratio > LARGEST_RATIO:
+        instead = f"is it a percentage? {ratio:g} % is a ratio of {0.01 * ratio:.4g}"
+        yield UnusualNumber("damping.ratio", ratio, "1", LARGEST_RATIO, f"more than {LARGEST_RATIO:g}", instead)
 
 
 def _of_sections(structure: Structure) -> Iterator[UnusualNumber]:

@@ -7,17 +7,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar
 
-from femimpact.errors import (
-    InputError,
-    check_fields,
-    choice,
-    instance,
-    items,
-    optional,
-    place,
-    quantity,
-    text,
-)
+from femimpact.errors import InputError, check_fields, choice, instance, items, name_text, optional, place, quantity
 from femimpact.excitation import Chirp, Drives, HammerBlow, PointForce, RandomBase, Shock, Sine, SteppedSine
 from femimpact.excitation.drives import alone
 from femimpact.excitation.excitation import words_of
@@ -66,7 +56,7 @@ class StudyForce:
     kind: str = field(metadata=choice(*FORCE_KINDS))
     at: str | float = field(metadata=place())
     values: tuple[tuple[str, Any], ...] = ()
-    name: str | None = field(default=None, metadata=optional(text()))
+    name: str | None = field(default=None, metadata=optional(name_text()))
 
     def __post_init__(self) -> None:
         check_fields(self)

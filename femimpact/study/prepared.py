@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 
 from femimpact import core
 from femimpact.errors import InputError, require
-from femimpact.excitation.remarks import drive_warnings, frequency_warnings, motion_warnings
+from femimpact.excitation import Excitation, PiecewisePolynomial
+from femimpact.excitation.drives import until
+from femimpact.excitation.remarks import drive_warnings, frequency_warnings, motion_notes, motion_warnings
 from femimpact.fem.mesh import Mesh
 from femimpact.identification import PeakResolution
 from femimpact.integrators.cases import check_memory, memory_needed, workers_of
@@ -28,6 +30,7 @@ from femimpact.system.contact_pair import ContactPair
 from femimpact.system.hermite import needs_outer_fibre
 from femimpact.system.modes import DENSE_LIMIT, first_elastic_frequency, first_resonance, solve_modes
 from femimpact.system.system import System, without_impactors
+from femimpact.units import number_text
 
 PARTS = ("modes", "simulate", "sweep")
 """Names of the parts of `run_study`."""
@@ -50,6 +53,8 @@ IN_PYTHON = {
     r"Recorder\(interval=\) sets another one, and largest\(channel\) of the response finds what lies between": (
         "output.interval sets another one; the largest values of the summary are exact between the readings too"
     ),
+    r"impacts\.peak_force": "impacts.csv",
+    r"a smaller Recorder\(interval=\) or every": "a smaller output.interval or output.every",
     r'as RecordedBase\.from_csv\(\.\.\., detrend="line"\) does': 'by base.detrend = "line"',
     r"RecordedBase\.from_displacement\(.*(high_pass = [^)]*)\) of the displacement of this record": r"base.\1",
 }
@@ -221,7 +226,7 @@ def _coarse_history(study: Study, small: System, method: Method) -> tuple[str, .
         f"at most {most}" if every > 1 else "a smaller method.dt or output.interval, or more method.samples_per_cycle"
     )
     return (
-        f"output.every = {every}: the history keeps {samples:.3g} samples of a base cycle, below "
+        f"output.every = {every}: the history keeps {number_text(samples, 3)} samples of a base cycle, below "
         f"{LEAST_SAMPLES}, and misses the extremes between them; take {mend}",
     )
 
@@ -240,12 +245,10 @@ def _empty_sweep(study: Study, bare: System, parts: tuple[str, ...]) -> tuple[st
 
 def _drives_not_followed(study: Study, small: System, parts: tuple[str, ...]) -> tuple[str, ...]:
     """Warnings where a drive moves the base far, is above the modes that are kept, or is a coarse record."""
-    kept, drives = (small.highest_kept, small.first_left_out), getattr(study.excitation, "drives", (study.excitation,))
-    found = [text for drive in drives for text in motion_warnings(drive, small.length)]
+    kept, drive = (small.highest_kept, small.first_left_out), study.excitation
+    found = list(motion_warnings(drive, small.length))
     if "simulate" in parts:
-        for drive in drives:
-            found += drive_warnings(drive, *kept)
-            found += record_warnings(small, drive, study.base.history_duration)
+        found += [*drive_warnings(drive, *kept), *record_warnings(small, drive, study.base.history_duration)]
     if "sweep" in parts and study.sweep is not None:
         found += [f"sweep.stop: {text}" for text in frequency_warnings(study.sweep.stop, *kept)]
     return tuple(found)
@@ -312,7 +315,7 @@ def lines_of_plan(prepared: PreparedStudy) -> list[str]:
             )
             continue
         fixed = ", fixed in space" if pair.fixed_to == "space" else ""
-        preload = f", preloaded by {-1e3 * min(pair.gaps):.4g} mm" if pair.is_preloaded else ""
+        preload = f", {pair.preload_words}" if pair.is_preloaded else ""
         lines.append(
             f"contact of {pair.name}: {pair.law.name}, {_numbers(pair)}restitution {pair.parameters.restitution:.4g}, "
             f"effective mass {1e3 * pair.effective_mass:.4g} g, {_clearance(pair.gaps)}"
@@ -324,7 +327,7 @@ def lines_of_plan(prepared: PreparedStudy) -> list[str]:
     history = history_cost(study, small, method, prepared.record)
     lines.append(
         f"history: {steps} {method.unit}, {grid:.4g} s apart, {study.base.words}, "
-        f"takes about {history.memory / 1e6:.3g} MB and {history.seconds:.2g} s"
+        f"takes about {number_text(history.memory / 1e6, 3)} MB and {number_text(history.seconds, 2)} s"
         f"{_starts_words(small, study.output.starts)}"
     )
     if study.sweep is not None:
@@ -334,16 +337,19 @@ def lines_of_plan(prepared: PreparedStudy) -> list[str]:
         swept = sweep_cost(study, small, method)
         lines.append(
             f"sweep: up to {cases} frequencies from {plan.start:g} to {plan.stop:g} Hz, {plan.cycles} cycles each, "
-            f"{total:.3g} {method.unit}, takes about {swept.memory / 1e6:.3g} MB and {swept.seconds:.2g} s on one core"
+            f"{number_text(total, 3)} {method.unit}, takes about {number_text(swept.memory / 1e6, 3)} MB and "
+            f"{number_text(swept.seconds, 2)} s on one core"
             f"{_starts_words(small, plan.starts)}"
         )
     if picture_seconds(study) > 0.0:
-        lines.append(f"figures and movie: about {picture_seconds(study):.2g} s, when the rest is done")
+        lines.append(f"figures and movie: about {number_text(picture_seconds(study), 2)} s, when the rest is done")
     mesh = mesh_memory(full.nodes.size - 1, small.dofs if study.reduction else None)
-    lines.append(f"mesh and modes: take about {max(mesh.values()) / 1e6:.3g} MB")
+    lines.append(f"mesh and modes: take about {number_text(max(mesh.values()) / 1e6, 3)} MB")
     lines.append("besides: some 200 MB for the libraries")
-    notes = (*method.notes(small), *root_stress_notes(study.structure, small), *_files_elsewhere(study))
-    lines += [f"note: {in_study_words(text)}" for text in notes]
+    end = study.base.history_duration
+    notes = (*method.notes(small), *motion_notes(until(study.excitation, end), small.length, end))
+    notes += root_stress_notes(study.structure, small)
+    lines += [f"note: {in_study_words(text)}" for text in (*notes, *_files_elsewhere(study))]
     return lines + [f"warning: {text}" for text in prepared.warnings]
 
 
@@ -462,6 +468,9 @@ DENSE_MATRICES = 8
 COPIES = 2.3
 """Histories in memory while one is labelled and written."""
 
+PIECE = 300.0
+"""Bytes of a polynomial of a drive while a history is run."""
+
 POINT = 1200.0
 """Bytes of a frequency of a sweep in its tables."""
 
@@ -520,7 +529,8 @@ def check_mesh(study: Study, elements: int) -> None:
     """
     parts = mesh_memory(elements, study.reduction.modes if study.reduction else None)
     limit, needed = study.output.memory_limit, max(parts.values())
-    shares = f"mesh of {elements} elements {parts['mesh'] / 1e6:.3g} MB, modes {parts['modes'] / 1e6:.3g} MB"
+    mesh, modes = (number_text(parts[part] / 1e6, 3) for part in ("mesh", "modes"))
+    shares = f"mesh of {elements} elements {mesh} MB, modes {modes} MB"
     allowed = f"must be >= {needed:.3g}, what this study takes ({shares}): take fewer elements or modes, or raise it"
     require(needed <= limit, "output.memory_limit", limit, "bytes", allowed)
 
@@ -547,7 +557,14 @@ def history_cost(study: Study, small: System, method: Method, record: Recorder) 
     cycles = study.base.history_duration * study.base.frequency
     seconds = method.cost(small, study.base.frequency).history_seconds * cycles
     runs = RUNS_OF_HISTORY * runs_of_starts(small, study.output.starts)
+    rest += PIECE * _pieces(study.excitation)
     return Cost(LEAST + COPIES * kept + rest, START + runs * seconds + WRITING * kept)
+
+
+def _pieces(excitation: Excitation) -> int:
+    """Polynomials that all drives of a history are made of."""
+    forms = getattr(excitation, "closed_forms", None) or (getattr(excitation, "closed_form", None),)
+    return sum(form.knots.size for form in forms if isinstance(form, PiecewisePolynomial))
 
 
 def sweep_cost(study: Study, small: System, method: Method) -> Cost:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from femimpact.errors import (
     faults_of,
     instance,
     level_rows,
+    name_text,
     optional,
     quantity,
     require,
@@ -253,9 +255,9 @@ class Output:
     vtkhdf: bool = field(default=False, metadata=truth())
     movie: bool = field(default=True, metadata=truth())
     report: bool = field(default=True, metadata=truth())
-    title: str = field(default="", metadata=text())
-    author: str = field(default="", metadata=text())
-    date: str = field(default="", metadata=text())
+    title: str = field(default="", metadata=name_text(lines=True))
+    author: str = field(default="", metadata=name_text(lines=True))
+    date: str = field(default="", metadata=name_text(lines=True))
     starts: int = field(default=1, metadata=quantity("1", at_least=1, at_most=MOST_STARTS, integer=True))
 
     def __post_init__(self) -> None:
@@ -312,7 +314,7 @@ class Study:
         if self.sweep is not None:
             sine_of(self, "sweep", instead="; remove [sweep], or give [base] an amplitude and a frequency")
 
-    @property
+    @cached_property
     def excitation(self) -> Sine | RecordedBase | Signal | Sum | Drives | PointForce | HammerBlow:
         """Drives of the simulated history: the motion of the base, and forces."""
         drives: Sine | RecordedBase | Signal | Sum | Drives | PointForce | HammerBlow = until(

@@ -9,7 +9,7 @@ from functools import cached_property
 from femimpact.arrays import Array
 from femimpact.contact import ContactLaw, require_law, resolve
 from femimpact.contact.laws import ContactParameters
-from femimpact.errors import check_fields, choice, column, quantity, require, require_type, text
+from femimpact.errors import check_fields, choice, column, name_text, quantity, require, require_type
 from femimpact.structure.structure import Absorber, Impactor, Stop, require_free_damping, require_preload, sound_gaps
 from femimpact.system.matrices import frozen_row
 
@@ -47,7 +47,7 @@ class ContactPair:
         Of the dashpot beside the centring spring.
     """
 
-    name: str = field(metadata=text())
+    name: str = field(metadata=name_text())
     direction: Array = field(metadata=column("1", "dofs", finite=True))
     position: float = field(metadata=quantity("m", finite=False))
     mass: float = field(metadata=quantity("kg", above=0.0, finite=False))
@@ -86,6 +86,11 @@ class ContactPair:
     def is_preloaded(self) -> bool:
         """True if the undeformed structure would be inside a stop."""
         return min(self.gaps) < 0.0
+
+    @property
+    def preload_words(self) -> str:
+        """The depth of a preload: "preloaded by 0.1 mm", or "" without one."""
+        return f"preloaded by {-1e3 * min(self.gaps):.4g} mm" if self.is_preloaded else ""
 
     @property
     def mobility(self) -> float:

@@ -104,6 +104,7 @@ def _on_modes(system: System, found: Modes, ratio: Array, count: int, static_cor
         # `constant_resultant` stays: nothing is left out of a resultant, as nothing is of the total mass
         reactions=reduced_reactions(system.reactions, phi),
         first_left_out=min(next_one, system.first_left_out),
+        unreduced=system.unreduced or system,
     )
 
 
@@ -168,7 +169,7 @@ def truncation_notes(system: System) -> tuple[str, ...]:
     for pair in system.contacts:
         if _is_short(pair, highest) and not pair.parameters.is_rigid:
             notes.append(
-                f"{pair.name}: {_modes(omega.size)} kept, up to {highest:.4g} Hz: below 1/(contact time) = "
+                f"{pair.name}: {kept_modes(omega.size)} kept, up to {highest:.4g} Hz: below 1/(contact time) = "
                 f"{1.0 / pair.parameters.contact_time:.4g} Hz, so the course of the force is not resolved"
             )
         notes.extend(_flexibility_note(pair, omega))
@@ -189,8 +190,8 @@ def _flexibility_note(pair: ContactPair, omega: Array) -> list[str]:
     if kept >= ENOUGH_FLEXIBILITY * pair.flexibility:
         return []
     return [
-        f"{pair.name}: {_modes(omega.size)} kept, with a static flexibility of {kept:.4g} m/N at the contact of the "
-        f"structure's {pair.flexibility:.4g} m/N: keep more, or reduce(..., static_correction=True)"
+        f"{pair.name}: {kept_modes(omega.size)} kept, with a static flexibility of {kept:.4g} m/N at the contact of "
+        f"the structure's {pair.flexibility:.4g} m/N: keep more, or reduce(..., static_correction=True)"
     ]
 
 
@@ -203,14 +204,15 @@ def _stiff_note(pairs: list[ContactPair], modes: int) -> str:
         if mobility > 0.0
     )
     return (
-        f"{_modes(modes)} kept: the peak force of a rigid or very short contact does not converge with their number; "
-        "displacement and the whole energy loss do. Impulse and contact loss of a single rigid impact go with the mass "
-        "that an impulse moves, which settles only where there is a body at the contact; of these modes: "
+        f"{kept_modes(modes)} kept: the peak force of a rigid or very short contact does not converge with their "
+        "number; displacement and the whole energy loss do. Impulse and contact loss of a single rigid impact go with "
+        "the mass that an impulse moves, which settles only where there is a body at the contact; of these modes: "
         f"{masses or 'none'}"
     )
 
 
-def _modes(count: int) -> str:
+def kept_modes(count: int) -> str:
+    """Words for a number of modes."""
     return f"{count} mode{'s' if count > 1 else ''}"
 
 

@@ -97,6 +97,11 @@ constexpr double STICKS = 2.0;
     }
 }
 
+// Factor by which a slow motion may grow by itself within a time: a velocity becomes a displacement.
+[[gnu::always_inline]] inline double largest_growth(const Scalars &scalars, Index k, double time) {
+    return k < scalars.slow ? __builtin_exp(scalars.size(k) * time) : 1.0;
+}
+
 // Sets what bounds driven entries over a time: |H|, from what it is now, and |H''| with its change.
 [[gnu::noinline]] inline void measure_driven(const Scalars &scalars, const Motion &motion, double ahead,
                                              const Search &search) {
@@ -108,9 +113,11 @@ constexpr double STICKS = 2.0;
         bound[order] = size_of_series(d, order, ahead);
     for (Index k = 0; k < scalars.driven; k++) {
         bend(k) = magnitude(twice(k).real) + magnitude(twice(k).imag);
-        // here what its push alone may do: no motion of a block grows by itself
+        // here what its push alone may do: no motion of a block grows by itself, but of a slow one
         change(k) = largest_push(scalars, k, bound[2], bound[3], bound[4]);
         size(k) += ahead * largest_push(scalars, k, bound[0], bound[1], bound[2]);
+        if (k < scalars.slow)
+            size(k) += ahead * (magnitude(scalars.given(k).real) + magnitude(scalars.given(k).imag));
         if (d.size() > DRIVE) {
             change(k) += further_push(scalars, k, d, 2, ahead);
             size(k) += ahead * further_push(scalars, k, d, 0, ahead);
@@ -121,8 +128,11 @@ constexpr double STICKS = 2.0;
         sum_within_blocks(scalars, bend);
         sum_within_blocks(scalars, change);
     }
-    for (Index k = 0; k < scalars.driven; k++)
-        change(k) = ahead * (scalars.size(k) * (bend(k) + ahead * change(k)) + change(k));
+    for (Index k = 0; k < scalars.driven; k++) {
+        double growth = largest_growth(scalars, k, ahead);
+        size(k) *= growth;
+        change(k) = ahead * (scalars.size(k) * growth * (bend(k) + ahead * change(k)) + change(k));
+    }
 }
 
 // Sets |H| of every entry, the norm within a block, and H'; of driven entries what bounds them for a time.

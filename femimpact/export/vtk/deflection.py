@@ -23,6 +23,7 @@ from femimpact.integrators.channel_rows import drive_of
 from femimpact.response.history import Snapshots
 from femimpact.response.response import Response
 from femimpact.structure.structure import Structure
+from femimpact.units import number_text
 
 
 @dataclass(frozen=True)
@@ -405,7 +406,7 @@ def _contacts(response: Response, forces: NDArray[np.float64], impulses: NDArray
     lines = []
     for pair, force, impulse in zip(response.system.contacts, forces, impulses, strict=True):
         known = (("force", force, "N"), ("impulse", impulse, "N s"))
-        values = [f"{what} {abs(value):.3g} {unit}" for what, value, unit in known if value != 0.0]
+        values = [f"{what} {number_text(abs(value), 3)} {unit}" for what, value, unit in known if value != 0.0]
         if values:
             pressed = (impulse or force) * (-1.0 if pair.is_stop else 1.0)
             place = f"{'+' if pressed > 0.0 else '-'} {'side' if pair.is_stop else 'wall'}"
