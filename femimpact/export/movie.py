@@ -175,8 +175,7 @@ def _film(response: Response, structure: Structure, exaggeration: float | None, 
     base = f"{words[:1].upper()}{words[1:]}{moved}."
     drawn = "Motion and clearance" if response.system.contacts else "Motion"
     size = "to scale" if exaggeration == 1.0 else f"{exaggeration:g} times as large"
-    about = f"   {words}." if (words := structure.beam.drawn_words) else ""
-    caption = f"{base}   {drawn} drawn {size}.{slow}{about}"
+    caption = f"{base}   {drawn} drawn {size}.{slow}"
     scene = build_scene(structure, response.system, exaggeration)
     return Film(response, structure, snapshots, chosen, scene, caption, _touched(response, snapshots, chosen))
 

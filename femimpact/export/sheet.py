@@ -122,6 +122,7 @@ def sheets(
         figure.text(0.02, 0.965, film.caption, va="center", color="black", fontsize=14.0)
         for x, title in _titles(film, plane):
             figure.text(x, 0.905, title, va="center", color=GREY)
+        figure.text(0.02, 0.02, film.structure.beam.drawn_words, va="center", color=GREY)
         draws = [_histories(figure, film), *(_plane_views(figure, film) if plane else [])]
         canvas.draw()
         still = canvas.copy_from_bbox(figure.bbox)

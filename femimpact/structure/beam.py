@@ -79,8 +79,8 @@ class Segment:
     Raises
     ------
     InputError
-        If the section is given in none of these ways or in two, another one than a rectangle is to taper, a wall is not
-        below half the diameter, or an outer fibre lies nearer than the radius of gyration, sqrt(I/A).
+        If the section is given in none of these ways or in two, another one than a rectangle is to taper, or a wall is
+        not below half the diameter.
     """
 
     length: float = field(metadata=quantity("m", above=0.0))
@@ -115,10 +115,6 @@ class Segment:
             require(2.0 * self.wall < self.diameter, "wall", self.wall, "m", allowed)
         allowed = "must give E I and rho A that are neither zero nor infinite to rounding"
         require(self._is_sized, "section", shown, "", allowed)
-        if self.outer_fibre is not None:
-            least = self.rectangle[1] / math.sqrt(12.0)
-            allowed = f"must be at least the radius of gyration, sqrt(second_moment/area) = {least:.6g} m"
-            require(self.outer_fibre >= (1.0 - 1e-9) * least, "outer_fibre", self.outer_fibre, "m", allowed)
 
     @property
     def _is_sized(self) -> bool:

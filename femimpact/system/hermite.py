@@ -123,8 +123,8 @@ class Section:
 
     # N m^2: E I: a bending moment is this times the curvature w''
     bending_stiffness: float = field(metadata=quantity("N m^2", above=0.0))
-    # m: from the neutral axis to the surface: a surface strain is -+ this times the curvature. None of a section by area
-    # and second moment alone
+    # m: from the neutral axis to the surface: a surface strain is -+ this times the curvature. None where area and
+    # second moment alone are given
     half_height: float | None = field(metadata=optional(quantity("m", above=0.0)))
     young_modulus: float = field(metadata=quantity("Pa", above=0.0))  # Pa: a stress is this times the strain
     region: str = field(metadata=text())  # name of the segment

@@ -183,8 +183,13 @@ def largest_known(values: Array) -> float:
 
 def notes_of(structure: Structure, *first: str) -> str:
     """Notes of a frame: the first ones, and those on segments drawn as another section or without a known surface."""
-    unknown = [one.name for one in structure.beam.segments if one.half_height is None]
-    surfaces = [f"no axial strain and stress: each {needs_outer_fibre(name)}" for name in unknown]
+    surfaces = [
+        f"no axial strain and stress: each {needs_outer_fibre(segment.name)}"
+        if segment.half_height is None
+        else f"axial strain and stress of {segment.name} at its outer fibre, not where that is drawn"
+        for segment in structure.beam.segments
+        if segment.area is not None
+    ]
     return "; ".join(filter(None, (*first, structure.beam.drawn_words, *surfaces)))
 
 
