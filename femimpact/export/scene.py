@@ -104,7 +104,7 @@ def outline_of(segment: Segment) -> Outline:
     ring, i = 0.5 * np.column_stack([np.sin(turn), np.cos(turn)]), np.arange(AROUND)
     k = (i + 1) % AROUND
     if segment.wall is None:
-        hole, points, cells, kind = 0.0, np.vstack([ring, np.zeros(2)]), [np.full(AROUND, AROUND), i, k], WEDGE
+        hole, points, cells, kind = 0.0, np.vstack([ring, np.zeros(2)]), [np.full(AROUND, AROUND), k, i], WEDGE
     else:
         hole = 1.0 - 2.0 * segment.wall / segment.diameter
         points, cells, kind = np.vstack([ring, hole * ring]), [k, i, AROUND + i, AROUND + k], HEXAHEDRON
