@@ -331,7 +331,7 @@ def _supports(film: Film) -> list[Any]:
     """A block where the beam is held."""
     import pyvista
 
-    length, width = film.structure.beam.length, film.structure.beam.segments[0].rectangle[0]
+    length, width = film.structure.beam.length, film.structure.beam.drawn_at(0.0)[0]
     size: dict[str, Any] = {"x_length": 0.02 * length, "y_length": 0.1 * length, "z_length": 1.2 * width}
     shift = {0.0: -0.01 * length, length: 0.01 * length}
     supports = placed_structure(film.structure, film.response.system).supports
@@ -358,13 +358,13 @@ def _aim(plotter: Any, film: Film, j: int) -> None:
     upright = 1.0 / np.hypot(1.0, TILT[1])
     if j >= 0:
         pair, radius = balls[j], ball_radius(balls[j].mass)
-        height = 0.5 * film.structure.beam.rectangle_at(pair.position)[0] + 1.3 * radius
+        height = 0.5 * film.structure.beam.drawn_at(pair.position)[0] + 1.3 * radius
         target = (pair.position, 0.0, height)
         high = upright * (film.scene.exaggeration * film.room(j) + 2.2 * radius)
         scale = max(high, 1.6 * radius * len(balls) / aspect)
     else:
         middle, half = film.ends(-0.06, 1.06)
-        target = (middle, 0.0, 0.25 * film.structure.beam.segments[0].rectangle[0])
+        target = (middle, 0.0, 0.25 * film.structure.beam.drawn_at(0.0)[0])
         scale = max(upright * 1.08 * film.reach, half / aspect)
     plotter.enable_parallel_projection()
     plotter.camera.focal_point = target

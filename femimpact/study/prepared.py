@@ -27,6 +27,7 @@ from femimpact.structure.structure import Structure
 from femimpact.study.base_motion import BaseMotion, RecordedMotion, SignalMotion
 from femimpact.study.study import Study, SweepPlan, build_systems, check_method, method_for, read_mesh_of
 from femimpact.system.contact_pair import ContactPair
+from femimpact.system.hermite import needs_outer_fibre
 from femimpact.system.modes import DENSE_LIMIT, first_elastic_frequency, first_resonance, solve_modes
 from femimpact.system.system import System, without_impactors
 from femimpact.units import number_text
@@ -36,6 +37,8 @@ PARTS = ("modes", "simulate", "sweep")
 
 FIGURE_CYCLES = 40
 """Base cycles at the end of a history that figures show at every step."""
+
+ROOT_STRESS = "root.surface_stress"
 
 LEAST_SAMPLES = 20
 """Samples of a base cycle below which a history has a warning: their spacing may hide 1 % of a sine's maximum."""
@@ -171,12 +174,20 @@ def history_record(study: Study, small: System, method: Method) -> Recorder:
 
 
 def root_stress(structure: Structure, system: System) -> tuple[str, ...]:
-    """The channel of the stress at a clamped root; none where the root can turn, or the section's height is not given.
+    """The channel of the stress at a clamped root; none where the root can turn, or its surface is not known."""
+    known = _is_clamped(system) and structure.beam.segments[0].half_height is not None
+    return (ROOT_STRESS,) if known else ()
 
-    A section that is given by area and second moment has the height of a rectangle, which it may not be.
-    """
-    clamped = {"root.force", "root.moment"} <= set(system.reactions)
-    return ("root.surface_stress",) if clamped and structure.beam.segments[0].thickness is not None else ()
+
+def root_stress_notes(structure: Structure, system: System) -> tuple[str, ...]:
+    """A note where the stress at a clamped root is left out."""
+    if not _is_clamped(system) or root_stress(structure, system):
+        return ()
+    return (f"{ROOT_STRESS} is left out: it {needs_outer_fibre(structure.beam.segments[0].name)}",)
+
+
+def _is_clamped(system: System) -> bool:
+    return {"root.force", "root.moment"} <= set(system.reactions)
 
 
 def last_cycles_start(study: Study) -> float:
@@ -337,6 +348,7 @@ def lines_of_plan(prepared: PreparedStudy) -> list[str]:
     lines.append("besides: some 200 MB for the libraries")
     end = study.base.history_duration
     notes = (*method.notes(small), *motion_notes(until(study.excitation, end), small.length, end))
+    notes += root_stress_notes(study.structure, small)
     lines += [f"note: {in_study_words(text)}" for text in (*notes, *_files_elsewhere(study))]
     return lines + [f"warning: {text}" for text in prepared.warnings]
 

@@ -26,7 +26,7 @@ from femimpact.identification import (
 )
 from femimpact.integrators.methods import Method
 from femimpact.response.response import Response
-from femimpact.study.prepared import PreparedStudy, finer_grid_words, in_study_words
+from femimpact.study.prepared import PreparedStudy, finer_grid_words, in_study_words, root_stress_notes
 from femimpact.sweep import FrequencyResponse, on_grid
 from femimpact.sweep.curve import TAKE_STARTS
 from femimpact.system.contact_pair import ContactPair
@@ -224,7 +224,8 @@ def summary_of(
         }
         summary["energy_residual"] = response.energy.residual if response.energy is not None else math.nan
         summary |= work_summary(response)
-        summary["notes"] = list(map(in_study_words, response.notes))
+        about_stress = root_stress_notes(prepared.study.structure, prepared.small)
+        summary["notes"] = [*map(in_study_words, response.notes), *about_stress]
     elif sweeps is not None:
         summary["energy_residual"] = float(np.nanmax((sweeps.ball or sweeps.empty).energy_residual))
     # a run repeats what is said of its study

@@ -65,6 +65,9 @@ def beam_mesh(mesh: Mesh, structure: Structure | None = None, ax: Axes | OffScre
     if discretised is not None:
         sections = discretised.sections
         half = 1e3 * sections.half_height_at(np.arange(mesh.elements)[:, None], np.array([0.0, 1.0]))
+        for segment in discretised.structure.beam.segments:
+            if segment.thickness is None:
+                half[sections.region == segment.name] = 500.0 * segment.drawn_at(0.0)[1]
     axis = panel(ax, 9.0, 3.2)
     x, tallest = 1e3 * mesh.nodes, float(half.max())
     ends = np.repeat(x, 2)[1:-1]
@@ -87,6 +90,8 @@ def beam_mesh(mesh: Mesh, structure: Structure | None = None, ax: Axes | OffScre
     axis.set_ylim(-2.6 * tallest, top)
     lengths = 1e3 * np.diff(mesh.nodes)
     title = f"{mesh.elements} elements of {number_text(lengths.min(), 3)} to {number_text(lengths.max(), 3)} mm"
+    if structure is not None and structure.beam.drawn_words:
+        title += f"\n{structure.beam.drawn_words}"
     label_axes(axis, "distance from the root (mm)", "" if structure is None else "distance from the axis (mm)", title)
     _, labels = axis.get_legend_handles_labels()
     place: dict[str, Any] = {"loc": "upper right"}
