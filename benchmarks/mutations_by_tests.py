@@ -166,10 +166,12 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
         Mutation("all_to_the_first_of_equals", "if (find_pushing(0.0, x, n))", "if (find_pushing(1e-9, x, n))"),
         Mutation("beside_its_wall", "constexpr double BESIDE = 64.0", "constexpr double BESIDE = 1e-3"),
         Mutation(
-            "only_the_first_is_captured", "        if (lasting >= 0.0) {", "        if (lasting >= 0.0 && !caught) {"
+            "only_the_first_is_captured",
+            "        if (lasting >= 0.0) {\n            hold(r);",
+            "        if (lasting >= 0.0 && !caught) {\n            hold(r);",
         ),
         Mutation(
-            "sticking_pair_takes_no_part",
+            "sticking_pair_is_not_let_go",
             "if (!sticking)\n            solve_impulses",
             "if (sticking)\n            solve_impulses",
         ),
