@@ -139,6 +139,59 @@ def test_quasistatic_moments_and_stresses_are_those_of_the_textbook():
         assert response[name][-1] == pytest.approx(value, rel=5e-3), name
 
 
+STEEL = {"young_modulus": 210e9, "density": 7850.0}
+IPE_100 = {"area": 10.3e-4, "second_moment": 171e-8}
+BARE = fi.Structure(beam=fi.Beam.section(length=1.0, **IPE_100, **STEEL))
+"""A section whose surface is not known."""
+MODULI = {
+    "rectangle": (fi.Beam.uniform(length=1.0, width=0.04, thickness=0.01, **STEEL), 0.04 * 0.01**2 / 6.0),
+    "round bar": (fi.Beam.round(length=1.0, diameter=0.02, **STEEL), np.pi * 0.02**3 / 32.0),
+    "tube": (
+        fi.Beam.tube(length=1.0, diameter=60.3e-3, wall=3e-3, **STEEL),
+        np.pi * (60.3e-3**4 - 54.3e-3**4) / (32.0 * 60.3e-3),
+    ),
+    "IPE 100": (fi.Beam.section(length=1.0, outer_fibre=0.05, **IPE_100, **STEEL), 171e-8 / 0.05),
+    "angle, the nearer side": (
+        fi.Beam.section(length=1.0, area=2e-3, second_moment=2.354e-6, outer_fibre=0.0325, **STEEL),
+        2.354e-6 / 0.0325,
+    ),
+}
+"""Beams, and the section modulus (m^3) of each."""
+
+
+@pytest.mark.parametrize("key", MODULI)
+def test_the_stress_is_the_moment_over_the_section_modulus(key):
+    beam, modulus = MODULI[key]
+    system = fi.assemble(fi.Structure(beam=beam), elements=4)
+    bent = np.linalg.solve(system.K.toarray(), 7.0 * system.point_row("tip"))
+    stress, strain = (
+        fi.response.channels.channel_of(system, f"root.{name}").reading(system).displacement @ bent
+        for name in ("surface_stress", "surface_strain")
+    )
+    assert stress == pytest.approx(-7.0 / modulus, rel=1e-9)
+    assert strain == pytest.approx(-7.0 / modulus / 210e9, rel=1e-9)
+
+
+NEEDED = r"needs outer_fibre \(m\) of segment 'beam'"
+
+
+@pytest.mark.parametrize("name", ["root.surface_stress", "tip.surface_strain", "0.5.surface_stress_left"])
+def test_without_an_outer_fibre_stress_and_strain_are_refused(name):
+    system = fi.reduce(fi.assemble(BARE, elements=4), 2)
+    with pytest.raises(fi.InputError, match=f"^{name}: {NEEDED}"):
+        run(system, fi.EventDriven(), (name,))
+    with pytest.raises(fi.InputError, match=f"{name}: {NEEDED}"):
+        fi.frequency_sweep(system, 1e-4, [5.0], fi.EventDriven(), 60, channel=name)
+
+
+def test_without_an_outer_fibre_moments_are_read_and_no_stress_is_watched():
+    system = fi.reduce(fi.assemble(BARE, elements=4), 2)
+    assert run(system, fi.EventDriven(), ("root.bending_moment",))["root.bending_moment"].any()
+    over, sine = [fi.OverMeshes([fi.uniform_mesh(BARE, n) for n in (2, 4)])], fi.Sine(1e-4, 5.0)
+    with pytest.raises(fi.InputError, match=f"SurfaceStress: {NEEDED}"):
+        fi.convergence_study(BARE, over, [fi.SurfaceStress("root")], sine)
+
+
 @pytest.mark.parametrize("key", METHODS)
 def test_a_reaction_with_modes_left_out_says_by_what_mass_it_differs(key):
     bare = structure(impactors=[], stops=[], damping=None, gravity=0.0)
