@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,8 +11,9 @@ from builders import REFERENCE, cantilever, oscillator, paper_study, reduced, wi
 from scipy.integrate import quad
 
 import femimpact as fi
-from femimpact.integrators.planned_drive import largest_motion, swept_envelope, swept_peak
+from femimpact.integrators.planned_drive import largest_motion, plan_notes, swept_envelope, swept_peak
 from femimpact.study.parameter_plan import AxisValues, ParameterPlan
+from femimpact.study.study_file import read_study
 
 pytestmark = pytest.mark.impacts
 
@@ -439,3 +441,174 @@ def test_bad_calls_name_the_argument(arguments: tuple[object, ...], key: str | N
         return
     with pytest.raises(fi.InputError, match=key):
         fi.preflight(*arguments)
+
+
+# ---- what is said before a run is said in it, wherever a drive stands ------------------------------
+
+CALM, CALM_FORCE = fi.Sine(1e-5, 4.4), fi.PointForce("tip", fi.Sine(1e-4, 4.4), name="calm")
+PLACES = {
+    "alone": lambda drive: drive,
+    "in a sum": lambda drive: CALM + drive,
+    "beside a force": lambda drive: fi.Drives(drive, [CALM_FORCE]),
+    "as a force": lambda drive: fi.PointForce("tip", drive),
+    "in the sum of a force": lambda drive: fi.PointForce("tip", CALM + drive),
+    "as one of several forces": lambda drive: fi.Drives(CALM, [CALM_FORCE, fi.PointForce("mid", drive, name="other")]),
+}
+BAD = {
+    "a fast chirp": (fi.Chirp(4.0, 7.0, 4.0, acceleration=1e-2), 4.0, "sweep rate"),
+    "a chirp beside the resonance": (fi.Chirp(8.0, 12.0, 4.0, acceleration=1e-2), 4.0, "that the chirp passes"),
+    "a chirp that is cut off": (fi.Chirp(4.0, 7.0, 400.0, acceleration=1e-2), 4.0, "that the chirp passes"),
+    "coarse steps": (fi.SteppedSine([4.9, 5.2, 5.5], 10, acceleration=1e-2), 6.0, "frequency step"),
+    "short steps": (fi.SteppedSine([5.2, 5.4], 10, acceleration=1e-2), 4.0, "of a dwell"),
+    "steps short by seconds": (fi.SteppedSine([5.2, 5.4], seconds=2.0, acceleration=1e-2), 4.0, "take seconds = 55"),
+    "a short random motion": (fi.RandomBase([[3.0, 1e-5], [8.0, 1e-5]], 4.0), 4.0, "standard error of the rms"),
+    "a short sine": (fi.Sine(1e-5, 5.0), 4.0, "transient of the first mode left at 2.67 s"),
+    "a sine without a level": (fi.Sine(0.0, 5.0), 4.0, "zero, which moves nothing"),
+    "a record without a level": (fi.RecordedBase(np.zeros(80), 0.05), 4.0, "zero, which moves nothing"),
+    "a late shock": (fi.Shock("half-sine", 1.0, 0.01, delay=9.0), 4.0, "the run ends at 4 s, before"),
+    "a sine above the modes": (fi.Sine(1e-8, 900.0), 0.2, "the drive is at 900 Hz, where no mode is kept"),
+    "a random motion above the modes": (
+        fi.RandomBase([[500.0, 1e-5], [900.0, 1e-5]], 1.0), 1.0, "mean square of the random motion is above"
+    ),
+}  # fmt: skip
+BARE = fi.without_impactors(reduced(REFERENCE, 3))
+
+
+@pytest.mark.parametrize("place", PLACES)
+@pytest.mark.parametrize("name", BAD)
+def test_a_bad_plan_is_named_before_a_run_and_in_it_wherever_the_drive_stands(name, place):
+    drive, duration, said = BAD[name]
+    excitation = PLACES[place](drive)
+    run = fi.integrate(BARE, excitation, fi.EventDriven(), duration, fi.Recorder(channels=()))
+    in_run = "\n".join((*run.warnings, *run.notes))
+    assert said in in_run
+    assert said in "\n".join(map(str, fi.preflight(BARE, excitation, duration=duration).passed))
+    # where there are several the words say which
+    parts = {"in a sum": "part 2", "in the sum of a force": "part 2", "as one of several forces": '"other"'}
+    transient = name == "a short sine"
+    assert transient or parts.get(place, "") in next(line for line in in_run.splitlines() if said in line)
+
+
+SOUND_DRIVES = {
+    "a sine": (fi.Sine(1e-5, 4.5), 60.0),
+    "a slow chirp": (fi.Chirp(5.28, 5.32, 300.0, acceleration=1e-3), 300.0),
+    "fine and long steps": (fi.SteppedSine([5.294, 5.297, 5.3, 5.303, 5.306], 320, acceleration=1e-3), 302.0),
+    "a long random motion": (fi.RandomBase([[5.0, 1e-8], [5.6, 1e-8]], 3200.0), 3200.0),
+    "a shock": (fi.Shock("half-sine", 0.01, 0.05), 60.0),
+}
+
+
+@pytest.mark.parametrize("place", ["alone", "in the sum of a force", "as one of several forces"])
+@pytest.mark.parametrize("name", ["a sine", "fine and long steps", "a shock"])
+def test_nothing_is_said_of_a_sound_plan_wherever_the_drive_stands(name, place):
+    drive, duration = SOUND_DRIVES[name]
+    scaled = replace(drive, level=1e-4 * drive.level) if hasattr(drive, "level") else replace(drive, amplitude=1e-5)
+    excitation = PLACES[place](scaled)
+    assert fi.preflight(BARE, excitation, duration=duration).passed == ()
+    assert plan_notes(BARE, excitation, duration, fi.State()) == ()
+
+
+@pytest.mark.parametrize("name", SOUND_DRIVES)
+def test_nothing_is_said_of_a_sound_plan(name):
+    drive, duration = SOUND_DRIVES[name]
+    assert fi.preflight(BARE, drive, duration=duration).passed == ()
+    assert plan_notes(BARE, drive, duration, fi.State()) == ()
+
+
+def test_a_run_that_goes_on_has_no_transient_and_a_free_decay_no_level():
+    sine, method, record = fi.Sine(1e-5, 5.0), fi.EventDriven(), fi.Recorder(channels=())
+    first = fi.integrate(BARE, sine, method, 4.0, record)
+    second = fi.integrate(BARE, sine, method, 4.0, record, first.final_state)
+    assert any("transient of the first mode" in text for text in first.notes)
+    assert not any("transient of the first mode" in text for text in second.notes)
+    free = fi.integrate(BARE, fi.Sine(0.0, 5.0), method, 4.0, record, first.final_state)
+    assert not any("moves nothing" in text for text in free.notes)
+
+
+def test_a_drifting_record_is_named_in_a_run_also_within_a_sum():
+    system, at = reduced(REFERENCE, 3), np.arange(0.0, 8.0, 1 / 400.0)
+    place = 1e-4 * np.sin(2 * np.pi * 5.0 * at) + 5e-3 * np.sin(2 * np.pi * 0.2 * at)
+    record = fi.RecordedBase.from_displacement(place, 1 / 400.0)
+    for excitation in (record, CALM + record, fi.Drives(record, [CALM_FORCE])):
+        run = fi.integrate(system, excitation, fi.EventDriven(), 7.9, fi.Recorder(channels=()))
+        assert any(text.startswith("drift of the record below 2.65 Hz") for text in run.notes)
+
+
+def test_long_contacts_preloads_and_percentages_are_named_in_runs_and_curves():
+    system = with_contact_time(0.1)
+    run = fi.integrate(system, CALM, fi.EventDriven(), 1.0, fi.Recorder(channels=()))
+    curve = fi.frequency_sweep(system, 1e-5, [5.0, 5.1], fi.EventDriven(), 3, ledger=False)
+    for notes in (run.notes, curve.notes):
+        assert any("contact time of ball: 0.1 s" in text and "milliseconds" in text for text in notes)
+    pressed = fi.Stop("wall", "tip", (-1e-4, np.inf), fi.KelvinVoigt(restitution=0.6, contact_time=2e-3))
+    system = reduced(replace(REFERENCE, impactors=(), stops=(pressed,)), 3)
+    run = fi.integrate(system, CALM, fi.EventDriven(), 0.2, fi.Recorder(channels=()), fi.State.static())
+    assert "wall is in contact at rest, preloaded by 0.1 mm" in run.notes
+    for damping in (fi.Rayleigh(ratio=0.29, modes=(1, 2)), fi.ModalDamping((0.0029, 0.29))):
+        with pytest.warns(fi.InputWarning, match="damping.ratio = 0.29: .* is it a percentage"):
+            fi.assemble(replace(REFERENCE, damping=damping), elements=4)
+
+
+@pytest.mark.parametrize("key", ["base.parts.2.frequency", "force.coil.frequency"])
+def test_a_coarse_axis_of_a_part_or_a_force_is_named_before_a_study_and_by_it(key):
+    study = read_study(DRIVEN, Path("study.toml"))
+    values = AxisValues(tuple(np.linspace(5.0, 5.6, 4).tolist()))
+    plan = fi.ParameterStudy(study, {key: list(values.values)}, ["peak"])
+    found = row(fi.preflight(plan), f"frequency step of the axis {key}")
+    assert found.passed
+    assert str(found) in fi.parameter_study(study, {key: list(values.values)}, ["peak"]).attrs["warnings"]
+    fine = fi.ParameterStudy(study, {key: {"from": 5.26, "to": 5.34, "points": 21}}, ["peak"])
+    assert not row(fi.preflight(fine), f"frequency step of the axis {key}").passed
+
+
+DRIVEN = """
+[beam]
+length = 0.23026615
+width = 0.02
+thickness = 1e-3
+young_modulus = 70e9
+density = 2700
+[[mass]]
+name = "box"
+at = "tip"
+mass = 0.02290976
+[damping]
+ratio = 0.0029
+modes = [1, 2]
+[mesh]
+elements = 8
+[reduction]
+modes = 2
+[method]
+name = "event-driven"
+[base]
+kind = "sum"
+history = 2.0
+[[base.parts]]
+amplitude = 1e-5
+frequency = 4.0
+[[base.parts]]
+amplitude = 1e-5
+frequency = 5.0
+[[force]]
+name = "coil"
+at = "tip"
+kind = "sine"
+force = 1e-3
+frequency = 4.5
+"""
+
+
+def test_a_study_says_that_the_beam_bends_far_as_a_run_does():
+    system = fi.without_impactors(reduced(REFERENCE, 2))
+    found = fi.parameter_study(
+        system, {"base.frequency": [5.0, 5.3]}, ["peak"], excitation=fi.Sine(1e-3, 5.0), cycles=300
+    )
+    run = fi.integrate(system, fi.Sine(1e-3, 5.3), fi.EventDriven(), 300 / 5.3)
+    (said,) = (text for text in run.warnings if "linear beam theory" in text)
+    assert float(found["peak"].max()) > 0.1 * system.length
+    assert said.partition("up to")[0] in found.attrs["warnings"]
+    small = fi.parameter_study(
+        system, {"base.amplitude": [1e-6, 2e-6]}, ["peak"], excitation=fi.Sine(1e-3, 5.0), cycles=6
+    )
+    assert "warnings" not in small.attrs

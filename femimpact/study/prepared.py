@@ -553,11 +553,10 @@ def history_cost(study: Study, small: System, method: Method, record: Recorder) 
         small, record, len(record.channels or ()), steps, grid, study.base.frequency
     )
     kept = parts["channels"] + parts["energies"]
-    rest = sum(parts.values()) - kept
+    rest = sum(parts.values()) - kept + PIECE * _pieces(study.excitation)
     cycles = study.base.history_duration * study.base.frequency
     seconds = method.cost(small, study.base.frequency).history_seconds * cycles
     runs = RUNS_OF_HISTORY * runs_of_starts(small, study.output.starts)
-    rest += PIECE * _pieces(study.excitation)
     return Cost(LEAST + COPIES * kept + rest, START + runs * seconds + WRITING * kept)
 
 
