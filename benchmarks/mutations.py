@@ -88,7 +88,7 @@ MUTATIONS = (
     Mutation("flexibility", 'np.einsum("ji,ij->j", rows, solved))', 'np.einsum("ji,ij->j", rows, solved)) * 1.01'),
     Mutation("static_correction", "if static_correction and system.contacts:", "if False and system.contacts:"),
     Mutation("attachment_vector", "psi @ mix / np.sqrt(inverse_square)", "psi @ mix / inverse_square"),
-    Mutation("damping_of_attachment", "np.append(ratio, _damping_ratio(", "np.append(ratio, 0.5 * _damping_ratio("),
+    Mutation("damping_of_attachment", "np.append(ratio, damping_ratios(", "np.append(ratio, 0.5 * damping_ratios("),
     # excitation
     Mutation(
         "base_speed_sign",
@@ -99,6 +99,12 @@ MUTATIONS = (
     Mutation("recorded_displacement", "h * h * (2.0 * a[:-1] + a[1:]) / 6.0", "h * h * (a[:-1] + 2.0 * a[1:]) / 6.0"),
     Mutation(
         "force_phase", "Harmonic(self.amplitude, self.omega, self.phase)", "Harmonic(self.amplitude, self.omega, 0.0)"
+    ),
+    Mutation("split_of_a_continued_run", "if not held.motion or first == end:", "if True:"),
+    Mutation(
+        "phase_of_forces_at_one_place",
+        "if wave is None or len(waves) == 1 else wave.phase",
+        "if wave is None or len(waves) > 0 else wave.phase",
     ),
     Mutation("rest_in_space", "y, y_rate = y - offset, y_rate - speed", "y, y_rate = y - offset, y_rate + speed"),
     Mutation(
@@ -172,13 +178,41 @@ MUTATIONS = (
         '"symmetry-breaking" if self.curve.is_symmetric else "period-doubling"',
         '"period-doubling" if self.curve.is_symmetric else "symmetry-breaking"',
     ),
+    Mutation(
+        "one_cycle_of_two",
+        "steady_motion(CycleStatistics(*table), np.full",
+        "steady_motion(CycleStatistics(*table[:, -1:]), np.full",
+    ),
+    Mutation("two_bifurcations_in_a_step", "beyond = _beyond(left, right)", "beyond = None"),
+    Mutation(
+        "crest_of_a_stop_in_space",
+        "np.outer(hybrid.amplitude * of_base, hybrid.in_space)",
+        "np.outer(0.9 * hybrid.amplitude * of_base, hybrid.in_space)",
+    ),
+    Mutation(
+        "multipliers_of_a_stop_in_space",
+        "speed_by_phase = -rows.in_space * hybrid.omega * base",
+        "speed_by_phase = rows.in_space * hybrid.omega * base",
+    ),
     # event-driven
     Mutation(
         "event_driven_ball_without_base",
         "        load[0, n + j] = -pair.mass * drive.share\n",
         "        load[0, n + j] = 0.0\n",
     ),
-    Mutation("impulse_mobility", "fastest / -pairs.mobility(hit, hit)", "fastest / -(1.02 * pairs.mobility(hit, hit))"),
+    Mutation(
+        "impulse_mobility", "pairs.mobility(x.pair(i), x.pair(j));", "1.02 * pairs.mobility(x.pair(i), x.pair(j));"
+    ),
+    Mutation(
+        "first_in_the_list_gets_the_blow",
+        "        closes = closes || approach > rest;\n        n++;",
+        "        n += !closes || approach <= rest;\n        closes = closes || approach > rest;",
+    ),
+    Mutation(
+        "what_rests_is_left_out",
+        "search.at_wall(r) == 0.0 || approach < -rest",
+        "search.at_wall(r) == 0.0 || approach <= rest",
+    ),
     Mutation(
         "contact_stiffness",
         "np.where(store.rigid, 0.0, inputs.stiffness)",
@@ -189,20 +223,24 @@ MUTATIONS = (
         "touch(PUSHED, j) += impulse;",
         "touch(PUSHED, j) += 0.0 * impulse;",
     ),
-    Mutation("impact_loss", "0.5 * push * (1.0 - e) * fastest", "0.5 * push * fastest"),
+    Mutation("impact_loss", "0.5 * push * (1.0 - e) * approach", "0.5 * push * approach"),
     Mutation("contact_loss", "double loss = c.damping(j) * square_of_rate", "double loss = 0.0 * square_of_rate"),
     Mutation("ball_work", "0.5 * (after * after - before * before)", "0.4 * (after * after - before * before)"),
     Mutation(
         "energy_to_modes",
-        "IMPACT_COLUMNS + i) = momentum * (velocity(i) + 0.5 * momentum / b->mass(i))",
-        "IMPACT_COLUMNS + i) = momentum * velocity(i)",
+        "middle(i) = velocity(i) + 0.5 * momentum / b.mass(i);",
+        "middle(i) = velocity(i);",
     ),
     Mutation("centring_spring", "K += pair.free_stiffness * np.outer(", "K += 0.9 * pair.free_stiffness * np.outer("),
     Mutation("centring_energy", "base), b.free_stiffness(j))", "base), 0.5 * b.free_stiffness(j))"),
     Mutation(
         "stiffness_of_a_wall", "gap_on(side, j, c), 0.0), c.stiffness(j))", "gap_on(side, j, c), 0.0), c.stiffness(0))"
     ),
-    Mutation("left_by_its_wall", "c.restitution(i) * share : -share)", "c.restitution(i) * share : 0.0)"),
+    Mutation("slow_modes", "SLOW = 0.9\n", "SLOW = 1e-9\n"),
+    Mutation("load_on_slow_modes", "k < forms.slow(f) && w <", "k + 1 < forms.slow(f) && w <"),
+    Mutation(
+        "left_by_its_wall", "larger(press, 0.0) * pairs.closure)", "larger(press, 0.0) * pairs.closure && speed < 0.0)"
+    ),
     # what is read
     Mutation(
         "cut_at_the_window",
@@ -249,6 +287,13 @@ MUTATIONS = (
         "scatter_of_another_case",
         ".to_numpy()[at], values.attrs) for side",
         ".to_numpy()[end], values.attrs) for side",
+    ),
+    Mutation("spread_of_a_median", "1.0 + 0.5 * math.pi / starts", "1.0 + math.pi / starts"),
+    # damping of a free decay
+    Mutation(
+        "one_sided_interval_of_a_mode",
+        "stdtrit(max(fit.time.size - 4 * count - 2, 1), 0.5 + 0.5 * level)",
+        "stdtrit(max(fit.time.size - 4 * count - 2, 1), level)",
     ),
 )
 

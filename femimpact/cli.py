@@ -15,6 +15,7 @@ from cyclopts import App, CycloptsError, Parameter
 
 from femimpact import __version__
 from femimpact.errors import CoreError, FemimpactError, InputError, require
+from femimpact.units import number_text, prefixed
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -118,7 +119,7 @@ def _is_number(cell: str) -> bool:
 def _cell(value: Any) -> str:
     if value is None:
         return "-"
-    return value if isinstance(value, str) else f"{value:.5g}"
+    return value if isinstance(value, str) else number_text(value, 5)
 
 
 LEAST_MEMORY = 1e9
@@ -605,7 +606,13 @@ def validate(
         print_table(where, HEADER, [table_row(case) for case in cases], "Validation")
         where.print(f"{len(cases) - len(failed)} of {len(cases)} pass")
     if failed:
-        _fail("\n".join(f"{case.name}: error {case.error:.2g}, bound {case.bound:.2g}" for case in failed), 1)
+        _fail(
+            "\n".join(
+                f"{case.name}: error {number_text(case.error, 2)}, bound {number_text(case.bound, 2)}"
+                for case in failed
+            ),
+            1,
+        )
 
 
 # ---- what they share ------------------------------------------------------------------------------
@@ -667,6 +674,7 @@ def _print_results(study: Study, results: StudyResults) -> None:
         # results of earlier versions do not say
         marks.append("*" if curve.get("peak_is_one_start") else "")
         low = f" (up to {_percent(curve['peak_too_low_at_most'], 2)} too low)" if coarse else ""
+        settling = ", where a transient has not died out" if curve.get("peak_is_transient") else ""
         dropped = curve.get("damping_amplitude_ratio")
         # with impacts the width of a peak is no damping
         damping = (
@@ -677,13 +685,13 @@ def _print_results(study: Study, results: StudyResults) -> None:
         )
         where.print(
             f"sweep, {carried if label == 'ball' else label}: "
-            f"peak {_number(curve['peak_amplitude'], 1e3)}{marks[-1]} mm{low} at "
-            f"{curve['peak_frequency']:.5g} Hz; {damping}"
+            f"peak {_quantity(curve['peak_amplitude'], 'm', marks[-1])}{low} at "
+            f"{number_text(curve['peak_frequency'], 5)} Hz{settling}; {damping}"
         )
     if "starts_of_sweep" in summary:
         _print_sweep_starts(where, summary)
     elif "amplitude_ratio" in summary:
-        where.print(f"amplitude ratio without / with {carried}: {summary['amplitude_ratio']:.4g}{max(marks)}")
+        where.print(f"amplitude ratio without / with {carried}: {_number(summary['amplitude_ratio'])}{max(marks)}")
     if "history" in summary:
         marks.append(_print_history(where, study, summary))
     if any(marks):
@@ -718,45 +726,53 @@ def _print_branches(where: Console, results: StudyResults) -> None:
 
 def _print_history(where: Console, study: Study, summary: Mapping[str, Any]) -> str:
     """Print the numbers of a history; the star behind those of one start, or nothing."""
-    from femimpact.export.tables import PREFIXES
-    from femimpact.study.summary import contacts_of
+    from femimpact.study.summary import contacts_of, window_of_peaks
 
     history = summary["history"]
-    # under a record or without a cycle no motion is periodic, whatever the start
-    driven = any(getattr(study.base, name, None) is not None for name in ("record", "kind"))
-    steady = history["steadiness"] == "periodic" or driven
     starts = summary.get("history_starts", {})
-    mark = "" if steady or history["peak"] is None or starts else "*"
+    mark = "*" if history.get("peak_is_one_start") and not starts else ""
 
-    def number(value: float | None, *keys: str, scale: float = 1.0) -> str:
-        """A value with its mark; with several starts their median and range."""
-        return _range_words(starts, *keys, scale=scale) or f"{_number(value, scale)}{mark}"
+    def number(value: float | None, unit: str, *keys: str) -> str:
+        """A value with its mark and its unit; with several starts their median and range."""
+        several = _range_words(starts, unit, *keys)
+        return several or (_quantity(value, unit, mark) if value is not None else "none")
 
-    peak, rms = number(history["peak"], "peak", scale=1e3), number(history["rms"], "rms", scale=1e3)
+    peak, rms = number(history["peak"], "m", "peak"), number(history["rms"], "m", "rms")
+    third, whole = "over the last third", "" if "frequency" in history else f" {window_of_peaks(history)}"
+    cycles = "over the last third of the cycles" if "frequency" in history else third
+    settling = ": a transient has not died out" if history.get("peak_is_transient") else ""
+    repeats = f", {history['steadiness']}{settling}" if "frequency" in history else ""
+    if history["peak"] is None:
+        repeats = ": the history is shorter than a cycle"
     where.print(
-        f"history {_base_words(study, history.get('frequency'))}: "
-        f"peak {peak} mm{' of the whole run' if driven else ''}, rms {rms} mm{' of the last third' if driven else ''}, "
-        f"{history['steadiness']}; {history['impacts']} impacts, "
-        f"{history['regime']['label']}{_of_starts(starts)}"
+        f"history {_base_words(study, history.get('frequency'))}{_of_starts(starts)}: "
+        f"peak {peak}{whole}, rms {rms} {cycles}{repeats}; "
+        f"{history['impacts']} impacts, {history['regime']['label']}"
     )
     for name, channel in history["channels"].items():
-        scale, unit = PREFIXES.get(channel["unit"], (1.0, channel["unit"]))
-        largest, rms = (number(channel[key], "channels", name, key, scale=scale) for key in ("largest", "rms"))
-        own, at = _number(channel["largest_of_run"], scale), _number(channel["time_of_largest"])
-        of_run = _range_words(starts, "channels", name, "largest_of_run", scale=scale) or own
-        when = f" ({own} at {at} s of the study's own start)" if starts else f" at {at} s"
-        whole = f"largest of the run {of_run} {unit}{when}"
-        third = f"largest {largest} {unit} and rms {rms} {unit} over the last third"
-        where.print(f"{name}: {whole}; {third}" if driven else f"{name}: {third}; {whole}")
-    averaged = "cycle-averaged" if "frequency" in history else "mean"
+        if channel["largest_of_run"] is None:
+            # a rigid pair has collided: its impulses stand below
+            continue
+        largest, rms = (number(channel[key], channel["unit"], "channels", name, key) for key in ("largest", "rms"))
+        own, at = _quantity(channel["largest_of_run"], channel["unit"]), f"at {_number(channel['time_of_largest'])} s"
+        of_run = _range_words(starts, channel["unit"], "channels", name, "largest_of_run") or own
+        when = f" ({own} {at} of the study's own start)" if starts else f" {at}"
+        parts = (f"largest {largest} and rms {rms} {third}", f"largest of the run {of_run}{when}")
+        where.print(f"{name}: {'; '.join(parts if 'frequency' in history else parts[::-1])}")
     for name, contact in contacts_of(summary).items():
-        force, mean, impulse = (
-            number(contact[key], "contacts", name, key, scale=scale)
-            for key, scale in (("peak_force", 1.0), ("cycle_mean_force", 1.0), ("mean_impulse", 1e3))
+        mean, impulse, largest = (
+            number(contact.get(key), unit, "contacts", name, key)
+            for key, unit in (("cycle_mean_force", "N"), ("mean_impulse", "N s"), ("largest_impulse", "N s"))
         )
+        # an impulse has no force
+        force = (
+            f"largest impulse {largest} of the whole run"
+            if contact["peak_force"] is None
+            else f"peak force {number(contact['peak_force'], 'N', 'contacts', name, 'peak_force')}{whole}"
+        )
+        averaged = "cycle-averaged" if "frequency" in history else "mean"
         where.print(
-            f"{name} ({contact['law']}): peak force {force} N{' of the whole run' if driven else ''}, mean impulse "
-            f"{impulse} mN s, {averaged} force {mean} N{' over the last third' if driven else ''}; "
+            f"{name} ({contact['law']}): {force}, mean impulse {impulse} and {averaged} force {mean} {third}; "
             f"{_restitution_words(contact)}"
         )
     return mark
@@ -769,26 +785,27 @@ def _print_sweep_starts(where: Console, summary: Mapping[str, Any]) -> None:
     count, carried = summary["starts_of_sweep"], carried_of(summary)
     for starts in summary["starts"].values():
         peak, at, ratio, damping = (
-            _range_words(starts, name, scale=scale) or "none"
-            for name, scale in (("peak_amplitude", 1e3), ("peak_frequency", 1.0), ("amplitude_ratio", 1.0),
-                                ("damping_amplitude_ratio", 100.0))
+            _range_words(starts, unit, name) or "none"
+            for name, unit in (("peak_amplitude", "m"), ("peak_frequency", "Hz"), ("amplitude_ratio", "1"),
+                               ("damping_amplitude_ratio", "%"))
         )  # fmt: skip
         where.print(
-            f"sweep, {carried}, median and range of {count} starts: peak {peak} mm at {at} Hz; "
-            f"amplitude ratio without / with {carried}: {ratio}; damping by the drop of the peak {damping} %"
+            f"sweep, {carried}, median and range of {count} starts: peak {peak} at {at}; "
+            f"amplitude ratio without / with {carried}: {ratio}; damping by the drop of the peak {damping}"
         )
 
 
 def _of_starts(starts: Mapping[str, Any]) -> str:
-    return f"; medians and ranges of {starts['count']} starts" if starts else ""
+    return f", medians and ranges of {starts['count']} starts" if starts else ""
 
 
-def _range_words(starts: Mapping[str, Any], *keys: str, scale: float = 1.0) -> str:
-    """Median and range of a quantity over several starts; nothing where it has none."""
+def _range_words(starts: Mapping[str, Any], unit: str, *keys: str) -> str:
+    """Median and range of a quantity over several starts, with its unit; nothing where it has none."""
     from femimpact.study.result_conclusions import spread_at
+    from femimpact.study.summary import spread_text
 
     spread = spread_at(starts, *keys)
-    return "" if spread is None else spread.text(scale)
+    return "" if spread is None else spread_text(spread, unit)
 
 
 def _base_words(study: Study, frequency: float | None) -> str:
@@ -800,34 +817,40 @@ def _base_words(study: Study, frequency: float | None) -> str:
         return f"under {words_of(study.excitation)}"
     if kind is not None:
         return f"of the {kind} motion"
-    return f"at {frequency:.5g} Hz" if record is None else f"of the record {record!r}"
+    return f"at {number_text(frequency or 0.0, 5)} Hz" if record is None else f"of the record {record!r}"
 
 
 def _restitution_words(contact: Mapping[str, Any]) -> str:
     """Restitution of a contact's law, with the step where the method has one, and of the run's impacts."""
-    words = f"restitution {contact['restitution']:.4g} of the law"
+    words = f"restitution {_number(contact['restitution'])} of the law"
     if contact["achieved_by"] == "step":
-        words += f", {contact['achieved_restitution']['mean']:.4g} with this step"
+        words += f", {_number(contact['achieved_restitution']['mean'])} with this step"
     if contact["observed_restitution"] is None:
         return words
     return (
-        f"{words}; the run's impacts rebound with {contact['observed_restitution']:.4g} of their approach speed "
-        f"(median of {contact['impacts']}: the beam moves meanwhile)"
+        f"{words}; the run's impacts rebound with {_number(contact['observed_restitution'])} of their approach speed "
+        f"(median; the beam moves meanwhile)"
     )
 
 
-def _number(value: float | None, scale: float = 1.0) -> str:
-    return "none" if value is None else f"{scale * value:.4g}"
+def _number(value: float | None) -> str:
+    return "none" if value is None else number_text(value)
+
+
+def _quantity(value: float, unit: str, mark: str = "") -> str:
+    """A number with its mark, in the unit that fits."""
+    factor, shown = prefixed(abs(value), unit)
+    return f"{number_text(factor * value)}{mark} {'' if shown == '1' else shown}".rstrip()
 
 
 def _percent(value: float | None, digits: int = 3) -> str:
-    return "none" if value is None else f"{100 * value:.{digits}g} %"
+    return "none" if value is None else f"{number_text(100 * value, digits)} %"
 
 
 def _print_closing(where: Console, results: StudyResults) -> None:
     residual = results.summary.get("energy_residual")
     if residual is not None:
-        where.print(f"energy unaccounted for: {residual:.2g} of the energy put in")
+        where.print(f"energy unaccounted for: {number_text(residual, 2)} of the energy put in")
     for text in results.summary.get("notes", []):
         where.print(f"note: {text}")
     for text in results.summary.get("warnings", []):

@@ -92,9 +92,13 @@ def _open_without_waiting(path: str, flags: int) -> int:
     return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
 
 
+def kind_of(found: os.stat_result) -> str:
+    """Words for what is no regular file; empty for one."""
+    return next((words for is_one, words in KINDS if is_one(found.st_mode)), "")
+
+
 def _check(found: os.stat_result, path: str | Path, most: int | None) -> None:
-    kind = next((words for is_one, words in KINDS if is_one(found.st_mode)), "")
-    if kind:
+    if kind := kind_of(found):
         code = errno.EISDIR if stat.S_ISDIR(found.st_mode) else errno.EINVAL
         raise OSError(code, f"is {kind}, no regular file", str(path))
     if most is not None and found.st_size > most:

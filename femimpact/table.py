@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from femimpact.errors import require_name
 from femimpact.svg import notebook_markup
+from femimpact.units import number_text
 
 if TYPE_CHECKING:
     import pandas
@@ -32,8 +33,13 @@ LINES = 9
 
 
 def column_units(table: Any) -> dict[str, str]:
-    """Units by name of a record's columns: its array fields along the axis of the first one, which is the rows'."""
+    """Units by name of a record's columns: its array fields along the axis of the first one, which is the rows'.
+
+    None of a record whose rows are no arrays.
+    """
     arrays = [item for item in fields(table) if "axes" in item.metadata]
+    if not arrays:
+        return {}
     rows = arrays[0].metadata["axes"][0]
     return {item.name: item.metadata["unit"] for item in arrays if item.metadata["axes"][0] == rows}
 
@@ -173,7 +179,7 @@ def head_of_values(title: str, values: Mapping[str, str]) -> Head:
 
 
 def _cell(value: Any) -> str:
-    return f"{value:.5g}" if isinstance(value, float) else str(value)
+    return number_text(value, 5) if isinstance(value, float) else str(value)
 
 
 def _cut(line: str) -> str:

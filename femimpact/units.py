@@ -1,4 +1,7 @@
-"""Units in texts: what "10 g", "4 mm" or "0.04 g^2/Hz" are in the unit of a field, and the one table of units."""
+"""Units in texts: what "10 g", "4 mm" or "0.04 g^2/Hz" are in the unit of a field, and the one table of units.
+
+Numbers for the eye too: with how many digits, and in which unit.
+"""
 
 from __future__ import annotations
 
@@ -6,8 +9,9 @@ import itertools
 import math
 import re
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from fractions import Fraction
-from functools import cache
+from functools import lru_cache
 from typing import Any
 
 from femimpact.errors import Fault, InputError
@@ -61,6 +65,7 @@ _WITH_PREFIX: Mapping[str, tuple[Fraction, Mapping[str, Any]]] = {
     "Hz": (Fraction(1), _RATE),
     "rad": (Fraction(1), _ANGLE),
     "B": (Fraction(1), _BYTES),
+    "Gal": (Fraction(1, 100), _ACCELERATION),
 }
 """Size in SI and powers of the base units of what may have a prefix."""
 
@@ -69,8 +74,6 @@ _PREFIXES = {p: Fraction(10) ** n for p, n in (("", 0), *zip("GMkcmun", (9, 6, 3
 _SYMBOLS: Mapping[str, tuple[Fraction, Mapping[str, Any]]] = {
     **{p + name: (f * size, of) for (p, f), (name, (size, of)) in itertools.product(
         _PREFIXES.items(), _WITH_PREFIX.items())},
-    **dict.fromkeys(("secs", "second", "seconds"), (Fraction(1), _TIME)),
-    **dict.fromkeys(("millisecond", "milliseconds"), (Fraction(1, 1000), _TIME)),
     "min": (Fraction(60), _TIME),
     "h": (Fraction(3600), _TIME),
     "in": (_INCH, _LENGTH),
@@ -92,6 +95,19 @@ _SYMBOLS: Mapping[str, tuple[Fraction, Mapping[str, Any]]] = {
 }  # fmt: skip
 """Size in SI and powers of the base units of every symbol; g is that of a mass here."""
 
+_SPELLED: Mapping[str, str] = {
+    word: symbol for symbol, words in {
+        "s": "secs second seconds sek sekunde sekunden seconde secondes segundo segundos secondo secondi",
+        "ms": "millisecond milliseconds millisekunde millisekunden milliseconde millisecondes",
+        "us": "microsecond microseconds mikrosekunde mikrosekunden", "min": "minute minutes minuten",
+        "in": "inch inches",
+        "m": "meter meters metre metres", "mm": "millimeter millimeters millimetre millimetres", "mil": "mils",
+        "um": "micron microns micrometer micrometers micrometre micrometres mikrometer", "ft": "foot feet",
+        "N": "newton newtons", "Gal": "gal gals", "mGal": "mgal", "Hz": "hertz", "Pa": "pascal",
+    }.items() for word in words.split()
+}  # fmt: skip
+"""Symbols of units that are written out, in small letters."""
+
 _G = (_GRAVITY, _ACCELERATION)
 
 GRAVITY = float(_GRAVITY)
@@ -100,6 +116,9 @@ GRAVITY = float(_GRAVITY)
 _WRITTEN = {
     "⁻²": "^-2", "⁻¹": "^-1", "²": "^2", "³": "^3", "⁴": "^4", "µ": "u", "μ": "u", "·": " ", "*": " ", "°": "deg",
 }  # fmt: skip
+
+_GS = re.compile(r"\bg(?:[- ]?forces?|'?s)\b", re.IGNORECASE)
+"""Words for g, as "g-force" and "g's"."""
 
 _TOKEN = re.compile(
     r"\s*(?:(?P<symbol>[A-Za-z]+|%|1(?![\d.]))|(?P<mark>[()/])|\^?(?P<power>-?\d+(?:\.\d+)?))", re.ASCII
@@ -179,22 +198,111 @@ def in_si(key: str, value: Any, unit: str) -> Any:
         raise InputError([Fault(key, value, "", f"must be a finite number, in {unit}")]) from None
 
 
-@cache
+# ---- numbers for the eye --------------------------------------------------------------------------
+
+
+PLAIN = (1e-4, 1e7)
+"""Sizes from and up to which a number is written without a power of ten."""
+
+PREFIXES = ((1.0, ""), (1e3, "m"), (1e6, "µ"), (1e9, "n"))
+SMALLEST_IN_MM, LARGEST_IN_MM = 1e-5, 10.0
+"""Lengths (m) that are shown in mm."""
+SMALLEST_IN_MPA = 1e5
+"""Smallest stress (Pa) that is shown in MPa."""
+
+MOST_DIGITS = 5
+"""Digits of the ends of an interval, where one digit of its half width remains."""
+
+
+def number_text(
+    value: float,
+    digits: int = 4,  # that count
+    zeros: bool = False,  # whether zeros at its end stay: they say how exact it is
+) -> str:
+    """A number for the eye, without a power of ten where that is readable."""
+    text = f"{value:#.{digits}g}".rstrip(".").replace(".e", "e") if zeros and value else f"{value:.{digits}g}"
+    if "e" not in text or not PLAIN[0] <= abs(value) < PLAIN[1]:
+        return text
+    # 12340 is read more easily than with a power of ten
+    return f"{value:.0f}"
+
+
+def prefixed(largest: float, unit: str) -> tuple[float, str]:
+    """Factor and unit with the prefix in which the largest value is at least 1.
+
+    Lengths from 0.01 mm to 10 m are in mm, stresses from 0.1 MPa on in MPa, masses below 1 kg in g.
+    """
+    if not unit[:1].isalpha():
+        # of a number in a time or a length
+        return 1.0, unit
+    if unit.startswith("kg") and 0.0 < largest < 1.0:
+        factor, shown = prefixed(1e3 * largest, unit[1:])
+        return 1e3 * factor, shown
+    if unit == "Pa" and largest >= SMALLEST_IN_MPA:
+        return 1e-6, "MPa"
+    if unit == "m" and SMALLEST_IN_MM <= largest < LARGEST_IN_MM:
+        # as on every axis of a displacement, so that figures can be laid side by side
+        return 1e3, "mm"
+    found = next(((f, p) for f, p in PREFIXES if f * largest >= 1.0), PREFIXES[-1] if largest else PREFIXES[0])
+    return found[0], found[1] + unit
+
+
+def quantity_text(value: float, unit: str, digits: int = 4) -> str:
+    """A number for the eye in the unit that fits, as "130 mm" for 0.13 m."""
+    factor, shown = prefixed(abs(value), unit)
+    return f"{number_text(factor * value, digits)} {shown}"
+
+
+def interval_texts(value: float, low: float, high: float) -> tuple[str, str, str]:
+    """A value and the ends of its interval, all to two digits of the half width.
+
+    Of more than five digits one of the half width is enough: 5.3000 (5.2998 to 5.3003).
+    """
+    largest = max(abs(low), abs(high))
+    half, first = decimal_place(0.5 * (high - low)), decimal_place(largest)
+    fifth = first - MOST_DIGITS + 1
+    place = fifth if half - 1 < fifth <= half else half - 1
+    if not (low < high and math.isfinite(low + high) and half > first - 15):
+        return number_text(value, 6), number_text(low, 6), number_text(high, 6)
+    if PLAIN[0] <= largest < PLAIN[1]:
+        return at_place(value, place), at_place(low, place), at_place(high, place)
+    texts = (number_text(one, max(decimal_place(one) - place + 1, 1), zeros=True) for one in (value, low, high))
+    return next(texts), next(texts), next(texts)
+
+
+def decimal_place(value: float) -> int:
+    """Power of ten of the first digit of a size, far below all others for zero."""
+    return math.floor(math.log10(abs(value)) + 1e-9) if value and math.isfinite(value) else -400
+
+
+def at_place(value: float, place: int) -> str:
+    """The value rounded to a power of ten."""
+    return f"{round(value, -place):.{max(-place, 0)}f}"
+
+
+# ---- units ----------------------------------------------------------------------------------------
+
+
 def _size_in(text: str, unit: str) -> Fraction | None:
     """How many of an SI unit a unit is; None where the text is no unit, or of another dimension."""
-    # g is what makes the unit fit, an acceleration before a mass
+    # g is what makes the unit fit, an acceleration before a mass; none is in a unit of SI
+    fitting = (size / target for target, its in _readings(unit)[-1:] for size, of in _readings(text) if of == its)
+    return next(fitting, None)
+
+
+@lru_cache(4096)
+def _readings(text: str) -> tuple[tuple[Fraction, dict[str, Fraction]], ...]:
+    """What `_parsed` finds with g as an acceleration, and as a mass, where that makes the text a unit."""
+    readings = []
     for g in (_G, None):
-        try:
-            (target, of), (size, its) = _parsed(unit, None), _parsed(text, g)
-        except (_NoUnitError, OverflowError):
-            continue
-        if its == of:
-            return size / target
-    return None
+        with suppress(_NoUnitError, OverflowError):
+            readings.append(_parsed(text, g))
+    return tuple(readings)
 
 
 def _parsed(text: str, g: tuple[Fraction, Mapping[str, Any]] | None) -> tuple[Fraction, dict[str, Fraction]]:
     """Size in SI and powers of the base units of a text; with g as an acceleration, with prefixes, or as a mass."""
+    text = _GS.sub("g", text)
     for written, plain in _WRITTEN.items():
         text = text.replace(written, plain)
     tokens, at = [], 0
@@ -241,10 +349,11 @@ def _product(
 
 
 def _symbol(word: str, g: tuple[Fraction, Mapping[str, Any]] | None) -> tuple[Fraction, dict[str, Any]]:
-    if g is not None and word in ("g", "mg", "ug", "G", "gn"):
-        prefix = word[0] if len(word) == 2 and word[1] == "g" else ""
+    if g is not None and word in ("g", "mg", "ug", "G", "mG", "uG", "gn"):
+        prefix = word[0] if len(word) == 2 and word != "gn" else ""
         return _PREFIXES[prefix] * g[0], dict(g[1])
-    if word not in _SYMBOLS:
+    symbol = word if word in _SYMBOLS else _SPELLED.get(word.lower(), "")
+    if symbol not in _SYMBOLS:
         raise _NoUnitError
-    size, of = _SYMBOLS[word]
+    size, of = _SYMBOLS[symbol]
     return size, dict(of)

@@ -393,8 +393,17 @@ VERBS = {
     "Beam.uniform": (fi.Beam.uniform, lambda: {
         "length": 0.2, "width": 0.02, "thickness": 1e-3, "young_modulus": 70e9, "density": 2700.0
     }),
-    "Beam.rectangle_at": (STRUCTURE.beam.rectangle_at, lambda: {"position": 0.1}),
+    "Beam.round": (fi.Beam.round, lambda: {"length": 0.2, "diameter": 4e-3, "young_modulus": 70e9, "density": 2700.0}),
+    "Beam.tube": (fi.Beam.tube, lambda: {
+        "length": 0.2, "diameter": 4e-3, "wall": 5e-4, "young_modulus": 70e9, "density": 2700.0
+    }),
+    "Beam.section": (fi.Beam.section, lambda: {
+        "length": 0.2, "area": 2e-5, "second_moment": 2e-12, "outer_fibre": 6e-4, "young_modulus": 70e9,
+        "density": 2700.0
+    }),
+    "Beam.drawn_at": (STRUCTURE.beam.drawn_at, lambda: {"position": 0.1}),
     "Beam.segment_index_at": (STRUCTURE.beam.segment_index_at, lambda: {"position": 0.1}),
+    "Segment.drawn_at": (STRUCTURE.beam.segments[0].drawn_at, lambda: {"position": 0.1}),
     "Segment.rectangle_at": (STRUCTURE.beam.segments[0].rectangle_at, lambda: {"position": 0.1}),
     "System.from_matrices": (no_beam, lambda: {
         "M": 1.0, "C": 0.1, "K": 40.0, "points": {"p": [1.0]}, "base_load": [1.0], "impactors": [], "stops": [],

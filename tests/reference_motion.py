@@ -1,9 +1,9 @@
 """An independent integrator of vibro-impact motion: Runge and Kutta's method of order 8 with located events.
 
 M q'' + C q' + K q = load s(t) + given + contacts, for structure and balls relative to the base. It shares the
-equations with femimpact, and none of its closed forms, searches or rules: a rigid pair gets the impulse
-(1 + e) v/(1/m + b^T M^-1 b), one after another and the fastest first at one instant; a Kelvin-Voigt pair pushes
-with k p + c p' from its touch until that is zero, and then separates without force until p = 0.
+equations with femimpact, and none of its closed forms and searches: rigid pairs that close or rest at one instant
+get impulses p >= 0 with u+ + e u- >= 0, one of both zero, here by least squares; a Kelvin-Voigt pair pushes with
+k p + c p' from its touch until that is zero, and then separates without force until p = 0.
 
 A pair that rests at its wall at the start, or is stopped there by a restitution of 0, is held until the force for that
 would pull, or an impact elsewhere moves its wall. Of other sticking phases it knows none, and ends before the first
@@ -31,7 +31,7 @@ from reference_equations import (
     rows_of,
 )
 from scipy.integrate import DOP853
-from scipy.optimize import brentq
+from scipy.optimize import brentq, nnls
 
 import femimpact as fi
 
@@ -333,7 +333,7 @@ def _pass_event(motion: _Motion, meaning: tuple[int, int, int], most_touches: in
 
 
 def _collide(motion: _Motion) -> None:
-    """Impulses of all rigid pairs at their walls, the fastest first, until none approaches."""
+    """Impulses of all rigid pairs that close or rest at their walls, together, until none approaches."""
     system, d = motion.system, motion.size
     rows, inverse = rows_of(system), inverse_mass(system)
     walls = []
@@ -342,24 +342,36 @@ def _collide(motion: _Motion) -> None:
         for side, gap in zip((1, -1), pair.gaps, strict=True):
             if isinstance(pair.law, fi.Rigid) and abs(side * x - gap) <= AT_WALL * motion.largest:
                 walls.append((j, side, pair.law.restitution))
-    first, hit = 0.0, set()
+    approach = np.array([side * float(rows[j] @ motion.z[d:]) for j, side, _ in walls])
+    rests = [motion.states[j][0] == RESTING for j, _, _ in walls]
+    approach[rests] = 0.0
+    hit: set[int] = set()
     for _ in range(1000):
-        speeds = [side * float(rows[j] @ motion.z[d:]) for j, side, _ in walls]
-        fastest = int(np.argmax(speeds))
-        first = first or speeds[fastest]
-        if speeds[fastest] <= 1e-14 * first:
+        slow = 1e-12 * motion.fastest
+        taking = [k for k, speed in enumerate(approach) if speed > -slow]
+        if not taking or np.max(approach) <= slow:
             break
-        j, side, e = walls[fastest]
-        impulse = (1.0 + e) * speeds[fastest] / float(rows[j] @ inverse @ rows[j])
-        motion.z[d:] -= inverse @ rows[j] * side * impulse
-        motion.touches.append((motion.time, j, speeds[fastest]))
-        hit.add(j)
+        push = np.array([walls[k][1] * rows[walls[k][0]] for k in taking])
+        closing = np.maximum(approach[taking], 0.0)
+        wanted = np.array([1.0 + walls[k][2] for k in taking]) * closing
+        # p >= 0, A p >= wanted, one of both equal: with A = L L^T the least |L^T p - L^-1 wanted| of p >= 0
+        lower = np.linalg.cholesky(push @ inverse @ push.T)
+        impulse, _ = nnls(lower.T, np.linalg.solve(lower, wanted))
+        motion.z[d:] -= inverse @ push.T @ impulse
+        for k, speed, pushed in zip(taking, closing, impulse, strict=True):
+            if pushed > 0.0 and not rests[k]:
+                motion.touches.append((motion.time, walls[k][0], float(speed)))
+                hit.add(walls[k][0])
+        approach = np.array([side * float(rows[j] @ motion.z[d:]) for j, side, _ in walls])
+    resting = {j for (j, _, _), rest, speed in zip(walls, rests, approach, strict=True) if rest and speed > -slow}
     stopped = [(j, side) for j, side, e in walls if j in hit and e == 0.0]
-    left = [(j, side) for j, side, _ in walls if (j, side) not in stopped]
+    left = [(j, side) for j, side, _ in walls if (j, side) not in stopped and j not in resting]
     if any(side * float(rows[j] @ motion.z[d:]) > -SLOW * motion.fastest for j, side in left) or len(stopped) > 1:
         raise _Ends("sticks")
     motion.fresh = {m for m in motion.fresh if m[0] not in hit} | {(j, side, PRESSED) for j, side, _ in walls}
     for j, (state, side) in enumerate(motion.states):
+        if j in resting:
+            continue
         if state == RESTING:
             # it was at its wall among the others, and has left it
             motion.states[j] = (FREE, 0)

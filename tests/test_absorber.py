@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 from builders import REFERENCE, UNDRAWN_STUDY
 from command import femimpact
+from scipy.linalg import expm
 
 import femimpact as fi
 from femimpact.study.study_file import read_study, study_text
+from femimpact.sweep.curve import transient_left
 
 pytestmark = pytest.mark.impacts
 
@@ -178,6 +180,40 @@ def test_two_halves_are_one_run():
         # whole steps and cycles: both runs have the same instants, but for the rounding of the phase
         rest = fi.integrate(system, BASE, method, 3.0 * PERIOD, record, half.final_state)
         np.testing.assert_allclose(rest.channels["absorber"][-1], whole.channels["absorber"][-1], rtol=1e-12)
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.003, 0.03, 0.1])
+def test_transient_that_is_left_is_that_of_the_coupled_motion(damping):
+    """After a release of the structure, by the exponential of the matrix of both equations."""
+    body = replace(ABSORBER, damping=damping)
+    system = fi.System.from_matrices(**SYSTEM, absorbers=[body])
+    joined, mass = np.array([[1.0, -1.0], [-1.0, 1.0]]), np.array([[1.0], [MASS]])
+    lower = -np.hstack([np.diag([1.0, 0.0]) + STIFFNESS * joined, np.diag([0.01, 0.0]) + damping * joined]) / mass
+    matrix = np.vstack([np.hstack([np.zeros((2, 2)), np.eye(2)]), lower])
+    step = 0.25
+    one, state, moved = expm(step * matrix), np.array([1.0, 0.0, 0.0, 0.0]), []
+    for _ in range(1600):
+        moved.append(abs(state[0]))
+        state = one @ state
+    for begin in (0.0, 20.0, 60.0, 150.0):
+        left = transient_left(system, begin)[2]
+        # within a beat of 2 pi/0.3 the parts meet, as far as they last
+        later = max(moved[int(begin / step) : int((begin + 22.0) / step)])
+        assert later <= left * 1.001
+        assert later >= 0.45 * left
+    bare = transient_left(fi.System.from_matrices(**SYSTEM), 60.0)
+    light = fi.System.from_matrices(**SYSTEM, absorbers=[replace(body, mass=1e-9, stiffness=1e-9, damping=0.0)])
+    assert transient_left(light, 60.0)[2] == pytest.approx(bare[2], rel=1e-3)
+
+
+def test_a_tuned_absorber_leaves_nothing_that_a_longer_dwell_would_change():
+    bare = replace(REFERENCE, impactors=())
+    absorber = fi.tuned_absorber(bare, mass=3.43e-3, at="tip")
+    system = fi.reduce(fi.assemble(replace(bare, absorbers=[absorber]), elements=10), 2)
+    curves = [fi.frequency_sweep(system, 2e-4, [4.5, 5.5], fi.EventDriven(), cycles=n) for n in (200, 2000)]
+    np.testing.assert_allclose(curves[0].peak, curves[1].peak, rtol=1e-9)
+    assert not any("transient is left" in text for curve in curves for text in curve.warnings)
+    assert all("transient" not in text for text in curves[0].warnings)
 
 
 def test_sweep_agrees_with_the_closed_form():

@@ -346,6 +346,24 @@ def test_a_symmetric_problem_has_the_same_margin_on_both_sides_and_no_cliff():
     assert (margin.below_found, margin.above_found, margin.cliff, margin.bound) == (True, True, "", "")
 
 
+@pytest.mark.parametrize("better", ["small", "large"])
+def test_no_margin_ends_where_the_starts_do_not_tell_two_designs_apart(better):
+    """Values scatter by 20 to 40 % about a plain, with intervals that overlap, and rise beyond 4 mm and below 2 mm."""
+    gaps = np.array([1.0, 1.9, 2.0, 2.9, 2.98, 3.0, 3.019, 3.1, 4.0, 4.1, 5.0])
+    median = np.array([4.0, 1.9, 1.3, 1.2, 1.4, 1.0, 1.3, 1.25, 1.35, 2.0, 4.0])
+    columns = {"peak": median, "peak_median_low": median - 0.4, "peak_median_high": median + 0.4}
+    if better == "large":
+        columns = {"peak": -median, "peak_median_low": -median - 0.4, "peak_median_high": -median + 0.4}
+    (margin,) = only(fi.best_case(dataset({GAP: 1e-3 * gaps}, columns, starts=8, better=better), "peak")).margins
+    # 1.9 and 4.1 mm are the first whose intervals lie apart
+    assert (margin.below_found, margin.above_found, margin.cliff) == (True, True, "")
+    assert (margin.below, margin.above) == (pytest.approx(1.0e-3), pytest.approx(1.0e-3))
+    # without intervals the values are what is known
+    plain = {"peak": columns["peak"]}
+    (margin,) = only(fi.best_case(dataset({GAP: 1e-3 * gaps}, plain, better=better), "peak")).margins
+    assert margin.above == pytest.approx(0.019e-3 * 0.15 / 0.3)
+
+
 def test_the_steep_side_is_the_cliff_and_a_mirror_turns_it():
     gaps = np.array([2.0, 2.5, 3.0, 3.5, 4.0])
     peak = np.array([6.0, 4.4, 2.7, 3.2, 3.4])

@@ -7,11 +7,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+import xarray
 from builders import oscillator
 from scipy.stats import t
 
 import femimpact as fi
 from femimpact.errors import InputError
+from femimpact.parametric.measured_peaks import _median_and_scale
 
 LEVEL, NATURAL, RATIO = 1e-3, 5.0, 0.05
 FREQUENCIES = np.linspace(4.0, 6.0, 9)
@@ -68,6 +70,23 @@ def test_two_parameters_are_found_together_and_in_any_order_of_the_peaks() -> No
     assert [one.median for one in other.parameters] == pytest.approx([one.median for one in found.parameters], rel=1e-9)
     assert other.fitted == pytest.approx(found.fitted[order], rel=1e-9)
     assert str(found).count("90 % interval") == 2
+
+
+@pytest.mark.parametrize("starts", [5, 8, 20])
+def test_a_measured_peak_scatters_about_the_median_of_starts_as_the_scale_says(starts: int) -> None:
+    """Of one more draw and the median of n: the scale holds the scatter of both."""
+    draws = np.random.default_rng(starts).standard_normal((40_000, starts + 1))
+    scatter = np.var(draws[:, 0] - np.median(draws[:, 1:], axis=1))
+    # the mean range of the starts, of which the scale estimates their spread
+    ends = 0.5 * float(np.mean(np.ptp(draws[:, 1:], axis=1)))
+    axes = {"ratio": [0.03, 0.05, 0.07], "base.frequency": [5.0]}
+    values = {"peak": 1.0, "peak_low": np.exp(-0.1 * ends), "peak_high": np.exp(0.1 * ends)}
+    cases = {name: (tuple(axes), np.full((3, 1), value)) for name, value in values.items()}
+    dataset = xarray.Dataset(cases, axes, {"starts": starts})
+    median, scale = _median_and_scale(dataset, ["ratio"], 0.02)
+    np.testing.assert_allclose(median, 0.0)
+    # pi/2n is the variance of a median of many, 0.02 of 1.3 too much of 5; pi/n would be 0.3 more
+    np.testing.assert_allclose((scale**2 - 0.02**2 - 0.03**2) / 0.1**2, scatter, rtol=0.04)
 
 
 def test_peaks_that_are_measured_twice_count_twice() -> None:

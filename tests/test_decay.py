@@ -1,12 +1,19 @@
 """Damping of a free decay against records whose truth is known."""
 
+import errno
 import json
+import os
 
 import numpy as np
 import pytest
+import xarray
 from command import femimpact
+from scipy.stats import norm
 
 import femimpact as fi
+from femimpact.export import figures
+from femimpact.identification import damped_sines
+from femimpact.identification.decay_windows import noise_of, windows
 
 TIME = 0.01 * np.arange(2000)
 
@@ -89,6 +96,45 @@ def test_intervals_hold_the_truth_in_nine_of_ten_records():
     assert sum(hits) >= 0.9 * len(hits) - 4 * np.sqrt(0.09 * len(hits))
 
 
+def test_the_interval_of_a_mode_has_the_width_of_the_cramer_rao_bound():
+    """To both sides: as wide as the noise of the record asks for, and no wider."""
+    for modes, noise in (((ONE,), 0.01), (CLOSE, 0.002)):
+        found = fi.identify_decay(TIME, decay(*modes, noise=noise), modes=len(modes)).modes
+        widths = [[np.ptp(m.frequency_interval), np.ptp(m.damping_ratio_interval)] for m in found]
+        expected = 2.0 * norm.ppf(0.95) * cramer_rao(modes, noise * np.abs(decay(*modes)).max())
+        # four standard deviations, 1/sqrt(2 2000), of the noise that is estimated
+        np.testing.assert_allclose(widths, expected, rtol=0.064)
+
+
+def test_intervals_of_windows_have_the_width_of_white_noise_and_hold_the_truth_as_often_as_they_say():
+    time, hits, wide = 0.0025 * np.arange(3000), [], []
+    f, ratio, size, _ = ONE
+    exact = decay(ONE, time=time)
+    # of the logarithm of each amplitude it is sigma sqrt(2/n)/a, over the n samples of a cycle
+    noise = 0.01 * np.abs(exact).max() * np.sqrt(2.0 * f * 0.0025)
+    for seed in range(60):
+        x = exact + 0.01 * np.abs(exact).max() * np.random.default_rng(seed).standard_normal(time.size)
+        found, warnings, notes = windows(time, x, 0.0025, f, noise_of(x, 0.0025, f), 0.9)
+        assert not warnings + notes
+        cycles = found["time"][:, None] + (np.arange(5) - 2.0) / f
+        amplitude = size * np.exp(-2.0 * np.pi * f * ratio * cycles)
+        slope = np.sqrt(np.sum((np.arange(-2, 3) / 10.0 / amplitude) ** 2, axis=1))
+        wide.extend((found["high"] - found["low"]) / (2.0 * norm.ppf(0.95) * noise * slope / (2.0 * np.pi)))
+        hits.extend((found["low"] <= ratio) & (ratio <= found["high"]))
+    # some are wider, for what else may be in a window
+    assert 0.97 < np.quantile(wide, 0.1) < np.median(wide) < 1.06
+    # 90 % of 420, and four standard deviations of a binomial to both sides
+    assert len(hits) == 420
+    assert abs(np.mean(hits) - 0.9) < 4 * np.sqrt(0.09 / len(hits))
+
+
+def test_the_maxima_of_the_first_and_the_last_cycle_of_a_window_are_four_cycles_apart():
+    time = 0.001 * np.arange(20_000)
+    found = fi.identify_decay(time, decay((5.0, 0.003, 1.0, -0.5 * np.pi), time=time))
+    # 200 samples in a cycle, with crests a quarter of a cycle from its ends: at the same place in each
+    assert found.from_maxima == pytest.approx(np.full(len(found), 0.003), rel=2e-3)
+
+
 def test_ratio_follows_the_amplitude():
     # a' = -z w a - k a^2: the ratio at an amplitude is z + k a/w
     omega, z, k = 2 * np.pi * 5.3, 0.003, 0.004
@@ -107,7 +153,7 @@ def spoilt():
     y = decay(ONE, noise=0.01)
     few = np.arange(300) / 31.0
     return {
-        "clipped, 5 consecutive samples are at 18": (TIME, np.clip(y, -18.0, 18.0)),
+        "clipped, 9 consecutive samples are at 3": (TIME, np.clip(decay(ONE), -3.0, 3.0)),
         "the record has 2.1 cycles": (TIME[:40], y[:40]),
         "has 5.85 samples": (few, decay(ONE, noise=0.01, time=few)),
         "grows": (TIME, decay((5.3, -0.002, 1.0, 0.3), noise=0.01)),
@@ -123,6 +169,68 @@ def test_a_record_that_bears_no_interval_has_none_and_says_why(words):
     assert np.isnan(found.modes[0].frequency_interval).all()
     assert np.isnan(found.low).all()
     assert np.isnan(found.high).all()
+
+
+BEFORE = {
+    # the motion, the values that the sensor has, and when the decay is whole
+    "rest": (decay((*ONE[:3], -np.pi / 2), time=np.maximum(TIME - 2.0, 0.0)), np.inf, -np.inf, 2.0),
+    "hold": (decay((*ONE[:3], 0.0), time=np.maximum(TIME - 2.0, 0.0)), np.inf, -np.inf, 2.0),
+    "both tops clipped": (decay(ONE), 18.0, -18.0, 3.0),
+    "one top clipped": (decay(ONE), 18.0, -np.inf, 3.0),
+}
+
+
+@pytest.mark.parametrize("way", BEFORE)
+@pytest.mark.parametrize("noise", [0.0, 0.05])
+def test_what_is_before_a_free_decay_is_left_out_and_said(way, noise):
+    motion, highest, lowest, begin = BEFORE[way]
+    signal = motion + noise * np.random.default_rng(2).standard_normal(TIME.size)
+    found = fi.identify_decay(TIME, np.clip(signal, lowest, highest))
+    (mode,), (words,) = found.modes, found.warnings
+    assert "the record is read from " in words
+    # the bound of Cramer and Rao of the 17 s that are left is 0.09 % of the ratio
+    assert mode.damping_ratio == pytest.approx(0.0029, rel=5e-3 if noise else 1e-6)
+    low, high = mode.damping_ratio_interval
+    assert 0.0 <= high - low < 2e-5
+    assert len(found) >= 16
+    assert np.isfinite(found.low).all()
+    assert begin <= found.time[0] < begin + 1.2
+
+
+@pytest.mark.parametrize("ratio", [0.45, 0.5, 0.6, 0.8])
+def test_a_ratio_of_half_and_more_is_read(ratio):
+    found = fi.identify_decay(TIME[:200], decay((2.0, ratio, 25.0, 0.3), time=TIME[:200]))
+    assert (found.modes[0].frequency, found.modes[0].damping_ratio) == pytest.approx((2.0, ratio), rel=1e-6)
+
+
+SWEEPS = {
+    "up": np.cos(2 * np.pi * (2 * TIME + 0.2 * TIME**2)),
+    "down": np.cos(2 * np.pi * (10 * TIME - 0.2 * TIME**2)),
+    "logarithmic": np.cos(2 * np.pi * 40 / np.log(5) * np.exp(TIME / 20 * np.log(5))),
+    "narrow": np.cos(2 * np.pi * (5 * TIME + 0.01 * TIME**2)),
+}
+
+
+@pytest.mark.parametrize("way", SWEEPS)
+@pytest.mark.parametrize("modes", [1, 2])
+def test_a_sweep_is_no_decay_and_no_more_modes_are_advised(way, modes):
+    noise = 0.01 * np.random.default_rng(5).standard_normal(TIME.size)
+    found = fi.identify_decay(TIME, SWEEPS[way] + noise, modes=modes)
+    assert any("no free decay" in one for one in found.warnings), found.warnings
+    assert not any("modes=" in one or "several modes" in one for one in found.warnings)
+    assert np.isnan([mode.damping_ratio_interval for mode in found.modes]).all()
+    assert np.isnan(found.low).all()
+
+
+def test_a_fit_that_runs_away_is_no_error_and_a_step_beyond_numbers_is_refused():
+    fast = np.array([-1e6 + 1j, -0.1 + 33.0j])
+    # the sine of the first is gone at its second sample
+    assert np.isfinite(damped_sines._projected(fast, TIME, decay(ONE)).factors).all()
+    with pytest.raises(np.linalg.LinAlgError):
+        damped_sines._projected(np.array([np.nan + 1j]), TIME, decay(ONE))
+    for step in (1e-320, 1e-200, 1e200):
+        with pytest.raises(fi.InputError, match=r"steps of .*: must be steps of seconds"):
+            fi.identify_decay(step * np.arange(2000), decay(ONE))
 
 
 def test_noise_has_no_mode_and_a_mode_too_many_is_said():
@@ -299,3 +407,19 @@ def test_command_identifies_and_names_what_it_took(tmp_path):
     assert (tmp_path / "found" / "identify.png").stat().st_size > 0
     again = femimpact("identify", "a.csv", "--column", "Weg", "-o", "found", cwd=tmp_path, check=False)
     assert again.returncode == 2
+
+
+@pytest.mark.parametrize("fails", ["save_figure", "decay"])
+def test_a_full_disk_leaves_neither_of_the_files_of_identify(tmp_path, monkeypatch, fails):
+    record = xarray.Dataset({"tip": ("time", decay(ONE, noise=0.01))}, {"time": ("time", TIME)})
+    fi.write_record(tmp_path / "ring.csv", record)
+
+    def full(*_, **__):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with monkeypatch.context() as patched:
+        patched.setattr(figures, fails, full)
+        assert femimpact("identify", "ring.csv", cwd=tmp_path, check=False).returncode != 0
+    assert not list(tmp_path.rglob("*identify*.*"))
+    femimpact("identify", "ring.csv", cwd=tmp_path)
+    assert {path.name for path in tmp_path.rglob("*identify*.*")} == {"identify.json", "identify.png"}

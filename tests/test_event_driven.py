@@ -234,21 +234,6 @@ def test_stops_bound_the_beam_on_both_sides():
     assert run.energy.residual < 1e-11
 
 
-def test_newtons_cradle():
-    # five equal masses in a row, in touch: the last one leaves with the first one's speed
-    n = 5
-    points = {f"mass {i}": np.eye(n)[i] for i in range(n)}
-    points |= {f"between {i}": np.eye(n)[i] - np.eye(n)[i + 1] for i in range(n - 1)}
-    stops = [fi.Stop(f"contact {i}", f"between {i}", (0.0, math.inf), fi.Rigid(1.0)) for i in range(n - 1)]
-    system = fi.System.from_matrices(np.eye(n), 0 * np.eye(n), 0 * np.eye(n), points=points, stops=stops)
-    start = fi.State(displacement=[-1.0, 0, 0, 0, 0], velocity=[2.0, 0, 0, 0, 0])
-    channels = tuple(f"mass {i}.velocity" for i in range(n))
-    run = fi.integrate(system, fi.Sine(0.0, 1.0), EXACT, 1.0, fi.Recorder(channels), start)
-    final = [run[channel][-1] for channel in channels]
-    np.testing.assert_allclose(final, [0, 0, 0, 0, 2.0], atol=1e-13)
-    np.testing.assert_allclose(run.impacts.time, 0.5, rtol=1e-14)
-
-
 # ---- input ----------------------------------------------------------------------------------------
 
 

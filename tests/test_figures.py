@@ -431,12 +431,12 @@ def test_a_line_joins_what_repeats_and_what_scatters_is_dots(curves):
     peak = np.where(steadiness == "failed", np.nan, with_ball.peak)
     mixed = dataclasses.replace(with_ball, steadiness=steadiness, peak=peak, impacts_per_cycle=np.ones(11))
     axis = fi.figures.response_curve({"without ball": empty, "with ball": mixed}, published=[("paper", 4.95, 7e-3)])
-    # linear: no scatter, whatever its transient, which another start has another of
+    # linear: no scatter and no sample, whatever is left of its transient
     np.testing.assert_allclose(line(axis, "without ball: peak").get_ydata(), 1e3 * empty.peak)
-    transient = empty.steadiness != "periodic"
-    assert transient.any()
-    dots = line(axis, "without ball: peak, one start's value: the motion is not periodic")
-    np.testing.assert_allclose(dots.get_xdata(), FREQUENCIES[transient])
+    assert empty.peak_is_transient
+    assert not empty.is_sample.any()
+    assert not any("without ball: peak, one start" in str(drawn.get_label()) for drawn in axis.lines)
+    assert any("transient has not died out" in drawn.get_text() for drawn in axis.texts)
     joined = line(axis, "with ball: peak").get_ydata()
     np.testing.assert_allclose(joined[steadiness == "periodic"], 1e3 * peak[steadiness == "periodic"])
     assert np.isnan(joined[steadiness != "periodic"]).all()
@@ -471,6 +471,55 @@ def test_the_averages_of_all_cycles_are_the_impulses_of_the_run(run):
     np.testing.assert_allclose(averages.lines[0].get_ydata(), 1e3 * force)
     assert "mN" in averages.get_ylabel()
     assert sum(found.get_xdata().size for found in peaks.lines) == len(run.impacts)
+
+
+DRIVES = {
+    "sine": fi.Sine(0.2e-3, 5.0),
+    "sum": fi.Sine(0.2e-3, 5.0) + fi.Sine(0.1e-3, 7.3),
+    "samples": fi.RecordedBase(np.random.default_rng(0).normal(size=300), 0.02),
+}
+
+
+@pytest.mark.parametrize("stepped", [False, True])
+@pytest.mark.parametrize("name", DRIVES)
+def test_the_figure_shows_every_contact_whole_however_coarsely_the_run_is_read(small, name, stepped):
+    """Each impact of the table is one pulse of the line, with its peak, its impulse and its length."""
+    method = fi.Newmark(fi.recommended_step(small)) if stepped else fi.EventDriven()
+    record = fi.Recorder(channels=("contact_force",), every=20 if stepped else 1, ledger=False)
+    before = fi.integrate(small, DRIVES[name], method, 2.0, record)
+    run = fi.integrate(small, DRIVES[name], method, 3.0, record, before.final_state)
+    time, force = fi.figures.contact_force(run, cycles=6)[0].lines[0].get_data()
+    table, late = run.impacts, run.impacts.time >= time[0]
+    assert late.sum() >= 4
+    rows = zip(table.time[late], table.duration[late], table.peak_force[late], table.impulse[late], strict=True)
+    for begin, duration, peak, impulse in rows:
+        inside = (time >= begin) & (time <= begin + duration)
+        assert inside.sum() >= 15
+        assert np.abs(force[inside]).max() == pytest.approx(peak, rel=1e-2)
+        assert np.trapezoid(np.abs(force[inside]), time[inside]) == pytest.approx(abs(impulse), rel=0.06)
+    # the readings of the run are among those of the line
+    shared = np.isin(time, run.time)
+    assert shared.sum() == np.count_nonzero(run.time >= time[0])
+    own = run["contact_force"][run.time >= time[0]]
+    np.testing.assert_allclose(force[shared], own, rtol=0.0, atol=1e-9 * table.peak_force.max())
+
+
+def test_a_contact_force_read_more_seldom_than_a_tenth_of_a_contact_has_a_note(small):
+    base, said = fi.Sine(0.2037e-3, 5.0), {}
+    lasting = np.median(fi.integrate(small, base, fi.EventDriven(), 3.0).impacts.duration)
+    for share in (0.09, 0.11):
+        record = fi.Recorder(channels=("tip", "contact_force"), interval=share * lasting)
+        run = fi.integrate(small, base, fi.EventDriven(), 3.0, record)
+        said[share] = [text for text in run.notes if "contact_force is read every" in text]
+    assert said[0.09] == []
+    (text,) = said[0.11]
+    assert "fewer than 10 readings" in text
+    # a rigid contact has no course
+    rigid = with_ball(REFERENCE, contact=fi.Rigid(0.8))
+    run = fi.integrate(reduced(rigid), base, fi.EventDriven(), 3.0)
+    assert not any("is read every" in text for text in run.notes)
+    without = fi.integrate(small, base, fi.EventDriven(), 3.0, fi.Recorder(channels=("tip",)))
+    assert not any("contact_force is read" in text for text in without.notes)
 
 
 def test_a_force_that_sticks_is_averaged_over_the_cycles_it_shares(run):

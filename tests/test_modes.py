@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from scipy.linalg import expm
+from scipy.linalg import block_diag, eigh, expm
 from scipy.optimize import brentq
 
 import femimpact as fi
@@ -327,3 +327,85 @@ def test_a_place_off_the_beam_by_rounding_is_its_end(system):
     for off, end in ((-6e-8 * length, 0.0), (length * (1.0 + 6e-8), length)):
         np.testing.assert_array_equal(system.deflection_rows([off]), system.deflection_rows([end]))
         assert system.position_of(off) == end
+
+
+def of_matrices(M, K, C=None):
+    M, K = np.asarray(M, dtype=float), np.asarray(K, dtype=float)
+    return fi.System.from_matrices(M, 0.0 * K if C is None else C, K, points={"first": np.eye(len(M))[0]})
+
+
+@pytest.mark.parametrize(
+    ("mass", "stiffness"),
+    [
+        ([1.0, 1.0], [5.8, 0.0]),
+        ([1.0, 1.0, 1.0], [0.0, 0.0, 1.0]),
+        ([1.0, 1.0, 1.0, 1.0], [0.0, 3.0, 0.0, 3.0]),
+        ([1e-3, 1e3, 1.0], [0.0, 2.0, 0.0]),
+        ([1.0, 1.0], [0.0, 0.0]),
+        ([1.0, 1.0, 1.0], [1.0, 1e14, 0.0]),
+        ([1.0, 1e-15, 1.0], [1.0, 1e-15, 0.0]),
+        ([1.0, 1.0], [1e-20, 1e3]),
+    ],
+)
+def test_masses_that_nothing_joins_have_the_frequency_of_each_and_free_ones_none(mass, stiffness):
+    exact = np.sort(np.sqrt(np.divide(stiffness, mass))) / (2 * math.pi)
+    for count in range(1, len(mass) + 1):
+        found = fi.solve_modes(of_matrices(np.diag(mass), np.diag(stiffness)), count).natural_frequency
+        np.testing.assert_allclose(found, exact[:count], rtol=1e-14, atol=0)
+
+
+@pytest.mark.parametrize("size", [2, 3, 5, 8, 70])  # the last beyond what is solved as full matrices
+def test_free_structures_of_any_masses_have_the_frequencies_of_eigh(size):
+    random = np.random.default_rng(size)
+    for _ in range(20 if size < 10 else 2):
+        free = int(random.integers(1, min(size, 4)))
+        unit = 10.0 ** random.uniform(-1.5, 1.5, size)  # of each dof: masses over six powers of ten
+        strains, momenta = random.normal(size=(size - free, size)), random.normal(size=(size, size))
+        K, M = strains.T @ strains, momenta.T @ momenta + np.eye(size)
+        exact = np.sqrt(np.maximum(eigh(K, M, eigvals_only=True), 0.0)) / (2 * math.pi)
+        for count in (free + 1, size):
+            modes = fi.solve_modes(of_matrices(M * np.outer(unit, unit), K * np.outer(unit, unit)), count)
+            assert np.all(modes.natural_frequency[:free] == 0.0)
+            np.testing.assert_allclose(modes.natural_frequency[free:], exact[free:count], atol=1e-11 * exact[-1])
+            gram = modes.vectors.T @ (M * np.outer(unit, unit)) @ modes.vectors
+            np.testing.assert_allclose(gram, np.eye(count), atol=1e-11)
+
+
+def chain(springs, masses):
+    """Free masses (kg) in a row, with a spring (N/m) between each and the next."""
+    stretches = np.diff(np.eye(len(masses)), axis=0)
+    return np.diag(masses), stretches.T @ (np.asarray(springs)[:, None] * stretches)
+
+
+def test_two_masses_on_a_damped_spring_have_the_closed_form():
+    M, K = chain([1000.0], [2.0, 3.0])
+    reduced = fi.reduce(of_matrices(M, K, 1e-3 * K), 2)
+    omega = math.sqrt(1000.0 * (1 / 2 + 1 / 3))
+    np.testing.assert_allclose(reduced.K.diagonal(), [0.0, omega**2], rtol=1e-14)
+    np.testing.assert_allclose(reduced.C.diagonal(), [0.0, 1e-3 * omega**2], rtol=1e-14)
+
+
+@pytest.mark.parametrize("alpha", [0.0, 0.3])
+@pytest.mark.parametrize("bodies", [1, 2])
+@pytest.mark.parametrize("unit", [1.0, 1e-3, 1e6])  # of the other dofs
+def test_free_structures_with_rayleighs_damping_as_a_matrix_are_reduced(alpha, bodies, unit):
+    random = np.random.default_rng(bodies)
+    for size in (2, 5, 40):
+        parts = [chain(random.uniform(0.1, 10, size - 1), random.uniform(0.1, 10, size)) for _ in range(bodies)]
+        units = np.where(np.arange(bodies * size) % 2, unit, 1.0)
+        M, K = (block_diag(*matrices) * np.outer(units, units) for matrices in zip(*parts, strict=True))
+        omega = fi.solve_modes(of_matrices(M, K), bodies * size).natural_frequency * 2 * math.pi
+        assert np.count_nonzero(omega == 0.0) == bodies
+        reduced = fi.reduce(of_matrices(M, K, alpha * M + 0.01 * K), bodies * size)
+        expected = alpha + 0.01 * omega**2
+        np.testing.assert_allclose(reduced.C.diagonal(), expected, atol=1e-11 * expected.max())
+
+
+@pytest.mark.parametrize("share", [1.0, 1e-3, 1e-6])
+def test_a_damping_that_joins_the_modes_of_a_free_structure_is_refused(share):
+    M, K = chain([1000.0, 2000.0], [2.0, 3.0, 1.0])
+    at_the_first = np.diag([1.0, 0.0, 0.0])
+    system = of_matrices(M, K, 1e-3 * K + share * at_the_first)
+    with pytest.raises(fi.errors.InputError, match="must decouple"):
+        fi.reduce(system, 3)
+    assert fi.reduce(system, 1).C.diagonal() == pytest.approx(share / 6.0, rel=1e-9)

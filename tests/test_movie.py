@@ -6,6 +6,7 @@ import dataclasses
 import itertools
 import sys
 from types import SimpleNamespace
+from xml.etree.ElementTree import tostring
 
 import numpy as np
 import pytest
@@ -13,6 +14,8 @@ from builders import impact_table, reduced
 
 import femimpact as fi
 from femimpact.export import movie, sheet
+from femimpact.export.placed import placed_structure
+from femimpact.export.report.structure_drawing import structure_element
 
 
 @pytest.fixture(scope="module")
@@ -134,6 +137,27 @@ def test_two_balls_have_a_trace_and_a_close_up_each(two, renderer):
 
 
 @pytest.mark.impacts
+def test_the_side_view_of_a_tube_is_its_diameter_and_that_of_a_section_says_what_is_drawn(reference):
+    material = {"length": 0.1, "young_modulus": 70e9, "density": 2700.0}
+    tube = fi.Segment(diameter=6e-3, wall=1e-3, name="tube", **material)
+    other = fi.Segment(area=2e-5, second_moment=1.7e-12, name="other", **material)
+    structure = dataclasses.replace(reference, beam=fi.Beam((tube, other)))
+    record = fi.Recorder(channels=("tip",), snapshots=4)
+    run = fi.integrate(reduced(structure, 2), fi.Sine(1e-4, 5.0), fi.EventDriven(), 0.2, record)
+    film = movie._film(run, structure, 1.0, 25, 4)
+    faces = film.scene.points[np.array(sheet._silhouette(film))]
+    for begin, height in ((0.0, 6e-3), (0.1, np.sqrt(12 * 1.7e-12 / 2e-5))):
+        within = (faces[:, :, 0].min(axis=1) > begin - 1e-9) & (faces[:, :, 0].max(axis=1) < begin + 0.1 + 1e-9)
+        assert np.ptp(faces[within][:, :, 0]) == pytest.approx(0.1, rel=1e-9)
+        np.testing.assert_allclose(np.abs(faces[within][:, :, 1]), 0.5 * height, rtol=1e-9)
+    assert structure.beam.drawn_words == "other: drawn as the rectangle of its area and second moment"
+    drawing = tostring(structure_element(placed_structure(structure, run.system)), encoding="unicode")
+    assert structure.beam.drawn_words in drawing
+    assert "diameter 6 mm, wall 1 mm" in drawing
+    axis = fi.figures.beam_mesh(fi.uniform_mesh(structure, 4), structure, ax=fi.figures.OffScreen())
+    assert structure.beam.drawn_words in axis.get_title(loc="left")
+
+
 @pytest.mark.parametrize("fixed_to", ["base", "space"])
 def test_a_stop_stands_at_its_gap_and_is_coloured_when_it_is_touched(reference, fixed_to):
     stop = fi.Stop("stop", at=0.1, gap=(2e-4, np.inf), contact=fi.Rigid(0.6), fixed_to=fixed_to)

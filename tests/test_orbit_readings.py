@@ -115,6 +115,16 @@ def test_the_excitation_does_the_work_that_is_lost(settled):
         assert_balanced(orbit)
 
 
+def test_a_branch_of_doubled_orbits_reads_both_cycles(doubled):
+    """Its peaks and first harmonics are those of orbits and of a run of many periods."""
+    branch = fi.continue_orbit(doubled, "amplitude", (0.1, 0.7), points=3)
+    for i, orbit in enumerate(branch.orbits):
+        run = fi.integrate(orbit.system, orbit.excitation, fi.EventDriven(), 30 * orbit.period, initial=orbit.state)
+        for steady in (orbit.steady(), run.steady):
+            assert branch.peak[i] == pytest.approx(float(steady.peak[0]), rel=1e-6)
+            assert branch.first_harmonic[i] == pytest.approx(float(steady.first_harmonic[0]), rel=1e-4)
+
+
 def test_the_work_is_what_is_lost_on_unstable_orbits_and_over_several_cycles(asymmetric, doubled, beam):
     unstable = [orbit for orbit in asymmetric.orbits if not orbit.is_stable]
     assert max(abs(orbit.multipliers[0]) for orbit in unstable) > 10

@@ -19,7 +19,6 @@ import xarray
 from builders import REFERENCE, with_ball
 
 import femimpact as fi
-from femimpact.export.figures.drawing import prefixed
 from femimpact.export.report.maps import maps_section
 from femimpact.export.tables import case_columns, unsure_cells
 from femimpact.parametric import evaluation
@@ -34,6 +33,7 @@ from femimpact.study.demo import paper_study, paper_study_text
 from femimpact.study.result_conclusions import study_conclusions, study_lead
 from femimpact.study.study_file import read_study, study_text
 from femimpact.svg import markup
+from femimpact.units import prefixed
 
 pytestmark = pytest.mark.impacts
 

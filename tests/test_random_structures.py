@@ -139,7 +139,10 @@ def test_the_table_of_impacts_is_that_of_the_laws(seed):
 
 
 def check_rigid(run, pair, own):
-    """Rebound e v, impulse (1 + e) v/(1/m + b^T M^-1 b) and loss of every impact but the last of an accumulation."""
+    """Rebound e v and loss of every impact but the last of an accumulation; its impulse where no other pair takes part.
+
+    That is (1 + e) v/(1/m + b^T M^-1 b).
+    """
     table, e = run.impacts, pair.law.restitution
     time, approach, rebound = table.time[own], table.approach_speed[own], table.rebound_speed[own]
     assert np.all(np.diff(time) >= 0.0)
@@ -148,7 +151,8 @@ def check_rigid(run, pair, own):
     # a few products of numbers that have 16 digits
     np.testing.assert_allclose(rebound[bounced], e * approach[bounced], rtol=1e-13)
     impulse, loss = table.impulse[own], table.energy_loss[own]
-    np.testing.assert_allclose(impulse[bounced], (1.0 + e) * felt * approach[bounced], rtol=1e-12)
+    alone = bounced & is_alone(run, pair, time)
+    np.testing.assert_allclose(impulse[alone], (1.0 + e) * felt * approach[alone], rtol=1e-12)
     # e = 1 loses the rounding of what it gives back
     expected = 0.5 * impulse * (approach - rebound)
     size = impulse * approach
@@ -161,6 +165,41 @@ def check_rigid(run, pair, own):
         end = np.where(np.isnan(run.sticking.end[phases]), math.inf, run.sticking.end[phases])
         for last in time[~bounced]:
             assert np.any(end >= last)
+
+
+def is_alone(run, pair, time):
+    """Whether no other rigid pair collides at these times (s), or sticks."""
+    rigid = [other.name for other in run.system.contacts if isinstance(other.law, fi.Rigid) and other is not pair]
+    others, phases = np.isin(run.impacts.impactor, rigid), np.isin(run.sticking.impactor, rigid)
+    end = np.where(np.isnan(run.sticking.end[phases]), math.inf, run.sticking.end[phases])
+    start = run.sticking.start[phases]
+    sticks = np.any((start[:, None] <= time) & (time <= end[:, None]), axis=0)
+    # a phase begins in the table when the last bounces would have ended: its last impact is somewhat before that
+    begun = np.isin(run.impacts.impactor, rigid) & (run.impacts.rebound_speed == 0.0)
+    for captured in run.impacts.time[begun]:
+        later = start[start >= captured]
+        sticks |= (captured <= time) & (time <= (later.min() if later.size else math.inf))
+    return ~np.isin(time, run.impacts.time[others]) & ~sticks
+
+
+@every_seed
+def test_impacts_at_one_instant_are_those_of_the_rule(seed):
+    run = run_of(seed)
+    if run is None:
+        return
+    pairs = {pair.name: pair for pair in run.system.contacts}
+    table, inverse = run.impacts, 1.0 / run.system.M.diagonal()
+    rigid = np.array([isinstance(pairs[name].law, fi.Rigid) for name in table.impactor], dtype=bool)
+    for time in np.unique(table.time[rigid]):
+        rows = np.flatnonzero(rigid & (table.time == time))
+        several = np.unique(table.impactor[rows]).size == rows.size > 1
+        if not several or np.any(table.rebound_speed[rows] == 0.0) or run.sticking.start.size:
+            continue
+        # what the impulses take away at each: (1 + e) times its approach
+        push = np.array([pairs[table.impactor[row]].direction * table.side[row] for row in rows])
+        mobility = (push * inverse) @ push.T + np.diag([pairs[table.impactor[row]].mobility for row in rows])
+        taken = table.approach_speed[rows] + table.rebound_speed[rows]
+        np.testing.assert_allclose(mobility @ table.impulse[rows], taken, rtol=1e-11)
 
 
 @pytest.mark.parametrize("seed", range(10, 30))

@@ -220,13 +220,14 @@ def test_gmsh_makes_the_meshes_of_the_page_of_its_geometry(tmp_path):
 def test_the_page_on_two_balls_runs_as_it_stands(monkeypatch, tmp_path, drawn_off_screen):
     monkeypatch.chdir(tmp_path)
     names = ran("docs/howto/two_balls.md")
-    forces = [curve.peak_force.max() for curve in names["curves"].values()]
+    forces = [np.median([curve.peak_force.max() for curve in of_starts]) for of_starts in names["curves"].values()]
     # half the mass with the same contact time: half the force at the same speed, which scatters by a fifth
     assert forces[1] == pytest.approx(0.5 * forces[0], rel=0.3)
-    # the last run has gaps of 3 and 5 mm: the shorter way is gone more often
-    often = {name: ball.impacts_per_cycle for name, ball in names["run"].statistics_of.items()}
-    assert often["ball A"] > 1.2 * often["ball B"]
-    assert names["run"].energy.residual < 1e-10
+    # the last runs have gaps of 3 and 5 mm: the shorter way is gone more often
+    for run in names["runs"]:
+        often = {name: ball.impacts_per_cycle for name, ball in run.statistics_of.items()}
+        assert often["ball A"] > 1.2 * often["ball B"]
+        assert run.energy.residual < 1e-10
 
 
 def test_the_page_on_ring_downs_runs_as_it_stands(monkeypatch, tmp_path, drawn_off_screen):

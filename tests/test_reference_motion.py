@@ -81,14 +81,13 @@ def test_a_rigid_impact_of_the_reference_is_the_limit_of_a_short_contact_beside_
     assert apart[1] < 1e-3 * np.max(np.abs(rigid))
 
 
-def test_simultaneous_impacts_of_the_reference_hand_speeds_on():
-    """Two balls meet a mass equal to theirs from both sides at once: e = 1, and equal masses change speeds."""
+def test_simultaneous_impacts_of_the_reference_are_symmetric():
+    """Two balls meet a mass equal to theirs from both sides at once: e = 1, and it stays where it is."""
     balls = [fi.Impactor(name, "m", 1.0, gap, fi.Rigid(1.0)) for name, gap in (("one", 1.0), ("two", 2.0))]
     system = fi.System.from_matrices(1.0, 0.0, 1e-6, points={"m": [1.0]}, impactors=balls)
     start = fi.State([0.0], [0.0], [0.0, -1.0], [1.0, -1.0])
     found = reference_motion(system, fi.Sine(0.0, 1.0), np.linspace(0.0, 1.2, 13), start)
-    # one ball stops and sets the mass in motion, which meets the other, turns it back, and turns the first back
-    assert [round(speed, 9) for _, _, speed in found.touches] == [1.0, 2.0, 1.0]
+    assert [round(speed, 9) for _, _, speed in found.touches] == [1.0, 1.0]
     np.testing.assert_allclose([time for time, _, _ in found.touches], 1.0, rtol=1e-12)
     np.testing.assert_allclose(found.position[-1], [0.0, 0.8, -1.8], atol=1e-11)
 

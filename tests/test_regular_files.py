@@ -9,8 +9,14 @@ import socket
 import subprocess
 import sys
 
+import numpy as np
 import pytest
+import xarray
+from calls import branch_file
+from command import femimpact
 
+import femimpact as fi
+from femimpact.export.files import atomic_path, atomic_write
 from femimpact.export.tables import read_csv
 from femimpact.regular_file import check_regular, open_regular, read_now, read_regular
 from femimpact.study.demo import paper_study_text
@@ -141,3 +147,56 @@ def test_what_has_nothing_to_read_yet_is_refused_and_not_waited_for():
     os.set_blocking(ends[0], False)
     with open(ends[0], "rb") as file, open(ends[1], "wb"), pytest.raises(OSError, match="nothing to read now"):
         read_now(file, 10)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_is_no_regular_file_is_not_replaced_by_one(tmp_path, kind):
+    path = tmp_path / "signals.csv"
+    KINDS[kind](path)
+    before = os.lstat(path)
+    record = xarray.Dataset({"tip": ("time", np.arange(3.0))}, {"time": ("time", np.arange(3.0))})
+    writers = [lambda: fi.write_record(path, record), lambda: atomic_write(path, "text"), lambda: save_nothing(path)]
+    for write in writers:
+        with pytest.raises(fi.InputError, match=f"must be a file: this is {kind}"):
+            write()
+    assert (os.lstat(path).st_ino, os.lstat(path).st_mode) == (before.st_ino, before.st_mode)
+    assert os.listdir(tmp_path) == ["signals.csv"]
+    done = femimpact("schema", "-o", "signals.csv", "--force", cwd=tmp_path, check=False)
+    assert done.returncode == 2
+    assert len(done.stderr.splitlines()) == 1
+
+
+def save_nothing(path):
+    with atomic_path(path):
+        pass
+
+
+@pytest.mark.skipif(not os.path.exists("/proc/self/fd"), reason="no links to open files")
+def test_a_link_to_an_open_file_as_that_of_the_output_is_not_replaced(tmp_path):
+    with (tmp_path / "held.txt").open("w") as held:
+        # as /dev/stdout is made
+        (tmp_path / "stdout").symlink_to(f"/proc/self/fd/{held.fileno()}")
+        with pytest.raises(fi.InputError, match="this is a link to an open file"):
+            atomic_write(tmp_path / "stdout", "text")
+        assert (tmp_path / "stdout").is_symlink()
+
+
+def test_a_file_of_branches_is_read_within_its_size_and_no_more_of_it_than_a_branch_has(tmp_path):
+    h5py = pytest.importorskip("h5py")
+    whole = branch_file()
+    count = len(fi.load_branch(whole))
+    for name in ("junk", "peak", "value"):
+        path = shutil.copy(whole, tmp_path / f"{name}.nc")
+        with h5py.File(path, "a") as file:
+            file.pop(name, None)
+            # 4 GB of numbers, of which none is there
+            big = file.create_dataset(name, shape=(500_000_000,), dtype="f8", chunks=(1 << 20,), compression="gzip")
+            big.make_scale(name)
+        if name == "junk":
+            assert len(fi.load_branch(path)) == count
+        else:
+            with pytest.raises(fi.InputError, match=r"numbers = 40000.* bytes: must be <= 200 in a byte of the file"):
+                fi.load_branch(path)
+    (tmp_path / "text.nc").write_text("no numbers")
+    with pytest.raises(fi.InputError, match="must be netCDF"):
+        fi.load_branch(tmp_path / "text.nc")

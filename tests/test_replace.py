@@ -41,6 +41,7 @@ CHANGES = {
     "reactions": lambda s: {"reactions": {"other": system().reactions["root.force"]}},
     "sections": lambda s: {"sections": fi.discretise(STRUCTURE, elements=4).sections},
     "first_left_out": lambda s: {"first_left_out": 1.0},
+    "unreduced": lambda s: {"unreduced": fi.assemble(STRUCTURE, elements=2)},
 }
 
 

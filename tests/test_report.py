@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from builders import NO_PICTURES, REFERENCE, reduced, short_study
+from builders import NO_PICTURES, REFERENCE, UNDRAWN_STUDY, reduced, short_study
 from test_svg import HOSTILE, Parsed
 
 import femimpact as fi
@@ -190,9 +190,40 @@ def test_values_of_any_kind_in_a_summary_stop_nothing(sound, tmp_path):
     values = (None, 3, "text", [], [None], {}, {"a": None}, {"ball": 3, "empty": [1]}, True, 1e999)
     for key in summary:
         for value in values:
-            (tmp_path / "summary.json").write_text(json.dumps({key: value}))
+            # a table of one name is no summary of ours
+            (tmp_path / "summary.json").write_text(json.dumps({"study": "a.toml", "warnings": [], key: value}))
             write_report(tmp_path)
             assert "What was found" in text_of(tmp_path)
+
+
+FOREIGN = {
+    "nothing": {},
+    "notes": {"notes.txt": "a", "report.html": "<p>mine</p>"},
+    "tables": {"modes.csv": "a,b\n1,2\n", "sweep.csv": "f,x\n1,2\n", "contact.csv": "name\nme\n"},
+    "summary": {"summary.json": '{"total": 3}', "response.png": "no picture"},
+    "broken": {"summary.json": "{", "convergence.json": "[]"},
+    "a study": {"study.toml": UNDRAWN_STUDY, "best.toml": UNDRAWN_STUDY},
+    "folders": {"blocks/mine.txt": "a", "deflection/0000.vtu": "a"},
+}
+
+
+@pytest.mark.parametrize("name", FOREIGN)
+def test_a_foreign_folder_gets_no_page(name, tmp_path):
+    for file, content in FOREIGN[name].items():
+        (tmp_path / file).parent.mkdir(exist_ok=True)
+        (tmp_path / file).write_text(content, encoding="utf-8")
+    before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    with pytest.raises(fi.InputError, match="must hold results of a study"):
+        write_report(tmp_path)
+    assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
+
+
+def test_a_history_without_a_contact_has_no_figure_and_no_warning_of_it(tmp_path):
+    short = short_study(1.0, figures=True, paraview=False, movie=False, frames=0, starts=1)
+    bare = replace(short, structure=replace(short.structure, impactors=()), sweep=None)
+    found = run_study(bare, tmp_path / "out", parts=("simulate",))
+    assert not any("not drawn" in text for text in found.summary["warnings"])
+    assert not list((tmp_path / "out").glob("*.png"))
 
 
 def test_results_of_a_version_without_these_files_make_a_report(results):
@@ -400,6 +431,54 @@ def test_a_script_writes_responses_curves_tables_and_maps(run, tmp_path):
     assert text.count("fill:#") >= 12 - 2
 
 
+def test_every_curve_of_a_report_speaks_and_has_its_unit(tmp_path):
+    """Warnings of all curves of one heading, and the stress at a root in MPa."""
+    small = reduced(replace(REFERENCE, impactors=()), 3, 10)
+    f = np.linspace(5.0, 5.6, 4)
+    first = fi.frequency_sweep(small, 2e-4, f, fi.EventDriven(), 30)
+    second = replace(first, warnings=())
+    stress = fi.frequency_sweep(small, 2e-4, f, fi.EventDriven(), 30, channel="root.surface_stress")
+    path = fi.report(tmp_path / "r.html", {"Curves": {"first": first, "second": second}, "Root": stress})
+    text = Parsed(path.read_text(encoding="utf-8")).text
+    assert len(first.warnings) > 0
+    for warning in first.warnings:
+        assert f"Curves, first: {warning}" in text
+    assert f"{1e-6 * stress.peak_amplitude:.4g} MPa" in text.replace("Largest peak, Root", "")
+    assert f"{1e3 * first.peak_amplitude:.4g} mm" in text
+    assert text.count("has not died out") == 3
+    assert "one sample" not in text
+    assert "peak (MPa)" in text
+
+
+def test_a_study_on_a_page_names_its_drive_and_takes_the_axes_of_the_worst(tmp_path):
+    small = reduced(replace(REFERENCE, impactors=(replace(REFERENCE.impactors[0], gap=1e-3),)), 3, 10)
+    axes = {
+        "impactor.ball.gap": [1e-3, 2e-3],
+        "base.frequency": [4.8, 5.2],
+        "impactor.ball.contact.restitution": [0.5, 0.8],
+    }
+    data = fi.parameter_study(small, axes, ["peak"], cycles=30, excitation=fi.Sine(2e-4, 5.0))
+    worst = ("base.frequency", "impactor.ball.contact.restitution")
+    cards = {}
+    for name in ((), worst):
+        path = fi.report(tmp_path / "r.html", {"Study": data}, worst_over=name or None)
+        text = " ".join(Parsed(path.read_text(encoding="utf-8")).text.split())
+        best = fi.best_case(data, "peak", worst_over=name or None)
+        cards[name] = f"Smallest worst peak{1e3 * best.designs[0].value:.4g}"
+        assert cards[name].replace(" ", "") in text.replace(" ", "")
+        assert "a sine of the base, amplitude 0.2 mm, frequency as its axis has it" in text
+    assert cards[()] != cards[worst]
+    with pytest.raises(fi.InputError, match="worst_over"):
+        fi.report(tmp_path / "r.html", {"Study": data}, worst_over=("impactor.ball.mass",))
+
+
+def test_numbers_of_a_planned_test_are_a_part(tmp_path):
+    found = fi.preflight(reduced(REFERENCE, 3, 10), fi.Sine(2e-4, 5.0), duration=3.0)
+    path = fi.report(tmp_path / "r.html", {"B": found})
+    text = Parsed(path.read_text(encoding="utf-8")).text
+    assert all(row.what in text for row in found.rows)
+
+
 def test_a_map_has_a_cell_of_the_right_colour_at_every_place():
     import xarray
 
@@ -447,7 +526,7 @@ def test_a_notebook_shows_small_charts_in_which_texts_stay_texts(run):
     ("values", "texts"),
     [
         ([5.3, 70.13385, 462.2723], ["5.300", "70.134", "462.272"]),
-        ([1e-9, 0.5], ["1.000e\u22129", "5.000e\u22121"]),
+        ([1e-9, 0.5], ["1\u00d710\u207b\u2079", "0.5"]),
         ([1.2782e-3, 462.27, None], ["0.0012782", "462.27", "\u2013"]),
         ([1, -20], ["1", "\u221220"]),
         ([2.0, 4.0, np.nan], ["2", "4", "\u2013"]),

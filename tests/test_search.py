@@ -73,7 +73,7 @@ def scalars_of(block, forms, drive, space):
         "rigid_body_weight": forms.rigid_body_weight[0, :, :rigid_bodies].copy(),
         "rigid_body_rate_weight": forms.rigid_body_rate_weight[0, :, :rigid_bodies].copy(),
         "sine": block.cases.sine[0, 0], "constant": bounds.constant, "follow": forms.follow[0],
-        "driven": 0, "load": forms.load[0, :, :entries].copy(),
+        "driven": 0, "slow": 0, "load": forms.load[0, :, :entries].copy(), "given": bounds.entry_given[:entries],
         "term": np.zeros(entries, dtype=complex), "growth": np.zeros(entries, dtype=complex),
     }  # fmt: skip
     prefix = "search_call.scalars."

@@ -1,5 +1,6 @@
 """Moments, stresses, reactions and the shaker in runs: sums of forces, statics, and the balance of power."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -138,6 +139,59 @@ def test_quasistatic_moments_and_stresses_are_those_of_the_textbook():
         assert response[name][-1] == pytest.approx(value, rel=5e-3), name
 
 
+STEEL = {"young_modulus": 210e9, "density": 7850.0}
+IPE_100 = {"area": 10.3e-4, "second_moment": 171e-8}
+BARE = fi.Structure(beam=fi.Beam.section(length=1.0, **IPE_100, **STEEL))
+"""A section whose surface is not known."""
+MODULI = {
+    "rectangle": (fi.Beam.uniform(length=1.0, width=0.04, thickness=0.01, **STEEL), 0.04 * 0.01**2 / 6.0),
+    "round bar": (fi.Beam.round(length=1.0, diameter=0.02, **STEEL), np.pi * 0.02**3 / 32.0),
+    "tube": (
+        fi.Beam.tube(length=1.0, diameter=60.3e-3, wall=3e-3, **STEEL),
+        np.pi * (60.3e-3**4 - 54.3e-3**4) / (32.0 * 60.3e-3),
+    ),
+    "IPE 100": (fi.Beam.section(length=1.0, outer_fibre=0.05, **IPE_100, **STEEL), 171e-8 / 0.05),
+    "angle, the nearer side": (
+        fi.Beam.section(length=1.0, area=2e-3, second_moment=2.354e-6, outer_fibre=0.0325, **STEEL),
+        2.354e-6 / 0.0325,
+    ),
+}
+"""Beams, and the section modulus (m^3) of each."""
+
+
+@pytest.mark.parametrize("key", MODULI)
+def test_the_stress_is_the_moment_over_the_section_modulus(key):
+    beam, modulus = MODULI[key]
+    system = fi.assemble(fi.Structure(beam=beam), elements=4)
+    bent = np.linalg.solve(system.K.toarray(), 7.0 * system.point_row("tip"))
+    stress, strain = (
+        fi.response.channels.channel_of(system, f"root.{name}").reading(system).displacement @ bent
+        for name in ("surface_stress", "surface_strain")
+    )
+    assert stress == pytest.approx(-7.0 / modulus, rel=1e-9)
+    assert strain == pytest.approx(-7.0 / modulus / 210e9, rel=1e-9)
+
+
+NEEDED = r"needs outer_fibre \(m\) of segment 'beam'"
+
+
+@pytest.mark.parametrize("name", ["root.surface_stress", "tip.surface_strain", "0.5.surface_stress_left"])
+def test_without_an_outer_fibre_stress_and_strain_are_refused(name):
+    system = fi.reduce(fi.assemble(BARE, elements=4), 2)
+    with pytest.raises(fi.InputError, match=f"^{name}: {NEEDED}"):
+        run(system, fi.EventDriven(), (name,))
+    with pytest.raises(fi.InputError, match=f"{name}: {NEEDED}"):
+        fi.frequency_sweep(system, 1e-4, [5.0], fi.EventDriven(), 60, channel=name)
+
+
+def test_without_an_outer_fibre_moments_are_read_and_no_stress_is_watched():
+    system = fi.reduce(fi.assemble(BARE, elements=4), 2)
+    assert run(system, fi.EventDriven(), ("root.bending_moment",))["root.bending_moment"].any()
+    over, sine = [fi.OverMeshes([fi.uniform_mesh(BARE, n) for n in (2, 4)])], fi.Sine(1e-4, 5.0)
+    with pytest.raises(fi.InputError, match=f"SurfaceStress: {NEEDED}"):
+        fi.convergence_study(BARE, over, [fi.SurfaceStress("root")], sine)
+
+
 @pytest.mark.parametrize("key", METHODS)
 def test_a_reaction_with_modes_left_out_says_by_what_mass_it_differs(key):
     bare = structure(impactors=[], stops=[], damping=None, gravity=0.0)
@@ -150,6 +204,111 @@ def test_a_reaction_with_modes_left_out_says_by_what_mass_it_differs(key):
     assert np.ptp(mass) < 1e-9 * system.total_mass
     note = next(text for text in kept.notes if "differ from the sum" in text)
     assert f"by {abs(mass[0]):.3g} kg times" in note
+
+
+def test_a_reaction_under_several_drives_says_by_what_of_each_it_differs():
+    bare = structure(impactors=[], stops=[], damping=None, gravity=0.0)
+    forces = [fi.PointForce(at, fi.Sine(0.3, frequency)) for at, frequency in ((0.1, 23.0), (0.2, 17.0))]
+    system, names = fi.reduce(fi.assemble(bare, elements=4), 2), ("root.reaction_force", "shaker_force")
+    kept = fi.integrate(system, BASE + forces[0] + forces[1], fi.EventDriven(), 0.2, fi.Recorder(names))
+    drives = np.column_stack([BASE.acceleration(kept.time), *(force.force(kept.time) for force in forces)])
+    (mass, *shares), residual, *_ = np.linalg.lstsq(drives, kept["shaker_force"] - kept["root.reaction_force"])
+    assert residual < 1e-16 * np.abs(kept["shaker_force"]).max() ** 2
+    of_forces = ", ".join(
+        f"by {abs(share):.3g} of the force at {force.at}" for share, force in zip(shares, forces, strict=True)
+    )
+    assert any(f"by {abs(mass):.3g} kg times the base's acceleration, {of_forces}, and" in text for text in kept.notes)
+
+
+BEAMS = {
+    "with a mass": structure(impactors=[], stops=[], damping=None, gravity=0.0),
+    "of two segments, one tapered": fi.Structure(
+        fi.Beam((
+            fi.Segment(0.15, 70e9, 2700, 0.02, 2e-3, name="thick"),
+            fi.Segment(0.1, 200e9, 7800, 0.02, 2e-3, name="thin", end_width=0.01, end_thickness=0.5e-3),
+        ))
+    ),
+}  # fmt: skip
+READ = ("root.surface_stress", "0.1.bending_moment", "root.shear_force", "0.1.curvature", "0.1.surface_strain", "0.05",
+        "tip.rotation")  # fmt: skip
+
+
+STATIC = re.compile(r"of (\S+) of the structure's (\S+)(?: [^,]*?)? under (.*?)(?:, (?=of )|: what)")
+
+
+def static_values(notes, load):
+    """By channel what its note says of a load: values at rest of the modes kept, and of the whole structure."""
+    found = {}
+    for text in notes:
+        for kept, full, under in STATIC.findall(text):
+            if under == load:
+                found[text.partition(": ")[0]] = float(kept), float(full)
+    return found
+
+
+@pytest.mark.parametrize("force_at", [None, 0.1, "tip"])
+@pytest.mark.parametrize("beam", BEAMS)
+def test_what_few_modes_lack_under_slow_loads_is_the_difference_of_the_static_values(beam, force_at):
+    """The whole structure and the modes kept, both at a thousandth of the first frequency."""
+    whole, load = fi.assemble(BEAMS[beam], elements=10), f"1 N at {force_at}" if force_at else "1 m/s^2 of the base"
+    slow = [1e-3 * whole.first_frequency]
+    exact = fi.transfer_function(whole, slow, READ, force_at=force_at)
+    assert not exact.notes
+    for modes, least in ((1, 5), (2, 4), (4, 1)):
+        kept = fi.transfer_function(fi.reduce(whole, modes), slow, READ, force_at=force_at)
+        said = static_values(kept.notes, load)
+        assert len(said) >= least
+        for name in READ:
+            lacks, of = (exact[name] - kept[name])[0].real, exact[name][0].real
+            if name in said:
+                read, full = said[name]
+                # five digits of each
+                assert full - read == pytest.approx(lacks, rel=1e-4, abs=1e-4 * max(abs(full), abs(read)))
+                assert abs(lacks) > 0.999e-3 * abs(of)
+            else:
+                assert abs(lacks) < 1.001e-3 * abs(of)
+
+
+@pytest.mark.parametrize("key", METHODS)
+def test_runs_and_sweeps_name_what_few_modes_lack(key):
+    bare = BEAMS["with a mass"]
+    whole, name = fi.assemble(bare, elements=4), "root.surface_stress"
+    assert not static_values(run(all_modes(whole), METHODS[key], (name,), duration=0.02).notes, "1 m/s^2 of the base")
+    system = fi.reduce(whole, 1)
+    said = static_values(run(system, METHODS[key], (name,), duration=0.02).notes, "1 m/s^2 of the base")
+    assert set(said) == {name}
+    # of a channel that was not recorded
+    assert (
+        static_values(run(system, METHODS[key], ("tip",), duration=0.02).largest(name).notes, "1 m/s^2 of the base")
+        == said
+    )
+    if key == "event-driven":
+        curve = fi.frequency_sweep(system, 1e-4, [1.0], METHODS[key], 4, channel=name)
+        assert static_values(curve.notes, "1 m/s^2 of the base") == said
+
+
+def test_static_values_of_weight_are_those_of_the_static_state():
+    whole = fi.assemble(structure(impactors=[], stops=[]), elements=4)
+    kept, start = fi.reduce(whole, 2), fi.State.static()
+    record = fi.Recorder(channels=("root.shear_force", "root.surface_stress"))
+    full, few = (
+        fi.integrate(system, fi.Sine(0.0, 5.0), method, 0.05, record, start)
+        for system, method in ((whole, fi.Newmark(1e-3)), (kept, fi.EventDriven()))
+    )
+    said = static_values(few.notes, "constant forces")
+    assert set(said) == set(full.channels)
+    for name, values in said.items():
+        assert values == pytest.approx((few[name][0], full[name][0]), rel=1e-3)
+
+
+def test_static_values_of_a_contact_are_those_of_a_force_at_its_place():
+    system, force = fi.reduce(fi.assemble(structure(), elements=4), 2), fi.PointForce("tip", fi.Sine(1.0, 5.0))
+    notes = run(system, fi.EventDriven(), ("root.shear_force", "0.1.bending_moment"), force, 0.02).notes
+    of_ball, of_force, of_stop = (static_values(notes, f"1 N {words}") for words in ("of ball", "at tip", "of wall"))
+    assert of_ball == of_force
+    at_stop = run(system, fi.EventDriven(), tuple(of_stop), fi.PointForce(0.2, fi.Sine(1.0, 5.0)), 0.02).notes
+    # a stop pushes against w
+    assert of_stop == {name: (-a, -b) for name, (a, b) in static_values(at_stop, "1 N at 0.2").items()}
 
 
 def at_rest(system):

@@ -343,6 +343,28 @@ def test_forces_at_one_place_are_one_load():
     assert len(drive_of(system, BASE + drive).loads) == 2
 
 
+def test_sines_at_one_place_have_the_phase_of_their_sum():
+    """The phases of impacts and of once-per-cycle readings are those under the one force that they are together."""
+    sizes, phases = (0.02, 0.013), (0.4, 2.1)
+    several = fi.Drives(
+        forces=[fi.PointForce("tip", fi.Sine(size, 5.0, phase)) for size, phase in zip(sizes, phases, strict=True)]
+    )
+    phasor = sum(size * np.exp(1j * phase) for size, phase in zip(sizes, phases, strict=True))
+    one = fi.PointForce("tip", fi.Sine(abs(phasor), 5.0, float(np.angle(phasor))))
+    assert several.phase == pytest.approx(float(np.angle(phasor)), rel=1e-12)
+    # a base has the phase, where there is one
+    assert (BASE + several).phase == BASE.phase
+    # forces elsewhere have no part in it
+    elsewhere = fi.Drives(forces=[*several.forces, fi.PointForce("mid", fi.Sine(0.01, 5.0, -1.0))])
+    assert elsewhere.phase == pytest.approx(several.phase, rel=1e-12)
+    system = reduced(structure(fi.Rigid(0.6)), 2)
+    runs = [run(system, drive, 1.0, record=fi.Recorder(("tip",))) for drive in (several, one)]
+    assert len(runs[0].impacts) > 3
+    for name in ("time", "phase"):
+        first, second = (getattr(each.impacts, name)[:4] for each in runs)
+        np.testing.assert_allclose(first, second, rtol=1e-9)
+
+
 NAMED = fi.HammerBlow("tip", 0.1, 1e-3, name="hammer")
 
 

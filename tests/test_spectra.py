@@ -55,6 +55,30 @@ def test_the_integral_of_a_density_is_the_mean_square():
     assert sines.mean_square == pytest.approx(0.5 * (1.0 + 0.25), rel=1e-3)
 
 
+@pytest.mark.parametrize("kind", ["amplitude", "density"])
+def test_a_spectrum_has_the_mean_square_of_its_windowed_samples(kind):
+    """Parseval: of an odd number of samples every line but that of the mean stands for two."""
+    run, count = random_run(), 1001
+    noise = 0.7 + np.random.default_rng(2).standard_normal(count)
+    kept = {"time": run.time[:count], "channels": {"tip": noise}, "units": {"tip": "m"}, "energy": None}
+    resolution = {} if kind == "amplitude" else {"resolution": 250.0 / count}
+    found = fi.spectrum(replace(run, **kept), "tip", kind, **resolution)
+    window = 1.0 - np.cos(2.0 * np.pi * np.arange(count) / count)
+    # a density has no mean
+    moving = noise if kind == "amplitude" else noise - noise.mean()
+    assert found.mean_square == pytest.approx(np.sum((window * moving) ** 2) / np.sum(window**2), rel=1e-12)
+
+
+def test_the_mean_square_of_amplitudes_is_that_of_the_steady_motion():
+    weight = fi.System.from_matrices(
+        [[1.0]], [[0.2 * math.pi * NATURAL]], [[(2 * math.pi * NATURAL) ** 2]], points={"tip": [1.0]},
+        constant_load=[0.3],
+    )  # fmt: skip
+    run = fi.integrate(weight, fi.Sine(1e-3, 4.0), fi.EventDriven(), 12.0, fi.Recorder(("tip",)))
+    assert abs(run["tip"].mean()) > 1e-4
+    assert fi.spectrum(run, "tip").mean_square == pytest.approx(run.steady.rms[0] ** 2, rel=1e-8)
+
+
 @pytest.mark.parametrize("window", [64, 65])
 def test_the_interval_holds_the_density_of_white_noise(window):
     """Of normal white noise the density is known: the interval of 90 % holds it in 90 % of the lines."""

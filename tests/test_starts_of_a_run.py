@@ -121,7 +121,8 @@ def test_headline_and_report_have_ranges_and_no_star(ran, capsys):
         assert "5 starts" in line
         assert "*" not in line
     (place,) = [line for line in printed.splitlines() if line.startswith("tip: ")]
-    assert place.count(" mm") == 3
+    # each median with its range, and the largest of the study's own start
+    assert place.count(" mm") == 4
     cards = {one.label: one for one in conclusions_of(ran.summary)}
     for label in ("Largest peak with ball", "Peak of the tip", "Largest force of ball", "Cycle-averaged force of ball",
                   "Peak without ball over peak with it"):  # fmt: skip
@@ -175,7 +176,7 @@ def test_the_headline_of_a_shock_is_of_the_whole_run(tmp_path, capsys):
     _print_results(given, found)
     printed = capsys.readouterr().out
     assert f"history of the shock motion: peak {1e3 * abs(run.largest('tip').value):.4g} mm of the whole run" in printed
-    assert f"rms {1e3 * run.steady.rms[0]:.4g} mm of the last third" in printed
+    assert f"rms {1e3 * run.steady.rms[0]:.4g} mm over the last third" in printed
     cards = {one.label: one for one in conclusions_of(summary)}
     assert cards["Peak of the tip"].note == "of the whole run"
     assert "of the whole run" in cards["Largest force of ball"].note
@@ -188,6 +189,92 @@ def test_a_shock_has_ranges_too(tmp_path):
     # the same motion up to its largest deflection, some tenths of a second in: rounding, by which the records differ
     for name, of_study in (("median", "peak"), ("lowest", "peak_low"), ("highest", "peak_high")):
         assert peak[name] == pytest.approx(float(given[of_study][0]), rel=1e-9)
+
+
+DRIVES = {
+    "force": '[base]\nkind = "rest"\nhistory = 3.0\n'
+    '[[force]]\nat = "tip"\nkind = "sine"\nforce = 0.02\nfrequency = 4.9\n',
+    "two": '[base]\namplitude = 2e-4\nfrequency = 4.9\nduration = 3.0\n'
+    '[[force]]\nat = "tip"\nkind = "sine"\nforce = 0.02\nfrequency = 7.0\n',
+    "blow": '[base]\nkind = "rest"\nhistory = 3.0\n'
+    '[[force]]\nat = "tip"\nkind = "hammer"\nimpulse = 0.02\nduration = 0.003\n',
+    "record": '[base]\nrecord = "base.csv"\n',
+    "sine": '[base]\namplitude = 2e-4\nfrequency = 4.9\nduration = 3.0\n',
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("rigid", [False, True])
+@pytest.mark.parametrize("name", DRIVES)
+def test_each_number_of_a_history_stands_under_its_name(name, rigid, tmp_path, capsys):
+    """Largest values of the run and of its last third by the samples, which are read ten times as often."""
+    text = UNDRAWN_STUDY.replace("starts = 5", "starts = 1").replace('name = "newmark"', 'name = "event-driven"')
+    parts = [
+        text[text.index(f"[{first}]") : text.index(f"[{last}]")]
+        for first, last in (("beam", "base"), ("method", "sweep"))
+    ]
+    # a record that grows weaker, and has a cycle
+    time = np.arange(0.0, 3.0, 0.01)
+    samples = (1.0 - 0.2 * time) * np.sin(2.0 * np.pi * 5.0 * time)
+    rows = (f"{t:.2f},{a:.9f}" for t, a in zip(time, samples, strict=True))
+    (tmp_path / "base.csv").write_text("\n".join(rows) + "\n")
+    text = parts[0] + DRIVES[name] + parts[1] + text[text.index("[output]") :]
+    given = read_study(text, tmp_path / "study.toml")
+    ball = replace(given.structure.impactors[0], gap=1e-3)
+    ball = replace(ball, contact=fi.Rigid(0.8)) if rigid else ball
+    output = replace(given.output, report=False, every=1)
+    given = replace(given, structure=replace(given.structure, impactors=(ball,)), output=output)
+    found = fi.run_study(given, tmp_path / "out", parts=("simulate",))
+    history, contact = found.summary["history"], found.summary["contact"]
+    prepared = prepare(given)
+    finely = replace(prepared.record, interval=2e-4, snapshots=0, state_at=None)
+    run = integrate(
+        prepared.small, given.excitation, prepared.method, given.base.history_duration, finely, given.initial
+    )
+    late, cyclic = run.time >= run.window[0], name not in ("two", "blow")
+    size = np.abs(run["tip"])
+    assert ("frequency" in history) == cyclic
+    assert history["channels"]["tip"]["largest_of_run"] == pytest.approx(size.max(), rel=1e-3)
+    assert history["channels"]["tip"]["largest"] == pytest.approx(size[late].max(), rel=2e-2)
+    measured = np.full(run.time.size, True)
+    if cyclic:
+        cycles, f = int(run.time[-1] * history["frequency"] + 1e-6), history["frequency"]
+        measured = (run.time >= (cycles - cycles // 3) / f) & (run.time <= cycles / f)
+    assert history["peak"] == pytest.approx(size[measured].max(), rel=1e-3)
+    _print_results(given, found)
+    line = " ".join(capsys.readouterr().out.split())
+    assert (" mm of the whole run, rms" in line) == (not cyclic)
+    cards = {one.label: one for one in conclusions_of(found.summary)}
+    assert cards["Peak of the tip"].note.startswith("over the" if cyclic else "of the whole run")
+    impacts = run.impacts
+    if rigid:
+        assert contact["peak_force"] is None
+        assert contact["largest_impulse"] == pytest.approx(np.abs(impacts.impulse).max(), rel=1e-9)
+        assert history["channels"]["ball.contact_force"]["largest"] is None
+        assert "(rigid): largest impulse" in line
+        assert "contact_force: largest" not in line
+        assert cards["Largest impulse of ball"].note.startswith("of the whole run")
+        assert "Largest force of ball" not in cards
+    else:
+        force = np.abs(run["ball.contact_force"])
+        assert contact["peak_force"] == pytest.approx(force[late].max() if cyclic else force.max(), rel=2e-2)
+        assert ("N of the whole run, mean impulse" in line) == (not cyclic)
+
+
+def test_what_has_not_died_out_is_no_sample(tmp_path, capsys):
+    one = study(1)
+    bare = replace(one, structure=replace(one.structure, impactors=()), sweep=replace(one.sweep, cycles=30))
+    found = fi.run_study(bare, tmp_path / "out", parts=("simulate", "sweep"))
+    history, curve = found.summary["history"], found.summary["sweep"]["empty"]
+    assert history["steadiness"] != "periodic"
+    for about in (history, curve):
+        assert about["peak_is_transient"]
+        assert not about["peak_is_one_start"]
+    _print_results(bare, found)
+    printed = capsys.readouterr().out
+    assert "*" not in printed
+    assert printed.count("transient has not died out") == 2
+    cards = [card for card in conclusions_of(found.summary) if "has not died out" in card.note]
+    assert [card.one_sample for card in cards] == [False, False]
 
 
 # ---- starts that fail, and runs that are ended ----------------------------------------------------

@@ -116,6 +116,11 @@ def test_several_faults_are_all_listed_a_line_each():
         {"area": 1e-5},
         {"width": 0.02, "area": 1e-5},
         {"width": 0.02, "thickness": 1e-3, "area": 2e-5, "second_moment": 1e-12},
+        {"wall": 1e-3},
+        {"diameter": 0.02, "width": 0.02},
+        {"diameter": 0.02, "outer_fibre": 0.01},
+        {"width": 0.02, "thickness": 1e-3, "outer_fibre": 5e-4},
+        {"area": 2e-5, "outer_fibre": 5e-4},
     ],
 )
 def test_a_section_is_given_one_way(section):
@@ -131,6 +136,29 @@ def test_area_and_second_moment_are_a_rectangle():
     assert other.rectangle == pytest.approx(one.rectangle, rel=1e-14)
     assert other.bending_stiffness == pytest.approx(7e10 * 0.02 * 1e-9 / 12, rel=1e-14)
     assert other.mass_per_length == pytest.approx(2700 * 2e-5, rel=1e-14)
+
+
+def test_round_bars_and_tubes_have_the_area_and_the_second_moment_of_circles():
+    bar = fi.Beam.round(length=0.5, diameter=0.02, young_modulus=7e10, density=2700)
+    tube = fi.Beam.tube(length=0.5, diameter=0.02, wall=2e-3, young_modulus=7e10, density=2700)
+    for beam, hole in ((bar, 0.0), (tube, 0.016)):
+        assert beam.mass == pytest.approx(2700 * 0.5 * np.pi * (0.02**2 - hole**2) / 4, rel=1e-14)
+        expected = 7e10 * np.pi * (0.02**4 - hole**4) / 64
+        assert beam.segments[0].bending_stiffness == pytest.approx(expected, rel=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("section", "words"),
+    [
+        ({"diameter": 0.02, "wall": 0.01}, r"wall = 0\.01 m: must be below half the diameter, 0\.01 m"),
+        ({"diameter": 0.02, "end_width": 0.01}, r"end_width = 0\.01 m: .*given by diameter does not taper"),
+        ({"diameter": -0.02}, r"diameter = -0\.02 m: must be a finite number > 0 m"),
+        ({"area": 2e-5, "second_moment": 1e-12, "outer_fibre": 0.0}, r"outer_fibre = 0\.0 m: must be a finite number"),
+    ],
+)
+def test_bars_and_tubes_that_cannot_be_are_refused(section, words):
+    with pytest.raises(fi.InputError, match=words):
+        fi.Segment(length=0.1, young_modulus=7e10, density=2700, **section)
 
 
 def test_places_beyond_the_beam_are_all_named():

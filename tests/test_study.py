@@ -168,6 +168,19 @@ def test_stepped_beam_from_segments_has_both_sections(tmp_path):
     assert beam.segments[0].bending_stiffness == pytest.approx(8 * beam.segments[1].bending_stiffness)
 
 
+def test_a_study_file_takes_a_tube_and_a_section_with_its_outer_fibre(tmp_path):
+    given = TEXT.split("width = ", 1)[1].split("young_modulus", 1)[0]
+    tube = TEXT.replace(f"width = {given}", 'diameter = "60.3 mm"\nwall = 3e-3\n', 1)
+    study = load_study(write(tmp_path, tube))
+    material = {"length": 0.23026615, "young_modulus": 70e9, "density": 2700}
+    assert study.structure.beam == fi.Beam.tube(diameter=60.3e-3, wall=3e-3, **material)
+    section = "area = 2e-5\nsecond_moment = 1.7e-12\nouter_fibre = 6e-4\n"
+    beam = load_study(write(tmp_path, TEXT.replace(f"width = {given}", section, 1))).structure.beam
+    assert beam == fi.Beam.section(area=2e-5, second_moment=1.7e-12, outer_fibre=6e-4, **material)
+    words = "beam.wall = 0.04 m: must be below half the diameter, 0.03015 m: a bar without a hole has no wall"
+    assert faults_of(tmp_path, tube.replace("wall = 3e-3", "wall = 0.04")) == [words]
+
+
 def test_a_beam_of_no_segment_is_refused_in_words(tmp_path):
     _, tail = TEXT.split("[mesh]", 1)
     assert faults_of(tmp_path, "beam.segment = []\n[mesh]" + tail) == ["beam.segment: must hold at least one segment"]

@@ -216,7 +216,13 @@ def test_values_that_a_repr_shows_are_those_held():
 def test_values_of_one_start_have_a_star_where_the_motion_is_not_periodic():
     whole = curve()
     words = np.array(["periodic", "statistical", "transient", "failed", "periodic"])
-    mixed = replace(whole, steadiness=words, peak=np.array([1.0, 2.0, 5.0, np.nan, 3.0]))
+    linear = replace(whole, steadiness=words, peak=np.array([1.0, 2.0, 5.0, np.nan, 3.0]))
+    assert linear.has_transient.tolist() == [False, True, True, False, False]
+    assert "peak 5 m" in repr(linear).splitlines()[0]
+    assert "peak 5 m at 6 Hz (transient)" in repr(linear)
+    assert "*" not in repr(linear)
+    mixed = replace(linear, impacts_per_cycle=np.ones(5))
+    assert not mixed.has_transient.any()
     assert mixed.is_sample.tolist() == [False, True, True, False, False]
     assert mixed.peak_is_sample
     title, _, units, *rows = repr(mixed).splitlines()[:8]

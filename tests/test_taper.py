@@ -262,7 +262,7 @@ def test_a_mesh_file_with_named_regions_takes_tapers():
     structure = fi.Structure(fi.Beam((thick, thin)))
     read, made = (fi.discretise(structure, mesh=m).sections for m in (mesh, fi.Mesh(mesh.nodes, regions=mesh.regions)))
     x = 0.5 * (mesh.nodes[1:] + mesh.nodes[:-1])
-    expected = [structure.beam.rectangle_at(float(at)) for at in x]
+    expected = [structure.beam.drawn_at(float(at)) for at in x]
     np.testing.assert_allclose(2.0 * read.half_height, [t for _, t in expected], rtol=1e-9)
     np.testing.assert_allclose(read.mass_per_length, [2700.0 * w * t for w, t in expected], rtol=1e-9)
     np.testing.assert_array_equal(read.width_taper, made.width_taper)
@@ -347,7 +347,7 @@ def test_the_solid_has_the_sections_and_the_volume_of_the_beam(solid):
     _, _, beam = solid
     assert 2700.0 * beam.volume == pytest.approx(STEP.beam.mass, rel=1e-9)
     inner = ~np.isclose(beam.points[:, 0], 0.1, atol=1e-9)
-    expected = np.array([STEP.beam.rectangle_at(float(x)) for x in beam.points[inner, 0]])
+    expected = np.array([STEP.beam.drawn_at(float(x)) for x in beam.points[inner, 0]])
     np.testing.assert_allclose(2.0 * np.abs(beam.points[inner][:, [2, 1]]), expected, rtol=1e-12)
     # at the joint there are points of both
     heights = np.unique(np.abs(beam.points[~inner, 1]).round(12))

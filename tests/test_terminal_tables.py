@@ -7,6 +7,7 @@ import pytest
 from rich.console import Console
 
 from femimpact.cli import print_table
+from femimpact.units import number_text
 
 
 def printed(header, rows, width=80):
@@ -24,7 +25,7 @@ def test_every_number_is_whole_at_any_width(seed):
     assert max(map(len, text.splitlines())) <= width
     cells = text.split()
     for value in values.ravel():
-        assert f"{value:.5g}" in cells
+        assert number_text(value, 5) in cells
 
 
 def test_words_are_wrapped_and_none_is_lost():

@@ -1,5 +1,6 @@
 """A run in parts is the whole, wherever it is cut, under every drive that begins late or ends early."""
 
+import itertools
 import math
 
 import numpy as np
@@ -65,6 +66,72 @@ def test_parts_are_the_whole_wherever_they_are_cut(name, law, method):
             assert np.abs(joined - whole[channel]).max() < 1e-9 * np.abs(whole[channel]).max()
         assert sum(len(part.impacts) for part in parts) == len(whole.impacts)
         assert not any("begins anew" in note for part in parts for note in part.notes)
+
+
+KINDS = {
+    "sine": fi.Sine(0.4e-3, 4.0, 0.5), "slow sine": fi.Sine(0.08, 0.3),
+    **{name: SHORT[name] for name in ("chirp", "stepped", "half-sine", "record", "late")},
+    "last": Own(fi.PiecewisePolynomial([0.14, 0.144, 0.148], [[0.0, 0.0, 3e6], [48.0, -12e3, 0.0]])),
+}  # fmt: skip
+WAYS = {
+    "base": lambda a, b: fi.Sum((a, b)),
+    "force": lambda a, b: fi.PointForce("mass", fi.Sum((a, b))),
+    "base and force": lambda a, b: a + fi.PointForce("mass", b),
+    "base and blow": lambda a, b: fi.Sum((a, b)) + fi.HammerBlow("mass", 0.2, 0.01, begin=0.13),
+}  # fmt: skip
+
+
+def several_motions(contact=None):
+    """Motions slower and faster than any drive, one of them critically damped, and a ball where it has a contact."""
+    rates = np.geomspace(1.5, 400.0, 10)
+    balls = [fi.Impactor("ball", at="mass", mass=0.1, gap=2e-3, contact=contact)] if contact else []
+    whole = fi.System.from_matrices(
+        np.eye(10), np.diag(np.where(rates == rates[5], 2.0, 0.04) * rates), np.diag(rates**2),
+        points={"mass": 1.0 / np.arange(1, 11)}, impactors=balls,
+    )  # fmt: skip
+    return fi.reduce(whole, modes=10)
+
+
+def difference_of_parts(system, drive, rng, record):
+    """Largest difference of a run cut at three readings from the whole, over the largest reading, and the cuts."""
+    whole, state, parts = fi.integrate(system, drive, fi.EventDriven(), END, record), None, []
+    readings = round(END / INTERVAL)
+    cuts = np.sort(rng.choice(np.arange(1, readings), 3, replace=False))
+    for count in np.diff([0, *cuts, readings]):
+        parts.append(fi.integrate(system, drive, fi.EventDriven(), INTERVAL * count, record, state))
+        state = parts[-1].final_state
+    joined = np.concatenate([parts[0]["mass"], *(part["mass"][1:] for part in parts[1:])])
+    return np.abs(joined - whole["mass"]).max() / np.abs(whole["mass"]).max(), cuts
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_sums_of_any_two_kinds_are_cut_at_any_time(way):
+    rng, system = np.random.default_rng(len(way)), several_motions()
+    for number, (a, b) in enumerate(itertools.combinations_with_replacement(KINDS, 2)):
+        record = fi.Recorder(interval=INTERVAL, ledger=number % 2 == 0)
+        difference, cuts = difference_of_parts(system, WAYS[way](KINDS[a], KINDS[b]), rng, record)
+        assert difference < 1e-12, (a, b, cuts)
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_sums_are_cut_between_and_within_impacts(law):
+    rng, record = np.random.default_rng(1), fi.Recorder(interval=INTERVAL, ledger=True)
+    system = several_motions(LAWS[law])
+    for other in KINDS:
+        drive = WAYS["base and blow"](KINDS["sine"], KINDS[other])
+        difference, cuts = difference_of_parts(system, drive, rng, record)
+        # each impact multiplies rounding by some ten
+        assert difference < 1e-9, (other, cuts)
+
+
+def test_a_state_kept_on_the_way_of_a_longer_run_goes_on():
+    drive, system = KINDS["sine"] + fi.HammerBlow("mass", 0.2, 0.01, begin=0.13), several_motions()
+    whole = fi.integrate(system, drive, fi.EventDriven(), END, fi.Recorder(interval=INTERVAL, state_at=0.05))
+    # the polynomials up to 0.11 s are slower than those of the whole
+    again = fi.integrate(system, drive, fi.EventDriven(), 0.06, fi.Recorder(interval=INTERVAL), whole.kept_state)
+    first = round(whole.kept_state.time / INTERVAL)
+    expected = whole["mass"][first : first + again["mass"].size]
+    assert np.abs(again["mass"] - expected).max() < 1e-12 * np.abs(expected).max()
 
 
 def test_a_drive_that_begins_after_the_end_of_a_run_has_a_note():

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 
 from femimpact.errors import InputError
-from femimpact.units import UNITS, in_si, read_unit
+from femimpact.units import UNITS, in_si, interval_texts, number_text, quantity_text, read_unit
 
 
 def test_every_unit_of_the_table_is_of_its_dimension() -> None:
@@ -98,3 +99,42 @@ def test_unit_alone_says_its_dimension() -> None:
     assert read_unit("s") == ("s", 1.0)
     assert read_unit("volts") is None
     assert read_unit("g", ("s", "N")) is None
+
+
+# ---- numbers for the eye -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("digits", [2, 3, 4, 5])
+def test_a_number_for_the_eye_has_no_exponent_where_it_is_readable(digits: int) -> None:
+    for value in (10.0 ** np.random.default_rng(digits).uniform(-3.0, 4.0, 200)).tolist():
+        text = number_text(value, digits)
+        assert "e" not in text
+        assert float(text) == pytest.approx(value, rel=0.51 * 10.0 ** (1 - digits))
+        assert len(text.replace(".", "").lstrip("0")) <= max(digits, 4)
+        assert number_text(-value, digits) == f"-{text}"
+
+
+def test_quantities_have_the_unit_that_fits() -> None:
+    words = [
+        quantity_text(0.13, "m"),
+        quantity_text(103.3, "N"),
+        quantity_text(0.0203, "N"),
+        quantity_text(7.438e7, "Pa"),
+    ]
+    assert words == ["130 mm", "103.3 N", "20.3 mN", "74.38 MPa"]
+    assert [number_text(value, 2) for value in (980.0, 130.4, 9.8)] == ["980", "130", "9.8"]
+
+
+def test_an_interval_has_two_digits_of_its_half_width() -> None:
+    assert interval_texts(5.30003, 5.29978, 5.30028) == ("5.3000", "5.2998", "5.3003")
+    assert interval_texts(0.29, 0.2888, 0.2912) == ("0.2900", "0.2888", "0.2912")
+    assert interval_texts(5.3, 5.3, 5.3) == ("5.3", "5.3", "5.3")
+    rng = np.random.default_rng(0)
+    for _ in range(300):
+        value = float(10.0 ** rng.uniform(-3.0, 4.0))
+        half = float(value * 10.0 ** rng.uniform(-8.0, -0.5))
+        middle, low, high = (float(text) for text in interval_texts(value, value - half, value + half))
+        # of five digits one of the half width may be enough, else two
+        assert low < middle < high
+        assert high - low == pytest.approx(2.0 * half, rel=0.55 if half < 1e-3 * value else 0.11)
+        assert abs(middle - value) <= 0.51 * half

@@ -86,6 +86,66 @@ def test_energy_densities_sum_to_the_work_of_the_force(under_tip_force):
     assert (volume * grid["mean_strain_energy_density"]).sum() == pytest.approx(0.5 * FORCE * tip, rel=1e-9)
 
 
+TIP_FORCE = {
+    "round bar": (fi.Segment(length=0.2, diameter=4e-3, **ALUMINIUM), np.pi * 4e-3**4 / 64, np.pi * 4e-3**2 / 4),
+    "tube": (
+        fi.Segment(length=0.2, diameter=6e-3, wall=1e-3, **ALUMINIUM),
+        np.pi * (6e-3**4 - 4e-3**4) / 64,
+        np.pi * (6e-3**2 - 4e-3**2) / 4,
+    ),
+}
+"""Segments, second moment (m^4) and area (m^2) of each."""
+
+
+def bent_by_a_force(path, segment):
+    """The deflected cantilever under a force at its tip: system, deflection and grid."""
+    structure = fi.Structure(beam=fi.Beam((segment,)))
+    system = fi.assemble(structure, elements=4)
+    shape = np.linalg.solve(system.K.toarray(), FORCE * system.point_row("tip"))
+    tip = float(system.point_row("tip") @ shape)
+    (grid,) = grids_of(write_modes(path / "static.pvd", system, one_shape(system, shape), structure, scale=tip))
+    return tip, grid
+
+
+@pytest.mark.parametrize("key", TIP_FORCE)
+def test_a_round_bar_and_a_tube_are_round_with_the_stress_of_every_point(tmp_path, key):
+    """Points on circles about the axis, stress = -M y/I there, and the energy of all cells = F w/2."""
+    segment, second_moment, area = TIP_FORCE[key]
+    tip, grid = bent_by_a_force(tmp_path, segment)
+    beam = grid.extract_cells(np.flatnonzero(grid["part"] == BEAM))
+    radius = np.hypot(beam.points[:, 1], beam.points[:, 2])
+    inner = 0.0 if segment.wall is None else 0.5 * segment.diameter - segment.wall
+    on_surface = np.isclose(radius, 0.5 * segment.diameter, rtol=1e-9)
+    assert (on_surface | np.isclose(radius, inner, atol=1e-12)).all()
+    # the + surface is reached, and every direction has points
+    assert beam.points[:, 1].max() == pytest.approx(0.5 * segment.diameter, rel=1e-12)
+    turn = np.unique(np.round(np.arctan2(beam.points[on_surface, 1], beam.points[on_surface, 2]), 9))
+    assert np.diff(turn).max() < 0.3
+    expected = -FORCE * (0.2 - beam.points[:, 0]) * beam.points[:, 1] / second_moment
+    np.testing.assert_allclose(beam["axial_stress"], expected, atol=1e-7 * np.abs(expected).max())
+    volume = beam.compute_cell_sizes(length=False, area=False, volume=True)["Volume"]
+    # the area of a polygon of 24 corners is 1.1 % below that of its circle
+    assert 0.985 < volume.sum() / (0.2 * area) < 1.0
+    assert (volume * beam["mean_strain_energy_density"]).sum() == pytest.approx(0.5 * FORCE * tip, rel=1e-9)
+
+
+@pytest.mark.parametrize("outer_fibre", [None, 6e-4])
+def test_a_section_is_drawn_as_its_rectangle_with_the_stress_of_its_outer_fibre(tmp_path, outer_fibre):
+    segment = fi.Segment(length=0.2, area=2e-5, second_moment=1.7e-12, outer_fibre=outer_fibre, **ALUMINIUM)
+    _, grid = bent_by_a_force(tmp_path, segment)
+    beam = grid.extract_cells(np.flatnonzero(grid["part"] == BEAM))
+    width, height = (np.ptp(beam.points[:, i]) for i in (2, 1))
+    assert (width * height, width * height**3 / 12) == pytest.approx((2e-5, 1.7e-12), rel=1e-12)
+    note = grid.field_data["note"][0]
+    assert "beam: drawn as the rectangle of its area and second moment" in note
+    if outer_fibre is None:
+        assert "needs outer_fibre (m) of segment 'beam'" in note
+        assert np.isnan(beam["axial_stress"]).all()
+    else:
+        assert "axial strain and stress of beam at its outer fibre" in note
+        assert np.abs(beam["axial_stress"]).max() == pytest.approx(FORCE * 0.2 * outer_fibre / 1.7e-12, rel=1e-7)
+
+
 def test_root_moment_of_statics_is_the_reaction(under_tip_force):
     system, shape, _, beam = under_tip_force
     root = np.isclose(beam.points[:, 0], 0.0, atol=1e-12)

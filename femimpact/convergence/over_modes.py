@@ -39,6 +39,7 @@ from femimpact.system.reduction import reduce
 from femimpact.system.state import State
 from femimpact.system.system import System
 from femimpact.table import column_units, frame_of, named_column
+from femimpact.units import number_text
 
 if TYPE_CHECKING:
     import pandas
@@ -403,7 +404,8 @@ def _notes(columns: Mapping[str, Array], counts: NDArray[np.int64], laws: str, c
     change = float(columns["loss_error"][-2, 1])
     if change > UNSETTLED:
         notes.append(
-            f"loss of the first impact still changes by {100.0 * change:.3g} % from {counts[-2]} to {counts[-1]} "
+            f"loss of the first impact still changes by {number_text(100.0 * change, 3)} % from {counts[-2]} to "
+            f"{counts[-1]} "
             "modes: at a rigid contact without a body, more modes move it from the contact to the structure's own "
             "damping, and each impact's impulse falls; displacement and whole loss are what converges"
         )

@@ -255,7 +255,8 @@ class SurfaceStress:
     def read(self, case: Case, finest: Case) -> tuple[Reading, ...]:
         """One reading."""
         section = case.system.section_at(self.at, self.side)
-        return _of_curvature(self, "stress", "Pa", section.young_modulus * section.half_height, case)
+        stress = section.young_modulus * section.known_half_height("SurfaceStress")
+        return _of_curvature(self, "stress", "Pa", stress, case)
 
 
 def _of_curvature(

@@ -74,6 +74,7 @@ class Forms(NamedTuple):
     entries: Integers  # (F,)
     rigid_bodies: Integers  # (F,)
     driven: Integers  # (F,)
+    slow: Integers  # (F,)
     exponent: Complex  # (F, K)
     coupling: Complex  # (F, K, K)
     blocks: Integers  # (F, B, 2)
@@ -91,16 +92,17 @@ class Forms(NamedTuple):
     shape_rate: Complex  # (F, d, K)
     rigid_body_shape: Array  # (F, d, P)
     static: Array  # (F, d, R+1)
+    static_rate: Array  # (F, d, R+1)
     position_through: Array  # (F, d)
     position_follow: Array  # (F, 8H, d)
     velocity_follow: Array  # (F, 8H, d)
     load: Complex  # (F, 3H, K)
+    given: Complex  # (F, K, R+1)
     to_entry_u: Complex  # (F, K, d)
     to_entry_v: Complex  # (F, K, d)
     to_rigid_body: Array  # (F, P, d)
     impulse_entry: Complex  # (F, K, R)
     impulse_rigid_body: Array  # (F, P, R)
-    reaction: Array  # (F, R, R)
     together: NDArray[np.bool_]  # (F, K, K)
     first: Integers  # (F, d+1)
     members: Integers  # (F, dK)
@@ -139,6 +141,7 @@ class Space(NamedTuple):
     search: Search
     bounds: Bounds
     products: Products
+    impulses: Impulses
     turn: Complex  # (K,)
     impulse: Array  # (R,)
     row: Integers  # (R,)
@@ -169,7 +172,9 @@ class Bounds(NamedTuple):
     lasting: Array  # (2R,)
     constant: Array  # (2R+O,)
     static: Array  # (d,)
+    static_rate: Array  # (d,)
     given: Array  # (P,)
+    entry_given: Complex  # (K,)
     nothing: Array  # (H, P)
     wall: Array  # (R+1,)
     steady: Complex  # (2, K)
@@ -183,6 +188,22 @@ class Products(NamedTuple):
     minus: Complex  # (K+2, K+2)
     moments: Complex  # (K, 6)
     rates: Array  # (d, 9+9+6)
+
+class Impulses(NamedTuple):
+    rounding: Array  # (R,)
+    pair: Integers  # (R,)
+    held: NDArray[np.bool_]  # (R,)
+    pushes: NDArray[np.bool_]  # (R,)
+    approach: Array  # (R,)
+    target: Array  # (R,)
+    impulse: Array  # (R,)
+    trial: Array  # (R,)
+    mobility: Array  # (R, R)
+    factor: Array  # (R, R)
+    normal: Array  # (R, R)
+    order: Integers  # (2, R)
+    size: Array  # (R,)
+    solved: Array  # (R,)
 
 class Ledger(NamedTuple):
     mass: Array  # (d,)
@@ -228,6 +249,8 @@ class Scalars(NamedTuple):
     constant: Array  # (2R+O,)
     follow: Array  # (8H, 2R+O)
     driven: int
+    slow: int
     load: Complex  # (3H, K)
+    given: Complex  # (K,)
     term: Complex  # (K,)
     growth: Complex  # (K,)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import codecs
-import csv
 import io
 import itertools
 import math
@@ -11,8 +10,8 @@ import re
 from array import array
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
+from functools import cached_property
 from operator import methodcaller
 from pathlib import Path
 from typing import BinaryIO
@@ -21,8 +20,9 @@ import numpy as np
 
 from femimpact.arrays import Array, even_interval
 from femimpact.errors import Fault, InputError, require, require_path
+from femimpact.excitation.cells import MARKS, QUOTES, cells_in, is_number, mark_of, number_in
+from femimpact.excitation.column_names import name_and_unit, names_and_units
 from femimpact.regular_file import decimal_number, open_regular, read_now
-from femimpact.units import UNITS, read_unit
 
 MOST_LINES = 10_001_000
 """Most lines of the file of a record: 10 million rows, behind a header, are read within 1 GB of memory."""
@@ -36,17 +36,20 @@ PIECE = 1 << 23
 SHOWN = 4
 """Cells of a line that is no row, of which a fault says what kind they are."""
 
-QUOTES = re.compile(r'"[^"]*"')
-"""Cells in quotes, or what is between two of them."""
-
 OPEN = re.compile(r'(^|[;,\t])\s*"[^"]*$')
 """A cell in quotes that the line does not end, where those that it ends are left out."""
 
+SERIES = re.compile(
+    r"^.*?NPTS *= *(\d+)[ ,]+DT *= *([\d.]+(?:E[+-]?\d+)?).*$|^ *(\d+) +([\d.]+(?:E[+-]?\d+)?) +NPTS, *DT.*$",
+    re.IGNORECASE | re.MULTILINE | re.ASCII,
+)  # fmt: skip
+"""The line of a PEER file (AT2) with the number of samples and the step, s, behind which the samples stand."""
+
+QUANTITY = re.compile(r"^.*?(\w+) TIME SERIES IN UNITS OF +(\S+)", re.IGNORECASE | re.MULTILINE)
+"""The line of a PEER file with the quantity and its unit."""
+
 LONGEST = 1000
 """Letters of a header's line that may go on in the next one."""
-
-MARKS = ";\t,"
-"""Separators between cells: the first of these that a line has, or spaces."""
 
 
 def record_text(path: str | Path) -> str:
@@ -107,22 +110,29 @@ def _text_in(file: BinaryIO, encoding: str) -> str:
     return text
 
 
-def in_si(name: str, unit: str, among: Iterable[str] = tuple(UNITS)) -> tuple[str, float, str]:
-    """The SI unit, of some, of a column, what its numbers are multiplied by, and a note on what was taken for what."""
-    known = unit_of(unit, among)
-    if known is not None:
-        return *known, f"{name!r} is in {unit}" + f", taken as {known[1]:.6g} {known[0]}" * (known[1] != 1.0)
-    last = re.split(r"[\s_.-]", name)[-1]
-    meant = None if unit or last == "t" else unit_of(last, [one for one in among if one not in ("s", "1", "Hz")])
-    words = f"the unit {unit!r} is not known" if unit else "no unit is there"
-    words += f"; is it in {last}?" if meant is not None and meant[1] != 1.0 else ""
-    return unit, 1.0, f"{name!r} is left as it is: {words}"
+def in_columns(text: str, path: str | Path) -> str:
+    """A text of columns: the samples of a PEER file, some in a row, with their times beside them; others as they are.
 
-
-def unit_of(word: str, among: Iterable[str] = tuple(UNITS)) -> tuple[str, float] | None:
-    """What `read_unit` finds; words for times are read in capitals too."""
-    time = word.isalpha() and len(word) > 2 and "s" in among
-    return (read_unit(word.lower(), ("s",)) if time else None) or read_unit(word, among)
+    Raises `InputError` if there are not as many samples as the file says.
+    """
+    head = text[:MODEL_LETTERS]
+    if not (found := SERIES.search(head)):
+        return text
+    count, step = int(found[1] or found[3]), float(found[2] or found[4])
+    require(
+        count >= 2 and step > 0.0, "path", str(path), "", f"has NPTS = {count} and DT = {step:g} s: must be samples"
+    )
+    samples = text[found.end() :].split()
+    if len(samples) > count and len(samples) % count == 0:
+        # columns below such a line
+        return text
+    allowed = f"has {len(samples)} samples, and {count} by its NPTS: is the file cut off?"
+    require(len(samples) == count, "path", str(path), "", allowed)
+    bad = next((i for i, sample in enumerate(samples) if decimal_number(sample) is None), -1)
+    require(bad < 0, "path", str(path), "", f"sample {bad + 1} is no finite number")
+    name, unit = quantity.groups() if (quantity := QUANTITY.search(head, 0, found.start())) else ("value", "")
+    rows = "\n".join(f"{i * step!r},{sample}" for i, sample in enumerate(samples))
+    return f"time [s],{name.lower()} [{unit}]\n{rows}\n"
 
 
 def is_column(value: object) -> bool:
@@ -145,20 +155,8 @@ def read_columns(text: str, places: tuple[int, ...], first: int, path: Path) -> 
     return tuple(map(np.frombuffer, found))
 
 
-BRACKETED = re.compile(r"(.*?)[\s/]*[\[(]([^\[\]()]*(?:\([^()]*\)[^()]*)?)[\])]")
-"""A name and, in brackets, a unit."""
-
-BEFORE_UNIT = re.compile(r"\s+in\s+|\s*/\s*")
-"""What stands between a name and a unit, as in "acceleration in g" and "a/g"."""
-
-TIMES = re.compile(r"(t|T(?!_)|(?i:time|zeit|temps|tiempo|tempo))(?![^\W_])(?:[\s_./-]*(\w*)|.*)")
-"""Names of a column of time, and what may be its unit, as in "t_ms"; T_min is a temperature."""
-
 COUNTS = re.compile(r"(samples?|index|idx|no|nr|num|number|nummer|sequence|scan|count)\W*", re.IGNORECASE)
 """Names of a column that counts samples."""
-
-TYPES = ("double", "float", "single", "real", "int", "integer", "number", "numeric", "string", "text")
-"""Words of a row, in small letters, that names the types of the columns."""
 
 SPLIT = re.compile(r"-0|0\d+|\d{2,}[eE][+-]?\d+", re.ASCII)
 """Parts of numbers that decimal commas among commas leave, and no whole number is."""
@@ -191,12 +189,16 @@ class RecordHeader:
         """Name of a column, made from its number where it has none."""
         return self.names.get(place) or f"column {place}"
 
+    @cached_property
+    def _by_name(self) -> dict[str, int]:
+        return {name: p for names in (self.names, self.cells) for p, name in reversed(names.items())}
+
     def place(self, column: int | str, path: Path) -> int:
         """Place of a column by its number or its name, with or without a unit."""
-        named = {name: p for names in (self.names, self.cells) for p, name in reversed(names.items())}
-        found = named.get(column, -1) if isinstance(column, str) else column
-        shown = f"{path.name}, which are from line {self.first} on: {[self.name(p) for p in self.places]}"
-        require(found in self.places, "columns", column, "", f"must be one of the columns of numbers of {shown}")
+        found = self._by_name.get(column, -1) if isinstance(column, str) else column
+        if found not in self.places:
+            shown = f"{path.name}, which are from line {self.first} on: {[self.name(p) for p in self.places]}"
+            raise InputError([Fault("columns", column, "", f"must be one of the columns of numbers of {shown}")])
         return found
 
 
@@ -208,7 +210,7 @@ def record_header(text: str, path: Path) -> RecordHeader:
     tail = text[-MODEL_LETTERS:].splitlines()[-MODEL_LINES:]
     rows = [fields for _, fields in cells_of(tail[1:] if len(text) > MODEL_LETTERS else tail, 1)]
     width = max(map(len, rows), default=0)
-    counts = [sum(p < len(f) and _is_number(f[p]) for f in rows) for p in range(width)]
+    counts = [sum(p < len(f) and is_number(f[p]) for f in rows) for p in range(width)]
     places = tuple(p for p in range(width) if counts[p] > 0 and 2 * counts[p] >= max(counts))
     lines = _rows(text)
     first, row = next(((i, f) for i, f in lines if _is_row(f, places)), (0, []))
@@ -216,30 +218,33 @@ def record_header(text: str, path: Path) -> RecordHeader:
     # the last of many, as those of a file of remarks
     before = deque(itertools.takewhile(lambda line: line[0] < first, first_lines(text)), MODEL_LINES)
     head = [row, *(fields for _, fields in itertools.islice(lines, MODEL_LINES))]
-    last, fields = before[-1] if before else (0, list[str]())
+    last, fields = (before[-1][0], cells_in(before[-1][1])) if before else (0, list[str]())
     cells = [fields[p] for p in places] if len(fields) > max(places) else []
-    bad = [i for i, cell in enumerate(cells) if not _is_number(cell)]
+    bad = [i for i, cell in enumerate(cells) if not is_number(cell)]
     words = ""
     if 0 < len(bad) < len(cells) and (bad[0] > 0 or all(cells[i].lower() in EMPTY for i in bad)):
         words = f"line {last}, column {places[bad[0]]}: {_kind(cells, bad[0])} is no finite number"
-    if _mark("".join(tail[-1:])) == ",":
+    if mark_of("".join(tail[-1:])) == ",":
         found = [cell for row in head for cell in row]
         parts = any(map(SPLIT.fullmatch, found)) and not any("." in cell for cell in found)
         if parts or 2 <= len(fields) <= max(places):
             words = f"line {first}: more numbers than names, or parts of numbers: is a comma a decimal one? "
             words += "put semicolons between"
     require(not words, "path", str(path), "", words)
-    named, units, has_row = names_and_units([fields for _, fields in before], places)
-    names = {p: _name_and_unit(cell)[0] for p, cell in named.items()}
-    some = {p for p, name in names.items() if name and not _is_number(name)}
-    some |= {p for row in head for p, cell in enumerate(row) if _is_number(cell)}
+    # an oscilloscope writes its settings beside the rows
+    beside = [fields[: places[0]] for fields in head if any(fields[: places[0]])]
+    named, units, has_row = names_and_units([line for _, line in before], places, len(row), beside)
+    names = {p: name_and_unit(cell)[0] for p, cell in named.items()}
+    some = {p for p, name in names.items() if name and not is_number(name)}
+    some |= {p for row in head for p, cell in enumerate(row) if is_number(cell)}
     left = tuple(names.get(p) or f"column {p}" for p in sorted(some - {*places}))
     return RecordHeader(first, places, named, names, units, has_row, left)
 
 
 def _begin(text: str) -> str:
     """Words for the first line of a text, by the kinds of its cells."""
-    number, fields = next(first_lines(text), (0, []))
+    number, line = next(first_lines(text), (0, ""))
+    fields = cells_in(line)
     kinds = ", ".join(_kind(fields, place) for place in range(min(len(fields), SHOWN)))
     more = ", ..." if len(fields) > SHOWN else ""
     begin = f"begins at line {number} with {len(fields)} cell{'s' * (len(fields) != 1)}: {kinds}{more}"
@@ -248,12 +253,12 @@ def _begin(text: str) -> str:
 
 def _is_row(fields: list[str], places: tuple[int, ...]) -> bool:
     """True if a line has a number in the first of some places, and numbers or nothing in the others."""
-    whole = len(places) > 0 and len(fields) > max(places) and _is_number(fields[places[0]])
-    return whole and all(_is_number(fields[p]) or fields[p].lower() in EMPTY for p in places)
+    whole = len(places) > 0 and len(fields) > max(places) and is_number(fields[places[0]])
+    return whole and all(is_number(fields[p]) or fields[p].lower() in EMPTY for p in places)
 
 
-def first_lines(text: str) -> Iterator[tuple[int, list[str]]]:
-    """Number and cells of every line that is not empty, those behind a # too as long as no other line came.
+def first_lines(text: str) -> Iterator[tuple[int, str]]:
+    """Number and text of every line that is not empty, those behind a # too as long as no other line came.
 
     A cell in quotes may go on in the next lines; the number is that of the last one.
     """
@@ -264,60 +269,7 @@ def first_lines(text: str) -> Iterator[tuple[int, list[str]]]:
             begun = line if len(line) < LONGEST and OPEN.search(QUOTES.sub("", line)) else ""
             if not begun and line.strip() and (commented or line.lstrip()[0] != "#"):
                 commented = commented and line.lstrip()[0] == "#"
-                yield i, _fields(line.lstrip("# \t") if line.lstrip()[0] == "#" else line)
-
-
-def names_and_units(before: list[list[str]], places: tuple[int, ...]) -> tuple[dict[int, str], dict[int, str], bool]:
-    """Names as written and units by place of the lines before the rows, and whether the last one is a row of units."""
-    fitting = [f for f in before if len(f) > max(places) and not _is_of_types([f[p] for p in places])]
-    row, units, has_row = fitting[-1] if fitting else [], dict[int, str](), False
-    if fitting and _are_units([row[p] for p in places], [f[places[0]] for f in fitting[:-1]]):
-        units = {p: unit for p in places if (unit := row[p].strip("[]() ")) not in ("", "-")}
-        row, has_row = fitting[-2] if len(fitting) > 1 else [], True
-    for p in places if row else ():
-        unit = _name_and_unit(row[p])[1]
-        if unit not in ("", "-"):
-            units.setdefault(p, unit)
-    return dict(enumerate(row)), units, has_row
-
-
-def _is_of_types(cells: list[str]) -> bool:
-    """True for words of the types of columns, and for lines that are drawn."""
-    return all(cell.lower() in TYPES for cell in cells) or not any(cell.strip("-=_ ") for cell in cells)
-
-
-def _are_units(cells: list[str], above: list[str]) -> bool:
-    """True if cells are units and no names; above them are others of the first column."""
-    words = [cell.strip("[]() ") for cell in cells]
-    # t is a time, and no column in tonnes
-    known = [word != "t" and unit_of(word) is not None for word in words if word not in ("", "-")]
-    # names may read as units alone; with a row above, or a time among them, they are
-    times = [word not in ("h", "min") and unit_of(word, ("s",)) is not None for word in words]
-    if not known or TIMES.fullmatch(words[0]):
-        return False
-    if all(known) and (len(above) > 0 or any(times) or all(cell[:1] in "[(" for cell in cells)):
-        return True
-    # "Second" may be a name; with names above, a time in a unit that is not known is none
-    named = len(above) > 0 and not _is_number(above[-1]) and above[-1] not in ("", "-")
-    if times[0]:
-        return len(above) > 0 or len(words[0]) < len("second")
-    return named and (any(known) or TIMES.fullmatch(above[-1]) is not None)
-
-
-def _name_and_unit(cell: str) -> tuple[str, str]:
-    """Name of a column and its unit, "" where the cell has none."""
-    if found := BRACKETED.fullmatch(cell):
-        # "a(t)" is no column in tonnes
-        return (cell, "") if found[2] == "t" else (found[1] or cell, found[2].strip())
-    if (found := TIMES.fullmatch(cell)) and unit_of(found[2] or "", ("s",)):
-        return found[1], found[2]
-    if unit_of(cell) is not None:
-        # a word for a unit of time is a name too
-        return cell, cell if len(cell) > 3 and unit_of(cell, ("s",)) else ""
-    pairs = ((cell[: mark.start()], cell[mark.end() :]) for mark in BEFORE_UNIT.finditer(cell, 1))
-    # V/s is a rate, and no voltage in seconds
-    rate = unit_of(cell.rpartition("/")[2].strip(), ("s",)) is not None
-    return next(((name, unit) for name, unit in pairs if not rate and unit != "t" and unit_of(unit)), (cell, ""))
+                yield i, line.lstrip("# \t") if line.lstrip()[0] == "#" else line
 
 
 def line_of_row(text: str, header: RecordHeader, row: int) -> str:
@@ -343,7 +295,7 @@ def has_decimal_commas(text: str, header: RecordHeader) -> bool:
     """True where a line of commas has digits alone in every second cell, as decimal commas leave them."""
     lines = itertools.islice((fields for i, fields in _rows(text) if i >= header.first), MODEL_LINES)
     whole = all(len(fields) % 2 == 0 and all(cell.isdigit() for cell in fields[1::2]) for fields in lines)
-    return _mark(text[:MODEL_LETTERS]) == "," and whole
+    return mark_of(text[:MODEL_LETTERS]) == "," and whole
 
 
 def _blocks(text: str) -> Iterator[tuple[int, list[str]]]:
@@ -362,7 +314,7 @@ def _rows(text: str) -> Iterator[tuple[int, list[str]]]:
 
 def cells_of(lines: Iterable[str], number: int) -> Iterator[tuple[int, list[str]]]:
     """Number and cells of every line that is neither empty nor begins with #."""
-    return ((i, _fields(line)) for i, line in enumerate(lines, number) if line.strip() and line.lstrip()[0] != "#")
+    return ((i, cells_in(line)) for i, line in enumerate(lines, number) if line.strip() and line.lstrip()[0] != "#")
 
 
 def _plain_values(lines: Sequence[str], places: tuple[int, ...], width: int) -> Array | None:
@@ -374,7 +326,7 @@ def _plain_values(lines: Sequence[str], places: tuple[int, ...], width: int) -> 
         block = "\n".join(lines)
     if not lines:
         return np.zeros((0, len(places)))
-    mark = _mark(lines[0])
+    mark = mark_of(lines[0])
     # a line without the mark has no second cell
     others = MARKS.partition(mark)[0] if mark else MARKS
     if mark and '"' in block:
@@ -404,7 +356,7 @@ def _values(cells: Iterable[tuple[int, list[str]]], places: tuple[int, ...], wid
         require(more is None, "path", str(path), "", allowed)
         row = []
         for place in places:
-            value = _number(fields[place]) if place < len(fields) else math.nan
+            value = number_in(fields[place]) if place < len(fields) else math.nan
             allowed = f"line {i}, column {place}: {_kind(fields, place)} is no finite number"
             require(math.isfinite(value), "path", str(path), "", allowed)
             row.append(value)
@@ -417,32 +369,3 @@ def _kind(fields: Sequence[str], place: int) -> str:
     if place >= len(fields) or not fields[place]:
         return "nothing"
     return "a text" if decimal_number(fields[place].replace(",", ".")) is None else "a number"
-
-
-def _mark(line: str) -> str | None:
-    """The separator of the cells of a line; None is spaces."""
-    return next((mark for mark in MARKS if mark in line), None)
-
-
-def _fields(line: str) -> list[str]:
-    """Cells of a line: between semicolons, tabulators or commas, the first of them that it has, or spaces.
-
-    What is in quotes is one cell. Between semicolons or tabulators a decimal comma is a point.
-    """
-    if '"' in line.strip(' "'):
-        # a cell beyond what the library takes is no number
-        with suppress(csv.Error):
-            mark = _mark(QUOTES.sub("", line)) or " "
-            cells = next(csv.reader([line.strip(" ")], delimiter=mark, skipinitialspace=True))
-            return [cell.strip().strip('"') for cell in cells]
-    return [cell.strip().strip('"') for cell in line.split(_mark(line))]
-
-
-def _number(cell: str) -> float:
-    """The number that a cell holds, not a number where it holds none."""
-    value = decimal_number(cell.replace(",", "."))
-    return math.nan if value is None else value
-
-
-def _is_number(cell: str) -> bool:
-    return not math.isnan(_number(cell))

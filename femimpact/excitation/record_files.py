@@ -5,36 +5,28 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from femimpact.arrays import Array
-from femimpact.errors import Fault, InputError, InputWarning, checked, instance, optional, quantity, require
+from femimpact.errors import InputError, InputWarning, checked, instance, optional, quantity, require
+from femimpact.excitation.column_names import TIMES, in_si, unit_of
 from femimpact.excitation.columns import (
-    MOST_BYTES,
-    TIMES,
     RecordHeader,
     has_decimal_commas,
-    in_si,
+    in_columns,
     interval_of,
     is_column,
     line_of_row,
     read_columns,
     record_header,
     record_text,
-    unit_of,
 )
-from femimpact.regular_file import open_regular
+from femimpact.excitation.uff import UFF, read_uff
 
 if TYPE_CHECKING:
     import xarray
-
-MOST_SAMPLES = 10_000_000
-"""Most samples of a UFF file by its headers: they take some 1.3 GB and 24 s."""
-
-UFF = (".uff", ".unv", ".bunv")
-"""Endings of the names of UFF files."""
 
 
 def read_record(
@@ -50,8 +42,8 @@ def read_record(
     ----------
     path : str or Path
         Rows of numbers as of `RecordedBase.from_csv`, with or without a header, in which a row or brackets may name
-        units. A name that ends with .uff or .unv is a UFF file: its datasets 58 and 58b are read, which needs pyuff
-        (the extra `measured`).
+        units. A name that ends with .uff, .uf, .ufb or .unv is a UFF file: its datasets 58 and 58b are read. That of a
+        PEER file (AT2) has its samples in rows.
     columns : sequence of int or str, optional
         By number from 0 or by name: the time, and the signals; all of the file by default. With `sample_rate` the
         signals alone.
@@ -101,7 +93,7 @@ def _read_text(
     path: str | Path, columns: Sequence[int | str] | None, units: Sequence[str] | None, rate: float | None, pick: Pick
 ) -> xarray.Dataset:
     """Columns of a text; where none are given, some of the signals."""
-    text, file = record_text(path), Path(path)
+    text, file = in_columns(record_text(path), path), Path(path)
     found = record_header(text, file)
     if columns is None:
         places, notes = _places(found, file, rate, pick)
@@ -139,15 +131,27 @@ def _places(found: RecordHeader, file: Path, rate: float | None, pick: Pick) -> 
     counts = f"must have a column of time: {found.name(first)!r} counts samples; give sample_rate"
     require(bool(time) or rate is not None or first not in found.counted, "path", str(file), "", counts)
     time = time or [first][rate is not None :]
-    further = {*of_time, *named} - {*time, *found.counted}
-    signals = [p for p in found.places if p not in (*time, *found.counted, *further)]
-    notes = [f"{found.name(p)!r} is left out: it counts samples" for p in found.counted]
+    counted = found.counted
+    further = {*of_time, *named} - {*time, *counted}
+    left_out = {*time, *counted, *further}
+    signals = [p for p in found.places if p not in left_out]
+    notes = [f"{found.name(p)!r} is left out: it counts samples" for p in counted]
     notes += [f"column {p}, {found.name(p)!r}, is left out: a further time" for p in sorted(further)]
     notes += [f"{name!r} is left out: few of its rows have numbers, or none" for name in found.left]
     if rate is not None and time:
         notes.append(f"the column of time {found.name(time[0])!r} is not used: the sample rate is given")
         time = []
     return [*time, *(signals[i] for i in pick([found.name(p) for p in signals]))], notes
+
+
+def columns_in(text: str) -> list[tuple[str, str]]:
+    """Names and units of the signals that `read_record` finds in a text of columns; none where it finds no record."""
+    try:
+        found = record_header(text, Path("text"))
+        places, _ = _places(found, Path("text"), None, lambda names: range(len(names)))
+    except InputError:
+        return []
+    return [(found.names.get(p, ""), found.units.get(p, "")) for p in places[1:]]
 
 
 def _given_units(units: Sequence[str] | None, names: list[str], stated: list[str]) -> tuple[list[str], list[str]]:
@@ -203,39 +207,13 @@ def one_signal(
     return reader(path, None, units[-1:] if units and alone else units, sample_rate, pick)
 
 
-# ---- UFF ---------------------------------------------------------------------------------------------
-
-
-def load_pyuff() -> Any:
-    """The library of UFF files; refused where it is not installed."""
-    try:
-        import pyuff
-    except ImportError:
-        allowed = "needs pyuff, which is not installed: pip install femimpact[measured]"
-        raise InputError([Fault("path", "a UFF file", "", allowed)]) from None
-    return pyuff
-
-
 def _read_uff(
     path: str | Path, columns: Sequence[int | str] | None, units: Sequence[str] | None, rate: float | None, pick: Pick
 ) -> xarray.Dataset:
     """Datasets 58 of a UFF file, of one number of samples and one interval."""
     require(rate is None, "sample_rate", rate, "Hz", "must not be given with a UFF file, which has its own")
-    counted = _checked_uff(path)
-    pyuff = load_pyuff()
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            sets = pyuff.UFF(str(path)).read_sets()
-    except Exception as error:
-        allowed = f"must be a UFF file with datasets 58: {type(error).__name__}: {' '.join(str(error).split())[:80]}"
-        raise InputError([Fault("path", str(path), "", allowed)]) from None
-    sets = [sets] if isinstance(sets, dict) else list(sets)
-    sets = [one for one in sets if one.get("type") == 58]
-    require(len(sets) > 0, "path", str(path), "", "must be a UFF file with datasets 58: none can be read")
-    allowed = f"has {counted} datasets 58 by its headers, of which {len(sets)} can be read: is it cut off?"
-    require(len(sets) == counted, "path", str(path), "", allowed)
-    names = _names_of(sets)
+    sets = read_uff(path)
+    names = _different([one.name for one in sets])
     chosen = pick(names)
     if columns is not None:
         missing = [c for c in columns if (c not in names if isinstance(c, str) else c >= len(sets))]
@@ -243,68 +221,24 @@ def _read_uff(
         chosen = [names.index(c) if isinstance(c, str) else c for c in columns]
     sets, names = [sets[i] for i in chosen], [names[i] for i in chosen]
     notes, signals, times = list[str](), {}, []
-    stated = [_label(one, "ordinate") for one in sets]
-    for name, unit, one in zip(*_given_units(units, names, stated), sets, strict=True):
-        values, x = np.asarray(one["data"]), np.asarray(one["x"], dtype=float)
-        require(not np.iscomplexobj(values), "path", str(path), "", f"{name!r} is complex: must be over time")
-        require(one.get("abscissa_spec_data_type", 17) in (0, 17), "path", str(path), "", f"{name!r} must be over time")
-        stated_count = int(one.get("num_pts", values.size))
-        allowed = f"{name!r} has {values.size} samples, and {stated_count} by its header: is the file cut off?"
-        require(values.size == stated_count == x.size, "path", str(path), "", allowed)
-        allowed = f"{name!r}, sample {int(np.argmin(np.isfinite(values))) + 1}: is no finite number"
-        require(bool(np.isfinite(values).all()), "path", str(path), "", allowed)
-        signals[name] = _scaled(name, values.astype(float), unit, notes)
-        of_time = _label(one, "abscissa")
-        unit, factor, _ = in_si("time", of_time, ("s",))
-        require(
-            unit in ("", "s"), "path", str(path), "", f"the time of {name!r} is in {unit!r}: must be in a unit of s"
-        )
-        times.append(x * factor)
-    notes.insert(0, f"the time is in {of_time or 's: no unit is there'}")
+    for name, unit, one in zip(*_given_units(units, names, [one.unit for one in sets]), sets, strict=True):
+        signals[name] = _scaled(name, one.values, unit, notes)
+        of_time, factor, _ = in_si("time", one.unit_of_time, ("s",))
+        allowed = f"the time of {name!r} is in {of_time!r}: must be in a unit of s"
+        require(of_time in ("", "s"), "path", str(path), "", allowed)
+        times.append(one.time * factor)
+    notes.insert(0, f"the time is in {sets[-1].unit_of_time or 's: no unit is there'}")
     same = all(x.shape == times[0].shape and np.allclose(x, times[0], rtol=1e-9, atol=0.0) for x in times)
     require(same, "columns", names, "", "must be datasets over the same times: choose some by columns")
     interval_of(times[0], path, lambda row: f"sample {row + 1}")
     return _dataset(times[0], signals, notes, path)
 
 
-def _label(dataset: Any, axis: str) -> str:
-    """Unit of an axis of a dataset; empty where it names none."""
-    unit = str(dataset.get(f"{axis}_axis_units_lab", "")).strip("\x00 ")
-    return "" if unit.upper() == "NONE" else unit
-
-
-def _names_of(sets: Sequence[Any]) -> list[str]:
-    """A name for each dataset, by its first line or its response entity and node, none of them twice."""
-    names = list[str]()
-    for i, one in enumerate(sets, 1):
-        name = str(one.get("id1", "")).strip()
-        if not name or name.upper() == "NONE":
-            name = f"{str(one.get('rsp_ent_name', '')).strip() or 'signal'} {one.get('rsp_node', i)}"
-        names.append(name if name not in names else f"{name} {i}")
-    return names
-
-
-def _checked_uff(path: str | Path) -> int:
-    """Number of datasets 58 by the headers of a regular file that has not too many samples by them."""
-    reason, samples, lines_of_set, count, is_58 = "", 0, -1, 0, False
-    try:
-        with open_regular(path, MOST_BYTES) as file:
-            for line in file:
-                if line.strip() == b"-1":
-                    lines_of_set = 0
-                    continue
-                lines_of_set += lines_of_set >= 0
-                if lines_of_set == 1:
-                    is_58 = line.split()[:1] in ([b"58"], [b"58b"])
-                    count += is_58
-                # behind the type: five texts, the degrees of freedom, and the form of the data
-                if lines_of_set == 8 and is_58 and len(line.split()) >= 2 and line.split()[1].isdigit():
-                    samples += int(line.split()[1])
-    except OSError as error:
-        reason = error.strerror or "cannot be read"
-    if lines_of_set < 0:
-        reason = reason or "it has no dataset"
-    if samples > MOST_SAMPLES:
-        reason = f"it has {samples:,} samples by its headers, of which at most {MOST_SAMPLES:,} are read"
-    require(not reason, "path", str(path), "", f"must be a UFF file with datasets 58: {reason}")
-    return count
+def _different(names: Sequence[str]) -> list[str]:
+    """Names, none of them twice."""
+    different = dict[str, None]()
+    for i, name in enumerate(names, 1):
+        while name in different:
+            name = f"{name} {i}"
+        different[name] = None
+    return list(different)

@@ -28,16 +28,16 @@ from femimpact.errors import (
     require,
 )
 from femimpact.errors import text as a_text
+from femimpact.excitation.column_names import in_si, unit_of
 from femimpact.excitation.columns import (
     RecordHeader,
-    in_si,
+    in_columns,
     interval_of,
     is_column,
     line_of_row,
     read_columns,
     record_header,
     record_text,
-    unit_of,
 )
 from femimpact.excitation.excitation import BrokenLine, times
 from femimpact.excitation.sums import added
@@ -65,6 +65,7 @@ def samples_of(
     detrend = checked("detrend", detrend, choice("none", "mean", "line"))
     two = isinstance(columns, (tuple, list)) and len(columns) == 2 and all(map(is_column, columns))
     require(two, "columns", columns, "", "must be two numbers from 0 or names of the header, of time and acceleration")
+    text = in_columns(text, path)
     header = record_header(text, Path(path))
     places = tuple(header.place(column, Path(path)) for column in columns)
     seconds, factor, note = _factors(header, places, scale, path)
@@ -84,7 +85,7 @@ def _factors(
     """What times and accelerations are multiplied by for s and m/s^2, and a note where the header's units say so."""
     allowed = f"must be a column of time: {header.name(places[0])!r} counts samples"
     require(places[0] not in header.counted, "columns", places[0], "", allowed)
-    factors, said = [1.0, 1.0 if scale is None else scale], []
+    factors, said, assumed = [1.0, 1.0 if scale is None else scale], list[str](), list[str]()
     for i, (place, si) in enumerate(zip(places, ("s", "m/s^2"), strict=True)):
         unit = header.units.get(place, "")
         (found, factor, note), known = in_si(header.name(place), unit, (si,)), unit_of(unit)
@@ -100,7 +101,12 @@ def _factors(
             raise InputError([Fault("path", str(path), "", allowed)])
         elif unit or note.endswith("?"):
             _warn(path, f"column {place}: {note} (taken as {si}{'; scale = 1 says so' * i})")
-    return factors[0], factors[1], f"{Path(path).name}: {', '.join(said)}, by its header" if said else ""
+        if found != si and not (scale is not None and i == 1):
+            assumed.append(
+                f"{header.name(place)!r} is taken as {si}: {'its unit is not known' if unit else 'no unit is there'}"
+            )
+    parts = [f"{', '.join(said)}, by its header"] * bool(said) + assumed
+    return factors[0], factors[1], f"{Path(path).name}: {'; '.join(parts)}" if parts else ""
 
 
 def _warn(path: str | Path, words: str) -> None:

@@ -13,6 +13,7 @@ from types import TracebackType
 from typing import Any
 
 from femimpact.errors import require, require_path
+from femimpact.regular_file import kind_of
 
 NO_SYNC = (errno.EINVAL, errno.ENOSYS, errno.ENOTSUP, errno.EROFS)
 """Error numbers of a file system that cannot write through to the disk."""
@@ -28,6 +29,19 @@ def file_path(path: str | Path) -> Path:
     return Path(path)
 
 
+def target_path(path: str | Path) -> Path:
+    """The path of a file that is written, where none is or a regular one.
+
+    Raises `InputError` as of `file_path`, or if a pipe, a device, a socket or a directory is there, or a link to an
+    open file, as /dev/stdout, all of which a rename would remove.
+    """
+    target, kind = file_path(path), ""
+    with suppress(OSError):
+        kind = kind_of(os.stat(target)) or "a link to an open file" * os.readlink(target).startswith("/proc/")
+    require(not kind, "path", str(path), "", f"must be a file: this is {kind}")
+    return target
+
+
 @contextmanager
 def atomic_path(
     path: str | Path,  # in an existing directory
@@ -38,9 +52,8 @@ def atomic_path(
 
     Raises `OSError` with the name of `path`, never with the temporary one.
     """
-    target = file_path(path)
+    target = target_path(path)
     require(target.parent.is_dir(), "path", str(path), "", "must be in an existing directory")
-    require(not target.is_dir(), "path", str(path), "", "must be a file: this is a directory")
     prefix = f".{target.stem}-"
     try:
         handle, name = tempfile.mkstemp(prefix=prefix, suffix=target.suffix, dir=target.parent)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from femimpact.errors import choice, instance, optional, quantity, require, takes
 from femimpact.excitation.excitation import words_of
 from femimpact.export.figures.drawing import BLUE, DARK, ORANGE
-from femimpact.export.files import atomic_path, file_path
+from femimpact.export.files import atomic_path, target_path
 from femimpact.export.placed import ball_radius, placed_structure
 from femimpact.export.scene import (
     BALL,
@@ -37,6 +37,7 @@ from femimpact.export.tables import thinned
 from femimpact.response.history import Snapshots
 from femimpact.response.response import Response
 from femimpact.structure.structure import Structure
+from femimpact.units import number_text
 
 __all__ = ["gl_window", "write_movie"]
 
@@ -152,7 +153,7 @@ def write_movie(
     >>> run = fi.integrate(system, fi.Sine(1e-4, 5.0), fi.Newmark(1e-4), 0.1, record)
     >>> fi.write_movie("run.gif", run, structure)  # doctest: +SKIP
     """
-    file = file_path(path)
+    file = target_path(path)
     film = _film(response, structure, exaggeration, fps, most)
     window = gl_window() if renderer != "matplotlib" else None
     require(renderer != "pyvista" or window is not None, "renderer", renderer, "", "cannot render here (no GL library)")
@@ -167,7 +168,7 @@ def _film(response: Response, structure: Structure, exaggeration: float | None, 
         exaggeration = chosen_exaggeration(np.hstack([snapshots.displacement[:, 0::2], hung]), structure, balls)
     chosen = thinned(snapshots.time.size, most)
     shown = float(snapshots.time[chosen[-1]] - snapshots.time[chosen[0]])
-    slow = f"   Slowed {(chosen.size - 1) / fps / shown:.2g} times." if shown > 0.0 else ""
+    slow = f"   Slowed {number_text((chosen.size - 1) / fps / shown, 2)} times." if shown > 0.0 else ""
     words = words_of(response.base)
     is_sine = math.isfinite(response.base.phase) and response.base.amplitude > 0.0
     moved = f", {1e3 * response.base.amplitude:.4g} mm" if is_sine else ""
@@ -330,7 +331,7 @@ def _supports(film: Film) -> list[Any]:
     """A block where the beam is held."""
     import pyvista
 
-    length, width = film.structure.beam.length, film.structure.beam.segments[0].rectangle[0]
+    length, width = film.structure.beam.length, film.structure.beam.drawn_at(0.0)[0]
     size: dict[str, Any] = {"x_length": 0.02 * length, "y_length": 0.1 * length, "z_length": 1.2 * width}
     shift = {0.0: -0.01 * length, length: 0.01 * length}
     supports = placed_structure(film.structure, film.response.system).supports
@@ -357,13 +358,13 @@ def _aim(plotter: Any, film: Film, j: int) -> None:
     upright = 1.0 / np.hypot(1.0, TILT[1])
     if j >= 0:
         pair, radius = balls[j], ball_radius(balls[j].mass)
-        height = 0.5 * film.structure.beam.rectangle_at(pair.position)[0] + 1.3 * radius
+        height = 0.5 * film.structure.beam.drawn_at(pair.position)[0] + 1.3 * radius
         target = (pair.position, 0.0, height)
         high = upright * (film.scene.exaggeration * film.room(j) + 2.2 * radius)
         scale = max(high, 1.6 * radius * len(balls) / aspect)
     else:
         middle, half = film.ends(-0.06, 1.06)
-        target = (middle, 0.0, 0.25 * film.structure.beam.segments[0].rectangle[0])
+        target = (middle, 0.0, 0.25 * film.structure.beam.drawn_at(0.0)[0])
         scale = max(upright * 1.08 * film.reach, half / aspect)
     plotter.enable_parallel_projection()
     plotter.camera.focal_point = target

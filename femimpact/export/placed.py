@@ -157,7 +157,7 @@ class PlacedStructure:
     def half_height(self, x: float, exaggeration: float = 1.0) -> float:
         """Distance (m) from the axis to the top of the beam, and of cubes and boxes on it, at a place (m)."""
         near = SAME * self.length
-        tops = [0.5 * self.structure.beam.rectangle_at(min(max(x, 0.0), self.length))[1]]
+        tops = [0.5 * self.structure.beam.drawn_at(min(max(x, 0.0), self.length))[1]]
         tops += [0.5 * body_side(body.mass) for body, place in self.blocks if abs(place - x) <= near]
         boxed = [one for one in self.contacts if one.has_walls and not one.is_stop and abs(one.position - x) <= near]
         return max(tops + [exaggeration * one.gaps[0] + 1.3 * ball_radius(one.mass) for one in boxed])

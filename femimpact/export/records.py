@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import csv
+import io
+import itertools
 import json
 import math
-import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,16 +15,14 @@ import numpy as np
 
 from femimpact.arrays import Array, even_interval
 from femimpact.errors import checked, instance, require
-from femimpact.excitation.record_files import UFF, load_pyuff
-from femimpact.export.files import atomic_path, atomic_write
+from femimpact.excitation.record_files import columns_in
+from femimpact.excitation.uff import UFF, names_in_uff, write_uff
+from femimpact.export.files import atomic_path
 from femimpact.identification import DecayEstimate
 from femimpact.units import read_unit
 
 if TYPE_CHECKING:
     import xarray
-
-KINDS = {"m": 8, "m/s": 11, "m/s^2": 12, "N": 13}
-"""Type of the data of a UFF dataset by the SI unit."""
 
 
 def write_record(path: str | Path, dataset: xarray.Dataset) -> Path:
@@ -31,8 +32,8 @@ def write_record(path: str | Path, dataset: xarray.Dataset) -> Path:
     ----------
     path : str or Path
     dataset : xarray.Dataset
-        Of signals over one axis, `time` (s, or the unit that it names), as of `read_record`. UFF 58 keeps 6 digits of
-        the interval and 12 of a sample.
+        Of signals over one axis, `time` (timedelta64, or numbers in s or the unit that it names), as of `read_record`.
+        UFF 58 keeps 6 digits of the interval and 12 of a sample.
 
     Returns
     -------
@@ -41,52 +42,63 @@ def write_record(path: str | Path, dataset: xarray.Dataset) -> Path:
     Raises
     ------
     InputError
-        If the dataset has no signal over `time`, holds what is no finite number, its times are not evenly spaced (UFF),
-        or no file can be there.
+        If the dataset has no signal over `time`, holds what is no finite number, its times are no times from a
+        beginning or not evenly spaced, it has a name or a unit that would be read back as another, or no file can be
+        there.
     """
     file = Path(checked("path", path, instance(str, Path)))
     sound = hasattr(dataset, "data_vars") and "time" in dataset.coords and len(dataset.data_vars) > 0
     sound = sound and all(one.dims == ("time",) and one.dtype.kind in "iuf" for one in dataset.data_vars.values())
     require(sound, "dataset", type(dataset).__name__, "", "must be an xarray.Dataset of numbers over the axis time")
-    unit = str(dataset["time"].attrs.get("units") or "s")
-    known = read_unit(unit, ("s",))
-    require(known is not None, "dataset", unit, "", "must have its time in a unit of s")
-    time = np.asarray(dataset["time"], dtype=float) * (known[1] if known else 1.0)
-    held = [(_cell(name), _cell(one.attrs.get("units", "")), np.asarray(one, dtype=float))
+    time = _seconds(dataset["time"])
+    held = [(_line(name), _line(one.attrs.get("units", "")), np.asarray(one, dtype=float))
             for name, one in dataset.data_vars.items()]  # fmt: skip
     for name, values in (("time", time), *((name, values) for name, _, values in held)):
         require(bool(np.isfinite(values).all()), "dataset", name, "", "must hold finite numbers")
+    require(time.size >= 2, "dataset", time.size, "samples", "must have 2 or more")
+    step, bad = even_interval(time)
+    require(bad < 0, "dataset", time[max(bad, 0)], "s", "must have evenly spaced times that rise: this one is off")
+    is_uff = file.suffix.lower() in UFF
+    text = "" if is_uff else _header(held)
+    # what stands for the rows
+    found = names_in_uff(held) if is_uff else columns_in(text + "".join(f"{k}{',0' * len(held)}\n" for k in (0, 1)))
+    for (name, unit, _), other in itertools.zip_longest(held, found, fillvalue=("", "", None)):
+        back = f"as {other[0]!r}{f' in {other[1]}' if other[1] else ''}" if other[0] else "as no signal"
+        same = bool(name) and (name, unit) == tuple(other[:2])
+        require(same, "dataset", name, unit, f"would be read back {back}: choose another name or unit")
     with atomic_path(file) as made:
-        if file.suffix.lower() in UFF:
-            _write_uff(made, time, held)
+        if is_uff:
+            write_uff(made, float(time[0]), step, held)
         else:
-            rows = [["time", *(name for name, _, _ in held)], ["s", *(unit or "-" for _, unit, _ in held)]]
-            header = "\n".join(map(",".join, rows))
             table = np.column_stack([time, *(values for _, _, values in held)])
-            np.savetxt(made, table, fmt="%.17g", delimiter=",", header=header, comments="")
+            np.savetxt(made, table, fmt="%.17g", delimiter=",", header=text[:-1], comments="", encoding="utf-8")
     return file
 
 
-def _cell(word: object) -> str:
-    """A name or a unit without what ends a cell or a line."""
-    return re.sub(r"[,;\s\"#]+", " ", str(word)).strip()
+def _seconds(time: xarray.DataArray) -> Array:
+    """Times in s, from timedelta64 or from numbers in a unit that they name."""
+    kind, unit = time.dtype.kind, str(time.attrs.get("units") or "s")
+    if kind == "m":
+        return np.asarray(time.to_numpy() / np.timedelta64(1, "s"))
+    kinds = "must be numbers or timedelta64, from a beginning on: subtract the first time"
+    require(kind in "iuf", "dataset", f"time of {time.dtype}", "", kinds)
+    known = read_unit(unit, ("s",))
+    require(known is not None, "dataset", unit, "", "must have its time in a unit of s")
+    return np.asarray(time, dtype=float) * (known[1] if known else 1.0)
 
 
-def _write_uff(path: Path, time: Array, held: list[tuple[str, str, Array]]) -> None:
-    pyuff = load_pyuff()
-    require(time.size >= 2, "dataset", time.size, "samples", "must have 2 or more in a UFF file")
-    step, bad = even_interval(time)
-    require(bad < 0, "dataset", time[max(bad, 0)], "s", "must have evenly spaced times in a UFF file: this one is off")
-    sets = [
-        pyuff.prepare_58(
-            binary=0, func_type=1, rsp_node=i, rsp_dir=3, ref_node=i, ref_dir=3, data=values, x=time, id1=name[:80],
-            ord_data_type=4, num_pts=time.size, abscissa_spacing=1, abscissa_min=float(time[0]), abscissa_inc=step,
-            abscissa_spec_data_type=17, abscissa_axis_units_lab="s", orddenom_spec_data_type=0,
-            ordinate_spec_data_type=KINDS.get(unit, 0), ordinate_axis_units_lab=unit[:20] or "NONE",
-        )
-        for i, (name, unit, values) in enumerate(held, 1)
-    ]  # fmt: skip
-    pyuff.UFF(str(path)).write_sets(sets, "overwrite")
+def _line(word: object) -> str:
+    """A name or a unit without the ends of lines."""
+    return " ".join(str(word).split())
+
+
+def _header(held: Sequence[tuple[str, str, Array]]) -> str:
+    """Rows of names and of units."""
+    text = io.StringIO()
+    rows = csv.writer(text, lineterminator="\n")
+    rows.writerow(["time", *(name for name, _, _ in held)])
+    rows.writerow(["s", *(unit or "-" for _, unit, _ in held)])
+    return text.getvalue()
 
 
 IDENTIFIED = ("identify.json", "identify.png")
@@ -114,8 +126,11 @@ def write_decay(
         "units": {**units, "noise": found.unit},
         "warnings": found.warnings, "notes": [*record.attrs.get("notes", ()), *found.notes],
     }  # fmt: skip
-    atomic_write(directory / IDENTIFIED[0], json.dumps(_finite(content), indent=2, ensure_ascii=False) + "\n")
-    figures.save_figure(figures.decay(found, ax=figures.OffScreen()), directory / IDENTIFIED[1])
+    text = json.dumps(_finite(content), indent=2, ensure_ascii=False) + "\n"
+    # both or none: one alone would be in the way of the next run
+    with atomic_path(directory / IDENTIFIED[0]) as table, atomic_path(directory / IDENTIFIED[1]) as picture:
+        table.write_text(text, encoding="utf-8")
+        figures.save_figure(figures.decay(found, ax=figures.OffScreen()), picture)
 
 
 def _finite(value: Any) -> Any:

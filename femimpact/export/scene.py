@@ -17,6 +17,7 @@ from femimpact.errors import Fault, InputError, quantity
 from femimpact.export.placed import SAME, Contact, PlacedStructure, ball_radius, body_side, placed_structure
 from femimpact.response.history import Snapshots
 from femimpact.response.response import Response
+from femimpact.structure.beam import Segment
 from femimpact.structure.structure import PointMass, Structure
 from femimpact.system.hermite import hermite_rows
 from femimpact.system.matrices import Matrix
@@ -26,7 +27,7 @@ BEAM, BOX, BALL, SUPPORT, BODY, STOP, CONTACT_POINT, CONNECTION = range(8)
 PARTS = ("beam", "box", "ball", "support", "body", "stop", "contact point", "spring or dashpot")
 """Names of the values of the cell array `part`."""
 
-VERTEX, LINE, TRIANGLE, QUAD, HEXAHEDRON = 1, 3, 5, 9, 12
+VERTEX, LINE, TRIANGLE, QUAD, HEXAHEDRON, WEDGE = 1, 3, 5, 9, 12, 13
 
 STATIONS = 120
 """Cells along the beam, at least."""
@@ -75,12 +76,50 @@ class Pieces:
         self.add(np.array([point]), axis, [(VERTEX, [0])], CONTACT_POINT, pair, ball, in_space)
 
 
-def sections_along(structure: Structure, stations: Array) -> Array:
-    """Width and thickness (m) at the stations of one stretch, (stations, 2): all of the segment that holds it."""
+@dataclass(frozen=True, eq=False)
+class Outline:
+    """A cross-section of height 1 and width 1 about the axis, and the cells of a stretch of it."""
+
+    points: Array  # (k, 2) y along the motion, z across it
+    kind: int  # of the cells between two sections
+    cells: NDArray[np.int64]  # (cells, corners) points of the first section
+    area: Array  # (cells,) of each cell
+    share: Array  # (cells,) of each cell in the second moment, which is 1 of all
+
+    def cells_between(self, first: int) -> list[tuple[int, list[int]]]:
+        """Cells from the section whose points begin at a number to the next section."""
+        return [(self.kind, [*(first + cell), *(first + self.points.shape[0] + cell)]) for cell in self.cells]
+
+
+AROUND = 24
+"""Points around a round bar, or a tube."""
+
+
+def outline_of(segment: Segment) -> Outline:
+    """The outline of a segment: of a round bar wedges, of a tube blocks around its hole, otherwise one block."""
+    if segment.diameter is None:
+        corners = 0.5 * np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
+        return Outline(corners, HEXAHEDRON, np.arange(4)[None], np.ones(1), np.ones(1))
+    turn = 2.0 * np.pi * np.arange(AROUND) / AROUND
+    ring, i = 0.5 * np.column_stack([np.sin(turn), np.cos(turn)]), np.arange(AROUND)
+    k = (i + 1) % AROUND
+    if segment.wall is None:
+        hole, points, cells, kind = 0.0, np.vstack([ring, np.zeros(2)]), [np.full(AROUND, AROUND), k, i], WEDGE
+    else:
+        hole = 1.0 - 2.0 * segment.wall / segment.diameter
+        points, cells, kind = np.vstack([ring, hole * ring]), [k, i, AROUND + i, AROUND + k], HEXAHEDRON
+    # of the triangle from the axis to a side: its area, and the integral of y^2 over it, times 6 / area
+    area = 0.125 * math.sin(2.0 * math.pi / AROUND) * (1.0 - hole**2)
+    square = ring[i, 0] ** 2 + ring[i, 0] * ring[k, 0] + ring[k, 0] ** 2
+    return Outline(points, kind, np.column_stack(cells), np.full(AROUND, area), square / square.sum())
+
+
+def sections_along(structure: Structure, stations: Array) -> tuple[Segment, Array]:
+    """The segment that holds one stretch, and its width and height (m) as drawn at the stations, (stations, 2)."""
     beam, middle = structure.beam, 0.5 * float(stations[0] + stations[-1])
     i = beam.segment_index_at(middle)
     segment, start = beam.segments[i], beam.joints[i]
-    return np.array([segment.rectangle_at(float(x) - start) for x in stations])
+    return segment, np.array([segment.drawn_at(float(x) - start) for x in stations])
 
 
 def _block(low: tuple[float, float, float], high: tuple[float, float, float]) -> Array:
@@ -122,7 +161,7 @@ def _stations(nodes: Array, start: float, end: float, subdivisions: int, slack: 
 
 
 def add_beam(pieces: Pieces, placed: PlacedStructure, nodes: Array, subdivisions: int = 1) -> tuple[Array, ...]:
-    """Hexahedra between sections of four points; the stretches of sections, none of which is shared.
+    """Cells between sections of one outline; the stretches of sections, none of which is shared.
 
     A stretch ends where a section jumps or a force acts, so that steps of the section show. Along a linear taper the
     faces are plane, and the cells have the volume of the beam.
@@ -132,13 +171,12 @@ def add_beam(pieces: Pieces, placed: PlacedStructure, nodes: Array, subdivisions
     cuts = [*placed.structure.beam.joints, *held, *(pair.position for pair in placed.contacts)]
     stretches = stretches_of(nodes, cuts, subdivisions)
     for stations in stretches:
-        signs = 0.5 * np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
-        corners = sections_along(placed.structure, stations)[:, None, ::-1] * signs
-        points = np.concatenate([np.repeat(stations, 4)[:, None], corners.reshape(-1, 2)], axis=1)
-        cells = [
-            (HEXAHEDRON, [4 * i + c for c in range(4)] + [4 * i + 4 + c for c in range(4)])
-            for i in range(len(stations) - 1)
-        ]
+        segment, sizes = sections_along(placed.structure, stations)
+        outline = outline_of(segment)
+        count = outline.points.shape[0]
+        corners = sizes[:, None, ::-1] * outline.points
+        points = np.concatenate([np.repeat(stations, count)[:, None], corners.reshape(-1, 2)], axis=1)
+        cells = [cell for i in range(len(stations) - 1) for cell in outline.cells_between(count * i)]
         pieces.add(points, points[:, 0], cells, BEAM, -1)
     return stretches
 
@@ -230,7 +268,7 @@ def add_connection(pieces: Pieces, x: float, length: float) -> None:
 
 def add_stop(pieces: Pieces, j: int, stop: Contact, structure: Structure, exaggeration: float) -> None:
     """A block on each closed side, whose face the beam's surface touches, with the points of contact of both."""
-    x, in_space, section = stop.position, stop.fixed_to == "space", structure.beam.rectangle_at(stop.position)
+    x, in_space, section = stop.position, stop.fixed_to == "space", structure.beam.drawn_at(stop.position)
     half, thick, width = 0.5 * section[1], 0.02 * structure.beam.length, 1.2 * section[0]
     for side, gap in ((1, stop.gaps[0]), (-1, stop.gaps[1])):
         if not math.isfinite(gap):
@@ -264,7 +302,7 @@ def add_contacts(
             add_stop(pieces, j, pair, placed.structure, exaggeration)
             continue
         x, radius = pair.position, ball_radius(pair.mass)
-        width, _ = placed.structure.beam.rectangle_at(x)
+        width, _ = placed.structure.beam.drawn_at(x)
         if pair.has_walls:
             add_box(pieces, j, pair, placed.box_ends(pair), width, exaggeration)
         # in front of the ball, or the ball would hide the arrows that begin there
@@ -303,7 +341,7 @@ class Scene:
     cross-section or a box as a rigid body, to first order.
     """
 
-    # (points, 3) m: at rest; clearances already exaggerated. Those of the beam come first, four for each section.
+    # (points, 3) m: at rest; clearances already exaggerated. Those of the beam come first, section by section.
     points: Array
     connectivity: NDArray[np.int64]  # cells in VTK's form: points of all, the end of each among these, and its type
     offsets: NDArray[np.int64]
@@ -362,9 +400,9 @@ def build_scene(
     pieces, placed, length = Pieces(), placed_structure(structure, system), structure.beam.length
     stretches = add_beam(pieces, placed, system.nodes, subdivisions)
     for support, x in placed.supports if all_parts else ():
-        add_support(pieces, support.kind, x, length, structure.beam.rectangle_at(x))
+        add_support(pieces, support.kind, x, length, structure.beam.drawn_at(x))
     for body, x in placed.blocks:
-        add_body(pieces, body, x, structure.beam.rectangle_at(x)[0])
+        add_body(pieces, body, x, structure.beam.drawn_at(x)[0])
     for level, (_, (at, *to)) in enumerate(placed.connections if all_parts else ()):
         if to:
             add_tie(pieces, (at, to[0]), length, level)

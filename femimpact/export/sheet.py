@@ -12,11 +12,22 @@ from numpy.typing import NDArray
 
 from femimpact.export.figures.drawing import BLUE, DARK, GREY, ORANGE, STYLE, name_at
 from femimpact.export.placed import ball_radius, placed_structure
-from femimpact.export.scene import BALL, BEAM, BODY, BOX, CONNECTION, CONTACT_POINT, STOP, Scene
+from femimpact.export.scene import (
+    BALL,
+    BODY,
+    BOX,
+    CONNECTION,
+    CONTACT_POINT,
+    STOP,
+    Scene,
+    outline_of,
+    sections_along,
+)
 from femimpact.response.history import Snapshots
 from femimpact.response.response import Response
 from femimpact.structure.structure import Structure
 from femimpact.system.hermite import hermite_rows
+from femimpact.units import number_text
 
 WIDTH, HEIGHT = 1280, 720
 """Pixels; multiples of 16, or the encoder would resize."""
@@ -111,6 +122,7 @@ def sheets(
         figure.text(0.02, 0.965, film.caption, va="center", color="black", fontsize=14.0)
         for x, title in _titles(film, plane):
             figure.text(x, 0.905, title, va="center", color=GREY)
+        figure.text(0.02, 0.02, film.structure.beam.drawn_words, va="center", color=GREY)
         draws = [_histories(figure, film), *(_plane_views(figure, film) if plane else [])]
         canvas.draw()
         still = canvas.copy_from_bbox(figure.bbox)
@@ -135,7 +147,11 @@ def _titles(film: Film, plane: bool) -> list[tuple[float, str]]:
     balls = film.response.system.balls
     for j, pair in enumerate(balls):
         plus, minus = (1e3 * gap for gap in pair.gaps)
-        gaps = f"gaps {plus:.3g} mm" if plus == minus else f"gaps +{plus:.3g}, -{minus:.3g} mm"
+        gaps = (
+            f"gaps {number_text(plus, 3)} mm"
+            if plus == minus
+            else f"gaps +{number_text(plus, 3)}, -{number_text(minus, 3)} mm"
+        )
         gaps = gaps if pair.has_walls else "absorber"
         name = f"Close-up, moving with the {_carrier(pair)}" if len(balls) == 1 else pair.name
         first, width = (CLOSE_UPS, 0.98 + SPACE - CLOSE_UPS) if plane else (0.52, 0.5)
@@ -251,8 +267,8 @@ def _moving_parts(axis: Any, film: Film, follow: int | None) -> Draw:
 
     scene, contacts = film.scene, film.response.system.balls
     cells = np.split(scene.connectivity, scene.offsets[:-1])
-    # the faces that look along z: of a hexahedron of the beam, and of one of a box
-    beam = [cells[c][[0, 1, 5, 4]] for c in np.flatnonzero(scene.part == BEAM)]
+    # the faces that look along z: of the beam from section to section, and of a hexahedron of a box
+    beam = _silhouette(film)
     boxes = [cells[c][:4] for c in np.flatnonzero(scene.part == BOX)]
     bodies = [cells[c][:4] for c in np.flatnonzero(scene.part == BODY)]
     # there and back; its post looks along z
@@ -287,6 +303,19 @@ def _moving_parts(axis: Any, film: Film, follow: int | None) -> Draw:
             axis.draw_artist(circle)
 
     return draw
+
+
+def _silhouette(film: Film) -> list[NDArray[np.int64]]:
+    """Points of the quadrilaterals between the lowest and the highest point of neighbouring sections of the beam."""
+    faces, first = [], 0
+    for stations in film.scene.stretches:
+        points = outline_of(sections_along(film.structure, stations)[0]).points
+        low, high = int(points[:, 0].argmin()), int(points[:, 0].argmax())
+        for _ in range(stations.size - 1):
+            faces.append(first + np.array([low, high, len(points) + high, len(points) + low]))
+            first += len(points)
+        first += len(points)
+    return faces
 
 
 def _box_colours(film: Film, i: int, j: int) -> tuple[str, str, str]:

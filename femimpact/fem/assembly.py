@@ -258,6 +258,7 @@ def _undamped(grid: Discretisation) -> System:
         reactions={**_forces_to_base(grid, springs, "spring"), **_reactions(grid, M, K, momentum)},
         sections=grid.sections,
         first_left_out=math.inf,
+        unreduced=None,
     )
 
 

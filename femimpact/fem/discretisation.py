@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -229,7 +230,7 @@ def _sections(beam: Beam, mesh: Mesh) -> SectionFields:
     for segment, members in _segments_on_mesh(beam, mesh):
         bending, modulus = segment.bending_stiffness, segment.young_modulus
         rotary = segment.density * bending / modulus
-        constants = (bending, segment.mass_per_length, rotary, modulus, 0.5 * segment.rectangle[1])
+        constants = (bending, segment.mass_per_length, rotary, modulus, segment.half_height or math.nan)
         values[:5, members] = np.array(constants)[:, None]
         if segment.is_tapered:
             (a, b), values[5:, members] = _taper(segment, mesh, members)

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from femimpact.arrays import Array
 from femimpact.errors import check_fields, checked, quantity, real_array, require, require_type, text
+from femimpact.units import interval_texts, number_text
 
 
 @dataclass(frozen=True)
@@ -50,8 +51,11 @@ class DampingEstimate:
 
     def __str__(self) -> str:
         low, high = self.interval
-        interval = f"{low:.4g} to {high:.4g}" if math.isfinite(low + high) else "no interval"
-        ratio = f"{self.ratio:.4g} ({interval})" if math.isfinite(self.ratio) else "no damping ratio"
+        shown, interval = number_text(self.ratio), "no interval"
+        if math.isfinite(low + high):
+            shown, least, most = interval_texts(self.ratio, low, high)
+            interval = f"{least} to {most}"
+        ratio = f"{shown} ({interval})" if math.isfinite(self.ratio) else "no damping ratio"
         text = f"{ratio} at {self.frequency:.6g} Hz by {self.method}"
         return text + "".join(f"\n  warning: {warning}" for warning in self.warnings)
 
@@ -163,11 +167,13 @@ def resolution_warnings(found: PeakResolution, *, of_peak: bool = True) -> tuple
     """A warning where a grid is too coarse for a resonance; `of_peak` says too how low the peak may be read."""
     if found.resolved:
         return ()
-    low = f"the peak may be read up to {100 * found.largest_miss:.2g} % too low (1 - 1/sqrt(1 + (step/width)^2)); "
+    miss = number_text(100 * found.largest_miss, 2)
+    low = f"the peak may be read up to {miss} % too low (1 - 1/sqrt(1 + (step/width)^2)); "
     return (
-        f"the frequency step of {found.step:.3g} Hz {UNRESOLVED} of {found.width:.3g} Hz "
+        f"the frequency step of {number_text(found.step, 3)} Hz {UNRESOLVED} of {number_text(found.width, 3)} Hz "
         f"(at least {RESOLVED:g} steps are needed): {low if of_peak else ''}"
-        f"take frequencies at most {_rounded_down(found.step_needed):.2g} Hz apart around {found.frequency:.4g} Hz",
+        f"take frequencies at most {number_text(_rounded_down(found.step_needed), 2)} Hz apart around "
+        f"{found.frequency:.4g} Hz",
     )
 
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from femimpact.arrays import Array
 from femimpact.identification.one_pole import pattern_in
+from femimpact.units import number_text
 
 SAMPLES_KEPT, PER_CYCLE = 2000, 16.0
 """Of a longer record means of neighbours are fitted, at least so many in a cycle: a damped sine stays one."""
@@ -31,8 +32,11 @@ SEEN = (30.0, 6.0)
 NEGLIGIBLE = 1e-5
 """Share of the largest value below which a misfit, of rounding or of a step in time, does not matter."""
 
-LARGEST_RATIO = 0.5
+LARGEST_RATIO = 0.9
 """A pole of larger damping is no vibration."""
+
+USUAL_RATIO = 0.5
+"""Poles of larger damping are started from only where there are too few others: a drift has such."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,7 +148,7 @@ class DecayFit:
         found = "" if size <= NEGLIGIBLE else self.means.pattern or self._uneven()
         if not found:
             return "", False
-        share = f"{100.0 * size:.2g} % of the largest value"
+        share = f"{number_text(100.0 * size, 2)} % of the largest value"
         words = f"no linear decay, and no interval: the misfit of {share} is no noise: {found}"
         count = self.means.poles.size + 1
         other = seen_fit(x, interval, count) if count <= 3 else None
@@ -166,7 +170,7 @@ class DecayFit:
         freedom = fit.time.size / 2 - fit.basis.shape[1]
         limit = float(fdtri(freedom, freedom, 0.9975)) if freedom > 4 else math.inf
         ratio = max(small, large) / max(min(small, large), 1e-300)
-        words = f"it is {math.sqrt(ratio):.3g} times as large where the amplitude is"
+        words = f"it is {number_text(math.sqrt(ratio), 3)} times as large where the amplitude is"
         return "" if ratio <= limit else f"{words} {'large' if large > small else 'small'}"
 
     def beats(self, x: Array, interval: float) -> bool:
@@ -223,7 +227,13 @@ def _fitted(x: Array, interval: float, modes: int, fastest: float) -> DecayFit |
         def tangents(p: Array, unit: float = unit) -> Array:
             return unit * parts(p).jac
 
-        p, _, about, *_ = leastsq(misfit, given, Dfun=tangents, full_output=True, maxfev=200, xtol=1e-13, ftol=1e-13)
+        try:
+            p, _, about, *_ = leastsq(
+                misfit, given, Dfun=tangents, full_output=True, maxfev=200, xtol=1e-13, ftol=1e-13
+            )
+        except np.linalg.LinAlgError:
+            # it ran away from this start
+            continue
         squares = float(about["fvec"] @ about["fvec"])
         poles = unit * (p[:modes] + 1j * np.abs(p[modes:]))
         # at the points a sine above half their rate is a slower one
@@ -237,12 +247,19 @@ def _fitted(x: Array, interval: float, modes: int, fastest: float) -> DecayFit |
 
 
 def _projected(poles: NDArray[Any], time: NDArray[Any], points: NDArray[Any]) -> DampedSines:
-    """Damped sines of some poles with amplitudes, offset and line of least squares."""
+    """Damped sines of some poles with amplitudes, offset and line of least squares.
+
+    Raises `LinAlgError` if a pole is no number.
+    """
+    if not np.isfinite(poles).all():
+        raise np.linalg.LinAlgError
     with np.errstate(over="ignore", under="ignore"):
         waves = np.exp(np.clip(np.outer(time, poles.real), -700.0, 50.0)) * np.exp(1j * np.outer(time, poles.imag))
     pairs = np.stack([waves.real, waves.imag], axis=2).reshape(time.size, -1)
     basis = np.column_stack([pairs, np.ones(time.size), time / time[-1] - 0.5])
     size = np.linalg.norm(basis, axis=0)
+    # a sine may be gone before its second sample
+    size[size == 0.0] = 1.0
     q, r = np.linalg.qr(basis / size)
     factors = np.linalg.lstsq(r, q.T @ points, rcond=1e-13)[0] / size
     a, b = factors[:-2:2], factors[1:-2:2]
@@ -289,7 +306,9 @@ def _starts(points: Array, step: float, modes: int, fastest: float) -> list[NDAr
         shape = rows[:order].T
         z = np.linalg.eigvals(np.linalg.lstsq(shape[:-1], shape[1:], rcond=None)[0])
         s = np.log(z[np.abs(z) > 1e-3].astype(complex)) / h
-        s = s[(s.imag > 1.0 / (h * count)) & (s.imag < 0.98 * math.pi / h) & (np.abs(s.real) < LARGEST_RATIO * s.imag)]
+        s = s[(s.imag > 1.0 / (h * count)) & (s.imag < 0.98 * math.pi / h)]
+        usual = s[np.abs(s.real) < USUAL_RATIO * s.imag]
+        s = usual if usual.size >= modes else s[np.abs(s.real) < LARGEST_RATIO * np.abs(s)]
         if s.size >= modes:
             found.append(np.asarray(s[_projected(s, h * np.arange(count), x).by_energy[:modes]]))
     lines = np.abs(np.fft.rfft((points - points.mean()) * np.hanning(points.size)))

@@ -15,6 +15,7 @@ from femimpact.identification.damped_sines import DecayFit, seen_modes
 from femimpact.identification.decay_windows import noise_of, windows
 from femimpact.svg import Band, Chart, Line, axis_of
 from femimpact.table import Head, flat_columns, frame_of, head_of_columns, named_column, short_repr
+from femimpact.units import interval_texts, number_text
 
 if TYPE_CHECKING:
     import pandas
@@ -31,6 +32,18 @@ FEWEST_STEPS = 16.0
 MOST_WANDER = 0.02
 """Share of a step by which means of times may be off the even grid: 4e-5 of the frequency in 2000 samples."""
 
+FEWEST_LEFT = 0.2
+"""Share of a record that must be left behind its clipped samples."""
+
+STILL = 0.1
+"""Share of the whole stroke within which nothing moves yet; a decay from its top leaves it in a tenth of a cycle."""
+
+RUNS = 0.04
+"""Share by which a frequency changes from the first third of a sweep to the last."""
+
+SHORTEST_STEP = 1e-100
+"""Time (s) of a step, and of its inverse, whose square is a number."""
+
 NONE = (math.nan, math.nan)
 """No interval."""
 
@@ -46,7 +59,7 @@ class DecayMode:
         cannot be told from noise.
     damping_ratio : float, 1
     amplitude : float
-        At the first sample, in the unit of the signal.
+        At the first sample that is read, in the unit of the signal.
     frequency_interval : pair of float, Hz
         90 % confidence interval under white noise.
     damping_ratio_interval : pair of float, 1
@@ -71,9 +84,10 @@ class DecayMode:
             (100.0 * self.damping_ratio, 100.0 * np.array(self.damping_ratio_interval), " %"),
         ):
             known = math.isfinite(low + high)
-            interval = f"{LEVEL:.0%} interval {low:.6g} to {high:.6g}" if known else "no interval"
-            shown.append(f"{value:.6g}{unit} ({interval})")
-        return f"{shown[0]}, damping ratio {shown[1]}, amplitude {self.amplitude:.4g}"
+            text, least, most = interval_texts(value, low, high)
+            interval = f"{LEVEL:.0%} interval {least} to {most}" if known else "no interval"
+            shown.append(f"{text}{unit} ({interval})")
+        return f"{shown[0]}, damping ratio {shown[1]}, amplitude {number_text(self.amplitude)}"
 
 
 @short_repr
@@ -174,7 +188,8 @@ def identify_decay(time: ArrayLike, signal: ArrayLike, *, modes: int = 1) -> Dec
 
     Fitted by least squares to the whole record are damped sines with an offset and a line. Beside them stands a
     table of windows of 5 cycles, in which the damping may depend on the amplitude. The base must be at rest, and no
-    force act: a base that still moves drives the structure, and what is read is no damping.
+    force act: a base that still moves drives the structure, and what is read is no damping. Rest or a hold before the
+    release, and a clipped beginning, are left out, and a warning says so.
 
     Parameters
     ----------
@@ -209,6 +224,8 @@ def identify_decay(time: ArrayLike, signal: ArrayLike, *, modes: int = 1) -> Dec
     """
     modes = checked("modes", modes, quantity("1", at_least=1, at_most=3, integer=True))
     t, y, interval = _checked_signal(time, signal)
+    begin, left_out = _begin(t, y, interval)
+    t, y = t[begin:], y[begin:]
     # the fit does not hang on units
     offset, scale = float(y.mean()), float(np.max(np.abs(y - y.mean())))
     x = (y - offset) / scale
@@ -224,11 +241,12 @@ def identify_decay(time: ArrayLike, signal: ArrayLike, *, modes: int = 1) -> Dec
     reason, further = fit.reason_against(x, interval) if fit and not bare else ("", False)
     if bare or reason:
         found = tuple(replace(one, frequency_interval=NONE, damping_ratio_interval=NONE) for one in found)
-    warnings += [reason] if reason else []
-    beats = bool(reason) and fit is not None and fit.beats(x, interval)
+    swept = "" if further or (fit and not reason) else _swept(x, interval)
+    warnings += [one for one in (*left_out, swept or reason) if one]
+    beats = bool(reason) and not swept and fit is not None and fit.beats(x, interval)
     if beats:
         warnings.append("the envelope beats: no interval over the amplitude either; fit several modes")
-    if bare := bare or further or beats:
+    if bare := bare or further or beats or bool(swept):
         table |= dict.fromkeys(("low", "high"), np.full(table["time"].size, math.nan))
     table["amplitude"] *= scale
     return DecayEstimate(
@@ -249,8 +267,51 @@ def _checked_signal(time: ArrayLike, signal: ArrayLike) -> tuple[Array, Array, f
     allowed = "must be evenly spaced: a sample is lost, or resample it first (numpy.interp)"
     require(bad < 0, "time", f"steps of {steps.min():.6g} to {steps.max():.6g}", "s", allowed)
     require(float(np.ptp(y)) > 1e-12 * float(np.max(np.abs(y))), "signal", float(y[0]), "", "must not be constant")
+    usual = float(np.median(steps))
+    require(
+        SHORTEST_STEP < usual < 1.0 / SHORTEST_STEP, "time", f"steps of {usual:.6g}", "s", "must be steps of seconds"
+    )
     # the first and the last time may be rounded
     return t, y, float(np.polyfit(np.arange(t.size), t - t[0], 1)[0])
+
+
+def _begin(t: Array, y: Array, interval: float) -> tuple[int, list[str]]:
+    """The first sample of a free decay, behind rest, a hold and clipped cycles, with words on what is left out."""
+    begin, words = _release(y, interval), list[str]()
+    if begin:
+        words.append(f"rest or a hold is left out: the record is read from {t[begin]:.6g} s on")
+    of_clipping, last = _clipped(y[begin:])
+    if of_clipping and y.size - begin - last - 1 >= max(FEWEST_LEFT * y.size, 16):
+        begin += last + 1
+        words.append(f"{of_clipping}: the record is read from {t[begin]:.6g} s on")
+    return begin, words
+
+
+def _release(y: Array, interval: float) -> int:
+    """The first largest sample after a beginning in which nothing moves for half a cycle or more; 0 without one."""
+    moved = np.maximum.accumulate(y) - np.minimum.accumulate(y)
+    still = int(np.argmax(moved > STILL * float(np.ptp(y))))
+    after = y[still:] - y[still:].mean()
+    if after.size < 16 or 2 * still < 4:
+        return 0
+    lines = np.abs(np.fft.rfft(after * np.hanning(after.size)))
+    cycle = after.size / max(int(np.argmax(lines)), 1)
+    return still + int(np.argmax(np.abs(after[: int(cycle) + 1]))) if 2 * still > cycle else 0
+
+
+def _swept(x: Array, interval: float) -> str:
+    """Words where the frequency runs and the amplitude stays, as in a sweep; empty for a decay."""
+    thirds = np.array_split(x - x.mean(), 3)
+    frequencies = []
+    for part in thirds:
+        lines = np.abs(np.fft.rfft(part * np.hanning(part.size))) ** 2
+        lines[lines < 0.01 * lines.max()] = 0.0
+        frequencies.append(float(lines @ np.fft.rfftfreq(part.size, interval)) / max(float(lines.sum()), 1e-300))
+    first, middle, last = frequencies
+    runs = min(first, last) < middle < max(first, last) and abs(last - first) > RUNS * first
+    stays = float(np.std(thirds[2])) > 0.5 * float(np.std(thirds[0]))
+    words = f"the frequency runs from about {first:.3g} to {last:.3g} Hz, and the amplitude stays"
+    return f"no free decay: {words}. A sweep or a driven motion has no damping to read" if runs and stays else ""
 
 
 def _modes(fit: DecayFit, scale: float) -> tuple[DecayMode, ...]:
@@ -267,20 +328,24 @@ def _unfit(fit: DecayFit, found: tuple[DecayMode, ...], t: Array, y: Array, inte
     duration, samples = y.size * interval, 1.0 / (interval * fastest)
     words, wander, cycles = _rounded_or_clipped(y), _wander(t, interval), duration * slowest
     if wander > MOST_WANDER:
-        words.append(f"the times wander off the even grid by {wander:.2g} of a step (at most {MOST_WANDER:g})")
+        words.append(
+            f"the times wander off the even grid by {number_text(wander, 2)} of a step (at most {MOST_WANDER:g})"
+        )
     if cycles < FEWEST_CYCLES:
-        words.append(f"the record has {cycles:.2g} cycles of {slowest:.4g} Hz (at least {FEWEST_CYCLES:g})")
+        words.append(f"the record has {number_text(cycles, 2)} cycles of {slowest:.4g} Hz (at least {FEWEST_CYCLES:g})")
     if samples < FEWEST_SAMPLES:
-        words.append(f"a cycle of {fastest:.4g} Hz has {samples:.3g} samples (at least {FEWEST_SAMPLES:g})")
+        words.append(f"a cycle of {fastest:.4g} Hz has {number_text(samples, 3)} samples (at least {FEWEST_SAMPLES:g})")
     words += [
-        f"the amplitude of {one.frequency:.4g} Hz grows, by a damping ratio of {100.0 * one.damping_ratio:.3g} %: "
+        f"the amplitude of {one.frequency:.4g} Hz grows, by a damping ratio of "
+        f"{number_text(100.0 * one.damping_ratio, 3)} %: "
         "no free decay"
         for one in found
         if one.damping_ratio_interval[1] < 0.0
     ]
     if near * duration < 1.0:
         words.append(
-            f"two modes are {near:.2g} Hz apart, below the {1.0 / duration:.2g} Hz of one beat in the record: they may "
+            f"two modes are {number_text(near, 2)} Hz apart, below the {number_text(1.0 / duration, 2)} Hz of one "
+            "beat in the record: they may "
             "be one whose damping depends on the amplitude"
         )
     return [f"no interval: {one}" for one in words]
@@ -297,15 +362,24 @@ def _wander(t: Array, interval: float) -> float:
 
 
 def _rounded_or_clipped(y: Array) -> list[str]:
-    """Words on a record of few steps, and on consecutive samples at the largest or the smallest value."""
+    """Words on a record of few steps, or a clipped one."""
     values = np.unique(y)
     step, half = float(np.min(np.diff(values))), 0.5 * float(values[-1] - values[0])
     found = []
     if half < FEWEST_STEPS * step:
         found.append(
-            f"the record is rounded to steps of {step:.3g}, of which its largest value has {half / step:.2g} "
+            f"the record is rounded to steps of {number_text(step, 3)}, of which its largest value has "
+            f"{number_text(half / step, 2)} "
             f"(at least {FEWEST_STEPS:g})"
         )
+    return [*found, *([words] if (words := _clipped(y)[0]) else [])]
+
+
+def _clipped(y: Array) -> tuple[str, int]:
+    """Words on consecutive samples at the largest or the smallest value, and the last of these samples."""
+    values = np.unique(y)
+    step, half = float(np.min(np.diff(values))), 0.5 * float(values[-1] - values[0])
+    words, last = "", -1
     for top in (values[-1], values[0]):
         at = np.flatnonzero(y == top)
         runs = np.split(at, np.flatnonzero(np.diff(at) > 1) + 1)
@@ -315,5 +389,6 @@ def _rounded_or_clipped(y: Array) -> list[str]:
         cycle = 2.0 * above.size / max(int(np.count_nonzero(above[1:] != above[:-1])), 1)
         flat = 1.0 + (cycle / math.pi * math.sqrt(2.0 * step / half) if step > 1e-9 * half else 0.0)
         if longest > max(1.0, 1.5 * flat):
-            return [*found, f"the signal is clipped, {longest} consecutive samples are at {float(top):.6g}"]
-    return found
+            words = words or f"the signal is clipped, {longest} consecutive samples are at {float(top):.6g}"
+            last = max(last, int(at[-1]))
+    return words, last

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from femimpact.arrays import Array
+from femimpact.units import number_text
 
 CYCLES = 5
 """Cycles of a window."""
@@ -153,12 +154,13 @@ def windows(
         )
     if width > 1.0 and rows:
         notes.append(
-            f"intervals of windows are {width:.3g} times as wide as by the noise above 10 times the frequency: the "
+            f"intervals of windows are {number_text(width, 3)} times as wide as by the noise above 10 times the "
+            "frequency: the "
             "amplitudes of cycles scatter so much at the end of the record"
         )
     if len(found) > len(kept):
         small = f"{len(found) - len(kept)} windows whose amplitude is below"
-        notes.append(f"{small} {ABOVE_NOISE * width:.3g} times the noise are left out")
+        notes.append(f"{small} {number_text(ABOVE_NOISE * width, 3)} times the noise are left out")
     if unread:
         notes.append(f"{unread} windows without a motion of about {frequency:.4g} Hz are left out")
     names = ("time", "amplitude", "frequency", "damping_ratio", "low", "high", "from_maxima")

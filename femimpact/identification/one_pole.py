@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from femimpact.arrays import Array
 from femimpact.errors import checked, quantity, real_array
 from femimpact.identification.bandwidth import DampingEstimate, checked_curve, peak_resolution, resolution_warnings
+from femimpact.units import number_text
 
 LEVEL = 0.005
 """Share of curves of one pole and noise in which each of two patterns is seen."""
@@ -232,7 +233,7 @@ def _judged(f: Array, at: float, f_fit: Array, x_fit: Array, best: _Fit, misfit_
         return DampingEstimate(math.nan, frequency_found, (math.nan, math.nan), "one-pole least squares", (message,))
     if spread > UNDETERMINED:
         message = (
-            f"{f_fit.size} points with steps of {step:.3g} Hz do not determine a damping ratio: "
+            f"{f_fit.size} points with steps of {number_text(step, 3)} Hz do not determine a damping ratio: "
             f"refine the grid around {at:.4g} Hz"
         )
         return DampingEstimate(math.nan, frequency_found, (math.nan, math.nan), "one-pole least squares", (message,))
@@ -247,7 +248,7 @@ def _judged(f: Array, at: float, f_fit: Array, x_fit: Array, best: _Fit, misfit_
         reason = f"may be noise or a second pole: {f_fit.size} points do not decide it"
     if reason:
         interval = (math.nan, math.nan)
-        warnings.append(f"no interval: the misfit of {100 * misfit:.2g} % of the peak {reason}")
+        warnings.append(f"no interval: the misfit of {number_text(100 * misfit, 2)} % of the peak {reason}")
     if misfit > misfit_limit:
         kind = "the curve is not that of one pole" if pattern else "the points scatter about the curve of one pole"
         warnings.append(

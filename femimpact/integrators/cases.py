@@ -23,6 +23,7 @@ from femimpact.response.signals import SteadyMotion
 from femimpact.system.modes import with_checked_pairs
 from femimpact.system.state import State
 from femimpact.system.system import System
+from femimpact.units import number_text
 
 
 @dataclass(frozen=True)
@@ -204,9 +205,10 @@ def check_memory(
     """
     parts = memory_needed(system, recorder, channels, steps, dt, frequency, drive)
     needed = sum(parts.values())
-    shares = ", ".join(f"{name} {size / 1e6:.3g} MB" for name, size in parts.items() if size > 1e6)
+    shares = ", ".join(f"{name} {number_text(size / 1e6, 3)} MB" for name, size in parts.items() if size > 1e6)
     allowed = (
-        f"must be >= {needed:.3g}, what this run keeps ({shares}): keep less (a larger stride every or interval, fewer "
+        f"must be >= {needed:.3g}, what this run keeps ({shares}): keep less (a larger stride every or "
+        "interval, fewer "
         "snapshots, a shorter duration), give the recorder a sink, or raise it"
     )
     require(needed <= recorder.memory_limit, key, recorder.memory_limit, "bytes", allowed)

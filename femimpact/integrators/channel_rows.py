@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -18,9 +18,12 @@ from femimpact.excitation.drives import CONSTANT_FORCES
 from femimpact.excitation.excitation import AT_SAMPLE
 from femimpact.excitation.piecewise_polynomial import pieces_of
 from femimpact.excitation.sums import one_sine
-from femimpact.response.channels import Channel, Reading, ShakerForce, zero_reading
+from femimpact.response.channels import Channel, ContactReading, Reading, ShakerForce, zero_reading
 from femimpact.structure.structure import Position
+from femimpact.system.modes import solve_stiffness
+from femimpact.system.reduction import kept_modes
 from femimpact.system.system import System
+from femimpact.units import number_text
 
 JUMP = 1e-6
 """Share of the largest value of a history above which two pieces of it do not meet: those made of sines do to 1e-9."""
@@ -278,35 +281,95 @@ DRIVEN = 7
 """Place of what is read of s(t) in the row of a channel."""
 
 
-def reaction_notes(system: System, drive: Drive, channels: tuple[Channel, ...]) -> tuple[str, ...]:
-    """A note on reactions where modes are left out: by how much they differ from the shaker's force.
+def mode_notes(system: System, drive: Drive, channels: Sequence[Channel]) -> tuple[str, ...]:
+    """Notes on channels where modes are left out: how far what they read of those that are kept is from all of it."""
+    return (*_reaction_notes(system, drive, channels), *_static_notes(system, drive, channels))
 
-    Both are linear in the motion; only the coefficients of the drive and of contact forces, and the constant forces,
+
+def _reaction_notes(system: System, drive: Drive, channels: Sequence[Channel]) -> tuple[str, ...]:
+    """A note on reactions: by how much they differ from the shaker's force.
+
+    Both are linear in the motion; only the coefficients of the drives and of contact forces, and the constant forces,
     differ.
     """
     if not any(np.any(channel.reading(system).reaction) for channel in channels):
         return ()
     weights = np.array([float(item.unit == "N") for item in system.reactions.values()])
-    all_forces = replace(zero_reading(system), reaction=weights)
-    driven, constant = [], []
-    for reading in (all_forces, ShakerForce().reading(system)):
-        row = _row(system, drive, _free_of_reactions(system, drive, reading), springs_apart=False)
-        driven.append(row[6][2] * drive.share + row[7])
-        constant.append(row[8])
-    by_drive, at_rest = abs(driven[0] - driven[1]), abs(constant[0] - constant[1])
-    moved = drive.share > 0.0
+    readings = replace(zero_reading(system), reaction=weights), ShakerForce().reading(system)
     parts = []
-    if by_drive > NEGLIGIBLE * (system.total_mass if moved else 1.0):
-        parts.append(f"{by_drive:.3g} kg times the base's acceleration" if moved else f"{by_drive:.3g} of the force")
+    for load in drive.loads:
+        rows = [_row(system, load, _free_of_reactions(system, load, each), springs_apart=False) for each in readings]
+        driven = [row[6][2] * load.share + row[DRIVEN] for row in rows]
+        by_drive, moved = abs(driven[0] - driven[1]), load.share > 0.0
+        if by_drive > NEGLIGIBLE * (system.total_mass if moved else 1.0):
+            of_force = f"{number_text(by_drive, 3)} of the force" + (f" at {load.at}" if drive.more else "")
+            parts.append(f"{number_text(by_drive, 3)} kg times the base's acceleration" if moved else of_force)
+    constant = [row[8] for row in rows]
+    at_rest = abs(constant[0] - constant[1])
     if at_rest > NEGLIGIBLE * abs(constant[1]):
-        parts.append(f"{at_rest:.3g} N of gravity and other constant forces")
+        parts.append(f"{number_text(at_rest, 3)} N of gravity and other constant forces")
     if not parts:
         return ()
     return (
         f"modes are left out: reactions, read from those that are kept, differ from the sum of inertia forces by "
         f"{', by '.join(parts)}, and by what contacts excite in the others; all that moves with the base has "
-        f"{system.total_mass:.3g} kg",
+        f"{number_text(system.total_mass, 3)} kg",
     )
+
+
+NAMED = 1e-3
+"""Share of a static value that modes which are left out must have to be named."""
+
+
+def _static_notes(system: System, drive: Drive, channels: Sequence[Channel]) -> tuple[str, ...]:
+    """Notes on what is read of displacements: values at rest of the modes kept, and of all, under each of the loads.
+
+    Where the loads change slowly beside the modes left out, these add the difference to every reading.
+    """
+    whole = system.unreduced
+    # of matrices of another program the static state may take longer than the run
+    if whole is None or whole.sections is None:
+        return ()
+    # the flexibility at contacts has a note by itself
+    others = [channel for channel in channels if not isinstance(channel, ContactReading)]
+    rows = [(channel, row) for channel in others if np.any(row := channel.reading(system).displacement)]
+    if not rows:
+        return ()
+    words, of_whole, of_kept = zip(*_static_loads(system, whole, drive), strict=True)
+    deflection, stiffness, notes = solve_stiffness(whole, np.column_stack(of_whole)), system.K.diagonal(), list[str]()
+    # a rigid motion that is free has no static value
+    flexible = np.divide(1.0, stiffness, out=np.zeros_like(stiffness), where=stiffness > 0.0)
+    for channel, row in rows:
+        terms = row * flexible * np.array(of_kept)
+        kept, all_of_it = terms.sum(axis=1), channel.reading(whole).displacement @ deflection
+        error = np.abs(kept - all_of_it)
+        named = (error > NAMED * np.abs(all_of_it)) & (error > NEGLIGIBLE * np.abs(terms).sum(axis=1))
+        unit = "" if channel.unit == "1" else f" {channel.unit}"
+        parts = [
+            f"{kept[i]:.5g} of the structure's {all_of_it[i]:.5g}{unit} under {words[i]}" for i in np.flatnonzero(named)
+        ]
+        if parts:
+            notes.append(
+                f"{channel.name}: {kept_modes(system.dofs)} kept, with a static value of {', of '.join(parts)}: what "
+                "changes slowly lacks the difference; keep more"
+            )
+    return tuple(notes)
+
+
+def _static_loads(system: System, whole: System, drive: Drive) -> Iterator[tuple[str, Array, Array]]:
+    """Words for each load, and the load (N) on the dofs of the whole structure and on the modes that are kept."""
+    for load in drive.loads:
+        if load.at is None:
+            yield "1 m/s^2 of the base", -whole.base_load, load.load
+        else:
+            yield f"1 N at {load.at}", whole.point_row(load.at), load.load
+    # a constant load that was replaced is that of the modes alone
+    if np.any(system.constant_load) and system.constant_resultant == whole.constant_resultant:
+        yield "constant forces", np.asarray(whole.constant_load), np.asarray(system.constant_load)
+    directions = {pair.name: pair.direction for pair in whole.contacts}
+    for pair in system.contacts:
+        if pair.name in directions:
+            yield f"1 N of {pair.name}", directions[pair.name], pair.direction
 
 
 def _free_of_reactions(system: System, drive: Drive, reading: Reading) -> Reading:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.polynomial.polynomial import polyder, polyroots, polyval
+from numpy.typing import NDArray
 
 from femimpact.arrays import Array
 from femimpact.errors import InputError
@@ -21,6 +22,8 @@ from femimpact.identification import PeakResolution, peak_resolution, resolution
 from femimpact.integrators.preflight_row import PreflightRow, rounded, row_of
 from femimpact.integrators.record_reading import DIFFERENCE, record_coarseness, record_warnings
 from femimpact.structure.damping import realised_damping_ratio
+from femimpact.system.contact_pair import ContactPair
+from femimpact.system.matrices import rigid_motions
 from femimpact.system.modes import Modes, first_elastic_frequency, first_resonance, solve_modes
 from femimpact.system.state import State
 from femimpact.system.system import System, without_impactors
@@ -264,15 +267,44 @@ def transient_rows(system: System, begin: float, take: Callable[[float], str]) -
 
 
 def transient_left(system: System, begin: float) -> tuple[float, float, float]:
-    """First natural frequency (Hz), its damping ratio, and the share exp(-ratio omega t) of its transient left at t."""
+    """Frequency (Hz) and damping ratio of the first mode's transient, and the share exp(-ratio omega t) left at t.
+
+    With absorbers it is the sum of one transient more for each of them: the share is that of the sum, and frequency and
+    ratio are those of the transient of which most is left.
+    """
+    bare = without_impactors(system)
     first = first_elastic_frequency(system)
-    omega = 2.0 * math.pi * first
     if system.rayleigh is None or first == 0.0:
-        first, ratio = first_resonance(without_impactors(system))
-        omega = 2.0 * math.pi * first
+        first, ratio = first_resonance(bare)
     else:
-        ratio = float(realised_damping_ratio(*system.rayleigh, omega))
-    return first, ratio, math.exp(-ratio * omega * begin)
+        ratio = float(realised_damping_ratio(*system.rayleigh, 2.0 * math.pi * first))
+    omega = 2.0 * math.pi * first
+    hung = [pair for pair in system.contacts if not pair.has_walls]
+    if not hung or omega == 0.0:
+        return first, ratio, math.exp(-ratio * omega * begin)
+    mode = solve_modes(bare, min(rigid_motions(bare).shape[1] + 1, bare.dofs)).vectors[:, -1]
+    poles, shares = _first_mode_with(hung, mode, omega, ratio)
+    left = shares * np.exp(poles.real * begin)
+    longest = poles[np.argmax(left)]
+    return float(abs(longest)) / (2.0 * math.pi), float(-longest.real / abs(longest)), min(float(left.sum()), 1.0)
+
+
+def _first_mode_with(
+    absorbers: Sequence[ContactPair], mode: Array, omega: float, ratio: float
+) -> tuple[NDArray[np.complex128], Array]:
+    """Poles (1/s) of a mode with absorbers on it, and their shares of its motion after it is let go."""
+    n = len(absorbers) + 1
+    # of the mode's coordinate and of the bodies: lengths of the springs between them
+    lengths = np.column_stack([[pair.direction @ mode for pair in absorbers], -np.eye(n - 1)])
+    of_mode, mass = np.diag(np.eye(n)[0]), np.array([1.0, *(pair.mass for pair in absorbers)])
+    stiffness, damping = (
+        own * of_mode + lengths.T @ np.diag([getattr(pair, name) for pair in absorbers]) @ lengths
+        for own, name in ((omega**2, "free_stiffness"), (2.0 * ratio * omega, "free_damping"))
+    )
+    matrix = np.block([[np.zeros((n, n)), np.eye(n)], [-stiffness / mass[:, None], -damping / mass[:, None]]])
+    poles, vectors = np.linalg.eig(matrix)
+    shares = np.abs(vectors[0] * np.linalg.pinv(vectors)[:, 0])
+    return poles, shares
 
 
 def step_rows(bare: System, f: Array, of: str) -> Iterator[PreflightRow]:
@@ -301,7 +333,7 @@ def _steps(bare: System, stepped: SteppedSine, time: tuple[float, float], of: st
     modes = solve_modes(bare, min(MODES, bare.dofs))
     inside = (modes.natural_frequency >= f.min()) & (modes.natural_frequency <= f.max())
     # dwells stand where the plan wants them
-    yield row_of(f"natural frequencies within the sweep{of}", np.count_nonzero(inside), "1", math.nan, at_least=True)
+    yield row_of(f"natural frequencies within the sweep{of}", float(np.count_nonzero(inside)), "1", math.nan, at_least=True)
     yield from step_rows(bare, f, of.replace(", ", " of "))
     settling = (cycles - cycles // 3) / f
     short = int(np.argmin(settling))

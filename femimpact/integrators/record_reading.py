@@ -16,6 +16,7 @@ from femimpact.excitation.excitation import holds_drives
 from femimpact.integrators.channel_rows import Drive, drive_of
 from femimpact.system.modes import solve_modes
 from femimpact.system.system import System
+from femimpact.units import number_text
 
 DIFFERENCE = 0.01
 """Difference of the peak by straight lines from that by a cubic spline, as a share of the latter, above which a
@@ -57,8 +58,9 @@ def record_warnings(
     needed = 0.5 * interval * math.sqrt(DIFFERENCE / abs(change))
     return (
         f"the record is coarse: straight lines between its samples, {interval:.4g} s apart, give a peak without "
-        f"contacts {100.0 * abs(change):.2g} % {side} that of a cubic spline through them; sample it faster, every "
-        f"{needed:.2g} s",
+        f"contacts {number_text(100.0 * abs(change), 2)} % {side} that of a cubic spline through them; sample it "
+        "faster, every "
+        f"{number_text(needed, 2)} s",
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import fields
 from typing import Any, cast, overload
 
@@ -32,11 +32,13 @@ from femimpact.integrators.planned_drive import plan_notes
 from femimpact.integrators.record_reading import record_warnings
 from femimpact.progress import Progress, check_progress, draws_progress
 from femimpact.response.channels import Motion, resolve_channels
+from femimpact.response.impacts import READINGS_IN_CONTACT
 from femimpact.response.response import Recorder, Response
 from femimpact.response.signals import SteadyMotion, deflection_warnings
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.state import ROUNDED, State
 from femimpact.system.system import System
+from femimpact.units import quantity_text
 
 OTHER_END = 1e-3
 """Share of its length by which a run may end elsewhere than was asked for, without a word."""
@@ -170,6 +172,7 @@ def _with_remarks(
         *plan_notes(system, drive, end - start.time, start),
         *_other_end(response, end),
         *_stops_not_met(response),
+        *_coarse_forces(response),
         *_begins_within(system, drive, start),
     )
     if not (warnings or notes):
@@ -227,6 +230,25 @@ def _stops_not_met(response: Response) -> list[str]:
             f"{pair.name} is not met: its gap is {' and '.join(walls)}; a gap is (to the + side, to the - side)"
         )
     return notes
+
+
+def _coarse_forces(response: Response) -> Iterator[str]:
+    """Notes on contact forces that are read more seldom than ten times in a compliant contact."""
+    impacts, contacts = response.impacts, response.system.contacts
+    if response.time.size < 2:
+        return
+    interval = float(response.time[1] - response.time[0])
+    for pair in contacts:
+        mine = (impacts.impactor == pair.name) & (impacts.duration > 0.0)
+        lasting = float(np.median(impacts.duration[mine])) if mine.any() else math.inf
+        names = [f"{pair.name}.contact_force", *(["contact_force"] if len(contacts) == 1 else [])]
+        for name in names:
+            if name in response.channels and READINGS_IN_CONTACT * interval > (1.0 + 1e-9) * lasting:
+                yield (
+                    f"{name} is read every {quantity_text(interval, 's', 3)}, and a contact lasts "
+                    f"{quantity_text(lasting, 's', 3)}: fewer than {READINGS_IN_CONTACT} readings in it miss its peak; "
+                    "impacts.peak_force has that of each, and a smaller Recorder(interval=) or every shows it"
+                )
 
 
 def _largest_deflections(response: Response, recorder: Recorder) -> list[float]:

@@ -44,12 +44,13 @@ from femimpact.orbits.equations import event_maps
 from femimpact.orbits.following import CHANGES, CLOSED, follow
 from femimpact.orbits.guess import first_guess
 from femimpact.orbits.newton import Solution, solve
-from femimpact.orbits.orbit import PeriodicOrbit, decays
+from femimpact.orbits.orbit import NEUTRAL, PeriodicOrbit, decays
 from femimpact.orbits.own_runs import Followed, refusal
 from femimpact.orbits.parameter import Parameter, parameter_of
 from femimpact.orbits.search import length_of, one_sine
 from femimpact.orbits.verification import orbit_of, own_run
 from femimpact.table import Head, frame_of, head_of_values, short_repr
+from femimpact.units import number_text
 
 if TYPE_CHECKING:
     import pandas
@@ -58,6 +59,9 @@ if TYPE_CHECKING:
 
 FAR_SMALLER = 0.1
 """Share of the unit of a branch below which that of one of its orbits asks for more digits."""
+
+UNEXPLAINED = "unexplained"
+"""Word in the tables for a change of stability at no bifurcation that was found."""
 
 T = TypeVar("T")
 
@@ -163,6 +167,16 @@ class Branch:
         return decays(self.multipliers)
 
     @property
+    def warnings(self) -> tuple[str, ...]:
+        """Where the number of multipliers outside the unit circle changes and no bifurcation of the branch says why."""
+        values = self.values.tolist()
+        return tuple(
+            f"between {self.parameter} = {values[i]:.10g} and {values[j]:.10g} the multipliers outside the unit circle "
+            f"change from {before} to {after} in number, and no bifurcation that was found explains it"
+            for i, j, before, after in self._unexplained
+        )
+
+    @property
     def orbits(self) -> Sequence[PeriodicOrbit]:
         """The orbit of each point, made and verified when it is read, as of `at`; a bifurcation's as of itself."""
         exempt = frozenset(self.bifurcation_points.tolist())
@@ -197,10 +211,15 @@ class Branch:
         return tuple(found)
 
     def to_pandas(self) -> pandas.DataFrame:
-        """A row for every point, bifurcations by their kind; units in `attrs["units"]`."""
+        """A row for every point, bifurcations by their kind; units in `attrs["units"]`.
+
+        The point after a change of stability that `warnings` names is "unexplained".
+        """
+        kinds = self._kinds
+        kinds[[j for _, j, *_ in self._unexplained]] = UNEXPLAINED
         columns: dict[str, Any] = {self.parameter: self.values, "peak": self.peak}
         columns |= {"first_harmonic": self.first_harmonic, "is_stable": self.is_stable}
-        columns |= {"largest_multiplier": np.abs(self.multipliers[:, 0]), "bifurcation": self._kinds}
+        columns |= {"largest_multiplier": np.abs(self.multipliers[:, 0]), "bifurcation": kinds}
         units = {self.parameter: self.unit, "peak": "m", "first_harmonic": "m", "largest_multiplier": "1"}
         return frame_of(columns, units | {"is_stable": "", "bifurcation": ""})
 
@@ -234,6 +253,21 @@ class Branch:
         return kinds
 
     @property
+    def _unexplained(self) -> list[tuple[int, int, int, int]]:
+        """Points between which multipliers cross the unit circle unexplained, and how many are outside it at both."""
+        outside = np.count_nonzero(np.abs(self.multipliers) > 1.0 + NEUTRAL, axis=1).tolist()
+        found, last, crossed = list[tuple[int, int, int, int]](), -1, 0
+        for i, kind in enumerate(self._kinds.tolist()):
+            crossed += CHANGES.get(kind, 0)
+            if kind:
+                continue
+            change = 0 if last < 0 else abs(outside[i] - outside[last])
+            if change > crossed or (last >= 0 and (change - crossed) % 2):
+                found.append((last, i, outside[last], outside[i]))
+            last, crossed = i, 0
+        return found
+
+    @property
     def _head(self) -> Head:
         low, high = float(self.values.min()), float(self.values.max())
         unit = "" if self.unit == "1" else f" {self.unit}"
@@ -244,6 +278,7 @@ class Branch:
             "first end": self.end[0],
             "last end": self.end[1],
         }
+        values |= {"unexplained": "; ".join(self.warnings)} if self.warnings else {}
         return head_of_values(f"Branch of periodic orbits over {self.parameter}", values)
 
 
@@ -277,8 +312,8 @@ def continue_orbit(orbit: PeriodicOrbit, parameter: str, to: tuple[float, float]
 
     Followed both ways by pseudo-arclength: states, phases and the parameter are unknown together, so that a fold is a
     point as any other. A symmetric orbit is followed by its half map. Steps shrink where a multiplier near the unit
-    circle moves by more than 0.1, and where the number of unstable multipliers changes by more than the bifurcations
-    found explain. (Kuznetsov, 2004.)
+    circle moves by more than 0.1, where the number of unstable multipliers changes by more than the bifurcations found
+    explain, and where multipliers cross the unit circle and come back. (Kuznetsov, 2004.)
 
     Parameters
     ----------
@@ -347,7 +382,7 @@ def _beside(curve: Curve, x: Array) -> Point:
     tangent = null_vectors(evaluated(curve, x, np.zeros(x.size)))[-1]
     start, change = corrected(curve, x + 0.1 * LONGEST * tangent, curve.weight * tangent)
     if start is None:
-        words = f"no orbit found beside it: the last step of Newton's method changed it by {change:.2g}"
+        words = f"no orbit found beside it: the last step of Newton's method changed it by {number_text(change, 2)}"
         raise DivergenceError(f"the orbit at {curve.parameter.path} = {x[-1]:.10g} begins no branch: {words}")
     return start
 

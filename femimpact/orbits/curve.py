@@ -38,6 +38,7 @@ from femimpact.orbits.orbit import NEUTRAL
 from femimpact.orbits.parameter import Parameter
 from femimpact.orbits.period import Intervals, intervals_between
 from femimpact.orbits.verification import halves_agree, may_be_symmetric
+from femimpact.units import number_text
 
 MOST_STEPS = 8
 """Steps of Newton's method onto the curve: more are taken for a step along it that was too long."""
@@ -56,6 +57,9 @@ Of states larger than their unit it is a share of them.
 
 AROUND = 1e-3
 """Distance to a point at which the equations are singular of the points from which it is interpolated."""
+
+DIFFERENCE = 1e-6
+"""Step along a curve for a derivative by differences, whose error is as large by rounding as by the step."""
 
 SETTLED = 1e-4
 """Change below which the derivative by the parameter is that of the step before."""
@@ -155,7 +159,6 @@ class Point:
     tangent: Array  # (m + 1,) of unit length
     maps: EventMaps
     flows: dict[bytes, Flow]
-    bend: Array | float = 0.0  # (m + 1,) half the change of the tangent along the curve, where it is known
 
     @property
     def value(self) -> float:
@@ -216,14 +219,39 @@ class Point:
     def tests(self) -> dict[str, float]:
         """Functions that change sign at bifurcations, by kind."""
         at_minus_one = "symmetry-breaking" if self.curve.is_symmetric else "period-doubling"
-        at_one, slope = float(np.prod(1.0 - self.multipliers).real), float(self.tangent[-1])
+        (at_one, minus_one, pairs), slope = self.crossings.tolist(), float(self.tangent[-1])
         return {
             "fold": slope,
-            at_minus_one: float(np.prod(1.0 + self.multipliers).real),
+            at_minus_one: minus_one,
             # at a fold both change sign
             "branch-point": at_one * math.copysign(1.0, slope),
-            "neimark-sacker": float(np.prod(self.pair_products).real),
+            "neimark-sacker": pairs,
         }
+
+    @property
+    def _factors(self) -> tuple[NDArray[Any], ...]:
+        """1 less each multiplier, 1 and each multiplier, and 1 less each product of two."""
+        return 1.0 - self.multipliers, 1.0 + self.multipliers, self.pair_products
+
+    @cached_property
+    def crossings(self) -> Array:
+        """Functions (3,) that vanish where multipliers cross the unit circle, smooth also where two of them meet.
+
+        At +1, at -1, and anywhere by a pair of product 1.
+        """
+        return np.array([np.prod(each).real for each in self._factors])
+
+    @cached_property
+    def nearest(self) -> Array:
+        """Sizes (3,) of their smallest factors."""
+        return np.array([np.abs(each).min(initial=math.inf) for each in self._factors])
+
+    @cached_property
+    def crossing_slopes(self) -> Array:
+        """Their derivatives (3,) along the curve."""
+        with np.errstate(all="ignore"):
+            ahead = evaluated(self.curve, self.x + DIFFERENCE * self.tangent, self.tangent)
+            return np.asarray((ahead.crossings - self.crossings) / DIFFERENCE)
 
     @cached_property
     def limits(self) -> Array:
@@ -331,7 +359,7 @@ def point_along(left: Point, step: float, bend: Array | float = 0.0) -> Point:
     """The point so far along the tangent of another one, near to where a parabola leads."""
     point, change = corrected(left.curve, left.x + step * left.tangent + step**2 * bend, left.row)
     if point is None:
-        raise LostError(f"the last step of Newton's method changed the orbit by {change:.2g}")
+        raise LostError(f"the last step of Newton's method changed the orbit by {number_text(change, 2)}")
     return point
 
 

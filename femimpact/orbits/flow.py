@@ -26,6 +26,7 @@ from femimpact.errors import Fault, InputError
 from femimpact.excitation import Excitation
 from femimpact.integrators.channel_rows import drive_of
 from femimpact.integrators.event_driven.block import RESONANCE
+from femimpact.integrators.event_driven.complex_modes import SLOW
 from femimpact.integrators.event_driven.equations import equations_of
 from femimpact.integrators.event_driven.loop_data import CONTACT
 from femimpact.system.system import System
@@ -33,11 +34,17 @@ from femimpact.system.system import System
 Numbers = NDArray[Any]
 """Real numbers, or complex ones of a derivative."""
 
-SEPARATE = 1e8
-"""Condition of the eigenvectors beyond which the matrix exponential is taken."""
+SEPARATE = 1e3
+"""Condition of the eigenvectors beyond which the matrix exponential is taken, as beside slow motions."""
 
 SERIES = 1e-4
 """|Delta| t^2 of a nearly critical coordinate up to which its sine is taken as a series."""
+
+SHORT, TERMS = 0.5, 16
+"""Phase (rad) and decay exponent up to which the integral of a sine is taken as a series, and its terms."""
+
+HELD = 1e-2
+"""Share of its change by damping that a coordinate must change by its stiffness to be divided by that."""
 
 
 class ResonanceError(InputError, np.linalg.LinAlgError):
@@ -109,6 +116,7 @@ class _Coupled:
     members: NDArray[np.intp]  # of (p, p')
     matrix: Numbers
     constant: Numbers
+    unit: Numbers  # 1/s of p, 1 of p': in these units both are of one size
     rate: Numbers | None  # eigenvalues, right vectors and their inverse; None where they do not separate
     right: Numbers
     left: Numbers
@@ -205,25 +213,26 @@ def flow_of(hybrid: HybridSystem, contact_state: Numbers) -> Flow:  # contact_st
 def _coupled(A: Numbers, constant: Numbers, members: NDArray[np.intp]) -> _Coupled:
     matrix, n = A[np.ix_(members, members)], members.size // 2
     none = np.zeros((0, 0))
-    if not n or np.iscomplexobj(matrix):
-        return _Coupled(members, matrix, constant[members], None, none, none)
-    # of (omega p, p') the eigenvectors are of one size
+    # of (omega p, p') the eigenvectors are of one size, but those of slow motions
     omega = np.sqrt(np.abs(np.diagonal(matrix[n:, :n])))
-    unit = np.concatenate([np.where(omega > 0.0, omega, 1.0), np.ones(n)])
+    unit = np.concatenate([np.maximum(omega, SLOW), np.ones(n)])
+    if not n or np.iscomplexobj(matrix):
+        return _Coupled(members, matrix, constant[members], unit, None, none, none)
     rate, right = np.linalg.eig(unit[:, None] * matrix / unit)
     if not np.linalg.cond(right) < SEPARATE:
-        return _Coupled(members, matrix, constant[members], None, none, none)
+        return _Coupled(members, matrix, constant[members], unit, None, none, none)
     left = np.linalg.inv(right) * unit
-    return _Coupled(members, matrix, constant[members], rate, right / unit[:, None], left)
+    return _Coupled(members, matrix, constant[members], unit, rate, right / unit[:, None], left)
 
 
 def _over_coupled(coupled: _Coupled, time: Numbers) -> tuple[Numbers, Numbers]:
     if coupled.rate is None:
-        size = coupled.constant.size
+        size, unit = coupled.constant.size, coupled.unit
         augmented = np.zeros((size + 1, size + 1), dtype=np.result_type(coupled.matrix, coupled.constant))
-        augmented[:size, :size], augmented[:size, size] = coupled.matrix, coupled.constant
-        both = scipy.linalg.expm(time[:, None, None] * augmented)
-        return both[:, :size, :size], both[:, :size, size]
+        augmented[:size, :size] = unit[:, None] * coupled.matrix / unit
+        augmented[:size, size] = unit * coupled.constant
+        both = scipy.linalg.expm(time[:, None, None] * augmented)[:, :size] / unit[:, None]
+        return both[:, :, :size] * unit, both[:, :, size]
     exponent, still = time[:, None] * coupled.rate, coupled.rate == 0.0
     integral = np.where(still, time[:, None], np.expm1(exponent) / np.where(still, 1.0, coupled.rate))
     propagator = (coupled.right * np.exp(exponent)[:, None, :]) @ coupled.left
@@ -239,11 +248,33 @@ def _add_alone(alone: _Alone, time: Numbers, propagator: Numbers, moved: Numbers
     held = cosine + sigma * sine
     propagator[:, p, p], propagator[:, p, v] = held, sine
     propagator[:, v, p], propagator[:, v, v] = -kappa * sine, cosine - sigma * sine
-    # the integral of the sine: each formula divides by a number that is not zero where it is taken
-    by_stiffness = (1.0 - held) / np.where(kappa == 0.0, 1.0, kappa)
-    by_damping = (time - sine) / np.where(sigma == 0.0, 1.0, 2.0 * sigma)
-    integral = np.where(kappa != 0.0, by_stiffness, np.where(sigma != 0.0, by_damping, 0.5 * time**2))
-    moved[:, p], moved[:, v] = integral * alone.constant, sine * alone.constant
+    moved[:, v] = sine * alone.constant
+    if np.any(alone.constant):
+        moved[:, p] = _integral_of_sine(sigma, kappa, time, held) * alone.constant
+
+
+def _integral_of_sine(sigma: Numbers, kappa: Numbers, time: Numbers, held: Numbers) -> Numbers:
+    """Integral of e^{-sigma t} sinh(r t)/r: no formula is a small difference of large numbers where it is taken."""
+    square, decay = np.abs(np.real(kappa)) * time**2, np.real(sigma) * time
+    is_short = np.maximum(np.sqrt(square), decay) < SHORT
+    is_held = square > HELD * (1.0 + decay)
+    by_stiffness = (1.0 - held) / np.where(np.real(kappa) == 0.0, 1.0, kappa)
+    # the derivatives of the sine at t = 0, one after the other
+    before, now, term = 0.0 * kappa, 1.0 + 0.0 * kappa, 0.5 * time**2
+    series: Numbers = 0.0 * time
+    for n in range(TERMS):
+        series = series + now * term
+        before, now, term = now, -2.0 * sigma * now - kappa * before, term * time / (n + 3.0)
+    # much damping: both rates are real, and far apart
+    root = np.sqrt(np.where(is_short | is_held, 1.0, sigma**2 - kappa))
+    by_damping = (_grown(-kappa / (sigma + root), time) - _grown(-(sigma + root), time)) / (2.0 * root)
+    return np.where(is_short, series, np.where(is_held, by_stiffness, by_damping))
+
+
+def _grown(rate: Numbers, time: Numbers) -> Numbers:
+    """Integral of e^{rate t}."""
+    still = rate == 0.0
+    return np.where(still, time, np.expm1(rate * time) / np.where(still, 1.0, rate))
 
 
 def _damped_cosine_and_sine(sigma: Numbers, kappa: Numbers, time: Numbers) -> tuple[Numbers, Numbers]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import replace
 
@@ -38,6 +39,12 @@ MOST_MOVED = 0.1
 RESOLVED = 1e-5
 """Step below which a curve is not followed more closely for its multipliers."""
 
+NEARLY = 0.2
+"""Share of the values at the ends of a step below which a cubic that turns round may be of a function beyond zero."""
+
+MOST_LOOKS = 3
+"""Points, one between another one and an end of a step, at which it is looked at."""
+
 AT_ONCE = 64
 """Points that are verified in one call.
 
@@ -55,11 +62,11 @@ CHANGES = {"fold": 1, "period-doubling": 1, "symmetry-breaking": 1, "branch-poin
 def follow(system: System, start: Point, low: float, high: float, most: int) -> Followed:
     """Points along the tangent of a start as far as values (low, high), or so many points, and its own event."""
     way = Followed([start], {}, [], [], "")
-    left, step = start, start.longest
+    left, step, bend = start, start.longest, np.zeros_like(start.x)
     end = _outside(start, low, high)
     while not end:
         try:
-            after, located, step, end = _advance(start, left, step, low, high)
+            after, located, step, end = _advance(left, bend, step, low, high)
         except LostError as lost:
             end = f"no convergence: {lost}"
         else:
@@ -70,6 +77,7 @@ def follow(system: System, start: Point, low: float, high: float, most: int) -> 
                     way.kinds[len(way.points)] = kind
                     way.points.append(point)
             if after is not None:
+                bend = (after.tangent - left.tangent) / (2.0 * float(left.row @ (after.x - left.x)))
                 left = start if closed else after
                 way.points.append(left)
             end = CLOSED if closed else end
@@ -106,12 +114,15 @@ def _moved(left: Point, right: Point) -> float:
 
 
 def _advance(
-    start: Point, left: Point, step: float, low: float, high: float
+    left: Point, bend: Array, step: float, low: float, high: float
 ) -> tuple[Point | None, list[tuple[str, Point]], float, str]:
-    """The next point, the events before it, the step after it, and the reason if the curve ends there."""
+    """The next point, the events before it, the step after it, and the reason if the curve ends there.
+
+    `bend` is half the change of the tangent along the curve, as far as it is known.
+    """
     while True:
         try:
-            right, end = point_along(left, step, left.bend), ""
+            right, end = point_along(left, step, bend), ""
             if low <= right.value <= high and left.tangent[-1] * right.tangent[-1] < 0.0:
                 fold = locate(left, right, lambda point: point.tests["fold"])
                 # it may turn round beyond the range
@@ -133,6 +144,10 @@ def _advance(
             if moved > MOST_MOVED and step > RESOLVED:
                 step *= max(0.8 * MOST_MOVED / moved, 0.25)
                 continue
+            beyond = _beyond(left, right)
+            if beyond is not None:
+                step = float(left.row @ (beyond.x - left.x))
+                continue
             located = _located(left, right)
             explained = sum(CHANGES[kind] for kind, _ in located)
             change = abs(right.unstable - left.unstable)
@@ -151,8 +166,6 @@ def _advance(
             if step < SHORTEST:
                 raise
             continue
-        if not end:
-            right = replace(right, bend=(right.tangent - left.tangent) / (2.0 * float(left.row @ (right.x - left.x))))
         grown = min(1.5, 0.8 * MOST_MOVED / max(moved, 1e-9)) if moved else 1.5
         return right, located, min(right.longest, step * max(grown, 0.5)), end
 
@@ -175,6 +188,49 @@ def _located(left: Point, right: Point) -> list[tuple[str, Point]]:
         if kind != "neimark-sacker" or _is_complex(point):
             found.append((kind, point))
     return sorted(found, key=lambda each: float(left.row @ each[1].x))
+
+
+def _beyond(left: Point, right: Point, looks: int = MOST_LOOKS) -> Point | None:
+    """A point between two others beyond a bifurcation after which there is another one of its kind.
+
+    Multipliers may cross the unit circle and come back in one step. It is looked for where a cubic with the values and
+    the slopes at both ends says so.
+    """
+    along = float(left.row @ (right.x - left.x))
+    slopes = along * left.crossing_slopes, along * right.crossing_slopes / float(left.row @ right.tangent)
+    # multipliers of a motion without damping are on the unit circle, to rounding
+    far = np.maximum(left.nearest, right.nearest) > NEUTRAL
+    for k, ends in enumerate(zip(left.crossings, right.crossings, *slopes, strict=True)):
+        turn = _turn(*map(float, ends)) if far[k] and along > RESOLVED else None
+        if turn is None:
+            continue
+        try:
+            point = point_along(left, turn * along, (right.x - left.x - along * left.tangent) / along**2)
+        except LostError:
+            continue
+        here, there, at = ends[0], ends[1], float(point.crossings[k])
+        if abs(at) > NEUTRAL * max(abs(here), abs(there)) and at * here < 0.0 < here * there:
+            return point
+        found = (_beyond(left, point, looks - 1) or _beyond(point, right, looks - 1)) if looks > 1 else None
+        if found is not None:
+            return found
+    return None
+
+
+def _turn(here: float, there: float, begin: float, end: float) -> float | None:
+    """Where a cubic of two values and slopes first turns round beyond zero, or nearly does, from 0 to 1."""
+    square, cube = 3.0 * (there - here) - 2.0 * begin - end, 2.0 * (here - there) + begin + end
+    discriminant = square**2 - 3.0 * cube * begin
+    if not 0.0 < discriminant < math.inf:
+        return None
+    # of the roots of its derivative neither is a difference of nearly equal numbers
+    large = -square - math.copysign(math.sqrt(discriminant), square)
+    turns = sorted(a / b for a, b in ((large, 3.0 * cube), (begin, large)) if b and 0.0 < a / b < 1.0)
+    values = [here + t * (begin + t * (square + t * cube)) for t in turns]
+    signs = [value > 0.0 for value in (here, *values, there)]
+    passes = sum(one != other for one, other in itertools.pairwise(signs)) > (signs[0] != signs[-1])
+    least = NEARLY * min(abs(here), abs(there))
+    return next((t for t, value in zip(turns, values, strict=True) if passes or abs(value) < least), None)
 
 
 def _is_complex(point: Point) -> bool:

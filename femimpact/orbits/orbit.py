@@ -25,6 +25,7 @@ from femimpact.structure.structure import Position
 from femimpact.system.state import State
 from femimpact.system.system import System
 from femimpact.table import Head, head_of_values, short_repr
+from femimpact.units import number_text
 
 if TYPE_CHECKING:
     import xarray
@@ -270,7 +271,7 @@ class PeriodicOrbit:
             "period": f"{self.period:.6g} s, {self.cycles} of the excitation at {self.excitation.frequency:.6g} Hz",
             "impacts": f"{len(self.impacts)} in a period",
             "largest multipliers": ", ".join(f"{value:.6g}" for value in size),
-            "residual": f"{self.residual:.2g} after a period, by its own run",
+            "residual": f"{number_text(self.residual, 2)} after a period, by its own run",
         }
         kind = "symmetric, " if self.is_symmetric else ""
         return head_of_values(f"PeriodicOrbit: {kind}{'stable' if self.is_stable else 'unstable'}", values)

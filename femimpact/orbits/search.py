@@ -22,6 +22,7 @@ from femimpact.orbits.verification import verified
 from femimpact.response.response import Response
 from femimpact.system.state import State
 from femimpact.system.system import System
+from femimpact.units import number_text
 
 DISTINCT = 1e-6
 """Largest difference of states, in their units, of one orbit that was found twice."""
@@ -142,11 +143,15 @@ def orbit_near(system: System, excitation: Sine | PointForce, guess: Guess) -> P
         # a motion that is far larger than its guess has its rounding, too
         found = solve(hybrid, guess.sequence, found.states, found.phases, length, flows)
     if not found.converged:
-        last = f"the last changed them by {found.changes[-1]:.2g}" if found.changes else "none could be made"
-        left = f"a residual of {found.residual:.2g}" if math.isfinite(found.residual) else "no finite residual"
+        last = (
+            f"the last changed them by {number_text(found.changes[-1], 2)}" if found.changes else "none could be made"
+        )
+        left = (
+            f"a residual of {number_text(found.residual, 2)}" if math.isfinite(found.residual) else "no finite residual"
+        )
         raise DivergenceError(
             f"no periodic orbit found: after {len(found.changes)} steps of Newton's method {len(guess.phases)} events "
-            f"leave {left} (in units of {length:.3g} m, of it times omega and of 1 rad), "
+            f"leave {left} (in units of {number_text(length, 3)} m, of it times omega and of 1 rad), "
             f"{last}; {TRY}"
         )
     if np.min(np.abs(found.maps.distance_rate)) <= GRAZING * length:

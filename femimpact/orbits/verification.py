@@ -24,6 +24,7 @@ from femimpact.orbits.period import intervals_between, state_of
 from femimpact.response.impacts import EventLog, Impacts
 from femimpact.system.state import State
 from femimpact.system.system import System
+from femimpact.units import number_text
 
 R = TypeVar("R")
 
@@ -70,11 +71,12 @@ def check_missed(run: OwnRun, sequence: Sequence, phases: Array, growth: float) 
     k, off = first_other(run, sequence, phases), ""
     if k is not None and k < len(run.log):
         later = run.phases[k] - _expected_phases(run, sequence, phases)[k]
-        words = f"event {k + 1} of it, {_words(run.log, k)}, is {abs(later):.2g} rad of the excitation"
+        words = f"event {k + 1} of it, {_words(run.log, k)}, is {number_text(abs(later), 2)} rad of the excitation"
         off = f"; {words} {'later' if later > 0.0 else 'sooner'} than that of the orbit"
     raise DivergenceError(
-        f"the orbit found is not confirmed: its own run misses its start by {run.missed:.2g} after one period (in "
-        f"units of its length and of that times omega), above {allowed:.2g}{off}"
+        f"the orbit found is not confirmed: its own run misses its start by {number_text(run.missed, 2)} after one "
+        "period (in "
+        f"units of its length and of that times omega), above {number_text(allowed, 2)}{off}"
     )
 
 

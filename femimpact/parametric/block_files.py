@@ -33,12 +33,11 @@ from femimpact.parametric.measures import MEASURES, Measure, Source, check_names
 from femimpact.parametric.runs import BlockValues
 from femimpact.regular_file import read_regular
 from femimpact.study.parameter_plan import MOST_STARTS
-from femimpact.study.result_directory import FILES, REPORT, STUDY_BLOCKS, earlier_files
+from femimpact.study.result_directory import FILES, REPORT, STUDY_BLOCKS, STUDY_MANIFEST, earlier_files
 
 Plain = Mapping[str, Any]
 
-BLOCKS = STUDY_BLOCKS
-MANIFEST = "study.json"
+BLOCKS, MANIFEST = STUDY_BLOCKS, STUDY_MANIFEST
 REWRITTEN = frozenset({FILES["study"].name, FILES["parameter_study"].name, FILES["parameter_table"].name, REPORT})
 """Files beside the blocks that every call writes anew."""
 

@@ -14,6 +14,8 @@ import scipy
 from numpy.typing import NDArray
 
 from femimpact.arrays import Array, Integers
+from femimpact.export.report.drive_charts import drive_words
+from femimpact.export.tables import unit_text
 from femimpact.integrators.planned_drive import contact_notes, step_rows
 from femimpact.integrators.preflight_row import PreflightRow
 from femimpact.parametric.definition import ParameterStudy
@@ -154,6 +156,7 @@ def labels_of(study: ParameterStudy) -> dict[str, Any]:
             "starts": study.starts,
             "seed": study.seed,
             **({"cycles": study.dwell, "measured_cycles": study.dwell // 3} if study.has_cycle else {}),
+            "drive": _drive(study),
             "place": str(study.observed),
             "contact_laws": ", ".join(f"{pair.name}: {pair.law.name}" for pair in study.nominal.contacts),
             "beam_length": study.nominal.length,
@@ -161,6 +164,21 @@ def labels_of(study: ParameterStudy) -> dict[str, Any]:
             **_description(study),
         },
     }  # fmt: skip
+
+
+def _drive(study: ParameterStudy) -> str:
+    """What drives every case, with the numbers that no axis gives."""
+    if isinstance(study.study, Study) and not study.has_cycle:
+        return ", with ".join(drive_words(study.study.excitation))
+    varied = {place.field for place in study.places if place.owner == "base"}
+    units = {"amplitude": "m", "frequency": "Hz"}
+    fixed = [
+        f"{name} {unit_text(study.base[name], unit)}"
+        for name, unit in units.items()
+        if name not in varied and study.base.get(name) is not None
+    ]
+    of_axes = [f"{name} as its axis has it" for name in units if name in varied]
+    return ", ".join(["a sine of the base", *fixed, *of_axes])
 
 
 def axis_rows(study: ParameterStudy) -> Iterator[PreflightRow]:

@@ -231,10 +231,10 @@ def calibrate(
         excitation=excitation, method=method, at=at, version=version, directory=directory, client=client,
         threads=threads, progress=progress, **mesh,
     )  # fmt: skip
-    return _calibration(dataset, list(bounds), frequencies, peaks, np.ravel(which), noise)
+    return calibration_of(dataset, list(bounds), frequencies, peaks, np.ravel(which), noise)
 
 
-def _calibration(
+def calibration_of(
     dataset: Any,
     names: Sequence[str],
     frequency: Array,  # (n,) Hz

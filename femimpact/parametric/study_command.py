@@ -34,6 +34,7 @@ from femimpact.study.result_directory import BEST_FIGURE, FILES
 from femimpact.study.result_page import add_report
 from femimpact.study.study import Study
 from femimpact.study.study_file import study_text
+from femimpact.units import number_text
 
 if TYPE_CHECKING:
     import xarray
@@ -228,8 +229,10 @@ def plan_lines(study: Study) -> list[str]:
     return [
         f"study: {_counted(given.table.size, 'case')} ({shape}), {_counted(given.starts, 'start')} each, "
         + (f"{given.dwell} cycles, of which {given.dwell // 3} are measured" if given.has_cycle else study.base.words),
-        f"study takes about {seconds + drawn:.2g} s on one core, {seconds / cores() + drawn:.2g} s on {cores()}, "
-        f"{max(memory, 1e6) / 1e6:.3g} MB of memory and {_disk(given, study) / 1e6:.2g} MB on disk",
+        f"study takes about {number_text(seconds + drawn, 2)} s on one core, "
+        f"{number_text(seconds / cores() + drawn, 2)} s on {cores()}, "
+        f"{number_text(max(memory, 1e6) / 1e6, 3)} MB of memory and {number_text(_disk(given, study) / 1e6, 2)} MB "
+        "on disk",
     ]
 
 

@@ -27,6 +27,7 @@ from femimpact.study.parameter_plan import SamplePlan
 from femimpact.study.result_directory import FILES, Lock
 from femimpact.study.study import Study
 from femimpact.system.system import System
+from femimpact.units import number_text
 
 if TYPE_CHECKING:
     import xarray
@@ -74,7 +75,7 @@ class StudyProgress:
 
     def __str__(self) -> str:
         failed = f", {self.failed} failed" if self.failed else ""
-        return f"{self.finished} of {self.cases} cases, {self.rate:.3g}/s{failed}"
+        return f"{self.finished} of {self.cases} cases, {number_text(self.rate, 3)}/s{failed}"
 
 
 @draws_progress

@@ -244,10 +244,11 @@ class SectionReading:
       add to the moment in the beam and are not in it;
     - shear_force (EI w'')' (N), the elastic part: EI w''' and, along a taper, (EI)' w''; of the first order of the
       element's length, and of the second in its middle; one value in an element of constant section;
-    - surface_strain -h/2 w'' (1) and surface_stress -E h/2 w'' (Pa) of the surface on the side of +w.
+    - surface_strain -c w'' (1) and surface_stress -E c w'' (Pa) of the surface on the side of +w, at the distance c
+      from the neutral axis: half the thickness or the diameter, or the outer fibre of a section.
 
-    Raises `InputError` if a value is out of range; when it is read, if the place is unknown, or no section is known
-    there.
+    Raises `InputError` if a value is out of range; when it is read, if the place is unknown, no section is known
+    there, or, of strain and stress, the section is given by area and second moment alone.
     """
 
     at: Position = field(metadata=place())  # a named place, or metres from the root
@@ -276,12 +277,13 @@ class SectionReading:
         if self.quantity == "shear_force":
             return changed(zero_reading(system), displacement=system.shear_rows(x, self.side)[0])
         section = system.section_at(self.at, self.side)
-        factor = {
-            "curvature": 1.0,
-            "bending_moment": section.bending_stiffness,
-            "surface_strain": -section.half_height,
-            "surface_stress": -section.young_modulus * section.half_height,
-        }[self.quantity]
+        if self.quantity == "curvature":
+            factor = 1.0
+        elif self.quantity == "bending_moment":
+            factor = section.bending_stiffness
+        else:
+            factor = -section.known_half_height(self.name)
+            factor *= section.young_modulus if self.quantity == "surface_stress" else 1.0
         return changed(zero_reading(system), displacement=factor * np.asarray(system.curvature_rows(x, self.side)[0]))
 
 

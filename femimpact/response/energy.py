@@ -11,6 +11,7 @@ import numpy as np
 from femimpact.arrays import Array
 from femimpact.errors import check_fields, column, kind_of, require
 from femimpact.table import Head, flat_columns, frame_of, head_of_columns, named_column, short_repr
+from femimpact.units import number_text
 
 if TYPE_CHECKING:
     import pandas
@@ -54,7 +55,8 @@ def energy_residual(stored: Array, work: Array, dissipated: Array) -> Array:
 def unbalanced(residual: float) -> str:
     """Words for a run in closed form whose ledger does not close at all."""
     return (
-        f"energy residual {residual:.2g} of the energy put in (limit {BALANCED:g}) where a closed form leaves rounding "
+        f"energy residual {number_text(residual, 2)} of the energy put in (limit {BALANCED:g}) where a closed form "
+        "leaves rounding "
         "only: the equations are too badly scaled for it; Newmark takes this system"
     )
 
@@ -71,8 +73,9 @@ def residual_warnings(
     worst = off[np.argmax(np.nan_to_num(residual[off], nan=np.inf))]
     return [
         f"energy residual above its bound at {off.size} of {frequency.size} frequencies ({frequency[off].min():.4g} to "
-        f"{frequency[off].max():.4g} Hz), at most {residual[worst]:.2g} of the energy put in (bound "
-        f"{bound[worst]:.2g}) at {frequency[worst]:.4g} Hz: the method or the contact law makes or loses energy that "
+        f"{frequency[off].max():.4g} Hz), at most {number_text(residual[worst], 2)} of the energy put in (bound "
+        f"{number_text(bound[worst], 2)}) at {frequency[worst]:.4g} Hz: the method or the contact law makes or loses "
+        "energy that "
         "the ledger does not name"
     ]
 
@@ -129,7 +132,7 @@ class EnergyLedger:
 
     @property
     def _head(self) -> Head:
-        closed = f", residual {self.residual:.2g} of the energy put in" if self.time.size else ""
+        closed = f", residual {number_text(self.residual, 2)} of the energy put in" if self.time.size else ""
         return head_of_columns(f"EnergyLedger: {self.time.size} samples{closed}", *flat_columns(self))
 
     def to_pandas(self) -> pandas.DataFrame:

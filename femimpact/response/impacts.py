@@ -32,6 +32,9 @@ COUNT, APPROACH_SUM, LARGEST_APPROACH, IMPULSE_SUM, PEAK_FORCE, FORCE_TIME = ran
 # the first four count impacts that end within the window; the last two every force in it, sticking included
 
 
+READINGS_IN_CONTACT, DRAWN_IN_CONTACT = 10, 20
+"""Readings of a contact force in a compliant contact, below which it has a note, and those of a figure at least."""
+
 MOST_DRAWN = 6
 """Balls and stops whose impacts a notebook shows."""
 
@@ -294,7 +297,8 @@ class EventLog:
         +1 or -1: which wall.
     impacts : ndarray (k,) of int
         Impacts that end with the event, each a row of `Response.impacts`: more than 1 where several pairs, or one
-        repeatedly, collide at one instant. They are one row here.
+        repeatedly, collide at one instant. They are one row here. A pair that rests free at its wall, and is pushed
+        by others, has one with an approach speed of zero.
     contact_state : ndarray (k, pairs) of int
         Of every pair after the event: 0 free, +1 or -1 pressed by that wall or sticking to it, +2 or -2 a Kelvin-Voigt
         contact without force that has not left that wall.

@@ -13,6 +13,7 @@ from femimpact.arrays import Array
 from femimpact.errors import check_fields, checked, column, made, quantity, real_array, require, require_type, text
 from femimpact.response.channels import Channel
 from femimpact.table import Head, column_units, head_of_columns, short_repr
+from femimpact.units import number_text
 
 PARTS = 8
 """Parts of a window: their scatter tells how far its two halves may differ."""
@@ -228,11 +229,14 @@ class Largest:
         When the channel has it.
     unit : str
         Of the value.
+    notes : tuple of str
+        What the modes of a reduced system leave out of the channel.
     """
 
     value: float = field(metadata=quantity("", finite=False))
     time: float = field(metadata=quantity("s", at_least=0.0))
     unit: str = field(metadata=text())
+    notes: tuple[str, ...] = field(default=(), metadata=text(several=True))
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -254,12 +258,18 @@ class LargestSample:
             self.value, self.time = float(values[i]), float(times[i])
 
 
+Reread = Callable[[tuple[Channel, ...], float, float], tuple[Array, dict[str, Array]]]
+"""From channels, a time (s) and a longest interval (s) to times and values from there on, of a run computed anew."""
+
+
 @dataclass(frozen=True, eq=False)
 class LargestValues:
     """Largest values of the channels of a run, found when they are first asked for and then known."""
 
     # from channels to the largest value of each, found by computing the run once more
     find: Callable[[tuple[Channel, ...]], tuple[Largest, ...]] = field(repr=False)
+    # reads the same run at shorter intervals; a method with steps has its steps
+    reread: Reread = field(repr=False)
     known: list[tuple[Channel, Largest]] = field(default_factory=list, repr=False)  # (Channel, Largest)
 
     def of(self, channels: tuple[Channel, ...]) -> tuple[Largest, ...]:
@@ -294,6 +304,7 @@ def deflection_warnings(
         return ()
     share = largest / length
     return (
-        f"the beam deflects by up to {largest:.4g} m, {share:.3g} of its length, beyond {LARGE:g}: linear beam theory "
-        f"has an error of about the square of this share, {100.0 * share * share:.2g} %",
+        f"the beam deflects by up to {largest:.4g} m, {number_text(share, 3)} of its length, beyond {LARGE:g}: "
+        "linear beam theory "
+        f"has an error of about the square of this share, {number_text(100.0 * share * share, 2)} %",
     )

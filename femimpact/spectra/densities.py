@@ -29,6 +29,7 @@ from femimpact.structure.structure import Position
 from femimpact.system.modes import solve_modes
 from femimpact.system.system import System
 from femimpact.table import Head, head_of_values, short_repr
+from femimpact.units import number_text
 
 if TYPE_CHECKING:
     import xarray
@@ -45,6 +46,9 @@ RESOLVED = 5.0
 MODES = 12
 """Lowest modes of a system in physical coordinates whose half-power widths are compared with the resolution."""
 
+
+HANN_BANDWIDTH = 1.5
+"""Lines of a Hann window over which the square of a sine spreads: N sum w^2/(sum w)^2."""
 
 CONFIDENCE = 0.95
 """Probability that the interval of a line holds the density, unless it is given."""
@@ -96,8 +100,13 @@ class Spectrum:
 
     @property
     def mean_square(self) -> float:
-        """Integral of a density: the mean square of the channel without its mean; of amplitudes the sum of a^2/2."""
-        return float(np.sum(self.values) * self.resolution if self.kind == "density" else 0.5 * np.sum(self.values**2))
+        """Mean square of the channel: of a density its integral, without the mean; of amplitudes with it.
+
+        Of amplitudes it is (a_0^2 + sum a_k^2/2)/1.5, as a Hann window has a sine in three lines, A/2, A and A/2.
+        """
+        if self.kind == "density":
+            return float(np.sum(self.values) * self.resolution)
+        return float((self.values[0] ** 2 + 0.5 * np.sum(self.values[1:] ** 2)) / HANN_BANDWIDTH)
 
     def in_gravity(self) -> Spectrum:
         """The density of an acceleration in g^2/Hz, g = 9.80665 m/s^2; any other spectrum as it is."""
@@ -251,7 +260,8 @@ def spectrum(
         level = float(np.median((values * own)[f > 0.375 / record.interval]))
         values = np.maximum(values - level * (1.0 / own - 1.0), values * own)
         notes = (
-            f"of the level of the jumps, {level:.3g}, the aliases are taken out: 147 % of it at half the reading rate",
+            f"of the level of the jumps, {number_text(level, 3)}, the aliases are taken out: 147 % of it at half the "
+            "reading rate",
         )
     freedom = degrees_of_freedom(window, segments)
     # the mean and the last line of an even count have half as many
@@ -274,7 +284,11 @@ def _amplitudes(response: Response, record: Record, start: float | None) -> Spec
         begin, end = max(response.window[0] if start is None else start, float(time[0])), float(time[-1])
         cycles = int((end - begin) * base + 1e-9)
         require(
-            cycles >= 1, "response.time", end - begin, "s", f"must hold a base cycle, {1.0 / base:.3g} s, in its end"
+            cycles >= 1,
+            "response.time",
+            end - begin,
+            "s",
+            f"must hold a base cycle, {number_text(1.0 / base, 3)} s, in its end",
         )
         # the sample at the end of the last cycle would be the first of the next
         inside = (time >= end - cycles / base * (1.0 + 1e-9)) & (time < end)
@@ -332,7 +346,7 @@ def record_of(
     require(not coarse or not refused, "interval of response.time", interval, "s", coarse)
     values, derivatives = response[name], 0
     notes: tuple[str, ...] = ()
-    warnings: tuple[str, ...] = (f"the readings are {interval:.3g} s apart and {coarse}",) if coarse else ()
+    warnings: tuple[str, ...] = (f"the readings are {number_text(interval, 3)} s apart and {coarse}",) if coarse else ()
     impacts = _rigid_impacts(response)
     read = _channel(response, name)
     lacks = f"{name} lacks the impulses of {impacts} rigid impacts"
@@ -439,7 +453,8 @@ def too_coarse(response: Response, interval: float) -> str:
     highest = float(above.max())
     finer = 10.0 ** math.floor(math.log10(0.5 / highest) - 1.0)
     finer *= math.floor(0.5 / highest / finer)
-    return f"must be <= {finer:.3g} s, by Recorder(interval=): a kept mode at {highest:.4g} Hz would be an alias"
+    longest = number_text(finer, 3)
+    return f"must be <= {longest} s, by Recorder(interval=): a kept mode at {highest:.4g} Hz would be an alias"
 
 
 # ---- densities -----------------------------------------------------------------------------------
@@ -452,7 +467,7 @@ def windows_of(record: Record, resolution: float | None) -> tuple[int, int]:
     if resolution is not None:
         window = round(1.0 / (resolution * record.interval))
         low, high = 1.0 / (count * record.interval), 0.5 / record.interval
-        allowed = f"must be {low:.3g} Hz, one line of the record, to {high:.3g} Hz"
+        allowed = f"must be {number_text(low, 3)} Hz, one line of the record, to {number_text(high, 3)} Hz"
         require(2 <= window <= count, "resolution", resolution, "Hz", allowed)
     return window, (count - window // 2) // (window - window // 2)
 
@@ -496,9 +511,12 @@ def width_warnings(response: Response, resolution: float, highest: float) -> tup
     least = float(width[narrow])
     bias = resolution_bias(least, resolution) if least > 0.0 else -1.0
     wanted = (
-        f"resolution={least / RESOLVED:.2g} needs windows of {RESOLVED / least:.3g} s" if least > 0.0 else "no damping"
+        f"resolution={number_text(least / RESOLVED, 2)} needs windows of {number_text(RESOLVED / least, 3)} s"
+        if least > 0.0
+        else "no damping"
     )
     return (
-        f"lines {resolution:.3g} Hz apart are coarser than a fifth of the half-power width, {least:.3g} Hz, of the "
-        f"mode at {frequency[seen][narrow]:.4g} Hz: its peak is {-100.0 * bias:.2g} % too low; {wanted}",
+        f"lines {number_text(resolution, 3)} Hz apart are coarser than a fifth of the half-power width, "
+        f"{number_text(least, 3)} Hz, of the "
+        f"mode at {frequency[seen][narrow]:.4g} Hz: its peak is {number_text(-100.0 * bias, 2)} % too low; {wanted}",
     )

@@ -30,6 +30,7 @@ from femimpact.spectra.densities import (
 )
 from femimpact.spectra.transfer import INPUTS, TransferFunction, force_name, unit_over
 from femimpact.structure.structure import Position
+from femimpact.units import number_text
 
 DECAYED = 1e-3
 """Share of its largest value to which a channel has decayed at the end of a record that is transformed whole."""
@@ -250,7 +251,8 @@ def _until(
     share = float(np.abs(late - late.mean()).max() / np.abs(values).max())
     more = max(math.log(share / DECAYED), 0.0) / rates[slowest]
     # the end is the last 2 %
-    return f": its slowest mode takes {more:.3g} s more, response.time = {1.01 * (end + more / 0.98):.3g} s"
+    last = number_text(1.01 * (end + more / 0.98), 3)
+    return f": its slowest mode takes {number_text(more, 3)} s more, response.time = {last} s"
 
 
 def _require_whole(
@@ -272,11 +274,12 @@ def _require_whole(
         largest = float(np.abs(values).max()) or 1.0
         first, left = abs(float(values[0])) / largest, float(np.abs(values[-max(time.size // 50, 2) :]).max()) / largest
         if left > DECAYED and values is not energy:
-            allowed = f"must end when {name} is at {100 * DECAYED:g} % of its largest, and it is at {100 * left:.2g} %"
+            share = number_text(100 * left, 2)
+            allowed = f"must end when {name} is at {100 * DECAYED:g} % of its largest, and it is at {share} %"
             last_time = float(f"{time[-1]:.6g}")
             require(False, "response.time", last_time, "s", allowed + _until(response, values))
         # a level that is taken from an end at rest
-        allowed = f"must begin at rest, and {name} begins at {100 * first:.2g} % of its largest value"
+        allowed = f"must begin at rest, and {name} begins at {number_text(100 * first, 2)} % of its largest value"
         require(first <= DECAYED, "response.time", float(time[0]), "s", allowed)
 
 

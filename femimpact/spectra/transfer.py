@@ -25,7 +25,7 @@ from femimpact.errors import (
     require_name,
     takes,
 )
-from femimpact.integrators.channel_rows import Drive, channel_rows
+from femimpact.integrators.channel_rows import Drive, channel_rows, mode_notes
 from femimpact.response.channels import Channel, channel_key, resolve_channels
 from femimpact.response.response import Recorder
 from femimpact.spectra.densities import remarks
@@ -172,7 +172,8 @@ def transfer_function(
     units = {channel.name: unit_over(channel.unit, unit) for channel in channels}
     pressed = ", ".join(pair.name for pair in system.contacts if pair.is_preloaded)
     warnings = (f"in contact at rest, and open here: {pressed}",) if pressed else ()
-    return TransferFunction(f, values, units, name, {}, {}, warnings=warnings)
+    notes = mode_notes(system, drive, channels)
+    return TransferFunction(f, values, units, name, {}, {}, notes=notes, warnings=warnings)
 
 
 def harmonic_amplitudes(

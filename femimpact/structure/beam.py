@@ -23,12 +23,28 @@ def require_single(values: Mapping[str, Any]) -> None:
         raise InputError(faults)
 
 
+FORMS = (
+    frozenset({"width", "thickness"}),
+    frozenset({"area", "second_moment"}),
+    frozenset({"area", "second_moment", "outer_fibre"}),
+    frozenset({"diameter"}),
+    frozenset({"diameter", "wall"}),
+)
+"""Fields that give a section together."""
+
+FORMS_IN_WORDS = (
+    "give width and thickness (m), or diameter (m), of a tube with wall (m), or area (m^2) and second_moment (m^4), "
+    "with outer_fibre (m) for strain and stress"
+)
+
+
 @dataclass(frozen=True)
 class Segment:
     """A stretch of beam with one material, and one section or one linear taper.
 
-    Give the section as width and thickness (rectangle, bending along the thickness),
-    or as area and second_moment. Width and thickness are those at the segment's start, its end towards the root.
+    Give the section as width and thickness (rectangle, bending along the thickness), as diameter (round bar), as
+    diameter and wall (tube), or as area and second_moment, with outer_fibre for strain and stress of the surface.
+    Width and thickness are those at the segment's start, its end towards the root.
     With `end_width` or `end_thickness` they change linearly to those at its other end, so that the area is a
     polynomial of degree 2 at most in x and the second moment one of degree 4.
 
@@ -52,12 +68,19 @@ class Segment:
         Name of the mesh region that the segment fills.
     end_width, end_thickness : float, m
         Of the rectangle at the end towards the tip; the default is that at the start.
+    outer_fibre : float, m
+        Of a section by area and second moment, from the neutral axis to the surface whose strain is read, that on the
+        side of +w. Without it the section has no surface strain and no surface stress.
+    diameter : float, m
+        Of a round bar or a tube, outside.
+    wall : float, m
+        Thickness of a tube's wall, with the diameter.
 
     Raises
     ------
     InputError
-        If the section is given neither as width and thickness nor as area and second_moment, or a section by area and
-        second_moment is to taper.
+        If the section is given in none of these ways or in two, another one than a rectangle is to taper, or a wall is
+        not below half the diameter.
     """
 
     length: float = field(metadata=quantity("m", above=0.0))
@@ -70,20 +93,26 @@ class Segment:
     name: str = field(default="beam", metadata=name_text())
     end_width: float | None = field(default=None, metadata=quantity("m", above=0.0))
     end_thickness: float | None = field(default=None, metadata=quantity("m", above=0.0))
+    outer_fibre: float | None = field(default=None, metadata=quantity("m", above=0.0))
+    diameter: float | None = field(default=None, metadata=quantity("m", above=0.0))
+    wall: float | None = field(default=None, metadata=quantity("m", above=0.0))
 
     def __post_init__(self) -> None:
         faults = []
         require_single({name: getattr(self, name) for name in ("width", "thickness")})
-        given = {n for n in ("width", "thickness", "area", "second_moment") if getattr(self, n) is not None}
-        if given not in ({"width", "thickness"}, {"area", "second_moment"}):
-            allowed = "give width and thickness (m), or area (m^2) and second_moment (m^4)"
-            faults.append(Fault("section", " and ".join(sorted(given)) or "nothing", "", allowed))
-        elif "area" in given:
-            allowed = "must be left out: a section given by area and second_moment does not taper"
+        given = {name for name in frozenset().union(*FORMS) if getattr(self, name) is not None}
+        shown = " and ".join(sorted(given)) or "nothing"
+        if given not in FORMS:
+            faults.append(Fault("section", shown, "", FORMS_IN_WORDS))
+        elif "width" not in given:
+            allowed = "must be left out: a section given by {} does not taper"
+            by = "diameter" if "diameter" in given else "area and second_moment"
             tapers = [n for n in ("end_width", "end_thickness") if getattr(self, n) is not None]
-            faults += [Fault(n, getattr(self, n), "m", allowed) for n in tapers]
+            faults += [Fault(n, getattr(self, n), "m", allowed.format(by)) for n in tapers]
         check_fields(self, *faults)
-        shown = " and ".join(sorted(given))
+        if self.diameter is not None and self.wall is not None:
+            allowed = f"must be below half the diameter, {0.5 * self.diameter:.6g} m: a bar without a hole has no wall"
+            require(2.0 * self.wall < self.diameter, "wall", self.wall, "m", allowed)
         allowed = "must give E I and rho A that are neither zero nor infinite to rounding"
         require(self._is_sized, "section", shown, "", allowed)
 
@@ -109,6 +138,11 @@ class Segment:
         if self.width is not None and self.thickness is not None:
             return self.width, self.thickness
         area, second_moment = self.area or 0.0, self.second_moment or 0.0
+        if self.diameter is not None:
+            wall = self.wall or 0.5 * self.diameter
+            inner = self.diameter - 2.0 * wall
+            area = math.pi * wall * (self.diameter - wall)
+            second_moment = area * (self.diameter**2 + inner**2) / 16.0
         thickness = math.sqrt(12.0 * second_moment / area)
         return area / thickness, thickness
 
@@ -130,6 +164,29 @@ class Segment:
         share = min(max(position / self.length, 0.0), 1.0)
         (width, thickness), (end_width, end_thickness) = self.rectangle, self.end_rectangle
         return width + share * (end_width - width), thickness + share * (end_thickness - thickness)
+
+    def drawn_at(self, position: float) -> tuple[float, float]:
+        """Width and height (m) with which the section is drawn at a distance (m) from the segment's start.
+
+        Of a round bar and a tube the diameter, of a section by area and second moment the rectangle that has these.
+
+        Raises
+        ------
+        InputError
+            If the distance is no finite number.
+        """
+        if self.diameter is None:
+            return self.rectangle_at(position)
+        return self.diameter, self.diameter
+
+    @property
+    def half_height(self) -> float | None:
+        """From the neutral axis to the surface on the side of +w, m; at the start of a taper.
+
+        None of a section by area and second moment without `outer_fibre`: it does not follow from these.
+        """
+        size = self.diameter if self.thickness is None else self.thickness
+        return self.outer_fibre if size is None else 0.5 * size
 
     @property
     def bending_stiffness(self) -> float:
@@ -187,6 +244,37 @@ class Beam:
         """A beam of one rectangular section; lengths in m, modulus in Pa, density in kg/m^3."""
         return cls((Segment(length, young_modulus, density, width, thickness),))
 
+    @classmethod
+    def round(cls, *, length: float, diameter: float, young_modulus: float, density: float) -> Beam:
+        """A round bar; lengths in m, modulus in Pa, density in kg/m^3."""
+        return cls((Segment(length, young_modulus, density, diameter=diameter),))
+
+    @classmethod
+    def tube(cls, *, length: float, diameter: float, wall: float, young_modulus: float, density: float) -> Beam:
+        """A round tube of an outer diameter and a wall's thickness; lengths in m, modulus in Pa, density in kg/m^3."""
+        return cls((Segment(length, young_modulus, density, diameter=diameter, wall=wall),))
+
+    @classmethod
+    def section(
+        cls,
+        *,
+        length: float,
+        area: float,
+        second_moment: float,
+        outer_fibre: float | None = None,
+        young_modulus: float,
+        density: float,
+    ) -> Beam:
+        """A beam of another section: area in m^2, second moment in m^4, outer fibre in m, as of `Segment`.
+
+        Lengths in m, modulus in Pa, density in kg/m^3. Without `outer_fibre` there is no surface strain and no surface
+        stress.
+        """
+        segment = Segment(
+            length, young_modulus, density, area=area, second_moment=second_moment, outer_fibre=outer_fibre
+        )
+        return cls((segment,))
+
     @property
     def length(self) -> float:
         """Total length, m."""
@@ -204,6 +292,14 @@ class Beam:
         inner = [math.fsum(lengths[: i + 1]) for i in range(len(lengths))]
         return (0.0, *inner)
 
+    @property
+    def drawn_words(self) -> str:
+        """What a picture says of segments that are drawn as another section than theirs; empty where there are none."""
+        names = [segment.name for segment in self.segments if segment.area is not None]
+        if len(names) == 1:
+            return f"{names[0]}: drawn as the rectangle of its area and second moment"
+        return f"{', '.join(names)}: drawn as the rectangles of their areas and second moments" if names else ""
+
     def segment_index_at(self, position: float) -> int:
         """Number of the segment that holds a position (m from the root); at a joint, the one towards the tip.
 
@@ -215,8 +311,10 @@ class Beam:
         position = checked("position", position, quantity("m"))
         return min(max(bisect_right(self.joints, position) - 1, 0), len(self.segments) - 1)
 
-    def rectangle_at(self, position: float) -> tuple[float, float]:
-        """Width and thickness (m) at a position (m from the root); at a joint, those towards the tip.
+    def drawn_at(self, position: float) -> tuple[float, float]:
+        """Width and height (m) with which the section is drawn at a position (m from the root); see `Segment.drawn_at`.
+
+        At a joint, those towards the tip.
 
         Raises
         ------
@@ -224,4 +322,4 @@ class Beam:
             If the position is no finite number.
         """
         i = self.segment_index_at(position)
-        return self.segments[i].rectangle_at(position - self.joints[i])
+        return self.segments[i].drawn_at(position - self.joints[i])

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from femimpact.errors import check_fields, checked, quantity, real_array, require
+from femimpact.units import number_text
 
 
 @dataclass(frozen=True)
@@ -103,7 +104,8 @@ def rayleigh_coefficients(
         "damping.ratio",
         ratio,
         "1",
-        f"needs alpha = {alpha:.3g} 1/s and beta = {beta:.3g} s; a negative one feeds energy in: "
+        f"needs alpha = {number_text(alpha, 3)} 1/s and beta = {number_text(beta, 3)} s; a negative one feeds energy "
+        "in: "
         "bring the two ratios closer together",
     )
     return alpha, beta

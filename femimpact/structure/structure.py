@@ -556,7 +556,7 @@ def _of_damping(structure: Structure) -> Iterator[UnusualNumber]:
 
 def _of_sections(structure: Structure) -> Iterator[UnusualNumber]:
     beam = structure.beam
-    thickness = max(max(part.rectangle[1], part.end_rectangle[1]) for part in beam.segments)
+    thickness = max(part.drawn_at(x)[1] for part in beam.segments for x in (0.0, part.length))
     if beam.length < SLENDER * thickness:
         usual = f"below {SLENDER:g}, where shear and rotary inertia, which are left out, are no longer small"
         instead = f"is it in metres? take a thickness of at most {beam.length / SLENDER:.6g} m"
@@ -575,9 +575,11 @@ def _of_sections(structure: Structure) -> Iterator[UnusualNumber]:
             usual = f"outside {low:g} to {high:g} kg/m^3 (aluminium 2700, steel 7850)"
             limit = low if value < low else high
             yield UnusualNumber(f"{path}.density", value, "kg/m^3", limit, usual, "is it in kg/m^3?")
-        if segment.width is not None and segment.width > beam.length:
-            usual = f"wider than the beam is long, {beam.length:.4g} m, which is no beam"
-            yield _too_long(f"{path}.width", segment.width, beam.length, usual)
+        for name in ("width", "diameter", "outer_fibre"):
+            value = getattr(segment, name)
+            if value is not None and value > beam.length:
+                usual = f"more than the beam is long, {beam.length:.4g} m, which is no beam"
+                yield _too_long(f"{path}.{name}", value, beam.length, usual)
 
 
 def _of_gaps(structure: Structure) -> Iterator[UnusualNumber]:

@@ -128,6 +128,7 @@ def ranked_designs(
 def best_cases(
     dataset: xarray.Dataset,
     plan: BestPlan | None,  # of the study file
+    worst_over: Sequence[str] | None = None,  # without a plan
 ) -> tuple[dict[str, BestCase], dict[str, str]]:
     """The best case by the measure of the plan, else by the first that has one; and why those before it have none."""
     axes, found, reasons = axes_of(dataset), dict[str, BestCase](), dict[str, str]()
@@ -141,7 +142,7 @@ def best_cases(
     asked = known if plan is None else [plan.measure]
     for name in asked:
         try:
-            found[name] = best_case(dataset, name, *((plan.worst_over, plan.limits) if plan else ()))
+            found[name] = best_case(dataset, name, *((plan.worst_over, plan.limits) if plan else (worst_over,)))
             break
         except InputError as error:
             reasons[name] = " ".join(str(error).split())
@@ -455,9 +456,13 @@ class _Designs:
         return f": {', '.join(found)}"
 
     def _margins(self, row: int, rows: NDArray[np.int64]) -> Iterator[AxisMargin]:
-        """How far each axis of numbers may be off."""
-        tops = [(self.value, self.value[row] + MORE * abs(self.value[row]))]
-        tops += [(values, most) for _, values, most in self.limits.values()]
+        """How far each axis of numbers may be off.
+
+        A design that the starts cannot tell from the best is no place where the value is 15 % worse.
+        """
+        more = self.value - (self.value[row] + MORE * abs(self.value[row]))
+        beyond = [np.where(self.low > self.high[row], more, np.minimum(more, 0.0))]
+        beyond += [values - most for _, values, most in self.limits.values()]
         for axis in self.chosen:
             values = self.values[axis]
             if len(values) < 2 or not all(isinstance(value, (int, float)) for value in values):
@@ -465,7 +470,7 @@ class _Designs:
             line = self._agree(row, rows, [axis])  # in the order of the values
             x = np.array(values, dtype=float)[self.codes[axis][self.first[line]]]
             place = int(np.flatnonzero(line == row)[0])
-            excess = [np.where(self.has_value, column - top, np.nan)[line] for column, top in tops]
+            excess = [np.where(self.has_value, one, np.nan)[line] for one in beyond]
             below, above = (
                 min((_reach(x[side], one[side]) for one in excess), key=lambda found: (found[0], not found[1]))
                 for side in (slice(place, None, -1), slice(place, None))

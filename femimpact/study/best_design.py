@@ -30,7 +30,8 @@ class AxisMargin:
     value : float
         Of the best case.
     below, above : float
-        Distances at which the value is 15 % worse, or a limit is passed, linear between the cases.
+        Distances at which the value is 15 % worse, or a limit is passed, linear between the cases. A case whose
+        interval overlaps that of the best, where there are intervals, is not worse.
     below_found, above_found : bool
         Whether there is such a place within the cases; else the distance is that to the last case with a value.
     cliff : {"", "below", "above"}

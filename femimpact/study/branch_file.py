@@ -37,6 +37,9 @@ ROUNDING = 1e-9
 ENDS = ("first_end", "last_end")
 """Attributes of one branch; in a file of several they are variables."""
 
+VARIABLES = (*PARTS, *ENDS, "number")
+"""Variables that are read."""
+
 
 @takes(number=quantity("1", at_least=1, integer=True))
 def load_branch(path: str | Path, *, number: int = 1) -> Branch:
@@ -70,7 +73,7 @@ def load_branch(path: str | Path, *, number: int = 1) -> Branch:
     require(Path(path).exists(), "path", str(path), "", "is missing")
     with faults_of("path"):
         # `to_netcdf` of some versions writes another format
-        branches = undamaged(Path(path), lambda file: branches_of(load_dataset(file, engine=None)))
+        branches = undamaged(Path(path), lambda file: branches_of(load_dataset(file, None, VARIABLES)))
     require(number <= len(branches), "number", number, "", f"must be <= {len(branches)}: the file has no more branches")
     return branches[number - 1]
 

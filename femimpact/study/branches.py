@@ -22,7 +22,7 @@ from femimpact.export.tables import parameter_text
 from femimpact.integrators.cases import memory_needed
 from femimpact.integrators.runs import integrate
 from femimpact.orbits import Branch, PeriodicOrbit, continue_orbit, find_orbit, switch_branch
-from femimpact.orbits.branch import known
+from femimpact.orbits.branch import UNEXPLAINED, known
 from femimpact.orbits.parameter import Parameter, parameter_of
 from femimpact.orbits.search import TRY, one_sine
 from femimpact.response.response import Recorder
@@ -35,6 +35,7 @@ from femimpact.study.run import Found, Report, keep_pictures, keep_study
 from femimpact.study.study import OrbitsPlan, Study, sine_of
 from femimpact.study.summary import summary_of
 from femimpact.sweep import frequency_sweep
+from femimpact.units import number_text
 
 SAME = 1e-6
 """Relative difference of the impact speeds of one orbit that was found twice."""
@@ -135,7 +136,8 @@ def orbit_lines(study: Study) -> list[str]:
     low, high = plan.range
     switched = f", and at {', '.join(plan.switch)} the others too" if plan.switch else ""
     return [
-        f"orbits: a run of {plan.guess_duration:g} s, about {seconds * found.sine.frequency * plan.guess_duration:.2g} "
+        f"orbits: a run of {plan.guess_duration:g} s, about "
+        f"{number_text(seconds * found.sine.frequency * plan.guess_duration, 2)} "
         f"s, leads to an orbit of {_cycles(plan.cycles)}; its branch over {number.path} from {low:g} to "
         f"{parameter_text(high, number.unit)}{switched}",
         f"orbits: up to {plan.most_branches} branches of up to {plan.points} points each way; 500 points take some "
@@ -207,6 +209,7 @@ def _follow(start: PeriodicOrbit, found: PreparedOrbits, report: Report) -> _Fol
                 done.origins.append(origin)
                 done.cycles.append(orbit.cycles)
                 number = len(done.branches)
+                done.notes += [f"branch {number}: {words}" for words in done.branches[-1].warnings]
                 waiting.extend(_switched(done.branches[-1], number, found, done.notes))
         except FemimpactError as error:
             if not done.branches:
@@ -385,7 +388,7 @@ def _points(done: _Following) -> tuple[dict[str, Any], dict[str, str]]:
 
 def _bifurcations(done: _Following, columns: dict[str, Any]) -> dict[str, Any]:
     """A row for each bifurcation, of those of the points, with the numbers of the branches to which it leads."""
-    here = columns["bifurcation"] != ""
+    here = ~np.isin(columns["bifurcation"], ("", UNEXPLAINED))
     rows = {name: values[here] for name, values in columns.items() if name not in ("is_stable", "bifurcation")}
     places = [(n, i) for n, branch in enumerate(done.branches, 1) for i in range(len(branch.bifurcations))]
     leads = [" ".join(map(str, sorted(_leads_to(done, *place)))) for place in places]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -45,6 +45,7 @@ from femimpact.study.result_page import add_report
 from femimpact.study.run import Report
 from femimpact.study.study import Study, build_systems, check_method, method_for, read_mesh_of, sine_of
 from femimpact.study.summary import library_versions
+from femimpact.system.hermite import needs_outer_fibre
 from femimpact.system.system import System
 
 MESHES = (1, 2, 4, 8, 16, 32, 64, 128, 256)
@@ -109,7 +110,7 @@ def write_convergence(
     mesh = mesh_of_file if mesh_of_file is not None else uniform_mesh(study.structure, cast(int, study.mesh.elements))
     in_steps = study.method.get("name", "newmark") == "newmark"
     axes: list[Axis] = [meshes, OverModes(mesh, _counts(full.dofs))]
-    notes = []
+    notes = list(_without_stress(study))
     if in_steps:
         axes.insert(1, _steps(study, mesh, method))
     else:
@@ -186,25 +187,35 @@ def _watched(system: System, study: Study) -> list[Watched]:
     reactions = sorted(system.reactions, key=lambda name: not name.endswith(".moment"))[:1]
     clamped = {"root.force", "root.moment"} <= set(system.reactions)
     places = _moving(system)
-    stress = SurfaceStress("root" if clamped else "mid")
-    jumps = stresses_at_jumps(system, study)
-    return [Frequencies(4), ModeShapes(3), SteadyResponse(places), *map(SupportReaction, reactions), stress, *jumps]
+    stresses = [SurfaceStress("root" if clamped else "mid"), *stresses_at_jumps(system, study)]
+    known = [stress for stress in stresses if system.section_at(stress.at, stress.side).half_height is not None]
+    return [Frequencies(4), ModeShapes(3), SteadyResponse(places), *map(SupportReaction, reactions), *known]
+
+
+def _without_stress(study: Study) -> Iterator[str]:
+    """A note on each segment whose stresses are left out."""
+    for segment in study.structure.beam.segments:
+        if segment.half_height is None:
+            yield f"surface stresses of segment {segment.name!r} are left out: each {needs_outer_fibre(segment.name)}"
 
 
 def stresses_at_jumps(system: System, study: Study) -> list[SurfaceStress]:
-    """Stresses on the more stressed side of the jumps of the section where the steady response has the largest."""
+    """Stresses on the more stressed side of the jumps of the section where the steady response has the largest.
+
+    Where the surface of a segment is not known its stress counts as none.
+    """
     steady, names, found = Case("mesh", system, system, study.sine).steady, system.points.items(), []
     for joint in study.structure.beam.joints[1:-1]:
         # the node itself: a mesh file of single precision has it beside the joint
         node = float(system.nodes[np.argmin(np.abs(system.nodes - joint))])
         sections = [system.section_at(node, side) for side in ("left", "right")]
-        properties = [(one.bending_stiffness, one.half_height, one.young_modulus) for one in sections]
+        properties = [(one.bending_stiffness, one.half_height or 0.0, one.young_modulus) for one in sections]
         if np.allclose(properties[0], properties[1], rtol=1e-9, atol=0.0):
             continue
         at: Position = next((name for name, x in names if abs(x - node) <= SAME_PLACE * system.nodes[-1]), node)
         for side, section in zip(("left", "right"), sections, strict=True):
             curvature = abs(complex(system.curvature_rows([node], side)[0] @ steady))
-            stress = section.young_modulus * section.half_height * curvature
+            stress = section.young_modulus * (section.half_height or 0.0) * curvature
             found.append((stress, at, SurfaceStress(at, side=side)))
     found.sort(key=lambda one: one[0], reverse=True)
     # the first of a place is its more stressed side

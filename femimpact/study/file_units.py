@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from femimpact.errors import LARGEST, Fault, InputError
-from femimpact.excitation.columns import cells_of, first_lines, names_and_units
+from femimpact.excitation.column_names import names_and_units
+from femimpact.excitation.columns import cells_of, first_lines
 from femimpact.orbits.parameter import SHORT
 from femimpact.regular_file import decimal_number, read_regular
 from femimpact.response.channels import QUANTITIES
@@ -309,8 +310,8 @@ def _rows_of_file(key: str, name: str, unit: str, readings: Readings) -> Any:
         return name
     rows = list(itertools.dropwhile(lambda line: not NUMBER.match(line[1][0]), cells_of(text.splitlines(), 1)))
     first = rows[0][0] if rows else 0
-    before = [cells for _, cells in itertools.takewhile(lambda line: line[0] < first, first_lines(text))]
-    units = names_and_units(before, (0, 1))[1]
+    before = [line for _, line in itertools.takewhile(lambda line: line[0] < first, first_lines(text))]
+    units = names_and_units(before, (0, 1), len(rows[0][1]) if rows else 0)[1]
     fitting = {0: ("Hz",), 1: tuple(DERIVATIVE) if unit in DERIVATIVE else (unit,)}
     wrong = [units[p] for p in units if read_unit(units[p], fitting[p]) is None]
     if wrong or not rows:

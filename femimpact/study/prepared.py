@@ -27,14 +27,18 @@ from femimpact.structure.structure import Structure
 from femimpact.study.base_motion import BaseMotion, RecordedMotion, SignalMotion
 from femimpact.study.study import Study, SweepPlan, build_systems, check_method, method_for, read_mesh_of
 from femimpact.system.contact_pair import ContactPair
+from femimpact.system.hermite import needs_outer_fibre
 from femimpact.system.modes import DENSE_LIMIT, first_elastic_frequency, first_resonance, solve_modes
 from femimpact.system.system import System, without_impactors
+from femimpact.units import number_text
 
 PARTS = ("modes", "simulate", "sweep")
 """Names of the parts of `run_study`."""
 
 FIGURE_CYCLES = 40
 """Base cycles at the end of a history that figures show at every step."""
+
+ROOT_STRESS = "root.surface_stress"
 
 LEAST_SAMPLES = 20
 """Samples of a base cycle below which a history has a warning: their spacing may hide 1 % of a sine's maximum."""
@@ -49,6 +53,8 @@ IN_PYTHON = {
     r"Recorder\(interval=\) sets another one, and largest\(channel\) of the response finds what lies between": (
         "output.interval sets another one; the largest values of the summary are exact between the readings too"
     ),
+    r"impacts\.peak_force": "impacts.csv",
+    r"a smaller Recorder\(interval=\) or every": "a smaller output.interval or output.every",
     r'as RecordedBase\.from_csv\(\.\.\., detrend="line"\) does': 'by base.detrend = "line"',
     r"RecordedBase\.from_displacement\(.*(high_pass = [^)]*)\) of the displacement of this record": r"base.\1",
 }
@@ -168,12 +174,20 @@ def history_record(study: Study, small: System, method: Method) -> Recorder:
 
 
 def root_stress(structure: Structure, system: System) -> tuple[str, ...]:
-    """The channel of the stress at a clamped root; none where the root can turn, or the section's height is not given.
+    """The channel of the stress at a clamped root; none where the root can turn, or its surface is not known."""
+    known = _is_clamped(system) and structure.beam.segments[0].half_height is not None
+    return (ROOT_STRESS,) if known else ()
 
-    A section that is given by area and second moment has the height of a rectangle, which it may not be.
-    """
-    clamped = {"root.force", "root.moment"} <= set(system.reactions)
-    return ("root.surface_stress",) if clamped and structure.beam.segments[0].thickness is not None else ()
+
+def root_stress_notes(structure: Structure, system: System) -> tuple[str, ...]:
+    """A note where the stress at a clamped root is left out."""
+    if not _is_clamped(system) or root_stress(structure, system):
+        return ()
+    return (f"{ROOT_STRESS} is left out: it {needs_outer_fibre(structure.beam.segments[0].name)}",)
+
+
+def _is_clamped(system: System) -> bool:
+    return {"root.force", "root.moment"} <= set(system.reactions)
 
 
 def last_cycles_start(study: Study) -> float:
@@ -212,7 +226,7 @@ def _coarse_history(study: Study, small: System, method: Method) -> tuple[str, .
         f"at most {most}" if every > 1 else "a smaller method.dt or output.interval, or more method.samples_per_cycle"
     )
     return (
-        f"output.every = {every}: the history keeps {samples:.3g} samples of a base cycle, below "
+        f"output.every = {every}: the history keeps {number_text(samples, 3)} samples of a base cycle, below "
         f"{LEAST_SAMPLES}, and misses the extremes between them; take {mend}",
     )
 
@@ -313,7 +327,7 @@ def lines_of_plan(prepared: PreparedStudy) -> list[str]:
     history = history_cost(study, small, method, prepared.record)
     lines.append(
         f"history: {steps} {method.unit}, {grid:.4g} s apart, {study.base.words}, "
-        f"takes about {history.memory / 1e6:.3g} MB and {history.seconds:.2g} s"
+        f"takes about {number_text(history.memory / 1e6, 3)} MB and {number_text(history.seconds, 2)} s"
         f"{_starts_words(small, study.output.starts)}"
     )
     if study.sweep is not None:
@@ -323,16 +337,18 @@ def lines_of_plan(prepared: PreparedStudy) -> list[str]:
         swept = sweep_cost(study, small, method)
         lines.append(
             f"sweep: up to {cases} frequencies from {plan.start:g} to {plan.stop:g} Hz, {plan.cycles} cycles each, "
-            f"{total:.3g} {method.unit}, takes about {swept.memory / 1e6:.3g} MB and {swept.seconds:.2g} s on one core"
+            f"{number_text(total, 3)} {method.unit}, takes about {number_text(swept.memory / 1e6, 3)} MB and "
+            f"{number_text(swept.seconds, 2)} s on one core"
             f"{_starts_words(small, plan.starts)}"
         )
     if picture_seconds(study) > 0.0:
-        lines.append(f"figures and movie: about {picture_seconds(study):.2g} s, when the rest is done")
+        lines.append(f"figures and movie: about {number_text(picture_seconds(study), 2)} s, when the rest is done")
     mesh = mesh_memory(full.nodes.size - 1, small.dofs if study.reduction else None)
-    lines.append(f"mesh and modes: take about {max(mesh.values()) / 1e6:.3g} MB")
+    lines.append(f"mesh and modes: take about {number_text(max(mesh.values()) / 1e6, 3)} MB")
     lines.append("besides: some 200 MB for the libraries")
     end = study.base.history_duration
     notes = (*method.notes(small), *motion_notes(until(study.excitation, end), small.length, end))
+    notes += root_stress_notes(study.structure, small)
     lines += [f"note: {in_study_words(text)}" for text in (*notes, *_files_elsewhere(study))]
     return lines + [f"warning: {text}" for text in prepared.warnings]
 
@@ -513,7 +529,8 @@ def check_mesh(study: Study, elements: int) -> None:
     """
     parts = mesh_memory(elements, study.reduction.modes if study.reduction else None)
     limit, needed = study.output.memory_limit, max(parts.values())
-    shares = f"mesh of {elements} elements {parts['mesh'] / 1e6:.3g} MB, modes {parts['modes'] / 1e6:.3g} MB"
+    mesh, modes = (number_text(parts[part] / 1e6, 3) for part in ("mesh", "modes"))
+    shares = f"mesh of {elements} elements {mesh} MB, modes {modes} MB"
     allowed = f"must be >= {needed:.3g}, what this study takes ({shares}): take fewer elements or modes, or raise it"
     require(needed <= limit, "output.memory_limit", limit, "bytes", allowed)
 
@@ -536,11 +553,10 @@ def history_cost(study: Study, small: System, method: Method, record: Recorder) 
         small, record, len(record.channels or ()), steps, grid, study.base.frequency
     )
     kept = parts["channels"] + parts["energies"]
-    rest = sum(parts.values()) - kept
+    rest = sum(parts.values()) - kept + PIECE * _pieces(study.excitation)
     cycles = study.base.history_duration * study.base.frequency
     seconds = method.cost(small, study.base.frequency).history_seconds * cycles
     runs = RUNS_OF_HISTORY * runs_of_starts(small, study.output.starts)
-    rest += PIECE * _pieces(study.excitation)
     return Cost(LEAST + COPIES * kept + rest, START + runs * seconds + WRITING * kept)
 
 

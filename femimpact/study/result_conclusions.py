@@ -31,8 +31,9 @@ from femimpact.study.best_design import MOST_NAMED, BestCase, design_notes, labe
 from femimpact.study.picture_data import read_mode_shapes
 from femimpact.study.result_directory import FILES, ResultsWarning
 from femimpact.study.results import carried_of, read_dataset, read_table
-from femimpact.study.summary import Spread, contacts_of
+from femimpact.study.summary import Spread, contacts_of, spread_text, window_of_peaks
 from femimpact.svg import number_text
+from femimpact.units import interval_texts, prefixed
 
 if TYPE_CHECKING:
     import xarray
@@ -137,6 +138,15 @@ def _shown(value: float) -> str:
     return str(int(value)) if value == int(value) and abs(value) >= 1000.0 else number_text(value, zeros=True)
 
 
+def number_conclusion(label: str, value: float, unit: str, **more: Any) -> Conclusion:
+    """The conclusion of a number, in the unit that fits."""
+    factor, shown = prefixed(abs(value), unit)
+    return Conclusion(label, _shown(factor * value), "" if shown == "1" else shown, **more)
+
+
+TRANSIENT = "a transient of the start has not died out"
+
+
 def _at(data: Any, *keys: str) -> Any:
     """A value in tables of tables; None where any of them is something else."""
     for key in keys:
@@ -158,18 +168,19 @@ def _peaks(summary: Mapping[str, Any]) -> list[Conclusion]:
         peak, frequency = (_number(summary, "sweep", case, f"peak_{name}") for name in ("amplitude", "frequency"))
         if peak is None or frequency is None:
             continue
-        several = _from_starts(summary, "peak_amplitude", f"Largest peak {words}", "mm", 1e3) if case == "ball" else []
+        several = _from_starts(summary, "peak_amplitude", f"Largest peak {words}", "m") if case == "ball" else []
         if several:
             found += several
             continue
         low = _number(summary, "sweep", case, "peak_too_low_at_most")
         coarse = _at(summary, "sweep", case, "resolved") is False and low is not None
+        settling = f"; {TRANSIENT}" if _at(summary, "sweep", case, "peak_is_transient") else ""
         found.append(
-            Conclusion(
-                f"Largest peak {words}", _shown(1e3 * peak), "mm",
-                scatter=f"may be read up to {100 * low:.2g} % too low" if coarse and low is not None else "",
+            number_conclusion(
+                f"Largest peak {words}", peak, "m",
+                scatter=f"may be read up to {number_text(100 * (low or 0.0), 2)} % too low" if coarse else "",
                 one_sample=bool(_at(summary, "sweep", case, "peak_is_one_start")),
-                note=f"at {number_text(frequency)} Hz, relative to the base",
+                note=f"at {number_text(frequency)} Hz, relative to the base{settling}",
             )
         )  # fmt: skip
     return found
@@ -183,13 +194,15 @@ def spread_at(data: Any, *keys: str) -> Spread | None:
     return Spread(median, lowest, highest, _number(data, *keys, "resolution") or 0.0)
 
 
-def _of_spread(spread: Spread, label: str, unit: str, scale: float, words: str, note: str = "") -> Conclusion:
+def _of_spread(spread: Spread, label: str, unit: str, words: str, note: str = "") -> Conclusion:
     """A median with its range in words."""
-    value, _, scatter = spread.text(scale).partition(" (")
-    return Conclusion(label, value, unit, f"{scatter.rstrip(')')} over {words}" if scatter else words, note=note)
+    text, shown = spread.in_unit_that_fits(unit)
+    value, _, scatter = text.partition(" (")
+    scatter = f"{scatter.rstrip(')')} over {words}" if scatter else words
+    return Conclusion(label, value, "" if shown == "1" else shown, scatter, note=note)
 
 
-def _from_starts(summary: Mapping[str, Any], name: str, label: str, unit: str, scale: float = 1.0) -> list[Conclusion]:
+def _from_starts(summary: Mapping[str, Any], name: str, label: str, unit: str) -> list[Conclusion]:
     """A quantity that was taken over several starts: in the first frame of them, and in the others in words."""
     count, frames = _number(summary, "starts_of_sweep"), {**STARTS, "static": "in the static position"}
     spreads = [(words, spread_at(summary, "starts", start, name)) for start, words in frames.items()]
@@ -197,21 +210,21 @@ def _from_starts(summary: Mapping[str, Any], name: str, label: str, unit: str, s
     if not known:
         return []
     (words, first), *others = known
-    note = "; ".join(f"{words}: {spread.text(scale)}" for words, spread in others)
+    note = "; ".join(f"{words}: {spread_text(spread, unit)}" for words, spread in others)
     # of a run the balls are drawn, and the structure is at rest
     text = f"starts {words}" if count is None else f"{count:.0f} starts of the {carried_of(summary)}, the beam {words}"
-    return [_of_spread(first, label, unit, scale, text, note)]
+    return [_of_spread(first, label, unit, text, note)]
 
 
 def _from_history_starts(
-    summary: Mapping[str, Any], keys: tuple[str, ...], label: str, unit: str, scale: float = 1.0, note: str = ""
+    summary: Mapping[str, Any], keys: tuple[str, ...], label: str, unit: str, note: str = ""
 ) -> list[Conclusion]:
     """A quantity of the history that was taken over several starts."""
     spread, count = spread_at(summary, "history_starts", *keys), _number(summary, "history_starts", "count")
     return (
         []
         if spread is None
-        else [_of_spread(spread, label, unit, scale, f"{count or 0:.0f} starts of the {carried_of(summary)}", note)]
+        else [_of_spread(spread, label, unit, f"{count or 0:.0f} starts of the {carried_of(summary)}", note)]
     )
 
 
@@ -220,7 +233,7 @@ def _ratio(summary: Mapping[str, Any]) -> list[Conclusion]:
     them = "them" if carried.endswith("s") or " and " in carried else "it"
     label = f"Peak without {carried} over peak with {them}"
     several = _from_starts(summary, "peak_frequency", f"Frequency of the peak with {carried}", "Hz")
-    several += _from_starts(summary, "amplitude_ratio", label, "")
+    several += _from_starts(summary, "amplitude_ratio", label, "1")
     ratio = _number(summary, "amplitude_ratio")
     if several or ratio is None:
         return several
@@ -238,13 +251,13 @@ def _damping(summary: Mapping[str, Any]) -> list[Conclusion]:
     if ratio is not None:
         interval = _at(summary, "sweep", "empty", "damping_fit_interval")
         known = isinstance(interval, list) and len(interval) == 2 and all(isinstance(one, float) for one in interval)
-        words = f"95 % interval {100 * interval[0]:.4g} to {100 * interval[1]:.4g} %" if known else ""
-        found.append(
-            Conclusion(
-                f"Damping ratio without {carried}", _shown(100 * ratio), "%", words, note="one-pole fit of the curve"
-            )
-        )
-    several = _from_starts(summary, "damping_amplitude_ratio", DROP, "%", 100.0)
+        shown, words = _shown(100 * ratio), ""
+        if known:
+            shown, low, high = interval_texts(100 * ratio, *(100 * one for one in interval))
+            words = f"95 % interval {low} to {high} %"
+        note = "one-pole fit of the curve"
+        found.append(Conclusion(f"Damping ratio without {carried}", shown, "%", words, note=note))
+    several = _from_starts(summary, "damping_amplitude_ratio", DROP, "%")
     with_ball = _number(summary, "sweep", "ball", "damping_amplitude_ratio")
     if several or with_ball is None:
         return found + several
@@ -261,7 +274,7 @@ def _history(summary: Mapping[str, Any]) -> list[Conclusion]:
     history = summary.get("history")
     if not isinstance(history, Mapping):
         return []
-    sample = history.get("steadiness") != "periodic"
+    sample = bool(history.get("peak_is_one_start"))
     frequency = _number(history, "frequency")
     at = f"of the history at {number_text(frequency)} Hz" if frequency is not None else "of the history"
     found = []
@@ -272,56 +285,60 @@ def _history(summary: Mapping[str, Any]) -> list[Conclusion]:
         rate = f"{_shown(per_cycle)} impacts in a cycle" if per_cycle is not None else ""
         found.append(Conclusion("Kind of motion", label, scatter=rate, note=at))
     peak = _number(history, "peak")
-    over = f"over the last third {at}" if frequency is not None else "of the whole run"
-    several = _from_history_starts(summary, ("peak",), "Peak of the tip", "mm", 1e3, over)
+    over = f"over the last third of the cycles {at}" if frequency is not None else window_of_peaks(history)
+    over += f"; {TRANSIENT}" if history.get("peak_is_transient") else ""
+    several = _from_history_starts(summary, ("peak",), "Peak of the tip", "m", over)
     if several:
         found += several
     elif peak is not None:
-        found.append(Conclusion("Peak of the tip", _shown(1e3 * peak), "mm", one_sample=sample, note=over))
+        found.append(number_conclusion("Peak of the tip", peak, "m", one_sample=sample, note=over))
     channels = history.get("channels")
     for name, about in channels.items() if isinstance(channels, Mapping) else ():
         unit, largest = _at(about, "unit"), _number(about, "largest_of_run")
         if unit in ("Pa", "N m") and largest is not None:
-            scale, shown = PREFIXES.get(unit, (1.0, unit))
             time = _number(about, "time_of_largest")
             words = "largest of the run" if time is None else f"largest of the run, at {number_text(time)} s"
             keys = ("channels", str(name), "largest_of_run")
-            several = _from_history_starts(summary, keys, str(name), shown, scale, "largest of the run")
-            found += several or [Conclusion(str(name), _shown(scale * largest), shown, one_sample=sample, note=words)]
+            several = _from_history_starts(summary, keys, str(name), unit, "largest of the run")
+            found += several or [number_conclusion(str(name), largest, unit, one_sample=sample, note=words)]
     return found
 
 
 def _contacts(summary: Mapping[str, Any]) -> list[Conclusion]:
-    sample = _at(summary, "history", "steadiness") != "periodic"
-    several = _from_starts(summary, "cycle_mean_force", "Cycle-averaged contact force", "mN", 1e3)
+    history = summary.get("history")
+    history = history if isinstance(history, Mapping) else {}
+    sample = bool(history.get("peak_is_one_start"))
+    several = _from_starts(summary, "cycle_mean_force", "Cycle-averaged contact force", "N")
     several += _from_starts(summary, "peak_force", "Largest contact force", "N")
     if several and "history_starts" not in summary:
         return several
     found = []
-    whole = "of the whole run" if _number(summary, "history", "frequency") is None else "over the last third"
-    averaged = "Mean" if _number(summary, "history", "frequency") is None else "Cycle-averaged"
+    averaged = "Mean" if _number(history, "frequency") is None else "Cycle-averaged"
     try:
         contacts = contacts_of(summary)
     except (TypeError, KeyError, ValueError):
         return []
     for name, contact in contacts.items():
         law, count = _at(contact, "law"), _number(contact, "impacts")
-        force, mean = _number(contact, "peak_force"), _number(contact, "cycle_mean_force")
         if count == 0.0:
             found.append(Conclusion(f"Impacts of {name}", "none", note="in the run"))
             continue
         impacts = f"{count:.0f} impacts of the run" if count is not None else ""
-        if force is not None:
-            label, note = f"Largest force of {name}", f"{whole}; law: {law}; {impacts}"
-            found += _from_history_starts(summary, ("contacts", name, "peak_force"), label, "N", 1.0, note) or [
-                Conclusion(label, _shown(force), "N", one_sample=sample, note=note)
-            ]
-        if mean is not None:
-            scale, unit = (1e3, "mN") if mean < 1.0 else (1.0, "N")
-            keys, label = ("contacts", name, "cycle_mean_force"), f"{averaged} force of {name}"
-            found += _from_history_starts(summary, keys, label, unit, scale, impacts) or [
-                Conclusion(label, _shown(scale * mean), unit, one_sample=sample, note=impacts)
-            ]
+        # a rigid law has no force
+        key, what, unit, over = (
+            ("largest_impulse", "impulse", "N s", "of the whole run")
+            if _number(contact, "peak_force") is None
+            else ("peak_force", "force", "N", window_of_peaks(history))
+        )
+        for entry, label, of, note in (
+            (key, f"Largest {what} of {name}", unit, f"{over}; law: {law}; {impacts}"),
+            ("cycle_mean_force", f"{averaged} force of {name}", "N", f"over the last third; {impacts}"),
+        ):
+            value = _number(contact, entry)
+            if value is not None:
+                found += _from_history_starts(summary, ("contacts", name, entry), label, of, note) or [
+                    number_conclusion(label, value, of, one_sample=sample, note=note)
+                ]
     return found
 
 
@@ -330,7 +347,7 @@ def _frequencies(summary: Mapping[str, Any]) -> list[Conclusion]:
     for case, words in (("empty", f"without {carried}"), ("glued", "with the balls glued on")):
         values = _at(summary, "natural_frequency", case)
         if isinstance(values, list) and values and isinstance(values[0], (int, float)):
-            found.append(Conclusion("First natural frequency", _shown(float(values[0])), "Hz", note=words))
+            found.append(number_conclusion("First natural frequency", float(values[0]), "Hz", note=words))
     return found
 
 
@@ -404,8 +421,10 @@ def study_lead(data: xarray.Dataset) -> list[str]:
     if "cycles" in data.attrs:
         cycles, measured = (int(data.attrs[name]) for name in ("cycles", "measured_cycles"))
         run = f"{cycles} cycles of the base, of which the last {measured} are measured"
+    drive = [f"Drive: {data.attrs['drive']}."] if "drive" in data.attrs else []
     return [
         f"Parameter study: {int(np.prod(sizes))} cases{shape}, {each}; {run}, at {data.attrs['place']}.",
+        *drive,
         f"Axes: {'; '.join(_axes(data))}.",
     ]
 

@@ -108,8 +108,8 @@ NAMES = sorted((file.name for file in FILES.values()), key=lambda name: (name ==
 
 FRAME = re.compile(r"[0-9]{4,}\.vtu")
 
-STUDY_BLOCKS = "blocks"
-"""The folder in which a parameter study keeps its finished blocks, from which it goes on."""
+STUDY_BLOCKS, STUDY_MANIFEST = "blocks", "study.json"
+"""The folder in which a parameter study keeps its finished blocks, from which it goes on, and its file on the study."""
 
 BEST_FIGURE = "study_best.png"
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from femimpact.errors import require, require_path
+from femimpact.errors import InputError, require, require_path
 from femimpact.excitation import SteppedSine
 from femimpact.excitation.excitation import has_cycle, words_of
 from femimpact.export.placed import DrawnSystem, drawn_system, placed_structure
@@ -41,13 +41,14 @@ from femimpact.export.report.page import (
 )
 from femimpact.export.report.player import player_element
 from femimpact.export.report.structure_drawing import structure_element, structure_words
-from femimpact.export.tables import in_shown_units, unit_text
+from femimpact.export.tables import in_shown_units, read_units, unit_text
 from femimpact.spectra.densities import MODES, modes_of
 from femimpact.structure.structure import Structure
 from femimpact.study.best_case import best_cases
 from femimpact.study.best_design import BestCase
 from femimpact.study.best_picture import marks_of, worst_over_axes
 from femimpact.study.branch_file import read_followed
+from femimpact.study.contact_table import UNITS as CONTACT_UNITS
 from femimpact.study.picture_data import (
     read_bands,
     read_curves,
@@ -76,9 +77,11 @@ from femimpact.study.result_directory import (
     REPORT,
     STUDY_BLOCKS,
     STUDY_FIGURE,
+    STUDY_MANIFEST,
     SUMMARY,
     ResultsWarning,
     finished_parts,
+    is_file,
     is_folder,
     result_files,
     unfinished_state,
@@ -111,14 +114,36 @@ def write_report(
     require(folder.is_dir(), "directory", str(folder), "", "must be a directory of results")
     parts = finished_parts(folder)
     source = folder if parts is None or set(result_files(folder)) - {REPORT} else parts
-    some = bool(set(result_files(source)) - {REPORT}) or is_folder(folder / STUDY_BLOCKS)
-    require(some, "directory", str(folder), "", "must hold results of a study: none of their files is there")
+    words = "none of their files is there, or what has their names was not written by femimpact"
+    require(_holds_results(source, folder), "directory", str(folder), "", f"must hold results of a study: {words}")
     page = page_of(source, folder)
     if path is not None:
         return write_page(Path(path), page)
     with update_results(folder) as staging:
         write_page(staging.folder / REPORT, page)
     return folder / REPORT
+
+
+OF_SUMMARY = frozenset({"study", "versions", "core", "natural_frequency", "sweep", "history", "warnings", "structure"})
+"""Names of which a summary has several, of whatever version."""
+
+
+def _holds_results(source: Path, directory: Path) -> bool:
+    """True where a file of results stands that no other program writes: a folder of the user's may have their names."""
+    names = set(result_files(source))
+    if any(name.endswith(".nc") for name in names) or is_file(directory / STUDY_BLOCKS / STUDY_MANIFEST):
+        return True
+    if FILES["study"].name in names and any(FILES[key].name in names for key in ("summary", "modes", "impacts")):
+        return True
+    for key in ("summary", "convergence_notes"):
+        try:
+            written = read_json(source / FILES[key].name)
+        except InputError:
+            continue
+        if len(OF_SUMMARY & set(written)) > 1:
+            return True
+    name = FILES["contact_table"].name
+    return name in names and set(CONTACT_UNITS) <= set(read_units(source / name))
 
 
 def add_report(directory: str | Path, report: Callable[[str, float], None]) -> None:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import gc
 import hashlib
 import json
+import os
 import sys
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +16,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from femimpact.errors import Fault, InputError, require, require_path
 from femimpact.export import tables
-from femimpact.regular_file import check_regular, open_regular
+from femimpact.regular_file import open_regular, read_now
 from femimpact.study.result_directory import (
     FILES,
     SUMMARY,
@@ -221,13 +222,35 @@ def read_dataset(folder: Path, name: str, summary: Mapping[str, Any]) -> xarray.
     return _read(folder, FILES[name].name, summary, load_dataset)
 
 
-def load_dataset(path: Path, engine: str | None = "h5netcdf") -> xarray.Dataset:
-    """A netCDF file that is no device or pipe; no engine is that of the file's own format."""
+HDF5 = b"\x89HDF\r\n\x1a\n"
+"""First bytes of a file in the format of netCDF 4; earlier ones begin with CDF."""
+
+PACKED = 200
+"""Most bytes of numbers for a byte of a file, which may be compressed."""
+
+
+def load_dataset(
+    path: Path,
+    engine: str | None = "h5netcdf",  # None is that of the file's own format
+    names: Collection[str] | None = None,  # of the variables that are read; all by default
+) -> xarray.Dataset:
+    """A netCDF file that is no device or pipe, and holds no more numbers than a file of its size can."""
+    import h5py
     import xarray
 
     # the library opens it by its name
-    check_regular(path)
-    return xarray.load_dataset(path, engine=engine)
+    with open_regular(path) as file:
+        begin, size = read_now(file, len(HDF5)), os.fstat(file.fileno()).st_size
+    require(begin == HDF5 or begin.startswith(b"CDF"), "format", "another one", "", "must be netCDF")
+    left_out = list[str]()
+    if begin == HDF5:
+        with h5py.File(path) as root:
+            numbers = {name: int(each.nbytes) for name, each in root.items() if isinstance(each, h5py.Dataset)}
+        left_out = [name for name in numbers if names is not None and name not in names]
+        stated = sum(bytes_of for name, bytes_of in numbers.items() if name not in left_out)
+        allowed = f"must be <= {PACKED} in a byte of the file"
+        require(stated <= PACKED * size, "numbers", stated, "bytes", allowed)
+    return xarray.load_dataset(path, engine=engine, drop_variables=left_out)
 
 
 def read_table(folder: Path, name: str, summary: Mapping[str, Any]) -> dict[str, Any] | None:

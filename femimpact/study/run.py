@@ -18,7 +18,7 @@ from femimpact.integrators.cases import first_steps
 from femimpact.integrators.methods import Method
 from femimpact.integrators.runs import integrate
 from femimpact.integrators.stepping.operators import shortest_contact
-from femimpact.response.impacts import STICKING_UNITS, impact_columns
+from femimpact.response.impacts import DRAWN_IN_CONTACT, STICKING_UNITS, impact_columns
 from femimpact.response.response import Response
 from femimpact.structure.structure import glue_impactors
 from femimpact.study.base_motion import RecordedMotion
@@ -48,9 +48,6 @@ from femimpact.system.state import State
 
 MODES_LISTED = 4
 
-
-SAMPLES_PER_CONTACT = 20
-"""Instants at which a figure shows the force of one contact, at least."""
 
 Report = Callable[[str, float], None]
 """Called with what is being done and the share of it that is done."""
@@ -109,7 +106,7 @@ def _read_within_contacts(prepared: PreparedStudy, grid: float) -> tuple[Method,
     study, small, method, record = prepared.study, prepared.small, prepared.method, prepared.record
     contact_time, frequency, parts = shortest_contact(small), study.base.frequency, 1
     # doubled, the grid keeps its instants to the last bit, and with them the pieces in which a run is computed
-    while math.isfinite(contact_time) and parts * contact_time < SAMPLES_PER_CONTACT * grid:
+    while math.isfinite(contact_time) and parts * contact_time < DRAWN_IN_CONTACT * grid:
         parts *= 2
     samples = round(1.0 / (frequency * method.time_grid(frequency)))
     finely = method.read_at_least(parts * samples)
@@ -371,13 +368,16 @@ def keep_pictures(
     """Write what the figures show besides, draw, and write the summary of it all."""
     folder, study, output = staging.folder, prepared.study, prepared.study.output
     summary = _summary(prepared, found) | dict(more or {})
-    if output.figures and found.response is not None and found.response.system.contacts:
+    touched = found.response is not None and bool(found.response.system.contacts)
+    if output.figures and found.response is not None and touched:
         report("last cycles, for figures", 0.0)
         end = last_cycles(prepared, found.response)
         write_last_cycles(folder / FILES["last_cycles"].name, study.structure, found.response, end)
         report("last cycles, for figures", 1.0)
     filmed = found.response is not None and found.response.snapshots is not None
-    kinds = [*(["figures"] if output.figures else []), *(["movie"] if output.movie and filmed else [])]
+    # a history without contacts has no figure
+    figured = output.figures and (touched or found.modes is not None or found.sweeps is not None)
+    kinds = [*(["figures"] if figured else []), *(["movie"] if output.movie and filmed else [])]
     if kinds:
         ended = dict.fromkeys(kinds, "the run was ended before")
         write_summary(folder, with_pictures(summary, ended, staging.target), staging.finished)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
@@ -12,8 +13,9 @@ from typing import Any
 import numpy as np
 
 from femimpact.convergence import ConvergenceStudy, ConvergenceTable
-from femimpact.errors import Fault, InputError, instance, optional, require, require_type, takes, text
-from femimpact.export.files import file_path
+from femimpact.errors import Fault, InputError, instance, optional, require, require_type, suggestion, takes, text
+from femimpact.excitation.excitation import has_cycle
+from femimpact.export.files import target_path
 from femimpact.export.placed import drawn_system, placed_structure
 from femimpact.export.report.charts import (
     axis_section,
@@ -38,13 +40,15 @@ from femimpact.export.report.page import (
 )
 from femimpact.export.report.player import player_element
 from femimpact.export.report.structure_drawing import structure_element
-from femimpact.export.tables import case_columns
+from femimpact.export.tables import axis_names, case_columns
 from femimpact.identification import DecayEstimate
 from femimpact.response.impacts import impact_columns
 from femimpact.response.response import Response
 from femimpact.structure.structure import Structure
 from femimpact.study.best_case import best_cases
 from femimpact.study.result_conclusions import (
+    TRANSIENT,
+    number_conclusion,
     study_conclusions,
     study_failures,
     study_lead,
@@ -52,7 +56,7 @@ from femimpact.study.result_conclusions import (
     study_versions,
 )
 from femimpact.study.result_page import about_section, best_sections, cases_section
-from femimpact.study.summary import drive_name
+from femimpact.study.summary import drive_name, kind_of_peak, peak_of_history
 from femimpact.svg import Element, chart_element, element, markup, number_text, thinned_line
 from femimpact.sweep import FrequencyResponse
 from femimpact.table import column_units
@@ -147,13 +151,19 @@ ALLOWED = (
 )
 
 
-@takes(structure=optional(instance(Structure)), title=text(), notes=text(several=True))
+@takes(
+    structure=optional(instance(Structure)),
+    title=text(),
+    notes=text(several=True),
+    worst_over=optional(text(several=True)),
+)
 def report(
     path: str | Path,
     parts: Mapping[str, Any],
     structure: Structure | None = None,
     title: str = "Results",
     notes: tuple[str, ...] = (),
+    worst_over: tuple[str, ...] | None = None,
 ) -> Path:
     """Write what a script has found as one HTML file that opens in any browser, without a connection.
 
@@ -169,6 +179,8 @@ def report(
         Is drawn, and gives the player of a response with snapshots its beam.
     title : str
     notes : tuple of str
+    worst_over : tuple of str, optional
+        Paths of the axes of parameter studies over which the worst counts, as of `best_case`.
 
     Returns
     -------
@@ -177,7 +189,7 @@ def report(
     Raises
     ------
     InputError
-        If a part is none of these, or no file can be there.
+        If a part is none of these, no parameter study has an axis of `worst_over`, or no file can be there.
 
     Examples
     --------
@@ -186,7 +198,7 @@ def report(
     >>> fi.report("report.html", {"Run": run}, structure).name  # doctest: +SKIP
     'report.html'
     """
-    file = file_path(path)
+    file = target_path(path)
     require_type(parts, Mapping, "parts")
     for heading in parts:
         require_type(heading, str, "parts")
@@ -195,15 +207,25 @@ def report(
     ]
     responses = {heading: part for heading, part in parts.items() if isinstance(part, Response)}
     studies = {heading: part for heading, part in parts.items() if is_parameter_study(part)}
-    best = {heading: best_cases(part, None) for heading, part in studies.items()}
-    curves = {heading: curve for heading, part in parts.items() for _, curve in _curves(heading, part).items()}
+    axes = {name for part in studies.values() for name in axis_names(part)}
+    for name in worst_over or ():
+        require(name in axes, "worst_over", name, "", f"is no axis of a parameter study: {suggestion(name, axes)}")
+    best = {
+        heading: best_cases(part, None, worst_over and tuple(name for name in worst_over if name in axis_names(part)))
+        for heading, part in studies.items()
+    }
+    curves = {
+        name if name == heading else f"{heading}, {name}": curve
+        for heading, part in parts.items()
+        for name, curve in _curves(heading, part).items()
+    }
     speaking = {**responses, **curves, **{h: part for h, part in parts.items() if isinstance(part, DecayEstimate)}}
     page = Page(
         title=title,
         lead=tuple(text for part in studies.values() for text in study_lead(part)),
         drawing=_drawing(structure, responses),
         conclusions=(
-            *_of_curves(parts),
+            *_of_curves(curves),
             *_of_responses(responses),
             *(one for heading, part in studies.items() for one in study_conclusions(part, *best[heading])),
         ),
@@ -265,27 +287,28 @@ def _drawing(structure: Structure | None, responses: Mapping[str, Response]) -> 
         raise InputError([Fault("structure", None, "", allowed)]) from None
 
 
-def _of_curves(parts: Mapping[str, Any]) -> list[Conclusion]:
+def _of_curves(curves: Mapping[str, FrequencyResponse]) -> list[Conclusion]:
     found = []
-    for heading, part in parts.items():
-        for name, curve in _curves(heading, part).items():
-            if np.any(np.isfinite(curve.peak)):
-                value, place = number_text(1e3 * curve.peak_amplitude, zeros=True), number_text(curve.peak_frequency)
-                sample = curve.peak_is_sample
-                found.append(Conclusion(f"Largest peak, {name}", value, "mm", one_sample=sample, note=f"at {place} Hz"))
+    for name, curve in curves.items():
+        if np.any(np.isfinite(curve.peak)):
+            note = f"at {number_text(curve.peak_frequency)} Hz{f'; {TRANSIENT}' if curve.peak_is_transient else ''}"
+            label, sample = f"Largest peak, {name}", curve.peak_is_sample
+            found.append(number_conclusion(label, curve.peak_amplitude, curve.unit, one_sample=sample, note=note))
     return found
 
 
 def _of_responses(responses: Mapping[str, Response]) -> list[Conclusion]:
     found = []
     for heading, one in responses.items():
-        count = len(one.impacts) + one.impacts.dropped
+        count, peak, kind = len(one.impacts) + one.impacts.dropped, peak_of_history(one), kind_of_peak(one)
         if count:
             found.append(Conclusion(f"Motion, {heading}", one.regime.label, note=f"{count} impacts"))
-        if one.steady.peak.size and np.isfinite(one.steady.peak[0]):
-            sample = str(one.steady.steadiness[0]) != "periodic"
-            value = number_text(1e3 * float(one.steady.peak[0]), zeros=True)
-            found.append(Conclusion(f"Peak, {heading}", value, "mm", one_sample=sample, note="over the last third"))
+        if math.isfinite(peak):
+            over = "over the last third of the cycles" if has_cycle(one.base) else "of the whole run"
+            note = f"{over}; {TRANSIENT}" if kind["peak_is_transient"] else over
+            found.append(
+                number_conclusion(f"Peak, {heading}", peak, "m", one_sample=kind["peak_is_one_start"], note=note)
+            )
         if one.energy is not None:
             residual = number_text(100 * float(one.energy.residual), 2)
             found.append(Conclusion(f"Energy unaccounted for, {heading}", residual, "%", note="of the energy put in"))

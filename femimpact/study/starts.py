@@ -169,10 +169,10 @@ def drawn_histories(prepared: PreparedStudy, report: Report) -> tuple[dict[str, 
             continue
         channels = channel_summary(run)
         rows.append({
-            "peak": peak_of_history(run, channels),
+            "peak": peak_of_history(run),
             "rms": run.steady.rms[0],
             "channels": {name: {key: about[key] for key in OF_CHANNELS} for name, about in channels.items()},
-            "contacts": {pair.name: contact_forces(run, pair.name, channels) for pair in small.contacts},
+            "contacts": {pair.name: contact_forces(run, pair.name) for pair in small.contacts if pair.has_walls},
         })  # fmt: skip
     _require_some(rows, failed)
     return {"count": len(rows), **_spreads(rows)}, failed

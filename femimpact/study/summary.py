@@ -26,11 +26,12 @@ from femimpact.identification import (
 )
 from femimpact.integrators.methods import Method
 from femimpact.response.response import Response
-from femimpact.study.prepared import PreparedStudy, finer_grid_words, in_study_words
+from femimpact.study.prepared import PreparedStudy, finer_grid_words, in_study_words, root_stress_notes
 from femimpact.sweep import FrequencyResponse, on_grid
 from femimpact.sweep.curve import TAKE_STARTS
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.modes import Modes
+from femimpact.units import at_place, decimal_place, number_text, prefixed
 
 RESTITUTION_MISSED = 0.1
 """Difference between a law's restitution and the median seen in a run that is warned of."""
@@ -63,26 +64,27 @@ class Spread:
         low, middle, high, step = (scale * x for x in (self.lowest, self.median, self.highest, self.resolution))
         largest = max(abs(low), abs(middle), abs(high))
         if not 0.0 < largest < math.inf:
-            return f"{middle:.4g}"
+            return number_text(middle)
         beyond = step + (high - low) / 4.0
-        place = max(_place((high - low) / 2.0) - 1, _place(step), _place(largest + beyond) - 3)
+        place = max(decimal_place((high - low) / 2.0) - 1, decimal_place(step), decimal_place(largest + beyond) - 3)
         unit = 10.0**place
         down, up = math.floor((low - beyond) / unit + 1e-6), math.ceil((high + beyond) / unit - 1e-6)
         if low >= 0.0:
             down = max(down, 0)
         # a median far below the largest value keeps two digits
-        of_middle = min(place, _place(middle) - 1) if middle else place
-        return f"{_at_place(middle, of_middle)} ({_at_place(down * unit, place)} to {_at_place(up * unit, place)})"
+        of_middle = min(place, decimal_place(middle) - 1) if middle else place
+        return f"{at_place(middle, of_middle)} ({at_place(down * unit, place)} to {at_place(up * unit, place)})"
+
+    def in_unit_that_fits(self, unit: str) -> tuple[str, str]:
+        """The same words, and the unit with the prefix in which they are; a ratio may be in %."""
+        factor, shown = (100.0, "%") if unit == "%" else prefixed(max(abs(self.lowest), abs(self.highest)), unit)
+        return self.text(factor), shown
 
 
-def _place(value: float) -> int:
-    """Power of ten of the first digit of a size, far below all others for zero."""
-    return math.floor(math.log10(abs(value)) + 1e-9) if value else -400
-
-
-def _at_place(value: float, place: int) -> str:
-    """The value rounded to a power of ten."""
-    return f"{round(value, -place):.{max(-place, 0)}f}"
+def spread_text(spread: Spread, unit: str) -> str:
+    """Median and range in words, with the unit that fits."""
+    text, shown = spread.in_unit_that_fits(unit)
+    return text if shown == "1" else f"{text} {shown}"
 
 
 def spread_of(
@@ -122,6 +124,7 @@ def _curve_summary(curve: FrequencyResponse, coarse: NDArray[np.float64], prepar
         "peak_frequency": curve.peak_frequency,
         "peak_amplitude": curve.peak_amplitude,
         "peak_is_one_start": curve.peak_is_sample,
+        "peak_is_transient": curve.peak_is_transient,
         "peak_too_low_at_most": resolution.largest_miss if resolution else math.nan,
         "resolved": resolution.resolved if resolution else None,
         "damping_fit": fit.ratio,
@@ -208,20 +211,21 @@ def summary_of(
             warnings += [f"sweep with {prepared.carried}: {text}" for text in summary["sweep"]["ball"]["warnings"]]
     if response is not None:
         warnings += [f"history: {in_study_words(text)}" for text in response.warnings]
-        channels = channel_summary(response)
         summary["history"] = {
             **({"frequency": response.base.frequency} if has_cycle(response.base) else {}),
-            "peak": peak_of_history(response, channels),
+            "peak": peak_of_history(response),
+            **kind_of_peak(response),
             "rms": response.steady.rms[0],
             "steadiness": str(response.steady.steadiness[0]),
             "impacts": len(response.impacts) + response.impacts.dropped,
             "impacts_per_cycle": response.statistics.impacts_per_cycle,
             "regime": asdict(response.regime),
-            "channels": channels,
+            "channels": channel_summary(response),
         }
         summary["energy_residual"] = response.energy.residual if response.energy is not None else math.nan
         summary |= work_summary(response)
-        summary["notes"] = list(map(in_study_words, response.notes))
+        about_stress = root_stress_notes(prepared.study.structure, prepared.small)
+        summary["notes"] = [*map(in_study_words, response.notes), *about_stress]
     elif sweeps is not None:
         summary["energy_residual"] = float(np.nanmax((sweeps.ball or sweeps.empty).energy_residual))
     # a run repeats what is said of its study
@@ -250,41 +254,70 @@ def channel_summary(response: Response) -> dict[str, Any]:
     """Unit of every channel, its largest absolute value and rms over the last third, and the largest of the run.
 
     The first two are of the samples that the history keeps; the peak of the tip between samples is `peak` of the
-    history. The largest of the run, and its time (s), are those of `Response.largest`.
+    history. The largest of the run, and its time (s), are those of `Response.largest`. The force of a rigid pair that
+    has collided has none of them: its impulses are those of `contact_forces`.
     """
     steady = response.time >= response.window[0]
     found = {}
+    rigid = {pair.name for pair in response.system.contacts if _has_struck(response, pair.name)}
+    impulsive = {f"{name}.contact_force" for name in rigid} | ({"contact_force"} if rigid else set())
     for (name, unit), largest in zip(response.units.items(), response.largest_of(tuple(response.units)), strict=True):
         size = np.abs(response[name])
-        found[name] = {
-            "unit": unit,
+        numbers = {
             "largest": float(np.max(size[steady])),
             "rms": float(np.sqrt(np.mean(size[steady] ** 2))),
             "largest_of_run": abs(largest.value),
             "time_of_largest": largest.time,
         }
+        found[name] = {"unit": unit, **(dict.fromkeys(numbers, math.nan) if name in impulsive else numbers)}
     return found
 
 
-def peak_of_history(response: Response, channels: Mapping[str, Any]) -> float:
-    """Peak of the tip (m): of the last third, and where the excitation has no cycle of the whole run."""
-    if has_cycle(response.base) or "tip" not in channels:
+def peak_of_history(response: Response) -> float:
+    """Peak (m) of the default place: of the last third, and where the excitation has no cycle of the whole run."""
+    if has_cycle(response.base):
         return float(response.steady.peak[0])
-    return float(channels["tip"]["largest_of_run"])
+    return abs(response.largest(response.system.default_place).value)
 
 
-def contact_forces(response: Response, name: str, channels: Mapping[str, Any]) -> dict[str, float]:
-    """Forces (N) and mean impulse (N s) of a contact; the peak force without a cycle is that of the whole run."""
-    statistics, force = response.statistics_of[name], channels.get(f"{name}.contact_force")
+def window_of_peaks(history: Mapping[str, Any]) -> str:
+    """Words for the part of the run of which the peaks in a history's summary are."""
+    return "of the whole run" if history.get("frequency") is None else "over the last third"
+
+
+def kind_of_peak(response: Response) -> dict[str, bool]:
+    """Whether the peak of a motion that does not repeat is one start's value, or holds a transient of the start.
+
+    With impacts in the last third it is the former; without them, where the drive repeats, the latter.
+    """
+    motion = response.steady
+    irregular = bool(has_cycle(response.base) and motion.steadiness[0] != "periodic" and math.isfinite(motion.peak[0]))
+    struck = response.statistics.count > 0
+    repeats = math.isfinite(response.base.phase)
+    return {"peak_is_one_start": irregular and struck, "peak_is_transient": irregular and repeats and not struck}
+
+
+def contact_forces(response: Response, name: str) -> dict[str, float]:
+    """Forces (N) and impulses (N s) of a contact; the peak force without a cycle is that of the whole run.
+
+    The largest impulse is that of the whole run. Where a rigid pair has collided there is no peak force.
+    """
+    statistics, impulses = response.statistics_of[name], response.impacts.impulse[response.impacts.impactor == name]
     peak = statistics.peak_force
-    # the peak force of a rigid law is not a number
-    if not has_cycle(response.base) and force is not None and not math.isnan(peak):
-        peak = force["largest_of_run"]
+    if not has_cycle(response.base):
+        peak = math.nan if _has_struck(response, name) else abs(response.largest(f"{name}.contact_force").value)
     return {
         "peak_force": peak,
         "mean_impulse": statistics.mean_impulse,
+        "largest_impulse": float(np.abs(impulses).max(initial=0.0)),
         "cycle_mean_force": statistics.cycle_mean_force,
     }
+
+
+def _has_struck(response: Response, name: str) -> bool:
+    """True if a pair has collided by a rigid law: its impulses have no force, whatever its channel shows."""
+    rigid = any(pair.name == name and pair.parameters.is_rigid for pair in response.system.contacts)
+    return rigid and name in response.impacts.impactor
 
 
 def contacts_of(summary: Mapping[str, Any]) -> dict[str, Any]:
@@ -320,7 +353,7 @@ def _contact_summary(pair: ContactPair, method: Method, response: Response | Non
             "impacts": int(mine.sum()),
             # slow touches, in which the motion of the beam counts as rebound, are left out
             "observed_restitution": float(np.median(response.impacts.restitution[fast])) if fast.any() else math.nan,
-            **contact_forces(response, pair.name, channel_summary(response)),
+            **contact_forces(response, pair.name),
             "mean_approach_speed": statistics.mean_approach_speed,
         }
     return result

@@ -17,6 +17,7 @@ from xml.etree.ElementTree import Element as Element
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from femimpact import units
 from femimpact.arrays import Array
 
 Child = Element | str | None
@@ -151,18 +152,13 @@ def number_text(
     digits: int = 4,  # that count
     zeros: bool = False,  # whether zeros at its end stay: they say how exact it is
 ) -> str:
-    """A number for the eye, with a minus sign and without a power of ten where that is readable."""
+    """The number of `units.number_text` with a minus sign, a power of ten as on paper, and a word for what is none."""
     if math.isnan(value):
         return NO_NUMBER
     if math.isinf(value):
         return INFINITE if value > 0 else f"{MINUS}{INFINITE}"
-    text = f"{value:#.{digits}g}".rstrip(".") if zeros and value else f"{value:.{digits}g}"
-    mantissa, _, exponent = text.partition("e")
-    if exponent:
-        power = int(exponent)
-        # 12340 is read more easily than with a power of ten
-        text = f"{value:.0f}" if 0 < power < 7 else f"{mantissa}{TIMES}{_power_of_ten(power)}"
-    return text.replace("-", MINUS)
+    mantissa, _, exponent = units.number_text(value, digits, zeros).partition("e")
+    return (f"{mantissa}{TIMES}{_power_of_ten(int(exponent))}" if exponent else mantissa).replace("-", MINUS)
 
 
 def _power_of_ten(power: int) -> str:

@@ -46,6 +46,7 @@ from femimpact.system.modes import first_elastic_frequency
 from femimpact.system.state import State
 from femimpact.system.system import System
 from femimpact.table import Head, flat_columns, frame_of, head_of_columns, named_column, short_repr
+from femimpact.units import number_text, prefixed
 
 if TYPE_CHECKING:
     import pandas
@@ -111,8 +112,9 @@ def on_grid(
 class FrequencyResponse:
     """Response curve over the base frequency, measured at the end of each dwell.
 
-    `curve["peak"]` reads a column. Where `steadiness` is not "periodic" the values are those of one start: another one
-    has others. They have a star where the curve is printed, and a dot where it is drawn; see `is_sample`.
+    `curve["peak"]` reads a column. Where `steadiness` is not "periodic" and there are impacts the values are those of
+    one start: another one has others. They have a star where the curve is printed, and a dot where it is drawn; see
+    `is_sample`. Without impacts what does not repeat is a transient of the start.
 
     Parameters
     ----------
@@ -215,7 +217,8 @@ class FrequencyResponse:
         found = bool(np.any(np.isfinite(self.peak)))
         star = "*" if found and self.peak_is_sample else ""
         highest = f", peak {self.peak_amplitude:.5g}{star} {self.unit} at {self.peak_frequency:.5g} Hz" if found else ""
-        title = f"FrequencyResponse: {size}{span}{highest}, {len(self.warnings)} warnings"
+        settling = " (transient)" if found and self.peak_is_transient else ""
+        title = f"FrequencyResponse: {size}{span}{highest}{settling}, {len(self.warnings)} warnings"
         columns, units = flat_columns(self)
         units = self._units_of(units)
         if np.any(self.is_sample):
@@ -228,24 +231,40 @@ class FrequencyResponse:
         if not np.any(np.isfinite(self.peak)):
             return None
         order = np.argsort(self.frequency, kind="stable")
-        line = Line("peak", self.frequency[order], 1e3 * self.peak[order], marked=self.is_sample[order])
+        factor, unit = prefixed(float(np.nanmax(self.peak)), self.unit)
+        line = Line("peak", self.frequency[order], factor * self.peak[order], marked=self.is_sample[order])
         note = f"Dots: {ONE_START}." if np.any(self.is_sample) else ""
         frequency = axis_of("frequency of the base (Hz)", line.x, tight=True)
-        return Chart("", frequency, axis_of("peak (mm)", line.y, zero=True), (line,), note=note)
+        return Chart("", frequency, axis_of(f"peak ({unit})", line.y, zero=True), (line,), note=note)
 
     @property
     def is_sample(self) -> NDArray[np.bool_]:
-        """True where the values are one start's of a motion that is not periodic, (n,); False where a case failed.
+        """True where the values are one start's of a motion with impacts that is not periodic, (n,).
 
-        Chaotic and transient motions have other values from another start. A mark says so: a star in printed tables,
-        a dot in figures; in files it is the column `steadiness`.
+        Such a motion has other values from another start. A mark says so: a star in printed tables, a dot in figures;
+        in files it is the column `steadiness`. False where a case failed, and where there are no impacts in the
+        measured time: what does not repeat there is a transient that has not died out, as `has_transient` says.
         """
+        return np.asarray(self._irregular & (self.impacts_per_cycle > 0.0))
+
+    @property
+    def has_transient(self) -> NDArray[np.bool_]:
+        """True where a motion without impacts does not repeat: a transient of the start has not died out, (n,)."""
+        return np.asarray(self._irregular & (self.impacts_per_cycle == 0.0))
+
+    @property
+    def _irregular(self) -> NDArray[np.bool_]:
         return np.asarray((self.steadiness != "periodic") & (self.steadiness != "failed"))
 
     @property
     def peak_is_sample(self) -> bool:
         """True if the largest peak of the curve is one start's value."""
         return bool(self.is_sample[np.nanargmax(self.peak)])
+
+    @property
+    def peak_is_transient(self) -> bool:
+        """True if the largest peak of the curve has a transient of the start in it."""
+        return bool(self.has_transient[np.nanargmax(self.peak)])
 
     @cached_property
     def damping(self) -> DampingEstimate:
@@ -384,7 +403,8 @@ def curve_of(
     warnings += frequency_warnings(f, system.highest_kept, system.first_left_out)
     if curve.unit == "m":
         warnings += deflection_warnings(columns["peak"], system.length)
-    return replace(curve, warnings=tuple(warnings), notes=(*method.notes(system), *contact_notes(system)))
+    notes = (*method.notes(system), *contact_notes(system), *curve.notes)
+    return replace(curve, warnings=tuple(warnings), notes=notes)
 
 
 def start_of(state: State, system: System) -> str:
@@ -428,9 +448,9 @@ def _dwell_warnings(system: System, cases: SineCases) -> list[str]:
     if left <= TRANSIENT_LEFT:
         return []
     return [
-        f"dwell of {begin:.3g} s before measuring begins: {100 * left:.2g} % of the first mode's transient "
-        f"(damping ratio {ratio:.3g}) is left there: peaks and damping near {first:.4g} Hz need a "
-        "longer dwell"
+        f"dwell of {number_text(begin, 3)} s before measuring begins: {number_text(100 * left, 2)} % of the first "
+        f"mode's transient (damping ratio {number_text(ratio, 3)}) is left there: peaks and damping near "
+        f"{first:.4g} Hz need a longer dwell"
     ]
 
 

@@ -12,8 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from femimpact.arrays import Array
 from femimpact.errors import DivergenceError, checked, level_rows, quantity, require, require_type, truth
+from femimpact.excitation import Sine
 from femimpact.excitation.levels import Level, require_reach
 from femimpact.integrators.cases import SineCases, workers_of
+from femimpact.integrators.channel_rows import drive_of, mode_notes
 from femimpact.integrators.methods import Method, require_method
 from femimpact.integrators.runs import run_cases
 from femimpact.progress import Progress, check_progress, draws_progress
@@ -173,6 +175,7 @@ def frequency_sweep(
         "at": at if channel is None else measured.name,
         "unit": measured.unit,
         "start": start_of(state, system),
+        "notes": mode_notes(system, drive_of(system, Sine(0.0, 1.0)), (measured,)),
     }
     cases, workers = cases_of(system, state, amplitude, level, dwells), workers_of(threads)
     if direction is not None:

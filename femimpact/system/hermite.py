@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -12,6 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from femimpact.arrays import Array
 from femimpact.errors import (
+    Fault,
+    InputError,
     changed,
     check_fields,
     checked,
@@ -120,13 +123,28 @@ class Section:
 
     # N m^2: E I: a bending moment is this times the curvature w''
     bending_stiffness: float = field(metadata=quantity("N m^2", above=0.0))
-    # m: from the neutral axis to the surface: a surface strain is -+ this times the curvature
-    half_height: float = field(metadata=quantity("m", above=0.0))
+    # m: from the neutral axis to the surface: a surface strain is -+ this times the curvature. None where area and
+    # second moment alone are given
+    half_height: float | None = field(metadata=optional(quantity("m", above=0.0)))
     young_modulus: float = field(metadata=quantity("Pa", above=0.0))  # Pa: a stress is this times the strain
     region: str = field(metadata=text())  # name of the segment
 
     def __post_init__(self) -> None:
         check_fields(self)
+
+    def known_half_height(self, key: str) -> float:
+        """The half height (m), for what is asked for under a key.
+
+        Raises `InputError` with this key if it is not known.
+        """
+        if self.half_height is None:
+            raise InputError([Fault(key, None, "", needs_outer_fibre(self.region))])
+        return self.half_height
+
+
+def needs_outer_fibre(region: str) -> str:
+    """What strain and stress of the surface need in a segment by area and second moment alone."""
+    return f"needs outer_fibre (m) of segment {region!r}: area and second_moment alone do not say where its surface is"
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,7 +165,7 @@ class SectionFields:
         rho I, which the beam's mass matrix leaves out.
     young_modulus : ndarray (elements,), Pa
     half_height : ndarray (elements,), m
-        From the neutral axis to the surface.
+        From the neutral axis to the surface; not a number where it is not known.
     region : ndarray (elements,) of str
         Name of the segment.
     width_taper, thickness_taper : ndarray (elements,), 1
@@ -164,7 +182,7 @@ class SectionFields:
     mass_per_length: Array = field(metadata=column("kg/m", "elements", finite=True))
     rotary_inertia: Array = field(metadata=column("kg m", "elements", finite=True))
     young_modulus: Array = field(metadata=column("Pa", "elements", finite=True))
-    half_height: Array = field(metadata=column("m", "elements", finite=True))
+    half_height: Array = field(metadata=column("m", "elements"))
     region: NDArray[np.str_] = field(metadata=column("", "elements", of="text"))
     width_taper: Any = field(default=None, metadata=column("1", "elements", finite=True))
     thickness_taper: Any = field(default=None, metadata=column("1", "elements", finite=True))
@@ -173,7 +191,8 @@ class SectionFields:
         check_fields(self)
         for name in ("bending_stiffness", "mass_per_length", "rotary_inertia", "young_modulus", "half_height"):
             values = getattr(self, name)
-            require(bool((values > 0.0).all()), name, None, "", "must hold numbers > 0")
+            unknown = np.isnan(values) & (name == "half_height")
+            require(bool(((values > 0.0) & (values < np.inf) | unknown).all()), name, None, "", "must hold numbers > 0")
         for name in ("width_taper", "thickness_taper"):
             if getattr(self, name) is None:
                 none = np.zeros(self.region.size)
@@ -216,7 +235,7 @@ class SectionFields:
         return np.asarray(self.rotary_inertia[element] * (a * b**3))
 
     def half_height_at(self, element: int | NDArray[np.intp], s: float | Array) -> Array:
-        """Half height (m) at places s from 0 to 1 of elements."""
+        """Half height (m) at places s from 0 to 1 of elements; not a number where it is not known."""
         return np.asarray(self.half_height[element] * self._taper(element, s)[3])
 
     def _taper(self, element: int | NDArray[np.intp], s: float | Array) -> tuple[float | Array, ...]:
@@ -226,9 +245,10 @@ class SectionFields:
 
     def section(self, element: int, s: float = 0.5) -> Section:
         """The section at a place of one element: s from 0, at its end towards the root, to 1."""
+        half_height = float(self.half_height_at(element, s))
         return Section(
             float(self.bending_stiffness_at(element, s)),
-            float(self.half_height_at(element, s)),
+            None if math.isnan(half_height) else half_height,
             float(self.young_modulus[element]),
             str(self.region[element]),
         )

@@ -19,7 +19,7 @@ FREE = 1e-9
 
 
 def rigid_motions(
-    # of a beam as `assemble` gives it, or on coordinates whose matrices are diagonal. Of others none are known.
+    # of a beam as `assemble` gives it, of matrices, or on coordinates whose matrices are diagonal
     system: Any,
 ) -> NDArray[np.float64]:
     """Motions without strain: K r = 0, r^T M r = 1.
@@ -42,7 +42,7 @@ def _rigid_motions(system: Any) -> NDArray[np.float64]:
         motions[unheld, np.arange(unheld.size)] = 1.0 / np.sqrt(system.M.diagonal()[unheld])
         return motions
     if system.sections is None or not sparse.issparse(system.expansion):
-        return np.zeros((system.dofs, 0))
+        return _with_unit_mass(system, _null_space(system))
     straight = _straight_motions(system.nodes)
     factor: Any = sparse.csr_array(system.stiffness_factor)
     expansion: Any = system.expansion
@@ -52,9 +52,25 @@ def _rigid_motions(system: Any) -> NDArray[np.float64]:
     terms = (abs(factor) @ np.abs(dofs)).max(axis=1)
     strains = (factor @ dofs)[terms > 0.0] / terms[terms > 0.0, None]
     sizes, shares = np.linalg.svd(np.vstack([held, strains]), full_matrices=False)[1:]
-    motions = dofs @ shares[sizes <= FREE * np.sqrt(strains.shape[0] + 1.0)].T
+    return _with_unit_mass(system, dofs @ shares[sizes <= FREE * np.sqrt(strains.shape[0] + 1.0)].T)
+
+
+def _null_space(system: Any) -> NDArray[np.float64]:
+    """Motions (dofs, k) without strain, where strains are fewer than dofs: those of `System.from_matrices`."""
+    factor: Any = sparse.csr_array(system.stiffness_factor)
+    factor = factor[np.flatnonzero(np.diff(factor.indptr))]
+    if factor.shape[0] >= system.dofs:
+        return np.zeros((system.dofs, 0))
+    stiffness = system.K.diagonal()
+    scale = np.sqrt(np.where(stiffness > 0.0, stiffness, 1.0))
+    strains = np.linalg.qr(factor.toarray().T / scale[:, None], mode="complete")[0]
+    return np.asarray(strains[:, factor.shape[0] :] / scale[:, None])
+
+
+def _with_unit_mass(system: Any, motions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Motions (dofs, k) made orthonormal with the mass."""
     if not motions.size:
-        return np.asarray(motions)
+        return motions
     lower = np.linalg.cholesky(motions.T @ (system.M @ motions))
     return np.asarray(np.linalg.solve(lower, motions.T).T)
 
@@ -186,16 +202,28 @@ def checked_shapes(nodes: ArrayLike | None, expansion: Any, dofs: int) -> tuple[
 def definite_factor(name: str, matrix: Array, strictly: bool = False) -> tuple[Array, int]:
     """G (dofs, dofs) with A = G^T G, and the rank of A.
 
+    A is scaled to a unit diagonal first, so that what is zero to rounding does not depend on the units of the dofs.
+
     Raises `InputError` if A has a negative eigenvalue, or, strictly, one that is zero.
     """
-    values, vectors = scipy.linalg.eigh(matrix)
+    scale = _scale(matrix)
+    values, vectors = scipy.linalg.eigh(matrix / scale / scale[:, None])
     largest = float(np.max(np.abs(values)))
-    allowed = "must be positive definite" if strictly else "must be positive semidefinite"
-    least = RANK_TOLERANCE * largest if strictly else -1e-9 * largest
-    fine = values[0] > least if strictly else values[0] >= least
-    require(bool(fine), name, float(values[0]), "", f"{allowed}; this is its lowest eigenvalue")
+    fine = values[0] > RANK_TOLERANCE * largest if strictly else values[0] >= -1e-9 * largest
+    if not fine:
+        allowed = "must be positive definite" if strictly else "must be positive semidefinite"
+        lowest = float(scipy.linalg.eigvalsh(matrix)[0])
+        require(False, name, lowest, "", f"{allowed}; this is its lowest eigenvalue")
     values = np.where(values > RANK_TOLERANCE * largest, values, 0.0)
-    return np.sqrt(values)[:, None] * vectors.T, int(np.count_nonzero(values))
+    return np.sqrt(values)[:, None] * vectors.T * scale, int(np.count_nonzero(values))
+
+
+def _scale(matrix: Array) -> Array:
+    """The root of each diagonal entry (dofs,), not less than what keeps scaled entries beside the diagonal up to 1."""
+    diagonal = np.diag(matrix)
+    positive = np.flatnonzero(diagonal > 0.0)
+    square = (matrix[:, positive] * (matrix[:, positive] / diagonal[positive])).max(axis=1, initial=0.0)
+    return np.sqrt(np.where(square > 0.0, square, float(np.abs(matrix).max()) or 1.0))
 
 
 def banded_factor(matrix: Matrix, semidefinite: bool = False) -> Matrix | None:

@@ -199,17 +199,21 @@ def solve_modes(system: System, count: int) -> Modes:
     omega[:rigid_count] = 0.0
     order = np.argsort(omega)
     vectors, omega = vectors[:, order], omega[order]
-    if system.rayleigh is not None and omega[0] > 0.0:
-        ratio = realised_damping_ratio(*system.rayleigh, omega)
-    else:
-        damping = np.einsum("ij,ij->j", vectors, system.C @ vectors)
-        # a rigid motion has no ratio to a critical damping
-        ratio = np.divide(damping, 2 * omega, out=np.zeros_like(omega), where=omega > 0)
+    ratio = damping_ratios(system, vectors, omega)
     participation = vectors.T @ system.base_load
     arrays = (omega / (2 * math.pi), ratio, participation, vectors)
     for array in arrays:
         array.setflags(write=False)
     return Modes(*arrays)
+
+
+def damping_ratios(system: System, vectors: Array, omega: Array) -> Array:
+    """Damping ratio (1) of normalised modes (dofs, count) of angular frequencies omega (rad/s); 0 of rigid motions."""
+    if system.rayleigh is not None and np.all(omega > 0.0):
+        return realised_damping_ratio(*system.rayleigh, omega)
+    damping = np.einsum("ij,ij->j", vectors, system.C @ vectors)
+    # a rigid motion has no ratio to a critical damping
+    return np.divide(damping, 2 * omega, out=np.zeros_like(omega), where=omega > 0)
 
 
 def _vectors(system: System, count: int, rigid: Array) -> tuple[Array, Array]:
@@ -240,12 +244,16 @@ def _dense_modes(system: System, count: int, rigid: Array) -> Array:
     """Elastic modes from the singular values of G L^-T, K = G^T G and M = L L^T: omega, not omega squared."""
     lower = scipy.linalg.cholesky(system.M.toarray(), lower=True)
     factor = scipy.linalg.solve_triangular(lower, system.stiffness_factor.toarray().T, lower=True).T
+    basis = None
     if rigid.shape[1]:
-        # made the fastest of all
-        stiff = np.linalg.norm(factor) * scipy.linalg.solve_triangular(lower, system.M @ rigid, lower=True)
-        factor = np.vstack([factor, stiff.T])
-    right = scipy.linalg.svd(factor, full_matrices=False)[2][::-1][:count]
-    return np.asarray(scipy.linalg.solve_triangular(lower, right.T, lower=True, trans="T"))
+        # of what is orthogonal to the rigid motions, with M
+        motions = scipy.linalg.solve_triangular(lower, system.M @ rigid, lower=True)
+        basis = scipy.linalg.qr(motions)[0][:, rigid.shape[1] :]
+        factor = factor @ basis
+    # with fewer strains than dofs, those without strain, too
+    right = scipy.linalg.svd(factor, full_matrices=factor.shape[0] < factor.shape[1])[2][::-1][:count].T
+    right = right if basis is None else basis @ right
+    return np.asarray(scipy.linalg.solve_triangular(lower, right, lower=True, trans="T"))
 
 
 def solve_stiffness(

@@ -9,11 +9,10 @@ import scipy.linalg
 
 from femimpact.arrays import Array
 from femimpact.errors import checked, require, require_type, truth
-from femimpact.structure.damping import realised_damping_ratio
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.hermite import reduced_reactions
 from femimpact.system.matrices import diagonal_matrix, frozen_row
-from femimpact.system.modes import Modes, mode_count, solve_modes, solve_stiffness, with_checked_fields
+from femimpact.system.modes import Modes, damping_ratios, mode_count, solve_modes, solve_stiffness, with_checked_fields
 from femimpact.system.system import System
 
 NEGLIGIBLE = 1e-12
@@ -71,7 +70,7 @@ def reduced_on(
     modes: int,
 ) -> System:
     """The system on the lowest of some modes that were found before, perhaps with another damping; see `reduce`."""
-    ratio = _damping_ratio(system, found.vectors, 2.0 * math.pi * found.natural_frequency)
+    ratio = damping_ratios(system, found.vectors, 2.0 * math.pi * found.natural_frequency)
     return _on_modes(system, found, ratio, modes, False)
 
 
@@ -84,9 +83,9 @@ def _on_modes(system: System, found: Modes, ratio: Array, count: int, static_cor
     if static_correction and system.contacts:
         extra, extra_omega = _attachment_vectors(system, phi, omega)
         phi, omega = np.hstack([phi, extra]), np.append(omega, extra_omega)
-        ratio = np.append(ratio, _damping_ratio(system, extra, extra_omega))
+        ratio = np.append(ratio, damping_ratios(system, extra, extra_omega))
     if system.rayleigh is None:
-        _check_decoupled(phi.T @ (system.C @ phi))
+        _check_decoupled(system, phi)
     # of rigid motions, which may be damped, though they have no ratio
     damping_of_rigid = _modal_damping(system, phi) if system.rayleigh is None else system.rayleigh[0]
     contacts = tuple(pair.along(frozen_row(pair.direction @ phi)) for pair in system.contacts)
@@ -105,6 +104,7 @@ def _on_modes(system: System, found: Modes, ratio: Array, count: int, static_cor
         # `constant_resultant` stays: nothing is left out of a resultant, as nothing is of the total mass
         reactions=reduced_reactions(system.reactions, phi),
         first_left_out=min(next_one, system.first_left_out),
+        unreduced=system.unreduced or system,
     )
 
 
@@ -139,12 +139,6 @@ def _modal_damping(system: System, vectors: Array) -> Array:
     return np.asarray(np.einsum("ij,ij->j", vectors, system.C @ vectors))
 
 
-def _damping_ratio(system: System, vectors: Array, omega: Array) -> Array:
-    if system.rayleigh is not None:
-        return realised_damping_ratio(*system.rayleigh, omega)
-    return _modal_damping(system, vectors) / (2.0 * omega)
-
-
 def truncation_notes(system: System) -> tuple[str, ...]:
     """Notes, with numbers, on the flexibility at contacts that a reduced system leaves out.
 
@@ -175,7 +169,7 @@ def truncation_notes(system: System) -> tuple[str, ...]:
     for pair in system.contacts:
         if _is_short(pair, highest) and not pair.parameters.is_rigid:
             notes.append(
-                f"{pair.name}: {_modes(omega.size)} kept, up to {highest:.4g} Hz: below 1/(contact time) = "
+                f"{pair.name}: {kept_modes(omega.size)} kept, up to {highest:.4g} Hz: below 1/(contact time) = "
                 f"{1.0 / pair.parameters.contact_time:.4g} Hz, so the course of the force is not resolved"
             )
         notes.extend(_flexibility_note(pair, omega))
@@ -196,8 +190,8 @@ def _flexibility_note(pair: ContactPair, omega: Array) -> list[str]:
     if kept >= ENOUGH_FLEXIBILITY * pair.flexibility:
         return []
     return [
-        f"{pair.name}: {_modes(omega.size)} kept, with a static flexibility of {kept:.4g} m/N at the contact of the "
-        f"structure's {pair.flexibility:.4g} m/N: keep more, or reduce(..., static_correction=True)"
+        f"{pair.name}: {kept_modes(omega.size)} kept, with a static flexibility of {kept:.4g} m/N at the contact of "
+        f"the structure's {pair.flexibility:.4g} m/N: keep more, or reduce(..., static_correction=True)"
     ]
 
 
@@ -210,21 +204,25 @@ def _stiff_note(pairs: list[ContactPair], modes: int) -> str:
         if mobility > 0.0
     )
     return (
-        f"{_modes(modes)} kept: the peak force of a rigid or very short contact does not converge with their number; "
-        "displacement and the whole energy loss do. Impulse and contact loss of a single rigid impact go with the mass "
-        "that an impulse moves, which settles only where there is a body at the contact; of these modes: "
+        f"{kept_modes(modes)} kept: the peak force of a rigid or very short contact does not converge with their "
+        "number; displacement and the whole energy loss do. Impulse and contact loss of a single rigid impact go with "
+        "the mass that an impulse moves, which settles only where there is a body at the contact; of these modes: "
         f"{masses or 'none'}"
     )
 
 
-def _modes(count: int) -> str:
+def kept_modes(count: int) -> str:
+    """Words for a number of modes."""
     return f"{count} mode{'s' if count > 1 else ''}"
 
 
-def _check_decoupled(damping: Array) -> None:
-    """Raise unless the modal damping matrix is diagonal to 1e-6 of its diagonal."""
+def _check_decoupled(system: System, phi: Array) -> None:
+    """Raise unless the modal damping matrix is diagonal to 1e-6 of its diagonal, or to the rounding of its terms."""
+    damping = phi.T @ (system.C @ phi)
     diagonal = np.sqrt(np.abs(np.diag(damping)))
     off = np.abs(damping - np.diag(np.diag(damping)))
+    # of a rigid motion that nothing damps the diagonal is zero, or rounding
+    rounding = 10.0 * system.dofs * np.finfo(float).eps * (np.abs(phi).T @ (abs(system.C) @ np.abs(phi)))
     allowed = "must decouple on the normal modes (Rayleigh does) to reduce the system"
-    decoupled = bool(np.all(off <= 1e-6 * np.outer(diagonal, diagonal) + 1e-300))
+    decoupled = bool(np.all(off <= 1e-6 * np.outer(diagonal, diagonal) + rounding))
     require(decoupled, "damping", float(off.max()), "1/s", allowed)

@@ -34,6 +34,7 @@ from femimpact.system.matrices import (
 TOGETHER = (
     "M", "C", "K", "stiffness_factor", "base_load", "rigid_translation", "nodes", "expansion", "points", "total_mass",
     "first_frequency", "rayleigh", "directions", "reactions", "sections", "constant_resultant", "first_left_out",
+    "unreduced",
 )  # fmt: skip
 """Fields of a system that are computed from one another."""
 

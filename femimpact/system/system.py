@@ -119,6 +119,8 @@ class System:
         The section of every element; None for a system given by matrices.
     first_left_out : float, Hz
         Lowest natural frequency that a reduction has left out; infinite where none has.
+    unreduced : System, optional
+        The system on all dofs, of one that `reduce` has put on modes; None of any other.
     computed_together : SystemOrigin, optional
         What the fields were when they were computed from one another. It is made with the system and goes with
         its copies, so that a copy with another M, K or point is refused: what follows from them would be stale.
@@ -152,6 +154,7 @@ class System:
     reactions: Mapping[str, Reaction] = field(default_factory=dict)
     sections: SectionFields | None = field(default=None, metadata=optional(instance(SectionFields)))
     first_left_out: float = field(default=math.inf, metadata=quantity("Hz", at_least=0.0, finite=False))
+    unreduced: System | None = field(default=None, repr=False)
     computed_together: SystemOrigin | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
@@ -163,6 +166,8 @@ class System:
             check_shapes(self)
             check_factor(self)
             check_damping(self)
+            # the matrices may be others
+            object.__setattr__(self, "unreduced", None)
         else:
             require_type(origin, SystemOrigin, "computed_together")
             if check_unchanged(self, origin):

@@ -28,6 +28,7 @@ from femimpact.validation.closed_forms import (
     box_fold,
     box_orbits,
     stop_coefficients,
+    stop_harmonic,
     stop_orbits,
 )
 
@@ -255,6 +256,98 @@ STOP_BIFURCATIONS: tuple[Callable[[], Case], ...] = tuple(
 )
 
 
+# ---- one impact at a stop that does not move with the base ---------------------------------------
+
+
+def _in_space(omega: float) -> tuple[float, float]:
+    """Amplitude and lead of the force on the motion in space of an oscillator whose base moves as a sine."""
+    return FORCE * math.hypot(1, 2 * DAMPING * omega), math.atan2(2 * DAMPING * omega, 1)
+
+
+def space_orbits(frequency: float) -> list[ClosedForm]:
+    """The faster orbit, with the phase of the base."""
+    omega = 2 * math.pi * frequency
+    force, lead = _in_space(omega)
+    speed, phase, matrix = stop_orbits(DAMPING, RESTITUTION, omega, STOP, force)[-1]
+    return [(speed, phase - lead, matrix)]
+
+
+def _stop_in_space() -> System:
+    wall = Stop("wall", "tip", (STOP, math.inf), Rigid(RESTITUTION), fixed_to="space")
+    return System.from_matrices(
+        [[1.0]], [[2 * DAMPING]], [[1.0]], points={"tip": [1.0]}, base_load=[1.0], stops=[wall]
+    )  # fmt: skip
+
+
+@cache
+def space_branch() -> Branch:
+    """The branch with one impact in each cycle, on both sides of the resonance."""
+    frequency = 0.16
+    ((speed, phase, _),), omega = space_orbits(frequency), 2 * math.pi * frequency
+    moved, rate = FORCE * math.sin(phase), FORCE * omega * math.cos(phase)
+    start = State([STOP - moved], [-RESTITUTION * speed - rate], time=phase % (2 * math.pi) / omega)
+    orbit = find_orbit(_stop_in_space(), Sine(FORCE, frequency), guess=start)
+    return continue_orbit(orbit, FREQUENCY, (0.12, 0.2), points=8)
+
+
+SPACE = Compared(
+    "one impact at a stop in space", LINEAR_HALF, space_branch, space_orbits, (0.157, 0.162, 0.17)
+)  # fmt: skip
+
+
+def space_clearance() -> Case:
+    """Distance at which the motion turns back before a stop in space."""
+    omega = 2.0
+    force, _ = _in_space(omega)
+    exact = STOP - force / math.hypot(1 - omega**2, 2 * DAMPING * omega)
+    orbit = find_orbit(_stop_in_space(), Sine(FORCE, omega / (2 * math.pi)), guess=State())
+    return Case(
+        "no impact at a stop in space: clearance", "derived here (linear)", "smallest clearance", "m", exact,
+        orbit.smallest_clearance, 1e-9, "the crest is found to 1e-9",
+    )  # fmt: skip
+
+
+# ---- one impact at a stop in every second cycle ---------------------------------------------------
+
+SECOND = 4.0
+"""Frequency ratio near which an oscillator at a stop at its rest has one impact in two cycles."""
+
+
+def second_orbits(frequency: float) -> list[ClosedForm]:
+    """The orbit of two cycles."""
+    return stop_orbits(DAMPING, RESTITUTION, 2 * math.pi * frequency, 0.0, 1.0, 2)[-1:]
+
+
+@cache
+def second_branch() -> Branch:
+    """The branch of orbits of two cycles."""
+    ((speed, phase, _),) = second_orbits(SECOND / (2 * math.pi))
+    wall = Stop("wall", "tip", (0.0, math.inf), Rigid(RESTITUTION))
+    system = System.from_matrices([[1.0]], [[2 * DAMPING]], [[1.0]], points={"tip": [1.0]}, stops=[wall])
+    push = PointForce("tip", Sine(1.0, SECOND / (2 * math.pi)))
+    start = State([0.0], [-RESTITUTION * speed], time=phase % (2 * math.pi) / SECOND)
+    return continue_orbit(find_orbit(system, push, 2, guess=start), FREQUENCY, (0.5, 0.8), points=8)
+
+
+SECOND_CYCLES = Compared(
+    "one impact in two cycles", LINEAR_HALF, second_branch, second_orbits, (0.63, 0.635, 0.643)
+)  # fmt: skip
+
+
+def second_harmonic() -> Case:
+    """Component at the frequency of the force of all points, over both cycles of each orbit."""
+    branch = second_branch()
+    exact = [
+        stop_harmonic(DAMPING, RESTITUTION, 2 * math.pi * f, second_orbits(f)[0], cycles=2)
+        for f in branch.values.tolist()
+    ]
+    return Case(
+        "one impact in two cycles: first harmonic", LINEAR_HALF, f"amplitude at the tip, worst of {len(branch)}", "m",
+        *_worst(zip(exact, branch.first_harmonic.tolist(), strict=True)), 1e-4,
+        "sums over 256 samples in a cycle, of a harmonic that is a tenth of the peak",
+    )  # fmt: skip
+
+
 # ---- a beam without impacts ----------------------------------------------------------------------
 
 SHAKEN = 1e-3
@@ -319,6 +412,33 @@ def beam_bifurcations() -> Case:
     )  # fmt: skip
 
 
+# ---- a ball in a box on a beam, on three modes ---------------------------------------------------
+
+NEIMARK_SACKER = (5.256771598, 5.266205630)
+"""Frequencies, Hz, between which the orbit is unstable, by the half map of a dense mesh; on 80 elements they are
+5.256771744 and 5.266205907."""
+
+
+@cache
+def box_on_a_beam() -> Branch:
+    """The symmetric orbits around both points, in steps that are longer than their distance."""
+    beam = Beam.uniform(length=0.23026615, width=0.020, thickness=1e-3, young_modulus=70e9, density=2700)
+    ball = Impactor("ball", "tip", 3.43e-3, 2e-3, Rigid(0.8))
+    structure = Structure(beam, [PointMass("box", "tip", 0.02290976)], [ball], Rayleigh(0.0029, (1, 2)))
+    orbit, *_ = two_impact_orbits(reduce(assemble(structure, elements=80), modes=3), Sine(0.2037e-3, 5.24))
+    return continue_orbit(orbit, FREQUENCY, (4.9, 5.6), points=6)
+
+
+def neimark_sacker(number: int) -> Case:
+    """The first or the second of two points within one step."""
+    found = [each.value for each in box_on_a_beam().bifurcations if each.kind == "neimark-sacker"]
+    return Case(
+        f"two impacts on a beam: Neimark-Sacker point {number + 1} of 2", "derived here (half-cycle map)",
+        "frequency", "Hz", NEIMARK_SACKER[number], (*found, math.nan, math.nan)[number], 1e-7,
+        "the mesh of 80 elements",
+    )  # fmt: skip
+
+
 # ---- a ball between compliant walls --------------------------------------------------------------
 
 NATURAL = 2 * math.pi * 5.3
@@ -372,9 +492,12 @@ def compliant_multipliers() -> Case:
     )  # fmt: skip
 
 
+COMPARED = (*BOX, ONE_IMPACT, SPACE, SECOND_CYCLES)
+
 CASES: tuple[Callable[[], Case], ...] = (
-    *(partial(check, compared) for compared in (*BOX, ONE_IMPACT) for check in (speed, phase, multipliers)),
-    *BOX_BIFURCATIONS, *STOP_BIFURCATIONS, beam_response, beam_multipliers, beam_bifurcations,
+    *(partial(check, compared) for compared in COMPARED for check in (speed, phase, multipliers)),
+    space_clearance, second_harmonic, *BOX_BIFURCATIONS, *STOP_BIFURCATIONS, partial(neimark_sacker, 0),
+    partial(neimark_sacker, 1), beam_response, beam_multipliers, beam_bifurcations,
     compliant_times, compliant_state, compliant_multipliers,
 )  # fmt: skip
 """The cases of this subject, in the order of the table."""

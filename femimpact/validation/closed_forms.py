@@ -10,46 +10,62 @@ from numpy.typing import NDArray
 ClosedForm = tuple[float, float, NDArray[np.float64]]
 """Approach speed, phase of the force (a sine) at the impact on the + wall, and the map of a small disturbance."""
 
-# ---- one impact in each cycle on a stop ----------------------------------------------------------
+# ---- one impact in each cycle on a stop, or in so many cycles -----------------------------------
 
 
-def stop_coefficients(damping: float, restitution: float, omega: float) -> tuple[float, float, float]:
+def stop_coefficients(
+    damping: float, restitution: float, omega: float, cycles: int = 1
+) -> tuple[float, float, float]:  # fmt: skip
     """x, tail and A of (x^2 + tail^2) v^2 - 2 stop x v + stop^2 = (F A)^2, with the speed v and the force F.
 
     With the forced motion's value P and rate Q at the impact, the free part goes from (stop - P, -e v - Q)
-    to (stop - P, v - Q) in one cycle: linear in v. P^2 + (Q/omega)^2 = (F A)^2 is then a quadratic in v.
+    to (stop - P, v - Q) in one period: linear in v. P^2 + (Q/omega)^2 = (F A)^2 is then a quadratic in v.
     """
-    x, w = np.linalg.solve(_cycle(damping, omega) - np.eye(2), [0.0, 1 + restitution])
+    x, w = np.linalg.solve(_free(damping, omega, cycles) - np.eye(2), [0.0, 1 + restitution])
     return float(x), float((restitution + w) / omega), 1 / math.hypot(1 - omega**2, 2 * damping * omega)
 
 
-def stop_orbits(damping: float, restitution: float, omega: float, stop: float, force: float = 1.0) -> list[ClosedForm]:
+def stop_orbits(
+    damping: float, restitution: float, omega: float, stop: float, force: float = 1.0, cycles: int = 1
+) -> list[ClosedForm]:
     """The solutions with a positive speed, the slower one first."""
-    x, tail, amplitude = stop_coefficients(damping, restitution, omega)
+    x, tail, amplitude = stop_coefficients(damping, restitution, omega, cycles)
     found = []
     for speed in _positive([x**2 + tail**2, -2 * stop * x, stop**2 - (force * amplitude) ** 2]):
         # forced motion A sin(omega t + psi): P = A sin(psi), Q = A omega cos(psi); the force leads it
         psi = math.atan2(stop - speed * x, -speed * tail)
         phase = psi + math.atan2(2 * damping * omega, 1 - omega**2)
-        found.append((speed, phase, stop_map(damping, restitution, omega, stop, speed)))
+        found.append((speed, phase, stop_map(damping, restitution, omega, stop, speed, cycles)))
     return found
 
 
-def stop_map(damping: float, restitution: float, omega: float, stop: float, speed: float) -> NDArray[np.float64]:
+def stop_harmonic(
+    damping: float, restitution: float, omega: float, orbit: ClosedForm, force: float = 1.0, cycles: int = 1
+) -> float:
+    """Amplitude at omega: that of the response to the force and to the mean line of the impulses at omega."""
+    speed, phase, _ = orbit
+    impulses = (1 + restitution) * speed * omega / (math.pi * cycles)
+    amplitude = 1 / math.hypot(1 - omega**2, 2 * damping * omega)
+    return amplitude * math.hypot(force * math.cos(phase), force * math.sin(phase) - impulses)
+
+
+def stop_map(
+    damping: float, restitution: float, omega: float, stop: float, speed: float, cycles: int = 1
+) -> NDArray[np.float64]:
     """Derivative of (u, u') just after an impact by that just after the one before: saltation times propagator."""
-    x, tail, _ = stop_coefficients(damping, restitution, omega)
+    x, tail, _ = stop_coefficients(damping, restitution, omega, cycles)
     # the force there is P'' + 2 zeta P' + P
     force = (1 - omega**2) * (stop - speed * x) - 2 * damping * omega * tail * speed
     before, after = (force - stop - 2 * damping * rate for rate in (speed, -restitution * speed))
     saltation = np.array([[-restitution, 0.0], [(after + restitution * before) / speed, -restitution]])
-    return np.asarray(saltation @ _cycle(damping, omega))
+    return np.asarray(saltation @ _free(damping, omega, cycles))
 
 
-def _cycle(damping: float, omega: float) -> NDArray[np.float64]:
-    """Propagator of the oscillator over one cycle."""
+def _free(damping: float, omega: float, cycles: int) -> NDArray[np.float64]:
+    """Propagator of the oscillator over so many cycles."""
     from scipy.linalg import expm
 
-    return np.asarray(expm(np.array([[0.0, 1.0], [-1.0, -2 * damping]]) * (2 * math.pi / omega)))
+    return np.asarray(expm(np.array([[0.0, 1.0], [-1.0, -2 * damping]]) * (2 * math.pi * cycles / omega)))
 
 
 # ---- two impacts in each cycle of a ball between two walls ---------------------------------------

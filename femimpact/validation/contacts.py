@@ -185,12 +185,12 @@ FREQUENCY = 20.0
 """Frequency of the vibrating table, Hz."""
 
 
-def free_masses(masses: list[float], restitution: float) -> System:
-    """Bodies in a row, free and in touch when their displacements are equal: each meets the next one only."""
+def free_masses(masses: list[float], restitution: float, gap: float = 0.0) -> System:
+    """Bodies in a row, free and a gap (m) apart when their displacements are equal: each meets the next one only."""
     n = len(masses)
     points = {f"mass {i}": np.eye(n)[i] for i in range(n)}
     points |= {f"between {i}": np.eye(n)[i] - np.eye(n)[i + 1] for i in range(n - 1)}
-    stops = [Stop(f"contact {i}", f"between {i}", (0.0, math.inf), Rigid(restitution)) for i in range(n - 1)]
+    stops = [Stop(f"contact {i}", f"between {i}", (gap, math.inf), Rigid(restitution)) for i in range(n - 1)]
     zero = np.zeros((n, n))
     return System.from_matrices(np.diag(masses), zero, zero, points=points, stops=stops)
 
@@ -201,13 +201,13 @@ def shaken_floor(restitution: float, gap: tuple[float, float], acceleration: flo
     return System.from_matrices([[1.0]], [[0.1]], [[1.0]], points={"floor": [0.0]}, impactors=[ball])
 
 
-def _collision_run(masses: list[float], restitution: float) -> Response:
+def _collision_run(masses: list[float], restitution: float, gap: float = 0.0) -> Response:
     """The first body sent against the others with 2 m/s from 1 m away."""
     n = len(masses)
     start = State(displacement=[-1.0] + [0.0] * (n - 1), velocity=[2.0] + [0.0] * (n - 1))
     channels = tuple(f"mass {i}.velocity" for i in range(n))
     return integrate(
-        free_masses(masses, restitution), Sine(0.0, 1.0), EventDriven(), 1.0, Recorder(channels), start
+        free_masses(masses, restitution, gap), Sine(0.0, 1.0), EventDriven(), 1.0, Recorder(channels), start
     )  # fmt: skip
 
 
@@ -224,13 +224,40 @@ def collision(body: int, restitution: float) -> Case:
     )  # fmt: skip
 
 
-def cradle() -> Case:
-    """Newton's cradle: the last of five equal bodies in touch leaves with the first one's speed."""
-    run = _collision_run([1.0] * 5, 1.0)
-    final = np.array([run[f"mass {i}.velocity"][-1] for i in range(5)])
+def row_of_bodies(gap: float, final: tuple[float, ...]) -> Case:
+    """Equal bodies without loss: a gap apart the last one leaves with the first one's speed, as in Newton's cradle.
+
+    In touch they take part in one impact, in which the first meets the mass of all the others.
+    """
+    count = len(final)
+    run = _collision_run([1.0] * count, 1.0, gap)
+    found = np.array([run[f"mass {i}.velocity"][-1] for i in range(count)])
     return Case(
-        "Newton's cradle of five", "derived here (momentum and energy)", "largest error of the five velocities", "m/s",
-        0.0, float(np.max(np.abs(final - [0, 0, 0, 0, 2.0]))), 1e-12, "rounding",
+        "Newton's cradle of five" if gap else f"row of {count} bodies in touch", "derived here (momentum and energy)",
+        "largest error of the velocities", "m/s", 0.0, float(np.max(np.abs(found - final))), 1e-12, "rounding",
+    )  # fmt: skip
+
+
+def at_one_instant(restitutions: tuple[float, ...]) -> Case:
+    """Balls of 1 kg that meet a free wall of 1 kg at 1 m/s and at one instant: u+ = -e u- for each of them.
+
+    With momentum the wall then moves at sum (1 + e)/(1 + n), and each ball at that less its e.
+    """
+    balls = [Impactor(f"ball {k}", "wall", 1.0, 1.0, Rigid(e)) for k, e in enumerate(restitutions)]
+    zero, count = np.zeros((1, 1)), len(restitutions)
+    system = System.from_matrices([[1.0]], zero, zero, points={"wall": [1.0]}, impactors=balls)
+    start = State(ball_velocity=[1.0] * count)
+    channels = ("wall.velocity", *(f"{ball.name}.velocity" for ball in balls))
+    run = integrate(system, Sine(0.0, 1.0), EventDriven(), 1.5, Recorder(channels), start)
+    wall = (count + sum(restitutions)) / (1 + count)
+    exact = np.array([wall, *(wall - e for e in restitutions)])
+    found = np.array([run[channel][-1] for channel in channels])
+    # each loses 1/2 (1 - e) p u
+    lost = 0.5 * np.sum((1 - np.array(restitutions)) * (1 - exact[1:]))
+    off = [*np.abs(found - exact), abs(run.impacts.energy_loss.sum() - lost)]
+    return Case(
+        f"{count} balls meet a wall at one instant, e = {', '.join(f'{e:g}' for e in restitutions)}", "Moreau (1988)",
+        "largest error of the velocities and of the loss (J)", "m/s", 0.0, float(np.max(off)), 1e-12, "rounding",
     )  # fmt: skip
 
 
@@ -308,12 +335,39 @@ def ball_is_left() -> Case:
     )  # fmt: skip
 
 
+def nearly_rigid_meets_its_wall() -> Case:
+    """A mass that next to nothing holds, under a sine and a constant force."""
+    from scipy.optimize import brentq
+
+    omega, pull, amplitude, rate, gap = 1e-4, 0.7, 0.02, 2 * math.pi * FREQUENCY, 0.4
+    stop = Stop("wall", at="mass", gap=(gap, math.inf), contact=Rigid(0.5))
+    system = System.from_matrices(
+        [[1.0]], [[0.0]], [[omega**2]], points={"mass": [1.0]}, stops=[stop], constant_load=[pull]
+    )  # fmt: skip
+    run = integrate(system, Sine(amplitude, FREQUENCY), EventDriven(), 1.5, initial=State([0.0], [0.1]))
+    steady = amplitude * rate**2 / (omega**2 - rate**2)
+
+    def clearance(time: float) -> float:
+        free = (0.1 - steady * rate) / omega * math.sin(omega * time)
+        return steady * math.sin(rate * time) + free + 2 * pull * (math.sin(omega * time / 2) / omega) ** 2 - gap
+
+    time = float(run.impacts.time[0])
+    return Case(
+        "nearly rigid mass under a sine and a constant force", "derived here (steady and free motions)",
+        "time of its impact", "s", float(brentq(clearance, 0.9 * time, 1.1 * time, xtol=1e-15)), time, 1e-13,
+        "rounding of the gap over its speed",
+    )  # fmt: skip
+
+
 IMPACT_CASES: tuple[Callable[[], Case], ...] = (
     *(partial(collision, body, e) for e in (0.0, 0.6, 1.0) for body in (0, 1)),
-    cradle,
+    partial(row_of_bodies, 1e-3, (0.0, 0.0, 0.0, 0.0, 2.0)),
+    partial(row_of_bodies, 0.0, (-2 / 3, 4 / 3, 4 / 3)),
+    *(partial(at_one_instant, restitutions) for restitutions in ((0.5, 0.5), (0.9, 0.1), (0.0, 0.0, 0.0))),
     *(partial(ball_comes_to_rest, e) for e in (0.3, 0.7, 0.95)),
     ball_leaves_the_table,
     ball_is_left,
+    nearly_rigid_meets_its_wall,
     *(partial(ball_bounces_once_a_cycle, e) for e in (0.5, 0.8)),
 )
 """The cases of this subject, in the order of the table."""

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from femimpact.calibration import scan_restitution
 from femimpact.contact import ContactLaw
 from femimpact.contact.laws import KelvinVoigt, Rigid
-from femimpact.excitation import PointForce, RecordedBase, Sine
+from femimpact.excitation import HammerBlow, PointForce, RecordedBase, Sine
 from femimpact.fem.assembly import assemble
 from femimpact.identification import DampingEstimate, amplitude_ratio_damping, fit_one_pole, half_power
 from femimpact.integrators.event_driven import EventDriven
@@ -272,6 +272,22 @@ def pushed() -> Case:
     )  # fmt: skip
 
 
+def continued_sum() -> Case:
+    """A run that goes on under a slow sine and a blow that comes after its cut: half a sine is two sines in turn."""
+    impulse, duration, begin = 0.02, 0.1, 2.0
+    drive = PointForce("tip", Sine(1.0, 0.5, 0.7)) + HammerBlow("tip", impulse, duration, begin=begin)
+    record = Recorder(("tip",), interval=0.01)
+    first = integrate(_oscillator(), drive, EventDriven(), 1.0, record)
+    run = integrate(_oscillator(), drive, EventDriven(), 2.0, record, first.final_state)
+    time, largest = float(run.time[-1]), 0.5 * math.pi * impulse / duration
+    blow = sum(_forced(time - start, 0.5 / duration, 0.0) for start in (begin, begin + duration))
+    return Case(
+        "oscillator under a sine and a blow, in two runs", "derived here (steady sines and free motions)",
+        "displacement after 3 s", "m", _forced(time, 0.5, 0.7) + largest * blow, float(run["tip"][-1]), 1e-9,
+        "polynomials within 1e-9 of the largest force of the blow",
+    )  # fmt: skip
+
+
 def shaken() -> Case:
     """A base that begins with a phase: the force is base amplitude times omega^2."""
     run = integrate(_oscillator(), Sine(1e-3, 1.4, 0.7), EventDriven(samples_per_cycle=100), 5.0, Recorder(("tip",)))
@@ -394,6 +410,7 @@ CASES: tuple[Callable[[], Case], ...] = (
     *(partial(ball_stays, event_driven) for event_driven in (True, False)),
     ball_keeps_its_speed,
     pushed,
+    continued_sum,
     shaken,
     partial(stepped_drive, "Newmark 1/4, 1/2", Newmark(0.02), 0.0, 0.0),
     partial(stepped_drive, "generalised alpha, r = 0.5", GeneralizedAlpha(0.02, 0.5), 0.0, 1 / 3),

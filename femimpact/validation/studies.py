@@ -1,4 +1,4 @@
-"""Parameter studies of a ball that stays where it starts: its places, their median's interval, and their report."""
+"""Estimates: studies of a ball that stays where it starts, intervals of a free decay's mode, and of a calibration."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.excitation import Sine
+from femimpact.identification import identify_decay
+from femimpact.parametric.measured_peaks import calibration_of
 from femimpact.parametric.verb import parameter_study
 from femimpact.response.response import Response
 from femimpact.study.result_conclusions import study_conclusions
@@ -77,9 +79,85 @@ def reported_scatter(end: str) -> Case:
     )  # fmt: skip
 
 
+# ---- estimates with their intervals ---------------------------------------------------------------
+
+MODE = np.array([5.3, 0.0029, 25.0, 0.3])
+"""Frequency (Hz), damping ratio, amplitude and phase (rad) of a decay."""
+
+
+@cache
+def _of_decay() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Half the widths of the 90 % intervals of frequency and ratio: by least squares about the truth, and computed."""
+    from scipy.special import stdtrit
+
+    time = 0.01 * np.arange(2000)
+
+    def decay(f: float, ratio: float, amplitude: float, phase: float) -> NDArray[np.float64]:
+        omega = 2 * math.pi * f
+        angle = omega * math.sqrt(1 - ratio**2) * time + phase
+        return np.asarray(amplitude * np.exp(-ratio * omega * time) * np.cos(angle))
+
+    noise, steps = 0.25 * np.random.default_rng(3).standard_normal(time.size), 1e-6 * np.diag(MODE)
+    slopes = [(decay(*(MODE + step)) - decay(*(MODE - step))) / (2 * step.max()) for step in steps]
+    q, r = np.linalg.qr(np.column_stack([np.ones(time.size), time, *slopes]))
+    freedom, misfit = time.size - r.shape[0], noise - q @ (q.T @ noise)
+    exact = np.linalg.norm(np.linalg.inv(r), axis=1)[2:4] * np.linalg.norm(misfit) / math.sqrt(freedom)
+    (mode,) = identify_decay(time, decay(*MODE) + noise).modes
+    found = 0.5 * np.ptp([mode.frequency_interval, mode.damping_ratio_interval], axis=1)
+    return exact * stdtrit(freedom, 0.95), found
+
+
+def interval_of_a_mode(which: int) -> Case:
+    """Half the width of the interval of the frequency or of the ratio of a mode in a record with white noise."""
+    exact, found = _of_decay()
+    return Case(
+        f"free decay with white noise: interval of the {('frequency', 'damping ratio')[which]}",
+        "derived here (Cramer-Rao bound)", "half its width", ("Hz", "1")[which], float(exact[which]),
+        float(found[which]), 1e-3, "the misfit is bent within the noise of 1 %",
+    )  # fmt: skip
+
+
+BETWEEN = (-0.2, 1.2)
+"""Bounds of the parameter of a calibration."""
+
+
+def calibrated(end: str) -> Case:
+    """An end of the interval of a parameter, of which the logarithm of the peak is linear, from starts that scatter.
+
+    Of n = 5 starts of the standard deviation s the range is 2.32593 s (Tippett, 1925), and the median has the variance
+    pi s^2/(2 n). A peak is distributed as Student's t with 4 degrees of freedom.
+    """
+    import xarray
+
+    starts, spread, measured = 5, 0.2, np.array([0.45, 0.5, 0.58])
+    grid = {"ratio": np.linspace(*BETWEEN, 13), "base.frequency": np.arange(4.0, 7.0)}
+    peaks, half = np.exp(grid["ratio"])[:, None] * np.ones(3), math.exp(0.5 * 2.32593 * spread)
+    values = {
+        "peak": peaks,
+        "peak_low": peaks / half,
+        "peak_high": peaks * half,
+        "peak_groups": np.ones_like(peaks),
+        "failure": np.full(peaks.shape, ""),
+    }
+    cases = xarray.Dataset({name: (tuple(grid), each) for name, each in values.items()}, grid, {"starts": starts})
+    (found,) = calibration_of(cases, ["ratio"], grid["base.frequency"], np.exp(measured), np.arange(3), 0.02).parameters
+    sigma = math.sqrt((1 + math.pi / (2 * starts)) * spread**2 + 0.02**2 + 0.03**2)
+
+    ratio = np.linspace(*BETWEEN, 100_001)
+    share = np.cumsum(np.prod((1 + ((measured - ratio[:, None]) / sigma) ** 2 / 4) ** -2.5, axis=1))
+    exact = float(np.interp(0.05 if end == "low" else 0.95, share / share[-1], ratio))
+    return Case(
+        f"calibration from the scatter of {starts} starts: {'lower' if end == 'low' else 'upper'} end of its interval",
+        "derived here (integrals of Student's t)", "parameter", "1", exact, getattr(found, end), 2e-3,
+        "trapezoids of 1/120 of the bounds",
+    )  # fmt: skip
+
+
 CASES: tuple[Callable[[], Case], ...] = (
     *(partial(extreme_start, case, end) for case in (0, 1) for end in ("low", "high")),
     *(partial(median_interval, end) for end in ("low", "high")),
     *(partial(reported_scatter, end) for end in ("lower", "upper")),
+    *(partial(interval_of_a_mode, which) for which in (0, 1)),
+    *(partial(calibrated, end) for end in ("low", "high")),
 )
 """The cases of this subject, in the order of the table."""

@@ -97,6 +97,11 @@ constexpr double STICKS = 2.0;
     }
 }
 
+// Factor by which a slow motion may grow by itself within a time: a velocity becomes a displacement.
+[[gnu::always_inline]] inline double largest_growth(const Scalars &scalars, Index k, double time) {
+    return k < scalars.slow ? __builtin_exp(scalars.size(k) * time) : 1.0;
+}
+
 // Sets what bounds driven entries over a time: |H|, from what it is now, and |H''| with its change.
 [[gnu::noinline]] inline void measure_driven(const Scalars &scalars, const Motion &motion, double ahead,
                                              const Search &search) {
@@ -108,9 +113,11 @@ constexpr double STICKS = 2.0;
         bound[order] = size_of_series(d, order, ahead);
     for (Index k = 0; k < scalars.driven; k++) {
         bend(k) = magnitude(twice(k).real) + magnitude(twice(k).imag);
-        // here what its push alone may do: no motion of a block grows by itself
+        // here what its push alone may do: no motion of a block grows by itself, but of a slow one
         change(k) = largest_push(scalars, k, bound[2], bound[3], bound[4]);
         size(k) += ahead * largest_push(scalars, k, bound[0], bound[1], bound[2]);
+        if (k < scalars.slow)
+            size(k) += ahead * (magnitude(scalars.given(k).real) + magnitude(scalars.given(k).imag));
         if (d.size() > DRIVE) {
             change(k) += further_push(scalars, k, d, 2, ahead);
             size(k) += ahead * further_push(scalars, k, d, 0, ahead);
@@ -121,8 +128,11 @@ constexpr double STICKS = 2.0;
         sum_within_blocks(scalars, bend);
         sum_within_blocks(scalars, change);
     }
-    for (Index k = 0; k < scalars.driven; k++)
-        change(k) = ahead * (scalars.size(k) * (bend(k) + ahead * change(k)) + change(k));
+    for (Index k = 0; k < scalars.driven; k++) {
+        double growth = largest_growth(scalars, k, ahead);
+        size(k) *= growth;
+        change(k) = ahead * (scalars.size(k) * growth * (bend(k) + ahead * change(k)) + change(k));
+    }
 }
 
 // Sets |H| of every entry, the norm within a block, and H'; of driven entries what bounds them for a time.
@@ -144,6 +154,11 @@ constexpr double STICKS = 2.0;
     }
     if (scalars.driven > 0)
         measure_driven(scalars, motion, ahead, search);
+}
+
+// Size of what a real part is a sum of: what may be lost of a slow motion now, of which a bound tells of later.
+[[gnu::always_inline]] inline double size_of_product(Complex a, Complex b) {
+    return magnitude(a.real * b.real) + magnitude(a.imag * b.imag);
 }
 
 // Smallest s > 0 with speed s + bend s^2/2 = clearance >= 0; infinite if there is none.
@@ -199,10 +214,14 @@ constexpr double STICKS = 2.0;
         twist *= remaining;
     if (scalars.degree > 1)
         twist += later_bend(scalars, r, d, remaining);
-    double fast = 0.0;
-    for (Index k = 0; k < active; k++)
-        fast += scalars.weight_size(r, k) * size(k);
-    scale += fast;
+    double fast = 0.0, known = 0.0;
+    for (Index k = 0; k < active; k++) {
+        double largest = scalars.weight_size(r, k) * size(k);
+        fast += largest;
+        scale += k < scalars.slow ? size_of_product(scalars.weight(r, k), motion.entry(k)) : 0.0;
+        known += k < scalars.slow ? 0.0 : largest;
+    }
+    scale += known;
     double upper = scalars.upper(r), lower = scalars.lower(r);
     double up = upper == INFINITE ? INFINITE : 0.0, down = lower == -INFINITE ? INFINITE : 0.0;
     for (Index k = 0; k <= active; k++) {
@@ -219,7 +238,7 @@ constexpr double STICKS = 2.0;
             rate += weight.real * h_rate.real - weight.imag * h_rate.imag;
             fast = k + 1 < active ? fast - size_of_term : 0.0;
             double speed = size_of_term * scalars.size(k);
-            scale_rate += speed;
+            scale_rate += k < scalars.slow ? size_of_product(weight, h_rate) : speed;
             if (k < scalars.driven) {
                 pull += (weight * search.power(1, k)).real;
                 bend += scalars.weight_size(r, k) * search.drift(1, k);

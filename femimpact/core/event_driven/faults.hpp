@@ -83,6 +83,8 @@ inline const char *fault_of(const Forms &forms, Index most_numbers) {
             return "forms.entries: must be at most as many as there is room for";
         if (!is_within(forms.driven(f), 0, forms.entries(f)))
             return "forms.driven: must be at most as many as there are entries";
+        if (!is_within(forms.slow(f), 0, forms.driven(f)))
+            return "forms.slow: must be at most as many as are driven";
         if (!is_within(forms.rigid_bodies(f), 0, forms.rigid_body_drive.shape[2]))
             return "forms.rigid_bodies: must be at most as many as there is room for";
         if (!blocks_fit(forms.blocks.row(f), forms.entries(f)))
@@ -280,6 +282,9 @@ inline const char *fault_of(const SearchCall &call, double until) {
         return "call.motion.drive: must have a load";
     if (!blocks_fit(call.scalars.blocks, call.scalars.exponent.size()))
         return "call.scalars.blocks: must lie within the entries";
+    if (!is_within(call.scalars.driven, 0, call.scalars.exponent.size()) ||
+        !is_within(call.scalars.slow, 0, call.scalars.driven))
+        return "call.scalars.driven, call.scalars.slow: must be at most as many as there are entries, or are driven";
     if (!are_finite(call.scalars.exponent, call.scalars.size))
         return "call.scalars.exponent, call.scalars.size: must be finite";
     return nullptr;

@@ -111,8 +111,8 @@ constexpr double PLACES = 16.0 * 2.220446049250313e-16;
         read_coordinates(form.shapes, mark, s.before);
         if (compliant)
             b.contact_loss(c.number) += add_separating(pairs, c, space);
-        if (needs_points(form, b) || has_blocks(scalars) || moving || (scalars.degree >= 0 && (active || braked)) ||
-            are_mixed(form.shapes, scalars.driven, b.mass.size())) {
+        if (needs_points(form, b) || has_blocks(scalars) || scalars.slow > 0 || moving ||
+            (scalars.degree >= 0 && (active || braked)) || are_mixed(form.shapes, scalars.driven, b.mass.size())) {
             sum_over_points(duration, form, pairs, c, space, b);
             read_coordinates(form.shapes, motion, s.after);
         } else {

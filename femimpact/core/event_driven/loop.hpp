@@ -10,6 +10,9 @@ namespace FEMIMPACT_TARGET {
 // not end.
 ENUMERATION(STOP_NAMES, DONE, FORM_WANTED, RESONANT, UNENDING);
 
+// s, for which a search looks ahead where slow motions are: these may grow meanwhile.
+constexpr double LONGEST_OF_SLOW = 0.5;
+
 // Events at one instant beyond which the motion is called unresolved.
 constexpr Index EVENTS_AT_ONCE = 200;
 
@@ -128,6 +131,8 @@ inline Index to_next_event(Index begin, double until, const Form &form, const Ca
     double end = smaller(until, knot);
     if (are_pushed(scalars, motion.drive))
         end = smaller(end, motion.clock(0) + cases.longest);
+    if (scalars.slow > 0)
+        end = smaller(end, motion.clock(0) + LONGEST_OF_SLOW);
     copy_motion(motion, space.mark);
     copy_motion(motion, trial);
     Index status = next_event(scalars, trial, end, space.search);
@@ -196,22 +201,20 @@ inline Index run_case(Index begin, double until, double most, const Case &c, con
             pair = Index(search.event(0)) % c.state.size();
             side = search.event(1);
             before = c.state(pair);
-            effect = apply_event(status, form, job.pairs, c, space, job.tables, b);
-            if (effect == COLLIDE || effect == RELEASE_ALL)
+            effect = apply_event(status, job.pairs, c, space, job.tables);
+            if (effect == COLLIDE)
                 hit = side * double(pair + 1);
         }
-        if (hit != 0.0 && effect != RELEASE_ALL) {
+        if (hit != 0.0)
             effect = collide(pair, side, form, job.pairs, c, space, job.tables, b);
-            hit = 0.0;
-        }
-        cases.hit(c.number) = hit;
+        cases.hit(c.number) = effect == LET_GO ? hit : 0.0;
         if (effect == UNRESOLVED) {
             // for the words of the refusal
             for (Index r = 0; r < c.state.size(); r++)
                 c.released(r) = space.impulse(r) != 0.0 ? search.at_wall(r) : 0.0;
             return UNENDING;
         }
-        if (effect != RELEASE_ALL && job.tables.events.shape[1] > 0) {
+        if (effect != LET_GO && job.tables.events.shape[1] > 0) {
             impacts = job.tables.number(0) - impacts;
             write_event(pair, side, before, impacts, form, job.pairs, c, space, job.tables);
         }

@@ -11,6 +11,7 @@
 
 #include "../array.hpp"
 #include "../columns.hpp"
+#include "../contact/impulses.hpp"
 #include "../fields.hpp"
 
 namespace FEMIMPACT_TARGET {
@@ -54,7 +55,9 @@ struct Scalars {
     ARRAY(constant, "2R+O", GivenArray);
     ARRAY(follow, "8H 2R+O", GivenMatrix); // steady motion under polynomials, per unit of what `drive` holds
     NUMBER(driven, Index); // entries, the slowest ones, that move under a polynomial; see `drive_entries`
+    NUMBER(slow, Index);   // of these, the ones that constant loads drive too: their motions may grow for a time
     ARRAY(load, "3H K", GivenComplexMatrix); // what s, ub' and ub of each load add to the rate of each entry
+    ARRAY(given, "K", GivenComplexArray);    // the same of constant loads and walls; zero behind the slow ones
     ARRAY(term, "K", ComplexArray);          // scratch
     ARRAY(growth, "K", ComplexArray);        // scratch
     FIELDS_END;
@@ -109,6 +112,7 @@ struct Forms {
     ARRAY(entries, "F", GivenIndices);
     ARRAY(rigid_bodies, "F", GivenIndices);
     ARRAY(driven, "F", GivenIndices); // see Scalars
+    ARRAY(slow, "F", GivenIndices);
     ARRAY(exponent, "F K", GivenComplexMatrix);
     ARRAY(coupling, "F K K", View<const Complex, 3>); // see Scalars
     ARRAY(blocks, "F B 2", View<const Index, 3>);
@@ -126,16 +130,17 @@ struct Forms {
     ARRAY(shape_rate, "F d K", View<const Complex, 3>);
     ARRAY(rigid_body_shape, "F d P", View<const double, 3>);
     ARRAY_AS("static", static_part, "F d R+1", View<const double, 3>);
-    ARRAY(position_through, "F d", GivenMatrix); // directly of ub
+    ARRAY(static_rate, "F d R+1", View<const double, 3>); // of a coordinate that slow and other entries move
+    ARRAY(position_through, "F d", GivenMatrix);          // directly of ub
     ARRAY(position_follow, "F 8H d", View<const double, 3>);
     ARRAY(velocity_follow, "F 8H d", View<const double, 3>);
-    ARRAY(load, "F 3H K", View<const Complex, 3>); // what s, ub' and ub add to the rate of each entry
+    ARRAY(load, "F 3H K", View<const Complex, 3>);   // what s, ub' and ub add to the rate of each entry
+    ARRAY(given, "F K R+1", View<const Complex, 3>); // and constant loads, and per m of each wall
     ARRAY(to_entry_u, "F K d", View<const Complex, 3>);
     ARRAY(to_entry_v, "F K d", View<const Complex, 3>);
     ARRAY(to_rigid_body, "F P d", View<const double, 3>);
     ARRAY(impulse_entry, "F K R", View<const Complex, 3>); // what a unit impulse on the structure at a pair adds
     ARRAY(impulse_rigid_body, "F P R", View<const double, 3>);
-    ARRAY(reaction, "F R R", View<const double, 3>);        // impulses at the pairs that stick (rows) by one elsewhere
     ARRAY(together, "F K K", View<const unsigned char, 3>); // whether the product of two terms occurs in the ledger
     ARRAY(first, "F d+1", View<const Index, 2>); // entries that move coordinate i: members[first[i]:first[i + 1]]
     ARRAY(members, "F dK", View<const Index, 2>);
@@ -149,6 +154,7 @@ struct Shapes {
     GivenComplexMatrix shape_rate; // (d, K)
     GivenMatrix rigid_body_shape;  // (d, P)
     GivenArray static_part;        // (d,)
+    GivenArray static_rate;        // (d,)
     GivenComplexArray harmonic;    // (d,)
     GivenMatrix follow;            // (8H, d)
     GivenMatrix follow_rate;       // (8H, d)
@@ -166,7 +172,6 @@ struct Form {
     GivenComplexArray rigid_body_sine;     // (P,)
     GivenComplexMatrix impulse_entry;      // (K, R)
     GivenMatrix impulse_rigid_body;        // (P, R)
-    GivenMatrix reaction;                  // (R, R)
     GivenMatrix load_on_rigid_body;        // (P, 1 + R)
 };
 
@@ -342,7 +347,9 @@ struct Bounds {
     ARRAY(lasting, "2R", Array);
     ARRAY(constant, "2R+O", Array);
     ARRAY_AS("static", static_part, "d", Array);
+    ARRAY(static_rate, "d", Array);
     ARRAY(given, "P", Array);
+    ARRAY(entry_given, "K", ComplexArray);
     ARRAY(nothing, "H P", GivenMatrix);  // zero
     ARRAY(wall, "R+1", Array);           // 1, then side times gap of each pair in contact or separating
     ARRAY(steady, "2 K", ComplexMatrix); // scratch
@@ -361,6 +368,7 @@ struct Space {
     GROUP(search, Search);
     GROUP(bounds, Bounds);
     GROUP(products, Products);
+    GROUP(impulses, Impulses);
     ARRAY(turn, "K", ComplexArray); // growth of the entries between two samples
     ARRAY(impulse, "R", Array);
     ARRAY(row, "R", View<Index, 1>); // in the table, or behind it, of the last impact of each pair

@@ -140,6 +140,8 @@ struct Taylor {
         total += scalars.load(1, k) * d(order + 1);
     if (order + 2 < DRIVE)
         total += scalars.load(0, k) * d(order + 2);
+    if (order == 0)
+        total += scalars.given(k);
     // of forces s alone pushes
     for (Index h = 1; h * DRIVE < d.size() && order + 2 < DRIVE; h++)
         total += scalars.load(3 * h, k) * d(h * DRIVE + order + 2);
@@ -225,11 +227,12 @@ constexpr double INVERSE[MOST_TERMS + 1] = {
     for (Index i = 2; i < d.size(); i++)
         found = found || d(i) != 0.0;
     for (Index k = 0; k < scalars.driven; k++)
-        found = found || scalars.load(1, k) != 0.0 || scalars.load(2, k) != 0.0;
+        found = found || scalars.load(1, k) != 0.0 || scalars.load(2, k) != 0.0 || scalars.given(k) != 0.0;
     return found && scalars.driven > 0;
 }
 
-// Adds what a polynomial does to driven entries in a time, which the rest of `move` leaves out.
+// Adds what a polynomial does to driven entries in a time, and constant loads to slow ones: the rest of `move` leaves
+// it out.
 //
 // H' = Lambda H + F has the Taylor series of c_0 = 0, c_{n+1} = Lambda c_n + F^(n). An entry that is slow beside the
 // polynomial has all of its response; of a fast one the response that is a polynomial itself is apart (`follow`), and

@@ -147,8 +147,10 @@ inline bool set_steady_motion(Index f, const Case &c, const Cases &cases, const 
                 .sine = cases.sine.row(c.number, n),
                 .constant = bounds.constant,
                 .follow = forms.follow.row(f),
-                .driven = degree > 1 ? forms.driven(f) : 0,
+                .driven = forms.driven(f),
+                .slow = forms.slow(f),
                 .load = forms.load.row(f),
+                .given = bounds.entry_given.first(last),
                 .term = bounds.steady.row(0),
                 .growth = bounds.steady.row(1),
             },
@@ -159,6 +161,7 @@ inline bool set_steady_motion(Index f, const Case &c, const Cases &cases, const 
                 .shape_rate = forms.shape_rate.row(f),
                 .rigid_body_shape = forms.rigid_body_shape.row(f),
                 .static_part = bounds.static_part,
+                .static_rate = bounds.static_rate,
                 .harmonic = cases.harmonic.row(c.number, n),
                 .follow = forms.position_follow.row(f),
                 .follow_rate = forms.velocity_follow.row(f),
@@ -171,7 +174,6 @@ inline bool set_steady_motion(Index f, const Case &c, const Cases &cases, const 
         .rigid_body_sine = cases.rigid_body_sine.row(c.number, n),
         .impulse_entry = forms.impulse_entry.row(f),
         .impulse_rigid_body = forms.impulse_rigid_body.row(f),
-        .reaction = forms.reaction.row(f),
         .load_on_rigid_body = forms.rigid_body_given.row(f),
     };
 }
@@ -194,7 +196,14 @@ inline bool set_steady_motion(Index f, const Case &c, const Cases &cases, const 
     }
     multiply(forms.constant.row(f), bounds.wall, bounds.constant);
     multiply(forms.static_part.row(f), bounds.wall, bounds.static_part);
+    multiply(forms.static_rate.row(f), bounds.wall, bounds.static_rate);
     multiply(forms.rigid_body_given.row(f), bounds.wall, bounds.given);
+    for (Index k = 0; k < bounds.entry_given.size(); k++) {
+        Complex total = {0.0, 0.0};
+        for (Index w = 0; k < forms.slow(f) && w < bounds.wall.size(); w++)
+            total += forms.given(f, k, w) * bounds.wall(w);
+        bounds.entry_given(k) = total;
+    }
 }
 
 // Sets the bounds of the watched scalars, and the side of a contact that lasts.
@@ -233,7 +242,9 @@ struct Followed {
     if (shapes.degree > 1 || d.size() > DRIVE)
         return {derivative(shapes.follow, i, d, 0), derivative(shapes.follow_rate, i, d, 0)};
     double a = shapes.follow(0, i), b = shapes.follow(1, i), c = shapes.follow(2, i), e = shapes.follow(3, i);
-    return {a * d(0) + b * d(1) + c * d(2) + e * d(3), a * d(1) + b * d(2) + c * d(3)};
+    GivenMatrix rate = shapes.follow_rate;
+    return {a * d(0) + b * d(1) + c * d(2) + e * d(3),
+            rate(0, i) * d(0) + rate(1, i) * d(1) + rate(2, i) * d(2) + rate(3, i) * d(3)};
 }
 
 // Sets `out` to displacements and velocities of all coordinates (2, d) at the present time.
@@ -242,7 +253,7 @@ struct Followed {
     Complex phase = unit_phase(omega, motion.clock);
     for (Index i = 0; i < out.shape[1]; i++) {
         Complex turned = shapes.harmonic(i) * phase;
-        double x = shapes.static_part(i) + turned.real, v = -omega * turned.imag;
+        double x = shapes.static_part(i) + turned.real, v = shapes.static_rate(i) - omega * turned.imag;
         if (omega == 0.0) {
             auto steady = followed(shapes, i, motion.drive);
             x += steady.position;
@@ -271,7 +282,7 @@ struct Followed {
     for (Index i = 0; i < state.shape[1]; i++) {
         Complex turned = shapes.harmonic(i) * phase;
         state(0, i) -= shapes.static_part(i) + turned.real;
-        state(1, i) += omega * turned.imag;
+        state(1, i) += omega * turned.imag - shapes.static_rate(i);
         if (omega == 0.0) {
             auto steady = followed(shapes, i, motion.drive);
             state(0, i) -= steady.position;

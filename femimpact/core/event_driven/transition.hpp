@@ -8,13 +8,14 @@ namespace FEMIMPACT_TARGET {
 
 // After an event: the closed form stays; another one is entered; rigid impacts follow in this form; another one is
 // entered, and the impacts follow there; or impacts at one instant do not end.
-enum : Index { STAY, ENTER, COLLIDE, RELEASE_ALL, UNRESOLVED };
+enum : Index { STAY, ENTER, COLLIDE, LET_GO, UNRESOLVED };
 
 // Most collisions that one instant may take among several pairs.
 constexpr Index COLLISIONS_AT_ONCE = 100'000;
 
-// Share of its mobility below which pairs that stick leave a pair no motion against its wall.
-constexpr double UNMOVED = 1e-9;
+// Times its rounding by which a pair may be short of its wall beside another that has met its own: equal parts differ
+// by the rounding of their modes and of the impacts before.
+constexpr double BESIDE = 64.0;
 
 // Share of an impact's speed that rounding may leave of none where it does not reach.
 constexpr double ROUNDING_SHARE = 1e-12;
@@ -56,37 +57,6 @@ constexpr double ROUNDING_SHARE = 1e-12;
     return steepest * lasting <= 0.5 * press ? lasting : -1.0;
 }
 
-// Writes one collision into the table; the velocities are those before it, and then those after it.
-[[gnu::noinline]] inline void write_impact(Index r, double side, double approach, double rebound, double push,
-                                           const Pairs &pairs, const Space &space, const Tables &tables,
-                                           const Ledger *b) {
-    Array velocity = space.products.after.row(1);
-    Index row = tables.number(0);
-    tables.number(0) = row + 1;
-    space.row(r) = row;
-    if (row < tables.impacts.shape[0]) {
-        Array out = tables.impacts.row(row);
-        out(IMPACT_TIME) = space.motion.clock(0);
-        out(IMPACT_PAIR) = double(r);
-        out(IMPACT_SIDE) = side;
-        out(IMPACT_APPROACH_SPEED) = approach;
-        out(IMPACT_REBOUND_SPEED) = rebound;
-        // an impulse has no largest force and no duration
-        out(IMPACT_IMPULSE) = push;
-        out(IMPACT_PEAK_FORCE) = NOT_A_NUMBER;
-        out(IMPACT_DURATION) = 0.0;
-        out(IMPACT_ENERGY_LOSS) = 0.5 * push * (approach - rebound);
-    }
-    if (!b)
-        return;
-    for (Index i = 0; i < b->loss_of_mode.shape[1]; i++) {
-        double momentum = pairs.direction(r, i) * side * push;
-        if (row < tables.impacts.shape[0])
-            tables.impacts(row, IMPACT_COLUMNS + i) = momentum * (velocity(i) + 0.5 * momentum / b->mass(i));
-        velocity(i) += momentum / b->mass(i);
-    }
-}
-
 // Changes the motion by the impulses of all pairs.
 [[gnu::noinline]] inline void add_impulses(const Form &form, const Space &space) {
     for (Index r = 0; r < space.impulse.size(); r++) {
@@ -97,6 +67,14 @@ constexpr double ROUNDING_SHARE = 1e-12;
         for (Index p = 0; p < form.shapes.rigid_bodies; p++)
             space.motion.rigid_body_rate(p) += form.impulse_rigid_body(p, r) * space.impulse(r);
     }
+}
+
+// Whether a pair sticks.
+[[gnu::always_inline]] inline bool any_sticks(const Pairs &pairs, const Case &c) {
+    bool found = false;
+    for (Index j = 0; j < c.state.size(); j++)
+        found = found || (pairs.rigid(j) && is_active(c.state(j)));
+    return found;
 }
 
 // Makes compliant contacts push that an impulse elsewhere presses, and others separate; whether any has changed.
@@ -117,115 +95,11 @@ constexpr double ROUNDING_SHARE = 1e-12;
     return changed;
 }
 
-// Lets all pairs go that stick.
-[[gnu::always_inline]] inline void release_all(double time, const Pairs &pairs, const Case &c, const Tables &tables) {
-    for (Index i = 0; i < c.state.size(); i++)
-        if (pairs.rigid(i) && is_active(c.state(i))) {
-            c.released(i) = side_of(c.state(i));
-            end_sticking(i, time, c, tables);
-            c.state(i) = FREE;
-        }
-}
-
-// Whether pairs that stick take up an impulse elsewhere: none rebounds, or is left behind, above the closure.
-[[gnu::noinline]] inline bool stay_in_place(Index j, double side, double push, const Form &form, const Pairs &pairs,
-                                            const Case &c, const Motion &motion) {
-    const Scalars &scalars = form.scalars;
-    Complex phase = unit_phase(scalars.omega, motion.clock);
-    double slow = ROUNDING_SHARE * push * -pairs.mobility(j, j);
-    for (Index i = 0; i < c.state.size(); i++) {
-        if (form.reaction(i, j) == 0.0)
-            continue;
-        double side_of_wall = side_of(c.state(i)), felt = -pairs.mobility(i, i);
-        double share = side_of_wall * form.reaction(i, j) * side * push;
-        double speed = felt * (share > 0.0 ? c.restitution(i) * share : -share);
-        double force = value_now(c.state.size() + i, scalars.exponent.size(), phase, scalars, motion);
-        double press = felt * side_of_wall * force;
-        if (speed > slow && speed * speed > 2.0 * larger(press, 0.0) * pairs.closure)
-            return false;
-    }
-    return true;
-}
-
-// Stops a pair at its wall; the impulses of those that stick belong to their sticking phases.
-[[gnu::noinline]] inline void push_in_place(Index j, double side, double approach, double push, bool real,
-                                            const Form &form, const Pairs &pairs, const Case &c, const Space &space,
-                                            const Tables &tables, const Ledger *b) {
-    double time = space.motion.clock(0);
-    Array impulse = space.impulse, velocity = space.products.after.row(1);
-    read_coordinates(form.shapes, space.motion, space.products.after);
-    double base_rate = base_motion(c, space.motion).rate;
-    for (Index i = 0; i < impulse.size(); i++) {
-        double share = form.reaction(i, j) * side * push;
-        impulse(i) = i == j ? side * push : 0.0;
-        if (b) {
-            add_work_of_base(-((share + impulse(i)) * pairs.in_space(i) * base_rate), c, *b);
-            // an impulse works at the mean of the velocities before and after
-            for (Index k = 0; k < velocity.size(); k++)
-                velocity(k) += 0.5 * pairs.direction(i, k) * share / b->mass(k);
-        }
-        if (share != 0.0) {
-            double pushed = side_of(c.state(i)) * share;
-            c.touch(PUSHED, i) += pushed;
-            add_impulse(i, time, pushed, c);
-        }
-    }
-    if (real) {
-        count_impact(j, time, approach, push, c);
-        write_impact(j, side, approach, 0.0, push, pairs, space, tables, b);
-    }
-    add_impulse(j, time, push, c);
-    if (b)
-        b->contact_loss(c.number) += 0.5 * push * approach;
-    add_impulses(form, space);
-}
-
-// Makes a rigid impact without rebound, of pairs that stick and one that meets its wall: STAY or ENTER.
-//
-// COLLIDE where none sticks; RELEASE_ALL where a pair rebounds, or is left by its wall: an impact elsewhere passes
-// through sticking pairs as a separate impact.
-[[gnu::noinline]] inline Index beside_sticking(Index j, double side, const Form &form, const Pairs &pairs,
-                                               const Case &c, const Space &space, const Tables &tables,
-                                               const Ledger *b) {
-    const Search &search = space.search;
-    const Scalars &scalars = form.scalars;
-    double time = space.motion.clock(0), mobility = 0.0;
-    bool sticking = false;
-    for (Index i = 0; i < c.state.size(); i++) {
-        sticking = sticking || (pairs.rigid(i) && is_active(c.state(i)));
-        mobility += pairs.mobility(j, i) * (i == j ? 1.0 : form.reaction(i, j));
-    }
-    if (!sticking)
-        return COLLIDE;
-    double approach = side * search.rate(j), lasting = 0.0;
-    // a wall that those in place leave no motion against cannot push
-    double push = mobility < UNMOVED * pairs.mobility(j, j) ? approach / -mobility : 0.0;
-    // a speed that rounding has left, as where equal parts at rest were turned into modes, is no impact
-    bool real = approach > search.negligible(0);
-    if (real) {
-        // what presses it there is decided with the sticking pairs in place: without their forces it may seem to leave
-        lasting = bounces_left(j, side, c.restitution(j) * approach, scalars, pairs, c, space);
-        bool caught = lasting >= 0.0 || c.restitution(j) == 0.0;
-        if (push == 0.0 || !caught || !stay_in_place(j, side, push, form, pairs, c, space.motion)) {
-            release_all(time, pairs, c, tables);
-            return RELEASE_ALL;
-        }
-    }
-    push_in_place(j, side, approach, push, real, form, pairs, c, space, tables, b);
-    bool changed = change_contacts(scalars, pairs, c, space.motion);
-    search.leaving(j) = 0.0;
-    if (lasting >= 0.0) {
-        c.state(j) = side * CONTACT;
-        begin_contact(j, time + lasting, 0.0, c);
-    }
-    return changed || lasting >= 0.0 ? ENTER : STAY;
-}
-
-// Changes contact states by the event that the search has found: STAY, ENTER, COLLIDE or RELEASE_ALL.
+// Changes contact states by the event that the search has found: STAY, ENTER or COLLIDE.
 //
 // With `collide` the one place for what an event does to a motion, and so for its linearisation.
-[[gnu::noinline]] inline Index apply_event(Index status, const Form &form, const Pairs &pairs, const Case &c,
-                                           const Space &space, const Tables &tables, const Ledger *b) {
+[[gnu::noinline]] inline Index apply_event(Index status, const Pairs &pairs, const Case &c, const Space &space,
+                                           const Tables &tables) {
     const Search &search = space.search;
     Index r = Index(search.event(0)), count = c.state.size(), j = r % count;
     double time = space.motion.clock(0), side = search.event(1), state = c.state(j), side_of_wall = side_of(state);
@@ -247,7 +121,7 @@ constexpr double ROUNDING_SHARE = 1e-12;
         return STAY;
     }
     if (pairs.rigid(j) && status != REST)
-        return beside_sticking(j, side, form, pairs, c, space, tables, b);
+        return COLLIDE;
     c.state(j) = side * CONTACT;
     begin_contact(j, time, larger(side * search.rate(r), 0.0), c);
     search.leaving(j) = 0.0;
@@ -257,132 +131,312 @@ constexpr double ROUNDING_SHARE = 1e-12;
     return ENTER;
 }
 
-// Finds which rigid pairs are at their walls, and their rates.
-[[gnu::noinline]] inline void find_pairs_at_walls(Index first, double side, const Scalars &scalars, const Pairs &pairs,
-                                                  const Case &c, const Space &space) {
+// Finds which rigid pairs are at their walls, and their rates; returns the largest approach speed (m/s).
+//
+// A pair that sticks is at its wall at rest, and so is one that was let go at this instant.
+[[gnu::noinline]] inline double find_pairs_at_walls(Index first, double side, const Scalars &scalars,
+                                                    const Pairs &pairs, const Case &c, const Space &space) {
     const Search &search = space.search;
     Complex phase = unit_phase(scalars.omega, space.motion.clock);
     measure(scalars, space.motion, 0.0, search);
+    double largest = 0.0;
     for (Index r = 0; r < c.state.size(); r++) {
-        search.at_wall(r) = 0.0;
+        double &wall = search.at_wall(r) = 0.0;
+        search.rate(r) = space.impulses.rounding(r) = 0.0;
         if (!pairs.rigid(r))
             continue;
-        safe_advance(r, scalars, space.motion, scalars.size.size(), phase, 1.0, search);
-        if (c.released(r) != 0.0) {
-            search.at_wall(r) = c.released(r);
+        if (is_active(c.state(r)) || c.released(r) != 0.0) {
+            wall = is_active(c.state(r)) ? side_of(c.state(r)) : c.released(r);
             c.released(r) = 0.0;
-        }
-    }
-    search.at_wall(first) = side;
-}
-
-// First pair that has just collided and bounces no higher than the closure, -1 for none.
-//
-// `search.event[0]` gets the end (s) of its bounces.
-[[gnu::always_inline]] inline Index caught_pair(const Scalars &scalars, const Pairs &pairs, const Case &c,
-                                                const Space &space) {
-    const Search &search = space.search;
-    for (Index r = 0; r < space.impulse.size(); r++) {
-        if (space.impulse(r) == 0.0)
             continue;
-        double side = search.at_wall(r);
-        double lasting = bounces_left(r, side, -side * search.rate(r), scalars, pairs, c, space);
-        if (lasting >= 0.0) {
-            search.event(0) = space.motion.clock(0) + lasting;
-            return r;
         }
+        clear_time(r, scalars, space.motion, scalars.size.size(), phase, 1.0, search);
+        double value = search.found(VALUE), near = BESIDE * search.found(VALUE_ROUNDING);
+        search.rate(r) = search.found(SLOPE);
+        space.impulses.rounding(r) = search.found(SLOPE_ROUNDING);
+        if (r == first)
+            wall = side;
+        else if (scalars.upper(r) - value <= near)
+            wall = 1.0;
+        else if (value - scalars.lower(r) <= near)
+            wall = -1.0;
+        largest = larger(largest, wall * search.rate(r));
     }
-    return -1;
+    return largest;
 }
 
-// Takes its rebound from a pair; the impulse becomes the one that does it.
-[[gnu::noinline]] inline void capture(Index r, const Form &form, const Pairs &pairs, const Case &c, const Space &space,
-                                      const Tables &tables, const Ledger *b) {
+// Sets the approach speeds that impulses of the gathered pairs take away.
+[[gnu::always_inline]] inline void set_mobility(Index n, const Pairs &pairs, const Space &space) {
+    const Impulses &x = space.impulses;
+    Array wall = space.search.at_wall;
+    for (Index i = 0; i < n; i++)
+        for (Index j = 0; j < n; j++)
+            x.mobility(i, j) = -(wall(x.pair(i)) * wall(x.pair(j))) * pairs.mobility(x.pair(i), x.pair(j));
+}
+
+// Gathers the pairs that close or rest at their walls, with what their restitutions ask for; how many, 0 where none
+// closes.
+[[gnu::noinline]] inline Index gather_pairs(double largest, bool rebounds, const Pairs &pairs, const Case &c,
+                                            const Space &space) {
     const Search &search = space.search;
-    Array impulse = space.impulse;
-    double rebound = -search.at_wall(r) * search.rate(r);
-    for (Index i = 0; i < impulse.size(); i++)
-        impulse(i) = 0.0;
-    double back = rebound / -pairs.mobility(r, r);
-    impulse(r) = -search.at_wall(r) * back;
-    add_impulses(form, space);
-    // the last impact of a pair that sticks ends without rebound, be it in the table or not
-    Index row = space.row(r);
-    if (row < tables.impacts.shape[0]) {
-        tables.impacts(row, IMPACT_REBOUND_SPEED) = 0.0;
-        tables.impacts(row, IMPACT_IMPULSE) -= back;
-        tables.impacts(row, IMPACT_ENERGY_LOSS) += 0.5 * back * rebound;
-        Array velocity = space.products.after.row(1);
-        for (Index i = 0; b && i < b->loss_of_mode.shape[1]; i++) {
-            double momentum = pairs.direction(r, i) * impulse(r);
-            tables.impacts(row, IMPACT_COLUMNS + i) += momentum * (velocity(i) + 0.5 * momentum / b->mass(i));
-        }
+    const Impulses &x = space.impulses;
+    Index n = 0;
+    bool closes = false;
+    for (Index r = 0; r < c.state.size(); r++) {
+        double approach = search.at_wall(r) * search.rate(r), rest = larger(x.rounding(r), ROUNDING_SHARE * largest);
+        if (search.at_wall(r) == 0.0 || approach < -rest)
+            continue;
+        x.pair(n) = r;
+        // what is no impact lets none go
+        x.held(n) = !rebounds && is_active(c.state(r));
+        x.approach(n) = approach > rest ? approach : 0.0;
+        x.target(n) = (1.0 + (rebounds ? c.restitution(r) : 0.0)) * x.approach(n);
+        closes = closes || approach > rest;
+        n++;
     }
-    correct_impulse(r, space.motion.clock(0), -back, c);
-    search.leaving(r) = 0.0;
+    set_mobility(n, pairs, space);
+    return closes ? n : 0;
 }
 
-// Makes rigid impacts at this instant: STAY or ENTER, or UNRESOLVED where they do not end.
+// Solves for the impulses beside pairs that stick; whether some of these are left behind by their walls, and let go.
 //
-// The rule for simultaneous impacts: one after another at the same instant, the fastest first, each with its
-// restitution, until no pair at its wall approaches it. For e = 1 and equal masses in a row it is Newton's cradle.
+// What would fall back from below the closure stays.
+[[gnu::noinline]] inline bool are_let_go(Index n, double largest, const Scalars &scalars, const Pairs &pairs,
+                                         const Case &c, const Space &space, const Tables &tables) {
+    const Impulses &x = space.impulses;
+    Complex phase = unit_phase(scalars.omega, space.motion.clock);
+    bool left = false;
+    for (bool again = true; again;) {
+        solve_impulses(x, n);
+        again = left = false;
+        for (Index i = 0; i < n; i++) {
+            Index r = x.pair(i);
+            x.trial(i) = 0.0;
+            if (!is_active(c.state(r)) || x.held(i))
+                continue;
+            double speed = 0.0;
+            for (Index j = 0; j < n; j++)
+                speed += x.mobility(i, j) * x.impulse(j);
+            double force = value_now(c.state.size() + r, scalars.exponent.size(), phase, scalars, space.motion);
+            double press = x.mobility(i, i) * side_of(c.state(r)) * force;
+            if (speed <= ROUNDING_SHARE * largest)
+                continue;
+            if (speed * speed > 2.0 * larger(press, 0.0) * pairs.closure) {
+                x.trial(i) = 1.0;
+                left = true;
+            } else {
+                x.held(i) = 1;
+                again = true;
+            }
+        }
+    }
+    if (!left)
+        return false;
+    for (Index i = 0; i < n; i++)
+        if (x.trial(i) != 0.0) {
+            Index r = x.pair(i);
+            c.released(r) = side_of(c.state(r));
+            end_sticking(r, space.motion.clock(0), c, tables);
+            c.state(r) = FREE;
+        }
+    return true;
+}
+
+// Sets the velocities amid impulses, at whose mean with those after them each works, and then those after them.
+[[gnu::noinline]] inline void change_velocities(Index n, const Pairs &pairs, const Space &space, const Ledger &b) {
+    const Impulses &x = space.impulses;
+    Array velocity = space.products.after.row(1), middle = space.products.before.row(1);
+    for (Index i = 0; i < b.loss_of_mode.shape[1]; i++) {
+        double momentum = 0.0;
+        for (Index k = 0; k < n; k++)
+            momentum += pairs.direction(x.pair(k), i) * space.search.at_wall(x.pair(k)) * x.impulse(k);
+        middle(i) = velocity(i) + 0.5 * momentum / b.mass(i);
+        velocity(i) += momentum / b.mass(i);
+    }
+}
+
+// Writes one collision into the table.
+[[gnu::noinline]] inline void write_impact(Index k, double rebound, const Pairs &pairs, const Space &space,
+                                           const Tables &tables, const Ledger *b) {
+    const Impulses &x = space.impulses;
+    Index r = x.pair(k), row = tables.number(0);
+    double side = space.search.at_wall(r), push = x.impulse(k), approach = x.approach(k);
+    tables.number(0) = row + 1;
+    space.row(r) = row;
+    if (row >= tables.impacts.shape[0])
+        return;
+    Array out = tables.impacts.row(row);
+    out(IMPACT_TIME) = space.motion.clock(0);
+    out(IMPACT_PAIR) = double(r);
+    out(IMPACT_SIDE) = side;
+    out(IMPACT_APPROACH_SPEED) = approach;
+    out(IMPACT_REBOUND_SPEED) = rebound;
+    out(IMPACT_IMPULSE) = push;
+    // an impulse has no largest force and no duration
+    out(IMPACT_PEAK_FORCE) = NOT_A_NUMBER;
+    out(IMPACT_DURATION) = 0.0;
+    out(IMPACT_ENERGY_LOSS) = 0.5 * push * (approach - rebound);
+    for (Index i = 0; b && i < b->loss_of_mode.shape[1]; i++)
+        out(IMPACT_COLUMNS + i) = pairs.direction(r, i) * side * push * space.products.before(1, i);
+}
+
+// Passes the impulses of n pairs on: to their rates, to what is added to the motion, to sums and tables.
+//
+// Those of pairs that stick belong to their sticking phases, and the motion has them without being told. What is not
+// real is no impact.
+[[gnu::noinline]] inline void pass_on(Index n, bool real, double slow, double base_rate, const Pairs &pairs,
+                                      const Case &c, const Space &space, const Tables &tables, const Ledger *b) {
+    const Search &search = space.search;
+    const Impulses &x = space.impulses;
+    double time = space.motion.clock(0);
+    // what rests, and is reached by rounding only, is not hit
+    for (Index k = 0; k < n; k++)
+        if (x.approach(k) == 0.0 && magnitude(x.impulse(k)) * x.mobility(k, k) <= slow)
+            x.impulse(k) = 0.0;
+    if (b)
+        change_velocities(n, pairs, space, *b);
+    for (Index k = 0; k < n; k++) {
+        Index hit = x.pair(k);
+        double push = x.impulse(k), wall = search.at_wall(hit), approach = x.approach(k);
+        if (push == 0.0)
+            continue;
+        if (b)
+            add_work_of_base(-(wall * push * pairs.in_space(hit) * base_rate), c, *b);
+        for (Index r = 0; r < c.state.size(); r++)
+            search.rate(r) += pairs.mobility(r, hit) * wall * push;
+        add_impulse(hit, time, push, c);
+        if (is_active(c.state(hit))) {
+            c.touch(PUSHED, hit) += push;
+            continue;
+        }
+        double e = real ? c.restitution(hit) : 0.0;
+        if (real) {
+            count_impact(hit, time, approach, push, c);
+            write_impact(k, e * approach, pairs, space, tables, b);
+        }
+        if (b)
+            b->contact_loss(c.number) += 0.5 * push * (1.0 - e) * approach;
+        space.impulse(hit) += wall * push;
+        // what stays at its wall has a rate of rounding, which is no impact again
+        search.leaving(hit) = e * approach == 0.0 ? wall : 0.0;
+    }
+    for (Index r = 0; r < c.state.size(); r++)
+        if (is_active(c.state(r)))
+            search.rate(r) = 0.0;
+}
+
+// Captures the pairs that have just collided and bounce no higher than the closure: takes their rebounds away by
+// impulses of all together. Whether there are any.
+[[gnu::noinline]] inline bool capture(double base_rate, const Form &form, const Pairs &pairs, const Case &c,
+                                      const Space &space, const Tables &tables, const Ledger *b) {
+    const Search &search = space.search;
+    const Impulses &x = space.impulses;
+    Array impulse = space.impulse;
+    double time = space.motion.clock(0);
+    Index n = 0;
+    bool caught = false;
+    auto hold = [&](Index r) {
+        x.pair(n) = r;
+        x.held(n) = x.pushes(n) = 1;
+        x.approach(n) = x.target(n) = search.at_wall(r) * search.rate(r);
+        n++;
+    };
+    for (Index r = 0; r < c.state.size(); r++)
+        if (pairs.rigid(r) && is_active(c.state(r)))
+            hold(r);
+    for (Index r = 0; r < c.state.size(); r++) {
+        if (impulse(r) == 0.0)
+            continue;
+        double wall = search.at_wall(r);
+        double lasting = bounces_left(r, wall, -wall * search.rate(r), form.scalars, pairs, c, space);
+        if (lasting >= 0.0) {
+            hold(r);
+            set_mobility(n, pairs, space);
+            // one that those held leave no motion stays with them
+            if (factorise_pushing(0.0, x, n).independent < n) {
+                n--;
+                lasting = -1.0;
+            }
+        }
+        if (lasting < 0.0) {
+            impulse(r) = 0.0;
+            continue;
+        }
+        c.state(r) = wall * CONTACT;
+        begin_contact(r, time + lasting, 0.0, c);
+        search.leaving(r) = 0.0;
+        caught = true;
+    }
+    if (!caught)
+        return false;
+    set_mobility(n, pairs, space);
+    solve_impulses(x, n);
+    if (b)
+        change_velocities(n, pairs, space, *b);
+    for (Index k = 0; k < n; k++) {
+        Index r = x.pair(k);
+        double wall = search.at_wall(r), push = x.impulse(k), rebound = -x.approach(k);
+        if (b)
+            add_work_of_base(-(wall * push * pairs.in_space(r) * base_rate), c, *b);
+        if (impulse(r) == 0.0) {
+            c.touch(PUSHED, r) += push;
+            add_impulse(r, time, push, c);
+            continue;
+        }
+        impulse(r) = wall * push;
+        correct_impulse(r, time, push, c);
+        if (b)
+            b->contact_loss(c.number) -= 0.5 * push * rebound;
+        // the last impact of a pair that sticks ends without rebound, be it in the table or not
+        Index row = space.row(r);
+        if (row >= tables.impacts.shape[0])
+            continue;
+        tables.impacts(row, IMPACT_REBOUND_SPEED) = 0.0;
+        tables.impacts(row, IMPACT_IMPULSE) += push;
+        tables.impacts(row, IMPACT_ENERGY_LOSS) -= 0.5 * push * rebound;
+        for (Index i = 0; b && i < b->loss_of_mode.shape[1]; i++)
+            tables.impacts(row, IMPACT_COLUMNS + i) +=
+                pairs.direction(r, i) * wall * push * space.products.before(1, i);
+    }
+    add_impulses(form, space);
+    return true;
+}
+
+// Makes rigid impacts at this instant: STAY or ENTER, LET_GO where walls leave pairs that stick before the rest is
+// made, or UNRESOLVED where they do not end.
+//
+// Moreau's rule for all pairs that close or rest at their walls, together: impulses p >= 0, u+ + e u- >= 0, one of
+// both zero. What separates takes no part, and is looked at again afterwards.
 [[gnu::noinline]] inline Index collide(Index first, double side, const Form &form, const Pairs &pairs, const Case &c,
                                        const Space &space, const Tables &tables, const Ledger *b) {
     const Scalars &scalars = form.scalars;
-    const Search &search = space.search;
-    Array impulse = space.impulse;
-    double time = space.motion.clock(0);
-    find_pairs_at_walls(first, side, scalars, pairs, c, space);
+    double largest = find_pairs_at_walls(first, side, scalars, pairs, c, space);
+    double base_rate = base_motion(c, space.motion).rate;
+    bool sticking = any_sticks(pairs, c);
+    // a speed that rounding has left, as where equal parts at rest were turned into modes, is no impact
+    bool real = !sticking || largest > space.search.negligible(0);
     read_coordinates(form.shapes, space.motion, space.products.after);
-    double base_rate = base_motion(c, space.motion).rate, largest = 0.0;
-    bool again = true;
-    for (Index r = 0; r < impulse.size(); r++) {
-        impulse(r) = 0.0;
-        largest = larger(largest, search.at_wall(r) * search.rate(r));
-    }
-    for (Index collision = 0; collision < COLLISIONS_AT_ONCE; collision++) {
-        // what is left of the approach after so many collisions is rounding
-        double fastest = 1e-14 * largest;
-        Index hit = -1;
-        for (Index r = 0; r < impulse.size(); r++)
-            if (search.at_wall(r) * search.rate(r) > fastest) {
-                fastest = search.at_wall(r) * search.rate(r);
-                hit = r;
-            }
-        if (hit < 0) {
-            again = false;
+    for (Index r = 0; r < c.state.size(); r++)
+        space.impulse(r) = 0.0;
+    Index collision = 0, n = 0;
+    for (; collision < COLLISIONS_AT_ONCE; collision++) {
+        n = gather_pairs(largest, real, pairs, c, space);
+        if (n == 0)
             break;
+        if (!sticking)
+            solve_impulses(space.impulses, n);
+        else if (are_let_go(n, largest, scalars, pairs, c, space, tables)) {
+            add_impulses(form, space);
+            return LET_GO;
         }
-        double wall = search.at_wall(hit), e = c.restitution(hit);
-        double push = (1.0 + e) * fastest / -pairs.mobility(hit, hit);
-        count_impact(hit, time, fastest, push, c);
-        add_impulse(hit, time, push, c);
-        write_impact(hit, wall, fastest, e * fastest, push, pairs, space, tables, b);
-        if (b) {
-            b->contact_loss(c.number) += 0.5 * push * (1.0 - e) * fastest;
-            add_work_of_base(-(wall * push * pairs.in_space(hit) * base_rate), c, *b);
-        }
-        impulse(hit) += wall * push;
-        search.leaving(hit) = 0.0;
-        for (Index r = 0; r < impulse.size(); r++)
-            search.rate(r) += pairs.mobility(r, hit) * wall * push;
+        pass_on(n, real, ROUNDING_SHARE * largest, base_rate, pairs, c, space, tables, b);
     }
-    if (again)
+    if (n > 0)
         return UNRESOLVED;
     add_impulses(form, space);
-    Index caught = caught_pair(scalars, pairs, c, space);
-    if (caught >= 0) {
-        capture(caught, form, pairs, c, space, tables, b);
-        double wall = search.at_wall(caught), rebound = -search.at_wall(caught) * search.rate(caught);
-        if (b) {
-            b->contact_loss(c.number) -= 0.5 * wall * impulse(caught) * rebound;
-            add_work_of_base(-(impulse(caught) * pairs.in_space(caught) * base_rate), c, *b);
-        }
-        c.state(caught) = wall * CONTACT;
-        begin_contact(caught, search.event(0), 0.0, c);
-    }
+    bool caught = real && capture(base_rate, form, pairs, c, space, tables, b);
     bool changed = change_contacts(scalars, pairs, c, space.motion);
-    return changed || caught >= 0 ? ENTER : STAY;
+    return changed || caught ? ENTER : STAY;
 }
 
 // What an event has done to its pair, by the contact states before and after it and the impacts that ended with it.

@@ -24,11 +24,11 @@ from femimpact.export.figures.drawing import (
     name_at,
     panel,
     panels,
-    prefixed,
 )
 from femimpact.export.figures.portraits import ContactRow, phase_portrait
 from femimpact.orbits import Branch, PeriodicOrbit
 from femimpact.orbits.period import period_of
+from femimpact.units import prefixed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -27,6 +27,7 @@ from femimpact.export.figures.drawing import (
     scaled,
 )
 from femimpact.response.response import Response
+from femimpact.units import number_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -65,7 +66,7 @@ def impact_histograms(response: Response, figure: FigureBase | OffScreen | None 
         axis.hist(walls, bins=bins, stacked=True, color=[w[1] for w in WALLS], label=[w[3] for w in WALLS])
         if values.size:
             axis.axvline(values.mean(), color=GREY, linestyle="--", linewidth=1.2)
-            axis.set_title(f"mean {values.mean():.3g} {unit}", loc="left")
+            axis.set_title(f"mean {number_text(values.mean(), 3)} {unit}", loc="left")
         axis.set_xlabel(f"{name} ({unit})")
     axes[0].set_ylabel("impacts")
     count = int(np.count_nonzero(inside))
@@ -223,7 +224,7 @@ def _loops(axis: Any, name: str, law: ContactLaw, mass: float, speeds: Sequence[
     axis.set_ylim(0.0, 1.14 * max(force.max() for _, _, force in loops))
     # the slow loops on top: elastic ones lie on one another
     for colour, speed, (depth, _, force) in reversed(list(zip(COLOURS, speeds, loops, strict=False))):
-        _loop(axis, 1e6 * depth, force, colour, f"{speed:.3g} m/s")
+        _loop(axis, 1e6 * depth, force, colour, f"{number_text(speed, 3)} m/s")
 
 
 def _loop(axis: Any, depth: Array, force: Array, colour: str, label: str) -> None:

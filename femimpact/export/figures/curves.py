@@ -26,6 +26,7 @@ from femimpact.export.figures.drawing import (
 )
 from femimpact.identification import DecayEstimate
 from femimpact.sweep import ONE_START, FrequencyResponse, on_grid
+from femimpact.units import number_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -50,11 +51,11 @@ def response_curve(
 ) -> Axes:
     """Response curves over the base frequency on one logarithmic axis (the paper's Fig. 6 and 7).
 
-    A line joins the peaks of motions that repeat ("periodic" in `FrequencyResponse.steadiness`) and of those
-    without impacts. A dot marks a value of one start wherever the motion is not periodic
-    (`FrequencyResponse.is_sample`): from another start it is another one. With impacts such a peak is one sample of a
-    scatter, and no line joins it. The rms, which scatters less, is a dotted line where there are impacts, with small
-    dots.
+    A line joins the peaks of motions that repeat ("periodic" in `FrequencyResponse.steadiness`) and of those without
+    impacts, at whose largest peak is said where a transient has not died out. A dot marks a value of one start wherever
+    a motion with impacts is not periodic (`FrequencyResponse.is_sample`): such a peak is one sample of a scatter, from
+    another start it is another one, and no line joins it. The rms, which scatters less, is a dotted line where there
+    are impacts, with small dots.
 
     Parameters
     ----------
@@ -124,8 +125,10 @@ def _annotate_peak(axis: Axes, curve: FrequencyResponse) -> None:
     peak = (curve.peak_frequency, scale * curve.peak_amplitude)
     low, high = curve.frequency[0], curve.frequency[-1]
     side: Any = {"xytext": (8, -2)} if peak[0] <= 0.25 * low + 0.75 * high else {"xytext": (-8, -2), "ha": "right"}
-    axis.annotate(f"{peak[1]:.3g} {unit} at {peak[0]:.4g} Hz", peak, textcoords="offset points", color=COLOURS[0],
-                  **side)  # fmt: skip
+    words = f"{number_text(peak[1])} {unit} at {number_text(peak[0])} Hz"
+    if curve.peak_is_transient:
+        words += ",\na transient has not died out"
+    axis.annotate(words, peak, textcoords="offset points", color=COLOURS[0], **side)
 
 
 def _scale(curve: FrequencyResponse) -> tuple[float, str]:
@@ -201,7 +204,7 @@ def _peaks(axis: Any, curve: FrequencyResponse, colour: str, label: str, join_al
 def _scatter(curve: FrequencyResponse, join_all: bool) -> NDArray[np.bool_]:
     """True for peaks that no line joins: samples of a motion with impacts that does not repeat."""
     # without impacts the motion is linear: it may still beat at the end of a dwell, and does not scatter
-    return np.asarray((curve.steadiness != "periodic") & (curve.impacts_per_cycle > 0.0) & (not join_all))
+    return np.asarray(curve.is_sample & (not join_all))
 
 
 def _mark(axis: Any, marker: str, label: str, frequency: float, amplitude: float) -> Any:
@@ -352,12 +355,17 @@ def value_map(
     low, high = np.nanmin(shown), np.nanmax(shown)
     axis.imshow(shown, cmap="cividis", origin="lower", aspect="auto", vmin=low, vmax=high)
     axis.grid(False)
-    axis.set_xticks(np.arange(columns.size), [f"{value:.3g}" for value in columns])
-    axis.set_yticks(np.arange(rows.size), [f"{value:.3g}" for value in rows])
+    axis.set_xticks(np.arange(columns.size), [f"{number_text(value, 3)}" for value in columns])
+    axis.set_yticks(np.arange(rows.size), [f"{number_text(value, 3)}" for value in rows])
     for (i, j), value in np.ndenumerate(shown):
         colour = "white" if value < 0.5 * (low + high) else "black"
         axis.annotate(
-            f"{value:.2g}{'*' if marked[i, j] else ''}", (j, i), ha="center", va="center", color=colour, fontsize=9.0
+            f"{number_text(value, 2)}{'*' if marked[i, j] else ''}",
+            (j, i),
+            ha="center",
+            va="center",
+            color=colour,
+            fontsize=9.0,
         )
     axis.set_title(title, loc="left")
     if marked.any():

@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 
 from femimpact.errors import Fault, InputError, checked, quantity, require, require_type, suggestion
 from femimpact.excitation.excitation import has_cycle
-from femimpact.export.files import atomic_path, file_path
+from femimpact.export.files import atomic_path, target_path
 from femimpact.regular_file import decimal_number
 from femimpact.response.channels import channel_key
 from femimpact.response.response import Response
 from femimpact.structure.structure import Dashpot, Position, Spring
 from femimpact.system.system import System
+from femimpact.units import number_text, prefixed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -47,16 +48,11 @@ STYLE: Any = {
     "savefig.dpi": 150,
 }
 """Settings of matplotlib, for `matplotlib.rc_context`."""
-SMALLEST_IN_MM = 1e-5
-"""Smallest length (m) that is shown in mm."""
-SMALLEST_IN_MPA = 1e5
-"""Smallest stress (Pa) that is shown in MPa."""
 LEGEND = 10.0
 """Size of the text of a legend, points."""
 LETTER, HANDLE, GAP, ROW = 0.46, 4.0, 1.6, 1.55
 """Widths of a letter, of an entry besides its words, and of the space between columns (part of that), and the height of
 a row of a legend, by the size of its text."""
-PREFIXES = ((1.0, ""), (1e3, "m"), (1e6, "µ"), (1e9, "n"))
 CYCLES: Any = quantity("1", above=0.0)
 """Number of cycles of the base that are drawn."""
 
@@ -80,7 +76,7 @@ def last_cycles(response: Response, cycles: float) -> tuple[float, str]:
     frequency = first_mode if known and not has_cycle(base) else base.frequency
     start = max(last - cycles / frequency, first)
     if math.isnan(base.phase):
-        return start, f"last {last - start:.3g} s"
+        return start, f"last {number_text(last - start, 3)} s"
     shown = cycles if start > first else (last - first) * frequency
     return start, f"last {shown:.4g} cycles at {frequency:.4g} Hz"
 
@@ -150,7 +146,7 @@ def save_figure(drawn: Axes | NDArray[np.object_] | Figure, path: str | Path) ->
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    path, first = file_path(path), drawn.flat[0] if isinstance(drawn, np.ndarray) and drawn.size else drawn
+    path, first = target_path(path), drawn.flat[0] if isinstance(drawn, np.ndarray) and drawn.size else drawn
     # the figure of axes may be a part of one
     figure: Any = first.figure.figure if isinstance(first, Axes) else first
     require_type(figure, Figure, "drawn")
@@ -221,26 +217,6 @@ def _columns(labels: Sequence[str], width: float) -> int:
         if LEGEND * (sum(LETTER * letters + HANDLE for letters in longest) - GAP) <= width:
             return columns
     return 1
-
-
-def prefixed(largest: float, unit: str) -> tuple[float, str]:
-    """Factor and unit with the prefix in which the largest value is at least 1.
-
-    Lengths from 0.01 mm on are in mm, stresses from 0.1 MPa on in MPa, masses below 1 kg in g.
-    """
-    if not unit[:1].isalpha():
-        # of a number in a time or a length
-        return 1.0, unit
-    if unit.startswith("kg") and 0.0 < largest < 1.0:
-        factor, shown = prefixed(1e3 * largest, unit[1:])
-        return 1e3 * factor, shown
-    if unit == "Pa" and largest >= SMALLEST_IN_MPA:
-        return 1e-6, "MPa"
-    if unit == "m" and largest >= SMALLEST_IN_MM:
-        # as on every axis of a displacement, so that figures can be laid side by side
-        return 1e3, "mm"
-    found = next(((f, p) for f, p in PREFIXES if f * largest >= 1.0), PREFIXES[-1] if largest else PREFIXES[0])
-    return found[0], found[1] + unit
 
 
 def scaled(values: Any, unit: str) -> tuple[Any, str]:

@@ -26,11 +26,13 @@ from femimpact.export.figures.drawing import (
     last_cycles,
     legend_above,
     panels,
-    prefixed,
     require_history,
     scaled,
 )
+from femimpact.response.channels import channel_of
+from femimpact.response.impacts import DRAWN_IN_CONTACT
 from femimpact.response.response import Response
+from femimpact.units import number_text, prefixed
 
 if TYPE_CHECKING:
     from matplotlib.figure import FigureBase
@@ -83,7 +85,7 @@ def energies(response: Response, figure: FigureBase | OffScreen | None = None) -
         axis.set_ylabel(f"energy ({unit})")
         legend_above(axis)
     axes[2].plot(ledger.time, ledger.residual_history, color=PURPLE, linewidth=1.2)
-    title = f"energy unaccounted for over the energy put in: at most {ledger.residual:.2g}"
+    title = f"energy unaccounted for over the energy put in: at most {number_text(ledger.residual, 2)}"
     label_axes(axes[2], "time (s)", "residual (1)", title)
     return axes
 
@@ -134,6 +136,8 @@ def contact_force(
 ) -> NDArray[np.object_]:
     """Contact force over time (the paper's Fig. 8): last cycles, peak of every impact, average of every cycle.
 
+    The course of every compliant contact is shown: where the run was read more coarsely it is computed once more.
+
     Parameters
     ----------
     response : Response
@@ -173,8 +177,8 @@ def contact_force(
     else:
         axes[1].axhline(statistics.cycle_mean_force, color=GREY, linestyle="--", linewidth=1.2)
         mean = "cycle-averaged" if cyclic else "mean"
-        title += f"dashed: {mean} force {1e3 * statistics.cycle_mean_force:.3g} mN;\n"
-    title += f"mean impulse {1e3 * statistics.mean_impulse:.3g} mN s"
+        title += f"dashed: {mean} force {number_text(1e3 * statistics.cycle_mean_force, 3)} mN;\n"
+    title += f"mean impulse {number_text(1e3 * statistics.mean_impulse, 3)} mN s"
     label_axes(axes[1], "time (s)", "peak force (N)", title)
     axes[1].set_ylim(0.0, 1.05 * (np.nanmax(impacts.peak_force, initial=0.0) or 1.0))
     legend_above(axes[1])
@@ -183,14 +187,31 @@ def contact_force(
 
 def _last_cycles(axis: Any, response: Response, names: list[str], cycles: float) -> None:
     start, words = last_cycles(response, cycles)
-    last, laws = response.time >= start, response.impacts.law
+    time, forces = _within_contacts(response, names, start)
+    laws = response.impacts.law
     for colour, name in zip(cycle(COLOURS), names, strict=False):
         owner = name.rpartition(".")[0]
         label = f"{owner} (rigid: force only while sticking)" if laws.get(owner) == Rigid.name else owner or None
-        axis.plot(response.time[last], response[name][last], color=colour, label=label)
+        axis.plot(time, forces[name], color=colour, label=label)
     label_axes(axis, "time (s)", "force on the beam (N)", f"{words}, law: {response.statistics.law}")
     if len(names) > 1:
         legend_above(axis)
+
+
+def _within_contacts(response: Response, names: list[str], start: float) -> tuple[Array, dict[str, Array]]:
+    """Times (s) from a start on, and contact forces (N) that show the course of each compliant contact.
+
+    A run that was read more coarsely is computed once more; what was read from files is shown as it is.
+    """
+    time, impacts, run_again = response.time, response.impacts, response.largest_values
+    last = time >= start
+    lasting = impacts.duration[(impacts.time >= start) & (impacts.duration > 0.0)]
+    if run_again is not None and lasting.size and time.size > 1:
+        # one that is cut short by another is no measure
+        wanted = max(float(lasting.min()), 0.1 * float(np.median(lasting))) / DRAWN_IN_CONTACT
+        if time[1] - time[0] > wanted:
+            return run_again.reread(tuple(channel_of(response.system, name) for name in names), start, wanted)
+    return time[last], {name: response[name][last] for name in names}
 
 
 def _averages(axis: Any, response: Response) -> None:
@@ -199,5 +220,5 @@ def _averages(axis: Any, response: Response) -> None:
     mean, mean_unit = scaled(response.statistics.cycle_mean_force, "N")
     axis.plot(time, shown, color=BLUE, linewidth=1.0, marker=".", markersize=4.0)
     axis.set_ylim(0.0, 1.15 * (shown.max(initial=0.0) or 1.0))
-    title = f"normal force averaged over each base cycle; over the last third {mean:.3g} {mean_unit}"
+    title = f"normal force averaged over each base cycle; over the last third {number_text(mean, 3)} {mean_unit}"
     label_axes(axis, "time (s)", f"average force ({unit})", title)

@@ -22,8 +22,8 @@ from femimpact.export.figures.drawing import (
     panel,
     panels,
     plain_log_ticks,
-    prefixed,
 )
+from femimpact.units import prefixed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

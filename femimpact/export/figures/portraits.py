@@ -26,12 +26,12 @@ from femimpact.export.figures.drawing import (
     panel,
     panels,
     place_of,
-    prefixed,
     require_history,
     scaled,
 )
 from femimpact.response.channels import channel_key
 from femimpact.response.response import Response
+from femimpact.units import prefixed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

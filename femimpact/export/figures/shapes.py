@@ -27,6 +27,7 @@ from femimpact.fem.mesh import Mesh
 from femimpact.structure.structure import Structure
 from femimpact.system.modes import Modes, require_modes_of
 from femimpact.system.system import System
+from femimpact.units import number_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -64,6 +65,9 @@ def beam_mesh(mesh: Mesh, structure: Structure | None = None, ax: Axes | OffScre
     if discretised is not None:
         sections = discretised.sections
         half = 1e3 * sections.half_height_at(np.arange(mesh.elements)[:, None], np.array([0.0, 1.0]))
+        for segment in discretised.structure.beam.segments:
+            if segment.thickness is None:
+                half[sections.region == segment.name] = 500.0 * segment.drawn_at(0.0)[1]
     axis = panel(ax, 9.0, 3.2)
     x, tallest = 1e3 * mesh.nodes, float(half.max())
     ends = np.repeat(x, 2)[1:-1]
@@ -85,7 +89,9 @@ def beam_mesh(mesh: Mesh, structure: Structure | None = None, ax: Axes | OffScre
         axis.set_yticks([])
     axis.set_ylim(-2.6 * tallest, top)
     lengths = 1e3 * np.diff(mesh.nodes)
-    title = f"{mesh.elements} elements of {lengths.min():.3g} to {lengths.max():.3g} mm"
+    title = f"{mesh.elements} elements of {number_text(lengths.min(), 3)} to {number_text(lengths.max(), 3)} mm"
+    if structure is not None and structure.beam.drawn_words:
+        title += f"\n{structure.beam.drawn_words}"
     label_axes(axis, "distance from the root (mm)", "" if structure is None else "distance from the axis (mm)", title)
     _, labels = axis.get_legend_handles_labels()
     place: dict[str, Any] = {"loc": "upper right"}
@@ -200,7 +206,7 @@ def mode_shapes(
         mass = 100.0 * modes.effective_mass[i] / system.total_mass
         axis.set_title(
             f"mode {i + 1}: {modes.natural_frequency[i]:.5g} Hz, damping ratio "
-            f"{100 * modes.damping_ratio[i]:.3g} %, {mass:.1f} % of the moving mass",
+            f"{number_text(100 * modes.damping_ratio[i], 3)} %, {mass:.1f} % of the moving mass",
             loc="left",
         )
     axes[-1].set_xlabel("distance from the root (mm)")

@@ -22,15 +22,14 @@ from femimpact.export.figures.drawing import (
     panel,
     panels,
     plain_log_ticks,
-    prefixed,
     require_history,
 )
-from femimpact.export.tables import GRAVITY
 from femimpact.response.channels import channel_key
 from femimpact.response.response import Response
 from femimpact.spectra import ShockResponseSpectrum, Spectrum, TransferFunction
 from femimpact.spectra import spectrum as spectrum_of
 from femimpact.structure.structure import Position
+from femimpact.units import GRAVITY, number_text, prefixed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -101,7 +100,9 @@ def spectrum(
         # of a channel at rest there is no logarithm
         axis.set(yscale="log", ylim=(max(0.5 * float(low.min()), DECADES * float(high.max())), None))
     plain_log_ticks(axis.xaxis)
-    title = f"lines {found.resolution:.3g} Hz apart, Hann windows, band: {100 * found.confidence:g} % interval"
+    title = (
+        f"lines {number_text(found.resolution, 3)} Hz apart, Hann windows, band: {100 * found.confidence:g} % interval"
+    )
     label = f"spectral density of {found.channel.replace('_', ' ')}, {found.unit.replace('^2', '²')}"
     label_axes(axis, "frequency (Hz)", label, title)
     legend_above(axis)
@@ -114,7 +115,7 @@ def _amplitudes(axis: Axes, found: Spectrum, base: Any, highest: float | None) -
     shown = found.frequency <= top
     values = found.values[shown]
     factor, unit = prefixed(float(values.max()), found.unit)
-    title = f"lines {found.resolution:.3g} Hz apart, Hann window"
+    title = f"lines {number_text(found.resolution, 3)} Hz apart, Hann window"
     if base is not None:
         driven = "drives" if hasattr(base, "drives") else "force" if is_force(base) else "base"
         axis.axvline(

@@ -18,7 +18,6 @@ from femimpact.export.figures.drawing import (
     panel,
     panels,
     plain_log_ticks,
-    prefixed,
 )
 from femimpact.export.tables import (
     OUTLINE,
@@ -34,6 +33,7 @@ from femimpact.export.tables import (
     value_words,
 )
 from femimpact.sweep import ONE_START
+from femimpact.units import number_text, prefixed
 
 if TYPE_CHECKING:
     import xarray
@@ -331,7 +331,7 @@ def _told(dataset: xarray.Dataset, name: str, index: int) -> str:
     if words is not None:
         return f"{label}: {words[index]}"
     head, _, unit = label.rpartition(" (")
-    return f"{head or label}: {x[index]:.3g}{' ' + unit.rstrip(')') if head else ''}"
+    return f"{head or label}: {number_text(x[index], 3)}{' ' + unit.rstrip(')') if head else ''}"
 
 
 def _colours(norm: str | Normalize | None, values: Array) -> Normalize:
@@ -363,7 +363,7 @@ def _cells(
     ):  # fmt: skip
         x, label, words = _axis_values(dataset, name)
         chosen = list(range(0, x.size, -(-x.size // (MOST_TICKS if numbers else MOST_TICKS_OF_PANEL))))
-        set_ticks(chosen, [words[i] if words is not None else f"{x[i]:.3g}" for i in chosen])
+        set_ticks(chosen, [words[i] if words is not None else f"{number_text(x[i], 3)}" for i in chosen])
         set_label(label)
     if "is_best" in dataset:
         for i, j in np.argwhere(dataset["is_best"].to_numpy().T):
@@ -404,7 +404,8 @@ def _write_numbers(axis: Axes, shown: Array, bright: NDArray[np.bool_], samples:
     """The number of each cell, with a star where it is a sample."""
     for (i, j), value in np.ndenumerate(shown):
         if np.isfinite(value):
-            axis.annotate(f"{value:.2g}{'*' if samples[i, j] else ''}", (j, i), ha="center", va="center", fontsize=9.0,
+            words = f"{number_text(value, 3)}{'*' if samples[i, j] else ''}"
+            axis.annotate(words, (j, i), ha="center", va="center", fontsize=9.0,
                           color="black" if bright[i, j] else "white")  # fmt: skip
 
 

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.arrays import Array
-from femimpact.export.figures.drawing import prefixed
 from femimpact.export.report.page import Section, Table, table_element, table_of
 from femimpact.export.tables import unit_text
 from femimpact.svg import MINUS, Axis, Band, Chart, Element, Line, axis_of, chart_element, element, number_text
 from femimpact.sweep import FrequencyResponse
+from femimpact.units import prefixed
 
 if TYPE_CHECKING:
     import xarray
@@ -129,13 +129,16 @@ def _cut_at_turns(x: Array, y: Array, sample: Any) -> tuple[Array, Array, Any]:
 def curve_table(curves: Mapping[str, FrequencyResponse]) -> Table:
     """Peak and damping of each curve."""
     rows: list[tuple[Any, ...]] = []
+    units = dict.fromkeys(curve.unit for curve in curves.values())
+    scales = {
+        unit: prefixed(largest_of(*(one.peak for one in curves.values() if one.unit == unit)), unit) for unit in units
+    }
     for label, curve in curves.items():
         if np.any(np.isfinite(curve.peak)):
-            mark = "one sample" if curve.peak_is_sample else "periodic"
-            scale = 1e3 if curve.unit == "m" else 1.0
+            mark = "one sample" if curve.peak_is_sample else "transient" if curve.peak_is_transient else "periodic"
+            scale = scales[curve.unit][0]
             rows.append((label, curve.peak_frequency, scale * curve.peak_amplitude, mark, len(curve.warnings)))
-    units = dict.fromkeys("mm" if curve.unit == "m" else curve.unit for curve in curves.values())
-    peak = f"peak ({', '.join(units)})"
+    peak = f"peak ({', '.join(shown for _, shown in scales.values())})"
     return Table("Peaks of the curves", ("curve", "frequency (Hz)", peak, "motion there", "warnings"), tuple(rows))
 
 

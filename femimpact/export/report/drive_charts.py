@@ -12,7 +12,6 @@ import numpy as np
 from femimpact.errors import InputError
 from femimpact.excitation import Chirp, Drives, HammerBlow, PiecewisePolynomial, RandomBase, Shock, SteppedSine
 from femimpact.excitation.excitation import has_cycle, is_force, words_of
-from femimpact.export.figures.drawing import prefixed
 from femimpact.export.report.charts import MOST_LINES, largest_of
 from femimpact.export.report.page import Section
 from femimpact.export.tables import unit_text
@@ -20,7 +19,7 @@ from femimpact.response.response import Response
 from femimpact.spectra import measured_transfer, shock_response_spectrum, spectrum
 from femimpact.spectra.densities import drive_history, remarks
 from femimpact.svg import Band, Chart, Line, axis_of, chart_element, element, number_text
-from femimpact.units import GRAVITY
+from femimpact.units import GRAVITY, prefixed
 
 SHOWN_CYCLES, READINGS, MOST_READINGS = 10, 64, 200_000
 """Cycles of a steady sine that are drawn; readings of a drive in a cycle, and at most in all."""
@@ -31,20 +30,27 @@ def drive_section(excitation: Any, end: float, key: str = "drive", heading: str 
     drives = getattr(excitation, "drives", (excitation,))
     names = getattr(excitation, "names", ("",))
     lines, charts = [], []
-    for name, drive in zip(names, drives, strict=True):
+    for name, drive, words in zip(names, drives, drive_words(excitation), strict=True):
         unit, what = ("N", "force") if is_force(drive) else ("m/s^2", "acceleration of the base")
         title = f"{name}: {what}" if name not in ("", "base") else what.capitalize()
         chart = _chart_over_time(drive, end, title, unit)
         history = getattr(drive, "history", drive)
-        said = ", ".join(_numbers(history, unit))
         if isinstance(history, RandomBase):
             chart = _density_chart(history, title, unit)
-        lines.append(
-            f"{f'{name}, ' * (name not in ('', 'base'))}{words_of(drive)}; {said}{'; ' * bool(said)}{chart.note}"
-        )
+        lines.append(f"{words}; {chart.note}")
         charts.append(dataclasses.replace(chart, note=""))
     content = [*(element("p", text) for text in lines), element("div.charts", *map(chart_element, charts))]
     return Section(key, heading, tuple(content))
+
+
+def drive_words(excitation: Any) -> list[str]:
+    """A line for each drive: its name, what it is, and its numbers with units."""
+    lines = []
+    drives = getattr(excitation, "drives", (excitation,))
+    for name, drive in zip(getattr(excitation, "names", ("",)), drives, strict=True):
+        said = ", ".join(_numbers(getattr(drive, "history", drive), "N" if is_force(drive) else "m/s^2"))
+        lines.append(f"{f'{name}, ' * (name not in ('', 'base'))}{words_of(drive)}{'; ' * bool(said)}{said}")
+    return lines
 
 
 def _numbers(history: Any, unit: str) -> Iterator[str]:

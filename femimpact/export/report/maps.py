@@ -333,7 +333,7 @@ def _write_numbers(
             across, down = (50.0 * (ends[k] + ends[k + 1]) / GRID for ends, k in ((left, j), (top, i)))
             colour = "#000" if level[i, j] >= BRIGHT else "#fff"
             style = f"left:{across:.4g}%;top:{down:.4g}%;color:{colour}"
-            box.append(element("span.cell", f"{value:.2g}", style=style))
+            box.append(element("span.cell", f"{number_text(value, 3)}", style=style))
 
 
 def _levels(share: NDArray[np.float64]) -> NDArray[np.int64]:

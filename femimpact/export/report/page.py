@@ -163,7 +163,7 @@ def _texts(values: Sequence[Any], given: int | None = None) -> list[str]:
         return [_sign(str(value)) for value in values]
     largest, smallest = max(sizes, default=1.0), min(sizes, default=1.0)
     wide = largest > 1e4 * smallest
-    if wide and largest >= 1.0:
+    if wide and largest >= 1e-3:
         # of several units: each number for itself
         each = given or DIGITS
         return [NO_NUMBER if value is None or value == "" else number_text(float(value), each) for value in values]

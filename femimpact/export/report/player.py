@@ -165,9 +165,10 @@ def player_element(
         else _view(f"{pair.name}, moving with the beam", str(j), f"{pair.name} on its spring")
         for j, pair in enumerate(balls)
     ]
+    about = "; ".join(filter(None, ("Whole beam, relative to the moving base", structure.beam.drawn_words)))
     stage = element(
         "div.stage.beside" if balls else "div.stage",
-        _view("Whole beam, relative to the moving base", "beam", "The moving beam"),
+        _view(about, "beam", "The moving beam"),
         element("div.close", *close[:MOST_CLOSE]) if balls else None,
     )
     controls = element(
@@ -206,7 +207,7 @@ def _data(frames: Frames, placed: PlacedStructure, larger: float) -> dict[str, A
     return {
         "time": [round(float(t), 9) for t in frames.time],
         "stations": [round(float(x), 9) for x in frames.stations],
-        "thickness": [float(f"{beam.rectangle_at(float(np.clip(x, 0.0, beam.joints[-1])))[1]:.5g}") for x in middles],
+        "thickness": [float(f"{beam.drawn_at(float(np.clip(x, 0.0, beam.joints[-1])))[1]:.5g}") for x in middles],
         "unit": unit,
         "slopeUnit": steepest,
         "deflection": _packed(frames.deflection / unit),

@@ -103,13 +103,22 @@ def _of_gap(varied: Mapping[str, Sequence[str]], ball: Contact) -> str:
 
 
 def _segment_words(segment: Segment) -> str:
-    width, thickness = segment.rectangle
-    end = segment.end_rectangle
-    taper = "" if end == (width, thickness) else f" to {millimetres(end[0])} {TIMES} {millimetres(end[1])}"
     material = f"{number_text(segment.young_modulus / 1e9)} GPa, {number_text(segment.density)} kg/m\u00b3"
-    return (
-        f"{millimetres(segment.length)} long, {millimetres(width)} {TIMES} {millimetres(thickness)}{taper}, {material}"
-    )
+    return f"{millimetres(segment.length)} long, {_section_words(segment)}, {material}"
+
+
+def _section_words(segment: Segment) -> str:
+    (width, thickness), end = segment.rectangle, segment.end_rectangle
+    if segment.diameter is not None:
+        wall = "" if segment.wall is None else f", wall {millimetres(segment.wall)}"
+        return f"diameter {millimetres(segment.diameter)}{wall}"
+    if segment.area is not None and segment.second_moment is not None:
+        outer = segment.outer_fibre
+        known = "" if outer is None else f", outer fibre at {millimetres(outer)}"
+        moment = number_text(1e12 * segment.second_moment)
+        return f"area {number_text(1e6 * segment.area)} mm\u00b2, second moment {moment} mm\u2074{known}"
+    taper = "" if end == (width, thickness) else f" to {millimetres(end[0])} {TIMES} {millimetres(end[1])}"
+    return f"{millimetres(width)} {TIMES} {millimetres(thickness)}{taper}"
 
 
 def _contact_words(one: Contact) -> str:
@@ -221,7 +230,7 @@ def _overview(placed: PlacedStructure, letters: dict[str, str]) -> Element:
         *(shape for one in placed.contacts if not one.is_stop for shape in _ball(canvas, placed, one)),
         *_connections(canvas, placed),
         *_names(canvas, placed, letters),
-        *_scale_bar(canvas, length, height),
+        *_scale_bar(canvas, structure, height),
     ]
     words = f"{structure_words(structure, placed.contacts)}, drawn to scale"
     return element("svg", *drawn, viewBox=f"0 0 {WIDTH:g} {height:.2f}", role="img", aria_label=words)
@@ -229,7 +238,7 @@ def _overview(placed: PlacedStructure, letters: dict[str, str]) -> Element:
 
 def _reach(placed: PlacedStructure) -> float:
     """Largest distance (m) from the axis of anything drawn."""
-    found = [0.5 * max(segment.rectangle[1] for segment in placed.structure.beam.segments)]
+    found = [0.5 * max(segment.drawn_at(0.0)[1] for segment in placed.structure.beam.segments)]
     found += [0.5 * body_side(body.mass) for body, _ in placed.blocks]
     for one in placed.contacts:
         gap = max((gap for gap in one.gaps if math.isfinite(gap)), default=0.0)
@@ -241,7 +250,7 @@ def _beam(canvas: _Canvas, structure: Structure) -> list[Element]:
     shapes, joints = [], structure.beam.joints
     for segment, start in zip(structure.beam.segments, joints[:-1], strict=True):
         stations = np.linspace(0.0, segment.length, STATIONS if segment.is_tapered else 2)
-        half = [0.5 * segment.rectangle_at(float(s))[1] for s in stations]
+        half = [0.5 * segment.drawn_at(float(s))[1] for s in stations]
         # a thickness of a third of a pixel would not be seen
         least = 1.1 / canvas.scale
         upper = [(start + float(s), max(h, least)) for s, h in zip(stations, half, strict=True)]
@@ -281,7 +290,7 @@ def _contact(canvas: _Canvas, placed: PlacedStructure, one: Contact) -> list[Ele
     """The box of a ball, or the blocks of a stop; an absorber has none."""
     x, length = one.position, placed.length
     if one.is_stop:
-        half, thick = 0.5 * placed.structure.beam.rectangle_at(x)[1], 0.02 * length
+        half, thick = 0.5 * placed.structure.beam.drawn_at(x)[1], 0.02 * length
         return [
             canvas.box("solid", x - 0.5 * thick, side * (gap + half), x + 0.5 * thick, side * (gap + half + thick))
             for side, gap in ((1.0, one.gaps[0]), (-1.0, one.gaps[1]))
@@ -367,14 +376,16 @@ def _names(canvas: _Canvas, placed: PlacedStructure, letters: dict[str, str]) ->
     ]
 
 
-def _scale_bar(canvas: _Canvas, length: float, height: float) -> list[Element]:
-    """The length of the beam, below it."""
+def _scale_bar(canvas: _Canvas, structure: Structure, height: float) -> list[Element]:
+    """The length of the beam, below it, and what of it is drawn as another section."""
+    length = structure.beam.length
+    words = "; ".join(filter(None, (millimetres(length), structure.beam.drawn_words)))
     y, left, right = round(height - 26.0, 2), canvas.x(0.0), canvas.x(length)
     path = f"M{left} {y}H{right}M{left} {y - 6}V{y + 6}M{right} {y - 6}V{y + 6}"
     middle = round(0.5 * (left + right), 2)
     return [
         element("path.measure", d=path),
-        element("text.quiet", millimetres(length), x=middle, y=y + 20, text_anchor="middle"),
+        element("text.quiet", words, x=middle, y=y + 20, text_anchor="middle"),
     ]
 
 
@@ -393,7 +404,7 @@ def _detail(placed: PlacedStructure, one: Contact) -> Element:
         if gap > 0.0:
             marks.append(element("path.measure", d=f"M{x} {near}V{far}M{x - 6} {near}h12M{x - 6} {far}h12"))
             marks.append(element("text", millimetres(gap), x=x + 12, y=round(0.5 * (near + far) + 4.5, 2)))
-    half = max(0.5 * structure.beam.rectangle_at(min(one.position, structure.beam.length))[1], 0.6 / scale)
+    half = max(0.5 * structure.beam.drawn_at(min(one.position, structure.beam.length))[1], 0.6 / scale)
     shapes = [
         *_contact(canvas, placed, one),
         canvas.box("beam", max(one.position - wide, 0.0), -half, min(one.position + wide, placed.length), half),

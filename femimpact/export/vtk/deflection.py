@@ -17,12 +17,13 @@ from femimpact.export.placed import BALL_DENSITY, ball_radius
 from femimpact.export.scene import EXAGGERATION, Scene, build_scene, snapshots_of
 from femimpact.export.tables import thinned
 from femimpact.export.vtk.formats import Frame, Series, Value
-from femimpact.export.vtk.modes import PARTS_IN_WORDS, beam_fields, in_words
+from femimpact.export.vtk.modes import PARTS_IN_WORDS, beam_fields, in_words, notes_of
 from femimpact.export.vtk.propagation import Touching, Transition
 from femimpact.integrators.channel_rows import drive_of
 from femimpact.response.history import Snapshots
 from femimpact.response.response import Response
 from femimpact.structure.structure import Structure
+from femimpact.units import number_text
 
 
 @dataclass(frozen=True)
@@ -361,7 +362,7 @@ def deflection_series(
     frames = frames_of(response, most)
     scene = build_scene(structure, response.system, exaggeration, all_parts=True)
     fields = beam_fields(scene, structure, response.system)
-    fixed = _about(response, exaggeration, frame, frames.mismatch)
+    fixed = _about(response, structure, exaggeration, frame, frames.mismatch)
     times, absolute = [float(t) for t in frames.snapshots.time], frame == "space"
 
     def make(k: int) -> Frame:
@@ -405,7 +406,7 @@ def _contacts(response: Response, forces: NDArray[np.float64], impulses: NDArray
     lines = []
     for pair, force, impulse in zip(response.system.contacts, forces, impulses, strict=True):
         known = (("force", force, "N"), ("impulse", impulse, "N s"))
-        values = [f"{what} {abs(value):.3g} {unit}" for what, value, unit in known if value != 0.0]
+        values = [f"{what} {number_text(abs(value), 3)} {unit}" for what, value, unit in known if value != 0.0]
         if values:
             pressed = (impulse or force) * (-1.0 if pair.is_stop else 1.0)
             place = f"{'+' if pressed > 0.0 else '-'} {'side' if pair.is_stop else 'wall'}"
@@ -413,7 +414,9 @@ def _contacts(response: Response, forces: NDArray[np.float64], impulses: NDArray
     return "\n".join(lines)
 
 
-def _about(response: Response, exaggeration: float, frame: str, mismatch: float) -> dict[str, Value]:
+def _about(
+    response: Response, structure: Structure, exaggeration: float, frame: str, mismatch: float
+) -> dict[str, Value]:
     """Field data that is the same in every file; the radii (m) in the order of the impactors."""
     motion = "relative to the moving base" if frame == "base" else "absolute, in space"
     note = (
@@ -425,7 +428,7 @@ def _about(response: Response, exaggeration: float, frame: str, mismatch: float)
         # the model has no radius: the ball is a point mass to it
         fields["ball_radius"] = [ball_radius(pair.mass) for pair in response.system.balls]
         note += f"; each ball is drawn as a steel sphere ({BALL_DENSITY:g} kg/m^3) of its mass"
-    return {**fields, "parts": PARTS_IN_WORDS, "note": note}
+    return {**fields, "parts": PARTS_IN_WORDS, "note": notes_of(structure, note)}
 
 
 def _on_cells(scene: Scene, values: NDArray[Kind]) -> NDArray[Kind]:

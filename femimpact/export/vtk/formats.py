@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.errors import require
-from femimpact.export.files import GuardedFile, atomic_path, atomic_write, file_path
+from femimpact.export.files import GuardedFile, atomic_path, atomic_write, target_path
 
 Value = float | Sequence[float] | str
 """A value of field data: numbers, or a line of text."""
@@ -158,7 +158,7 @@ def write_frames(path: Path, times: Sequence[float], texts: Iterable[str], names
 
 def checked_path(path: str | Path) -> Path:
     """The path of a collection whose folder of frames may be made or replaced."""
-    path = file_path(path)
+    path = target_path(path)
     require(path.suffix in (".pvd", ".vtkhdf"), "path", str(path), "", "must end in .pvd (or .vtkhdf: one file)")
     if path.suffix == ".vtkhdf":
         return path

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from femimpact.arrays import Array
 from femimpact.errors import checked, quantity, require
-from femimpact.export.scene import BEAM, PARTS, Scene, build_scene, sections_along
+from femimpact.export.scene import BEAM, PARTS, Scene, build_scene, outline_of, sections_along
 from femimpact.export.vtk.formats import Frame, Series, Value
 from femimpact.structure.structure import Structure
-from femimpact.system.hermite import hermite_rows, place_in_element
+from femimpact.system.hermite import hermite_rows, needs_outer_fibre, place_in_element
 from femimpact.system.matrices import Matrix
 from femimpact.system.modes import Modes, require_modes_of
 from femimpact.system.system import System
@@ -30,8 +30,6 @@ POINT_UNITS = {
 RELATIVE_STRESS = "relative_stress"
 """Axial stress as a share of the largest of its mode: a mode has no size, and neither has its stress."""
 
-POINTS_OF_SECTION = 4
-
 
 @dataclass(frozen=True, eq=False)
 class BeamFields:
@@ -43,7 +41,10 @@ class BeamFields:
     begin: Matrix  # csr_array (beam cells, 2 nodes) 1/m: w'' at both ends of a cell, read inside the cell
     end: Matrix
     modulus: Array  # (sections,) Pa
-    height: Array  # (beam points,) m: y of each point above the neutral axis
+    section: NDArray[np.intp]  # (beam points,) number of the section of each point
+    # (beam points,) m: y of each point above the neutral axis, of a section that is drawn as another one up to its
+    # outer fibre; not a number where that is not known
+    height: Array
     # (beam cells, 3) N: mean strain energy density of a cell by the products a a, a b and b b of w'' at its ends a, b
     cell_energy: Array
     points: int  # of the scene
@@ -51,13 +52,13 @@ class BeamFields:
 
     def at_points(self, nodal: Array) -> dict[str, Array]:
         """Arrays at points, 0 off the beam; strain and stress are those of the point, on a surface of the beam."""
-        curvature = np.repeat(self.curvature @ nodal, POINTS_OF_SECTION)
+        curvature = (self.curvature @ nodal)[self.section]
         strain = -self.height * curvature
-        stress = np.repeat(self.modulus, POINTS_OF_SECTION) * strain
+        stress = self.modulus[self.section] * strain
         values = {
             "curvature": curvature,
-            "bending_moment": np.repeat(self.moment @ nodal, POINTS_OF_SECTION),
-            "shear_force": np.repeat(self.shear @ nodal, POINTS_OF_SECTION),
+            "bending_moment": (self.moment @ nodal)[self.section],
+            "shear_force": (self.shear @ nodal)[self.section],
             "axial_strain": strain,
             "axial_stress": stress,
             "strain_energy_density": 0.5 * stress * strain,
@@ -75,7 +76,7 @@ class BeamFields:
 
 def beam_fields(
     scene: Scene,
-    structure: Structure,  # whose rectangles are drawn
+    structure: Structure,  # whose sections are drawn
     system: System,  # gives nodes, and the constants of the section in every element where it has them
 ) -> BeamFields:
     """Readings on the sections of a scene."""
@@ -99,15 +100,23 @@ def beam_fields(
 
     stiffness, slope = ([each[i] for each in constants] for i in (0, 2))
     begins, ends = (np.delete(np.arange(x.size), gone) for gone in (last, first))
+    segments = [sections_along(structure, stations)[0] for stations in scene.stretches]
+    outlines, steps = [outline_of(segment) for segment in segments], np.array(sizes) - 1
+    section = np.repeat(np.arange(x.size), np.repeat([len(one.points) for one in outlines], sizes))
+    step = np.repeat(np.arange(begins.size), np.repeat([len(one.cells) for one in outlines], steps))
+    dense = np.concatenate([np.tile(one.share / one.area, n) for one, n in zip(outlines, steps, strict=True)])
+    energy = _cell_energy(scene, structure, system, x[begins], x[ends], middle[begins])
+    outer = [(segment.half_height or math.nan) / (0.5 * segment.drawn_at(0.0)[1]) for segment in segments]
     return BeamFields(
         curvature=mean(2, (1.0, 1.0)),
         moment=mean(2, stiffness),
         shear=mean(3, stiffness) + mean(2, slope),
-        begin=sparse.csr_array(rows[0][0])[begins],
-        end=sparse.csr_array(rows[0][1])[ends],
+        begin=sparse.csr_array(rows[0][0])[begins[step]],
+        end=sparse.csr_array(rows[0][1])[ends[step]],
         modulus=share * constants[0][1] + (1.0 - share) * constants[1][1],
-        height=scene.points[: POINTS_OF_SECTION * x.size, 1],
-        cell_energy=_cell_energy(scene, structure, system, x[begins], x[ends], middle[begins]),
+        section=section,
+        height=scene.points[: section.size, 1] * np.repeat(outer, sizes)[section],
+        cell_energy=energy[step] * dense[:, None],
         points=len(scene.points),
         on_beam=scene.part == BEAM,
     )
@@ -139,7 +148,9 @@ def _constants(structure: Structure, system: System, x: Array, middle: Array, si
 
 
 def _cell_energy(scene: Scene, structure: Structure, system: System, begin: Array, end: Array, middle: Array) -> Array:
-    """Half the integral of E I w''^2 over cells, by w'' at both ends, over their volume: (cells, 3).
+    """Half the integral of E I w''^2 from section to section, by w'' at both ends, over width, height and length.
+
+    Returns (steps, 3).
 
     E I is of degree 4 along a taper and w'' linear: four Gauss points are exact.
     """
@@ -148,7 +159,7 @@ def _cell_energy(scene: Scene, structure: Structure, system: System, begin: Arra
     x = begin[:, None] + (end - begin)[:, None] * share
     stiffness = _constants(structure, system, x.ravel(), np.repeat(middle, share.size), "right")[0].reshape(x.shape)
     products = np.stack([(1.0 - share) ** 2, 2.0 * share * (1.0 - share), share**2], axis=1)
-    section = [sections_along(structure, stations) for stations in scene.stretches]
+    section = [sections_along(structure, stations)[1] for stations in scene.stretches]
     (w, t), (u, v) = (np.concatenate([each[cut] for each in section]).T for cut in (slice(-1), slice(1, None)))
     area = (w * t + u * v) / 3.0 + (w * v + u * t) / 6.0
     return np.asarray(0.25 * (stiffness * weights) @ products / area[:, None])
@@ -163,6 +174,23 @@ NOTE = (
     "mode shapes have no size of their own: this one is drawn with the largest deflection in `amplitude` (m), and "
     "every other array is that of this deflection; warp by displacement, factor 1"
 )
+
+
+def largest_known(values: Array) -> float:
+    """Largest absolute value, without what is not known; 0 where nothing is."""
+    return float(np.nanmax(np.abs(values), initial=0.0))
+
+
+def notes_of(structure: Structure, *first: str) -> str:
+    """Notes of a frame: the first ones, and those on segments drawn as another section or without a known surface."""
+    surfaces = [
+        f"no axial strain and stress: each {needs_outer_fibre(segment.name)}"
+        if segment.half_height is None
+        else f"axial strain and stress of {segment.name} at its outer fibre, not where that is drawn"
+        for segment in structure.beam.segments
+        if segment.area is not None
+    ]
+    return "; ".join(filter(None, (*first, structure.beam.drawn_words, *surfaces)))
 
 
 def in_words(names: Any) -> str:
@@ -180,7 +208,7 @@ class _Shapes:
         subdivisions = checked("subdivisions", subdivisions, allowed)
         height = 0.1 * structure.beam.length if scale is None else checked("scale", scale, SCALE)
         require_modes_of(system.dofs, modes)
-        self.modes, self.height = modes, height
+        self.modes, self.height, self.note = modes, height, notes_of(structure, NOTE)
         self.scene = build_scene(structure, system, 1.0, subdivisions, all_parts=True)
         self.fields = beam_fields(self.scene, structure, system)
         nodal = np.asarray(system.expansion @ modes.vectors)
@@ -188,7 +216,7 @@ class _Shapes:
         largest = np.abs(np.asarray(system.deflection_rows(x) @ modes.vectors)).max(axis=0)
         self.factor = height / largest
         self.nodal = nodal * self.factor
-        stresses = [float(np.abs(self.fields.at_points(column)["axial_stress"]).max()) for column in self.nodal.T]
+        stresses = [largest_known(self.fields.at_points(column)["axial_stress"]) for column in self.nodal.T]
         # a rigid motion has none but of rounding
         rigid = np.array(stresses) * modes.natural_frequency == 0.0
         self.largest_stress = np.where(rigid, np.inf, stresses)
@@ -226,7 +254,7 @@ class _Shapes:
             "contact_pair": self.scene.pair,
             "mean_strain_energy_density": self.fields.on_cells(nodal),
         }
-        fields = {**self.about(i), **more, "units": in_words(points), "note": NOTE}
+        fields = {**self.about(i), **more, "units": in_words(points), "note": self.note}
         return Frame(fields, points, cells)
 
     def series(self, times: list[float], names: list[str], frame: Any) -> Series:

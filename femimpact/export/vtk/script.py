@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from femimpact.export.files import atomic_write
 from femimpact.export.scene import BEAM, CONNECTION, CONTACT_POINT, PARTS
 from femimpact.export.vtk.formats import Frame, Series
-from femimpact.export.vtk.modes import RELATIVE_STRESS
+from femimpact.export.vtk.modes import RELATIVE_STRESS, largest_known
 
 TEMPLATE = '''"""@TITLE@
 
@@ -378,7 +378,7 @@ class Space:
 
 
 def _summary_of(series: Series, frame: Frame, k: int, pair_of_entry: NDArray[np.float64 | np.int32]) -> FrameSummary:
-    peaks = {name: float(np.abs(frame.points.get(name, 0.0)).max()) for name in ("axial_stress", *ARROWS)}
+    peaks = {name: largest_known(frame.points.get(name, np.zeros(1))) for name in ("axial_stress", *ARROWS)}
     pressed = -1
     for name in ARROWS:
         if peaks[name] > 0.0:

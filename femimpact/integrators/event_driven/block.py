@@ -18,7 +18,8 @@ from femimpact.errors import require
 from femimpact.excitation import Harmonic, PiecewisePolynomial
 from femimpact.excitation.piecewise_polynomial import HIGHEST_DEGREE, ORDERS, motion_at, piece_at
 from femimpact.integrators.channel_rows import Drive
-from femimpact.integrators.event_driven.continued import Held, resumed
+from femimpact.integrators.event_driven.complex_modes import SLOW
+from femimpact.integrators.event_driven.continued import Held, resumed, split_anew
 from femimpact.integrators.event_driven.equations import Equations
 from femimpact.integrators.event_driven.loop_data import (
     CONTACT,
@@ -36,7 +37,7 @@ SERIES_TERMS = 24
 """Most terms of the series of a driven entry."""
 
 LONGEST_SERIES = 0.5
-"""Longest time in which a driven entry is advanced at once, times the rate of the polynomials."""
+"""Longest time in which a driven entry is advanced at once, times the rate of the polynomials or of slow entries."""
 
 LINE = 64
 """Bytes of a cache line."""
@@ -228,7 +229,7 @@ def _new_cases(store: FormStore, inputs: Inputs, modes: int) -> core.events.Case
         knots=knots,
         pieces=table,
         degree=max((each.degree for each in pieces), default=-1),
-        longest=LONGEST_SERIES / rate if (rate := store.rate) else math.inf,
+        longest=LONGEST_SERIES / max(store.rate or 0.0, SLOW),
         gap_plus=inputs.gaps[:, :, 0].copy(),
         gap_minus=inputs.gaps[:, :, 1].copy(),
         stiffness=np.where(store.rigid, 0.0, inputs.stiffness),
@@ -262,6 +263,8 @@ def _new_cases(store: FormStore, inputs: Inputs, modes: int) -> core.events.Case
     cases = resumed(inputs.held, cases)
     # the arrays of all forms are then as large as a motion in this one
     _add_forms(np.zeros(1, dtype=np.intp), cases, store, np.zeros(1, dtype=np.int64))
+    wanted = _wanted_form(cases, 0, 0)
+    split_anew(inputs.held, cases, store.forms, store.known[wanted.parameters, wanted.key])
     return cases
 
 
@@ -389,10 +392,15 @@ def _add_forms(
     of_case = [row.tobytes() + int(system_of[c]).to_bytes(8, "little") for c, row in zip(members, keys, strict=True)]
     for c, key in zip(members.tolist(), of_case, strict=True):
         if key not in wanted:
-            bits = sum(1 << j for j in np.flatnonzero(np.abs(cases.state[c]) == CONTACT).tolist())
-            wanted[key] = WantedForm(bits, cases.stiffness[c], cases.damping[c], int(system_of[c]))
+            wanted[key] = _wanted_form(cases, c, int(system_of[c]))
     first = dict(zip(wanted, store.first_forms(list(wanted.values())), strict=True))
     cases.form[members, 0] = [first[key] for key in of_case]
+
+
+def _wanted_form(cases: core.events.Cases, number: int, system: int) -> WantedForm:
+    """The closed form of the contact states of a case."""
+    bits = sum(1 << j for j in np.flatnonzero(np.abs(cases.state[number]) == CONTACT).tolist())
+    return WantedForm(bits, cases.stiffness[number], cases.damping[number], system)
 
 
 def _fitted(cases: core.events.Cases, forms: core.events.Forms) -> core.events.Cases:
@@ -437,7 +445,9 @@ def working_space(block: Block, forms: core.events.Forms) -> core.events.Space:
         lasting=np.zeros(2 * pairs),
         constant=np.zeros(rows),
         static=np.zeros(d),
+        static_rate=np.zeros(d),
         given=np.zeros(rigid_bodies),
+        entry_given=np.zeros(entries, dtype=complex),
         nothing=np.zeros((loads, rigid_bodies)),
         wall=np.zeros(1 + pairs),
         steady=np.zeros((2, entries), dtype=complex),
@@ -451,6 +461,17 @@ def working_space(block: Block, forms: core.events.Forms) -> core.events.Space:
         minus=square,
         moments=np.zeros((entries, HIGHEST_DEGREE + 1), dtype=complex),
         rates=np.zeros((d, SERIES_TERMS)),
+    )
+    rows_of_pairs = {name: np.zeros(pairs) for name in ("rounding", "approach", "target", "impulse", "trial")}
+    impulses = core.events.Impulses(
+        **rows_of_pairs,
+        pair=np.zeros(pairs, dtype=np.int64),
+        held=np.zeros(pairs, dtype=bool),
+        pushes=np.zeros(pairs, dtype=bool),
+        **{name: np.zeros((pairs, pairs)) for name in ("mobility", "factor", "normal")},
+        order=np.zeros((2, pairs), dtype=np.int64),
+        size=np.zeros(pairs),
+        solved=np.zeros(pairs),
     )
     rest: list[NDArray[np.float64 | np.complex128 | np.int64]] = [
         np.zeros(entries, dtype=complex),
@@ -466,7 +487,7 @@ def working_space(block: Block, forms: core.events.Forms) -> core.events.Space:
         clock=np.zeros(2),
         drive=np.zeros(ORDERS * loads),
     )
-    *groups, rest = _together(*[motion] * 6, search, bounds, products, rest)
+    *groups, rest = _together(*[motion] * 6, search, bounds, products, impulses, rest)
     return core.events.Space._make((*groups, *rest))
 
 

@@ -13,6 +13,9 @@ decaying exponentials of the homogeneous equations (see `complex_modes`), motion
 balls) on parabolas, and the steady response to s(t), a sine or a polynomial. An event changes H and the rates of
 the rigid-body coordinates, or the set of pairs in contact. On which side these are enters by the walls only.
 
+What is steady of an entry divides by lambda. Slow ones have none under polynomials and constant loads, which drive
+them: H' = Lambda H + load, from where the motion is.
+
 Those of F systems are made together, in arrays (F, ...), as a call on small matrices takes longer than what it does.
 Each has the bits that it has alone.
 """
@@ -31,18 +34,25 @@ from numpy.typing import NDArray
 from femimpact.arrays import Array, Complex, Integers
 from femimpact.excitation.piecewise_polynomial import ORDERS
 from femimpact.integrators.event_driven.complex_modes import (
+    SLOW,
     ComplexModes,
     complex_modes,
     groups_of_equal_marks,
     part_of,
     stack,
 )
-from femimpact.integrators.event_driven.equations import Equations, require_met, undamped_modes, wall_offsets
+from femimpact.integrators.event_driven.equations import (
+    INDEPENDENT,
+    Equations,
+    require_met,
+    undamped_modes,
+    wall_offsets,
+)
 
 OF_DISPLACEMENT, OF_VELOCITY = (2, 0), (1, 1)
 """Indices of ub and ub' in `Rows.through` and in `Rows.follow`."""
 
-SLOW = 1.0
+FOLLOWED = 1.0
 """|lambda| over the rate of the polynomials up to which an entry takes all of its response to them."""
 
 
@@ -54,6 +64,7 @@ class Rows:
     rigid_body: Array  # (F, R, P) of the rigid-body coordinates and their rates
     rigid_body_rate: Array  # (F, R, P)
     constant: Array  # (F, R, 1 + pairs) of constant loads, and per metre of each wall
+    apart: Array  # the same directly, beside the response of the entries to them
     # of H loads: (F, 3H, R) directly of s, ub' and ub of each, beside the response of the entries to them
     through: Array
     # (F, 8H, R) steady, per unit of ub, ub', s and the derivatives of s to the fifth of each, under polynomials s(t)
@@ -79,6 +90,7 @@ def rate_of(rows: Rows, modes: ComplexModes) -> Rows:
         rigid_body=rows.rigid_body_rate,
         rigid_body_rate=rows.rigid_body,
         constant=0.0 * rows.constant,
+        apart=0.0 * rows.apart,
         through=in_rows(np.concatenate([zero, through[:, :, 2:], zero], axis=2)),
         follow=in_rows(np.concatenate([zero, follow[:, :, :-1]], axis=2)),
     )
@@ -92,6 +104,7 @@ def scaled_sum(rows: Rows, factor: Array, also: Rows, by: Array) -> Rows:
         rigid_body=first * rows.rigid_body + second * also.rigid_body,
         rigid_body_rate=first * rows.rigid_body_rate + second * also.rigid_body_rate,
         constant=first * rows.constant + second * also.constant,
+        apart=first * rows.apart + second * also.apart,
         through=factor[:, None, :] * rows.through + by[:, None, :] * also.through,
         follow=factor[:, None, :] * rows.follow + by[:, None, :] * also.follow,
     )
@@ -107,12 +120,15 @@ def gap_rows(
     through, follow = rows.through @ P.mT, rows.follow @ P.mT
     through[:, base[0]] -= equations.in_space
     follow[:, base[1]] -= equations.in_space
-    return Rows(P @ rows.weight, P @ rows.rigid_body, P @ rows.rigid_body_rate, P @ rows.constant, through, follow)
+    return Rows(
+        P @ rows.weight, P @ rows.rigid_body, P @ rows.rigid_body_rate, P @ rows.constant, P @ rows.apart, through,
+        follow,
+    )  # fmt: skip
 
 
 def driven_entries(
     modes: ComplexModes,
-    rate: float | None,  # 1/s: of the polynomials; none of a sine or of straight lines is driven
+    rate: float | None,  # 1/s: of the polynomials; only slow ones are driven by a sine's constant loads, or by lines
 ) -> NDArray[np.int64]:
     """Number (F,) of the entries, the slowest ones, that are advanced with all of their response to polynomials.
 
@@ -121,12 +137,28 @@ def driven_entries(
     """
     size = modes.size
     if not rate:
-        return np.zeros(size.shape[0], dtype=np.int64)
-    fast = np.concatenate([size > SLOW * rate, np.ones((size.shape[0], 1), dtype=bool)], axis=1)
+        return modes.slow
+    fast = np.concatenate([size > FOLLOWED * rate, np.ones((size.shape[0], 1), dtype=bool)], axis=1)
     count: NDArray[np.int64] = fast.argmax(axis=1)
     for first, length in modes.blocks:
         count = np.where((first < count) & (count < first + length), first, count)
-    return count
+    return np.maximum(count, modes.slow)
+
+
+def settled(rows: Rows, modes: ComplexModes, given: Complex) -> Array:
+    """Steady part (F, R, 1 + pairs) of scalars, as in `Rows.constant`, without that of slow entries."""
+    found = rows.constant
+    for f in np.flatnonzero(modes.slow).tolist():
+        fast = slice(int(modes.slow[f]), None)
+        response = _solved(modes.rate[f, fast, fast], -given[f, fast])
+        found = found.copy() if found is rows.constant else found
+        found[f] = rows.apart[f] + (rows.weight[f, :, fast] @ response).real
+    return found
+
+
+def _solved(rate: Complex, right: Complex) -> Complex:
+    """Lambda^-1 times a vector or some."""
+    return np.asarray(scipy.linalg.solve_triangular(rate, right)) if right.size else right
 
 
 def followed(rows: Rows, modes: ComplexModes, load: Complex, driven: NDArray[np.int64]) -> Array:
@@ -142,25 +174,46 @@ def followed(rows: Rows, modes: ComplexModes, load: Complex, driven: NDArray[np.
 
 def _followed(rows: Rows, rate: Complex, load: Complex, driven: int) -> Array:
     """That of one system, (8, R)."""
-    fast = slice(driven, None)
     follow = []
-    for of_load, through in zip(load.reshape(-1, 3, load.shape[1]), rows.through.reshape(-1, 3, rows.through.shape[1]),
-                                strict=True):  # fmt: skip
-        response = np.zeros((ORDERS, load.shape[1]), dtype=complex)
-        before = np.zeros(load.shape[1] - driven, dtype=complex)
-        for order in range(ORDERS):
-            # G' = Lambda G + load (s, ub', ub) with G a sum over ub and its derivatives
-            forcing = of_load[2 - order, fast] if order < 3 else 0.0
-            before = scipy.linalg.solve_triangular(rate[fast, fast], before - forcing) if before.size else before
-            response[order, fast] = before
+    for of_fast, through in zip(
+        steady_entries(rate, load, driven, rate.shape[0]), rows.through.reshape(-1, 3, rows.through.shape[1]),
+        strict=True,
+    ):  # fmt: skip
+        response = np.zeros((ORDERS, rate.shape[0]), dtype=complex)
+        response[:, driven:] = of_fast
         # each row by itself: the rounding of a matrix product depends on its shape, and events not on what else is read
         follow.append(np.sum(response[:, None, :] * rows.weight, axis=2).real)
         follow[-1][:3] += through[::-1]
     return np.concatenate(follow)
 
 
+def steady_entries(
+    rate: Complex,  # (K, K) 1/s: of one system; see `ComplexModes`
+    load: Complex,  # (3H, K) as of `ClosedForms`
+    first: int,  # of the entries, which are whole blocks, and the one behind the last
+    end: int,
+) -> Complex:
+    """Steady response (H, 8, entries) of some entries, per unit of ub, ub', s and the derivatives of s to the fifth."""
+    chosen, forces = slice(first, end), load.reshape(-1, 3, load.shape[1])
+    found = np.zeros((forces.shape[0], ORDERS, end - first), dtype=complex)
+    for of_load, response in zip(forces, found, strict=True):
+        before = np.zeros(end - first, dtype=complex)
+        for order in range(ORDERS):
+            # G' = Lambda G + load (s, ub', ub) with G a sum over ub and its derivatives
+            forcing = of_load[2 - order, chosen] if order < 3 else 0.0
+            before = _solved(rate[chosen, chosen], before - forcing)
+            response[order] = before
+    return found
+
+
+ABLE = 1e-3
+"""Share of the largest mobility of a coordinate at a stop, in speed, from which it may be the one that meets it."""
+
 ROUNDED = 1e-12
 """Share of the terms of a sum below which it is rounding."""
+
+SLOWEST = 0.25 * SLOW**2
+"""omega^2 (1/s^2) up to which an undamped motion surely has slow entries."""
 
 UNMET = 1e-9
 """Remainder of a wall 1 m away, beyond rounding, where a pressed stop gives way to others."""
@@ -180,17 +233,12 @@ class ClosedForms:
     # zero for others
     contact_force: Rows
     load: Complex  # (F, 3H, K) what s, ub' and ub of each load add to H'
+    given: Complex  # (F, K, 1 + pairs) the same of constant loads, and per metre of each wall
     to_entry_u: Complex  # (F, K, d) H = to_entry_u p + to_entry_v p', steady parts taken off
     to_entry_v: Complex  # (F, K, d)
     to_rigid_body: Array  # (F, P, d)
     impulse_entry: Complex  # (F, K, pairs) change of H and of the rates by a unit impulse on the structure at each pair
     impulse_rigid_body: Array
-    # (F, pairs, pairs) impulses on the structure at the pairs that stick (rows; zero for others) by a unit one at each
-    # other pair
-    reaction: Array
-    # (F, 2) whether a constant load, and whether s(t), drives a motion that is braked but not pulled back: neither it
-    # nor a polynomial s(t) has a steady response
-    unheld: NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -296,6 +344,8 @@ def _motions_on(equations: Equations, basis: Array, contact: _Contact) -> tuple[
     """omega^2, shapes and modal damping of all motions that the pairs in contact leave."""
     # what a pair does to a motion that leaves its gap as it is, is exactly nothing
     direction, pressed = basis.mT @ equations.force, contact.pressed
+    if np.any(_has_slow(equations)):
+        direction = _without_rounding(direction, np.abs(basis.mT) @ np.abs(equations.force))
     K = basis.mT @ equations.K @ basis + (direction * np.where(pressed, contact.stiffness, 0.0)[:, None]) @ direction.mT
     C = basis.mT @ equations.C @ basis + (direction * np.where(pressed, contact.damping, 0.0)[:, None]) @ direction.mT
     omega_squared, vectors = undamped_modes(K, basis.mT @ equations.M @ basis)
@@ -328,8 +378,6 @@ def _forms(equations: Equations, contact: _Contact, motions: _UndampedMotions, m
     """The closed forms on motions whose complex modes are known."""
     loads, elastic, rigid_body = _loads(equations, contact), motions.elastic, motions.rigid_body
     modal, modal_drive = elastic.mT @ loads.constant, loads.drive @ elastic
-    loose = motions.omega_squared[:, None, :] == 0.0
-    unheld = [_drives(np.where(loose, values, 0.0), values) for values in (modal.mT, modal_drive)]
     response = _steady_response(motions, modal, modal_drive)
     follow = response.follow.copy()
     follow[:, 0] += loads.moved
@@ -340,6 +388,7 @@ def _forms(equations: Equations, contact: _Contact, motions: _UndampedMotions, m
         rigid_body=rigid_body,
         rigid_body_rate=0.0 * rigid_body,
         constant=np.concatenate([response.constant[:, :, :1], loads.offset + response.constant[:, :, 1:]], axis=2),
+        apart=np.concatenate([np.zeros_like(response.constant[:, :, :1]), loads.offset], axis=2),
         through=through,
         follow=follow,
     )
@@ -355,13 +404,12 @@ def _forms(equations: Equations, contact: _Contact, motions: _UndampedMotions, m
         velocity=rate_of(position, modes),
         contact_force=_no_forces(position, contact.active.size),
         load=np.asarray(modal_drive @ modes.from_v.mT, dtype=complex),
+        given=modes.from_v @ modal,
         to_entry_u=modes.from_u @ momentum,
         to_entry_v=modes.from_v @ momentum,
         to_rigid_body=rigid_body.mT @ equations.M,
         impulse_entry=modes.from_v @ elastic.mT @ equations.force,
         impulse_rigid_body=rigid_body.mT @ equations.force,
-        reaction=_reactions(equations, contact.sticking),
-        unheld=np.stack(unheld, axis=1),
     )
     force = forms.contact_force
     if not np.all(contact.rigid):
@@ -374,7 +422,8 @@ def _forms(equations: Equations, contact: _Contact, motions: _UndampedMotions, m
 def _steady_response(motions: _UndampedMotions, modal: Array, modal_drive: Array) -> _SteadyResponse:
     """Response by the ansatz q = a0 ub + a1 ub' + a2 s + a3 s' + ...; s has no derivative beyond the fifth."""
     square, damping = motions.omega_squared, motions.damping
-    compliance = np.divide(1.0, square, out=np.zeros_like(square), where=square > 0.0)
+    # of what holds slow entries nothing is taken: see `settled` and `followed`
+    compliance = np.divide(1.0, square, out=np.zeros_like(square), where=square > SLOWEST)
     follow = []
     for h in range(0, modal_drive.shape[1], 3):
         a0 = compliance * modal_drive[:, h + 2]
@@ -398,45 +447,28 @@ def _no_forces(position: Rows, pairs: int) -> Rows:
     count, _, entries = position.weight.shape
     nothing = np.zeros((count, pairs, position.rigid_body.shape[2]))
     return Rows(
-        np.zeros((count, pairs, entries), dtype=complex), nothing, nothing, np.zeros((count, pairs, 1 + pairs)),
+        np.zeros((count, pairs, entries), dtype=complex), nothing, nothing,
+        np.zeros((count, pairs, 1 + pairs)), np.zeros((count, pairs, 1 + pairs)),
         np.zeros((count, position.through.shape[1], pairs)), np.zeros((count, position.follow.shape[1], pairs)),
     )  # fmt: skip
-
-
-def _reactions(equations: Equations, sticking: Integers) -> Array:
-    """Impulses by which sticking pairs stay at rest on their walls, of a unit one at each other pair."""
-    count, pairs = equations.in_space.shape
-    reaction = np.zeros((count, pairs, pairs))
-    if 0 < sticking.size < pairs:
-        others = np.delete(np.arange(pairs), sticking)
-        mobility = equations.force[:, :, sticking].mT @ np.linalg.solve(equations.M, equations.force)
-        reaction[np.ix_(np.arange(count), sticking, others)] = -np.linalg.solve(
-            mobility[:, :, sticking], mobility[:, :, others]
-        )
-    return reaction
-
-
-def _drives(loads: Array, all_loads: Array) -> NDArray[np.bool_]:
-    """True for systems of which some loads are more than the rounding of all, (F,)."""
-    largest = np.abs(all_loads).max(axis=(1, 2), initial=0.0)
-    return np.asarray(np.any(np.abs(loads) > 1e-12 * largest[:, None, None], axis=(1, 2)))
 
 
 def _free_bases(equations: Equations, contact: _Contact) -> list[tuple[Integers, Array]]:
     """Bases of the motions that sticking pairs leave, (F, d, motions), of systems with as many.
 
-    Where the structure has rigid motions, a ball that is pressed moves with its place beside its coordinate: that
-    is then its gap, and nothing stiffens a rigid motion of all.
+    Where the structure has slow or rigid motions, a ball that is pressed moves with its place beside its coordinate,
+    and a pressed stop leaves a motion less: gaps are then coordinates, and what is stiff is beside what is slow.
     """
     n, every = equations.dofs, np.arange(equations.M.shape[0])
     stops = contact.sticking[equations.stop[contact.sticking]]
-    is_loose = ~(equations.K[:, :n, :n] != 0.0).any(axis=1).all(axis=1)
-    if stops.size == 0:
-        left = [np.eye(n)] * every.size
-    else:
-        for f in every:
-            require_met(part_of(equations, int(f)), contact.sticking)
-        left = [scipy.linalg.null_space(-force[:n, stops].T) for force in equations.force]
+    is_loose, left = _has_slow(equations), [np.eye(n)] * every.size
+    pressed = np.flatnonzero(contact.pressed & equations.stop)
+    for f in np.flatnonzero(is_loose & (pressed.size > 0) | (stops.size > 0)).tolist():
+        alone = part_of(equations, f)
+        require_met(alone, contact.sticking)
+        left[f] = (
+            _beside_stops(alone, stops, pressed) if is_loose[f] else scipy.linalg.null_space(-alone.force[:n, stops].T)
+        )
     motions = np.array([each.shape[1] for each in left])
     found = []
     for members in groups_of_equal_marks(is_loose[:, None], motions[:, None]):
@@ -446,6 +478,40 @@ def _free_bases(equations: Equations, contact: _Contact) -> list[tuple[Integers,
             (members, _basis_of(part_of(equations, members), bases, contact.sticking, np.flatnonzero(carried)))
         )
     return found
+
+
+def _has_slow(equations: Equations) -> NDArray[np.bool_]:
+    """Whether the structure has slow or rigid motions, (F,)."""
+    stiffness, mass = (np.diagonal(each, axis1=1, axis2=2)[:, : equations.dofs] for each in (equations.K, equations.M))
+    return np.asarray(np.any(stiffness <= SLOW**2 * mass, axis=1))
+
+
+def _beside_stops(equations: Equations, held: Integers, pressed: Integers) -> Array:
+    """Motions (n, m) of one structure in which some stops stay where they are, then one for each pressed stop.
+
+    Each stop is met by one coordinate, the slowest that does so well: others stay as slow as they are.
+    """
+    n, met = equations.dofs, list[int]()
+    stiffness, mass = equations.K.diagonal()[:n] / equations.M.diagonal()[:n], np.sqrt(equations.M.diagonal()[:n])
+    rows = equations.force[:n, [*held, *pressed]].T.copy()
+    least = INDEPENDENT * np.abs(rows / mass).max(axis=1)
+    kept = list[int]()
+    for i in range(rows.shape[0]):
+        size = np.abs(rows[i] / mass)
+        if size.max() <= least[i]:
+            continue
+        able = np.flatnonzero(size >= ABLE * size.max())
+        pivot = int(able[np.argmin(stiffness[able])])
+        rows[i] /= rows[i, pivot]
+        others = np.delete(np.arange(rows.shape[0]), i)
+        rows[others] -= rows[others, pivot][:, None] * rows[i]
+        rows[others, pivot] = 0.0
+        met.append(pivot)
+        kept.append(i)
+    free = np.setdiff1d(np.arange(n), met)
+    motions = np.eye(n)[:, free]
+    motions[met] = -rows[kept][:, free]
+    return np.hstack([motions, np.eye(n)[:, [pivot for i, pivot in zip(kept, met, strict=True) if i >= held.size]]])
 
 
 def _basis_of(equations: Equations, left: Array, sticking: Integers, carried: Integers) -> Array:
@@ -479,6 +545,7 @@ def _compliant_forces(
     offset = np.where(active[:, None], 0.0, P @ loads.offset)
     x.constant[:, :, 0] = depth[:, :, 0]
     x.constant[:, :, 1:] = depth[:, :, 1:] + offset + wall
+    x.apart[:, :, 0], x.apart[:, :, 1:] = 0.0, offset + wall
     moved = -_times(loads.unmet, equations.in_space)
     follow_depth = _times(P, response.follow[:, 0]) + moved
     x.follow[:, 0] = np.where(active, follow_depth, x.follow[:, 0])
@@ -514,10 +581,14 @@ def _with_sticking(
     follow = in_rows(follow)
     through = begun - loads.drive
     through[:, ::3] += driven
-    constant = K @ response.constant - loads.constant + rigid_body @ forms.rigid_body_given
+    constant, apart = (
+        part - loads.constant + rigid_body @ forms.rigid_body_given
+        for part in (K @ response.constant, M @ (rate @ forms.given).real)
+    )
     force.weight[:, sticking] = project @ left
     force.rigid_body[:, sticking] = force.rigid_body_rate[:, sticking] = 0.0
     force.constant[:, sticking] = project @ constant
+    force.apart[:, sticking] = project @ apart
     force.through[:, :, sticking] = through @ project.mT
     force.follow[:, :, sticking] = follow @ project.mT
     return force

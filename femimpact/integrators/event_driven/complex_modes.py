@@ -3,6 +3,8 @@
 With an invariant pair (X, S), X S^2 + D X S + Omega^2 X = 0, every X e^{S t} h is a motion. An eigenvalue that stands
 alone has S = lambda. Eigenvalues that lie together share one pair: it is made diagonal where its eigenvectors are
 well apart (equal parts), and stays an upper triangular block where they are not (nearly critical damping).
+Eigenvalues of nearly zero frequency share one pair too, over displacements and velocities as they are: the motions of
+each alone would be large, and nearly cancel.
 Pairs are orthogonal to one another with respect to B = [[D, I], [I, 0]] on (u, u'), so that each has its coordinates
 h = G^-1 (X^T (D u + u') + S^T X^T u),   G = X^T D X + X^T X S + S^T X^T X.
 
@@ -144,8 +146,8 @@ def _newton_step(X: Complex, S: Complex, omega_squared: Array, damping: Array) -
         border = np.zeros((n + m, n + m), dtype=complex)
         border[:n, :n] = s * damping + np.diag(s * s + omega_squared)
         border[:n, n:] = X @ (S + s * np.eye(m)) + damping @ X
-        # the correction is orthogonal to the pair itself, in the energy
-        border[n:, :n] = (omega_squared[:, None] * X).conj().T + s * rates.conj().T
+        # the correction is orthogonal to the pair itself, in the energy, or as if slow motions had that of others
+        border[n:, :n] = (np.maximum(omega_squared, SLOW**2)[:, None] * X).conj().T + s * rates.conj().T
         border[n:, n:] = rates.conj().T @ X
         earlier = dX[:, :j] @ S[:j, j]
         right = np.concatenate([
@@ -158,6 +160,9 @@ def _newton_step(X: Complex, S: Complex, omega_squared: Array, damping: Array) -
         dX[:, j], dS[:, j] = step[:n], step[n:]
     return X + dX, S + dS
 
+
+SLOW = 0.9
+"""|lambda| (1/s) up to which a motion is slow: its displacement and its velocity times 1 s are of one size."""
 
 TOGETHER = 0.1
 """Eigenvalues nearer to one another than this share of their size are treated as one block."""
@@ -179,6 +184,14 @@ class ComplexModes:
     shape: Complex  # (F, n, K)
     from_u: Complex  # (F, K, n) H = from_u u + from_v u'
     from_v: Complex  # (F, K, n)
+
+    @cached_property
+    def slow(self) -> NDArray[np.int64]:
+        """Number (F,) of the first entries among which all slow ones are, whole blocks."""
+        is_slow = np.abs(self.exponent) <= SLOW
+        for first, count in self.blocks:
+            is_slow[:, first : first + count] |= is_slow[:, first : first + count].any(axis=1, keepdims=True)
+        return np.asarray((is_slow * np.arange(1, is_slow.shape[1] + 1)).max(axis=1, initial=0))
 
     @property
     def size(self) -> Array:
@@ -232,8 +245,8 @@ class _Component:
         return np.asarray(np.count_nonzero(self.near, axis=2) == 1)
 
 
-SWINGING, CREEPING, CRITICAL, COUPLED = range(4)
-"""How a coordinate moves: with an entry, with two real ones, with a block, or with others."""
+SWINGING, CREEPING, CRITICAL, DRIFTING, COUPLED = range(5)
+"""How a coordinate moves: with an entry, with two real ones, with a block, slowly, or with others."""
 
 
 def complex_modes(
@@ -253,7 +266,8 @@ def complex_modes(
     for members in groups_of_equal_marks(coupled, kinds):
         square, D = omega_squared[members], damping[members]
         components = [_component(linked, square, D) for linked in _linked(coupled[members[0]]) if linked.size > 1]
-        for part in _groups_of_equal_eigenvalues(components, np.any(kinds[members] == CRITICAL, axis=1)):
+        has_blocks = np.any((kinds[members] == CRITICAL) | (kinds[members] == DRIFTING), axis=1)
+        for part in _groups_of_equal_eigenvalues(components, has_blocks):
             parts = _uncoupled(kinds[members[0]], square[part], np.diagonal(D[part], axis1=1, axis2=2))
             for each in components:
                 parts += _coupled(part_of(each, part))
@@ -263,15 +277,13 @@ def complex_modes(
     return found
 
 
-def _groups_of_equal_eigenvalues(
-    components: list[_Component], is_critical: NDArray[np.bool_]
-) -> list[NDArray[np.intp]]:
+def _groups_of_equal_eigenvalues(components: list[_Component], has_blocks: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
     """Numbers of structures with as many entries in each component; blocks are made one structure at a time."""
-    count = is_critical.size
-    if count == 1 or not (components or is_critical.any()):
+    count = has_blocks.size
+    if count == 1 or not (components or has_blocks.any()):
         return [np.arange(count)]
     entries = [np.count_nonzero(each.values.imag >= 0.0, axis=1, keepdims=True) for each in components]
-    simple = ~is_critical
+    simple = ~has_blocks
     for each in components:
         simple &= each.alone.all(axis=1)
     return groups_of_equal_marks(np.where(simple, -1, np.arange(count)), *entries)
@@ -307,8 +319,10 @@ def _joined(parts: list[_Part], n: int, count: int) -> ComplexModes:
         if sizes[k] > 1:
             blocks.append((k, int(sizes[k])))
         k += int(sizes[k])
+    # no motion grows: what does is rounding, unless its block lets velocities become displacements
+    drifts = (sizes > 1) & (np.abs(exponent) <= SLOW)
     return ComplexModes(
-        np.minimum(exponent.real, 0.0) + 1j * exponent.imag,
+        np.where(drifts, exponent.real, np.minimum(exponent.real, 0.0)) + 1j * exponent.imag,
         np.triu(S, 1) if has_blocks else np.zeros((count, size, size), dtype=complex),
         np.array(blocks, dtype=np.int64).reshape(-1, 2),
         shape[each[:, :, None], np.arange(n)[:, None], order[:, None, :]],
@@ -356,7 +370,9 @@ def _kinds(omega_squared: Array, damping: Array) -> NDArray[np.int64]:
     discriminant = 0.25 * damping * damping - omega_squared
     root = np.sqrt(np.abs(discriminant))
     together = 2.0 * root <= TOGETHER * np.maximum(0.5 * damping, root)
-    return np.where(together, CRITICAL, np.where(discriminant < 0.0, SWINGING, CREEPING))
+    fastest = np.where(discriminant < 0.0, np.sqrt(omega_squared), 0.5 * damping + root)
+    kinds = np.where(together, CRITICAL, np.where(discriminant < 0.0, SWINGING, CREEPING))
+    return np.where(fastest <= SLOW, DRIFTING, kinds)
 
 
 def _uncoupled(kinds: NDArray[np.int64], omega_squared: Array, damping: Array) -> list[_Part]:
@@ -366,6 +382,7 @@ def _uncoupled(kinds: NDArray[np.int64], omega_squared: Array, damping: Array) -
         coordinate = np.array([i])
         parts += _coupled(_component(coordinate, omega_squared, damping[:, :, None] * np.eye(kinds.size)))
     root = np.sqrt(np.abs(0.25 * damping * damping - omega_squared))
+    parts += [_drifting(i, omega_squared, damping) for i in np.flatnonzero(kinds == DRIFTING).tolist()]
     swinging, creeping = np.flatnonzero(kinds == SWINGING), np.flatnonzero(kinds == CREEPING)
     if swinging.size:
         sigma, w = -0.5 * damping[:, swinging], root[:, swinging]
@@ -380,6 +397,20 @@ def _uncoupled(kinds: NDArray[np.int64], omega_squared: Array, damping: Array) -
     return parts
 
 
+def _drifting(member: int, omega_squared: Array, damping: Array) -> _Part:
+    """A slow coordinate u, and u' - lambda_1 u: nothing is divided, and neither grows where lambda vanishes."""
+    square, sigma = omega_squared[:, member].astype(complex), 0.5 * damping[:, member]
+    fast = -sigma - np.sqrt(sigma * sigma - square)
+    # from the product of both: no difference of near numbers
+    slow = np.divide(square, fast, out=np.zeros_like(square), where=fast != 0.0)
+    one, none = np.ones_like(slow), np.zeros_like(slow)
+    S = np.stack([np.stack([slow, one], axis=1), np.stack([none, fast], axis=1)], axis=1)
+    from_u, from_v = np.stack([one, -slow], axis=1), np.stack([none, one], axis=1)
+    return _Part(
+        np.array([member]), S, np.stack([one, none], axis=1)[:, None, :], from_u[:, :, None], from_v[:, :, None]
+    )
+
+
 def _diagonal(members: NDArray[np.intp], value: Any, weight: float, from_u: Any, from_v: Any) -> _Part:
     """One entry for each of some coordinates."""
     S, to_u, to_v = (np.asarray(each, dtype=complex) for each in (value, from_u, from_v))
@@ -389,14 +420,15 @@ def _diagonal(members: NDArray[np.intp], value: Any, weight: float, from_u: Any,
 def _component(members: NDArray[np.intp], omega_squared: Array, damping: Array) -> _Component:
     """Eigenvalues of coordinates (m,) that damping couples, or of one near its critical damping."""
     square, D = omega_squared[:, members], damping[:, members[:, None], members]
-    # (unit u, u'): the norm of the state is its energy, and no motion grows in it
-    unit = np.sqrt(np.maximum(square, 1e-12 * np.maximum(square.max(axis=1), 1.0)[:, None]))
+    # (unit u, u'): the norm of the state is its energy, and no motion grows in it but slow ones
+    unit = np.sqrt(np.maximum(square, np.maximum(1e-12 * square.max(axis=1), SLOW**2)[:, None]))
     n = members.size
     state, i = np.zeros((square.shape[0], 2 * n, 2 * n)), np.arange(n)
     state[:, i, n + i], state[:, n + i, i], state[:, n:, n:] = unit, -square / unit, -D
     values, right = np.linalg.eig(state)
     both = np.abs(values[:, :, None]), np.abs(values[:, None, :])
     near = 2.0 * np.abs(values[:, :, None] - values[:, None, :]) <= TOGETHER * (both[0] + both[1])
+    near |= np.maximum(*both) <= SLOW
     return _Component(members, square, D, unit, state, values.astype(complex), right.astype(complex), near)
 
 

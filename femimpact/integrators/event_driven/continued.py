@@ -13,6 +13,7 @@ from femimpact import core
 from femimpact.arrays import Array, Complex
 from femimpact.contact.laws import RIGID
 from femimpact.excitation import Excitation
+from femimpact.integrators.event_driven.closed_form import steady_entries
 from femimpact.integrators.event_driven.loop_data import BEGUN, FREE, RESUMED, STARTED
 from femimpact.system.state import Continuation, State
 from femimpact.system.system import System
@@ -44,6 +45,7 @@ class Held:
     # arrays of `core.events.Cases` by their names, in the closed form of the contact states; none where only the
     # contacts go on
     motion: Mapping[str, Array | Complex]
+    driven: int  # entries that hold all of their response to polynomials; see `closed_form.driven_entries`
     state: Array  # (pairs,) contact states
     touch: Array  # (6, pairs) what those in progress have added up to; see `loop_data.BEGUN`
     to_modes: Array  # (pairs, n) J: what they have given to each mode; without columns where it was not summed
@@ -97,6 +99,21 @@ def resumed(held: Held, cases: core.events.Cases) -> core.events.Cases:
     return cases._replace(**motion)
 
 
+def split_anew(held: Held, cases: core.events.Cases, forms: core.events.Forms, form: int) -> None:
+    """Give entries of a case alone the share of their response that they hold in this run.
+
+    The polynomials of a longer run may be faster, or slower beside a larger force, so that other entries are driven.
+    """
+    now, last = int(forms.driven[form]), int(forms.entries[form])
+    first, end = min(now, held.driven), max(now, held.driven)
+    if not held.motion or first == end:
+        return
+    rate = forms.coupling[form, :last, :last] + np.diag(forms.exponent[form, :last])
+    steady = steady_entries(rate, forms.load[form, :, :last], first, end)
+    steady = cases.drive[0] @ steady.reshape(cases.drive.shape[1], -1)
+    cases.entry[0, first:end] += steady if now > held.driven else -steady
+
+
 def final_state(
     system: System, excitation: Excitation, cases: core.events.Cases, forms: core.events.Forms, coordinates: Array,
     sampling: Sampling,
@@ -109,7 +126,7 @@ def final_state(
     }  # fmt: skip
     contacts = (cases.state, cases.touch, cases.to_modes, cases.leaving)
     copies = {name: _copy(values) for name, values in motion.items()}
-    held = Held(sampling, copies, *(_copy(values[0]) for values in contacts))
+    held = Held(sampling, copies, int(forms.driven[f]), *(_copy(values[0]) for values in contacts))
     places, rates = ((_copy(row[:n]), _copy(row[n:])) for row in coordinates)
     left = Continuation(KIND, held, places, rates, time, system, excitation, contacts_in_progress(held, system))
     return State(places[0], rates[0], places[1], rates[1], time=time, continuation=left)

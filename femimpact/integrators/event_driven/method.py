@@ -38,8 +38,10 @@ class EventDriven:
     Between events every mode and every ball moves in closed form. The first crossing of a gap is
     approached by times in which a bound on the motion excludes one, so that none is missed, and
     met to rounding. A rigid impact changes the relative speed v to -e v by an impulse
-    (1 + e) v/(1/m + b^T M^-1 b). Impacts at the same instant are resolved one after another, the
-    fastest first, until no pair at its wall approaches it.
+    (1 + e) v/(1/m + b^T M^-1 b). Impacts at the same instant are solved together, over all pairs that
+    close or rest at their walls, those that stick among them: impulses p >= 0 and u+ + e u- >= 0, one
+    of both zero for each pair (Moreau, 1988). What separates is looked at again afterwards. The energy
+    does not grow, and the order of the pairs does not matter.
 
     While the force of a Kelvin-Voigt contact pushes, structure, ball and wall are one linear system with a
     closed form. The contact ends where its force k p + c p' would turn into a pull; what the wall has

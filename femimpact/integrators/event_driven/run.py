@@ -16,7 +16,7 @@ from femimpact.contact.laws import RIGID
 from femimpact.errors import DivergenceError, changed, in_range, made, quantity, require
 from femimpact.excitation import Excitation
 from femimpact.integrators.cases import check_memory
-from femimpact.integrators.channel_rows import ChannelRows, Drive, channel_rows, drive_of, named_work, reaction_notes
+from femimpact.integrators.channel_rows import ChannelRows, Drive, channel_rows, drive_of, mode_notes, named_work
 from femimpact.integrators.event_driven.block import (
     EXTREMES,
     Block,
@@ -77,6 +77,7 @@ from femimpact.response.signals import (
 from femimpact.system.reduction import truncation_notes
 from femimpact.system.state import State, begun_anew
 from femimpact.system.system import System
+from femimpact.units import number_text
 
 CYCLES_AT_ONCE = 256
 """Base cycles between two reports of progress, when interrupts are checked."""
@@ -237,8 +238,33 @@ def find_extremes(
         )
         run_block(block, np.array([begin]), np.array([begin + end - done]), np.array([most * max(end - done, 1)]))
     row, times = extremes[0, 0], extremes[0, 0, -EXTREMES:]
-    highest, lowest = (Largest(float(row[i]), float(times[i]), channel.unit) for i in (MAXIMUM, MINIMUM))
+    notes = mode_notes(system, drive, (channel,))
+    highest, lowest = (Largest(float(row[i]), float(times[i]), channel.unit, notes) for i in (MAXIMUM, MINIMUM))
     return highest, lowest
+
+
+def reread(
+    system: System, excitation: Excitation, method: EventSettings, duration: float, recorder: Recorder, initial: State,
+    channels: tuple[Channel, ...],
+    start: float,  # s: from when on
+    longest: float,  # s: between two readings at most
+) -> tuple[Array, dict[str, Array]]:  # fmt: skip
+    """Times (s) and values of channels over a run that is computed once more, with the bits that it had."""
+    grid, recorder = reading_grid(system, excitation, method, duration, recorder), recorder.seen_from(initial.time)
+    samples, parts = round(duration / grid.interval), 1
+    while parts * longest < grid.interval:
+        # doubled, the grid keeps its instants to the last bit
+        parts *= 2
+    finer = replace(grid, interval=grid.interval / parts, per_cycle=grid.per_cycle * parts)
+    bare = replace(recorder, ledger=False, impacts=0, events=0)
+    keep = _Keep(1, round((start - initial.time) / finer.interval), 0, 0)
+    run = _new_run(system, excitation, method, channels, bare, keep, math.inf, initial, finer, samples * parts)
+    _read_start(run)
+    # a run has its bits in the same pieces only
+    for done, end in pieces(grid, recorder, samples):
+        _run_piece(run, done * parts, (end - done) * parts)
+    found = _history(run, 0, 0)
+    return found.time, dict(found.channels)
 
 
 WHOLE = 1e-9
@@ -322,7 +348,8 @@ def run_events(
         if progress is not None:
             progress(end / samples)
     found = _response(run, stream, samples, begin)
-    largest = LargestValues(partial(find_largest, system, excitation, method, duration, asked, initial))
+    given = (system, excitation, method, duration, asked, initial)
+    largest = LargestValues(partial(find_largest, *given), partial(reread, *given))
     return changed(found, notes=(*found.notes, *grid.chosen), kept_state=kept_state, largest_values=largest)
 
 
@@ -506,7 +533,7 @@ def _response(run: _Run, stream: Stream, samples: int, begin: float) -> Response
                 run.initial.continuation, contacts_in_progress(held_by(run.initial, system, run.excitation), system)
             ),
             *truncation_notes(system),
-            *reaction_notes(system, run.drive, run.channels),
+            *mode_notes(system, run.drive, run.channels),
             *_open_contacts(run),
             *_events_dropped(log),
         ),
@@ -529,7 +556,8 @@ def _balance_warnings(run: _Run, energy: EnergyLedger) -> list[str]:
     if residual <= bound:
         return []
     return [
-        f"energy residual {residual:.2g} of the energy put in, above {bound:.2g}: an event-driven run "
+        f"energy residual {number_text(residual, 2)} of the energy put in, above {number_text(bound, 2)}: an "
+        "event-driven run "
         "closes to rounding unless its modes span too many decades; keep fewer"
     ]
 

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from femimpact import core
 from femimpact.arrays import Array
-from femimpact.errors import require
 from femimpact.excitation.piecewise_polynomial import ORDERS
 from femimpact.integrators.channel_rows import ChannelRows, Drive
 from femimpact.integrators.event_driven.closed_form import (
@@ -24,6 +23,7 @@ from femimpact.integrators.event_driven.closed_form import (
     driven_entries,
     followed,
     gap_rows,
+    settled,
 )
 from femimpact.integrators.event_driven.complex_modes import part_of, stack
 from femimpact.integrators.event_driven.equations import Equations, stacked
@@ -155,7 +155,6 @@ class FormStore:
 
         Those that are missing are made together where the same pairs are in contact.
 
-        Raises `InputError` if one has no steady response to the loads.
         """
         with self.lock:
             missing: dict[int, dict[bytes, WantedForm]] = {}
@@ -192,10 +191,7 @@ class FormStore:
                     derived = self.sources[item.system].derived
                     if len(derived) < MOST_KEPT:
                         derived[self._kept_key(item, active)] = forms, number
-        allowed = "must have stiffness in every braked motion for this excitation or constant force"
         for items, equations, forms in made:
-            unheld = np.any(forms.unheld if self.rate is not None else forms.unheld[:, 0])
-            require(not unheld, "system", None, "", allowed)
             self._add(items, equations, forms, active)
 
     def _kept_key(self, item: WantedForm, active: NDArray[np.bool_]) -> tuple[Any, ...]:
@@ -215,6 +211,7 @@ class FormStore:
         real: dict[str, tuple[int, ...]] = {
             "size": (f, entries),
             "rigid_body_given": (f, rigid_bodies, 1 + pairs),
+            "static_rate": (f, d, 1 + pairs),
             "rigid_body_drive": (f, loads, rigid_bodies),
             "weight_size": (f, rows, entries),
             "rigid_body_weight": (f, rows, rigid_bodies),
@@ -229,11 +226,10 @@ class FormStore:
             "velocity_follow": (f, ORDERS * loads, d),
             "to_rigid_body": (f, rigid_bodies, d),
             "impulse_rigid_body": (f, rigid_bodies, pairs),
-            "reaction": (f, pairs, pairs),
         }
         integers: dict[str, tuple[int, ...]] = {
             "key": (f,), "following": (f,), "number": (f,), "entries": (f,), "rigid_bodies": (f,), "driven": (f,),
-            "blocks": (f, blocks, 2), "first": (f, d + 1), "members": (f, d * entries),
+            "slow": (f,), "blocks": (f, blocks, 2), "first": (f, d + 1), "members": (f, d * entries),
         }  # fmt: skip
         complexes: dict[str, tuple[int, ...]] = {
             "exponent": (f, entries),
@@ -242,6 +238,7 @@ class FormStore:
             "shape": (f, d, entries),
             "shape_rate": (f, d, entries),
             "load": (f, 3 * loads, entries),
+            "given": (f, entries, 1 + pairs),
             "to_entry_u": (f, entries, d),
             "to_entry_v": (f, entries, d),
             "impulse_entry": (f, entries, pairs),
@@ -290,13 +287,15 @@ class FormStore:
             "size": modes.size, "rigid_body_given": made.rigid_body_given,
             "rigid_body_drive": made.rigid_body_drive, "weight": rows.weight, "weight_size": np.abs(rows.weight),
             "rigid_body_weight": rows.rigid_body, "rigid_body_rate_weight": rows.rigid_body_rate,
-            "constant": rows.constant, "through": rows.through, "follow": follow, "driven": driven,
+            "constant": settled(rows, modes, made.given), "through": rows.through, "follow": follow,
+            "driven": driven, "slow": modes.slow,
             "shape": made.position.weight, "shape_rate": made.velocity.weight,
-            "rigid_body_shape": made.rigid_body_shape, "static": made.position.constant,
+            "rigid_body_shape": made.rigid_body_shape, "static": settled(made.position, modes, made.given),
+            "static_rate": settled(made.velocity, modes, made.given),
             "position_through": made.position.through[:, 2], "position_follow": position, "velocity_follow": velocity,
-            "load": made.load, "to_entry_u": made.to_entry_u, "to_entry_v": made.to_entry_v,
+            "load": made.load, "given": made.given, "to_entry_u": made.to_entry_u, "to_entry_v": made.to_entry_v,
             "to_rigid_body": made.to_rigid_body, "impulse_entry": made.impulse_entry,
-            "impulse_rigid_body": made.impulse_rigid_body, "reaction": made.reaction,
+            "impulse_rigid_body": made.impulse_rigid_body,
             **_uses_of_entries(made, bool(np.any(active & ~self.rigid)) or _is_coupled(equations.C)),
         }  # fmt: skip
         for name, value in values.items():
@@ -337,13 +336,15 @@ def _output_rows(out: Outputs, made: ClosedForms, active: NDArray[np.bool_]) -> 
     through = p.through @ out.position.mT + v.through @ out.rate.mT + out.drive
     follow = p.follow @ out.position.mT + v.follow @ out.rate.mT
     by_load(follow, ORDERS)[:, :, :3] += by_load(out.drive, 3)[:, :, ::-1]
-    constant = out.position @ p.constant
+    constant, apart = out.position @ p.constant, out.position @ p.apart
     constant[:, :, 0] += out.constant
+    apart[:, :, 0] += out.constant
     rows = Rows(
         weight=out.position @ p.weight + out.rate @ v.weight,
         rigid_body=out.position @ p.rigid_body,
         rigid_body_rate=out.rate @ p.rigid_body,
         constant=constant,
+        apart=apart,
         through=through,
         follow=follow,
     )
@@ -352,6 +353,7 @@ def _output_rows(out: Outputs, made: ClosedForms, active: NDArray[np.bool_]) -> 
         weight = out.force[:, o, j][:, None]
         rows.weight[:, o] += weight * force.weight[:, j]
         rows.constant[:, o] += weight * force.constant[:, j]
+        rows.apart[:, o] += weight * force.apart[:, j]
         rows.rigid_body[:, o] += weight * force.rigid_body[:, j]
         rows.rigid_body_rate[:, o] += weight * force.rigid_body_rate[:, j]
         rows.through[:, :, o] += weight * force.through[:, :, j]
@@ -366,6 +368,7 @@ def _stacked_rows(*parts: Rows) -> Rows:
         rigid_body=np.concatenate([rows.rigid_body for rows in parts], axis=1),
         rigid_body_rate=np.concatenate([rows.rigid_body_rate for rows in parts], axis=1),
         constant=np.concatenate([rows.constant for rows in parts], axis=1),
+        apart=np.concatenate([rows.apart for rows in parts], axis=1),
         through=np.concatenate([rows.through for rows in parts], axis=2),
         follow=np.concatenate([rows.follow for rows in parts], axis=2),
     )

@@ -27,7 +27,7 @@ from femimpact.integrators.cases import (
     start_of,
     with_contacts_of,
 )
-from femimpact.integrators.channel_rows import channel_rows, drive_of, reaction_notes
+from femimpact.integrators.channel_rows import channel_rows, drive_of, mode_notes
 from femimpact.integrators.stepping.arrays import Inputs
 from femimpact.integrators.stepping.block import (
     Block,
@@ -62,6 +62,7 @@ from femimpact.response.signals import (
 from femimpact.system.reduction import truncation_notes
 from femimpact.system.state import State, begun_anew
 from femimpact.system.system import System
+from femimpact.units import number_text
 
 PIECE = 10_000
 """Steps in memory at once."""
@@ -73,6 +74,7 @@ NO_LIMIT = 1e30
 def find_largest(
     run: Callable[[Recorder], Any],  # the run, with what it is to keep: its steps have the same bits whatever that is
     recorder: Recorder,  # of the run before
+    notes: Callable[[tuple[Channel, ...]], tuple[str, ...]],  # on channels
     channels: tuple[Channel, ...],
 ) -> tuple[Largest, ...]:
     """Largest values of channels over all steps of a run."""
@@ -88,8 +90,25 @@ def find_largest(
     )  # fmt: skip
     run(every_step)
     return tuple(
-        Largest(one.value, one.time or 0.0, channel.unit) for one, channel in zip(found, channels, strict=True)
+        Largest(one.value, one.time or 0.0, channel.unit, notes((channel,)))
+        for one, channel in zip(found, channels, strict=True)
     )
+
+
+def reread(
+    run: Callable[[Recorder], Any],  # as of `find_largest`
+    recorder: Recorder,
+    channels: tuple[Channel, ...],
+    start: float,  # s: from when on
+    _: float,  # s: a run with steps is read at them
+) -> tuple[Array, dict[str, Array]]:
+    """Times (s) and values of channels at all steps of a run from a time on."""
+    every_step = replace(
+        recorder, channels=channels, every=1, start=start, snapshots=0, state_at=None, impacts=0, ledger=False,
+        memory_limit=NO_LIMIT, sink=None,
+    )  # fmt: skip
+    found = run(every_step)
+    return found.time, dict(found.channels)
 
 
 def run_steps(
@@ -113,12 +132,14 @@ def run_steps(
     require(fits, "duration", duration, "s", f"must be a finite number >= one step, {method.dt:g} s")
     check_sampling(np.array([excitation.frequency]), method, "frequency")
     warnings, again = check_step(system, method), partial(_again, system, excitation, method, duration, initial)
-    largest = LargestValues(partial(find_largest, again, recorder))
     steps = round(duration / method.dt)
     # the sines of a sum go on behind the last step, which may be half a step after the end
     excitation = until(excitation, initial.time + duration + 2.0 * method.dt)
     channels, drive = resolve_channels(system, recorder.channels), drive_of(system, excitation)
     rows = channel_rows(system, drive, channels, springs_apart=False)
+    largest = LargestValues(
+        partial(find_largest, again, recorder, partial(mode_notes, system, drive)), partial(reread, again, recorder)
+    )
     beginning, recorder = beginning_of(initial, system, excitation, method), recorder.seen_from(initial.time)
     block = prepare(
         system,
@@ -140,7 +161,7 @@ def run_steps(
         if step in kept:
             kept_state = _state(block, system, excitation, method)
     response = _response(block, system, excitation, method, recorder, initial, stream, warnings)
-    notes = (*response.notes, *reaction_notes(system, drive, channels))
+    notes = (*response.notes, *mode_notes(system, drive, channels))
     return changed(response, notes=notes, kept_state=kept_state, largest_values=largest)
 
 
@@ -155,7 +176,8 @@ def divergence_message(frequency: float, time: float, method: SteppingMethod) ->
     """Words for a run that grew without bound, and what to do."""
     return (
         f"the motion at {frequency:g} Hz is not finite or grew without bound before t = {time:.4g} s with "
-        f"dt = {method.dt:.3g} s: take a smaller dt (recommended_step gives one), a contact law with damping, "
+        f"dt = {number_text(method.dt, 3)} s: take a smaller dt (recommended_step gives one), a contact law with "
+        "damping, "
         f"or raise divergence_limit ({method.divergence_limit:g})"
     )
 
@@ -269,7 +291,8 @@ def _law_notes(block: Block) -> tuple[str, ...]:
 
 def _residual_warning(residual: float, limit: float) -> str:
     return (
-        f"energy residual {residual:.2g} exceeds {limit:g}: the method or the contact law makes or loses energy that "
+        f"energy residual {number_text(residual, 2)} exceeds {limit:g}: the method or the contact law makes or loses "
+        "energy that "
         "the ledger cannot name; take a smaller dt, or raise Recorder.residual_limit"
     )
 
