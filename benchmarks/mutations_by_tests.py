@@ -167,6 +167,24 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
             "    return text\n\n\ndef prefixed",
         ),
     ),
+    "test_simultaneous_impacts.py": (
+        Mutation("all_to_the_first_of_equals", "if (find_pushing(0.0, x, n))", "if (find_pushing(1e-9, x, n))"),
+        Mutation("beside_its_wall", "constexpr double BESIDE = 64.0", "constexpr double BESIDE = 1e-3"),
+        Mutation(
+            "only_the_first_is_captured",
+            "        if (lasting >= 0.0) {\n            hold(r);",
+            "        if (lasting >= 0.0 && !caught) {\n            hold(r);",
+        ),
+        Mutation(
+            "sticking_pair_is_not_let_go",
+            "if (!sticking)\n            solve_impulses",
+            "if (sticking)\n            solve_impulses",
+        ),
+        Mutation(
+            "separating_pair_is_pushed", "if (s.rigid && count > 1 && gate(j)", "if (s.rigid && count > 9 && gate(j)"
+        ),
+        Mutation("few_iterations_of_impulses", "IMPULSE_ITERATIONS = 20'000", "IMPULSE_ITERATIONS = 200"),
+    ),
     "test_contact_table.py": (
         Mutation(
             "least_speed_left_out",

@@ -66,6 +66,7 @@ def loss_of(run):
         ((0.1, 0.9), (0.9, 0.1), 1.0),
         ((1.0, 1.0), (1 / 3, 1 / 3), 4 / 3),
         ((0.5, 0.5, 0.5), (5 / 8, 5 / 8, 5 / 8), 9 / 8),
+        ((0.5,) * 20, (1.0 - 1.5 / 21,) * 20, 30 / 21),
     ],
 )
 def test_balls_that_meet_a_wall_at_one_instant(method, restitutions, balls, wall):
@@ -197,6 +198,26 @@ def test_random_chains_keep_momentum_and_never_gain_energy_in_any_order(seed):
         assert np.all(np.diff(after) >= -1e-11 * np.max(np.abs(velocity)))
         found.append(after)
     np.testing.assert_allclose(found, found[:1] * len(found), rtol=0, atol=1e-12 * np.max(np.abs(velocity)))
+
+
+@pytest.mark.parametrize("seed", [37, 54, 82, 100])
+def test_steps_with_several_impacts_never_gain_energy_in_any_order(seed):
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(3, 6))
+    masses, restitutions = 10.0 ** rng.uniform(-1.0, 1.0, n), rng.choice([0.0, 0.1, 0.5, 0.9, 1.0], n - 1)
+    start = fi.State(velocity=rng.normal(size=n), displacement=np.sort(rng.uniform(-0.01, 0.01, n)))
+    channels, found = fi.Recorder(tuple(f"mass {i}.velocity" for i in range(n))), []
+    for order in (range(n - 1), range(n - 2, -1, -1)):
+        system = bodies(row(n), masses, restitutions, order=order)
+        run = fi.integrate(system, STILL, fi.MoreauJean(1e-4), 0.1, channels, start)
+        velocity = np.array([run[name] for name in channels.channels])
+        energy = 0.5 * masses @ velocity**2
+        assert len(run.impacts) > 2
+        assert np.all(np.diff(energy) <= 1e-14 * energy[0])
+        assert np.all(run.impacts.energy_loss >= -1e-14 * energy[0])
+        np.testing.assert_allclose(masses @ velocity, masses @ velocity[:, 0], rtol=0, atol=1e-13 * masses.sum())
+        found.append(velocity)
+    np.testing.assert_allclose(found[0], found[1], rtol=0, atol=1e-11)
 
 
 @pytest.mark.parametrize(("e", "place"), [(0.6, 0.25), (0.8, 0.4), (1.0, 0.25)])

@@ -180,6 +180,23 @@ def test_what_is_nearly_free_moves_as_what_is_free(contact, wall, drive, slow):
         np.testing.assert_allclose(nearly.energy[name], free.energy[name], rtol=0.0, atol=1e-10 * size)
 
 
+def test_a_free_bar_may_have_a_rigid_motion_to_rounding():
+    """Bounces that end in sticking phases, of 9 modes: the lowest eigenvalue is 2e-27 or 1e-8 where it should be 0."""
+    n, rng, runs = 9, np.random.default_rng(3), []
+    shapes, omega = np.linalg.qr(rng.normal(size=(n, n)))[0], np.linspace(0.0, 1e4, n)
+    for square in (0.0, 2e-27, 1e-12):
+        K = np.diag(np.where(omega > 0.0, omega**2, square))
+        stop = fi.Stop("stop", at="end", gap=(1e-3, math.inf), contact=fi.Rigid(0.6), fixed_to="space")
+        bar = fi.System.from_matrices(
+            np.eye(n), 1e-5 * K, K, points={"end": np.abs(shapes[0])}, stops=[stop], constant_load=9.81 * np.eye(n)[0]
+        )  # fmt: skip
+        runs.append(fi.integrate(bar, fi.Sine(1e-4, 20.0), EXACT, 0.3))
+    for run in runs:
+        assert run.energy.residual < 1e-12
+        assert len(run.impacts) > 20
+        np.testing.assert_allclose(run.impacts.time[:8], runs[0].impacts.time[:8], rtol=0.0, atol=1e-12)
+
+
 @pytest.mark.parametrize("stiffness", [None, 1e2, 1e7])
 def test_what_a_stop_leaves_is_as_slow_as_it_is(stiffness):
     """A stop that holds a place, or presses it: the eigenvalues of Omega^2 + k b b^T in 150 digits."""

@@ -260,7 +260,8 @@ def _integral_of_sine(sigma: Numbers, kappa: Numbers, time: Numbers, held: Numbe
     is_held = square > HELD * (1.0 + decay)
     by_stiffness = (1.0 - held) / np.where(np.real(kappa) == 0.0, 1.0, kappa)
     # the derivatives of the sine at t = 0, one after the other
-    before, now, term, series = 0.0, 1.0, 0.5 * time**2, 0.0
+    before, now, term = 0.0 * kappa, 1.0 + 0.0 * kappa, 0.5 * time**2
+    series: Numbers = 0.0 * time
     for n in range(TERMS):
         series = series + now * term
         before, now, term = now, -2.0 * sigma * now - kappa * before, term * time / (n + 3.0)

@@ -247,10 +247,11 @@ def at_one_instant(restitutions: tuple[float, ...]) -> Case:
     zero, count = np.zeros((1, 1)), len(restitutions)
     system = System.from_matrices([[1.0]], zero, zero, points={"wall": [1.0]}, impactors=balls)
     start = State(ball_velocity=[1.0] * count)
-    run = integrate(system, Sine(0.0, 1.0), EventDriven(), 1.5, Recorder(("wall",)), start)
+    channels = ("wall.velocity", *(f"{ball.name}.velocity" for ball in balls))
+    run = integrate(system, Sine(0.0, 1.0), EventDriven(), 1.5, Recorder(channels), start)
     wall = (count + sum(restitutions)) / (1 + count)
     exact = np.array([wall, *(wall - e for e in restitutions)])
-    found = np.concatenate([run.final_state.velocity, run.final_state.ball_velocity])
+    found = np.array([run[channel][-1] for channel in channels])
     # each loses 1/2 (1 - e) p u
     lost = 0.5 * np.sum((1 - np.array(restitutions)) * (1 - exact[1:]))
     off = [*np.abs(found - exact), abs(run.impacts.energy_loss.sum() - lost)]

@@ -156,6 +156,11 @@ constexpr double STICKS = 2.0;
         measure_driven(scalars, motion, ahead, search);
 }
 
+// Size of what a real part is a sum of: what may be lost of a slow motion now, of which a bound tells of later.
+[[gnu::always_inline]] inline double size_of_product(Complex a, Complex b) {
+    return magnitude(a.real * b.real) + magnitude(a.imag * b.imag);
+}
+
 // Smallest s > 0 with speed s + bend s^2/2 = clearance >= 0; infinite if there is none.
 [[gnu::always_inline]] inline double first_meeting(double clearance, double speed, double bend) {
     double root = speed * speed + 2.0 * bend * clearance;
@@ -209,10 +214,14 @@ constexpr double STICKS = 2.0;
         twist *= remaining;
     if (scalars.degree > 1)
         twist += later_bend(scalars, r, d, remaining);
-    double fast = 0.0;
-    for (Index k = 0; k < active; k++)
-        fast += scalars.weight_size(r, k) * size(k);
-    scale += fast;
+    double fast = 0.0, known = 0.0;
+    for (Index k = 0; k < active; k++) {
+        double largest = scalars.weight_size(r, k) * size(k);
+        fast += largest;
+        scale += k < scalars.slow ? size_of_product(scalars.weight(r, k), motion.entry(k)) : 0.0;
+        known += k < scalars.slow ? 0.0 : largest;
+    }
+    scale += known;
     double upper = scalars.upper(r), lower = scalars.lower(r);
     double up = upper == INFINITE ? INFINITE : 0.0, down = lower == -INFINITE ? INFINITE : 0.0;
     for (Index k = 0; k <= active; k++) {
@@ -229,7 +238,7 @@ constexpr double STICKS = 2.0;
             rate += weight.real * h_rate.real - weight.imag * h_rate.imag;
             fast = k + 1 < active ? fast - size_of_term : 0.0;
             double speed = size_of_term * scalars.size(k);
-            scale_rate += speed;
+            scale_rate += k < scalars.slow ? size_of_product(weight, h_rate) : speed;
             if (k < scalars.driven) {
                 pull += (weight * search.power(1, k)).real;
                 bend += scalars.weight_size(r, k) * search.drift(1, k);

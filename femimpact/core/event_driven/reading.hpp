@@ -91,7 +91,8 @@ constexpr Index MAXIMUM_TIME = 6, MINIMUM_TIME = 7;
     Complex wave = scalars.sine(r);
     double scale = magnitude(scalars.constant(r)) + magnitude(wave.real) + magnitude(wave.imag);
     for (Index k = 0; k < scalars.size.size(); k++)
-        scale += scalars.weight_size(r, k) * search.size(k);
+        scale += k < scalars.slow ? size_of_product(scalars.weight(r, k), motion.entry(k))
+                                  : scalars.weight_size(r, k) * search.size(k);
     for (Index p = 0; p < scalars.rigid_body_given.size(); p++)
         scale += magnitude(scalars.rigid_body_weight(r, p) * motion.rigid_body(p));
     return CANCELLED * scale + LEAST_MOTION;

@@ -13,8 +13,8 @@ enum : Index { STAY, ENTER, COLLIDE, LET_GO, UNRESOLVED };
 // Most collisions that one instant may take among several pairs.
 constexpr Index COLLISIONS_AT_ONCE = 100'000;
 
-// Times its rounding by which a pair may be short of its wall beside another that has met its own: equal parts differ by
-// the rounding of their modes and of the impacts before.
+// Times its rounding by which a pair may be short of its wall beside another that has met its own: equal parts differ
+// by the rounding of their modes and of the impacts before.
 constexpr double BESIDE = 64.0;
 
 // Share of an impact's speed that rounding may leave of none where it does not reach.
@@ -335,24 +335,37 @@ constexpr double ROUNDING_SHARE = 1e-12;
     double time = space.motion.clock(0);
     Index n = 0;
     bool caught = false;
-    for (Index r = 0; r < c.state.size(); r++) {
-        double wall = search.at_wall(r), approach = wall * search.rate(r), lasting = -1.0;
-        bool sticks = pairs.rigid(r) && is_active(c.state(r));
-        if (impulse(r) != 0.0)
-            lasting = bounces_left(r, wall, -approach, form.scalars, pairs, c, space);
-        if (lasting >= 0.0) {
-            c.state(r) = wall * CONTACT;
-            begin_contact(r, time + lasting, 0.0, c);
-            search.leaving(r) = 0.0;
-            caught = true;
-        } else
-            impulse(r) = 0.0;
-        if (!sticks && lasting < 0.0)
-            continue;
+    auto hold = [&](Index r) {
         x.pair(n) = r;
-        x.held(n) = 1;
-        x.approach(n) = x.target(n) = approach;
+        x.held(n) = x.pushes(n) = 1;
+        x.approach(n) = x.target(n) = search.at_wall(r) * search.rate(r);
         n++;
+    };
+    for (Index r = 0; r < c.state.size(); r++)
+        if (pairs.rigid(r) && is_active(c.state(r)))
+            hold(r);
+    for (Index r = 0; r < c.state.size(); r++) {
+        if (impulse(r) == 0.0)
+            continue;
+        double wall = search.at_wall(r);
+        double lasting = bounces_left(r, wall, -wall * search.rate(r), form.scalars, pairs, c, space);
+        if (lasting >= 0.0) {
+            hold(r);
+            set_mobility(n, pairs, space);
+            // one that those held leave no motion stays with them
+            if (factorise_pushing(0.0, x, n).independent < n) {
+                n--;
+                lasting = -1.0;
+            }
+        }
+        if (lasting < 0.0) {
+            impulse(r) = 0.0;
+            continue;
+        }
+        c.state(r) = wall * CONTACT;
+        begin_contact(r, time + lasting, 0.0, c);
+        search.leaving(r) = 0.0;
+        caught = true;
     }
     if (!caught)
         return false;

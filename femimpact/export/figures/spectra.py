@@ -24,13 +24,12 @@ from femimpact.export.figures.drawing import (
     plain_log_ticks,
     require_history,
 )
-from femimpact.export.tables import GRAVITY
 from femimpact.response.channels import channel_key
 from femimpact.response.response import Response
 from femimpact.spectra import ShockResponseSpectrum, Spectrum, TransferFunction
 from femimpact.spectra import spectrum as spectrum_of
 from femimpact.structure.structure import Position
-from femimpact.units import number_text, prefixed
+from femimpact.units import GRAVITY, number_text, prefixed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

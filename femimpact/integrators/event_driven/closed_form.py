@@ -447,7 +447,8 @@ def _no_forces(position: Rows, pairs: int) -> Rows:
     count, _, entries = position.weight.shape
     nothing = np.zeros((count, pairs, position.rigid_body.shape[2]))
     return Rows(
-        np.zeros((count, pairs, entries), dtype=complex), nothing, nothing, *np.zeros((2, count, pairs, 1 + pairs)),
+        np.zeros((count, pairs, entries), dtype=complex), nothing, nothing,
+        np.zeros((count, pairs, 1 + pairs)), np.zeros((count, pairs, 1 + pairs)),
         np.zeros((count, position.through.shape[1], pairs)), np.zeros((count, position.follow.shape[1], pairs)),
     )  # fmt: skip
 
@@ -482,7 +483,7 @@ def _free_bases(equations: Equations, contact: _Contact) -> list[tuple[Integers,
 def _has_slow(equations: Equations) -> NDArray[np.bool_]:
     """Whether the structure has slow or rigid motions, (F,)."""
     stiffness, mass = (np.diagonal(each, axis1=1, axis2=2)[:, : equations.dofs] for each in (equations.K, equations.M))
-    return np.any(stiffness <= SLOW**2 * mass, axis=1)
+    return np.asarray(np.any(stiffness <= SLOW**2 * mass, axis=1))
 
 
 def _beside_stops(equations: Equations, held: Integers, pressed: Integers) -> Array:
@@ -509,7 +510,7 @@ def _beside_stops(equations: Equations, held: Integers, pressed: Integers) -> Ar
         kept.append(i)
     free = np.setdiff1d(np.arange(n), met)
     motions = np.eye(n)[:, free]
-    motions[met] = -rows[np.ix_(kept, free)]
+    motions[met] = -rows[kept][:, free]
     return np.hstack([motions, np.eye(n)[:, [pivot for i, pivot in zip(kept, met, strict=True) if i >= held.size]]])
 
 

@@ -382,7 +382,7 @@ def _uncoupled(kinds: NDArray[np.int64], omega_squared: Array, damping: Array) -
         coordinate = np.array([i])
         parts += _coupled(_component(coordinate, omega_squared, damping[:, :, None] * np.eye(kinds.size)))
     root = np.sqrt(np.abs(0.25 * damping * damping - omega_squared))
-    parts += [_drifting(i, omega_squared, damping) for i in np.flatnonzero(kinds == DRIFTING)]
+    parts += [_drifting(i, omega_squared, damping) for i in np.flatnonzero(kinds == DRIFTING).tolist()]
     swinging, creeping = np.flatnonzero(kinds == SWINGING), np.flatnonzero(kinds == CREEPING)
     if swinging.size:
         sigma, w = -0.5 * damping[:, swinging], root[:, swinging]

@@ -219,9 +219,8 @@ def _held_modes(K: Array, M: Array, alone: NDArray[np.bool_]) -> tuple[Array, Ar
         1.0 / values, np.linalg.solve(lower.mT, z) / np.sqrt(values)[:, None, :], K[block], M[block]
     )
     for f in np.flatnonzero(graded).tolist():
-        omega_squared[f, bound], vectors[np.ix_([f], bound, bound)] = _graded_modes(
-            lower[f], M[f][np.ix_(bound, bound)]
-        )
+        found = _graded_modes(lower[f], M[block][f])
+        omega_squared[f, bound], vectors[f, bound[:, None], bound] = found
     vectors[:, free, free] = 1.0 / np.sqrt(M[:, free, free])
     return omega_squared, vectors
 
