@@ -45,6 +45,11 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
         ),
         Mutation("static_value_unsaid", "NAMED = 1e-3", "NAMED = 1e-2"),
         Mutation(
+            "guessed_outer_fibre",
+            "return self.outer_fibre if size is None",
+            "return self.outer_fibre or 0.5 * self.rectangle[1] if size is None",
+        ),
+        Mutation(
             "reaction_under_the_first_drive",
             "    for load in drive.loads:\n        rows =",
             "    for load in drive.loads[:1]:\n        rows =",
@@ -242,6 +247,8 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
     ),
     "test_vtk_fields.py": (
         Mutation("sign_of_stress", "strain = -self.height * curvature", "strain = self.height * curvature"),
+        Mutation("hole_of_a_tube", "hole = 1.0 - 2.0 * segment.wall", "hole = 1.0 - segment.wall"),
+        Mutation("stress_of_an_outer_fibre", "(segment.half_height or math.nan) / (0.5 *", "1.0 or (0.5 *"),
         Mutation("energy_of_a_cell", "(1.0 - share) ** 2, 2.0 * share", "(1.0 - share) ** 2, share"),
     ),
     "test_vtk_impacts.py": (
