@@ -439,3 +439,18 @@ def test_bad_calls_name_the_argument(arguments: tuple[object, ...], key: str | N
         return
     with pytest.raises(fi.InputError, match=key):
         fi.preflight(*arguments)
+
+
+@pytest.mark.parametrize(
+    ("row", "words"),
+    [
+        (fi.PreflightRow("modulus", 7e10, "Pa", 1e6, at_least=True), "modulus: 70 GPa (limit: at least 1 MPa)"),
+        (fi.PreflightRow("gap", 0.0002037, "m", 0.012), "gap: 0.2037 mm (limit: at most 12 mm)"),
+        (fi.PreflightRow("contact", 0.002, "s"), "contact: 2 ms"),
+        (fi.PreflightRow("step", 0.003153, "Hz"), "step: 0.003153 Hz"),
+        (fi.PreflightRow("level", 0.0201, "g"), "level: 0.0201 g"),
+        (fi.PreflightRow("share", 0.28, "1", 0.03, instead="wait"), "share: 0.28 (limit: at most 0.03); wait"),
+    ],
+)
+def test_a_row_is_written_in_the_unit_that_fits(row, words):
+    assert str(row) == words
