@@ -612,3 +612,18 @@ def test_a_study_says_that_the_beam_bends_far_as_a_run_does():
         system, {"base.amplitude": [1e-6, 2e-6]}, ["peak"], excitation=fi.Sine(1e-3, 5.0), cycles=6
     )
     assert "warnings" not in small.attrs
+
+
+@pytest.mark.parametrize(
+    ("row", "words"),
+    [
+        (fi.PreflightRow("modulus", 7e10, "Pa", 1e6, at_least=True), "modulus: 70 GPa (limit: at least 1 MPa)"),
+        (fi.PreflightRow("gap", 0.0002037, "m", 0.012), "gap: 0.2037 mm (limit: at most 12 mm)"),
+        (fi.PreflightRow("contact", 0.002, "s"), "contact: 2 ms"),
+        (fi.PreflightRow("step", 0.003153, "Hz"), "step: 0.003153 Hz"),
+        (fi.PreflightRow("level", 0.0201, "g"), "level: 0.0201 g"),
+        (fi.PreflightRow("share", 0.28, "1", 0.03, instead="wait"), "share: 0.28 (limit: at most 0.03); wait"),
+    ],
+)
+def test_a_row_is_written_in_the_unit_that_fits(row, words):
+    assert str(row) == words
