@@ -68,6 +68,10 @@ MUTATIONS = (
         "bending, modulus = segment.bending_stiffness",
         "bending, modulus = beam.segments[0].bending_stiffness",
     ),
+    Mutation("second_moment_of_tube", "(self.diameter**2 + inner**2) / 16.0", "(self.diameter**2 - inner**2) / 16.0"),
+    Mutation(
+        "surface_of_its_rectangle", "modulus, segment.half_height or math.nan", "modulus, 0.5 * segment.rectangle[1]"
+    ),
     Mutation("gauss_points_of_taper", "np.ones(a.size), a + 3.0 * b", "np.ones(a.size), a + 2.9 * b"),
     Mutation("pinned_is_clamped", '"pinned": ("w",)', '"pinned": ("w", "slope")'),
     Mutation("rotary_inertia", "(inertia * turn)[:, :, None]", "(0.5 * inertia * turn)[:, :, None]"),

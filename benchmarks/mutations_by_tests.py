@@ -45,12 +45,20 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
         ),
         Mutation("static_value_unsaid", "NAMED = 1e-3", "NAMED = 1e-2"),
         Mutation(
+            "guessed_outer_fibre",
+            "return self.outer_fibre if size is None",
+            "return self.outer_fibre or 0.5 * self.rectangle[1] if size is None",
+        ),
+        Mutation(
             "reaction_under_the_first_drive",
             "    for load in drive.loads:\n        rows =",
             "    for load in drive.loads[:1]:\n        rows =",
         ),
     ),
     "test_spectra.py": (
+        Mutation(
+            "transient_beside_a_sine", "    if not (dwells or whole):\n        _req", "    if False:\n        _req"
+        ),
         Mutation("neighbours_of_a_line", "HANN_BANDWIDTH = 1.5", "HANN_BANDWIDTH = 1.0"),
         Mutation(
             "line_of_the_mean",
@@ -239,6 +247,8 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
     ),
     "test_vtk_fields.py": (
         Mutation("sign_of_stress", "strain = -self.height * curvature", "strain = self.height * curvature"),
+        Mutation("hole_of_a_tube", "hole = 1.0 - 2.0 * segment.wall", "hole = 1.0 - segment.wall"),
+        Mutation("stress_of_an_outer_fibre", "(segment.half_height or math.nan) / (0.5 *", "1.0 or (0.5 *"),
         Mutation("energy_of_a_cell", "(1.0 - share) ** 2, 2.0 * share", "(1.0 - share) ** 2, share"),
     ),
     "test_vtk_impacts.py": (
@@ -274,6 +284,22 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
         Mutation("checksum_of_pictures", "return checksum(path) != expected", "return not path.exists()"),
     ),
     "test_pictures.py": (Mutation("two_movies", "(movies - names if names & movies else frozenset())", "frozenset()"),),
+    "test_preflight.py": (
+        Mutation("axis_of_a_force_unlooked_at", 'place.owner in ("base", "force")', 'place.owner == "base"'),
+        Mutation(
+            "study_that_bends_unsaid", 'attributes.pop("beam_length", 0.0)', '0.0 * attributes.pop("beam_length", 0.0)'
+        ),
+        Mutation(
+            "first_part_alone",
+            "for number, part in enumerate(parts, start=1):",
+            "for number, part in [*enumerate(parts, start=1)][:1]:",
+        ),
+        Mutation("run_without_its_plan", "for row in rows if row.passed))", "for row in rows if not row.name))"),
+    ),
+    "test_excitations.py": (
+        Mutation("more_cycles_than_memory", "require(cycles <= MOST_OF_CYCLES,", "require(cycles <= 1e30,"),
+    ),
+    "test_parameter_study.py": (Mutation("argument_called_gap", ' and place.owner != "function"', ""),),
     "test_inputs.py": (
         Mutation("control_character_in_name", "if NO_NAME.search(", "if NO_NAME.fullmatch("),
         Mutation(

@@ -207,8 +207,10 @@ PLAIN = (1e-4, 1e7)
 PREFIXES = ((1.0, ""), (1e3, "m"), (1e6, "µ"), (1e9, "n"))
 SMALLEST_IN_MM, LARGEST_IN_MM = 1e-5, 10.0
 """Lengths (m) that are shown in mm."""
-SMALLEST_IN_MPA = 1e5
-"""Smallest stress (Pa) that is shown in MPa."""
+SMALLEST_IN_MPA, LARGEST_IN_MPA = 1e5, 1e10
+"""Stresses and moduli (Pa) that are shown in MPa; larger ones are in GPa."""
+
+_POWER_FIRST = re.compile(r"[A-Za-z]+[\^²³]")
 
 MOST_DIGITS = 5
 """Digits of the ends of an interval, where one digit of its half width remains."""
@@ -230,16 +232,17 @@ def number_text(
 def prefixed(largest: float, unit: str) -> tuple[float, str]:
     """Factor and unit with the prefix in which the largest value is at least 1.
 
-    Lengths from 0.01 mm to 10 m are in mm, stresses from 0.1 MPa on in MPa, masses below 1 kg in g.
+    Lengths from 0.01 mm to 10 m are in mm, stresses from 0.1 MPa on in MPa, from 10 GPa on in GPa, masses below
+    1 kg in g.
     """
-    if not unit[:1].isalpha():
-        # of a number in a time or a length
+    if not unit[:1].isalpha() or _POWER_FIRST.match(unit) or not math.isfinite(largest):
+        # of a number in a time or a length; a prefix of m^2 would be squared too
         return 1.0, unit
     if unit.startswith("kg") and 0.0 < largest < 1.0:
         factor, shown = prefixed(1e3 * largest, unit[1:])
         return 1e3 * factor, shown
     if unit == "Pa" and largest >= SMALLEST_IN_MPA:
-        return 1e-6, "MPa"
+        return (1e-6, "MPa") if largest < LARGEST_IN_MPA else (1e-9, "GPa")
     if unit == "m" and SMALLEST_IN_MM <= largest < LARGEST_IN_MM:
         # as on every axis of a displacement, so that figures can be laid side by side
         return 1e3, "mm"
@@ -250,7 +253,7 @@ def prefixed(largest: float, unit: str) -> tuple[float, str]:
 def quantity_text(value: float, unit: str, digits: int = 4) -> str:
     """A number for the eye in the unit that fits, as "130 mm" for 0.13 m."""
     factor, shown = prefixed(abs(value), unit)
-    return f"{number_text(factor * value, digits)} {shown}"
+    return f"{number_text(factor * value, digits)} {'' if shown == '1' else shown}".rstrip()
 
 
 def interval_texts(value: float, low: float, high: float) -> tuple[str, str, str]:

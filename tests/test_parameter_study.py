@@ -707,6 +707,15 @@ def test_a_function_that_returns_a_structure_is_a_study_over_its_arguments():
     with pytest.raises(fi.InputError, match="box: is an argument of the function, and must be an axis"):
         fi.parameter_study(structure, {GAP: [2e-3]}, ["peak"], excitation=base)
 
+    def with_gap(gap):
+        return replace(study().structure, impactors=(replace(study().structure.impactors[0], gap=gap),))
+
+    # an argument may have the name of a field
+    numbers = {"excitation": base, "elements": 10, "modes": 3, "cycles": 3}
+    by_function = fi.parameter_study(with_gap, {"gap": [2e-3, 4e-3]}, ["peak"], **numbers)
+    by_path = fi.parameter_study(study(), {GAP: [2e-3, 4e-3]}, ["peak"], cycles=3)
+    np.testing.assert_allclose(by_function["peak"], by_path["peak"], rtol=1e-10)
+
 
 def test_a_case_that_fails_is_a_row_with_its_reason_and_leaves_the_others_as_they_are():
     # a place of the ball beyond the smaller gap, and a beam of nearly no mass: each alone is sound

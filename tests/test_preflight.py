@@ -539,7 +539,7 @@ def test_long_contacts_preloads_and_percentages_are_named_in_runs_and_curves():
     run = fi.integrate(system, CALM, fi.EventDriven(), 1.0, fi.Recorder(channels=()))
     curve = fi.frequency_sweep(system, 1e-5, [5.0, 5.1], fi.EventDriven(), 3, ledger=False)
     for notes in (run.notes, curve.notes):
-        assert any("contact time of ball: 0.1 s" in text and "milliseconds" in text for text in notes)
+        assert any("contact time of ball: 100 ms" in text and "milliseconds" in text for text in notes)
     pressed = fi.Stop("wall", "tip", (-1e-4, np.inf), fi.KelvinVoigt(restitution=0.6, contact_time=2e-3))
     system = reduced(replace(REFERENCE, impactors=(), stops=(pressed,)), 3)
     run = fi.integrate(system, CALM, fi.EventDriven(), 0.2, fi.Recorder(channels=()), fi.State.static())
@@ -612,3 +612,18 @@ def test_a_study_says_that_the_beam_bends_far_as_a_run_does():
         system, {"base.amplitude": [1e-6, 2e-6]}, ["peak"], excitation=fi.Sine(1e-3, 5.0), cycles=6
     )
     assert "warnings" not in small.attrs
+
+
+@pytest.mark.parametrize(
+    ("row", "words"),
+    [
+        (fi.PreflightRow("modulus", 7e10, "Pa", 1e6, at_least=True), "modulus: 70 GPa (limit: at least 1 MPa)"),
+        (fi.PreflightRow("gap", 0.0002037, "m", 0.012), "gap: 0.2037 mm (limit: at most 12 mm)"),
+        (fi.PreflightRow("contact", 0.002, "s"), "contact: 2 ms"),
+        (fi.PreflightRow("step", 0.003153, "Hz"), "step: 0.003153 Hz"),
+        (fi.PreflightRow("level", 0.0201, "g"), "level: 0.0201 g"),
+        (fi.PreflightRow("share", 0.28, "1", 0.03, instead="wait"), "share: 0.28 (limit: at most 0.03); wait"),
+    ],
+)
+def test_a_row_is_written_in_the_unit_that_fits(row, words):
+    assert str(row) == words

@@ -305,7 +305,9 @@ def test_a_summary_has_every_channel_and_what_the_method_does_to_the_restitution
         assert by == "law" or channel["largest_of_run"] == largest
         near = np.abs(whole.time - channel["time_of_largest"]).argmin()
         assert abs(float(whole[name][near])) <= channel["largest_of_run"]
-        assert channel["largest"] == float(size[last].max())
+        read, exact = float(size[last].max()), results.summary["contact"]["peak_force"]
+        # a contact force is zero between readings that miss its peak
+        assert channel["largest"] == (exact if name == "ball.contact_force" else read) >= read
         # sums in another order
         assert channel["rms"] == pytest.approx(float(np.sqrt((size[last] ** 2).mean())), rel=1e-12)
     assert results.summary["contact"]["achieved_by"] == by

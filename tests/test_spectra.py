@@ -136,6 +136,14 @@ def test_a_mode_above_half_the_reading_rate_is_refused_with_the_interval_to_use(
     fi.spectrum(random_run(interval=0.1), "tip")
 
 
+@pytest.mark.parametrize("place", [lambda sum_: sum_, lambda sum_: fi.PointForce("tip", sum_)], ids=["base", "force"])
+def test_a_sum_with_a_transient_has_no_averages_over_windows(place):
+    chirp = fi.Chirp(2.0, 9.0, 10.0, acceleration=1.0, kind="linear")
+    run = fi.integrate(oscillator(), place(fi.Sine(1e-3, 3.0) + chirp), fi.EventDriven(), 10.0)
+    with pytest.raises(fi.InputError, match=r"part 2, Chirp': .* averages over windows take no transient"):
+        fi.measured_transfer(run, "tip")
+
+
 def test_a_mode_of_a_full_mesh_above_half_the_reading_rate_is_warned_of():
     full = fi.assemble(fi.Structure(STRUCTURE.beam, damping=STRUCTURE.damping), 3)
     base = fi.RandomBase([(1.0, 0.5), (40.0, 0.5)], 3.0, seed=3)

@@ -120,8 +120,13 @@ def test_quantities_have_the_unit_that_fits() -> None:
         quantity_text(103.3, "N"),
         quantity_text(0.0203, "N"),
         quantity_text(7.438e7, "Pa"),
+        quantity_text(7e10, "Pa"),
+        # a prefix of m^2 is squared
+        quantity_text(1.5e-7, "m^2"),
+        quantity_text(0.5, "1"),
+        quantity_text(math.nan, "N"),
     ]
-    assert words == ["130 mm", "103.3 N", "20.3 mN", "74.38 MPa"]
+    assert words == ["130 mm", "103.3 N", "20.3 mN", "74.38 MPa", "70 GPa", "1.5e-07 m^2", "0.5", "nan N"]
     assert [number_text(value, 2) for value in (980.0, 130.4, 9.8)] == ["980", "130", "9.8"]
 
 

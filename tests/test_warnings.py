@@ -61,8 +61,9 @@ SITES = {
     ("spectra/densities.py", "too_coarse"): ["would be an alias"],
     ("spectra/estimates.py", "_by_dwells"): ["dwells are not steady"],
     ("spectra/transfer.py", "transfer_function"): ["in contact at rest"],
-    ("structure/structure.py", "unusual_numbers"): ["is it in Pa", "shear and rotary inertia"],
-    ("fem/assembly.py", "_warn_of_unusual"): ["are units SI"],
+    ("integrators/preflight_row.py", "row_of"): ["(limit: at"],
+    ("structure/structure.py", "unusual_numbers"): ["is it in Pa", "is it a percentage", "shear and rotary inertia"],
+    ("fem/assembly.py", "unusual_words"): ["are units SI"],
 }  # fmt: skip
 """Functions that make warnings of a run, and headings of the page that are words of them or of their module."""
 

@@ -220,7 +220,8 @@ def assembled_with_modes(
     damped, modes = damped_with_modes(bare, structure.damping, min(least, bare.dofs))
     contacts = _contacts(damped, grid, modes)
     found = with_checked_fields(damped, first_frequency=float(modes.natural_frequency[0]), contacts=contacts)
-    _warn_of_unusual(structure, first_elastic_frequency(found))
+    for words in unusual_words(structure, first_elastic_frequency(found)):
+        warnings.warn(words, InputWarning, stacklevel=3)
     return _with_dashpots(found, grid), modes
 
 
@@ -269,8 +270,11 @@ def _expansion(grid: Discretisation) -> Matrix:
     return sparse.csr_array((np.ones(count), np.arange(count), first), shape=(grid.dofs, count))
 
 
-def _warn_of_unusual(structure: Structure, first_frequency: float) -> None:
-    """Warn where a number of the beam is so unusual that another unit may have been meant."""
+def unusual_words(
+    structure: Structure,
+    first_frequency: float,  # Hz: of its first elastic mode
+) -> list[str]:
+    """Words on the numbers of a structure that are so unusual that another unit may have been meant."""
     beam = structure.beam
     low, high = USUAL_FREQUENCY
     found = []
@@ -278,8 +282,7 @@ def _warn_of_unusual(structure: Structure, first_frequency: float) -> None:
         found.append(f"beam.mass = {beam.mass:.4g} kg: more than {HEAVY:g} kg; are lengths in metres?")
     if not low <= first_frequency <= high:
         found.append(f"first mode at {first_frequency:.4g} Hz: outside {low:g} to {high:g} Hz; are units SI?")
-    for words in (*found, *map(str, unusual_numbers(structure))):
-        warnings.warn(words, InputWarning, stacklevel=3)
+    return [*found, *map(str, unusual_numbers(structure))]
 
 
 def _contacts(system: System, grid: Discretisation, modes: Modes) -> tuple[ContactPair, ...]:

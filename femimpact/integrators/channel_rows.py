@@ -23,7 +23,7 @@ from femimpact.structure.structure import Position
 from femimpact.system.modes import solve_stiffness
 from femimpact.system.reduction import kept_modes
 from femimpact.system.system import System
-from femimpact.units import number_text
+from femimpact.units import number_text, prefixed, quantity_text
 
 JUMP = 1e-6
 """Share of the largest value of a history above which two pieces of it do not meet: those made of sines do to 1e-9."""
@@ -344,9 +344,11 @@ def _static_notes(system: System, drive: Drive, channels: Sequence[Channel]) -> 
         kept, all_of_it = terms.sum(axis=1), channel.reading(whole).displacement @ deflection
         error = np.abs(kept - all_of_it)
         named = (error > NAMED * np.abs(all_of_it)) & (error > NEGLIGIBLE * np.abs(terms).sum(axis=1))
-        unit = "" if channel.unit == "1" else f" {channel.unit}"
+        factors = [prefixed(abs(value), channel.unit)[0] for value in all_of_it]
         parts = [
-            f"{kept[i]:.5g} of the structure's {all_of_it[i]:.5g}{unit} under {words[i]}" for i in np.flatnonzero(named)
+            f"{number_text(factors[i] * kept[i], 5)} of the structure's "
+            f"{quantity_text(all_of_it[i], channel.unit, 5)} under {words[i]}"
+            for i in np.flatnonzero(named)
         ]
         if parts:
             notes.append(

@@ -333,7 +333,8 @@ def _steps(bare: System, stepped: SteppedSine, time: tuple[float, float], of: st
     modes = solve_modes(bare, min(MODES, bare.dofs))
     inside = (modes.natural_frequency >= f.min()) & (modes.natural_frequency <= f.max())
     # dwells stand where the plan wants them
-    yield row_of(f"natural frequencies within the sweep{of}", float(np.count_nonzero(inside)), "1", math.nan, at_least=True)
+    count = float(np.count_nonzero(inside))
+    yield row_of(f"natural frequencies within the sweep{of}", count, "1", math.nan, at_least=True)
     yield from step_rows(bare, f, of.replace(", ", " of "))
     settling = (cycles - cycles // 3) / f
     short = int(np.argmin(settling))

@@ -6,6 +6,8 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+from femimpact.units import number_text, quantity_text
+
 
 @dataclass(frozen=True)
 class PreflightRow:
@@ -39,11 +41,20 @@ class PreflightRow:
         return self.value < self.limit if self.at_least else self.value > self.limit
 
     def __str__(self) -> str:
-        unit = "" if self.unit == "1" else f" {self.unit}"
-        words = f"{self.what}: {self.value:.4g}{unit}"
+        words = f"{self.what}: {_with_unit(self.value, self.unit)}"
         if not math.isnan(self.limit):
-            words += f" (limit: at {'least' if self.at_least else 'most'} {self.limit:.4g}{unit})"
+            words += f" (limit: at {'least' if self.at_least else 'most'} {_with_unit(self.limit, self.unit)})"
         return f"{words}; {self.instead}" if self.passed and self.instead else words
+
+
+WITH_PREFIX = ("m", "s", "Pa")
+"""Units of rows that are shown with the prefix that fits; Hz, m/s^2, g and others are read as they are."""
+
+
+def _with_unit(value: float, unit: str) -> str:
+    if unit in WITH_PREFIX:
+        return quantity_text(value, unit)
+    return f"{number_text(value)} {'' if unit == '1' else unit}".rstrip()
 
 
 def row_of(

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from femimpact import core
 from femimpact.excitation import Drives
 from femimpact.excitation.excitation import has_cycle, is_force
+from femimpact.fem.assembly import unusual_words
 from femimpact.identification import (
     UNRESOLVED,
     DampingEstimate,
@@ -30,7 +31,7 @@ from femimpact.study.prepared import PreparedStudy, finer_grid_words, in_study_w
 from femimpact.sweep import FrequencyResponse, on_grid
 from femimpact.sweep.curve import TAKE_STARTS
 from femimpact.system.contact_pair import ContactPair
-from femimpact.system.modes import Modes
+from femimpact.system.modes import Modes, first_elastic_frequency
 from femimpact.units import at_place, decimal_place, number_text, prefixed
 
 RESTITUTION_MISSED = 0.1
@@ -173,7 +174,9 @@ def summary_of(
 ) -> dict[str, Any]:
     """Machine-readable summary: plain numbers in Hz, m, N, N s and 1."""
     study, small, method = prepared.study, prepared.small, prepared.method
-    warnings = list(prepared.warnings)
+    # the page of results has what was said when the beam was assembled
+    unusual = unusual_words(study.structure, first_elastic_frequency(prepared.full))
+    warnings = [*unusual, *prepared.warnings]
     summary: dict[str, Any] = {
         "study": str(study.path.name),
         "versions": library_versions(),
@@ -253,18 +256,21 @@ def drive_name(excitation: Any) -> str:
 def channel_summary(response: Response) -> dict[str, Any]:
     """Unit of every channel, its largest absolute value and rms over the last third, and the largest of the run.
 
-    The first two are of the samples that the history keeps; the peak of the tip between samples is `peak` of the
-    history. The largest of the run, and its time (s), are those of `Response.largest`. The force of a rigid pair that
-    has collided has none of them: its impulses are those of `contact_forces`.
+    The first two are of the samples that the history keeps, but for the largest force of a contact, which is exact; the
+    peak of the tip between samples is `peak` of the history. The largest of the run, and its time (s), are those of
+    `Response.largest`. The force of a rigid pair that has collided has none of them: its impulses are those of
+    `contact_forces`.
     """
     steady = response.time >= response.window[0]
     found = {}
     rigid = {pair.name for pair in response.system.contacts if _has_struck(response, pair.name)}
     impulsive = {f"{name}.contact_force" for name in rigid} | ({"contact_force"} if rigid else set())
+    peaks = {f"{name}.contact_force": one.peak_force for name, one in response.statistics_of.items()}
     for (name, unit), largest in zip(response.units.items(), response.largest_of(tuple(response.units)), strict=True):
         size = np.abs(response[name])
         numbers = {
-            "largest": float(np.max(size[steady])),
+            # a contact lasts less than readings are apart
+            "largest": max(float(np.max(size[steady])), peaks.get(name, 0.0)),
             "rms": float(np.sqrt(np.mean(size[steady] ** 2))),
             "largest_of_run": abs(largest.value),
             "time_of_largest": largest.time,

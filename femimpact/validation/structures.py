@@ -18,6 +18,7 @@ from femimpact.fem.assembly import assemble
 from femimpact.integrators import methods
 from femimpact.integrators.runs import integrate
 from femimpact.integrators.stepping.newmark import HHT, WBZ, GeneralizedAlpha, MoreauJean, Newmark
+from femimpact.response.channels import SectionReading
 from femimpact.response.response import Response
 from femimpact.structure.beam import Beam, Segment
 from femimpact.structure.damping import Rayleigh
@@ -272,6 +273,20 @@ def stepped_beam() -> Case:
     )  # fmt: skip
 
 
+def stress_of_tube() -> Case:
+    """Stress at the root of a clamped tube under a force at its tip: F L over the section modulus."""
+    diameter, wall, force = 0.012, 0.001, 2.0
+    beam = Beam.tube(length=LENGTH, diameter=diameter, wall=wall, young_modulus=210e9, density=7850.0)
+    system = assemble(Structure(beam), 4)
+    bent = np.linalg.solve(system.K.toarray(), force * system.point_row("tip"))
+    stress = SectionReading("root", "surface_stress").reading(system).displacement @ bent
+    modulus = math.pi * (diameter**4 - (diameter - 2.0 * wall) ** 4) / (32.0 * diameter)
+    return Case(
+        "clamped tube under a force at its tip", "derived here (pi (D^4 - d^4)/(32 D))", "stress at the root", "Pa",
+        -force * LENGTH / modulus, float(stress), 1e-9, "rounding: a cubic is the exact deflection",
+    )  # fmt: skip
+
+
 def _closed_mode(mode: int, mass: float) -> tuple[float, float]:
     """Effective mass over the beam's, and (tip displacement)^2 times the beam's mass, of a cantilever's mode."""
     from scipy.integrate import quad
@@ -400,6 +415,7 @@ CASES: tuple[Callable[[], Case], ...] = (
     glued_ball,
     *(partial(pinned_pinned, mode) for mode in (1, 2)),
     stepped_beam,
+    stress_of_tube,
     *(partial(effective_mass, mode) for mode in (1, 2)),
     contact_mass,
     damping_of_mode_3,

@@ -32,7 +32,7 @@ from femimpact.export.figures.drawing import (
 from femimpact.response.channels import channel_of
 from femimpact.response.impacts import DRAWN_IN_CONTACT
 from femimpact.response.response import Response
-from femimpact.units import number_text, prefixed
+from femimpact.units import number_text, prefixed, quantity_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import FigureBase
@@ -167,20 +167,28 @@ def contact_force(
     axes = panels(figure, 8.0, 8.0 if averaged else 5.6, 3 if averaged else 2, 1)[:, 0]
     _last_cycles(axes[0], response, names, cycles)
     impacts, statistics = response.impacts, response.statistics
+    # an impact of a rigid law has no force
+    rigid = len(impacts) > 0 and not np.isfinite(impacts.peak_force).any()
+    sizes, size, unit = (impacts.impulse, "impulse", "N s") if rigid else (impacts.peak_force, "peak force", "N")
+    largest = float(np.nanmax(np.abs(sizes), initial=0.0))
+    factor, shown = prefixed(largest, unit)
     for side, colour, _, label in WALLS:
         chosen = impacts.side == side
-        axes[1].plot(impacts.time[chosen], impacts.peak_force[chosen], "o", markersize=3.0, color=colour, label=label)
-    title = "peak of each impact; "
+        axes[1].plot(
+            impacts.time[chosen], factor * np.abs(sizes[chosen]), "o", markersize=3.0, color=colour, label=label
+        )
+    title = f"{'impulse' if rigid else 'peak'} of each impact; "
     if averaged:
         _averages(axes[2], response)
         axes[1].set_xlim(axes[2].get_xlim())
     else:
-        axes[1].axhline(statistics.cycle_mean_force, color=GREY, linestyle="--", linewidth=1.2)
+        if not rigid:
+            axes[1].axhline(factor * statistics.cycle_mean_force, color=GREY, linestyle="--", linewidth=1.2)
         mean = "cycle-averaged" if cyclic else "mean"
-        title += f"dashed: {mean} force {number_text(1e3 * statistics.cycle_mean_force, 3)} mN;\n"
-    title += f"mean impulse {number_text(1e3 * statistics.mean_impulse, 3)} mN s"
-    label_axes(axes[1], "time (s)", "peak force (N)", title)
-    axes[1].set_ylim(0.0, 1.05 * (np.nanmax(impacts.peak_force, initial=0.0) or 1.0))
+        title += f"{'' if rigid else 'dashed: '}{mean} force {quantity_text(statistics.cycle_mean_force, 'N', 3)};\n"
+    title += f"mean impulse {quantity_text(statistics.mean_impulse, 'N s', 3)}"
+    label_axes(axes[1], "time (s)", f"{size} ({shown})", title)
+    axes[1].set_ylim(0.0, 1.05 * (factor * largest or 1.0))
     legend_above(axes[1])
     return axes
 
@@ -193,7 +201,9 @@ def _last_cycles(axis: Any, response: Response, names: list[str], cycles: float)
         owner = name.rpartition(".")[0]
         label = f"{owner} (rigid: force only while sticking)" if laws.get(owner) == Rigid.name else owner or None
         axis.plot(time, forces[name], color=colour, label=label)
-    label_axes(axis, "time (s)", "force on the beam (N)", f"{words}, law: {response.statistics.law}")
+    law = response.statistics.law
+    only = " (force only while sticking)" if law == Rigid.name and len(names) == 1 else ""
+    label_axes(axis, "time (s)", "force on the beam (N)", f"{words}, law: {law}{only}")
     if len(names) > 1:
         legend_above(axis)
 
