@@ -22,6 +22,7 @@ from femimpact.convergence.table import (
 )
 from femimpact.convergence.table import usable_rows as usable
 from femimpact.export import tables
+from femimpact.study import convergence
 from femimpact.study.convergence import convergence_lines, stresses_at_jumps, write_convergence
 
 MESHES = Path(__file__).parents[1] / "meshes"
@@ -512,3 +513,19 @@ def test_converge_watches_the_largeststresses_at_jumps_of_the_section_only(tmp_p
     study = replace(fi.load_study(MESHES / "stepped_cantilever.toml"), structure=fi.Structure(beam))
     found = stresses_at_jumps(fi.assemble(study.structure, mesh=mesh), study)
     assert found == [fi.SurfaceStress("neck"), fi.SurfaceStress(float(nodes[6]), side="left")]
+
+
+def test_converge_leaves_out_stresses_whose_surface_is_not_known_with_a_note():
+    known = fi.Segment(0.12, 7e10, 2700, 0.02, 2e-3, name="known")
+    bare = fi.Segment(0.12, 7e10, 2700, area=2e-5, second_moment=1.7e-12, name="bare")
+    study = fi.load_study(MESHES / "stepped_cantilever.toml")
+    for segments, expected in (
+        # the bare one is the thinner, with the larger curvature at the joint
+        ((known, bare), [fi.SurfaceStress("root"), fi.SurfaceStress("mid", side="left")]),
+        ((bare, known), [fi.SurfaceStress("mid")]),
+    ):
+        changed = replace(study, structure=fi.Structure(fi.Beam(segments)))
+        watched = convergence._watched(fi.assemble(changed.structure, elements=8), changed)
+        assert [one for one in watched if isinstance(one, fi.SurfaceStress)] == expected
+        (note,) = convergence._without_stress(changed)
+        assert "segment 'bare' are left out: each needs outer_fibre (m)" in note

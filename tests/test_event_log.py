@@ -259,7 +259,7 @@ def test_what_the_log_has_no_row_for_is_counted_and_noted():
     assert every.events.dropped == 0
     assert len(few.events) == 7
     assert few.events.dropped == len(every.events) - 7
-    assert few.notes[-1] == f"{few.events.dropped} events beyond the first 7 are not in the log (Recorder.events)"
+    assert f"{few.events.dropped} events beyond the first 7 are not in the log (Recorder.events)" in few.notes
     np.testing.assert_array_equal(few.events.displacement, every.events.displacement[:7])
 
 
@@ -318,5 +318,5 @@ def test_a_method_with_steps_refuses_a_log_and_memory_is_asked_for_it():
     system = cantilever(SOFT, elements=4)
     with pytest.raises(fi.InputError, match=r"^record\.events.*finds no events.*EventDriven$"):
         fi.integrate(system, SINE, fi.Newmark(1e-4), 0.1, LOGGED)
-    with pytest.raises(fi.InputError, match=r"^record\.memory_limit.*events 1\.\d+e\+0[45] MB"):
+    with pytest.raises(fi.InputError, match=r"^record\.memory_limit.*events 1\d{4,5} MB"):
         run_of("rigid", record=fi.Recorder(events=10**9))

@@ -12,6 +12,8 @@ from femimpact.integrators.event_driven.closed_form import closed_forms
 from femimpact.integrators.event_driven.equations import equations_of, stacked
 from femimpact.orbits.flow import flow_of, hybrid_system
 
+pytestmark = pytest.mark.impacts
+
 EXACT = fi.EventDriven()
 FREQUENCIES = (0.0, 1e-9, 1e-6, 1e-5, 1e-4, 3e-4, 1e-3, 1e-2, 0.1, 0.3, 0.89, 0.91, 1.0, 3.0, 10.0)
 """rad/s, beside the border between what is slow and what is not."""

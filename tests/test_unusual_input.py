@@ -49,7 +49,15 @@ def test_an_unusual_beam_is_taken_with_a_warning_that_names_the_number(changes, 
         # g/cm^3
         (beam(density=2.7), r"beam\.density = 2\.7 kg/m\^3: outside 10 to 30000 kg/m\^3"),
         (beam(density=2.7e6), r"beam\.density = 2\.7e\+06 kg/m\^3: outside"),
-        (beam(width=20.0), r"beam\.width = 20 m: wider than the beam .* 20 mm are 0\.02 m"),
+        (beam(width=20.0), r"beam\.width = 20 m: more than the length of the beam, .* 20 mm are 0\.02 m"),
+        (
+            fi.Structure(
+                fi.Beam.section(
+                    length=0.23, area=2e-5, second_moment=1.7e-12, outer_fibre=0.6, young_modulus=70e9, density=2700.0
+                )
+            ),
+            r"beam\.outer_fibre = 0\.6 m: more than the length of the beam",
+        ),
         (with_ball(gap=3.0), r"impactor\.ball\.gap = 3 m: wider than the beam is long, 0\.23 m; .* 3 mm are"),
         (with_ball(gap=(2.0, 3.0)), r"impactor\.ball\.gap = 2 m: wider"),
         (with_ball(mass=3.0), r"impactor\.ball\.mass = 3 kg: more than beam and bodies together, 0\.03242 kg; .* 3 g"),

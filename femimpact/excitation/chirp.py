@@ -117,6 +117,8 @@ class Chirp(PiecewiseMotion):
         require(duration is not None, "duration", duration, "s", allowed)
         set_fields(self, start=start, stop=stop, duration=duration, kind=kind, level=level, by=by, fade=fade)
         require_reach(self.level, min(self.start, self.stop), max(self.start, self.stop))
+        # at least as many as at its lowest frequency, where the duration is beyond what a phase is known at
+        check_cycles(min(self.start, self.stop) * self.duration, "duration", self.duration, "s")
         check_cycles(float(self.phase_at(self.duration)) / (2.0 * np.pi), "duration", self.duration, "s")
         check_fade(self.fade, self.duration)
 

@@ -143,7 +143,7 @@ class Drives:
 
     def until(self, end: float) -> Drives:
         """The same with closed forms up to a time (s)."""
-        if end == self.end:
+        if isinstance(end, float) and end == self.end:
             # with the forms that it has
             return self
         return replace(self, base=until(self.base, end), forces=tuple(until(f, end) for f in self.forces), end=end)

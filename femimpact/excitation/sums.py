@@ -70,7 +70,7 @@ class Sum:
 
     def until(self, end: float) -> Sum:
         """The same with a closed form up to a time (s)."""
-        return self if end == self.end else replace(self, end=end)
+        return self if isinstance(end, float) and end == self.end else replace(self, end=end)
 
     @property
     def _harmonic(self) -> Harmonic | None:

@@ -77,7 +77,9 @@ def follow(system: System, start: Point, low: float, high: float, most: int) -> 
                     way.kinds[len(way.points)] = kind
                     way.points.append(point)
             if after is not None:
-                bend = (after.tangent - left.tangent) / (2.0 * float(left.row @ (after.x - left.x)))
+                # the last point may be where the one before it was
+                length = float(left.row @ (after.x - left.x))
+                bend = (after.tangent - left.tangent) / (2.0 * length) if length > 0.0 else np.zeros_like(left.x)
                 left = start if closed else after
                 way.points.append(left)
             end = CLOSED if closed else end

@@ -578,7 +578,7 @@ def _of_sections(structure: Structure) -> Iterator[UnusualNumber]:
         for name in ("width", "diameter", "outer_fibre"):
             value = getattr(segment, name)
             if value is not None and value > beam.length:
-                usual = f"more than the beam is long, {beam.length:.4g} m, which is no beam"
+                usual = f"more than the length of the beam, {beam.length:.4g} m, which is no beam"
                 yield _too_long(f"{path}.{name}", value, beam.length, usual)
 
 

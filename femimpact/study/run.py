@@ -376,7 +376,8 @@ def keep_pictures(
         report("last cycles, for figures", 1.0)
     filmed = found.response is not None and found.response.snapshots is not None
     # a history without contacts has no figure
-    figured = output.figures and (touched or found.modes is not None or found.sweeps is not None)
+    beside = found.modes is not None or found.sweeps is not None or found.response is None
+    figured = output.figures and (touched or beside)
     kinds = [*(["figures"] if figured else []), *(["movie"] if output.movie and filmed else [])]
     if kinds:
         ended = dict.fromkeys(kinds, "the run was ended before")

@@ -213,7 +213,7 @@ def damping_ratios(system: System, vectors: Array, omega: Array) -> Array:
         return realised_damping_ratio(*system.rayleigh, omega)
     damping = np.einsum("ij,ij->j", vectors, system.C @ vectors)
     # a rigid motion has no ratio to a critical damping
-    return np.divide(damping, 2 * omega, out=np.zeros_like(omega), where=omega > 0)
+    return np.asarray(np.divide(damping, 2 * omega, out=np.zeros_like(omega), where=omega > 0))
 
 
 def _vectors(system: System, count: int, rigid: Array) -> tuple[Array, Array]:
