@@ -20,6 +20,9 @@ constexpr double BESIDE = 64.0;
 // Share of an impact's speed that rounding may leave of none where it does not reach.
 constexpr double ROUNDING_SHARE = 1e-12;
 
+// Share of an impact's speed that impulses may miss of what is asked of them.
+constexpr double UNMET_SHARE = 1e-6;
+
 // Sets the contact states of the coordinates that a case starts from.
 [[gnu::noinline]] inline void set_start_states(const Pairs &pairs, const Case &c, const Motion &motion) {
     auto [base, base_rate] = base_motion(c, motion);
@@ -280,6 +283,18 @@ constexpr double ROUNDING_SHARE = 1e-12;
         out(IMPACT_COLUMNS + i) = pairs.direction(r, i) * side * push * space.products.before(1, i);
 }
 
+// Whether the impulses do what is asked of them: none do where walls leave a body no motion between them.
+[[gnu::noinline]] inline bool are_met(Index n, double largest, const Impulses &x) {
+    for (Index i = 0; i < n; i++) {
+        double missing = x.target(i);
+        for (Index j = 0; j < n; j++)
+            missing -= x.mobility(i, j) * x.impulse(j);
+        if (missing > UNMET_SHARE * largest)
+            return false;
+    }
+    return true;
+}
+
 // Passes the impulses of n pairs on: to their rates, to what is added to the motion, to sums and tables.
 //
 // Those of pairs that stick belong to their sticking phases, and the motion has them without being told. What is not
@@ -428,6 +443,12 @@ constexpr double ROUNDING_SHARE = 1e-12;
         else if (are_let_go(n, largest, scalars, pairs, c, space, tables)) {
             add_impulses(form, space);
             return LET_GO;
+        }
+        if (!are_met(n, largest, space.impulses)) {
+            // for the words of the refusal
+            for (Index i = 0; i < n; i++)
+                space.impulse(space.impulses.pair(i)) = 1.0;
+            return UNRESOLVED;
         }
         pass_on(n, real, ROUNDING_SHARE * largest, base_rate, pairs, c, space, tables, b);
     }

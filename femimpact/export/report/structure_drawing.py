@@ -13,6 +13,7 @@ from femimpact.export.placed import Contact, PlacedStructure, ball_radius, body_
 from femimpact.structure.beam import Segment
 from femimpact.structure.structure import Position, Spring, Structure
 from femimpact.svg import MINUS, TIMES, Element, element, number_text
+from femimpact.units import prefixed
 
 # ---- words ----------------------------------------------------------------------------------------
 
@@ -31,7 +32,7 @@ def structure_words(structure: Structure, contacts: Sequence[Contact]) -> str:
     ]  # fmt: skip
     *first, last = [f"{_article(one)} {one}" if n == 1 else f"{n} {many}" for n, one, many in counts if n] or [""]
     on_it = f" with {', '.join(first)}{' and ' if first else ''}{last}" if last else ""
-    return f"{held} of {millimetres(structure.beam.length)}{on_it}"
+    return f"{held} of {in_words(structure.beam.length)}{on_it}"
 
 
 def _article(noun: str) -> str:
@@ -40,22 +41,23 @@ def _article(noun: str) -> str:
 
 
 def _at(place: Position) -> str:
-    return place if isinstance(place, str) else millimetres(place)
+    return place if isinstance(place, str) else in_words(place)
 
 
-def millimetres(value: float) -> str:
-    """A length (m) in words."""
-    return f"{number_text(1e3 * value, 4)} mm"
+def in_words(value: float, unit: str = "m") -> str:
+    """A length (m), a mass (kg) or another quantity in the unit that fits."""
+    factor, shown = prefixed(abs(value), unit)
+    return f"{number_text(factor * value, 4)} {shown}"
 
 
 def gap_words(one: Contact) -> str:
     """The gaps of a contact in words."""
     plus, minus = one.gaps
     if plus == minus:
-        return f"gaps {millimetres(plus)}"
+        return f"gaps {in_words(plus)}"
     if math.isinf(plus) or math.isinf(minus):
-        return f"gap {millimetres(min(plus, minus))} on the {MINUS if math.isinf(plus) else '+'} side"
-    return f"gaps +{millimetres(plus)}, {MINUS}{millimetres(minus)}"
+        return f"gap {in_words(min(plus, minus))} on the {MINUS if math.isinf(plus) else '+'} side"
+    return f"gaps +{in_words(plus)}, {MINUS}{in_words(minus)}"
 
 
 NO_AXES: Mapping[str, Sequence[str]] = {}
@@ -85,7 +87,7 @@ def _part_words(placed: PlacedStructure, letters: dict[str, str]) -> Iterable[tu
     for support in structure.supports:
         yield support.kind, "support", f"at {_at(support.at)}"
     for body in structure.masses:
-        words = f"{number_text(1e3 * body.mass)} g at {_at(body.at)}"
+        words = f"{in_words(body.mass, 'kg')} at {_at(body.at)}"
         yield f"{letters[body.name]}  {body.name}", f"mass.{body.name}", words
     for one in placed.contacts:
         owner = "stop" if one.is_stop else "impactor" if one.has_walls else "absorber"
@@ -104,21 +106,21 @@ def _of_gap(varied: Mapping[str, Sequence[str]], ball: Contact) -> str:
 
 def _segment_words(segment: Segment) -> str:
     material = f"{number_text(segment.young_modulus / 1e9)} GPa, {number_text(segment.density)} kg/m\u00b3"
-    return f"{millimetres(segment.length)} long, {_section_words(segment)}, {material}"
+    return f"{in_words(segment.length)} long, {_section_words(segment)}, {material}"
 
 
 def _section_words(segment: Segment) -> str:
     (width, thickness), end = segment.rectangle, segment.end_rectangle
     if segment.diameter is not None:
-        wall = "" if segment.wall is None else f", wall {millimetres(segment.wall)}"
-        return f"diameter {millimetres(segment.diameter)}{wall}"
+        wall = "" if segment.wall is None else f", wall {in_words(segment.wall)}"
+        return f"diameter {in_words(segment.diameter)}{wall}"
     if segment.area is not None and segment.second_moment is not None:
         outer = segment.outer_fibre
-        known = "" if outer is None else f", outer fibre at {millimetres(outer)}"
+        known = "" if outer is None else f", outer fibre at {in_words(outer)}"
         moment = number_text(1e12 * segment.second_moment)
         return f"area {number_text(1e6 * segment.area)} mm\u00b2, second moment {moment} mm\u2074{known}"
-    taper = "" if end == (width, thickness) else f" to {millimetres(end[0])} {TIMES} {millimetres(end[1])}"
-    return f"{millimetres(width)} {TIMES} {millimetres(thickness)}{taper}"
+    taper = "" if end == (width, thickness) else f" to {in_words(end[0])} {TIMES} {in_words(end[1])}"
+    return f"{in_words(width)} {TIMES} {in_words(thickness)}{taper}"
 
 
 def _contact_words(one: Contact) -> str:
@@ -126,13 +128,11 @@ def _contact_words(one: Contact) -> str:
     law = f", {name}" if name else ""
     if one.is_stop:
         held = "space" if one.fixed_to == "space" else "the base"
-        return f"fixed obstacle at {millimetres(one.position)}, {gap_words(one)}, fixed to {held}{law}"
+        return f"fixed obstacle at {in_words(one.position)}, {gap_words(one)}, fixed to {held}{law}"
     if not one.has_walls:
         hung = f"{number_text(one.free_stiffness)} N/m and {number_text(one.free_damping)} N s/m"
-        return f"{number_text(1e3 * one.mass)} g on {hung} at {millimetres(one.position)}"
-    return (
-        f"{number_text(1e3 * one.mass)} g, free between its walls at {millimetres(one.position)}: {gap_words(one)}{law}"
-    )
+        return f"{in_words(one.mass, 'kg')} on {hung} at {in_words(one.position)}"
+    return f"{in_words(one.mass, 'kg')}, free between its walls at {in_words(one.position)}: {gap_words(one)}{law}"
 
 
 # ---- drawing --------------------------------------------------------------------------------------
@@ -379,7 +379,7 @@ def _names(canvas: _Canvas, placed: PlacedStructure, letters: dict[str, str]) ->
 def _scale_bar(canvas: _Canvas, structure: Structure, height: float) -> list[Element]:
     """The length of the beam, below it, and what of it is drawn as another section."""
     length = structure.beam.length
-    words = "; ".join(filter(None, (millimetres(length), structure.beam.drawn_words)))
+    words = "; ".join(filter(None, (in_words(length), structure.beam.drawn_words)))
     y, left, right = round(height - 26.0, 2), canvas.x(0.0), canvas.x(length)
     path = f"M{left} {y}H{right}M{left} {y - 6}V{y + 6}M{right} {y - 6}V{y + 6}"
     middle = round(0.5 * (left + right), 2)
@@ -403,7 +403,7 @@ def _detail(placed: PlacedStructure, one: Contact) -> Element:
         near, far = canvas.y(side * radius), canvas.y(side * (radius + gap))
         if gap > 0.0:
             marks.append(element("path.measure", d=f"M{x} {near}V{far}M{x - 6} {near}h12M{x - 6} {far}h12"))
-            marks.append(element("text", millimetres(gap), x=x + 12, y=round(0.5 * (near + far) + 4.5, 2)))
+            marks.append(element("text", in_words(gap), x=x + 12, y=round(0.5 * (near + far) + 4.5, 2)))
     half = max(0.5 * structure.beam.drawn_at(min(one.position, structure.beam.length))[1], 0.6 / scale)
     shapes = [
         *_contact(canvas, placed, one),
