@@ -300,6 +300,7 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
             "for row in rows if row.passed and not row.unit))",
         ),
     ),
+    "test_cost.py": (Mutation("pieces_of_drives_uncounted", "PIECE = 300.0", "PIECE = 3.0"),),
     "test_excitations.py": (
         Mutation("more_cycles_than_memory", "require(cycles <= MOST_OF_CYCLES,", "require(cycles <= 1e30,"),
     ),

@@ -10,7 +10,9 @@ import pytest
 from builders import NO_PICTURES, short_study
 
 import femimpact as fi
+from femimpact.study.base_motion import SignalMotion
 from femimpact.study.demo import paper_study
+from femimpact.study.forces import DrivenMotion, StudyForce
 from femimpact.study.prepared import history_cost, mesh_memory, picture_seconds, plan_lines, prepare, sweep_cost
 from femimpact.study.run import run_modes, run_study
 from femimpact.study.study import MeshChoice, Reduction, SweepPlan
@@ -45,6 +47,24 @@ def test_memory_of_a_history_is_met_within_a_factor_of_two(tmp_path, study, meth
     asked = history_cost(study, ready.small, ready.method, ready.record).memory
     taken = peak_of(lambda: run_study(study, tmp_path / "out", parts=("simulate",)))
     assert 0.5 < taken / asked < 2.0
+
+
+def test_memory_of_several_drives_has_the_pieces_of_each(tmp_path, study):
+    chirp = (("start", 20.0), ("stop", 40.0), ("duration", 12.0))
+    base = SignalMotion("chirp", (*chirp, ("amplitude", 1e-7)))
+    forces = tuple(StudyForce("chirp", "tip", (*chirp, ("force", 1e-4)), name) for name in "abc")
+    study = dataclasses.replace(
+        study,
+        base=DrivenMotion(base, forces),
+        method={"name": "event-driven"},
+        sweep=None,
+        output=dataclasses.replace(study.output, every=50),
+    )
+    ready = prepare(study, ("simulate",))
+    asked = history_cost(study, ready.small, ready.method, ready.record).memory
+    taken = peak_of(lambda: run_study(study, tmp_path / "out", parts=("simulate",)))
+    # 1.8 without the pieces
+    assert 0.7 < taken / asked < 1.5
 
 
 @pytest.mark.parametrize(("method", "points", "cycles"), [("newmark", 40, 1000), ("event-driven", 400, 60)])
