@@ -169,6 +169,21 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
             '    return f"{value:.0f}"\n\n\ndef prefixed',
             "    return text\n\n\ndef prefixed",
         ),
+        Mutation("prefix_of_a_square", "or _POWER_FIRST.match(unit) or", "or"),
+    ),
+    "test_prepared.py": (
+        Mutation(
+            "largest_force_of_readings",
+            "max(float(np.max(size[steady])), peaks.get(name, 0.0))",
+            "float(np.max(size[steady]))",
+        ),
+    ),
+    "test_several_drives.py": (
+        Mutation(
+            "end_of_a_force_unsaid",
+            "if is_force(drive) or part is not drive:",
+            "if part is not drive and not is_force(drive):",
+        ),
     ),
     "test_simultaneous_impacts.py": (
         Mutation("all_to_the_first_of_equals", "if (find_pushing(0.0, x, n))", "if (find_pushing(1e-9, x, n))"),
