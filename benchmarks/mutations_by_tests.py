@@ -344,10 +344,11 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
     "test_decay.py": (
         Mutation("unsquared_weights_of_a_slope", "_SLOPE**2 @ one.spread**2", "np.abs(_SLOPE) @ one.spread**2"),
         Mutation("maxima_of_five_cycles", "(2.0 * math.pi * (CYCLES - 1))", "(2.0 * math.pi * CYCLES)"),
-        Mutation("rest_before_release", "if 2 * still > cycle else 0", "if still > 99 * cycle else 0"),
+        Mutation("rest_before_release", "still < max(stroke, 2)", "still < 99 * max(stroke, 2)"),
         Mutation("clipped_beginning", "begin += last + 1", "begin += last // 2"),
         Mutation("sweep_as_decay", "swept or reason)", "reason)"),
-        Mutation("large_ratio", "LARGEST_RATIO = 0.9", "LARGEST_RATIO = 0.5"),
+        Mutation("large_ratio", "LARGEST_RATIO = 0.95", "LARGEST_RATIO = 0.9"),
+        Mutation("decay_as_sweep", "STAYS, STAYS_BEHIND_MORE = 0.95, 0.5", "STAYS, STAYS_BEHIND_MORE = 0.5, 0.5"),
         Mutation("one_file_of_identify", "as table, atomic_path(directory / IDENTIFIED[1]) as picture:", "as picture:"),
     ),
     "test_recorded_base.py": (Mutation("lost_sample", "UNEVEN = 0.25", "UNEVEN = 2.5"),),
