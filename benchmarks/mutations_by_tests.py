@@ -309,7 +309,11 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
             "for number, part in enumerate(parts, start=1):",
             "for number, part in [*enumerate(parts, start=1)][:1]:",
         ),
-        Mutation("run_without_its_plan", "for row in rows if row.passed))", "for row in rows if not row.name))"),
+        Mutation(
+            "run_without_its_plan",
+            "for row in rows if row.passed))",
+            "for row in rows if row.passed and not row.unit))",
+        ),
     ),
     "test_excitations.py": (
         Mutation("more_cycles_than_memory", "require(cycles <= MOST_OF_CYCLES,", "require(cycles <= 1e30,"),
