@@ -15,6 +15,7 @@ from femimpact import core
 from femimpact.arrays import Array
 from femimpact.contact.laws import RIGID
 from femimpact.errors import Fault, InputError, checked, quantity, require, require_type
+from femimpact.integrators.preflight_row import rounded
 from femimpact.system.matrices import Matrix
 from femimpact.system.modes import first_elastic_frequency
 from femimpact.system.system import System
@@ -179,7 +180,10 @@ def check_sampling(frequencies: NDArray[np.float64], method: SteppingMethod, key
     """Refuse frequencies of the drive (Hz) that have fewer than 8 steps in a cycle."""
     least = LEAST_STEPS_PER_CYCLE
     highest, most = float(frequencies.max()), 1.0 / (least * method.dt)
-    allowed = f"must be <= {most:.4g} Hz with dt = {method.dt:g} s ({least} steps in a base cycle or more)"
+    allowed = (
+        f"must be <= {most:.4g} Hz with dt = {method.dt:g} s ({least} steps in a base cycle or more): take dt <= "
+        f"{rounded(1.0 / (least * highest), math.floor):g} s, or the event-driven method"
+    )
     require(highest <= most, key, highest, "Hz", allowed)
 
 
