@@ -169,6 +169,21 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
             '    return f"{value:.0f}"\n\n\ndef prefixed',
             "    return text\n\n\ndef prefixed",
         ),
+        Mutation("prefix_of_a_square", "or _POWER_FIRST.match(unit) or", "or"),
+    ),
+    "test_prepared.py": (
+        Mutation(
+            "largest_force_of_readings",
+            "max(float(np.max(size[steady])), peaks.get(name, 0.0))",
+            "float(np.max(size[steady]))",
+        ),
+    ),
+    "test_several_drives.py": (
+        Mutation(
+            "end_of_a_force_unsaid",
+            "if is_force(drive) or part is not drive:",
+            "if part is not drive and not is_force(drive):",
+        ),
     ),
     "test_simultaneous_impacts.py": (
         Mutation("all_to_the_first_of_equals", "if (find_pushing(0.0, x, n))", "if (find_pushing(1e-9, x, n))"),
@@ -334,10 +349,11 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
     "test_decay.py": (
         Mutation("unsquared_weights_of_a_slope", "_SLOPE**2 @ one.spread**2", "np.abs(_SLOPE) @ one.spread**2"),
         Mutation("maxima_of_five_cycles", "(2.0 * math.pi * (CYCLES - 1))", "(2.0 * math.pi * CYCLES)"),
-        Mutation("rest_before_release", "if 2 * still > cycle else 0", "if still > 99 * cycle else 0"),
+        Mutation("rest_before_release", "still < max(stroke, 2)", "still < 99 * max(stroke, 2)"),
         Mutation("clipped_beginning", "begin += last + 1", "begin += last // 2"),
         Mutation("sweep_as_decay", "swept or reason)", "reason)"),
-        Mutation("large_ratio", "LARGEST_RATIO = 0.9", "LARGEST_RATIO = 0.5"),
+        Mutation("large_ratio", "LARGEST_RATIO = 0.95", "LARGEST_RATIO = 0.9"),
+        Mutation("decay_as_sweep", "STAYS, STAYS_BEHIND_MORE = 0.95, 0.5", "STAYS, STAYS_BEHIND_MORE = 0.5, 0.5"),
         Mutation("one_file_of_identify", "as table, atomic_path(directory / IDENTIFIED[1]) as picture:", "as picture:"),
     ),
     "test_recorded_base.py": (Mutation("lost_sample", "UNEVEN = 0.25", "UNEVEN = 2.5"),),

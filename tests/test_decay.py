@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import xarray
 from command import femimpact
+from scipy.integrate import solve_ivp
 from scipy.stats import norm
 
 import femimpact as fi
@@ -197,10 +198,31 @@ def test_what_is_before_a_free_decay_is_left_out_and_said(way, noise):
     assert begin <= found.time[0] < begin + 1.2
 
 
-@pytest.mark.parametrize("ratio", [0.45, 0.5, 0.6, 0.8])
+@pytest.mark.parametrize("ratio", [0.45, 0.5, 0.6, 0.8, 0.9])
 def test_a_ratio_of_half_and_more_is_read(ratio):
     found = fi.identify_decay(TIME[:200], decay((2.0, ratio, 25.0, 0.3), time=TIME[:200]))
     assert (found.modes[0].frequency, found.modes[0].damping_ratio) == pytest.approx((2.0, ratio), rel=1e-6)
+
+
+@pytest.mark.parametrize("ratio", [0.1, 0.3, 0.6])
+@pytest.mark.parametrize("held", [0.2, 2.0])
+def test_a_hold_before_a_large_ratio_is_left_out(ratio, held):
+    time = np.linspace(0.0, 5.0, 1001)
+    omega, after = 2.0 * np.pi * 3.0, np.maximum(time - held, 0.0)
+    turned = np.sqrt(1.0 - ratio**2) * omega * after
+    released = np.cos(turned) + ratio / np.sqrt(1.0 - ratio**2) * np.sin(turned)  # from rest at a deflection of 1
+    noise = 0.002 * np.random.default_rng(3).standard_normal(time.size)
+    (mode,) = fi.identify_decay(time, np.exp(-ratio * omega * after) * released + noise).modes
+    assert (mode.frequency, mode.damping_ratio) == pytest.approx((3.0, ratio), rel=0.01)
+    assert np.isfinite(mode.damping_ratio_interval).all()
+
+
+@pytest.mark.parametrize("cubic", [1.0, 5.0, -0.3])
+def test_a_decay_whose_frequency_depends_on_its_amplitude_is_no_sweep(cubic):
+    time, omega = np.linspace(0.0, 5.0, 801), 2.0 * np.pi * 8.0
+    moved = solve_ivp(lambda _, y: (y[1], -(omega**2) * (y[0] + cubic * y[0] ** 3) - 0.2 * y[1]),
+                      (0.0, 5.0), (1.0, 0.0), t_eval=time, rtol=1e-5)  # fmt: skip
+    assert not any("no free decay" in one for one in fi.identify_decay(time, moved.y[0]).warnings)
 
 
 SWEEPS = {

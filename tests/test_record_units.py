@@ -506,7 +506,8 @@ def test_damaged_uff_files_are_refused(tmp_path):
     half = len(text) // 2
     damaged = {
         "no dataset": "", "no dataset ": ROWS, "in the header": text[: half // 3], "cut off": text[: half + half // 2],
-        "has none": "    -1\n   151\n    -1\n", "line 7 of its header": text.replace("        20", "        2x"),
+        "has none": "    -1\n   151\n    -1\n", "has none ": "    -1\n    58  ",
+        "line 7 of its header": text.replace("        20", "        2x"),
         "20,000,000 samples": text.replace("        20", "  20000000", 1),
         "over time": text.replace("        17", "        18"),
         "holds what is no number": text.replace(f"{1e-3 * VALUES[3]:20.11e}", "            x.5e-01"),
@@ -597,14 +598,39 @@ def test_samples_are_counted_beside_a_time_and_without_one(tmp_path):
     assert "it counts by 1" in with_numbers.attrs["notes"][0]
 
 
-def test_a_text_of_a_western_spreadsheet_is_read_and_one_with_zeros_is_none(tmp_path):
+def test_texts_of_spreadsheets_are_read_and_one_with_zeros_is_none(tmp_path):
     text = "Zeit [s];Beschl. [µm/s²]\n" + GERMAN
     path = tmp_path / "record.csv"
     path.write_bytes(text.encode("cp1252"))
     np.testing.assert_allclose(fi.RecordedBase.from_csv(path).samples, 1e-6 * VALUES, rtol=1e-15)
-    path.write_bytes(text.encode("utf-16"))
+    for mark, code in (("", "utf-16"), ("\ufeff", "utf-16-be")):
+        path.write_bytes((mark + text).encode(code))
+        np.testing.assert_allclose(fi.RecordedBase.from_csv(path).samples, 1e-6 * VALUES, rtol=1e-15)
+    path.write_bytes(text.encode("cp1252") + b"\0")
     with pytest.raises(fi.InputError, match="is no text"):
         fi.read_record(path)
+
+
+@pytest.mark.parametrize("lines", [
+    "X axis unit:\tms\nY axis unit:\tmm/s\nX axis\tY axis\n", "Y units: mm/s\nX units: ms\ntime acc\n",
+    "Time unit\tms\nAmplitude unit\tmm/s\ntime\tacc\n", "HUnit,ms\nVUnit,mm/s\ntime,acc\n",
+    "Y Axis Units = mm/s\nX Axis Units = ms\ntime acc\n", "time,ms;v / mm/s (laser)\n",
+])  # fmt: skip
+def test_units_of_axes_and_before_a_remark_are_applied(tmp_path, lines):
+    mark = next((one for one in ";\t" if one in lines), "," if "," in lines else " ")
+    found = fi.read_record(written(tmp_path, lines + ROWS.replace(",", mark)))
+    (signal,) = found.data_vars.values()
+    np.testing.assert_allclose(signal, 1e-3 * VALUES, rtol=1e-15)
+    assert signal.attrs["units"] == "m/s"
+    assert float(found["time"][1]) == pytest.approx(1e-5)
+
+
+def test_a_temperature_is_no_time_and_a_text_in_few_rows_is_named(tmp_path):
+    rows = ROWS.replace("\n", ",20\n")
+    assert set(fi.read_record(written(tmp_path, "time [s],tip [mm],T [°C]\n" + rows)).data_vars) == {"tip", "T"}
+    dated = "".join(f"10:00:{i},{i}\n" for i in range(10, 20))
+    with pytest.raises(fi.InputError, match="'clock' has numbers in few of its rows"):
+        fi.read_record(written(tmp_path, "clock,tip [mm]\n" + dated))
 
 
 def test_a_row_behind_a_mark_is_a_remark(tmp_path):

@@ -126,7 +126,7 @@ def test_a_bad_file_is_one_clear_line(tmp_path, text, more, words):
 
 
 def test_a_file_that_is_not_there_or_no_text_is_one_clear_line(tmp_path):
-    (tmp_path / "b.csv").write_bytes(b"\xff\xfe\x00\x81")
+    (tmp_path / "b.csv").write_bytes(b"\xff\x00\x00\x81")
     for path, words in (
         (tmp_path / "a.csv", "No such file"),
         (tmp_path, "directory"),

@@ -15,6 +15,7 @@ from builders import REFERENCE, reduced
 from reference_events import Oscillator
 
 import femimpact as fi
+from femimpact.excitation.remarks import motion_notes
 from femimpact.export.history import history_writer
 from femimpact.integrators.channel_rows import drive_of
 
@@ -459,3 +460,19 @@ def test_a_drive_that_begins_after_the_end_of_a_run_has_a_note_by_its_name():
     assert 'the run ends at 1 s, before "hammer" begins at 5 s: it does not act' in notes
     assert not any("nothing drives it" in note for note in notes)
     assert any("nothing drives it" in note for note in run(system, late, 1.0).notes)
+
+
+@pytest.mark.parametrize(
+    ("drive", "which"),
+    [
+        (CHIRP, "the force"),
+        (BASE + CHIRP, '"coil"'),
+        (fi.Chirp(3.0, 30.0, 2.0, acceleration=0.05) + BASE, "part 1"),
+        (fi.PointForce("tip", fi.RecordedBase(RECORD.samples[:101], 0.02)), "the force"),
+    ],
+)
+def test_a_force_or_a_part_that_ends_before_the_run_has_a_note_and_a_pulse_has_none(drive, which):
+    assert f"the run ends at 3 s, {which} at 2 s: from there on it does not act" in motion_notes(drive, 0.2, 3.0)
+    for end in (1.0, 2.0):
+        assert not any("does not act" in note for note in motion_notes(drive, 0.2, end))
+    assert not any("does not act" in note for note in motion_notes(BASE + BLOW + SHOCK, 0.2, 3.0))

@@ -33,7 +33,8 @@ GS = re.compile(r"g[\s_-]?forces?(?![^\W_])|(gF[xyz]|TgF)$", re.IGNORECASE)
 """Names that say that a column is in g."""
 
 UNIT_LINE = re.compile(
-    r"(?:(x|horizontal|abscissa|time|zeit|temps)|(y|vertical|ordinate|values?|signals?|channels?|data))?[\s_.-]*"
+    r"(?:(x|h|horizontal|abscissa|time|zeit|temps)|"
+    r"(y|v|vertical|ordinate|values?|signals?|channels?|data|amplitude|engineering))?[\s_.-]*(?:ax[ei]s|achse)?[\s_.-]*"
     r"(?:units?|einheit(?:en)?|unit[ée]s?|unidad(?:es)?)(?:[\s_.-]*(?:labels?|strings?|names?))?(?:[\s_.-]+(?:(x)|y))?"
     r"\s*(?:[:=]\s*(.*))?", re.IGNORECASE,
 )  # fmt: skip
@@ -107,7 +108,12 @@ def names_and_units(
 def _cells_of_names(line: str, width: int) -> list[str]:
     """Cells of a line before rows; those of a name with the separator in it are put together."""
     cells, blanks = cells_in(line), re.split(r"\s{2,}", line.strip())
-    if len(cells) <= width or UNIT_LINE.fullmatch(cells[0]):
+    if cells and UNIT_LINE.fullmatch(cells[0]):
+        return cells
+    if mark_of(line) is None and (stated := UNIT_LINE.fullmatch(line.strip())) and stated[4]:
+        # blanks within the name of the line
+        return [line.strip()]
+    if len(cells) <= width:
         return cells
     if mark_of(line) is None and len(blanks) == width:
         return blanks
@@ -187,7 +193,11 @@ def name_and_unit(cell: str) -> tuple[str, str]:
             return f"{cell[: inner.start()]}{cell[inner.end() :]}".strip(), inner[1].strip()
     if found := BRACKETED.fullmatch(cell):
         # "a(t)" is no column in tonnes
-        return (cell, "") if found[2] == "t" else (found[1] or cell, found[2].strip("$ "))
+        if found[2] == "t":
+            return cell, ""
+        name, unit = name_and_unit(found[1]) if unit_of(found[2].strip("$ ")) is None else ("", "")
+        # "Weg / mm (laser)" has its unit before the brackets
+        return (f"{name} ({found[2]})", unit) if unit else (found[1] or cell, found[2].strip("$ "))
     if (found := TIMES.fullmatch(cell)) and unit_of(found[2] or "", ("s",)):
         return found[1], found[2]
     if GS.match(cell):

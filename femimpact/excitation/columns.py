@@ -88,9 +88,11 @@ def _line_count(file: BinaryIO) -> int:
 
 
 def _decoded(file: BinaryIO) -> str:
-    """The text of a file in UTF-8, or in the code of spreadsheets in Western Europe."""
+    """The text of a file in UTF-8, UTF-16 with its mark, or in the code of spreadsheets in Western Europe."""
+    begin = file.read(2)
+    file.seek(0)
     try:
-        return _text_in(file, "utf-8-sig")
+        return _text_in(file, "utf-16" if begin in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE) else "utf-8-sig")
     except UnicodeDecodeError:
         file.seek(0)
         text = _text_in(file, "cp1252")

@@ -100,7 +100,8 @@ def _read_text(
     else:
         places, notes = [found.place(column, file) for column in columns], list[str]()
     needed = ("a signal", "") if rate is not None else ("time and a signal", "; or give sample_rate")
-    allowed = f"{file.name}: must be {needed[0]} or more{needed[1]}"
+    left = "".join(f"; {name!r} has numbers in few of its rows, or in none" for name in found.left)
+    allowed = f"{file.name}: must be {needed[0]} or more{needed[1]}{left}"
     require(len(places) >= 1 + (rate is None), "columns", [found.name(p) for p in places], "", allowed)
     commas = rate is not None and not found.names and has_decimal_commas(text, found)
     require(not commas, "path", str(path), "", "has commas between digits alone: decimal ones? put semicolons between")
@@ -111,7 +112,9 @@ def _read_text(
         require(unit in ("", "s"), "units", unit, "", f"{file.name}: {names[0]!r} must be a time, in a unit of s")
         seconds = factor * values[0]
         interval = interval_of(seconds, path, lambda row: line_of_row(text, found, row))
-        counts = ", and it counts by 1: are these samples?" * (not unit and interval == 1.0)
+        # a unit of all times says nothing of a column without a name
+        unsure = not unit or names[0] == f"column {places[0]}"
+        counts = ", and it counts by 1: are these samples?" * (unsure and interval == factor)
         notes.insert(0, f"{names[0]!r} is the time, in {stated[0] or 's: no unit is there'}{counts}")
         names, stated, values = names[1:], stated[1:], values[1:]
     else:
@@ -132,7 +135,8 @@ def _places(found: RecordHeader, file: Path, rate: float | None, pick: Pick) -> 
     require(bool(time) or rate is not None or first not in found.counted, "path", str(file), "", counts)
     time = time or [first][rate is not None :]
     counted = found.counted
-    further = {*of_time, *named} - {*time, *counted}
+    # "T [°C]" beside a time is a temperature
+    further = {*of_time, *(p for p in named if not found.units.get(p))} - {*time, *counted}
     left_out = {*time, *counted, *further}
     signals = [p for p in found.places if p not in left_out]
     notes = [f"{found.name(p)!r} is left out: it counts samples" for p in counted]

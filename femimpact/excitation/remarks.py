@@ -12,6 +12,7 @@ from femimpact.arrays import Array
 from femimpact.excitation.chirp import Chirp
 from femimpact.excitation.drives import named_parts
 from femimpact.excitation.excitation import BrokenLine, Excitation, holds_drives, is_force
+from femimpact.excitation.harmonic import SteppedSine
 from femimpact.excitation.piecewise_polynomial import PiecewisePolynomial
 from femimpact.excitation.random_base import RandomBase
 from femimpact.excitation.shock import Shock
@@ -131,10 +132,12 @@ def motion_notes(
 ) -> tuple[str, ...]:
     """Notes where a run ends (s) before a drive begins or after the record, and where a pulse moves the base away."""
     notes = [text for *_, text in late_drives(excitation, end)]
-    for _, drive, part in named_parts(excitation):
+    for which, drive, part in named_parts(excitation):
         given = str(getattr(part, "note", ""))
         notes += [*([given] if given else ()), *_of_clipping(part)]
         notes += [] if is_force(drive) else [*_of_level(part), *_of_pulse(part, length)]
+        if is_force(drive) or part is not drive:
+            notes += _after_its_end(which or "the force", part, end)
     for drive in getattr(excitation, "drives", (excitation,)):
         line = None if is_force(drive) else getattr(drive, "closed_form", None)
         if isinstance(line, PiecewisePolynomial):
@@ -152,6 +155,22 @@ def late_drives(excitation: Excitation, end: float) -> Iterator[tuple[str, float
             without = "it does not act" if which else "nothing drives it"
             begins = f"{which or 'the excitation'} begins at {line.knots[0]:.6g} s"
             yield which, float(line.knots[0]), f"the run ends at {end:.6g} s, before {begins}: {without}"
+
+
+def _after_its_end(
+    which: str,
+    history: Excitation,  # a force, or a part of a sum
+    end: float,
+) -> tuple[str, ...]:
+    """A note where a run ends (s) after a history, unless that is a pulse: what follows is meant."""
+    line = getattr(history, "closed_form", None)
+    if isinstance(line, BrokenLine):
+        last = math.inf if is_pulse(line.samples) else (len(line.samples) - 1) * line.interval
+    else:
+        last = history.duration if isinstance(history, (Chirp, RandomBase, SteppedSine)) else math.inf
+    if end <= 1.01 * last:
+        return ()
+    return (f"the run ends at {end:.6g} s, {which} at {last:.6g} s: from there on it does not act",)
 
 
 def _of_pulse(excitation: Excitation, length: float) -> tuple[str, ...]:

@@ -85,7 +85,7 @@ def _signals(content: bytes) -> Iterator[Signal]:
     at, samples = 0, 0
     while begin := MINUS_ONE.search(content, at):
         header, at = _lines(content, begin.end())
-        number = header[0].split()[:1]
+        number = header[0].split()[:1] if header else []
         if number not in (["58"], ["58b"], ["58B"]):
             at = _behind(content, begin.end())[1]
             continue

@@ -32,7 +32,7 @@ SEEN = (30.0, 6.0)
 NEGLIGIBLE = 1e-5
 """Share of the largest value below which a misfit, of rounding or of a step in time, does not matter."""
 
-LARGEST_RATIO = 0.9
+LARGEST_RATIO = 0.95
 """A pole of larger damping is no vibration."""
 
 USUAL_RATIO = 0.5

@@ -36,10 +36,19 @@ FEWEST_LEFT = 0.2
 """Share of a record that must be left behind its clipped samples."""
 
 STILL = 0.1
-"""Share of the whole stroke within which nothing moves yet; a decay from its top leaves it in a tenth of a cycle."""
+"""Share of the whole stroke within which nothing moves yet.
+
+A decay from near its top leaves it in a fifth of a cycle, and needs 0.3 cycles more for all but that share.
+"""
 
 RUNS = 0.04
 """Share by which a frequency changes from the first third of a sweep to the last."""
+
+STAYS, STAYS_BEHIND_MORE = 0.95, 0.5
+"""Least amplitude of the last third of a sweep by the first; the frequency of a decay runs where its amplitude falls.
+
+The second where the middle third is larger than the first, as about a resonance.
+"""
 
 SHORTEST_STEP = 1e-100
 """Time (s) of a step, and of its inverse, whose square is a number."""
@@ -277,7 +286,7 @@ def _checked_signal(time: ArrayLike, signal: ArrayLike) -> tuple[Array, Array, f
 
 def _begin(t: Array, y: Array, interval: float) -> tuple[int, list[str]]:
     """The first sample of a free decay, behind rest, a hold and clipped cycles, with words on what is left out."""
-    begin, words = _release(y, interval), list[str]()
+    begin, words = _release(y), list[str]()
     if begin:
         words.append(f"rest or a hold is left out: the record is read from {t[begin]:.6g} s on")
     of_clipping, last = _clipped(y[begin:])
@@ -287,16 +296,14 @@ def _begin(t: Array, y: Array, interval: float) -> tuple[int, list[str]]:
     return begin, words
 
 
-def _release(y: Array, interval: float) -> int:
-    """The first largest sample after a beginning in which nothing moves for half a cycle or more; 0 without one."""
+def _release(y: Array) -> int:
+    """The first largest sample after a beginning in which nothing moves for as long as a stroke takes; 0 without."""
     moved = np.maximum.accumulate(y) - np.minimum.accumulate(y)
-    still = int(np.argmax(moved > STILL * float(np.ptp(y))))
-    after = y[still:] - y[still:].mean()
-    if after.size < 16 or 2 * still < 4:
+    still, moves = (int(np.argmax(moved > share * float(np.ptp(y)))) for share in (STILL, 1.0 - STILL))
+    stroke, after = moves - still, y[still:] - y[still:].mean()
+    if after.size < 16 or still < max(stroke, 2):
         return 0
-    lines = np.abs(np.fft.rfft(after * np.hanning(after.size)))
-    cycle = after.size / max(int(np.argmax(lines)), 1)
-    return still + int(np.argmax(np.abs(after[: int(cycle) + 1]))) if 2 * still > cycle else 0
+    return still + int(np.argmax(np.abs(after[: 2 * stroke + 1])))
 
 
 def _swept(x: Array, interval: float) -> str:
@@ -309,7 +316,8 @@ def _swept(x: Array, interval: float) -> str:
         frequencies.append(float(lines @ np.fft.rfftfreq(part.size, interval)) / max(float(lines.sum()), 1e-300))
     first, middle, last = frequencies
     runs = min(first, last) < middle < max(first, last) and abs(last - first) > RUNS * first
-    stays = float(np.std(thirds[2])) > 0.5 * float(np.std(thirds[0]))
+    begin, between, end = (float(np.std(part)) for part in thirds)
+    stays = end > (STAYS_BEHIND_MORE if between > begin else STAYS) * begin
     words = f"the frequency runs from about {first:.3g} to {last:.3g} Hz, and the amplitude stays"
     return f"no free decay: {words}. A sweep or a driven motion has no damping to read" if runs and stays else ""
 

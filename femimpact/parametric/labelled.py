@@ -304,7 +304,8 @@ def dataset_of(
     enter("finished", columns.done.astype(np.int8), "1", "whether the case has been run")
     attributes = dict(labels["attributes"])
     peaks = [columns.numbers[name] for name in ("peak", "peak_high") if name in columns.numbers]
-    bends = deflection_warnings(np.concatenate(peaks), attributes.pop("beam_length", 0.0)) if peaks else ()
+    length = attributes.pop("beam_length", 0.0)
+    bends = deflection_warnings(np.concatenate(peaks), length) if peaks else ()
     said = "; ".join(filter(None, (attributes.pop("warnings", ""), *bends)))
     attributes |= {"warnings": said} if said else {}
     if columns.starts >= LEAST_FOR_INTERVAL:

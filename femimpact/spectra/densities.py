@@ -102,7 +102,8 @@ class Spectrum:
     def mean_square(self) -> float:
         """Mean square of the channel: of a density its integral, without the mean; of amplitudes with it.
 
-        Of amplitudes it is (a_0^2 + sum a_k^2/2)/1.5, as a Hann window has a sine in three lines, A/2, A and A/2.
+        Of amplitudes it is (a_0^2 + sum a_k^2/2)/1.5, as a Hann window has a sine in three lines, A/2, A and A/2. Of a
+        motion that is not steady it is weighted by the square of that window: the middle of the readings counts most.
         """
         if self.kind == "density":
             return float(np.sum(self.values) * self.resolution)
