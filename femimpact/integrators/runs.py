@@ -247,7 +247,8 @@ def _coarse_forces(response: Response) -> Iterator[str]:
                 yield (
                     f"{name} is read every {quantity_text(interval, 's', 3)}, and a contact lasts "
                     f"{quantity_text(lasting, 's', 3)}: fewer than {READINGS_IN_CONTACT} readings in it miss its peak; "
-                    "impacts.peak_force has that of each, and a smaller Recorder(interval=) or every shows it"
+                    "impacts.peak_force has that of each, and a smaller every, or Recorder(interval=) of EventDriven, "
+                    "shows it"
                 )
 
 

@@ -54,7 +54,9 @@ IN_PYTHON = {
         "output.interval sets another one; the largest values of the summary are exact between the readings too"
     ),
     r"impacts\.peak_force": "impacts.csv",
-    r"a smaller Recorder\(interval=\) or every": "a smaller output.interval or output.every",
+    r"a smaller every, or Recorder\(interval=\) of EventDriven,": (
+        "a smaller output.every, or output.interval of the event-driven method,"
+    ),
     r'as RecordedBase\.from_csv\(\.\.\., detrend="line"\) does': 'by base.detrend = "line"',
     r"RecordedBase\.from_displacement\(.*(high_pass = [^)]*)\) of the displacement of this record": r"base.\1",
 }
