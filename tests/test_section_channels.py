@@ -9,6 +9,7 @@ import pytest
 import femimpact as fi
 from femimpact.integrators.channel_rows import channel_rows, drive_of
 from femimpact.response.channels import resolve_channels
+from femimpact.units import read_unit
 
 pytestmark = pytest.mark.impacts
 
@@ -233,16 +234,17 @@ READ = ("root.surface_stress", "0.1.bending_moment", "root.shear_force", "0.1.cu
         "tip.rotation")  # fmt: skip
 
 
-STATIC = re.compile(r"of (\S+) of the structure's (\S+)(?: [^,]*?)? under (.*?)(?:, (?=of )|: what)")
+STATIC = re.compile(r"of (\S+) of the structure's (\S+)(?: ([^,]*?))? under (.*?)(?:, (?=of )|: what)")
 
 
 def static_values(notes, load):
     """By channel what its note says of a load: values at rest of the modes kept, and of the whole structure."""
     found = {}
     for text in notes:
-        for kept, full, under in STATIC.findall(text):
+        for kept, full, unit, under in STATIC.findall(text):
             if under == load:
-                found[text.partition(": ")[0]] = float(kept), float(full)
+                factor = (read_unit(unit) or (unit, 1.0))[1]
+                found[text.partition(": ")[0]] = factor * float(kept), factor * float(full)
     return found
 
 
