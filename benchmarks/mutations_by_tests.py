@@ -352,7 +352,7 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
         Mutation("rest_before_release", "still < max(stroke, 2)", "still < 99 * max(stroke, 2)"),
         Mutation("clipped_beginning", "begin += last + 1", "begin += last // 2"),
         Mutation("sweep_as_decay", "swept or reason)", "reason)"),
-        Mutation("large_ratio", "LARGEST_RATIO = 0.95", "LARGEST_RATIO = 0.9"),
+        Mutation("large_ratio", "LARGEST_RATIO = 0.95", "LARGEST_RATIO = 0.55"),
         Mutation("decay_as_sweep", "STAYS, STAYS_BEHIND_MORE = 0.95, 0.5", "STAYS, STAYS_BEHIND_MORE = 0.5, 0.5"),
         Mutation("one_file_of_identify", "as table, atomic_path(directory / IDENTIFIED[1]) as picture:", "as picture:"),
     ),

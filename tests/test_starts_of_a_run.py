@@ -258,6 +258,7 @@ def test_each_number_of_a_history_stands_under_its_name(name, rigid, tmp_path, c
         force = np.abs(run["ball.contact_force"])
         assert contact["peak_force"] == pytest.approx(force[late].max() if cyclic else force.max(), rel=2e-2)
         assert ("N of the whole run, mean impulse" in line) == (not cyclic)
+        assert ("of the whole run" in cards["Largest force of ball"].note) == (not cyclic)
 
 
 def test_what_has_not_died_out_is_no_sample(tmp_path, capsys):
