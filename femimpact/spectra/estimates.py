@@ -137,8 +137,8 @@ def _require_stationary(excitation: Any) -> None:
             "must be a sine, a random motion or a record: averages over windows take no transient beside another "
             "drive; a run under it alone is transformed whole"
         )
-        passing = isinstance(part, Chirp | HammerBlow | Shock | SteppedSine)
-        require(not passing, "response", f"{which}, {type(part).__name__}", "", allowed)
+        transient = isinstance(part, Chirp | HammerBlow | Shock | SteppedSine)
+        require(not transient, "response", f"{which}, {type(part).__name__}", "", allowed)
 
 
 class Input(NamedTuple):
