@@ -7,14 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from builders import REFERENCE, oscillator
+from builders import REFERENCE, Output, Reduction, SweepPlan, oscillator, paper_study, plan_lines, prepare
 
 import femimpact as fi
 from femimpact.cli import app
 from femimpact.excitation.remarks import drive_warnings
-from femimpact.study.demo import paper_study
-from femimpact.study.prepared import plan_lines, prepare
-from femimpact.study.study import Output, Reduction, SweepPlan
 
 FULL = fi.without_impactors(fi.assemble(REFERENCE, elements=20))
 FREQUENCIES = fi.solve_modes(FULL, 5).natural_frequency
