@@ -8,7 +8,7 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-from builders import NO_PICTURES, short_study
+from builders import NO_PICTURES, history_writer, short_study
 from nouns import (
     BASE,
     LAW,
@@ -28,7 +28,6 @@ from nouns import (
 import femimpact as fi
 from femimpact.contact.laws import ContactParameters
 from femimpact.export import tables, vtk
-from femimpact.export.history import history_writer
 
 SHEET = fi.figures.OffScreen()
 

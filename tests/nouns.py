@@ -8,6 +8,7 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+from builders import MeshChoice, OrbitsPlan, Output, RecordedMotion, Reduction, SweepPlan, paper_study
 
 import femimpact as fi
 from femimpact.contact import collision as closed_forms
@@ -19,9 +20,8 @@ from femimpact.response.impacts import StickingPhases, event_log, event_width
 from femimpact.response.regimes import Regime, RegimeCriteria, classify, impacts_per_cycle, significant
 from femimpact.response.signals import CycleStatistics, steady_motion
 from femimpact.structure.damping import rayleigh_coefficients, realised_damping_ratio
-from femimpact.study.base_motion import BaseMotion, RecordedMotion
-from femimpact.study.demo import paper_study
-from femimpact.study.study import Gravity, MeshChoice, OrbitsPlan, Output, Reduction, SweepPlan
+from femimpact.study.base_motion import BaseMotion
+from femimpact.study.study import Gravity
 from femimpact.sweep import on_grid
 from femimpact.system.hermite import hermite_rows, shape_functions
 from femimpact.system.modes import solve_stiffness

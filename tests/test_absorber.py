@@ -6,12 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from builders import REFERENCE, UNDRAWN_STUDY
+from builders import REFERENCE, UNDRAWN_STUDY, read_study, study_text
 from command import femimpact
 from scipy.linalg import expm
 
 import femimpact as fi
-from femimpact.study.study_file import read_study, study_text
 from femimpact.sweep.curve import transient_left
 
 pytestmark = pytest.mark.impacts

@@ -10,18 +10,24 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray
-from builders import with_ball
+from builders import (
+    paper_study,
+    paper_study_text,
+    read_study,
+    study_conclusions,
+    study_text,
+    summary_lines,
+    with_ball,
+    write_parameter_study,
+)
 
 import femimpact as fi
 from femimpact.export.figures.studies import mark_best
-from femimpact.parametric.study_command import plan_lines, summary_lines, write_parameter_study
+from femimpact.parametric.study_command import plan_lines
 from femimpact.study.best_case import best_cases
 from femimpact.study.best_picture import marks_of, worst_over_axes
-from femimpact.study.demo import paper_study, paper_study_text
-from femimpact.study.result_conclusions import study_conclusions
 from femimpact.study.result_page import best_sections
 from femimpact.study.study import read_mesh_of
-from femimpact.study.study_file import read_study, study_text
 
 GAP, RESTITUTION = "impactor.ball.gap", "impactor.ball.contact.restitution"
 FREQUENCY, LEVEL = "base.frequency", "base.amplitude"

@@ -13,13 +13,12 @@ import time
 
 import numpy as np
 import pytest
-from builders import SMALL_STUDY, UNDRAWN_STUDY
+from builders import FILES, SMALL_STUDY, UNDRAWN_STUDY, load_study, paper_study_text, read_csv
 from command import femimpact, femimpact_process
 
 import femimpact as fi
 from femimpact import core
 from femimpact.export.report.page import WARNINGS_PAGE
-from femimpact.study.demo import paper_study_text
 
 
 @pytest.fixture
@@ -59,8 +58,6 @@ def test_init_then_check(tmp_path):
 
 
 def test_run_leaves_every_file_and_load_reads_it_back(ran):
-    from femimpact.study.result_directory import FILES
-
     parts = {"run", "modes", "history", "sweep", "pictures"}
     written = [file.name for file in FILES.values() if parts & set(file.writer.split(", ")) and file.group != "movie"]
     assert len(written) > 25
@@ -70,8 +67,6 @@ def test_run_leaves_every_file_and_load_reads_it_back(ran):
     assert results.summary["natural_frequency"]["empty"][0] == pytest.approx(5.30, abs=5e-4)
     assert results.summary["natural_frequency"]["glued"][0] == pytest.approx(4.98, abs=5e-4)
     # the table and the netCDF file hold the same sweep
-    from femimpact.export.tables import read_csv
-
     table = read_csv(ran / FILES["sweep"].name)
     np.testing.assert_array_equal(table["ball_peak"], results.sweep["peak"].sel(case="ball"))
     assert results.history["tip"].attrs["units"] == "m"
@@ -97,8 +92,6 @@ def test_summary_has_the_promised_keys_as_plain_numbers(ran):
 
 def test_values_of_one_start_have_a_star_on_the_terminal(ran, capsys):
     from femimpact.cli import _print_results
-    from femimpact.export.tables import read_csv
-    from femimpact.study.study_file import load_study
 
     results, table = fi.load(ran), read_csv(ran / "sweep.csv")
     _print_results(load_study(ran / "study.toml"), results)

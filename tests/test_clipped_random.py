@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from builders import load_study, read_study, same_study, study_text
 
 import femimpact as fi
 from femimpact.excitation.remarks import motion_notes, motion_warnings
-from femimpact.study.study_file import load_study, same_study, study_text
 
 FLAT = ((20.0, 1.0), (200.0, 1.0))
 ONE_LINE = ((9.9, 1.0), (10.1, 1.0))
@@ -143,8 +143,6 @@ def test_a_record_of_a_study_file_takes_a_high_pass(tmp_path: Path) -> None:
     np.testing.assert_array_equal(again.samples, base.samples)
     # the base comes back to its place
     assert abs(base.displacement(base.duration)) < 1e-12
-    from femimpact.study.study_file import read_study
-
     assert same_study(read_study(study_text(study), path), study)
     with pytest.raises(fi.InputError, match=r"high_pass = 600\.0 Hz: must be a finite number > 0 and < 500 Hz"):
         fi.RecordedBase.from_csv(tmp_path / "shaker.csv", high_pass=600.0)

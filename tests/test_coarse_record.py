@@ -7,16 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from builders import REFERENCE, oscillator
+from builders import REFERENCE, RecordedMotion, oscillator, paper_study, prepare
 from scipy.interpolate import CubicSpline
 
 import femimpact as fi
 from femimpact.excitation.harmonic import PiecewiseMotion
 from femimpact.excitation.piecewise_polynomial import PiecewisePolynomial
 from femimpact.integrators.record_reading import record_warnings
-from femimpact.study.base_motion import RecordedMotion
-from femimpact.study.demo import paper_study
-from femimpact.study.prepared import prepare
 
 FULL = fi.assemble(REFERENCE, elements=20)
 BARE = fi.without_impactors(FULL)

@@ -5,15 +5,12 @@ from functools import partial
 
 import numpy as np
 import pytest
+from builders import build, load_study, paper_study_text, read_csv
 from command import femimpact
 
 import femimpact as fi
 from femimpact.export.figures import OffScreen, collision_history, contact_laws
-from femimpact.export.tables import read_csv
 from femimpact.study.contact_table import UNITS, approach_speeds, contact_table
-from femimpact.study.demo import paper_study_text
-from femimpact.study.study import build
-from femimpact.study.study_file import load_study
 
 MASS = 3e-3
 LINEAR = 'law = "kelvin-voigt", restitution = 0.78, contact_time = 2e-3'

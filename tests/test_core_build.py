@@ -18,11 +18,11 @@ from email.parser import Parser
 from pathlib import Path
 
 import pytest
+from builders import paper_study_text
 
 from femimpact import core
 from femimpact.core import compilation
 from femimpact.core.binary import record_of, record_text, source_hash
-from femimpact.study.demo import paper_study_text
 
 ROOT = Path(__file__).parents[1]
 CORE = ROOT / "femimpact" / "core"

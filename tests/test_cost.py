@@ -7,15 +7,23 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from builders import NO_PICTURES, short_study
+from builders import (
+    NO_PICTURES,
+    MeshChoice,
+    Reduction,
+    SignalMotion,
+    SweepPlan,
+    paper_study,
+    plan_lines,
+    prepare,
+    run_study,
+    short_study,
+)
 
 import femimpact as fi
-from femimpact.study.base_motion import SignalMotion
-from femimpact.study.demo import paper_study
 from femimpact.study.forces import DrivenMotion, StudyForce
-from femimpact.study.prepared import history_cost, mesh_memory, picture_seconds, plan_lines, prepare, sweep_cost
-from femimpact.study.run import run_modes, run_study
-from femimpact.study.study import MeshChoice, Reduction, SweepPlan
+from femimpact.study.prepared import history_cost, mesh_memory, picture_seconds, sweep_cost
+from femimpact.study.run import run_modes
 from femimpact.sweep import on_grid
 
 

@@ -8,9 +8,9 @@ import warnings
 
 import numpy as np
 import pytest
+from builders import ResultsWarning
 
 import femimpact as fi
-from femimpact.study.result_directory import ResultsWarning
 
 FILES = ("summary.json", "modes.csv", "impacts.csv", "sweep.nc", "history.nc", "impacts.nc")
 

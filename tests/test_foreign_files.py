@@ -9,19 +9,13 @@ from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
+from builders import ResultsWarning, finish_results, paper_study_text
 from command import femimpact
 from test_result_directory import NEW, OLD, break_off, run, value_of, write_results
 
 import femimpact as fi
 from femimpact.export import tables
-from femimpact.study.demo import paper_study_text
-from femimpact.study.result_directory import (
-    ResultsWarning,
-    finish_results,
-    prepare_directory,
-    unfinished_state,
-    update_results,
-)
+from femimpact.study.result_directory import prepare_directory, unfinished_state, update_results
 from femimpact.study.results import write_summary
 
 posix = pytest.mark.skipif(os.name != "posix", reason="needs links and pipes")

@@ -9,10 +9,9 @@ import tracemalloc
 import numpy as np
 import pytest
 import xarray
-from builders import reduced, with_ball
+from builders import history_writer, reduced, with_ball
 
 import femimpact as fi
-from femimpact.export.history import history_writer
 
 pytestmark = pytest.mark.impacts
 

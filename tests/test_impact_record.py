@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from builders import impact_table, reduced, with_ball
+from builders import FILES, impact_table, reduced, with_ball
 
 import femimpact as fi
 from femimpact.export import tables
@@ -178,7 +178,6 @@ def test_figures_of_a_run_without_impacts(light):
 @pytest.mark.parametrize("run", ["response", "event_driven"])
 def test_a_study_leaves_the_record_and_sticking_only_where_something_stuck(run, request, tmp_path):
     from femimpact.study import run as running
-    from femimpact.study.result_directory import FILES
     from femimpact.study.results import STICKING_FILE
 
     result = request.getfixturevalue(run)

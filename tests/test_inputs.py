@@ -9,11 +9,11 @@ from dataclasses import fields, is_dataclass, replace
 import numpy as np
 import pytest
 import scipy.sparse as sparse
+from builders import Output
 from nouns import NOUNS, OTHERS, VERBS
 
 import femimpact as fi
 from femimpact.errors import Fault
-from femimpact.study.study import Output
 
 WRONG = {
     "none": None,

@@ -14,16 +14,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from builders import OrbitsPlan, build, paper_study_text, read_csv, read_study
 from command import femimpact
 
 import femimpact as fi
 from femimpact.export.figures.branches import kind_words
 from femimpact.export.report.branch_charts import branches_section
-from femimpact.export.tables import read_csv, read_units
+from femimpact.export.tables import read_units
 from femimpact.study.branch_file import read_followed
-from femimpact.study.demo import paper_study_text
-from femimpact.study.study import OrbitsPlan, build
-from femimpact.study.study_file import read_study
 from femimpact.svg import markup
 
 pytestmark = pytest.mark.impacts

@@ -16,7 +16,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray
-from builders import REFERENCE, with_ball
+from builders import (
+    REFERENCE,
+    SignalMotion,
+    paper_study,
+    paper_study_text,
+    read_study,
+    study_conclusions,
+    study_text,
+    summary_lines,
+    with_ball,
+)
 
 import femimpact as fi
 from femimpact.export.report.maps import maps_section
@@ -26,12 +36,9 @@ from femimpact.parametric.block_files import BLOCKS
 from femimpact.parametric.evaluation import evaluated
 from femimpact.parametric.labelled import median_ranks, over_starts
 from femimpact.parametric.paths import study_with
-from femimpact.parametric.study_command import definition_of, summary_lines
+from femimpact.parametric.study_command import definition_of
 from femimpact.parametric.workers import block_cases
-from femimpact.study.base_motion import SignalMotion
-from femimpact.study.demo import paper_study, paper_study_text
-from femimpact.study.result_conclusions import study_conclusions, study_lead
-from femimpact.study.study_file import read_study, study_text
+from femimpact.study.result_conclusions import study_lead
 from femimpact.svg import markup
 from femimpact.units import prefixed
 

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from builders import REFERENCE, short_study
+from builders import FILES, REFERENCE, load_study, prepare, run_simulation, run_study, short_study, write_report
 
 import femimpact as fi
 from femimpact.export import figures, movie
@@ -27,12 +27,9 @@ from femimpact.study.picture_data import (
     read_mode_shapes,
     write_mode_shapes,
 )
-from femimpact.study.prepared import prepare
-from femimpact.study.result_directory import FILES, replaced_by
-from femimpact.study.result_page import write_report
+from femimpact.study.result_directory import replaced_by
 from femimpact.study.results import read_summary
-from femimpact.study.run import run_simulation, run_study, run_sweep
-from femimpact.study.study_file import load_study
+from femimpact.study.run import run_sweep
 
 DATA = Path(__file__).parent / "data"
 FIGURES = ("mode_figure", "response_figure", "force_figure", "portrait_figure", "impact_histograms", "impulse_phase")

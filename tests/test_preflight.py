@@ -7,13 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from builders import REFERENCE, cantilever, oscillator, paper_study, reduced, with_ball
+from builders import REFERENCE, ParameterPlan, cantilever, oscillator, paper_study, read_study, reduced, with_ball
 from scipy.integrate import quad
 
 import femimpact as fi
 from femimpact.integrators.planned_drive import largest_motion, plan_notes, swept_envelope, swept_peak
-from femimpact.study.parameter_plan import AxisValues, ParameterPlan
-from femimpact.study.study_file import read_study
+from femimpact.study.parameter_plan import AxisValues
 
 pytestmark = pytest.mark.impacts
 

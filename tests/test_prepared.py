@@ -9,21 +9,39 @@ from itertools import combinations
 
 import numpy as np
 import pytest
+from builders import (
+    FILES,
+    TABLES,
+    MeshChoice,
+    OrbitsPlan,
+    Output,
+    ParameterPlan,
+    Reduction,
+    SweepPlan,
+    load_study,
+    paper_study,
+    plan_lines,
+    prepare,
+    read_study,
+    run_simulation,
+    run_study,
+    same_study,
+    study_text,
+    summary_of,
+)
 
 import femimpact as fi
 from femimpact.cli import _print_results as print_results
 from femimpact.study import demo
 from femimpact.study import run as runs
 from femimpact.study import study as studies
-from femimpact.study.demo import paper_study
 from femimpact.study.forces import DrivenMotion, StudyForce
-from femimpact.study.parameter_plan import AxisValues, ParameterPlan
-from femimpact.study.prepared import plan_lines, prepare, with_base
-from femimpact.study.result_directory import FILES
-from femimpact.study.run import last_cycles, run_simulation, run_study
-from femimpact.study.study import Gravity, MeshChoice, OrbitsPlan, Output, Reduction, SweepPlan
-from femimpact.study.study_file import LAWS, TABLES, load_study, read_study, same_study, study_text
-from femimpact.study.summary import contacts_of, summary_of
+from femimpact.study.parameter_plan import AxisValues
+from femimpact.study.prepared import with_base
+from femimpact.study.run import last_cycles
+from femimpact.study.study import Gravity
+from femimpact.study.study_file import LAWS
+from femimpact.study.summary import contacts_of
 
 
 @pytest.fixture(scope="module")

@@ -4,12 +4,12 @@ import csv
 import importlib
 
 import pytest
+from builders import FILES
 
 import femimpact as fi
 from femimpact.cli import app
 from femimpact.response.channels import channel_of
 from femimpact.response.impacts import IMPACT_UNITS, STICKING_UNITS
-from femimpact.study.result_directory import FILES
 from femimpact.sweep import SWEEP_UNITS
 
 NAMES = """

@@ -7,11 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from builders import oscillator, paper_study_text
+from builders import build, oscillator, paper_study_text, read_study
 
 import femimpact as fi
-from femimpact.study.study import build
-from femimpact.study.study_file import read_study
 
 RATIO, LEVEL = 0.05, 1e-3
 FREQUENCIES = [4.0, 6.0]

@@ -12,14 +12,13 @@ import sys
 import numpy as np
 import pytest
 import xarray
+from builders import paper_study_text, read_csv
 from calls import branch_file
 from command import femimpact
 
 import femimpact as fi
 from femimpact.export.files import atomic_path, atomic_write
-from femimpact.export.tables import read_csv
 from femimpact.regular_file import check_regular, open_regular, read_now, read_regular
-from femimpact.study.demo import paper_study_text
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes on this system")
 

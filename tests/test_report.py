@@ -12,15 +12,22 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from builders import NO_PICTURES, REFERENCE, UNDRAWN_STUDY, reduced, short_study
+from builders import (
+    NO_PICTURES,
+    REFERENCE,
+    UNDRAWN_STUDY,
+    ResultsWarning,
+    reduced,
+    run_study,
+    short_study,
+    write_report,
+)
 from test_svg import HOSTILE, Parsed
 
 import femimpact as fi
 from femimpact.cli import app
 from femimpact.export.report.player import FULL, frames_of
-from femimpact.study.result_directory import RUNNING, ResultsWarning
-from femimpact.study.result_page import write_report
-from femimpact.study.run import run_study
+from femimpact.study.result_directory import RUNNING
 
 pytestmark = pytest.mark.impacts
 

@@ -10,12 +10,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from builders import REFERENCE, reduced
+from builders import REFERENCE, ParameterPlan, paper_study, reduced, write_parameter_study
 
 import femimpact as fi
-from femimpact.parametric.study_command import write_parameter_study
-from femimpact.study.demo import paper_study
-from femimpact.study.parameter_plan import ParameterPlan
 
 CHROMIUM, DRIVER = (shutil.which(name) for name in ("chromium", "chromedriver"))
 

@@ -11,20 +11,14 @@ import textwrap
 from pathlib import Path
 
 import pytest
+from builders import ResultsWarning, finish_results
 
 import femimpact as fi
 from femimpact.export import files, tables
 from femimpact.export.files import atomic_write
 from femimpact.export.vtk import formats
 from femimpact.study import result_directory
-from femimpact.study.result_directory import (
-    Lock,
-    ResultsWarning,
-    finish_results,
-    prepare_directory,
-    unfinished_state,
-    update_results,
-)
+from femimpact.study.result_directory import Lock, prepare_directory, unfinished_state, update_results
 from femimpact.study.results import write_summary
 
 OLD, NEW = 1.0, 2.0

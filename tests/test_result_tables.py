@@ -7,13 +7,10 @@ import re
 from pathlib import Path
 
 import pytest
+from builders import OrbitsPlan, load_study, paper_study_text, run_study
 
 from femimpact.study.branches import write_orbits
 from femimpact.study.contact_table import write_contact_table
-from femimpact.study.demo import paper_study_text
-from femimpact.study.run import run_study
-from femimpact.study.study import OrbitsPlan
-from femimpact.study.study_file import load_study
 
 pytestmark = pytest.mark.impacts
 

@@ -9,12 +9,11 @@ import re
 import tomllib
 
 import pytest
+from builders import TABLES, load_study, paper_study_text, study_schema
 from command import femimpact
 
 import femimpact as fi
-from femimpact.study.demo import paper_study_text
 from femimpact.study.schema import NOT_IN_SCHEMA
-from femimpact.study.study_file import TABLES, load_study, study_schema
 
 jsonschema = pytest.importorskip("jsonschema")
 

@@ -11,12 +11,11 @@ import pytest
 import scipy.integrate
 import scipy.linalg
 import xarray
-from builders import REFERENCE, reduced
+from builders import REFERENCE, history_writer, reduced
 from reference_events import Oscillator
 
 import femimpact as fi
 from femimpact.excitation.remarks import motion_notes
-from femimpact.export.history import history_writer
 from femimpact.integrators.channel_rows import drive_of
 
 BASE = fi.Sine(1e-3, 5.0, 0.3)

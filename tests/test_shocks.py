@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from builders import read_study, same_study, study_text
 
 import femimpact as fi
 from femimpact.excitation.shock import COMPENSATION
@@ -166,8 +167,6 @@ compensated = true
 compensation = "before"
 history = 2.0
 """
-    from femimpact.study.study_file import read_study, same_study, study_text
-
     found = read_study(head + study, Path("study.toml"))
     assert found.excitation == fi.Shock("haversine", A, D, True, "before", delay=0.05, pulses=3, period=0.5)
     assert same_study(read_study(study_text(found), Path("study.toml")), found)

@@ -6,9 +6,9 @@ import runpy
 from pathlib import Path
 
 import pytest
+from builders import TABLES
 
 import femimpact as fi
-from femimpact.study.study_file import TABLES
 
 DOCS = Path(__file__).parent.parent / "docs"
 SITE = runpy.run_path(str(DOCS / "generated.py"))

@@ -7,21 +7,27 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from builders import NO_PICTURES, UNDRAWN_STUDY, short_study
+from builders import (
+    NO_PICTURES,
+    UNDRAWN_STUDY,
+    SignalMotion,
+    finish_results,
+    plain_study,
+    plan_lines,
+    prepare,
+    read_csv,
+    read_study,
+    short_study,
+    study_key,
+)
 
 import femimpact as fi
 from femimpact.cli import _print_results
-from femimpact.export.tables import read_csv
 from femimpact.integrators.runs import integrate
-from femimpact.parametric.identity import plain_study, study_key
 from femimpact.study import starts as starts_of
-from femimpact.study.base_motion import SignalMotion
 from femimpact.study.picture_data import read_bands
-from femimpact.study.prepared import plan_lines, prepare
 from femimpact.study.result_conclusions import conclusions_of
-from femimpact.study.result_directory import finish_results
 from femimpact.study.starts import spreads_of
-from femimpact.study.study_file import read_study
 
 pytestmark = pytest.mark.impacts
 

@@ -7,11 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from builders import oscillator
+from builders import build, load_study, oscillator
 
 import femimpact as fi
-from femimpact.study.study import build
-from femimpact.study.study_file import load_study
 from femimpact.system.static import static_contacts
 
 pytestmark = pytest.mark.impacts

@@ -7,12 +7,10 @@ import tomllib
 
 import numpy as np
 import pytest
+from builders import TABLES, build, load_study, paper_study, paper_study_text, prepare
 
 import femimpact as fi
-from femimpact.study.demo import paper_study, paper_study_text
-from femimpact.study.prepared import prepare
-from femimpact.study.study import build
-from femimpact.study.study_file import LAWS, TABLES, load_study
+from femimpact.study.study_file import LAWS
 
 TEXT = paper_study_text()
 

@@ -12,14 +12,12 @@ from types import FunctionType
 
 import numpy as np
 import pytest
-from builders import with_ball
+from builders import paper_study, plain_study, study_key, with_ball
 from wrong import NOTHING_SOUND, NUMBERS_AND_WORDS
 
 import femimpact as fi
 from femimpact.export.files import atomic_path
 from femimpact.parametric.block_files import BLOCKS
-from femimpact.parametric.identity import plain_study, study_key
-from femimpact.study.demo import paper_study
 
 pytestmark = pytest.mark.impacts
 

@@ -7,13 +7,11 @@ import warnings
 from pathlib import Path
 
 import pytest
+from builders import paper_study_text, plan_lines, read_study
 from command import femimpact
 
 import femimpact as fi
 from femimpact.errors import FemimpactError, InputWarning
-from femimpact.study.demo import paper_study_text
-from femimpact.study.prepared import plan_lines
-from femimpact.study.study_file import read_study
 
 TEXT = paper_study_text()
 """What `femimpact init` writes."""

@@ -9,11 +9,11 @@ from pathlib import Path
 import jsonschema
 import numpy as np
 import pytest
+from builders import read_study, same_study, study_schema, study_text
 
 import femimpact as fi
 from femimpact.parametric.paths import paths_of_study, study_with
 from femimpact.study.picture_data import _base_numbers, _excitation
-from femimpact.study.study_file import read_study, same_study, study_schema, study_text
 
 HEAD = """
 [beam]

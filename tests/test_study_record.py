@@ -8,6 +8,7 @@ import tomllib
 
 import numpy as np
 import pytest
+from builders import FILES, ResultsWarning, load_study, plan_lines, prepare, same_study, study_text
 
 import femimpact as fi
 from femimpact.cli import app
@@ -15,9 +16,6 @@ from femimpact.study.base_motion import BaseMotion
 from femimpact.study.convergence import write_convergence
 from femimpact.study.picture_data import read_film, read_last_cycles
 from femimpact.study.pictures import draw_again
-from femimpact.study.prepared import plan_lines, prepare
-from femimpact.study.result_directory import FILES, ResultsWarning
-from femimpact.study.study_file import load_study, same_study, study_text
 
 pytestmark = pytest.mark.impacts
 

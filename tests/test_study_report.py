@@ -11,20 +11,26 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray
-from builders import with_ball
+from builders import (
+    ResultsWarning,
+    paper_study,
+    paper_study_text,
+    read_study,
+    study_conclusions,
+    summary_lines,
+    with_ball,
+    write_parameter_study,
+    write_report,
+)
 from test_report import LOADING, section, text_of
 from test_svg import Parsed
 
 import femimpact as fi
 from femimpact.export.report.maps import maps_section
 from femimpact.export.tables import measure_names, unsure_cells
-from femimpact.parametric.study_command import plan_lines, summary_lines, write_parameter_study
+from femimpact.parametric.study_command import plan_lines
 from femimpact.study.best_case import best_cases
-from femimpact.study.demo import paper_study, paper_study_text
-from femimpact.study.result_conclusions import study_conclusions, study_lead
-from femimpact.study.result_directory import ResultsWarning
-from femimpact.study.result_page import write_report
-from femimpact.study.study_file import read_study
+from femimpact.study.result_conclusions import study_lead
 from femimpact.svg import markup
 
 pytestmark = pytest.mark.impacts

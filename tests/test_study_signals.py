@@ -5,13 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from builders import UNDRAWN_STUDY
+from builders import UNDRAWN_STUDY, read_study, run_study, study_text
 
 import femimpact as fi
 from femimpact.study.base_motion import numbers_of_signal, signal_of_numbers
 from femimpact.study.picture_data import _base
-from femimpact.study.run import run_study
-from femimpact.study.study_file import read_study, study_text
 
 pytestmark = pytest.mark.impacts
 

@@ -5,10 +5,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from builders import prepare, read_study, same_study, study_text
 
 import femimpact as fi
-from femimpact.study.prepared import prepare
-from femimpact.study.study_file import read_study, same_study, study_text
 
 TEXT = """
 [beam]

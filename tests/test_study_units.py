@@ -10,13 +10,22 @@ from typing import Any
 import jsonschema
 import numpy as np
 import pytest
+from builders import (
+    load_study,
+    paper_study_text,
+    plain_study,
+    read_study,
+    same_study,
+    study_key,
+    study_schema,
+    study_text,
+    write_parameter_study,
+)
 from command import femimpact
 
 import femimpact as fi
-from femimpact.parametric.identity import plain_study, study_key
-from femimpact.parametric.study_command import definition_of, write_parameter_study
-from femimpact.study.demo import paper_study_text
-from femimpact.study.study_file import load_study, read_study, same_study, study_schema, study_text, unit_lines
+from femimpact.parametric.study_command import definition_of
+from femimpact.study.study_file import unit_lines
 
 IN_UNITS = [
     ("0.23026615 ", '"230.26615 mm" '),

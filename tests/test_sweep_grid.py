@@ -5,13 +5,12 @@ import math
 
 import numpy as np
 import pytest
+from builders import paper_study, prepare, summary_of
 
 import femimpact as fi
 from femimpact.identification import UNRESOLVED, one_pole_amplitude, peak_resolution
-from femimpact.study.demo import paper_study
-from femimpact.study.prepared import finer_grid_words, most_frequencies, prepare, refined_grid
+from femimpact.study.prepared import finer_grid_words, most_frequencies, refined_grid
 from femimpact.study.run import run_sweep
-from femimpact.study.summary import summary_of
 
 F0, RATIO = 5.3, 0.0029
 WIDTH = 2.0 * RATIO * F0

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from builders import read_study, same_study, study_text
 
 import femimpact as fi
 from femimpact.study.picture_data import read_curves
-from femimpact.study.study_file import read_study, same_study, study_text
 
 ROWS = ((4.0, 0.2), (5.0, 0.4), (6.0, 0.4))
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from builders import paper_study, paper_study_text, read_study, same_study, study_text
 from numpy.polynomial import Polynomial
 from scipy.integrate import quad
 
@@ -17,8 +18,6 @@ from femimpact.export.scene import BEAM, build_scene
 from femimpact.export.vtk import write_modes
 from femimpact.export.vtk.modes import beam_fields
 from femimpact.response.channels import SectionReading
-from femimpact.study.demo import paper_study, paper_study_text
-from femimpact.study.study_file import read_study, same_study, study_text
 from femimpact.system.hermite import shape_functions
 from femimpact.system.modes import solve_stiffness
 from femimpact.validation.beams import TaperedCantilever

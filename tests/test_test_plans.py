@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from builders import read_study, same_study, study_text
 
 import femimpact as fi
-from femimpact.study.study_file import read_study, same_study, study_text
 
 ROOT = Path(__file__).parent.parent
 PAGE = (ROOT / "docs/howto/test_plan.md").read_text(encoding="utf-8")

@@ -6,13 +6,10 @@ import dataclasses
 
 import numpy as np
 import pytest
-from builders import reduced, with_ball
+from builders import paper_study, paper_study_text, prepare, reduced, run_simulation, summary_of, with_ball
 
 import femimpact as fi
-from femimpact.study.demo import paper_study, paper_study_text
-from femimpact.study.prepared import prepare
-from femimpact.study.run import run_modes, run_simulation
-from femimpact.study.summary import summary_of
+from femimpact.study.run import run_modes
 
 pytestmark = pytest.mark.impacts
 

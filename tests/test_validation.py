@@ -9,10 +9,10 @@ from pathlib import Path
 from pkgutil import iter_modules
 
 import pytest
+from builders import read_csv
 
 from femimpact import cli, validation
 from femimpact.errors import InputError
-from femimpact.export.tables import read_csv
 from femimpact.validation import REFERENCE_CASES, Case, case_columns, markdown_table, run_validation
 
 pytestmark = pytest.mark.impacts

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from builders import FILES
 from grids import points_of
 
 import femimpact as fi
@@ -18,7 +19,6 @@ from femimpact.export.scene import BALL, BEAM, BODY, BOX, CONNECTION, CONTACT_PO
 from femimpact.export.vtk import deflection, formats
 from femimpact.export.vtk.deflection import frames_of
 from femimpact.export.vtk.script import script_path
-from femimpact.study.result_directory import FILES
 
 pytestmark = pytest.mark.impacts
 

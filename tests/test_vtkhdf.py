@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from builders import REFERENCE, reduced, short_study
+from builders import REFERENCE, reduced, run_study, short_study
 
 import femimpact as fi
 from femimpact.export.files import GuardedFile
 from femimpact.export.vtk import write_deflection, write_modes
-from femimpact.study.run import run_study
 
 pytestmark = pytest.mark.impacts
 

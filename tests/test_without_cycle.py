@@ -6,13 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from builders import REFERENCE
+from builders import REFERENCE, RecordedMotion, paper_study, prepare, summary_of
 
 import femimpact as fi
-from femimpact.study.base_motion import RecordedMotion
-from femimpact.study.demo import paper_study
-from femimpact.study.prepared import prepare
-from femimpact.study.summary import summary_of
 
 pytestmark = pytest.mark.impacts
 

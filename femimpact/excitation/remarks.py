@@ -308,17 +308,8 @@ def _above_modes(history: Excitation, limit: float) -> tuple[str, float, str, fl
     return "frequency of the drive", float(history.frequency), "Hz", limit
 
 
-def drive_warnings(
-    excitation: Excitation,
-    highest: float,  # Hz, both as of `drives_above_modes`
-    left_out: float,
-) -> tuple[str, ...]:
-    """A warning where a drive has frequencies that the kept modes do not follow; 1 % of a share is warned of."""
-    return tuple(text for *_, text in drives_above_modes(excitation, highest, left_out) if text)
-
-
 def frequency_warnings(frequencies: ArrayLike, highest: float, left_out: float) -> tuple[str, ...]:
-    """The same for sines of some frequencies (Hz)."""
+    """A warning where sines of some frequencies (Hz) are above the modes; see `drives_above_modes`."""
     f = np.ravel(frequencies)
     above = f > _limit(highest, left_out)
     if not np.any(above):

@@ -169,6 +169,16 @@ def drive_rows(
     yield from plan_rows(system, excitation, duration, initial)
 
 
+def drive_warnings(system: System, excitation: Excitation, end: float) -> tuple[str, ...]:
+    """Warnings of a drive up to a time (s): of a base that moves far, what the kept modes miss, a coarse record."""
+    above = drives_above_modes(excitation, system.highest_kept, system.first_left_out)
+    return (
+        *motion_warnings(excitation, system.length),
+        *(text for *_, text in above if text),
+        *record_warnings(system, excitation, end),
+    )
+
+
 def plan_notes(system: System, excitation: Excitation, duration: float, initial: State) -> tuple[str, ...]:
     """Notes of a run of some duration (s) on its contacts, and on the limits of `plan_rows` that it passes."""
     rows = plan_rows(system, excitation, duration, initial)

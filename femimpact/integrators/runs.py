@@ -15,7 +15,7 @@ from femimpact.errors import changed, checked, in_range, quantity, require, requ
 from femimpact.excitation import Excitation, require_excitation
 from femimpact.excitation.drives import alone, until
 from femimpact.excitation.excitation import has_cycle
-from femimpact.excitation.remarks import drive_warnings, motion_notes, motion_warnings
+from femimpact.excitation.remarks import motion_notes
 from femimpact.integrators.cases import (
     AchievedRestitution,
     SineCases,
@@ -28,8 +28,7 @@ from femimpact.integrators.cases import (
     workers_of,
 )
 from femimpact.integrators.methods import DwellMethod, Method, require_method
-from femimpact.integrators.planned_drive import plan_notes
-from femimpact.integrators.record_reading import record_warnings
+from femimpact.integrators.planned_drive import drive_warnings, plan_notes
 from femimpact.progress import Progress, check_progress, draws_progress
 from femimpact.response.channels import Motion, resolve_channels
 from femimpact.response.impacts import READINGS_IN_CONTACT
@@ -163,10 +162,10 @@ def _with_remarks(
     end: float,  # s: asked for
 ) -> Response:  # fmt: skip
     """The response with warnings and notes on its excitation, deflections, end, stops and start."""
-    warnings = motion_warnings(drive, system.length)
-    warnings += drive_warnings(drive, system.highest_kept, system.first_left_out)
-    warnings += record_warnings(system, drive, end)
-    warnings += deflection_warnings(_largest_deflections(response, recorder), system.length)
+    warnings = (
+        *drive_warnings(system, drive, end),
+        *deflection_warnings(_largest_deflections(response, recorder), system.length),
+    )
     notes = (
         *motion_notes(drive, system.length, end),
         *plan_notes(system, drive, end - start.time, start),

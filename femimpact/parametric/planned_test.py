@@ -206,12 +206,12 @@ def lines_of_check(study: Study) -> tuple[list[str], Preflight]:
     """
     prepared = prepare(study)
     found = preflight_of_study(study, prepared.small)
-    said = {f"warning: {row.instead}" for row in found.passed}
-    moved = "warning: the base moves by up to"
-    twice = any(row.what.startswith("largest displacement of the base") for row in found.passed)
-    lines = [line for line in lines_of_plan(prepared) if line not in said and not (twice and line.startswith(moved))]
+    # a row has the size of a motion beside its limit, and only the rest of the warning
+    advice = "; ".join(row.instead for row in found.passed)
+    said = {text for text in prepared.warnings if text.rpartition(" m: ")[2] in advice}
     if _is_of_another_material(found.rows):
-        lines = [line for line in lines if not line.startswith("warning: ")]
+        said = set(prepared.warnings)
+    lines = lines_of_plan(replace(prepared, warnings=tuple(text for text in prepared.warnings if text not in said)))
     return lines + [f"{'limit passed' if row.passed else 'test'}: {row}" for row in found.rows], found
 
 
@@ -224,22 +224,17 @@ def preflight_of_study(study: Study, small: System) -> Preflight:
         cycles=plan.cycles if plan else None, structure=study.structure, initial=study.initial,
         acceleration=plan.acceleration if plan else None,
     )  # fmt: skip
-    found = Preflight(tuple(replace(row, instead=in_study_words(row.instead)) for row in found.rows))
-    return found if study.plan is None else _with_axes(found, definition_of(study))
+    axes = () if study.plan is None else axis_rows(definition_of(study))
+    return Preflight((*(replace(row, instead=in_study_words(row.instead)) for row in found.rows), *axes))
 
 
 def _of_cases(plan: ParameterStudy) -> Preflight:
-    """The rows of the system or study that the cases vary, and of their axes."""
+    """The rows of the system or study that the cases vary, and the steps of their axes of frequencies."""
     if isinstance(plan.study, Study):
         # the axes are those given, not those of the study's file
         found = preflight_of_study(replace(plan.study, plan=None), plan.nominal)
     else:
         found = preflight(plan.nominal, plan.excitation)
-    return _with_axes(found, plan)
-
-
-def _with_axes(found: Preflight, plan: ParameterStudy) -> Preflight:
-    """The rows, and the steps of axes of frequencies."""
     return Preflight((*found.rows, *axis_rows(plan)))
 
 

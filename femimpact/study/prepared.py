@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,12 +14,12 @@ from femimpact import core
 from femimpact.errors import InputError, require
 from femimpact.excitation import Excitation, PiecewisePolynomial
 from femimpact.excitation.drives import until
-from femimpact.excitation.remarks import drive_warnings, frequency_warnings, motion_notes, motion_warnings
+from femimpact.excitation.remarks import frequency_warnings, motion_notes, motion_warnings
 from femimpact.fem.mesh import Mesh
 from femimpact.identification import PeakResolution
 from femimpact.integrators.cases import check_memory, memory_needed, workers_of
 from femimpact.integrators.methods import Method
-from femimpact.integrators.record_reading import record_warnings
+from femimpact.integrators.planned_drive import drive_warnings
 from femimpact.integrators.stepping.operators import shortest_contact
 from femimpact.response.channels import resolve_channels
 from femimpact.response.response import Recorder
@@ -140,7 +140,7 @@ def prepare(study: Study, parts: tuple[str, ...] = PARTS) -> PreparedStudy:
         study, mesh, full, small, bare, method, method_for(study, bare), record=record,
         warnings=tuple(map(in_study_words, (
             *warnings, *_coarse_history(study, small, method), *_empty_sweep(study, bare, parts),
-            *_drives_not_followed(study, small, parts),
+            *_of_drives(study, small, parts),
         ))),
     )  # fmt: skip
     _check_drives(prepared, parts)
@@ -236,24 +236,27 @@ def _coarse_history(study: Study, small: System, method: Method) -> tuple[str, .
 def _empty_sweep(study: Study, bare: System, parts: tuple[str, ...]) -> tuple[str, ...]:
     """A warning where no resonance of the structure without balls lies within the sweep."""
     plan = study.sweep
-    if "sweep" not in parts or plan is None or resonances_in(plan, bare):
+    if "sweep" not in parts or plan is None:
         return ()
-    natural = ", ".join(f"{f:.4g}" for f in solve_modes(bare, min(3, bare.dofs)).natural_frequency if f > 0.0)
+    modes = solve_modes(bare, min(10, bare.dofs)).natural_frequency
+    if np.any((plan.start <= modes) & (modes <= plan.stop)):
+        return ()
+    natural = ", ".join(f"{f:.4g}" for f in modes[:3] if f > 0.0)
     return (
         f"sweep.start = {plan.start:g} Hz, sweep.stop = {plan.stop:g} Hz: no natural frequency lies between them (the "
         f"first without balls: {natural} Hz): the curve has no resonance, and its peak no damping",
     )
 
 
-def _drives_not_followed(study: Study, small: System, parts: tuple[str, ...]) -> tuple[str, ...]:
-    """Warnings where a drive moves the base far, is above the modes that are kept, or is a coarse record."""
-    kept, drive = (small.highest_kept, small.first_left_out), study.excitation
-    found = list(motion_warnings(drive, small.length))
+def _of_drives(study: Study, small: System, parts: tuple[str, ...]) -> Iterator[str]:
+    """Warnings of the drive of the history, and of the highest frequency of the sweep."""
     if "simulate" in parts:
-        found += [*drive_warnings(drive, *kept), *record_warnings(small, drive, study.base.history_duration)]
+        yield from drive_warnings(small, study.excitation, study.base.history_duration)
+    else:
+        yield from motion_warnings(study.excitation, small.length)
     if "sweep" in parts and study.sweep is not None:
-        found += [f"sweep.stop: {text}" for text in frequency_warnings(study.sweep.stop, *kept)]
-    return tuple(found)
+        for text in frequency_warnings(study.sweep.stop, small.highest_kept, small.first_left_out):
+            yield f"sweep.stop: {text}"
 
 
 def _check_channels(study: Study, small: System) -> None:
@@ -441,12 +444,6 @@ def finer_grid_words(plan: SweepPlan, bare: System, found: PeakResolution) -> st
     if abs(found.frequency - first) <= reach:
         return f"sweep.refine = {math.ceil(2.0 * reach / found.step_needed) + 1}"
     return f"sweep.points = {math.ceil((plan.stop - plan.start) / found.step_needed) + 1}"
-
-
-def resonances_in(plan: SweepPlan, system: System) -> tuple[float, ...]:
-    """The lowest natural frequencies (Hz) of a system that lie within a sweep, at most ten."""
-    natural = solve_modes(system, min(10, system.dofs)).natural_frequency
-    return tuple(float(f) for f in natural if plan.start <= f <= plan.stop)
 
 
 def _first_mode(bare: System) -> tuple[float, float]:
