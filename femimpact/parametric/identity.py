@@ -98,7 +98,7 @@ def plain_study(study: ParameterStudy) -> dict[str, Any]:
     given: Any = study.study
     walk = _Walk(study.version)
     axes = {
-        place.path: [_compared(value, walk) for value in levels]
+        place.path: _compared(list(levels), walk)
         for place, levels in zip(study.table.places, study.table.levels, strict=True)
     }
     plain = {
