@@ -177,6 +177,18 @@ def measure(response):
     return Steel().strength
 #--
 script.FACTOR = 2
+#### what its class method reads
+from dataclasses import dataclass
+FACTOR = 1
+@dataclass(frozen=True)
+class Steel:
+    @classmethod
+    def strength(cls):
+        return FACTOR
+def measure(response):
+    return Steel.strength()
+#--
+script.FACTOR = 2
 #### attribute of its class
 from dataclasses import dataclass
 @dataclass(frozen=True)

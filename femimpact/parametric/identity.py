@@ -15,7 +15,7 @@ import sys
 import types
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import cache, partial
+from functools import cache, cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -59,6 +59,9 @@ UNKNOWN = {
 }  # fmt: skip
 """Words for what is no plain data, by its type."""
 
+FUNCTIONS = {property: "fget", staticmethod: "__func__", classmethod: "__func__", cached_property: "func"}
+"""Attributes of what is made of the methods of a class that hold the function."""
+
 # ---- the key -----------------------------------------------------------------------------------------
 
 
@@ -70,11 +73,13 @@ def sources_key() -> str:
     """
     root = Path(__file__).parent.parent
     digest = hashlib.sha256()
-    sources = [sorted((root / folder).rglob("*.py")) for folder in NUMERICAL]
-    for folder, paths in zip(NUMERICAL, sources, strict=True):
-        if not paths:
+    paths = [root / name for name in BESIDE]
+    for folder in NUMERICAL:
+        sources = sorted((root / folder).rglob("*.py"))
+        if not sources:
             raise FileNotFoundError(f"femimpact has no sources in {folder}, which decide the numbers of a study")
-    for path in (*sorted(path for paths in sources for path in paths), *(root / name for name in BESIDE)):
+        paths += sources
+    for path in paths:
         digest.update(str(path.relative_to(root)).encode() + b"\0" + path.read_bytes() + b"\0")
     return digest.hexdigest()
 
@@ -179,7 +184,7 @@ def _plain(value: Any, walk: _Walk) -> Any:
         return {"pairs": [[_plain(key, walk), _plain(item, walk)] for key, item in value.items()]}
     if type(value) in (list, tuple):
         return [_plain(item, walk) for item in value]
-    if dataclasses.is_dataclass(value) and not isinstance(value, type) and _is_frozen(type(value)):
+    if _is_frozen(type(value)):
         return _noun(value, walk)
     if type(value) is partial:
         return {"partial": _plain(value.func, walk), "given": _plain([value.args, value.keywords], walk)}
@@ -211,7 +216,7 @@ def _noun(value: Any, walk: _Walk) -> dict[str, Any]:
     kind = type(value)
     left_out = WITHOUT if isinstance(value, Study) else ("computed_together",)
     fields = {item.name: item for item in dataclasses.fields(value) if item.name not in left_out}
-    found = {name: _plain(getattr(value, name), walk) for name in fields}
+    found = {name: _plain(getattr(value, name), replace(walk, name=name)) for name in fields}
     if not library_name(kind):
         return {"noun": _plain(kind, walk), **found}
     return {"noun": kind.__name__} | {
@@ -303,7 +308,7 @@ def _class(value: type, walk: _Walk) -> dict[str, Any]:
     """A frozen dataclass of the user by its bases, methods and attributes."""
     found: dict[str, Any] = {}
     for name, item in sorted(vars(value).items()):
-        inner = next((getattr(item, part) for part in ("fget", "__func__", "func") if hasattr(item, part)), item)
+        inner = getattr(item, FUNCTIONS[type(item)]) if type(item) in FUNCTIONS else item
         if isinstance(inner, types.FunctionType):
             # what the decorator has made follows from the fields
             file, made = inner.__code__.co_filename, name.startswith("__")
