@@ -1,38 +1,44 @@
-"""What a function of the user's own counts by in the key of a study: whatever it takes, however it takes it."""
+"""What a function of the user's own counts by in the key of a study: code, texts of files, and values that it reads."""
 
 from __future__ import annotations
 
 import importlib
+import os
+import subprocess
 import sys
-from itertools import count
+from pathlib import Path
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
-from test_study_blocks import key_of
+from test_study_blocks import GAP, key_of, small, study
 
 import femimpact as fi
+from femimpact.parametric import identity
+from femimpact.parametric.identity import plain_study
 
 pytestmark = pytest.mark.impacts
 
 MODULES = "own_script", "own_helpers", "own_deeper"
-LOADED = count()
 
 
 class Sources:
-    """Texts of a script and of the modules beside it, each time in another folder."""
+    """A script and modules beside it, which are loaded anew each time."""
 
     def __init__(self, folder, monkeypatch):
-        self.folder, self.monkeypatch = folder, monkeypatch
+        self.folder = folder
+        monkeypatch.syspath_prepend(folder)
 
-    def load(self, script, helpers="", deeper=""):
-        """The function `measure` of the script."""
-        folder = self.folder / str(next(LOADED))
-        folder.mkdir()
-        with self.monkeypatch.context() as patch:
-            patch.syspath_prepend(folder)
-            for name, text in zip(MODULES, (script, helpers, deeper), strict=True):
-                (folder / f"{name}.py").write_text(text)
-                sys.modules.pop(name, None)
-            return key_of(importlib.import_module(MODULES[0]).measure)
+    def load(self, *texts):
+        """The modules of these texts, the script first."""
+        for name, text in zip(MODULES, texts, strict=False):
+            sys.modules.pop(name, None)
+            # what is compiled is found by the time and size of a text
+            (self.folder / "__pycache__" / f"{name}.{sys.implementation.cache_tag}.pyc").unlink(missing_ok=True)
+            (self.folder / f"{name}.py").write_text(text)
+        importlib.invalidate_caches()
+        script = importlib.import_module(MODULES[0])
+        return SimpleNamespace(script=script, helpers=sys.modules.get(MODULES[1]), deeper=sys.modules.get(MODULES[2]))
 
 
 @pytest.fixture
@@ -43,7 +49,7 @@ def sources(tmp_path, monkeypatch):
 
 
 def by_name(texts):
-    """Texts by the names above them; those of several files are parted."""
+    """Texts by the names above them; those of one script are parted."""
     found = {}
     for part in texts.strip().removeprefix("#### ").split("\n#### "):
         name, _, text = part.partition("\n")
@@ -51,680 +57,455 @@ def by_name(texts):
     return found
 
 
-CHANGES = by_name(r"""
-#### code
-def measure(response):
-    return response.time[-$]
+READ = by_name(r"""
 #### constant
+FACTOR = 1
 def measure(response):
-    return $.0
-#### default
-def measure(response, factor=$):
-    return factor
-#### keyword's default
-def measure(response, *, factor=$):
-    return factor
-#### default of an attribute by literal names
+    return FACTOR * response.time[-1]
+#--
+script.FACTOR = 2
+#### constant that a function within reads
+FACTOR = 1
 def measure(response):
-    return getattr(getattr(response, 'time'), 'first', $)
-#### constant of the module
-FACTOR = $
-def measure(response):
+    return sum(map(lambda time: FACTOR * time, response.time))
+#--
+script.FACTOR = 2
+#### constant that a helper reads
+FACTOR = 1
+def helper():
     return FACTOR
-#### function of the module
-def helper():
-    return $
 def measure(response):
     return helper()
-#### function within
-def measure(response):
-    def inner():
-        return $
-    return inner()
-#### closure
-def made(factor):
-    def measure(response):
-        return factor
-    return measure
-measure = made($)
-#### function that a closure holds
-def made(function):
-    def measure(response):
-        return function()
-    return measure
-measure = made(lambda: $)
-#### comprehension
-def measure(response):
-    return sum([$ * time for time in response.time])
-#### generator expression
-def measure(response):
-    return sum($ * time for time in response.time)
-#### lambda
-measure = lambda response: $
-#### generator
-def steps():
-    yield $
-def measure(response):
-    return next(steps())
-#### coroutine
-async def steps():
-    return $
-def measure(response):
-    return run(steps())
-#### partial
-from functools import partial
-def helper(a, b):
-    return a
-kept = partial(helper, $)
-def measure(response):
-    return kept(2)
-#### partial as measure
-from functools import partial
-def helper(a, response):
-    return a
-measure = partial(helper, $)
-#### partialmethod
-from functools import partialmethod
-class Steel:
-    def of(self, a):
-        return a
-    first = partialmethod(of, $)
-def measure(response):
-    return Steel().first()
-#### decorator
-from functools import wraps
-def scaled(function):
-    @wraps(function)
-    def inner(response):
-        return $ * function(response)
-    return inner
-@scaled
-def measure(response):
-    return 1
-#### function beneath a decorator
-from functools import wraps
-def scaled(function):
-    @wraps(function)
-    def inner(response):
-        return function(response)
-    return inner
-@scaled
-def measure(response):
-    return $
-#### decorator that is an object
-from functools import update_wrapper
-class Scaled:
-    def __init__(self, function):
-        self.function = function
-        update_wrapper(self, function)
-    def __call__(self, response):
-        return $ * self.function(response)
-@Scaled
-def helper(response):
-    return 1
-def measure(response):
-    return helper(response)
-#### function that is kept
-from functools import lru_cache
-@lru_cache
+#--
+script.FACTOR = 2
+#### code of a helper
 def helper():
-    return $
+    return 1
+def other():
+    return 2
 def measure(response):
     return helper()
-#### function with an overload
-from functools import singledispatch
-@singledispatch
-def helper(a):
-    return 0
-@helper.register
-def of_int(a: int):
-    return $
+#--
+script.helper.__code__ = script.other.__code__
+#### default of a helper
+def helper(factor=1):
+    return factor
 def measure(response):
-    return helper(1)
+    return helper()
+#--
+script.helper.__defaults__ = (2,)
+#### default by keyword
+def measure(response, *, factor=1):
+    return factor
+#--
+script.measure.__kwdefaults__["factor"] = 2
 #### attribute of a function
 def helper():
     return helper.factor
-helper.factor = $
+helper.factor = 1
 def measure(response):
     return helper()
-#### attribute of a class
-class Steel:
-    strength = $
-def measure(response):
-    return Steel.strength
-#### attribute of a base
-class Metal:
-    strength = $
-class Steel(Metal):
-    pass
-def measure(response):
-    return Steel.strength
-#### method
-class Steel:
-    def strength(self):
-        return $
-def measure(response):
-    return Steel().strength()
-#### function that a method takes
-def helper():
-    return $
-class Steel:
-    def strength(self):
-        return helper()
-def measure(response):
-    return Steel().strength()
-#### property
-class Steel:
-    @property
-    def strength(self):
-        return $
-def measure(response):
-    return Steel().strength
-#### kept property
-from functools import cached_property
-class Steel:
-    @cached_property
-    def strength(self):
-        return $
-def measure(response):
-    return Steel().strength
-#### static method
-class Steel:
-    @staticmethod
-    def strength():
-        return $
-def measure(response):
-    return Steel.strength()
-#### class method
-class Steel:
-    @classmethod
-    def strength(cls):
-        return $
-def measure(response):
-    return Steel.strength()
-#### metaclass
-class Kind(type):
-    @property
-    def strength(cls):
-        return $
-class Steel(metaclass=Kind):
-    pass
-def measure(response):
-    return Steel.strength
-#### class within a class
-class Steel:
-    class Plate:
-        strength = $
-def measure(response):
-    return Steel.Plate.strength
-#### class within the function
-def measure(response):
-    class Steel:
-        strength = $
-    return Steel.strength
-#### abstract base
-from abc import ABC, abstractmethod
-class Metal(ABC):
-    @abstractmethod
-    def of(self):
-        return $
-class Steel(Metal):
-    def of(self):
-        return super().of()
-def measure(response):
-    return Steel().of()
-#### default of a dataclass
-from dataclasses import dataclass
-@dataclass
-class Steel:
-    strength: float = $
-def measure(response):
-    return Steel().strength
-#### factory of a dataclass
-from dataclasses import dataclass, field
-@dataclass
-class Steel:
-    strength: list = field(default_factory=lambda: [$])
-def measure(response):
-    return Steel().strength[0]
-#### field of a dataclass
-from dataclasses import dataclass
-@dataclass(frozen=True, slots=True)
-class Steel:
-    strength: float
-STEEL = Steel($)
-def measure(response):
-    return STEEL.strength
-#### named tuple
-from typing import NamedTuple
-class Steel(NamedTuple):
-    strength: float = $
-def measure(response):
-    return Steel().strength
-#### attribute of an object
-class Steel:
-    def __init__(self, strength):
-        self.strength = strength
-STEEL = Steel($)
-def measure(response):
-    return STEEL.strength
-#### slot of an object
-class Steel:
-    __slots__ = ('strength',)
-STEEL = Steel()
-STEEL.strength = $
-def measure(response):
-    return STEEL.strength
-#### object that is called
-class Steel:
-    def __call__(self, response):
-        return $
-measure = Steel()
-#### attribute of one that is called
-class Steel:
-    def __init__(self, strength):
-        self.strength = strength
-    def __call__(self, response):
-        return self.strength
-measure = Steel($)
-#### attribute of the class of one that is called
-class Steel:
-    strength = $
-    def __call__(self, response):
-        return self.strength
-measure = Steel()
-#### method of an object as measure
-class Steel:
-    strength = $
-    def of(self, response):
-        return self.strength
-measure = Steel().of
-#### object that says little of itself
-class Steel:
-    def __getstate__(self):
-        return {}
-STEEL = Steel()
-STEEL.strength = $
-def measure(response):
-    return STEEL.strength
-#### member of an enumeration
-from enum import Enum
-class Grade(Enum):
-    LOW = $
-    HIGH = 5
-def measure(response):
-    return Grade.LOW.value
-#### enumeration as key
-from enum import Enum
-class Grade(Enum):
-    LOW = $
-TABLE = {Grade.LOW: 3}
-def measure(response):
-    return sum(grade.value for grade in TABLE)
+#--
+script.helper.factor = 2
 #### list
-VALUES = [0]
-VALUES.append($)
+VALUES = [1, (2, 3)]
 def measure(response):
-    return VALUES[1]
-#### mapping
-VALUES = {}
-VALUES['a'] = $
+    return VALUES[0]
+#--
+script.VALUES.append(4)
+#### dict
+VALUES = {"a": 1, 2: 3}
 def measure(response):
-    return VALUES['a']
-#### mapping with a default
-from collections import defaultdict
-VALUES = defaultdict(lambda: $)
+    return VALUES["a"]
+#--
+script.VALUES["a"] = 2
+#### function of a library
+import statistics
+import numpy as np
+kept = np.mean
 def measure(response):
-    return VALUES['a']
-#### mapping of a class of its own
-class Table(dict):
-    def __missing__(self, key):
-        return $
-VALUES = Table()
+    return kept(response.time)
+#--
+script.kept = script.statistics.mean
+#### truth value
+FACTOR = 1
 def measure(response):
-    return VALUES['a']
+    return FACTOR
+#--
+script.FACTOR = True
+#### number of another sign
+FACTOR = 0.0
+def measure(response):
+    return FACTOR
+#--
+script.FACTOR = -0.0
 #### array
 import numpy as np
 VALUES = np.zeros(3)
-VALUES[1] = $
 def measure(response):
     return VALUES[1]
-#### array of objects
+#--
+script.VALUES[1] = 1e-300
+#### shape of an array
 import numpy as np
-VALUES = np.array([$, None], dtype=object)
+VALUES = np.zeros((2, 3))
 def measure(response):
-    return VALUES[0]
-#### array with a mask
-import numpy as np
-VALUES = np.ma.array([1., 2., 3.], mask=[0, $ - 1, 0])
-def measure(response):
-    return VALUES.sum()
-#### random numbers
-import numpy as np
-RANDOM = np.random.default_rng($)
-def measure(response):
-    return RANDOM.random()
-#### object of the standard library
-from operator import itemgetter
-kept = itemgetter($)
-def measure(response):
-    return kept([1, 2, 3])
-#### which function of a library
-from scipy.special import erf, erfc
-kept = (erf, erf, erfc)[$]
-def measure(response):
-    return kept(1.)
-#### function of a library under another's name
-import numpy as np
-from functools import wraps
-@wraps(np.mean)
-def mean(values):
-    return $
-def measure(response):
-    return mean(response.time)
-#### attribute put into a class later
+    return len(VALUES)
+#--
+script.VALUES = script.VALUES.T.copy()
+#### frozen dataclass
+from dataclasses import dataclass, replace
+@dataclass(frozen=True, slots=True)
 class Steel:
-    pass
-Steel.strength = $
+    strength: float = 1.0
+    def of(self):
+        return self.strength
+STEEL = Steel(2.0)
+def measure(response):
+    return STEEL.of()
+#--
+script.STEEL = script.replace(script.STEEL, strength=1.0)
+#### what its method reads
+from dataclasses import dataclass
+FACTOR = 1
+@dataclass(frozen=True)
+class Steel:
+    @property
+    def strength(self):
+        return FACTOR
+def measure(response):
+    return Steel().strength
+#--
+script.FACTOR = 2
+#### what its class method reads
+from dataclasses import dataclass
+FACTOR = 1
+@dataclass(frozen=True)
+class Steel:
+    @classmethod
+    def strength(cls):
+        return FACTOR
+def measure(response):
+    return Steel.strength()
+#--
+script.FACTOR = 2
+#### attribute of its class
+from dataclasses import dataclass
+@dataclass(frozen=True)
+class Steel:
+    strength = 1
 def measure(response):
     return Steel.strength
-#### function put into a library
-import numpy as np
-def mine(values):
-    return $
-np.own_mean = mine
+#--
+script.Steel.strength = 2
+#### noun
+from femimpact import Sine
+SINE = Sine(1.0, 2.0)
 def measure(response):
-    return np.own_mean(response.time)
-#### one of two that are alike
-def made(n):
-    def inner():
-        return n
-    return inner
-class Steel:
-    both = [made(1), made(2)]
-    kept = both[$ - 1]
+    return SINE.amplitude
+#--
+script.SINE = script.Sine(1.0, 2.0, 0.5)
+#### partial
+from functools import partial
+def of(factor, response):
+    return factor
+measure = partial(of, 1)
+measure.__name__ = "measure"
+#--
+script.measure = script.partial(script.of, 2)
+script.measure.__name__ = "measure"
+#### keyword of a partial
+from functools import partial
+def of(response, factor):
+    return factor
+kept = partial(of, factor=1)
 def measure(response):
-    return Steel.kept()
-#### code without a file
-exec('def helper():\n    return $')
-def measure(response):
-    return helper()
-""")
-"""Scripts with `$`, which is 1 and then 2."""
-
-IN_FILES = by_name(r"""
-#### constant of a file
+    return kept(response)
+#--
+script.kept = script.partial(script.of, factor=2)
+#### constant of another file
 import own_helpers
 def measure(response):
     return own_helpers.FACTOR
 #--
-FACTOR = $
-#### constant from a file
-from own_helpers import FACTOR
-def measure(response):
-    return FACTOR
+helpers.FACTOR = 2
 #--
-FACTOR = $
-#### function of a file
+FACTOR = 1
+#### constant of another file by a text
 import own_helpers
 def measure(response):
-    return own_helpers.of()
+    return getattr(own_helpers, "FACTOR")
 #--
-def of():
-    return $
-#### function from a file
+helpers.FACTOR = 2
+#--
+FACTOR = 1
+#### constant of another file that is imported in the function
+import own_helpers
+def measure(response):
+    from own_helpers import FACTOR
+    return FACTOR
+#--
+helpers.FACTOR = 2
+#--
+FACTOR = 1
+#### constant that a function of another file reads
 from own_helpers import of
 def measure(response):
     return of()
 #--
-def of():
-    return $
-#### what a function of a file takes
-from own_helpers import of
-def measure(response):
-    return of()
+helpers.FACTOR = 2
 #--
-FACTOR = $
+FACTOR = 1
 def of():
     return FACTOR
-#### file as an argument
-import own_helpers
-def of(module):
-    return module.FACTOR
-def measure(response):
-    return of(own_helpers)
-#--
-FACTOR = $
-#### file in a list
-import own_helpers
-ALL = [own_helpers]
-def measure(response):
-    return ALL[0].FACTOR
-#--
-FACTOR = $
-#### class from a file
-from own_helpers import Steel
-def measure(response):
-    return Steel.strength
-#--
-class Steel:
-    strength = $
-#### base from a file
-from own_helpers import Metal
-class Steel(Metal):
-    pass
-def measure(response):
-    return Steel.strength
-#--
-class Metal:
-    strength = $
-#### what a class from a file takes
-from own_helpers import Steel
-def measure(response):
-    return Steel().of()
-#--
-FACTOR = $
-class Steel:
-    def of(self):
-        return FACTOR
-#### object from a file
-from own_helpers import STEEL
-def measure(response):
-    return STEEL.strength
-#--
-class Steel:
-    strength = $
-STEEL = Steel()
-#### file of a file
+#### constant of a file of a file
 import own_helpers
 def measure(response):
     return own_helpers.of()
+#--
+deeper.FACTOR = 2
 #--
 import own_deeper
 def of():
     return own_deeper.FACTOR
 #--
-FACTOR = $
-#### function of a file of a file
-from own_helpers import of
-def measure(response):
-    return of()
-#--
-from own_deeper import deeper
-def of():
-    return deeper()
-#--
-def deeper():
-    return $
-#### file that the function loads
-def measure(response):
-    import own_helpers
-    return own_helpers.FACTOR
-#--
-FACTOR = $
-#### what the function loads from a file
-def measure(response):
-    from own_helpers import of
-    return of()
-#--
-def of():
-    return $
-#### file that a function of a file loads
-from own_helpers import of
-def measure(response):
-    return of()
-#--
-def of():
-    from own_deeper import FACTOR
-    return FACTOR
-#--
-FACTOR = $
-#### what a file keeps by a name that is made
-from own_helpers import of
-def measure(response):
-    return of()
-#--
-TABLE = {}
-TABLE['a' + 'b'] = $
-def of():
-    return TABLE['ab']
-#### attribute of a file put there later
-import own_helpers
-own_helpers.FACTOR = $
-def measure(response):
-    return own_helpers.of()
-#--
-FACTOR = 0
-def of():
-    return FACTOR
-#### attribute of a file with a literal name
-import own_helpers
-def measure(response):
-    return getattr(own_helpers, 'FACTOR')
-#--
-FACTOR = $
-#### attribute that a file makes
-import own_helpers
-def measure(response):
-    return own_helpers.FACTOR
-#--
-def __getattr__(name):
-    return $
+FACTOR = 1
 """)
-"""The same with the module own_helpers, and some with own_deeper."""
+"""Scripts, what changes a value while they are loaded, and the texts of the modules beside them."""
+
+
+@pytest.mark.parametrize("texts", READ.values(), ids=READ)
+def test_a_changed_value_that_a_function_reads_is_another_study(sources, texts):
+    script, change, *others = texts
+    modules = sources.load(script, *others)
+    first = key_of(modules.script.measure)
+    assert key_of(modules.script.measure) == first
+    modules.script.OTHER = 3
+    assert key_of(modules.script.measure) == first
+    exec(change, vars(modules))
+    assert key_of(modules.script.measure) != first
+
+
+CHAIN = (
+    "import own_helpers\ndef measure(response):\n    return own_helpers.of()\n",
+    "def of():\n    from own_deeper import deeper\n    return deeper()\n",
+    "def deeper():\n    return 1\n",
+)
+
+
+def test_the_text_of_every_file_that_is_imported_counts_wherever_they_lie(sources, tmp_path):
+    keys = [key_of(sources.load(*CHAIN).script.measure)]
+    for i in range(3):
+        texts = [text + "# a note\n" * (i == j) for j, text in enumerate(CHAIN)]
+        keys.append(key_of(sources.load(*texts).script.measure))
+    assert len(set(keys)) == 4
+    sources.folder = tmp_path / "elsewhere"
+    sources.folder.mkdir()
+    sys.path.insert(0, str(sources.folder))
+    assert key_of(sources.load(*CHAIN).script.measure) == keys[0]
+
+
+def test_files_of_a_package_are_found_without_being_loaded(sources, tmp_path):
+    package = tmp_path / "own_package"
+    package.mkdir()
+    (package / "__init__.py").write_text("raise SystemExit('is not loaded')")
+    (package / "inner.py").write_text("from . import beside\n")
+    (package / "beside.py").write_text("FACTOR = 1\n")
+    script = "def measure(response):\n    from own_package.inner import beside\n    return beside.FACTOR\n"
+    measure = sources.load(script).script.measure
+    one = plain_study(fi.ParameterStudy(study(), {GAP: [2e-3]}, [measure], cycles=3))["files"]
+    assert set(one) == {"own_script", "own_package", "own_package.inner", "own_package.beside"}
+
+
+def test_two_closures_and_two_lambdas_of_one_line_are_two_functions(sources):
+    script = sources.load(
+        "def make(k):\n    def measure(response):\n        return k\n    return measure\n"
+        "one, other = lambda response: 1.0, lambda response: 2.0\n"
+    ).script
+    assert key_of(script.make(1)) == key_of(script.make(1))
+    assert len({key_of(one) for one in (script.make(1), script.make(2), script.one, script.other)}) == 4
+
 
 REFUSED = by_name(r"""
-#### globals
-FACTOR = 1
+#### SPLINE, a CubicSpline
+from scipy.interpolate import CubicSpline
+SPLINE = CubicSpline([0.0, 1.0, 2.0], [0.0, 1.0, 4.0])
 def measure(response):
-    return globals()['FACTOR']
-#### attribute by a computed name
+    return SPLINE(0.5)
+#### kept, a CubicSpline
+from scipy.interpolate import CubicSpline
+def made(kept):
+    def measure(response):
+        return kept(0.5)
+    return measure
+measure = made(CubicSpline([0.0, 1.0, 2.0], [0.0, 1.0, 4.0]))
+#### STEEL, a Steel
+class Steel:
+    strength = 1
+STEEL = Steel()
+def measure(response):
+    return STEEL.strength
+#### Steel, a class that is no frozen dataclass
 class Steel:
     strength = 1
 def measure(response):
-    return getattr(Steel, 'stren' + str(response))
-#### attribute by one of two names
-def measure(response):
-    return getattr(response, 'a' if response else 'b')
-#### getattr under another name
-def measure(response):
-    get = getattr
-    return get(response, 'a')
-#### getattr as an argument
-def measure(response):
-    return list(map(getattr, [response], ['time']))
-#### getattr of builtins
-import builtins
-def measure(response):
-    return builtins.getattr(response, str(response))
-#### module by its name
-import importlib
-def measure(response):
-    return importlib.import_module('own_helpers').FACTOR
-#### module from the table of modules
-import sys
-def measure(response):
-    return sys.modules['own_helpers'].FACTOR
-#### module without a file
-import types
-module = types.ModuleType('own')
-module.x = 1
-def measure(response):
-    return module.x
-#### text that is code
-def measure(response):
-    return eval('1 + 1')
-#### globals in a method
+    return Steel.strength
+#### Thin, a class that is no frozen dataclass
+from dataclasses import dataclass
+@dataclass(frozen=True)
 class Steel:
-    def of(self):
-        return globals()
+    strength: float = 1.0
+class Thin(Steel):
+    pass
 def measure(response):
-    return Steel().of()
-#### globals of a function
+    return Thin().strength
+#### measure, a Steel
+class Steel:
+    __name__ = "measure"
+    def __call__(self, response):
+        return 1
+measure = Steel()
+#### Steel.measure, a bound method
+class Steel:
+    def measure(self, response):
+        return 1
+measure = Steel().measure
+#### kept, a function of C
+kept = "a".count
 def measure(response):
-    return measure.__globals__['measure']
-#### lock
-import threading
-LOCK = threading.Lock()
+    return kept("a")
+#### kept, a _lru_cache_wrapper
+from functools import lru_cache
+@lru_cache
+def kept():
+    return 1
 def measure(response):
-    return LOCK
-#### generator that has begun
-STEPS = (i for i in range(3))
-def measure(response):
-    return next(STEPS)
-#### function made for arrays
+    return kept()
+#### kept, a ufunc
 import numpy as np
 kept = np.frompyfunc(lambda a: a, 1, 1)
 def measure(response):
     return kept(1)
-""")
-
-
-@pytest.mark.parametrize("texts", (CHANGES | IN_FILES).values(), ids=CHANGES | IN_FILES)
-def test_a_change_of_what_a_function_takes_is_another_study(sources, texts):
-    first, again, changed = (sources.load(*(text.replace("$", number) for text in texts)) for number in "112")
-    assert first == again
-    assert first != changed
-
-
-@pytest.mark.parametrize("texts", REFUSED.values(), ids=REFUSED)
-def test_what_cannot_be_followed_asks_for_a_version(sources, texts):
-    with pytest.raises(fi.InputError, match=r"measure.*: uses a value that .* cannot recognise .*: give version='...'"):
-        sources.load(*texts, "FACTOR = 1")
-
-
-SCRIPT = """from own_helpers import of
-FACTOR = 1
-class Steel:
-    strength = 1
-    def of(self):
-        return FACTOR
+#### VALUES, a set
+VALUES = {1, 2}
 def measure(response):
-    return of() + Steel().of()
-"""
-HELPER = """import own_deeper
-def of():
-    return own_deeper.FACTOR
-"""
-ELSEWHERE = """import math
-OTHER = 3
-def plot(found):
-    return globals()
-class Other:
-    pass
-"""
+    return sum(VALUES)
+#### VALUES, a defaultdict
+from collections import defaultdict
+VALUES = defaultdict(lambda: 1)
+def measure(response):
+    return VALUES["a"]
+#### VALUES, a ndarray
+import numpy as np
+VALUES = np.array([1, None], dtype=object)
+def measure(response):
+    return VALUES[0]
+#### VALUES, a MaskedArray
+import numpy as np
+VALUES = np.ma.array([1.0, 2.0], mask=[0, 1])
+def measure(response):
+    return VALUES.sum()
+#### LOCK, a lock
+import threading
+LOCK = threading.Lock()
+def measure(response):
+    return LOCK
+#### helper, a function without a file
+exec("def helper():\n    return 1")
+def measure(response):
+    return helper()
+#### own, a module without a file
+import types
+own = types.ModuleType("own")
+def measure(response):
+    return own.x
+#### ALL, a module
+import own_helpers
+ALL = [own_helpers]
+def measure(response):
+    return ALL[0].FACTOR
+#### values that hold one another
+VALUES = []
+VALUES.append(VALUES)
+def measure(response):
+    return VALUES
+#### what measure takes by globals
+FACTOR = 1
+def measure(response):
+    return globals()["FACTOR"]
+#### what measure takes by eval
+def measure(response):
+    return eval("1 + 1")
+""")
+"""Scripts by what is named in the error."""
 
 
-@pytest.mark.parametrize(
-    ("script", "helpers", "deeper"),
-    [
-        pytest.param("# a comment\n\n" + SCRIPT.replace("1\n", "1  # m\n"), HELPER, "FACTOR = 1", id="comment"),
-        pytest.param(SCRIPT.replace("    return of()", "\n    return  of( )"), HELPER, "FACTOR = 1", id="form"),
-        pytest.param(SCRIPT + ELSEWHERE, HELPER, "FACTOR = 1", id="plot elsewhere"),
-        pytest.param(SCRIPT, "# a comment\n" + HELPER, "FACTOR = (1)  # m", id="comment in a file"),
-        pytest.param(SCRIPT, '"""What it is."""\n' + HELPER, '"""It."""\nFACTOR = 1', id="docstring of a file"),
-        pytest.param(SCRIPT.replace("Steel:", "Steel:\n    'It.'"), HELPER, "FACTOR = 1", id="docstring of a class"),
-    ],
-)
-def test_what_decides_no_number_leaves_a_finished_study_as_it_is(sources, script, helpers, deeper):
-    assert sources.load(SCRIPT, HELPER, "FACTOR = 1") == sources.load(script, helpers, deeper)
+@pytest.mark.parametrize(("words", "texts"), REFUSED.items(), ids=REFUSED)
+def test_what_is_no_plain_data_is_refused_by_name_and_asks_for_a_version(sources, words, texts):
+    measure = sources.load(*texts, "FACTOR = 1").script.measure
+    with pytest.raises(fi.InputError) as caught:
+        key_of(measure)
+    assert f"measure': uses a value that a later call cannot recognise ({words}" in str(caught.value)
+    assert "): give version='...'" in str(caught.value)
+
+
+def test_a_version_stands_for_what_is_no_plain_data_in_a_study_on_disk_alone(sources, tmp_path):
+    measure = sources.load(*REFUSED["SPLINE, a CubicSpline"]).script.measure
+    whole = small(measures=[measure])
+    with pytest.raises(fi.InputError, match="give version="):
+        small(tmp_path / "study", measures=[measure])
+    assert not (tmp_path / "study").exists()
+    first = small(tmp_path / "study", measures=[measure], version="1")
+    np.testing.assert_array_equal(first["measure"], whole["measure"])
+    with pytest.raises(fi.InputError, match=r'measures\[0\].version is "1" there, "2" here'):
+        small(tmp_path / "study", measures=[measure], version="2")
+
+
+def test_a_changed_value_is_named_where_its_numbers_are_kept(sources, tmp_path):
+    script = sources.load(*READ["constant"][:1]).script
+    first = small(tmp_path, measures=[script.measure])
+    np.testing.assert_array_equal(small(tmp_path, measures=[script.measure])["measure"], first["measure"])
+    script.FACTOR = 2
+    with pytest.raises(fi.InputError, match=r"another study: measures\[0\].reads.FACTOR is 1 there, 2 here"):
+        small(tmp_path, measures=[script.measure])
+
+
+def test_functions_that_call_one_another_and_those_of_libraries_have_a_key(sources):
+    script = sources.load(
+        "from math import sin\nimport numpy as np\nfrom numpy import mean\nfrom scipy.special import erf\n"
+        "def even(n):\n    return n == 0 or odd(n - 1)\n"
+        "def odd(n):\n    return n != 0 and even(n - 1)\n"
+        "def measure(response):\n    return float(even(2)) + sin(1) + np.sum([1]) + mean([1]) + erf(1.0) + len('a')"
+    ).script
+    assert key_of(script.measure) == key_of(script.measure)
+
+
+def test_the_key_of_a_function_is_the_same_in_every_process(tmp_path):
+    # a set of texts has another order in each
+    script = tmp_path / "script.py"
+    script.write_text(
+        f"import sys\nsys.path[:0] = [{str(Path(__file__).parent)!r}]\n"
+        "from test_study_blocks import key_of\n"
+        "def measure(response):\n    return float(response.regime.label in {'one', 'two', 'three'})\n"
+        "print(key_of(measure))\n"
+    )
+    keys = set()
+    for seed in ("1", "2"):
+        found = {**os.environ, "PYTHONPATH": str(Path(fi.__file__).parent.parent), "PYTHONHASHSEED": seed}
+        told = subprocess.run([sys.executable, script], env=found, check=True, capture_output=True, text=True)
+        keys.add(told.stdout)
+    assert len(keys) == 1
+
+
+def test_a_folder_of_sources_that_is_missing_is_an_error(monkeypatch):
+    root = Path(fi.__file__).parent
+    assert all(list((root / name).rglob("*.py")) for name in identity.NUMERICAL)
+    assert all((root / name).is_file() for name in identity.BESIDE)
+    whole = identity.sources_key.__wrapped__()
+    for name, words in (("NUMERICAL", "no sources in moved"), ("BESIDE", "moved")):
+        with monkeypatch.context() as patch:
+            patch.setattr(identity, name, (*getattr(identity, name)[1:], "moved"))
+            with pytest.raises(FileNotFoundError, match=words):
+                identity.sources_key.__wrapped__()
+    monkeypatch.setattr(identity, "BESIDE", identity.BESIDE[1:])
+    assert identity.sources_key.__wrapped__() != whole

@@ -2,13 +2,7 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
-import threading
 from dataclasses import replace
-from pathlib import Path
-from types import FunctionType
 
 import numpy as np
 import pytest
@@ -56,7 +50,7 @@ def test_a_block_under_the_name_of_another_studys_is_run_again(tmp_path):
     (one,), (other,) = (list((tmp_path / name / BLOCKS).glob("*.block")) for name in ("one", "other"))
     expected = fi.load_parameter_study(tmp_path / "other")["peak"].to_numpy()
     other.write_bytes(one.read_bytes())
-    with pytest.warns(fi.InputWarning, match=r"block is damaged \(it belongs to another study\)"):
+    with pytest.warns(fi.InputWarning, match=r"block is damaged \(its checksum is that of another content\)"):
         assert not fi.load_parameter_study(tmp_path / "other")["finished"].any()
     again = small(tmp_path / "other", axes={**AXES, "base.amplitude": [2e-4]})
     np.testing.assert_array_equal(again["peak"], expected)
@@ -87,82 +81,13 @@ def test_a_directory_with_results_of_another_kind_is_refused_and_left_as_it_is(t
     assert [path.name for path in tmp_path.iterdir()] == ["summary.json"]
 
 
-# ---- functions of the user's own -------------------------------------------------------------------
-
-
-def of_module(text, **names):
-    """The function `measure` of a module with this text."""
-    exec(text, names)
-    return names["measure"]
-
-
-TEXT = (
-    "def helper(response):\n    return FACTOR * response.time[-1]\n\n"
-    "def measure(response):\n    return helper(response)"
-)
-
-
-def test_a_function_is_known_by_what_it_takes_from_its_module():
-    one = key_of(of_module(TEXT, FACTOR=1.0))
-    assert key_of(of_module(TEXT, FACTOR=1.0, ANOTHER=3.0)) == one
-    assert key_of(of_module(TEXT, FACTOR=2.0)) != one
-    assert key_of(of_module(TEXT.replace("[-1]", "[-2]"), FACTOR=1.0)) != one
-    # where it stands does not matter
-    assert key_of(of_module("\n\n" + TEXT, FACTOR=1.0)) == one
-
-
-def test_functions_that_take_one_another_and_those_of_libraries_have_a_key():
-    text = (
-        "from functools import lru_cache\nfrom math import sin\nimport numpy as np\n"
-        "def even(n):\n    return n == 0 or odd(n - 1)\n"
-        "def odd(n):\n    return n != 0 and even(n - 1)\n"
-        "@lru_cache\ndef kept(n):\n    return sin(n)\n"
-        "def measure(response):\n    return float(even(2)) + kept(1) + np.sum(WEIGHTS)"
-    )
-    one = key_of(of_module(text, WEIGHTS=np.ones(3)))
-    assert key_of(of_module(text, WEIGHTS=np.ones(3))) == one
-    assert key_of(of_module(text, WEIGHTS=np.zeros(3))) != one
-    assert key_of(of_module(text.replace("sin(n)", "sin(2 * n)"), WEIGHTS=np.ones(3))) != one
-
-
-def test_a_function_that_takes_what_cannot_be_compared_asks_for_a_version(tmp_path):
-    measure = of_module(TEXT, FACTOR=threading.Lock())
-    assert isinstance(measure, FunctionType)
-    with pytest.raises(fi.InputError, match=r"measure.*: uses a value that .* cannot recognise .*: give version="):
-        small(tmp_path, measures=[measure])
-
-
-def test_a_class_that_has_changed_is_named_where_its_numbers_are_kept(tmp_path):
-    class Steel:
-        strength = 50e6
-
-        def __call__(self, response):
-            return self.strength * response.time[-1]
-
-    first = small(tmp_path, measures=[Steel()])
-    np.testing.assert_array_equal(small(tmp_path, measures=[Steel()])["Steel"], first["Steel"])
-    Steel.strength = 100e6
-    told = r"another study: measures\[0\].class.attributes.strength is 50000000.0 there, 100000000.0 here"
-    with pytest.raises(fi.InputError, match=told):
-        small(tmp_path, measures=[Steel()])
-
-
-def test_the_key_of_a_function_is_the_same_in_every_process(tmp_path):
-    # a set of texts has another order in each
-    script = tmp_path / "script.py"
-    script.write_text(
-        f"import sys\nsys.path[:0] = [{str(Path(__file__).parent)!r}]\n"
-        "from test_study_blocks import key_of\n"
-        "WORDS = {'one', 'two', 'three'}\n"
-        "def measure(response):\n    return float(response.regime.label in {'one', 'two', 'three'} | WORDS)\n"
-        "print(key_of(measure))\n"
-    )
-    keys = set()
-    for seed in ("1", "2"):
-        found = {**os.environ, "PYTHONPATH": str(Path(fi.__file__).parent.parent), "PYTHONHASHSEED": seed}
-        told = subprocess.run([sys.executable, script], env=found, check=True, capture_output=True, text=True)
-        keys.add(told.stdout)
-    assert len(keys) == 1
+def test_a_field_at_its_default_is_not_in_the_key_and_another_value_is_told_as_such(tmp_path):
+    plain = plain_study(fi.ParameterStudy(study(), AXES, ["peak"], cycles=3))
+    assert plain["study"]["structure"]["impactors"][0]["contact"] == {"noun": "Rigid", "restitution": 0.6}
+    small(tmp_path)
+    other = replace(study(), base=replace(study().base, phase=0.5))
+    with pytest.raises(fi.InputError, match=r"another study: study.base.phase is at its default there, 0.5 here"):
+        fi.parameter_study(other, AXES, ["peak"], cycles=3, directory=tmp_path)
 
 
 # ---- values of axes --------------------------------------------------------------------------------

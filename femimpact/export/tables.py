@@ -29,8 +29,16 @@ __all__ = ["plain", "read_csv", "read_units", "write_csv", "write_json", "write_
 BESIDE = frozenset({"periodic_starts", "failed_starts", "finished", "failure"})
 """Variables that are about the cases themselves."""
 
-STATISTICS = ("_low", "_high", "_median_low", "_median_high", "_quantile_5", "_quantile_95", "_groups")
-"""Endings of what is known of a measure beside its median."""
+STATISTICS = {
+    "_low": "smallest of the starts",
+    "_high": "largest of the starts",
+    "_median_low": "lower end of the 90 % interval of the median",
+    "_median_high": "upper end of the 90 % interval of the median",
+    "_quantile_5": "quantile of 5 % of the starts",
+    "_quantile_95": "quantile of 95 % of the starts",
+    "_groups": "groups in which the values of the starts lie",
+}
+"""Endings of what is known of a measure beside its median, with words for each."""
 
 
 def measure_names(

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from femimpact.arrays import Array, Integers
 from femimpact.export.report.drive_charts import drive_words
-from femimpact.export.tables import unit_text
+from femimpact.export.tables import STATISTICS, unit_text
 from femimpact.integrators.planned_drive import contact_notes, step_rows
 from femimpact.integrators.preflight_row import PreflightRow
 from femimpact.parametric.definition import ParameterStudy
@@ -62,6 +62,14 @@ def median_ranks(
     return k - 1, starts - k
 
 
+def endings_of(starts: int) -> tuple[str, ...]:
+    """Ends of the names of the variables of a measure of numbers, the median first."""
+    if starts == 1:
+        return ("",)
+    least = {"_median": LEAST_FOR_INTERVAL, "_quantile": LEAST_FOR_QUANTILES}
+    return "", *(end for end in STATISTICS if starts >= least.get(end.rpartition("_")[0], 2))
+
+
 def over_starts(
     values: Array,  # (cases, starts)
 ) -> dict[str, Array]:
@@ -78,10 +86,7 @@ def over_starts(
         return {"": values[:, 0]}
     ordered = np.sort(values, axis=1)
     count = np.count_nonzero(~np.isnan(ordered), axis=1)
-    names = ["", "_low", "_high", "_groups"]
-    names += ["_median_low", "_median_high"] if starts >= LEAST_FOR_INTERVAL else []
-    names += ["_quantile_5", "_quantile_95"] if starts >= LEAST_FOR_QUANTILES else []
-    found = {name: np.full(cases, np.nan) for name in names}
+    found = {name: np.full(cases, np.nan) for name in endings_of(starts)}
     # cases of which as many starts have values are done together
     for n in np.unique(count[count > 0]).tolist():
         rows = count == n
@@ -114,19 +119,6 @@ def _groups(values: Array, middle: Array) -> Array:
     # of several that are widest one with two starts on each side is enough, whichever comes first
     widest = distance[:, BESIDE - 1 : 1 - BESIDE].max(axis=1)
     return np.where((widest >= distance.max(axis=1)) & (widest > APART * np.abs(middle)), 2.0, 1.0)
-
-
-WORDS = {
-    "": "{}, median over the starts",
-    "_low": "{}, smallest of the starts",
-    "_high": "{}, largest of the starts",
-    "_median_low": "{}, lower end of the 90 % interval of the median",
-    "_median_high": "{}, upper end of the 90 % interval of the median",
-    "_quantile_5": "{}, quantile of 5 % of the starts",
-    "_quantile_95": "{}, quantile of 95 % of the starts",
-    "_groups": "{}, groups in which the values of the starts lie",
-}
-"""Long names of the statistics of a measure."""
 
 
 def labels_of(study: ParameterStudy) -> dict[str, Any]:
@@ -223,7 +215,13 @@ class Columns:
         self.labels = labels
         self.cases = int(np.prod(labels["shape"]))
         self.starts, self.measures = int(labels["starts"]), labels["measures"]
-        self.numbers: dict[str, NDArray[np.float64]] = {}
+        self.numbers = {
+            f"{item['name']}{end}": np.full(self.cases, np.nan)
+            for item in self.measures
+            for end in endings_of(self.starts)
+            # of words only how many there are
+            if end == "_groups" or not item["is_text"]
+        }
         self.words: dict[str, NDArray[np.object_]] = {
             item["name"]: np.full(self.cases, "", dtype=object) for item in self.measures if item["is_text"]
         }
@@ -252,7 +250,7 @@ class Columns:
                 self._add_words(item["name"], cases, block.words[item["name"]])
                 continue
             for end, column in over_starts(block.values[:, :, m]).items():
-                self._column(f"{item['name']}{end}")[cases] = column
+                self.numbers[f"{item['name']}{end}"][cases] = column
 
     def _add_words(self, name: str, cases: Integers, words: Sequence[str]) -> None:
         """The most frequent word of the starts, of several the first by its letters; and how many there are."""
@@ -260,10 +258,7 @@ class Columns:
             counts = Counter(word for word in words[row * self.starts : (row + 1) * self.starts] if word)
             self.words[name][case] = min(counts, key=lambda word: (-counts[word], word)) if counts else ""
             if self.starts > 1:
-                self._column(f"{name}_groups")[case] = len(counts)
-
-    def _column(self, name: str) -> NDArray[np.float64]:
-        return self.numbers.setdefault(name, np.full(self.cases, np.nan))
+                self.numbers[f"{name}_groups"][case] = len(counts)
 
 
 def dataset_of(
@@ -288,13 +283,10 @@ def dataset_of(
         name, unit, words = item["name"], item["unit"], item["words"]
         if item["is_text"]:
             enter(name, columns.words[name], unit, f"{words}, of most starts" if columns.starts > 1 else words)
-        for end, form in WORDS.items():
+        for end in endings_of(columns.starts):
             if f"{name}{end}" in columns.numbers:
-                long_name = words if columns.starts == 1 else form.format(words)
+                long_name = f"{words}, {STATISTICS.get(end, 'median over the starts')}" if columns.starts > 1 else words
                 enter(f"{name}{end}", columns.numbers[f"{name}{end}"], "1" if end == "_groups" else unit, long_name)
-    if not columns.done.any():
-        for item in (item for item in columns.measures if not item["is_text"]):
-            enter(item["name"], np.full(columns.cases, np.nan), item["unit"], item["words"])
     for item in columns.measures:
         if better := better_of(item["name"], item["words"]):
             data[item["name"]][2]["better"] = better

@@ -18,7 +18,7 @@ from femimpact.export.figures.studies import mark_best
 from femimpact.export.files import atomic_write
 from femimpact.export.tables import axis_names, measure_names, unit_text, value_words
 from femimpact.parametric.definition import CaseTable, ParameterStudy
-from femimpact.parametric.labelled import over_starts
+from femimpact.parametric.labelled import endings_of
 from femimpact.parametric.measures import better_of
 from femimpact.parametric.paths import study_with
 from femimpact.parametric.verb import StudyProgress, run_parameter_study, to_stderr
@@ -224,7 +224,7 @@ def plan_lines(study: Study) -> list[str]:
     seconds += SECONDS_OF_MODES * systems
     drawn = START + (SECONDS_OF_FIGURE * len(given.chosen) if study.output.figures else 0.0)
     shape = " x ".join(map(str, given.table.shape)) if given.table.is_grid else f"{given.table.size} of a sample"
-    numbers = len(given.chosen) * _statistics(given.starts)
+    numbers = len(given.chosen) * len(endings_of(given.starts))
     memory += COLUMN_BYTES * given.table.size * (numbers + 8)
     return [
         f"study: {_counted(given.table.size, 'case')} ({shape}), {_counted(given.starts, 'start')} each, "
@@ -240,15 +240,10 @@ def _counted(count: int, noun: str) -> str:
     return f"{count} {noun}{'s' * (count != 1)}"
 
 
-def _statistics(starts: int) -> int:
-    """Variables of a measure of numbers."""
-    return len(over_starts(np.zeros((1, starts))))
-
-
 def _disk(given: ParameterStudy, study: Study) -> float:
     """Bytes of all that a study leaves."""
     cases, names, axes = given.table.size, len(given.chosen), len(given.table.places)
-    variables = names * _statistics(given.starts) + 4
+    variables = names * len(endings_of(given.starts)) + 4
     blocks = BYTES_OF_FILE + BYTES_OF_BLOCK * len(block_cases(given)) + given.runs * (COLUMN_BYTES * names + 5.0)
     listed = 0.0 if given.table.is_grid else BYTES_OF_LEVEL * cases * axes
     dataset = BYTES_OF_FILE + BYTES_OF_VARIABLE * variables + COLUMN_BYTES * cases * (variables + 2)

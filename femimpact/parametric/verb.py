@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,12 +12,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from femimpact.errors import check_fields, kind_of, quantity, require, require_path
+from femimpact.errors import InputWarning, check_fields, kind_of, quantity, require, require_path
 from femimpact.excitation import Sine
 from femimpact.export.tables import write_netcdf
 from femimpact.integrators.cases import workers_of
 from femimpact.integrators.methods import Method
-from femimpact.parametric.block_files import BlockFolder, blocks_of, read_manifest
+from femimpact.parametric.block_files import BLOCKS, BlockFolder, block_folder, read_manifest
 from femimpact.parametric.definition import ParameterStudy
 from femimpact.parametric.identity import plain_study, study_key
 from femimpact.parametric.labelled import Columns, dataset_of, labels_of
@@ -169,7 +170,8 @@ def run_parameter_study(
     plain = plain_study(study)
     lock = Lock(target)
     try:
-        folder = BlockFolder(target, {"study": plain, "table": columns.labels}, study_key(plain), say)
+        labelled = {"study": plain, "table": columns.labels}
+        folder = block_folder(target, labelled, study_key(plain), say or (lambda line: None))
         folder.remove_unfinished()
         _run(study, columns, folder, workers, client, progress, say)
         dataset = dataset_of(columns)
@@ -184,14 +186,11 @@ def _run(
     progress: Callable[[StudyProgress], None] | None, say: Callable[[str], None] | None,
 ) -> None:  # fmt: skip
     """Fill the columns from the blocks on disk, then from those that are run now."""
-    left, begun = [], time.monotonic()
-    for cases in block_cases(study):
-        known = None if folder is None else folder.finished(cases)
-        if known is None:
-            left.append(cases)
-        else:
-            columns.add(known)
+    begun = time.monotonic()
+    for block in () if folder is None else folder.blocks():
+        columns.add(block)
     found = columns.finished
+    left = [cases for cases in block_cases(study) if not columns.done[cases].all()]
     if found and say is not None:
         say(f"found {found} of {columns.cases} finished")
 
@@ -227,10 +226,13 @@ def load_parameter_study(directory: str | Path) -> xarray.Dataset:
         If the directory holds no study, or a damaged one.
     """
     require_path(directory, "directory", "a directory")
-    found = read_manifest(Path(directory))
-    require(found is not None, "directory", str(directory), "", "must hold a parameter study")
-    manifest = found or {}
+    manifest, folder = read_manifest(Path(directory)), Path(directory) / BLOCKS
     columns = Columns(manifest["table"])
-    for block in blocks_of(Path(directory), manifest["key"], manifest["table"]):
+
+    def damaged(name: str, reason: str) -> None:
+        text = f"{folder / name} is damaged ({reason}): its cases count as not finished"
+        warnings.warn(text, InputWarning, stacklevel=4)
+
+    for block in BlockFolder(folder, manifest["key"], damaged).blocks():
         columns.add(block)
     return dataset_of(columns)

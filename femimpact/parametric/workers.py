@@ -12,15 +12,12 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import scipy
-
 from femimpact import core
 from femimpact.arrays import Integers
 from femimpact.errors import Fault, InputError, InputWarning, kind_of, require
 from femimpact.parametric.definition import ParameterStudy
 from femimpact.parametric.evaluation import evaluated
-from femimpact.parametric.identity import sources_key
+from femimpact.parametric.identity import versions
 from femimpact.parametric.runs import BlockValues
 from femimpact.regular_file import read_regular
 
@@ -85,13 +82,7 @@ def _address_of(scheduler: str) -> str:
 
 def worker_facts() -> dict[str, str]:
     """Sources, versions and processor of a worker, which decide its numbers."""
-    return {**_versions(), "processor": f"{core.build_info()['target']} {platform.machine()} {_model()}"}
-
-
-def _versions() -> dict[str, str]:
-    """Sources and versions of this process."""
-    core_sources = str(core.build_info()["sources"])
-    return {"sources": sources_key(), "core": core_sources, "numpy": np.__version__, "scipy": scipy.__version__}
+    return {**versions(), "processor": f"{core.build_info()['target']} {platform.machine()} {_model()}"}
 
 
 def _model() -> str:
@@ -116,7 +107,7 @@ def check_workers(client: Any) -> None:
         raise InputError([Fault("client", kind_of(client), "", allowed)]) from None
     require(bool(found), "client", "no worker", "", "must have one worker or more")
     for address, facts in found.items():
-        _check_versions(f"worker {address}", facts, _versions(), "this process")
+        _check_versions(f"worker {address}", facts, versions(), "this process")
     processors = sorted({facts.get("processor", "unknown") for facts in found.values()})
     if len(processors) > 1:
         text = f"workers on several kinds of processors ({'; '.join(processors)}): the last bits may depend on which"
@@ -140,7 +131,7 @@ def cluster_executor(client: Any, study: ParameterStudy) -> Iterator[tuple[Execu
     """
     check_workers(client)
     # a task, whose result is made anew where the worker that had it is lost
-    there = client.submit(_received, study, _versions(), pure=False)
+    there = client.submit(_received, study, versions(), pure=False)
     try:
         with client.get_executor(pure=False, retries=3) as pool:
             yield pool, there, sum(client.nthreads().values())
@@ -152,9 +143,9 @@ def cluster_executor(client: Any, study: ParameterStudy) -> Iterator[tuple[Execu
         raise InputError([Fault("client", kind_of(client), "", allowed)]) from None
 
 
-def _received(study: ParameterStudy, versions: dict[str, str]) -> tuple[ParameterStudy, dict[str, str]]:
+def _received(study: ParameterStudy, of_client: dict[str, str]) -> tuple[ParameterStudy, dict[str, str]]:
     """The study and the versions of the client's process, on a worker."""
-    return study, versions
+    return study, of_client
 
 
 def evaluated_there(sent: tuple[ParameterStudy, dict[str, str]], cases: Integers) -> BlockValues:
@@ -162,8 +153,8 @@ def evaluated_there(sent: tuple[ParameterStudy, dict[str, str]], cases: Integers
 
     Raises `InputError` if the worker has another version than the process of the client.
     """
-    study, versions = sent
-    _check_versions(f"worker {platform.node()}", _versions(), versions, "the process with the client")
+    study, of_client = sent
+    _check_versions(f"worker {platform.node()}", versions(), of_client, "the process with the client")
     return evaluated(study, cases)
 
 
