@@ -154,8 +154,8 @@ MUTATIONS = (
     ),
     Mutation(
         "ball_without_base",
-        "constants[layout.SHARE, j] = 0.0 if pair.is_stop",
-        "constants[layout.SHARE, j] = 0.0 if True",
+        "constants[core.steps.SHARE, j] = 0.0 if pair.is_stop",
+        "constants[core.steps.SHARE, j] = 0.0 if True",
     ),
     Mutation(
         "step_compliance",

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 import femimpact as fi
-from femimpact.integrators.event_driven.loop_data import LOST, PUSHED
+from femimpact import core
 
 
 def in_progress(response: fi.Response) -> dict[str, tuple[float, float]]:
@@ -16,7 +16,7 @@ def in_progress(response: fi.Response) -> dict[str, tuple[float, float]]:
     for j, pair in enumerate(response.system.contacts):
         side = float(np.sign(held.state[j]))
         if side != 0.0 and not isinstance(pair.law, fi.Rigid):
-            found[pair.name] = (side * float(held.touch[PUSHED, j]), float(held.touch[LOST, j]))
+            found[pair.name] = (side * float(held.touch[core.events.PUSHED, j]), float(held.touch[core.events.LOST, j]))
     return found
 
 

@@ -11,10 +11,10 @@ from builders import REFERENCE, reduced, with_ball
 from random_structures import random_case
 
 import femimpact as fi
+from femimpact import core
 from femimpact.integrators.channel_rows import drive_of
 from femimpact.integrators.event_driven.block import inputs_of, new_block, run_block
 from femimpact.integrators.event_driven.equations import equations_of
-from femimpact.integrators.event_driven.loop_data import DONE, PUSHED
 from femimpact.integrators.event_driven.store import FormStore, outputs_of
 from femimpact.response.impacts import TOTAL_COLUMNS
 
@@ -166,7 +166,7 @@ def run_in_windows(case, windows, rows=0):
     block = new_block(system, store, inputs, EXACT, None, rows)
     samples = round(case.duration / float(block.grid.interval[0]))
     run_block(block, np.zeros(count, dtype=np.int64), np.full(count, samples), np.full(count, 1e7))
-    assert np.all(block.stopped == DONE), case.description
+    assert np.all(block.stopped == core.events.DONE), case.description
     return {name: block.cases.totals[:, i] for i, name in enumerate(TOTAL_COLUMNS)}, block
 
 
@@ -182,7 +182,7 @@ def test_windows_that_are_cut_within_contacts_add_up_to_the_run(seed):
     pushed = np.zeros(len(case.system.contacts))
     np.add.at(pushed, impacts[:, 1].astype(int), impacts[:, 5])
     np.add.at(pushed, sticking[:, 0].astype(int), sticking[:, 4])
-    pushed += np.where(block.cases.state[0] != 0.0, block.cases.touch[0, PUSHED], 0.0)
+    pushed += np.where(block.cases.state[0] != 0.0, block.cases.touch[0, core.events.PUSHED], 0.0)
     rounding = 1e-12 * np.abs(impacts[:, 5]).sum() + 1e-18
     # a sticking phase that another rigid pair ends while its bounces would still go on has no row
     rigid = block.pairs.rigid

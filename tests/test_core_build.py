@@ -108,7 +108,7 @@ def test_a_wheel_holds_the_binary_and_nothing_of_its_build(wheel):
         names = archive.namelist()
     assert {f"femimpact/{BINARY}", f"femimpact/{RECORD}"} <= set(names)
     core_files = sorted(Path(name).name for name in names if name.startswith("femimpact/core/"))
-    assert core_files == ["__init__.py", "__init__.pyi", "binary.py", "events.pyi", "steps.pyi"]
+    assert core_files == ["__init__.py", "__init__.pyi", "binary.py", "events.pyi", "steps.pyi", "structs.py"]
     # all else of the package is there: what git ignores is left out of a wheel without a word
     python = {path.relative_to(ROOT).as_posix() for path in (ROOT / "femimpact").rglob("*.py")}
     assert python - set(names) == {f"femimpact/core/{name}.py" for name in ("build", "compilation")}

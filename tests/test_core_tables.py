@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +12,10 @@ from builders import REFERENCE, reduced, with_ball
 import femimpact as fi
 from femimpact import core
 from femimpact.contact import laws
-from femimpact.integrators.event_driven import block, loop_data
+from femimpact.core import compilation
+from femimpact.core.structs import zeros
+from femimpact.integrators.event_driven import block
 from femimpact.integrators.stepping import block as stepping_block
-from femimpact.integrators.stepping import layout
 from femimpact.response import impacts
 
 TYPES = {"float64": "Array", "complex128": "Complex", "int64": "Integers", "bool": "NDArray[np.bool_]"}
@@ -21,32 +23,45 @@ TYPES = {"float64": "Array", "complex128": "Complex", "int64": "Integers", "bool
 SINE = fi.Sine(1e-4, 5.0)
 
 
-def annotation(kind, shape):
-    """A row of the core as its field stands in a stub."""
-    if kind == "tuple":
-        return shape
-    axes = shape.split()
-    return f"{TYPES[kind]}  # ({', '.join(axes)}{',' if len(axes) == 1 else ''})" if axes else kind
-
-
 @pytest.mark.parametrize("name", core.ARGUMENTS)
-def test_stubs_have_the_structs_of_the_core(name):
-    fields, structs = {}, {}
+def test_stubs_of_the_sources_have_the_structs_and_rows_of_the_binary(name):
+    structs, rows = {}, {}
     for path, kind, shape, _ in core.tables():
         outer, _, field = path.rpartition(".")
         if outer in structs:
-            fields[structs[outer]][field] = annotation(kind, shape)
+            structs[outer][1][field] = shape if kind == "tuple" else TYPES[kind] if shape else kind
         if kind == "tuple" and path.partition(".")[0] in core.ARGUMENTS[name]:
-            structs[path] = shape
-            fields.setdefault(shape, {})
-    wanted = [
-        "\n".join([f"class {struct}(NamedTuple):", *(f"    {field}: {each}" for field, each in of_struct.items())])
-        for struct, of_struct in fields.items()
-    ]
-    stub = Path(core.__file__).with_name(f"{name}.pyi").read_text(encoding="utf-8")
-    assert stub[stub.index("class ") :] == "\n\n".join(wanted) + "\n"
-    made = {struct: list(noun._fields) for struct, noun in vars(getattr(core, name)).items()}
-    assert made == {struct: list(of_struct) for struct, of_struct in fields.items()}
+            structs[path] = shape, {}
+        if (path, kind) == (name, "names"):
+            rows |= {row: number for number, row in enumerate(shape.split(", "))}
+    stub = ast.parse(compilation.stubs(Path(core.__file__).parent)[name])
+    fields = {
+        each.name: {line.target.id: ast.unparse(line.annotation) for line in each.body}
+        for each in stub.body
+        if isinstance(each, ast.ClassDef)
+    }
+    assert fields == dict(structs.values())
+    assert {line.target.id for line in stub.body if isinstance(line, ast.AnnAssign)} == set(rows)
+    space = vars(getattr(core, name))
+    assert {row: number for row, number in space.items() if isinstance(number, int)} == rows
+    assert {struct: noun._fields for struct, noun in space.items() if struct not in rows} == {
+        struct: tuple(of_struct) for struct, of_struct in fields.items()
+    }
+
+
+def test_arrays_of_zeros_have_the_shapes_and_types_of_the_tables():
+    lengths = {"C": 2, "R": 3, "O": 4, "N": 5, "d": 6, "P": 7, "K": 8, "H": 9, "L": 0, "m": 0}
+    hit = np.ones(2)
+    cases = zeros(core.events.Cases, lengths, degree=1, longest=0.5, hit=hit)
+    assert cases.hit is hit
+    assert (cases.sine.shape, cases.sine.dtype) == ((2, 5, 2 * 3 + 4), complex)
+    assert (cases.known.dtype, cases.form.dtype, cases.pieces.shape) == (bool, np.int64, (0, 8 * 9))
+    assert not any(np.any(array) for name, array in cases._asdict().items() if name not in ("degree", "longest", "hit"))
+    space = zeros(core.events.Space, lengths | {"S": 2})
+    assert space.products.rates.shape == (6, 9 + 9 + 6)
+    for wrong in ({"degree": 1}, {"degree": 1, "longest": 0.5, "hits": hit}):
+        with pytest.raises(TypeError):
+            zeros(core.events.Cases, lengths, **wrong)
 
 
 def test_a_struct_has_the_same_fields_wherever_it_is_handed_over():
@@ -60,11 +75,7 @@ def test_a_struct_has_the_same_fields_wherever_it_is_handed_over():
     assert len(of_struct) > 25
 
 
-ROWS = {
-    "case": loop_data, "touch of events": loop_data, "stop": loop_data, "total": impacts, "law kind": laws,
-    "last": layout, "ball": layout, "drive": layout, "ledger of steps": layout, "constants": layout,
-    "touch of steps": layout,
-}  # fmt: skip
+ROWS = {"total": impacts, "law kind": laws}
 """Modules that have the names of rows that the core numbers."""
 
 
@@ -463,5 +474,5 @@ def test_a_long_record_goes_on_where_rounding_finds_the_same_sample_again(monkey
     cases = job.cases._replace(knots=(number + np.arange(9)) * interval)
     none_shown, end = job.snapshots._replace(shown=np.zeros(0, dtype=np.int64)), task.begin + 2
     core.run_cases(task._replace(end=end), job._replace(cases=cases, snapshots=none_shown), None)
-    assert task.stopped[0] == loop_data.DONE
+    assert task.stopped[0] == core.events.DONE
     assert cases.clock[0, 0] == start + float(end[0]) * job.grid.interval[0]

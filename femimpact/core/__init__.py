@@ -3,15 +3,13 @@
 `from femimpact import core` costs nothing; `core.exponentials` loads the binary (`femimpact.core.binary`), and nothing
 else does. The types of its functions are in `__init__.pyi`.
 
-The structs of arrays that the functions take are named tuples here, `core.events.Cases` and `core.steps.Cases`, made
-from the tables of the binary. Their fields are described in `event_driven/loop_data.hpp` and `stepping/loop_data.hpp`;
-`events.pyi` and `steps.pyi` repeat names and types for type checkers.
+The structs of arrays that the functions take are named tuples here, `core.events.Cases` and `core.steps.Cases`, beside
+the names of the rows of their arrays. Both come from the tables of the binary, which `event_driven/loop_data.hpp` and
+`stepping/loop_data.hpp` describe; the build writes `events.pyi` and `steps.pyi` from these for type checkers.
 """
 
 from __future__ import annotations
 
-from collections import namedtuple
-from types import SimpleNamespace
 from typing import Any
 
 # every function of the binary; a test compares them
@@ -32,19 +30,10 @@ def __getattr__(name: str) -> Any:
     if name in __all__:
         found = getattr(loaded(), name)
     elif name in ARGUMENTS:
-        found = _tuples(loaded().tables(), ARGUMENTS[name])
+        from femimpact.core.structs import structs_of
+
+        found = structs_of(loaded().tables(), ARGUMENTS[name], name)
     else:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     globals()[name] = found
     return found
-
-
-def _tuples(tables: list[tuple[str, str, str, int]], arguments: tuple[str, ...]) -> SimpleNamespace:
-    """Named tuples of some arguments and of the tuples within them, by the names of their structs."""
-    of_path = {path: name for path, kind, name, _ in tables if kind == "tuple" and path.partition(".")[0] in arguments}
-    fields: dict[str, dict[str, None]] = {name: {} for name in of_path.values()}
-    for path, *_ in tables:
-        outer, _, field = path.rpartition(".")
-        if outer in of_path:
-            fields[of_path[outer]][field] = None
-    return SimpleNamespace(**{name: namedtuple(name, names) for name, names in fields.items()})

@@ -1,4 +1,4 @@
-"""The build of the compiled core: compilers and their flags, one object for each target, one module."""
+"""The build of the compiled core: compilers and their flags, one object for each target, one module, and its stubs."""
 
 from __future__ import annotations
 
@@ -361,6 +361,10 @@ def build(root: Path, kind: str, say: Callable[[str], None] = print) -> bool:
     CompilationError
         If there is no compiler, if it fails, or if the binary cannot be written.
     """
+    for name, text in stubs(root / "femimpact" / "core").items():
+        path = root / "femimpact" / "core" / f"{name}.pyi"
+        if not path.is_file() or path.read_text(encoding="utf-8") != text:
+            _write(path, text.encode())
     compiler = find_compiler(kind)
     key = build_key(root, compiler, kind)
     if _is_built(root, key):
@@ -411,6 +415,55 @@ def _compile(root: Path, compiler: Compiler, kind: str, key: str, directory: str
         list(pool.map(lambda command: run_compiler(command, directory), commands))
     run_compiler(link_command(compiler, kind, [command[-1] for command in commands], _binary_name()), directory)
     return Path(directory, _binary_name())
+
+
+# ---- types of what the core is handed ------------------------------------------------------------------
+
+TABLES = {
+    "events": ("event_driven/loop_data.hpp", "contact/impulses.hpp"),
+    "steps": ("stepping/loop_data.hpp", "contact/laws.hpp"),
+}
+"""Headers whose structs with fields, and names of rows, are those of `core.events` and `core.steps`."""
+
+STUB = """\
+# Made by `femimpact.core.compilation` from the tables in {headers}, which say what the fields are.
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femimpact.arrays import Array, Complex, Integers
+"""
+
+STRUCT = re.compile(r"^struct (\w+) \{\n    FIELDS_BEGIN;\n(.*?)^    FIELDS_END;", re.MULTILINE | re.DOTALL)
+FIELD = re.compile(r'^ +(?:ARRAY|NUMBER|GROUP)\w*\("?(\w+)"?, (.*?)\);', re.MULTILINE)
+ROWS = re.compile(r"^ENUMERATION\(\w+, (.*?)\);", re.MULTILINE | re.DOTALL)
+
+ARRAYS = {"Complex": "Complex", "Ind": "Integers", "Flags": "NDArray[np.bool_]", "unsigned": "NDArray[np.bool_]"}
+"""Types of arrays in Python, by a part of their type in C++; the others are `Array`."""
+
+
+def stubs(core: Path) -> dict[str, str]:
+    """Texts of the stubs of `core.events` and `core.steps`, which type checkers read, by their names."""
+    texts = {}
+    for name, headers in TABLES.items():
+        source = "".join((core / header).read_text(encoding="utf-8") for header in headers)
+        parts = [STUB.format(headers=", ".join(headers))]
+        parts += [f"{row}: int\n" for names in ROWS.findall(source) for row in names.replace(",", " ").split()]
+        for struct, lines in STRUCT.findall(source):
+            fields = [f"    {field}: {_type_of(words)}\n" for field, words in FIELD.findall(lines)]
+            parts.append(f"\nclass {struct}(NamedTuple):\n{''.join(fields)}")
+        texts[name] = "".join(parts)
+    return texts
+
+
+def _type_of(words: str) -> str:
+    """The type of a field in Python, by what stands behind its name: its shape, if it is an array, and its type."""
+    _, is_array, kind = words.rpartition('", ')
+    if is_array:
+        return next((name for part, name in ARRAYS.items() if part in kind), "Array")
+    kind = words.rpartition(", ")[2]
+    return {"double": "float", "Index": "int"}.get(kind, kind)
 
 
 def main() -> None:

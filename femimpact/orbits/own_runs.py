@@ -7,13 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from femimpact import core
 from femimpact.arrays import Array
 from femimpact.errors import DivergenceError, InputError
 from femimpact.integrators.channel_rows import drive_of
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.event_driven.block import Inputs, new_block, no_cycles, run_block, share_block
 from femimpact.integrators.event_driven.equations import equations_of
-from femimpact.integrators.event_driven.loop_data import CONTACT, DONE, SEPARATING
+from femimpact.integrators.event_driven.loop_data import CONTACT, SEPARATING
 from femimpact.integrators.event_driven.store import FormStore, Outputs, outputs_of
 from femimpact.orbits.crests import crests, top
 from femimpact.orbits.curve import LostError, Point, locate, near_points
@@ -97,7 +98,7 @@ def own_runs(system: System, points: Sequence[Point]) -> OwnRuns:
     )
     table = np.moveaxis(block.grid.cycles[:, :, : len(CYCLE_COLUMNS)], (2, 1), (0, 1))
     motion = steady_motion(CycleStatistics(*table), np.full(count, cycles))
-    missed = np.where(block.stopped == DONE, missed, np.inf)
+    missed = np.where(block.stopped == core.events.DONE, missed, np.inf)
     at_events = [begun + omega * log.time for begun, omega, log in zip(phase, inputs.omega, logs, strict=True)]
     runs = tuple(map(OwnRun, logs, at_events, first, missed.tolist()))
     return OwnRuns(runs, motion.peak, motion.first_harmonic)

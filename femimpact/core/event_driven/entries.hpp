@@ -62,9 +62,9 @@ inline void list_tables(ToList &rows) {
     rows.group("job", job, "Job");
     rows.group("ledger", ledger, "Ledger");
     rows.group("search_call", search_call, "SearchCall");
-    rows.enumeration("case", ENTRY_NAMES);
-    rows.enumeration("touch of events", TOUCH_NAMES);
-    rows.enumeration("stop", STOP_NAMES);
+    rows.enumeration("events", ENTRY_NAMES);
+    rows.enumeration("events", TOUCH_NAMES);
+    rows.enumeration("events", STOP_NAMES);
     rows.enumeration("search", SEARCH_NAMES);
     rows.enumeration("cycle", CYCLE_NAMES);
     rows.enumeration("energy", ENERGY_NAMES);

@@ -6,10 +6,6 @@
 
 namespace FEMIMPACT_TARGET {
 
-// What a case stopped for: its end, a closed form not made before, a steady motion that is unbounded, or events that do
-// not end.
-ENUMERATION(STOP_NAMES, DONE, FORM_WANTED, RESONANT, UNENDING);
-
 // s, for which a search looks ahead where slow motions are: these may grow meanwhile.
 constexpr double LONGEST_OF_SLOW = 0.5;
 

@@ -24,6 +24,10 @@ constexpr double FREE = 0.0, CONTACT = 1.0, SEPARATING = 2.0;
 // be found.
 ENUMERATION(ENTRY_NAMES, ENTERED, ENTERING, STARTED, RESUMED, STARTING);
 
+// What a case stopped for: its end, a closed form not made before, a steady motion that is unbounded, or events that do
+// not end.
+ENUMERATION(STOP_NAMES, DONE, FORM_WANTED, RESONANT, UNENDING);
+
 // Rows of Cases.touch, of a contact that has not ended: start (s), approach speed (m/s), impulse (N s), largest force
 // (N), duration (s) and loss (J).
 ENUMERATION(TOUCH_NAMES, BEGUN, TOUCH_SPEED, PUSHED, LARGEST_FORCE, LASTED, LOST);

@@ -227,12 +227,12 @@ inline void list_tables(ToList &rows) {
     rows.group("block", block, "Stepped");
     rows.group("fine", fine, "Fine");
     rows.group("law", law, "Law");
-    rows.enumeration("last", LAST_NAMES);
-    rows.enumeration("ball", BALL_NAMES);
-    rows.enumeration("drive", DRIVE_NAMES);
-    rows.enumeration("ledger of steps", LEDGER_NAMES);
-    rows.enumeration("constants", CONSTANT_NAMES);
-    rows.enumeration("touch of steps", TOUCH_NAMES);
+    rows.enumeration("steps", LAST_NAMES);
+    rows.enumeration("steps", BALL_NAMES);
+    rows.enumeration("steps", DRIVE_NAMES);
+    rows.enumeration("steps", LEDGER_NAMES);
+    rows.enumeration("steps", CONSTANT_NAMES);
+    rows.enumeration("steps", TOUCH_NAMES);
 }
 
 } // namespace FEMIMPACT_TARGET::stepping

@@ -14,27 +14,19 @@ from numpy.typing import NDArray
 
 from femimpact import core
 from femimpact.arrays import Array, Complex
+from femimpact.core.structs import zeros
 from femimpact.errors import require
 from femimpact.excitation import Harmonic, PiecewisePolynomial
-from femimpact.excitation.piecewise_polynomial import HIGHEST_DEGREE, ORDERS, motion_at, piece_at
+from femimpact.excitation.piecewise_polynomial import ORDERS, motion_at, piece_at
 from femimpact.integrators.channel_rows import Drive
 from femimpact.integrators.event_driven.complex_modes import SLOW
 from femimpact.integrators.event_driven.continued import Held, resumed, split_anew
 from femimpact.integrators.event_driven.equations import Equations
-from femimpact.integrators.event_driven.loop_data import (
-    CONTACT,
-    FORM_WANTED,
-    RESONANT,
-    STARTING,
-    EventSettings,
-)
+from femimpact.integrators.event_driven.loop_data import CONTACT, EventSettings
 from femimpact.integrators.event_driven.store import FormStore, WantedForm
-from femimpact.response.impacts import CYCLE_COLUMNS, ENERGY_COLUMNS, IMPACT_COLUMNS, event_width
+from femimpact.response.impacts import CYCLE_COLUMNS, IMPACT_COLUMNS, event_width
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.system import System
-
-SERIES_TERMS = 24
-"""Most terms of the series of a driven entry."""
 
 LONGEST_SERIES = 0.5
 """Longest time in which a driven entry is advanced at once, times the rate of the polynomials or of slow entries."""
@@ -161,17 +153,12 @@ def new_block(
         store=store,
         pairs=_pairs(equations, store, method),
         cases=_new_cases(store, inputs, n if most_rows else 0),
-        grid=core.events.Grid(
+        grid=zeros(
+            core.events.Grid,
+            dict.fromkeys("yxkew", 0) | {"C": count, "O": store.outputs.force.shape[0], "n": n, "D": 0},
             start=np.full(count, inputs.start),
             interval=period / method.samples_per_cycle,
             per_cycle=float(method.samples_per_cycle),
-            origin=np.zeros(count, dtype=np.int64),
-            cycle=np.zeros(count, dtype=np.int64),
-            cycles=no_cycles(count, 0),
-            values=np.zeros((count, 0, store.outputs.force.shape[0])),
-            kept=np.zeros(0, dtype=np.int64),
-            energy=np.zeros((count, 0, len(ENERGY_COLUMNS) + n)),
-            work_of=np.zeros((count, 0, 1)),
         ),
         # not set to zero: that takes longer than a short run does, and only rows that were written are read
         tables=core.events.Tables(
@@ -215,15 +202,17 @@ def _pairs(equations: Equations, store: FormStore, method: EventSettings) -> cor
 
 def _new_cases(store: FormStore, inputs: Inputs, modes: int) -> core.events.Cases:
     pairs, d = store.rigid.size, store.equations.M.shape[0]
-    count, pieces = inputs.omega.size, inputs.pieces
-    rows = 2 * pairs + store.outputs.force.shape[0]
-    loads = inputs.amplitude.shape[1]
+    count, pieces, loads = inputs.omega.size, inputs.pieces, inputs.amplitude.shape[1]
     drive, piece, knots, table = np.zeros((count, ORDERS * loads)), 0, np.zeros(0), np.zeros((0, ORDERS * loads))
     if pieces:
         knots, table = pieces_from(pieces, inputs.start)
         drive[:] = np.concatenate([motion_at(each, inputs.start) for each in pieces])
         piece = piece_at(pieces[0], inputs.start)
-    cases = core.events.Cases(
+    # with closed forms its arrays grow; see `_fitted`
+    lengths = {"C": count, "R": pairs, "O": store.outputs.force.shape[0], "d": d, "m": modes, "K": 1, "P": 1, "N": 1}
+    cases = zeros(
+        core.events.Cases,
+        lengths,
         omega=inputs.omega.copy() if inputs.is_sine else np.zeros(count),
         amplitude=inputs.amplitude.copy(),
         knots=knots,
@@ -236,27 +225,12 @@ def _new_cases(store: FormStore, inputs: Inputs, modes: int) -> core.events.Case
         damping=np.where(store.rigid, 0.0, inputs.damping),
         restitution=inputs.restitution.copy(),
         form=np.full((count, 2), -1, dtype=np.int64),
-        state=np.zeros((count, pairs)),
-        entry=np.zeros((count, 1), dtype=complex),
-        rigid_body=np.zeros((count, 2, 1)),
         clock=np.stack([np.full(count, inputs.start), inputs.phase], axis=1),
         drive=drive,
         piece=np.full(count, piece, dtype=np.int64),
         coordinates=np.ascontiguousarray(np.stack([inputs.position, inputs.velocity], axis=1)),
-        entering=np.full(count, STARTING, dtype=np.int64),
-        leaving=np.zeros((count, 2 * pairs)),
-        hit=np.zeros(count),
-        released=np.zeros((count, pairs)),
-        sample=np.zeros(count, dtype=np.int64),
-        events=np.zeros((count, 2), dtype=np.int64),
-        known=np.zeros((count, 1), dtype=bool),
-        sine=np.zeros((count, 1, rows), dtype=complex),
-        harmonic=np.zeros((count, 1, d), dtype=complex),
-        rigid_body_sine=np.zeros((count, 1, 1), dtype=complex),
-        touch=np.zeros((count, 6, pairs)),
-        to_modes=np.zeros((count, pairs, modes)),
+        entering=np.full(count, core.events.STARTING, dtype=np.int64),
         window=np.array(inputs.window, dtype=float),
-        totals=np.zeros((count, 6, pairs)),
     )
     if inputs.held is None:
         return cases
@@ -287,27 +261,13 @@ def no_cycles(cases: int, cycles: int) -> Array:
 
 def no_snapshots(block: Block) -> core.events.Snapshots:
     """Snapshots of a run that keeps none."""
-    nothing = np.zeros(0, dtype=np.int64)
-    return core.events.Snapshots(
-        nothing, np.zeros((0, 2, block.cases.coordinates.shape[2])), np.zeros((0, block.pairs.rigid.size))
-    )
+    d, pairs = block.cases.coordinates.shape[2], block.pairs.rigid.size
+    return zeros(core.events.Snapshots, {"s": 0, "f": 0, "d": d, "R": pairs})
 
 
 def _new_ledger(system: System, equations: Equations, count: int, everywhere: bool) -> core.events.Ledger:
-    n = system.dofs
-    return core.events.Ledger(
-        **_of_equations(system, equations),
-        work=np.zeros(count),
-        contact_loss=np.zeros(count),
-        rounding=np.zeros(count),
-        loss_of_mode=np.zeros((count, n)),
-        start=np.zeros((count, len(ENERGY_COLUMNS) + n)),
-        everywhere=everywhere,
-        drive_load=np.zeros((0, equations.M.shape[0])),
-        drive_amplitude=np.zeros(0, dtype=complex),
-        drive_pieces=np.zeros((0, 0)),
-        work_of=np.zeros((count, 1)),
-    )
+    lengths = {"C": count, "n": system.dofs, "d": equations.M.shape[0], "D": 0, "g": 0}
+    return zeros(core.events.Ledger, lengths, **_of_equations(system, equations), everywhere=everywhere)
 
 
 def _of_equations(system: System, equations: Equations) -> dict[str, Any]:
@@ -363,11 +323,11 @@ def run_block(
         job = core.events.Job(block.pairs, block.cases, forms, block.grid, snapshots, block.tables, block.space)
         for pairs, ledger, cases in _by_system(block, members):
             core.run_cases(core.events.Task(cases, begin, end, most, block.stopped), job._replace(pairs=pairs), ledger)
-        resonant = np.flatnonzero(block.stopped == RESONANT)
+        resonant = np.flatnonzero(block.stopped == core.events.RESONANT)
         if resonant.size:
             frequency = float(block.cases.omega[resonant[0]]) / (2.0 * np.pi)
             require(False, "frequency", frequency, "Hz", RESONANCE)
-        members = members[block.stopped[members] == FORM_WANTED]
+        members = members[block.stopped[members] == core.events.FORM_WANTED]
         _add_forms(members, block.cases, store, block.system_of)
 
 
@@ -422,72 +382,14 @@ def _fitted(cases: core.events.Cases, forms: core.events.Forms) -> core.events.C
 
 def working_space(block: Block, forms: core.events.Forms) -> core.events.Space:
     """Working space that belongs to one call alone."""
-    entries, rigid_bodies = forms.exponent.shape[1], forms.rigid_body_drive.shape[2]
-    pairs, rows, d = block.pairs.rigid.size, forms.constant.shape[1], block.cases.coordinates.shape[2]
-    loads = forms.rigid_body_drive.shape[1]
-    terms = entries + 2
-
-    search = core.events.Search(
-        leaving=np.zeros(2 * pairs),
-        at_wall=np.zeros(2 * pairs),
-        rate=np.zeros(2 * pairs),
-        found=np.zeros(5),
-        size=np.zeros(entries),
-        drift=np.zeros((2, entries)),
-        power=np.zeros((3, entries), dtype=complex),
-        event=np.zeros(2),
-        negligible=np.zeros(1),
-    )
-    square = np.zeros((terms, terms), dtype=complex)
-    bounds = core.events.Bounds(
-        upper=np.zeros(2 * pairs + 1),
-        lower=np.zeros(2 * pairs + 1),
-        lasting=np.zeros(2 * pairs),
-        constant=np.zeros(rows),
-        static=np.zeros(d),
-        static_rate=np.zeros(d),
-        given=np.zeros(rigid_bodies),
-        entry_given=np.zeros(entries, dtype=complex),
-        nothing=np.zeros((loads, rigid_bodies)),
-        wall=np.zeros(1 + pairs),
-        steady=np.zeros((2, entries), dtype=complex),
-    )
-    products = core.events.Products(
-        before=np.zeros((2, d)),
-        after=np.zeros((2, d)),
-        strength=np.zeros((d + pairs, terms), dtype=complex),
-        growth=np.zeros(terms, dtype=complex),
-        plus=square,
-        minus=square,
-        moments=np.zeros((entries, HIGHEST_DEGREE + 1), dtype=complex),
-        rates=np.zeros((d, SERIES_TERMS)),
-    )
-    rows_of_pairs = {name: np.zeros(pairs) for name in ("rounding", "approach", "target", "impulse", "trial")}
-    impulses = core.events.Impulses(
-        **rows_of_pairs,
-        pair=np.zeros(pairs, dtype=np.int64),
-        held=np.zeros(pairs, dtype=bool),
-        pushes=np.zeros(pairs, dtype=bool),
-        **{name: np.zeros((pairs, pairs)) for name in ("mobility", "factor", "normal")},
-        order=np.zeros((2, pairs), dtype=np.int64),
-        size=np.zeros(pairs),
-        solved=np.zeros(pairs),
-    )
-    rest: list[NDArray[np.float64 | np.complex128 | np.int64]] = [
-        np.zeros(entries, dtype=complex),
-        np.zeros(pairs),
-        np.zeros(pairs, dtype=np.int64),
-        np.zeros(math.ceil(block.grid.per_cycle) + 1),
-        np.zeros(len(CYCLE_COLUMNS) + EXTREMES),
-    ]
-    motion = core.events.Motion(
-        entry=np.zeros(entries, dtype=complex),
-        rigid_body=np.zeros(rigid_bodies),
-        rigid_body_rate=np.zeros(rigid_bodies),
-        clock=np.zeros(2),
-        drive=np.zeros(ORDERS * loads),
-    )
-    *groups, rest = _together(*[motion] * 6, search, bounds, products, impulses, rest)
+    _, d, entries = forms.shape.shape
+    pairs = block.pairs.rigid.size
+    lengths = {
+        "K": entries, "P": forms.rigid_body_drive.shape[2], "R": pairs, "O": forms.constant.shape[1] - 2 * pairs,
+        "d": d, "H": forms.rigid_body_drive.shape[1], "S": math.ceil(block.grid.per_cycle) + 1,
+    }  # fmt: skip
+    *groups, turn, impulse, row, samples, extremes = zeros(core.events.Space, lengths)
+    *groups, rest = _together(*groups, [turn, impulse, row, samples, extremes])
     return core.events.Space._make((*groups, *rest))
 
 

@@ -14,7 +14,7 @@ from femimpact.arrays import Array, Complex
 from femimpact.contact.laws import RIGID
 from femimpact.excitation import Excitation
 from femimpact.integrators.event_driven.closed_form import steady_entries
-from femimpact.integrators.event_driven.loop_data import BEGUN, FREE, RESUMED, STARTED
+from femimpact.integrators.event_driven.loop_data import FREE
 from femimpact.system.state import Continuation, State
 from femimpact.system.system import System
 
@@ -47,7 +47,7 @@ class Held:
     motion: Mapping[str, Array | Complex]
     driven: int  # entries that hold all of their response to polynomials; see `closed_form.driven_entries`
     state: Array  # (pairs,) contact states
-    touch: Array  # (6, pairs) what those in progress have added up to; see `loop_data.BEGUN`
+    touch: Array  # (6, pairs) what those in progress have added up to; see `core.events.BEGUN`
     to_modes: Array  # (pairs, n) J: what they have given to each mode; without columns where it was not summed
     leaving: Array  # (2 pairs,) see `core.events.Search`
 
@@ -66,7 +66,7 @@ def held_by(initial: State, system: System, excitation: Excitation) -> Held | No
         return held
     # where the time was set anew, touches are as long ago as they were
     touch = held.touch.copy()
-    touch[BEGUN] += initial.time - left.time
+    touch[core.events.BEGUN] += initial.time - left.time
     rigid = np.array([pair.parameters.kind == RIGID for pair in system.contacts], dtype=bool)
     state = np.where(rigid, FREE, held.state)
     return replace(held, motion={}, state=state, touch=touch, leaving=np.zeros_like(held.leaving))
@@ -90,7 +90,7 @@ def resumed(held: Held, cases: core.events.Cases) -> core.events.Cases:
     else:
         # it was not summed before
         cases.to_modes[0, held.state != FREE] = np.nan
-    cases.entering[0] = RESUMED if held.motion else STARTED
+    cases.entering[0] = core.events.RESUMED if held.motion else core.events.STARTED
     motion: dict[str, Any] = {name: values[None].copy() for name, values in held.motion.items()}
     if motion and cases.knots.size:
         # the earlier run may have begun before the first knot, and had one piece more

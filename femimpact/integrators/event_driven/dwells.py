@@ -27,7 +27,7 @@ from femimpact.integrators.event_driven.block import (
     share_block,
 )
 from femimpact.integrators.event_driven.equations import equations_of
-from femimpact.integrators.event_driven.loop_data import DONE, EventSettings, check_events
+from femimpact.integrators.event_driven.loop_data import EventSettings, check_events
 from femimpact.integrators.event_driven.run import not_finite, peaks_of_forces, unending
 from femimpact.integrators.event_driven.store import FormStore, WantedForm, outputs_of
 from femimpact.progress import Progress
@@ -94,7 +94,7 @@ def _run_block(
     return DwellStatistics(
         cycles=CycleStatistics(*np.moveaxis(table, (2, 1), (0, 1))),
         totals=np.moveaxis(block.cases.totals, 0, 2),
-        unending=np.where(block.stopped == DONE, np.inf, block.cases.clock[:, 0]),
+        unending=np.where(block.stopped == core.events.DONE, np.inf, block.cases.clock[:, 0]),
         **dict(zip(OF_LEDGER, found, strict=True)),
     )
 

@@ -1,6 +1,6 @@
-"""Input of the compiled loop: the settings of the method, the instants that are read, and names of rows and states.
+"""Input of the compiled loop: the settings of the method, the instants that are read, and contact states.
 
-Its arrays are the named tuples `core.events`.
+Its arrays are the named tuples `core.events`, beside which are the names of their rows.
 """
 
 from __future__ import annotations
@@ -149,16 +149,3 @@ def _at_most(finest: float, reason: str, duration: float) -> tuple[float, tuple[
 
 FREE, CONTACT, SEPARATING = range(3)
 """Contact states of a pair; the last two times the side of the wall. A rigid pair in contact sticks."""
-
-ENTERED, ENTERING, STARTED, RESUMED, STARTING = range(5)
-"""How a case stands to its closed form: in it; to enter it with the coordinates it has; as a start whose contact states
-are found; the same with the motion of an earlier run in that form; or as a start whose contact states are still to be
-found."""
-
-BEGUN, TOUCH_SPEED, PUSHED, LARGEST_FORCE, LASTED, LOST = range(6)
-"""Rows of `core.events.Cases.touch`, of a contact that has not ended: start (s), approach speed (m/s), impulse (N s),
-largest force (N), duration (s) and loss (J)."""
-
-DONE, FORM_WANTED, RESONANT, UNENDING = range(4)
-"""Why a case stopped: at its end, for a closed form not made before, an unbounded steady motion, or events that do not
-end."""

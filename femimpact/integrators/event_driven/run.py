@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from femimpact import core
 from femimpact.arrays import Array
 from femimpact.contact.laws import RIGID
+from femimpact.core.structs import zeros
 from femimpact.errors import DivergenceError, changed, in_range, made, quantity, require
 from femimpact.excitation import Excitation
 from femimpact.integrators.cases import check_memory
@@ -35,12 +36,8 @@ from femimpact.integrators.event_driven.continued import (
 )
 from femimpact.integrators.event_driven.equations import equations_of, require_met
 from femimpact.integrators.event_driven.loop_data import (
-    BEGUN,
     CONTACT,
     FREE,
-    LASTED,
-    PUSHED,
-    UNENDING,
     EventSettings,
     ReadingGrid,
     check_events,
@@ -431,15 +428,15 @@ def _call(
     work_of = np.zeros((1, block.grid.energy.shape[1] if drives else 0, drives + 1))
     block.grid = block.grid._replace(work_of=work_of)
     pictures, pairs = int(shown.max(initial=-1)) + 1, block.pairs.rigid.size
-    snapshots = core.events.Snapshots(
-        shown if pictures else np.zeros(0, dtype=np.int64),
-        np.zeros((pictures, 2, block.cases.coordinates.shape[2])),
-        np.zeros((pictures, pairs)),
+    snapshots = zeros(
+        core.events.Snapshots,
+        {"f": pictures, "d": block.cases.coordinates.shape[2], "R": pairs},
+        shown=shown if pictures else np.zeros(0, dtype=np.int64),
     )
     most = np.array([float(run.method.most_events) * max(count / block.grid.per_cycle, 1.0)])
     run_block(block, np.array([begin]), np.array([begin + count]), most, snapshots)
     block.grid = block.grid._replace(cycles=cycles)
-    if block.stopped[0] == UNENDING:
+    if block.stopped[0] == core.events.UNENDING:
         # walls that hold the structure between them are another fault than too many events
         require_met(block.store.equations, np.flatnonzero(block.cases.released[0]))
         raise DivergenceError(unending(float(block.cases.clock[0, 0]), run.method))
@@ -607,7 +604,7 @@ def _sticking(run: _Run) -> StickingPhases:
     block = run.block
     rows = [tuple(row) for row in block.tables.sticking[: min(int(block.tables.number[1]), len(block.tables.sticking))]]
     for j in np.flatnonzero(block.pairs.rigid & (np.abs(block.cases.state[0]) == CONTACT)).tolist():
-        impulse = float(block.cases.touch[0, PUSHED, j])
+        impulse = float(block.cases.touch[0, core.events.PUSHED, j])
         rows.append((j, float(np.sign(block.cases.state[0, j])), _begun(block, j), math.nan, impulse))
     pair, side, start, end, pushed = np.array(rows).reshape(-1, 5).T
     lasting = np.where(np.isfinite(end), end, float(block.cases.clock[0, 0])) - start
@@ -625,7 +622,7 @@ def _sticking(run: _Run) -> StickingPhases:
 def _begun(block: Block, pair: int) -> float:
     """Start (s) of a sticking phase that lasts: the end of its bounces, or its capture where these are not over."""
     touch, now = block.cases.touch[0, :, pair], float(block.cases.clock[0, 0])
-    return float(touch[BEGUN] if touch[BEGUN] <= now else now - touch[LASTED])
+    return float(touch[core.events.BEGUN] if touch[core.events.BEGUN] <= now else now - touch[core.events.LASTED])
 
 
 def _open_contacts(run: _Run) -> tuple[str, ...]:

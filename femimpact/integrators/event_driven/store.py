@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from femimpact import core
 from femimpact.arrays import Array
+from femimpact.core.structs import zeros
 from femimpact.excitation.piecewise_polynomial import ORDERS
 from femimpact.integrators.channel_rows import ChannelRows, Drive
 from femimpact.integrators.event_driven.closed_form import (
@@ -207,46 +208,11 @@ class FormStore:
 
     def _empty(self, capacity: int) -> core.events.Forms:
         (d, pairs), (entries, rigid_bodies, blocks) = self.equations.force.shape, self.most
-        rows, f, loads = 2 * pairs + self.outputs.force.shape[0], capacity, self.equations.drive.shape[0]
-        real: dict[str, tuple[int, ...]] = {
-            "size": (f, entries),
-            "rigid_body_given": (f, rigid_bodies, 1 + pairs),
-            "static_rate": (f, d, 1 + pairs),
-            "rigid_body_drive": (f, loads, rigid_bodies),
-            "weight_size": (f, rows, entries),
-            "rigid_body_weight": (f, rows, rigid_bodies),
-            "rigid_body_rate_weight": (f, rows, rigid_bodies),
-            "constant": (f, rows, 1 + pairs),
-            "through": (f, 3 * loads, rows),
-            "follow": (f, ORDERS * loads, rows),
-            "rigid_body_shape": (f, d, rigid_bodies),
-            "static": (f, d, 1 + pairs),
-            "position_through": (f, d),
-            "position_follow": (f, ORDERS * loads, d),
-            "velocity_follow": (f, ORDERS * loads, d),
-            "to_rigid_body": (f, rigid_bodies, d),
-            "impulse_rigid_body": (f, rigid_bodies, pairs),
-        }
-        integers: dict[str, tuple[int, ...]] = {
-            "key": (f,), "following": (f,), "number": (f,), "entries": (f,), "rigid_bodies": (f,), "driven": (f,),
-            "slow": (f,), "blocks": (f, blocks, 2), "first": (f, d + 1), "members": (f, d * entries),
+        outputs, loads = self.outputs.force.shape[0], self.equations.drive.shape[0]
+        lengths = {
+            "F": capacity, "d": d, "R": pairs, "K": entries, "P": rigid_bodies, "B": blocks, "O": outputs, "H": loads,
         }  # fmt: skip
-        complexes: dict[str, tuple[int, ...]] = {
-            "exponent": (f, entries),
-            "coupling": (f, entries, entries),
-            "weight": (f, rows, entries),
-            "shape": (f, d, entries),
-            "shape_rate": (f, d, entries),
-            "load": (f, 3 * loads, entries),
-            "given": (f, entries, 1 + pairs),
-            "to_entry_u": (f, entries, d),
-            "to_entry_v": (f, entries, d),
-            "impulse_entry": (f, entries, pairs),
-        }
-        arrays: dict[str, NDArray[Any]] = {name: np.zeros(shape) for name, shape in real.items()}
-        arrays |= {name: np.zeros(shape, dtype=np.int64) for name, shape in integers.items()}
-        arrays |= {name: np.zeros(shape, dtype=complex) for name, shape in complexes.items()}
-        return core.events.Forms(made=0, **arrays, together=np.zeros((f, entries, entries), dtype=bool))
+        return zeros(core.events.Forms, lengths, made=0)
 
     def _enlarge(self, needed: tuple[int, int, int], count: int) -> None:
         """Larger arrays where so many forms more would not fit; those in use elsewhere stay as they are."""

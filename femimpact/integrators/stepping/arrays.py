@@ -15,12 +15,12 @@ from femimpact import core
 from femimpact.arrays import Array
 from femimpact.contact.custom_law import ForcePointer, force_pointer
 from femimpact.contact.laws import KELVIN_VOIGT, RIGID, SWITCHING_SPRING
+from femimpact.core.structs import zeros
 from femimpact.excitation import Excitation
 from femimpact.integrators.channel_rows import Drive
-from femimpact.integrators.stepping import layout
 from femimpact.integrators.stepping.continued import Beginning, resume_contacts
 from femimpact.integrators.stepping.operators import SteppingMethod, scheme_of
-from femimpact.response.impacts import CYCLE_COLUMNS, ENERGY_COLUMNS, IMPACT_COLUMNS, MAXIMUM, MINIMUM, TOTAL_COLUMNS
+from femimpact.response.impacts import CYCLE_COLUMNS, ENERGY_COLUMNS, IMPACT_COLUMNS, MAXIMUM, MINIMUM
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.state import ROUNDED, State
 from femimpact.system.system import System
@@ -44,19 +44,8 @@ class Inputs:
 
 def empty_record(dofs: int, pairs: int) -> core.steps.Record:
     """A record that keeps nothing."""
-    return core.steps.Record(
-        used=np.zeros((0, 4), dtype=np.int64),
-        rows=np.zeros((0, 2, dofs)),
-        pair_rows=np.zeros((0, 4, pairs)),
-        channels=np.zeros((0, 0)),
-        energy=np.zeros((len(ENERGY_COLUMNS), 0)),
-        work_of=np.zeros((1, 0)),
-        snapshots=np.zeros((0, 2, dofs + pairs)),
-        forces=np.zeros((0, pairs)),
-        impacts=np.zeros((0, len(IMPACT_COLUMNS))),
-        stride=np.ones(4, dtype=np.int64),
-        tally=np.zeros(4, dtype=np.int64),
-    )
+    lengths = dict.fromkeys("hadSDjq", 0) | {"n": dofs, "P": pairs, "g": len(ENERGY_COLUMNS), "u": len(IMPACT_COLUMNS)}
+    return zeros(core.steps.Record, lengths, stride=np.ones(4, dtype=np.int64))
 
 
 def forces_of(system: System) -> tuple[ForcePointer | None, ...]:
@@ -74,10 +63,10 @@ def pairs_of(
     rows = [next(i for i, row in enumerate(operator.rows) if np.array_equal(row, pair.direction)) for pair in contacts]
     constants = np.zeros((12, len(contacts), lanes))
     for j, pair in enumerate(contacts):
-        constants[layout.MASS, j] = 0.0 if pair.is_stop else pair.mass
-        constants[layout.MOBILITY, j] = pair.mobility
-        constants[layout.ACCELERATION, j] = pair.acceleration
-        constants[layout.SHARE, j] = 0.0 if pair.is_stop else drive.share
+        constants[core.steps.MASS, j] = 0.0 if pair.is_stop else pair.mass
+        constants[core.steps.MOBILITY, j] = pair.mobility
+        constants[core.steps.ACCELERATION, j] = pair.acceleration
+        constants[core.steps.SHARE, j] = 0.0 if pair.is_stop else drive.share
         for row, values in _of_contact(pair).items():
             constants[row, j] = values
         for c, (given, _) in enumerate(each):
@@ -98,14 +87,14 @@ def _of_contact(pair: ContactPair) -> dict[int, float]:
     """Numbers of a pair's gaps and law, by their rows."""
     numbers = pair.parameters
     return {
-        layout.GAP_PLUS: pair.gaps[0],
-        layout.GAP_MINUS: pair.gaps[1],
-        layout.STIFFNESS: numbers.stiffness,
-        layout.DAMPING: numbers.damping,
-        layout.EXPONENT: numbers.exponent,
-        layout.RESTITUTION: numbers.restitution,
-        layout.FREE_STIFFNESS: pair.free_stiffness + getattr(pair.law, "free_stiffness", 0.0),
-        layout.FREE_DAMPING: pair.free_damping,
+        core.steps.GAP_PLUS: pair.gaps[0],
+        core.steps.GAP_MINUS: pair.gaps[1],
+        core.steps.STIFFNESS: numbers.stiffness,
+        core.steps.DAMPING: numbers.damping,
+        core.steps.EXPONENT: numbers.exponent,
+        core.steps.RESTITUTION: numbers.restitution,
+        core.steps.FREE_STIFFNESS: pair.free_stiffness + getattr(pair.law, "free_stiffness", 0.0),
+        core.steps.FREE_DAMPING: pair.free_damping,
     }
 
 
@@ -130,38 +119,38 @@ def motion_of(
     constants, w, w_rate = pairs.constants, operator.rows @ q, operator.rows @ v
     drive, first = _drive(drives, inputs, method.dt), inputs.beginning.step
     ball = np.zeros((9, count, lanes))
-    ball[layout.Y] = ball[layout.Y_BEFORE] = y
-    ball[layout.Y_RATE] = y_rate
-    ball[layout.X] = ball[layout.X_BEFORE] = y - w[pairs.row]
-    ball[layout.RATE] = ball[layout.RATE_BEFORE] = y_rate - w_rate[pairs.row]
-    springs = constants[layout.FREE_STIFFNESS] * ball[layout.X] + constants[layout.FREE_DAMPING] * ball[layout.RATE]
+    ball[core.steps.Y] = ball[core.steps.Y_BEFORE] = y
+    ball[core.steps.Y_RATE] = y_rate
+    ball[core.steps.X] = ball[core.steps.X_BEFORE] = y - w[pairs.row]
+    ball[core.steps.RATE] = ball[core.steps.RATE_BEFORE] = y_rate - w_rate[pairs.row]
+    free_stiffness, free_damping = constants[core.steps.FREE_STIFFNESS], constants[core.steps.FREE_DAMPING]
+    springs = free_stiffness * ball[core.steps.X] + free_damping * ball[core.steps.RATE]
     # where contact forces are no part of the acceleration, neither are those of centring springs and their dashpots
     inside = np.zeros_like(springs) if scheme_of(method).mean else springs
     touch = np.zeros((12, count, lanes))
-    free = constants[layout.FREE_STIFFNESS] + constants[layout.FREE_DAMPING]
-    touch[layout.BUSY] = (pairs.kind[:, None] == SWITCHING_SPRING) | (free > 0.0)
+    touch[core.steps.BUSY] = (pairs.kind[:, None] == SWITCHING_SPRING) | (free_stiffness + free_damping > 0.0)
     # any speed > 0: a law's potential is asked for before its first contact
-    touch[layout.APPROACH] = 1.0
+    touch[core.steps.APPROACH] = 1.0
     held = inputs.beginning.held
     if held is None:
         pushes = _contacts_at_start(system, inputs, pairs, ball, touch)
-        ball[layout.FORCE] = springs + pushes
+        ball[core.steps.FORCE] = springs + pushes
     else:
-        ball[layout.FORCE] = resume_contacts(held, inputs.beginning, pairs, touch, method.dt)
-        pushes = ball[layout.FORCE] - springs
+        ball[core.steps.FORCE] = resume_contacts(held, inputs.beginning, pairs, touch, method.dt)
+        pushes = ball[core.steps.FORCE] - springs
     if not scheme_of(method).mean:
         inside = inside + pushes
-    ball[layout.Y_ACCELERATION] = (
-        constants[layout.ACCELERATION] - constants[layout.SHARE] * drive[layout.BASE]
-    ) - inside * constants[layout.MOBILITY]
-    load = operator.rows[pairs.row].T @ inside + np.outer(operator.drive_load, drive[layout.BASE])
+    ball[core.steps.Y_ACCELERATION] = (
+        constants[core.steps.ACCELERATION] - constants[core.steps.SHARE] * drive[core.steps.BASE]
+    ) - inside * constants[core.steps.MOBILITY]
+    load = operator.rows[pairs.row].T @ inside + np.outer(operator.drive_load, drive[core.steps.BASE])
     more, apart = _further_loads(drives[0], inputs, method)
     load += np.asarray(system.constant_load)[:, None] - (system.C @ v + system.K @ q)
     for given, further in zip(operator.more_load, drives[0].more, strict=True):
         load += np.outer(given, further.value(np.array([inputs.beginning.origin])))
     ledger = np.zeros((8, lanes))
-    ledger[layout.LOAD_BEFORE] = operator.drive_load @ q
-    ledger[layout.HELD] = np.asarray(system.constant_load) @ q
+    ledger[core.steps.LOAD_BEFORE] = operator.drive_load @ q
+    ledger[core.steps.HELD] = np.asarray(system.constant_load) @ q
     redo = method.refine > 1
     # C order matters: the case axis must be contiguous
     a = scipy.linalg.solveh_banded(operator.mass_band, load, lower=True)
@@ -169,7 +158,14 @@ def motion_of(
     q, v, a, w, w_rate, ball, touch, ledger = (
         _placed(values, place) for place, values in enumerate((q, v, a, w, w_rate, ball, touch, ledger))
     )
-    return core.steps.Motion(
+    drive_parts = drives[0].parts
+    lengths = {
+        "C": lanes, "P": count, "n": dofs, "m": dofs if modal else 0, "D": len(drive_parts),
+        "i": dofs if modal and record.impacts.shape[0] > 0 else 0, "s": dofs if redo else 0, "r": count if redo else 0,
+    }  # fmt: skip
+    return zeros(
+        core.steps.Motion,
+        lengths,
         q=q,
         v=v,
         a=a,
@@ -177,23 +173,16 @@ def motion_of(
         w_rate=w_rate,
         ball=ball,
         touch=touch,
-        totals=np.zeros((len(TOTAL_COLUMNS), count, lanes)),
         window=first + np.array([inputs.window_start, inputs.steps], dtype=np.int64),
         drive=drive,
         table=_table(drives, inputs, method),
         travel=_travel(drives, inputs, method, pairs.obstacles.size),
         more=more,
         drives=apart,
-        drive_place=np.array([part.place for part in drives[0].parts], dtype=np.int64),
-        held_by_drive=np.array([float(part.load @ q[:, 0]) for part in drives[0].parts]),
-        work_of=np.zeros(len(drives[0].parts) + 1),
+        drive_place=np.array([part.place for part in drive_parts], dtype=np.int64),
+        held_by_drive=np.array([float(part.load @ q[:, 0]) for part in drive_parts]),
         ledger=ledger,
         v_before=v.copy(),
-        loss_of_mode=np.zeros(dofs if modal else 0),
-        to_modes=np.zeros((count, dofs if modal and record.impacts.shape[0] > 0 else 0)),
-        saved=np.zeros((3, dofs if redo else 0, lanes)),
-        saved_ball=np.zeros((3, count if redo else 0, lanes)),
-        scratch=np.zeros((3, dofs, lanes)),
     )
 
 
@@ -221,25 +210,25 @@ def _contacts_at_start(
     pushes = np.zeros(ball.shape[1:])
     if inputs.initial.is_static_on(system):
         _static_contacts_at_start(system, inputs, pairs, ball, touch, pushes)
-    gaps = pairs.constants[[layout.GAP_PLUS, layout.GAP_MINUS]]
-    over = np.stack([ball[layout.X], -ball[layout.X]]) - gaps
-    within = (over.max(axis=0) > ROUNDED) & (touch[layout.OPEN] == 0.0) & (pairs.kind != RIGID)[:, None]
+    gaps = pairs.constants[[core.steps.GAP_PLUS, core.steps.GAP_MINUS]]
+    over = np.stack([ball[core.steps.X], -ball[core.steps.X]]) - gaps
+    within = (over.max(axis=0) > ROUNDED) & (touch[core.steps.OPEN] == 0.0) & (pairs.kind != RIGID)[:, None]
     for j, c in np.argwhere(within).tolist():
         pair = (inputs.each[c][0] if inputs.each else system).contacts[j]
         side, depth = (1.0, float(over[0, j, c])) if over[0, j, c] > 0.0 else (-1.0, float(over[1, j, c]))
-        rate, x = side * float(ball[layout.RATE, j, c]), float(ball[layout.X, j, c])
+        rate, x = side * float(ball[core.steps.RATE, j, c]), float(ball[core.steps.X, j, c])
         speed = _approach_within(pair, depth, rate)
         if pairs.kind[j] == SWITCHING_SPRING:
             # its force is that of a spring from the centre on
             force = elastic = pair.parameters.stiffness * abs(x)
-            pushes[j, c] = side * force - pairs.constants[layout.FREE_STIFFNESS, j, c] * x
+            pushes[j, c] = side * force - pairs.constants[core.steps.FREE_STIFFNESS, j, c] * x
         else:
             force, elastic = (pair.law.normal_force(depth, p, speed, pair.effective_mass) for p in (rate, 0.0))
             pushes[j, c] = side * force
-        touch[layout.BUSY, j, c] = touch[layout.OPEN, j, c] = 1.0
-        touch[layout.SIDE, j, c], touch[layout.APPROACH, j, c] = side, speed
-        touch[layout.NORMAL, j, c] = touch[layout.PEAK, j, c] = force
-        touch[layout.DISSIPATIVE, j, c] = force - elastic
+        touch[core.steps.BUSY, j, c] = touch[core.steps.OPEN, j, c] = 1.0
+        touch[core.steps.SIDE, j, c], touch[core.steps.APPROACH, j, c] = side, speed
+        touch[core.steps.NORMAL, j, c] = touch[core.steps.PEAK, j, c] = force
+        touch[core.steps.DISSIPATIVE, j, c] = force - elastic
     return pushes
 
 
@@ -263,8 +252,8 @@ def _static_contacts_at_start(
             found[at] = inputs.initial.static_contacts(system, excitation)
         normal = found[at].normal
         for j in np.flatnonzero(normal):
-            side, gap = math.copysign(1.0, normal[j]), layout.GAP_PLUS if normal[j] > 0.0 else layout.GAP_MINUS
-            depth = side * ball[layout.X, j, c] - pairs.constants[gap, j, c]
+            side, gap = math.copysign(1.0, normal[j]), core.steps.GAP_PLUS if normal[j] > 0.0 else core.steps.GAP_MINUS
+            depth = side * ball[core.steps.X, j, c] - pairs.constants[gap, j, c]
             numbers, force = system.contacts[j].parameters, 0.0
             if numbers.kind == RIGID:
                 # a start may have been given elsewhere, away from the wall
@@ -275,14 +264,14 @@ def _static_contacts_at_start(
             elif depth <= 0.0:
                 continue
             elif numbers.kind == KELVIN_VOIGT:
-                rate = side * ball[layout.RATE, j, c]
+                rate = side * ball[core.steps.RATE, j, c]
                 force = core.normal_force(KELVIN_VOIGT, depth, rate, numbers.stiffness, numbers.damping, 1.0, 1.0)
-                touch[layout.DISSIPATIVE, j, c] = force - numbers.stiffness * depth
+                touch[core.steps.DISSIPATIVE, j, c] = force - numbers.stiffness * depth
             else:
                 force = core.normal_force(numbers.kind, depth, 0.0, numbers.stiffness, 0.0, numbers.exponent, 1.0)
-            touch[layout.BUSY, j, c] = touch[layout.OPEN, j, c] = 1.0
-            touch[layout.SIDE, j, c], touch[layout.APPROACH, j, c] = side, 0.0
-            touch[layout.NORMAL, j, c] = touch[layout.PEAK, j, c] = force
+            touch[core.steps.BUSY, j, c] = touch[core.steps.OPEN, j, c] = 1.0
+            touch[core.steps.SIDE, j, c], touch[core.steps.APPROACH, j, c] = side, 0.0
+            touch[core.steps.NORMAL, j, c] = touch[core.steps.PEAK, j, c] = force
             pushes[j, c] += side * force
 
 
@@ -292,16 +281,16 @@ def _drive(drives: Sequence[Drive], inputs: Inputs, dt: float) -> Array:
     )
     origin, rows = inputs.beginning.origin, np.zeros((14, len(drives)))
     phase = phase + omega * origin
-    rows[layout.SINE], rows[layout.COSINE] = np.sin(phase), np.cos(phase)
-    rows[layout.TURN_SINE], rows[layout.TURN_COSINE] = np.sin(omega * dt), np.cos(omega * dt)
-    rows[layout.PHASE], rows[layout.PHASE_STEP] = phase, omega * dt
-    rows[layout.SCALE] = amplitude
-    rows[layout.BASE] = [float(drive.value(np.array([origin]))[0]) for drive in drives]
-    rows[layout.BASE_BEFORE] = rows[layout.ACTING] = rows[layout.BASE]
+    rows[core.steps.SINE], rows[core.steps.COSINE] = np.sin(phase), np.cos(phase)
+    rows[core.steps.TURN_SINE], rows[core.steps.TURN_COSINE] = np.sin(omega * dt), np.cos(omega * dt)
+    rows[core.steps.PHASE], rows[core.steps.PHASE_STEP] = phase, omega * dt
+    rows[core.steps.SCALE] = amplitude
+    rows[core.steps.BASE] = [float(drive.value(np.array([origin]))[0]) for drive in drives]
+    rows[core.steps.BASE_BEFORE] = rows[core.steps.ACTING] = rows[core.steps.BASE]
     travel = np.array([drive.base_amplitude for drive in drives])
-    rows[layout.TRAVEL], rows[layout.TRAVEL_RATE] = travel, travel * omega
-    rows[layout.OBSTACLE_RATE] = [float(excitation.velocity(origin)) for excitation in inputs.excitations]
-    rows[layout.OBSTACLE_RATE_BEFORE] = rows[layout.OBSTACLE_RATE]
+    rows[core.steps.TRAVEL], rows[core.steps.TRAVEL_RATE] = travel, travel * omega
+    rows[core.steps.OBSTACLE_RATE] = [float(excitation.velocity(origin)) for excitation in inputs.excitations]
+    rows[core.steps.OBSTACLE_RATE_BEFORE] = rows[core.steps.OBSTACLE_RATE]
     return _placed(rows, 8)
 
 
@@ -349,14 +338,13 @@ def cycles_of(inputs: Inputs, motion: core.steps.Motion, dt: float, ledger: bool
     most = int((inputs.beginning.step + max(inputs.steps)) / period.min()) + 1
     sums = np.zeros((len(CYCLE_COLUMNS), lanes))
     sums[MAXIMUM] = sums[MINIMUM] = motion.w[0]
-    return core.steps.Cycles(
+    return zeros(
+        core.steps.Cycles,
+        {"C": lanes, "K": most, "k": (most if ledger else 0) + 1},
         next_wrap=np.ceil(period).astype(np.int64),
-        number=np.zeros(lanes, dtype=np.int64),
         period=period,
         sums=_placed(sums, 9),
         last=_placed(np.array([motion.w[0], motion.w_rate[0]]), 11),
-        values=np.zeros((most, len(CYCLE_COLUMNS), lanes)),
-        energy=np.zeros(((most if ledger else 0) + 1, len(ENERGY_COLUMNS), lanes)),
     )
 
 
@@ -384,7 +372,7 @@ def limits_of(
     # several drives have a block alone
     forced[0] += sum(_acceleration(system, *each) for each in zip(drives[0].more, motion.more, strict=True))
     amplitude = np.array([excitation.amplitude for excitation in inputs.excitations]) + time**2 * np.array(forced)
-    rates = np.vstack([motion.w_rate, motion.ball[layout.Y_RATE]])
+    rates = np.vstack([motion.w_rate, motion.ball[core.steps.Y_RATE]])
     given = max((abs(pair.acceleration) for pair in system.contacts), default=0.0)
     if np.any(system.constant_load):
         # static deflections are of this size over the first mode's time

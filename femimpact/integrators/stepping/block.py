@@ -20,7 +20,6 @@ from femimpact.errors import made, require
 from femimpact.excitation import Excitation
 from femimpact.integrators.cases import check_memory, first_steps, kept_rows, modes_kept
 from femimpact.integrators.channel_rows import ChannelRows, Drive, drive_of, named_work
-from femimpact.integrators.stepping import layout
 from femimpact.integrators.stepping.arrays import (
     Inputs,
     cycles_of,
@@ -136,9 +135,13 @@ class Block:
         return made(CycleStatistics, **columns)
 
 
+PACK = 8
+"""Cases that the core takes side by side."""
+
+
 def _lanes(cases: int) -> int:
     """Width of the case axis: one alone, else a multiple of the pack."""
-    return 1 if cases == 1 else layout.WIDTH * math.ceil(cases / layout.WIDTH)
+    return 1 if cases == 1 else PACK * math.ceil(cases / PACK)
 
 
 def prepare(
@@ -364,9 +367,9 @@ def sticking_of(block: Block, system: System) -> StickingPhases:
     record, touch, dt = block.record, block.motion.touch[:, :, 0], block.scheme.dt
     count = min(int(record.tally[3]), record.impacts.shape[0])
     rows = [(*row[:3], row[7], row[5], row[0] + row[7]) for row in record.impacts[:count]]
-    for j in np.flatnonzero(touch[layout.OPEN]):
+    for j in np.flatnonzero(touch[core.steps.OPEN]):
         time, side, duration, impulse = (
-            touch[row, j] for row in (layout.START, layout.SIDE, layout.DURATION, layout.IMPULSE)
+            touch[row, j] for row in (core.steps.START, core.steps.SIDE, core.steps.DURATION, core.steps.IMPULSE)
         )
         rows.append((time, j, side, duration, impulse, np.nan))
     rows = [row for row in rows if block.pairs.kind[int(row[1])] == RIGID and row[3] > 1.5 * dt]
@@ -389,10 +392,10 @@ def open_contacts(block: Block, system: System) -> tuple[str, ...]:
     """Notes on balls that touch at the end: their contact is in the forces, not in the table of impacts."""
     touch = block.motion.touch[:, :, 0]
     return tuple(
-        f"{pair.name} is in contact at the end, under force for {touch[layout.DURATION, j]:.3g} s of it: that "
+        f"{pair.name} is in contact at the end, under force for {touch[core.steps.DURATION, j]:.3g} s of it: that "
         "contact counts in forces and energies but is no finished impact"
         for j, pair in enumerate(system.contacts)
-        if touch[layout.OPEN, j] != 0.0
+        if touch[core.steps.OPEN, j] != 0.0
     )
 
 

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from femimpact import core
 from femimpact.arrays import Array
 from femimpact.excitation import Excitation
-from femimpact.integrators.stepping import layout
 from femimpact.integrators.stepping.operators import SteppingMethod, scheme_of
 from femimpact.system.state import Continuation, State
 from femimpact.system.system import System
@@ -21,7 +20,6 @@ Kind = TypeVar("Kind", np.float64, np.int64)
 
 MOTION = ("q", "v", "a", "w", "w_rate", "ball", "touch", "drive")
 CYCLES = ("next_wrap", "number", "sums", "last")
-GAPS = [layout.GAP_PLUS, layout.GAP_MINUS]
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +36,7 @@ class Held:
 
     def contacts_in_progress(self, system: System) -> tuple[str, ...]:
         """Names of the contacts in progress."""
-        opened = self.motion["touch"][layout.OPEN, :, 0] != 0.0
+        opened = self.motion["touch"][core.steps.OPEN, :, 0] != 0.0
         return tuple(pair.name for pair, is_open in zip(system.contacts, opened, strict=True) if is_open)
 
 
@@ -80,12 +78,12 @@ def beginning_of(initial: State, system: System, excitation: Excitation, method:
 
 def resume_contacts(held: Held, beginning: Beginning, pairs: core.steps.Pairs, touch: Array, time_step: float) -> Array:
     """Contacts in progress go on; their forces (N) on the structure, those of centring springs included."""
-    pairs.constants[GAPS] = held.gaps
+    pairs.constants[[core.steps.GAP_PLUS, core.steps.GAP_MINUS]] = held.gaps
     touch[...] = held.motion["touch"]
     if not beginning.complete:
         # of steps that are counted anew
-        touch[layout.START] -= held.step * time_step
-    return np.broadcast_to(held.motion["ball"][layout.FORCE], touch.shape[1:])
+        touch[core.steps.START] -= held.step * time_step
+    return np.broadcast_to(held.motion["ball"][core.steps.FORCE], touch.shape[1:])
 
 
 def go_on(beginning: Beginning, motion: core.steps.Motion, cycles: core.steps.Cycles) -> None:
@@ -97,7 +95,7 @@ def go_on(beginning: Beginning, motion: core.steps.Motion, cycles: core.steps.Cy
         motion.to_modes[...] = held.to_modes
     else:
         # it was not summed before
-        motion.to_modes[held.motion["touch"][layout.OPEN, :, 0] != 0.0] = np.nan
+        motion.to_modes[held.motion["touch"][core.steps.OPEN, :, 0] != 0.0] = np.nan
     if not beginning.complete:
         return
     for arrays, target in ((held.motion, motion), (held.cycles, cycles)):
@@ -115,13 +113,13 @@ def final_state(
         step=step,
         motion={name: _copy(getattr(motion, name)) for name in MOTION},
         cycles={name: _copy(getattr(cycles, name)) for name in CYCLES},
-        gaps=_copy(pairs.constants[GAPS]),
+        gaps=_copy(pairs.constants[[core.steps.GAP_PLUS, core.steps.GAP_MINUS]]),
         to_modes=_copy(motion.to_modes),
     )
     balls, time = len(system.balls), beginning.origin + step * method.dt
     places, rates = (
         (_copy(of_dofs[:, 0]), _copy(motion.ball[row, :balls, 0]))
-        for of_dofs, row in ((motion.q, layout.Y), (motion.v, layout.Y_RATE))
+        for of_dofs, row in ((motion.q, core.steps.Y), (motion.v, core.steps.Y_RATE))
     )
     left = Continuation(_kind(method), held, places, rates, time, system, excitation, held.contacts_in_progress(system))
     return State(places[0], rates[0], places[1], rates[1], time=time, continuation=left)
