@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.arrays import Array, own
-from femimpact.errors import DivergenceError, require
+from femimpact.errors import DivergenceError, changed, require
 from femimpact.excitation import Excitation, Sine
 from femimpact.integrators.assembly import MethodRun, impacts_of, readings_of
 from femimpact.integrators.cases import (
@@ -46,7 +46,7 @@ def run_of_states(
     """A run from the states at its evenly spaced instants, with impacts as far as these show them.
 
     An impact is a stretch of instants with a force; its numbers are of the order of their interval. There are no
-    energies and no snapshots, and a sink gets nothing.
+    energies and no snapshots, and a sink gets all in one piece.
 
     Parameters
     ----------
@@ -78,13 +78,18 @@ def run_of_states(
     directions = np.array([pair.direction for pair in system.contacts]).reshape(-1, system.dofs)
     impacts = _impact_rows(time, contact_force, y_rate - v @ directions.T)
     moving, begin = len(system.balls), float(time[0] + 2.0 * (time[-1] - time[0]) / 3.0)
+    history, streamed_to = readings.piece(own(time[chosen]), own(values)), None
+    if recorder.sink is not None:
+        recorder.sink(history)
+        streamed_to, history = float(history.time[-1]), changed(history, time=own(()), channels={})
     return MethodRun(
-        history=readings.piece(own(time[chosen]), own(values)),
-        final_state=State(*(own(each[-1]) for each in (u, v, y[:, :moving], y_rate[:, :moving])), time=float(time[-1])),
+        history=history,
+        final_state=State(own(u[-1]), own(v[-1]), own(y[-1, :moving]), own(y_rate[-1, :moving]), time=float(time[-1])),
         cycles=_whole_cycles(time, u @ system.point_row(system.default_place), excitation),
         measured=float(time[-1]) - begin,
         totals=_totals(impacts, begin, time, contact_force),
         impacts=impacts_of(system, excitation, impacts, len(impacts)),
+        streamed_to=streamed_to,
         notes=readings.notes,
     )
 
@@ -94,7 +99,8 @@ def _whole_cycles(time: Array, values: Array, excitation: Excitation) -> CycleSt
     turns = excitation.frequency * (time - time[0])
     half = 0.5 * float(turns[1])
     count = int(turns[-1] + half)
-    return samples_by_cycle(*(each[turns <= count + half] for each in (time, values)), excitation, count)
+    whole = turns <= count + half
+    return samples_by_cycle(time[whole], values[whole], excitation, count)
 
 
 def _impact_rows(time: Array, force: Array, rate: Array) -> Array:

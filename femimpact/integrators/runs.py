@@ -327,7 +327,7 @@ PIECE = 10_000
 
 def _at_every_instant(recorder: Recorder, channels: tuple[Channel, ...], **others: Any) -> Recorder:
     """A recorder of channels at all instants of a run, which has the same bits whatever is kept."""
-    nothing_else = {"snapshots": 0, "state_at": None, "impacts": 0, "events": 0, "ledger": False}
+    nothing_else: dict[str, Any] = {"snapshots": 0, "state_at": None, "impacts": 0, "events": 0, "ledger": False}
     return replace(recorder, channels=channels, every=1, memory_limit=1e30, **nothing_else, **others)
 
 
