@@ -1,13 +1,21 @@
-"""Types of arrays, and the interval of evenly spaced times."""
+"""Types of arrays, read-only copies, and the interval of evenly spaced times."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Integers = NDArray[np.int64]
+
+
+def own(values: ArrayLike) -> Array:
+    """A read-only copy of numbers, its rows together."""
+    copy = np.array(values, dtype=float, order="C")
+    copy.setflags(write=False)
+    return copy
+
 
 UNEVEN = 0.25
 """Share of the interval by which a time may lie off the even grid: rounding is less, a lost sample half or more."""

@@ -184,7 +184,7 @@ def test_a_run_without_ledger_goes_on_in_one_with_a_ledger(modal):
 
 def interval_of(system, drive):
     """Time between the readings of a run of some seconds."""
-    return EXACT.interval(system, drive, 2.0, fi.Recorder())
+    return EXACT.time_grid(system, drive, 2.0, fi.Recorder())
 
 
 def samples_inside(starts, ends, interval):
@@ -367,7 +367,7 @@ def test_what_is_made_anew_with_the_same_numbers_goes_on_as_the_same(modal):
 def test_contacts_go_on_under_another_excitation(modal, method):
     whole = fi.integrate(modal, SINE, NEWMARK, 1.0, recorder(modal))
     cut = steps_in_contact(whole, 0)[0] * DT
-    interval = method.time_grid(SINE.frequency)
+    interval = method.time_grid(modal, SINE, 1.0, fi.Recorder())
     before = fi.integrate(modal, SINE, method, np.round(cut / interval) * interval)
     assert before.final_state.continuation.touching == ("ball",)
     other = fi.Sine(0.6e-3, 5.4)
@@ -401,7 +401,7 @@ def test_a_state_inside_a_contact_begins_it_anew_by_another_method_and_says_so(m
     free = fi.integrate(modal, SINE, NEWMARK, 0.05).final_state
     assert not any("anew" in note for note in fi.integrate(modal, SINE, EXACT, 0.5, initial=free).notes)
     phases = fi.integrate(sticking, SINE, EXACT, 2.0).sticking
-    interval = EXACT.time_grid(SINE.frequency)
+    interval = EXACT.time_grid(sticking, SINE, 1.0, fi.Recorder())
     stuck = fi.integrate(sticking, SINE, EXACT, samples_inside(phases.start, phases.end, interval)[0] * interval)
     for method, drive in ((fi.MoreauJean(DT), SINE), (EXACT, fi.Sine(1e-3, 5.0))):
         run = fi.integrate(sticking, drive, method, 0.5, initial=stuck.final_state)

@@ -104,10 +104,10 @@ def test_a_long_record_is_read_a_million_times_at_most():
     base, record = fi.RecordedBase([0.0, 1.0, 0.0], 1.0), fi.Recorder(("mass",))
     method = fi.EventDriven()
     # 3.2 kHz: 64,000 readings a second would suit it
-    assert method.interval(system, base, 10.0, record) == pytest.approx(2 * math.pi / 20 / 2e4, rel=1e-12)
-    interval = method.interval(system, base, 1000.0, record)
+    assert method.time_grid(system, base, 10.0, record) == pytest.approx(2 * math.pi / 20 / 2e4, rel=1e-12)
+    interval = method.time_grid(system, base, 1000.0, record)
     assert round(1000.0 / interval) + 1 == 1_000_000
-    assert method.interval(system, base, 1000.0, replace(record, interval=1e-5)) == 1e-5
+    assert method.time_grid(system, base, 1000.0, replace(record, interval=1e-5)) == 1e-5
 
 
 @pytest.mark.parametrize("base", [fi.Sine(1e-3, 5.0), half_sine(0.5)], ids=["sine", "record"])

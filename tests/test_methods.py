@@ -2,15 +2,14 @@
 
 import math
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 import pytest
 from builders import oscillator, reduced, with_ball
 
 import femimpact as fi
-from femimpact.integrators.cases import SineCases
-from femimpact.integrators.methods import MEMBERS, METHODS, require_method
+from femimpact.integrators.methods import MEMBERS, METHODS, read_at_least, require_method, seconds_of_cycle
+from femimpact.integrators.own_method import run_cases_apart
 from femimpact.integrators.stepping.newmark import SteppingMembers
 from femimpact.integrators.stepping.operators import family_scheme, scheme_of
 
@@ -333,25 +332,23 @@ class LinearAcceleration(SteppingMembers):
 
 
 class Renamed:
-    """A method that has only its answers, and no class in common with others."""
+    """A method that has only its members, and no class in common with others."""
 
     def __init__(self, inner):
         for name in MEMBERS:
             setattr(self, name, getattr(inner, name))
-        self.run_dwells = partial(self.dwells, inner)
 
-    @staticmethod
-    def dwells(inner, system, dwells, initial, observed, ledger, workers, progress=None):
-        """Dwells by the cases of the method within."""
-        count, balls = dwells.frequency.size, len(system.balls)
-        cases = SineCases(
-            dwells.frequency, np.full(count, dwells.amplitude), np.full(count, dwells.phase),
-            gaps=np.array([[pair.gaps for pair in system.contacts]] * count),
-            laws=(tuple(pair.law for pair in system.contacts),), law_of=np.zeros(count, dtype=np.int64),
-            initial=initial, ball_displacement=np.full((count, balls), np.nan), ball_velocity=np.zeros((count, balls)),
-            cycles=dwells.cycles, measured=dwells.measured,
-        )  # fmt: skip
-        return inner.run_cases(system, cases, observed, int(ledger), workers, progress)
+
+class Apart(Renamed):
+    """The same, which takes its cases one by one."""
+
+    def run_cases(self, *given):
+        """Cases by runs."""
+        return run_cases_apart(self, *given)
+
+    def __init__(self, inner):
+        super().__init__(inner)
+        del self.run_cases
 
 
 def own_methods(system):
@@ -374,15 +371,29 @@ def test_a_method_of_ones_own_runs_and_sweeps_like_one_of_ours(small, which):
     assert curves[0].warnings == curves[1].warnings
 
 
-def test_a_method_of_ones_own_that_cannot_answer_is_refused_by_what_it_lacks(small):
+def test_cases_that_run_one_by_one_are_those_that_run_together(small):
+    # of 13 cycles one runs before those whose last third is measured
+    one, other = (
+        fi.frequency_sweep(small, 0.2e-3, [4.9, 5.3], method, 13)
+        for method in (Apart(fi.EventDriven(samples_per_cycle=1024)), fi.EventDriven(samples_per_cycle=1024))
+    )
+    # samples miss a crest by (pi/1024)^2/2 of it; impacts make rounding larger
+    np.testing.assert_allclose(one.peak, other.peak, rtol=1e-5)
+    np.testing.assert_allclose(one.rms, other.rms, rtol=1e-7)
+    np.testing.assert_allclose(one.mean_impulse, other.mean_impulse, rtol=1e-7)
+    np.testing.assert_allclose(one.energy_residual, other.energy_residual, atol=1e-9)
+    assert one.warnings == other.warnings
+
+
+def test_a_method_of_ones_own_that_lacks_a_member_is_refused_by_its_name(small):
     half = Renamed(fi.HHT(1e-4))
-    del half.run_dwells
+    del half.run_cases
     for work in (
         lambda method: fi.integrate(small, STILL, method, 1.0),
         lambda method: fi.frequency_sweep(small, 1e-4, [5.0], method, 12),
         lambda method: fi.achieved_restitution(small.contacts[0], method, 0.1),
     ):
-        with pytest.raises(fi.InputError, match=r"must be a Newmark, .* or a method of your own .* has run_dwells$"):
+        with pytest.raises(fi.InputError, match=r"must be a Newmark, .* or a method of your own .* has run_cases$"):
             work(half)
         for nothing in ("newmark", None, fi.Newmark, 1.0):
             with pytest.raises(fi.InputError, match=r"must be a Newmark, .* or EventDriven$"):
@@ -396,13 +407,13 @@ def test_every_method_of_a_study_file_has_every_answer(small, name):
     # the noun itself is no method
     with pytest.raises(fi.InputError, match="must be a Newmark"):
         require_method(METHODS[name])
-    assert method.time_grid(5.0) > 0.0
-    assert method.read_at_least(1) == method
+    grid = method.time_grid(small, STILL, 100.0, fi.Recorder())
+    assert grid > 0.0
+    assert read_at_least(method, 1) == method
     # a finer grid is never coarser, and its instants are whole parts of a cycle or the step
-    assert method.read_at_least(1024).time_grid(5.0) <= method.time_grid(5.0)
-    cost = method.cost(small, 5.0)
-    assert 0.0 < cost.history_seconds < 1.0
-    assert cost.sweep_seconds > 0.0
+    assert read_at_least(method, 1024).time_grid(small, STILL, 100.0, fi.Recorder()) <= grid
+    assert 0.0 < seconds_of_cycle(method, small, 5.0) < 1.0
+    assert seconds_of_cycle(method, small, 5.0, sweep=True) > 0.0
 
 
 def test_a_method_without_a_step_for_a_law_has_no_restitution_of_its_own(small):

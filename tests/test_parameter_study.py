@@ -31,7 +31,6 @@ from builders import (
 import femimpact as fi
 from femimpact.export.report.maps import maps_section
 from femimpact.export.tables import case_columns, unsure_cells
-from femimpact.parametric import evaluation
 from femimpact.parametric.block_files import BLOCKS
 from femimpact.parametric.evaluation import evaluated
 from femimpact.parametric.labelled import median_ranks, over_starts
@@ -65,14 +64,14 @@ def small(**more):
 
 
 def test_a_case_that_cannot_be_run_without_its_balls_is_a_row_with_its_reason(monkeypatch):
-    run_cases = evaluation.run_cases
+    run_cases = fi.EventDriven.run_cases
 
-    def unsteady(system, *given):
+    def unsteady(method, system, *given, **others):
         if not system.balls:
             raise fi.DivergenceError("the motion grows")
-        return run_cases(system, *given)
+        return run_cases(method, system, *given, **others)
 
-    monkeypatch.setattr(evaluation, "run_cases", unsteady)
+    monkeypatch.setattr(fi.EventDriven, "run_cases", unsteady)
     found = fi.parameter_study(study(), {GAP: [2e-3, 4e-3]}, ["peak", "peak_ratio"], cycles=12)
     assert [str(reason) for reason in found["failure"].to_numpy()] == ["without its balls: the motion grows"] * 2
     assert np.isnan(found["peak_ratio"]).all()

@@ -100,7 +100,8 @@ def test_the_demo_assembles_once_beside_its_scans(study, assembled, tmp_path, mo
 def test_a_history_resolves_a_base_cycle_unless_told_otherwise(study, method, frequency):
     base = dataclasses.replace(study.base, frequency=frequency)
     ready = prepare(dataclasses.replace(study, base=base, method=method, output=Output()), ("modes",))
-    samples = 1.0 / (frequency * ready.method.time_grid(frequency) * ready.record.every)
+    grid = ready.method.time_grid(ready.small, base.excitation, base.duration, ready.record)
+    samples = 1.0 / (frequency * grid * ready.record.every)
     assert samples >= 20
     assert not any("output.every" in text for text in ready.warnings)
     told = prepare(dataclasses.replace(ready.study, output=Output(every=100_000)), ("modes",))

@@ -43,7 +43,7 @@ def ran(*pages):
 
 GOING_ON = (
     "figures", "tapered_beams", "own_law", "own_terms", "moments_and_reactions", "own_channel", "own_excitation",
-    "several_drives",
+    "several_drives", "own_method",
 )  # fmt: skip
 """Pages whose scripts go on from the one on scripting, in this order."""
 
@@ -118,6 +118,12 @@ def test_the_script_of_the_page_on_scripting_runs_as_it_stands(capsys, monkeypat
     last = names["motion"][0, 1].lines[2].get_ydata()
     np.testing.assert_array_equal(last, 1e3 * names["run"]["tip"][-last.size :])
     assert names["section"]["tip"].shape == (151,)
+    # a method of one's own: its impacts are those of the exact one, to the interval of its instants
+    own = names["own"].impacts
+    exact = fi.integrate(names["three"], names["base"], fi.EventDriven(), duration=0.3).impacts
+    assert len(own) == len(exact) == 3
+    np.testing.assert_allclose(own.approach_speed, exact.approach_speed, rtol=1e-2)
+    np.testing.assert_allclose(own.impulse, exact.impulse, rtol=3e-2)
     assert names["path"].stat().st_size > 0
 
 

@@ -49,7 +49,7 @@ def plain(state):
 def test_a_run_goes_on_from_the_places_and_rates_within_a_contact(method, excitation):
     system = reduced(with_ball(REFERENCE, contact=SOFT, gap=2e-3), 4, 10)
     record = fi.Recorder(("tip", "ball", "ball.velocity", "contact_force", "gap"))
-    interval = method.interval(system, excitation, 1.0, record) if method == fi.EventDriven() else method.dt
+    interval = method.time_grid(system, excitation, 1.0, record) if method == fi.EventDriven() else method.dt
     whole = fi.integrate(system, excitation, method, 1.0, record)
     touching = np.flatnonzero(np.abs(whole["gap"][2:]) > 2e-3) + 2
     pushed = whole["contact_force"][touching] != 0.0

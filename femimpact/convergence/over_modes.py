@@ -30,7 +30,7 @@ from femimpact.errors import (
 )  # fmt: skip
 from femimpact.excitation import Sine
 from femimpact.integrators.event_driven import EventDriven
-from femimpact.integrators.methods import Method, require_method
+from femimpact.integrators.methods import Method, read_at_least, require_method, stride_of
 from femimpact.integrators.runs import integrate
 from femimpact.response.response import Recorder, Response
 from femimpact.structure.structure import Position
@@ -195,7 +195,7 @@ def run_statistics(
     phase. The scatter of the peak is that of samples, which miss the maxima of all parts equally, by 0.1 % or less.
     """
     require_method(method)
-    every = method.stride(excitation.frequency, POINTS_PER_CYCLE)
+    every = stride_of(method, excitation.frequency, POINTS_PER_CYCLE)
     keep = Recorder(channels=(at,), every=every, impacts=1_000_000)
     run = integrate(system, excitation, method, duration, keep)
     period = 1.0 / excitation.frequency
@@ -252,7 +252,7 @@ def first_impact(system: System, method: Method, at: Position) -> dict[str, floa
     """Displacement and loss a quarter of the first period after one impact from a given state."""
     quiet = Sine(0.0, system.first_frequency)
     state, until = _before_impact(system)
-    finely = method.read_at_least(POINTS_OF_AN_IMPACT)
+    finely = read_at_least(method, POINTS_OF_AN_IMPACT)
     run = integrate(system, quiet, finely, until + 0.5 / quiet.frequency, Recorder(channels=(at,)), state)
     require(len(run.impacts) > 0, "system.contacts", system.contacts[0].name, "", "is not met by the first impact")
     after = float(run.impacts.time[0]) + 0.25 / quiet.frequency

@@ -50,27 +50,6 @@ class AchievedRestitution:
         check_fields(self)
 
 
-@dataclass(frozen=True)
-class MethodCost:
-    """Approximate cost of one base cycle of one case, on one core of a 2024 server."""
-
-    history_seconds: float  # s: of a run alone; of a case of a sweep, with what the sweep without balls takes beside it
-    sweep_seconds: float  # s
-    sweep_memory: float  # bytes: kept of a base cycle of a case of a sweep
-    cases_at_once: int  # cases of a sweep that are in memory together on each thread
-
-
-@dataclass(frozen=True, eq=False)
-class SineDwells:
-    """Dwells that `run_dwells` of a user's method is given: separate cases from one state, with one base amplitude."""
-
-    amplitude: float  # m: of the base
-    frequency: Array  # (n,) Hz
-    cycles: NDArray[np.int64]  # (n,) complete base cycles run
-    measured: NDArray[np.int64]  # (n,) of these at the end
-    phase: float = 0.0  # rad: of the base at t = 0
-
-
 @dataclass(frozen=True, eq=False)
 class SineCases:
     """Dwells of one system under sine motions of the base, each with its frequency, amplitude, gaps, laws and start."""
@@ -89,7 +68,7 @@ class SineCases:
     cycles: NDArray[np.int64]  # (n,) complete base cycles run, and how many of them at the end are measured
     measured: NDArray[np.int64]  # (n,)
     # (dofs,) systems in place of the common one, with the row of the observed place of each: equal in the number of
-    # dofs, and in their pairs but for numbers. For methods with a member `run_cases`; none for the common one.
+    # dofs, and in their pairs but for numbers. None for the common one.
     systems: tuple[tuple[System, Array], ...] = ()
     system_of: NDArray[np.int64] | None = None  # (n,) which of them a case has
 
@@ -102,6 +81,15 @@ class SineCases:
     def system(self, case: int, common: System) -> System:
         """That of a case."""
         return self.systems[int(self.system_of[case])][0] if self.system_of is not None else common
+
+    def row(self, case: int, common: Array) -> Array:
+        """Row (dofs,) of the observed place of a case."""
+        return self.systems[int(self.system_of[case])][1] if self.system_of is not None else common
+
+    @property
+    def numbers_of_systems(self) -> NDArray[np.int64]:
+        """Which system each case has, (n,); 0 where there is but one."""
+        return np.zeros(self.frequency.size, dtype=np.int64) if self.system_of is None else self.system_of
 
 
 def _no_values() -> Array:
@@ -129,6 +117,33 @@ class SineDwellResults:
     stored: Array = field(default_factory=_no_values)
 
 
+def in_blocks(
+    run: Callable[[NDArray[np.intp], Progress | None], SineDwellResults],
+    blocks: Sequence[NDArray[np.intp]],
+    workers: int,
+    progress: Progress | None,
+) -> SineDwellResults:
+    """Results of all cases in their order, from those of blocks of them by their numbers."""
+    parts, order = run_each(run, blocks, workers, progress), np.argsort(np.concatenate(blocks))
+
+    def joined(name: str, axis: int = 0) -> Array:
+        values = np.concatenate([getattr(part, name) for part in parts], axis)
+        return np.take(values, order, axis) if values.size else values
+
+    motion = {
+        item.name: np.concatenate([getattr(part.motion, item.name) for part in parts])[order]
+        for item in fields(SteadyMotion)
+    }
+    failures = [failure for part in parts for failure in part.failures]
+    return SineDwellResults(
+        SteadyMotion(**motion),
+        joined("totals", 2),
+        **{name: joined(name) for name in ("duration", "residual", "bound", "loss", "stored")},
+        failures=tuple(failures[case] for case in order.tolist()),
+        warnings=tuple(dict.fromkeys(text for part in parts for text in part.warnings)),
+    )
+
+
 def with_contacts_of(system: System, cases: SineCases, case: int) -> System:
     """The system with the gaps and the laws of a case."""
     laws = cases.laws[int(cases.law_of[case])]
@@ -141,10 +156,10 @@ def with_contacts_of(system: System, cases: SineCases, case: int) -> System:
     return with_checked_pairs(system, tuple(contacts))
 
 
-def equal_groups(cases: SineCases, *names: str) -> list[NDArray[np.intp]]:
-    """Numbers of the cases that have equal gaps, laws, starts and fields of these names, for each such group."""
-    count = cases.frequency.size
-    columns = [getattr(cases, name) for name in (*names, "gaps", "law_of", "ball_displacement", "ball_velocity")]
+def equal_groups(cases: SineCases) -> list[NDArray[np.intp]]:
+    """Numbers of the cases that have an equal system, gaps, laws and starts, for each such group."""
+    count, names = cases.frequency.size, ("numbers_of_systems", "gaps", "law_of", "ball_displacement", "ball_velocity")
+    columns = [getattr(cases, name) for name in names]
     rows = np.hstack([np.asarray(values, dtype=float).reshape(count, -1) for values in columns])
     found: dict[bytes, list[int]] = {}
     for case in range(count):

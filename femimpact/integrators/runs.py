@@ -4,38 +4,38 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import fields
+from dataclasses import replace
+from functools import partial
 from typing import Any, cast, overload
 
 import numpy as np
-from numpy.typing import NDArray
 
 from femimpact.arrays import Array
-from femimpact.errors import changed, checked, in_range, quantity, require, require_type
+from femimpact.errors import changed, checked, in_range, made, quantity, require, require_type
 from femimpact.excitation import Excitation, require_excitation
 from femimpact.excitation.drives import alone, until
 from femimpact.excitation.excitation import has_cycle
 from femimpact.excitation.remarks import motion_notes
-from femimpact.integrators.cases import (
-    AchievedRestitution,
-    SineCases,
-    SineDwellResults,
-    SineDwells,
-    equal_groups,
-    run_each,
-    start_of,
-    with_contacts_of,
-    workers_of,
-)
-from femimpact.integrators.methods import DwellMethod, Method, require_method
+from femimpact.integrators.cases import AchievedRestitution, run_each, workers_of
+from femimpact.integrators.channel_rows import drive_of, mode_notes
+from femimpact.integrators.methods import Method, require_method
 from femimpact.integrators.planned_drive import drive_warnings, plan_notes
 from femimpact.progress import Progress, check_progress, draws_progress
-from femimpact.response.channels import Motion, resolve_channels
-from femimpact.response.impacts import READINGS_IN_CONTACT
+from femimpact.response.channels import Channel, Motion, resolve_channels
+from femimpact.response.history import HistoryPiece
+from femimpact.response.impacts import READINGS_IN_CONTACT, impact_statistics
 from femimpact.response.response import Recorder, Response
-from femimpact.response.signals import SteadyMotion, deflection_warnings
+from femimpact.response.signals import (
+    Largest,
+    LargestSample,
+    LargestValues,
+    deflection_warnings,
+    no_steady_motion,
+    steady_motion,
+)
 from femimpact.system.contact_pair import ContactPair
-from femimpact.system.state import ROUNDED, State
+from femimpact.system.reduction import truncation_notes
+from femimpact.system.state import ROUNDED, State, begun_anew
 from femimpact.system.system import System
 from femimpact.units import quantity_text
 
@@ -140,7 +140,7 @@ def integrate(
         # another duration is refused by the method
         if in_range(duration, quantity("s", above=0.0)):
             drive = until(drive, start.time + duration + 0.5 * (recorder.interval or 0.0))
-        response = _without_cycles(method.run(system, drive, duration, recorder, start, report))
+        response = _without_cycles(response_by(method, system, drive, duration, recorder, start, report))
         return _with_remarks(response, system, drive, recorder, start, start.time + duration)
 
     responses = run_each(run, drives, workers, share_done)
@@ -265,89 +265,95 @@ def _largest_deflections(response: Response, recorder: Recorder) -> list[float]:
     return found
 
 
-def run_cases(
-    system: System, cases: SineCases, method: Method, observed: Array, instants: int, workers: int = 1,
+def response_by(
+    method: Method,
+    system: System,
+    excitation: Excitation,
+    duration: float,
+    recorder: Recorder,
+    initial: State,
     progress: Progress | None = None,
-) -> SineDwellResults:  # fmt: skip
-    """Results of all cases in their order.
-
-    A method may have a member `run_cases` that takes them as they are, and `takes_several_systems` where each may have
-    a separate system and any start and law. For another one, and of methods with steps for static starts and laws
-    that are functions, cases that differ in their frequency alone run together.
-
-    Parameters
-    ----------
-    system : System
-    cases : SineCases
-    method : Method
-    observed : ndarray (dofs,)
-        Row of the observed place.
-    instants : int
-        Of a measured cycle at which the energy ledger is read; 0 for no ledger. Of methods with steps it is
-        read at the ends of cycles.
-    workers : int
-        Threads at most.
-    progress : callable, optional
-
-    Returns
-    -------
-    SineDwellResults
-
-    Raises
-    ------
-    InputError
-        If a case cannot be run at all.
-    """
-    run_all: Callable[..., SineDwellResults] | None = getattr(method, "run_cases", None)
-    if run_all is not None and (getattr(method, "takes_several_systems", False) or _are_plain(system, cases)):
-        return run_all(system, cases, observed, instants, workers, progress)
-    groups, parts, done = equal_groups(cases, "amplitude", "phase"), list[SineDwellResults](), 0
-    for members in groups:
-        first, share = int(members[0]), _share_of(progress, done, members.size, cases.frequency.size)
-        with_contacts = with_contacts_of(system, cases, first)
-        if run_all is not None:
-            parts.append(run_all(with_contacts, cases.of(members), observed, instants, workers, share))
-        else:
-            dwells = SineDwells(
-                float(cases.amplitude[first]), cases.frequency[members], cases.cycles[members], cases.measured[members],
-                float(cases.phase[first]),
-            )  # fmt: skip
-            start = start_of(cases, first)
-            found = cast(DwellMethod, method).run_dwells(
-                with_contacts, dwells, start, observed, instants > 0, workers, share
-            )
-            parts.append(found)
-        done += members.size
-    return parts[0] if len(parts) == 1 else _in_order(parts, np.argsort(np.concatenate(groups)))
+) -> Response:
+    """The response of one run, with what the method says of it and nothing on the excitation; see `integrate`."""
+    warnings = method.check(system)
+    method.check_drive(np.array([excitation.frequency]), "frequency")
+    run = method.run(system, excitation, duration, recorder, initial, progress)
+    history, impacts, frequency, contacts = run.history, run.impacts, excitation.frequency, system.contacts
+    warnings = (*warnings, *run.warnings)
+    if impacts.dropped:
+        lost = f"{impacts.dropped} impacts beyond the first {len(impacts)} are not in the table (Recorder.impacts)"
+        warnings = (*warnings, lost)
+    laws = ", ".join(dict.fromkeys(pair.law.name for pair in contacts)) or "none"
+    finished = int(np.count_nonzero(run.cycles.samples[:, 0]))
+    again = partial(response_by, method, system, excitation, duration, initial=initial)
+    return made(
+        Response,
+        time=history.time,
+        channels=history.channels,
+        units=history.units,
+        impacts=impacts,
+        sticking=run.sticking,
+        statistics=impact_statistics(run.totals, run.measured, frequency, laws),
+        statistics_of={
+            pair.name: impact_statistics(run.totals[:, j : j + 1], run.measured, frequency, pair.law.name)
+            for j, pair in enumerate(contacts)
+        },
+        steady=steady_motion(run.cycles, np.array([max(finished // 3, 1)])) if finished else no_steady_motion(),
+        energy=history.energy,
+        snapshots=history.snapshots,
+        base=history.base,
+        system=system,
+        warnings=warnings,
+        notes=(
+            *begun_anew(initial.continuation, run.going_on),
+            *method.notes(system),
+            *truncation_notes(system),
+            *run.notes,
+        ),
+        streamed_to=run.streamed_to,
+        start=initial.time,
+        final_state=run.final_state,
+        kept_state=run.kept_state,
+        largest_values=run.largest
+        or LargestValues(partial(_largest, again, recorder), partial(_reread, again, recorder)),
+        events=run.events,
+    )
 
 
-def _share_of(progress: Progress | None, done: int, count: int, total: int) -> Progress | None:
-    """Progress of a group of cases, reported as a share of all cases."""
-    return None if progress is None else lambda share: progress((done + share * count) / total)
+PIECE = 10_000
+"""Instants in memory at once where all of a run are gone through."""
 
 
-def _are_plain(system: System, cases: SineCases) -> bool:
-    """True if no start follows from statics, and no law is a function: the cases of a step may differ in the rest."""
-    static = cases.initial.is_static_on(system) or bool(np.any(cases.gaps < 0.0))
-    pairs = [(law, pair) for laws in cases.laws for law, pair in zip(laws, system.contacts, strict=True)]
-    return not static and all(law.force_function(pair.effective_mass) is None for law, pair in pairs)
+def _at_every_instant(recorder: Recorder, channels: tuple[Channel, ...], **others: Any) -> Recorder:
+    """A recorder of channels at all instants of a run, which has the same bits whatever is kept."""
+    nothing_else: dict[str, Any] = {"snapshots": 0, "state_at": None, "impacts": 0, "events": 0, "ledger": False}
+    return replace(recorder, channels=channels, every=1, memory_limit=1e30, **nothing_else, **others)
 
 
-def _in_order(parts: list[SineDwellResults], order: NDArray[np.intp]) -> SineDwellResults:
-    """All parts in one, their cases in the order of a permutation."""
-    motion = {
-        item.name: np.concatenate([getattr(part.motion, item.name) for part in parts])[order]
-        for item in fields(SteadyMotion)
-    }
-    failures = [failure for part in parts for failure in part.failures]
-    return SineDwellResults(
-        motion=SteadyMotion(**motion),
-        totals=np.concatenate([part.totals for part in parts], axis=2)[:, :, order],
-        **{name: np.concatenate([getattr(part, name) for part in parts])[order] for name in
-           ("duration", "residual", "bound")},
-        failures=tuple(failures[i] for i in order.tolist()),
-        warnings=tuple(dict.fromkeys(text for part in parts for text in part.warnings)),
-    )  # fmt: skip
+def _largest(
+    again: Callable[[Recorder], Response], recorder: Recorder, channels: tuple[Channel, ...]
+) -> tuple[Largest, ...]:
+    """Largest values of channels over all instants at which a run is read."""
+    largest = [LargestSample() for _ in channels]
+
+    def take(piece: HistoryPiece) -> None:
+        for one, channel in zip(largest, channels, strict=True):
+            one.add(piece.channels[channel.name], piece.time)
+
+    run = again(_at_every_instant(recorder, channels, start=0.0, sink=take, piece_samples=PIECE))
+    drive = drive_of(run.system, run.base)
+    return tuple(
+        Largest(one.value, one.time or 0.0, channel.unit, mode_notes(run.system, drive, (channel,)))
+        for one, channel in zip(largest, channels, strict=True)
+    )
+
+
+def _reread(
+    again: Callable[[Recorder], Response], recorder: Recorder, channels: tuple[Channel, ...], start: float, _: float
+) -> tuple[Array, dict[str, Array]]:
+    """Times (s) and values of channels at all instants of a run from a time (s) on."""
+    run = again(_at_every_instant(recorder, channels, start=start, sink=None))
+    return run.time, dict(run.channels)
 
 
 def achieved_restitution(

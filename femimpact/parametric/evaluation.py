@@ -10,7 +10,6 @@ import numpy as np
 from femimpact.arrays import Array, Integers
 from femimpact.errors import FemimpactError, checked, quantity, require_type
 from femimpact.integrators.cases import SineCases, SineDwellResults
-from femimpact.integrators.runs import run_cases
 from femimpact.parametric.definition import ParameterStudy
 from femimpact.parametric.measures import INSTANTS, Measure, Source, columns_of, of_history, of_response
 from femimpact.parametric.runs import BlockValues, CaseGroup, case_groups, empty_block, history_of_case, raise_of_case
@@ -87,7 +86,7 @@ def _dwells(
     instants = INSTANTS if any(item.name == "damping" for item in study.chosen) else 1
     try:
         row = group.system.point_row(study.observed)
-        found = run_cases(group.system, group.runs.of(part), group.method, row, instants)
+        found = group.method.run_cases(group.system, group.runs.of(part), row, instants, workers=1)
     except FemimpactError as error:
         if part.size == 1:
             block.fail(block.runs_of(group.members)[part], str(error))
@@ -145,7 +144,7 @@ def _peaks_without_balls(study: ParameterStudy, group: CaseGroup, rows: SineCase
     )
     try:
         method = study.systems.method_of(bare, group.values)
-        found = run_cases(bare, cases, method, bare.point_row(study.observed), 0)
+        found = method.run_cases(bare, cases, bare.point_row(study.observed), 0, workers=1)
     except FemimpactError as error:
         return np.full(of_row.size, np.nan), [str(error)] * of_row.size
     row = of_row.reshape(-1)

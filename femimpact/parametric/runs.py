@@ -20,7 +20,8 @@ from femimpact.errors import FemimpactError
 from femimpact.excitation import Excitation, Sine
 from femimpact.excitation.drives import until
 from femimpact.integrators.cases import SineCases, start_of, with_contacts_of
-from femimpact.integrators.methods import Method
+from femimpact.integrators.methods import Method, step_of
+from femimpact.integrators.runs import response_by
 from femimpact.parametric.definition import ParameterStudy
 from femimpact.parametric.paths import Place, Stage, study_with
 from femimpact.response.response import Recorder, Response
@@ -90,7 +91,7 @@ class CaseGroup:
         system = with_contacts_of(self.runs.system(run, self.system), self.runs, run)
         base = _base_of(self.runs, run)
         duration = float(self.runs.cycles[run]) / base.frequency
-        return self.method.run(system, base, duration, record, start_of(self.runs, run))
+        return response_by(self.method, system, base, duration, record, start_of(self.runs, run))
 
 
 def values_of_case(study: ParameterStudy, case: int) -> dict[Place, Any]:
@@ -129,7 +130,7 @@ def raise_of_case(study: ParameterStudy, case: int) -> None:
 def _cases_by_system(
     study: ParameterStudy, block: BlockValues
 ) -> list[list[tuple[dict[Place, Any], System, Integers]]]:  # fmt: skip
-    """Systems with their values and cases; in one list those that differ in numbers alone, if the method takes them."""
+    """Systems with their values and cases; in one list those that differ in numbers alone, unless a step does."""
     table = study.table
     frames = [axis for axis, place in enumerate(table.places) if place.path == "base.start"]
     codes = [table.codes[axis][block.cases] for axis in (*table.axes_before(Stage.CASE), *frames)]
@@ -143,7 +144,7 @@ def _cases_by_system(
             block.fail(block.runs_of(members), str(error))
             continue
         key: Any = _common_of_group(system, values)
-        if len(rows) == 1 or (key not in found and not _takes_several_systems(study, system, values)):
+        if len(rows) == 1 or (key not in found and not _is_without_step(study, system, values)):
             key = number
         found.setdefault(key, []).append((values, system, members))
     return list(found.values())
@@ -176,10 +177,10 @@ def _law_key(law: ContactLaw) -> Any:
     return law
 
 
-def _takes_several_systems(study: ParameterStudy, system: System, values: dict[Place, Any]) -> bool:
-    """True if the method takes cases with different systems; a case without a method fails later."""
+def _is_without_step(study: ParameterStudy, system: System, values: dict[Place, Any]) -> bool:
+    """True if the method is the same on all systems, without a step; a case without a method fails later."""
     try:
-        return bool(getattr(study.systems.method_of(system, values), "takes_several_systems", False))
+        return step_of(study.systems.method_of(system, values)) is None
     except FemimpactError:
         return False
 
@@ -258,8 +259,8 @@ def _methods(
             found.append((method, chosen))
         else:
             found[equal] = method, found[equal][1] | chosen
-        if getattr(method, "takes_several_systems", False):
-            # such a method takes the contacts of every case: the other sets need not be asked for
+        if step_of(method) is None:
+            # no step depends on the contacts: the other sets need not be asked for
             return [(method, law_of >= 0)]
     return found
 
@@ -389,7 +390,7 @@ def history_of_case(
     method = study.systems.method_of(system, values)
     duration = changed.base.history_duration
     drive = until(changed.base.excitation, state.time + duration + 0.5 * (record.interval or 0.0))
-    return method.run(system, drive, duration, record, state)
+    return response_by(method, system, drive, duration, record, state)
 
 
 def _start_of_history(

@@ -7,6 +7,7 @@ import os
 from collections.abc import Callable
 from contextlib import nullcontext, suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -205,19 +206,20 @@ def plan_lines(study: Study) -> list[str]:
     Raises `InputError` as of `definition_of`.
     """
     from femimpact.integrators.cases import cores
+    from femimpact.integrators.methods import bytes_of_cycle, seconds_of_cycle
     from femimpact.parametric.measures import Source
     from femimpact.parametric.paths import Stage
 
     given = definition_of(study)
     method = given.systems.method_of(given.nominal, {})
-    cost = method.cost(given.nominal, study.base.frequency)
-    each, memory = cost.sweep_seconds * given.dwell, cost.sweep_memory * AT_ONCE * given.dwell
+    of_cycle = partial(seconds_of_cycle, method, given.nominal, study.base.frequency)
+    each, memory = of_cycle(sweep=True) * given.dwell, bytes_of_cycle(method) * AT_ONCE * given.dwell
     if not given.has_cycle:
         alone = replace(study, output=replace(study.output, starts=1))
         one = history_cost(alone, given.nominal, method, Recorder((str(given.observed),)))
         each, memory = RUN_FACTOR * (one.seconds - START) / RUNS_OF_HISTORY, one.memory * cores()
     elif any(item.source is Source.RUN for item in given.chosen):
-        each += RUN_FACTOR * cost.history_seconds * given.dwell
+        each += RUN_FACTOR * of_cycle() * given.dwell
     seconds = each * given.runs
     own_modes = [axis for axis, place in enumerate(given.table.places) if place.stage is Stage.MODES]
     systems = len(set(zip(*(given.table.codes[axis].tolist() for axis in own_modes), strict=True))) if own_modes else 0

@@ -64,10 +64,10 @@ def unbalanced(residual: float) -> str:
 def residual_warnings(
     frequency: Array,  # (cases,) Hz
     residual: Array,  # (cases,) not a number where energies are beyond all numbers, which is warned of too
-    bound: Array,  # (cases,)
+    bound: Array,  # (cases,) not a number where a method keeps no ledger
 ) -> list[str]:
     """One warning for all runs of a sweep whose ledger is off by more than a bound."""
-    off = np.flatnonzero(~(residual <= bound))
+    off = np.flatnonzero(~(residual <= bound) & ~np.isnan(bound))
     if not off.size:
         return []
     worst = off[np.argmax(np.nan_to_num(residual[off], nan=np.inf))]

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from femimpact.arrays import Array
 from femimpact.errors import check_fields, checked, column, made, quantity, real_array, require, require_type, text
+from femimpact.excitation import Excitation
 from femimpact.response.channels import Channel
 from femimpact.table import Head, column_units, head_of_columns, short_repr
 from femimpact.units import number_text
@@ -54,6 +55,23 @@ def cycle_statistics(
     extremes = (np.maximum.reduceat(values, first), np.minimum.reduceat(values, first))
     samples = np.diff(np.append(first, values.size)).astype(float)
     return CycleStatistics(*(column[:, None] for column in (*extremes, *sums, samples)))
+
+
+ROUNDING = 1e-6
+"""Share of a cycle: an instant this near to the end of a cycle is at its end."""
+
+
+def samples_by_cycle(
+    time: Array,  # (n,) s: of which the first is the end of the cycle before
+    values: Array,  # (n,)
+    base: Excitation,
+    cycles: int,
+) -> CycleStatistics:
+    """Statistics of the samples of so many base cycles; those within rounding of an end belong to the nearer cycle."""
+    turns = base.frequency * (time[1:] - time[0])
+    number = np.clip(np.ceil(turns - ROUNDING).astype(int) - 1, 0, cycles - 1)
+    first = np.flatnonzero(np.append(True, np.diff(number) > 0))
+    return cycle_statistics(values[1:], 2.0 * np.pi * base.frequency * time[1:] + base.phase, first)
 
 
 @short_repr

@@ -20,6 +20,7 @@ from femimpact.export import tables
 from femimpact.export.figures.branches import kind_words
 from femimpact.export.tables import parameter_text
 from femimpact.integrators.cases import memory_needed
+from femimpact.integrators.methods import seconds_of_cycle
 from femimpact.integrators.runs import integrate
 from femimpact.orbits import Branch, PeriodicOrbit, continue_orbit, find_orbit, switch_branch
 from femimpact.orbits.branch import UNEXPLAINED, known
@@ -117,7 +118,7 @@ def prepare_orbits(study: Study) -> PreparedOrbits:
 def _check_run(found: PreparedOrbits) -> None:
     """Refuse a run that is shorter than one of its readings, or keeps more than fits."""
     small, duration, record = found.prepared.small, found.plan.guess_duration, found.record
-    grid = found.prepared.method.interval(small, found.sine, duration, record)
+    grid = found.prepared.method.time_grid(small, found.sine, duration, record)
     allowed = f"must be >= one reading of the run, {grid:g} s"
     require(duration >= grid, "orbits.guess_duration", duration, "s", allowed)
     needed = sum(memory_needed(small, record, 0, round(duration / grid), grid, found.sine.frequency).values())
@@ -132,7 +133,7 @@ def orbit_lines(study: Study) -> list[str]:
     """
     found = prepare_orbits(study)
     plan, number, small = found.plan, found.number, found.prepared.small
-    seconds = found.prepared.method.cost(small, found.sine.frequency).history_seconds
+    seconds = seconds_of_cycle(found.prepared.method, small, found.sine.frequency)
     low, high = plan.range
     switched = f", and at {', '.join(plan.switch)} the others too" if plan.switch else ""
     return [

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from femimpact.contact import collide
 from femimpact.errors import require
 from femimpact.export import figures, tables
-from femimpact.integrators.methods import Method
+from femimpact.integrators.methods import Method, step_of
 from femimpact.study.result_directory import FILES, prepare_directory
 from femimpact.study.study import Study, build_systems, method_for, read_mesh_of
 from femimpact.system.contact_pair import ContactPair
@@ -102,6 +102,7 @@ def _row(pair: ContactPair, method: Method, speed: float) -> dict[str, Any]:
     found = collide(pair.law, pair.effective_mass, speed)
     # none where the method does not step, or not this law
     stepped = method.achieved_restitution(pair, speed)
+    step = (step_of(method) or math.nan) / getattr(method, "refine", 1)
     return {
         "impactor": pair.name,
         "law": pair.law.name,
@@ -110,7 +111,7 @@ def _row(pair: ContactPair, method: Method, speed: float) -> dict[str, Any]:
         "restitution": found.restitution,
         "restitution_with_step": math.nan if stepped is None else stepped.mean,
         "contact_time": found.contact_time,
-        "steps_per_contact": math.nan if pair.parameters.is_rigid else method.steps_in(found.contact_time),
+        "steps_per_contact": math.nan if pair.parameters.is_rigid else found.contact_time / step,
         "peak_force": found.peak_force,
         "largest_penetration": found.largest_penetration,
         "energy_loss": found.energy_loss,

@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 
 from femimpact import core
 from femimpact.errors import InputError, require
-from femimpact.excitation import Excitation, PiecewisePolynomial
+from femimpact.excitation import Excitation, PiecewisePolynomial, Sine
 from femimpact.excitation.drives import until
 from femimpact.excitation.remarks import frequency_warnings, motion_notes, motion_warnings
 from femimpact.fem.mesh import Mesh
 from femimpact.identification import PeakResolution
 from femimpact.integrators.cases import check_memory, memory_needed, workers_of
-from femimpact.integrators.methods import Method
+from femimpact.integrators.methods import AT_ONCE, Method, bytes_of_cycle, seconds_of_cycle, step_of, stride_of
 from femimpact.integrators.planned_drive import drive_warnings
 from femimpact.integrators.stepping.operators import shortest_contact
 from femimpact.response.channels import resolve_channels
@@ -204,7 +204,7 @@ def _grid(study: Study, small: System, method: Method) -> float:
     """
     try:
         asked = Recorder(interval=study.output.interval)
-        return method.interval(small, study.excitation, study.base.history_duration, asked)
+        return method.time_grid(small, study.excitation, study.base.history_duration, asked)
     except InputError as error:
         renamed = {"record.interval": "output.interval"}
         raise InputError([replace(fault, key=renamed.get(fault.key, fault.key)) for fault in error.faults]) from None
@@ -214,7 +214,7 @@ def _stride(study: Study, method: Method) -> int:
     """One of so many samples is kept in the history: as the study says, or so many that a base cycle is resolved."""
     if study.output.every is not None:
         return study.output.every
-    return min(USUAL_STRIDE, method.stride(study.base.frequency, LEAST_SAMPLES))
+    return min(USUAL_STRIDE, stride_of(method, study.base.frequency, LEAST_SAMPLES))
 
 
 def _coarse_history(study: Study, small: System, method: Method) -> tuple[str, ...]:
@@ -294,7 +294,7 @@ def plan_lines(study: Study) -> list[str]:
 def lines_of_plan(prepared: PreparedStudy) -> list[str]:
     """The same of a study made ready."""
     study, full, small, method = prepared.study, prepared.full, prepared.small, prepared.method
-    grid = method.interval(small, study.excitation, study.base.history_duration, prepared.record)
+    grid = method.time_grid(small, study.excitation, study.base.history_duration, prepared.record)
     steps = round(study.base.history_duration / grid)
     contact_time = shortest_contact(small)
     kind = "modal" if small.is_diagonal else "physical"
@@ -326,23 +326,22 @@ def lines_of_plan(prepared: PreparedStudy) -> list[str]:
             f"effective mass {1e3 * pair.effective_mass:.4g} g, {_clearance(pair.gaps)}"
             f"{preload}{fixed}"
         )
-    origin = "given" if "dt" in study.method else "recommended"
-    described = method.description(study.base.frequency, origin)
-    lines.append(f"method: {study.method.get('name', 'newmark')}; {described}")
+    lines.append(f"method: {study.method.get('name', 'newmark')}; {_step_words(study, method)}")
+    instants = "samples" if step_of(method) is None else "steps"
     history = history_cost(study, small, method, prepared.record)
     lines.append(
-        f"history: {steps} {method.unit}, {grid:.4g} s apart, {study.base.words}, "
+        f"history: {steps} {instants}, {grid:.4g} s apart, {study.base.words}, "
         f"takes about {number_text(history.memory / 1e6, 3)} MB and {number_text(history.seconds, 2)} s"
         f"{_starts_words(small, study.output.starts)}"
     )
     if study.sweep is not None:
         plan = study.sweep
         cases, middle = most_frequencies(plan), 0.5 * (plan.start + plan.stop)
-        total = cases * plan.cycles / middle / method.time_grid(middle)
+        total = cases * plan.cycles / middle / method.time_grid(small, Sine(0.0, middle), 1.0 / middle, Recorder())
         swept = sweep_cost(study, small, method)
         lines.append(
             f"sweep: up to {cases} frequencies from {plan.start:g} to {plan.stop:g} Hz, {plan.cycles} cycles each, "
-            f"{number_text(total, 3)} {method.unit}, takes about {number_text(swept.memory / 1e6, 3)} MB and "
+            f"{number_text(total, 3)} {instants}, takes about {number_text(swept.memory / 1e6, 3)} MB and "
             f"{number_text(swept.seconds, 2)} s on one core"
             f"{_starts_words(small, plan.starts)}"
         )
@@ -356,6 +355,15 @@ def lines_of_plan(prepared: PreparedStudy) -> list[str]:
     notes += root_stress_notes(study.structure, small)
     lines += [f"note: {in_study_words(text)}" for text in (*notes, *_files_elsewhere(study))]
     return lines + [f"warning: {text}" for text in prepared.warnings]
+
+
+def _step_words(study: Study, method: Method) -> str:
+    """How a method advances in time, in words."""
+    step, refine = step_of(method), getattr(method, "refine", 1)
+    if step is None:
+        return "exact between impacts and through compliant ones"
+    origin = "given" if "dt" in study.method else "recommended"
+    return f"step: {step:.4g} s ({origin})" + (f", divided by {refine} in contact" if refine > 1 else "")
 
 
 def _files_elsewhere(study: Study) -> list[str]:
@@ -546,7 +554,7 @@ def check_sweep(study: Study, small: System, method: Method) -> None:
 
 def history_cost(study: Study, small: System, method: Method, record: Recorder) -> Cost:
     """Memory and time of one history, until it is written."""
-    grid = method.interval(small, study.excitation, study.base.history_duration, record)
+    grid = method.time_grid(small, study.excitation, study.base.history_duration, record)
     steps = round(study.base.history_duration / grid)
     parts: Mapping[str, int] = memory_needed(
         small, record, len(record.channels or ()), steps, grid, study.base.frequency
@@ -554,7 +562,7 @@ def history_cost(study: Study, small: System, method: Method, record: Recorder) 
     kept = parts["channels"] + parts["energies"]
     rest = sum(parts.values()) - kept + PIECE * _pieces(study.excitation)
     cycles = study.base.history_duration * study.base.frequency
-    seconds = method.cost(small, study.base.frequency).history_seconds * cycles
+    seconds = seconds_of_cycle(method, small, study.base.frequency) * cycles
     runs = RUNS_OF_HISTORY * runs_of_starts(small, study.output.starts)
     return Cost(LEAST + COPIES * kept + rest, START + runs * seconds + WRITING * kept)
 
@@ -571,8 +579,8 @@ def sweep_cost(study: Study, small: System, method: Method) -> Cost:
     if plan is None:
         return Cost(0.0, 0.0)
     cases = most_frequencies(plan)
-    cost = method.cost(small, 0.5 * (plan.start + plan.stop))
-    at_once = min(cases, cost.cases_at_once * workers_of(None))
-    memory = cost.sweep_memory * at_once * plan.cycles + POINT * cases
+    seconds = seconds_of_cycle(method, small, 0.5 * (plan.start + plan.stop), sweep=True)
+    at_once = min(cases, AT_ONCE * workers_of(None))
+    memory = bytes_of_cycle(method) * at_once * plan.cycles + POINT * cases
     runs = runs_of_starts(small, plan.starts)
-    return Cost(LEAST + memory, START + runs * cost.sweep_seconds * cases * plan.cycles)
+    return Cost(LEAST + memory, START + runs * seconds * cases * plan.cycles)

@@ -12,14 +12,15 @@ from typing import Any
 import numpy as np
 
 from femimpact.errors import checked, kind_of, require, require_name, require_path, require_type, truth
+from femimpact.excitation import Sine
 from femimpact.export import tables
 from femimpact.export.files import atomic_write
 from femimpact.integrators.cases import first_steps
-from femimpact.integrators.methods import Method
+from femimpact.integrators.methods import Method, read_at_least
 from femimpact.integrators.runs import integrate
 from femimpact.integrators.stepping.operators import shortest_contact
 from femimpact.response.impacts import DRAWN_IN_CONTACT, STICKING_UNITS, impact_columns
-from femimpact.response.response import Response
+from femimpact.response.response import Recorder, Response
 from femimpact.structure.structure import glue_impactors
 from femimpact.study.base_motion import RecordedMotion
 from femimpact.study.forces import DrivenMotion
@@ -84,7 +85,7 @@ def last_cycles(prepared: PreparedStudy, response: Response) -> Response:
     """
     study, method, record = prepared.study, prepared.method, prepared.record
     start, duration = last_cycles_start(study), study.base.history_duration
-    grid = method.interval(prepared.small, study.excitation, duration, record)
+    grid = method.time_grid(prepared.small, study.excitation, duration, record)
     steps = round(duration / grid)
     finely, interval = _read_within_contacts(prepared, grid)
     if record.every == 1 and finely == method and interval == record.interval:
@@ -108,9 +109,9 @@ def _read_within_contacts(prepared: PreparedStudy, grid: float) -> tuple[Method,
     # doubled, the grid keeps its instants to the last bit, and with them the pieces in which a run is computed
     while math.isfinite(contact_time) and parts * contact_time < DRAWN_IN_CONTACT * grid:
         parts *= 2
-    samples = round(1.0 / (frequency * method.time_grid(frequency)))
-    finely = method.read_at_least(parts * samples)
-    if finely == method or finely.interval(small, study.excitation, study.base.history_duration, record) < grid:
+    one = Sine(0.0, frequency), 1.0 / frequency, Recorder()
+    finely = read_at_least(method, parts * round(1.0 / (frequency * method.time_grid(small, *one))))
+    if finely == method or finely.time_grid(small, study.excitation, study.base.history_duration, record) < grid:
         return finely, record.interval
     # samples of a cycle do not set the grid: its interval does
     return method, grid / parts

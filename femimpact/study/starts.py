@@ -17,7 +17,7 @@ from femimpact.errors import DivergenceError, FemimpactError
 from femimpact.excitation import Excitation, Sine
 from femimpact.export import tables
 from femimpact.integrators.cases import SineCases, with_contacts_of, workers_of
-from femimpact.integrators.runs import integrate, run_cases
+from femimpact.integrators.runs import integrate
 from femimpact.study.prepared import PreparedStudy
 from femimpact.study.result_directory import FILES
 from femimpact.study.summary import Spread, channel_summary, contact_forces, peak_of_history, spread_of
@@ -141,7 +141,7 @@ def drawn_curves(
         part = placed_about_structure(drawn, small)
         of_start = part_of(report, what, i, starts)
         try:
-            results = run_cases(small, part, method, row, 0, workers_of(None), of_start)
+            results = method.run_cases(small, part, row, 0, workers_of(None), of_start)
         except DivergenceError as error:
             failed[f"start {i + 1}"] = str(error)
             continue

@@ -16,12 +16,13 @@ from femimpact.excitation import Sine
 from femimpact.excitation.levels import Level, level_at
 from femimpact.integrators.cases import SineCases, run_each
 from femimpact.integrators.methods import Method
+from femimpact.integrators.runs import response_by
 from femimpact.progress import Progress
 from femimpact.response.channels import Channel, channel_of
 from femimpact.response.energy import BALANCED
 from femimpact.response.impacts import ImpactStatistics
 from femimpact.response.response import Recorder, Response
-from femimpact.response.signals import SteadyMotion, cycle_statistics, steady_motion
+from femimpact.response.signals import ROUNDING, SteadyMotion, samples_by_cycle, steady_motion
 from femimpact.system.state import State
 from femimpact.system.system import System
 
@@ -109,10 +110,6 @@ def cases_of(
     )
 
 
-ROUNDING = 1e-6
-"""Share of a cycle: an instant this near to the end of a cycle is at its end."""
-
-
 @dataclass(frozen=True, eq=False)
 class DwellRun:
     """Results of one dwell."""
@@ -172,13 +169,13 @@ def _dwell(
     state = start
     try:
         if cycles > 3 * measured:
-            before = method.run(system, base, (cycles - 3 * measured) / f, _recorder((), False), state, None)
+            before = response_by(method, system, base, (cycles - 3 * measured) / f, _recorder((), False), state)
             state = _end_of(before)
         # of the default place every run has the amplitudes
         default = channel == channel_of(system, system.default_place)
         begin = None if default else state.time + (2.0 * measured + ROUNDING) / f
         record = replace(_recorder((), ledger), state_at=begin)
-        run = method.run(system, base, 3 * measured / f, record, state, None)
+        run = response_by(method, system, base, 3 * measured / f, record, state)
         motion = run.steady if default else _motion(system, base, run, method, channel, measured)
     except DivergenceError as error:
         return DwellRun(None, None, math.nan, start, f"at {f:g} Hz: {error}")
@@ -201,12 +198,8 @@ def _motion(system: System, base: Sine, run: Response, method: Method, channel: 
     """Amplitudes of a channel over the last third of a run, which is run once more with the channel read."""
     state = run.kept_state
     assert state is not None
-    again = method.run(system, base, measured / base.frequency, _recorder((channel,), False), state, None)
+    again = response_by(method, system, base, measured / base.frequency, _recorder((channel,), False), state)
     # the first sample is the last one of the cycle before
-    values, time = again.channels[channel.name][1:], again.time[1:]
-    phase = base.omega * time + base.phase
-    turns = base.frequency * (time - state.time)
-    number = np.clip(np.ceil(turns - ROUNDING).astype(int) - 1, 0, measured - 1)
-    first = np.flatnonzero(np.append(True, np.diff(number) > 0))
-    motion = steady_motion(cycle_statistics(values, phase, first), np.array([measured]))
+    cycles = samples_by_cycle(again.time, again.channels[channel.name], base, measured)
+    motion = steady_motion(cycles, np.array([measured]))
     return replace(motion, peak=np.array([abs(again.largest(channel).value)]))

@@ -17,7 +17,6 @@ from femimpact.excitation.levels import Level, require_reach
 from femimpact.integrators.cases import SineCases, workers_of
 from femimpact.integrators.channel_rows import drive_of, mode_notes
 from femimpact.integrators.methods import Method, require_method
-from femimpact.integrators.runs import run_cases
 from femimpact.progress import Progress, check_progress, draws_progress
 from femimpact.response.channels import Channel, channel_of
 from femimpact.structure.structure import Position
@@ -188,7 +187,7 @@ def frequency_sweep(
         return curve_of(system, method, cases, columns_of_runs(runs), about)
     # methods with steps end a run whose observed value leaves all bounds of a displacement
     scale = 1.0 if measured.unit == "m" else 2.0 ** math.ceil(math.log2(max(float(np.max(np.abs(row))), 1e-300)))
-    found = run_cases(system, cases, method, row / scale, int(ledger), workers, report)
+    found = method.run_cases(system, cases, row / scale, int(ledger), workers, report)
     columns, warnings = columns_of_dwells(found, cases.frequency, ledger)
     columns |= {name: scale * columns[name] for name in OF_THE_CHANNEL}
     return curve_of(system, method, cases, (columns, warnings), about)
@@ -283,7 +282,7 @@ def peak_curves(
     while np.any(wanted):
         number, place = np.nonzero(wanted)
         part = replace(cases.of(place), laws=laws, law_of=number)
-        found = run_cases(first, part, method, row, 0, workers_of(None), progress)
+        found = method.run_cases(first, part, row, 0, workers_of(None), progress)
         known[number, place] = True
         warnings.extend(found.warnings)
         for k, failure in zip(number.tolist(), found.failures, strict=True):

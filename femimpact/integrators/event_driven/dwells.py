@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
 from typing import Any, cast
 
 import numpy as np
@@ -16,7 +15,8 @@ from femimpact.contact import resolve
 from femimpact.contact.laws import RIGID, ContactParameters
 from femimpact.errors import require
 from femimpact.excitation import Sine
-from femimpact.integrators.cases import SineCases, SineDwellResults, run_each
+from femimpact.integrators.assembly import cycles_of_table
+from femimpact.integrators.cases import SineCases, SineDwellResults, in_blocks, start_of, with_contacts_of
 from femimpact.integrators.channel_rows import drive_of
 from femimpact.integrators.event_driven.block import (
     Block,
@@ -33,7 +33,7 @@ from femimpact.integrators.event_driven.store import FormStore, WantedForm, outp
 from femimpact.progress import Progress
 from femimpact.response.energy import BALANCED, CLOSED, energy_residual, largest_input, unbalanced
 from femimpact.response.impacts import CYCLE_COLUMNS, ENERGY_COLUMNS
-from femimpact.response.signals import CycleStatistics, steady_motion
+from femimpact.response.signals import steady_motion
 from femimpact.system.state import ROUNDED
 from femimpact.system.system import System
 
@@ -44,35 +44,16 @@ BLOCKS = 8
 """Blocks per thread: cases cost differently, small blocks even that out."""
 
 
-OF_LEDGER = ("residual", "bound", "loss", "stored")
-"""Energies of a case that its ledger gives: fields of `DwellStatistics`."""
-
-
-@dataclass(frozen=True, eq=False)
-class DwellStatistics:
-    """Statistics of many cases."""
-
-    cycles: CycleStatistics  # of the observed place, arrays (measured cycles, cases)
-    totals: Array  # (6, pairs, cases) sums over the measured cycles; see `impacts.TOTAL_COLUMNS`
-    residual: Array  # (cases,) largest at the start and the ends of measured cycles; not a number without a ledger
-    bound: Array  # (cases,) what rounding may make of it
-    unending: Array  # (cases,) s: when events did not end; infinite where they did
-    loss: Array  # (cases,) J: of structure and contacts in the measured cycles; not a number without a ledger
-    # (cases,) J: largest of kinetic, strain, ball and contact energy together at the instants of the ledger in these
-    # cycles
-    stored: Array
-
-
 def _run_block(
     store: FormStore, systems: Sequence[System], cases: SineCases, inputs: Inputs, members: NDArray[np.intp],
     method: EventSettings, instants: int,
-) -> DwellStatistics:  # fmt: skip
-    """Run some of the cases through their dwells and keep the statistics of the measured cycles."""
+) -> SineDwellResults:  # fmt: skip
+    """Results of some of the cases, over the measured cycles of their dwells."""
     per_cycle, count = method.samples_per_cycle, members.size
     cycles, measured, most_measured = cases.cycles[members], cases.measured[members], int(cases.measured.max())
     block = new_block(systems[0], store, inputs.of(members), method, True if instants else None)
-    if cases.systems and cases.system_of is not None:
-        share_block(block, systems, cases.system_of[members], method)
+    if cases.systems:
+        share_block(block, systems, cases.numbers_of_systems[members], method)
     _begin_free(block)
     end = cycles * per_cycle
     # one sample more: the first measured cycle begins with it, be it that at the start
@@ -88,14 +69,26 @@ def _run_block(
         energy=np.zeros(shape),
     )
     run_block(block, begin, end, float(method.most_events) * cycles.astype(float))
-    found = _energies(block, measured, instants) if instants else np.full((4, count), np.nan)
+    none = np.full(count, np.nan)
+    residual, bound, loss, stored = _energies(block, measured, instants) if instants else (none,) * 4
     table = block.grid.cycles[:, :, : len(CYCLE_COLUMNS)]
     table = np.where(table[:, :, 5:] > 0.0, table, 0.0)
-    return DwellStatistics(
-        cycles=CycleStatistics(*np.moveaxis(table, (2, 1), (0, 1))),
-        totals=np.moveaxis(block.cases.totals, 0, 2),
-        unending=np.where(block.stopped == core.events.DONE, np.inf, block.cases.clock[:, 0]),
-        **dict(zip(OF_LEDGER, found, strict=True)),
+    motion = steady_motion(cycles_of_table(np.moveaxis(table, (2, 1), (0, 1))), measured)
+    ends = np.where(block.stopped == core.events.DONE, np.inf, block.cases.clock[:, 0])
+    faults = [
+        _fault(method, *numbers, ledger=instants > 0)
+        for numbers in zip(ends.tolist(), motion.rms.tolist(), residual.tolist(), strict=True)
+    ]
+    f = cases.frequency[members]
+    return SineDwellResults(
+        motion,
+        totals=peaks_of_forces(np.moveaxis(block.cases.totals, 0, 2), store.rigid),
+        duration=measured / f,
+        residual=residual,
+        bound=bound,
+        failures=tuple(f"at {one:g} Hz: {fault}" if fault else "" for one, fault in zip(f, faults, strict=True)),
+        loss=loss,
+        stored=stored,
     )
 
 
@@ -111,7 +104,10 @@ def _begin_free(block: Block) -> None:
 
 
 def _energies(block: Block, measured: NDArray[np.int64], instants: int) -> tuple[Array, Array, Array, Array]:
-    """The energies that `OF_LEDGER` names; the residual is that of the start and of the ends of measured cycles."""
+    """Residual, its bound, loss and largest stored energy of each case; see `SineDwellResults`.
+
+    The residual is that of the start and of the ends of measured cycles.
+    """
     ledger = cast("core.events.Ledger", block.ledger)
     table = np.concatenate([ledger.start[:, None], block.grid.energy], axis=1)[:, :, : len(ENERGY_COLUMNS)]
     # a case with fewer cycles than others: its last row stands for those after it
@@ -126,21 +122,11 @@ def _energies(block: Block, measured: NDArray[np.int64], instants: int) -> tuple
     return np.asarray(residual), bound, lost[-1] - lost[1], np.asarray(np.max(stored[1:], axis=0))
 
 
-def _joined(parts: Sequence[DwellStatistics]) -> DwellStatistics:
-    """All blocks in one."""
-    cycles = CycleStatistics(
-        *(np.concatenate([getattr(part.cycles, name) for part in parts], axis=1) for name in CYCLE_COLUMNS)
-    )
-    totals = np.concatenate([part.totals for part in parts], axis=2)
-    columns = {name: np.concatenate([getattr(part, name) for part in parts]) for name in (*OF_LEDGER, "unending")}
-    return DwellStatistics(cycles, totals, **columns)
-
-
 def event_driven_cases(
     system: System, cases: SineCases, method: EventSettings, observed: Array, instants: int, workers: int,
     progress: Progress | None,
 ) -> SineDwellResults:  # fmt: skip
-    """Results of cases, event-driven; see `runs.run_cases`."""
+    """Results of cases, event-driven."""
     check_events(system)
     first = Sine(float(cases.amplitude[0]), float(cases.frequency[0]), float(cases.phase[0]))
     sources = [
@@ -154,7 +140,7 @@ def event_driven_cases(
         store.add_system(*source)
     inputs, systems = _inputs(system, cases), [given for given, _ in cases.systems] or [system]
 
-    def run(members: NDArray[np.intp], share: Progress | None) -> DwellStatistics:
+    def run(members: NDArray[np.intp], share: Progress | None) -> SineDwellResults:
         part = _run_block(store, systems, cases, inputs, members, method, instants)
         if share is not None:
             share(1.0)
@@ -162,27 +148,7 @@ def event_driven_cases(
 
     count = cases.frequency.size
     blocks = max(math.ceil(count / LARGEST_BLOCK), 1 if workers == 1 else min(BLOCKS * workers, count))
-    found = _joined(run_each(run, np.array_split(np.arange(count), blocks), workers, progress))
-    return _results(found, cases, rigid, method, instants)
-
-
-def _results(
-    found: DwellStatistics, cases: SineCases, rigid: NDArray[np.bool_], method: EventSettings, instants: int
-) -> SineDwellResults:
-    """Results of the cases, with the reasons of those that have none."""
-    motion = steady_motion(found.cycles, cases.measured)
-    totals = peaks_of_forces(found.totals, rigid)
-    faults = [
-        _fault(method, time, rms, residual, instants > 0)
-        for time, rms, residual in zip(
-            found.unending.tolist(), motion.rms.tolist(), found.residual.tolist(), strict=True
-        )
-    ]
-    failures = tuple(f"at {f:g} Hz: {fault}" if fault else "" for f, fault in zip(cases.frequency, faults, strict=True))
-    duration = cases.measured / cases.frequency
-    return SineDwellResults(
-        motion, totals, duration, found.residual, found.bound, failures, loss=found.loss, stored=found.stored
-    )
+    return in_blocks(run, np.array_split(np.arange(count), blocks), workers, progress)
 
 
 def _inputs(system: System, cases: SineCases) -> Inputs:
@@ -229,20 +195,20 @@ def _parameters(system: System, cases: SineCases) -> dict[str, Any]:
 
 def _distinct_sets(cases: SineCases) -> tuple[list[tuple[int, int]], NDArray[np.int64]]:
     """Numbers of laws and of system that cases have together, and which of these each case has."""
-    if not cases.systems or cases.system_of is None:
+    if not cases.systems:
         return [(law, 0) for law in range(len(cases.laws))], cases.law_of
-    both = np.stack([cases.law_of, cases.system_of], axis=1)
+    both = np.stack([cases.law_of, cases.numbers_of_systems], axis=1)
     rows, set_of = np.unique(both, axis=0, return_inverse=True)
     return [(law, number) for law, number in rows.tolist()], set_of.reshape(-1)
 
 
 def _starts(system: System, cases: SineCases) -> tuple[Array, Array]:
     """Displacements and velocities (n, d) of structure and balls at the start, relative to the base."""
-    if not cases.systems or cases.system_of is None:
+    if not cases.systems:
         return _starts_of(system, cases)
     position, velocity = np.zeros((2, cases.frequency.size, system.dofs + len(system.balls)))
     # a rigid motion and the directions of pairs are other ones on other modes
-    for rows, given in _groups_of_equal_start(cases, cases.system_of):
+    for rows, given in _groups_of_equal_start(cases, cases.numbers_of_systems):
         position[rows], velocity[rows] = _starts_of(given, cases.of(rows))
     return position, velocity
 
@@ -289,29 +255,17 @@ def _starts_of(system: System, cases: SineCases) -> tuple[Array, Array]:
 
 
 def _starts_one_by_one(system: System, cases: SineCases) -> tuple[Array, Array]:
-    balls = len(system.balls)
-    starts = []
+    balls, starts = len(system.balls), []
     for c in range(cases.frequency.size):
-        laws, gaps = cases.laws[int(cases.law_of[c])], cases.gaps[c].tolist()
-        contacts = tuple(
-            pair if pair.gaps == tuple(gap) and pair.law is law else replace(pair, gaps=tuple(gap), law=law)
-            for pair, gap, law in zip(system.contacts, gaps, laws, strict=True)
-        )
-        unchanged = all(one is other for one, other in zip(contacts, system.contacts, strict=True))
-        placed = not np.isnan(cases.ball_displacement[c]).any()
-        start = replace(cases.initial, ball_velocity=cases.ball_velocity[c])
-        if placed and balls:
-            start = replace(start, ball_displacement=cases.ball_displacement[c])
-        started = system if unchanged else replace(system, contacts=contacts)
         base = Sine(float(cases.amplitude[c]), float(cases.frequency[c]), float(cases.phase[c]))
-        starts.append(start.relative_to_base(started, base))
+        starts.append(start_of(cases, c).relative_to_base(with_contacts_of(system, cases, c), base))
     return (
         np.array([np.concatenate([u, y[:balls]]) for u, _, y, _ in starts]),
         np.array([np.concatenate([v, y_rate[:balls]]) for _, v, _, y_rate in starts]),
     )
 
 
-def _fault(method: EventSettings, time: float, rms: float, residual: float, ledger: bool) -> str:
+def _fault(method: EventSettings, time: float, rms: float, residual: float, *, ledger: bool) -> str:
     """The fault of a case that is beyond rounding, in words; an empty text where there is none."""
     if math.isfinite(time):
         return unending(time, method)

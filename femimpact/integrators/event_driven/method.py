@@ -2,33 +2,24 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar, Self
+from dataclasses import dataclass, field
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.errors import check_fields, quantity
 from femimpact.excitation import Excitation
-from femimpact.integrators.cases import AchievedRestitution, MethodCost, SineCases, SineDwellResults
+from femimpact.integrators.assembly import MethodRun
+from femimpact.integrators.cases import AchievedRestitution, SineCases, SineDwellResults
 from femimpact.integrators.event_driven.dwells import event_driven_cases
 from femimpact.integrators.event_driven.loop_data import check_events, reading_grid
 from femimpact.integrators.event_driven.run import run_events
 from femimpact.progress import Progress
-from femimpact.response.response import Recorder, Response
+from femimpact.response.response import Recorder
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.state import State
 from femimpact.system.system import System
-
-CYCLE_SECONDS = 5e-5
-"""Rough cost of one base cycle with a few modes, on one core of a 2024 server."""
-
-CYCLE = 150.0
-"""Bytes of a base cycle of a case of a sweep."""
-
-AT_ONCE = 64
-"""Cases of a sweep that are in memory together on each thread."""
 
 
 @dataclass(frozen=True)
@@ -65,9 +56,6 @@ class EventDriven:
         beyond which a run is given up.
     """
 
-    takes_several_systems: ClassVar[bool] = True
-    """True: `run_cases` takes cases with different systems."""
-
     closure: float = field(default=1e-12, metadata=quantity("m", above=0.0))
     samples_per_cycle: int = field(default=64, metadata=quantity("1", at_least=8, at_most=1_000_000, integer=True))
     most_events: int = field(default=1_000_000, metadata=quantity("1", at_least=10, integer=True))
@@ -79,15 +67,6 @@ class EventDriven:
     def for_system(cls, system: System, **settings: Any) -> Self:
         """The method with these settings: nothing in it depends on the system."""
         return cls(**settings)
-
-    @property
-    def unit(self) -> str:
-        """Name of the instants at which a run can be read."""
-        return "samples"
-
-    def description(self, frequency: float, origin: str) -> str:
-        """How it advances in time, in words: at no step that a frequency of the drive (Hz) would tell."""
-        return "exact between impacts and through compliant ones"
 
     def check(self, system: System) -> tuple[str, ...]:
         """No warnings; an error for a system that cannot be computed exactly."""
@@ -101,25 +80,9 @@ class EventDriven:
         """None: every mode is followed."""
         return ()
 
-    def time_grid(self, frequency: float) -> float:
-        """Time (s) between readings under a sine of a frequency (Hz)."""
-        return 1.0 / (frequency * self.samples_per_cycle)
-
-    def interval(self, system: System, excitation: Excitation, duration: float, recorder: Recorder) -> float:
+    def time_grid(self, system: System, excitation: Excitation, duration: float, recorder: Recorder) -> float:
         """Time (s) between the readings of a run; see `loop_data.reading_grid`."""
         return reading_grid(system, excitation, self, duration, recorder).interval
-
-    def stride(self, frequency: float, points: int) -> int:
-        """One: the grid of readings was chosen, and all of it is kept."""
-        return 1
-
-    def read_at_least(self, samples: int) -> Self:
-        """The same motion, read at so many instants of a base cycle or more."""
-        return replace(self, samples_per_cycle=max(samples, self.samples_per_cycle))
-
-    def steps_in(self, duration: float) -> float:
-        """Not a number: there are no steps."""
-        return math.nan
 
     def achieved_restitution(
         self, pair: ContactPair, approach_speed: float, phases: int = 32
@@ -127,14 +90,10 @@ class EventDriven:
         """None: the law's, no step comes between."""
         return None
 
-    def cost(self, system: System, frequency: float) -> MethodCost:
-        """Time and memory that a cycle takes on a system."""
-        return MethodCost(CYCLE_SECONDS, CYCLE_SECONDS, CYCLE, AT_ONCE)
-
     def run(
         self, system: System, excitation: Excitation, duration: float, recorder: Recorder, initial: State,
         progress: Progress | None = None,
-    ) -> Response:  # fmt: skip
+    ) -> MethodRun:  # fmt: skip
         """One run; see `integrate`."""
         return run_events(system, excitation, self, duration, recorder, initial, progress)
 
@@ -142,5 +101,5 @@ class EventDriven:
         self, system: System, cases: SineCases, observed: NDArray[np.float64], instants: int, workers: int,
         progress: Progress | None = None,
     ) -> SineDwellResults:  # fmt: skip
-        """Results of many sine dwells, each with a system, start, gaps and laws of its case; see `runs.run_cases`."""
+        """Results of many sine dwells, all in blocks of one compiled call."""
         return event_driven_cases(system, cases, self, observed, instants, workers, progress)

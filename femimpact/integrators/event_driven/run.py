@@ -8,16 +8,26 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from femimpact import core
-from femimpact.arrays import Array
+from femimpact.arrays import Array, own
 from femimpact.contact.laws import RIGID
 from femimpact.core.structs import zeros
-from femimpact.errors import DivergenceError, changed, in_range, made, quantity, require
+from femimpact.errors import DivergenceError, require
 from femimpact.excitation import Excitation
-from femimpact.integrators.cases import check_memory
-from femimpact.integrators.channel_rows import ChannelRows, Drive, channel_rows, drive_of, mode_notes, named_work
+from femimpact.integrators.assembly import (
+    MethodRun,
+    Readings,
+    cycles_of_table,
+    impacts_of,
+    readings_of,
+    snapshots_of,
+    sticking_of,
+    whole_number_of,
+)
+from femimpact.integrators.cases import check_memory, first_steps
+from femimpact.integrators.channel_rows import Drive, channel_rows, drive_of, mode_notes
 from femimpact.integrators.event_driven.block import (
     EXTREMES,
     Block,
@@ -40,39 +50,17 @@ from femimpact.integrators.event_driven.loop_data import (
     FREE,
     EventSettings,
     ReadingGrid,
-    check_events,
     reading_grid,
 )
 from femimpact.integrators.event_driven.store import FormStore, Outputs, outputs_alone, outputs_of
 from femimpact.progress import Progress
 from femimpact.response.channels import Channel, resolve_channels
 from femimpact.response.energy import BALANCED, CLOSED, EnergyLedger, unbalanced
-from femimpact.response.history import HistoryPiece, Snapshots, Stream
-from femimpact.response.impacts import (
-    COUNT,
-    CYCLE_COLUMNS,
-    ENERGY_COLUMNS,
-    IMPACT_COLUMNS,
-    MAXIMUM,
-    MINIMUM,
-    PEAK_FORCE,
-    EventLog,
-    Impacts,
-    StickingPhases,
-    event_log,
-    impact_statistics,
-)
-from femimpact.response.response import Recorder, Response
-from femimpact.response.signals import (
-    CycleStatistics,
-    Largest,
-    LargestValues,
-    SteadyMotion,
-    no_steady_motion,
-    steady_motion,
-)
-from femimpact.system.reduction import truncation_notes
-from femimpact.system.state import State, begun_anew
+from femimpact.response.history import HistoryPiece, Stream
+from femimpact.response.impacts import COUNT, MAXIMUM, MINIMUM, PEAK_FORCE, EventLog, StickingPhases, event_log
+from femimpact.response.response import Recorder
+from femimpact.response.signals import Largest, LargestValues
+from femimpact.system.state import State
 from femimpact.system.system import System
 from femimpact.units import number_text
 
@@ -256,12 +244,11 @@ def reread(
     bare = replace(recorder, ledger=False, impacts=0, events=0)
     keep = _Keep(1, round((start - initial.time) / finer.interval), 0, 0)
     run = _new_run(system, excitation, method, channels, bare, keep, math.inf, initial, finer, samples * parts)
-    _read_start(run)
     # a run has its bits in the same pieces only
     for done, end in pieces(grid, recorder, samples):
         _run_piece(run, done * parts, (end - done) * parts)
-    found = _history(run, 0, 0)
-    return found.time, dict(found.channels)
+    piece = _history(run, 0, 0)
+    return piece.time, dict(piece.channels)
 
 
 WHOLE = 1e-9
@@ -280,29 +267,16 @@ class _Keep:
 
 @dataclass(eq=False)
 class _Run:
-    """A run under way: its inputs, the block that it advances, and the history read so far."""
+    """A run under way: what it reads, the block that it advances, and what was read so far, call by call."""
 
-    system: System
-    excitation: Excitation
+    readings: Readings
     method: EventSettings
-    drive: Drive
-    channels: tuple[Channel, ...]
-    rows: ChannelRows
     ledger: bool
     keep: _Keep
     block: Block
-    initial: State
     sampling: Sampling
-    samples: list[Array] = field(default_factory=list)
-    energy: list[Array] = field(default_factory=list)
-    work_of: list[Array] = field(default_factory=list)
-    fields: list[Array] = field(default_factory=list)
-    forces: list[Array] = field(default_factory=list)
-
-    def clear(self) -> None:
-        """Drop the history that was passed on."""
-        for part in (self.samples, self.energy, self.work_of, self.fields, self.forces):
-            part.clear()
+    # samples, energies, work of drives, fields and forces of snapshots, of each call
+    parts: list[tuple[Array, Array, Array, Array, Array]] = field(default_factory=list)
 
 
 def run_events(
@@ -313,29 +287,20 @@ def run_events(
     recorder: Recorder,
     initial: State,
     progress: Progress | None = None,
-) -> Response:
-    """Event-driven motion of structure and balls; see `integrate`.
-
-    Raises `InputError` if the system is not on its modes, a contact is neither rigid nor Kelvin-Voigt, or an
-    argument is out of range.
+) -> MethodRun:
+    """Event-driven motion of structure and balls, on a system that the method takes; see `integrate`.
 
     Raises `DivergenceError` if events do not end.
     """
-    check_events(system)
     asked, grid = recorder, reading_grid(system, excitation, method, duration, recorder)
-    interval = grid.interval
-    fits = in_range(duration, quantity("s", at_least=interval))
-    require(fits, "duration", duration, "s", f"must be a finite number >= one sample, {interval:g} s")
-    samples = round(duration / interval)
+    samples = whole_number_of(duration, grid.interval, "sample")
     channels, recorder = resolve_channels(system, recorder.channels), recorder.seen_from(initial.time)
-    check_memory(system, recorder, len(channels), samples, interval, excitation.frequency)
-    first, first_field = (min(round(t / interval), samples) for t in (recorder.start, recorder.snapshots_start))
-    begin = initial.time + 2.0 * (interval * samples) / 3.0
+    check_memory(system, recorder, len(channels), samples, grid.interval, excitation.frequency)
+    first, first_field = first_steps(recorder, samples, grid.interval)
+    begin = initial.time + 2.0 * (grid.interval * samples) / 3.0
     keep = _Keep(recorder.every, first, recorder.snapshots, first_field)
     run = _new_run(system, excitation, method, channels, recorder, keep, begin, initial, grid, samples)
-    stream = Stream(read=partial(_history, run), clear=run.clear, sink=recorder.sink)
-    # the start belongs to the first piece
-    _read_start(run)
+    stream = Stream(read=partial(_history, run), clear=run.parts.clear, sink=recorder.sink)
     state_at, kept_state = sample_to_keep(grid, recorder, samples), None
     for done, end in pieces(grid, recorder, samples):
         _run_piece(run, done, end - done)
@@ -344,25 +309,45 @@ def run_events(
             kept_state = _state(run, end)
         if progress is not None:
             progress(end / samples)
-    found = _response(run, stream, samples, begin)
-    given = (system, excitation, method, duration, asked, initial)
-    largest = LargestValues(partial(find_largest, *given), partial(reread, *given))
-    return changed(found, notes=(*found.notes, *grid.chosen), kept_state=kept_state, largest_values=largest)
+    history = stream.left()
+    # an event at the very end is found by this, and belongs to the tables
+    final_state = _state(run, samples)
+    block, tables, log = run.block, run.block.tables, _events(run)
+    count, given = int(tables.number[0]), (system, excitation, method, duration, asked, initial)
+    return MethodRun(
+        history=history,
+        final_state=final_state,
+        cycles=cycles_of_table(block.grid.cycles.T),
+        measured=float(run.sampling.time(samples)) - begin,
+        totals=peaks_of_forces(block.cases.totals[0], block.pairs.rigid),
+        impacts=impacts_of(system, excitation, tables.impacts[: min(count, tables.impacts.shape[0])], count),
+        sticking=_sticking(run),
+        events=log,
+        kept_state=kept_state,
+        streamed_to=stream.streamed_to,
+        going_on=contacts_in_progress(held_by(initial, system, excitation), system),
+        warnings=() if history.energy is None else _balance_warnings(block, history.energy),
+        notes=(*run.readings.notes, *_open_contacts(run), *_events_dropped(log), *grid.chosen),
+        largest=LargestValues(partial(find_largest, *given), partial(reread, *given)),
+    )
 
 
 def _new_run(
     system: System, excitation: Excitation, method: EventSettings, channels: tuple[Channel, ...], recorder: Recorder,
     keep: _Keep, begin: float, initial: State, grid: ReadingGrid, samples: int,
 ) -> _Run:  # fmt: skip
+    """A run at its start, which is read."""
     drive = closed_drive(system, excitation)
-    rows = channel_rows(system, drive, channels, springs_apart=True)
-    outputs = outputs_of(system, system.point_row(system.default_place), rows)
+    readings = readings_of(system, excitation, drive, channels, springs_apart=True)
+    outputs = outputs_of(system, system.point_row(system.default_place), readings.rows)
     block, sampling = block_alone(
         system, excitation, drive, method, outputs, initial, grid, begin, recorder.ledger,
         recorder.impacts if system.contacts else 0, recorder.events,
     )  # fmt: skip
     block.grid = block.grid._replace(cycles=no_cycles(1, math.floor(samples / grid.per_cycle + WHOLE)))
-    return _Run(system, excitation, method, drive, channels, rows, recorder.ledger, keep, block, initial, sampling)
+    run = _Run(readings, method, recorder.ledger, keep, block, sampling)
+    _read_start(run)
+    return run
 
 
 def _rows_kept(keep: _Keep, done: int, count: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -389,21 +374,19 @@ def _read_start(run: _Run) -> None:
     _call(run, -1, 1, np.array([0 if kept else -1]), np.array([0 if shown else -1]), measured=False)
     block.cases.sample[0] = run.sampling.first
     given, of_motion = outputs.position @ position + outputs.rate @ velocity, ~np.any(outputs.force, axis=1)
-    for sample in run.samples:
-        sample[:, of_motion] = given[of_motion]
-    for energy in run.energy:
-        energy[:] = block.ledger.start if block.ledger is not None else 0.0
-    for shot in run.fields:
-        shot[:] = np.array([position, velocity])
+    samples, energy, _, fields, _ = run.parts[0]
+    samples[:, of_motion] = given[of_motion]
+    energy[:] = block.ledger.start if block.ledger is not None else 0.0
+    fields[:] = np.array([position, velocity])
 
 
 def _state(run: _Run, sample: int) -> State:
     """Where the run stands at the sample that it has reached; its coordinates are read by a piece of no length."""
     _call(run, sample - 1, 1, np.array([-1]), np.array([0]), measured=False)
-    run.forces.pop()
-    coordinates, block = run.fields.pop()[0], run.block
+    *_, fields, _ = run.parts.pop()
+    readings, block = run.readings, run.block
     sampling = replace(run.sampling, first=run.sampling.first + sample)
-    return final_state(run.system, run.excitation, block.cases, block.store.forms, coordinates, sampling)
+    return final_state(readings.system, readings.excitation, block.cases, block.store.forms, fields[0], sampling)
 
 
 def _run_piece(run: _Run, done: int, count: int) -> None:
@@ -418,15 +401,14 @@ def _call(
     """Read some samples, which count in the statistics of base cycles where they are measured."""
     block, begin, cycles = run.block, run.sampling.first + done, run.block.grid.cycles
     block.cases.sample[0] = begin
+    energies, drives = int(kept.max(initial=-1)) + 1 if run.ledger else 0, len(run.readings.drive.parts)
     block.grid = block.grid._replace(
         values=np.zeros((1, count, block.grid.values.shape[2])),
         cycles=cycles if measured else no_cycles(1, 0),
         kept=kept,
-        energy=np.zeros((1, int(kept.max(initial=-1)) + 1 if run.ledger else 0, block.grid.energy.shape[2])),
+        energy=np.zeros((1, energies, block.grid.energy.shape[2])),
+        work_of=np.zeros((1, energies if drives else 0, drives + 1)),
     )
-    drives = len(run.drive.parts)
-    work_of = np.zeros((1, block.grid.energy.shape[1] if drives else 0, drives + 1))
-    block.grid = block.grid._replace(work_of=work_of)
     pictures, pairs = int(shown.max(initial=-1)) + 1, block.pairs.rigid.size
     snapshots = zeros(
         core.events.Snapshots,
@@ -435,17 +417,17 @@ def _call(
     )
     most = np.array([float(run.method.most_events) * max(count / block.grid.per_cycle, 1.0)])
     run_block(block, np.array([begin]), np.array([begin + count]), most, snapshots)
-    block.grid = block.grid._replace(cycles=cycles)
+    grid = block.grid
+    block.grid = grid._replace(cycles=cycles)
     if block.stopped[0] == core.events.UNENDING:
         # walls that hold the structure between them are another fault than too many events
         require_met(block.store.equations, np.flatnonzero(block.cases.released[0]))
         raise DivergenceError(unending(float(block.cases.clock[0, 0]), run.method))
-    _require_finite(block.grid.values, float(run.sampling.time(done + count)))
-    run.samples.append(block.grid.values[0][kept >= 0])
-    run.energy.append(block.grid.energy[0])
-    run.work_of.append(work_of[0])
-    run.fields.append(snapshots.fields)
-    run.forces.append(snapshots.forces)
+    if not np.all(np.isfinite(grid.values)):
+        raise DivergenceError(not_finite(f" before t = {float(run.sampling.time(done + count)):.4g} s"))
+    run.parts.append(
+        (grid.values[0][kept >= 0], grid.energy[0], grid.work_of[0], snapshots.fields, snapshots.forces)
+    )  # fmt: skip
 
 
 def peaks_of_forces(totals: Array, rigid: NDArray[np.bool_]) -> Array:
@@ -453,15 +435,6 @@ def peaks_of_forces(totals: Array, rigid: NDArray[np.bool_]) -> Array:
     totals = totals.copy()
     totals[PEAK_FORCE, rigid] = np.where(totals[COUNT, rigid] > 0.0, math.nan, totals[PEAK_FORCE, rigid])
     return totals
-
-
-def _require_finite(values: Array, time: float) -> None:
-    """Stop a run whose readings are no numbers.
-
-    Raises `DivergenceError` naming the time (s) until which they were read.
-    """
-    if not np.all(np.isfinite(values)):
-        raise DivergenceError(not_finite(f" before t = {time:.4g} s"))
 
 
 def not_finite(when: str) -> str:
@@ -474,76 +447,30 @@ def not_finite(when: str) -> str:
 
 def _history(run: _Run, samples_before: int, snapshots_before: int) -> HistoryPiece:
     """The history that was read since the last piece was handed over."""
-    keep, width = run.keep, len(run.channels) + 1
-    values = np.concatenate([np.zeros((0, width)), *run.samples])
-    number = samples_before + np.arange(values.shape[0])
-    time = _read_only(run.sampling.time(keep.first + keep.every * number))
-    return made(
-        HistoryPiece,
-        time=time,
-        channels={
-            channel.name: _read_only(values[:, i + 1] + run.rows.of_time(i, time, run.excitation, run.drive))
-            for i, channel in enumerate(run.channels)
-        },
-        units={channel.name: channel.unit for channel in run.channels},
-        energy=_ledger(run, time) if run.ledger else None,
-        snapshots=_snapshots(run, snapshots_before) if keep.snapshots else None,
-        base=run.excitation,
+    keep, block, system, drives = run.keep, run.block, run.readings.system, len(run.readings.drive.parts)
+    pairs, n = block.pairs.rigid.size, block.cases.coordinates.shape[2]
+    shapes = (block.grid.values.shape[2],), (block.grid.energy.shape[2],), (drives + 1,), (2, n), (pairs,)
+    nothing = tuple(np.zeros((0, *shape)) for shape in shapes)
+    samples, energy, work_of, fields, forces = map(np.concatenate, zip(nothing, *run.parts, strict=True))
+    snapshots = None
+    if keep.snapshots:
+        number = snapshots_before + np.arange(fields.shape[0])
+        time = own(run.sampling.time(keep.first_snapshot + keep.snapshots * number))
+        u, v = ((system.expansion @ fields[:, k, : system.dofs].T).T for k in (0, 1))
+        snapshots = snapshots_of(system, time, u, v, fields, forces)
+    return run.readings.piece(
+        own(run.sampling.time(keep.first + keep.every * (samples_before + np.arange(samples.shape[0])))),
+        # at rest it is 0, not -0
+        own(samples[:, 1:].T + 0.0),
+        own(energy.T) if run.ledger else None,
+        work_of,
+        snapshots,
     )
 
 
-def _response(run: _Run, stream: Stream, samples: int, begin: float) -> Response:
-    system, frequency, left = run.system, run.excitation.frequency, stream.left()
-    # an event at the very end is found by this, and belongs to the tables
-    state = _state(run, samples)
-    length = float(run.sampling.time(samples)) - begin
-    laws = ", ".join(dict.fromkeys(pair.law.name for pair in system.contacts)) or "none"
-    totals = peaks_of_forces(run.block.cases.totals[0], run.block.pairs.rigid)
-    impacts, log = _impacts(run), _events(run)
-    energy, warnings = left.energy, list[str]()
-    if energy is not None:
-        warnings += _balance_warnings(run, energy)
-    if impacts.dropped:
-        warnings.append(
-            f"{impacts.dropped} impacts beyond the first {len(impacts)} are not in the table (Recorder.impacts)"
-        )
-    return made(
-        Response,
-        time=left.time,
-        channels=left.channels,
-        units=left.units,
-        impacts=impacts,
-        sticking=_sticking(run),
-        statistics=impact_statistics(totals, length, frequency, laws),
-        statistics_of={
-            pair.name: impact_statistics(totals[:, j : j + 1], length, frequency, pair.law.name)
-            for j, pair in enumerate(system.contacts)
-        },
-        steady=_steady(run),
-        energy=energy,
-        snapshots=left.snapshots,
-        base=run.excitation,
-        system=system,
-        warnings=tuple(warnings),
-        notes=(
-            *begun_anew(
-                run.initial.continuation, contacts_in_progress(held_by(run.initial, system, run.excitation), system)
-            ),
-            *truncation_notes(system),
-            *mode_notes(system, run.drive, run.channels),
-            *_open_contacts(run),
-            *_events_dropped(log),
-        ),
-        streamed_to=stream.streamed_to,
-        start=run.initial.time,
-        final_state=state,
-        events=log,
-    )
-
-
-def _balance_warnings(run: _Run, energy: EnergyLedger) -> list[str]:
+def _balance_warnings(block: Block, energy: EnergyLedger) -> tuple[str, ...]:
     """A warning where the ledger's residual is above its bound, an error where it does not close at all."""
-    rounding = 0.0 if run.block.ledger is None else float(run.block.ledger.rounding[0])
+    rounding = 0.0 if block.ledger is None else float(block.ledger.rounding[0])
     # what was put in before the readings begin may be all, and rounding is that of it
     put_in = max(energy.largest_input, float(np.abs(energy.work).max()))
     residual = energy.residual * (energy.largest_input / put_in) if put_in > 0.0 else energy.residual
@@ -551,36 +478,11 @@ def _balance_warnings(run: _Run, energy: EnergyLedger) -> list[str]:
     if not residual <= BALANCED:
         raise DivergenceError(unbalanced(residual))
     if residual <= bound:
-        return []
-    return [
+        return ()
+    return (
         f"energy residual {number_text(residual, 2)} of the energy put in, above {number_text(bound, 2)}: an "
         "event-driven run "
-        "closes to rounding unless its modes span too many decades; keep fewer"
-    ]
-
-
-def _steady(run: _Run) -> SteadyMotion:
-    table = run.block.grid.cycles[0]
-    cycles = made(CycleStatistics, **{name: table[:, [i]] for i, name in enumerate(CYCLE_COLUMNS)})
-    finished = table.shape[0]
-    return steady_motion(cycles, np.array([max(finished // 3, 1)])) if finished else no_steady_motion()
-
-
-def _impacts(run: _Run) -> Impacts:
-    tables, contacts, excitation = run.block.tables, run.system.contacts, run.excitation
-    count = int(tables.number[0])
-    table = tables.impacts[: min(count, tables.impacts.shape[0])]
-    columns = {name: _read_only(table[:, i]) for i, name in enumerate(IMPACT_COLUMNS)}
-    pair, time = columns.pop("pair"), columns["time"]
-    names = np.array([contact.name for contact in contacts] or [""])
-    return made(
-        Impacts,
-        **columns,
-        phase=_read_only(np.mod(2.0 * np.pi * excitation.frequency * time + excitation.phase, 2.0 * np.pi)),
-        impactor=names[pair.astype(int)],
-        energy_to_modes=_read_only(table[:, len(IMPACT_COLUMNS) :]),
-        law={contact.name: contact.law.name for contact in contacts if contact.has_walls},
-        dropped=count - table.shape[0],
+        "closes to rounding unless its modes span too many decades; keep fewer",
     )
 
 
@@ -589,7 +491,7 @@ def _events(run: _Run) -> EventLog | None:
     tables = run.block.tables
     if not tables.events.shape[1]:
         return None
-    names = tuple(contact.name for contact in run.system.contacts)
+    names = tuple(contact.name for contact in run.readings.system.contacts)
     return event_log(tables.events[0], int(tables.logged[0]), names)
 
 
@@ -601,22 +503,14 @@ def _events_dropped(log: EventLog | None) -> tuple[str, ...]:
 
 def _sticking(run: _Run) -> StickingPhases:
     """Sticking phases that have ended, then those that last."""
-    block = run.block
+    block, now = run.block, float(run.block.cases.clock[0, 0])
     rows = [tuple(row) for row in block.tables.sticking[: min(int(block.tables.number[1]), len(block.tables.sticking))]]
     for j in np.flatnonzero(block.pairs.rigid & (np.abs(block.cases.state[0]) == CONTACT)).tolist():
         impulse = float(block.cases.touch[0, core.events.PUSHED, j])
         rows.append((j, float(np.sign(block.cases.state[0, j])), _begun(block, j), math.nan, impulse))
-    pair, side, start, end, pushed = np.array(rows).reshape(-1, 5).T
-    lasting = np.where(np.isfinite(end), end, float(block.cases.clock[0, 0])) - start
-    return made(
-        StickingPhases,
-        impactor=np.array([run.system.contacts[int(j)].name for j in pair], dtype=str),
-        side=side,
-        start=start,
-        end=end,
-        impulse=pushed,
-        mean_force=np.divide(pushed, lasting, out=np.zeros_like(pushed), where=lasting > 0),
-    )
+    table = np.array(rows).reshape(-1, 5)
+    lasting = np.where(np.isfinite(table[:, 3]), table[:, 3], now) - table[:, 2]
+    return sticking_of(run.readings.system, np.column_stack([table, lasting]))
 
 
 def _begun(block: Block, pair: int) -> float:
@@ -628,7 +522,7 @@ def _begun(block: Block, pair: int) -> float:
 def _open_contacts(run: _Run) -> tuple[str, ...]:
     """Notes on what lasts at the end, and has no row in its table yet."""
     notes, state = [], run.block.cases.state[0]
-    for j, pair in enumerate(run.system.contacts):
+    for j, pair in enumerate(run.readings.system.contacts):
         if state[j] == FREE:
             continue
         if run.block.pairs.rigid[j]:
@@ -640,36 +534,3 @@ def _open_contacts(run: _Run) -> tuple[str, ...]:
                 "impact"
             )
     return tuple(notes)
-
-
-def _ledger(run: _Run, time: Array) -> EnergyLedger:
-    table = np.concatenate([np.zeros((0, len(ENERGY_COLUMNS) + run.system.dofs)), *run.energy])
-    columns = {name: _read_only(table[:, i]) for i, name in enumerate(ENERGY_COLUMNS)}
-    of_mode = _read_only(table[:, len(ENERGY_COLUMNS) :])
-    work_of = named_work(run.drive, np.concatenate([np.zeros((0, len(run.drive.parts) + 1)), *run.work_of]), run.system)
-    return made(EnergyLedger, time=time, structure_loss_of_mode=of_mode, work_of=work_of, **columns)
-
-
-def _snapshots(run: _Run, before: int) -> Snapshots:
-    system, keep, n = run.system, run.keep, run.system.dofs
-    fields = np.concatenate([np.zeros((0, 2, n + len(system.balls))), *run.fields])
-    forces = np.concatenate([np.zeros((0, len(system.contacts))), *run.forces])
-    # a force on the beam: the direction of a stop is that of its place turned round
-    forces = forces * np.array([-1.0 if pair.is_stop else 1.0 for pair in system.contacts])
-    number = before + np.arange(fields.shape[0])
-    u, v = (np.asarray((system.expansion @ fields[:, k, :n].T).T) for k in (0, 1))
-    return made(
-        Snapshots,
-        time=_read_only(run.sampling.time(keep.first_snapshot + keep.snapshots * number)),
-        displacement=_read_only(u),
-        velocity=_read_only(v),
-        ball_displacement=_read_only(fields[:, 0, n:]),
-        ball_velocity=_read_only(fields[:, 1, n:]),
-        contact_force=_read_only(forces),
-    )
-
-
-def _read_only(values: ArrayLike) -> Array:
-    array = np.ascontiguousarray(values, dtype=float)
-    array.setflags(write=False)
-    return array

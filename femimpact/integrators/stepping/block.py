@@ -7,19 +7,18 @@ import math
 import threading
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from femimpact import core
-from femimpact.arrays import Array
+from femimpact.arrays import Array, own
 from femimpact.contact.custom_law import ForcePointer, law_error
 from femimpact.contact.laws import RIGID
-from femimpact.errors import made, require
-from femimpact.excitation import Excitation
+from femimpact.errors import require
+from femimpact.integrators.assembly import Readings, cycles_of_table, snapshots_of
 from femimpact.integrators.cases import check_memory, first_steps, kept_rows, modes_kept
-from femimpact.integrators.channel_rows import ChannelRows, Drive, drive_of, named_work
+from femimpact.integrators.channel_rows import ChannelRows, Drive, drive_of
 from femimpact.integrators.stepping.arrays import (
     Inputs,
     cycles_of,
@@ -32,10 +31,8 @@ from femimpact.integrators.stepping.arrays import (
 from femimpact.integrators.stepping.continued import Beginning, go_on
 from femimpact.integrators.stepping.operators import SteppingMethod, operator_of, scheme_of
 from femimpact.progress import Progress
-from femimpact.response.channels import Channel
-from femimpact.response.energy import EnergyLedger
-from femimpact.response.history import HistoryPiece, Snapshots
-from femimpact.response.impacts import CYCLE_COLUMNS, ENERGY_COLUMNS, IMPACT_COLUMNS, Impacts, StickingPhases
+from femimpact.response.history import HistoryPiece
+from femimpact.response.impacts import ENERGY_COLUMNS, IMPACT_COLUMNS
 from femimpact.response.response import Recorder
 from femimpact.response.signals import CycleStatistics
 from femimpact.system.system import System
@@ -131,8 +128,7 @@ class Block:
     def cycle_statistics(self) -> CycleStatistics:
         """Statistics of every base cycle of the real cases that was finished since the beginning."""
         values = self.cycles.values[self.beginning.cycle :, :, : self.cases]
-        columns = {name: values[:, i] for i, name in enumerate(CYCLE_COLUMNS)}
-        return made(CycleStatistics, **columns)
+        return cycles_of_table(np.moveaxis(values, 1, 0))
 
 
 PACK = 8
@@ -260,22 +256,10 @@ def run_block(
             progress(done / block.steps)
 
 
-@dataclass(frozen=True, eq=False)
-class Recorded:
-    """Excitation of a run, and the channels read from its history with their rows."""
-
-    excitation: Excitation
-    drive: Drive
-    channels: tuple[Channel, ...]
-    rows: ChannelRows
-    refilled: bool
-    """True where the arrays of the record are filled again once they were read."""
-
-
 def history_of(
     block: Block,
-    system: System,
-    recorded: Recorded,
+    readings: Readings,
+    refilled: bool,  # whether the arrays of the record are filled again once they were read
     samples_before: int,  # what was taken out of the record earlier
     snapshots_before: int,
 ) -> HistoryPiece:
@@ -283,51 +267,23 @@ def history_of(
 
     Returns: of copies where the record is filled again, otherwise of its arrays.
     """
-    record, dt, origin = block.record, block.scheme.dt, block.beginning.origin
-    samples, snapshots = int(record.tally[1]), int(record.tally[2])
+    record, dt, origin, system = block.record, block.scheme.dt, block.beginning.origin, readings.system
+    samples, count = int(record.tally[1]), int(record.tally[2])
     every, first, stride, first_field = (int(value) for value in record.stride)
     # a copy of 20 histories of a run costs more than its steps
-    kept = _own if recorded.refilled else _read_only
-    histories = kept(record.channels[:, :samples])
-    work_of = named_work(recorded.drive, record.work_of[:, :samples].T, system)
-    time = _own(origin + (first + every * (samples_before + np.arange(samples))) * dt)
-    shown = _own(origin + (first_field + stride * (snapshots_before + np.arange(snapshots))) * dt)
-    return made(
-        HistoryPiece,
-        time=time,
-        channels={
-            channel.name: _with(histories[i], recorded.rows.of_time(i, time, recorded.excitation, recorded.drive))
-            for i, channel in enumerate(recorded.channels)
-        },
-        units={channel.name: channel.unit for channel in recorded.channels},
-        energy=_ledger(kept(record.energy[:, :samples]), time, work_of) if block.ledger else None,
-        snapshots=_snapshots(record, system, shown) if record.snapshots.shape[0] > 0 else None,
-        base=recorded.excitation,
-    )
-
-
-def _ledger(table: Array, time: Array, work_of: dict[str, Array]) -> EnergyLedger:
-    columns: dict[str, Any] = dict(zip(ENERGY_COLUMNS, table, strict=False))
-    of_mode = table[len(ENERGY_COLUMNS) :].T
-    return made(EnergyLedger, time=time, structure_loss_of_mode=of_mode, work_of=work_of, **columns)
-
-
-def _with(history: Array, of_time: Array | float) -> Array:
-    """A history and what the state has no share in."""
-    return _own(history + of_time) if np.any(of_time) else history
-
-
-def _snapshots(record: core.steps.Record, system: System, time: Array) -> Snapshots:
-    fields, forces = record.snapshots[: time.size], record.forces[: time.size]
-    dofs, balls = system.dofs, slice(system.dofs, system.dofs + len(system.balls))
-    return made(
-        Snapshots,
-        time=time,
-        displacement=_own(_at_nodes(system, fields[:, 0, :dofs])),
-        velocity=_own(_at_nodes(system, fields[:, 1, :dofs])),
-        ball_displacement=_own(fields[:, 0, balls]),
-        ball_velocity=_own(fields[:, 1, balls]),
-        contact_force=_own(forces * [-1.0 if pair.is_stop else 1.0 for pair in system.contacts]),
+    kept = own if refilled else _read_only
+    snapshots = None
+    if record.snapshots.shape[0] > 0:
+        time = own(origin + (first_field + stride * (snapshots_before + np.arange(count))) * dt)
+        fields = record.snapshots[:count]
+        u, v = (_at_nodes(system, fields[:, k, : system.dofs]) for k in (0, 1))
+        snapshots = snapshots_of(system, time, u, v, fields, record.forces[:count])
+    return readings.piece(
+        own(origin + (first + every * (samples_before + np.arange(samples))) * dt),
+        kept(record.channels[:, :samples]),
+        kept(record.energy[:, :samples]) if block.ledger else None,
+        record.work_of[:, :samples].T,
+        snapshots,
     )
 
 
@@ -339,53 +295,35 @@ def _at_nodes(system: System, rows: Array) -> Array:
     return values
 
 
-def impacts_of(block: Block, system: System, excitation: Excitation) -> Impacts:
-    """The table of impacts, as far as it was kept."""
-    record = block.record
-    count = min(int(record.tally[3]), record.impacts.shape[0])
-    columns = {name: _own(record.impacts[:count, i]) for i, name in enumerate(IMPACT_COLUMNS)}
-    names = np.array([pair.name for pair in system.contacts] or [""])
-    impactor = names[columns.pop("pair").astype(int)]
-    columns["time"] = _own(block.beginning.origin + columns["time"])
-    return made(
-        Impacts,
-        **columns,
-        impactor=impactor,
-        phase=_own(np.mod(2.0 * np.pi * excitation.frequency * columns["time"] + excitation.phase, 2.0 * np.pi)),
-        energy_to_modes=_own(record.impacts[:count, len(IMPACT_COLUMNS) :]),
-        law={pair.name: pair.law.name for pair in system.contacts if pair.has_walls},
-        dropped=int(record.tally[3]) - count,
-    )
+def impact_rows(block: Block) -> Array:
+    """Rows of the table of impacts, as far as it was kept."""
+    rows = block.record.impacts[: min(int(block.record.tally[3]), block.record.impacts.shape[0])].copy()
+    rows[:, 0] += block.beginning.origin
+    return rows
 
 
-def sticking_of(block: Block, system: System) -> StickingPhases:
-    """Rigid contacts that took an impulse in three or more steps in a row: a ball that moves with its wall.
+def sticking_rows(block: Block) -> Array:
+    """Rows of `sticking_of`, of rigid contacts that took an impulse in three or more steps in a row.
 
-    Each begins with an impact, which has a row in the table of impacts once the contact has ended;
-    the impulses of the two tables are the same.
+    A ball then moves with its wall. Each begins with an impact, which has a row in the table of impacts once the
+    contact has ended; the impulses of the two tables are the same.
     """
-    record, touch, dt = block.record, block.motion.touch[:, :, 0], block.scheme.dt
-    count = min(int(record.tally[3]), record.impacts.shape[0])
-    rows = [(*row[:3], row[7], row[5], row[0] + row[7]) for row in record.impacts[:count]]
-    for j in np.flatnonzero(touch[core.steps.OPEN]):
-        time, side, duration, impulse = (
-            touch[row, j] for row in (core.steps.START, core.steps.SIDE, core.steps.DURATION, core.steps.IMPULSE)
+    touch, origin = block.motion.touch[:, :, 0], block.beginning.origin
+    ended = block.record.impacts[: int(block.record.tally[3])]
+    start, duration = ended[:, 0], ended[:, 7]
+    rows = np.column_stack([ended[:, 1:3], origin + start, origin + (start + duration), ended[:, 5], duration])
+    lasting = [
+        (
+            j,
+            touch[core.steps.SIDE, j],
+            origin + touch[core.steps.START, j],
+            np.nan,
+            *touch[[core.steps.IMPULSE, core.steps.DURATION], j],
         )
-        rows.append((time, j, side, duration, impulse, np.nan))
-    rows = [row for row in rows if block.pairs.kind[int(row[1])] == RIGID and row[3] > 1.5 * dt]
-    if not rows:
-        return StickingPhases.none()
-    start, pair, side, duration, impulse, end = (np.array(column) for column in zip(*rows, strict=True))
-    start, end = block.beginning.origin + start, block.beginning.origin + end
-    return made(
-        StickingPhases,
-        impactor=np.array([system.contacts[int(j)].name for j in pair]),
-        side=_own(side),
-        start=_own(start),
-        end=_own(end),
-        impulse=_own(impulse),
-        mean_force=_own(impulse / duration),
-    )
+        for j in np.flatnonzero(touch[core.steps.OPEN])
+    ]
+    rows = np.vstack([rows, np.array(lasting).reshape(-1, 6)])
+    return np.asarray(rows[(block.pairs.kind[rows[:, 0].astype(int)] == RIGID) & (rows[:, 5] > 1.5 * block.scheme.dt)])
 
 
 def open_contacts(block: Block, system: System) -> tuple[str, ...]:
@@ -397,13 +335,6 @@ def open_contacts(block: Block, system: System) -> tuple[str, ...]:
         for j, pair in enumerate(system.contacts)
         if touch[core.steps.OPEN, j] != 0.0
     )
-
-
-def _own(array: ArrayLike) -> Array:
-    """A read-only copy, its rows together."""
-    copy = np.array(array, dtype=float, order="C")
-    copy.setflags(write=False)
-    return copy
 
 
 def _read_only(array: Array) -> Array:

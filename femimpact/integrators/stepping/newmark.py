@@ -18,7 +18,8 @@ from femimpact.contact.custom_law import force_pointer, law_error
 from femimpact.contact.laws import RIGID
 from femimpact.errors import check_fields, choice, quantity, require, truth
 from femimpact.excitation import Excitation
-from femimpact.integrators.cases import AchievedRestitution, MethodCost, SineCases, SineDwellResults
+from femimpact.integrators.assembly import MethodRun
+from femimpact.integrators.cases import AchievedRestitution, SineCases, SineDwellResults
 from femimpact.integrators.stepping.block import check_recorder
 from femimpact.integrators.stepping.operators import (
     SteppingMethod,
@@ -33,7 +34,7 @@ from femimpact.integrators.stepping.operators import (
 )
 from femimpact.integrators.stepping.run import run_steps, stepped_cases
 from femimpact.progress import Progress
-from femimpact.response.response import Recorder, Response
+from femimpact.response.response import Recorder
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.state import State
 from femimpact.system.system import System
@@ -81,19 +82,6 @@ def stepped_restitution(
     )
 
 
-NANOSECONDS, BESIDE_OTHERS = {"modal": 9.0, "physical": 20.0}, {"modal": 2.5, "physical": 20.0}
-"""Rough cost of one dof and step on one core of a 2024 server, of a run alone and of one of many."""
-
-WITHOUT_BALLS = 1.5
-"""Time of a sweep with balls and of the one without them, over that of the first."""
-
-CYCLE = 170.0
-"""Bytes of a base cycle of a case of a sweep."""
-
-AT_ONCE = 64
-"""Cases of a sweep that are in memory together on each thread."""
-
-
 class SteppingMembers:
     """Members of `methods.Method` that methods with steps share, for one that satisfies `operators.SteppingMethod`."""
 
@@ -104,19 +92,9 @@ class SteppingMembers:
         return cls(**step, **settings)
 
     @property
-    def unit(self) -> str:
-        """Name of the instants at which a run can be read."""
-        return "steps"
-
-    @property
     def stability_limit(self) -> float:
         """Largest dt omega (1) that is stable: any."""
         return math.inf
-
-    def description(self: SteppingMethod, frequency: float, origin: str) -> str:
-        """The step, in words; `origin` says where it comes from."""
-        refined = f", divided by {self.refine} in contact" if self.refine > 1 else ""
-        return f"step: {self.dt:.4g} s ({origin}){refined}"
 
     def check(self: SteppingMethod, system: System) -> tuple[str, ...]:
         """Warnings of the step on a system; see `operators.check_step`."""
@@ -130,28 +108,12 @@ class SteppingMembers:
         """Notes on modes that the step does not follow."""
         return step_notes(system, self)
 
-    def time_grid(self: SteppingMethod, frequency: float) -> float:
-        """The step, s."""
-        return self.dt
-
-    def interval(
+    def time_grid(
         self: SteppingMethod, system: System, excitation: Excitation, duration: float, recorder: Recorder
-    ) -> float:  # fmt: skip
+    ) -> float:
         """The step, s; refused is a recorder with an interval."""
         check_recorder(recorder)
         return self.dt
-
-    def stride(self: SteppingMethod, frequency: float, points: int) -> int:
-        """Steps between records of which about so many are wanted in a cycle of a frequency (Hz)."""
-        return max(math.floor(1.0 / (points * frequency * self.dt)), 1)
-
-    def read_at_least(self, samples: int) -> Self:
-        """The same method: it is read at its steps."""
-        return self
-
-    def steps_in(self: SteppingMethod, duration: float) -> float:
-        """Steps in so long a contact (s)."""
-        return duration * self.refine / self.dt
 
     def achieved_restitution(
         self: SteppingMethod, pair: ContactPair, approach_speed: float, phases: int = 32
@@ -161,16 +123,10 @@ class SteppingMembers:
             return None
         return stepped_restitution(pair, self, approach_speed, phases)
 
-    def cost(self: SteppingMethod, system: System, frequency: float) -> MethodCost:
-        """Time and memory that a cycle of a frequency (Hz) takes on a system."""
-        kind = "modal" if system.is_diagonal else "physical"
-        steps = 1e-9 * max(system.dofs, 4) / (frequency * self.dt)
-        return MethodCost(NANOSECONDS[kind] * steps, WITHOUT_BALLS * BESIDE_OTHERS[kind] * steps, CYCLE, AT_ONCE)
-
     def run(
         self: SteppingMethod, system: System, excitation: Excitation, duration: float, recorder: Recorder,
         initial: State, progress: Progress | None = None,
-    ) -> Response:  # fmt: skip
+    ) -> MethodRun:  # fmt: skip
         """One run; see `integrate`."""
         return run_steps(system, excitation, self, duration, recorder, initial, progress)
 
@@ -178,7 +134,7 @@ class SteppingMembers:
         self: SteppingMethod, system: System, cases: SineCases, observed: NDArray[np.float64], instants: int,
         workers: int, progress: Progress | None = None,
     ) -> SineDwellResults:  # fmt: skip
-        """Many cases side by side, each with its gaps, laws and start; see `runs.run_cases`."""
+        """Results of many sine dwells, side by side in blocks."""
         return stepped_cases(system, cases, self, observed, instants, workers, progress)
 
 

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import heapq
 import math
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import fields, replace
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,99 +15,45 @@ from femimpact import core
 from femimpact.arrays import Array
 from femimpact.contact.custom_law import speed_note
 from femimpact.contact.laws import RIGID
-from femimpact.errors import DivergenceError, changed, in_range, made, quantity, require
+from femimpact.errors import DivergenceError, require
 from femimpact.excitation import Excitation, Sine
 from femimpact.excitation.drives import until
+from femimpact.integrators.assembly import MethodRun, impacts_of, readings_of, sticking_of, whole_number_of
 from femimpact.integrators.cases import (
     SineCases,
     SineDwellResults,
     equal_groups,
-    run_each,
+    in_blocks,
     start_of,
     with_contacts_of,
 )
-from femimpact.integrators.channel_rows import channel_rows, drive_of, mode_notes
+from femimpact.integrators.channel_rows import drive_of
 from femimpact.integrators.stepping.arrays import Inputs
 from femimpact.integrators.stepping.block import (
     Block,
-    Recorded,
     check_laws,
     check_recorder,
     history_of,
-    impacts_of,
+    impact_rows,
     open_contacts,
     piece_ends,
     prepare,
     record_of,
     run_block,
-    sticking_of,
+    sticking_rows,
 )
 from femimpact.integrators.stepping.continued import beginning_of, final_state
-from femimpact.integrators.stepping.operators import SteppingMethod, check_sampling, check_step, step_notes
+from femimpact.integrators.stepping.operators import SteppingMethod, check_sampling, check_step
 from femimpact.progress import Progress
-from femimpact.response.channels import Channel, resolve_channels
-from femimpact.response.energy import BALANCED, energy_residual
-from femimpact.response.history import HistoryPiece, Stream
-from femimpact.response.impacts import impact_statistics
-from femimpact.response.response import Recorder, Response
-from femimpact.response.signals import (
-    Largest,
-    LargestSample,
-    LargestValues,
-    SteadyMotion,
-    no_steady_motion,
-    steady_motion,
-)
-from femimpact.system.reduction import truncation_notes
-from femimpact.system.state import State, begun_anew
+from femimpact.response.channels import resolve_channels
+from femimpact.response.energy import BALANCED, EnergyLedger, energy_residual
+from femimpact.response.history import Stream
+from femimpact.response.impacts import PEAK_FORCE
+from femimpact.response.response import Recorder
+from femimpact.response.signals import SteadyMotion, steady_motion
+from femimpact.system.state import State
 from femimpact.system.system import System
 from femimpact.units import number_text
-
-PIECE = 10_000
-"""Steps in memory at once."""
-
-NO_LIMIT = 1e30
-"""Bytes: a piece is all that is kept."""
-
-
-def find_largest(
-    run: Callable[[Recorder], Any],  # the run, with what it is to keep: its steps have the same bits whatever that is
-    recorder: Recorder,  # of the run before
-    notes: Callable[[tuple[Channel, ...]], tuple[str, ...]],  # on channels
-    channels: tuple[Channel, ...],
-) -> tuple[Largest, ...]:
-    """Largest values of channels over all steps of a run."""
-    found = [LargestSample() for _ in channels]
-
-    def take(piece: HistoryPiece) -> None:
-        for one, channel in zip(found, channels, strict=True):
-            one.add(piece.channels[channel.name], piece.time)
-
-    every_step = replace(
-        recorder, channels=channels, every=1, start=0.0, snapshots=0, state_at=None, impacts=0, ledger=False,
-        memory_limit=NO_LIMIT, sink=take, piece_samples=PIECE,
-    )  # fmt: skip
-    run(every_step)
-    return tuple(
-        Largest(one.value, one.time or 0.0, channel.unit, notes((channel,)))
-        for one, channel in zip(found, channels, strict=True)
-    )
-
-
-def reread(
-    run: Callable[[Recorder], Any],  # as of `find_largest`
-    recorder: Recorder,
-    channels: tuple[Channel, ...],
-    start: float,  # s: from when on
-    _: float,  # s: a run with steps is read at them
-) -> tuple[Array, dict[str, Array]]:
-    """Times (s) and values of channels at all steps of a run from a time on."""
-    every_step = replace(
-        recorder, channels=channels, every=1, start=start, snapshots=0, state_at=None, impacts=0, ledger=False,
-        memory_limit=NO_LIMIT, sink=None,
-    )  # fmt: skip
-    found = run(every_step)
-    return found.time, dict(found.channels)
 
 
 def run_steps(
@@ -119,27 +64,19 @@ def run_steps(
     recorder: Recorder,
     initial: State,
     progress: Progress | None = None,
-) -> Response:
-    """Stepped motion of structure and balls; see `integrate`.
+) -> MethodRun:
+    """Stepped motion of structure and balls, with a step that resolves contact and drive; see `integrate`.
 
-    Raises `InputError` if the step does not resolve the contact, the run would keep too much, or an argument is out
-    of range.
+    Raises `InputError` if the run would keep too much, or an argument is out of range.
 
     Raises `DivergenceError` if the motion is not finite or grows without bound.
     """
     check_recorder(recorder)
-    fits = in_range(duration, quantity("s", at_least=method.dt))
-    require(fits, "duration", duration, "s", f"must be a finite number >= one step, {method.dt:g} s")
-    check_sampling(np.array([excitation.frequency]), method, "frequency")
-    warnings, again = check_step(system, method), partial(_again, system, excitation, method, duration, initial)
-    steps = round(duration / method.dt)
+    steps = whole_number_of(duration, method.dt, "step")
     # the sines of a sum go on behind the last step, which may be half a step after the end
     excitation = until(excitation, initial.time + duration + 2.0 * method.dt)
     channels, drive = resolve_channels(system, recorder.channels), drive_of(system, excitation)
-    rows = channel_rows(system, drive, channels, springs_apart=False)
-    largest = LargestValues(
-        partial(find_largest, again, recorder, partial(mode_notes, system, drive)), partial(reread, again, recorder)
-    )
+    readings = readings_of(system, excitation, drive, channels, springs_apart=False)
     beginning, recorder = beginning_of(initial, system, excitation, method), recorder.seen_from(initial.time)
     block = prepare(
         system,
@@ -147,11 +84,11 @@ def run_steps(
         method,
         observed=system.point_row(system.default_place),
         ledger=recorder.ledger,
-        record=record_of(system, recorder, rows, steps, method, drive, beginning.step),
+        record=record_of(system, recorder, readings.rows, steps, method, drive, beginning.step),
     )
     _keep_first(block)
     stream = Stream(
-        read=partial(history_of, block, system, Recorded(excitation, drive, channels, rows, recorder.sink is not None)),
+        read=partial(history_of, block, readings, recorder.sink is not None),
         clear=partial(block.record.tally[1:3].fill, 0),
         sink=recorder.sink,
     )
@@ -160,16 +97,23 @@ def run_steps(
         stream.hand_over()
         if step in kept:
             kept_state = _state(block, system, excitation, method)
-    response = _response(block, system, excitation, method, recorder, initial, stream, warnings)
-    notes = (*response.notes, *mode_notes(system, drive, channels))
-    return changed(response, notes=notes, kept_state=kept_state, largest_values=largest)
-
-
-def _again(
-    system: System, excitation: Excitation, method: SteppingMethod, duration: float, initial: State, recorder: Recorder
-) -> Response:  # fmt: skip
-    """The same run with another recorder."""
-    return run_steps(system, excitation, method, duration, recorder, initial)
+    history, totals = stream.left(), block.motion.totals[:, :, 0]
+    # an impulse has no peak
+    totals[PEAK_FORCE, block.pairs.kind == RIGID] = np.nan
+    return MethodRun(
+        history=history,
+        final_state=_state(block, system, excitation, method),
+        cycles=block.cycle_statistics,
+        measured=float(block.motion.window[1, 0] - block.motion.window[0, 0]) * method.dt,
+        totals=totals,
+        impacts=impacts_of(system, excitation, impact_rows(block), int(block.record.tally[3])),
+        sticking=sticking_of(system, sticking_rows(block)),
+        kept_state=kept_state,
+        streamed_to=stream.streamed_to,
+        going_on=beginning.going_on(system),
+        warnings=_residual_warnings(history.energy, recorder.residual_limit),
+        notes=(*_law_notes(block), *open_contacts(block, system), *readings.notes),
+    )
 
 
 def divergence_message(frequency: float, time: float, method: SteppingMethod) -> str:
@@ -227,61 +171,6 @@ def _share_of(progress: Progress, done: int, end: int, steps: int) -> Progress:
     return lambda share: progress((done + share * (end - done)) / steps)
 
 
-def _response(
-    block: Block,
-    system: System,
-    excitation: Excitation,
-    method: SteppingMethod,
-    recorder: Recorder,
-    initial: State,
-    stream: Stream,
-    warnings: tuple[str, ...],
-) -> Response:
-    laws = ", ".join(dict.fromkeys(pair.law.name for pair in system.contacts)) or "none"
-    window = float(block.motion.window[1, 0] - block.motion.window[0, 0]) * method.dt
-    totals = block.motion.totals[:, :, 0]
-    # an impulse has no peak
-    totals[4, block.pairs.kind == RIGID] = np.nan
-    impacts = impacts_of(block, system, excitation)
-    left = stream.left()
-    if impacts.dropped:
-        lost = f"{impacts.dropped} impacts beyond the first {recorder.impacts} are not in the table (Recorder.impacts)"
-        warnings = (*warnings, lost)
-    if left.energy is not None and not left.energy.residual <= recorder.residual_limit:
-        warnings = (*warnings, _residual_warning(left.energy.residual, recorder.residual_limit))
-    cycles = block.cycle_statistics
-    finished = int(np.count_nonzero(cycles.samples[:, 0]))
-    return made(
-        Response,
-        time=left.time,
-        channels=left.channels,
-        units=left.units,
-        impacts=impacts,
-        sticking=sticking_of(block, system),
-        statistics=impact_statistics(totals, window, excitation.frequency, laws),
-        statistics_of={
-            pair.name: impact_statistics(totals[:, j : j + 1], window, excitation.frequency, pair.law.name)
-            for j, pair in enumerate(system.contacts)
-        },
-        steady=steady_motion(cycles, np.array([max(finished // 3, 1)])) if finished else no_steady_motion(),
-        energy=left.energy,
-        snapshots=left.snapshots,
-        base=excitation,
-        system=system,
-        warnings=warnings,
-        notes=(
-            *begun_anew(initial.continuation, block.beginning.going_on(system)),
-            *step_notes(system, method),
-            *truncation_notes(system),
-            *_law_notes(block),
-            *open_contacts(block, system),
-        ),
-        streamed_to=stream.streamed_to,
-        start=initial.time,
-        final_state=_state(block, system, excitation, method),
-    )
-
-
 def _law_notes(block: Block) -> tuple[str, ...]:
     """Notes on laws that are called as functions of Python."""
     pairs = zip(block.names, block.forces, strict=True)
@@ -289,11 +178,12 @@ def _law_notes(block: Block) -> tuple[str, ...]:
     return tuple(note for note in notes if note)
 
 
-def _residual_warning(residual: float, limit: float) -> str:
+def _residual_warnings(energy: EnergyLedger | None, limit: float) -> tuple[str, ...]:
+    if energy is None or energy.residual <= limit:
+        return ()
     return (
-        f"energy residual {number_text(residual, 2)} exceeds {limit:g}: the method or the contact law makes or loses "
-        "energy that "
-        "the ledger cannot name; take a smaller dt, or raise Recorder.residual_limit"
+        f"energy residual {number_text(energy.residual, 2)} exceeds {limit:g}: the method or the contact law makes or "
+        "loses energy that the ledger cannot name; take a smaller dt, or raise Recorder.residual_limit",
     )
 
 
@@ -311,51 +201,38 @@ def stepped_cases(
     system: System, cases: SineCases, method: SteppingMethod, observed: Array, instants: int, workers: int,
     progress: Progress | None,
 ) -> SineDwellResults:  # fmt: skip
-    """Results of cases by a method with steps, side by side in blocks; see `runs.run_cases`.
+    """Results of cases by a method with steps, side by side in blocks.
 
-    Where gaps, laws or starts differ, the laws are of the kinds of the system's, with compiled branches, and no start
-    is static. The ledger is read at the ends of cycles.
+    Those of a block have one system, and differ in more than their sine only where laws have compiled branches and no
+    start is static. The ledger is read at the ends of cycles.
     """
     check_sampling(cases.frequency, method, "frequencies")
-    first = [int(np.argmax(cases.law_of == number)) for number in np.unique(cases.law_of)]
-    warnings = [text for case in first for text in check_step(with_contacts_of(system, cases, case), method)]
-    f, ledger, equal = cases.frequency, instants > 0, len(equal_groups(cases)) == 1
-    common, initial = (with_contacts_of(system, cases, 0), start_of(cases, 0)) if equal else (system, cases.initial)
-    steps = float(np.max(cases.cycles / f)) / method.dt
+    sets = np.unique(np.column_stack([cases.law_of, cases.numbers_of_systems]), axis=0, return_index=True)[1]
+    of_step = [check_step(with_contacts_of(cases.system(case, system), cases, case), method) for case in sets.tolist()]
+    warnings = tuple(dict.fromkeys(text for texts in of_step for text in texts))
+    f, dt = cases.frequency, method.dt
+    steps = float(np.max(cases.cycles / f)) / dt
     require(steps <= MOST_STEPS, "frequencies", float(f.min()), "Hz", f"must take at most {MOST_STEPS:g} steps")
-    ends = np.ceil(cases.cycles / (f * method.dt)).astype(int)
-    begins = np.ceil((cases.cycles - cases.measured) / (f * method.dt)).astype(int)
-    motion: dict[str, NDArray[Any]] = {item.name: np.full(f.size, np.nan) for item in fields(SteadyMotion)}
-    motion["steadiness"] = np.full(f.size, "transient", dtype="<U11")
-    totals = np.full((6, len(system.contacts), f.size), np.nan)
-    duration, residual, diverged = np.full((3, f.size), np.nan)
+    ends = np.ceil(cases.cycles / (f * dt)).astype(int)
+    together = not cases.systems and _may_differ(system, cases)
+    groups = [np.arange(f.size)] if together else equal_groups(cases)
 
-    def run(members: NDArray[np.intp], share: Progress | None) -> None:
+    def run(members: NDArray[np.intp], share: Progress | None) -> SineDwellResults:
         # laid out when its turn comes: of many blocks only those at work are in memory
-        numbers = (values[members].tolist() for values in (cases.amplitude, f, cases.phase))
-        sines = [Sine(*given) for given in zip(*numbers, strict=True)]
-        each = [] if equal else [(with_contacts_of(system, cases, c), start_of(cases, c)) for c in members.tolist()]
-        inputs = Inputs(sines, ends[members].tolist(), begins[members].tolist(), initial, each=each)
-        block = prepare(common, inputs, method, observed=observed, ledger=ledger)
+        part = cases.of(members)
+        block = _block_of(system, part, method, observed, ends[members], instants > 0)
         run_block(block, share)
-        diverged[members] = block.diverged[: members.size]
-        found = _motion(block, cases.cycles[members], cases.measured[members])
-        for name, column in motion.items():
-            column[members] = getattr(found, name)
-        totals[:, :, members] = block.motion.totals[:, : len(system.contacts), : members.size]
-        duration[members] = np.diff(block.motion.window[:, : members.size], axis=0)[0] * method.dt
-        if ledger:
-            residual[members] = _residuals(block, cases.cycles[members])
+        return replace(_results(block, part, method), warnings=warnings)
 
-    run_each(run, _blocks(ends, workers), workers, progress)
-    # an impulse has no peak
-    totals[4, [pair.parameters.kind == RIGID for pair in system.contacts]] = np.nan
-    failures = tuple(
-        divergence_message(float(frequency), float(time), method) if math.isfinite(time) else ""
-        for frequency, time in zip(f, diverged, strict=True)
-    )
-    bound, told = np.full(f.size, BALANCED), tuple(dict.fromkeys(warnings))
-    return SineDwellResults(SteadyMotion(**motion), totals, duration, residual, bound, failures, told)
+    blocks = [group[members] for group in groups for members in _blocks(ends[group], workers)]
+    return in_blocks(run, blocks, workers, progress)
+
+
+def _may_differ(system: System, cases: SineCases) -> bool:
+    """True if no start follows from statics, and no law is a function: gaps, laws and starts of a block may differ."""
+    static = cases.initial.is_static_on(system) or bool(np.any(cases.gaps < 0.0))
+    pairs = [(law, pair) for laws in cases.laws for law, pair in zip(laws, system.contacts, strict=True)]
+    return not static and all(law.force_function(pair.effective_mass) is None for law, pair in pairs)
 
 
 def _blocks(ends: NDArray[np.int64], workers: int) -> list[NDArray[np.intp]]:
@@ -365,6 +242,41 @@ def _blocks(ends: NDArray[np.int64], workers: int) -> list[NDArray[np.intp]]:
         # neighbours in frequency have much or little contact: distributed in turn, every block gets its share
         return [np.arange(first, ends.size, count) for first in range(count)]
     return [members for members in np.array_split(np.argsort(-ends, kind="stable"), count) if members.size]
+
+
+def _block_of(
+    system: System, cases: SineCases, method: SteppingMethod, observed: Array, ends: NDArray[np.int64], ledger: bool
+) -> Block:
+    """A block of cases at its start."""
+    numbers = (values.tolist() for values in (cases.amplitude, cases.frequency, cases.phase))
+    sines = [Sine(*given) for given in zip(*numbers, strict=True)]
+    begins = np.ceil((cases.cycles - cases.measured) / (cases.frequency * method.dt)).astype(int)
+    common, initial, each = cases.system(0, system), cases.initial, []
+    if len(equal_groups(cases)) == 1:
+        common, initial = with_contacts_of(common, cases, 0), start_of(cases, 0)
+    else:
+        each = [(with_contacts_of(common, cases, case), start_of(cases, case)) for case in range(ends.size)]
+    inputs = Inputs(sines, ends.tolist(), begins.tolist(), initial, each=each)
+    return prepare(common, inputs, method, observed=cases.row(0, observed), ledger=ledger)
+
+
+def _results(block: Block, cases: SineCases, method: SteppingMethod) -> SineDwellResults:
+    """Results of the cases of a block that has run."""
+    count, pairs = cases.frequency.size, len(block.names)
+    totals, diverged = block.motion.totals[:, :pairs, :count].copy(), block.diverged[:count].tolist()
+    # an impulse has no peak
+    totals[PEAK_FORCE, block.pairs.kind == RIGID] = np.nan
+    return SineDwellResults(
+        motion=_motion(block, cases.cycles, cases.measured),
+        totals=totals,
+        duration=np.diff(block.motion.window[:, :count], axis=0)[0] * method.dt,
+        residual=_residuals(block, cases.cycles) if block.ledger else np.full(count, np.nan),
+        bound=np.full(count, BALANCED),
+        failures=tuple(
+            divergence_message(frequency, time, method) if math.isfinite(time) else ""
+            for frequency, time in zip(cases.frequency.tolist(), diverged, strict=True)
+        ),
+    )
 
 
 def _motion(block: Block, cycles: NDArray[np.int64], measured: NDArray[np.int64]) -> SteadyMotion:

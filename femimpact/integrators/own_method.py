@@ -1,0 +1,196 @@
+"""What a method of a user's own may stand on: a run from states at instants, and many cases run one by one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femimpact.arrays import Array, own
+from femimpact.errors import DivergenceError, changed, require
+from femimpact.excitation import Excitation, Sine
+from femimpact.integrators.assembly import MethodRun, impacts_of, readings_of
+from femimpact.integrators.cases import (
+    SineCases,
+    SineDwellResults,
+    first_steps,
+    in_blocks,
+    start_of,
+    with_contacts_of,
+)
+from femimpact.integrators.channel_rows import drive_of
+from femimpact.progress import Progress
+from femimpact.response.channels import Reading, resolve_channels, zero_reading
+from femimpact.response.energy import BALANCED
+from femimpact.response.impacts import IMPACT_COLUMNS, TOTAL_COLUMNS
+from femimpact.response.response import Recorder
+from femimpact.response.signals import CycleStatistics, no_steady_motion, samples_by_cycle, steady_motion
+from femimpact.system.state import State
+from femimpact.system.system import System
+
+if TYPE_CHECKING:
+    from femimpact.integrators.methods import Method
+
+
+def run_of_states(
+    system: System,
+    excitation: Excitation,
+    recorder: Recorder,
+    time: Array,
+    structure: tuple[Array, Array],
+    balls: tuple[Array, Array],
+    contact_force: Array,
+) -> MethodRun:
+    """A run from the states at its evenly spaced instants, with impacts as far as these show them.
+
+    An impact is a stretch of instants with a force; its numbers are of the order of their interval. There are no
+    energies and no snapshots, and a sink gets all in one piece.
+
+    Parameters
+    ----------
+    system : System
+    excitation : Excitation
+    recorder : Recorder
+        Channels, `every` and `start` are read.
+    time : ndarray (samples,), s
+        The first is the start.
+    structure : pair of ndarray (samples, dofs)
+        Displacements and velocities relative to the base.
+    balls : pair of ndarray (samples, pairs), m and m/s
+        y and y' relative to the base, balls first, then stops.
+    contact_force : ndarray (samples, pairs), N
+        Of the walls on the structure along b_j, positive at the + wall; without centring springs.
+
+    Returns
+    -------
+    MethodRun
+    """
+    (u, v), (y, y_rate), drive = structure, balls, drive_of(system, excitation)
+    kept = recorder.seen_from(float(time[0]))
+    readings = readings_of(system, excitation, drive, resolve_channels(system, kept.channels), springs_apart=True)
+    first, _ = first_steps(kept, time.size - 1, float(time[1] - time[0]))
+    chosen, rows = slice(first, None, kept.every), readings.rows
+    values = rows.displacement @ u[chosen].T + rows.velocity @ v[chosen].T
+    values += rows.ball_displacement @ y[chosen].T + rows.ball_velocity @ y_rate[chosen].T
+    values += rows.contact_force @ contact_force[chosen].T
+    directions = np.array([pair.direction for pair in system.contacts]).reshape(-1, system.dofs)
+    impacts = _impact_rows(time, contact_force, y_rate - v @ directions.T)
+    moving, begin = len(system.balls), float(time[0] + 2.0 * (time[-1] - time[0]) / 3.0)
+    history, streamed_to = readings.piece(own(time[chosen]), own(values)), None
+    if recorder.sink is not None:
+        recorder.sink(history)
+        streamed_to, history = float(history.time[-1]), changed(history, time=own(()), channels={})
+    return MethodRun(
+        history=history,
+        final_state=State(own(u[-1]), own(v[-1]), own(y[-1, :moving]), own(y_rate[-1, :moving]), time=float(time[-1])),
+        cycles=_whole_cycles(time, u @ system.point_row(system.default_place), excitation),
+        measured=float(time[-1]) - begin,
+        totals=_totals(impacts, begin, time, contact_force),
+        impacts=impacts_of(system, excitation, impacts, len(impacts)),
+        streamed_to=streamed_to,
+        notes=readings.notes,
+    )
+
+
+def _whole_cycles(time: Array, values: Array, excitation: Excitation) -> CycleStatistics:
+    """Statistics of all base cycles that have ended, to half an interval."""
+    turns = excitation.frequency * (time - time[0])
+    half = 0.5 * float(turns[1])
+    count = int(turns[-1] + half)
+    whole = turns <= count + half
+    return samples_by_cycle(time[whole], values[whole], excitation, count)
+
+
+def _impact_rows(time: Array, force: Array, rate: Array) -> Array:
+    """Rows of impacts (n, columns) from forces (N) and the rates of gaps (m/s), in the order in which they end."""
+    rows = []
+    for j, (pushes, speed) in enumerate(zip(force.T, rate.T, strict=True)):
+        closed = np.concatenate([[False], pushes != 0.0, [False]]).astype(int)
+        begins, ends = (np.flatnonzero(np.diff(closed) == change) for change in (1, -1))
+        for begin, end in zip(begins.tolist(), ends.tolist(), strict=True):
+            # one that lasts at the end is no finished impact
+            if end == time.size:
+                continue
+            side, inside = float(np.sign(pushes[begin])), slice(max(begin - 1, 0), end + 1)
+            impulse, loss = (abs(np.trapezoid(each[inside], time[inside])) for each in (pushes, pushes * speed))
+            rows.append((
+                time[begin], j, side, side * speed[inside][0], -side * speed[end], impulse,
+                np.abs(pushes[inside]).max(), time[end] - time[begin], loss,
+            ))  # fmt: skip
+    table = np.array(rows).reshape(-1, len(IMPACT_COLUMNS))
+    return np.asarray(table[np.argsort(table[:, 0] + table[:, 7], kind="stable")])
+
+
+def _totals(impacts: Array, begin: float, time: Array, force: Array) -> Array:
+    """Sums (6, pairs) over impacts that end after a time (s), and over the forces from then on."""
+    totals = np.zeros((len(TOTAL_COLUMNS), force.shape[1]))
+    late, size = impacts[impacts[:, 0] + impacts[:, 7] > begin], np.abs(force[time >= begin])
+    for j in range(force.shape[1]):
+        speed, impulse = late[late[:, 1] == j][:, [3, 5]].T
+        totals[:4, j] = speed.size, speed.sum(), speed.max(initial=0.0), impulse.sum()
+    totals[4], totals[5] = size.max(axis=0, initial=0.0), np.trapezoid(size, time[time >= begin], axis=0)
+    return totals
+
+
+@dataclass(frozen=True, eq=False)
+class _Observed:
+    """The channel of an observed place, given by its row."""
+
+    row: Array  # (dofs,)
+    name: str = "observed"
+    unit: str = "m"
+
+    def reading(self, system: System) -> Reading:
+        """Its row; nothing on the unreduced system, where it is asked for by notes that are dropped."""
+        zero = zero_reading(system)
+        return replace(zero, displacement=self.row) if self.row.size == system.dofs else zero
+
+
+def run_cases_apart(
+    method: Method,
+    system: System,
+    cases: SineCases,
+    observed: Array,
+    instants: int,
+    workers: int,
+    progress: Progress | None = None,
+) -> SineDwellResults:
+    """Results of cases by separate runs: `run_cases` of a method that has no faster way; see `methods.Method`.
+
+    The amplitudes are those of the instants at which a run is read.
+    """
+    method.check_drive(cases.frequency, "frequencies")
+
+    def run(members: NDArray[np.intp], _: Progress | None) -> SineDwellResults:
+        case = int(members[0])
+        f, measured = float(cases.frequency[case]), int(cases.measured[case])
+        before = int(cases.cycles[case]) - 3 * measured
+        allowed = "must be at most a third of the dwell where each frequency is a separate run"
+        require(before >= 0, "window", measured / f, "s", allowed)
+        of_case, start = with_contacts_of(cases.system(case, system), cases, case), start_of(cases, case)
+        base, warnings = Sine(float(cases.amplitude[case]), f, float(cases.phase[case])), method.check(of_case)
+        nothing = Recorder((), ledger=False, memory_limit=1e15)
+        record = replace(nothing, channels=(_Observed(cases.row(case, observed)),), ledger=instants > 0)
+        unknown, none = np.full(1, np.nan), np.full((len(TOTAL_COLUMNS), len(system.contacts), 1), np.nan)
+        try:
+            if before:
+                start = method.run(of_case, base, before / f, nothing, start).final_state
+            dwell = method.run(of_case, base, 3 * measured / f, record, start)
+        except DivergenceError as error:
+            failure = f"at {f:g} Hz: {error}"
+            return SineDwellResults(no_steady_motion(), none, unknown, unknown, unknown, (failure,), warnings)
+        history = dwell.history
+        cycles = samples_by_cycle(history.time, history.channels["observed"], base, 3 * measured)
+        return SineDwellResults(
+            motion=steady_motion(cycles, np.array([measured])),
+            totals=dwell.totals[:, :, None],
+            duration=np.array([dwell.measured]),
+            residual=unknown if history.energy is None else np.array([history.energy.residual]),
+            bound=unknown if history.energy is None else np.array([BALANCED]),
+            failures=("",),
+            warnings=(*warnings, *dwell.warnings),
+        )
+
+    return in_blocks(run, [np.array([case]) for case in range(cases.frequency.size)], workers, progress)
