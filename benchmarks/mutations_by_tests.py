@@ -288,7 +288,6 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
             "READINGS_IN_CONTACT, DRAWN_IN_CONTACT = 10, 20",
             "READINGS_IN_CONTACT, DRAWN_IN_CONTACT = 8, 20",
         ),
-        Mutation("dots_of_a_scan", 'moving = scan.steadiness != "periodic"', 'moving = scan.steadiness == "periodic"'),
     ),
     "test_impact_record.py": (Mutation("degrees", "np.degrees(impacts.phase[inside])", "impacts.phase[inside]"),),
     "test_result_directory.py": (
