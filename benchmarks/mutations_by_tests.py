@@ -203,13 +203,6 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
         ),
         Mutation("few_iterations_of_impulses", "IMPULSE_ITERATIONS = 20'000", "IMPULSE_ITERATIONS = 200"),
     ),
-    "test_contact_table.py": (
-        Mutation(
-            "least_speed_left_out",
-            "directory, force, speed_min, speed_max)",
-            "directory, force, 0.01, speed_max)",
-        ),
-    ),
     "test_terminal_tables.py": (
         Mutation(
             "digits_of_a_cell",

@@ -15,7 +15,6 @@ from femimpact.system import reduction
 APART = {
     "test_cli.py": "runs commands in separate processes",
     "test_core_tables.py": "what is handed to the core, and refused there",
-    "test_contact_table.py": "collisions alone, without a structure",
     "test_linear_response.py": "the structure without balls",
     "test_paraview.py": "a program apart, asked for by hand",
     "test_prepared.py": "how often what is made, and texts of studies",

@@ -108,11 +108,11 @@ NAMES = """
 """
 """Public names, and behind a colon what each class has."""
 
-COMMANDS = "demo init check modes simulate sweep run converge figures movie report finish contact validate"
+COMMANDS = "demo init check modes simulate sweep run converge figures movie report finish validate"
 FILE_NAMES = """
     summary.json study.toml modes.csv modes.nc sweep.csv sweep.nc history.nc impacts.csv impacts.nc snapshots.nc
     last_cycles.nc modes.pvd deflection.pvd deflection.mp4 deflection.gif modes.png response.png contact_force.png
-    phase_portrait.png impact_histograms.png impulse_phase.png contact.csv riding.csv mesh_convergence.csv
+    phase_portrait.png impact_histograms.png impulse_phase.png riding.csv mesh_convergence.csv
     mesh_convergence.png step_convergence.csv step_convergence.png comparison.csv restitution.csv restitution.png
     response_of_starts.png curves_of_starts.csv report.html convergence.json
 """

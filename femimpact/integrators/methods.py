@@ -59,9 +59,6 @@ class Method(Protocol):
     def read_at_least(self, samples: int) -> Self:
         """The same motion, read at so many instants of a base cycle or more where they can be chosen."""
 
-    def steps_in(self, duration: float) -> float:
-        """Steps in a contact of so long (s); not a number where there are none."""
-
     def achieved_restitution(
         self, pair: ContactPair, approach_speed: float, phases: int = 32
     ) -> AchievedRestitution | None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Self
 
@@ -116,10 +115,6 @@ class EventDriven:
     def read_at_least(self, samples: int) -> Self:
         """The same motion, read at so many instants of a base cycle or more."""
         return replace(self, samples_per_cycle=max(samples, self.samples_per_cycle))
-
-    def steps_in(self, duration: float) -> float:
-        """Not a number: there are no steps."""
-        return math.nan
 
     def achieved_restitution(
         self, pair: ContactPair, approach_speed: float, phases: int = 32

@@ -149,10 +149,6 @@ class SteppingMembers:
         """The same method: it is read at its steps."""
         return self
 
-    def steps_in(self: SteppingMethod, duration: float) -> float:
-        """Steps in so long a contact (s)."""
-        return duration * self.refine / self.dt
-
     def achieved_restitution(
         self: SteppingMethod, pair: ContactPair, approach_speed: float, phases: int = 32
     ) -> AchievedRestitution | None:
