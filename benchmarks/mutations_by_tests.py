@@ -203,13 +203,6 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
         ),
         Mutation("few_iterations_of_impulses", "IMPULSE_ITERATIONS = 20'000", "IMPULSE_ITERATIONS = 200"),
     ),
-    "test_contact_table.py": (
-        Mutation(
-            "least_speed_left_out",
-            "directory, force, speed_min, speed_max)",
-            "directory, force, 0.01, speed_max)",
-        ),
-    ),
     "test_terminal_tables.py": (
         Mutation(
             "digits_of_a_cell",
@@ -288,7 +281,6 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
             "READINGS_IN_CONTACT, DRAWN_IN_CONTACT = 10, 20",
             "READINGS_IN_CONTACT, DRAWN_IN_CONTACT = 8, 20",
         ),
-        Mutation("dots_of_a_scan", 'moving = scan.steadiness != "periodic"', 'moving = scan.steadiness == "periodic"'),
     ),
     "test_impact_record.py": (Mutation("degrees", "np.degrees(impacts.phase[inside])", "impacts.phase[inside]"),),
     "test_result_directory.py": (

@@ -24,7 +24,6 @@ SUBJECTS = {
     "spectra": "Transfer functions, spectra, shock response spectra",
     "response": "Recorders, responses, impacts, energies",
     "identification": "Damping from response curves and decays",
-    "calibration": "Scans of the restitution",
     "parametric": "Parameter studies",
     "convergence": "Convergence studies",
     "study": "Study files and their results",

@@ -17,28 +17,32 @@ are chaotic: what is shown are medians over several places of the ball in its bo
 
 from __future__ import annotations
 
+import matplotlib.pyplot as plt
+import xarray
+
 import femimpact as fi
-from femimpact.study.demo import NEAR, PUBLISHED, ScanPlan, median_scan, paper_study, scan_both_starts
+from femimpact.study.demo import NEAR, RESTITUTION, ScanPlan, misfit, paper_study, scan_restitution
+from femimpact.study.prepared import prepare
 
 
-def main(plan: ScanPlan | None = None) -> dict[str, fi.RestitutionScan]:
-    """Scan the restitution from both starts: medians."""
-    found = scan_both_starts(paper_study(), plan or ScanPlan(), lambda _what, _share: None)
-    return {start: median_scan(scans) for start, scans in found.items()}
+def main(plan: ScanPlan | None = None) -> xarray.Dataset:
+    """A parameter study over the restitution from both starts: the largest peaks, medians and ranges."""
+    return scan_restitution(prepare(paper_study(), ("sweep",)), plan or ScanPlan(), lambda _what, _share: None)
 
 
 if __name__ == "__main__":
-    scans = main()
+    scan = main()
     names = {"base": "at rest relative to the base", "space": "at rest in the inertial frame"}
-    target = (PUBLISHED["frequency_ball_experiment"], PUBLISHED["amplitude_ratio"])
-    for start, scan in scans.items():
-        print(f"{names[start]}:")
+    figure, axes = plt.subplots(2, figsize=(8.0, 7.4), layout="constrained")
+    for axis, (start, words) in zip(axes, names.items(), strict=True):
+        one = scan.sel({"base.start": start})
+        distance = misfit(one["peak_frequency"], one["amplitude_ratio"]).values
+        print(f"{words}:")
         print("  restitution   peak (Hz)   amplitude ratio   misfit")
-        rows = zip(scan.restitution, scan.peak_frequency, scan.amplitude_ratio, scan.misfit(*target), strict=True)
-        for row in rows:
-            print("  {:11.2f}   {:9.2f}   {:15.1f}   {:6.1f}".format(*row))
-        near = ", ".join(f"{e:.2f}" for e in scan.restitution[scan.misfit(*target) < NEAR])
+        columns = (one[RESTITUTION], one["peak_frequency"], one["amplitude_ratio"], distance)
+        for row in zip(*columns, strict=True):
+            print("  {:11.2f}   {:9.2f}   {:15.1f}   {:6.1f}".format(*map(float, row)))
+        near = ", ".join(f"{e:.2f}" for e in one[RESTITUTION].values[distance < NEAR])
         print(f"  near the published resonance (misfit below {NEAR:g}): {near or 'none'}")
-    labelled = [(names[start], scan) for start, scan in scans.items()]
-    axes = fi.figures.restitution_scan(labelled, *target)
+        fi.figures.study_lines(one, "amplitude_ratio", title=words, ax=axis)
     print("wrote", fi.figures.save_figure(axes, "calibrate_restitution.png"))

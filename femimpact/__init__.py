@@ -12,8 +12,6 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from femimpact.absorber import tuned_absorber as tuned_absorber
-    from femimpact.calibration import RestitutionScan as RestitutionScan
-    from femimpact.calibration import scan_restitution as scan_restitution
     from femimpact.contact import ALUMINIUM as ALUMINIUM
     from femimpact.contact import STEEL as STEEL
     from femimpact.contact import Collision as Collision
@@ -179,7 +177,6 @@ if TYPE_CHECKING:
 
 _MODULES = {
     "absorber": ("tuned_absorber",),
-    "calibration": ("RestitutionScan", "scan_restitution"),
     "contact": (
         "ALUMINIUM", "Collision", "ContactLaw", "CustomLaw", "Material", "STEEL", "collide", "contact_force",
         "contact_potential", "hertz_stiffness", "integrated_collision",

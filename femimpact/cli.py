@@ -553,33 +553,6 @@ def identify(
 
 
 @app.command
-def contact(
-    study: Path, *, speed_min: float = 0.01, speed_max: float = 1.0, output: Output = None, force: Force = False,
-    quiet: Quiet = False,
-) -> None:  # fmt: skip
-    """One collision of every impactor over the approach speed (m/s): restitution, force and steps.
-
-    Example: femimpact contact study.toml --speed-max 0.5
-    """
-    from femimpact.study.contact_table import UNITS, write_contact_table
-    from femimpact.study.study_file import load_study
-
-    directory = output or _directory(study, "contact")
-    columns = write_contact_table(load_study(study), directory, force, speed_min, speed_max)
-    if quiet:
-        return
-    where = console()
-    units = [f" ({UNITS[name]})" if UNITS.get(name, "1") != "1" else "" for name in columns]
-    header = [name.replace("_", " ") + unit for name, unit in zip(columns, units, strict=True)]
-    rows = zip(*columns.values(), strict=True)
-    # what is not a number is a dash
-    print_table(
-        where, header, ([None if v != v else v for v in row] for row in rows), "One collision, by its approach speed"
-    )
-    where.print(f"results in {directory}")
-
-
-@app.command
 def validate(
     *,
     output: Annotated[Path | None, Parameter(name=["-o", "--output"], help="CSV file of the table.")] = None,

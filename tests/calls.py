@@ -172,10 +172,6 @@ FIGURES = {
     "orbit": lambda: {"orbit": NOUNS["PeriodicOrbit"](), "of": "ball", "figure": SHEET},
     "decay": lambda: {"result": NOUNS["DecayEstimate"](), "ax": SHEET},
     "calibration": lambda: {"result": calibrated(), "title": "title", "figure": SHEET},
-    "restitution_scan": lambda: {
-        "scans": [("start", NOUNS["RestitutionScan"]())], "peak_frequency": 5.0, "amplitude_ratio": 4.0,
-        "figure": SHEET,
-    },
     "save_figure": lambda: {"drawn": fi.figures.value_map([1], [1], [[1]], ax=SHEET), "path": "figure.png"},
     "spectrum": lambda: {"response": drawn_run(), "channel": "tip", "highest": 50.0, "ax": SHEET},
     "shock_response_spectrum": lambda: {
@@ -273,10 +269,6 @@ CALLS = {
     "Response.stroboscopic": (of(response, "stroboscopic"), lambda: {"phase": 0.5}),
     "Response[]": (entry(response, "channel"), lambda: {"channel": "tip"}),
     "FrequencyResponse[]": (entry(curve, "column"), lambda: {"column": "peak"}),
-    "RestitutionScan[]": (entry(NOUNS["RestitutionScan"], "column"), lambda: {"column": "restitution"}),
-    "RestitutionScan.best": (of(NOUNS["RestitutionScan"], "best"), lambda: {
-        "peak_frequency": 5.0, "amplitude_ratio": 2.0
-    }),
     "StroboscopicSection[]": (entry(NOUNS["StroboscopicSection"], "channel"), lambda: {"channel": "tip"}),
     "ConvergenceStudy[]": (entry(NOUNS["ConvergenceStudy"], "axis"), lambda: {"axis": "mesh"}),
     "State.is_static_on": (fi.State().is_static_on, lambda: {"system": small()}),

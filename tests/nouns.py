@@ -197,9 +197,6 @@ NOUNS = {
     "StudyProgress": lambda: fi.StudyProgress(cases=8, finished=4, found=0, failed=0, rate=2.0),
     "Recorder": lambda: fi.Recorder(("tip", 0.1)),
     "Response": response,
-    "RestitutionScan": lambda: columns(
-        fi.RestitutionScan, {"restitutions": 1}, curves=(curve(),), steadiness=np.array(["periodic"])
-    ),
     "Rigid": lambda: fi.Rigid(0.7),
     "Segment": lambda: fi.Segment(0.2, 70e9, 2700.0, 0.02, 1e-3, end_width=0.01, end_thickness=5e-4),
     "Sine": lambda: BASE,
@@ -258,10 +255,6 @@ VERBS = {
     "discretise": (fi.discretise, lambda: {"structure": STRUCTURE, "elements": 4}),
     "Discretisation.at_quadrature": (lambda values: grid().at_quadrature(values), lambda: {"values": np.ones(4)}),
     "Discretisation.position_of": (lambda at: grid().position_of(at), lambda: {"at": 0.1}),
-    "scan_restitution": (fi.scan_restitution, lambda: {
-        "structure": replace(STRUCTURE, stops=()), "restitutions": [0.5], "empty": curve(), "elements": 2, "modes": 2,
-        "frequencies": [5.0, 5.5, 6.0, 6.5], "cycles": 3, "initial": fi.State(),
-    }),
     "Hertz": (fi.Hertz, lambda: {"stiffness": 1e7, "exponent": 1.5, "reference_speed": 0.2}),
     "HuntCrossley": (fi.HuntCrossley, lambda: {"stiffness": 1e7, "restitution": 0.7}),
     "LankaraniNikravesh": (fi.LankaraniNikravesh, lambda: {"stiffness": 1e7, "restitution": 0.7}),
@@ -471,9 +464,6 @@ VERBS = {
     "RecordedBase.displacement": (fi.RecordedBase([0.0, 1.0], 0.1).displacement, lambda: {"time": 0.1}),
     "PointForce.displacement": (fi.PointForce("tip", BASE).displacement, lambda: {"time": 0.1}),
     "Response.absolute": (lambda name: response().absolute(name), lambda: {"name": "tip"}),
-    "RestitutionScan.misfit": (lambda **given: NOUNS["RestitutionScan"]().misfit(**given), lambda: {
-        "peak_frequency": 5.0, "amplitude_ratio": 2.0, "frequency_scale": 0.1
-    }),
     # below the surface
     "shape_functions": (shape_functions, lambda: {"s": 0.5, "derivative": 1}),
     "hermite_rows": (lambda **given: hermite_rows(system().nodes, **given), lambda: {

@@ -2,10 +2,12 @@
 
 import math
 
+import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 import femimpact as fi
+from femimpact.export.figures import OffScreen, collision_history, contact_laws
 
 MASS, SPEED, STIFFNESS = 3.43e-3, 0.26, 2e9
 LOSSY = {
@@ -249,3 +251,40 @@ def test_a_speed_beyond_numbers_is_named(law):
             match=r"^approach_speed = .* m/s: must be .* > 0 m/s, and of 1e-30",
         ):
             fi.collide(law, MASS, speed)
+
+
+@pytest.mark.parametrize("speed", [0.01, 1.0])
+@pytest.mark.parametrize(
+    "law",
+    [
+        fi.KelvinVoigt(restitution=0.6, contact_time=2e-3),
+        fi.KelvinVoigt(restitution=0.05, contact_time=2e-3),
+        fi.SwitchingSpring(free_stiffness=0.0, stiffness=1e4),
+        fi.Hertz(1e9),
+        fi.Flores(1e9, 0.2),
+        fi.GonthierCarvalhoMartins(1e9, 0.9),
+    ],
+    ids=lambda value: getattr(value, "name", value),
+)
+def test_the_loop_drawn_is_the_collision_alone(law, speed):
+    found = fi.collide(law, MASS, speed)
+    depth, rate, force = collision_history(law, MASS, speed)
+    # integrated to 1e-9; extremes of 400 samples, with a curvature of a half period in them
+    assert -rate[-1] / speed == pytest.approx(found.restitution, rel=1e-5)
+    assert force.max() == pytest.approx(found.peak_force, rel=1e-3)
+    assert depth.max() == pytest.approx(found.largest_penetration, rel=1e-4)
+    # the loop's area, by trapezoids
+    area = np.trapezoid(force, depth)
+    started = 0.5 * MASS * speed**2
+    assert area == pytest.approx(found.energy_loss, abs=2e-3 * started)
+
+
+def test_a_figure_has_one_panel_a_contact_and_labels_every_loop():
+    laws = [fi.KelvinVoigt(restitution=0.6, contact_time=2e-3), fi.Rigid(0.5), fi.Hertz(1e9)]
+    axes = contact_laws([(law.name, law, MASS) for law in laws], [0.25, 0.5, 1.0], OffScreen())
+    texts = [[text.get_text() for text in axis.texts] for axis in axes]
+    assert texts == [
+        ["1 m/s", "0.5 m/s", "0.25 m/s"],
+        ["an impulse only: no force, no penetration"],
+        ["1 m/s", "0.5 m/s", "0.25 m/s"],
+    ]

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import femimpact as fi
-from femimpact.study.demo import PUBLISHED, ScanPlan
+from femimpact.study.demo import ScanPlan, misfit
 
 pytestmark = pytest.mark.impacts
 
@@ -42,12 +42,10 @@ def test_the_ball_damps_the_resonance():
 
 
 def test_restitution_near_0_8_comes_closest_to_the_paper_from_rest_on_the_base():
-    scans = load("calibrate_restitution").main(ScanPlan((0.5, 0.78, 0.96), points=41, cycles=300, starts=3))
-    target = PUBLISHED["frequency_ball_experiment"], PUBLISHED["amplitude_ratio"]
-    scan = scans["base"]
+    scan = load("calibrate_restitution").main(ScanPlan((0.5, 0.78, 0.96), points=41, cycles=300, starts=3))
     # medians of chaotic runs: the neighbours are further off by more than the grid's 0.05 Hz and 25 %
-    assert scan.restitution[scan.best(*target)] == 0.78
-    assert scan.misfit(*target)[1] < 2.0 < scan.misfit(*target)[[0, 2]].min()
+    below, near, above = misfit(scan["peak_frequency"], scan["amplitude_ratio"]).sel({"base.start": "base"}).values
+    assert near < 2.0 < min(below, above)
 
 
 def test_printed_equations_create_energy_and_a_contact_law_does_not():
@@ -66,18 +64,17 @@ def test_frequencies_converge_with_order_four():
 
 def test_the_measured_mass_ratio_meets_the_papers_resonance_with_rigid_impacts():
     module = load("rigid_reference_studies", ROOT / "docs" / "paper")
-    scans = module.main(restitutions=(0.15, 0.3, 0.5), points=51, cycles=300)
-    found = {(scan.study, scan.start): scan.scan for scan in scans}
+    found = module.main(restitutions=(0.15, 0.3, 0.5), points=51, cycles=300)
     for start in ("base", "space"):
-        scan = found["experiment", start]
+        scan = found["experiment"].sel({"base.start": start})
         # published 4.95 Hz, five-fold and 1.4 %: within the grid's 0.04 Hz, 10 % and 10 %, and only there
-        assert scan.restitution[scan.best(4.95, 5.0)] == 0.3
-        assert scan.peak_frequency[1] == pytest.approx(4.95, abs=0.04)
-        assert scan.amplitude_ratio[1] == pytest.approx(5.0, rel=0.1)
-        assert scan.damping_amplitude_ratio[1] == pytest.approx(0.014, rel=0.1)
-        assert scan.misfit(4.95, 5.0)[1] < 0.5 < scan.misfit(4.95, 5.0)[[0, 2]].min()
+        near = scan.sel(restitution=0.3)
+        assert float(near["peak_frequency"]) == pytest.approx(4.95, abs=0.04)
+        assert float(near["amplitude_ratio"]) == pytest.approx(5.0, rel=0.1)
+        assert float(near["damping"]) == pytest.approx(0.014, rel=0.1)
+        assert float(near["misfit"]) < 0.5 < float(scan["misfit"].sel(restitution=[0.15, 0.5]).min())
     # the theory's mass ratio has no such restitution: far too much damping, the peak above 5 Hz
-    assert found["theory", "base"].misfit(4.95, 5.0).min() > 2.0
+    assert float(found["theory"].sel({"base.start": "base"})["misfit"].min()) > 2.0
 
 
 def test_the_grid_of_frequencies_decides_which_restitution_meets_the_paper():
@@ -86,10 +83,9 @@ def test_the_grid_of_frequencies_decides_which_restitution_meets_the_paper():
     # a motion that repeats, alike from both starts: no chaos decides the peaks
     for points, best, peak, frequency in ((21, 0.41, 5.0, 4.9), (101, 0.3, 5.0, 4.95)):
         scan = scans[points]
-        index = scan.best(4.95, 5.0)
-        assert scan.restitution[index] == best
-        assert scan.amplitude_ratio[index] == pytest.approx(peak, rel=0.04)
-        assert scan.peak_frequency[index] == pytest.approx(frequency, abs=0.03)
+        assert float(scan["misfit"].idxmin()) == best
+        assert float(scan["amplitude_ratio"].sel(restitution=best)) == pytest.approx(peak, rel=0.04)
+        assert float(scan["peak_frequency"].sel(restitution=best)) == pytest.approx(frequency, abs=0.03)
 
 
 def test_which_peak_without_the_ball_decides_whether_any_restitution_gives_five():

@@ -15,7 +15,6 @@ from builders import REFERENCE, reduced, with_ball
 
 import femimpact as fi
 from femimpact.export.figures.portraits import changes_of_contact, corners_of, phase_curve
-from femimpact.study.demo import median_scan
 
 plt = pytest.importorskip("matplotlib.pyplot")
 
@@ -606,24 +605,6 @@ def test_a_map_has_a_star_at_values_of_one_start_and_says_what_it_means():
     for wrong in ([True, False], values):
         with pytest.raises(fi.InputError, match=r"samples = .*must be an array \(rows, columns\) of truth values"):
             fi.figures.value_map([1.0, 2.0], [5.0, 6.0], values, wrong)
-
-
-def test_a_scan_has_dots_where_the_largest_peak_is_not_periodic(curves):
-    words, ones = np.array(["periodic", "statistical", "transient"]), np.ones(3)
-    scan = fi.RestitutionScan(np.array([0.3, 0.5, 0.7]), *[ones] * 6, words, (curves[1],) * 3)
-    assert scan.is_sample.tolist() == [False, True, True]
-    assert scan.to_pandas()["steadiness"].tolist() == ["periodic", "statistical", "transient"]
-    axes = fi.figures.restitution_scan([("start", scan)], 4.95, 5.0, figure=fi.figures.OffScreen())
-    for axis in axes:
-        assert has_line(axis, [0.5, 0.7], [1.0, 1.0])
-    assert set(legend_words(axes[0])) == {"start", "one start's value: the motion is not periodic"}
-    # a median over starts is no single start's
-    calm = dataclasses.replace(scan, steadiness=np.array(["periodic"] * 3))
-    medians = median_scan([calm, scan])
-    assert medians.steadiness.tolist() == scan.steadiness.tolist()
-    assert not medians.is_sample.any()
-    axes = fi.figures.restitution_scan([("starts", medians)], 4.95, 5.0, figure=fi.figures.OffScreen())
-    assert set(legend_words(axes[0])) == {"starts", "not periodic: median of 2 starts"}
 
 
 @pytest.mark.parametrize("cycles", [math.nan, math.inf, 0.0, -1.0, -math.inf, "4", True, None])

@@ -15,7 +15,6 @@ from femimpact.system import reduction
 APART = {
     "test_cli.py": "runs commands in separate processes",
     "test_core_tables.py": "what is handed to the core, and refused there",
-    "test_contact_table.py": "collisions alone, without a structure",
     "test_linear_response.py": "the structure without balls",
     "test_paraview.py": "a program apart, asked for by hand",
     "test_prepared.py": "how often what is made, and texts of studies",
@@ -65,6 +64,6 @@ def test_with_the_option_every_module_solves_for_perturbed_modes(system, request
 def test_every_file_that_runs_impacts_is_marked():
     for path in sorted(Path(__file__).parent.glob("test_*.py")):
         source = path.read_text(encoding="utf-8")
-        runs = re.search(r"\.impacts\b|impacts_per_cycle|\.contact_loss|run_demo|scan_restitution", source)
+        runs = re.search(r"\.impacts\b|impacts_per_cycle|\.contact_loss|run_demo", source)
         if runs and path.name not in (*APART, Path(__file__).name):
             assert "pytest.mark.impacts" in source, path.name

@@ -88,7 +88,7 @@ def test_a_plan_assembles_once(study, assembled):
     assert assembled == [study.structure]
 
 
-def test_the_demo_assembles_once_beside_its_scans(study, assembled, tmp_path, monkeypatch):
+def test_the_demo_assembles_once(study, assembled, tmp_path, monkeypatch):
     short = dataclasses.replace(study, output=dataclasses.replace(study.output, figures=False))
     monkeypatch.setattr(demo, "paper_study", lambda: short)
     demo.run_demo(tmp_path / "out", scan=demo.ScanPlan((0.7,), points=4, cycles=24, starts=1))

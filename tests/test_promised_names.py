@@ -60,8 +60,6 @@ NAMES = """
         snapshots_start start
     Response: absolute base channels energy impacts notes regime riding snapshots statistics statistics_of
         steady sticking streamed_to system time to_xarray units warnings window
-    RestitutionScan: amplitude_ratio best curves damping_amplitude_ratio damping_fit damping_half_power is_sample
-        misfit peak_amplitude peak_frequency restitution starts steadiness
     Rigid: name restitution
     STEEL
     Segment: area bending_stiffness density length mass_per_length name rectangle second_moment thickness width
@@ -101,7 +99,6 @@ NAMES = """
     reduce
     report
     run_study
-    scan_restitution
     solve_modes
     static_state
     truncation_notes
@@ -111,11 +108,11 @@ NAMES = """
 """
 """Public names, and behind a colon what each class has."""
 
-COMMANDS = "demo init check modes simulate sweep run converge figures movie report finish contact validate"
+COMMANDS = "demo init check modes simulate sweep run converge figures movie report finish validate"
 FILE_NAMES = """
     summary.json study.toml modes.csv modes.nc sweep.csv sweep.nc history.nc impacts.csv impacts.nc snapshots.nc
     last_cycles.nc modes.pvd deflection.pvd deflection.mp4 deflection.gif modes.png response.png contact_force.png
-    phase_portrait.png impact_histograms.png impulse_phase.png contact.csv riding.csv mesh_convergence.csv
+    phase_portrait.png impact_histograms.png impulse_phase.png riding.csv mesh_convergence.csv
     mesh_convergence.png step_convergence.csv step_convergence.png comparison.csv restitution.csv restitution.png
     response_of_starts.png curves_of_starts.csv report.html convergence.json
 """
@@ -123,7 +120,7 @@ MODULES = {
     "femimpact.export.figures": """
         COLOURS STYLE OffScreen amplitude_spectrum beam_mesh bifurcation calibration collision_history contact_force
         contact_laws convergence convergence_panels cycle_averaged_force energies impact_histograms impulse_phase
-        mesh_convergence mode_convergence mode_shapes motion phase_portrait response_curve restitution_scan
+        mesh_convergence mode_convergence mode_shapes motion phase_portrait response_curve
         save_figure spectrum step_convergence study_lines study_map study_maps study_scatter value_map
     """,
     "femimpact.export.history": "history_writer",

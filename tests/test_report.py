@@ -206,7 +206,7 @@ def test_values_of_any_kind_in_a_summary_stop_nothing(sound, tmp_path):
 FOREIGN = {
     "nothing": {},
     "notes": {"notes.txt": "a", "report.html": "<p>mine</p>"},
-    "tables": {"modes.csv": "a,b\n1,2\n", "sweep.csv": "f,x\n1,2\n", "contact.csv": "name\nme\n"},
+    "tables": {"modes.csv": "a,b\n1,2\n", "sweep.csv": "f,x\n1,2\n"},
     "summary": {"summary.json": '{"total": 3}', "response.png": "no picture"},
     "broken": {"summary.json": "{", "convergence.json": "[]"},
     "a study": {"study.toml": UNDRAWN_STUDY, "best.toml": UNDRAWN_STUDY},

@@ -10,7 +10,6 @@ import pytest
 from builders import OrbitsPlan, load_study, paper_study_text, run_study
 
 from femimpact.study.branches import write_orbits
-from femimpact.study.contact_table import write_contact_table
 
 pytestmark = pytest.mark.impacts
 
@@ -58,13 +57,12 @@ def results(tmp_path_factory):
     (folder / "study.toml").write_text(text, encoding="utf-8")
     study = load_study(folder / "study.toml")
     run_study(study, folder / "results")
-    write_contact_table(study, folder / "contact")
     # without a ball: one branch, its frequency response
     alone = dataclasses.replace(study.structure, impactors=())
     plan = OrbitsPlan("frequency", (4.8, 5.0), 2.0)
     linear = dataclasses.replace(study, structure=alone, sweep=None, orbits=plan)
     write_orbits(linear, folder / "orbits", False, lambda _what, _share: None)
-    return [path for name in ("results", "contact", "orbits") for path in (folder / name).glob("*.csv")]
+    return [path for name in ("results", "orbits") for path in (folder / name).glob("*.csv")]
 
 
 def test_every_table_and_column_is_on_the_page(results):

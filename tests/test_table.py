@@ -22,7 +22,6 @@ TABLES = {
     "Impacts": None,
     "MeshConvergence": "elements",
     "ModeConvergence": "modes",
-    "RestitutionScan": "restitution",
     "StepConvergence": "dt",
     "StickingPhases": None,
 }
@@ -74,7 +73,6 @@ def test_what_is_no_name_is_no_column(name, wrong):
         ("EnergyLedger", "kinetik", "kinetic"),
         ("FrequencyResponse", "peaks", "peak"),
         ("StickingPhases", "begin", "end"),
-        ("RestitutionScan", "peak_frequencies", "peak_frequency"),
         ("StepConvergence", "linear_errors", "linear_error"),
         # no column: the number of modes is its length, and the order is of the whole study
         ("MeshConvergence", "orders", "error"),

@@ -22,28 +22,21 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+import xarray
+from matplotlib import pyplot as plt
 
 import femimpact as fi
 from femimpact.contact import resolve
+from femimpact.study.demo import RESTITUTION, misfit
 
 AMPLITUDE = 0.2037e-3
-PEAK, RATIO, DAMPING = 4.95, 5.0, 0.014
-"""Published: Hz, 1, 1."""
+PUBLISHED = {"peak_frequency": 4.95, "amplitude_ratio": 5.0}
+"""Hz, 1."""
 
 START_WORDS = {"base": "on the base", "space": "in space"}
 
 LENGTH_AND_BOX = {"theory": (0.23026615, 0.02290976), "experiment": (0.160525016, 0.081997505)}
 """Beam length (m) and box mass (kg) that have the two frequencies of each study to 8 digits."""
-
-
-@dataclass(frozen=True)
-class Scanned:
-    """One study from one start."""
-
-    study: str
-    start: str
-    empty: fi.FrequencyResponse
-    scan: fi.RestitutionScan
 
 
 def structure(study: str, restitution: float = 0.7) -> fi.Structure:
@@ -57,47 +50,45 @@ def structure(study: str, restitution: float = 0.7) -> fi.Structure:
     )
 
 
+def scan(
+    study: str,
+    restitutions: tuple[float, ...],
+    points: int,
+    starts: tuple[str, ...] = ("base", "space"),
+    cycles: int = 600,
+    modes: int = 4,
+) -> xarray.Dataset:
+    """Peak frequency (Hz), amplitude ratio and damping by it, over the restitution and the start of one study."""
+    system = fi.reduce(fi.assemble(structure(study), elements=40), modes)
+    bare, frequencies = fi.without_impactors(system), np.linspace(4.0, 6.0, points)
+    fine = np.union1d(frequencies, bare.first_frequency + np.linspace(-0.1, 0.1, 81))
+    empty = fi.frequency_sweep(bare, AMPLITUDE, fine, fi.EventDriven(), 1500, ledger=False)
+    axes = {RESTITUTION: restitutions, "base.start": starts, "base.frequency": frequencies}
+    found = fi.parameter_study(system, axes, ["peak"], excitation=fi.Sine(AMPLITUDE, 5.0), cycles=cycles)
+    largest = found.isel({"base.frequency": found["peak"].argmax("base.frequency")}).reset_coords("base.frequency")
+    ratio = empty.peak_amplitude / largest["peak"]
+    columns = {"peak_frequency": largest["base.frequency"], "amplitude_ratio": ratio}
+    columns["misfit"] = misfit(columns["peak_frequency"], ratio)
+    columns["is_sample"] = largest["periodic_starts"] == 0
+    return xarray.Dataset({**columns, "damping": empty.damping.ratio * ratio}).rename({RESTITUTION: "restitution"})
+
+
 def main(
     restitutions: tuple[float, ...] = tuple(np.round(np.linspace(0.05, 0.95, 19), 2)),
     points: int = 101,
     cycles: int = 600,
-    modes: int = 4,
-) -> list[Scanned]:
-    """Scan the restitution in both studies and from both starts."""
-    frequencies = np.linspace(4.0, 6.0, points)
-    results = []
-    for study in LENGTH_AND_BOX:
-        bare = fi.reduce(fi.without_impactors(fi.assemble(structure(study), elements=40)), modes)
-        fine = np.union1d(frequencies, bare.first_frequency + np.linspace(-0.1, 0.1, 81))
-        empty = fi.frequency_sweep(bare, AMPLITUDE, fine, fi.EventDriven(), 1500, ledger=False)
-        for start in ("base", "space"):
-            scan = fi.scan_restitution(
-                structure(study), restitutions, empty, elements=40, modes=modes, frequencies=frequencies,
-                cycles=cycles, initial=fi.State.at_rest(start),
-            )  # fmt: skip
-            results.append(Scanned(study, start, empty, scan))
-    return results
+) -> dict[str, xarray.Dataset]:
+    """Both studies, over the restitution and from both starts."""
+    return {study: scan(study, restitutions, points, cycles=cycles) for study in LENGTH_AND_BOX}
 
 
 def on_grids(
     study: str,
     restitutions: tuple[float, ...] = (0.25, 0.28, 0.3, 0.32, 0.35, 0.38, 0.41, 0.45, 0.49),
     points: tuple[int, ...] = (21, 101),
-    start: str = "base",
-    cycles: int = 600,
-    modes: int = 4,
-) -> dict[int, fi.RestitutionScan]:
-    """The scan from one start, with the paper's own 21 frequencies and on a finer grid."""
-    bare = fi.reduce(fi.without_impactors(fi.assemble(structure(study), elements=40)), modes)
-    fine = bare.first_frequency + np.linspace(-0.1, 0.1, 81)
-    empty = fi.frequency_sweep(bare, AMPLITUDE, fine, fi.EventDriven(), 1500, ledger=False)
-    return {
-        count: fi.scan_restitution(
-            structure(study), restitutions, empty, elements=40, modes=modes,
-            frequencies=np.linspace(4.0, 6.0, count), cycles=cycles, initial=fi.State.at_rest(start),
-        )
-        for count in points
-    }  # fmt: skip
+) -> dict[int, xarray.Dataset]:
+    """One study at rest relative to the base, with the paper's own 21 frequencies and on a finer grid."""
+    return {count: scan(study, restitutions, count, ("base",)).sel({"base.start": "base"}) for count in points}
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,7 +123,7 @@ def over_starts(
     share = np.random.default_rng(seed).uniform(-1.0, 1.0, (starts, 2)) * (4e-3, 2.0 * np.pi * 5.0 * AMPLITUDE)
     points = np.round(frequencies, 9).tolist()
     cases = [
-        {"impactor.ball.contact.restitution": e, "start.ball.position": place, "start.ball.speed": speed,
+        {RESTITUTION: e, "start.ball.position": place, "start.ball.speed": speed,
          "base.frequency": frequency}
         for e in restitutions for place, speed in share.tolist() for frequency in points
     ]  # fmt: skip
@@ -236,34 +227,42 @@ def _print_over_starts() -> None:
 
 
 if __name__ == "__main__":
-    scans = main()
-    for found in scans:
-        scan, misfit = found.scan, found.scan.misfit(PEAK, RATIO)
-        print(f"\n{found.study}, at rest in the frame of the {found.start}")
-        columns = (
-            scan.restitution, scan.peak_frequency, scan.amplitude_ratio, 100 * scan.damping_amplitude_ratio, misfit
-        )  # fmt: skip
-        _print_rows(
-            ("restitution", "peak (Hz)", "amplitude ratio", "damping by ratio (%)", "misfit"),
-            [
-                (f"{row[0]:.4g}", *(f"{value:.4g}{star}" for value in row[1:]))
-                for *row, star in zip(*columns, _stars(scan.is_sample), strict=True)
-            ],
-        )
-        print(f"closest: {scan.restitution[scan.best(PEAK, RATIO)]:.2f}")
-    labelled = [(f"{found.study}, rest {START_WORDS[found.start]}", found.scan) for found in scans]
-    axes = fi.figures.restitution_scan(labelled, PEAK, RATIO)
-    print("wrote", fi.figures.save_figure(axes, "rigid_reference_studies.png"))
-    for count, scan in on_grids("experiment").items():
+    studies = main()
+    figure, panels = plt.subplots(2, sharex=True, figsize=(8.0, 7.4), layout="constrained")
+    for study, found in studies.items():
+        for start in found["base.start"].values:
+            one = found.sel({"base.start": start})
+            print(f"\n{study}, at rest in the frame of the {start}")
+            columns = (one["peak_frequency"], one["amplitude_ratio"], 100 * one["damping"], one["misfit"])
+            _print_rows(
+                ("restitution", "peak (Hz)", "amplitude ratio", "damping by ratio (%)", "misfit"),
+                [
+                    (f"{e:.4g}", *(f"{value:.4g}{star}" for value in row))
+                    for e, *row, star in zip(
+                        one["restitution"].values, *(column.values for column in columns), _stars(one["is_sample"]),
+                        strict=True,
+                    )
+                ],
+            )  # fmt: skip
+            print(f"closest: {float(one['misfit'].idxmin()):.2f}")
+            for panel, (name, published) in zip(panels, PUBLISHED.items(), strict=True):
+                panel.plot(one["restitution"], one[name], "o-", label=f"{study}, rest {START_WORDS[start]}")
+                panel.axhline(published, color="grey", linestyle="--")
+    panels[0].set_ylabel("frequency of the largest peak (Hz)")
+    panels[1].set(xlabel="restitution of the contact", ylabel="amplitude ratio without / with ball", ylim=(0.0, None))
+    panels[0].legend()
+    print("wrote", fi.figures.save_figure(panels, "rigid_reference_studies.png"))
+    for count, found in on_grids("experiment").items():
         print(f"\nexperiment, from rest relative to the base, {count} frequencies")
         rows = [
             (f"{e:.2f}", f"{peak:.2f}{star}", f"{ratio:.2f}{star}")
             for e, peak, ratio, star in zip(
-                scan.restitution, scan.peak_frequency, scan.amplitude_ratio, _stars(scan.is_sample), strict=True
+                found["restitution"].values, found["peak_frequency"].values, found["amplitude_ratio"].values,
+                _stars(found["is_sample"]), strict=True,
             )
-        ]
+        ]  # fmt: skip
         _print_rows(("restitution", "peak (Hz)", "amplitude ratio"), rows)
-        print(f"closest: {scan.restitution[scan.best(PEAK, RATIO)]:.2f}")
+        print(f"closest: {float(found['misfit'].idxmin()):.2f}")
     _print_over_starts()
     print("\ntheory, from rest relative to the base: of 60 starts, those that end a dwell in the large motion")
     dwells = (300, 600, 1200)

@@ -283,9 +283,6 @@ class CustomLaw:
         """Empty, as no number characterises a function."""
         return ()
 
-    def with_restitution(self, restitution: float) -> None:
-        """None, as the function decides the restitution."""
-
     def _finite_force(self, depth: float, rate: float, approach_speed: float) -> float:
         try:
             force = as_function(self.force)(depth, rate, approach_speed)

@@ -61,10 +61,6 @@ class ContactLaw(Protocol):
         """Name, value and unit of what characterises the contact; empty where no number does."""
         ...
 
-    def with_restitution(self, restitution: float) -> ContactLaw | None:
-        """The same law with another restitution, which it then returns; None where it cannot be given one."""
-        ...
-
 
 MEMBERS = {name: member for name, member in vars(ContactLaw).items() if not name.startswith("_")}
 VALUES = tuple(name for name, member in MEMBERS.items() if isinstance(member, property))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -91,10 +91,6 @@ class Rigid:
         """Empty: the restitution alone characterises it."""
         return ()
 
-    def with_restitution(self, restitution: float) -> Rigid:
-        """The same law with another restitution (1)."""
-        return replace(self, restitution=restitution)
-
 
 @dataclass(frozen=True)
 class NoWalls:
@@ -126,9 +122,6 @@ class NoWalls:
     def shown_numbers(self, effective_mass: float) -> tuple[tuple[str, float, str], ...]:
         """Nothing."""
         return ()
-
-    def with_restitution(self, restitution: float) -> None:
-        """None: there is no impact."""
 
 
 @dataclass(frozen=True)
@@ -221,10 +214,6 @@ class KelvinVoigt:
         """Stiffness and damping."""
         stiffness, damping = spring_and_dashpot(self, effective_mass)
         return ("stiffness", stiffness, "N/m"), ("damping", damping, "N s/m")
-
-    def with_restitution(self, restitution: float) -> KelvinVoigt | None:
-        """The same stiffness or contact time with another restitution (1); None where the damping was given."""
-        return None if self.restitution is None else replace(self, restitution=restitution)
 
 
 def spring_and_dashpot(law: KelvinVoigt, effective_mass: float) -> tuple[float, float]:
@@ -348,9 +337,6 @@ class PowerLaw:
     def shown_numbers(self, effective_mass: float) -> tuple[tuple[str, float, str], ...]:
         """Stiffness and loss factor."""
         return ("stiffness", self.stiffness, f"N/m^{self.exponent:g}"), ("loss factor", loss_factor(self), "")
-
-    def with_restitution(self, restitution: float) -> None:
-        """None: with most authors' loss factors the restitution is not the one given."""
 
 
 def Hertz(stiffness: float, exponent: float = 1.5, reference_speed: float = 0.25) -> PowerLaw:  # noqa: N802
@@ -516,9 +502,6 @@ class SwitchingSpring:
     def shown_numbers(self, effective_mass: float) -> tuple[tuple[str, float, str], ...]:
         """Stiffness and damping, which is none."""
         return ("stiffness", self.stiffness, "N/m"), ("damping", 0.0, "N s/m")
-
-    def with_restitution(self, restitution: float) -> None:
-        """None: the law in continuous time loses nothing."""
 
 
 LAWS: Mapping[str, tuple[Any, Mapping[str, Any]]] = {

@@ -11,14 +11,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import as_file, files
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from femimpact.calibration import RestitutionScan, scan_systems, systems_over_restitution
 from femimpact.errors import Fault, InputError
+from femimpact.excitation import Sine
 from femimpact.export import figures, tables
+from femimpact.export.figures.drawing import panels
 from femimpact.integrators.event_driven import EventDriven
+from femimpact.parametric import parameter_study
 from femimpact.study.prepared import PreparedStudy, prepare, with_base
 from femimpact.study.result_conclusions import STARTS
 from femimpact.study.result_directory import FILES, prepare_directory
@@ -39,9 +41,12 @@ from femimpact.study.run import (
 from femimpact.study.starts import part_of, spreads_of, write_curves
 from femimpact.study.study import Study, sine_of
 from femimpact.study.study_file import load_study
-from femimpact.study.summary import Spread, SweepPair, spread_of, summary_of
+from femimpact.study.summary import Spread, SweepPair, summary_of
 from femimpact.sweep import FrequencyResponse, frequency_sweep
 from femimpact.system.state import State
+
+if TYPE_CHECKING:
+    import xarray
 
 PUBLISHED: Mapping[str, float] = {
     "frequency_empty_theory": 5.30,
@@ -73,9 +78,6 @@ class ScanPlan:
     points: int = 41  # frequencies of the grid on which peaks are looked for
     cycles: int = 450  # dwell at each frequency
     starts: int = 3  # starts in each frame
-    # every so many-th frequency is swept at any rate, a power of two, and those between only where the largest peak may
-    # be: see `calibration.scan_systems`. A peak of the paper's case rises from skirts that are wider than 0.2 Hz.
-    step: int = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +88,7 @@ class Demo:
     # (quantity, unit, paper theory, paper experiment, femimpact from rest relative to the base, from rest in the
     # inertial frame, method): femimpact's in words, a median with its range where the motion is chaotic
     comparison: tuple[tuple[Any, ...], ...]
-    scans: Mapping[str, RestitutionScan]  # by start: medians over several starts in one frame
+    scan: xarray.Dataset  # of `scan_restitution`
     # (restitution, then peak in Hz and amplitude ratio from rest relative to the base, and from rest in the inertial
     # frame), in words
     scan_rows: tuple[tuple[str, ...], ...]
@@ -124,12 +126,11 @@ def run_demo(
         modes = run_modes(prepared)
         keep_study(staging, prepared.study)
         keep_modes(staging, prepared, Found(modes), ("sweep", "history"))
-        samples = _scans(prepared, scan or ScanPlan(), report)
-        scans = {start: median_scan(found) for start, found in samples.items()}
+        peaks = scan_restitution(prepared, scan or ScanPlan(), report)
         # the files of a sweep are of the first start, with its energy ledger
         sweeps = {start: _sweep_from(prepared, start, start == "base", report) for start in STARTS}
         keep_sweeps(staging, prepared, Found(modes, None, sweeps["base"]), ("history",))
-        _write_scans(staging.folder, scans, sweeps)
+        _write_scan(staging.folder, peaks, sweeps)
         curves = {start: curves_of_starts(prepared, start, report) for start in STARTS}
         spreads = {start: spreads_of(curves[start], sweeps["base"].empty, _step(curves[start])) for start in STARTS}
         write_curves(staging.folder, curves)
@@ -139,7 +140,7 @@ def run_demo(
         found = keep_history(staging, prepared, found)
         summary = summary_of(prepared, modes, found.response, found.sweeps)
         comparison = compare(summary, spreads)
-        remarks = remark(summary["restitution"], scans, spreads)
+        remarks = remark(summary["restitution"], peaks, spreads)
         _write_comparison(staging.folder, comparison)
         more = {"remarks": remarks, "sweep": summary["sweep"]}
         more["sweep"]["ball_from_rest_in_space"] = _sweep_row(sweeps["space"])
@@ -151,7 +152,7 @@ def run_demo(
     if prepared.study.output.report:
         add_report(directory, report)
     restitution = float(summary["restitution"])
-    return Demo(load(directory), comparison, scans, _scan_rows(samples), restitution, remarks)
+    return Demo(load(directory), comparison, peaks, _scan_rows(peaks), restitution, remarks)
 
 
 def _sweep_from(prepared: PreparedStudy, start: str, ledger: bool, report: Report) -> SweepPair:
@@ -169,18 +170,20 @@ def _at_resonance(prepared: PreparedStudy, sweeps: SweepPair) -> PreparedStudy:
     return with_base(prepared, dataclasses.replace(sine_of(prepared.study, "demo"), frequency=peak))
 
 
-def states(start: str, count: int) -> tuple[State, ...]:
-    """At rest in the frame of the base or in space, with the ball at so many places around the middle of its box."""
-    places = OFF_CENTRE * np.linspace(-1.0, 1.0, count)
-    return tuple(dataclasses.replace(State.at_rest(start), ball_displacement=[float(place)]) for place in places)
+def places(count: int) -> list[float]:
+    """So many places (m) of the ball around the middle of its box."""
+    return [float(place) for place in OFF_CENTRE * np.linspace(-1.0, 1.0, count)]
 
 
-def scan_both_starts(study: Study, plan: ScanPlan, report: Report) -> dict[str, tuple[RestitutionScan, ...]]:
-    """Restitution scans from rest relative to the base and from rest in the inertial frame."""
-    return _scans(prepare(study, ("sweep",)), plan, report)
+RESTITUTION = "impactor.ball.contact.restitution"
+"""Path of the restitution."""
 
 
-def _scans(prepared: PreparedStudy, plan: ScanPlan, report: Report) -> dict[str, tuple[RestitutionScan, ...]]:
+def scan_restitution(prepared: PreparedStudy, plan: ScanPlan, report: Report) -> xarray.Dataset:
+    """Largest peaks over the restitution of the contact and the frame of the start: medians, and ranges over starts.
+
+    The columns of `PEAKS`, with `_low` and `_high`, over the restitution and `base.start`.
+    """
     study, small = prepared.study, prepared.small
     if study.sweep is None:
         raise InputError([Fault("sweep", None, "", "table [sweep] is missing")])
@@ -190,56 +193,56 @@ def _scans(prepared: PreparedStudy, plan: ScanPlan, report: Report) -> dict[str,
     empty = frequency_sweep(
         prepared.bare, study.sine.amplitude, fine, prepared.bare_method, study.sweep.cycles, ledger=False
     )
-
-    systems = systems_over_restitution(
-        study.structure,
-        plan.restitutions,
-        elements=study.mesh.elements or 0,
-        modes=study.reduction.modes if study.reduction else 0,
-    )
-
-    def scan_from(start: str) -> tuple[RestitutionScan, ...]:
-        return tuple(
-            scan_systems(
-                systems,
-                empty,
-                frequencies=frequencies,
-                cycles=plan.cycles,
-                initial=state,
-                step=plan.step,
-                progress=part_of(report, f"restitution scan, {STARTS[start]}", i, plan.starts),
-            )
-            for i, state in enumerate(states(start, plan.starts))
-        )
-
-    return {start: scan_from(start) for start in STARTS}
+    axes = {
+        RESTITUTION: plan.restitutions,
+        "base.start": tuple(STARTS),
+        "start.ball.position": places(plan.starts),
+        "base.frequency": frequencies,
+    }
+    base = Sine(study.sine.amplitude, 1.0)
+    found = parameter_study(
+        small, axes, ["peak"], excitation=base, method=EventDriven(), cycles=plan.cycles,
+        progress=lambda done: report("parameter study over the restitution", done.share),
+    )  # fmt: skip
+    largest = found.isel({"base.frequency": found["peak"].argmax("base.frequency")}).reset_coords("base.frequency")
+    ratio = empty.peak_amplitude / largest["peak"]
+    columns = (largest["base.frequency"], largest["peak"], ratio, empty.damping.ratio * ratio)
+    scan = largest[["periodic_starts", "failed_starts", "finished"]].sum("start.ball.position")
+    for (name, (unit, words)), values in zip(PEAKS.items(), columns, strict=True):
+        for end, statistic in (("", values.median), ("_low", values.min), ("_high", values.max)):
+            scan[name + end] = statistic("start.ball.position").assign_attrs(units=unit, long_name=words)
+    return scan.assign_attrs(starts=plan.starts, step=float(np.diff(frequencies).min()))
 
 
-def median_scan(scans: Sequence[RestitutionScan]) -> RestitutionScan:
-    """Column by column the medians of scans over the same restitutions; the curves are those of the first.
+PEAKS = {
+    "peak_frequency": ("Hz", "frequency of the largest peak"),
+    "peak_amplitude": ("m", "largest peak"),
+    "amplitude_ratio": ("1", "amplitude ratio without / with ball"),
+    "damping_amplitude_ratio": ("1", "damping without ball times the ratio"),
+}
+"""Columns of a scan, with unit and words."""
 
-    A restitution is periodic where all starts are.
+
+def misfit(peak_frequency: Any, amplitude_ratio: Any) -> Any:
+    """Distance of resonances (Hz, 1) from the published one; below about 1: within its step and 25 % of the ratio.
+
+    sqrt[((f - f_published)/0.1 Hz)^2 + ln(R/R_published)^2/ln(1.25)^2]
     """
-    names = ("peak_frequency", "peak_amplitude", "amplitude_ratio", "damping_fit", "damping_half_power",
-             "damping_amplitude_ratio")  # fmt: skip
-    steadiness = scans[0].steadiness
-    for scan in scans[1:]:
-        steadiness = np.where(steadiness == "periodic", scan.steadiness, steadiness)
-    medians = {name: np.median([getattr(scan, name) for scan in scans], axis=0) for name in names}
-    return dataclasses.replace(scans[0], **medians, steadiness=steadiness, starts=len(scans))
+    by_frequency = (peak_frequency - PUBLISHED["frequency_ball_experiment"]) / 0.1
+    by_ratio = np.log(amplitude_ratio / PUBLISHED["amplitude_ratio"]) / np.log(1.25)
+    return np.hypot(by_frequency, by_ratio)
 
 
-def _scan_rows(samples: Mapping[str, Sequence[RestitutionScan]]) -> tuple[tuple[str, ...], ...]:
+def _scan_rows(scan: xarray.Dataset) -> tuple[tuple[str, ...], ...]:
     """Median and range of peak and ratio, from both starts, for every restitution."""
-    # beside a peak every frequency of the grid is swept
-    grid = next(iter(samples.values()))[0].curves[0].frequency
-    step = float(np.diff(grid).min())
     rows = []
-    for i, restitution in enumerate(next(iter(samples.values()))[0].restitution):
+    for restitution in scan[RESTITUTION].values:
         cells = [f"{restitution:.2f}"]
-        for scans in samples.values():
-            peaks = spread_of([scan.peak_frequency[i] for scan in scans], resolution=step)
-            cells += [peaks.text(), spread_of([scan.amplitude_ratio[i] for scan in scans]).text()]
+        for start in STARTS:
+            one = scan.sel({RESTITUTION: restitution, "base.start": start})
+            for name, resolution in (("peak_frequency", scan.attrs["step"]), ("amplitude_ratio", 0.0)):
+                median, low, high = (float(one[f"{name}{end}"]) for end in ("", "_low", "_high"))
+                cells.append(Spread(median, low, high, resolution).text())
         rows.append(tuple(cells))
     return tuple(rows)
 
@@ -253,10 +256,11 @@ def curves_of_starts(prepared: PreparedStudy, start: str, report: Report) -> lis
     frequencies = np.linspace(plan.start, plan.stop, 2 * plan.points - 1)
     return [
         frequency_sweep(
-            small, study.sine.amplitude, frequencies, EventDriven(), plan.cycles, initial=state, ledger=False,
+            small, study.sine.amplitude, frequencies, EventDriven(), plan.cycles, ledger=False,
+            initial=dataclasses.replace(State.at_rest(start), ball_displacement=[place]),
             progress=part_of(report, f"{SAMPLES} starts, {STARTS[start]}", i, SAMPLES),
         )
-        for i, state in enumerate(states(start, SAMPLES))
+        for i, place in enumerate(places(SAMPLES))
     ]  # fmt: skip
 
 
@@ -311,20 +315,18 @@ def compare(summary: Mapping[str, Any], spreads: Mapping[str, Mapping[str, Sprea
     )  # fmt: skip
 
 
-def remark(
-    restitution: float, scans: Mapping[str, RestitutionScan], spreads: Mapping[str, Mapping[str, Spread]]
-) -> tuple[str, ...]:
+def remark(restitution: float, scan: xarray.Dataset, spreads: Mapping[str, Mapping[str, Spread]]) -> tuple[str, ...]:
     """Where the paper cannot be met, and why, with the numbers just found."""
-    base, space = scans["base"], scans["space"]
-    misfit = base.misfit(PUBLISHED["frequency_ball_experiment"], PUBLISHED["amplitude_ratio"])
-    near = ", ".join(f"{e:.2f}" for e in base.restitution[misfit < NEAR]) or "none of the scan"
+    base, space = (scan.sel({"base.start": start}) for start in STARTS)
+    distance = misfit(base["peak_frequency"], base["amplitude_ratio"])
+    near = ", ".join(f"{e:.2f}" for e in base[RESTITUTION].values[distance < NEAR]) or "none of the study"
     peak, ratio = (
         {start: spreads[start][name].text() for start in STARTS} for name in ("peak_frequency", "amplitude_ratio")
     )
     return (
         f"the restitution is the study's, {restitution:.2f}; near the published resonance (misfit below {NEAR:g}) come "
         f"from rest relative to the base: {near}; from rest in the inertial frame the peak stays at "
-        f"{space.peak_frequency.min():.2f} Hz or above",
+        f"{space['peak_frequency'].values.min():.2f} Hz or above",
         f"the start decides the headline: peak at {peak['base']} Hz with a ratio of {ratio['base']} from rest "
         f"relative to the base, at {peak['space']} Hz with a ratio of {ratio['space']} from rest in the inertial "
         "frame; the paper does not say which it took",
@@ -341,18 +343,17 @@ def remark(
     )
 
 
-def _write_scans(folder: Path, scans: Mapping[str, RestitutionScan], sweeps: Mapping[str, SweepPair]) -> None:
-    names = ("peak_frequency", "peak_amplitude", "amplitude_ratio", "damping_amplitude_ratio", "steadiness")
-    columns: dict[str, Any] = {"restitution": next(iter(scans.values())).restitution}
-    for start, scan in scans.items():
-        columns |= {f"{start}_{name}": getattr(scan, name) for name in names}
-    units = {name: "Hz" if "frequency" in name else "m" if "peak_amplitude" in name else "1" for name in columns}
-    units |= {name: "" for name in columns if name.endswith("steadiness")}
-    tables.write_csv(folder / FILES["restitution"].name, columns, units)
-    labelled = [(STARTS[start], scan) for start, scan in scans.items()]
-    published = (PUBLISHED["frequency_ball_experiment"], PUBLISHED["amplitude_ratio"])
+def _write_scan(folder: Path, scan: xarray.Dataset, sweeps: Mapping[str, SweepPair]) -> None:
     off_screen = figures.OffScreen()
-    drawn: Any = figures.restitution_scan(labelled, *published, figure=off_screen)
+    columns: dict[str, Any] = {"restitution": scan[RESTITUTION].values}
+    units = {"restitution": "1"}
+    drawn: Any = panels(off_screen, 8.0, 7.4, 2, 1, sharex=True)[:, 0]
+    for axis, start in zip(drawn, STARTS, strict=True):
+        one = scan.sel({"base.start": start})
+        columns |= {f"{start}_{name}": one[name].values for name in (*PEAKS, "periodic_starts")}
+        units |= {f"{start}_{name}": PEAKS.get(name, ("1",))[0] for name in (*PEAKS, "periodic_starts")}
+        figures.study_lines(one, "amplitude_ratio", title=STARTS[start], ax=axis)
+    tables.write_csv(folder / FILES["restitution"].name, columns, units)
     figures.save_figure(drawn, folder / FILES["restitution_figure"].name)
     curves = {f"with ball, {STARTS[start]}": pair.ball for start, pair in sweeps.items() if pair.ball is not None}
     named = {"without ball": sweeps["base"].empty, **curves}

@@ -41,14 +41,13 @@ from femimpact.export.report.page import (
 )
 from femimpact.export.report.player import player_element
 from femimpact.export.report.structure_drawing import structure_element, structure_words
-from femimpact.export.tables import in_shown_units, read_units, unit_text
+from femimpact.export.tables import in_shown_units, unit_text
 from femimpact.spectra.densities import MODES, modes_of
 from femimpact.structure.structure import Structure
 from femimpact.study.best_case import best_cases
 from femimpact.study.best_design import BestCase
 from femimpact.study.best_picture import marks_of, worst_over_axes
 from femimpact.study.branch_file import read_followed
-from femimpact.study.contact_table import UNITS as CONTACT_UNITS
 from femimpact.study.picture_data import (
     read_bands,
     read_curves,
@@ -142,8 +141,7 @@ def _holds_results(source: Path, directory: Path) -> bool:
             continue
         if len(OF_SUMMARY & set(written)) > 1:
             return True
-    name = FILES["contact_table"].name
-    return name in names and set(CONTACT_UNITS) <= set(read_units(source / name))
+    return False
 
 
 def add_report(directory: str | Path, report: Callable[[str, float], None]) -> None:
@@ -559,14 +557,6 @@ def _orbits(results: ResultReading) -> list[Section]:
     return [branches_section(followed.branches, followed.origins, followed.cycles, words, rows, followed.swept, file)]
 
 
-def _contact_table(results: ResultReading) -> list[Section]:
-    def shown(columns: Any, name: str) -> Section:
-        table = table_of("One collision, by its approach speed", columns, results.units(name), name)
-        return Section("contact", "Contacts alone", (table_element(table),))
-
-    return _of_table(results, "contact_table", shown)
-
-
 SECTIONS: tuple[tuple[str, Callable[[ResultReading], list[Section]]], ...] = (
     ("comparison", _comparison),
     ("response curves", _curves),
@@ -578,7 +568,6 @@ SECTIONS: tuple[tuple[str, Callable[[ResultReading], list[Section]]], ...] = (
     ("modes", _modes),
     ("convergence", _convergence),
     ("parameter study", _parameter_study),
-    ("contacts", _contact_table),
 )
 """Sections of a report in their order: the words for each, and the function that makes it."""
 

@@ -333,10 +333,10 @@ class FrequencyResponse:
 Columns = dict[str, NDArray[Any]]
 
 
-def empty_columns(*shape: int) -> Columns:
+def empty_columns(count: int) -> Columns:
     """Columns of frequencies that all have failed."""
-    columns: Columns = {name: np.full(shape, np.nan) for name in SWEEP_UNITS}
-    columns["steadiness"] = np.full(shape, "failed", dtype="<U11")
+    columns: Columns = {name: np.full(count, np.nan) for name in SWEEP_UNITS}
+    columns["steadiness"] = np.full(count, "failed", dtype="<U11")
     return columns
 
 

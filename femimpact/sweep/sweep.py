@@ -1,17 +1,16 @@
-"""Stepped-sine sweeps, and the curves of their peaks."""
+"""Stepped-sine sweeps."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import fields, replace
 from typing import Any, Literal, cast, overload
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from femimpact.arrays import Array
-from femimpact.errors import DivergenceError, checked, level_rows, quantity, require, require_type, truth
+from femimpact.errors import checked, level_rows, quantity, require, require_type, truth
 from femimpact.excitation import Sine
 from femimpact.excitation.levels import Level, require_reach
 from femimpact.integrators.cases import SineCases, workers_of
@@ -26,7 +25,6 @@ from femimpact.sweep.curve import (
     columns_of_dwells,
     columns_of_runs,
     curve_of,
-    empty_columns,
     start_of,
 )
 from femimpact.sweep.dwells import cases_of, dwell_chain, dwell_cycles, dwells_apart
@@ -228,87 +226,3 @@ def _row(system: System, channel: Channel) -> Array | None:
     reading = channel.reading(system)
     others = [getattr(reading, item.name) for item in fields(reading) if item.name != "displacement"]
     return None if any(np.any(values) for values in others) else np.asarray(reading.displacement)
-
-
-SKIRT = 0.6
-"""Share of the largest peak. Where neither neighbour reaches it, no larger peak is looked for: a resonance is wider."""
-
-
-def peak_curves(
-    systems: Sequence[System], method: Method, frequencies: ArrayLike, cycles: int, *, amplitude: float | None,
-    acceleration: Level | None, initial: State, step: int = 1, progress: Progress | None = None,
-) -> tuple[FrequencyResponse, ...]:  # fmt: skip
-    """One curve for each system, at those of the frequencies where its largest peak may be.
-
-    Every `step`-th frequency is swept first. Then, with half the step at a time, those beside the points that reach
-    the share `SKIRT` of the largest peak so far. The values are those of `frequency_sweep`; event-driven ones have the
-    same bits.
-
-    Parameters
-    ----------
-    systems : sequence of System
-        Equal but for numbers of their contact laws.
-    method : Method
-    frequencies : array_like (n,), Hz
-        Rising.
-    cycles : int
-        Dwell at each frequency.
-    amplitude, acceleration : float or None, m or m/s^2
-        Of the base, one of them.
-    initial : State
-    step : int
-        A power of two; with 1 all frequencies are swept.
-    progress : callable, optional
-
-    Returns
-    -------
-    tuple of FrequencyResponse
-
-    Raises
-    ------
-    InputError
-        If an argument is out of range.
-    DivergenceError
-        If a system diverged at every frequency.
-    """
-    state, first = replace(initial, time=0.0), systems[0]
-    cases = cases_of(first, state, amplitude, acceleration, dwell_cycles(frequencies, cycles, None, None))
-    laws = tuple(tuple(pair.law for pair in system.contacts) for system in systems)
-    row, shape = first.point_row("tip"), (len(systems), cases.frequency.size)
-    columns, known, wanted = empty_columns(*shape), np.zeros(shape, dtype=bool), np.zeros(shape, dtype=bool)
-    failures: list[list[str]] = [[] for _ in systems]
-    warnings = list[str]()
-    wanted[:, ::step] = True
-    while np.any(wanted):
-        number, place = np.nonzero(wanted)
-        part = replace(cases.of(place), laws=laws, law_of=number)
-        found = method.run_cases(first, part, row, 0, workers_of(None), progress)
-        known[number, place] = True
-        warnings.extend(found.warnings)
-        for k, failure in zip(number.tolist(), found.failures, strict=True):
-            failures[k].extend([failure] if failure else [])
-        if not all(found.failures):
-            for name, values in columns_of_dwells(found, part.frequency, ledger=False)[0].items():
-                columns[name][number, place] = values
-        step //= 2
-        wanted = _beside_peaks(columns["peak"], known, step) if step else np.zeros_like(known)
-    about = {"amplitude": amplitude, "acceleration": acceleration, "cycles": cycles, "at": "tip"}
-    about |= {"start": start_of(state, first)}
-    curves = []
-    for k, system in enumerate(systems):
-        if len(failures[k]) == np.count_nonzero(known[k]):
-            raise DivergenceError(failures[k][0])
-        swept = {name: values[k, known[k]] for name, values in columns.items()}
-        said = [*dict.fromkeys(warnings), *failures[k]]
-        curves.append(curve_of(system, method, cases.of(np.flatnonzero(known[k])), (swept, said), about))
-    return tuple(curves)
-
-
-def _beside_peaks(peaks: Array, known: NDArray[np.bool_], step: int) -> NDArray[np.bool_]:
-    """Frequencies not swept yet beside the points that reach the share `SKIRT` of their system's largest peak."""
-    peak = np.where(known, np.nan_to_num(peaks), -np.inf)
-    high = peak >= SKIRT * peak.max(axis=1, keepdims=True)
-    beside = np.zeros_like(high)
-    beside[:, step:] |= high[:, :-step]
-    beside[:, :-step] |= high[:, step:]
-    return np.asarray(beside & ~known)

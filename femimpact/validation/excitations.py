@@ -5,18 +5,15 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.calibration import scan_restitution
 from femimpact.contact import ContactLaw
 from femimpact.contact.laws import KelvinVoigt, Rigid
 from femimpact.excitation import HammerBlow, PointForce, RecordedBase, Sine
-from femimpact.fem.assembly import assemble
 from femimpact.identification import DampingEstimate, amplitude_ratio_damping, fit_one_pole, half_power
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.methods import Method
@@ -25,13 +22,10 @@ from femimpact.integrators.stepping.newmark import GeneralizedAlpha, Newmark
 from femimpact.laser import Laser
 from femimpact.response.response import Recorder, Response
 from femimpact.response.signals import CycleStatistics, steady_motion
-from femimpact.structure.damping import Rayleigh
-from femimpact.structure.structure import Impactor, Structure
+from femimpact.structure.structure import Impactor
 from femimpact.sweep import FrequencyResponse, frequency_sweep
-from femimpact.system.reduction import reduce
 from femimpact.system.state import State
-from femimpact.system.system import System, without_impactors
-from femimpact.validation.beams import ROOTS, beam_frequency, uniform_beam
+from femimpact.system.system import System
 from femimpact.validation.case import Case
 from femimpact.validation.contacts import FREQUENCY, GRAVITY, shaken_floor
 
@@ -169,25 +163,6 @@ def drop_of_the_peak() -> Case:
     )  # fmt: skip
 
 
-def scan_without_touch() -> Case:
-    """A scan whose ball touches nothing, beside a sweep at three times the amplitude."""
-    first, second = (beam_frequency(root) for root in ROOTS[:2])
-    damping = Rayleigh(ratio=0.05, frequencies=(first, second))
-    ball = Impactor("ball", "tip", 1e-3, 0.1, Rigid(0.5))
-    structure = Structure(uniform_beam(), impactors=(ball,), damping=damping)
-    frequencies = first * np.linspace(0.9, 1.1, 9)
-    bare = without_impactors(reduce(assemble(structure, 4), 1))
-    empty = frequency_sweep(bare, 3e-4, frequencies, EventDriven(), 60)
-    # the scan takes the amplitude of its base from the sweep that it is given
-    scan = scan_restitution(
-        structure, [0.5], replace(empty, amplitude=1e-4), elements=4, modes=1, frequencies=frequencies, cycles=60
-    )  # fmt: skip
-    return Case(
-        "scan of a ball that touches nothing", "derived here (linearity)", "amplitude ratio", "1", 3.0,
-        float(scan.amplitude_ratio[0]), 1e-7, "40 cycles leave 4e-6 of the transient, in both alike",
-    )  # fmt: skip
-
-
 READING_CASES: tuple[Callable[[], Case], ...] = (
     *(partial(subharmonic, column) for column in ("peak", "rms", "first_harmonic")),
     impulse_of_a_cycle,
@@ -197,7 +172,6 @@ READING_CASES: tuple[Callable[[], Case], ...] = (
     one_pole,
     bandwidth,
     drop_of_the_peak,
-    scan_without_touch,
 )
 """The cases of this subject, in the order of the table."""
 

@@ -1,4 +1,4 @@
-"""Figures over parameters: response curves, damping over the amplitude, restitution scans, values over two of them."""
+"""Figures over parameters: response curves, damping over the amplitude, values over two of them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from femimpact.calibration import RestitutionScan
 from femimpact.errors import column, instance, optional, quantity, require, takes, text, truth
 from femimpact.export.figures.drawing import (
     COLOURS,
@@ -20,7 +19,6 @@ from femimpact.export.figures.drawing import (
     label_axes,
     legend_above,
     panel,
-    panels,
     plain_log_ticks,
     rows_of,
 )
@@ -30,7 +28,6 @@ from femimpact.units import number_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import FigureBase
 
 
 FREQUENCY: Any = quantity("Hz", above=0.0)
@@ -249,55 +246,6 @@ def decay(result: DecayEstimate, ax: Axes | OffScreen | None = None) -> Axes:
     *lines, windows = axis.get_legend_handles_labels()[0]
     legend_above(axis, [windows, *lines])
     return axis
-
-
-@takes(peak_frequency=FREQUENCY, amplitude_ratio=quantity("1", above=0.0))
-def restitution_scan(
-    scans: Sequence[tuple[str, RestitutionScan]],
-    peak_frequency: float,
-    amplitude_ratio: float,
-    figure: FigureBase | OffScreen | None = None,
-) -> NDArray[np.object_]:
-    """Resonance over the restitution, for one or more starts, beside the published values.
-
-    A mark with a dot in it is of a motion that is not periodic: one start's value, or the median of several starts.
-
-    Parameters
-    ----------
-    scans : sequence of (label, RestitutionScan)
-    peak_frequency : float, Hz
-        Published.
-    amplitude_ratio : float, 1
-        Published.
-    figure : Figure, optional
-        Drawn on; a new one of pyplot's by default.
-
-    Returns
-    -------
-    ndarray (2,) of Axes
-    """
-    named = rows_of("scans", scans, label=text(), scan=instance(RestitutionScan))
-    axes, said = panels(figure, 8.0, 7.4, 2, 1, sharex=True)[:, 0], list[str]()
-    for colour, marker, (label, scan) in zip(cycle(COLOURS), cycle("os^D"), named, strict=False):
-        # hollow, so that curves that coincide are both seen
-        style: Any = {"color": colour, "marker": marker, "label": label, "markersize": 6.0, "markerfacecolor": "none"}
-        axes[0].plot(scan.restitution, scan.peak_frequency, **style)
-        axes[1].plot(scan.restitution, scan.amplitude_ratio, **style)
-        moving = scan.steadiness != "periodic"
-        for axis, values in zip(axes, (scan.peak_frequency, scan.amplitude_ratio), strict=True):
-            axis.plot(scan.restitution[moving], values[moving], ".", color=colour, markersize=5.0)
-        if np.any(moving):
-            said.append(ONE_START if scan.starts == 1 else f"not periodic: median of {scan.starts} starts")
-    for axis, published in ((axes[0], peak_frequency), (axes[1], amplitude_ratio)):
-        axis.axhline(published, color=GREY, linestyle="--", linewidth=1.2)
-        axis.annotate(f"published {published:g}", (0.01, published), xycoords=("axes fraction", "data"),
-                      xytext=(0, -14), textcoords="offset points", color=GREY)  # fmt: skip
-    axes[0].set_ylabel("frequency of the largest peak (Hz)")
-    axes[1].set_ylabel("amplitude ratio without / with ball")
-    axes[1].set_xlabel("restitution of the contact")
-    axes[1].set_ylim(bottom=0.0)
-    legend_above(axes[0], axes[0].get_legend_handles_labels()[0], [_dot(text) for text in dict.fromkeys(said)])
-    return axes
 
 
 def _dot(text: str, marker: str = ".") -> Any:

@@ -96,7 +96,8 @@ def study_lines(
                                 label="value" if starts == 1 else f"median of {starts} starts")[0])  # fmt: skip
     one = single_samples(dataset)
     if one.any():
-        entries.append(axis.plot(x[one], factor * values[one], "*", color=DARK, markersize=9.0, label=ONE_START)[0])
+        told = ONE_START if starts == 1 else f"not periodic: median of {starts} starts"
+        entries.append(axis.plot(x[one], factor * values[one], "*", color=DARK, markersize=9.0, label=told)[0])
     if words is not None:
         axis.set_xticks(x, words)
     axis.set(xlabel=label, ylabel=_label(dataset[measure].attrs.get("long_name", measure), unit, starts))
