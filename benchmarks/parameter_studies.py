@@ -15,7 +15,7 @@ from dataclasses import replace
 
 import femimpact as fi
 from femimpact import core
-from femimpact.study.demo import paper_study
+from femimpact.app.demo import paper_study
 
 AXES = {
     "impactor.ball.gap": {"from": 2e-3, "to": 6e-3},

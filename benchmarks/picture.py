@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import femimpact as fi
-from femimpact.export.figures.drawing import COLOURS, GREY, panel
+from femimpact.figures.drawing import COLOURS, GREY, panel
 
 __all__ = ["draw"]
 

@@ -16,7 +16,7 @@ import numpy as np
 from timing import timed
 
 import femimpact as fi
-from femimpact.study.demo import paper_study
+from femimpact.app.demo import paper_study
 
 GRAVITY, DURATION, SHARE = 9.80665, 60.0, 0.10
 COARSE = fi.Recorder(channels=("tip",), interval=1e-3)

@@ -26,7 +26,7 @@ import report
 
 import femimpact as fi
 from femimpact.contact import resolve
-from femimpact.export.figures.drawing import COLOURS, GREY, panels
+from femimpact.figures.drawing import COLOURS, GREY, panels
 
 DURATION, FREQUENCY, AMPLITUDE, MODES, RESTITUTION = 0.801, 5.2, 0.2037e-3, 8, 0.7
 SINE = fi.Sine(AMPLITUDE, FREQUENCY)

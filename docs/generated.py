@@ -21,23 +21,25 @@ SUBJECTS = {
     "system": "Systems, modes, reduction, states",
     "integrators": "Methods and runs",
     "sweep": "Sweeps",
-    "spectra": "Transfer functions, spectra, shock response spectra",
     "response": "Recorders, responses, impacts, energies",
-    "identification": "Damping from response curves and decays",
+    "signals": "Signals: damping from curves and decays, spectra, transfer functions, shock response spectra, laser",
     "parametric": "Parameter studies",
     "convergence": "Convergence studies",
     "study": "Study files and their results",
-    "export": "Pictures and files",
+    "figures": "Pictures and files",
     "errors": "Errors and warnings",
     "versions": "Versions",
 }
-"""Headings of the groups of public names, by the folder of `femimpact` that holds them."""
+"""Headings of the groups of public names, by the folder of `femimpact` or of its `app` that holds them."""
+
+WITH = {"results": "study", "tasks": "study", "report": "study", "preflight": "parametric", "vtk": "figures"}
+"""Folders whose names stand in the group of another."""
 
 SUBMODULES = {
-    "femimpact.figures": ("femimpact.export.figures", "Figures of results"),
-    "femimpact.export.vtk": ("femimpact.export.vtk", "Files for ParaView"),
-    "femimpact.export.history": ("femimpact.export.history", "Histories written while a run goes on"),
-    "femimpact.export.tables": ("femimpact.export.tables", "Tables as files"),
+    "femimpact.figures": ("femimpact.figures", "Figures of results"),
+    "femimpact.vtk": ("femimpact.vtk", "Files for ParaView"),
+    "femimpact.response.history_file": ("femimpact.response.history_file", "Histories written while a run goes on"),
+    "femimpact.files": ("femimpact.files", "Tables as files"),
 }
 """Modules of public functions: how a script calls them, where they are, and their headings."""
 
@@ -66,9 +68,10 @@ def groups() -> dict[str, list[str]]:
     """Public names of `femimpact` by the folder that holds them; one that has no heading here is an error."""
     found: dict[str, list[str]] = {}
     for name in fi.__all__:
-        if name == "__version__" or name in fi._SUBMODULES:
+        if name in ("__version__", "figures"):
             continue
-        found.setdefault(fi._MODULE_OF[name].split(".")[0], []).append(name)
+        folder = fi._MODULE_OF[name].removeprefix("femimpact.").removeprefix("app.").partition(".")[0]
+        found.setdefault(WITH.get(folder, folder), []).append(name)
     return {**{key: found.pop(key) for key in SUBJECTS if key in found}, **found}
 
 
@@ -142,7 +145,7 @@ def plain_docstring(_app: Any, _what: str, _name: str, _object: Any, _options: A
 
 def key_page() -> Iterator[str]:
     """A table of keys for every table of the study file, from the JSON schema."""
-    from femimpact.study.study_file import study_schema
+    from femimpact.app.study.study_file import study_schema
 
     schema = study_schema()
     required = set(schema["required"])
@@ -405,7 +408,7 @@ def _frames() -> Iterator[Any]:
     from matplotlib.figure import Figure
     from PIL import Image
 
-    from femimpact.study.demo import paper_study
+    from femimpact.app.demo import paper_study
 
     structure = paper_study().structure
     length, gap = structure.beam.length, 4e-3

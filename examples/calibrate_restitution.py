@@ -21,8 +21,8 @@ import matplotlib.pyplot as plt
 import xarray
 
 import femimpact as fi
-from femimpact.study.demo import NEAR, RESTITUTION, ScanPlan, misfit, paper_study, scan_restitution
-from femimpact.study.prepared import prepare
+from femimpact.app.demo import NEAR, RESTITUTION, ScanPlan, misfit, paper_study, scan_restitution
+from femimpact.app.study.prepared import prepare
 
 
 def main(plan: ScanPlan | None = None) -> xarray.Dataset:

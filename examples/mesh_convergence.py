@@ -16,8 +16,8 @@ the fourth power of the number of elements.
 from __future__ import annotations
 
 import femimpact as fi
+from femimpact.app.demo import paper_study
 from femimpact.convergence.mesh_and_step import MeshConvergence
-from femimpact.study.demo import paper_study
 
 
 def main(elements: tuple[int, ...] = (1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024, 2000)) -> MeshConvergence:

@@ -19,7 +19,7 @@ from __future__ import annotations
 import dataclasses
 
 import femimpact as fi
-from femimpact.study.demo import paper_study
+from femimpact.app.demo import paper_study
 
 PAPER_STEP = 1.0 / (20.0 * 5.30)
 

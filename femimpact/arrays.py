@@ -35,3 +35,8 @@ def even_interval(time: Array) -> tuple[float, int]:
     usual = float(np.median(steps))
     bad = np.flatnonzero(~((steps > 0.0) & (np.abs(steps - usual) <= 2.0 * UNEVEN * usual)))
     return interval, int(bad[0]) + 1 if bad.size else int(np.argmax(off))
+
+
+def thinned(count: int, most: int) -> NDArray[np.int64]:
+    """At most so many of the numbers 0 to count - 1, evenly spread, the first and the last among them."""
+    return np.unique(np.linspace(0, count - 1, min(most, count)).round().astype(int))

@@ -20,10 +20,10 @@ from femimpact.units import number_text, prefixed
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from femimpact.parametric.verb import StudyProgress
-    from femimpact.study.results import StudyResults
-    from femimpact.study.run import Report
-    from femimpact.study.study import Study
+    from femimpact.app.parametric.verb import StudyProgress
+    from femimpact.app.results.results import StudyResults
+    from femimpact.app.study.study import Study
+    from femimpact.app.tasks.run import Report
 
 BESIDE = 3
 """Characters between two columns."""
@@ -213,7 +213,7 @@ def _show_warnings(results: StudyResults) -> None:
 
 def _warnings_page() -> str:
     """Words on where warnings are explained."""
-    from femimpact.export.report.page import WARNINGS_PAGE
+    from femimpact.app.report.page import WARNINGS_PAGE
 
     return f"what warnings mean and what to do: {WARNINGS_PAGE}"
 
@@ -241,7 +241,7 @@ def demo(*, output: Output = None, force: Force = False, quiet: Quiet = False) -
 
     Example: femimpact demo -o my-demo
     """
-    from femimpact.study.demo import free_directory, run_demo
+    from femimpact.app.demo import free_directory, run_demo
 
     directory = output or free_directory("femimpact-demo")
     with _progress(quiet) as report:
@@ -279,8 +279,8 @@ def init(file: Path, *, force: Force = False) -> None:
 
     Example: femimpact init study.toml
     """
-    from femimpact.export.files import atomic_write
-    from femimpact.study.demo import paper_study_text
+    from femimpact.app.demo import paper_study_text
+    from femimpact.files import atomic_write
 
     require(force or not file.exists(), "file", str(file), "", "exists already: choose another name, or --force")
     require(file.resolve().parent.is_dir(), "file", str(file), "", "must be in an existing directory")
@@ -300,8 +300,8 @@ def schema(
     """
     import json
 
-    from femimpact.export.files import atomic_write
-    from femimpact.study.study_file import study_schema
+    from femimpact.app.study.study_file import study_schema
+    from femimpact.files import atomic_write
 
     text = json.dumps(study_schema(), indent=2)
     if output is None:
@@ -324,19 +324,19 @@ def check(study: Path, *, strict: bool = False) -> None:
         End with status 2 where a limit is passed beyond which the test does not show what it is made for, or a warning
         is printed.
     """
-    from femimpact.parametric.planned_test import lines_of_check
-    from femimpact.study.study_file import load_study, unit_lines
+    from femimpact.app.preflight.planned_test import lines_of_check
+    from femimpact.app.study.study_file import load_study, unit_lines
 
     with _waiting("check", quiet=False):
         plan = load_study(study)
         lines, found = lines_of_check(plan)
         lines = [*unit_lines(plan), *lines]
     if plan.plan is not None:
-        from femimpact.parametric.study_command import plan_lines as study_lines
+        from femimpact.app.tasks.study_command import plan_lines as study_lines
 
         lines += study_lines(plan)
     if plan.orbits is not None:
-        from femimpact.study.branches import orbit_lines
+        from femimpact.app.tasks.branches import orbit_lines
 
         lines += orbit_lines(plan)
     for line in lines:
@@ -395,8 +395,8 @@ def converge(
 
     Example: femimpact converge study.toml --accuracy 1e-4
     """
-    from femimpact.study.convergence import convergence_lines, write_convergence
-    from femimpact.study.study_file import load_study
+    from femimpact.app.study.study_file import load_study
+    from femimpact.app.tasks.convergence import convergence_lines, write_convergence
 
     plan = load_study(study)
     with _progress(quiet) as report:
@@ -415,8 +415,8 @@ def orbits(study: Path, *, output: Output = None, force: Force = False, quiet: Q
 
     Example: femimpact orbits study.toml -o branches
     """
-    from femimpact.study.branches import write_orbits
-    from femimpact.study.study_file import load_study
+    from femimpact.app.study.study_file import load_study
+    from femimpact.app.tasks.branches import write_orbits
 
     plan = load_study(study)
     with _progress(quiet) as report:
@@ -442,8 +442,8 @@ def parameter_study(
     scheduler
         Address or scheduler file of a Dask cluster on which the cases run.
     """
-    from femimpact.parametric.study_command import summary_lines, write_parameter_study
-    from femimpact.study.study_file import load_study
+    from femimpact.app.study.study_file import load_study
+    from femimpact.app.tasks.study_command import summary_lines, write_parameter_study
 
     plan, directory = load_study(study), output or _directory(study, "study")
     with _study_progress(quiet) as report:
@@ -469,7 +469,7 @@ def report(
 
     Example: femimpact report study-results
     """
-    from femimpact.study.result_page import write_report
+    from femimpact.app.report.result_page import write_report
 
     if output is not None:
         _require_new_file(output, force)
@@ -502,7 +502,7 @@ def finish(directory: Path, *, force: Force = False) -> None:
 
     Example: femimpact finish study-results
     """
-    from femimpact.study.result_directory import finish_results
+    from femimpact.app.results.result_directory import finish_results
 
     parts = finish_results(directory, force)
     print(f"kept in {directory}: {', '.join(parts) or 'all of the run'}")
@@ -528,9 +528,9 @@ def identify(
     modes
         Damped sines that are fitted, 1 to 3.
     """
+    from femimpact.app.identified import write_decay
     from femimpact.excitation.record_files import one_signal
-    from femimpact.export.records import write_decay
-    from femimpact.identification import identify_decay
+    from femimpact.signals.decay import identify_decay
 
     record = one_signal(file, column, None if units is None else units.split(","), sample_rate)
     name = str(next(iter(record.data_vars)))
@@ -563,7 +563,7 @@ def validate(
 
     Example: femimpact validate -o validation.csv
     """
-    from femimpact.export.tables import write_csv
+    from femimpact.files import write_csv
     from femimpact.validation import run_validation
     from femimpact.validation.case import HEADER, case_columns, table_row
 
@@ -604,9 +604,9 @@ def _run(
     path: Path, output: Path | None, force: bool, quiet: bool, parts: tuple[str, ...], kind: str,
     frequency: float | None = None,
 ) -> None:  # fmt: skip
-    from femimpact.study.run import run_study
-    from femimpact.study.study import sine_of
-    from femimpact.study.study_file import load_study
+    from femimpact.app.study.study import sine_of
+    from femimpact.app.study.study_file import load_study
+    from femimpact.app.tasks.run import run_study
 
     with _waiting("read", quiet):
         study = load_study(path)
@@ -624,7 +624,7 @@ def _run(
 
 
 def _draw_again(directory: Path, kind: str, quiet: bool) -> None:
-    from femimpact.study.pictures import draw_again
+    from femimpact.app.report.pictures import draw_again
 
     with _progress(quiet) as report:
         drawn = draw_again(directory, kind, report)
@@ -633,7 +633,7 @@ def _draw_again(directory: Path, kind: str, quiet: bool) -> None:
 
 
 def _print_results(study: Study, results: StudyResults) -> None:
-    from femimpact.study.results import carried_of
+    from femimpact.app.results.results import carried_of
     from femimpact.sweep import ONE_START
 
     where, summary, marks, carried = console(), results.summary, [""], carried_of(results.summary)
@@ -674,8 +674,9 @@ def _print_results(study: Study, results: StudyResults) -> None:
 
 def _print_branches(where: Console, results: StudyResults) -> None:
     """Print a line for each branch with its ends, and the table of the bifurcations."""
-    from femimpact.export.tables import PARAMETER_DIGITS, in_shown_units, parameter_text, read_units
-    from femimpact.study.result_directory import FILES
+    from femimpact.app.results.result_directory import FILES
+    from femimpact.files import read_units
+    from femimpact.units import PARAMETER_DIGITS, in_shown_units, parameter_text
 
     found = results.summary["orbits"]
     for number, branch in enumerate(found["branches"], 1):
@@ -699,7 +700,7 @@ def _print_branches(where: Console, results: StudyResults) -> None:
 
 def _print_history(where: Console, study: Study, summary: Mapping[str, Any]) -> str:
     """Print the numbers of a history; the star behind those of one start, or nothing."""
-    from femimpact.study.summary import contacts_of, window_of_peaks
+    from femimpact.app.study.summary import contacts_of, window_of_peaks
 
     history = summary["history"]
     starts = summary.get("history_starts", {})
@@ -753,7 +754,7 @@ def _print_history(where: Console, study: Study, summary: Mapping[str, Any]) -> 
 
 def _print_sweep_starts(where: Console, summary: Mapping[str, Any]) -> None:
     """Print medians and ranges of the sweep with balls from several starts."""
-    from femimpact.study.results import carried_of
+    from femimpact.app.results.results import carried_of
 
     count, carried = summary["starts_of_sweep"], carried_of(summary)
     for starts in summary["starts"].values():
@@ -774,8 +775,8 @@ def _of_starts(starts: Mapping[str, Any]) -> str:
 
 def _range_words(starts: Mapping[str, Any], unit: str, *keys: str) -> str:
     """Median and range of a quantity over several starts, with its unit; nothing where it has none."""
-    from femimpact.study.result_conclusions import spread_at
-    from femimpact.study.summary import spread_text
+    from femimpact.app.report.result_conclusions import spread_at
+    from femimpact.app.study.summary import spread_text
 
     spread = spread_at(starts, *keys)
     return "" if spread is None else spread_text(spread, unit)
@@ -835,7 +836,7 @@ def _print_closing(where: Console, results: StudyResults) -> None:
 
 
 def _print_report(where: Console, directory: Path) -> None:
-    from femimpact.study.result_directory import REPORT
+    from femimpact.app.results.result_directory import REPORT
 
     if (directory / REPORT).is_file():
         where.print(f"to look at: {directory / REPORT}")

@@ -11,21 +11,21 @@ from dataclasses import replace
 import numpy as np
 
 import femimpact as fi
-from femimpact.export.history import history_writer
-from femimpact.export.tables import read_csv
-from femimpact.parametric.identity import plain_study, study_key
-from femimpact.parametric.study_command import summary_lines, write_parameter_study
-from femimpact.study.base_motion import RecordedMotion, SignalMotion
-from femimpact.study.demo import paper_study, paper_study_text
-from femimpact.study.parameter_plan import ParameterPlan
-from femimpact.study.prepared import plan_lines, prepare
-from femimpact.study.result_conclusions import study_conclusions
-from femimpact.study.result_directory import FILES, ResultsWarning, finish_results
-from femimpact.study.result_page import write_report
-from femimpact.study.run import run_simulation, run_study
-from femimpact.study.study import MeshChoice, OrbitsPlan, Output, Reduction, SweepPlan, build
-from femimpact.study.study_file import TABLES, load_study, read_study, same_study, study_schema, study_text
-from femimpact.study.summary import summary_of
+from femimpact.app.demo import paper_study, paper_study_text
+from femimpact.app.parametric.identity import plain_study, study_key
+from femimpact.app.report.result_conclusions import study_conclusions
+from femimpact.app.report.result_page import write_report
+from femimpact.app.results.result_directory import FILES, ResultsWarning, finish_results
+from femimpact.app.study.base_motion import RecordedMotion, SignalMotion
+from femimpact.app.study.parameter_plan import ParameterPlan
+from femimpact.app.study.prepared import plan_lines, prepare
+from femimpact.app.study.study import MeshChoice, OrbitsPlan, Output, Reduction, SweepPlan, build
+from femimpact.app.study.study_file import TABLES, load_study, read_study, same_study, study_schema, study_text
+from femimpact.app.study.summary import summary_of
+from femimpact.app.tasks.run import run_simulation, run_study
+from femimpact.app.tasks.study_command import summary_lines, write_parameter_study
+from femimpact.files import read_csv
+from femimpact.response.history_file import history_writer
 
 REFERENCE = fi.Structure(
     beam=fi.Beam.uniform(length=0.23026615, width=0.020, thickness=1e-3, young_modulus=70e9, density=2700),

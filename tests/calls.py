@@ -26,8 +26,9 @@ from nouns import (
 )
 
 import femimpact as fi
+from femimpact import vtk
 from femimpact.contact.laws import ContactParameters
-from femimpact.export import tables, vtk
+from femimpact.files import read_csv, write_csv
 
 SHEET = fi.figures.OffScreen()
 
@@ -109,7 +110,7 @@ def with_scatter() -> fi.ModeConvergence:
 
 
 def csv_file() -> Path:
-    return tables.write_csv("table.csv", {"a": [1.0, 2.0]}, {"a": "m"})
+    return write_csv("table.csv", {"a": [1.0, 2.0]}, {"a": "m"})
 
 
 @cache
@@ -218,7 +219,7 @@ CALLS = {
     "write_record": (fi.write_record, lambda: {"path": "record.csv", "dataset": recorded()}),
     "history_writer": (written, lambda: {"path": "history.nc"}),
     "history_writer's sink": (sent, lambda: {"piece": piece_without_snapshots()}),
-    "tables.read_csv": (tables.read_csv, lambda: {"path": csv_file()}),
+    "files.read_csv": (read_csv, lambda: {"path": csv_file()}),
     "load": (fi.load, lambda: {"directory": results()}),
     "load_branch": (fi.load_branch, lambda: {"path": branch_file(), "number": 1}),
     "load_parameter_study": (fi.load_parameter_study, lambda: {"directory": studied_directory()}),

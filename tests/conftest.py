@@ -173,7 +173,7 @@ def undrawn(monkeypatch) -> None:
     def draw_in_child(_source, _target, kinds, _report):
         return dict.fromkeys(kinds)
 
-    monkeypatch.setattr("femimpact.study.run.draw_in_child", draw_in_child)
+    monkeypatch.setattr("femimpact.app.tasks.run.draw_in_child", draw_in_child)
 
 
 @pytest.fixture(scope="session")

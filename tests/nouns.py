@@ -11,17 +11,17 @@ import numpy as np
 from builders import MeshChoice, OrbitsPlan, Output, RecordedMotion, Reduction, SweepPlan, paper_study
 
 import femimpact as fi
+from femimpact.app.study.base_motion import BaseMotion
+from femimpact.app.study.study import Gravity
 from femimpact.contact import collision as closed_forms
 from femimpact.contact import resolve
 from femimpact.convergence.mesh_and_step import MeshConvergence, StepConvergence
-from femimpact.identification import one_pole_amplitude
 from femimpact.integrators.cases import AchievedRestitution
+from femimpact.response.cycles import CycleStatistics, steady_motion
 from femimpact.response.impacts import StickingPhases, event_log, event_width
 from femimpact.response.regimes import Regime, RegimeCriteria, classify, impacts_per_cycle, significant
-from femimpact.response.signals import CycleStatistics, steady_motion
+from femimpact.signals.one_pole import one_pole_amplitude
 from femimpact.structure.damping import rayleigh_coefficients, realised_damping_ratio
-from femimpact.study.base_motion import BaseMotion
-from femimpact.study.study import Gravity
 from femimpact.sweep import on_grid
 from femimpact.system.hermite import hermite_rows, shape_functions
 from femimpact.system.modes import solve_stiffness

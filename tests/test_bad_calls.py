@@ -17,10 +17,10 @@ from nouns import NOUNS, OTHERS, VERBS
 from wrong import NOTHING_SOUND, NUMBERS_AND_WORDS
 
 import femimpact as fi
+from femimpact import vtk
 from femimpact.contact import ContactLaw
 from femimpact.convergence.cases import Axis
 from femimpact.convergence.quantities import Watched
-from femimpact.export import vtk
 from femimpact.integrators.methods import Method
 from femimpact.integrators.stepping.operators import SteppingMethod
 

@@ -22,12 +22,12 @@ from builders import (
 )
 
 import femimpact as fi
-from femimpact.export.figures.studies import mark_best
-from femimpact.parametric.study_command import plan_lines
-from femimpact.study.best_case import best_cases
-from femimpact.study.best_picture import marks_of, worst_over_axes
-from femimpact.study.result_page import best_sections
-from femimpact.study.study import read_mesh_of
+from femimpact.app.parametric.best import best_cases
+from femimpact.app.report.best_picture import marks_of, worst_over_axes
+from femimpact.app.report.result_page import best_sections
+from femimpact.app.study.study import read_mesh_of
+from femimpact.app.tasks.study_command import plan_lines
+from femimpact.figures.studies import mark_best
 
 GAP, RESTITUTION = "impactor.ball.gap", "impactor.ball.contact.restitution"
 FREQUENCY, LEVEL = "base.frequency", "base.amplitude"

@@ -12,8 +12,8 @@ from builders import oscillator
 from scipy.stats import t
 
 import femimpact as fi
+from femimpact.app.parametric.measured_peaks import _median_and_scale
 from femimpact.errors import InputError
-from femimpact.parametric.measured_peaks import _median_and_scale
 
 LEVEL, NATURAL, RATIO = 1e-3, 5.0, 0.05
 FREQUENCIES = np.linspace(4.0, 6.0, 9)
@@ -185,7 +185,7 @@ def test_a_calibration_that_was_interrupted_goes_on_to_the_same_bits(tmp_path: P
 
 
 def test_frequencies_at_which_the_starts_disagree_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    from femimpact.parametric import measured_peaks
+    from femimpact.app.parametric import measured_peaks
 
     bounds = {"ratio": (0.03, 0.07)}
     cases = fi.calibrate(damped, FREQUENCIES, PEAKS, bounds, **DRIVE).dataset.copy(deep=True)

@@ -18,7 +18,7 @@ from command import femimpact, femimpact_process
 
 import femimpact as fi
 from femimpact import core
-from femimpact.export.report.page import WARNINGS_PAGE
+from femimpact.app.report.page import WARNINGS_PAGE
 
 
 @pytest.fixture

@@ -129,7 +129,7 @@ def test_a_record_of_a_study_file_takes_a_high_pass(tmp_path: Path) -> None:
     drift, wave = 0.3 + 0.5 * np.sin(2.0 * np.pi * 0.05 * t), np.sin(2.0 * np.pi * 20.0 * t)
     rows = "\n".join(f"{a!r},{b!r}" for a, b in zip(t.tolist(), (drift + wave).tolist(), strict=True))
     (tmp_path / "shaker.csv").write_text(rows, encoding="utf-8")
-    text = Path(__file__).parent.parent.joinpath("femimpact/study/paper.toml").read_text(encoding="utf-8")
+    text = Path(__file__).parent.parent.joinpath("femimpact/app/paper.toml").read_text(encoding="utf-8")
     path = tmp_path / "study.toml"
     path.write_text(
         text[: text.index("[base]")] + '[base]\nrecord = "shaker.csv"\nhigh_pass = "2 Hz"\n', encoding="utf-8"

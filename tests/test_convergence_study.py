@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 import femimpact as fi
+from femimpact.app.tasks import convergence
+from femimpact.app.tasks.convergence import convergence_lines, stresses_at_jumps, write_convergence
 from femimpact.convergence.cases import newmark_frequency, steady_amplitude
 from femimpact.convergence.over_modes import run_statistics
 from femimpact.convergence.table import (
@@ -21,9 +23,7 @@ from femimpact.convergence.table import (
     rounding_floor,
 )
 from femimpact.convergence.table import usable_rows as usable
-from femimpact.export import tables
-from femimpact.study import convergence
-from femimpact.study.convergence import convergence_lines, stresses_at_jumps, write_convergence
+from femimpact.files import read_csv, write_csv
 
 MESHES = Path(__file__).parents[1] / "meshes"
 BEAM = fi.Beam.uniform(length=0.23, width=0.02, thickness=1e-3, young_modulus=70e9, density=2700)
@@ -331,7 +331,7 @@ def small_study():
 
 def test_a_table_goes_to_csv_pandas_and_xarray_and_back(small_study, tmp_path):
     table = small_study["mesh"]
-    read = tables.read_csv(tables.write_csv(tmp_path / "mesh.csv", *table.columns()))
+    read = read_csv(write_csv(tmp_path / "mesh.csv", *table.columns()))
     frame, data = table.to_pandas(), table.to_xarray()
     assert (tmp_path / "mesh.csv").read_text().startswith("case,number,size [m],frequency_1 [Hz],")
     for i, key in enumerate(("frequency_1", "frequency_2", "moment_EI_w2_root")):
@@ -373,7 +373,7 @@ def test_a_recommended_number_that_the_coarsest_case_has_is_a_bound_in_print_csv
         met = bool(table.error[0, 0] <= accuracy)
         assert table.recommended_is_bound.tolist() == [met]
         assert ("<= 1 " in repr(table)) is met
-        path = tables.write_csv(tmp_path / "summary.csv", *table.summary())
+        path = write_csv(tmp_path / "summary.csv", *table.summary())
         assert path.read_text().splitlines()[1].endswith(str(met))
         assert bool(table.to_xarray()["recommended_is_bound"][0]) is met
 

@@ -21,10 +21,10 @@ from builders import (
 )
 
 import femimpact as fi
+from femimpact.app.study.forces import DrivenMotion, StudyForce
+from femimpact.app.study.prepared import history_cost, mesh_memory, picture_seconds, sweep_cost
+from femimpact.app.tasks.run import run_modes
 from femimpact.integrators.methods import seconds_of_cycle
-from femimpact.study.forces import DrivenMotion, StudyForce
-from femimpact.study.prepared import history_cost, mesh_memory, picture_seconds, sweep_cost
-from femimpact.study.run import run_modes
 from femimpact.sweep import on_grid
 
 
@@ -93,7 +93,7 @@ def test_memory_of_mesh_and_modes_is_met_within_a_factor_of_two(study, elements,
 
 
 def test_what_does_not_fit_is_one_line_before_any_work(study, monkeypatch):
-    monkeypatch.setattr("femimpact.study.study.assemble", lambda *_a, **_k: pytest.fail("must not be assembled"))
+    monkeypatch.setattr("femimpact.app.study.study.assemble", lambda *_a, **_k: pytest.fail("must not be assembled"))
     large = dataclasses.replace(study, mesh=MeshChoice(elements=20_000), reduction=Reduction(20_000))
     for work in (plan_lines, prepare, lambda study: run_study(study, "never")):
         with pytest.raises(fi.InputError, match=r"memory_limit = 1e9|memory_limit = 1000000000.0") as caught:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from builders import read_csv
 
-from femimpact.export.tables import write_csv
+from femimpact.files import write_csv
 
 COLUMNS = {"time": np.array([0.0, 1e-300, -1.5e300]), "ball": np.array(["a", "1", "b, c"]), "count": [1, 2, 3]}
 

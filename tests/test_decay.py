@@ -12,9 +12,9 @@ from scipy.integrate import solve_ivp
 from scipy.stats import norm
 
 import femimpact as fi
-from femimpact.export import figures
-from femimpact.identification import damped_sines
-from femimpact.identification.decay_windows import noise_of, windows
+from femimpact import figures
+from femimpact.signals import damped_sines
+from femimpact.signals.decay_windows import noise_of, windows
 
 TIME = 0.01 * np.arange(2000)
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import femimpact as fi
-from femimpact.study import demo
-from femimpact.study.summary import spread_of
+from femimpact.app import demo
+from femimpact.app.study.summary import spread_of
 
 pytestmark = pytest.mark.impacts
 

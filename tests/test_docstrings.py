@@ -14,7 +14,7 @@ import pytest
 import femimpact as fi
 from femimpact.errors import InputError, allowed_range, choice, quantity, takes, with_ranges
 
-PAGES = ("export.figures", "export.vtk", "export.history", "export.movie", "export.tables")
+PAGES = ("figures", "vtk", "response.history_file", "figures.movie", "files")
 """Modules whose functions have pages of their own."""
 
 
@@ -60,7 +60,7 @@ def _declared_functions() -> Iterator[tuple[str, object, list[str]]]:
 def test_every_function_that_checks_its_arguments_shows_what_they_must_be():
     pytest.importorskip("matplotlib")
     found = list(_declared_functions())
-    assert {"export.figures.collision_history", "State.of_mode", "report"} <= {name for name, _, _ in found}
+    assert {"figures.collision_history", "State.of_mode", "report"} <= {name for name, _, _ in found}
     hidden = [
         f"{name}: {allowed}"
         for name, function, ranges in found

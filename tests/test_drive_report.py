@@ -11,8 +11,8 @@ from builders import run_study, write_parameter_study
 from test_study_forces import HAMMER, REST, SINE, read
 
 import femimpact as fi
-from femimpact.export.report.charts import energy_section, history_charts
-from femimpact.export.report.drive_charts import drive_section
+from femimpact.app.report.charts import energy_section, history_charts
+from femimpact.app.report.drive_charts import drive_section
 
 SHAKER = '[[force]]\nname = "shaker"\nat = "mid"\nkind = "sine"\nforce = 0.1\nfrequency = 33.0\n'
 QUIET = "[output]\nfigures = false\nmovie = false\nparaview = false\n"

@@ -13,7 +13,7 @@ from reference_equations import FREE, PRESSED, RESTING, SEPARATING, drive_of, eq
 from scipy.linalg import expm
 
 import femimpact as fi
-from femimpact.export import tables
+from femimpact.files import write_netcdf
 from femimpact.integrators.event_driven.block import inputs_of, new_block, run_block
 from femimpact.integrators.event_driven.equations import equations_of as closed_equations_of
 from femimpact.integrators.event_driven.run import closed_drive
@@ -267,7 +267,7 @@ def test_netcdf_and_a_frame_hold_the_same_log(tmp_path):
     import xarray
 
     log = run_of("mixed", 2.0).events
-    file = tables.write_netcdf(tmp_path / "events.nc", log.to_xarray())
+    file = write_netcdf(tmp_path / "events.nc", log.to_xarray())
     data = xarray.load_dataset(file, engine="h5netcdf")
     for name, unit in column_units(log).items():
         np.testing.assert_array_equal(data[name], log[name])

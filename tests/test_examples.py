@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import femimpact as fi
-from femimpact.study.demo import ScanPlan, misfit
+from femimpact.app.demo import ScanPlan, misfit
 
 pytestmark = pytest.mark.impacts
 

@@ -14,7 +14,7 @@ import pytest
 from builders import REFERENCE, reduced, with_ball
 
 import femimpact as fi
-from femimpact.export.figures.portraits import changes_of_contact, corners_of, phase_curve
+from femimpact.figures.portraits import changes_of_contact, corners_of, phase_curve
 
 plt = pytest.importorskip("matplotlib.pyplot")
 

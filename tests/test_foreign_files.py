@@ -14,9 +14,9 @@ from command import femimpact
 from test_result_directory import NEW, OLD, break_off, run, value_of, write_results
 
 import femimpact as fi
-from femimpact.export import tables
-from femimpact.study.result_directory import prepare_directory, unfinished_state, update_results
-from femimpact.study.results import write_summary
+from femimpact.app.results.result_directory import prepare_directory, unfinished_state, update_results
+from femimpact.app.results.results import write_summary
+from femimpact.files import read_csv, write_csv
 
 posix = pytest.mark.skipif(os.name != "posix", reason="needs links and pipes")
 
@@ -235,11 +235,11 @@ def test_parts_take_the_place_of_whole_tables_without_a_summary_only_by_force(tm
     # a convergence study and a table of contacts leave no summary
     def converge(value, error=None):
         with prepare_directory(tmp_path, True) as staging:
-            tables.write_csv(staging.folder / "quantities_over_mesh.csv", {"value": [value]}, {})
+            write_csv(staging.folder / "quantities_over_mesh.csv", {"value": [value]}, {})
             staging.finish_part("quantities")
             if error is not None:
                 raise error
-            tables.write_csv(staging.folder / "step_convergence.csv", {"value": [value]}, {})
+            write_csv(staging.folder / "step_convergence.csv", {"value": [value]}, {})
             staging.finish_part("steps")
 
     converge(OLD)
@@ -248,9 +248,9 @@ def test_parts_take_the_place_of_whole_tables_without_a_summary_only_by_force(tm
     assert "the earlier results stay; finished parts (quantities) are kept beside them" in caught.value.__notes__[0]
     one_line(lambda: finish_results(tmp_path), "holds earlier results, which quantities of a later run would replace")
     assert (tmp_path / "step_convergence.csv").exists()
-    assert tables.read_csv(tmp_path / "quantities_over_mesh.csv")["value"] == [OLD]
+    assert read_csv(tmp_path / "quantities_over_mesh.csv")["value"] == [OLD]
     assert finish_results(tmp_path, True) == ("quantities",)
-    assert tables.read_csv(tmp_path / "quantities_over_mesh.csv")["value"] == [NEW]
+    assert read_csv(tmp_path / "quantities_over_mesh.csv")["value"] == [NEW]
     assert not (tmp_path / "step_convergence.csv").exists()
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import femimpact as fi
-from femimpact.identification import one_pole_amplitude
+from femimpact.signals.one_pole import one_pole_amplitude
 
 
 def curve(frequency, ratio=0.0029, natural=5.3, scale=2.2e-4):

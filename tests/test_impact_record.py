@@ -8,7 +8,7 @@ import pytest
 from builders import FILES, impact_table, reduced, with_ball
 
 import femimpact as fi
-from femimpact.export import tables
+from femimpact.files import read_csv, write_csv, write_netcdf
 from femimpact.response.impacts import IMPACT_UNITS, STICKING_UNITS, impact_columns
 from femimpact.response.regimes import classify, impacts_per_cycle
 
@@ -80,11 +80,11 @@ def test_csv_and_netcdf_hold_the_same_table(run, request, tmp_path):
 
     impacts = request.getfixturevalue(run).impacts
     columns, units = impact_columns(impacts)
-    path = tables.write_csv(tmp_path / "impacts.csv", columns, units)
+    path = write_csv(tmp_path / "impacts.csv", columns, units)
     assert path.read_text().startswith("time [s],phase [rad],impactor,side [1],approach_speed [m/s]")
-    back = tables.read_csv(path)
+    back = read_csv(path)
     assert list(back) == list(columns)
-    file = tables.write_netcdf(tmp_path / "impacts.nc", impacts.to_xarray())
+    file = write_netcdf(tmp_path / "impacts.nc", impacts.to_xarray())
     data = xarray.load_dataset(file, engine="h5netcdf")
     for name, unit in IMPACT_UNITS.items():
         np.testing.assert_array_equal(back[name], getattr(impacts, name))
@@ -104,8 +104,8 @@ def test_an_empty_table_reads_back(tmp_path):
 
     empty = table([], 1, 0.3)
     columns, units = impact_columns(empty)
-    assert tables.read_csv(tables.write_csv(tmp_path / "impacts.csv", columns, units))["time"].size == 0
-    file = tables.write_netcdf(tmp_path / "impacts.nc", empty.to_xarray())
+    assert read_csv(write_csv(tmp_path / "impacts.csv", columns, units))["time"].size == 0
+    file = write_netcdf(tmp_path / "impacts.nc", empty.to_xarray())
     assert xarray.load_dataset(file, engine="h5netcdf")["time"].size == 0
 
 
@@ -177,15 +177,15 @@ def test_figures_of_a_run_without_impacts(light):
 
 @pytest.mark.parametrize("run", ["response", "event_driven"])
 def test_a_study_leaves_the_record_and_sticking_only_where_something_stuck(run, request, tmp_path):
-    from femimpact.study import run as running
-    from femimpact.study.results import STICKING_FILE
+    from femimpact.app.results.results import STICKING_FILE
+    from femimpact.app.tasks import run as running
 
     result = request.getfixturevalue(run)
     running._write_impacts(tmp_path, result)
-    assert tables.read_csv(tmp_path / FILES["impacts"].name)["time"].size == len(result.impacts)
+    assert read_csv(tmp_path / FILES["impacts"].name)["time"].size == len(result.impacts)
     assert (tmp_path / FILES["impact_data"].name).is_file()
     assert (tmp_path / STICKING_FILE).is_file() == (len(result.sticking) > 0) == (run == "event_driven")
     if run == "event_driven":
-        back = tables.read_csv(tmp_path / STICKING_FILE)
+        back = read_csv(tmp_path / STICKING_FILE)
         for name in STICKING_UNITS:
             np.testing.assert_array_equal(back[name], getattr(result.sticking, name))

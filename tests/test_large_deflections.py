@@ -8,7 +8,7 @@ from builders import REFERENCE, oscillator, reduced
 from scipy.integrate import solve_bvp
 
 import femimpact as fi
-from femimpact.response.signals import LARGE, deflection_warnings
+from femimpact.response.cycles import LARGE, deflection_warnings
 
 WORDS = "the beam deflects by up to"
 SYSTEM = fi.without_impactors(reduced(REFERENCE, modes=2))

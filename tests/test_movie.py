@@ -13,9 +13,9 @@ import pytest
 from builders import impact_table, reduced
 
 import femimpact as fi
-from femimpact.export import movie, sheet
-from femimpact.export.placed import placed_structure
-from femimpact.export.report.structure_drawing import structure_element
+from femimpact.app.report.structure_drawing import structure_element
+from femimpact.figures import movie, sheet
+from femimpact.scene.placed import placed_structure
 
 
 @pytest.fixture(scope="module")

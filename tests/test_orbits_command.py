@@ -18,10 +18,10 @@ from builders import OrbitsPlan, build, paper_study_text, read_csv, read_study
 from command import femimpact
 
 import femimpact as fi
-from femimpact.export.figures.branches import kind_words
-from femimpact.export.report.branch_charts import branches_section
-from femimpact.export.tables import read_units
-from femimpact.study.branch_file import read_followed
+from femimpact.app.report.branch_charts import branches_section
+from femimpact.app.results.branch_file import read_followed
+from femimpact.files import read_units
+from femimpact.orbits.figures import kind_words
 from femimpact.svg import markup
 
 pytestmark = pytest.mark.impacts

@@ -14,8 +14,8 @@ import pytest
 from test_study_blocks import GAP, key_of, small, study
 
 import femimpact as fi
-from femimpact.parametric import identity
-from femimpact.parametric.identity import plain_study
+from femimpact.app.parametric import identity
+from femimpact.app.parametric.identity import plain_study
 
 pytestmark = pytest.mark.impacts
 

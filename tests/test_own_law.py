@@ -12,7 +12,7 @@ import pytest
 
 import femimpact as fi
 from femimpact.contact import require_law, resolve
-from femimpact.export.figures import collision_history
+from femimpact.figures import collision_history
 
 pytestmark = pytest.mark.impacts
 

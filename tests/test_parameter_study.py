@@ -29,15 +29,15 @@ from builders import (
 )
 
 import femimpact as fi
-from femimpact.export.report.maps import maps_section
-from femimpact.export.tables import case_columns, unsure_cells
-from femimpact.parametric.block_files import BLOCKS
-from femimpact.parametric.evaluation import evaluated
-from femimpact.parametric.labelled import median_ranks, over_starts
-from femimpact.parametric.paths import study_with
-from femimpact.parametric.study_command import definition_of
-from femimpact.parametric.workers import block_cases
-from femimpact.study.result_conclusions import study_lead
+from femimpact.app.parametric.block_files import BLOCKS
+from femimpact.app.parametric.evaluation import evaluated
+from femimpact.app.parametric.labelled import median_ranks, over_starts
+from femimpact.app.parametric.paths import study_with
+from femimpact.app.parametric.workers import block_cases
+from femimpact.app.report.maps import maps_section
+from femimpact.app.report.result_conclusions import study_lead
+from femimpact.app.tasks.study_command import definition_of
+from femimpact.figures.study_labels import case_columns, unsure_cells
 from femimpact.svg import markup
 from femimpact.units import prefixed
 
@@ -620,7 +620,7 @@ def test_a_function_of_the_users_own_is_known_by_its_code(tmp_path):
 
 
 def test_a_full_disk_is_an_error_that_names_the_file_and_leaves_what_was_finished(tmp_path, monkeypatch):
-    import femimpact.parametric.block_files as block_files
+    import femimpact.app.parametric.block_files as block_files
 
     axes, written, really = {GAP: list(np.linspace(2e-3, 6e-3, 24))}, [], block_files.atomic_write
 
@@ -1029,7 +1029,7 @@ NO_SCHEDULER = {
 @pytest.mark.parametrize("kind", [*NO_SCHEDULER, "missing", "folder", "pipe"])
 def test_a_scheduler_file_that_is_none_is_one_line(kind, tmp_path):
     pytest.importorskip("distributed")
-    from femimpact.parametric.workers import connected
+    from femimpact.app.parametric.workers import connected
 
     path, (text, words) = tmp_path / "scheduler.json", NO_SCHEDULER.get(kind, (None, "no port, and as a file: "))
     if text is not None:

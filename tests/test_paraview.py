@@ -16,8 +16,8 @@ from builders import REFERENCE, reduced
 from test_paraview_scripts import constants
 
 import femimpact as fi
-from femimpact.export import vtk
-from femimpact.export.vtk.script import script_path
+from femimpact import vtk
+from femimpact.vtk.script import script_path
 
 PVPYTHON, XVFB = shutil.which("pvpython"), shutil.which("Xvfb")
 asked = pytest.mark.skipif(not os.environ.get("FEMIMPACT_PARAVIEW"), reason="asked for by FEMIMPACT_PARAVIEW=1")

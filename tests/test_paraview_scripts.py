@@ -12,9 +12,9 @@ from builders import REFERENCE, reduced
 from grids import points_of
 
 import femimpact as fi
-from femimpact.export import vtk
-from femimpact.export.scene import BALL, BEAM, CONTACT_POINT, STOP
-from femimpact.export.vtk.script import script_path
+from femimpact import vtk
+from femimpact.scene.scene import BALL, BEAM, CONTACT_POINT, STOP
+from femimpact.vtk.script import script_path
 
 TWO = dataclasses.replace(
     REFERENCE,

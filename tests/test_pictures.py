@@ -18,18 +18,19 @@ import pytest
 from builders import FILES, REFERENCE, load_study, prepare, run_simulation, run_study, short_study, write_report
 
 import femimpact as fi
-from femimpact.export import figures, movie
-from femimpact.study import pictures
-from femimpact.study.picture_data import (
+from femimpact import figures
+from femimpact.app.report import pictures
+from femimpact.app.results.picture_data import (
     read_curves,
     read_film,
     read_last_cycles,
     read_mode_shapes,
     write_mode_shapes,
 )
-from femimpact.study.result_directory import replaced_by
-from femimpact.study.results import read_summary
-from femimpact.study.run import run_sweep
+from femimpact.app.results.result_directory import replaced_by
+from femimpact.app.results.results import read_summary
+from femimpact.app.tasks.run import run_sweep
+from femimpact.figures import movie
 
 DATA = Path(__file__).parent / "data"
 FIGURES = ("mode_figure", "response_figure", "force_figure", "portrait_figure", "impact_histograms", "impulse_phase")
@@ -148,7 +149,7 @@ def unpacked(folder, *removed):
     return folder
 
 
-@pytest.mark.filterwarnings("ignore::femimpact.study.result_directory.ResultsWarning")
+@pytest.mark.filterwarnings("ignore::femimpact.app.results.result_directory.ResultsWarning")
 def test_results_are_drawn_without_their_mesh_file_and_without_their_record(tmp_path):
     out = unpacked(tmp_path / "out", "base_record.csv")
     summary = read_summary(out)
@@ -163,7 +164,7 @@ def test_results_are_drawn_without_their_mesh_file_and_without_their_record(tmp_
     assert (stop.is_stop, stop.position, stop.gaps, stop.fixed_to) == (True, 0.1, (0.2e-3, np.inf), "space")
 
 
-@pytest.mark.filterwarnings("ignore::femimpact.study.result_directory.ResultsWarning")
+@pytest.mark.filterwarnings("ignore::femimpact.app.results.result_directory.ResultsWarning")
 def test_a_report_draws_the_same_structure_from_the_study_and_from_stored_places(tmp_path):
     found = []
     for name, removed in (("study", ()), ("snapshots", ("base_record.csv", "last_cycles.nc"))):
@@ -298,9 +299,9 @@ def test_what_can_not_be_drawn_does_not_take_the_other_figures_with_it(results):
 
 
 def test_the_childs_of_a_killed_run_end_with_it(results, tmp_path):
-    code = "import sys, time; from pathlib import Path; from femimpact.study import pictures\n"
+    code = "import sys, time; from pathlib import Path; from femimpact.app.report import pictures\n"
     code += "pictures.CHILD = pictures.CHILD.replace('child(', 'import os; print(os.getpid(), file=open(sys.argv[4]"
-    code += ' + "/number", "w")); import threading, time; from femimpact.study.pictures import _end_with_parent;'
+    code += ' + "/number", "w")); import threading, time; from femimpact.app.report.pictures import _end_with_parent;'
     code += " threading.Thread(target=_end_with_parent).start(); time.sleep(600); child(')\n"
     code += "pictures.draw_in_child(Path(sys.argv[1]), Path(sys.argv[2]), ('movie',), lambda *_: None)"
     parent = subprocess.Popen([sys.executable, "-c", code, results, tmp_path])

@@ -11,8 +11,8 @@ from builders import REFERENCE, ParameterPlan, cantilever, oscillator, paper_stu
 from scipy.integrate import quad
 
 import femimpact as fi
+from femimpact.app.study.parameter_plan import AxisValues
 from femimpact.integrators.planned_drive import largest_motion, plan_notes, swept_envelope, swept_peak
-from femimpact.study.parameter_plan import AxisValues
 
 pytestmark = pytest.mark.impacts
 

@@ -31,17 +31,17 @@ from builders import (
 )
 
 import femimpact as fi
+from femimpact.app import demo
+from femimpact.app.study import study as studies
+from femimpact.app.study.forces import DrivenMotion, StudyForce
+from femimpact.app.study.parameter_plan import AxisValues
+from femimpact.app.study.prepared import with_base
+from femimpact.app.study.study import Gravity
+from femimpact.app.study.study_file import LAWS
+from femimpact.app.study.summary import contacts_of
+from femimpact.app.tasks import run as runs
+from femimpact.app.tasks.run import last_cycles
 from femimpact.cli import _print_results as print_results
-from femimpact.study import demo
-from femimpact.study import run as runs
-from femimpact.study import study as studies
-from femimpact.study.forces import DrivenMotion, StudyForce
-from femimpact.study.parameter_plan import AxisValues
-from femimpact.study.prepared import with_base
-from femimpact.study.run import last_cycles
-from femimpact.study.study import Gravity
-from femimpact.study.study_file import LAWS
-from femimpact.study.summary import contacts_of
 
 
 @pytest.fixture(scope="module")

@@ -117,16 +117,16 @@ FILE_NAMES = """
     response_of_starts.png curves_of_starts.csv report.html convergence.json
 """
 MODULES = {
-    "femimpact.export.figures": """
+    "femimpact.figures": """
         COLOURS STYLE OffScreen amplitude_spectrum beam_mesh bifurcation calibration collision_history contact_force
         contact_laws convergence convergence_panels cycle_averaged_force energies impact_histograms impulse_phase
         mesh_convergence mode_convergence mode_shapes motion phase_portrait response_curve
         save_figure spectrum step_convergence study_lines study_map study_maps study_scatter value_map
     """,
-    "femimpact.export.history": "history_writer",
-    "femimpact.export.movie": "gl_window write_movie",
-    "femimpact.export.tables": "plain read_csv read_units write_csv write_json write_netcdf",
-    "femimpact.export.vtk": "write_deflection write_mode write_modes",
+    "femimpact.response.history_file": "history_writer",
+    "femimpact.figures.movie": "gl_window write_movie",
+    "femimpact.files": "plain read_csv read_units write_csv write_json write_netcdf",
+    "femimpact.vtk": "write_deflection write_mode write_modes",
 }
 """Modules that pages name, with all of their public names."""
 
@@ -161,7 +161,7 @@ def test_a_module_that_pages_name_still_has_its_names(module):
     found = importlib.import_module(module)
     assert set(MODULES[module].split()) <= set(found.__all__)
     assert all(hasattr(found, name) for name in found.__all__)
-    assert fi.figures is importlib.import_module("femimpact.export.figures")
+    assert fi.figures is importlib.import_module("femimpact.figures")
 
 
 @pytest.mark.parametrize("command", COMMANDS.split())

@@ -17,7 +17,7 @@ from calls import branch_file
 from command import femimpact
 
 import femimpact as fi
-from femimpact.export.files import atomic_path, atomic_write
+from femimpact.files import atomic_path, atomic_write
 from femimpact.regular_file import check_regular, open_regular, read_now, read_regular
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes on this system")

@@ -25,9 +25,9 @@ from builders import (
 from test_svg import HOSTILE, Parsed
 
 import femimpact as fi
+from femimpact.app.report.player import FULL, frames_of
+from femimpact.app.results.result_directory import RUNNING
 from femimpact.cli import app
-from femimpact.export.report.player import FULL, frames_of
-from femimpact.study.result_directory import RUNNING
 
 pytestmark = pytest.mark.impacts
 
@@ -150,7 +150,7 @@ def test_a_report_that_fails_is_a_warning_and_the_results_stand(tmp_path, monkey
     def fails(*_):
         raise RuntimeError("no page")
 
-    monkeypatch.setattr("femimpact.study.result_page.page_of", fails)
+    monkeypatch.setattr("femimpact.app.report.result_page.page_of", fails)
     with pytest.warns(ResultsWarning, match=r"report not written: no page; 'femimpact report .*out' writes it"):
         found = run_study(short_study(0.5, **NO_PICTURES), tmp_path / "out", parts=("modes",))
     assert found.modes is not None
@@ -249,7 +249,7 @@ def test_parts_of_a_run_that_was_ended_make_a_report_and_can_still_be_finished(t
     def ended(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("femimpact.study.run.run_sweep", ended)
+    monkeypatch.setattr("femimpact.app.tasks.run.run_sweep", ended)
     out = tmp_path / "out"
     with pytest.raises(KeyboardInterrupt):
         run_study(short_study(1.0, **KEPT), out)
@@ -273,7 +273,7 @@ def test_a_run_goes_where_only_the_report_of_an_ended_one_is(tmp_path, monkeypat
 
     out = tmp_path / "out"
     with monkeypatch.context() as patch:
-        patch.setattr("femimpact.study.run.run_sweep", ended)
+        patch.setattr("femimpact.app.tasks.run.run_sweep", ended)
         with pytest.raises(KeyboardInterrupt):
             run_study(short_study(1.0, **NO_PICTURES), out)
     write_report(out)
@@ -369,7 +369,7 @@ def test_between_snapshots_the_beam_moves_as_it_did():
     start = fi.State(displacement=np.array([1e-4]))
     fine = fi.integrate(system, fi.Sine(1e-12, 5.0), fi.EventDriven(), 0.4, fi.Recorder(snapshots=1), start)
     coarse = fi.integrate(system, fi.Sine(1e-12, 5.0), fi.EventDriven(), 0.4, fi.Recorder(snapshots=4), start)
-    from femimpact.export.report.player import _between
+    from femimpact.app.report.player import _between
 
     times = fine.snapshots.time
     read = _between(coarse.snapshots, times)[:, -2]
@@ -489,7 +489,7 @@ def test_numbers_of_a_planned_test_are_a_part(tmp_path):
 def test_a_map_has_a_cell_of_the_right_colour_at_every_place():
     import xarray
 
-    from femimpact.export.report.maps import LEVELS, maps_section
+    from femimpact.app.report.maps import LEVELS, maps_section
     from femimpact.svg import GRID
 
     values = np.array([[0.0, 1.0, 2.0], [3.0, np.nan, 15.0]])
@@ -542,7 +542,7 @@ def test_a_notebook_shows_small_charts_in_which_texts_stay_texts(run):
     ],
 )
 def test_numbers_of_a_column_stand_below_one_another(values, texts):
-    from femimpact.export.report.page import Table, table_element
+    from femimpact.app.report.page import Table, table_element
 
     cells = table_element(Table("t", ("x",), tuple((value,) for value in values))).iter("td")
     shown, data = zip(*((cell.text, cell.get("data-value")) for cell in cells), strict=True)

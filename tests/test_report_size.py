@@ -9,9 +9,9 @@ import pytest
 from builders import REFERENCE, reduced
 
 import femimpact as fi
-from femimpact.export.report.page import MOST_BYTES, Page, Section, page_bytes
-from femimpact.export.report.player import player_element
-from femimpact.study.script_page import bounded_page, thinned_path
+from femimpact.app.report.page import MOST_BYTES, Page, Section, page_bytes
+from femimpact.app.report.player import player_element
+from femimpact.app.report.script_page import bounded_page, thinned_path
 from femimpact.svg import element, path_of
 
 

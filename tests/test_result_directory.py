@@ -14,12 +14,12 @@ import pytest
 from builders import ResultsWarning, finish_results
 
 import femimpact as fi
-from femimpact.export import files, tables
-from femimpact.export.files import atomic_write
-from femimpact.export.vtk import formats
-from femimpact.study import result_directory
-from femimpact.study.result_directory import Lock, prepare_directory, unfinished_state, update_results
-from femimpact.study.results import write_summary
+from femimpact import files
+from femimpact.app.results import result_directory
+from femimpact.app.results.result_directory import Lock, prepare_directory, unfinished_state, update_results
+from femimpact.app.results.results import write_summary
+from femimpact.files import atomic_write, write_csv
+from femimpact.vtk import formats
 
 OLD, NEW = 1.0, 2.0
 
@@ -28,7 +28,7 @@ def write_results(staging, value):
     """A few files as a run leaves them, all of which tell which run it was."""
     folder = staging.folder
     for name in ("modes.csv", "impacts.csv", "contact_force.png") if value == NEW else ("modes.csv", "sticking.csv"):
-        tables.write_csv(folder / name, {"value": [value]}, {})
+        write_csv(folder / name, {"value": [value]}, {})
     # more frames before than after
     texts = (f"{value}" for _ in range(2 if value == NEW else 4))
     formats.write_frames(folder / "modes.pvd", range(2 if value == NEW else 4), texts)
@@ -205,8 +205,8 @@ def test_a_summary_is_finished_with_the_files_that_it_names(tmp_path):
     def break_off_between():
         with prepare_directory(out) as staging:
             write_results(staging, OLD)
-            tables.write_csv(staging.folder / "sticking.csv", {"value": [NEW]}, {})
-            tables.write_csv(staging.folder / "sweep.csv", {"value": [NEW]}, {})
+            write_csv(staging.folder / "sticking.csv", {"value": [NEW]}, {})
+            write_csv(staging.folder / "sweep.csv", {"value": [NEW]}, {})
             write_summary(staging.folder, {"value": NEW}, beside=staging.finished)
             raise KeyboardInterrupt
 
@@ -487,8 +487,8 @@ def test_a_limit_on_the_size_of_a_file_is_one_error_and_no_crash(tmp_path):
         import resource, sys
         from pathlib import Path
         import numpy as np, xarray
-        from femimpact.export.history import history_writer
-        from femimpact.export.tables import write_netcdf
+        from femimpact.response.history_file import history_writer
+        from femimpact.files import write_netcdf
         from femimpact.excitation import Sine
         from femimpact.response.history import HistoryPiece
         data = xarray.Dataset({"a": ("t", np.random.default_rng(1).random(100_000))})
@@ -549,8 +549,8 @@ def test_a_lock_that_was_removed_between_opening_and_locking_is_taken_anew(tmp_p
 
 def test_sticking_phases_of_an_earlier_version_are_read(tmp_path):
     with prepare_directory(tmp_path / "results", force=False) as staging:
-        tables.write_csv(staging.folder / "modes.csv", {"value": [1.0]}, {})
-        tables.write_csv(staging.folder / "riding.csv", {"start": [0.25]}, {"start": "s"})
+        write_csv(staging.folder / "modes.csv", {"value": [1.0]}, {})
+        write_csv(staging.folder / "riding.csv", {"start": [0.25]}, {"start": "s"})
         write_summary(staging.folder, {})
         staging.finish_part("modes")
     results = fi.load(tmp_path / "results")

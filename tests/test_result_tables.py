@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from builders import OrbitsPlan, load_study, paper_study_text, run_study
 
-from femimpact.study.branches import write_orbits
+from femimpact.app.tasks.branches import write_orbits
 
 pytestmark = pytest.mark.impacts
 

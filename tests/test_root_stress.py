@@ -9,7 +9,7 @@ import pytest
 from builders import NO_PICTURES, prepare, short_study
 
 import femimpact as fi
-from femimpact.study.prepared import lines_of_plan, root_stress
+from femimpact.app.study.prepared import lines_of_plan, root_stress
 
 MATERIAL = {"young_modulus": 70e9, "density": 2700.0}
 SECTION = {"length": 0.23, "area": 2e-5, "second_moment": 1.7e-12, **MATERIAL}

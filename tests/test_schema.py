@@ -13,7 +13,7 @@ from builders import TABLES, load_study, paper_study_text, study_schema
 from command import femimpact
 
 import femimpact as fi
-from femimpact.study.schema import NOT_IN_SCHEMA
+from femimpact.app.study.schema import NOT_IN_SCHEMA
 
 jsonschema = pytest.importorskip("jsonschema")
 

@@ -153,7 +153,7 @@ def test_bad_shock_is_one_line(more: dict[str, object], words: str) -> None:
 
 
 def test_shock_of_a_study_file_has_all_of_it() -> None:
-    text = Path(__file__).parent.parent.joinpath("femimpact/study/paper.toml").read_text(encoding="utf-8")
+    text = Path(__file__).parent.parent.joinpath("femimpact/app/paper.toml").read_text(encoding="utf-8")
     head = text[: text.index("[base]")]
     study = """[base]
 kind = "shock"

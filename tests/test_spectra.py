@@ -9,8 +9,8 @@ import pytest
 from nouns import STRUCTURE
 
 import femimpact as fi
-from femimpact.spectra.densities import degrees_of_freedom, resolution_bias
-from femimpact.spectra.estimates import _transform_of
+from femimpact.signals.densities import degrees_of_freedom, resolution_bias
+from femimpact.signals.estimates import _transform_of
 
 G = 9.80665
 RATIO, NATURAL = 0.02, 5.0

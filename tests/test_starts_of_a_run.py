@@ -22,12 +22,12 @@ from builders import (
 )
 
 import femimpact as fi
+from femimpact.app.parametric import starts as starts_of
+from femimpact.app.parametric.starts import spreads_of
+from femimpact.app.report.result_conclusions import conclusions_of
+from femimpact.app.results.picture_data import read_bands
 from femimpact.cli import _print_results
 from femimpact.integrators.runs import integrate
-from femimpact.study import starts as starts_of
-from femimpact.study.picture_data import read_bands
-from femimpact.study.result_conclusions import conclusions_of
-from femimpact.study.starts import spreads_of
 
 pytestmark = pytest.mark.impacts
 
@@ -306,7 +306,7 @@ def failing(work, numbers):
 def test_a_start_that_diverges_is_a_named_failure_and_the_others_have_ranges(
     tmp_path, monkeypatch, ran, name, part, counted
 ):
-    monkeypatch.setattr(f"femimpact.study.starts.{name}", failing(getattr(starts_of, name), {2}))
+    monkeypatch.setattr(f"femimpact.app.parametric.starts.{name}", failing(getattr(starts_of, name), {2}))
     found = fi.run_study(study(), tmp_path / "out").summary
     assert found["failed_starts"] == {part: {"start 2": "the motion grows without bound"}}
     value = found
@@ -326,7 +326,7 @@ def test_a_start_that_diverges_is_a_named_failure_and_the_others_have_ranges(
 
 
 def test_where_all_starts_diverge_the_run_ends_with_one_line(tmp_path, monkeypatch):
-    monkeypatch.setattr("femimpact.study.starts.integrate", failing(integrate, set(range(1, STARTS + 1))))
+    monkeypatch.setattr("femimpact.app.parametric.starts.integrate", failing(integrate, set(range(1, STARTS + 1))))
     with pytest.raises(fi.DivergenceError, match=r"^all 5 starts have failed, the first: the motion grows") as ended:
         fi.run_study(study(), tmp_path / "out")
     assert len(str(ended.value).splitlines()) == 1
@@ -336,7 +336,7 @@ def test_ranges_of_a_history_stay_where_the_run_is_ended_in_its_sweep(tmp_path, 
     def end(*_arguments, **_more):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("femimpact.study.run.run_sweep", end)
+    monkeypatch.setattr("femimpact.app.tasks.run.run_sweep", end)
     with pytest.raises(KeyboardInterrupt):
         fi.run_study(study(), tmp_path / "out")
     finish_results(tmp_path / "out", False)

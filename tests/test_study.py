@@ -10,7 +10,7 @@ import pytest
 from builders import TABLES, build, load_study, paper_study, paper_study_text, prepare
 
 import femimpact as fi
-from femimpact.study.study_file import LAWS
+from femimpact.app.study.study_file import LAWS
 
 TEXT = paper_study_text()
 

@@ -10,8 +10,8 @@ from builders import paper_study, plain_study, study_key, with_ball
 from wrong import NOTHING_SOUND, NUMBERS_AND_WORDS
 
 import femimpact as fi
-from femimpact.export.files import atomic_path
-from femimpact.parametric.block_files import BLOCKS
+from femimpact.app.parametric.block_files import BLOCKS
+from femimpact.files import atomic_path
 
 pytestmark = pytest.mark.impacts
 

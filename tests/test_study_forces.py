@@ -12,8 +12,8 @@ import pytest
 from builders import read_study, same_study, study_schema, study_text
 
 import femimpact as fi
-from femimpact.parametric.paths import paths_of_study, study_with
-from femimpact.study.picture_data import _base_numbers, _excitation
+from femimpact.app.parametric.paths import paths_of_study, study_with
+from femimpact.app.results.picture_data import _base_numbers, _excitation
 
 HEAD = """
 [beam]

@@ -11,11 +11,11 @@ import pytest
 from builders import FILES, ResultsWarning, load_study, plan_lines, prepare, same_study, study_text
 
 import femimpact as fi
+from femimpact.app.report.pictures import draw_again
+from femimpact.app.results.picture_data import read_film, read_last_cycles
+from femimpact.app.study.base_motion import BaseMotion
+from femimpact.app.tasks.convergence import write_convergence
 from femimpact.cli import app
-from femimpact.study.base_motion import BaseMotion
-from femimpact.study.convergence import write_convergence
-from femimpact.study.picture_data import read_film, read_last_cycles
-from femimpact.study.pictures import draw_again
 
 pytestmark = pytest.mark.impacts
 

@@ -26,11 +26,11 @@ from test_report import LOADING, section, text_of
 from test_svg import Parsed
 
 import femimpact as fi
-from femimpact.export.report.maps import maps_section
-from femimpact.export.tables import measure_names, unsure_cells
-from femimpact.parametric.study_command import plan_lines
-from femimpact.study.best_case import best_cases
-from femimpact.study.result_conclusions import study_lead
+from femimpact.app.parametric.best import best_cases
+from femimpact.app.report.maps import maps_section
+from femimpact.app.report.result_conclusions import study_lead
+from femimpact.app.tasks.study_command import plan_lines
+from femimpact.figures.study_labels import measure_names, unsure_cells
 from femimpact.svg import markup
 
 pytestmark = pytest.mark.impacts
@@ -113,7 +113,7 @@ def test_a_report_that_fails_is_a_warning_and_the_study_stands(tmp_path, monkeyp
     def fails(folder, directory):
         raise RuntimeError("no page")
 
-    monkeypatch.setattr("femimpact.study.result_page.page_of", fails)
+    monkeypatch.setattr("femimpact.app.report.result_page.page_of", fails)
     with pytest.warns(ResultsWarning, match=r"report not written: no page; 'femimpact report"):
         data = write_parameter_study(study(TABLE.replace("starts = 5", "starts = 1")), tmp_path)
     with xarray.open_dataset(tmp_path / "study.nc") as again:

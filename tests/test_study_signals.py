@@ -8,8 +8,8 @@ import pytest
 from builders import UNDRAWN_STUDY, read_study, run_study, study_text
 
 import femimpact as fi
-from femimpact.study.base_motion import numbers_of_signal, signal_of_numbers
-from femimpact.study.picture_data import _base
+from femimpact.app.results.picture_data import _base
+from femimpact.app.study.base_motion import numbers_of_signal, signal_of_numbers
 
 pytestmark = pytest.mark.impacts
 

@@ -24,8 +24,8 @@ from builders import (
 from command import femimpact
 
 import femimpact as fi
-from femimpact.parametric.study_command import definition_of
-from femimpact.study.study_file import unit_lines
+from femimpact.app.study.study_file import unit_lines
+from femimpact.app.tasks.study_command import definition_of
 
 IN_UNITS = [
     ("0.23026615 ", '"230.26615 mm" '),

@@ -23,9 +23,9 @@ from femimpact.svg import (
     element,
     markup,
     notebook_markup,
-    number_text,
     thinned_line,
 )
+from femimpact.units import typeset
 
 HOSTILE = ("<script>alert(1)</script>", '" onload="alert(1)', "</style><b>", "a & b", "\0\x1b\ud800", "]]>", "<!--")
 
@@ -176,11 +176,11 @@ def test_a_style_or_a_script_that_holds_its_own_end_is_refused():
      (math.inf, "\u221e"), (-math.inf, "\u2212\u221e")],
 )  # fmt: skip
 def test_numbers_for_the_eye(value, text):
-    assert number_text(value) == text
+    assert typeset(value) == text
 
 
 def test_zeros_that_say_how_exact_a_number_is_stay():
-    assert [number_text(value, zeros=True) for value in (5.3, 100.0, 0.29)] == ["5.300", "100.0", "0.2900"]
+    assert [typeset(value, zeros=True) for value in (5.3, 100.0, 0.29)] == ["5.300", "100.0", "0.2900"]
 
 
 def test_a_chart_of_a_notebook_is_small_whatever_the_line():

@@ -10,7 +10,7 @@ import pytest
 from builders import read_study, same_study, study_text
 
 import femimpact as fi
-from femimpact.study.picture_data import read_curves
+from femimpact.app.results.picture_data import read_curves
 
 ROWS = ((4.0, 0.2), (5.0, 0.4), (6.0, 0.4))
 
@@ -53,7 +53,7 @@ def test_bad_level_of_a_sweep_is_one_line(rows: Any, words: str) -> None:
 
 
 def study(tmp_path: Path, acceleration: str) -> fi.Study:
-    text = Path(__file__).parent.parent.joinpath("femimpact/study/paper.toml").read_text(encoding="utf-8")
+    text = Path(__file__).parent.parent.joinpath("femimpact/app/paper.toml").read_text(encoding="utf-8")
     text = text.replace('name = "newmark"', 'name = "event-driven"').replace("elements = 40", "elements = 8")
     text = (
         text.replace("modes = 8 ", "modes = 2 ")

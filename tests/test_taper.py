@@ -14,13 +14,13 @@ from numpy.polynomial import Polynomial
 from scipy.integrate import quad
 
 import femimpact as fi
-from femimpact.export.scene import BEAM, build_scene
-from femimpact.export.vtk import write_modes
-from femimpact.export.vtk.modes import beam_fields
 from femimpact.response.channels import SectionReading
+from femimpact.scene.scene import BEAM, build_scene
 from femimpact.system.hermite import shape_functions
 from femimpact.system.modes import solve_stiffness
 from femimpact.validation.beams import TaperedCantilever
+from femimpact.vtk import write_modes
+from femimpact.vtk.modes import beam_fields
 
 LENGTH, WIDTH, THICKNESS = 0.3, 0.02, 4e-3
 MATERIAL = {"young_modulus": 70e9, "density": 2700.0}

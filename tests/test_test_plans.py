@@ -15,7 +15,7 @@ import femimpact as fi
 ROOT = Path(__file__).parent.parent
 PAGE = (ROOT / "docs/howto/test_plan.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)
-HEAD = (ROOT / "femimpact/study/paper.toml").read_text(encoding="utf-8").partition("[base]")[0]
+HEAD = (ROOT / "femimpact/app/paper.toml").read_text(encoding="utf-8").partition("[base]")[0]
 G = 9.80665
 
 

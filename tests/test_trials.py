@@ -9,7 +9,7 @@ import pytest
 from builders import paper_study, paper_study_text, prepare, reduced, run_simulation, summary_of, with_ball
 
 import femimpact as fi
-from femimpact.study.run import run_modes
+from femimpact.app.tasks.run import run_modes
 
 pytestmark = pytest.mark.impacts
 

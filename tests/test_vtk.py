@@ -13,12 +13,12 @@ from builders import FILES
 from grids import points_of
 
 import femimpact as fi
-from femimpact.export import vtk
-from femimpact.export.placed import ball_radius, body_side
-from femimpact.export.scene import BALL, BEAM, BODY, BOX, CONNECTION, CONTACT_POINT, SUPPORT
-from femimpact.export.vtk import deflection, formats
-from femimpact.export.vtk.deflection import frames_of
-from femimpact.export.vtk.script import script_path
+from femimpact import vtk
+from femimpact.scene.placed import ball_radius, body_side
+from femimpact.scene.scene import BALL, BEAM, BODY, BOX, CONNECTION, CONTACT_POINT, SUPPORT
+from femimpact.vtk import deflection, formats
+from femimpact.vtk.deflection import frames_of
+from femimpact.vtk.script import script_path
 
 pytestmark = pytest.mark.impacts
 

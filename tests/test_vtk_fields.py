@@ -9,9 +9,9 @@ import pytest
 from grids import points_of
 
 import femimpact as fi
-from femimpact.export.scene import BEAM
-from femimpact.export.vtk import write_deflection, write_modes
+from femimpact.scene.scene import BEAM
 from femimpact.system.hermite import hermite_rows
+from femimpact.vtk import write_deflection, write_modes
 
 ALUMINIUM = {"young_modulus": 70e9, "density": 2700.0}
 THICK = fi.Segment(length=0.12, width=0.030, thickness=3e-3, name="thick", **ALUMINIUM)

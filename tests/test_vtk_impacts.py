@@ -11,9 +11,9 @@ from builders import REFERENCE, reduced, with_ball
 from grids import points_of
 
 import femimpact as fi
-from femimpact.export.scene import BALL, BOX, CONTACT_POINT, STOP
-from femimpact.export.vtk import deflection, write_deflection
-from femimpact.export.vtk.deflection import frames_of
+from femimpact.scene.scene import BALL, BOX, CONTACT_POINT, STOP
+from femimpact.vtk import deflection, write_deflection
+from femimpact.vtk.deflection import frames_of
 
 pytestmark = pytest.mark.impacts
 

@@ -7,8 +7,8 @@ import pytest
 from builders import REFERENCE, reduced, run_study, short_study
 
 import femimpact as fi
-from femimpact.export.files import GuardedFile
-from femimpact.export.vtk import write_deflection, write_modes
+from femimpact.files import GuardedFile
+from femimpact.vtk import write_deflection, write_modes
 
 pytestmark = pytest.mark.impacts
 

@@ -12,8 +12,8 @@ import pytest
 from builders import REFERENCE, reduced, with_ball
 
 import femimpact as fi
-from femimpact.export.report.page import WARNINGS_PAGE
-from femimpact.study.summary import _curve_warnings
+from femimpact.app.report.page import WARNINGS_PAGE
+from femimpact.app.study.summary import _curve_warnings
 from femimpact.sweep.curve import TAKE_STARTS, _steadiness_warnings
 
 pytestmark = pytest.mark.impacts
@@ -23,20 +23,20 @@ PAGE = (ROOT / "docs" / "reference" / "warnings.md").read_text("utf-8")
 SECTIONS = dict(re.findall(r"^## (.*?)\n(.*?)(?=^## |\Z)", PAGE, re.MULTILINE | re.DOTALL))
 
 SITES = {
-    ("study/run.py", "_summary"): ["of the further starts failed"],
+    ("app/tasks/run.py", "_summary"): ["of the further starts failed"],
     ("sweep/curve.py", "_steadiness_warnings"): ["the motion never repeats",
                                                  "the two halves of the measured time differ"],
     ("sweep/curve.py", "_dwell_warnings"): ["of the first mode's transient"],
-    ("identification/bandwidth.py", "resolution_warnings"): ["does not resolve the half-power width"],
-    ("identification/bandwidth.py", "half_power"): ["no half-power point"],
-    ("identification/one_pole.py", "fit_one_pole"): ["no resonance within", "no interval: the misfit of",
+    ("response/resolution.py", "resolution_warnings"): ["does not resolve the half-power width"],
+    ("signals/bandwidth.py", "half_power"): ["no half-power point"],
+    ("signals/one_pole.py", "fit_one_pole"): ["no resonance within", "no interval: the misfit of",
                                                      "read the ratio as an equivalent one",
                                                      "do not determine a damping ratio"],
-    ("identification/decay.py", "identify_decay"): ["the signal is clipped", "the envelope beats", "no free decay",
+    ("signals/decay.py", "identify_decay"): ["the signal is clipped", "the envelope beats", "no free decay",
                                                     "no decay can be told from noise", "the record is rounded",
                                                     "the times wander"],
-    ("identification/damped_sines.py", "reason_against"): ["no linear decay"],
-    ("identification/decay_windows.py", "windows"): ["the decrement changes within one"],
+    ("signals/damped_sines.py", "reason_against"): ["no linear decay"],
+    ("signals/decay_windows.py", "windows"): ["the decrement changes within one"],
     ("excitation/remarks.py", "motion_warnings"): ["is the amplitude of the base in metres",
                                                    "the mean acceleration of its record is"],
     ("excitation/remarks.py", "_removed_of_pulse"): ["the record is a pulse that changes the velocity"],
@@ -50,18 +50,18 @@ SITES = {
     ("integrators/runs.py", "response_by"): ["are not in the table"],
     ("response/energy.py", "residual_warnings"): ["energy residual"],
     ("integrators/runs.py", "_coarse_forces"): ["readings in it miss its peak"],
-    ("response/signals.py", "deflection_warnings"): ["linear beam theory"],
-    ("study/prepared.py", "_coarse_history"): ["misses the extremes between them"],
-    ("study/prepared.py", "_empty_sweep"): ["no natural frequency lies between them"],
-    ("study/summary.py", "_restitution_warnings"): ["the law is made for the first mode's mass"],
-    ("study/summary.py", "_estimates"): ["the motion around the peak does not repeat"],
-    ("study/pictures.py", "with_pictures"): ["not drawn"],
-    ("study/run.py", "_finish"): ["the run was ended before"],
-    ("spectra/densities.py", "record_of"): ["lacks the impulses of"],
-    ("spectra/densities.py", "width_warnings"): ["are coarser than a fifth of the half-power width"],
-    ("spectra/densities.py", "too_coarse"): ["would be an alias"],
-    ("spectra/estimates.py", "_by_dwells"): ["dwells are not steady"],
-    ("spectra/transfer.py", "transfer_function"): ["in contact at rest"],
+    ("response/cycles.py", "deflection_warnings"): ["linear beam theory"],
+    ("app/study/prepared.py", "_coarse_history"): ["misses the extremes between them"],
+    ("app/study/prepared.py", "_empty_sweep"): ["no natural frequency lies between them"],
+    ("app/study/summary.py", "_restitution_warnings"): ["the law is made for the first mode's mass"],
+    ("app/study/summary.py", "_estimates"): ["the motion around the peak does not repeat"],
+    ("app/report/pictures.py", "with_pictures"): ["not drawn"],
+    ("app/tasks/run.py", "_finish"): ["the run was ended before"],
+    ("signals/densities.py", "record_of"): ["lacks the impulses of"],
+    ("signals/densities.py", "width_warnings"): ["are coarser than a fifth of the half-power width"],
+    ("signals/densities.py", "too_coarse"): ["would be an alias"],
+    ("signals/estimates.py", "_by_dwells"): ["dwells are not steady"],
+    ("signals/transfer.py", "transfer_function"): ["in contact at rest"],
     ("integrators/preflight_row.py", "row_of"): ["(limit: at"],
     ("integrators/planned_drive.py", "contact_notes"): ["in contact at rest"],
     ("structure/structure.py", "unusual_numbers"): ["is it in Pa", "is it a percentage", "shear and rotary inertia"],

@@ -26,8 +26,8 @@ import xarray
 from matplotlib import pyplot as plt
 
 import femimpact as fi
+from femimpact.app.demo import RESTITUTION, misfit
 from femimpact.contact import resolve
-from femimpact.study.demo import RESTITUTION, misfit
 
 AMPLITUDE = 0.2037e-3
 PUBLISHED = {"peak_frequency": 4.95, "amplitude_ratio": 5.0}

@@ -31,7 +31,7 @@ from femimpact.fem.assembly import assemble
 from femimpact.fem.mesh import MOST_ELEMENTS, Mesh, graded_mesh, random_mesh, uniform_mesh
 from femimpact.fem.mesh_files import read_outcomes
 from femimpact.integrators.stepping.newmark import Newmark
-from femimpact.spectra.transfer import harmonic_amplitudes
+from femimpact.signals.transfer import harmonic_amplitudes
 from femimpact.structure.structure import Structure
 from femimpact.system.modes import Modes, first_elastic_frequency, solve_modes
 from femimpact.system.reduction import reduce

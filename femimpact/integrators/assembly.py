@@ -12,10 +12,10 @@ from femimpact.errors import in_range, made, quantity, require
 from femimpact.excitation import Excitation
 from femimpact.integrators.channel_rows import ChannelRows, Drive, channel_rows, mode_notes, named_work
 from femimpact.response.channels import Channel
+from femimpact.response.cycles import CycleStatistics, LargestValues
 from femimpact.response.energy import EnergyLedger
 from femimpact.response.history import HistoryPiece, Snapshots
 from femimpact.response.impacts import CYCLE_COLUMNS, ENERGY_COLUMNS, IMPACT_COLUMNS, EventLog, Impacts, StickingPhases
-from femimpact.response.signals import CycleStatistics, LargestValues
 from femimpact.system.state import State
 from femimpact.system.system import System
 

@@ -17,9 +17,9 @@ from femimpact.arrays import Array
 from femimpact.contact import ContactLaw
 from femimpact.errors import check_fields, in_range, quantity, require
 from femimpact.progress import Progress
+from femimpact.response.cycles import SteadyMotion
 from femimpact.response.impacts import CYCLE_COLUMNS, ENERGY_COLUMNS, IMPACT_COLUMNS, event_width
 from femimpact.response.response import Recorder
-from femimpact.response.signals import SteadyMotion
 from femimpact.system.modes import with_checked_pairs
 from femimpact.system.state import State
 from femimpact.system.system import System

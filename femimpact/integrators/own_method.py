@@ -23,10 +23,10 @@ from femimpact.integrators.cases import (
 from femimpact.integrators.channel_rows import drive_of
 from femimpact.progress import Progress
 from femimpact.response.channels import Reading, resolve_channels, zero_reading
+from femimpact.response.cycles import CycleStatistics, no_steady_motion, samples_by_cycle, steady_motion
 from femimpact.response.energy import BALANCED
 from femimpact.response.impacts import IMPACT_COLUMNS, TOTAL_COLUMNS
 from femimpact.response.response import Recorder
-from femimpact.response.signals import CycleStatistics, no_steady_motion, samples_by_cycle, steady_motion
 from femimpact.system.state import State
 from femimpact.system.system import System
 

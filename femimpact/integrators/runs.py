@@ -22,10 +22,7 @@ from femimpact.integrators.methods import Method, require_method
 from femimpact.integrators.planned_drive import drive_warnings, plan_notes
 from femimpact.progress import Progress, check_progress, draws_progress
 from femimpact.response.channels import Channel, Motion, resolve_channels
-from femimpact.response.history import HistoryPiece
-from femimpact.response.impacts import READINGS_IN_CONTACT, impact_statistics
-from femimpact.response.response import Recorder, Response
-from femimpact.response.signals import (
+from femimpact.response.cycles import (
     Largest,
     LargestSample,
     LargestValues,
@@ -33,6 +30,9 @@ from femimpact.response.signals import (
     no_steady_motion,
     steady_motion,
 )
+from femimpact.response.history import HistoryPiece
+from femimpact.response.impacts import READINGS_IN_CONTACT, impact_statistics
+from femimpact.response.response import Recorder, Response
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.reduction import truncation_notes
 from femimpact.system.state import ROUNDED, State, begun_anew

@@ -18,9 +18,9 @@ from femimpact.excitation.excitation import MEMBERS
 from femimpact.orbits.equations import multipliers_of
 from femimpact.orbits.period import clearances_of, period_of, smallest_approach_speed_of, steady_of
 from femimpact.response.channels import Channel
+from femimpact.response.cycles import SteadyMotion
 from femimpact.response.energy import EnergyLedger
 from femimpact.response.impacts import EventLog, Impacts
-from femimpact.response.signals import SteadyMotion
 from femimpact.structure.structure import Position
 from femimpact.system.state import State
 from femimpact.system.system import System

@@ -22,8 +22,8 @@ from femimpact.orbits.equations import PRESS_AGAIN, RELEASE, SECTION, SEPARATE, 
 from femimpact.orbits.limits import where
 from femimpact.orbits.search import length_of
 from femimpact.orbits.verification import OwnRun, check_events, check_missed, first_other
+from femimpact.response.cycles import CycleStatistics, steady_motion
 from femimpact.response.impacts import CYCLE_COLUMNS, EventLog, event_log
-from femimpact.response.signals import CycleStatistics, steady_motion
 from femimpact.system.system import System
 
 MOST_CRESTS = 10

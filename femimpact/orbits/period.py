@@ -20,8 +20,8 @@ from femimpact.orbits.equations import IMPACT, TOUCH, known_flow
 from femimpact.orbits.equations import Sequence as Events
 from femimpact.orbits.flow import Flow, HybridSystem, hybrid_system
 from femimpact.response.channels import Channel, resolve_channels
+from femimpact.response.cycles import SteadyMotion, cycle_statistics, steady_motion
 from femimpact.response.response import Recorder, Response
-from femimpact.response.signals import SteadyMotion, cycle_statistics, steady_motion
 from femimpact.structure.structure import Position
 from femimpact.system.state import State
 from femimpact.system.system import System

@@ -31,6 +31,7 @@ from femimpact.errors import (
 from femimpact.excitation import Excitation
 from femimpact.excitation.excitation import MEMBERS, has_cycle
 from femimpact.response.channels import Channel, Motion, channel_key, channel_of, resolve_channels
+from femimpact.response.cycles import Largest, LargestValues, SteadyMotion
 from femimpact.response.energy import EnergyLedger
 from femimpact.response.history import (
     HistoryPiece,
@@ -42,7 +43,6 @@ from femimpact.response.history import (
 )
 from femimpact.response.impacts import EventLog, Impacts, ImpactStatistics, StickingPhases
 from femimpact.response.regimes import Regime, classify, without_cycle
-from femimpact.response.signals import Largest, LargestValues, SteadyMotion
 from femimpact.structure.structure import Position
 from femimpact.svg import Chart, Line, axis_of
 from femimpact.system.state import State

@@ -17,8 +17,8 @@ from xml.etree.ElementTree import Element as Element
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from femimpact import units
 from femimpact.arrays import Array
+from femimpact.units import MINUS, power_of_ten, typeset
 
 Child = Element | str | None
 """Child of an element: another one, a text, or nothing."""
@@ -83,10 +83,6 @@ def _sound(value: Any) -> str:
 TICKS = 6
 """Ticks of a linear axis, about."""
 
-MINUS, TIMES, NO_NUMBER, INFINITE = "\u2212", "\u00d7", "\u2013", "\u221e"
-"""A minus and a multiplication sign, a dash for a missing value, and the sign of infinity."""
-
-RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 MARGIN = 0.04
 """Share of the range that is left free at an end."""
@@ -147,29 +143,11 @@ def axis_of(
     return Axis(label, max(low if zero and low == 0.0 else low - margin, -most), min(high + margin, most))
 
 
-def number_text(
-    value: float,
-    digits: int = 4,  # that count
-    zeros: bool = False,  # whether zeros at its end stay: they say how exact it is
-) -> str:
-    """The number of `units.number_text` with a minus sign, a power of ten as on paper, and a word for what is none."""
-    if math.isnan(value):
-        return NO_NUMBER
-    if math.isinf(value):
-        return INFINITE if value > 0 else f"{MINUS}{INFINITE}"
-    mantissa, _, exponent = units.number_text(value, digits, zeros).partition("e")
-    return (f"{mantissa}{TIMES}{_power_of_ten(int(exponent))}" if exponent else mantissa).replace("-", MINUS)
-
-
-def _power_of_ten(power: int) -> str:
-    return "10" + str(power).translate(RAISED)
-
-
 def _linear_ticks(axis: Axis) -> list[tuple[float, str]]:
     span = axis.high - axis.low
     step = _round_step(span / TICKS)
     if not 0.0 < step < math.inf:
-        return [(axis.low, number_text(axis.low))]
+        return [(axis.low, typeset(axis.low))]
     first, last = math.ceil(axis.low / step - 1e-9), math.floor(axis.high / step + 1e-9)
     digits = max(0, -math.floor(math.log10(step) + 1e-9))
     values = [k * step for k in range(first, min(last, first + 4 * TICKS) + 1)]
@@ -179,7 +157,7 @@ def _linear_ticks(axis: Axis) -> list[tuple[float, str]]:
     def text(value: float) -> str:
         if plain:
             return f"{value:.{digits}f}".replace("-", MINUS) if value else "0"
-        return number_text(value if abs(value) > 1e-9 * step else 0.0, 6)
+        return typeset(value if abs(value) > 1e-9 * step else 0.0, 6)
 
     return [(value, text(value)) for value in values]
 
@@ -204,7 +182,7 @@ def _log_ticks(axis: Axis) -> list[tuple[float, str]]:
 def _power_text(value: float, decades: int) -> str:
     power = round(math.log10(value))
     is_power = abs(value / 10.0**power - 1.0) < 1e-9
-    return f"{value:g}" if decades <= 4 or not is_power else _power_of_ten(power)
+    return f"{value:g}" if decades <= 4 or not is_power else power_of_ten(power)
 
 
 MOST_POINTS = 2000

@@ -27,18 +27,15 @@ from femimpact.errors import (
 from femimpact.excitation import Sine
 from femimpact.excitation.levels import Level, level_at
 from femimpact.excitation.remarks import frequency_warnings, motion_warnings
-from femimpact.identification import (
-    DampingEstimate,
-    fit_one_pole,
-    half_power,
-    resolution_warnings,
-)
 from femimpact.integrators.cases import SineCases, SineDwellResults
 from femimpact.integrators.methods import Method
 from femimpact.integrators.planned_drive import TRANSIENT_LEFT, contact_notes, grid_resolution, transient_left
+from femimpact.response.cycles import SteadyMotion, deflection_warnings
 from femimpact.response.energy import residual_warnings
 from femimpact.response.impacts import statistics_of_cases
-from femimpact.response.signals import SteadyMotion, deflection_warnings
+from femimpact.response.resolution import resolution_warnings
+from femimpact.signals.bandwidth import DampingEstimate, half_power
+from femimpact.signals.one_pole import fit_one_pole
 from femimpact.structure.structure import Position
 from femimpact.svg import Chart, Line, axis_of
 from femimpact.sweep.dwells import DwellRun

@@ -19,10 +19,10 @@ from femimpact.integrators.methods import Method
 from femimpact.integrators.runs import response_by
 from femimpact.progress import Progress
 from femimpact.response.channels import Channel, channel_of
+from femimpact.response.cycles import ROUNDING, SteadyMotion, samples_by_cycle, steady_motion
 from femimpact.response.energy import BALANCED
 from femimpact.response.impacts import ImpactStatistics
 from femimpact.response.response import Recorder, Response
-from femimpact.response.signals import ROUNDING, SteadyMotion, samples_by_cycle, steady_motion
 from femimpact.system.state import State
 from femimpact.system.system import System
 

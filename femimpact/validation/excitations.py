@@ -14,14 +14,15 @@ from numpy.typing import NDArray
 from femimpact.contact import ContactLaw
 from femimpact.contact.laws import KelvinVoigt, Rigid
 from femimpact.excitation import HammerBlow, PointForce, RecordedBase, Sine
-from femimpact.identification import DampingEstimate, amplitude_ratio_damping, fit_one_pole, half_power
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.methods import Method
 from femimpact.integrators.runs import integrate
 from femimpact.integrators.stepping.newmark import GeneralizedAlpha, Newmark
-from femimpact.laser import Laser
+from femimpact.response.cycles import CycleStatistics, steady_motion
 from femimpact.response.response import Recorder, Response
-from femimpact.response.signals import CycleStatistics, steady_motion
+from femimpact.signals.bandwidth import DampingEstimate, amplitude_ratio_damping, half_power
+from femimpact.signals.laser import Laser
+from femimpact.signals.one_pole import fit_one_pole
 from femimpact.structure.structure import Impactor
 from femimpact.sweep import FrequencyResponse, frequency_sweep
 from femimpact.system.state import State

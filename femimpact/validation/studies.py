@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from femimpact.app.parametric.measured_peaks import calibration_of
+from femimpact.app.parametric.starts import unit_draws
+from femimpact.app.parametric.verb import parameter_study
+from femimpact.app.report.result_conclusions import study_conclusions
 from femimpact.excitation import Sine
-from femimpact.identification import identify_decay
-from femimpact.parametric.measured_peaks import calibration_of
-from femimpact.parametric.verb import parameter_study
 from femimpact.response.response import Response
-from femimpact.study.result_conclusions import study_conclusions
-from femimpact.study.starts import unit_draws
+from femimpact.signals.decay import identify_decay
 from femimpact.validation.case import Case
 from femimpact.validation.contacts import shaken_floor
 

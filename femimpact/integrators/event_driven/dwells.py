@@ -31,9 +31,9 @@ from femimpact.integrators.event_driven.loop_data import EventSettings, check_ev
 from femimpact.integrators.event_driven.run import not_finite, peaks_of_forces, unending
 from femimpact.integrators.event_driven.store import FormStore, WantedForm, outputs_of
 from femimpact.progress import Progress
+from femimpact.response.cycles import steady_motion
 from femimpact.response.energy import BALANCED, CLOSED, energy_residual, largest_input, unbalanced
 from femimpact.response.impacts import CYCLE_COLUMNS, ENERGY_COLUMNS
-from femimpact.response.signals import steady_motion
 from femimpact.system.state import ROUNDED
 from femimpact.system.system import System
 

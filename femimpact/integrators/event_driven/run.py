@@ -55,11 +55,11 @@ from femimpact.integrators.event_driven.loop_data import (
 from femimpact.integrators.event_driven.store import FormStore, Outputs, outputs_alone, outputs_of
 from femimpact.progress import Progress
 from femimpact.response.channels import Channel, resolve_channels
+from femimpact.response.cycles import Largest, LargestValues
 from femimpact.response.energy import BALANCED, CLOSED, EnergyLedger, unbalanced
 from femimpact.response.history import HistoryPiece, Stream
 from femimpact.response.impacts import COUNT, MAXIMUM, MINIMUM, PEAK_FORCE, EventLog, StickingPhases, event_log
 from femimpact.response.response import Recorder
-from femimpact.response.signals import Largest, LargestValues
 from femimpact.system.state import State
 from femimpact.system.system import System
 from femimpact.units import number_text

@@ -31,10 +31,10 @@ from femimpact.integrators.stepping.arrays import (
 from femimpact.integrators.stepping.continued import Beginning, go_on
 from femimpact.integrators.stepping.operators import SteppingMethod, operator_of, scheme_of
 from femimpact.progress import Progress
+from femimpact.response.cycles import CycleStatistics
 from femimpact.response.history import HistoryPiece
 from femimpact.response.impacts import ENERGY_COLUMNS, IMPACT_COLUMNS
 from femimpact.response.response import Recorder
-from femimpact.response.signals import CycleStatistics
 from femimpact.system.system import System
 
 

@@ -46,11 +46,11 @@ from femimpact.integrators.stepping.continued import beginning_of, final_state
 from femimpact.integrators.stepping.operators import SteppingMethod, check_sampling, check_step
 from femimpact.progress import Progress
 from femimpact.response.channels import resolve_channels
+from femimpact.response.cycles import SteadyMotion, steady_motion
 from femimpact.response.energy import BALANCED, EnergyLedger, energy_residual
 from femimpact.response.history import Stream
 from femimpact.response.impacts import PEAK_FORCE
 from femimpact.response.response import Recorder
-from femimpact.response.signals import SteadyMotion, steady_motion
 from femimpact.system.state import State
 from femimpact.system.system import System
 from femimpact.units import number_text

@@ -1,0 +1,1 @@
+"""The application: study files, runs, results on disk, parameter studies, reports."""

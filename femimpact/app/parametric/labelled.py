@@ -1,0 +1,325 @@
+"""Statistics over the starts of all cases, and the labelled dataset of a study."""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import is_dataclass
+from importlib.metadata import version
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from femimpact.app.parametric.definition import ParameterStudy
+from femimpact.app.parametric.measures import better_of
+from femimpact.app.parametric.runs import BlockValues
+from femimpact.app.study.study import Study
+from femimpact.app.study.study_file import study_text
+from femimpact.arrays import Array, Integers
+from femimpact.excitation.drives import drive_words
+from femimpact.figures.study_labels import STATISTICS
+from femimpact.integrators.planned_drive import contact_notes, step_rows
+from femimpact.integrators.preflight_row import PreflightRow
+from femimpact.response.cycles import deflection_warnings
+from femimpact.system.system import System, without_impactors
+from femimpact.units import unit_text
+
+if TYPE_CHECKING:
+    import xarray
+
+LEAST_FOR_INTERVAL = 5
+"""Starts from which the median has an interval."""
+
+LEAST_FOR_QUANTILES = 40
+"""Starts from which quantiles of 5 and 95 % are given."""
+
+CONFIDENCE = 0.9
+"""Least confidence of the interval of the median."""
+
+APART = 0.1
+"""Share of the median that the widest distance between neighbours must exceed for two groups."""
+
+BESIDE = 2
+"""Starts on each side of it at least."""
+
+
+def median_ranks(
+    starts: int,  # at least `LEAST_FOR_INTERVAL`
+) -> tuple[int, int]:
+    """Numbers from 0 of the sorted values between which the median lies with a probability of at least 90 %.
+
+    The interval from the k-th smallest to the k-th largest of n values holds the median with the probability
+    1 - 2 P(B < k), B binomial of n and 1/2; k is the largest for which that is at least 0.9. (David and Nagaraja,
+    2003.)
+    """
+    from scipy.stats import binom
+
+    k = 1
+    while 1.0 - 2.0 * float(binom.cdf(k, starts, 0.5)) >= CONFIDENCE:
+        k += 1
+    return k - 1, starts - k
+
+
+def endings_of(starts: int) -> tuple[str, ...]:
+    """Ends of the names of the variables of a measure of numbers, the median first."""
+    if starts == 1:
+        return ("",)
+    least = {"_median": LEAST_FOR_INTERVAL, "_quantile": LEAST_FOR_QUANTILES}
+    return "", *(end for end in STATISTICS if starts >= least.get(end.rpartition("_")[0], 2))
+
+
+def over_starts(
+    values: Array,  # (cases, starts)
+) -> dict[str, Array]:
+    """Columns (cases,) by the end of their names, from values (cases, starts); "" is the median.
+
+    What is not a number is left out; a case without numbers has none.
+
+    Returns (cases,): `_low` and `_high` the extremes; `_median_low` and `_median_high` the 90 % interval of the median
+    from 5 starts on; `_quantile_5` and `_quantile_95` from 40 on; `_groups` 1, or 2 where the sorted values lie in two
+    groups.
+    """
+    cases, starts = values.shape
+    if starts == 1:
+        return {"": values[:, 0]}
+    ordered = np.sort(values, axis=1)
+    count = np.count_nonzero(~np.isnan(ordered), axis=1)
+    found = {name: np.full(cases, np.nan) for name in endings_of(starts)}
+    # cases of which as many starts have values are done together
+    for n in np.unique(count[count > 0]).tolist():
+        rows = count == n
+        for name, column in _of_sorted(ordered[rows, :n]).items():
+            if name in found:
+                found[name][rows] = column
+    return found
+
+
+def _of_sorted(values: Array) -> dict[str, Array]:
+    n = values.shape[1]
+    middle = 0.5 * (values[:, (n - 1) // 2] + values[:, n // 2])
+    found = {"": middle, "_low": values[:, 0], "_high": values[:, -1], "_groups": _groups(values, middle)}
+    if n >= LEAST_FOR_INTERVAL:
+        low, high = median_ranks(n)
+        found |= {"_median_low": values[:, low], "_median_high": values[:, high]}
+    if n >= LEAST_FOR_QUANTILES:
+        for name, share in (("_quantile_5", 0.05), ("_quantile_95", 0.95)):
+            place = share * (n - 1)
+            below = int(place)
+            found[name] = values[:, below] + (place - below) * (values[:, min(below + 1, n - 1)] - values[:, below])
+    return found
+
+
+def _groups(values: Array, middle: Array) -> Array:
+    """1, or 2 where the widest distance between sorted values exceeds 10 % of the median, two starts on each side."""
+    if values.shape[1] < 2 * BESIDE:
+        return np.ones(len(values))
+    distance = np.diff(values, axis=1)
+    # of several that are widest one with two starts on each side is enough, whichever comes first
+    widest = distance[:, BESIDE - 1 : 1 - BESIDE].max(axis=1)
+    return np.where((widest >= distance.max(axis=1)) & (widest > APART * np.abs(middle)), 2.0, 1.0)
+
+
+def labels_of(study: ParameterStudy) -> dict[str, Any]:
+    """Labels of the dataset of a study, in types of JSON."""
+    table = study.table
+    warnings = [*(str(row) for row in axis_rows(study) if row.passed), *contact_notes(study.nominal)]
+    return {
+        "axes": [
+            {"path": place.path, "unit": place.unit, "words": _words(place.owner, place.part, place.field),
+             "levels": list(levels), "codes": None if table.is_grid else codes.tolist(),
+             "distribution": str(study.distributions.get(place.path, ""))}
+            for place, levels, codes in zip(table.places, table.levels, table.codes, strict=True)
+        ],
+        "shape": list(table.shape),
+        "is_grid": table.is_grid,
+        "measures": [
+            {"name": item.name, "unit": item.unit, "words": item.long_name, "is_text": item.is_text}
+            for item in study.chosen
+        ],
+        "starts": study.starts,
+        "attributes": {
+            "title": "femimpact parameter study",
+            "femimpact": version("femimpact"),
+            "numpy": np.__version__,
+            "scipy": scipy.__version__,
+            "python": ".".join(map(str, sys.version_info[:3])),
+            "starts": study.starts,
+            "seed": study.seed,
+            **({"cycles": study.dwell, "measured_cycles": study.dwell // 3} if study.has_cycle else {}),
+            "drive": _drive(study),
+            "place": str(study.observed),
+            "contact_laws": ", ".join(f"{pair.name}: {pair.law.name}" for pair in study.nominal.contacts),
+            "beam_length": study.nominal.length,
+            "warnings": "; ".join(warnings),
+            **_description(study),
+        },
+    }  # fmt: skip
+
+
+def _drive(study: ParameterStudy) -> str:
+    """What drives every case, with the numbers that no axis gives."""
+    if isinstance(study.study, Study) and not study.has_cycle:
+        return ", with ".join(drive_words(study.study.excitation))
+    varied = {place.field for place in study.places if place.owner == "base"}
+    units = {"amplitude": "m", "frequency": "Hz"}
+    fixed = [
+        f"{name} {unit_text(study.base[name], unit)}"
+        for name, unit in units.items()
+        if name not in varied and study.base.get(name) is not None
+    ]
+    of_axes = [f"{name} as its axis has it" for name in units if name in varied]
+    return ", ".join(["a sine of the base", *fixed, *of_axes])
+
+
+def axis_rows(study: ParameterStudy) -> Iterator[PreflightRow]:
+    """The step of each axis of frequencies, of the base, of a part of a sum or of a force; a sample has no step."""
+    for place, levels in zip(study.table.places, study.table.levels, strict=True):
+        if place.field == "frequency" and place.owner in ("base", "force") and study.plan_of_sample is None:
+            yield from step_rows(without_impactors(study.nominal), np.unique(levels), f" of the axis {place.path}")
+
+
+def _description(study: ParameterStudy) -> dict[str, str]:
+    """Attributes that describe the study: its file, or system or function with base and method; and the sample."""
+    given, plan = study.study, study.plan_of_sample
+    sample = {} if plan is None else {"sample": f"{plan.points} points, {plan.method}, seed {plan.seed}"}
+    if isinstance(given, Study):
+        return {**sample, "study": study_text(given)}
+    known = ", ".join(f"{name} {value}" for name, value in study.base.items() if value is not None)
+    method = study.method or study.systems.method_of(study.nominal, {})
+    # what is no dataclass may show its address, which no two processes share
+    words = repr(method) if is_dataclass(method) else type(method).__name__
+    name = f"System of {given.dofs} dofs" if isinstance(given, System) else getattr(given, "__qualname__", "function")
+    return {**sample, "study": name, "base": f"sine, {known}", "method": words}
+
+
+def _words(owner: str, part: str, name: str) -> str:
+    """Words for an axis in a dataset, as "gap of impactor ball"."""
+    shown = name.replace("contact.", "").replace("_", " ")
+    if owner == "function":
+        return shown
+    return f"{shown} of {owner} {part}".strip()
+
+
+class Columns:
+    """Statistics of all cases, filled block by block.
+
+    Parameters
+    ----------
+    labels : mapping
+        Of `labels_of`.
+    """
+
+    def __init__(self, labels: Mapping[str, Any]) -> None:
+        self.labels = labels
+        self.cases = int(np.prod(labels["shape"]))
+        self.starts, self.measures = int(labels["starts"]), labels["measures"]
+        self.numbers = {
+            f"{item['name']}{end}": np.full(self.cases, np.nan)
+            for item in self.measures
+            for end in endings_of(self.starts)
+            # of words only how many there are
+            if end == "_groups" or not item["is_text"]
+        }
+        self.words: dict[str, NDArray[np.object_]] = {
+            item["name"]: np.full(self.cases, "", dtype=object) for item in self.measures if item["is_text"]
+        }
+        self.failure = np.full(self.cases, "", dtype=object)
+        self.failed = np.zeros(self.cases, dtype=np.int32)
+        self.periodic = np.zeros(self.cases, dtype=np.int32)
+        self.done = np.zeros(self.cases, dtype=bool)
+
+    @property
+    def finished(self) -> int:
+        """Cases of which there are values."""
+        return int(np.count_nonzero(self.done))
+
+    def add(self, block: BlockValues) -> None:
+        """Enter the cases of a block."""
+        cases, starts = block.cases, self.starts
+        self.done[cases] = True
+        self.periodic[cases] = block.periodic.sum(axis=1)
+        reasons = np.array(block.failures, dtype=object).reshape(-1, starts)
+        failed = reasons != ""
+        self.failed[cases] = failed.sum(axis=1)
+        for row in np.flatnonzero(failed.any(axis=1)).tolist():
+            self.failure[cases[row]] = next(reason for reason in reasons[row] if reason)
+        for m, item in enumerate(self.measures):
+            if item["is_text"]:
+                self._add_words(item["name"], cases, block.words[item["name"]])
+                continue
+            for end, column in over_starts(block.values[:, :, m]).items():
+                self.numbers[f"{item['name']}{end}"][cases] = column
+
+    def _add_words(self, name: str, cases: Integers, words: Sequence[str]) -> None:
+        """The most frequent word of the starts, of several the first by its letters; and how many there are."""
+        for row, case in enumerate(cases.tolist()):
+            counts = Counter(word for word in words[row * self.starts : (row + 1) * self.starts] if word)
+            self.words[name][case] = min(counts, key=lambda word: (-counts[word], word)) if counts else ""
+            if self.starts > 1:
+                self.numbers[f"{name}_groups"][case] = len(counts)
+
+
+def dataset_of(
+    columns: Columns,  # cases without values are not-a-numbers
+) -> xarray.Dataset:  # xarray.Dataset
+    """The labelled dataset: axes as coordinates, measures with their statistics over the starts as variables."""
+    import xarray
+
+    labels = columns.labels
+    shape = tuple(labels["shape"])
+    dims = tuple(axis["path"] for axis in labels["axes"]) if labels["is_grid"] else ("case",)
+    coordinates: dict[str, Any] = {} if labels["is_grid"] else {"case": ("case", np.arange(shape[0]))}
+    for axis in labels["axes"]:
+        coordinates |= _coordinates(axis, (axis["path"],) if labels["is_grid"] else ("case",))
+    data: dict[str, Any] = {}
+
+    def enter(name: str, values: NDArray[Any], unit: str, words: str) -> None:
+        described = {"long_name": words} | ({"units": unit} if unit else {})
+        data[name] = (dims, values.reshape(shape), described)
+
+    for item in columns.measures:
+        name, unit, words = item["name"], item["unit"], item["words"]
+        if item["is_text"]:
+            enter(name, columns.words[name], unit, f"{words}, of most starts" if columns.starts > 1 else words)
+        for end in endings_of(columns.starts):
+            if f"{name}{end}" in columns.numbers:
+                long_name = f"{words}, {STATISTICS.get(end, 'median over the starts')}" if columns.starts > 1 else words
+                enter(f"{name}{end}", columns.numbers[f"{name}{end}"], "1" if end == "_groups" else unit, long_name)
+    for item in columns.measures:
+        if better := better_of(item["name"], item["words"]):
+            data[item["name"]][2]["better"] = better
+    enter("periodic_starts", columns.periodic, "1", "starts from which the motion repeats, or has no impacts")
+    enter("failed_starts", columns.failed, "1", "starts that have no values")
+    enter("failure", columns.failure, "", "why the first of them has none")
+    enter("finished", columns.done.astype(np.int8), "1", "whether the case has been run")
+    attributes = dict(labels["attributes"])
+    peaks = [columns.numbers[name] for name in ("peak", "peak_high") if name in columns.numbers]
+    length = attributes.pop("beam_length", 0.0)
+    bends = deflection_warnings(np.concatenate(peaks), length) if peaks else ()
+    said = "; ".join(filter(None, (attributes.pop("warnings", ""), *bends)))
+    attributes |= {"warnings": said} if said else {}
+    if columns.starts >= LEAST_FOR_INTERVAL:
+        attributes["median_interval"] = "90 %, by order statistics"
+    return xarray.Dataset(data, coords=coordinates, attrs=attributes)
+
+
+def _coordinates(axis: Mapping[str, Any], dims: tuple[str, ...]) -> dict[str, Any]:
+    """The coordinate of an axis; where a value is a pair of gaps its number, with the gaps beside it."""
+    path, levels, codes = axis["path"], axis["levels"], axis["codes"]
+    values = levels if codes is None else [levels[code] for code in codes]
+    described = {"long_name": axis["words"]} | ({"units": axis["unit"]} if axis["unit"] else {})
+    described |= {"distribution": axis["distribution"]} if axis["distribution"] else {}
+    if any(isinstance(value, (list, tuple)) for value in values):
+        pairs = [tuple(value) if isinstance(value, (list, tuple)) else (value, value) for value in values]
+        number = {"long_name": f"{axis['words']}, number of the pair of values"}
+        found: dict[str, Any] = {path: (dims, np.arange(len(values)), number)}
+        for i, side in enumerate(("plus", "minus")):
+            words = described | {"long_name": f"{axis['words']}, to the {side} side"}
+            found[f"{path}.{side}"] = (dims, np.array([pair[i] for pair in pairs]), words)
+        return found
+    if all(isinstance(value, str) for value in values):
+        return {path: (dims, np.array(values, dtype=object), described)}
+    return {path: (dims, np.array(values), described)}

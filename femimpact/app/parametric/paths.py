@@ -1,0 +1,462 @@
+"""Values of a study by their paths, the study with some of them changed, and the system and method of a case."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import threading
+import warnings
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+
+from femimpact.app.study.base_motion import HISTORY_KEYS, SIGNALS, SUM, BaseMotion, DriveKind, SignalMotion
+from femimpact.app.study.base_motion import PARTS as KINDS_OF_PARTS
+from femimpact.app.study.file_units import START
+from femimpact.app.study.forces import FORCE_KINDS, DrivenMotion, RestMotion, StudyForce
+from femimpact.app.study.study import (
+    Gravity,
+    MeshChoice,
+    Reduction,
+    Study,
+    build_systems,
+    check_method,
+    method_for,
+    read_mesh_of,
+)
+from femimpact.errors import Fault, InputError, in_range, quantity, require, suggestion
+from femimpact.fem.assembly import assemble, assembled_with_modes
+from femimpact.fem.mesh import Mesh
+from femimpact.integrators.event_driven import EventDriven
+from femimpact.integrators.methods import METHODS, Method
+from femimpact.integrators.stepping.newmark import Newmark
+from femimpact.structure.damping import ModalDamping, Rayleigh
+from femimpact.structure.structure import Structure
+from femimpact.system.modes import rayleigh_of, with_checked_pairs, with_damping, with_modal_damping
+from femimpact.system.reduction import reduce, reduced_on
+from femimpact.system.system import System
+
+
+class Stage(IntEnum):
+    """The first step of making a case that a changed value repeats, in the order of the steps."""
+
+    MODES = 0
+    DAMPING = 1
+    BALL = 2
+    METHOD = 3
+    CASE = 4
+
+
+@dataclass(frozen=True)
+class Place:
+    """A value of a study."""
+
+    path: str
+    unit: str
+    stage: Stage
+    owner: str  # name of the table of the study, or of the argument, in which it stands
+    part: str  # name of the body, segment or contact; empty where there is one only
+    field: str
+
+
+PARTS = {
+    "mass": "masses", "impactor": "impactors", "stop": "stops", "spring": "springs", "dashpot": "dashpots",
+    "absorber": "absorbers",
+}  # fmt: skip
+"""Tables of a study file, and the fields of `Structure` that they become."""
+
+OF_BALL = ("mass", "free_stiffness", "acceleration", "free_damping")
+"""Numbers of a ball in a system; its acceleration there includes gravity."""
+
+BASE = {"frequency": "Hz", "amplitude": "m", "phase": "rad", "start": ""}
+
+ALTERNATIVES = {
+    "amplitude": "acceleration", "acceleration": "amplitude", "cycles": "seconds", "seconds": "cycles",
+    "duration": "octaves_per_minute", "octaves_per_minute": "duration",
+}  # fmt: skip
+"""Keys of which a drive has one alone."""
+
+FIXED = "does not follow from the contacts, the excitation and the start, which are all that a System leaves open"
+
+
+def paths_of_study(study: Study) -> dict[str, Place]:
+    """Every value of a study that an axis may have, by its path."""
+    return {place.path: place for place in _places(study)}
+
+
+def paths_of_system(system: System) -> dict[str, Place]:
+    """The same of a system: contacts, excitation and start."""
+    return {place.path: place for place in _places_of_system(system)}
+
+
+def paths_of_function(names: tuple[str, ...], system: System) -> dict[str, Place]:
+    """The same of a function that returns a structure or a system, whose arguments are values, too."""
+    arguments = {name: Place(name, "", Stage.MODES, "function", "", name) for name in names}
+    return {**paths_of_system(system), **arguments}
+
+
+def _places(study: Study) -> Iterator[Place]:
+    structure = study.structure
+    segments = structure.beam.segments
+    for segment in segments:
+        part = segment.name if len(segments) > 1 else ""
+        yield from _fields_of(segment, "beam", part, Stage.MODES)
+    for owner, name in PARTS.items():
+        for item in getattr(structure, name):
+            yield from _fields_of(item, owner, item.name, Stage.MODES)
+            yield from _law_of(owner, item.name, getattr(item, "contact", None))
+    if structure.damping is not None:
+        for name in ("ratio", "ratios", "frequencies"):
+            if hasattr(structure.damping, name):
+                yield _place("damping", "", name, "Hz" if name == "frequencies" else "1", Stage.DAMPING)
+    yield _place("gravity", "", "acceleration", "m/s^2", Stage.MODES)
+    yield from _fields_of(study.mesh, "mesh", "", Stage.MODES)
+    if study.reduction is not None:
+        yield from _fields_of(study.reduction, "reduction", "", Stage.MODES)
+    yield from _fields_of(METHODS[study.method.get("name", "newmark")], "method", "", Stage.METHOD)
+    moving = [ball.name for ball in structure.impactors] + [body.name for body in structure.absorbers]
+    yield from _excitation_and_start(moving, _units_of_base(study.motion))
+    yield from _parts_of_sum(study.motion)
+    if isinstance(study.base, DrivenMotion):
+        for name, force in study.base.named():
+            yield from _numbers_of_force(name, force)
+
+
+def _units_of_base(base: Any) -> Mapping[str, str]:
+    """Values of [base] that are numbers, and the start, each with its unit, by their keys in a study file."""
+    if isinstance(base, BaseMotion):
+        return BASE
+    if isinstance(base, RestMotion) or (isinstance(base, SignalMotion) and base.kind not in SIGNALS):
+        return {"history": "s", "initial": ""}
+    if not isinstance(base, SignalMotion):
+        return {"scale": "1", "duration": "s", "start": "", "high_pass": "Hz"}
+    # what a start is called beside a chirp's first frequency
+    return {**_numbers(SIGNALS[base.kind], dict(base.values)), "history": "s", "initial": ""}
+
+
+def _numbers(kind: DriveKind, values: Mapping[str, Any]) -> dict[str, str]:
+    """Keys of a drive that are numbers, given or by default, with their units."""
+    given = {
+        key for key, value in values.items() if isinstance(value, (int, float, tuple)) and not isinstance(value, bool)
+    }
+    return {
+        key: metadata.get("unit", "")
+        for key, metadata in kind.metadata.items()
+        if key in given or (metadata.get("unit") and key not in values and ALTERNATIVES.get(key) not in values)
+    }
+
+
+def _parts_of_sum(base: Any) -> Iterator[Place]:
+    """Numbers of the parts of a sum, `base.parts.1.amplitude`."""
+    if isinstance(base, SignalMotion) and base.kind == SUM:
+        for number, part in enumerate(dict(base.values)["parts"], start=1):
+            values = dict(part)
+            for key, unit in _numbers(KINDS_OF_PARTS[values.pop("kind", "sine")], values).items():
+                yield _place("base", f"parts.{number}", key, unit, Stage.CASE)
+
+
+def _numbers_of_force(name: str, force: StudyForce) -> Iterator[Place]:
+    """Numbers of a force."""
+    yield _place("force", name, "at", "m", Stage.CASE)
+    for key, unit in _numbers(FORCE_KINDS[force.kind], dict(force.values)).items():
+        yield _place("force", name, key, unit, Stage.CASE)
+
+
+def _with_force(base: DrivenMotion, name: str, key: str, value: Any) -> DrivenMotion:
+    """Drives with a number of one of their forces changed."""
+    changed = []
+    for named, force in base.named():
+        given = {key: value} if key == "at" else {"values": tuple({**dict(force.values), key: value}.items())}
+        changed.append(replace(force, **given) if named == name else force)
+    return replace(base, forces=tuple(changed))
+
+
+def _places_of_system(system: System) -> Iterator[Place]:
+    for pair in system.contacts:
+        owner = "stop" if pair.is_stop else "impactor" if pair.has_walls else "absorber"
+        if pair.has_walls:
+            yield _place(owner, pair.name, "gap", "m", Stage.CASE)
+        if not pair.is_stop:
+            units = {"mass": "kg", "free_stiffness": "N/m", "acceleration": "m/s^2", "free_damping": "N s/m"}
+            for name in OF_BALL:
+                yield _place(owner, pair.name, name, units[name], Stage.BALL)
+        yield from _law_of(owner, pair.name, pair.law)
+    yield from _excitation_and_start([pair.name for pair in system.balls], BASE)
+
+
+def _excitation_and_start(balls: list[str], base: Mapping[str, str]) -> Iterator[Place]:
+    for name, unit in base.items():
+        yield _place("base", "", name, unit, Stage.CASE)
+    for ball in balls:
+        for name, unit in START.items():
+            yield _place("start", ball, name, unit, Stage.CASE)
+
+
+def _place(owner: str, part: str, name: str, unit: str, stage: Stage) -> Place:
+    return Place(".".join(piece for piece in (owner, part, name) if piece), unit, stage, owner, part, name)
+
+
+def _fields_of(noun: Any, owner: str, part: str, stage: Stage) -> Iterator[Place]:
+    """Fields of a noun that hold numbers."""
+    for item in dataclasses.fields(noun):
+        unit = item.metadata.get("unit", "")
+        is_place = item.name in ("at", "to")
+        if not unit and not is_place:
+            continue
+        changed = stage
+        if owner in ("impactor", "stop"):
+            # an acceleration is added to gravity, which the structure has
+            of_ball = item.name in OF_BALL and item.name != "acceleration"
+            changed = Stage.CASE if item.name == "gap" else Stage.BALL if of_ball else stage
+        yield _place(owner, part, item.name, "m" if is_place else unit, changed)
+
+
+def _law_of(owner: str, part: str, law: Any) -> Iterator[Place]:
+    if dataclasses.is_dataclass(law):
+        for item in dataclasses.fields(law):
+            if item.metadata.get("unit") and not isinstance(getattr(law, item.name), str):
+                yield _place(owner, part, f"contact.{item.name}", item.metadata["unit"], Stage.CASE)
+
+
+def study_with(study: Study, values: Mapping[Place, Any]) -> Study:
+    """The study with some of its values changed; those of the start of the balls stay what they were.
+
+    Raises `InputError` if a value is out of range, or does not fit the others.
+    """
+    found: dict[str, Any] = {"structure": study.structure}
+    for place, value in values.items():
+        try:
+            _change(found, study, place, value)
+        except InputError as error:
+            raise _under(place, error) from None
+    return replace(study, **found)
+
+
+def damping_with(study: Study, values: Mapping[Place, Any]) -> Any:
+    """The damping of a study with some of its values changed; see `study_with`."""
+    damping: Any = study.structure.damping
+    for place, value in values.items():
+        try:
+            damping = replace(damping, **{place.field: value})
+        except InputError as error:
+            raise _under(place, error) from None
+    return damping
+
+
+def _under(place: Place, error: InputError) -> InputError:
+    """The error of a noun with the path of the noun before its keys."""
+    return InputError([replace(fault, key=f"{_prefix(place)}{fault.key}") for fault in error.faults])
+
+
+def _prefix(place: Place) -> str:
+    # faults of a sum name the part
+    return "base." if place.owner == "base" else place.path.removesuffix(place.field.rpartition(".")[2])
+
+
+def _change(found: dict[str, Any], study: Study, place: Place, value: Any) -> None:
+    structure, owner, name = found["structure"], place.owner, place.field
+    if owner == "start":
+        return
+    if owner in PARTS:
+        changed = tuple(
+            _item_with(item, name, value) if item.name == place.part else item
+            for item in getattr(structure, PARTS[owner])
+        )
+        found["structure"] = replace(structure, **{PARTS[owner]: changed})
+    elif owner == "beam":
+        segments = tuple(
+            replace(segment, **{name: value}) if place.part in ("", segment.name) else segment
+            for segment in structure.beam.segments
+        )
+        found["structure"] = replace(structure, beam=replace(structure.beam, segments=segments))
+    elif owner == "damping":
+        found["structure"] = replace(structure, damping=replace(structure.damping, **{name: value}))
+    elif owner == "gravity":
+        found["structure"] = replace(structure, gravity=Gravity(value).acceleration)
+    elif owner == "method":
+        # checked by the method, when it is made
+        found["method"] = {**found.get("method", study.method), name: value}
+    elif owner == "force":
+        found["base"] = _with_force(found.get("base", study.base), place.part, name, value)
+    elif owner == "base":
+        base: Any = found.get("base", study.base)
+        motion: Any = base.motion if isinstance(base, DrivenMotion) else base
+        given = {name: value}
+        if isinstance(motion, SignalMotion) and name not in HISTORY_KEYS:
+            values = dict(motion.values)
+            if place.part:
+                parts, i = list(values["parts"]), int(place.part.rpartition(".")[2]) - 1
+                parts[i] = tuple({**dict(parts[i]), name: value}.items())
+                given = {"parts": tuple(parts)}
+            given = {"values": tuple({**values, **given}.items())}
+        motion = replace(motion, **given)
+        found["base"] = replace(base, motion=motion) if isinstance(base, DrivenMotion) else motion
+    else:
+        kept: MeshChoice | Reduction | Any = found.get(owner, getattr(study, owner))
+        found[owner] = replace(kept, **{name: value})
+
+
+def _item_with(item: Any, name: str, value: Any) -> Any:
+    if name.startswith("contact."):
+        return replace(item, contact=replace(item.contact, **{name.removeprefix("contact."): value}))
+    return replace(item, **{name: value})
+
+
+def bounds_of_axis(key: str, value: Any) -> tuple[float, float]:
+    """Lowest and highest value of an axis that is searched, as (low, high)."""
+    two = isinstance(value, (tuple, list)) and len(value) == 2
+    two = two and all(in_range(end, quantity("")) for end in value) and value[0] < value[1]
+    require(two, key, value, "", "must be (low, high), two numbers with low < high")
+    return float(value[0]), float(value[1])
+
+
+def unknown_path(path: str, known: Mapping[str, Place], of_system: bool) -> Fault:
+    """The fault of a path that is not known."""
+    parts = ("beam", "mass", "damping", "mesh", "reduction", "gravity", "spring", "dashpot", "support")
+    if of_system and path.partition(".")[0] in parts:
+        return Fault(path, None, "", f"{FIXED}: give a Study, or a function that returns a structure")
+    return Fault(path, None, "", suggestion(path, known))
+
+
+# ---- the system and the method of a case ------------------------------------------------------------
+
+KEPT = 16
+"""Systems that are kept for later cases."""
+
+Values = Mapping[Place, Any]
+
+
+@dataclass(eq=False)
+class CaseSystems:
+    """Makes the systems of cases from what a study is given."""
+
+    given: Study | System | Callable[..., Any]  # of a callable its arguments are values of the case
+    method: Method | None  # for all cases; None takes that of the study, or the one that suits the system
+    elements: int  # of the structures that a function returns
+    modes: int
+    mesh: Mesh | None = None
+    made: dict[tuple[Any, ...], System] = field(default_factory=dict)
+    lock: threading.Lock = field(default_factory=threading.Lock)
+    making: Any = field(default_factory=threading.RLock)
+
+    def __post_init__(self) -> None:
+        if isinstance(self.given, Study):
+            self.mesh = read_mesh_of(self.given)
+
+    def __getstate__(self) -> dict[str, Any]:
+        # what was made is made again where it is sent to, and a lock cannot be sent
+        return {name: getattr(self, name) for name in ("given", "method", "elements", "modes", "mesh")}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self.made, self.lock, self.making = {}, threading.Lock(), threading.RLock()
+
+    def of(self, values: Values) -> System:
+        """The system of a case, for its values before `Stage.METHOD`.
+
+        Raises `InputError` if there is no such system.
+        """
+        key = tuple((place.path, values[place]) for place in values if place.stage < Stage.METHOD)
+        with self.lock:
+            found = self.made.pop(key, None)
+            if found is not None:
+                # the one that was asked for last is dropped last
+                self.made[key] = found
+                return found
+        # one thread at a time: several at so many small calls would take longer than one after the other
+        with self.making:
+            system = self._made(values)
+        with self.lock:
+            while len(self.made) >= KEPT:
+                self.made.pop(next(iter(self.made)))
+            return self.made.setdefault(key, system)
+
+    def _made(self, values: Values) -> System:
+        of_modes = {place: value for place, value in values.items() if place.stage == Stage.MODES}
+        of_damping = {place: value for place, value in values.items() if place.stage == Stage.DAMPING}
+        of_balls = {place: value for place, value in values.items() if place.stage == Stage.BALL}
+        if of_balls:
+            rest = {place: value for place, value in values.items() if place.stage < Stage.BALL}
+            return _with_balls(self.of(rest), of_balls)
+        if of_damping and isinstance(self.given, Study):
+            damping = damping_with(self.given, of_damping)
+            if _is_damping_of_modes(self.given, damping):
+                return _damped(self.of(of_modes), damping)
+        with warnings.catch_warnings():
+            # of numbers that are unusual the nominal study has warned
+            warnings.simplefilter("ignore")
+            return self._built({**of_modes, **of_damping})
+
+    def _built(self, values: Values) -> System:
+        if isinstance(self.given, System):
+            return self.given
+        if isinstance(self.given, Study):
+            return _built_of_study(study_with(self.given, values), self.mesh, bool(values))
+        found = self.given(**{place.field: value for place, value in values.items()})
+        if isinstance(found, System):
+            return found
+        kind = type(found).__name__
+        require(isinstance(found, Structure), "study", kind, "", "must return a Structure or a System")
+        return reduce(assemble(found, elements=self.elements), self.modes)
+
+    def method_of(self, system: System, values: Values) -> Method:
+        """The method for a system with the contacts of a case.
+
+        Of a system or a function it is by default event-driven, or Newmark's where that does not take the system.
+
+        Raises `InputError` if it does not take the system.
+        """
+        if self.method is not None:
+            self.method.check(system)
+            return self.method
+        if not isinstance(self.given, Study):
+            try:
+                EventDriven().check(system)
+            except InputError:
+                return Newmark.for_system(system)
+            return EventDriven()
+        study = study_with(self.given, {place: v for place, v in values.items() if place.stage == Stage.METHOD})
+        method = method_for(study, system)
+        check_method(study, system, method)
+        return method
+
+
+def _built_of_study(study: Study, mesh: Mesh | None, is_changed: bool) -> System:
+    """The system of a study; of one that is changed its modes are solved once, for its damping and its reduction."""
+    if study.reduction is None or not is_changed:
+        return build_systems(study, mesh)[1]
+    kept, elements = study.reduction.modes, None if mesh else study.mesh.elements
+    full, modes = assembled_with_modes(study.structure, elements, mesh, kept + 1)
+    require(kept <= full.dofs, "reduction.modes", kept, "", f"must be <= {full.dofs}, the dofs of this mesh")
+    return reduced_on(full, modes, kept) if modes.natural_frequency[0] > 0.0 else reduce(full, kept)
+
+
+def _damped(system: System, damping: Rayleigh | ModalDamping | None) -> System:
+    """The system with another damping; one on its modes has their frequencies in its matrices."""
+    if not (system.is_diagonal and isinstance(damping, Rayleigh)):
+        return with_damping(system, damping)
+    square = system.K.diagonal() / system.M.diagonal()
+    alpha, beta = rayleigh_of(damping, np.sort(np.sqrt(square)))
+    return with_modal_damping(system, alpha, beta)
+
+
+def _with_balls(system: System, values: Values) -> System:
+    """The system with other masses, centring springs, dashpots and accelerations of its balls."""
+    contacts = list(system.contacts)
+    for place, value in values.items():
+        j = next(i for i, pair in enumerate(contacts) if pair.name == place.part)
+        contacts[j] = replace(contacts[j], **{place.field: value})
+    return with_checked_pairs(system, tuple(contacts))
+
+
+def _is_damping_of_modes(study: Study, damping: Rayleigh | ModalDamping | None) -> bool:
+    """True if the damping of the reduced system follows from these ratios alone."""
+    kept = study.reduction.modes if study.reduction else math.inf
+    if study.structure.dashpots or damping is None:
+        return False
+    if isinstance(damping, ModalDamping):
+        return len(damping.each) <= kept
+    return damping.modes is None or max(damping.modes) <= kept

@@ -1,0 +1,1 @@
+"""What is warned of before a test is run on a shaker."""

@@ -1,0 +1,352 @@
+"""The results of a study read back from its directory, and the summary with their checksums."""
+
+from __future__ import annotations
+
+import gc
+import hashlib
+import json
+import os
+import sys
+import warnings
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from femimpact.app.results.result_directory import (
+    FILES,
+    SUMMARY,
+    ResultsWarning,
+    replaced_by,
+    result_files,
+    unfinished_state,
+)
+from femimpact.errors import Fault, InputError, require, require_path
+from femimpact.files import plain as plain_data
+from femimpact.files import read_csv, write_json
+from femimpact.regular_file import open_regular, read_now
+from femimpact.table import Head, head_of_values, short_repr
+
+if TYPE_CHECKING:
+    import xarray
+
+
+STICKING_FILE = FILES["sticking"].name
+
+T = TypeVar("T")
+
+CHECKSUMS, SUMMARY_CHECKSUM = "checksums", "checksum"
+"""Keys of the summary: of every other file, and of the summary without this key (SHA-256)."""
+
+
+@short_repr
+@dataclass(frozen=True, eq=False)
+class StudyResults:
+    """Results of a study, read back from its directory.
+
+    Parameters
+    ----------
+    directory : Path
+    summary : mapping
+        `summary.json`.
+    modes, impacts, sticking, bifurcations : mapping of str to ndarray, or None
+        Tables by column; no sticking where nothing stuck. The last one is of branches of periodic orbits.
+    sweep, history, impact_data, branches : xarray.Dataset or None
+        The third holds the impacts with the energy to each mode, the last one the branches of periodic orbits.
+    """
+
+    directory: Path
+    summary: Mapping[str, Any]
+    modes: Mapping[str, Any] | None
+    impacts: Mapping[str, Any] | None
+    sweep: xarray.Dataset | None
+    history: xarray.Dataset | None
+    impact_data: xarray.Dataset | None
+    sticking: Mapping[str, Any] | None
+    branches: xarray.Dataset | None = None
+    bifurcations: Mapping[str, Any] | None = None
+
+    @property
+    def _head(self) -> Head:
+        tables = {name: getattr(self, name) for name in ("modes", "impacts", "sticking", "bifurcations")}
+        data = {name: getattr(self, name) for name in ("sweep", "history", "impact_data", "branches")}
+        values = {name: ", ".join(table) for name, table in tables.items() if table is not None}
+        values |= {name: ", ".join(map(str, found.data_vars)) for name, found in data.items() if found is not None}
+        values["warnings"] = "; ".join(self.summary.get("warnings", [])) or "none"
+        return head_of_values(f"StudyResults: {self.directory}", values)
+
+    @property
+    def riding(self) -> Mapping[str, Any] | None:
+        """The earlier name of `sticking`."""
+        return self.sticking
+
+
+def read_sticking(folder: Path, summary: Mapping[str, Any]) -> Mapping[str, Any] | None:
+    """Table of sticking phases, also of an earlier version; None where nothing stuck."""
+    table = read_table(folder, STICKING_FILE, summary)
+    return read_table(folder, FILES["old_sticking"].name, summary) if table is None else table
+
+
+def load(directory: str | Path) -> StudyResults:
+    """Read the results that a study left in a directory.
+
+    Parameters
+    ----------
+    directory : str or Path
+
+    Returns
+    -------
+    StudyResults
+
+    Raises
+    ------
+    InputError
+        If the directory holds no results or unfinished ones, or a file is missing or cannot be read.
+
+    Warns
+    -----
+    ResultsWarning
+        For a file that can be read but is not the one that the study left, and for pictures, scenes and other
+        files that are lost or changed. Results without checksums, of earlier versions, are read as they are.
+
+    Examples
+    --------
+    >>> import femimpact as fi
+    >>> results = fi.load("study-results")  # doctest: +SKIP
+    >>> results.sweep["ball_peak"].max()  # doctest: +SKIP
+    """
+    require_path(directory, "directory", "a directory")
+    folder = Path(directory)
+    summary = read_summary(folder)
+
+    def table(file: str) -> Mapping[str, Any] | None:
+        return read_table(folder, file, summary)
+
+    def dataset(name: str) -> xarray.Dataset | None:
+        return read_dataset(folder, name, summary)
+
+    results = StudyResults(
+        folder,
+        summary,
+        modes=table(FILES["modes"].name),
+        impacts=table(FILES["impacts"].name),
+        sweep=dataset("sweep_data"),
+        history=dataset("history"),
+        impact_data=dataset("impact_data"),
+        sticking=read_sticking(folder, summary),
+        branches=dataset("branches"),
+        bifurcations=table(FILES["bifurcations"].name),
+    )
+    read = {
+        STICKING_FILE,
+        FILES["old_sticking"].name,
+        *(
+            FILES[name].name
+            for name in ("modes", "impacts", "sweep_data", "history", "impact_data", "branches", "bifurcations")
+        ),
+    }
+    _check_others(folder, summary, read)
+    return results
+
+
+def _check_others(folder: Path, summary: Mapping[str, Any], read: set[str]) -> None:
+    """Warn of files of the results that are lost or changed, but for those that were read."""
+    others = {name: expected for name, expected in summary.get(CHECKSUMS, {}).items() if name not in read}
+    lost = sorted(name for name in others if not (folder / name).is_file())
+    if lost:
+        shown = ", ".join(lost[:3]) + (f" and {len(lost) - 3} more" if len(lost) > 3 else "")
+        text = f"{folder}: missing, though {SUMMARY} names them among the results: {shown}"
+        warnings.warn(text, ResultsWarning, stacklevel=3)
+    for name, expected in others.items():
+        if name not in lost and _differs(folder / name, expected):
+            _warn_changed(folder / name)
+
+
+def _differs(path: Path, expected: str) -> bool:
+    try:
+        return checksum(path) != expected
+    except OSError:
+        return True
+
+
+def read_summary(folder: Path) -> dict[str, Any]:
+    """The summary of a directory of results.
+
+    Raises `InputError` if there is none, it cannot be read, or the results are unfinished.
+    """
+    path = folder / SUMMARY
+    if not path.is_file():
+        state = unfinished_state(folder)
+        allowed = f"must hold results of a study ({SUMMARY} is missing)"
+        require(False, "directory", str(folder), "", f"is incomplete: {state}" if state else allowed)
+    try:
+        with open_regular(path) as file:
+            summary = json.loads(file.read().decode("utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        raise _damaged(path, _in_words(error)) from None
+    if not isinstance(summary, dict) or not isinstance(summary.get(CHECKSUMS, {}), dict):
+        raise _damaged(path, "no summary of a study")
+    if CHECKSUMS in summary and summary.get(SUMMARY_CHECKSUM) != _of_summary(summary):
+        _warn_changed(path)
+    return summary
+
+
+def carried_of(summary: Mapping[str, Any]) -> str:
+    """What the structure carries, in words: "ball", "absorber", ...; results of earlier versions do not say."""
+    carried = summary.get("carried")
+    return carried if isinstance(carried, str) else "ball"
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """A file of plain data; nothing where there is none.
+
+    Raises `InputError` if it cannot be read, or holds no table.
+    """
+    if not path.exists():
+        return {}
+    try:
+        with open_regular(path) as file:
+            data = json.loads(file.read().decode("utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        raise _damaged(path, _in_words(error)) from None
+    if not isinstance(data, dict):
+        raise _damaged(path, "no table")
+    return data
+
+
+def read_dataset(folder: Path, name: str, summary: Mapping[str, Any]) -> xarray.Dataset | None:
+    """One of the netCDF files of `FILES`, by its key; None where the results have none.
+
+    Raises `InputError` if it is missing or cannot be read.
+    """
+    return _read(folder, FILES[name].name, summary, load_dataset)
+
+
+HDF5 = b"\x89HDF\r\n\x1a\n"
+"""First bytes of a file in the format of netCDF 4; earlier ones begin with CDF."""
+
+PACKED = 200
+"""Most bytes of numbers for a byte of a file, which may be compressed."""
+
+
+def load_dataset(
+    path: Path,
+    engine: str | None = "h5netcdf",  # None is that of the file's own format
+    names: Collection[str] | None = None,  # of the variables that are read; all by default
+) -> xarray.Dataset:
+    """A netCDF file that is no device or pipe, and holds no more numbers than a file of its size can."""
+    import h5py
+    import xarray
+
+    # the library opens it by its name
+    with open_regular(path) as file:
+        begin, size = read_now(file, len(HDF5)), os.fstat(file.fileno()).st_size
+    require(begin == HDF5 or begin.startswith(b"CDF"), "format", "another one", "", "must be netCDF")
+    left_out = list[str]()
+    if begin == HDF5:
+        with h5py.File(path) as root:
+            numbers = {name: int(each.nbytes) for name, each in root.items() if isinstance(each, h5py.Dataset)}
+        left_out = [name for name in numbers if names is not None and name not in names]
+        stated = sum(bytes_of for name, bytes_of in numbers.items() if name not in left_out)
+        allowed = f"must be <= {PACKED} in a byte of the file"
+        require(stated <= PACKED * size, "numbers", stated, "bytes", allowed)
+    return xarray.load_dataset(path, engine=engine, drop_variables=left_out)
+
+
+def read_table(folder: Path, name: str, summary: Mapping[str, Any]) -> dict[str, Any] | None:
+    """One of the tables of the results; None where they have none.
+
+    Raises `InputError` if it is missing or cannot be read.
+    """
+    return _read(folder, name, summary, read_csv)
+
+
+def _read(folder: Path, name: str, summary: Mapping[str, Any], reader: Callable[[Path], T]) -> T | None:
+    """One file of the results, checked against the summary."""
+    path, expected = folder / name, summary.get(CHECKSUMS, {}).get(name)
+    if not path.exists():
+        if expected is not None:
+            raise InputError([Fault("file", str(path), "", f"is missing: {SUMMARY} names it among the results")])
+        return None
+    changed = expected is not None and undamaged(path, checksum) != expected
+    found = undamaged(path, reader)
+    if changed:
+        _warn_changed(path)
+    return found
+
+
+def undamaged(path: Path, reader: Callable[[Path], T]) -> T:
+    """What a reader makes of a file.
+
+    Raises `InputError` if it cannot be read.
+    """
+    with _quiet_finalizers():
+        try:
+            return reader(path)
+        # what a damaged file makes a reader raise is without limit
+        except Exception as error:
+            problem = _in_words(error)
+        # what the reader had opened
+        gc.collect()
+    raise _damaged(path, problem)
+
+
+@contextmanager
+def _quiet_finalizers() -> Iterator[None]:
+    """Without a word from objects that end half made: h5netcdf's file prints a traceback for a damaged one."""
+    before = sys.unraisablehook
+    sys.unraisablehook = lambda _: None
+    try:
+        yield
+    finally:
+        sys.unraisablehook = before
+
+
+def _in_words(error: Exception) -> str:
+    return " ".join(str(error).split())[:200] or type(error).__name__
+
+
+def _damaged(path: Path, problem: str) -> InputError:
+    return InputError([Fault("file", str(path), "", f"is damaged and cannot be read: {problem}")])
+
+
+def _warn_changed(path: Path) -> None:
+    text = f"{path}: is not as the study left it (its SHA-256 differs from that in {SUMMARY})"
+    warnings.warn(text, ResultsWarning, stacklevel=5)
+
+
+# ---- writing --------------------------------------------------------------------------------------
+
+
+def checksum(path: Path) -> str:
+    """SHA-256 of a file, in hexadecimal digits."""
+    with open_regular(path) as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _of_summary(summary: Mapping[str, Any]) -> str:
+    rest = {key: value for key, value in summary.items() if key != SUMMARY_CHECKSUM}
+    return hashlib.sha256(json.dumps(rest, sort_keys=True).encode()).hexdigest()
+
+
+def write_summary(
+    folder: Path,
+    summary: Mapping[str, Any],
+    # a folder of results to which those in the first are added. Checksums that the summary has of files there stay;
+    # where it has none at all they are computed.
+    beside: Path | None = None,
+) -> None:
+    """Write the summary of the files in a folder, with their checksums."""
+    sums = {}
+    if beside is not None:
+        known = summary.get(CHECKSUMS) or _checksums(beside)
+        gone = replaced_by(result_files(folder))
+        sums = {name: value for name, value in known.items() if name not in gone and (beside / name).exists()}
+    sums |= _checksums(folder)
+    plain = plain_data({**summary, CHECKSUMS: sums})
+    write_json(folder / SUMMARY, {**plain, SUMMARY_CHECKSUM: _of_summary(plain)})
+
+
+def _checksums(folder: Path) -> dict[str, str]:
+    return {name: checksum(folder / name) for name in result_files(folder) if name != SUMMARY}

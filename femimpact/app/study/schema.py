@@ -1,0 +1,304 @@
+"""A JSON schema of the study file, from the metadata of the fields that `load_study` checks.
+
+An editor completes and checks keys, types and ranges with it. `NOT_IN_SCHEMA` names the rules that it does not hold.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+import re
+import sys
+from collections.abc import Mapping
+from typing import Any
+
+from femimpact.app.study.base_motion import (
+    HISTORY_KEYS,
+    PARTS,
+    SIGNALS,
+    SUM,
+    BaseMotion,
+    DriveKind,
+    RecordedMotion,
+    SignalMotion,
+)
+from femimpact.app.study.forces import FORCE_KINDS, OF_PLACE, RestMotion, StudyForce
+from femimpact.app.study.parameter_plan import DISTRIBUTIONS, MOST_POINTS, BestPlan, ParameterPlan, SamplePlan
+from femimpact.contact.laws import LAWS, PowerLaw
+from femimpact.errors import quantity
+from femimpact.integrators.methods import METHODS
+from femimpact.structure.beam import Segment
+from femimpact.structure.damping import ModalDamping, Rayleigh
+
+NOT_IN_SCHEMA = (
+    "what is not a number (nan), for which a schema has no word",
+    "pairs of keys that belong together, as width and thickness, or restitution and contact_time",
+    "comparisons of two keys, as stop above start in [sweep], of the two numbers of an axis or a range, of the rows of "
+    "a density",
+    'units: whether that of a text, as of "4 mm", fits the key; a slope, which needs a level beside it',
+    "axes: whether a path leads to a number of the study, and a measure is known; a power of two of a Sobol sequence",
+    "how many numbers a list has: two for a gap and for the ratio, modes or frequencies of [damping]",
+    "names: each once, none of those that mean a place, none with a dot; places and channels must exist",
+    "files: a mesh file, a record or a file of rows must be there and be sound",
+    "the structure as a whole: held, within the beam, with gaps and contact laws that fit",
+)
+"""Rules of `load_study` that the schema does not hold."""
+
+MOST_FLOAT = sys.float_info.max
+
+DISTRIBUTION_WORDS = {name: f"{name} with {first} and {second}" for name, (first, second) in DISTRIBUTIONS.items()}
+
+CONTENT = {"content"}
+"""Fields of a noun that no key of a study file gives."""
+
+
+def noun_schema(noun: Any, without: frozenset[str] = frozenset(), title: str = "", **given: Any) -> dict[str, Any]:
+    """Schema of a table with the keys of a noun's fields."""
+    about, properties, required = _meanings(noun), {}, []
+    for item in dataclasses.fields(noun):
+        if item.name in without | CONTENT:
+            continue
+        properties[item.name] = given.get(item.name) or _key(item.metadata, item.default, about.get(item.name, ""))
+        if item.default is dataclasses.MISSING:
+            required.append(item.name)
+    schema = {"type": "object", "description": _first(noun), "properties": properties, "additionalProperties": False}
+    return schema | ({"title": title} if title else {}) | ({"required": required} if required else {})
+
+
+def _first(noun: Any) -> str:
+    """First paragraph of a docstring."""
+    return (inspect.getdoc(noun) or "").split("\n\n")[0].replace("\n", " ")
+
+
+def _key(metadata: Mapping[str, Any], default: Any, meaning: str) -> dict[str, Any]:
+    """Schema of one key from the metadata and the default of its field."""
+    key = {**(metadata.get("schema") or _COLUMNS), "description": meaning}
+    if "unit" in metadata:
+        of_file = ", or the path of a file of rows" * ("x-rows" in key)
+        key |= {"x-unit": metadata["unit"], "x-range": metadata["allowed"].removeprefix("must be ") + of_file}
+    if default not in (dataclasses.MISSING, inspect.Parameter.empty, None):
+        key["default"] = list(default) if isinstance(default, tuple) else default
+    return key
+
+
+def _closed(properties: dict[str, Any], required: list[str] | None = None) -> dict[str, Any]:
+    """A table with these keys alone, all of which are required where no list says which."""
+    return {
+        "type": "object", "properties": properties, "additionalProperties": False,
+        "required": required or list(properties),
+    }  # fmt: skip
+
+
+def _number_of(metadata: Mapping[str, Any]) -> Any:
+    """Schema of a number with its unit and its range in words."""
+    return {**metadata["schema"], "x-unit": metadata["unit"], "x-range": metadata["allowed"].removeprefix("must be ")}
+
+
+def grid_schema(number: dict[str, Any]) -> dict[str, Any]:
+    """Schema of points between two numbers."""
+    points = _number_of(quantity("1", at_least=2, at_most=MOST_POINTS, integer=True))
+    grid = {"from": number, "to": number, "points": points, "spacing": {"enum": ["even", "logarithmic"]}}
+    return _closed(grid, ["from", "to", "points"])
+
+
+_POSITIVE = {"type": "number", "exclusiveMinimum": 0}
+
+_NUMBERS = {"type": "array", "items": _POSITIVE, "minItems": 1}
+
+LISTS: Mapping[str, dict[str, Any]] = {
+    "frequencies": {
+        "anyOf": [_NUMBERS, grid_schema(_POSITIVE)],
+        "description": "one after the other, or points between two of them",
+        "x-unit": "Hz",
+        "x-range": "finite numbers > 0",
+    },
+    "psd": {
+        "type": "array",
+        "items": {**_NUMBERS, "minItems": 2, "maxItems": 2},
+        "minItems": 2,
+        "description": "one-sided density of the acceleration, straight in a plot of its logarithms",
+        "x-unit": "Hz, (m/s^2)^2/Hz",
+        "x-rows": "(m/s^2)^2/Hz",
+        "x-range": "rows of a frequency, rising, and a level > 0, or the path of a file of rows",
+    },
+}
+"""Schemas of the keys that are lists of numbers."""
+
+_COLUMNS = {
+    "type": "array",
+    "items": {"anyOf": [{"type": "string"}, {"type": "integer", "minimum": 0}]},
+    "x-range": "numbers from 0 or names of two columns: time, acceleration",
+}
+"""Schema of the columns of a record, the one key that is neither a number nor a text."""
+
+
+def _meanings(noun: Any) -> dict[str, str]:
+    """Meaning of each field, from the Parameters section of a noun's docstring."""
+    text = inspect.getdoc(noun) or ""
+    section = re.search(r"^Parameters\n-+\n(.*?)(?=^\w+\n-+$|\Z)", text, re.MULTILINE | re.DOTALL)
+    found: dict[str, str] = {}
+    for names, words in re.findall(
+        r"^(\S[^\n]*)\n((?:(?:    [^\n]*)?\n)*)", (section[1] if section else "") + "\n", re.M
+    ):
+        for name in names.partition(" :")[0].split(", "):
+            found[name] = " ".join(words.split())
+    return found
+
+
+def contact_schema() -> dict[str, Any]:
+    """Schema of a contact: a law by its name, with the fields that the name leaves open."""
+    laws = []
+    for name, (noun, fixed) in LAWS.items():
+        schema = noun_schema(noun, frozenset(fixed), name)
+        schema["properties"] = {"law": {"const": name, "description": "the contact law"}, **schema["properties"]}
+        schema["required"] = ["law", *schema.get("required", [])]
+        if noun is PowerLaw:
+            schema["properties"]["stiffness"] |= {"x-unit": "N/m^exponent"}
+        laws.append(schema)
+    return {"description": "the contact law of the walls", "oneOf": laws}
+
+
+def beam_schema() -> dict[str, Any]:
+    """Schema of [beam]: a segment, or a list of them."""
+    one = noun_schema(Segment, title="a beam of one segment")
+    part = noun_schema(Segment, title="one of several segments")
+    about = "from the root to the tip, [[beam.segment]]"
+    segments = {"type": "array", "items": part, "minItems": 1, "description": about}
+    several = {
+        "title": "a beam of several segments", "type": "object", "properties": {"segment": segments},
+        "required": ["segment"], "additionalProperties": False,
+    }  # fmt: skip
+    return {"description": "The beam: one segment with the keys below, or a list of them.", "oneOf": [one, several]}
+
+
+def damping_schema() -> dict[str, Any]:
+    """Schema of [damping]: the two forms of it."""
+    forms = [noun_schema(Rayleigh, title="proportional"), noun_schema(ModalDamping, title="mode by mode")]
+    return {"description": "Damping of the structure alone; without the table it has none.", "oneOf": forms}
+
+
+def base_schema() -> dict[str, Any]:
+    """Schema of [base]: a form for each kind of motion."""
+    forms = [noun_schema(BaseMotion, title="a sine"), noun_schema(RecordedMotion, title="a record")]
+    forms.append(noun_schema(RestMotion, title="rest"))
+    for form, kind in zip(forms, ("sine", "record", "rest"), strict=True):
+        form["properties"] = _kind(kind) | form["properties"]
+    forms[2]["required"].append("kind")
+    # "1 g" is the scale of a record in g
+    forms[1]["properties"]["scale"]["x-unit"] = "m/s^2"
+    history = {item.name: _key(item.metadata, item.default, _meanings(SignalMotion)[item.name])
+               for item in dataclasses.fields(SignalMotion) if item.name in HISTORY_KEYS}  # fmt: skip
+    forms += [_drive(kind, of_kind, {}, history) for kind, of_kind in SIGNALS.items()]
+    parts = {
+        "type": "array", "minItems": 1, "items": {"oneOf": [_drive(kind, PARTS[kind]) for kind in PARTS]},
+        "description": "motions that are added, [[base.parts]]",
+    }  # fmt: skip
+    forms.append({"title": SUM, **_closed(_kind(SUM) | {"parts": parts} | history, ["kind", "parts"])})
+    about = (
+        "Motion of the base: a sine, a record of its acceleration, a chirp, a stepped sine, a random motion, a shock, "
+        "or none, beside forces."
+    )
+    return {"description": about, "oneOf": forms}
+
+
+def _kind(name: str) -> dict[str, Any]:
+    return {"kind": {"const": name, "description": "the kind of motion or force"}}
+
+
+def _drive(
+    kind: str, of_kind: DriveKind, first: Mapping[str, Any] | None = None, last: Mapping[str, Any] | None = None
+) -> dict[str, Any]:
+    """Schema of a motion or a force by its keys, with others before and behind them."""
+    keys = {**_kind(kind), **(first or {}), **_keys_of(of_kind), **(last or {})}
+    # a part of a sum without a kind is a sine
+    needed = [*(["kind"] if kind != "sine" or first else []), *of_kind.needed]
+    needed += ["at"] if first else ["history"] if last and kind == "shock" else []
+    return {"title": kind, "description": _first(of_kind.noun), **_closed(keys, needed)}
+
+
+def _keys_of(kind: DriveKind) -> dict[str, Any]:
+    """Schemas of the keys of a kind of motion or force."""
+    about, keys = _meanings(kind.noun), dict[str, Any]()
+    for key, metadata in kind.metadata.items():
+        meaning = about.get(kind.names.get(key, key)) or f"amplitude of the base's {key}"
+        keys[key] = LISTS.get(key) or _key(metadata, kind.keys[key].default, meaning)
+    return keys
+
+
+def force_schema() -> dict[str, Any]:
+    """Schema of [[force]]: a form for each kind."""
+    own = {item.name: _key(item.metadata, item.default, _meanings(StudyForce)[item.name])
+           for item in dataclasses.fields(StudyForce) if item.name in OF_PLACE}  # fmt: skip
+    forms = [_drive(kind, of_kind, own) for kind, of_kind in FORCE_KINDS.items()]
+    density = {"description": "one-sided density of the force", "x-unit": "Hz, N^2/Hz", "x-rows": "N^2/Hz"}
+    for keys in (form["properties"] for form in forms):
+        if "force" in keys:
+            keys["force"]["description"] = "level of the force"
+        if "psd" in keys:
+            keys["psd"] = keys["psd"] | density
+    return {"description": "A force at a place, beside the motion of the base.", "oneOf": forms}
+
+
+def chosen_later(noun: Any) -> tuple[str, ...]:
+    """Fields of a method that a study may leave to `Method.for_system`: those without a default."""
+    return tuple(item.name for item in dataclasses.fields(noun) if item.default is dataclasses.MISSING)
+
+
+def method_schema() -> dict[str, Any]:
+    """Schema of [method]: a form for each method."""
+    forms = []
+    for name, noun in METHODS.items():
+        schema = noun_schema(noun, title=name)
+        later = chosen_later(noun)
+        schema["properties"] = {"name": {"const": name, "description": "the method"}, **schema["properties"]}
+        schema["required"] = [key for key in schema.pop("required", []) if key not in later]
+        # a table without a name is the first of them
+        schema["required"] += [] if name == "newmark" else ["name"]
+        forms.append(schema)
+    return {"description": "How time runs; without dt the recommended step is taken.", "oneOf": forms}
+
+
+def plan_schema() -> dict[str, Any]:
+    """Schema of [study]."""
+    axes = {"$ref": "#/$defs/axes", "description": "What the study goes over: see [study.axes]."}
+    limits = {"$ref": "#/$defs/limits", "description": _meanings(BestPlan)["limits"]}
+    best = noun_schema(BestPlan, limits=limits)
+    return noun_schema(ParameterPlan, axes=axes, sample=noun_schema(SamplePlan), best=best)
+
+
+def limits_schema() -> dict[str, Any]:
+    """Schema of [study.best.limits]; without quotes TOML takes the dots of a channel for tables in one another."""
+    forms = [_number_of(quantity("1")), {"title": "a part of a name", "$ref": "#/$defs/limits"}]
+    about = "Limits of the worst values, by the names of the measures; in the units of the measures."
+    return {"type": "object", "description": about, "additionalProperties": {"anyOf": forms}}
+
+
+def axes_schema() -> dict[str, Any]:
+    """Schema of [study.axes]; without quotes TOML takes the dots of a path for tables in one another."""
+    number = _number_of(quantity("1"))
+    value = {"anyOf": [
+        {"type": "number", "minimum": -MOST_FLOAT, "maximum": MOST_FLOAT},
+        {"type": "array", "items": number, "minItems": 2, "maxItems": 2},
+        {"type": "string"},
+    ]}  # fmt: skip
+    forms = [
+        {"title": "values", "type": "array", "items": value, "minItems": 1, "uniqueItems": True},
+        {"title": "points between two values", **grid_schema(number)},
+        {"title": "of a sample: uniform between two values", **_closed({"from": number, "to": number})},
+        *({"title": f"of a sample: {words}", **_closed({name: _two_numbers(name)})}
+          for name, words in DISTRIBUTION_WORDS.items()),
+    ]  # fmt: skip
+    return {
+        "type": "object",
+        "description": "Values or a distribution of every axis, by the study path of the number.",
+        "minProperties": 1,
+        "additionalProperties": {"anyOf": [*forms, {"title": "a part of a path", "$ref": "#/$defs/axes"}]},
+    }
+
+
+def _two_numbers(distribution: str) -> dict[str, Any]:
+    """Schema of the numbers of a distribution."""
+    anything, positive = _number_of(quantity("1")), _number_of(quantity("1", above=0.0))
+    first = positive if distribution == "lognormal" else anything
+    second = anything if distribution == "uniform" else positive
+    return {"type": "array", "prefixItems": [first, second], "minItems": 2, "maxItems": 2}

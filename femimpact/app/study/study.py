@@ -1,0 +1,438 @@
+"""A study: a structure and what is to be done with it, and the systems and the method that follow."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from femimpact.app.study.base_motion import BaseMotion, RecordedMotion, Signal, SignalMotion
+from femimpact.app.study.forces import DrivenMotion, Motion, StudyForce
+from femimpact.app.study.parameter_plan import MOST_STARTS, ParameterPlan
+from femimpact.errors import (
+    Fault,
+    InputError,
+    check_fields,
+    faults_of,
+    instance,
+    level_rows,
+    name_text,
+    optional,
+    quantity,
+    require,
+    require_name,
+    suggestion,
+    text,
+    truth,
+)
+from femimpact.excitation import Drives, HammerBlow, PointForce, RecordedBase, Sine, Sum
+from femimpact.excitation.drives import until
+from femimpact.excitation.levels import Level, require_reach
+from femimpact.fem.assembly import assemble
+from femimpact.fem.mesh import Mesh
+from femimpact.fem.mesh_files import read_mesh
+from femimpact.integrators.methods import METHODS, Method
+from femimpact.orbits.following import CHANGES
+from femimpact.orbits.switching import REFUSED
+from femimpact.structure.structure import Structure
+from femimpact.system.reduction import reduce
+from femimpact.system.state import State
+from femimpact.system.system import System
+
+TWO_VALUES: dict[str, Any] = quantity("", several=True) | {
+    "allowed": "must be two finite numbers, the lowest and the highest value",
+    "schema": {
+        "type": "array", "minItems": 2, "maxItems": 2, "items": {"anyOf": [{"type": "number"}, {"type": "string"}]},
+    },
+}  # fmt: skip
+"""Metadata of a range whose unit another key decides."""
+
+SWITCHED = tuple(kind for kind in (*CHANGES, "grazing") if kind not in REFUSED)
+"""Kinds of bifurcations at which another branch begins."""
+
+KINDS: dict[str, Any] = text(several=True) | {
+    "allowed": f"must be a list of {' or '.join(map(repr, SWITCHED))}",
+    "schema": {"type": "array", "items": {"enum": list(SWITCHED)}},
+}
+"""Metadata of the kinds of bifurcations at which another branch is followed."""
+
+
+@dataclass(frozen=True)
+class MeshChoice:
+    """`[mesh]`: a number of elements, or a mesh file beside the study.
+
+    Parameters
+    ----------
+    elements : int
+        How many; each is at most as long as the others, between the places that have to be nodes.
+    file : str
+        Path of a mesh of two-node lines along x, from the folder of the study file: Gmsh 2.2 or 4.1, VTU, VTK, XDMF,
+        Abaqus, MED and what else meshio reads. A place is a physical point of Gmsh, or in a format without names an
+        array of whole numbers on the points, 1 at one node and 0 elsewhere; regions likewise on curves and lines.
+
+    Raises
+    ------
+    InputError
+        If not exactly one of elements and file is given.
+    """
+
+    elements: int | None = field(default=None, metadata=quantity("1", at_least=1, at_most=100_000, integer=True))
+    file: str | None = field(default=None, metadata=text())
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        one = (self.elements is None) != (self.file is None)
+        require(one, "elements", self.elements, "", "give either elements (a whole number) or file (a path)")
+
+
+@dataclass(frozen=True)
+class Reduction:
+    """`[reduction]`: how many normal modes are kept.
+
+    Parameters
+    ----------
+    modes : int
+        The lowest so many. Without the table the run is in the dofs of the mesh.
+    """
+
+    modes: int = field(metadata=quantity("1", at_least=1, integer=True))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+
+
+@dataclass(frozen=True)
+class Gravity:
+    """`[gravity]`: a constant acceleration along the deflection, of beam, bodies and balls (`Structure.gravity`).
+
+    Parameters
+    ----------
+    acceleration : float, m/s^2
+        Positive towards +w; -9.81 pulls down.
+    """
+
+    acceleration: float = field(metadata=quantity("m/s^2"))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+
+
+@dataclass(frozen=True)
+class SweepPlan:
+    """`[sweep]`: an even grid, and how many points refine it around each resonance.
+
+    Parameters
+    ----------
+    start, stop : float, Hz
+        First and last frequency of the even grid.
+    points : int
+        Number of frequencies of the even grid.
+    cycles : int
+        Base cycles at each frequency; the last third is measured.
+    refine : int
+        Points added around each resonance.
+    starts : int
+        Further sweeps with the balls at different places and speeds, as in [study]; the results have medians and ranges
+        of them. With 1 there are none.
+    acceleration : float or array_like (k, 2) or None, m/s^2
+        Amplitude of the base's acceleration, or rows of a frequency (Hz) and an amplitude, straight in a plot of the
+        logarithms. Absent: the base has the amplitude of [base] at all frequencies.
+
+    Raises
+    ------
+    InputError
+        If the stop is not above the start, or rows do not reach from start to stop.
+    """
+
+    start: float = field(metadata=quantity("Hz", above=0.0))
+    stop: float = field(metadata=quantity("Hz", above=0.0))
+    points: int = field(metadata=quantity("1", at_least=4, at_most=100_000, integer=True))
+    cycles: int = field(metadata=quantity("1", at_least=24, at_most=10_000_000, integer=True))
+    refine: int = field(default=0, metadata=quantity("1", at_least=0, at_most=100_000, integer=True))
+    starts: int = field(default=1, metadata=quantity("1", at_least=1, at_most=MOST_STARTS, integer=True))
+    acceleration: Level | None = field(default=None, metadata=optional(level_rows("m/s^2")))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        require(self.stop > self.start, "stop", self.stop, "Hz", f"must be > start, {self.start:g} Hz")
+        if self.acceleration is not None:
+            require_reach(self.acceleration, self.start, self.stop)
+
+
+@dataclass(frozen=True)
+class OrbitsPlan:
+    """`[orbits]`: branches of periodic orbits over a number of the study, from the motion that its run settles to.
+
+    Parameters
+    ----------
+    parameter : str
+        Path of the number, as of `fi.continue_orbit`: "frequency", "amplitude", "impactor.ball.gap", ...
+    range : pair of float
+        Its lowest and its highest value, with that of the study between them; in the unit of the number.
+    guess_duration : float, s
+        Length of the run from the study's own start, from the end of which the first orbit is searched.
+    cycles : int
+        Periods of the excitation in one of the first orbit.
+    switch : sequence of str
+        Kinds of bifurcations at which the other branch is followed too: "symmetry-breaking", "branch-point",
+        "period-doubling", "grazing".
+    most_branches : int
+        Branches that are followed at most, that of the first orbit included.
+    points : int
+        Most points of a branch to each side of the orbit from which it is followed.
+
+    Raises
+    ------
+    InputError
+        If the range does not rise, a kind of bifurcation is there twice, or there is no other branch at one.
+    """
+
+    parameter: str = field(metadata=text())
+    range: tuple[float, float] = field(metadata=TWO_VALUES)
+    guess_duration: float = field(metadata=quantity("s", above=0.0))
+    cycles: int = field(default=1, metadata=quantity("1", at_least=1, at_most=1000, integer=True))
+    switch: tuple[str, ...] = field(default=(), metadata=KINDS)
+    most_branches: int = field(default=10, metadata=quantity("1", at_least=1, at_most=1000, integer=True))
+    points: int = field(default=2000, metadata=quantity("1", at_least=2, at_most=10**6, integer=True))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        rises = isinstance(self.range, tuple) and len(self.range) == 2 and self.range[0] < self.range[1]
+        require(rises, "range", self.range, "", TWO_VALUES["allowed"])
+        for kind in self.switch:
+            allowed = REFUSED[kind] if kind in REFUSED else suggestion(kind, SWITCHED)
+            require(kind in SWITCHED, "switch", kind, "", allowed)
+        require(len(set(self.switch)) == len(self.switch), "switch", self.switch, "", "must have each kind once")
+
+
+@dataclass(frozen=True)
+class Output:
+    """`[output]`: channels, snapshots, files and pictures that are written.
+
+    Parameters
+    ----------
+    every : int
+        One of so many samples is kept in the history, which are steps of a method that has them. Absent: one of 10, or
+        of fewer where a base cycle would have less than 20, and all of an event-driven run.
+    interval : float, s
+        Time between the instants at which an event-driven history is read. Absent: under a sine `samples_per_cycle` of
+        the method, under a record what its samples and the highest mode need.
+    channels : sequence of str
+        Kept in the history besides those of the tip, the middle, the balls and the contacts, by their names, as
+        "root.reaction_force"; the reference has a page of channels.
+    frames : int
+        Number of snapshots of the deflection that are kept for ParaView and the movie.
+    frame_cycles : float
+        Last base cycles over which they are spread; of a motion without one, cycles of its highest frequency.
+    exaggeration : float
+        Scale of motion and gaps in these. Absent: chosen by the movie, 1 for ParaView.
+    memory_limit : float, bytes
+        A run that would keep more is refused.
+    figures, paraview, movie : bool
+        Whether they are made.
+    vtkhdf : bool
+        Whether the deflections are in one temporal VTKHDF file too.
+    report : bool
+        Whether `report.html` is written.
+    title, author, date : str
+        Stand at the head of the report as they are; a title takes the place of the name of the study.
+    starts : int
+        Further histories with the balls at different places and speeds, as in [study]; the results have medians and
+        ranges of them, and the files are those of the study's own start. With 1 there are none.
+    """
+
+    every: int | None = field(default=None, metadata=quantity("samples", at_least=1, integer=True))
+    interval: float | None = field(default=None, metadata=optional(quantity("s", above=0.0)))
+    channels: tuple[str, ...] = field(default=(), metadata=text(several=True))
+    frames: int = field(default=160, metadata=quantity("1", at_least=0, at_most=5000, integer=True))
+    frame_cycles: float = field(default=3.0, metadata=quantity("1", above=0.0))
+    exaggeration: float | None = field(default=None, metadata=quantity("1", above=0.0))
+    memory_limit: float = field(default=1e9, metadata=quantity("bytes", above=0.0))
+    figures: bool = field(default=True, metadata=truth())
+    paraview: bool = field(default=True, metadata=truth())
+    vtkhdf: bool = field(default=False, metadata=truth())
+    movie: bool = field(default=True, metadata=truth())
+    report: bool = field(default=True, metadata=truth())
+    title: str = field(default="", metadata=name_text(lines=True))
+    author: str = field(default="", metadata=name_text(lines=True))
+    date: str = field(default="", metadata=name_text(lines=True))
+    starts: int = field(default=1, metadata=quantity("1", at_least=1, at_most=MOST_STARTS, integer=True))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        require(self.frames > 0 or not self.vtkhdf, "vtkhdf", self.vtkhdf, "", "must be false where frames = 0")
+
+
+@dataclass(frozen=True, eq=False)
+class Study:
+    """A validated study file.
+
+    Parameters
+    ----------
+    structure : Structure
+    mesh : MeshChoice
+    base : BaseMotion, RecordedMotion, SignalMotion or DrivenMotion
+        The last one where forces act beside it.
+    reduction : Reduction or None
+        None integrates in physical dofs.
+    method : mapping of str to value
+        Its name and fields as given; dt may be absent and is then the recommended step.
+    sweep : SweepPlan or None
+    output : Output
+    path : Path
+    text : str
+        The file as read; what is kept with the results is `study_file.study_text`.
+    plan : ParameterPlan or None
+        The axes and measures of a parameter study.
+    orbits : OrbitsPlan or None
+
+    Raises
+    ------
+    InputError
+        If the method's name is unknown, or there is a sweep and no sine.
+    """
+
+    structure: Structure = field(metadata=instance(Structure))
+    mesh: MeshChoice = field(metadata=instance(MeshChoice))
+    base: BaseMotion | RecordedMotion | SignalMotion | DrivenMotion = field(
+        metadata=instance(BaseMotion, RecordedMotion, SignalMotion, DrivenMotion)
+    )
+    reduction: Reduction | None = field(metadata=optional(instance(Reduction)))
+    method: Mapping[str, Any] = field(metadata=instance(Mapping))
+    sweep: SweepPlan | None = field(metadata=optional(instance(SweepPlan)))
+    output: Output = field(metadata=instance(Output))
+    path: Path = field(metadata=instance(Path))
+    text: str = field(repr=False, metadata=text())
+    plan: ParameterPlan | None = field(default=None, metadata=optional(instance(ParameterPlan)))
+    orbits: OrbitsPlan | None = field(default=None, metadata=optional(instance(OrbitsPlan)))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        require_name(self.method.get("name", "newmark"), METHODS, "method.name")
+        if self.sweep is not None:
+            sine_of(self, "sweep", instead="; remove [sweep], or give [base] an amplitude and a frequency")
+
+    @cached_property
+    def excitation(self) -> Sine | RecordedBase | Signal | Sum | Drives | PointForce | HammerBlow:
+        """Drives of the simulated history: the motion of the base, and forces."""
+        drives: Sine | RecordedBase | Signal | Sum | Drives | PointForce | HammerBlow = until(
+            self.base.excitation, self.base.history_duration
+        )
+        return drives
+
+    @property
+    def motion(self) -> Motion:
+        """What [base] gives, without the forces."""
+        return self.base.motion if isinstance(self.base, DrivenMotion) else self.base
+
+    @property
+    def forces(self) -> tuple[StudyForce, ...]:
+        """What [[force]] gives."""
+        return self.base.forces if isinstance(self.base, DrivenMotion) else ()
+
+    @property
+    def shown_frequency(self) -> float:
+        """Frequency (Hz) of the cycles that pictures show: of the base where it moves, and not of forces beside it."""
+        return float(getattr(self.motion, "frequency", self.base.frequency))
+
+    @property
+    def sine(self) -> Sine:
+        """The same of a study whose base moves by a sine; of another it is refused."""
+        return sine_of(self, "study.sine").excitation
+
+    @property
+    def sweep_level(self) -> dict[str, Any]:
+        """Amplitude (m) or acceleration (m/s^2) of the base in the sweep, and None for the other."""
+        given = self.sweep.acceleration if self.sweep else None
+        return {"amplitude": self.sine.amplitude if given is None else None, "acceleration": given}
+
+    @property
+    def initial(self) -> State:
+        """State at the start."""
+        return State.static() if self.base.start == "static" else State.at_rest(self.base.start)
+
+
+def sine_of(study: Study, key: str, value: object = None, unit: str = "", instead: str = "") -> BaseMotion:
+    """The base motion of a study whose base moves by a sine.
+
+    Raises
+    ------
+    InputError
+        Of a record or another motion, naming what needs a sine.
+    """
+    if isinstance(study.base, BaseMotion):
+        return study.base
+    base = study.base
+    if isinstance(base, DrivenMotion):
+        other = "has forces beside it, [[force]]"
+    else:
+        other = f"is of kind {base.kind!r}" if isinstance(base, SignalMotion) else f"has a record, {base.record!r}"
+    allowed = f"needs a sine of the base, and [base] of this study {other}{instead}"
+    raise InputError([Fault(key, value, unit, allowed)])
+
+
+def build(study: Study) -> tuple[System, System, Method]:
+    """The full system, the one that is integrated, and the method with its step.
+
+    Parameters
+    ----------
+    study : Study
+
+    Returns
+    -------
+    full, small : System
+    method : Method
+    """
+    full, small = build_systems(study, read_mesh_of(study))
+    return full, small, method_for(study, small)
+
+
+def build_systems(study: Study, mesh: Mesh | None) -> tuple[System, System]:
+    """The full system on a mesh of `read_mesh_of`, and the one that is integrated."""
+    full = assemble_on(study, study.structure, mesh)
+    if isinstance(study.base, DrivenMotion):
+        for name, force in study.base.named():
+            with faults_of(f"force.{name}.at"):
+                full.position_of(force.at)
+    if study.reduction is None:
+        return full, full
+    kept = study.reduction.modes
+    require(kept <= full.dofs, "reduction.modes", kept, "", f"must be <= {full.dofs}, the dofs of this mesh")
+    return full, reduce(full, kept)
+
+
+def assemble_on(study: Study, structure: Structure, mesh: Mesh | None) -> System:
+    """A structure on the study's mesh: that of its file, or one of as many elements as it gives."""
+    return assemble(structure, mesh=mesh, elements=None if mesh else study.mesh.elements)
+
+
+def method_for(study: Study, system: System) -> Method:
+    """The study's method for a system: with the step recommended for it unless the study gives one."""
+    settings = dict(study.method)
+    method: Method = METHODS[settings.pop("name", "newmark")].for_system(system, **settings)
+    return method
+
+
+def check_method(study: Study, system: System, method: Method) -> tuple[str, ...]:
+    """Warnings of the study's method about a system.
+
+    Raises
+    ------
+    InputError
+        Of the method; where it takes a reduced system only, with the table of the study file that reduces it.
+    """
+    try:
+        return method.check(system)
+    except InputError as error:
+        if study.reduction is not None:
+            raise
+        more = "; in a study file add [reduction] modes = n"
+        faults = [replace(f, allowed=f.allowed + more) if "reduce(" in f.allowed else f for f in error.faults]
+        raise InputError(faults) from None
+
+
+def read_mesh_of(study: Study) -> Mesh | None:
+    """The mesh of the study's file; None where it gives a number of elements."""
+    return read_mesh(study.path.parent / study.mesh.file) if study.mesh.file else None

@@ -1,0 +1,646 @@
+"""The study file: its tables read and checked against the fields of the nouns, described, and written."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import re
+import tomllib
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache, partial
+from operator import attrgetter
+from pathlib import Path
+from typing import Any
+
+from femimpact.app.study.base_motion import (
+    HISTORY_KEYS,
+    SIGNALS,
+    SUM,
+    BaseMotion,
+    RecordedMotion,
+    SignalMotion,
+    kind_fault,
+    record_beside,
+)
+from femimpact.app.study.file_units import flat, in_si_units, is_table, label_of, with_numbers, with_texts
+from femimpact.app.study.forces import FORCE_KINDS, DrivenMotion, RestMotion, StudyForce
+from femimpact.app.study.parameter_plan import (
+    AxisValues,
+    BestPlan,
+    Distribution,
+    ParameterPlan,
+    SamplePlan,
+    axis_from,
+    is_part_of_path,
+)
+from femimpact.app.study.schema import (
+    axes_schema,
+    base_schema,
+    beam_schema,
+    chosen_later,
+    contact_schema,
+    damping_schema,
+    force_schema,
+    limits_schema,
+    method_schema,
+    noun_schema,
+    plan_schema,
+)
+from femimpact.app.study.study import Gravity, MeshChoice, OrbitsPlan, Output, Reduction, Study, SweepPlan
+from femimpact.contact import ContactLaw
+from femimpact.contact.laws import LAWS
+from femimpact.errors import Fault, InputError, allowed_range, checked, require_path, suggestion
+from femimpact.fem.mesh import uniform_mesh
+from femimpact.integrators.methods import METHODS
+from femimpact.regular_file import read_regular
+from femimpact.structure.beam import Beam, Segment, require_single
+from femimpact.structure.damping import ModalDamping, Rayleigh
+from femimpact.structure.structure import Absorber, Dashpot, Impactor, PointMass, Spring, Stop, Structure, Support
+from femimpact.units import in_si
+
+MOST_BYTES = 10_000_000
+"""Largest size of a study file, bytes."""
+
+DEEPEST = 20
+"""Tables and lists in one another; the deepest of a sound study are four."""
+
+LONG_NUMBER = re.compile(r"\d[\d_]{4000,}")
+
+OF_SINE = frozenset({"amplitude", "frequency", "phase"})
+OF_RECORD = frozenset({"scale", "detrend", "columns", "file", "samples", "high_pass"})
+"""Keys of [base] that only one of its motions has, or might be taken to have."""
+
+
+OF_STEPS = frozenset({"acceleration", "fade", "cycles", "seconds", "frequencies", "direction"})
+"""Keys of [base] that a stepped sine has, and a sine not."""
+
+RECORD_LINE = re.compile(r"""^(\s*record\s*=\s*)("[^"\n]*"|'[^'\n]*')""", re.MULTILINE)
+"""The usual line of a record in a study file, and the quoted path in it."""
+
+
+def load_study(path: str | Path) -> Study:
+    """Read and validate a study file.
+
+    Parameters
+    ----------
+    path : str or Path
+
+    Returns
+    -------
+    Study
+
+    Raises
+    ------
+    InputError
+        With every fault of the file: key path, value, unit and allowed range.
+
+    Examples
+    --------
+    >>> import femimpact as fi
+    >>> study = fi.load_study("meshes/stepped_cantilever.toml")
+    >>> study.base.frequency
+    9.0
+    """
+    require_path(path, "study", "a study file")
+    path = Path(path)
+    try:
+        text = read_regular(path, MOST_BYTES).decode("utf-8-sig")
+    except FileNotFoundError:
+        allowed = "must be an existing TOML file ('femimpact init FILE' writes one)"
+        raise InputError([Fault("study", str(path), "", allowed)]) from None
+    except OSError as error:
+        raise InputError([Fault("study", str(path), "", f"must be readable TOML: {error.strerror}")]) from None
+    except UnicodeDecodeError as error:
+        raise InputError([Fault("study", str(path), "", f"must be readable TOML: {error}")]) from None
+    return read_study(text.replace("\r\n", "\n").replace("\r", "\n"), path)
+
+
+def read_study(
+    text: str,
+    path: Path,  # of the file: a mesh file and a record are looked for beside it
+) -> Study:
+    """Validate the text of a study file.
+
+    Raises `InputError` as of `load_study`.
+    """
+    try:
+        data = tomllib.loads(text)
+        reason = f"tables or lists in one another more than {DEEPEST} times" if _depth(data) > DEEPEST else ""
+    except RecursionError:
+        reason = "lists or tables in one another too many times"
+    except ValueError as error:
+        # of TOML, or of Python for a whole number of thousands of digits, in words on how to set its limit
+        digits = None if isinstance(error, tomllib.TOMLDecodeError) else LONG_NUMBER.search(text)
+        line = text.count("\n", 0, digits.start()) + 1 if digits else 0
+        reason = f"a number of {len(digits[0])} digits in line {line}" if digits else str(error)
+    if reason:
+        raise InputError([Fault("study", str(path), "", f"must be readable TOML: {reason}")])
+    data, readings = in_si_units(data, _schema(), path.parent)
+    return _from_tables(data, path, text, readings.faults)
+
+
+@cache
+def _schema() -> dict[str, Any]:
+    return study_schema()
+
+
+def unit_lines(study: Study) -> list[str]:
+    """Lines of what a study file has as texts with a unit, with the numbers in SI that they are."""
+
+    def shown(value: Any) -> str:
+        if isinstance(value, list):
+            return f"{len(value)} rows"
+        return f"{value[0]:.9g} Hz, {value[1]:.9g}" if isinstance(value, tuple) else f"{value:.9g}"
+
+    readings = in_si_units(tomllib.loads(study.text), _schema(), study.path.parent)[1]
+    # a text may stand twice in a list
+    return list(dict.fromkeys(
+        f"{key} = {words}: {shown(value)}{'' if unit in ('1', 'sigma') else f' {unit}'}"
+        for key, words, value, unit in readings.found
+    ))  # fmt: skip
+
+
+def study_schema() -> dict[str, Any]:
+    """JSON schema (draft 2020-12) of a study file as parsed from TOML.
+
+    Every key has its type and range, a `description`, and as `x-unit` and `x-range` its unit and range in words.
+
+    Returns: of what `json.dump` writes.
+    """
+    made = {name: table.schema() for name, table in TABLES.items()}
+    schema = {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "femimpact study",
+        "description": "A structure on a moving base, and what is computed of it. SI units.",
+        "type": "object",
+        "properties": {n: {"type": "array", "items": made[n]} if TABLES[n].many else made[n] for n in TABLES},
+        "required": [name for name, table in TABLES.items() if table.required],
+        "additionalProperties": False,
+        "$defs": {"axes": with_texts(axes_schema()), "limits": with_texts(limits_schema())},
+    }
+    return {**schema, "properties": with_texts(schema["properties"])}
+
+
+def study_text(study: Study) -> str:
+    """A study file that gives this study, with numbers in SI.
+
+    Returns: the text that the study was read from, with its comments, unless the study was changed since. A contact law
+    that has no name in study files is named in a comment; such a file cannot be loaded, and says where.
+    """
+    try:
+        text = with_numbers(study.text, in_si_units(tomllib.loads(study.text), _schema(), study.path.parent)[0])
+        again = in_si_units(tomllib.loads(text), _schema(), study.path.parent)[1]
+        if not again.found and same_study(read_study(text, study.path), study):
+            return text
+    except (InputError, ValueError):
+        pass
+    return "\n".join(_lines(study)) + "\n"
+
+
+def same_study(one: Study, other: Study) -> bool:
+    """True where two studies are equal, whatever their paths and texts are."""
+    names = [item.name for item in dataclasses.fields(Study) if item.name not in ("path", "text")]
+    return all(getattr(one, name) == getattr(other, name) for name in names)
+
+
+def with_record(text: str, record: str) -> str:
+    """The text of a study file with another path of its record, where that stands on a separate line.
+
+    Where it stands elsewhere the text does not fit its study any more, which `study_text` finds.
+    """
+    return RECORD_LINE.sub(lambda found: found[1] + _value(record), text, count=1)
+
+
+# ---- reading --------------------------------------------------------------------------------------
+
+
+def _depth(data: Any) -> int:
+    """How many tables and lists are in one another at most, of which Python could show or compare no more than some."""
+    depth, inner = 0, [data]
+    while inner := [
+        part for item in inner if isinstance(item, (dict, list))
+        for part in (item.values() if isinstance(item, dict) else item)
+    ]:  # fmt: skip
+        depth += 1
+    return depth
+
+
+def _from_tables(data: Mapping[str, Any], path: Path, text: str, of_units: list[Fault]) -> Study:
+    faults: list[Fault] = []
+    unknown = sorted(set(data) - set(TABLES))
+    faults += [Fault(name, None, "", suggestion(name, TABLES)) for name in unknown]
+    missing = [name for name, table in TABLES.items() if table.required and name not in data]
+    faults += [Fault(name, None, "", f"table [{name}] is missing") for name in missing]
+    # with what is sound, so that faults between tables are found in the same pass
+    made: dict[str, Any] = {}
+    for name, table in TABLES.items():
+        if name in data:
+            before = len(faults)
+            read = partial(_base, folder=path.parent) if name == "base" else table.read
+            found = _table(name, read, table.many, data[name], faults)
+            if len(faults) == before and found is not None:
+                made[table.place] = found
+    structure, mesh = None, made.get("mesh")
+    if "structure.beam" in made:
+        parts = {place.removeprefix("structure."): made.pop(place) for place in list(made) if "." in place}
+        structure = _collected("", partial(Structure, **parts), faults)
+    if structure is not None and mesh is not None and mesh.elements is not None:
+        _collected("", partial(uniform_mesh, structure, mesh.elements), faults)
+    forces = made.pop("forces", None)
+    if isinstance(made.get("base"), RestMotion) and "force" not in data:
+        faults.append(Fault("force", None, "", "is missing: [base] is at rest, and a [[force]] must drive the history"))
+    elif forces and "base" in made:
+        made["base"] = _collected("", partial(DrivenMotion, made["base"], tuple(forces)), faults)
+    # what has no number in SI is no number of its field either
+    keys = {fault.key for fault in of_units}
+    faults = [*of_units, *(fault for fault in faults if fault.key not in keys)]
+    if faults or structure is None:
+        raise InputError(faults)
+    absent: dict[str, Any] = {"reduction": None, "method": {}, "sweep": None, "output": Output()}
+    return Study(structure=structure, path=path, text=text, **{**absent, **made})
+
+
+def _collected(prefix: str, make: Callable[[], Any], faults: list[Fault]) -> Any:
+    """The result, or None with the faults of an `InputError` noted under the prefix."""
+    try:
+        return make()
+    except InputError as error:
+        faults += [fault.under(prefix) for fault in error.faults]
+        return None
+
+
+def _table(name: str, read: Reader, many: bool, value: Any, faults: list[Fault]) -> Any:
+    """The noun or nouns made of a table or a list of tables; None with the faults noted."""
+    if not many:
+        if not isinstance(value, dict):
+            faults.append(Fault(name, value, "", f"must be a table, [{name}]"))
+            return None
+        return read(name, value, faults)
+    if not isinstance(value, list) or not all(isinstance(item, dict) for item in value):
+        faults.append(Fault(name, None, "", f"must be a list of tables, [[{name}]]"))
+        return None
+    made = [read(f"{name}.{label_of(item, i)}", item, faults) for i, item in enumerate(value, 1)]
+    return None if any(item is None for item in made) else made
+
+
+def _noun(noun: Any, prefix: str, values: Mapping[str, Any], faults: list[Fault], **given: Any) -> Any:
+    """Check keys, types and ranges against the fields of a noun, then make it."""
+    before = len(faults)
+    faults += _key_faults(noun, prefix, values, without=given)
+    if len(faults) > before or any(value is None for value in given.values()):
+        return None
+    clean = {key: tuple(value) if isinstance(value, list) else value for key, value in values.items()}
+    return _collected(prefix, lambda: noun(**clean, **given), faults)
+
+
+def _key_faults(
+    noun: Any,
+    prefix: str,
+    values: Mapping[str, Any],
+    without: Iterable[str] = (),  # fields that no key gives
+    optional: Iterable[str] = (),  # fields without a default that may be left out
+) -> list[Fault]:
+    """Missing and unknown keys of a table, and values that their fields do not allow."""
+    fields = {item.name: item for item in dataclasses.fields(noun) if item.name not in without}
+    faults: list[Fault] = []
+    for name, item in fields.items():
+        if name in values:
+            if "unit" in item.metadata:
+                _collected(prefix, partial(checked, name, values[name], item.metadata), faults)
+        elif item.default is dataclasses.MISSING and name not in optional:
+            allowed = f"; {allowed_range(item.metadata)}" if item.metadata else ""
+            faults.append(Fault(f"{prefix}.{name}", None, "", f"is missing{allowed}"))
+    for name in (name for name in values if name not in fields):
+        of_steps = noun is SweepPlan and name in OF_STEPS
+        allowed = 'belongs to [base] kind = "stepped-sine"' if of_steps else suggestion(name, fields)
+        faults.append(Fault(f"{prefix}.{name}", None, "", allowed))
+    return faults
+
+
+def _segment(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any:
+    before = len(faults)
+    _collected(prefix, partial(require_single, values), faults)
+    if len(faults) == before:
+        return _noun(Segment, prefix, values, faults)
+    single = {name: value for name, value in values.items() if name not in ("width", "thickness")}
+    faults += _key_faults(Segment, prefix, single)
+    return None
+
+
+def _beam(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any:
+    if "segment" not in values:
+        segment = _segment(prefix, values, faults)
+        return Beam((segment,)) if segment is not None else None
+    for name in sorted(set(values) - {"segment"}):
+        faults.append(Fault(f"{prefix}.{name}", None, "", "belongs into each [[beam.segment]] of a stepped beam"))
+    segments = _table(f"{prefix}.segment", _segment, True, values["segment"], faults)
+    if segments == []:
+        faults.append(Fault(f"{prefix}.segment", None, "", "must hold at least one segment"))
+    return _collected(prefix, lambda: Beam(tuple(segments)), faults) if segments else None
+
+
+def _with_contact(noun: Any, prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any:
+    rest = {key: value for key, value in values.items() if key != "contact"}
+    contact = values.get("contact")
+    law = None
+    if not isinstance(contact, dict) or str(contact.get("law")) not in LAWS:
+        named = contact.get("law") if isinstance(contact, dict) else contact
+        table = "" if isinstance(contact, dict) else "a table with law = "
+        allowed = f"must be {table}one of {', '.join(repr(name) for name in LAWS)}"
+        faults.append(Fault(f"{prefix}.contact.law", named, "", allowed))
+    else:
+        numbers = {key: value for key, value in contact.items() if key != "law"}
+        made_by, fixed = LAWS[contact["law"]]
+        law = _noun(made_by, f"{prefix}.contact", numbers, faults, **fixed)
+    return _noun(noun, prefix, rest, faults, contact=law)
+
+
+def _damping(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any:
+    """Ratios mode by mode, or Rayleigh's coefficients from two of them."""
+    return _noun(ModalDamping if "ratios" in values else Rayleigh, prefix, values, faults)
+
+
+def _gravity(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any:
+    made = _noun(Gravity, prefix, values, faults)
+    return None if made is None else made.acceleration
+
+
+def _base(prefix: str, values: Mapping[str, Any], faults: list[Fault], folder: Path = Path()) -> Any:
+    """A sine, a record whose path is given from a folder, or another kind of motion with the fields of its noun."""
+    kind = values.get("kind", "record" if "record" in values else "sine")
+    kinds = ("sine", "record", *SIGNALS, SUM, "rest")
+    if not isinstance(kind, str) or kind not in kinds:
+        faults.append(kind_fault(f"{prefix}.kind", kind, kinds))
+        return None
+    values = {name: value for name, value in values.items() if name != "kind"}
+    if kind == "rest":
+        return _noun(RestMotion, prefix, values, faults)
+    if kind in (*SIGNALS, SUM):
+        motion = _values(prefix, values, HISTORY_KEYS, faults)
+        history = {name: values[name] for name in HISTORY_KEYS if name in values}
+        return _collected(prefix, lambda: SignalMotion(kind, motion, **history), faults)
+    if kind == "sine" and "record" in values:
+        faults.append(Fault(f"{prefix}.record", None, "", 'belongs to kind = "record", and [base] is of kind "sine"'))
+        return None
+    if kind == "record" and "record" not in values:
+        faults.append(Fault(f"{prefix}.record", None, "", "is missing: the path of a file, record = 'shaker.csv'"))
+        return None
+    if "record" not in values:
+        if OF_RECORD & set(values):
+            given = ", ".join(sorted(OF_RECORD & set(values)))
+            allowed = f"is missing: [base] has {given}, and a record is given by its path, record = 'shaker.csv'"
+            faults.append(Fault(f"{prefix}.record", None, "", allowed))
+            return None
+        if OF_STEPS & set(values):
+            faults.append(_of_steps(prefix, values))
+            return None
+        return _noun(BaseMotion, prefix, values, faults)
+    record, before = values["record"], len(faults)
+    for name in sorted(OF_SINE & set(values)):
+        allowed = "belongs to a sine, and [base] has a record: give one of the two (scale multiplies a record)"
+        faults.append(Fault(f"{prefix}.{name}", values[name], "", allowed))
+    # of another type there is nothing to read: that is the fault of the key
+    read = partial(record_beside, folder, record) if isinstance(record, str) else str
+    content = _collected(prefix, read, faults)
+    rest = {name: value for name, value in values.items() if name not in OF_SINE}
+    noun = _noun(RecordedMotion, prefix, rest, faults, content=content)
+    return noun if len(faults) == before else None
+
+
+def _of_steps(prefix: str, values: Mapping[str, Any]) -> Fault:
+    """What to write where a sine has keys of a stepped sine."""
+    name = next(name for name in values if name in OF_STEPS)
+    allowed = 'belongs to kind = "stepped-sine", with frequencies = [...] and cycles or seconds'
+    level, unit = (
+        values[name],
+        "" if isinstance(values[name], str) else SIGNALS["stepped-sine"].metadata[name].get("unit", ""),
+    )
+    try:
+        if name == "acceleration":
+            frequency = float(values["frequency"])
+            amplitude = in_si(name, level, "m/s^2") / (2.0 * math.pi * frequency) ** 2
+            allowed += f"; of a sine at {frequency:g} Hz it is amplitude = {amplitude:.6g} (m), a/(2 pi f)^2"
+    except (ArithmeticError, KeyError, TypeError, ValueError):
+        pass
+    return Fault(f"{prefix}.{name}", level, unit, allowed)
+
+
+def _force(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any:
+    """A force by its kind, with the keys of that kind."""
+    own: dict[str, Any] = {name: values.get(name) for name in ("kind", "at", "name")}
+    if not isinstance(own["kind"], str) or own["kind"] not in FORCE_KINDS:
+        faults.append(kind_fault(f"{prefix}.kind", own["kind"], FORCE_KINDS))
+        return None
+    if own["at"] is None:
+        faults.append(Fault(f"{prefix}.at", None, "", "is missing: the place at which the force acts"))
+        return None
+    rest = _values(prefix, values, own, faults)
+    return _collected(prefix, lambda: StudyForce(values=rest, **own), faults)
+
+
+def _values(prefix: str, values: Mapping[str, Any], without: Iterable[str], faults: list[Fault]) -> Any:
+    """Keys and values of a kind of motion or force; frequencies between two of them are these numbers."""
+    found = {name: _plain(value) for name, value in values.items() if name not in without}
+    given = values.get("frequencies")
+    if isinstance(given, dict):
+        axis = _collected("", partial(axis_from, f"{prefix}.frequencies", given), faults)
+        found["frequencies"] = getattr(axis, "values", (1.0,))
+    return tuple(found.items())
+
+
+def _plain(value: Any) -> Any:
+    """Lists as tuples, which do not change, and tables as pairs of a key and a value."""
+    if isinstance(value, dict):
+        return tuple((name, _plain(item)) for name, item in value.items())
+    return tuple(map(_plain, value)) if isinstance(value, list) else value
+
+
+def _method(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any:
+    settings = {key: value for key, value in values.items() if key != "name"}
+    name = values.get("name", "newmark")
+    if not isinstance(name, str) or name not in METHODS:
+        allowed = f"must be one of {', '.join(repr(known) for known in METHODS)}"
+        faults.append(Fault(f"{prefix}.name", name, "", allowed))
+        return None
+    noun = METHODS[name]
+    later = chosen_later(noun)
+    found = _key_faults(noun, prefix, settings, optional=later)
+    # what may be left out is chosen later: any will do to check the rest together
+    stand_in = dict.fromkeys(later, 1.0)
+    if not found:
+        _collected(prefix, lambda: noun(**{**stand_in, **settings}), found)
+    faults += found
+    return {"name": name, **settings}
+
+
+def _plan(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any:
+    """Axes, sample and best are tables within the table."""
+    before, inner = len(faults), {"axes": values.get("axes", {}), "sample": values.get("sample")}
+    inner["best"] = values.get("best")
+    for name, table in inner.items():
+        if table is not None and not isinstance(table, dict):
+            faults.append(Fault(f"{prefix}.{name}", table, "", f"must be a table, [{prefix}.{name}]"))
+    if isinstance(inner["axes"], dict) and not inner["axes"]:
+        faults.append(Fault(f"{prefix}.axes", None, "", f"table [{prefix}.axes] is missing"))
+    if len(faults) > before:
+        return None
+    axes: dict[str, Any] = {}
+    for path, given in flat(inner["axes"], is_part_of_path):
+        if path in axes:
+            # once in quotes and once in tables
+            faults.append(Fault(f"{prefix}.axes.{path}", None, "", "is given twice: an axis must be given once"))
+        axes[path] = _collected("", partial(axis_from, f"{prefix}.axes.{path}", given), faults)
+    sample = _noun(SamplePlan, f"{prefix}.sample", inner["sample"], faults) if inner["sample"] is not None else None
+    best = _best(f"{prefix}.best", inner["best"], faults) if inner["best"] is not None else None
+    rest = {key: value for key, value in values.items() if key not in inner}
+    own = {name: made for name, made in (("sample", sample), ("best", best)) if inner[name]}
+    plan = _noun(ParameterPlan, prefix, rest, faults, axes=axes, **own)
+    return plan if len(faults) == before else None
+
+
+def _best(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any:
+    """Limits are numbers by the names of measures, of which those of channels have dots."""
+    limits = values.get("limits", {})
+    if not isinstance(limits, dict):
+        faults.append(Fault(f"{prefix}.limits", limits, "", "must be numbers by the names of measures"))
+        return None
+    return _noun(BestPlan, prefix, {**values, "limits": dict(flat(limits, is_table))}, faults)
+
+
+# ---- writing --------------------------------------------------------------------------------------
+
+
+def _lines(study: Study) -> Iterator[str]:
+    structure = study.structure
+    yield "# Written by femimpact: the study that was run. SI units."
+    if not structure.supports:
+        # without a word of them the root is clamped; keys come before all tables
+        yield "support = []"
+    for name, table in TABLES.items():
+        found = attrgetter(table.place)(study)
+        for part in found if table.many else [found] if found else []:
+            yield from table.write(f"[[{name}]]" if table.many else f"[{name}]", part)
+
+
+def _beam_lines(header: str, beam: Beam) -> Iterator[str]:
+    if len(beam.segments) == 1:
+        yield from _noun_lines(header, beam.segments[0])
+    for segment in beam.segments if len(beam.segments) > 1 else ():
+        yield from _table_lines("[[beam.segment]]", {"name": segment.name, **_given(segment)})
+
+
+def _plan_lines(header: str, plan: ParameterPlan) -> Iterator[str]:
+    given = _given(plan)
+    yield from _table_lines(header, {name: given[name] for name in given if name not in ("axes", "sample", "best")})
+    yield from _table_lines("[study.axes]", {json.dumps(path): axis for path, axis in plan.axes.items()})
+    if plan.sample is not None:
+        yield from _table_lines("[study.sample]", {"points": plan.sample.points, **_given(plan.sample)})
+    if plan.best is not None:
+        best = _given(plan.best)
+        limits = {json.dumps(name): limit for name, limit in (plan.best.limits or {}).items()}
+        yield from _table_lines("[study.best]", {name: best[name] for name in best if name != "limits"})
+        yield from _table_lines("[study.best.limits]", limits) if limits else ()
+
+
+def _noun_lines(header: str, noun: Any) -> Iterator[str]:
+    noun = noun.motion if isinstance(noun, DrivenMotion) else noun
+    return _table_lines(header, noun.table if hasattr(noun, "table") else _given(noun))
+
+
+def _given(noun: Any) -> dict[str, Any]:
+    """Fields of a noun that are not as they are by default, but for those that its text leaves out."""
+    values = {item.name: (getattr(noun, item.name), item.default) for item in dataclasses.fields(noun) if item.repr}
+    return {name: value for name, (value, default) in values.items() if value != default}
+
+
+def _gravity_lines(header: str, acceleration: float) -> Iterator[str]:
+    return _table_lines(header, {"acceleration": acceleration})
+
+
+def _table_lines(header: str, values: Mapping[str, Any]) -> Iterator[str]:
+    yield ""
+    yield header
+    for name, value in values.items():
+        yield from _law(name, value) if isinstance(value, ContactLaw) else [f"{name} = {_value(value)}"]
+
+
+def _law(name: str, law: ContactLaw) -> Iterator[str]:
+    """A law by its name in study files and the fields that this name leaves open."""
+    noun, fixed = LAWS.get(law.name, (None, {}))
+    if type(law) is not noun:
+        yield f"# {name}: the law {law.name!r} ({type(law).__name__}) has no name in study files"
+        return
+    left = {key: value for key, value in _given(law).items() if key not in fixed}
+    pairs = (f"{key} = {_value(value)}" for key, value in {"law": law.name, **left}.items())
+    yield f"{name} = {{ {', '.join(pairs)} }}"
+
+
+def _value(value: Any) -> str:
+    """A value as TOML writes it; floats to the last bit."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        # a basic string of TOML is one of JSON, but for the character "delete"
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007F")
+    if isinstance(value, AxisValues):
+        return _value(value.values)
+    if isinstance(value, Distribution):
+        return f"{{ {value.name} = {_value(value.numbers)} }}"
+    if isinstance(value, dict):
+        return f"{{ {', '.join(f'{name} = {_value(item)}' for name, item in value.items())} }}"
+    if isinstance(value, (tuple, list)):
+        return f"[{', '.join(map(_value, value))}]"
+    return repr(value)
+
+
+# ---- the tables -----------------------------------------------------------------------------------
+
+
+Reader = Callable[[str, Mapping[str, Any], list[Fault]], Any]
+"""Makes something of a table by its name in the file, its keys and values, and a list to which faults are added."""
+
+
+@dataclass(frozen=True)
+class _Table:
+    """A TOML table: how it is read, described and written."""
+
+    place: str  # in a `Study`, of what is read from the table
+    read: Reader
+    schema: Callable[[], dict[str, Any]]  # JSON schema
+    write: Callable[[str, Any], Iterable[str]] = _noun_lines  # lines of a file, from the header and what stands there
+    many: bool = False  # a list of tables
+    required: bool = False
+
+
+def _of(noun: Any, place: str, many: bool = False, required: bool = False) -> _Table:
+    """The table whose keys are the fields of a noun, with a table `contact` where the noun has one."""
+    if any(item.name == "contact" for item in dataclasses.fields(noun)):
+        read, schema = partial(_with_contact, noun), lambda: noun_schema(noun, contact=contact_schema())
+        return _Table(place, read, schema, many=many, required=required)
+    return _Table(place, partial(_noun, noun), partial(noun_schema, noun), many=many, required=required)
+
+
+TABLES: Mapping[str, _Table] = {
+    "beam": _Table("structure.beam", _beam, beam_schema, _beam_lines, required=True),
+    "mesh": _of(MeshChoice, "mesh", required=True),
+    "mass": _of(PointMass, "structure.masses", many=True),
+    "impactor": _of(Impactor, "structure.impactors", many=True),
+    "stop": _of(Stop, "structure.stops", many=True),
+    "support": _of(Support, "structure.supports", many=True),
+    "spring": _of(Spring, "structure.springs", many=True),
+    "dashpot": _of(Dashpot, "structure.dashpots", many=True),
+    "absorber": _of(Absorber, "structure.absorbers", many=True),
+    "damping": _Table("structure.damping", _damping, damping_schema),
+    "gravity": _Table("structure.gravity", _gravity, partial(noun_schema, Gravity), _gravity_lines),
+    "reduction": _of(Reduction, "reduction"),
+    "base": _Table("base", _base, base_schema, required=True),
+    "force": _Table("forces", _force, force_schema, many=True),
+    "method": _Table("method", _method, method_schema, _table_lines),
+    "sweep": _of(SweepPlan, "sweep"),
+    "orbits": _of(OrbitsPlan, "orbits"),
+    "output": _of(Output, "output"),
+    "study": _Table("plan", _plan, plan_schema, _plan_lines),
+}
+"""Every table of a study file. Reading, schema and writing go over them in this order."""

@@ -1,0 +1,429 @@
+"""`femimpact orbits`: the branches of periodic orbits of a study over one of its numbers, and their files."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from femimpact.app.report.result_page import add_report
+from femimpact.app.results.branch_file import FollowedBranches, dataset_of
+from femimpact.app.results.result_directory import FILES, prepare_directory
+from femimpact.app.results.results import StudyResults, load, write_summary
+from femimpact.app.study.prepared import PreparedStudy, check_sweep, in_study_words, prepare
+from femimpact.app.study.study import OrbitsPlan, Study, sine_of
+from femimpact.app.study.summary import summary_of
+from femimpact.app.tasks.run import Found, Report, keep_pictures, keep_study
+from femimpact.arrays import Array
+from femimpact.errors import DivergenceError, Fault, FemimpactError, InputError, checked, require
+from femimpact.excitation import PointForce, Sine
+from femimpact.excitation.excitation import words_of
+from femimpact.files import write_csv, write_netcdf
+from femimpact.integrators.cases import memory_needed
+from femimpact.integrators.methods import seconds_of_cycle
+from femimpact.integrators.runs import integrate
+from femimpact.orbits import Branch, PeriodicOrbit, continue_orbit, find_orbit, switch_branch
+from femimpact.orbits.branch import UNEXPLAINED, known
+from femimpact.orbits.figures import kind_words
+from femimpact.orbits.parameter import Parameter, parameter_of
+from femimpact.orbits.search import TRY, one_sine
+from femimpact.response.response import Recorder
+from femimpact.sweep import frequency_sweep
+from femimpact.units import number_text, parameter_text
+
+SAME = 1e-6
+"""Relative difference of the impact speeds of one orbit that was found twice."""
+
+MOST_NAMED = 3
+"""Bifurcations that a note names of those from which no more branches are followed."""
+
+LOCATED = 1e-9
+"""Relative difference of the values of one bifurcation that two branches share."""
+
+IN_STUDY = {
+    "to": "orbits.range", "parameter": "orbits.parameter", "duration": "orbits.guess_duration",
+    "cycles": "orbits.cycles", "record.memory_limit": "output.memory_limit",
+}  # fmt: skip
+"""Keys of the study file that stand for arguments of the functions that are called."""
+
+ADVICE = (
+    "try numbers of the study at which its run settles, a longer orbits.guess_duration, or another number of "
+    "orbits.cycles"
+)
+
+
+UNSETTLED = (
+    "the first orbit is unstable: the run has not settled on it, and another orbits.guess_duration or another "
+    "processor may lead to another orbit, or to none"
+)
+"""What is said of an orbit that a motion only passes."""
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedOrbits:
+    """A study whose branches are to be followed."""
+
+    prepared: PreparedStudy
+    plan: OrbitsPlan
+    sine: Sine | PointForce
+    number: Parameter
+
+    @property
+    def record(self) -> Recorder:
+        """What the run that settles keeps: its end, and its impacts."""
+        return Recorder(channels=(), ledger=False, memory_limit=self.prepared.study.output.memory_limit)
+
+
+def prepare_orbits(study: Study) -> PreparedOrbits:
+    """Make the branches of a study ready, and find what can be wrong with them before the first run.
+
+    Raises
+    ------
+    InputError
+        If there is no [orbits], the method is not event-driven, the excitation is not one sine, or the parameter or its
+        range does not fit the study.
+    """
+    plan: Any = study.orbits
+    require(plan is not None, "orbits", None, "", "table [orbits] is missing from the study")
+    method = study.method.get("name", "newmark")
+    require(method == "event-driven", "method.name", method, "", "must be 'event-driven' for [orbits]")
+    prepared = prepare(study, ())
+    small = prepared.small
+    try:
+        sine = one_sine(study.excitation)
+    except InputError:
+        allowed = "needs one sine, of the base or of a force beside a base at rest"
+        require(False, "orbits", words_of(study.excitation), "", allowed)
+    with _study_words():
+        number = parameter_of(small, sine, plan.parameter)
+    for value in plan.range:
+        checked("orbits.range", value, number.allowed)
+    inside = plan.range[0] <= number.value <= plan.range[1]
+    allowed = f"must have the study's {number.path} = {parameter_text(number.value, number.unit)} in it"
+    require(inside, "orbits.range", plan.range, number.unit, allowed)
+    found = PreparedOrbits(prepared, plan, sine, number)
+    _check_run(found)
+    if _has_sweep(found):
+        check_sweep(study, small, prepared.method)
+    return found
+
+
+def _check_run(found: PreparedOrbits) -> None:
+    """Refuse a run that is shorter than one of its readings, or keeps more than fits."""
+    small, duration, record = found.prepared.small, found.plan.guess_duration, found.record
+    grid = found.prepared.method.time_grid(small, found.sine, duration, record)
+    allowed = f"must be >= one reading of the run, {grid:g} s"
+    require(duration >= grid, "orbits.guess_duration", duration, "s", allowed)
+    needed = sum(memory_needed(small, record, 0, round(duration / grid), grid, found.sine.frequency).values())
+    allowed = f"must be shorter: the run keeps {needed:.3g} bytes, output.memory_limit is {record.memory_limit:.3g}"
+    require(needed <= record.memory_limit, "orbits.guess_duration", duration, "s", allowed)
+
+
+def orbit_lines(study: Study) -> list[str]:
+    """Lines on what `femimpact orbits` would do.
+
+    Raises `InputError` as of `prepare_orbits`.
+    """
+    found = prepare_orbits(study)
+    plan, number, small = found.plan, found.number, found.prepared.small
+    seconds = seconds_of_cycle(found.prepared.method, small, found.sine.frequency)
+    low, high = plan.range
+    switched = f", and at {', '.join(plan.switch)} the others too" if plan.switch else ""
+    return [
+        f"orbits: a run of {plan.guess_duration:g} s, about "
+        f"{number_text(seconds * found.sine.frequency * plan.guess_duration, 2)} "
+        f"s, leads to an orbit of {_cycles(plan.cycles)}; its branch over {number.path} from {low:g} to "
+        f"{parameter_text(high, number.unit)}{switched}",
+        f"orbits: up to {plan.most_branches} branches of up to {plan.points} points each way; 500 points take some "
+        "3 to 12 s",
+    ]  # fmt: skip
+
+
+def _cycles(count: int) -> str:
+    return f"{count} cycle{'s' * (count > 1)} of the excitation"
+
+
+# ---- the branches ---------------------------------------------------------------------------------
+
+
+@dataclass
+class _Following:
+    """Branches that are being followed."""
+
+    branches: list[Branch] = field(default_factory=list)
+    origins: list[str] = field(default_factory=list)
+    cycles: list[int] = field(default_factory=list)
+    leads: dict[tuple[int, int], set[int]] = field(default_factory=dict)
+    """Numbers of the branches to which a bifurcation of a branch leads, by its branch and its number in it."""
+    notes: list[str] = field(default_factory=list)
+
+
+def first_orbit(found: PreparedOrbits, report: Report) -> PeriodicOrbit:
+    """The orbit to which the study's run leads.
+
+    Raises
+    ------
+    InputError
+        If the motion at the end of the run is none that a search takes.
+    DivergenceError
+        If no orbit is found from there.
+    """
+    small, plan, study = found.prepared.small, found.plan, found.prepared.study
+    with _study_words():
+        run = integrate(
+            small, found.sine, found.prepared.method, plan.guess_duration, found.record, study.initial,
+            lambda share: report("run that settles", share),
+        )  # fmt: skip
+        try:
+            return find_orbit(small, found.sine, plan.cycles, guess=run)
+        except DivergenceError as error:
+            words = f"orbits: after {plan.guess_duration:g} s, {str(error).replace(TRY, ADVICE)}"
+            raise DivergenceError(words) from None
+
+
+def _follow(start: PeriodicOrbit, found: PreparedOrbits, report: Report) -> _Following:
+    """The branch of an orbit and those that its bifurcations lead to, the nearest first.
+
+    An orbit that lies on one of the branches is left out, as are its mirror image and the same a cycle later: their
+    curves are one.
+    """
+    plan, done = found.plan, _Following()
+    waiting: deque[tuple[PeriodicOrbit, str, tuple[int, int]]] = deque([(start, "the run that settles", (0, 0))])
+    left = list[str]()
+    while waiting:
+        orbit, origin, place = waiting.popleft()
+        report("branches", len(done.branches) / plan.most_branches)
+        try:
+            number = next((i for i, branch in enumerate(done.branches, 1) if _lies_on(orbit, branch)), 0)
+            if not number and len(done.branches) == plan.most_branches:
+                left.append(origin)
+                continue
+            if not number:
+                done.branches.append(continue_orbit(orbit, plan.parameter, to=plan.range, points=plan.points))
+                done.origins.append(origin)
+                done.cycles.append(orbit.cycles)
+                number = len(done.branches)
+                done.notes += [f"branch {number}: {words}" for words in done.branches[-1].warnings]
+                waiting.extend(_switched(done.branches[-1], number, found, done.notes))
+        except FemimpactError as error:
+            if not done.branches:
+                with _study_words():
+                    raise
+            done.notes.append(f"not followed from {origin}: {_words(error)}")
+            continue
+        if place[0]:
+            done.leads.setdefault(place, set()).add(number)
+    report("branches", 1.0)
+    if left:
+        places = list(dict.fromkeys(left))
+        more = f" and {len(places) - MOST_NAMED} more" if len(places) > MOST_NAMED else ""
+        shown = f"{', '.join(places[:MOST_NAMED])}{more}"
+        done.notes.append(f"not followed, for orbits.most_branches = {plan.most_branches}: from {shown}")
+    return done
+
+
+def _switched(
+    branch: Branch, number: int, found: PreparedOrbits, notes: list[str]
+) -> Iterator[tuple[PeriodicOrbit, str, tuple[int, int]]]:
+    """Orbits of other branches at the bifurcations of one, each with words for its origin, and its place."""
+    for i, bifurcation in enumerate(branch.bifurcations):
+        if bifurcation.kind not in found.plan.switch:
+            continue
+        origin = (
+            f"{kind_words(bifurcation.kind)} of branch {number} at {parameter_text(bifurcation.value, branch.unit)}"
+        )
+        try:
+            for orbit in (*_joined(branch, i), *switch_branch(bifurcation)):
+                yield orbit, origin, (number, i)
+        except FemimpactError as error:
+            notes.append(f"not followed from {origin}: {_words(error)}")
+
+
+def _joined(branch: Branch, i: int) -> Iterator[PeriodicOrbit]:
+    """The orbit of the branch on which one ends at its bifurcation: a symmetric orbit, or one of half the period."""
+    at, bifurcation = int(branch.bifurcation_points[i]), branch.bifurcations[i]
+    if at in (0, len(branch) - 1) and branch.end[0 if at == 0 else 1].startswith("joins "):
+        orbit = bifurcation.orbit
+        half = bifurcation.kind == "period-doubling"
+        yield find_orbit(orbit.system, orbit.excitation, orbit.cycles // 2, guess=orbit.state) if half else orbit
+
+
+def _lies_on(orbit: PeriodicOrbit, branch: Branch) -> bool:
+    """Whether an orbit, its mirror image or the same some cycles later is one of a branch.
+
+    A symmetric orbit is none of a branch without the symmetry, nor one of fewer cycles of a branch of more: these end
+    there.
+    """
+    curve = known(branch.curve, "branch")
+    if orbit.is_symmetric > curve.is_symmetric or orbit.cycles < curve.sequence.cycles:
+        return False
+    value = parameter_of(orbit.system, one_sine(orbit.excitation), branch.parameter).value
+    return any(_is_same(orbit, other) for other in branch.at(value))
+
+
+def _is_same(orbit: PeriodicOrbit, other: PeriodicOrbit) -> bool:
+    """Whether two orbits have the same impact speeds; of one of several times the period so many times over."""
+    times = math.lcm(orbit.cycles, other.cycles)
+    one, two = (np.sort(np.tile(each.impacts.approach_speed, times // each.cycles)) for each in (orbit, other))
+    return one.size == two.size and bool(np.all(np.abs(one - two) <= SAME * one.max(initial=0.0)))
+
+
+@contextmanager
+def _study_words() -> Iterator[None]:
+    """Context in which faults have keys of the study file."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(map(_of_study, error.faults)) from None
+
+
+def _of_study(fault: Fault) -> Fault:
+    """The fault with a key of the study file: what it says of the guess it says of the run that leads to it."""
+    if fault.key.split(".")[0] != "guess":
+        return replace(fault, key=IN_STUDY.get(fault.key, fault.key))
+    names = [fault.key.partition(".")[2], "" if fault.value is None else str(fault.value)]
+    return replace(fault, key="orbits.guess_duration", value=": ".join(filter(None, names)) or None)
+
+
+def _words(error: FemimpactError) -> str:
+    given = InputError(map(_of_study, error.faults)) if isinstance(error, InputError) else error
+    return " ".join(str(given).split())
+
+
+def _has_sweep(found: PreparedOrbits) -> bool:
+    """Whether a stepped sweep is beside the branches."""
+    given = found.prepared.study.sweep
+    return given is not None and given.acceleration is None and found.number.path == "base.frequency"
+
+
+def _sweep(found: PreparedOrbits, notes: list[str], report: Report) -> tuple[Array, Array] | None:
+    """Frequencies (Hz) and peaks (m) of a stepped sweep over the range; None where the study has none of them."""
+    plan, study, small = found.plan, found.prepared.study, found.prepared.small
+    given = study.sweep
+    if given is None or not _has_sweep(found):
+        if given is not None and found.number.path == "base.frequency":
+            notes.append("no sweep beside the branches: sweep.acceleration has another amplitude at each frequency")
+        return None
+    try:
+        swept = frequency_sweep(
+            small, sine_of(study, "sweep").amplitude, np.linspace(*plan.range, given.points), found.prepared.method,
+            given.cycles, initial=study.initial, at=small.default_place, ledger=False,
+            progress=lambda share: report("sweep", share),
+        )  # fmt: skip
+    except FemimpactError as error:
+        notes.append(f"no sweep beside the branches: {_words(error)}")
+        return None
+    notes += [f"sweep: {in_study_words(text)}" for text in swept.warnings]
+    notes.append(
+        f"sweep: {given.points} frequencies over the range of the branches, each {given.cycles} cycles from the "
+        "study's start, event-driven; a motion that does not settle has the largest peak of its last third"
+    )
+    known = np.isfinite(swept.peak)
+    return swept.frequency[known], swept.peak[known]
+
+
+# ---- files ----------------------------------------------------------------------------------------
+
+
+def write_orbits(study: Study, directory: Path, force: bool, report: Report) -> StudyResults:
+    """Follow the branches of a study and write their files: data, tables, figure and report.
+
+    Parameters
+    ----------
+    study : Study
+    directory : Path
+    force : bool
+    report : callable
+        Called with what is done and its share, 0 to 1.
+
+    Returns
+    -------
+    StudyResults
+        As read back from the directory.
+
+    Raises
+    ------
+    InputError
+        As of `prepare_orbits` and `first_orbit`.
+    DivergenceError
+        If the study's run leads to no orbit.
+    """
+    found = prepare_orbits(study)
+    with prepare_directory(directory, force) as staging:
+        start = first_orbit(found, report)
+        done = _follow(start, found, report)
+        if not start.is_stable:
+            done.notes.insert(0, UNSETTLED)
+        swept = _sweep(found, done.notes, report)
+        modes = found.prepared.small.dofs
+        followed = FollowedBranches(tuple(done.branches), tuple(done.origins), tuple(done.cycles), modes, swept)
+        keep_study(staging, study)
+        write_netcdf(staging.folder / FILES["branches"].name, dataset_of(followed))
+        points, units = _points(done)
+        for key, columns in (("branch_table", points), ("bifurcations", _bifurcations(done, points))):
+            write_csv(staging.folder / FILES[key].name, columns, units)
+        more = _summary(found, followed, done)
+        # so that the branches stay, should drawing end the run
+        write_summary(staging.folder, summary_of(found.prepared) | more, staging.finished)
+        staging.finish_part("branches")
+        keep_pictures(staging, found.prepared, Found(), report, more)
+    if study.output.report:
+        add_report(directory, report)
+    return load(directory)
+
+
+def _points(done: _Following) -> tuple[dict[str, Any], dict[str, str]]:
+    """A row for each orbit, with the number of its branch."""
+    frames = [branch.to_pandas() for branch in done.branches]
+    columns: dict[str, Any] = {"branch": np.repeat(np.arange(1, len(frames) + 1), list(map(len, frames)))}
+    columns |= {str(name): np.concatenate([frame[name].to_numpy() for frame in frames]) for name in frames[0]}
+    return columns, dict(frames[0].attrs["units"])
+
+
+def _bifurcations(done: _Following, columns: dict[str, Any]) -> dict[str, Any]:
+    """A row for each bifurcation, of those of the points, with the numbers of the branches to which it leads."""
+    here = ~np.isin(columns["bifurcation"], ("", UNEXPLAINED))
+    rows = {name: values[here] for name, values in columns.items() if name not in ("is_stable", "bifurcation")}
+    places = [(n, i) for n, branch in enumerate(done.branches, 1) for i in range(len(branch.bifurcations))]
+    leads = [" ".join(map(str, sorted(_leads_to(done, *place)))) for place in places]
+    return {"branch": rows.pop("branch"), "kind": columns["bifurcation"][here], **rows, "leads_to": leads}
+
+
+def _leads_to(done: _Following, number: int, i: int) -> set[int]:
+    """Numbers of the other branches that meet a branch at one of its bifurcations."""
+    here = done.branches[number - 1].bifurcations[i]
+    joined = {
+        n
+        for n, branch in enumerate(done.branches, 1)
+        for each in branch.bifurcations
+        if each.kind == here.kind and abs(each.value - here.value) <= LOCATED * abs(here.value)
+    }
+    return (joined | done.leads.get((number, i), set())) - {number}
+
+
+def _summary(found: PreparedOrbits, followed: FollowedBranches, done: _Following) -> dict[str, Any]:
+    """What the summary says of the branches."""
+    plan, number = found.plan, found.number
+    rows = [
+        {
+            "origin": origin,
+            "cycles": cycles,
+            "points": len(branch),
+            "stable_points": int(np.count_nonzero(branch.is_stable)),
+            "lowest": float(branch.values.min()),
+            "highest": float(branch.values.max()),
+            "largest_peak": float(np.nanmax(branch.peak)),
+            "ends": branch.end,
+            "bifurcations": [{"kind": each.kind, "value": each.value} for each in branch.bifurcations],
+        }
+        for branch, origin, cycles in zip(followed.branches, followed.origins, followed.cycles, strict=True)
+    ]
+    about = {"parameter": number.path, "unit": number.unit, "range": plan.range, "modes": followed.modes}
+    notes = [*found.prepared.method.notes(found.prepared.small), *done.notes]
+    return {"orbits": {**about, "branches": rows}, "notes": notes}

@@ -1,0 +1,320 @@
+"""Convergence of a study over mesh, step and modes: its tables, figures and printed lines."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+
+from femimpact import core, figures
+from femimpact.app.report.result_page import add_report
+from femimpact.app.results.picture_data import structure_parts
+from femimpact.app.results.result_directory import FILES, prepare_directory
+from femimpact.app.study.study import Study, build_systems, check_method, method_for, read_mesh_of, sine_of
+from femimpact.app.study.summary import library_versions
+from femimpact.app.tasks.run import Report
+from femimpact.convergence import (
+    ContactStatistics,
+    ConvergenceStudy,
+    ConvergenceTable,
+    Frequencies,
+    MeshConvergence,
+    ModeShapes,
+    OverMeshes,
+    OverModes,
+    OverSteps,
+    SteadyResponse,
+    StepConvergence,
+    SupportReaction,
+    SurfaceStress,
+    converge_step,
+    convergence_study,
+)
+from femimpact.convergence.cases import Axis, Case
+from femimpact.convergence.mesh_and_step import converge_meshes
+from femimpact.convergence.quantities import Watched
+from femimpact.convergence.table import cell, note_lines, row_line, table_lines
+from femimpact.errors import FemimpactError, InputError
+from femimpact.fem.mesh import SAME_PLACE, Mesh, uniform_mesh
+from femimpact.files import write_csv, write_json
+from femimpact.integrators.methods import Method
+from femimpact.integrators.stepping.newmark import Newmark
+from femimpact.structure.structure import Position
+from femimpact.system.hermite import needs_outer_fibre
+from femimpact.system.system import System
+
+MESHES = (1, 2, 4, 8, 16, 32, 64, 128, 256)
+"""Elements of uniform meshes."""
+
+MOST_REFINED = 2048
+"""Elements of the finest refinement of a mesh file."""
+
+STATISTICS_MESHES = 4
+"""Coarse meshes of which statistics of runs with contacts are taken."""
+
+MOST_JUMPS = 3
+"""Jumps of the section whose stress is watched: those with the largest."""
+
+MODES = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32)
+COARSEST_STEPS = 40
+"""Steps in a base cycle of the coarsest step."""
+
+
+@dataclass(frozen=True, eq=False)
+class WrittenConvergence:
+    """Results of the convergence studies of a study, and the directory of their files."""
+
+    tables: ConvergenceStudy  # over the mesh and the modes, and over the step where the study's method is Newmark's
+    statistics: ConvergenceTable | None  # of event-driven runs with contacts over the mesh
+    mesh: MeshConvergence
+    step: StepConvergence | None  # of runs in Newmark's steps, to shortly after the first impact
+    notes: tuple[str, ...]
+    directory: Path
+
+
+def write_convergence(
+    study: Study, directory: Path, force: bool, report: Report, accuracy: float = 1e-3
+) -> WrittenConvergence:
+    """Run the convergence studies of a study and write their tables and figures.
+
+    Parameters
+    ----------
+    study : Study
+    directory : Path
+    force : bool
+    report : callable
+        Called with what is done and its share, 0 to 1.
+    accuracy : float, 1
+        Relative error that the recommended numbers are for.
+
+    Returns
+    -------
+    WrittenConvergence
+
+    Raises
+    ------
+    InputError
+        If the mesh or the method does not fit the study, or its base does not move by a sine.
+    """
+    sine_of(study, "converge")
+    mesh_of_file = read_mesh_of(study)
+    full, small = build_systems(study, mesh_of_file)
+    method = method_for(study, small)
+    check_method(study, small, method)
+    meshes = _meshes(study, mesh_of_file)
+    mesh = mesh_of_file if mesh_of_file is not None else uniform_mesh(study.structure, cast(int, study.mesh.elements))
+    in_steps = study.method.get("name", "newmark") == "newmark"
+    axes: list[Axis] = [meshes, OverModes(mesh, _counts(full.dofs))]
+    notes = list(_without_stress(study))
+    if in_steps:
+        axes.insert(1, _steps(study, mesh, method))
+    else:
+        notes.append("over the step: Newmark's method only; the study's is another")
+    with prepare_directory(directory, force) as staging:
+        folder = staging.folder
+        found = convergence_study(
+            study.structure, axes, _watched(full, study), study.sine, accuracy=accuracy,
+            progress=lambda share: report("quantities", share),
+        )  # fmt: skip
+        frequencies = converge_meshes(study.structure, [m for m in meshes.meshes if isinstance(m, Mesh)])
+        _write_tables(folder, found, frequencies)
+        staging.finish_part("quantities")
+        statistics, why = _statistics(study, meshes, _moving(full)[0], accuracy, report)
+        if statistics is not None:
+            write_csv(folder / FILES["statistics_over_mesh"].name, *statistics.columns())
+            staging.finish_part("statistics")
+        step = None
+        if in_steps:
+            report("steps", 0.0)
+            step = converge_step(small, study.sine, cast(Newmark, method))
+            report("steps", 1.0)
+            _write_steps(folder, step)
+            staging.finish_part("steps")
+        written = WrittenConvergence(found, statistics, frequencies, step, (*notes, *why), directory)
+        write_json(folder / FILES["convergence_notes"].name, _about(study, full, written, accuracy))
+        staging.finish_part("notes")
+    if study.output.report:
+        add_report(directory, report)
+    return written
+
+
+# ---- what is studied ------------------------------------------------------------------------------
+
+
+def _meshes(study: Study, mesh: Mesh | None) -> OverMeshes:
+    """Uniform meshes of the study's structure, or the mesh of its file and its refinements."""
+    if mesh is None:
+        made: list[Mesh] = []
+        for count in MESHES:
+            try:
+                made.append(uniform_mesh(study.structure, count))
+            except InputError:
+                # fewer elements than stretches between joints and attachments
+                if count == MESHES[-1]:
+                    raise
+        return OverMeshes(tuple(made), make=partial(uniform_mesh, study.structure))
+    times = max(int(math.log2(MOST_REFINED / mesh.elements)) if mesh.elements < MOST_REFINED else 0, 1)
+    return OverMeshes.refinements(mesh, min(times, 4))
+
+
+def _steps(study: Study, mesh: Mesh, method: Method) -> OverSteps:
+    """Time steps to compare: a fortieth of the base's period, halved three to ten times, down to the study's step."""
+    given = cast(Newmark, method)
+    coarse = 1.0 / (COARSEST_STEPS * study.base.frequency)
+    halvings = math.ceil(math.log2(coarse / given.dt)) if coarse > given.dt else 0
+    return OverSteps(mesh, replace(given, dt=coarse, allow_coarse_step=True), min(max(halvings, 3), 10))
+
+
+def _counts(dofs: int) -> tuple[int, ...]:
+    """Numbers of modes up to half the dofs, the upper half of which is of the mesh rather than of the beam."""
+    counts = [n for n in MODES if n <= dofs // 2]
+    return tuple(counts) if len(counts) >= 3 else tuple(range(1, max(dofs, 3) + 1))[:3]
+
+
+def _moving(system: System) -> tuple[str, ...]:
+    """The tip and the middle, where no support holds them."""
+    return tuple(place for place in dict.fromkeys((system.default_place, "mid")) if np.any(system.point_row(place)))
+
+
+def _watched(system: System, study: Study) -> list[Watched]:
+    """Quantities of any study; the stress is that at a clamped root, else at mid, and at jumps of the section."""
+    # a moment before a force; none where springs alone hold the beam
+    reactions = sorted(system.reactions, key=lambda name: not name.endswith(".moment"))[:1]
+    clamped = {"root.force", "root.moment"} <= set(system.reactions)
+    places = _moving(system)
+    stresses = [SurfaceStress("root" if clamped else "mid"), *stresses_at_jumps(system, study)]
+    known = [stress for stress in stresses if system.section_at(stress.at, stress.side).half_height is not None]
+    return [Frequencies(4), ModeShapes(3), SteadyResponse(places), *map(SupportReaction, reactions), *known]
+
+
+def _without_stress(study: Study) -> Iterator[str]:
+    """A note on each segment whose stresses are left out."""
+    for segment in study.structure.beam.segments:
+        if segment.half_height is None:
+            yield f"surface stresses of segment {segment.name!r} are left out: each {needs_outer_fibre(segment.name)}"
+
+
+def stresses_at_jumps(system: System, study: Study) -> list[SurfaceStress]:
+    """Stresses on the more stressed side of the jumps of the section where the steady response has the largest.
+
+    Where the surface of a segment is not known its stress counts as none.
+    """
+    steady, names, found = Case("mesh", system, system, study.sine).steady, system.points.items(), []
+    for joint in study.structure.beam.joints[1:-1]:
+        # the node itself: a mesh file of single precision has it beside the joint
+        node = float(system.nodes[np.argmin(np.abs(system.nodes - joint))])
+        sections = [system.section_at(node, side) for side in ("left", "right")]
+        properties = [(one.bending_stiffness, one.half_height or 0.0, one.young_modulus) for one in sections]
+        if np.allclose(properties[0], properties[1], rtol=1e-9, atol=0.0):
+            continue
+        at: Position = next((name for name, x in names if abs(x - node) <= SAME_PLACE * system.nodes[-1]), node)
+        for side, section in zip(("left", "right"), sections, strict=True):
+            curvature = abs(complex(system.curvature_rows([node], side)[0] @ steady))
+            stress = section.young_modulus * (section.half_height or 0.0) * curvature
+            found.append((stress, at, SurfaceStress(at, side=side)))
+    found.sort(key=lambda one: one[0], reverse=True)
+    # the first of a place is its more stressed side
+    largest = {at: watched for _, at, watched in reversed(found)}
+    return [watched for _, at, watched in found if largest[at] is watched][:MOST_JUMPS]
+
+
+def _statistics(
+    study: Study, meshes: OverMeshes, at: str, accuracy: float, report: Report
+) -> tuple[ConvergenceTable | None, tuple[str, ...]]:
+    """Statistics of runs with contacts over the coarser meshes, or why there are none."""
+    if not (study.structure.impactors or study.structure.stops):
+        return None, ()
+    few = OverMeshes(tuple(meshes.meshes[:STATISTICS_MESHES]))
+    modes, watched = study.reduction.modes if study.reduction else 8, ContactStatistics(at=at)
+    try:
+        found = convergence_study(
+            study.structure, few, watched, study.sine, modes=modes, accuracy=accuracy,
+            progress=lambda share: report("statistics", share),
+        )  # fmt: skip
+    except FemimpactError as error:
+        return None, (f"statistics of runs with contacts: none, for {' '.join(str(error).split())}",)
+    words = (
+        f"statistics: means over {watched.starts} phases of the base, {watched.cycles} cycles each, event-driven on "
+        f"{modes} modes or fewer"
+    )
+    return found["mesh"], (words,)
+
+
+def _about(study: Study, system: System, found: WrittenConvergence, accuracy: float) -> dict[str, Any]:
+    """The structure, the problem, notes and versions, for the report of the tables."""
+    studied = found.tables.tables.values()
+    notes = [note for table in studied for note in table.notes]
+    more = [*found.notes, *found.mesh.notes, *(found.step.notes if found.step else ())]
+    return {
+        "study": study.path.name,
+        **{name: getattr(study.output, name) for name in ("title", "author", "date")},
+        "problem": next((table.problem for table in studied), ""),
+        "accuracy": accuracy,
+        "notes": list(dict.fromkeys([*notes, *more])),
+        "versions": library_versions(),
+        "core": core.build_info(),
+        "structure": structure_parts(study.structure, system),
+    }
+
+
+# ---- files ----------------------------------------------------------------------------------------
+
+
+def _write_tables(folder: Path, found: ConvergenceStudy, mesh: MeshConvergence) -> None:
+    off_screen = figures.OffScreen()
+    for axis, table in found.tables.items():
+        write_csv(folder / FILES[f"quantities_over_{axis}"].name, *table.columns())
+        figures.save_figure(
+            figures.convergence_panels(table, off_screen),
+            folder / FILES[f"quantities_over_{axis}_figure"].name,
+        )
+    write_csv(folder / FILES["convergence_summary"].name, *_summary(list(found.tables.values())))
+    columns: dict[str, Any] = {"elements": mesh.elements}
+    for i in range(mesh.reference.size):
+        columns[f"natural_frequency_{i + 1}"] = mesh.natural_frequency[:, i]
+        columns[f"error_{i + 1}"] = mesh.error[:, i]
+    units = {name: "Hz" if "frequency" in name else "1" for name in columns if name != "elements"}
+    write_csv(folder / FILES["mesh_convergence"].name, columns, units)
+    drawn = figures.mesh_convergence(mesh, slope=None, ax=off_screen)
+    figures.save_figure(drawn, folder / FILES["mesh_convergence_figure"].name)
+
+
+def _summary(found: Sequence[ConvergenceTable]) -> tuple[dict[str, Any], dict[str, str]]:
+    """The summaries of all axes below one another."""
+    parts = [table.summary() for table in found]
+    columns: dict[str, Any] = {"axis": np.concatenate([[table.axis] * table.name.size for table in found])}
+    for name in parts[0][0]:
+        columns[name] = np.concatenate([part[name] for part, _ in parts])
+    return columns, parts[0][1]
+
+
+def _write_steps(folder: Path, step: StepConvergence) -> None:
+    columns = {name: getattr(step, name) for name in ("dt", "linear_error", "first_impact_error", "energy_residual")}
+    write_csv(folder / FILES["step_convergence"].name, columns, {"dt": "s"})
+    drawn = figures.step_convergence(step, slope=None, ax=figures.OffScreen())
+    figures.save_figure(drawn, folder / FILES["step_convergence_figure"].name)
+
+
+def convergence_lines(found: WrittenConvergence) -> list[str]:
+    """Lines of at most 80 columns: for each axis the relative errors, and what they say."""
+    lines: list[str] = []
+    for table in [*found.tables.tables.values(), *([found.statistics] if found.statistics is not None else [])]:
+        lines += [*table_lines(table), ""]
+    if found.step is not None:
+        lines += [*_step_lines(found.step), ""]
+    return lines + note_lines([*found.notes, *found.mesh.notes, *(found.step.notes if found.step else ())])
+
+
+def _step_lines(step: StepConvergence) -> list[str]:
+    lines = [
+        f"Runs in steps: relative errors; orders {step.linear_order:.2f} and {step.first_impact_order:.2f}",
+        row_line("dt (s)", ["no ball", "impact", "energy"]),
+    ]
+    for row in zip(step.dt, step.linear_error, step.first_impact_error, step.energy_residual, strict=True):
+        lines.append(row_line(f"{row[0]:.4g}", [cell(value) for value in row[1:]]))
+    return lines

@@ -1,0 +1,304 @@
+"""`femimpact study`: the parameter study of a study file, its table, figures, cost and summary."""
+
+from __future__ import annotations
+
+import itertools
+import os
+from collections.abc import Callable
+from contextlib import nullcontext, suppress
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from femimpact import figures
+from femimpact.app.parametric.best import best_cases, check_best
+from femimpact.app.parametric.best_design import BestCase, told_lines
+from femimpact.app.parametric.definition import CaseTable, ParameterStudy
+from femimpact.app.parametric.labelled import endings_of
+from femimpact.app.parametric.measures import better_of
+from femimpact.app.parametric.paths import study_with
+from femimpact.app.parametric.verb import StudyProgress, run_parameter_study, to_stderr
+from femimpact.app.parametric.workers import block_cases, connected
+from femimpact.app.report.best_picture import marks_of, worst_over_axes
+from femimpact.app.report.result_page import add_report
+from femimpact.app.results.result_directory import BEST_FIGURE, FILES
+from femimpact.app.study.base_motion import RecordedMotion
+from femimpact.app.study.parameter_plan import BestPlan
+from femimpact.app.study.prepared import RUNS_OF_HISTORY, START, history_cost
+from femimpact.app.study.study import Study
+from femimpact.app.study.study_file import study_text
+from femimpact.errors import Fault, InputError, require
+from femimpact.figures.studies import mark_best
+from femimpact.figures.study_labels import axis_names, case_columns, measure_names, value_words
+from femimpact.files import atomic_write, write_csv
+from femimpact.response.response import Recorder
+from femimpact.units import number_text, unit_text
+
+if TYPE_CHECKING:
+    import xarray
+
+
+SECONDS_OF_MODES = 0.006
+"""Making a system with other modes, s."""
+
+SECONDS_OF_FIGURE = 0.5
+"""Drawing a measure, s."""
+
+COLUMN_BYTES = 8.0
+"""Bytes of a number; the rest of a row takes as much as eight numbers."""
+
+BYTES_OF_BLOCK, BYTES_OF_FILE, BYTES_OF_VARIABLE = 1300.0, 14e3, 1400.0
+"""On disk, beside the numbers: of a block, of the description of the study, and of a variable of the dataset."""
+
+BYTES_OF_LEVEL, BYTES_OF_TEXT = 50.0, 19.0
+"""On disk, of a value of an axis of a list or a sample, and of a number of the table."""
+
+BYTES_OF_FIGURE, BYTES_OF_REPORT, CASES_OF_REPORT = 1e5, 1.2e5, 500
+"""On disk, of a figure, and of a measure in the report of so many cases or more."""
+
+AT_ONCE = 256
+"""Runs of a block that are in memory."""
+
+RUN_FACTOR = 2.5
+"""Time of a run with its history over that of the same in a compiled call with others."""
+
+
+def definition_of(study: Study) -> ParameterStudy:
+    """The parameter study of a study file.
+
+    Raises `InputError` if the file has none, or a path or a measure in it is unknown.
+    """
+    require(study.plan is not None, "study", None, "", "table [study] is missing from the study")
+    plan: Any = study.plan
+    try:
+        found = ParameterStudy(
+            study, plan.axes, plan.measures, starts=plan.starts, seed=plan.seed, sample=plan.sample, cycles=plan.cycles
+        )
+    except InputError as error:
+        raise InputError([_in_file(study, fault) for fault in error.faults]) from None
+    if plan.best is not None:
+        _check_best(plan, found)
+    return found
+
+
+def _check_best(plan: Any, found: ParameterStudy) -> None:
+    """Raise `InputError` where [study.best] does not fit the axes and measures of the study."""
+    known = {item.name: better_of(item.name, item.long_name) for item in found.chosen if not item.is_text}
+    try:
+        check_best(plan.best.measure, plan.best.worst_over, plan.best.limits, tuple(plan.axes), known)
+    except InputError as error:
+        raise InputError([fault.under("study.best") for fault in error.faults]) from None
+
+
+def _in_file(study: Study, fault: Fault) -> Fault:
+    """A fault with the key that it has in the study file."""
+    plan: Any = study.plan
+    if fault.key in plan.axes:
+        return fault.under("study.axes")
+    return fault.under("study") if fault.key in ("measures", "axes", "sample") else fault
+
+
+def write_parameter_study(
+    study: Study, directory: Path, progress: Callable[[StudyProgress], None] | None = None, scheduler: str | None = None
+) -> xarray.Dataset:  # fmt: skip
+    """Run the parameter study of a study file and leave `study.nc`, `study.csv`, `study.toml`, figures and a report.
+
+    Parameters
+    ----------
+    study : Study
+    directory : Path
+        Goes on from what an earlier call has left there.
+    progress : callable, optional
+        None is silence.
+    scheduler : str, optional
+        Address or scheduler file of a cluster on which the cases run.
+
+    Returns
+    -------
+    xarray.Dataset
+
+    Raises
+    ------
+    InputError
+        As of `parameter_study`.
+    """
+    definition = definition_of(study)
+    with nullcontext() if scheduler is None else connected(scheduler) as client:
+        dataset = run_parameter_study(
+            definition, directory=directory, client=client, progress=progress, say=to_stderr if progress else None
+        )
+    atomic_write(directory / FILES["study"].name, study_text(study))
+    columns, units = case_columns(dataset)
+    write_csv(directory / FILES["parameter_table"].name, columns, units)
+    plan: Any = study.plan
+    found, _ = best_cases(dataset, plan.best)
+    best = next(iter(found.values()), None)
+    _write_best(definition, best, directory)
+    if study.output.figures:
+        _draw(dataset, best, directory)
+    if study.output.report:
+        add_report(directory, lambda part, share: None)
+    return dataset
+
+
+def _write_best(definition: ParameterStudy, best: BestCase | None, directory: Path) -> None:
+    """The study with the values of the best case, where there is one, to be run: `best.toml`."""
+    path = directory / FILES["best_study"].name
+    path.unlink(missing_ok=True)
+    design = next((one for one in best.designs if one.case >= 0), None) if best is not None else None
+    if design is None:
+        return
+    table: CaseTable = definition.table
+    places = {place: table.value(axis, design.case) for axis, place in enumerate(table.places)}
+    given: Any = definition.study
+    # a study without a file that says the same, or another drive
+    with suppress(InputError, ValueError):
+        atomic_write(path, study_text(_moved(replace(study_with(given, places), plan=None), directory)))
+
+
+def _moved(study: Study, directory: Path) -> Study:
+    """The study with the paths of its mesh and its record from another directory."""
+    here = os.path.relpath(study.path.parent, directory)
+    if study.mesh.file is not None:
+        study = replace(study, mesh=replace(study.mesh, file=os.path.join(here, study.mesh.file)))
+    if isinstance(study.base, RecordedMotion):
+        study = replace(study, base=replace(study.base, record=os.path.join(here, study.base.record)))
+    return study
+
+
+def _draw(dataset: xarray.Dataset, best: BestCase | None, directory: Path) -> None:
+    """A figure of the best case, and of every measure that is a number and has a value."""
+    path = directory / BEST_FIGURE
+    path.unlink(missing_ok=True)
+    worst = worst_over_axes(dataset, best) if best is not None else None
+    if best is not None and worst is not None:
+        drawn = _drawn(worst, best.measure)
+        if worst[best.measure].ndim == 1:
+            drawn = mark_best(drawn, worst, best.measure, marks_of(best))
+        figures.save_figure(drawn, path)
+    for name in measure_names(dataset):
+        figures.save_figure(_drawn(dataset, name), directory / f"{_file_name(name)}.png")
+
+
+def _file_name(measure: str) -> str:
+    """Name of the figure of a measure: that of a channel may hold what no file name should."""
+    return "study_" + "".join(letter if letter.isalnum() or letter in "_-" else "_" for letter in measure)
+
+
+def _drawn(dataset: xarray.Dataset, name: str) -> Any:
+    """The figure that suits the axes of a study."""
+    off_screen, axes = figures.OffScreen(), dataset[name].dims
+    if axes == ("case",):
+        return figures.study_scatter(dataset, name, figure=off_screen)
+    if len(axes) == 1:
+        return figures.study_lines(dataset, name, ax=off_screen)
+    if len(axes) == 2:
+        return figures.study_map(dataset, name, ax=off_screen)
+    return figures.study_maps(dataset, name, figure=off_screen)
+
+
+def plan_lines(study: Study) -> list[str]:
+    """Lines on the number of cases, time, memory and disk space of the parameter study of a study file.
+
+    Raises `InputError` as of `definition_of`.
+    """
+    from femimpact.app.parametric.measures import Source
+    from femimpact.app.parametric.paths import Stage
+    from femimpact.integrators.cases import cores
+    from femimpact.integrators.methods import bytes_of_cycle, seconds_of_cycle
+
+    given = definition_of(study)
+    method = given.systems.method_of(given.nominal, {})
+    of_cycle = partial(seconds_of_cycle, method, given.nominal, study.base.frequency)
+    each, memory = of_cycle(sweep=True) * given.dwell, bytes_of_cycle(method) * AT_ONCE * given.dwell
+    if not given.has_cycle:
+        alone = replace(study, output=replace(study.output, starts=1))
+        one = history_cost(alone, given.nominal, method, Recorder((str(given.observed),)))
+        each, memory = RUN_FACTOR * (one.seconds - START) / RUNS_OF_HISTORY, one.memory * cores()
+    elif any(item.source is Source.RUN for item in given.chosen):
+        each += RUN_FACTOR * of_cycle() * given.dwell
+    seconds = each * given.runs
+    own_modes = [axis for axis, place in enumerate(given.table.places) if place.stage is Stage.MODES]
+    systems = len(set(zip(*(given.table.codes[axis].tolist() for axis in own_modes), strict=True))) if own_modes else 0
+    seconds += SECONDS_OF_MODES * systems
+    drawn = START + (SECONDS_OF_FIGURE * len(given.chosen) if study.output.figures else 0.0)
+    shape = " x ".join(map(str, given.table.shape)) if given.table.is_grid else f"{given.table.size} of a sample"
+    numbers = len(given.chosen) * len(endings_of(given.starts))
+    memory += COLUMN_BYTES * given.table.size * (numbers + 8)
+    return [
+        f"study: {_counted(given.table.size, 'case')} ({shape}), {_counted(given.starts, 'start')} each, "
+        + (f"{given.dwell} cycles, of which {given.dwell // 3} are measured" if given.has_cycle else study.base.words),
+        f"study takes about {number_text(seconds + drawn, 2)} s on one core, "
+        f"{number_text(seconds / cores() + drawn, 2)} s on {cores()}, "
+        f"{number_text(max(memory, 1e6) / 1e6, 3)} MB of memory and {number_text(_disk(given, study) / 1e6, 2)} MB "
+        "on disk",
+    ]
+
+
+def _counted(count: int, noun: str) -> str:
+    return f"{count} {noun}{'s' * (count != 1)}"
+
+
+def _disk(given: ParameterStudy, study: Study) -> float:
+    """Bytes of all that a study leaves."""
+    cases, names, axes = given.table.size, len(given.chosen), len(given.table.places)
+    variables = names * len(endings_of(given.starts)) + 4
+    blocks = BYTES_OF_FILE + BYTES_OF_BLOCK * len(block_cases(given)) + given.runs * (COLUMN_BYTES * names + 5.0)
+    listed = 0.0 if given.table.is_grid else BYTES_OF_LEVEL * cases * axes
+    dataset = BYTES_OF_FILE + BYTES_OF_VARIABLE * variables + COLUMN_BYTES * cases * (variables + 2)
+    table = BYTES_OF_TEXT * cases * (variables - 4 + axes)
+    figures_of = BYTES_OF_FIGURE * names if study.output.figures else 0.0
+    report = BYTES_OF_REPORT * names * min(cases / CASES_OF_REPORT, 1.0) if study.output.report else 0.0
+    return blocks + listed + dataset + table + figures_of + report
+
+
+def summary_lines(dataset: xarray.Dataset, directory: Path, best: BestPlan | None = None) -> list[str]:
+    """Lines on each measure's range, on the best case by one, and on cases that failed."""
+    found_best, reasons = best_cases(dataset, best)
+    lines = list[str]()
+    for name in itertools.islice((str(name) for name in dataset.data_vars), 40):
+        values = dataset[name]
+        if values.dtype.kind != "f" or (f"{name}_low" not in dataset and int(dataset.attrs["starts"]) > 1):
+            continue
+        found = values.to_numpy()
+        if not np.isfinite(found).any():
+            lines.append(f"{name}: no case has a value")
+            continue
+        unit = str(values.attrs.get("units", ""))
+        low, high = float(np.nanmin(found)), float(np.nanmax(found))
+        reach = f"{name}: {unit_text(low, unit)} to {unit_text(high, unit)}"
+        if name in found_best:
+            lines += [reach, *(f"  {line}" for line in told_lines(found_best[name]))]
+            continue
+        if found_best and name not in reasons:
+            lines.append(reach)
+            continue
+        # of a measure without a best case the worst: its smallest value may be one beside a resonance
+        word = "largest" if name in reasons and values.attrs.get("better") == "small" else "smallest"
+        where = np.unravel_index(int((np.nanargmax if word == "largest" else np.nanargmin)(found)), found.shape)
+        # of a list or a sample all axes are along the cases
+        dims, listed = values.dims, [(axis, where[0]) for axis in axis_names(dataset)]
+        places = listed if dims == ("case",) else zip(dims, where, strict=True)
+        at = ", ".join(f"{axis} = {_value(dataset, str(axis), index)}" for axis, index in places)
+        lines.append(f"{reach}; {word} at {at}")
+        lines += [f"  no best case: {reasons[name]}"] if name in reasons else []
+    failed = dataset["failed_starts"].to_numpy()
+    if failed.any():
+        first = next(str(reason) for reason in dataset["failure"].to_numpy().ravel() if reason)
+        lines.append(f"{int(np.count_nonzero(failed))} of {failed.size} cases failed, the first: {first}")
+    if dataset.attrs.get("warnings"):
+        lines.append(f"warning: {dataset.attrs['warnings']}")
+    best_study = directory / FILES["best_study"].name
+    if best_study.exists():
+        lines.append(f"run the best case where it is worst, with its report: femimpact run {best_study}")
+    return [*lines, f"results in {directory}"]
+
+
+def _value(dataset: xarray.Dataset, axis: str, index: Any) -> str:
+    words = value_words(dataset, axis)
+    if words is not None:
+        return f"{words[index]}{' mm' if f'{axis}.plus' in dataset.coords else ''}"
+    return unit_text(dataset[axis].to_numpy()[index], str(dataset[axis].attrs.get("units", "")))

@@ -1,1 +1,0 @@
-"""Files and pictures of results: the only modules that use pyvista, matplotlib and file formats."""

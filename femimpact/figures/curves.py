@@ -1,0 +1,321 @@
+"""Figures over parameters: response curves, damping over the amplitude, values over two of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import cycle
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from femimpact.errors import column, instance, optional, quantity, require, takes, text, truth
+from femimpact.figures.drawing import (
+    COLOURS,
+    DARK,
+    GREY,
+    OffScreen,
+    by_label,
+    label_axes,
+    legend_above,
+    panel,
+    plain_log_ticks,
+    rows_of,
+)
+from femimpact.signals.decay import DecayEstimate
+from femimpact.sweep import ONE_START, FrequencyResponse, on_grid
+from femimpact.units import number_text
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+FREQUENCY: Any = quantity("Hz", above=0.0)
+RINGS: Any = {"markersize": 7.0, "markerfacecolor": "none", "markeredgewidth": 1.2}
+"""Marks of an even grid."""
+
+
+@takes(title=text(), coarse=optional(column("Hz", "points", finite=True)), join_all=truth())
+def response_curve(
+    curves: FrequencyResponse | Mapping[str, FrequencyResponse],
+    title: str = "",
+    coarse: ArrayLike | None = None,
+    *,
+    published: Sequence[tuple[str, float, float]] = (),
+    bands: Sequence[tuple[str, ArrayLike, ArrayLike, ArrayLike]] = (),
+    join_all: bool = False,
+    ax: Axes | OffScreen | None = None,
+) -> Axes:
+    """Response curves over the base frequency on one logarithmic axis (the paper's Fig. 6 and 7).
+
+    A line joins the peaks of motions that repeat ("periodic" in `FrequencyResponse.steadiness`) and of those without
+    impacts, at whose largest peak is said where a transient has not died out. A dot marks a value of one start wherever
+    a motion with impacts is not periodic (`FrequencyResponse.is_sample`): such a peak is one sample of a scatter, from
+    another start it is another one, and no line joins it. The rms, which scatters less, is a dotted line where there
+    are impacts, with small dots.
+
+    Parameters
+    ----------
+    curves : FrequencyResponse or mapping of str to FrequencyResponse
+        By label. The first one's largest peak is annotated, unless it is one sample of a scatter.
+    title : str
+    coarse : array_like of Hz, optional
+        Frequencies marked on the curves, to show which points a coarse grid has.
+    published : sequence of (label, Hz, m)
+        Peaks to compare with, marked by stars; an amplitude that is not a number marks the frequency only.
+    bands : sequence of (label, Hz, m, m)
+        Frequencies with the lowest and the highest peak of several starts there. Each band has the colour of the curve
+        of its place in `curves`, after the first.
+    join_all : bool
+        Join all peaks by lines, also those that scatter; these keep their dots.
+    ax : Axes, optional
+        Drawn on; those of a new pyplot figure by default.
+
+    Returns
+    -------
+    Axes
+
+    Raises
+    ------
+    InputError
+        If there is no curve, or something else than one.
+    """
+    named = by_label("curves", curves, FrequencyResponse, "response curves")
+    peaks = rows_of("published", published, label=text(), frequency=FREQUENCY, amplitude=quantity("m", finite=False))
+    ranges = rows_of("bands", bands, label=text(), frequency=column("Hz", "n"), low=column("m", "n"),
+                     high=column("m", "n"))  # fmt: skip
+    for i, (_, *arrays) in enumerate(ranges):
+        same = len({len(array) for array in arrays}) == 1
+        require(same, f"bands[{i}]", "arrays", "", "must have as many frequencies as lowest and highest peaks")
+    axis = panel(ax, 8.0, 5.0)
+    axis.set_yscale("log")
+    filled = [
+        axis.fill_between(
+            x, 1e3 * low, 1e3 * high, color=COLOURS[i % len(COLOURS)], alpha=0.25, linewidth=0.0, label=label
+        )
+        for i, (label, x, low, high) in enumerate(ranges, 1)
+    ]
+    for colour, (label, curve) in zip(cycle(COLOURS), named.items(), strict=False):
+        prefix = f"{label}: " if label else ""
+        _peaks(axis, curve, colour, f"{prefix}peak", join_all)
+        if _has_rms(named, curve):
+            axis.plot(curve.frequency, _scale(curve)[0] * curve.rms, color=colour, linestyle=":", label=f"{prefix}rms")
+            one = curve.is_sample
+            dots: Any = {"color": colour, "markersize": 6.0, "alpha": 0.7, "markeredgewidth": 0.0, "linestyle": "none"}
+            axis.plot(curve.frequency[one], _scale(curve)[0] * curve.rms[one], ".", **dots)
+        if coarse is not None:
+            seen = on_grid(curve.frequency, coarse)
+            axis.plot(curve.frequency[seen], _scale(curve)[0] * curve.peak[seen], "o", color=colour, **RINGS)
+    marks = [_mark(axis, marker, *mark) for marker, mark in zip(cycle("*PX"), peaks, strict=False)]
+    first = next(iter(named.values()))
+    if not _scatter(first, join_all)[np.nanargmax(first.peak)]:
+        _annotate_peak(axis, first)
+    label_axes(axis, "base frequency (Hz)", _observed(first), title or _level(first))
+    plain_log_ticks(axis.yaxis)
+    _legend(axis, named, coarse, join_all, filled, marks)
+    return axis
+
+
+def _annotate_peak(axis: Axes, curve: FrequencyResponse) -> None:
+    """The largest peak and its frequency, on the side of the peak that is farther from the end of the axis."""
+    scale, unit = _scale(curve)
+    peak = (curve.peak_frequency, scale * curve.peak_amplitude)
+    low, high = curve.frequency[0], curve.frequency[-1]
+    side: Any = {"xytext": (8, -2)} if peak[0] <= 0.25 * low + 0.75 * high else {"xytext": (-8, -2), "ha": "right"}
+    words = f"{number_text(peak[1])} {unit} at {number_text(peak[0])} Hz"
+    if curve.peak_is_transient:
+        words += ",\na transient has not died out"
+    axis.annotate(words, peak, textcoords="offset points", color=COLOURS[0], **side)
+
+
+def _scale(curve: FrequencyResponse) -> tuple[float, str]:
+    """Factor of the values of a curve where they are drawn, and the unit that they then have."""
+    return {"m": (1e3, "mm"), "Pa": (1e-6, "MPa")}.get(curve.unit, (1.0, curve.unit))
+
+
+def _level(curve: FrequencyResponse) -> str:
+    if isinstance(curve.acceleration, tuple):
+        return "base acceleration over the frequency"
+    if curve.amplitude is None:
+        return f"base acceleration {curve.acceleration:.4g} m/s$^2$"
+    return f"base amplitude {1e3 * curve.amplitude:.4g} mm"
+
+
+def _observed(curve: FrequencyResponse) -> str:
+    """Name and unit of what a curve is of."""
+    place, unit = curve.at, _scale(curve)[1]
+    if isinstance(place, str) and (curve.unit != "m" or "." in place):
+        return f"{place.replace('.', ' ').replace('_', ' ')} ({unit})"
+    place = place if isinstance(place, str) else f"{1e3 * place:.4g} mm from the root,"
+    return f"{place} displacement relative to the base ({unit})"
+
+
+def _legend(
+    axis: Axes, named: Mapping[str, FrequencyResponse], coarse: ArrayLike | None, join_all: bool, bands: Sequence[Any],
+    marks: Sequence[Any],
+) -> None:  # fmt: skip
+    """Colours of the curves in one row, what their lines and dots are in another, then bands and published peaks."""
+    from matplotlib.lines import Line2D
+
+    def entry(label: str, **style: Any) -> Line2D:
+        return Line2D([], [], **{"color": DARK, "label": label} | style)
+
+    colours = [
+        entry(label, color=colour, linewidth=3.0) for colour, label in zip(cycle(COLOURS), named, strict=False) if label
+    ]
+    scatter = [_scatter(curve, join_all) for curve in named.values()]
+    kinds = []
+    if not all(map(np.all, scatter)):
+        kinds.append(entry("peak"))
+    if any(np.any(curve.is_sample) for curve in named.values()):
+        kinds.append(entry(ONE_START if kinds else f"peak, {ONE_START}", marker=".", markersize=7.0, linestyle="none"))
+    if any(_has_rms(named, curve) for curve in named.values()):
+        kinds.append(entry("rms", linestyle=":"))
+    if coarse is not None:
+        label = f"even grid, {np.size(coarse)} points"
+        kinds.append(entry(label, marker="o", linestyle="none", **RINGS))
+    legend_above(axis, colours, [*kinds, *marks], bands)
+
+
+def _has_rms(named: Mapping[str, FrequencyResponse], curve: FrequencyResponse) -> bool:
+    """True where the rms of a curve is drawn: of three curves at most."""
+    return len(named) <= 3 and bool(np.nansum(curve.impacts_per_cycle) > 0.0)
+
+
+def _peaks(axis: Any, curve: FrequencyResponse, colour: str, label: str, join_all: bool) -> None:
+    """Peaks of one curve: lines through motions that repeat or are linear, dots where the motion is not periodic."""
+    frequency, peak = curve.frequency, _scale(curve)[0] * curve.peak
+    scatter = _scatter(curve, join_all)
+    joined = np.where(scatter, np.nan, peak)
+    if not scatter.all():
+        axis.plot(frequency, joined, color=colour, label=label)
+        # between two samples that scatter a line would have no length
+        alone = ~scatter & np.append(True, scatter[:-1]) & np.append(scatter[1:], True) & (scatter.size > 1)
+        axis.plot(frequency[alone], joined[alone], "_", color=colour, markersize=7.0)
+    one = curve.is_sample
+    if one.any():
+        dots: Any = {"color": colour, "markersize": 7.0, "alpha": 0.7, "markeredgewidth": 0.0, "linestyle": "none"}
+        axis.plot(frequency[one], peak[one], ".", label=f"{label}, {ONE_START}", **dots)
+
+
+def _scatter(curve: FrequencyResponse, join_all: bool) -> NDArray[np.bool_]:
+    """True for peaks that no line joins: samples of a motion with impacts that does not repeat."""
+    # without impacts the motion is linear: it may still beat at the end of a dwell, and does not scatter
+    return np.asarray(curve.is_sample & (not join_all))
+
+
+def _mark(axis: Any, marker: str, label: str, frequency: float, amplitude: float) -> Any:
+    """A published peak, or its frequency alone."""
+    if not np.isfinite(amplitude):
+        return axis.axvline(frequency, color=GREY, linestyle="--", linewidth=1.2, label=label)
+    style: Any = {"color": "black", "markersize": 11.0, "linestyle": "none"}
+    return axis.plot(frequency, 1e3 * amplitude, marker, label=label, **style)[0]
+
+
+@takes(result=instance(DecayEstimate))
+def decay(result: DecayEstimate, ax: Axes | OffScreen | None = None) -> Axes:
+    """Damping ratio over the amplitude, with its intervals, beside those of the damped sines and of the maxima.
+
+    Parameters
+    ----------
+    result : DecayEstimate
+    ax : Axes, optional
+        Drawn on; those of a new pyplot figure by default.
+
+    Returns
+    -------
+    Axes
+    """
+    axis = panel(ax, 8.0, 5.0)
+    scale, unit = {"m": (1e3, "mm")}.get(result.unit, (1.0, result.unit))
+    amplitude, ratio, known = scale * result.amplitude, 100.0 * result.damping_ratio, np.isfinite(result.low)
+    bars = 100.0 * np.array([result.damping_ratio - result.low, result.high - result.damping_ratio])[:, known]
+    axis.errorbar(amplitude[known], ratio[known], bars, fmt="o", color=COLOURS[0], capsize=3.0, markersize=5.0,
+                  label=f"windows of 5 cycles, {result.level:.0%} interval")  # fmt: skip
+    alone: Any = {"color": COLOURS[0], "marker": "o", "markerfacecolor": "white", "linestyle": "none"}
+    if not known.all():
+        axis.plot(amplitude[~known], ratio[~known], **alone, markersize=5.0, label="windows without an interval")
+    axis.plot(amplitude, 100.0 * result.from_maxima, "x", color=GREY, markersize=5.0, label="maxima of their cycles")
+    modes = [mode for mode in result.modes if np.isfinite(mode.damping_ratio)]
+    for colour, mode in zip(cycle(COLOURS[1:]), modes, strict=False):
+        axis.axhline(100.0 * mode.damping_ratio, color=colour, linestyle="--", linewidth=1.2,
+                     label=f"damped sine of {mode.frequency:.4g} Hz")  # fmt: skip
+    lowest = min(0.0, 1.2 * float(np.nanmin(ratio, initial=0.0)))
+    axis.set(xlim=(0.0, None), ylim=(lowest, None))
+    label_axes(axis, f"amplitude ({unit or 'unit of the signal'})", "damping ratio (%)", "")
+    *lines, windows = axis.get_legend_handles_labels()[0]
+    legend_above(axis, [windows, *lines])
+    return axis
+
+
+def _dot(text: str, marker: str = ".") -> Any:
+    """An entry of a legend: what a mark means."""
+    from matplotlib.lines import Line2D
+
+    return Line2D([], [], color=DARK, marker=marker, markersize=7.0, linestyle="none", label=text)
+
+
+@takes(
+    x=column("", "columns", finite=True),
+    y=column("", "rows", finite=True),
+    values=column("", "rows", "columns"),
+    samples=column("", "rows", "columns", of="truth value"),
+    title=text(),
+)
+def value_map(
+    x: ArrayLike,
+    y: ArrayLike,
+    values: ArrayLike,
+    samples: ArrayLike | None = None,
+    *,
+    title: str = "",
+    ax: Axes | OffScreen | None = None,
+) -> Axes:
+    """Values over two parameters as coloured cells with their numbers; the caller names the axes.
+
+    Parameters
+    ----------
+    x : array_like (m,)
+        Ascending.
+    y : array_like (n,)
+        Ascending.
+    values : array_like (n, m)
+    samples : array_like (n, m) of bool, optional
+        Which values are one start's of a motion that is not periodic, as `FrequencyResponse.is_sample` says: their
+        numbers have a star, which the legend explains.
+    title : str
+    ax : Axes, optional
+        Drawn on; those of a new pyplot figure by default.
+
+    Returns
+    -------
+    Axes
+
+    Raises
+    ------
+    InputError
+        If the shapes do not fit, or there is no finite value.
+    """
+    columns, rows, shown = np.asarray(x), np.asarray(y), np.asarray(values)
+    require(bool(np.any(np.isfinite(shown))), "values", "none", "", "must have one that is finite")
+    marked = np.zeros(shown.shape, dtype=bool) if samples is None else np.asarray(samples)
+    axis = panel(ax, 8.0, 5.6)
+    low, high = np.nanmin(shown), np.nanmax(shown)
+    axis.imshow(shown, cmap="cividis", origin="lower", aspect="auto", vmin=low, vmax=high)
+    axis.grid(False)
+    axis.set_xticks(np.arange(columns.size), [f"{number_text(value, 3)}" for value in columns])
+    axis.set_yticks(np.arange(rows.size), [f"{number_text(value, 3)}" for value in rows])
+    for (i, j), value in np.ndenumerate(shown):
+        colour = "white" if value < 0.5 * (low + high) else "black"
+        axis.annotate(
+            f"{number_text(value, 2)}{'*' if marked[i, j] else ''}",
+            (j, i),
+            ha="center",
+            va="center",
+            color=colour,
+            fontsize=9.0,
+        )
+    axis.set_title(title, loc="left")
+    if marked.any():
+        legend_above(axis, [_dot(ONE_START, "$*$")])
+    return axis

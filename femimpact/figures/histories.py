@@ -1,0 +1,234 @@
+"""Figures over time: the motion between its walls, the energies, the contact force; and spectra."""
+
+from __future__ import annotations
+
+from itertools import cycle
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femimpact.arrays import Array
+from femimpact.contact.laws import Rigid
+from femimpact.errors import Fault, InputError, instance, require, takes, truth
+from femimpact.excitation.excitation import has_cycle, words_of
+from femimpact.figures.drawing import (
+    BLUE,
+    COLOURS,
+    CYCLES,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    WALLS,
+    OffScreen,
+    label_axes,
+    last_cycles,
+    legend_above,
+    panels,
+    require_history,
+    scaled,
+)
+from femimpact.response.channels import channel_of
+from femimpact.response.impacts import DRAWN_IN_CONTACT
+from femimpact.response.response import Response
+from femimpact.units import number_text, prefixed, quantity_text
+
+if TYPE_CHECKING:
+    from matplotlib.figure import FigureBase
+
+
+# ---- energies -------------------------------------------------------------------------------------
+
+
+@takes(response=instance(Response))
+def energies(response: Response, figure: FigureBase | OffScreen | None = None) -> NDArray[np.object_]:
+    """The energy ledger: what is stored, what was put in and lost, and the residual.
+
+    Parameters
+    ----------
+    response : Response
+        With a ledger.
+    figure : Figure, optional
+        Drawn on; a new one of pyplot's by default.
+
+    Returns
+    -------
+    ndarray (3,) of Axes
+
+    Raises
+    ------
+    InputError
+        If the ledger was switched off, or went with its history to `Recorder.sink`.
+    """
+    require_history(response)
+    ledger = response.energy
+    if ledger is None:
+        raise InputError([Fault("response.energy", None, "", "must be kept: Recorder(ledger=True)")])
+    axes = panels(figure, 8.0, 7.4, 3, 1, sharex=True)[:, 0]
+    stored = (
+        ("beam: kinetic + strain", ledger.kinetic + ledger.strain, COLOURS[0]),
+        ("balls", ledger.ball, ORANGE),
+        ("contacts", ledger.contact, GREEN),
+    )
+    since = (
+        ("work put in", ledger.work, "black"),
+        ("stored", ledger.stored - ledger.stored[0], GREY),
+        ("lost in the structure", ledger.structure_loss, COLOURS[0]),
+        ("lost in the contacts", ledger.contact_loss, ORANGE),
+    )
+    for axis, rows in ((axes[0], stored), (axes[1], since)):
+        largest = max(float(np.abs(values).max()) for _, values, _ in rows)
+        factor, unit = prefixed(largest, "J")
+        for label, values, colour in rows:
+            axis.plot(ledger.time, factor * values, color=colour, linewidth=1.2, label=label)
+        axis.set_ylabel(f"energy ({unit})")
+        legend_above(axis)
+    axes[2].plot(ledger.time, ledger.residual_history, color=PURPLE, linewidth=1.2)
+    title = f"energy unaccounted for over the energy put in: at most {number_text(ledger.residual, 2)}"
+    label_axes(axes[2], "time (s)", "residual (1)", title)
+    return axes
+
+
+# ---- contact force --------------------------------------------------------------------------------
+
+
+@takes(response=instance(Response))
+def cycle_averaged_force(response: Response) -> tuple[Array, Array]:
+    """Normal force between balls, stops and beam, averaged over each complete base cycle of a run.
+
+    The average of a cycle is the sum of the impulses of the impacts that touch in it, and of the sticking phases
+    by the time that they share with it, times the base's frequency.
+
+    Parameters
+    ----------
+    response : Response
+
+    Returns
+    -------
+    time : ndarray (cycles,), s
+        Middle of each cycle.
+    force : ndarray (cycles,), N
+
+    Raises
+    ------
+    InputError
+        If its excitation has no cycle.
+    """
+    require(has_cycle(response.base), "response.base", words_of(response.base), "", "must have a cycle")
+    period, impacts, sticking = 1.0 / response.base.frequency, response.impacts, response.sticking
+    edges = period * np.arange(int(response.window[1] / period + 1e-9) + 1, dtype=float)
+    # a method with steps has the impulse of a sticking phase in both tables
+    phases = set(zip(sticking.start.tolist(), sticking.impulse.tolist(), strict=True))
+    pairs = zip(impacts.time.tolist(), impacts.impulse.tolist(), strict=True)
+    single = np.where([pair in phases for pair in pairs], 0.0, np.abs(impacts.impulse))
+    impulse = np.histogram(impacts.time, bins=edges, weights=single)[0] if edges.size > 1 else edges[1:]
+    for start, end, force in zip(sticking.start, sticking.end, sticking.mean_force, strict=True):
+        last = edges[-1] if np.isnan(end) else end
+        shared = np.minimum(edges[1:], last) - np.maximum(edges[:-1], start)
+        impulse = impulse + np.nan_to_num(abs(force)) * np.maximum(shared, 0.0)
+    return edges[:-1] + 0.5 * period, np.asarray(impulse / period)
+
+
+@takes(response=instance(Response), cycles=CYCLES, averaged=truth())
+def contact_force(
+    response: Response, cycles: float = 8, *, averaged: bool = True, figure: FigureBase | OffScreen | None = None
+) -> NDArray[np.object_]:
+    """Contact force over time (the paper's Fig. 8): last cycles, peak of every impact, average of every cycle.
+
+    The course of every compliant contact is shown: where the run was read more coarsely it is computed once more.
+
+    Parameters
+    ----------
+    response : Response
+        With a contact force among its channels.
+    cycles : float
+        Base cycles whose force is drawn.
+    averaged : bool
+        Give the cycle-averaged force a separate panel, instead of a line among the peaks, which the mean force is
+        where the excitation has no cycle.
+    figure : Figure, optional
+        Drawn on; a new one of pyplot's by default.
+
+    Returns
+    -------
+    ndarray (3,) or (2,) of Axes
+
+    Raises
+    ------
+    InputError
+        If the run holds no history of a contact force.
+    """
+    require_history(response)
+    names = [name for name in response.channels if name.rpartition(".")[2] == "contact_force"]
+    require(bool(names), "channels", list(response.channels), "", "must hold a contact force")
+    cyclic = has_cycle(response.base)
+    averaged = averaged and cyclic
+    axes = panels(figure, 8.0, 8.0 if averaged else 5.6, 3 if averaged else 2, 1)[:, 0]
+    _last_cycles(axes[0], response, names, cycles)
+    impacts, statistics = response.impacts, response.statistics
+    # an impact of a rigid law has no force
+    rigid = len(impacts) > 0 and not np.isfinite(impacts.peak_force).any()
+    sizes, size, unit = (impacts.impulse, "impulse", "N s") if rigid else (impacts.peak_force, "peak force", "N")
+    largest = float(np.nanmax(np.abs(sizes), initial=0.0))
+    factor, shown = prefixed(largest, unit)
+    for side, colour, _, label in WALLS:
+        chosen = impacts.side == side
+        axes[1].plot(
+            impacts.time[chosen], factor * np.abs(sizes[chosen]), "o", markersize=3.0, color=colour, label=label
+        )
+    title = f"{'impulse' if rigid else 'peak'} of each impact; "
+    if averaged:
+        _averages(axes[2], response)
+        axes[1].set_xlim(axes[2].get_xlim())
+    else:
+        if not rigid:
+            axes[1].axhline(factor * statistics.cycle_mean_force, color=GREY, linestyle="--", linewidth=1.2)
+        mean = "cycle-averaged" if cyclic else "mean"
+        title += f"{'' if rigid else 'dashed: '}{mean} force {quantity_text(statistics.cycle_mean_force, 'N', 3)};\n"
+    title += f"mean impulse {quantity_text(statistics.mean_impulse, 'N s', 3)}"
+    label_axes(axes[1], "time (s)", f"{size} ({shown})", title)
+    axes[1].set_ylim(0.0, 1.05 * (factor * largest or 1.0))
+    legend_above(axes[1])
+    return axes
+
+
+def _last_cycles(axis: Any, response: Response, names: list[str], cycles: float) -> None:
+    start, words = last_cycles(response, cycles)
+    time, forces = _within_contacts(response, names, start)
+    laws = response.impacts.law
+    for colour, name in zip(cycle(COLOURS), names, strict=False):
+        owner = name.rpartition(".")[0]
+        label = f"{owner} (rigid: force only while sticking)" if laws.get(owner) == Rigid.name else owner or None
+        axis.plot(time, forces[name], color=colour, label=label)
+    law = response.statistics.law
+    only = " (force only while sticking)" if law == Rigid.name and len(names) == 1 else ""
+    label_axes(axis, "time (s)", "force on the beam (N)", f"{words}, law: {law}{only}")
+    if len(names) > 1:
+        legend_above(axis)
+
+
+def _within_contacts(response: Response, names: list[str], start: float) -> tuple[Array, dict[str, Array]]:
+    """Times (s) from a start on, and contact forces (N) that show the course of each compliant contact.
+
+    A run that was read more coarsely is computed once more; what was read from files is shown as it is.
+    """
+    time, impacts, run_again = response.time, response.impacts, response.largest_values
+    last = time >= start
+    lasting = impacts.duration[(impacts.time >= start) & (impacts.duration > 0.0)]
+    if run_again is not None and lasting.size and time.size > 1:
+        # one that is cut short by another is no measure
+        wanted = max(float(lasting.min()), 0.1 * float(np.median(lasting))) / DRAWN_IN_CONTACT
+        if time[1] - time[0] > wanted:
+            return run_again.reread(tuple(channel_of(response.system, name) for name in names), start, wanted)
+    return time[last], {name: response[name][last] for name in names}
+
+
+def _averages(axis: Any, response: Response) -> None:
+    time, force = cycle_averaged_force(response)
+    shown, unit = scaled(force, "N")
+    mean, mean_unit = scaled(response.statistics.cycle_mean_force, "N")
+    axis.plot(time, shown, color=BLUE, linewidth=1.0, marker=".", markersize=4.0)
+    axis.set_ylim(0.0, 1.15 * (shown.max(initial=0.0) or 1.0))
+    title = f"normal force averaged over each base cycle; over the last third {number_text(mean, 3)} {mean_unit}"
+    label_axes(axis, "time (s)", f"average force ({unit})", title)

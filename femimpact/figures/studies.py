@@ -1,0 +1,480 @@
+"""Figures of a parameter study: lines with bands over one axis, a map over two, maps over more, dots of a sample."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femimpact.arrays import Array
+from femimpact.errors import having, require, require_name, require_type, takes, text
+from femimpact.figures.drawing import BLUE, DARK, GREEN, OffScreen, legend_above, panel, panels, plain_log_ticks
+from femimpact.figures.study_labels import (
+    OUTLINE,
+    OUTLINED,
+    UNSURE,
+    BestMarks,
+    axis_words,
+    has_logarithmic_colours,
+    map_panels,
+    sample_axes,
+    single_samples,
+    unsure_cells,
+    value_words,
+)
+from femimpact.sweep import ONE_START
+from femimpact.units import number_text, prefixed
+
+if TYPE_CHECKING:
+    import xarray
+    from matplotlib.axes import Axes
+    from matplotlib.colors import Normalize
+    from matplotlib.figure import FigureBase
+
+
+MOST_NUMBERS = 120
+"""Cells of a map up to which each has its number."""
+
+MOST_TICKS, MOST_TICKS_OF_PANEL = 12, 5
+
+MOST_PANELS_EACH_WAY = 6
+"""Maps of a figure along its rows and along its columns."""
+
+CORNER = 0.3
+"""Sides of the mark in the corner of a cell, over those of the cell."""
+
+
+@takes(measure=text(), title=text())
+def study_lines(
+    dataset: xarray.Dataset, measure: str, *, title: str = "", ax: Axes | OffScreen | None = None
+) -> Axes:  # fmt: skip
+    """A measure over one axis: a line of its medians, bands from the smallest start to the largest and of the median.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        Of `parameter_study`, over one axis.
+    measure : str
+    title : str
+    ax : Axes, optional
+        Drawn on; those of a new pyplot figure by default.
+
+    Returns
+    -------
+    Axes
+
+    Raises
+    ------
+    InputError
+        If the dataset is not that of a study, has another number of axes, or no such measure.
+    """
+    values = _values(dataset, measure, 1)
+    (name,) = dataset[measure].dims
+    x, label, words = _axis_values(dataset, str(name))
+    factor, unit = _scale(dataset, measure, values)
+    axis = panel(ax, 8.0, 5.0)
+    entries: list[Any] = []
+    for low, high, alpha, told in (
+        ("_low", "_high", 0.18, "smallest to largest of the starts"),
+        ("_median_low", "_median_high", 0.4, "90 % interval of the median"),
+    ):
+        if f"{measure}{low}" in dataset:
+            below, above = (factor * dataset[f"{measure}{end}"].to_numpy() for end in (low, high))
+            entries.append(axis.fill_between(x, below, above, color=BLUE, alpha=alpha, linewidth=0.0, label=told))
+    starts = int(dataset.attrs.get("starts", 1))
+    entries.insert(0, axis.plot(x, factor * values, "o-", color=BLUE, markersize=4.0,
+                                label="value" if starts == 1 else f"median of {starts} starts")[0])  # fmt: skip
+    one = single_samples(dataset)
+    if one.any():
+        told = ONE_START if starts == 1 else f"not periodic: median of {starts} starts"
+        entries.append(axis.plot(x[one], factor * values[one], "*", color=DARK, markersize=9.0, label=told)[0])
+    if words is not None:
+        axis.set_xticks(x, words)
+    axis.set(xlabel=label, ylabel=_label(dataset[measure].attrs.get("long_name", measure), unit, starts))
+    axis.set_title(title, loc="left")
+    legend_above(axis, entries)
+    return axis
+
+
+def mark_best(axis: Axes, dataset: xarray.Dataset, measure: str, marks: BestMarks) -> Axes:
+    """The axes of `study_lines` with levels across, a span of the axis shaded, and a ring at the best."""
+    factor, _ = _scale(dataset, measure, _values(dataset, measure, 1))
+    (name,) = (str(dim) for dim in dataset[measure].dims)
+    x, _, words = _axis_values(dataset, name)
+    for told, level in marks.levels:
+        axis.axhline(factor * level, color=DARK, linewidth=0.8, linestyle="--")
+        axis.annotate(told, (0.01, factor * level), xycoords=("axes fraction", "data"), ha="left", va="bottom",
+                      fontsize=9.0)  # fmt: skip
+    if words is None and name in marks.spans:
+        scale = x[np.argmax(np.abs(x))] / dataset[name].to_numpy()[np.argmax(np.abs(x))]
+        low, high = (scale * end for end in marks.spans[name])
+        axis.axvspan(low, high, color=GREEN, alpha=0.15, linewidth=0.0, label=marks.within)
+    at = dataset["is_best"].to_numpy()
+    axis.plot(x[at], factor * dataset[measure].to_numpy()[at], "o", markersize=11.0, fillstyle="none", color=OUTLINE,
+              label=OUTLINED)  # fmt: skip
+    legend_above(axis)
+    return axis
+
+
+@takes(measure=text(), title=text())
+def study_map(
+    dataset: xarray.Dataset, measure: str, *, title: str = "", norm: str | Normalize | None = None,
+    ax: Axes | OffScreen | None = None,
+) -> Axes:  # fmt: skip
+    """A measure over two axes as coloured cells, the first axis of the study to the right.
+
+    A cell has a mark in its corner where the 90 % interval of its median is wider than the largest difference of its
+    median to that of a neighbour: between such cells the map says nothing. Of fewer than 5 starts there is no
+    interval; a star is then at a motion that is not periodic, whose value is one sample.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        Of `parameter_study`, over two axes.
+    measure : str
+    title : str
+    norm : {"linear", "log"} or Normalize of matplotlib, optional
+        Scale of the colours, of values in the unit of the bar; by default logarithmic where all values are above 0 and
+        the largest is more than 10 times the smallest.
+    ax : Axes, optional
+        Drawn on; those of a new pyplot figure by default.
+
+    Returns
+    -------
+    Axes
+
+    Raises
+    ------
+    InputError
+        If the dataset is not that of a study, has another number of axes, or no value of the measure, or a logarithmic
+        scale is asked for of a value that is not above 0.
+    """
+    values = _values(dataset, measure, 2)
+    require(bool(np.any(np.isfinite(values))), "dataset", measure, "", "must have a finite value of the measure")
+    axis = panel(ax, 8.0, 5.8)
+    factor, unit = _scale(dataset, measure, values)
+    image = _cells(axis, dataset, measure, factor, _colours(norm, factor * values))
+    starts = int(dataset.attrs.get("starts", 1))
+    words = dataset[measure].attrs.get("long_name", measure)
+    bar: Any = axis.figure.colorbar(image, ax=axis, format="%g")
+    bar.set_label(_label(words, unit, starts))
+    axis.set_title(title, loc="left")
+    _map_legend(axis, dataset, measure)
+    return axis
+
+
+@takes(measure=text())
+def study_maps(
+    dataset: xarray.Dataset, measure: str, *, figure: FigureBase | OffScreen | None = None
+) -> NDArray[np.object_]:  # fmt: skip
+    """A measure over three axes or four: a map over the first two in each panel, the others along rows and columns.
+
+    Of an axis beyond the fourth the middle value is shown, and of more values than fit some.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        Of `parameter_study`, over three axes or more.
+    measure : str
+    figure : Figure, optional
+        Drawn on; a new one of pyplot's by default.
+
+    Returns
+    -------
+    ndarray of Axes
+
+    Raises
+    ------
+    InputError
+        If the dataset is not that of a study, has fewer axes, or no value of the measure.
+    """
+    values = _values(dataset, measure, None)
+    names = [str(name) for name in dataset[measure].dims]
+    require(len(names) >= 3, "dataset", f"{len(names)} axes", "", "must have three axes or more")
+    require(bool(np.any(np.isfinite(values))), "dataset", measure, "", "must have a finite value of the measure")
+    chosen, middle = map_panels(dataset, names, MOST_PANELS_EACH_WAY, MOST_PANELS_EACH_WAY)
+    shown, (across, *_) = dataset.isel(middle), chosen
+    down = names[3] if len(names) > 3 else None
+    columns, rows = chosen[across], chosen[down] if down else [0]
+    factor, unit = _scale(dataset, measure, values)
+    norm = _colours(None, factor * values)
+    width, height = 2.2 + 2.6 * len(columns), 1.4 + 2.5 * len(rows)
+    axes = panels(figure, width, height, len(rows), len(columns), sharex=True, sharey=True)
+    image, maps = None, []
+    for i, row in enumerate(rows):
+        for j, column in enumerate(columns):
+            cells = shown.isel({across: column} | ({down: row} if down else {}))
+            maps.append(cells)
+            image = _cells(axes[i, j], cells, measure, factor, norm, numbers=False)
+            told = [_told(dataset, across, column)] + ([_told(dataset, down, row)] if down else [])
+            axes[i, j].set_title("\n".join(told), loc="left", fontsize=9.0)
+            if i < len(rows) - 1:
+                axes[i, j].set_xlabel("")
+            if j:
+                axes[i, j].set_ylabel("")
+    bar = axes[0, 0].figure.colorbar(image, ax=axes, format="%g")
+    bar.set_label(_label(dataset[measure].attrs.get("long_name", measure), unit, int(dataset.attrs.get("starts", 1))))
+    told = [f"at {', '.join(_told(dataset, name, index) for name, index in middle.items())}"] if middle else []
+    # of what is drawn: a map has fewer neighbours than the dataset
+    told += [f"corner marked: {UNSURE}"] if any(unsure_cells(cells, measure).any() for cells in maps) else []
+    told += [f"*: {ONE_START}"] if any(single_samples(cells).any() for cells in maps) else []
+    if told:
+        axes[0, 0].figure.suptitle("\n".join(told), fontsize=10.0)
+    return axes
+
+
+@takes(measure=text())
+def study_scatter(
+    dataset: xarray.Dataset, measure: str, *, figure: FigureBase | OffScreen | None = None
+) -> NDArray[np.object_]:  # fmt: skip
+    """A measure of a list or a sample of cases over each of its axes: dots, and lines from smallest to largest.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        Of `parameter_study` with a sample, or with a list of cases.
+    measure : str
+    figure : Figure, optional
+        Drawn on; a new one of pyplot's by default.
+
+    Returns
+    -------
+    ndarray of Axes
+
+    Raises
+    ------
+    InputError
+        If the dataset is not that of a list or a sample, or has no such measure.
+    """
+    values = _values(dataset, measure, 1)
+    listed = dataset[measure].dims == ("case",)
+    require(listed, "dataset", ", ".join(map(str, dataset[measure].dims)), "", "must be of a list or a sample of cases")
+    names = sample_axes(dataset)
+    factor, unit = _scale(dataset, measure, values)
+    axes = panels(figure, 1.5 + 3.4 * len(names), 4.2, 1, len(names), sharey=True)
+    starts = int(dataset.attrs.get("starts", 1))
+    for axis, name in zip(axes[0], names, strict=True):
+        x, label, words = _axis_values(dataset, name)
+        if f"{measure}_low" in dataset:
+            ends = [factor * dataset[f"{measure}{end}"].to_numpy() for end in ("_low", "_high")]
+            axis.vlines(x, *ends, color=BLUE, alpha=0.25, linewidth=1.0)
+        axis.plot(x, factor * values, ".", color=BLUE, markersize=5.0)
+        if words is not None:
+            axis.set_xticks(x, words)
+        axis.set_xlabel(label)
+    axes[0, 0].set_ylabel(_label(dataset[measure].attrs.get("long_name", measure), unit, starts))
+    return axes
+
+
+# ---- what they share -------------------------------------------------------------------------------
+
+
+def _values(dataset: xarray.Dataset, measure: str, axes: int | None) -> Array:
+    """Values of a measure, over as many axes.
+
+    Raises `InputError` if the dataset is not that of a study, has another number of axes, or no such measure.
+    """
+    import xarray
+
+    require_type(dataset, xarray.Dataset, "dataset")
+    require("finished" in dataset, "dataset", "no variable 'finished'", "", "must be of a parameter study")
+    beside = ("periodic_starts", "failed_starts", "failure", "finished")
+    known = [str(name) for name in dataset.data_vars if name not in beside and dataset[name].dtype.kind == "f"]
+    require_name(measure, known, "measure")
+    count = len(dataset[measure].dims)
+    require(axes in (None, count), "dataset", f"{count} axes", "", f"must have {axes} axes for this figure")
+    return np.asarray(dataset[measure].to_numpy(), dtype=float)
+
+
+def _scale(dataset: xarray.Dataset, measure: str, values: Array) -> tuple[float, str]:
+    """Factor and unit in which a measure is shown."""
+    unit = str(dataset[measure].attrs.get("units", ""))
+    largest = float(np.max(np.abs(values[np.isfinite(values)]), initial=0.0))
+    return (1.0, "") if unit in ("", "1") else prefixed(largest, unit)
+
+
+def _label(words: str, unit: str, starts: int) -> str:
+    label = words if starts > 1 or not words else words.removesuffix(", median over the starts")
+    lines = label.replace(", median over the starts", f",\nmedian of {starts} starts")
+    if len(lines.split("\n")[0]) > 48:
+        half = lines.find(" ", 36)
+        lines = f"{lines[:half]}\n{lines[half + 1 :]}" if half > 0 else lines
+    return f"{lines} ({unit})" if unit else lines
+
+
+def _axis_values(dataset: xarray.Dataset, name: str) -> tuple[Array, str, list[str] | None]:
+    """Numbers along an axis as they are shown, its label, and words of its ticks where its values are no numbers."""
+    coordinate, words, ticks = dataset[name], axis_words(dataset, name), value_words(dataset, name)
+    values = coordinate.to_numpy()
+    if ticks is not None:
+        label = f"{words} (mm)" if f"{name}.plus" in dataset.coords else words
+        return np.arange(values.size, dtype=float), label, ticks
+    unit = str(coordinate.attrs.get("units", ""))
+    if unit in ("", "1"):
+        return values.astype(float), words, None
+    factor, shown = prefixed(float(np.max(np.abs(values))), unit)
+    return factor * values, f"{words} ({shown})", None
+
+
+def _told(dataset: xarray.Dataset, name: str, index: int) -> str:
+    """A value of an axis in words."""
+    x, label, words = _axis_values(dataset, name)
+    if words is not None:
+        return f"{label}: {words[index]}"
+    head, _, unit = label.rpartition(" (")
+    return f"{head or label}: {number_text(x[index], 3)}{' ' + unit.rstrip(')') if head else ''}"
+
+
+def _colours(norm: str | Normalize | None, values: Array) -> Normalize:
+    """The scale of the colours over all values (in the unit shown) that share it."""
+    from matplotlib.colors import LogNorm, Normalize
+
+    if isinstance(norm, Normalize):
+        return norm
+    known = norm is None or norm in ("linear", "log")
+    require(known, "norm", norm, "", 'must be "linear", "log", or a Normalize of matplotlib')
+    low, high = float(np.nanmin(values)), float(np.nanmax(values))
+    require(norm != "log" or low > 0.0, "norm", "log", "", f"needs values above 0, and the smallest is {low:.4g}")
+    logarithmic = has_logarithmic_colours(values) if norm is None else norm == "log"
+    return LogNorm(low, high) if logarithmic else Normalize(low, high)
+
+
+def _cells(
+    axis: Axes, dataset: xarray.Dataset, measure: str, factor: float, norm: Normalize, numbers: bool = True
+) -> Any:
+    """Coloured cells over the two axes of a dataset."""
+    from matplotlib.patches import PathPatch, Rectangle
+
+    first, second = (str(name) for name in dataset[measure].dims)
+    shown = factor * dataset[measure].to_numpy().T
+    image = axis.imshow(shown, cmap="cividis", origin="lower", aspect="auto", norm=norm)
+    axis.grid(False)
+    for name, set_ticks, set_label in (
+        (first, axis.set_xticks, axis.set_xlabel), (second, axis.set_yticks, axis.set_ylabel),
+    ):  # fmt: skip
+        x, label, words = _axis_values(dataset, name)
+        chosen = list(range(0, x.size, -(-x.size // (MOST_TICKS if numbers else MOST_TICKS_OF_PANEL))))
+        set_ticks(chosen, [words[i] if words is not None else f"{number_text(x[i], 3)}" for i in chosen])
+        set_label(label)
+    if "is_best" in dataset:
+        for i, j in np.argwhere(dataset["is_best"].to_numpy().T):
+            axis.add_patch(Rectangle((j - 0.5, i - 0.5), 1.0, 1.0, fill=False, edgecolor=OUTLINE, linewidth=2.0))
+    # of a cell without a value the colour is not read
+    unsure, bright = unsure_cells(dataset, measure).T, np.ma.filled(norm(np.ma.masked_invalid(shown)), 0.0) >= 0.5
+    for side, colour in ((False, "white"), (True, "black")):
+        cells = np.argwhere(unsure & (bright == side))
+        if len(cells):
+            axis.add_patch(PathPatch(_corners(cells), facecolor=colour, linewidth=0.0))
+    samples = single_samples(dataset).T & np.isfinite(shown)
+    if shown.size <= MOST_NUMBERS and numbers:
+        _write_numbers(axis, shown, bright, samples)
+    else:
+        for side, colour in ((False, "white"), (True, "black")):
+            cells = np.argwhere(samples & (bright == side))
+            axis.plot(cells[:, 1], cells[:, 0], linestyle="none", marker="$*$", markersize=_star(axis, shown.shape),
+                      color=colour)  # fmt: skip
+    return image
+
+
+def _star(axis: Axes, shape: tuple[int, ...]) -> float:
+    """Size (points) of a star that leaves the colour of its cell to be seen."""
+    frame, dpi = axis.get_window_extent(), axis.figure.dpi
+    return float(min(5.0, 72.0 / dpi * min(frame.width / shape[1], frame.height / shape[0]) / 2.5))
+
+
+def _corners(cells: NDArray[np.int64]) -> Any:
+    """Triangles in the upper left corners of cells, each by its row and its column, as one path."""
+    from matplotlib.path import Path
+
+    corner = np.array([(-0.5, 0.5), (CORNER - 0.5, 0.5), (-0.5, 0.5 - CORNER), (-0.5, 0.5)])
+    codes = [Path.MOVETO, Path.LINETO, Path.LINETO, Path.CLOSEPOLY]
+    return Path((cells[:, None, ::-1] + corner).reshape(-1, 2), np.tile(codes, len(cells)))
+
+
+def _write_numbers(axis: Axes, shown: Array, bright: NDArray[np.bool_], samples: NDArray[np.bool_]) -> None:
+    """The number of each cell, with a star where it is a sample."""
+    for (i, j), value in np.ndenumerate(shown):
+        if np.isfinite(value):
+            words = f"{number_text(value, 3)}{'*' if samples[i, j] else ''}"
+            axis.annotate(words, (j, i), ha="center", va="center", fontsize=9.0,
+                          color="black" if bright[i, j] else "white")  # fmt: skip
+
+
+def _map_legend(axis: Axes, dataset: xarray.Dataset, measure: str) -> None:
+    """Legend of stars and marked corners, where there are any."""
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    entries: list[Any] = []
+    if "is_best" in dataset:
+        entries.append(Patch(fill=False, edgecolor=OUTLINE, linewidth=2.0, label=OUTLINED))
+    if single_samples(dataset).any():
+        entries.append(Line2D([], [], color=DARK, marker="$*$", markersize=7.0, linestyle="none", label=ONE_START))
+    if unsure_cells(dataset, measure).any():
+        corner = [(-1, 1), (1, 1), (-1, -1)]
+        entries.append(Line2D([], [], color=DARK, marker=corner, markersize=7.0, linestyle="none", label=UNSURE))
+    legend_above(axis, entries)
+
+
+@takes(
+    result=having("what calibrate returns", ("posterior", "parameters", "frequency", "peak", "fitted")), title=text()
+)
+def calibration(result: Any, *, title: str = "", figure: FigureBase | OffScreen | None = None) -> Any:
+    """The posterior of the parameters, and the measured peaks beside those at its medians.
+
+    Parameters
+    ----------
+    result : Calibration
+        Of `calibrate`.
+    title : str
+    figure : Figure, optional
+        Drawn on; a new one of pyplot's by default.
+
+    Returns
+    -------
+    ndarray (2,) of Axes
+    """
+    axes = panels(figure, 11.0, 4.8, 1, 2)[0]
+    _posterior(axes[0], result)
+    axis, low, high = axes[1], 1e3 * result.fitted_low, 1e3 * result.fitted_high
+    order = np.argsort(result.frequency)
+    x = result.frequency[order]
+    words = "90 % of measured peaks"
+    axis.fill_between(x, low[order], high[order], color=BLUE, alpha=0.18, linewidth=0.0, label=words)
+    axis.plot(x, 1e3 * result.fitted[order], color=BLUE, label="fitted, median over the starts")
+    axis.plot(x, 1e3 * result.peak[order], "o", color=DARK, markersize=4.0, label="measured")
+    axis.set_yscale("log")
+    plain_log_ticks(axis.yaxis)
+    axis.set(xlabel="base frequency (Hz)", ylabel="peak (mm)")
+    axes[0].set_title(title, loc="left")
+    for each in axes:
+        legend_above(each)
+    return axes
+
+
+def _posterior(axis: Axes, result: Any) -> None:
+    """Density of one parameter as a line, of two as a map, with median and intervals."""
+    density, found = result.posterior, result.parameters
+    scales = [prefixed(float(np.abs(density[one.path]).max()), one.unit) for one in found]
+    labels = [
+        _label(str(density[one.path].attrs["long_name"]), unit, 1) for one, (_, unit) in zip(found, scales, strict=True)
+    ]
+    medians = [factor * one.median for one, (factor, _) in zip(found, scales, strict=True)]
+    x = scales[0][0] * density[found[0].path].to_numpy()
+    ends = [(factor * one.low, factor * one.high) for one, (factor, _) in zip(found, scales, strict=True)]
+    if len(found) == 1:
+        axis.plot(x, density.to_numpy() / scales[0][0], color=BLUE, label="posterior")
+        axis.axvspan(*ends[0], color=BLUE, alpha=0.18, label="90 % interval")
+        axis.axvline(medians[0], color=DARK, label="median")
+        axis.set(xlabel=labels[0], ylabel=f"density (1/{scales[0][1]})" if scales[0][1] != "1" else "density")
+        return
+    y = scales[1][0] * density[found[1].path].to_numpy()
+    axis.pcolormesh(x, y, density.to_numpy().T, cmap="cividis", shading="nearest", rasterized=True)
+    off = [np.array([[middle - low], [high - middle]]) for middle, (low, high) in zip(medians, ends, strict=True)]
+    axis.errorbar(
+        medians[0], medians[1], xerr=off[0], yerr=off[1], fmt="o", color="white", markersize=5.0, capsize=4.0,
+        label="white: median and 90 % intervals",
+    )  # fmt: skip
+    axis.grid(False)
+    axis.set(xlabel=labels[0], ylabel=labels[1])

@@ -1,0 +1,171 @@
+"""What is drawn of the dataset of a parameter study: its measures and axes, their words, the cells of its maps."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femimpact.arrays import Array, thinned
+
+if TYPE_CHECKING:
+    import xarray
+
+
+BESIDE = frozenset({"periodic_starts", "failed_starts", "finished", "failure"})
+"""Variables that are about the cases themselves."""
+
+STATISTICS = {
+    "_low": "smallest of the starts",
+    "_high": "largest of the starts",
+    "_median_low": "lower end of the 90 % interval of the median",
+    "_median_high": "upper end of the 90 % interval of the median",
+    "_quantile_5": "quantile of 5 % of the starts",
+    "_quantile_95": "quantile of 95 % of the starts",
+    "_groups": "groups in which the values of the starts lie",
+}
+"""Endings of what is known of a measure beside its median, with words for each."""
+
+
+def measure_names(
+    dataset: xarray.Dataset,  # xarray.Dataset: of `parameter_study`, or any other: then every variable of numbers
+) -> list[str]:
+    """Names of the measures that are numbers and have a value somewhere, without their statistics."""
+    everything = {str(name) for name in dataset.data_vars}
+
+    def is_statistic(name: str) -> bool:
+        return any(name.endswith(end) and name.removesuffix(end) in everything for end in STATISTICS)
+
+    return [
+        str(name)
+        for name, values in dataset.data_vars.items()
+        if values.dtype.kind in "fiu"
+        and str(name) not in BESIDE
+        and not is_statistic(str(name))
+        and np.isfinite(values.to_numpy()).any()
+    ]
+
+
+PAIRED = ", number of the pair of values"
+"""End of the long name of an axis of gaps of which some are a pair: its numbers count them."""
+
+
+def axis_names(dataset: xarray.Dataset) -> list[str]:
+    """Names of the axes: coordinates but for the numbers of the cases and the two sides of pairs of gaps."""
+    names = [str(name) for name in dataset.coords if name != "case"]
+    sides = {f"{name}.{side}" for name in names for side in ("plus", "minus")}
+    return [name for name in names if name not in sides]
+
+
+def axis_words(dataset: xarray.Dataset, name: str) -> str:
+    """Long name of an axis."""
+    return str(dataset[name].attrs.get("long_name", name)).removesuffix(PAIRED)
+
+
+def value_words(dataset: xarray.Dataset, name: str) -> list[str] | None:
+    """Words of the values of an axis of names, or of gaps of which some are a pair (mm); None where numbers say it."""
+    values = dataset[name].to_numpy()
+    if f"{name}.plus" in dataset.coords:
+        sides = (dataset[f"{name}.{side}"].to_numpy().reshape(-1).tolist() for side in ("plus", "minus"))
+        return [f"({1e3 * plus:.4g}, {1e3 * minus:.4g})" for plus, minus in zip(*sides, strict=True)]
+    return [str(value) for value in values.reshape(-1)] if values.dtype.kind not in "iuf" else None
+
+
+def axis_value(dataset: xarray.Dataset, axis: str, index: int) -> tuple[str, str | float, str]:
+    """Words of an axis, one of its values (a text where numbers do not say it), and the unit of the value, or ""."""
+    if axis not in dataset.variables:
+        return axis, str(index), ""
+    names, unit = value_words(dataset, axis), str(dataset[axis].attrs.get("units", ""))
+    if names is not None:
+        return axis_words(dataset, axis), names[index], "mm" if f"{axis}.plus" in dataset.coords else ""
+    value = float(dataset[axis].to_numpy().reshape(-1)[index])
+    return axis_words(dataset, axis), value, "" if unit == "1" else unit
+
+
+def case_columns(
+    dataset: xarray.Dataset,  # of `parameter_study`
+) -> tuple[dict[str, Any], dict[str, str]]:
+    """A row for every case: values of the axes, then of the measures; and units."""
+    shape = dataset["finished"].shape
+    columns: dict[str, Any] = {}
+    units: dict[str, str] = {}
+    for group in (dataset.coords, dataset.data_vars):
+        for name, values in group.items():
+            column = values.broadcast_like(dataset["finished"]).transpose(*dataset["finished"].dims)
+            columns[str(name)] = np.asarray(column.to_numpy()).reshape(int(np.prod(shape)))
+            unit = str(values.attrs.get("units", ""))
+            if unit and unit != "1":
+                units[str(name)] = unit
+    return columns, units
+
+
+def sample_axes(dataset: xarray.Dataset) -> list[str]:
+    """Names of the coordinates over which a list or a sample of cases is drawn; of pairs of gaps the two sides."""
+    return [str(name) for name in dataset.coords if name != "case" and f"{name}.plus" not in dataset.coords]
+
+
+def map_panels(
+    dataset: xarray.Dataset,
+    axes: Sequence[str],  # three or more; the first two are those of each map
+    most: int,  # values of the third axis where there is no fourth
+    most_each: int,  # values of the third axis and of the fourth
+) -> tuple[dict[str, list[int]], dict[str, int]]:
+    """Numbers of the values of the third axis and the fourth that have a map, and of the others the middle one."""
+    further = axes[2:4]
+    shown = {name: thinned(dataset.sizes[name], most if len(further) < 2 else most_each).tolist() for name in further}
+    return shown, {name: dataset.sizes[name] // 2 for name in axes[4:]}
+
+
+def single_samples(dataset: xarray.Dataset) -> NDArray[np.bool_]:
+    """True where a value is a sample of a motion that does not repeat, without an interval of its median."""
+    if "median_interval" in dataset.attrs:
+        return np.zeros(dataset["finished"].shape, dtype=bool)
+    repeated = dataset["periodic_starts"].to_numpy() + dataset["failed_starts"].to_numpy()
+    return np.asarray((repeated < int(dataset.attrs.get("starts", 1))) & (dataset["finished"].to_numpy() > 0))
+
+
+def unsure_cells(dataset: xarray.Dataset, measure: str) -> NDArray[np.bool_]:
+    """True where the interval of the median is wider than the largest difference to the median of a neighbour."""
+    median = dataset[measure].to_numpy()
+    if f"{measure}_median_low" not in dataset:
+        return np.zeros(median.shape, dtype=bool)
+    width = dataset[f"{measure}_median_high"].to_numpy() - dataset[f"{measure}_median_low"].to_numpy()
+    largest = np.zeros(median.shape)
+    for dim in range(median.ndim):
+        step = np.nan_to_num(np.abs(np.diff(median, axis=dim)))
+        before, after = ([slice(None)] * median.ndim for _ in range(2))
+        before[dim], after[dim] = slice(0, -1), slice(1, None)
+        for side in (tuple(before), tuple(after)):
+            largest[side] = np.maximum(largest[side], step)
+    return np.asarray(width > largest)
+
+
+UNSURE = "starts differ by more than neighbouring cells do"
+"""Meaning of the mark in the corner of a cell of `unsure_cells`."""
+
+
+@dataclass(frozen=True)
+class BestMarks:
+    """What a line of a measure over one axis has besides, in SI units."""
+
+    within: str = ""  # words of the spans
+    levels: tuple[tuple[str, float], ...] = ()  # words and values of the measure
+    spans: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # by axis, its lowest and highest value
+
+
+OUTLINED, OUTLINE = "the best", "#e4002b"
+"""Meaning and colour of the outline of a cell at which `is_best` of a dataset is true."""
+
+LOGARITHMIC = 10.0
+"""Largest over smallest value of a map beyond which its colours are logarithmic, where all values are above 0."""
+
+
+def has_logarithmic_colours(
+    values: Array,  # of all cells that share a scale of colours; what is not finite does not count
+) -> bool:
+    """True where the colours of a map are to be logarithmic: one large cell would leave the others one colour."""
+    finite = values[np.isfinite(values)]
+    return bool(finite.size and finite.min() > 0.0 and finite.max() > LOGARITHMIC * finite.min())

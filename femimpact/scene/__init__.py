@@ -1,0 +1,1 @@
+"""A structure and its motion as bodies in space."""

@@ -1,0 +1,28 @@
+"""Three parts: the library, the application on it, and what decides the numbers of a study is where its key looks."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import femimpact as fi
+from femimpact import figures
+from femimpact.app.parametric.identity import BESIDE, NUMERICAL
+
+PACKAGE = Path(fi.__file__).parent
+
+
+@pytest.mark.parametrize("place", [*NUMERICAL, *BESIDE])
+def test_sources_that_are_in_the_key_of_a_study_are_there(place):
+    # a folder that is missing would be hashed as nothing
+    sources = list((PACKAGE / place).rglob("*.py")) if place in NUMERICAL else [PACKAGE / place]
+    assert sources
+    assert all(path.read_text(encoding="utf-8") for path in sources if path.name != "__init__.py")
+
+
+def test_every_figure_is_loaded_by_its_name_and_no_other_is_known():
+    assert dir(figures) == sorted(figures.__all__)
+    assert all(getattr(figures, name) is not None for name in figures.__all__)
+    with pytest.raises(AttributeError, match="no attribute 'no_such_figure'"):
+        _ = figures.no_such_figure
