@@ -111,7 +111,7 @@ inline const char *fault_of_pieces(const Cases &cases) {
         for (Index i = 0; i < cases.drive.shape[1]; i++)
             if (!is_finite(cases.drive(c, i)))
                 return "cases.drive: must be finite";
-        if (!is_within(cases.piece(c), 0, larger(0, cases.knots.size() - 1)))
+        if (!is_within(cases.piece(c), 0, larger(Index(0), cases.knots.size() - 1)))
             return "cases.piece: must be numbers of pieces";
     }
     return nullptr;
