@@ -49,7 +49,8 @@ template <class T, int N> struct View {
     [[gnu::always_inline]] operator View<const T, N>() const
         requires(!__is_same(const T, T))
     {
-        View<const T, N> same = {data};
+        View<const T, N> same = {};
+        same.data = data;
         for (int axis = 0; axis < N; axis++)
             same.shape[axis] = shape[axis];
         return same;

@@ -18,14 +18,6 @@ __attribute__((used)) const char KEY[] = "femimpact build key " FEMIMPACT_KEY;
 // chosen when the module is imported
 const femimpact_kernels *kernels = nullptr;
 
-bool put(PyObject *dict, const char *name, PyObject *value) {
-    const bool done = value != nullptr && PyDict_SetItemString(dict, name, value) == 0;
-    if (value != nullptr) {
-        Py_DecRef(value);
-    }
-    return done;
-}
-
 PyObject *target_names() {
     PyObject *names = PyTuple_New(TARGET_COUNT);
     for (int k = 0; names != nullptr && k < TARGET_COUNT; k++) {
@@ -40,18 +32,9 @@ PyObject *target_names() {
 }
 
 PyObject *build_info(PyObject *, PyObject *) {
-    PyObject *info = PyDict_New();
-    if (info == nullptr) {
-        return nullptr;
-    }
-    if (put(info, "target", PyUnicode_FromString(kernels->target)) && put(info, "targets", target_names()) &&
-        put(info, "compiler", PyUnicode_FromString(FEMIMPACT_COMPILER)) &&
-        put(info, "sources", PyUnicode_FromString(FEMIMPACT_SOURCES)) &&
-        put(info, "kind", PyUnicode_FromString(FEMIMPACT_KIND))) {
-        return info;
-    }
-    Py_DecRef(info);
-    return nullptr;
+    // the dictionary takes the tuple; where that is null its exception stays
+    return Py_BuildValue("{sssNssssss}", "target", kernels->target, "targets", target_names(), "compiler",
+                         FEMIMPACT_COMPILER, "sources", FEMIMPACT_SOURCES, "kind", FEMIMPACT_KIND);
 }
 
 PyObject *choose(PyObject *, PyObject *const *arguments, Py_ssize_t count) {
