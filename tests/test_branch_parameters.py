@@ -45,8 +45,8 @@ def test_derivatives_by_a_parameter_have_the_digits_of_50_digit_arithmetic(name,
     orbit = CASES[name].orbit()
     guess = first_guess(orbit.system, orbit.excitation, 1, orbit)
     parameter = parameter_of(orbit.system, orbit.excitation, path_of(CASES[name], number))
-    maps = event_maps(parameter.hybrid, guess.sequence, guess.states, guess.phases, {})
-    by = derivative_by(parameter.hybrid_at, parameter.value, guess.sequence, guess.states, guess.phases)
+    maps = event_maps(parameter.hybrid, guess)
+    by = derivative_by(parameter.hybrid_at, parameter.value, guess)
     found = -np.linalg.solve(jacobian(maps).reshape(2 * [by.size]), by.reshape(by.size)).reshape(by.shape)[0]
     exact, unit = np.array(DIGITS[name][number]), np.append(units_of(orbit), 1.0)
     assert np.max(np.abs(found - exact) / unit) < 1e-8 * np.max(np.abs(exact) / unit)

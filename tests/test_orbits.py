@@ -14,9 +14,9 @@ from builders import REFERENCE, oscillator, reduced, with_ball
 from orbit_cases import MODELS
 
 import femimpact as fi
-from femimpact.orbits.equations import Sequence, derivative_by, event_maps, jacobian, residual
+from femimpact.orbits.equations import EventStates, Sequence, derivative_by, event_maps, jacobian, residual
 from femimpact.orbits.flow import flow_of, hybrid_system
-from femimpact.orbits.guess import Guess, first_guess
+from femimpact.orbits.guess import first_guess
 from femimpact.orbits.newton import solve
 from femimpact.orbits.orbit import state_vector
 from femimpact.orbits.search import orbit_near
@@ -76,8 +76,8 @@ def test_derivatives_by_a_parameter_have_the_digits_of_50_digit_arithmetic(orbit
 
     model = MODELS[name]
     value = {"frequency": model.frequency, "amplitude": model.amplitude, "gap": 0.0, "restitution": model.law[0]}
-    maps = event_maps(hybrid, guess.sequence, guess.states, guess.phases, {})
-    by = derivative_by(at, value[parameter], guess.sequence, guess.states, guess.phases)
+    maps = event_maps(hybrid, guess)
+    by = derivative_by(at, value[parameter], guess)
     size = by.size
     found = -np.linalg.solve(jacobian(maps).reshape(size, size), by.reshape(size)).reshape(by.shape)[0]
     exact = np.array(DIGITS[name][parameter])
@@ -230,16 +230,16 @@ def test_the_equations_are_regular_at_grazing():
     one = np.zeros(1)
     sequence = Sequence(("impact",), np.zeros(1, dtype=int), one + 1, one[:, None], one, 1)
     exact = np.array([[abs(response), 0.0]])
-    maps = event_maps(hybrid, sequence, exact, one + crest, {})
+    maps = event_maps(hybrid, EventStates(sequence, exact, one + crest))
     assert abs(maps.speed[0]) < 1e-15
     assert np.linalg.cond(jacobian(maps).reshape(3, 3)) < 100
     off = exact + np.array([[0.0, -0.05]])
-    found = solve(hybrid, sequence, off, one + crest + 0.02, abs(response))
+    found = solve(hybrid, EventStates(sequence, off, one + crest + 0.02), abs(response))
     assert found.converged
-    np.testing.assert_allclose(found.states, exact, atol=1e-11)
+    np.testing.assert_allclose(found.events.states, exact, atol=1e-11)
     # it is the linear motion, and no impact: a search does not end there
     with pytest.raises(fi.DivergenceError, match="a contact begins at no speed"):
-        orbit_near(system, push, Guess(sequence, off, one + crest + 0.02))
+        orbit_near(system, push, EventStates(sequence, off, one + crest + 0.02))
 
 
 # ---- motions without events -------------------------------------------------------------------------
@@ -303,7 +303,7 @@ def test_newton_falls_quadratically(orbits, name):
         moved = guess.phases + 0.02 * np.cos(np.arange(guess.phases.size) // 3)
     off = np.sin(1 + np.arange(guess.states.size)).reshape(guess.states.shape)
     states = guess.states + 0.02 * units_of(orbit) * off
-    found = solve(hybrid, guess.sequence, states, moved, orbit.length)
+    found = solve(hybrid, replace(guess, states=states, phases=moved), orbit.length)
     assert found.converged
     assert found.changes[-1] <= 1e-12
     # each step leaves about the square of the one before, down to rounding
@@ -312,16 +312,16 @@ def test_newton_falls_quadratically(orbits, name):
     assert all(after < 20 * before**2 for before, after in falls)
     assert len(found.changes) <= 6
     unit = units_of(orbit)
-    assert np.max(np.abs(found.states - guess.states) / unit) < 1e-11
+    assert np.max(np.abs(found.events.states - guess.states) / unit) < 1e-11
 
 
 def test_far_away_steps_are_damped(orbits):
     orbit = orbits["rigid"]
     guess, hybrid = first_guess(orbit.system, orbit.excitation, 1, orbit), hybrid_system(orbit.system, orbit.excitation)
-    found = solve(hybrid, guess.sequence, guess.states, guess.phases + np.array([1.3, -0.65]), orbit.length)
+    found = solve(hybrid, replace(guess, phases=guess.phases + np.array([1.3, -0.65])), orbit.length)
     assert found.changes[0] > 1
     assert found.converged
-    assert np.max(np.abs(found.states - guess.states) / units_of(orbit)) < 1e-11
+    assert np.max(np.abs(found.events.states - guess.states) / units_of(orbit)) < 1e-11
 
 
 def test_the_end_of_a_run_is_a_guess_at_any_phase_of_the_base():
@@ -331,20 +331,25 @@ def test_the_end_of_a_run_is_a_guess_at_any_phase_of_the_base():
     for phase in (0.0, 1.0, 4.0):
         turned = replace(base, phase=phase)
         guess = first_guess(system, turned, 1, run)
-        maps = event_maps(hybrid_system(system, turned), guess.sequence, guess.states, guess.phases, {})
+        maps = event_maps(hybrid_system(system, turned), guess)
         # the run has settled: its events are those of the orbit already
-        assert np.max(np.abs(residual(maps, guess.states)[:, :2])) < 1e-9 * 2e-3
+        assert np.max(np.abs(residual(maps)[:, :2])) < 1e-9 * 2e-3
+
+
+def with_events(solution, **changes):
+    """A solution with other states or phases."""
+    return replace(solution, maps=replace(solution.maps, events=replace(solution.events, **changes)))
 
 
 def test_an_orbit_is_confirmed_by_its_run(orbits):
     orbit = orbits["rigid"]
     guess, hybrid = first_guess(orbit.system, orbit.excitation, 1, orbit), hybrid_system(orbit.system, orbit.excitation)
-    exact = solve(hybrid, guess.sequence, guess.states, guess.phases, orbit.length)
-    wrong = replace(exact, states=exact.states + 1e-8 * units_of(orbit))
+    exact = solve(hybrid, guess, orbit.length)
+    wrong = with_events(exact, states=exact.events.states + 1e-8 * units_of(orbit))
     with pytest.raises(fi.DivergenceError, match="not confirmed: its own run misses its start by"):
         verified(orbit.system, orbit.excitation, wrong)
     # the same events at other times: the first one that is off is named
-    later = replace(exact, phases=exact.phases + 1e-3)
+    later = with_events(exact, phases=exact.events.phases + 1e-3)
     with pytest.raises(
         fi.DivergenceError, match=r"; event 1 of it, impact of ball 0 on its . side at t = .* s, is .* rad"
     ):

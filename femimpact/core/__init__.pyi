@@ -13,12 +13,6 @@ class _BuildInfo(TypedDict):
     sources: str
     kind: str
 
-__all__ = [
-    "advance", "build_info", "choose_target", "collide", "cosine_and_sine", "elastic_potential", "exponentials",
-    "keep_present", "next_event", "normal_force", "penetration", "run_cases", "switching_potential",
-    "switching_stiffness", "tables", "write_energies",
-]  # fmt: skip
-
 def advance(steps: int, block: tuple[Any, ...], fine: tuple[Any, ...] | None, /) -> None: ...
 def build_info() -> _BuildInfo: ...
 def choose_target(level: float, asked: str, /) -> str: ...

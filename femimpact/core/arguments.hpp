@@ -165,4 +165,17 @@ class WithoutLock {
     PyThreadState *state_;
 };
 
+// None, once a call that other threads need not wait for has ended; an exception instead where it has a fault.
+template <class Call> PyObject *run_apart(const char *fault, Call call) {
+    if (fault != nullptr) {
+        return PyErr_Format(PyExc_ValueError, "%s", fault);
+    }
+    {
+        const WithoutLock others_run;
+        call();
+    }
+    Py_IncRef(Py_None);
+    return Py_None;
+}
+
 } // namespace FEMIMPACT_TARGET

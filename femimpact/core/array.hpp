@@ -18,59 +18,46 @@ constexpr double NOT_A_NUMBER = __builtin_nan("");
 [[gnu::always_inline]] inline void check_index(Index, Index) {}
 #endif
 
-template <class T, int N> struct View;
-
-// A row of contiguous items.
-template <class T> struct View<T, 1> {
+// Contiguous items along N axes.
+template <class T, int N> struct View {
     T *data;
-    Index shape[1];
+    Index shape[N];
 
-    [[gnu::always_inline]] Index size() const { return shape[0]; }
-    [[gnu::always_inline]] T &operator()(Index i) const {
-        check_index(i, shape[0]);
-        return data[i];
+    template <class... Place>
+        requires(sizeof...(Place) == N)
+    [[gnu::always_inline]] T &operator()(Place... place) const {
+        Index at = 0, axis = 0;
+        ((check_index(place, shape[axis]), at = at * shape[axis] + place, axis++), ...);
+        return data[at];
     }
-    // The items from `from` to before `to`.
+    // What is at a place of the first axis, or at places of several.
+    [[gnu::always_inline]] View<T, N - 1> row(Index i) const {
+        check_index(i, shape[0]);
+        View<T, N - 1> inner = {};
+        Index items = 1;
+        for (int axis = 1; axis < N; axis++)
+            items *= inner.shape[axis - 1] = shape[axis];
+        inner.data = data + i * items;
+        return inner;
+    }
+    [[gnu::always_inline]] auto row(Index i, Index j) const { return row(i).row(j); }
+    [[gnu::always_inline]] Index size() const { return shape[0]; }
+    // The items of a row from `from` to before `to`.
     [[gnu::always_inline]] View part(Index from, Index to) const { return {data + from, {to - from}}; }
     [[gnu::always_inline]] View first(Index count) const { return part(0, count); }
     // The same items, only to be read.
-    template <class U>
-        requires(__is_same(U, const T) && !__is_same(U, T))
-    [[gnu::always_inline]] operator View<U, 1>() const {
-        return {data, {shape[0]}};
+    [[gnu::always_inline]] operator View<const T, N>() const
+        requires(!__is_same(const T, T))
+    {
+        View<const T, N> same = {};
+        same.data = data;
+        for (int axis = 0; axis < N; axis++)
+            same.shape[axis] = shape[axis];
+        return same;
     }
 };
-
-template <class T> struct View<T, 2> {
+template <class T> struct View<T, 0> {
     T *data;
-    Index shape[2];
-
-    [[gnu::always_inline]] T &operator()(Index i, Index j) const {
-        check_index(i, shape[0]);
-        check_index(j, shape[1]);
-        return data[i * shape[1] + j];
-    }
-    [[gnu::always_inline]] View<T, 1> row(Index i) const {
-        check_index(i, shape[0]);
-        return {data + i * shape[1], {shape[1]}};
-    }
-};
-
-template <class T> struct View<T, 3> {
-    T *data;
-    Index shape[3];
-
-    [[gnu::always_inline]] T &operator()(Index i, Index j, Index k) const {
-        check_index(i, shape[0]);
-        check_index(j, shape[1]);
-        check_index(k, shape[2]);
-        return data[(i * shape[1] + j) * shape[2] + k];
-    }
-    [[gnu::always_inline]] View<T, 2> row(Index i) const {
-        check_index(i, shape[0]);
-        return {data + i * shape[1] * shape[2], {shape[1], shape[2]}};
-    }
-    [[gnu::always_inline]] View<T, 1> row(Index i, Index j) const { return row(i).row(j); }
 };
 
 // As numpy's complex128.
@@ -108,10 +95,7 @@ struct Complex {
 [[gnu::always_inline]] inline void operator-=(Complex &a, Complex b) {
     a = a - b;
 }
-[[gnu::always_inline]] inline void operator*=(Complex &a, Complex b) {
-    a = a * b;
-}
-[[gnu::always_inline]] inline void operator*=(Complex &a, double b) {
+[[gnu::always_inline]] inline void operator*=(Complex &a, auto b) {
     a = a * b;
 }
 [[gnu::always_inline]] inline bool operator==(Complex a, double b) {
@@ -135,16 +119,10 @@ inline Complex operator/(Complex a, Complex b) {
 }
 
 // The first where they are equal, or where one is not a number.
-[[gnu::always_inline]] inline double larger(double a, double b) {
+template <class Number> [[gnu::always_inline]] inline Number larger(Number a, Number b) {
     return b > a ? b : a;
 }
-[[gnu::always_inline]] inline double smaller(double a, double b) {
-    return b < a ? b : a;
-}
-[[gnu::always_inline]] inline Index larger(Index a, Index b) {
-    return b > a ? b : a;
-}
-[[gnu::always_inline]] inline Index smaller(Index a, Index b) {
+template <class Number> [[gnu::always_inline]] inline Number smaller(Number a, Number b) {
     return b < a ? b : a;
 }
 [[gnu::always_inline]] inline double magnitude(double a) {

@@ -113,8 +113,6 @@ Py_ssize_t PyTuple_Size(PyObject *);
 PyObject *PyList_New(Py_ssize_t);
 int PyList_Append(PyObject *, PyObject *);
 unsigned long PyType_GetFlags(PyTypeObject *);
-PyObject *PyDict_New();
-int PyDict_SetItemString(PyObject *, const char *, PyObject *);
 
 PyObject *PyErr_Occurred();
 void PyErr_Clear();

@@ -18,14 +18,6 @@ __attribute__((used)) const char KEY[] = "femimpact build key " FEMIMPACT_KEY;
 // chosen when the module is imported
 const femimpact_kernels *kernels = nullptr;
 
-bool put(PyObject *dict, const char *name, PyObject *value) {
-    const bool done = value != nullptr && PyDict_SetItemString(dict, name, value) == 0;
-    if (value != nullptr) {
-        Py_DecRef(value);
-    }
-    return done;
-}
-
 PyObject *target_names() {
     PyObject *names = PyTuple_New(TARGET_COUNT);
     for (int k = 0; names != nullptr && k < TARGET_COUNT; k++) {
@@ -40,18 +32,9 @@ PyObject *target_names() {
 }
 
 PyObject *build_info(PyObject *, PyObject *) {
-    PyObject *info = PyDict_New();
-    if (info == nullptr) {
-        return nullptr;
-    }
-    if (put(info, "target", PyUnicode_FromString(kernels->target)) && put(info, "targets", target_names()) &&
-        put(info, "compiler", PyUnicode_FromString(FEMIMPACT_COMPILER)) &&
-        put(info, "sources", PyUnicode_FromString(FEMIMPACT_SOURCES)) &&
-        put(info, "kind", PyUnicode_FromString(FEMIMPACT_KIND))) {
-        return info;
-    }
-    Py_DecRef(info);
-    return nullptr;
+    // the dictionary takes the tuple; where that is null its exception stays
+    return Py_BuildValue("{sssNssssss}", "target", kernels->target, "targets", target_names(), "compiler",
+                         FEMIMPACT_COMPILER, "sources", FEMIMPACT_SOURCES, "kind", FEMIMPACT_KIND);
 }
 
 PyObject *choose(PyObject *, PyObject *const *arguments, Py_ssize_t count) {
@@ -80,12 +63,8 @@ PyObject *exponentials(PyObject *, PyObject *const *arguments, Py_ssize_t count)
         !same_size(exponent, out, 0, "exponent and out")) {
         return nullptr;
     }
-    {
-        const WithoutLock others_run;
-        kernels->exponentials(exponent.doubles(), time, out.doubles(), exponent.size(0));
-    }
-    Py_IncRef(Py_None);
-    return Py_None;
+    return run_apart(nullptr,
+                     [&] { kernels->exponentials(exponent.doubles(), time, out.doubles(), exponent.size(0)); });
 }
 
 PyObject *cosine_and_sine(PyObject *, PyObject *const *arguments, Py_ssize_t count) {
@@ -97,32 +76,9 @@ PyObject *cosine_and_sine(PyObject *, PyObject *const *arguments, Py_ssize_t cou
     return Py_BuildValue("(dd)", cosine, sine);
 }
 
-template <int WHICH> PyObject *formula(PyObject *, PyObject *const *arguments, Py_ssize_t count) {
-    return formula_entry<WHICH>(*kernels, arguments, count);
-}
-
-PyObject *advance(PyObject *, PyObject *const *arguments, Py_ssize_t count) {
-    return stepping::advance_entry(*kernels, arguments, count);
-}
-
-PyObject *keep_present(PyObject *, PyObject *const *arguments, Py_ssize_t count) {
-    return stepping::keep_present_entry(*kernels, arguments, count);
-}
-
-PyObject *write_energies(PyObject *, PyObject *const *arguments, Py_ssize_t count) {
-    return stepping::write_energies_entry(*kernels, arguments, count);
-}
-
-PyObject *collide(PyObject *, PyObject *const *arguments, Py_ssize_t count) {
-    return stepping::collide_entry(*kernels, arguments, count);
-}
-
-PyObject *run_cases(PyObject *, PyObject *const *arguments, Py_ssize_t count) {
-    return run_cases_entry(*kernels, arguments, count);
-}
-
-PyObject *next_event(PyObject *, PyObject *const *arguments, Py_ssize_t count) {
-    return next_event_entry(*kernels, arguments, count);
+// A function that is handed the kernels too.
+template <auto ENTRY> PyObject *entry(PyObject *, PyObject *const *arguments, Py_ssize_t count) {
+    return ENTRY(*kernels, arguments, count);
 }
 
 PyObject *tables(PyObject *, PyObject *) {
@@ -153,24 +109,24 @@ PyMethodDef METHODS[] = {
      "exponentials(exponent, time, out, /)\n--\n\ne^{lambda t} of several lambda with Re lambda <= 0, written to out."},
     {"cosine_and_sine", method(cosine_and_sine), METH_FASTCALL,
      "cosine_and_sine(angle, /)\n--\n\nBoth of an angle (rad)."},
-    {FORMULAS[0].name, method(formula<0>), METH_FASTCALL, FORMULAS[0].document},
-    {FORMULAS[1].name, method(formula<1>), METH_FASTCALL, FORMULAS[1].document},
-    {FORMULAS[2].name, method(formula<2>), METH_FASTCALL, FORMULAS[2].document},
-    {FORMULAS[3].name, method(formula<3>), METH_FASTCALL, FORMULAS[3].document},
-    {FORMULAS[4].name, method(formula<4>), METH_FASTCALL, FORMULAS[4].document},
-    {"advance", method(advance), METH_FASTCALL,
+    {FORMULAS[0].name, method(entry<formula_entry<0>>), METH_FASTCALL, FORMULAS[0].document},
+    {FORMULAS[1].name, method(entry<formula_entry<1>>), METH_FASTCALL, FORMULAS[1].document},
+    {FORMULAS[2].name, method(entry<formula_entry<2>>), METH_FASTCALL, FORMULAS[2].document},
+    {FORMULAS[3].name, method(entry<formula_entry<3>>), METH_FASTCALL, FORMULAS[3].document},
+    {FORMULAS[4].name, method(entry<formula_entry<4>>), METH_FASTCALL, FORMULAS[4].document},
+    {"advance", method(entry<stepping::advance_entry>), METH_FASTCALL,
      "advance(steps, block, fine, /)\n--\n\nTake a block of cases that many steps on; the arrays are written to."},
-    {"keep_present", method(keep_present), METH_FASTCALL,
+    {"keep_present", method(entry<stepping::block_entry<&femimpact_kernels::keep_present>>), METH_FASTCALL,
      "keep_present(block, /)\n--\n\nWrite the sample and the snapshot that are due at the present step."},
-    {"write_energies", method(write_energies), METH_FASTCALL,
+    {"write_energies", method(entry<stepping::block_entry<&femimpact_kernels::write_energies>>), METH_FASTCALL,
      "write_energies(block, /)\n--\n\nWrite the energies of every case to the first row of its statistics."},
-    {"collide", method(collide), METH_FASTCALL,
+    {"collide", method(entry<stepping::collide_entry>), METH_FASTCALL,
      "collide(law, mass, speed, start, scheme, /)\n--\n\nRebound over approach speed, peak force (N), and what a "
      "custom law was given for a force that is no number."},
-    {"run_cases", method(run_cases), METH_FASTCALL,
+    {"run_cases", method(entry<run_cases_entry>), METH_FASTCALL,
      "run_cases(task, job, ledger, /)\n--\n\nTake event-driven cases to their last samples; the arrays are written "
      "to."},
-    {"next_event", method(next_event), METH_FASTCALL,
+    {"next_event", method(entry<next_event_entry>), METH_FASTCALL,
      "next_event(call, until, /)\n--\n\nMove to the first event or to `until`; returns how the search ended."},
     {"tables", tables, METH_NOARGS,
      "tables()\n--\n\nName, type, shape and whether it is written to, of every value of each tuple handed over."},

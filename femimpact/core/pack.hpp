@@ -155,21 +155,8 @@ FEMIMPACT_COMPARISON(>)
 }
 
 // What is left of a value without a number times another one, rounded once.
-[[gnu::always_inline]] inline double without(double number, double value, double from) {
-    return __builtin_fma(-number, value, from);
-}
-[[gnu::always_inline]] inline Pack without(double number, Pack value, Pack from) {
-    FEMIMPACT_EACH_PART {
-#if defined(__AVX512F__)
-        from.part[i] = _mm512_fnmadd_pd(_mm512_set1_pd(number), value.part[i], from.part[i]);
-#elif defined(__FMA__)
-        from.part[i] = _mm256_fnmadd_pd(_mm256_set1_pd(number), value.part[i], from.part[i]);
-#else
-        for (int k = 0; k < LANES; k++)
-            from.part[i][k] = __builtin_fma(-number, value.part[i][k], from.part[i][k]);
-#endif
-    }
-    return from;
+template <class Value> [[gnu::always_inline]] inline Value without(double number, Value value, Value from) {
+    return fma(-number, value, from);
 }
 
 // The same number in every case.

@@ -365,7 +365,7 @@ def continue_orbit(orbit: PeriodicOrbit, parameter: str, to: tuple[float, float]
     length = length_of(number.hybrid, guess.states)
     curve = curve_of(number, guess.sequence, orbit.is_symmetric, length, high - low)
     # of an orbit without events the guess is one state
-    found = solve(number.hybrid, guess.sequence, guess.states, guess.phases, length)
+    found = solve(number.hybrid, guess, length).events
     start = at_value(curve, curve.unknowns(found.states, found.phases, number.value), number.value)
     if start is None:
         start = _beside(curve, curve.unknowns(guess.states, guess.phases, number.value))
@@ -439,12 +439,11 @@ def _orbit(curve: Curve, x: Array, is_bifurcation: bool = False) -> PeriodicOrbi
     value = float(x[-1])
     system, excitation = curve.parameter.at(value)
     point = evaluated(curve, x, np.zeros_like(x))
-    (states, phases), hybrid, flows = point.orbit, point.maps.hybrid, point.flows
-    maps = event_maps(hybrid, curve.sequence, states, phases, flows)
-    found, length = Solution(curve.sequence, states, phases, maps, length_of(hybrid, states), flows), curve.unit[0]
+    hybrid, length = point.maps.hybrid, curve.unit[0]
+    found = Solution(event_maps(hybrid, point.events), length_of(hybrid, point.events.states))
     if found.length < FAR_SMALLER * length and not is_bifurcation:
         # it has the digits of a larger unit
-        nearer = solve(hybrid, curve.sequence, states, phases, found.length, flows)
+        nearer = solve(hybrid, found.events, found.length)
         found = nearer if nearer.converged else found
     run, impacts = own_run(system, excitation, found)
     error = None if is_bifurcation else refusal(point, run)

@@ -21,8 +21,8 @@ def depth_beyond(point: Point, k: int, pair: int, side: float, phases: Array, de
 
 def begin(point: Point, m: int) -> float:
     """Phase of event m, of later cycles too."""
-    turns, event = divmod(m, point.orbit[1].size)
-    return float(point.orbit[1][event] + turns * point.cycle)
+    turns, event = divmod(m, point.events.phases.size)
+    return float(point.events.phases[event] + turns * point.cycle)
 
 
 def condition(point: Point, event: tuple[str, int, float], m: int, phases: Array, derivative: int) -> Array:
@@ -31,7 +31,7 @@ def condition(point: Point, event: tuple[str, int, float], m: int, phases: Array
     An event is its kind, pair and side; the condition is a depth, m, or the force over the stiffness.
     """
     (kind, pair, side), hybrid = event, point.maps.hybrid
-    turns, k = divmod(m, point.orbit[1].size)
+    turns, k = divmod(m, point.events.phases.size)
     at = k, pair, side, phases - turns * point.cycle
     found = depth_beyond(point, *at, derivative)
     if kind in (RELEASE, PRESS_AGAIN) and hybrid.contact_damping[pair]:

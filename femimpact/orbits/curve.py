@@ -23,6 +23,7 @@ from femimpact.orbits.equations import (
     RELEASE,
     SEPARATE,
     EventMaps,
+    EventStates,
     Sequence,
     derivative_by,
     event_maps,
@@ -32,7 +33,6 @@ from femimpact.orbits.equations import (
     residual,
     units_of,
 )
-from femimpact.orbits.flow import Flow
 from femimpact.orbits.newton import EXACT, ROUNDED
 from femimpact.orbits.orbit import NEUTRAL
 from femimpact.orbits.parameter import Parameter
@@ -79,12 +79,12 @@ class Curve:
     @cached_property
     def weight(self) -> Array:
         """Weights (m + 1,) of squares in the length of the curve."""
-        m = self.events * self.unit.size
+        m = self.count * self.unit.size
         return np.append(np.full(m, 1.0 / m), 1.0 / self.width**2)
 
     @property
-    def events(self) -> int:
-        """Events that have unknowns."""
+    def count(self) -> int:
+        """Number of events that have unknowns."""
         return len(self.solved.kind)
 
     @cached_property
@@ -112,33 +112,34 @@ class Curve:
 
     def unknowns(self, states: Array, phases: Array, value: float) -> Array:
         """Unknowns (m + 1,) of an orbit."""
-        both = np.concatenate([states, phases[:, None]], axis=1)[: self.events] / self.unit
+        both = np.concatenate([states, phases[:, None]], axis=1)[: self.count] / self.unit
         return np.append(both.reshape(-1), value)
 
     def solved_states(self, x: Array) -> tuple[Array, Array]:
         """States (n, 2d) and phases (n,) of the events that have unknowns."""
-        both = x[:-1].reshape(self.events, -1) * self.unit
+        both = x[:-1].reshape(self.count, -1) * self.unit
         return both[:, :-1], both[:, -1]
 
-    def orbit(self, x: Array) -> tuple[Array, Array]:
-        """States (N, 2d) and phases (N,) of all events."""
+    def events_at(self, x: Array) -> EventStates:
+        """All events, with their states and phases."""
         states, phases = self.solved_states(x)
-        if not self.is_symmetric:
-            return states, phases
-        return np.concatenate([states, -states]), np.concatenate([phases, phases + math.pi * self.sequence.cycles])
+        if self.is_symmetric:
+            states = np.concatenate([states, -states])
+            phases = np.concatenate([phases, phases + math.pi * self.sequence.cycles])
+        return EventStates(self.sequence, states, phases)
 
     def sizes(self, x: Array) -> Array:
         """Sizes (3,) of a change of the unknowns: of states and phases, root mean squares in units, and parameter."""
-        states, phases = np.split(x[:-1].reshape(self.events, -1), [-1], axis=1)
-        m = self.events * self.unit.size
+        states, phases = np.split(x[:-1].reshape(self.count, -1), [-1], axis=1)
+        m = self.count * self.unit.size
         return np.array(
             [np.linalg.norm(states), np.linalg.norm(phases), math.sqrt(m) * abs(x[-1]) / self.width]
         ) / math.sqrt(m)
 
     def by_unknowns(self, maps: EventMaps) -> Array:
         """Derivative (m, m) of the equations, in units."""
-        found = jacobian(maps, self.solved.is_half) / self.by_rows[:, None, None] * self.unit
-        return np.asarray(found.reshape(2 * [self.events * self.unit.size]))
+        found = jacobian(maps) / self.by_rows[:, None, None] * self.unit
+        return np.asarray(found.reshape(2 * [self.count * self.unit.size]))
 
     def in_units(self, rows: Array) -> Array:
         """Equations (m,) in units of rows (N, 2d + 1)."""
@@ -158,7 +159,6 @@ class Point:
     x: Array  # (m + 1,)
     tangent: Array  # (m + 1,) of unit length
     maps: EventMaps
-    flows: dict[bytes, Flow]
 
     @property
     def value(self) -> float:
@@ -171,14 +171,14 @@ class Point:
         return self.curve.weight * self.tangent
 
     @cached_property
-    def orbit(self) -> tuple[Array, Array]:
-        """States (N, 2d) and phases (N,) of all events."""
-        return self.curve.orbit(self.x)
+    def events(self) -> EventStates:
+        """All events, with their states and phases."""
+        return self.curve.events_at(self.x)
 
     @cached_property
     def intervals(self) -> Intervals:
         """The motion between all events."""
-        return intervals_between(self.maps.hybrid, self.curve.sequence, *self.orbit, self.flows)
+        return intervals_between(self.maps.hybrid, self.events)
 
     @property
     def longest(self) -> float:
@@ -279,7 +279,7 @@ class Point:
     @cached_property
     def half_difference(self) -> Array:
         """By what an orbit does not repeat after half a period, as of `Curve.half_sign`, in units."""
-        (states, phases), half = self.orbit, len(self.orbit[1]) // 2
+        states, phases, half = self.events.states, self.events.phases, len(self.events.phases) // 2
         turned = phases[half:] - phases[:half] - 0.5 * self.cycle
         return np.append(
             ((states[:half] - self.curve.half_sign * states[half:]) / self.curve.unit[:-1]).ravel(), turned
@@ -292,16 +292,14 @@ RATES = {RELEASE: -1.0, SEPARATE: -1.0}
 
 def evaluated(curve: Curve, x: Array, tangent: Array) -> Point:
     """A point of known unknowns."""
-    flows = dict[bytes, Flow]()
-    maps = event_maps(curve.parameter.hybrid_at(float(x[-1])), curve.solved, *curve.solved_states(x), flows)
-    return Point(curve, x, tangent, maps, flows)
+    events = EventStates(curve.solved, *curve.solved_states(x))
+    return Point(curve, x, tangent, event_maps(curve.parameter.hybrid_at(float(x[-1])), events))
 
 
 def null_vectors(point: Point) -> Array:
     """Two directions (2, m + 1) that change the equations least, the last one least, orthonormal with the weights."""
     curve, root = point.curve, np.sqrt(point.curve.weight)
-    states, phases = curve.solved_states(point.x)
-    by_value = derivative_by(curve.parameter.hybrid_at, point.value, curve.solved, states, phases)
+    by_value = derivative_by(curve.parameter.hybrid_at, point.value, point.maps.events)
     matrix = np.column_stack([curve.by_unknowns(point.maps), curve.in_units(by_value)]) / root
     return np.asarray(np.linalg.svd(matrix)[2][-2:] / root)
 
@@ -325,26 +323,25 @@ def corrected(curve: Curve, guess: Array, row: Array) -> tuple[Point | None, flo
 
 def _newton(curve: Curve, x: Array, row: Array) -> Iterator[tuple[Point | None, float]]:
     """Changes by steps of Newton's method as long as they lead on, and the point in the end."""
-    guess, m, parameter, solved = x, x.size - 1, curve.parameter, curve.solved
+    guess, m, parameter = x, x.size - 1, curve.parameter
     change, by_value, matrix = math.inf, np.zeros((0, 0)), np.empty((m + 1, m + 1))
     matrix[m] = row
     # of states larger than their unit it is a share that rounding leaves
     size = np.repeat([max(1.0, curve.sizes(x)[0]), 1.0], [curve.unit.size - 1, 1])
-    size = np.tile(size, curve.events)
+    size = np.tile(size, curve.count)
     for _ in range(MOST_STEPS):
-        flows, last = dict[bytes, Flow](), change
-        states, phases = curve.solved_states(x)
-        maps = event_maps(parameter.hybrid_at(float(x[-1])), solved, states, phases, flows)
+        last, events = change, EventStates(curve.solved, *curve.solved_states(x))
+        maps = event_maps(parameter.hybrid_at(float(x[-1])), events)
         if change > SETTLED:
-            by_value = derivative_by(parameter.hybrid_at, float(x[-1]), solved, states, phases)
+            by_value = derivative_by(parameter.hybrid_at, float(x[-1]), events)
         matrix[:m, :m], matrix[:m, m] = curve.by_unknowns(maps), curve.in_units(by_value)
         right = np.zeros((m + 1, 2))
-        right[:m, 0], right[m] = curve.in_units(residual(maps, states)), (row @ (x - guess), 1.0)
+        right[:m, 0], right[m] = curve.in_units(residual(maps)), (row @ (x - guess), 1.0)
         step, along = np.linalg.solve(matrix, right).T
         change = max(float(np.abs(step[:-1] / size).max()), abs(float(step[-1])) / curve.width)
         if change <= EXACT or (change <= ROUNDED and change >= 0.1 * last):
             tangent = along / math.sqrt(along @ (curve.weight * along))
-            yield Point(curve, x, tangent, maps, flows), change
+            yield Point(curve, x, tangent, maps), change
         yield None, change
         if not change < FAR:
             return

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from femimpact.arrays import Array, Complex, Integers
 from femimpact.integrators.event_driven.loop_data import CONTACT
-from femimpact.orbits.flow import Flow, HybridSystem, Numbers, flow_of
+from femimpact.orbits.flow import HybridSystem, Numbers
 
 STEP = 1e-30
 """Imaginary part of a complex step, times the value."""
@@ -69,10 +69,20 @@ IMPACT, TOUCH, RELEASE, PRESS_AGAIN, SEPARATE, SECTION = (
 
 
 @dataclass(frozen=True, eq=False)
+class EventStates:
+    """The events of one period, the states after them and the phases of the drive at them: the unknowns."""
+
+    sequence: Sequence
+    states: Numbers  # (N, 2d)
+    phases: Numbers  # (N,) rad
+
+
+@dataclass(frozen=True, eq=False)
 class EventMaps:
     """Maps of the flow from each event to the next, maps of the events, and their derivatives, numbers (N, ...)."""
 
     hybrid: HybridSystem
+    events: EventStates
     propagator: Numbers  # (N, 2d, 2d) from after the event before to the event
     arrived: Numbers  # (N, 2d) z-
     field_before: Numbers  # (N, 2d) z' just after the event before, and just before the event
@@ -148,14 +158,9 @@ def _rows(hybrid: HybridSystem, sequence: Sequence) -> _Rows:
     return rows
 
 
-def event_maps(
-    hybrid: HybridSystem,
-    sequence: Sequence,
-    states: Numbers,  # (N, 2d) after the events
-    phases: Numbers,  # (N,) of the drive, rad
-    flows: dict[bytes, Flow],  # those known already of this system, by contact state
-) -> EventMaps:
-    """The maps from each event to the next, at given states and phases."""
+def event_maps(hybrid: HybridSystem, events: EventStates) -> EventMaps:
+    """The maps from each event to the next."""
+    sequence, states, phases = events.sequence, events.states, events.phases
     last = np.arange(phases.size) - 1
     start, begin = states[last], phases[last]
     begin[0] -= sequence.turn
@@ -164,7 +169,7 @@ def event_maps(
     before = after[last]
     if sequence.is_half:
         start[0], before[0] = 0.0 - start[0], 0.0 - before[0]
-    arrived, propagator = _flown(hybrid, before, start, begin, phases, flows)
+    arrived, propagator = _flown(hybrid, before, start, begin, phases)
     rows, d = _rows(hybrid, sequence), hybrid.mass.size
     nothing = np.zeros_like(rows.gap)
     speed_row = np.concatenate([nothing, rows.gap], axis=1)
@@ -176,11 +181,12 @@ def event_maps(
     jumped = arrived + impulse * speed[:, None]
     return EventMaps(
         hybrid=hybrid,
+        events=events,
         propagator=propagator,
         arrived=arrived,
-        field_before=_fields(hybrid, before, start, begin, flows),
-        field_arrived=_fields(hybrid, before, arrived, phases, flows),
-        field_after=_fields(hybrid, after, jumped, phases, flows),
+        field_before=_fields(hybrid, before, start, begin),
+        field_arrived=_fields(hybrid, before, arrived, phases),
+        field_after=_fields(hybrid, after, jumped, phases),
         row=np.concatenate([rows.gap, rows.damped[:, None] * rows.gap], axis=1),
         distance=depth + rows.damped * speed + rows.by_phase * (phases - sequence.section),
         distance_by_phase=rows.in_space * base_rate + rows.damped * speed_by_phase + rows.by_phase,
@@ -192,14 +198,6 @@ def event_maps(
     )
 
 
-def known_flow(hybrid: HybridSystem, contact_state: Array, flows: dict[bytes, Flow]) -> Flow:
-    """The flow of a contact state (pairs,), made where it is not known."""
-    key = contact_state.tobytes()
-    if key not in flows:
-        flows[key] = flow_of(hybrid, contact_state)
-    return flows[key]
-
-
 def _by_state(contact_state: Array) -> list[tuple[Array, NDArray[np.intp]]]:
     """Distinct contact states and the numbers of the events that have each, of (N, pairs)."""
     found: dict[bytes, list[int]] = {}
@@ -209,43 +207,38 @@ def _by_state(contact_state: Array) -> list[tuple[Array, NDArray[np.intp]]]:
 
 
 def _flown(
-    hybrid: HybridSystem, contact_state: Array, start: Numbers, begin: Numbers, end: Numbers, flows: dict[bytes, Flow]
+    hybrid: HybridSystem, contact_state: Array, start: Numbers, begin: Numbers, end: Numbers
 ) -> tuple[Numbers, Numbers]:
     """States (N, 2d) at phases after others, with nothing between, and the propagators."""
     groups = _by_state(contact_state)
-    parts = [
-        known_flow(hybrid, state, flows).carried(start[members], begin[members], end[members])
-        for state, members in groups
-    ]
+    parts = [hybrid.flow(state).carried(start[members], begin[members], end[members]) for state, members in groups]
     order = np.argsort(np.concatenate([members for _, members in groups]))
     arrived, propagator = (np.concatenate(each)[order] for each in zip(*parts, strict=True))
     return arrived, propagator
 
 
-def _fields(
-    hybrid: HybridSystem, contact_state: Array, states: Numbers, phases: Numbers, flows: dict[bytes, Flow]
-) -> Numbers:
+def _fields(hybrid: HybridSystem, contact_state: Array, states: Numbers, phases: Numbers) -> Numbers:
     """Rates z' (N, 2d) of states (N, 2d) in their contact states."""
     found = np.zeros(states.shape, dtype=np.result_type(states, phases))
     for state, members in _by_state(contact_state):
-        found[members] = known_flow(hybrid, state, flows).field(states[members], phases[members])
+        found[members] = hybrid.flow(state).field(states[members], phases[members])
     return found
 
 
-def residual(maps: EventMaps, states: Numbers) -> Numbers:
+def residual(maps: EventMaps) -> Numbers:
     """(N, 2d + 1): the states less those that the events make, and h."""
-    return np.concatenate([states - maps.jumped, maps.distance[:, None]], axis=1)
+    return np.concatenate([maps.events.states - maps.jumped, maps.distance[:, None]], axis=1)
 
 
-def jacobian(maps: EventMaps, is_half: bool = False) -> Numbers:
-    """Derivatives of `residual` by the states and phases, (N, 2d + 1, N, 2d + 1); `is_half` as of the sequence."""
+def jacobian(maps: EventMaps) -> Numbers:
+    """Derivatives of `residual` by the states and phases, (N, 2d + 1, N, 2d + 1)."""
     count, size = maps.row.shape
     jump, omega = maps.jump, maps.hybrid.omega
     found = np.zeros((count, size + 1, count, size + 1), dtype=maps.propagator.dtype)
     each, before = np.arange(count), np.arange(count) - 1
     # of z- by the state and the phase of the event before
     by_before = np.concatenate([maps.propagator, -(maps.propagator @ maps.field_before[:, :, None]) / omega], axis=2)
-    if is_half:
+    if maps.events.sequence.is_half:
         by_before[0, :, :size] *= -1.0
     found[each, :size, before] = -jump @ by_before
     found[each, size, before] = (maps.row[:, None, :] @ by_before)[:, 0]
@@ -256,13 +249,11 @@ def jacobian(maps: EventMaps, is_half: bool = False) -> Numbers:
     return found
 
 
-def derivative_by(
-    hybrid_at: Callable[[complex], HybridSystem], value: float, sequence: Sequence, states: Array, phases: Array
-) -> Array:
+def derivative_by(hybrid_at: Callable[[complex], HybridSystem], value: float, events: EventStates) -> Array:
     """Derivative of `residual` by a number of the system, (N, 2d + 1), exact to rounding by a complex step."""
     step = STEP * max(abs(value), 1.0)
-    maps = event_maps(hybrid_at(complex(value, step)), sequence, states.astype(complex), phases, {})
-    return np.asarray(residual(maps, states).imag) / step
+    maps = event_maps(hybrid_at(complex(value, step)), replace(events, states=events.states.astype(complex)))
+    return np.asarray(residual(maps).imag) / step
 
 
 def state_unit(length: float, omega: Any, coordinates: int) -> Array:

@@ -15,13 +15,14 @@ leaves that part its digits; eigenvalues do not.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from femimpact.arrays import Array
 from femimpact.errors import Fault, InputError
 from femimpact.excitation import Excitation
 from femimpact.integrators.channel_rows import drive_of
@@ -69,6 +70,14 @@ class HybridSystem:
     omega: Any  # rad/s
     amplitude: Any  # m of the base, or N
     moves_base: bool
+    flows: dict[bytes, Flow] = field(default_factory=dict, init=False, repr=False)  # made before, by contact state
+
+    def flow(self, contact_state: Array) -> Flow:
+        """The flow of a contact state (pairs,), made where it is first asked for."""
+        key = contact_state.tobytes()
+        if key not in self.flows:
+            self.flows[key] = flow_of(self, contact_state)
+        return self.flows[key]
 
     @property
     def drive(self) -> Any:

@@ -250,8 +250,8 @@ def _outside_circle(point: Point) -> float:
 
 def _from_start(start: Point, point: Point) -> Array:
     """Unknowns of a point less those of a start, with phases that may have turned by whole cycles."""
-    states, phases = point.orbit
-    turns = 2.0 * math.pi * round((phases[0] - start.orbit[1][0]) / (2.0 * math.pi))
+    states, phases = point.events.states, point.events.phases
+    turns = 2.0 * math.pi * round((phases[0] - start.events.phases[0]) / (2.0 * math.pi))
     return point.curve.unknowns(states, phases - turns, point.value) - start.x
 
 

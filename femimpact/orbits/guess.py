@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, cast
 
 import numpy as np
@@ -17,7 +17,7 @@ from femimpact.excitation.drives import alone
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.event_driven.loop_data import CONTACT, FREE, SEPARATING
 from femimpact.integrators.runs import integrate
-from femimpact.orbits.equations import IMPACT, PRESS_AGAIN, RELEASE, SECTION, SEPARATE, TOUCH, Sequence
+from femimpact.orbits.equations import IMPACT, PRESS_AGAIN, RELEASE, SECTION, SEPARATE, TOUCH, EventStates, Sequence
 from femimpact.orbits.orbit import PeriodicOrbit, state_vector
 from femimpact.response.impacts import EventLog
 from femimpact.response.response import Recorder, Response
@@ -33,21 +33,14 @@ BEFORE = {IMPACT: FREE, TOUCH: FREE, RELEASE: CONTACT, PRESS_AGAIN: SEPARATING, 
 STICKS = "must lead to a motion without sticking: orbits that stick to a wall, or chatter, are not looked for"
 
 
-@dataclass(frozen=True, eq=False)
-class Guess:
-    """Events, states after them and phases at them."""
-
-    sequence: Sequence
-    states: Array  # (N, 2d)
-    phases: Array  # (N,) rad
-
-
 def recorder_of_events(cycles: int) -> Recorder:
     """What a run keeps of which the events alone are read, over two periods of so many of the drive."""
     return Recorder(channels=(), ledger=False, impacts=cycles * MOST_EVENTS, events=2 * cycles * MOST_EVENTS)
 
 
-def first_guess(system: System, excitation: Excitation, cycles: int, guess: Response | State | PeriodicOrbit) -> Guess:
+def first_guess(
+    system: System, excitation: Excitation, cycles: int, guess: Response | State | PeriodicOrbit
+) -> EventStates:
     """Events and states of one period, which is so many of the excitation.
 
     Those of an orbit are its own. A state, or the end of a run, is followed over two periods. The first period is
@@ -87,12 +80,12 @@ def first_guess(system: System, excitation: Excitation, cycles: int, guess: Resp
     raise InputError([Fault("guess", None, "", fault)])
 
 
-def without_events(state: Array, contact_state: NDArray[Any], phase: float, cycles: int) -> Guess:
+def without_events(state: Array, contact_state: NDArray[Any], phase: float, cycles: int) -> EventStates:
     """A guess of a motion that meets nothing, from its state (2d,) at a phase: two sections stand for events."""
     phases = np.mod(phase, 2.0 * math.pi) + math.pi * cycles * np.arange(2)
     states = np.tile(contact_state.astype(float), (2, 1))
     sequence = Sequence((SECTION,) * 2, np.full(2, -1), np.zeros(2), states, phases, cycles)
-    return Guess(sequence, np.tile(state, (2, 1)), phases)
+    return EventStates(sequence, np.tile(state, (2, 1)), phases)
 
 
 def sine_of(excitation: Any) -> Sine | PointForce | None:
@@ -123,17 +116,17 @@ def _end_of(run: Response, excitation: Excitation) -> State:
     return replace(state, time=turn / (2.0 * math.pi * excitation.frequency), continuation=None)
 
 
-def _of_rows(log: EventLog, rows: NDArray[np.intp], phases: Array, cycles: int) -> Guess:
+def _of_rows(log: EventLog, rows: NDArray[np.intp], phases: Array, cycles: int) -> EventStates:
     sequence = Sequence(
         tuple(log.kind[rows].tolist()), log.pair[rows], log.side[rows].astype(float),
         log.contact_state[rows].astype(float), np.zeros(rows.size), cycles,
     )  # fmt: skip
     states = np.concatenate([log.displacement[rows], log.velocity[rows]], axis=1)
     # by whole periods of the orbit: t = 0 is at the same of its `cycles`
-    return Guess(sequence, states, phases - sequence.turn * math.floor(phases[0] / sequence.turn))
+    return EventStates(sequence, states, phases - sequence.turn * math.floor(phases[0] / sequence.turn))
 
 
-def _of_orbit(system: System, orbit: PeriodicOrbit, cycles: int) -> Guess:
+def _of_orbit(system: System, orbit: PeriodicOrbit, cycles: int) -> EventStates:
     """That of an orbit, or of several periods of it."""
     times, left = divmod(cycles, orbit.cycles)
     require(left == 0, "guess.cycles", orbit.cycles, "", f"must divide the cycles of the orbit looked for, {cycles}")

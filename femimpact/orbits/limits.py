@@ -95,7 +95,7 @@ def at_no_speed(point: Point) -> tuple[list[tuple[str, Point]], float, str]:
         return [("grazing", point)], 0.0, f"press again at the wall, of {name} {where(point)}"
     if kind in MERGING:
         return [("grazing", point)], 0.0, f"{kind} and {MERGING[kind]} at one instant, of {name} {where(point)}"
-    leaves = depth_beyond(point, k, j, side, point.orbit[1][k : k + 1], 2)[0] < 0.0
+    leaves = depth_beyond(point, k, j, side, point.events.phases[k : k + 1], 2)[0] < 0.0
     kind, words = ("grazing", "impact speed zero") if leaves else ("sticking", "sticking after an impact at no speed")
     return [(kind, point)], 0.0, f"{words}, of {name} {where(point)}"
 
@@ -105,7 +105,7 @@ def without_speed(point: Point, tolerance: float) -> list[int]:
 
     Also where a contact presses again just at the wall.
     """
-    solved, n = point.curve.solved, point.curve.events
+    solved, n = point.curve.solved, point.curve.count
     rate, between, away = np.abs(point.limits) < tolerance
     after = (np.arange(n) + 1) % n
     merging = [
@@ -163,7 +163,8 @@ def repeating_point(left: Point) -> Point | None:
 
     The equations of the whole period are singular there: those of the half are not.
     """
-    (states, phases), sign, curve = left.orbit, left.curve.half_sign, left.curve.half
+    states, phases = left.events.states, left.events.phases
+    sign, curve = left.curve.half_sign, left.curve.half
     half, kind = len(phases) // 2, "period-doubling" if sign > 0.0 else "symmetry-breaking"
     later = phases[half:] - 0.5 * left.cycle
     x = curve.unknowns(0.5 * (states[:half] + sign * states[half:]), 0.5 * (phases[:half] + later), left.value)
@@ -177,7 +178,7 @@ def repeating_point(left: Point) -> Point | None:
             step *= -test / (test - before)
         value, before = value + step, test
         if abs(step) <= EXACT * abs(value):
-            states, phases = (each[:half] for each in point.orbit)
+            states, phases = point.events.states[:half], point.events.phases[:half]
             both = np.concatenate([states, sign * states]), np.concatenate([phases, phases + 0.5 * left.cycle])
             found = left.curve.unknowns(*both, point.value)
             far = found - left.x

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
@@ -10,8 +10,8 @@ import numpy as np
 from scipy.linalg.lapack import dgetrf, dgetrs
 
 from femimpact.arrays import Array
-from femimpact.orbits.equations import EventMaps, Sequence, event_maps, jacobian, residual, units_of
-from femimpact.orbits.flow import Flow, HybridSystem
+from femimpact.orbits.equations import EventMaps, EventStates, event_maps, jacobian, residual, units_of
+from femimpact.orbits.flow import HybridSystem
 
 MOST_STEPS = 60
 """Steps of one search."""
@@ -36,37 +36,34 @@ LEAST_SHARE = 1e-3
 class Solution:
     """Where a search ended."""
 
-    sequence: Sequence
-    states: Array  # (N, 2d) after the events
-    phases: Array  # (N,) rad
     maps: EventMaps  # there
     length: float  # m: unit of displacements
-    flows: dict[bytes, Flow]
     changes: tuple[float, ...] = ()  # largest of each step, in units of the length, the length times omega, and rad
     residual: float = 0.0  # largest, in the same units
     converged: bool = True
 
+    @property
+    def events(self) -> EventStates:
+        """Events, states and phases."""
+        return self.maps.events
+
 
 def solve(
     hybrid: HybridSystem,
-    sequence: Sequence,
-    states: Array,
-    phases: Array,
+    guess: EventStates,
     length: float,  # m: unit of displacements; that of velocities is it times omega
-    flows: dict[bytes, Flow] | None = None,
 ) -> Solution:
     """Solution of the equations from a first guess.
 
     A step is shortened until the step that would follow it, with the same matrix, is shorter (the natural
     monotonicity test of Deuflhard, 2011, which does not depend on units), and the events keep their order.
     """
-    flows = {} if flows is None else flows
-    (count, size), changes = states.shape, list[float]()
-    unit, by_rows = units_of(hybrid, sequence, length)
-    maps, converged = event_maps(hybrid, sequence, states, phases, flows), False
+    maps, converged = event_maps(hybrid, guess), False
+    (count, size), changes = guess.states.shape, list[float]()
+    unit, by_rows = units_of(hybrid, guess.sequence, length)
 
-    def scaled_step(factors: Any, made: EventMaps, at: Array) -> Array:
-        right = (residual(made, at) / by_rows).reshape(-1)
+    def scaled_step(factors: Any, made: EventMaps) -> Array:
+        right = (residual(made) / by_rows).reshape(-1)
         return -np.asarray(dgetrs(*factors, right)[0]).reshape(count, size + 1)
 
     while len(changes) < MOST_STEPS:
@@ -74,17 +71,17 @@ def solve(
         *factors, singular = dgetrf(matrix)
         if singular or not np.all(np.isfinite(matrix)):
             break
-        step = scaled_step(factors, maps, states)
+        step, here = scaled_step(factors, maps), maps.events
         change, share = float(np.abs(step).max()), 1.0
         if not np.isfinite(change):
             break
         norm = float(np.linalg.norm(step))
         while True:
-            moved = states + share * step[:, :size] * unit[:-1]
-            turned = phases + share * step[:, size]
-            if change <= ROUNDED or np.all(sequence.between(turned) >= 0.0):
-                after = event_maps(hybrid, sequence, moved, turned, flows)
-                next_norm = float(np.linalg.norm(scaled_step(factors, after, moved)))
+            moved = here.states + share * step[:, :size] * unit[:-1]
+            turned = here.phases + share * step[:, size]
+            if change <= ROUNDED or np.all(here.sequence.between(turned) >= 0.0):
+                after = event_maps(hybrid, replace(here, states=moved, phases=turned))
+                next_norm = float(np.linalg.norm(scaled_step(factors, after)))
                 if change <= ROUNDED or next_norm <= (1.0 - 0.25 * share) * norm:
                     break
             share *= 0.5
@@ -92,13 +89,13 @@ def solve(
                 break
         if share < LEAST_SHARE:
             break
-        states, phases, maps = moved, turned, after
+        maps = after
         changes.append(change)
         converged = change <= EXACT or _at_rounding(changes)
         if converged:
             break
-    left = residual(maps, states) / by_rows
-    return Solution(sequence, states, phases, maps, length, flows, tuple(changes), float(np.abs(left).max()), converged)
+    left = residual(maps) / by_rows
+    return Solution(maps, length, tuple(changes), float(np.abs(left).max()), converged)
 
 
 def _at_rounding(changes: list[float]) -> bool:

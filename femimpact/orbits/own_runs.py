@@ -87,7 +87,7 @@ def own_runs(system: System, points: Sequence[Point]) -> OwnRuns:
     block.grid = block.grid._replace(cycles=no_cycles(count, cycles), values=np.zeros((count, samples, 1 + 2 * d)))
     begin, end = np.zeros(count, dtype=np.int64), np.full(count, samples)
     run_block(block, begin, end, np.full(count, 10.0 * kept + samples))
-    lengths = [length_of(point.maps.hybrid, point.orbit[0]) for point in points]
+    lengths = [length_of(point.maps.hybrid, point.events.states) for point in points]
     own_units = np.array([state_unit(each, hybrid.omega, d) for each, hybrid in zip(lengths, hybrids, strict=True)])
     # a motion may vanish on its curve
     unit = np.maximum(own_units, curve.unit[:-1])
@@ -130,10 +130,10 @@ class Followed:
 
 def refusal(point: Point, run: OwnRun) -> DivergenceError | None:
     """Why its own run does not confirm the orbit of a point; None where it does, or an impact is too slow for that."""
-    phases, growth = point.orbit[1], float(np.abs(point.multipliers[0])) ** (2 if point.curve.is_symmetric else 1)
+    growth = float(np.abs(point.multipliers[0])) ** (2 if point.curve.is_symmetric else 1)
     try:
         check_events(run, point.curve.sequence)
-        check_missed(run, point.curve.sequence, phases, growth)
+        check_missed(run, point.events, growth)
     except DivergenceError as error:
         return None if _is_slow(point, run) else error
     return None
@@ -141,7 +141,7 @@ def refusal(point: Point, run: OwnRun) -> DivergenceError | None:
 
 def _is_slow(point: Point, run: OwnRun) -> bool:
     """Whether a run leaves its orbit at an event so slow that rounding decides whether it is met."""
-    n, kinds = point.curve.events, point.curve.solved.kind
+    n, kinds = point.curve.count, point.curve.solved.kind
     slow = [k for k in range(n) if kinds[k] != SECTION and np.any(np.abs(point.limits[[0, 2], k]) < SLOW)]
     extra = _extra_event(point, run)
     if extra is None or not slow:
@@ -214,8 +214,8 @@ def _cut(system: System, way: Followed, number: int, run: OwnRun, error: Diverge
 
 def _extra_event(point: Point, run: OwnRun) -> tuple[EventLog, int, float] | None:
     """The first event of a run that is none of its orbit's: its row in the log, and its phase in the orbit's cycle."""
-    phases = point.orbit[1]
-    row = first_other(run, point.curve.sequence, phases)
+    phases = point.events.phases
+    row = first_other(run, point.events)
     if row is None or row == len(run.log):
         return None
     return run.log, row, float(phases[0] + (run.phases[row] - phases[0]) % point.cycle)
@@ -223,7 +223,7 @@ def _extra_event(point: Point, run: OwnRun) -> tuple[EventLog, int, float] | Non
 
 def _kind_there(point: Point, kind: str, pair: int, at: float) -> str:
     """What an extra event is from the contact state that its pair has in the orbit: a run may begin beyond a wall."""
-    k = int(np.searchsorted(point.orbit[1], at, side="right")) - 1
+    k = int(np.searchsorted(point.events.phases, at, side="right")) - 1
     state = abs(float(point.curve.sequence.contact_state[k, pair]))
     if state == CONTACT:
         return RELEASE
@@ -236,7 +236,7 @@ def _crest(
     right: Point, kind: str, pair: int, side: float, at: float, begun_beyond: bool
 ) -> Callable[[Point], float]:  # fmt: skip
     """How far beyond that of an event is the crest of its condition next to the phase at which a point has met it."""
-    k, event = int(np.searchsorted(right.orbit[1], at, side="right")) - 1, (kind, pair, side)
+    k, event = int(np.searchsorted(right.events.phases, at, side="right")) - 1, (kind, pair, side)
     intervals = _intervals(right, k, pair, -1 if begun_beyond else 1)
     found = crests(right, event, intervals)
     if begun_beyond:
@@ -244,10 +244,10 @@ def _crest(
         place = max(found, key=lambda crest: top(right, event, *crest)[1], default=(at, at, k))[1]
     else:
         place = min((high for _, high, _ in found if high >= at), default=at)
-    place -= right.orbit[1][k]
+    place -= right.events.phases[k]
 
     def crest(point: Point) -> float:
-        between, from_here = crests(point, event, intervals), point.orbit[1][k] + place
+        between, from_here = crests(point, event, intervals), point.events.phases[k] + place
         nearest = min(between, key=lambda crest: abs(crest[1] - from_here), default=None)
         return -1.0 if nearest is None else top(point, event, *nearest)[1]
 

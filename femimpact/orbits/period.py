@@ -16,8 +16,7 @@ from femimpact.errors import changed
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.event_driven.loop_data import FREE
 from femimpact.integrators.runs import integrate
-from femimpact.orbits.equations import IMPACT, TOUCH, known_flow
-from femimpact.orbits.equations import Sequence as Events
+from femimpact.orbits.equations import IMPACT, TOUCH, EventStates
 from femimpact.orbits.flow import Flow, HybridSystem, hybrid_system
 from femimpact.response.channels import Channel, resolve_channels
 from femimpact.response.cycles import SteadyMotion, cycle_statistics, steady_motion
@@ -51,7 +50,6 @@ class Intervals:
     end: Array  # (K,)
     states: Array  # (K, 2d) at their begin
     contact_state: NDArray[Any]  # (K, pairs)
-    flows: dict[bytes, Flow]
 
     def at(self, k: int, phases: Array) -> Array:
         """States (n, 2d) at phases (n,) in interval k."""
@@ -73,7 +71,7 @@ class Intervals:
 
     def flow(self, k: int) -> Flow:
         """That of interval k."""
-        return known_flow(self.hybrid, self.contact_state[k], self.flows)
+        return self.hybrid.flow(self.contact_state[k])
 
     def instants(self, k: int) -> Array:
         """Phases (n,) of interval k, its ends included, that are dense beside its fastest motion."""
@@ -97,11 +95,10 @@ class Intervals:
         return self.at(k, np.array([middle]))[0], middle - turn, first
 
 
-def intervals_between(
-    hybrid: HybridSystem, sequence: Events, states: Array, phases: Array, flows: dict[bytes, Flow]
-) -> Intervals:
+def intervals_between(hybrid: HybridSystem, events: EventStates) -> Intervals:
     """The intervals between some events."""
-    return Intervals(hybrid, phases, phases + sequence.between(phases), states, sequence.contact_state, flows)
+    begin, sequence = events.phases, events.sequence
+    return Intervals(hybrid, begin, begin + sequence.between(begin), events.states, sequence.contact_state)
 
 
 def intervals_of(orbit: PeriodicOrbit) -> Intervals:
@@ -114,7 +111,7 @@ def intervals_of(orbit: PeriodicOrbit) -> Intervals:
         begin, contact_state, states = np.zeros(1), orbit.contact_state[None].astype(float), np.concatenate(parts)[None]
     end = np.append(begin[1:], begin[0] + orbit.period)
     begin, end = (hybrid.omega * time + excitation.phase for time in (begin, end))
-    return Intervals(hybrid, begin, end, states, contact_state, {})
+    return Intervals(hybrid, begin, end, states, contact_state)
 
 
 def state_of(system: System, vector: Array, time: float) -> State:

@@ -13,9 +13,9 @@ from femimpact.arrays import Array
 from femimpact.errors import DivergenceError, InputError, instance, items, kind_of, quantity, require, takes
 from femimpact.excitation import Excitation, PointForce, Sine
 from femimpact.integrators.event_driven.loop_data import check_events
-from femimpact.orbits.equations import state_unit
-from femimpact.orbits.flow import Flow, HybridSystem, hybrid_system
-from femimpact.orbits.guess import Guess, first_guess, sine_of
+from femimpact.orbits.equations import EventStates, state_unit
+from femimpact.orbits.flow import HybridSystem, hybrid_system
+from femimpact.orbits.guess import first_guess, sine_of
 from femimpact.orbits.newton import solve
 from femimpact.orbits.orbit import PeriodicOrbit, state_vector
 from femimpact.orbits.verification import verified
@@ -130,18 +130,18 @@ def find_orbits(
     return tuple(found)
 
 
-def orbit_near(system: System, excitation: Sine | PointForce, guess: Guess) -> PeriodicOrbit:
+def orbit_near(system: System, excitation: Sine | PointForce, guess: EventStates) -> PeriodicOrbit:
     """The orbit that Newton's method finds from a first guess, verified.
 
     Raises `DivergenceError` if there is none, or it is no motion of the system.
     """
-    hybrid, flows = hybrid_system(system, excitation), dict[bytes, Flow]()
+    hybrid = hybrid_system(system, excitation)
     length = length_of(hybrid, guess.states)
-    found = solve(hybrid, guess.sequence, guess.states, guess.phases, length, flows)
-    of_guess, length = length, length_of(hybrid, found.states)
+    found = solve(hybrid, guess, length)
+    of_guess, length = length, length_of(hybrid, found.events.states)
     if length > 2.0 * of_guess:
         # a motion that is far larger than its guess has its rounding, too
-        found = solve(hybrid, guess.sequence, found.states, found.phases, length, flows)
+        found = solve(hybrid, found.events, length)
     if not found.converged:
         last = (
             f"the last changed them by {number_text(found.changes[-1], 2)}" if found.changes else "none could be made"

@@ -21,10 +21,10 @@ from femimpact.orbits.equations import (
     SECTION,
     SEPARATE,
     TOUCH,
-    known_flow,
+    EventStates,
 )
 from femimpact.orbits.flow import HybridSystem
-from femimpact.orbits.guess import Guess, untouched_ball, without_events
+from femimpact.orbits.guess import untouched_ball, without_events
 from femimpact.orbits.limits import AT_WALL, without_speed
 from femimpact.orbits.orbit import PeriodicOrbit
 from femimpact.orbits.search import orbit_near
@@ -88,14 +88,15 @@ def switch_branch(bifurcation: Bifurcation) -> tuple[PeriodicOrbit, ...]:
 
 def _whole(point: Point, times: int) -> Point:
     """A point as one of the equations of all events, of so many periods of its orbit."""
-    old, (states, phases) = point.curve, point.orbit
-    moved, turned = (ahead - here for ahead, here in zip(old.orbit(point.x + point.tangent), point.orbit, strict=True))
+    old, here, ahead = point.curve, point.events, point.curve.events_at(point.x + point.tangent)
+    states, phases = here.states, here.phases
     later = np.repeat(np.arange(times) * point.cycle, phases.size)
     sequence = old.sequence.rows(np.tile(np.arange(phases.size), times))
     sequence = replace(sequence, section=sequence.section + later, cycles=old.sequence.cycles * times)
     curve = replace(old, sequence=sequence, is_symmetric=False)
     x = curve.unknowns(np.tile(states, (times, 1)), np.tile(phases, times) + later, point.value)
-    tangent = curve.unknowns(np.tile(moved, (times, 1)), np.tile(turned, times), float(point.tangent[-1]))
+    moved, turned = np.tile(ahead.states - states, (times, 1)), np.tile(ahead.phases - phases, times)
+    tangent = curve.unknowns(moved, turned, float(point.tangent[-1]))
     return evaluated(curve, x, tangent)
 
 
@@ -125,7 +126,7 @@ def _verified(curve: Curve, guess: Array, row: Array) -> PeriodicOrbit | None:
         return None
     try:
         checked("value", found.value, curve.parameter.allowed)
-        return orbit_near(*curve.parameter.at(found.value), Guess(curve.sequence, *found.orbit))
+        return orbit_near(*curve.parameter.at(found.value), found.events)
     except (InputError, DivergenceError):
         return None
 
@@ -151,7 +152,7 @@ def _grazed(point: Point) -> Iterator[tuple[PeriodicOrbit, ...]]:
         if k.size:
             # without a duration these events are one, and the equations singular: the duration is given
             row = np.zeros(x.size)
-            row[:-1].reshape(curve.events, -1)[k[[0, -1]], -1] = -1.0, 1.0
+            row[:-1].reshape(curve.count, -1)[k[[0, -1]], -1] = -1.0, 1.0
             found = [_verified(curve, x, row)]
         else:
             along = null_vectors(evaluated(curve, x, np.zeros(x.size)))[-1]
@@ -159,9 +160,10 @@ def _grazed(point: Point) -> Iterator[tuple[PeriodicOrbit, ...]]:
         yield tuple(orbit for orbit in found if orbit is not None)
 
 
-def _without(point: Point, still: list[int]) -> Guess:
+def _without(point: Point, still: list[int]) -> EventStates:
     """Events and states of an orbit without those that have no speed, contacts to their end."""
-    (states, phases), sequence, hybrid = point.orbit, point.curve.sequence, point.maps.hybrid
+    states, phases, sequence = point.events.states, point.events.phases, point.curve.sequence
+    hybrid = point.maps.hybrid
     kinds, count, gone = list(sequence.kind), len(sequence.kind), set(still)
     for k in still:
         last, after = k, (k + 1) % count
@@ -178,10 +180,10 @@ def _without(point: Point, still: list[int]) -> Guess:
                 gone |= {k - 1 if k else count - 1, after}
     left = np.array([k for k in range(count) if k not in gone], dtype=np.int64)
     if left.size:
-        return Guess(replace(sequence, kind=tuple(kinds)).rows(left), states[left], phases[left])
+        return EventStates(replace(sequence, kind=tuple(kinds)).rows(left), states[left], phases[left])
     free = np.zeros(len(hybrid.gaps))
     guess = without_events(states[0], free.astype(np.int8), float(phases[0]), sequence.cycles)
-    later, _ = known_flow(hybrid, free, point.flows).carried(states[:1], guess.phases[:1], guess.phases[1:])
+    later, _ = hybrid.flow(free).carried(states[:1], guess.phases[:1], guess.phases[1:])
     return replace(guess, states=np.concatenate([states[:1], later]))
 
 
@@ -215,7 +217,8 @@ class _Reached:
 
 def _reached(point: Point) -> Iterator[_Reached]:
     """The conditions of events that are just met, between the events of an orbit or at one of them."""
-    sequence, (_, phases), pairs = point.curve.sequence, point.orbit, point.curve.parameter.at(point.value)[0].contacts
+    sequence, phases = point.curve.sequence, point.events.phases
+    pairs = point.curve.parameter.at(point.value)[0].contacts
     for k, j in np.ndindex(sequence.contact_state.shape):
         state = float(sequence.contact_state[k, j])
         first = IMPACT if pairs[j].parameters.is_rigid else TOUCH
@@ -232,12 +235,13 @@ def _reached(point: Point) -> Iterator[_Reached]:
                 yield _Reached(k, SEPARATE, j, float(sequence.side[k]), float(phases[k]))
 
 
-def _with(point: Point, reached: list[_Reached], step: float) -> Guess:
+def _with(point: Point, reached: list[_Reached], step: float) -> EventStates:
     """Events and states of an orbit with events without speed where their conditions are just met.
 
     Those of a Kelvin-Voigt contact are from so many rad before that to as many after it.
     """
-    (states, phases), sequence, hybrid = point.orbit, point.curve.sequence, point.maps.hybrid
+    states, phases, sequence = point.events.states, point.events.phases, point.curve.sequence
+    hybrid = point.maps.hybrid
     gone = {one.k for one in reached if one.kind == SEPARATE}
     # phase, event before, or itself, kind, pair, side, and the pair's contact state after it
     met: list[tuple[float, int, str, int, float, float]] = [
@@ -252,7 +256,7 @@ def _with(point: Point, reached: list[_Reached], step: float) -> Guess:
     found, before, kind, pair, side_of, after = zip(*met, strict=True)
     rows, at_phase, states_there = sequence.rows(np.array(before)), np.array(found), states[list(before)]
     for i, k in enumerate(before):
-        flow = known_flow(hybrid, sequence.contact_state[k], point.flows)
+        flow = hybrid.flow(sequence.contact_state[k])
         states_there[i] = flow.carried(states[[k]], phases[[k]], at_phase[[i]])[0][0]
         rows.contact_state[i, pair[i]] = after[i]
-    return Guess(replace(rows, kind=kind, pair=np.array(pair), side=np.array(side_of)), states_there, at_phase)
+    return EventStates(replace(rows, kind=kind, pair=np.array(pair), side=np.array(side_of)), states_there, at_phase)

@@ -9,9 +9,8 @@ import numpy as np
 from femimpact.errors import instance, require, takes
 from femimpact.excitation import Excitation
 from femimpact.integrators.event_driven.loop_data import check_events
-from femimpact.orbits.equations import IMPACT, Sequence, event_maps
-from femimpact.orbits.flow import HybridSystem, flow_of, hybrid_system
-from femimpact.orbits.guess import Guess
+from femimpact.orbits.equations import IMPACT, EventStates, Sequence, event_maps
+from femimpact.orbits.flow import HybridSystem, hybrid_system
 from femimpact.orbits.orbit import PeriodicOrbit
 from femimpact.orbits.search import GRAZING, one_sine, orbit_near
 from femimpact.orbits.verification import OtherMotionError
@@ -69,13 +68,13 @@ def two_impact_orbits(system: System, excitation: Excitation) -> tuple[PeriodicO
     return tuple(found)
 
 
-def _solutions(hybrid: HybridSystem, pair: int) -> list[Guess]:
+def _solutions(hybrid: HybridSystem, pair: int) -> list[EventStates]:
     """Roots of the quadratic with a positive speed, the larger one first."""
-    flow, d, pairs = flow_of(hybrid, np.zeros(hybrid.gaps.shape[0])), hybrid.mass.size, hybrid.gaps.shape[0]
+    flow, d, pairs = hybrid.flow(np.zeros(hybrid.gaps.shape[0])), hybrid.mass.size, hybrid.gaps.shape[0]
     sequence = Sequence(
         (IMPACT, IMPACT), np.full(2, pair), np.array([1.0, -1.0]), np.zeros((2, pairs)), np.zeros(2), 1
     )  # fmt: skip
-    rows = event_maps(hybrid, sequence, np.zeros((2, 2 * d)), np.array([0.0, math.pi]), {})
+    rows = event_maps(hybrid, EventStates(sequence, np.zeros((2, 2 * d)), np.array([0.0, math.pi])))
     half = flow.over(np.array([math.pi / hybrid.omega]))[0][0]
     after = np.linalg.solve(np.eye(2 * d) + half, rows.impulse[0])
     alpha, beta = (float(row[0] @ (half @ after)) for row in (rows.row, rows.speed_row))
@@ -91,5 +90,6 @@ def _solutions(hybrid: HybridSystem, pair: int) -> list[Guess]:
         lead = math.atan2(along[1], along[0])
         phase = math.atan2(gap + speed * alpha, speed * tail) - lead
         state = speed * after + flow.steady(np.array([phase]))[0]
-        guesses.append(Guess(sequence, np.array([state, -state]), phase % (2.0 * math.pi) + np.array([0.0, math.pi])))
+        phases = phase % (2.0 * math.pi) + np.array([0.0, math.pi])
+        guesses.append(EventStates(sequence, np.array([state, -state]), phases))
     return guesses

@@ -15,7 +15,7 @@ from femimpact.excitation import PointForce, Sine
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.event_driven.loop_data import FREE
 from femimpact.integrators.runs import integrate
-from femimpact.orbits.equations import IMPACT, SECTION, SEPARATE, TOUCH, Sequence, known_flow, product, state_unit
+from femimpact.orbits.equations import IMPACT, SECTION, SEPARATE, TOUCH, EventStates, Sequence, product, state_unit
 from femimpact.orbits.flow import HybridSystem
 from femimpact.orbits.guess import recorder_of_events
 from femimpact.orbits.newton import Solution
@@ -57,20 +57,20 @@ def verified(system: System, excitation: Sine | PointForce, found: Solution) -> 
     Raises `DivergenceError` if its own run meets other events, or does not end where it began.
     """
     run, impacts = own_run(system, excitation, found)
-    check_events(run, found.sequence)
+    check_events(run, found.events.sequence)
     orbit = orbit_of(system, excitation, found, run, impacts)
-    check_missed(run, found.sequence, found.phases, float(np.abs(orbit.multipliers[0])))
+    check_missed(run, found.events, float(np.abs(orbit.multipliers[0])))
     return orbit
 
 
-def check_missed(run: OwnRun, sequence: Sequence, phases: Array, growth: float) -> None:
+def check_missed(run: OwnRun, events: EventStates, growth: float) -> None:
     """Refuse an orbit whose own run misses its start after one period."""
     allowed = VERIFIED * max(1.0, growth)
     if run.missed <= allowed:
         return
-    k, off = first_other(run, sequence, phases), ""
+    k, off = first_other(run, events), ""
     if k is not None and k < len(run.log):
-        later = run.phases[k] - _expected_phases(run, sequence, phases)[k]
+        later = run.phases[k] - _expected_phases(run, events)[k]
         words = f"event {k + 1} of it, {_words(run.log, k)}, is {number_text(abs(later), 2)} rad of the excitation"
         off = f"; {words} {'later' if later > 0.0 else 'sooner'} than that of the orbit"
     raise DivergenceError(
@@ -84,7 +84,7 @@ def orbit_of(
     system: System, excitation: Sine | PointForce, found: Solution, run: OwnRun, impacts: Impacts
 ) -> PeriodicOrbit:
     """The orbit of a solution, and of its own run with the impacts of that."""
-    cycles, times = found.sequence.cycles, _times(found.phases, excitation, found.sequence.cycles)
+    cycles, times = found.events.sequence.cycles, _times(found.events.phases, excitation, found.events.sequence.cycles)
     order = _in_time(times)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         # an event without speed has no finite saltation
@@ -123,23 +123,23 @@ def _in_time(times: Array) -> NDArray[np.intp]:
 
 def _at_start(excitation: Sine | PointForce, found: Solution, times: Array, first: int) -> tuple[Array, Array, Array]:
     """State (2d,) and contact states at t = 0, before the first event or after it, and the monodromy there."""
-    sequence, later, hybrid = found.sequence, np.roll(found.maps.steps, -1 - first, axis=0), found.maps.hybrid
+    sequence, later, hybrid = found.events.sequence, np.roll(found.maps.steps, -1 - first, axis=0), found.maps.hybrid
     if times[first] == 0.0:
-        return found.states[first], sequence.contact_state[first], product(later)
+        return found.events.states[first], sequence.contact_state[first], product(later)
     contact_state = sequence.contact_state[first - 1]
-    flow, phase = known_flow(hybrid, contact_state, found.flows), np.array([found.phases[first]])
+    flow, phase = hybrid.flow(contact_state), np.array([found.events.phases[first]])
     now = phase - times[first] * hybrid.omega
     before = now - (sequence.cycles / excitation.frequency - times[first - 1]) * hybrid.omega
-    (state,), (onto,) = flow.carried(found.states[first - 1][None], before, now)
+    (state,), (onto,) = flow.carried(found.events.states[first - 1][None], before, now)
     _, (up_to,) = flow.carried(state[None], now, phase)
     return state, contact_state, onto @ product(later[:-1]) @ found.maps.saltation[first] @ up_to
 
 
 def _half_map(found: Solution, first: int) -> Array | None:
     """Minus the derivative of the state half a period later by that after the first event, of a symmetric orbit."""
-    hybrid, sequence = found.maps.hybrid, found.sequence
+    hybrid, sequence = found.maps.hybrid, found.events.sequence
     unit = state_unit(found.length, hybrid.omega, hybrid.mass.size)
-    if not may_be_symmetric(hybrid, sequence) or asymmetry(sequence, found.states, found.phases, unit) > SYMMETRIC:
+    if not may_be_symmetric(hybrid, sequence) or asymmetry(found.events, unit) > SYMMETRIC:
         return None
     return -product(np.roll(found.maps.steps, -1 - first, axis=0)[: len(sequence.kind) // 2])
 
@@ -161,11 +161,11 @@ def halves_agree(sequence: Sequence, sign: float) -> bool:
     return all(np.array_equal(here[:half], there[half:]) for here, there in zip(one_side, other, strict=True))
 
 
-def asymmetry(sequence: Sequence, states: Array, phases: Array, unit: Array) -> float:
+def asymmetry(events: EventStates, unit: Array) -> float:
     """Largest difference between an orbit that may be symmetric and minus itself half a period later, in its units."""
-    half = len(phases) // 2
+    states, phases, half = events.states, events.phases, len(events.phases) // 2
     apart = np.abs(states[:half] + states[half:]) / unit
-    turned = np.abs(phases[half:] - phases[:half] - math.pi * sequence.cycles)
+    turned = np.abs(phases[half:] - phases[:half] - math.pi * events.sequence.cycles)
     return float(max(apart.max(), turned.max()))
 
 
@@ -173,8 +173,8 @@ def own_run(
     system: System, excitation: Sine | PointForce, found: Solution, pair: int | None = None
 ) -> tuple[OwnRun, Impacts]:
     """The run of an orbit from where nothing, or a pair, is in contact if it ever is not, and its impacts."""
-    sequence, hybrid = found.sequence, found.maps.hybrid
-    between = intervals_between(hybrid, sequence, found.states, found.phases, found.flows)
+    sequence, hybrid = found.events.sequence, found.maps.hybrid
+    between = intervals_between(hybrid, found.events)
     state, middle, first = between.start(pair)
     time = float(_times(np.array([middle]), excitation, sequence.cycles)[0])
     period, start = sequence.cycles / excitation.frequency, state_of(system, state, time)
@@ -192,12 +192,12 @@ def own_run(
     return OwnRun(log, phases, first, float(np.max(np.abs(state_vector(end) - state) / unit))), run.impacts
 
 
-def first_other(run: OwnRun, sequence: Sequence, phases: Array) -> int | None:
+def first_other(run: OwnRun, events: EventStates) -> int | None:
     """Row of the log of a run with the first event that its orbit has not, or has at another phase.
 
     It is the number of rows where the first one is missing, and None where there is none.
     """
-    expected, other = _expected_phases(run, sequence, phases), _other_event(run, sequence)
+    expected, other = _expected_phases(run, events), _other_event(run, events.sequence)
     count = min(run.phases.size, expected.size)
     late = np.flatnonzero(np.abs(run.phases[:count] - expected[:count]) > SAME_PHASE)
     return min([*late[:1].tolist(), *([] if other is None else [other])], default=None)
@@ -217,11 +217,11 @@ def _expected(sequence: Sequence, first: int) -> list[Any]:
     return [row for row in [*rows[first:], *rows[:first]] if row[0] != SECTION]
 
 
-def _expected_phases(run: OwnRun, sequence: Sequence, phases: Array) -> Array:
+def _expected_phases(run: OwnRun, events: EventStates) -> Array:
     """Phases of the events that a run is to meet."""
-    later = np.where(np.arange(phases.size) < run.first, phases + sequence.turn, phases)
-    rows = np.flatnonzero(np.array(sequence.kind) != SECTION)
-    return later[np.roll(rows, -np.searchsorted(rows, run.first))]
+    phases = np.where(np.arange(events.phases.size) < run.first, events.phases + events.sequence.turn, events.phases)
+    rows = np.flatnonzero(np.array(events.sequence.kind) != SECTION)
+    return phases[np.roll(rows, -np.searchsorted(rows, run.first))]
 
 
 def _words(log: EventLog, row: int) -> str:
@@ -251,9 +251,9 @@ def check_events(run: OwnRun, sequence: Sequence) -> None:
 
 def _log(system: System, found: Solution, times: Array, order: NDArray[np.intp]) -> EventLog:
     """The events of one period from t = 0 on; sections are none."""
-    sequence = found.sequence
+    sequence = found.events.sequence
     order = order[[sequence.kind[k] != SECTION for k in order]]
-    kind, d = np.array(sequence.kind)[order], found.states.shape[1] // 2
+    kind, d = np.array(sequence.kind)[order], found.events.states.shape[1] // 2
     return _made(
         EventLog,
         time=np.maximum.accumulate(times[order]),
@@ -262,8 +262,8 @@ def _log(system: System, found: Solution, times: Array, order: NDArray[np.intp])
         side=sequence.side[order].astype(np.int64),
         impacts=np.isin(kind, (IMPACT, SEPARATE)).astype(np.int64),
         contact_state=sequence.contact_state[order].astype(np.int8),
-        displacement=found.states[order, :d],
-        velocity=found.states[order, d:],
+        displacement=found.events.states[order, :d],
+        velocity=found.events.states[order, d:],
         contacts=tuple(pair.name for pair in system.contacts),
     )
 
@@ -276,13 +276,13 @@ def _impacts(
     Where that begins within a contact, it cuts it: such a pair has its impacts from a run that begins where it is free.
     """
     names, touches = np.array(log.contacts), np.flatnonzero(np.isin(log.kind, (IMPACT, TOUCH)))
-    held = np.flatnonzero(found.sequence.contact_state[run.first - 1] != FREE)
+    held = np.flatnonzero(found.events.sequence.contact_state[run.first - 1] != FREE)
     parts = [_rows_of(table, ~np.isin(table.impactor, names[held]))]
     for j in np.intersect1d(held, log.pair[touches]).tolist():
         whole = own_run(system, excitation, found, j)[1]
         parts.append(_rows_of(whole, whole.impactor == names[j]))
     columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-    period, omega = found.sequence.cycles / excitation.frequency, float(found.maps.hybrid.omega)
+    period, omega = found.events.sequence.cycles / excitation.frequency, float(found.maps.hybrid.omega)
     columns["time"], place = np.mod(columns["time"], period), np.full(len(columns["time"]), len(log))
     for i, (time, name, side) in enumerate(zip(*(columns[one] for one in ("time", "impactor", "side")), strict=True)):
         own = touches[(names[log.pair[touches]] == name) & (log.side[touches] == side)]

@@ -81,16 +81,9 @@ constexpr double BEYOND_ANY = 1e100;
 }
 
 // Its part without damping: that at rate zero.
-[[gnu::always_inline]] inline double elastic_force(const Law &law, double depth) {
-    if (depth <= 0.0)
-        return 0.0;
-    if (law.kind == KELVIN_VOIGT)
-        return kelvin_voigt_force(depth, 0.0, law.stiffness, 0.0);
-    if (law.kind == POWER)
-        return power_force(depth, 0.0, law.stiffness, law.exponent, 0.0, law.approach);
-    if (law.kind == CUSTOM)
-        return custom_force(law, depth, 0.0);
-    return 0.0;
+[[gnu::always_inline]] inline double elastic_force(Law law, double depth) {
+    law.damping = 0.0;
+    return normal_force(law, depth, 0.0);
 }
 
 // Energy (J) that a law has stored at a depth: the integral of its force at rate zero.

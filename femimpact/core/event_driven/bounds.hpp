@@ -74,13 +74,11 @@ constexpr double STICKS = 2.0;
 
 // The same by the loads behind the first, of the derivative `order` within a time: of forces s alone pushes.
 [[gnu::noinline]] inline double further_push(const Scalars &scalars, Index k, GivenArray d, Index order, double time) {
-    double total = 0.0;
-    for (Index h = 1; h * DRIVE < d.size(); h++) {
+    return over_further_loads(d, [=, &scalars](Index h, double &total) {
         Complex load = scalars.load(3 * h, k);
         double bound = size_of_series(d.part(h * DRIVE, (h + 1) * DRIVE), order + 2, time);
         total += (magnitude(load.real) + magnitude(load.imag)) * bound;
-    }
-    return total;
+    });
 }
 
 // Adds the values of driven entries within a block, whose motions mix.

@@ -23,14 +23,7 @@ inline PyObject *run_cases_entry(const femimpact_kernels &kernels, PyObject *con
     if (!handed.are_apart())
         return nullptr;
     const Ledger *given = has_ledger ? &ledger : nullptr;
-    if (const char *fault = fault_of(task, job, given))
-        return PyErr_Format(PyExc_ValueError, "%s", fault);
-    {
-        const WithoutLock others_run;
-        kernels.run_cases(&task, &job, given);
-    }
-    Py_IncRef(Py_None);
-    return Py_None;
+    return run_apart(fault_of(task, job, given), [&] { kernels.run_cases(&task, &job, given); });
 }
 
 // next_event((scalars, motion, search), until)

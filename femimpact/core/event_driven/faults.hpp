@@ -37,20 +37,19 @@ inline bool blocks_fit(View<const Index, 2> blocks, Index entries) {
     return true;
 }
 
-// Whether exponents and their sizes are finite: integrals over an infinite one take steps of no length.
-inline bool are_finite(GivenComplexArray exponent, GivenArray size) {
-    // a product with zero is zero, or not a number
-    double total = 0.0;
-    for (Index k = 0; k < exponent.size(); k++)
-        total += 0.0 * exponent(k).real + 0.0 * exponent(k).imag + 0.0 * size(k);
-    return total == 0.0;
-}
-
+// Whether all values are finite.
 inline bool are_finite(GivenArray values) {
+    // a product with zero is zero, or not a number
     double total = 0.0;
     for (Index i = 0; i < values.size(); i++)
         total += 0.0 * values(i);
     return total == 0.0;
+}
+
+// Whether exponents and their sizes are finite: integrals over an infinite one take steps of no length.
+inline bool are_finite(GivenComplexArray exponent, GivenArray size) {
+    return are_finite({reinterpret_cast<const double *>(exponent.data), {2 * exponent.size()}}) &&
+           are_finite(size.first(exponent.size()));
 }
 
 // Whether the coordinates of a form are moved by entries of it.
@@ -111,7 +110,7 @@ inline const char *fault_of_pieces(const Cases &cases) {
         for (Index i = 0; i < cases.drive.shape[1]; i++)
             if (!is_finite(cases.drive(c, i)))
                 return "cases.drive: must be finite";
-        if (!is_within(cases.piece(c), 0, larger(0, cases.knots.size() - 1)))
+        if (!is_within(cases.piece(c), 0, larger(Index(0), cases.knots.size() - 1)))
             return "cases.piece: must be numbers of pieces";
     }
     return nullptr;

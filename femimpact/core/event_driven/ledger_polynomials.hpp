@@ -129,19 +129,21 @@ struct Velocity {
     Index first, terms; // of the strengths that count
 };
 
-// Integral of a polynomial, by its values at the Gauss points and its derivatives, times a coordinate's velocity.
-[[gnu::always_inline]] inline double work_under_polynomial(const double *derivatives, const double *values,
-                                                           const Velocity &v, double duration, const Products &s) {
-    double total = integral_of_product(values, v.values, duration);
-    for (Index k = v.first; k < v.terms; k++) {
-        if (v.strength(k) == 0.0)
-            continue;
+// Adds to a number the integral of a polynomial, by its derivatives, times the exponentials in a coordinate's velocity.
+[[gnu::always_inline]] inline double add_exponentials(double total, const double *derivatives, const Velocity &v,
+                                                      const Products &s) {
+    return add_terms(total, v.first, v.terms, v.strength, [&](Index k) {
         Complex by_drive = {0.0, 0.0};
         for (Index j = 0; j < POWERS; j++)
             by_drive += derivatives[j] * s.moments(k, j);
-        total += (v.strength(k) * by_drive).real;
-    }
-    return total;
+        return by_drive;
+    });
+}
+
+// Integral of a polynomial, by its values at the Gauss points and its derivatives, times a coordinate's velocity.
+[[gnu::always_inline]] inline double work_under_polynomial(const double *derivatives, const double *values,
+                                                           const Velocity &v, double duration, const Products &s) {
+    return add_exponentials(integral_of_product(values, v.values, duration), derivatives, v, s);
 }
 
 // Adds the work of each of several drives on a coordinate; returns that of their sum, which may cancel.
@@ -202,15 +204,7 @@ struct Velocity {
                                : b.load(i) * work_under_polynomial(&drive(2), acting, velocity, duration, s);
         work += of_drives + add_work_of_constant(i, c, s, b);
         if (b.damping(i) > 0.0) {
-            double twice = 0.0;
-            for (Index k = velocity.first; k < terms; k++) {
-                if (strength(k) == 0.0)
-                    continue;
-                Complex by_rate = {0.0, 0.0};
-                for (Index j = 0; j < POWERS; j++)
-                    by_rate += rates[j] * s.moments(k, j);
-                twice += (strength(k) * by_rate).real;
-            }
+            double twice = add_exponentials(0.0, rates, velocity, s);
             double square = integral_of_product(steady, steady, duration) + 2.0 * twice;
             if (!is_driven)
                 square += square_of(strength, s.plus, s.minus, terms);

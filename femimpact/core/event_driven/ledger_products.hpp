@@ -110,31 +110,31 @@ inline double square_of(GivenComplexArray a, const ComplexMatrix &plus, const Co
     }
 }
 
-// Integral of a sine, of which `wave` is e^{i theta} times -i amplitude at the mark, times a coordinate's velocity.
-[[gnu::always_inline]] inline double work_under_sine(Complex wave, GivenComplexArray strength, Index terms, Index sine,
-                                                     const Products &s) {
-    double total = 0.0;
-    for (Index k = 0; k < terms; k++) {
-        if (strength(k) == 0.0)
-            continue;
-        Complex both = wave * s.plus(k, sine) + conjugate(wave) * s.minus(k, sine);
-        total += 0.5 * (strength(k) * both).real;
-    }
+// Adds to a number the integral of something times a coordinate's velocity, from that of it times each term that has a
+// strength.
+template <class Along>
+[[gnu::always_inline]] inline double add_terms(double total, Index first, Index terms, GivenComplexArray strength,
+                                               Along along) {
+    for (Index k = first; k < terms; k++)
+        if (strength(k) != 0.0)
+            total += (strength(k) * along(k)).real;
     return total;
 }
 
-// Integral of a line, of which `drive` has the value and the rate, times a coordinate's velocity.
+// Integral of a sine, of which `wave` is e^{i theta} times -i amplitude at the mark, times a coordinate's velocity.
+[[gnu::always_inline]] inline double work_under_sine(Complex wave, GivenComplexArray strength, Index terms, Index sine,
+                                                     const Products &s) {
+    return 0.5 * add_terms(0.0, 0, terms, strength,
+                           [&](Index k) { return wave * s.plus(k, sine) + conjugate(wave) * s.minus(k, sine); });
+}
+
+// The same of a line, of which `drive` has the value and the rate.
 [[gnu::always_inline]] inline double work_under_line(GivenArray drive, GivenComplexArray strength, Index terms,
                                                      double duration, const Scalars &scalars, const Products &s) {
-    double total = 0.0;
-    for (Index k = 0; k < terms; k++) {
-        if (strength(k) == 0.0)
-            continue;
+    return add_terms(0.0, 0, terms, strength, [&](Index k) {
         Complex e = exponent_of(k, scalars);
-        Complex both = drive(2) * integral_of(e, s.growth(k), duration);
-        total += (strength(k) * (both + drive(3) * first_moment(e, s.growth(k), duration))).real;
-    }
-    return total;
+        return drive(2) * integral_of(e, s.growth(k), duration) + drive(3) * first_moment(e, s.growth(k), duration);
+    });
 }
 
 // Adds the work of each of several sines on a coordinate; returns that of their sum, which may cancel.

@@ -261,15 +261,13 @@ inline void run_cases(const Task &task, const Job &job, const Ledger *b) {
         Motion kept = motion_of(c, cases);
         Case present = case_of(c, cases);
         copy_motion(kept, space.motion);
-        for (Index r = 0; r < leaving.size(); r++)
-            leaving(r) = cases.leaving(c, r);
+        copy<double>(cases.leaving.row(c), leaving);
         // nothing is read before
         cases.sample(c) = larger(cases.sample(c), task.begin(c));
         double until = job.grid.start(c) + double(task.end(c)) * job.grid.interval(c);
         task.stopped(c) = run_case(task.begin(c), until, task.most(c), present, job, b);
         copy_motion(space.motion, kept);
-        for (Index r = 0; r < leaving.size(); r++)
-            cases.leaving(c, r) = leaving(r);
+        copy<double>(leaving, cases.leaving.row(c));
     }
 }
 

@@ -20,18 +20,30 @@ constexpr Index TAYLOR = 18, MOST_STEPS = 100'000;
 // One load, the first, is what is compiled everywhere below; further ones are added behind it.
 constexpr Index DRIVE = 8;
 
-// Acceleration of a rigid-body coordinate by loads behind the first, or a derivative: `item` is that of their blocks.
-[[gnu::noinline]] inline double of_further_loads(const Scalars &scalars, Index i, GivenArray d, Index item) {
+// A sum over the loads behind the first, to which `add` adds one: out of line, since most drives have none.
+template <class Add> [[gnu::noinline]] inline double over_further_loads(GivenArray d, Add add) {
     double total = 0.0;
     for (Index h = 1; h * DRIVE < d.size(); h++)
-        total += scalars.rigid_body_drive(h, i) * d(h * DRIVE + item);
+        add(h, total);
     return total;
+}
+
+// A sum over all loads, from a first term on.
+template <class Add> [[gnu::always_inline]] inline double over_loads(GivenArray d, double total, Add add) {
+    add(0, total);
+    return d.size() > DRIVE ? total + over_further_loads(d, add) : total;
+}
+
+// Acceleration of a rigid-body coordinate by an item of each load; see DRIVE.
+[[gnu::always_inline]] inline auto of_rigid_body(Index i, const Scalars &scalars, GivenArray d, Index item) {
+    return [=, &scalars](Index h, double &total)
+               __attribute__((always_inline)) { total += scalars.rigid_body_drive(h, i) * d(h * DRIVE + item); };
 }
 
 // Rate of the growth of that acceleration times a weight.
 [[gnu::always_inline]] inline double rigid_body_twist(double weight, Index i, const Scalars &scalars, GivenArray d) {
     double twist = weight * scalars.rigid_body_drive(0, i) * d(4);
-    return d.size() > DRIVE ? twist + weight * of_further_loads(scalars, i, d, 4) : twist;
+    return d.size() > DRIVE ? twist + weight * over_further_loads(d, of_rigid_body(i, scalars, d, 4)) : twist;
 }
 
 // Acceleration of a rigid-body coordinate, and its rate.
@@ -39,13 +51,9 @@ struct Push {
     double push, growth;
 };
 [[gnu::always_inline]] inline Push rigid_body_push(Index i, const Scalars &scalars, const Motion &motion) {
-    double drive = scalars.rigid_body_drive(0, i);
-    Push first = {scalars.rigid_body_given(i) + drive * motion.drive(2), drive * motion.drive(3)};
-    if (motion.drive.size() > DRIVE) {
-        first.push += of_further_loads(scalars, i, motion.drive, 2);
-        first.growth += of_further_loads(scalars, i, motion.drive, 3);
-    }
-    return first;
+    GivenArray d = motion.drive;
+    return {over_loads(d, scalars.rigid_body_given(i), of_rigid_body(i, scalars, d, 2)),
+            over_loads(d, 0.0, of_rigid_body(i, scalars, d, 3))};
 }
 
 // 1/n!.
@@ -91,21 +99,13 @@ constexpr double INVERSE_FACTORIAL[] = {1.0,       1.0,        1.0 / 2.0,   1.0 
     }
 }
 
-// The derivative of some order of what the polynomials of loads behind the first add to a scalar.
-[[gnu::noinline]] inline double further_derivative(GivenMatrix follow, Index r, GivenArray d, Index order) {
-    double total = 0.0;
-    for (Index first = DRIVE; first < d.size(); first += DRIVE)
-        for (Index i = first; i + order < first + DRIVE; i++)
+// The derivative of some order of what polynomials add to a scalar; of each load the items before `last` count.
+[[gnu::always_inline]] inline double derivative(GivenMatrix follow, Index r, GivenArray d, Index order,
+                                                Index last = DRIVE) {
+    return over_loads(d, 0.0, [=](Index h, double &total) __attribute__((always_inline)) {
+        for (Index i = h * DRIVE; i + order < h * DRIVE + last; i++)
             total += follow(i, r) * d(i + order);
-    return total;
-}
-
-// The derivative of some order of what polynomials add to a scalar.
-[[gnu::always_inline]] inline double derivative(GivenMatrix follow, Index r, GivenArray d, Index order) {
-    double total = 0.0;
-    for (Index i = 0; i + order < DRIVE; i++)
-        total += follow(i, r) * d(i + order);
-    return d.size() > DRIVE ? total + further_derivative(follow, r, d, order) : total;
+    });
 }
 
 // What a polynomial adds to a scalar: the value and its first three derivatives.
@@ -113,12 +113,10 @@ struct Taylor {
     double value, rate, bend, twist;
 };
 [[gnu::always_inline]] inline Taylor taylor(const Scalars &scalars, Index r, GivenArray d) {
-    GivenMatrix follow = scalars.follow;
-    if (scalars.degree > 1 || d.size() > DRIVE)
-        return {derivative(follow, r, d, 0), derivative(follow, r, d, 1), derivative(follow, r, d, 2),
-                derivative(follow, r, d, 3)};
-    double a = follow(0, r), b = follow(1, r), c = follow(2, r), e = follow(3, r);
-    return {a * d(0) + b * d(1) + c * d(2) + e * d(3), a * d(1) + b * d(2) + c * d(3), a * d(2) + b * d(3), a * d(3)};
+    // of a line all others are zero
+    const Index last = scalars.degree > 1 ? DRIVE : 4;
+    return {derivative(scalars.follow, r, d, 0, last), derivative(scalars.follow, r, d, 1, last),
+            derivative(scalars.follow, r, d, 2, last), derivative(scalars.follow, r, d, 3, last)};
 }
 
 // Sets `out` to Lambda times a vector of entries.
@@ -278,20 +276,17 @@ constexpr double INVERSE[MOST_TERMS + 1] = {
     return scalars.blocks.shape[0] > 0 && scalars.blocks(0, 1) > 0;
 }
 
-// Sets one motion to another.
+// Sets one array to another as long, and one motion to another.
+template <class T> [[gnu::always_inline]] inline void copy(View<const T, 1> source, View<T, 1> target) {
+    for (Index k = 0; k < source.size(); k++)
+        target(k) = source(k);
+}
 [[gnu::noinline]] inline void copy_motion(const Motion &source, const Motion &target) {
-    for (Index k = 0; k < source.entry.size(); k++)
-        target.entry(k) = source.entry(k);
-    for (Index i = 0; i < source.rigid_body.size(); i++) {
-        target.rigid_body(i) = source.rigid_body(i);
-        target.rigid_body_rate(i) = source.rigid_body_rate(i);
-    }
-    for (Index i = 0; i < DRIVE; i++)
-        target.drive(i) = source.drive(i);
-    for (Index i = DRIVE; i < source.drive.size(); i++)
-        target.drive(i) = source.drive(i);
-    target.clock(0) = source.clock(0);
-    target.clock(1) = source.clock(1);
+    copy<Complex>(source.entry, target.entry);
+    copy<double>(source.rigid_body, target.rigid_body);
+    copy<double>(source.rigid_body_rate, target.rigid_body_rate);
+    copy<double>(source.clock, target.clock);
+    copy<double>(source.drive, target.drive);
 }
 
 // Scalar r at the present time, of the first entries that are active.

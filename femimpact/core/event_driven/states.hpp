@@ -239,12 +239,8 @@ struct Followed {
     double position, rate;
 };
 [[gnu::always_inline]] inline Followed followed(const Shapes &shapes, Index i, GivenArray d) {
-    if (shapes.degree > 1 || d.size() > DRIVE)
-        return {derivative(shapes.follow, i, d, 0), derivative(shapes.follow_rate, i, d, 0)};
-    double a = shapes.follow(0, i), b = shapes.follow(1, i), c = shapes.follow(2, i), e = shapes.follow(3, i);
-    GivenMatrix rate = shapes.follow_rate;
-    return {a * d(0) + b * d(1) + c * d(2) + e * d(3),
-            rate(0, i) * d(0) + rate(1, i) * d(1) + rate(2, i) * d(2) + rate(3, i) * d(3)};
+    const Index last = shapes.degree > 1 ? DRIVE : 4;
+    return {derivative(shapes.follow, i, d, 0, last), derivative(shapes.follow_rate, i, d, 0, last)};
 }
 
 // Sets `out` to displacements and velocities of all coordinates (2, d) at the present time.
@@ -321,7 +317,7 @@ struct Followed {
     GivenMatrix follow = forms.position_follow.row(f), rate = forms.velocity_follow.row(f);
     Array d = motion.drive;
     // the motion of the base goes on: a piece carries it to the last digit
-    Index last = larger(cases.degree, 1) + 3;
+    Index last = larger(cases.degree, Index(1)) + 3;
     for (Index begin = 0; begin < d.size(); begin += DRIVE) {
         double jump[DRIVE] = {};
         for (Index j = 2; j < last; j++)

@@ -139,15 +139,10 @@ struct Handed {
     bool has_fine = false;
 
     // false with an exception where anything is not what the tables say
-    bool read(Index steps, PyObject *block, PyObject *fine_steps) {
+    bool read(PyObject *block, PyObject *fine_steps) {
         has_fine = fine_steps != Py_None;
-        if (!arrays.read("block", block, stepped) || !arrays.are_apart() ||
-            (has_fine && !fine_arrays.read("fine", fine_steps, fine)))
-            return false;
-        const char *fault = fault_of(steps, stepped, given_fine());
-        if (fault != nullptr)
-            PyErr_Format(PyExc_ValueError, "%s", fault);
-        return fault == nullptr;
+        return arrays.read("block", block, stepped) && arrays.are_apart() &&
+               (!has_fine || fine_arrays.read("fine", fine_steps, fine));
     }
     const Fine *given_fine() const { return has_fine ? &fine : nullptr; }
 };
@@ -158,38 +153,20 @@ inline PyObject *advance_entry(const femimpact_kernels &kernels, PyObject *const
     if (!take_count(count, 3, "advance"))
         return nullptr;
     const Index steps = PyLong_AsLongLong(arguments[0]);
-    if ((steps == -1 && PyErr_Occurred() != nullptr) || !handed.read(steps, arguments[1], arguments[2]))
+    if ((steps == -1 && PyErr_Occurred() != nullptr) || !handed.read(arguments[1], arguments[2]))
         return nullptr;
-    {
-        const WithoutLock others_run;
-        kernels.advance(steps, &handed.stepped, handed.given_fine());
-    }
-    Py_IncRef(Py_None);
-    return Py_None;
+    const Fine *fine = handed.given_fine();
+    return run_apart(fault_of(steps, handed.stepped, fine), [&] { kernels.advance(steps, &handed.stepped, fine); });
 }
 
-// A function of a kernel that is handed a block alone.
-inline PyObject *block_entry(void (*kernel)(const void *), const char *name, PyObject *const *arguments,
-                             Py_ssize_t count) {
+// keep_present(block), of the sample and the snapshot that are due at the present step, and write_energies(block).
+template <auto KERNEL>
+PyObject *block_entry(const femimpact_kernels &kernels, PyObject *const *arguments, Py_ssize_t count) {
     Handed handed;
-    if (!take_count(count, 1, name) || !handed.read(0, arguments[0], Py_None))
+    const char *name = KERNEL == &femimpact_kernels::keep_present ? "keep_present" : "write_energies";
+    if (!take_count(count, 1, name) || !handed.read(arguments[0], Py_None))
         return nullptr;
-    {
-        const WithoutLock others_run;
-        kernel(&handed.stepped);
-    }
-    Py_IncRef(Py_None);
-    return Py_None;
-}
-
-// keep_present(block): the sample and the snapshot that are due at the present step
-inline PyObject *keep_present_entry(const femimpact_kernels &kernels, PyObject *const *arguments, Py_ssize_t count) {
-    return block_entry(kernels.keep_present, "keep_present", arguments, count);
-}
-
-// write_energies(block)
-inline PyObject *write_energies_entry(const femimpact_kernels &kernels, PyObject *const *arguments, Py_ssize_t count) {
-    return block_entry(kernels.write_energies, "write_energies", arguments, count);
+    return run_apart(fault_of(0, handed.stepped, nullptr), [&] { (kernels.*KERNEL)(&handed.stepped); });
 }
 
 // collide(law, mass, speed, start, scheme): rebound over approach speed, peak force (N), what a custom law refused

@@ -22,10 +22,10 @@ Each has the bits that it has alone.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import scipy.linalg
@@ -70,6 +70,20 @@ class Rows:
     # (F, 8H, R) steady, per unit of ub, ub', s and the derivatives of s to the fifth of each, under polynomials s(t)
     follow: Array
 
+    @property
+    def by_rows(self) -> tuple[Array | Complex, ...]:
+        """All arrays with their rows along axis 1."""
+        return (
+            self.weight, self.rigid_body, self.rigid_body_rate, self.constant, self.apart, self.through.mT,
+            self.follow.mT,
+        )  # fmt: skip
+
+
+def from_rows(arrays: Iterable[Any]) -> Rows:
+    """Rows of arrays that have them along axis 1, as of `Rows.by_rows`."""
+    *others, through, follow = arrays
+    return Rows(*others, np.ascontiguousarray(through.mT), np.ascontiguousarray(follow.mT))
+
 
 def by_load(values: Array, items: int) -> Array:
     """A view (F, H, items, R) of what has so many items of each load, (F, H items, R)."""
@@ -99,15 +113,8 @@ def rate_of(rows: Rows, modes: ComplexModes) -> Rows:
 def scaled_sum(rows: Rows, factor: Array, also: Rows, by: Array) -> Rows:
     """Sum of two sets of rows, each row with a factor (F, R) of its set."""
     first, second = factor[:, :, None], by[:, :, None]
-    return Rows(
-        weight=first * rows.weight + second * also.weight,
-        rigid_body=first * rows.rigid_body + second * also.rigid_body,
-        rigid_body_rate=first * rows.rigid_body_rate + second * also.rigid_body_rate,
-        constant=first * rows.constant + second * also.constant,
-        apart=first * rows.apart + second * also.apart,
-        through=factor[:, None, :] * rows.through + by[:, None, :] * also.through,
-        follow=factor[:, None, :] * rows.follow + by[:, None, :] * also.follow,
-    )
+    pairs = zip(rows.by_rows, also.by_rows, strict=True)
+    return from_rows(first * here + second * there for here, there in pairs)
 
 
 def gap_rows(

@@ -23,6 +23,7 @@ from femimpact.integrators.event_driven.closed_form import (
     closed_forms,
     driven_entries,
     followed,
+    from_rows,
     gap_rows,
     settled,
 )
@@ -317,24 +318,11 @@ def _output_rows(out: Outputs, made: ClosedForms, active: NDArray[np.bool_]) -> 
     force = made.contact_force
     for o, j in np.argwhere(np.any(out.force != 0.0, axis=0) & active):
         weight = out.force[:, o, j][:, None]
-        rows.weight[:, o] += weight * force.weight[:, j]
-        rows.constant[:, o] += weight * force.constant[:, j]
-        rows.apart[:, o] += weight * force.apart[:, j]
-        rows.rigid_body[:, o] += weight * force.rigid_body[:, j]
-        rows.rigid_body_rate[:, o] += weight * force.rigid_body_rate[:, j]
-        rows.through[:, :, o] += weight * force.through[:, :, j]
-        rows.follow[:, :, o] += weight * force.follow[:, :, j]
+        for here, there in zip(rows.by_rows, force.by_rows, strict=True):
+            here[:, o] += weight * there[:, j]
     return rows
 
 
 def _stacked_rows(*parts: Rows) -> Rows:
     """All rows in one."""
-    return Rows(
-        weight=np.concatenate([rows.weight for rows in parts], axis=1),
-        rigid_body=np.concatenate([rows.rigid_body for rows in parts], axis=1),
-        rigid_body_rate=np.concatenate([rows.rigid_body_rate for rows in parts], axis=1),
-        constant=np.concatenate([rows.constant for rows in parts], axis=1),
-        apart=np.concatenate([rows.apart for rows in parts], axis=1),
-        through=np.concatenate([rows.through for rows in parts], axis=2),
-        follow=np.concatenate([rows.follow for rows in parts], axis=2),
-    )
+    return from_rows(np.concatenate(arrays, axis=1) for arrays in zip(*(rows.by_rows for rows in parts), strict=True))
