@@ -40,7 +40,6 @@ if TYPE_CHECKING:
     from femimpact.convergence import ConvergenceStudy as ConvergenceStudy
     from femimpact.convergence import ConvergenceTable as ConvergenceTable
     from femimpact.convergence import Frequencies as Frequencies
-    from femimpact.convergence import ModeConvergence as ModeConvergence
     from femimpact.convergence import ModeShapes as ModeShapes
     from femimpact.convergence import OverMeshes as OverMeshes
     from femimpact.convergence import OverModes as OverModes
@@ -189,7 +188,7 @@ _MODULES = {
         "LankaraniNikravesh", "PowerLaw", "Rigid", "SwitchingSpring",
     ),
     "convergence": (
-        "BendingMoment", "ContactStatistics", "ConvergenceStudy", "ConvergenceTable", "Frequencies", "ModeConvergence",
+        "BendingMoment", "ContactStatistics", "ConvergenceStudy", "ConvergenceTable", "Frequencies",
         "ModeShapes", "OverMeshes", "OverModes", "OverSteps", "SteadyResponse", "SupportReaction", "SurfaceStress",
         "converge_elements", "converge_step", "convergence_study", "mode_convergence",
     ),

@@ -7,14 +7,12 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from femimpact.arrays import Array
 from femimpact.convergence.cases import Axis, Case, Plan, Row, attempted
 from femimpact.convergence.quantities import Frequencies, Reading, Watched
 from femimpact.convergence.table import (
     AGREED,
-    MEANINGFUL,
     ConvergenceStudy,
     ConvergenceTable,
     agrees,
@@ -27,6 +25,7 @@ from femimpact.convergence.table import (
     observed_order,
     relative_error,
     rounding_floor,
+    statistic,
     usable_rows,
 )
 from femimpact.errors import FemimpactError, checked, optional, quantity, require, require_type
@@ -293,7 +292,7 @@ def _column(
     if known.size == 0:
         return column
     if np.any(scatter[known] > 0.0):
-        return column | _statistic(value, scatter, number, known, accuracy)
+        return column | statistic(value, scatter, number, known, accuracy)
     h, v = size[known], value[known]
     reference, floor, order = nothing, nothing, head.order
     if head.is_distance:
@@ -317,18 +316,6 @@ def _column(
         "fitted_order": found, "reference": reference, "floor": floor, "recommended": wanted,
         "reference_error": reference_error,
     }  # fmt: skip
-
-
-def _statistic(value: Array, scatter: Array, number: Array, known: NDArray[np.intp], accuracy: float) -> dict[str, Any]:
-    """Differences from the finest case; the recommended number is the first from which on none means anything."""
-    reference = float(value[known[-1]])
-    error = relative_error(value, reference)
-    noise = MEANINGFUL * np.hypot(scatter, scatter[known[-1]]) / (abs(reference) or 1.0)
-    beyond = known[error[known] > np.maximum(accuracy, noise[known])]
-    first = known[known > beyond[-1]][0] if beyond.size else known[0]
-    # of the finest case alone nothing is known
-    settled = math.nan if first == known[-1] else float(number[first])
-    return {"error": error, "reference": reference, "recommended": settled}
 
 
 def _reference(size: Array, value: Array, order: float, axis: Axis, limit: float) -> tuple[float, float]:

@@ -165,6 +165,28 @@ def number_of_case(number: Array, error: Array, doubt: float, accuracy: float) -
     return float(number[after[0]]) if after.size else math.nan
 
 
+MEANINGFUL = 3.0
+"""Standard errors beyond which a difference of two means is taken to mean something."""
+
+
+def statistic(
+    value: Array,  # (cases,)
+    scatter: Array,  # (cases,)
+    number: Array,  # (cases,)
+    known: NDArray[np.intp],  # cases that have values
+    accuracy: float,
+) -> dict[str, Any]:
+    """Differences from the finest case; the recommended number is the first from which on none means anything."""
+    reference = float(value[known[-1]])
+    error = relative_error(value, reference)
+    noise = MEANINGFUL * np.hypot(scatter, scatter[known[-1]]) / (abs(reference) or 1.0)
+    beyond = known[error[known] > np.maximum(accuracy, noise[known])]
+    first = known[known > beyond[-1]][0] if beyond.size else known[0]
+    # of the finest case alone nothing is known
+    settled = math.nan if first == known[-1] else float(number[first])
+    return {"error": error, "reference": reference, "recommended": settled}
+
+
 WIDTH = 80
 """Characters of a line."""
 
@@ -245,10 +267,6 @@ def _orders(table: ConvergenceTable, width: int) -> list[str]:
         limit = "" if math.isnan(table.reference[j]) else f"  {table.reference[j]:.7g}{unit}"
         lines.append(line(str(table.name[j]), [*orders, cell(table.floor[j]), number], limit))
     return [*lines, ""]
-
-
-MEANINGFUL = 3.0
-"""Standard errors beyond which a difference of two means is taken to mean something."""
 
 
 @dataclass(frozen=True, eq=False)

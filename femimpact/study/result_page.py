@@ -24,7 +24,6 @@ from femimpact.export.report.charts import (
     history_section,
     impacts_section,
     modes_section,
-    steps_section,
     summary_table,
 )
 from femimpact.export.report.drive_charts import drive_section, spectra_section
@@ -511,19 +510,16 @@ def _convergence(results: ResultReading) -> list[Section]:
     def recommended(columns: Any, name: str) -> Section:
         return Section("recommended", "Recommended numbers", (table_element(summary_table(columns, name)),))
 
-    def over(axis: str, statistics: bool = False) -> Callable[[Any, str], Section | None]:
-        return lambda columns, name: axis_section(axis, columns, results.units(name), name, statistics=statistics)
+    def over(file: str) -> list[Section]:
+        kind, axis = file.split("_over_")
+        kind = "convergence" if kind == "quantities" else kind
+        return _of_table(
+            results, file, lambda columns, name: axis_section(axis, columns, results.units(name), name, kind)
+        )  # fmt: skip
 
-    return [
-        *_of_table(results, "convergence_summary", recommended),
-        *(
-            one
-            for axis in ("mesh", "step", "modes")
-            for one in _of_table(results, f"quantities_over_{axis}", over(axis))
-        ),
-        *_of_table(results, "statistics_over_mesh", over("mesh", statistics=True)),
-        *_of_table(results, "step_convergence", steps_section),
-    ]
+    files = ("quantities_over_mesh", "quantities_over_step", "quantities_over_modes", "statistics_over_mesh")
+    sections = (over(file) for file in (*files, "runs_over_step"))
+    return [*_of_table(results, "convergence_summary", recommended), *(one for part in sections for one in part)]
 
 
 def _parameter_study(results: ResultReading) -> list[Section]:

@@ -11,13 +11,7 @@ from femimpact.export.figures.contacts import collision_history, contact_laws, i
 from femimpact.export.figures.curves import decay, response_curve, restitution_scan, value_map
 from femimpact.export.figures.drawing import COLOURS, STYLE, OffScreen, save_figure
 from femimpact.export.figures.histories import contact_force, cycle_averaged_force, energies
-from femimpact.export.figures.orders import (
-    convergence,
-    convergence_panels,
-    mesh_convergence,
-    mode_convergence,
-    step_convergence,
-)
+from femimpact.export.figures.orders import convergence, convergence_panels
 from femimpact.export.figures.portraits import bifurcation, motion, phase_portrait
 from femimpact.export.figures.shapes import beam_mesh, mode_shapes
 from femimpact.export.figures.spectra import shock_response_spectrum, spectrum, transfer_function
@@ -27,9 +21,9 @@ from femimpact.spectra import amplitude_spectrum
 __all__ = [
     "COLOURS", "STYLE", "OffScreen", "amplitude_spectrum", "beam_mesh", "bifurcation", "branch", "calibration",
     "collision_history", "contact_force", "contact_laws", "convergence", "convergence_panels",
-    "cycle_averaged_force", "decay", "energies", "impact_histograms", "impulse_phase", "mesh_convergence",
-    "mode_convergence", "mode_shapes", "motion", "orbit", "phase_portrait", "response_curve", "restitution_scan",
-    "save_figure", "shock_response_spectrum", "spectrum", "step_convergence", "study_lines", "study_map", "study_maps",
+    "cycle_averaged_force", "decay", "energies", "impact_histograms", "impulse_phase",
+    "mode_shapes", "motion", "orbit", "phase_portrait", "response_curve", "restitution_scan",
+    "save_figure", "shock_response_spectrum", "spectrum", "study_lines", "study_map", "study_maps",
     "study_scatter", "transfer_function", "value_map",
 ]  # fmt: skip
 
