@@ -13,7 +13,16 @@ from femimpact.arrays import Array
 from femimpact.convergence.cases import OverMeshes
 from femimpact.convergence.quantities import Frequencies
 from femimpact.convergence.study import convergence_study
-from femimpact.convergence.table import ConvergenceTable, agrees, fitted_order, local_orders, number_for, number_of_case
+from femimpact.convergence.table import (
+    ConvergenceTable,
+    agrees,
+    fitted_order,
+    local_orders,
+    new_column,
+    number_for,
+    number_of_case,
+    table_of,
+)
 from femimpact.errors import checked, quantity, require_type
 from femimpact.excitation import Sine
 from femimpact.integrators.runs import integrate
@@ -25,6 +34,9 @@ from femimpact.system.system import System, without_impactors
 
 PHASES = 8
 """Base phases over which the error after the first impact is averaged."""
+
+LINEAR = "motion without balls"
+"""Name of the quantity that has the order of the method."""
 
 
 def converge_elements(structure: Structure, elements: Sequence[int], modes: int = 4) -> ConvergenceTable:
@@ -96,7 +108,7 @@ def converge_step(
     finest = replace(method, dt=float(dt[-1] / 4.0))
     # a multiple of the coarsest step, so that all runs end at the same instant
     cycles = method.dt * round(3.0 / (excitation.frequency * method.dt))
-    errors = {"motion without balls": _errors(without_impactors(system), excitation, method, dt, finest, cycles)[0]}
+    errors = {LINEAR: _errors(without_impactors(system), excitation, method, dt, finest, cycles)[0]}
     notes = ["without balls: the tip over 3 base cycles from rest"]
     if system.contacts:
         squares = []
@@ -111,33 +123,20 @@ def converge_step(
             notes.append(f"with balls: to shortly after the first impact, over {len(squares)} phases of the base")
         else:
             notes.append("with balls: no impact within 40 base cycles, nothing to compare")
-    first, columns = first_elastic_frequency(system), np.array(list(errors.values())).T
+    first, columns = first_elastic_frequency(system), list[dict[str, Any]]()
     number = 1.0 / (dt * first) if first > 0.0 else np.full(dt.size, np.nan)
-    fitted, expected = np.array([fitted_order(dt, error, 0.0) for error in columns.T]), np.full(len(errors), np.nan)
-    expected[0] = 2.0 if method.gamma == 0.5 else 1.0
-    return ConvergenceTable(
-        axis="step",
-        label=np.array([f"{step:.4g} s" for step in dt]),
-        number=number,
-        size=dt,
-        failure=np.full(dt.size, "", dtype="<U1"),
-        name=np.array(list(errors)),
-        unit=np.full(len(errors), "1"),
-        value=columns,
-        error=columns,
-        order=np.array([local_orders(dt, error, 0.0) for error in columns.T]).T,
-        scatter=np.zeros(columns.shape),
-        fitted_order=fitted,
-        expected_order=expected,
-        reference=np.full(len(errors), np.nan),
-        floor=np.full(len(errors), np.nan),
-        recommended=np.array([
-            number_for(number, error, found, accuracy, 0.0) if agrees(found, order)
+    for name, error in errors.items():
+        order = (2.0 if method.gamma == 0.5 else 1.0) if name == LINEAR else math.nan
+        fitted = fitted_order(dt, error, 0.0)
+        enough = (
+            number_for(number, error, fitted, accuracy, 0.0) if agrees(fitted, order)
             else number_of_case(number, error, 0.0, accuracy)
-            for error, found, order in zip(columns.T, fitted, expected, strict=True)
-        ]),
-        accuracy=accuracy,
-        notes=tuple(notes),
+        )  # fmt: skip
+        columns.append(new_column(name, "1", error, expected_order=order) | {
+            "error": error, "order": local_orders(dt, error, 0.0), "fitted_order": fitted, "recommended": enough
+        })  # fmt: skip
+    return table_of(
+        "step", [f"{step:.4g} s" for step in dt], number, dt, columns, accuracy=accuracy, notes=tuple(notes),
         problem="Runs in Newmark's steps, compared with a step four times finer than the finest",
     )  # fmt: skip
 

@@ -14,7 +14,15 @@ from numpy.typing import NDArray
 from femimpact.arrays import Array
 from femimpact.convergence.cases import Case
 from femimpact.convergence.quantities import Reading
-from femimpact.convergence.table import ConvergenceTable, local_orders, number_of_case, slope, statistic
+from femimpact.convergence.table import (
+    ConvergenceTable,
+    local_orders,
+    new_column,
+    number_of_case,
+    slope,
+    statistic,
+    table_of,
+)
 from femimpact.errors import (
     DivergenceError,
     check_fields,
@@ -267,45 +275,35 @@ def mode_convergence(
         for name, value in spread.items():
             scatter[name][case] = value
     laws = ", ".join(dict.fromkeys(pair.law.name for pair in system.contacts))
-    parts = [_column(name, k, values, scatter[name], numbers) for name, values in columns.items() for k in (0, 1)]
-    table = {name: np.array([part[name] for part in parts]).T for name in parts[0]}
     units = STATISTICS | FIRST_IMPACT | OTHERS
-    missing = np.full(len(parts), np.nan)
-    return ConvergenceTable(
-        axis="modes",
-        label=np.array([f"{count} modes" for count in numbers]),
-        number=numbers.astype(float),
-        size=1.0 / numbers,
-        failure=np.full(numbers.size, "", dtype="<U1"),
-        name=np.array([name.replace("_", " ") + end for name in columns for end in ("", CORRECTED)]),
-        unit=np.repeat([units[name] for name in columns], 2),
-        **table,
-        expected_order=missing,
-        floor=missing,
+    parts = [
+        _column(name, new_column(name.replace("_", " ") + end, units[name], values[:, k], scatter[name][:, k]), numbers,
+                float(values[-1, 1]))
+        for name, values in columns.items() for k, end in enumerate(("", CORRECTED))
+    ]  # fmt: skip
+    return table_of(
+        "modes", [f"{count} modes" for count in numbers], numbers.astype(float), 1.0 / numbers, parts,
         accuracy=ACCURACY,
-        notes=(*notes, *_notes(columns, table["error"], numbers, laws, cycles)),
+        notes=(*notes, *_notes(columns, parts, numbers, laws, cycles)),
         problem=(
             f"Runs with contacts ({laws}), base motion of {1e3 * excitation.amplitude:g} mm at "
             f"{excitation.frequency:g} Hz: {place} over the last {cycles} base cycles, and after one first impact"
         ),
-    )
+    )  # fmt: skip
 
 
 ACCURACY = 1e-3
 """Relative error of the first impact for which a number of modes is recommended."""
 
 
-def _column(name: str, k: int, values: Array, scatter: Array, counts: NDArray[np.int64]) -> dict[str, Any]:
-    """Errors, orders, reference and recommended number of a quantity without (k = 0) or with static correction."""
-    value, number, nothing = values[:, k], counts.astype(float), math.nan
-    column: dict[str, Any] = {"value": value, "scatter": scatter[:, k], "error": np.full(value.size, nothing)}
-    column |= {"order": column["error"], "fitted_order": nothing, "reference": nothing, "recommended": nothing}
+def _column(name: str, column: dict[str, Any], counts: NDArray[np.int64], exact: float) -> dict[str, Any]:
+    """A quantity with its errors, orders, reference and recommended number, as far as it has them."""
+    value, scatter, number = column["value"], column["scatter"], counts.astype(float)
     known = np.flatnonzero(np.isfinite(value))
-    if name in STATISTICS and known.size and np.any(scatter[:, k] > 0.0):
-        return column | statistic(value, scatter[:, k], number, known, ACCURACY)
+    if name in STATISTICS and known.size and np.any(scatter > 0.0):
+        return column | statistic(value, scatter, number, known, ACCURACY)
     if name not in FIRST_IMPACT:
         return column
-    exact = float(values[-1, 1])
     error = np.abs(value - exact) / (abs(exact) if exact else 1.0)
     # the largest count is the reference, and so has no error
     usable = np.isfinite(error[:-1]) & (error[:-1] > 0.0)
@@ -319,13 +317,13 @@ def _column(name: str, k: int, values: Array, scatter: Array, counts: NDArray[np
 
 
 def _notes(
-    columns: Mapping[str, Array], error: Array, counts: NDArray[np.int64], laws: str, cycles: int
+    columns: Mapping[str, Array], parts: Sequence[Any], counts: NDArray[np.int64], laws: str, cycles: int
 ) -> list[str]:  # fmt: skip
     notes = [
         f"statistics over the last {cycles} base cycles; differences below the scatter mean nothing",
         "first impact: errors against the largest count with static correction",
     ]
-    change = float(error[-2, 2 * list(columns).index("first_loss") + 1])
+    change = float(parts[2 * list(columns).index("first_loss") + 1]["error"][-2])
     if change > UNSETTLED:
         notes.append(
             f"loss of the first impact still changes by {number_text(100.0 * change, 3)} % from {counts[-2]} to "

@@ -20,12 +20,14 @@ from femimpact.convergence.table import (
     fitted_order,
     is_finer,
     local_orders,
+    new_column,
     number_for,
     number_of_case,
     observed_order,
     relative_error,
     rounding_floor,
     statistic,
+    table_of,
     usable_rows,
 )
 from femimpact.errors import FemimpactError, checked, optional, quantity, require, require_type
@@ -248,22 +250,13 @@ def _table(
         reference_error = column.pop("reference_error")
         if math.isfinite(reference_error):
             column["recommended"] = number_tried(trial, one, i, column, reference_error, number)
-    return ConvergenceTable(
-        axis=axis.name,
-        label=np.array([row.label for row in rows]),
-        number=number,
-        size=size,
-        failure=np.array([" ".join(str(one).split()) if isinstance(one, Exception) else "" for one in measured]),
-        name=np.array([head.name for head in heads]),
-        unit=np.array([head.unit for head in heads]),
-        value=value,
-        scatter=scatter,
-        expected_order=np.array([head.order for head in heads]),
-        **{name: np.array([column[name] for column in columns]).T for name in columns[0]},
+    return table_of(
+        axis.name, [row.label for row in rows], number, size, columns,
+        [" ".join(str(one).split()) if isinstance(one, Exception) else "" for one in measured],
         accuracy=accuracy,
         notes=(*_not_finer(axis, rows, value), *_notes(axis, plan, heads, columns, independent, accuracy)),
         problem=_problem(plan, scatter),
-    )
+    )  # fmt: skip
 
 
 def _values(measured: Sequence[Measured], count: int) -> tuple[Array, Array]:
@@ -287,8 +280,8 @@ def _column(
     """Errors, orders, reference, floor and recommended number of one quantity."""
     known = np.flatnonzero(np.isfinite(value))
     error, nothing = np.full(value.size, np.nan), math.nan
-    column: dict[str, Any] = {"error": error, "order": error.copy()}
-    column |= dict.fromkeys(("fitted_order", "reference", "floor", "reference_error", "recommended"), nothing)
+    column = new_column(head.name, head.unit, value, scatter, head.order)
+    column |= {"reference_error": nothing, "error": error, "order": error.copy()}
     if known.size == 0:
         return column
     if np.any(scatter[known] > 0.0):

@@ -443,6 +443,26 @@ class ConvergenceTable:
         return xarray.Dataset(data, coords=coords, attrs=attributes)
 
 
+def new_column(
+    name: str, unit: str, value: Array, scatter: Array | None = None, expected_order: float = math.nan
+) -> dict[str, Any]:
+    """A quantity of a table of which nothing is known but its values (cases,)."""
+    missing = np.full(value.size, np.nan)
+    column = {"name": name, "unit": unit, "value": value, "expected_order": expected_order}
+    column |= {"scatter": np.zeros(value.size) if scatter is None else scatter, "error": missing, "order": missing}
+    return column | dict.fromkeys(("fitted_order", "reference", "floor", "recommended"), math.nan)
+
+
+def table_of(
+    axis: str, label: Sequence[str], number: Array, size: Array, columns: Sequence[dict[str, Any]],
+    failure: Sequence[str] | None = None, **others: Any,
+) -> ConvergenceTable:  # fmt: skip
+    """A table of quantities, each as of `new_column`."""
+    failures = np.array([""] * len(label) if failure is None else failure)
+    of_quantities = {name: np.array([column[name] for column in columns]).T for name in columns[0]}
+    return ConvergenceTable(axis, np.array(label), number, size, failures, **of_quantities, **others)
+
+
 @dataclass(frozen=True, eq=False)
 class ConvergenceStudy:
     """Tables of a convergence study by the name of their axis: "mesh", "step", "modes".

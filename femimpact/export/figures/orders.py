@@ -110,7 +110,7 @@ def convergence(
 
 @takes(table=instance(ConvergenceTable))
 def convergence_panels(table: ConvergenceTable, figure: FigureBase | OffScreen | None = None) -> NDArray[np.object_]:
-    """The curves of `convergence` in a panel for each kind of quantity: frequencies, shapes, displacements, forces.
+    """The curves of `convergence` in a panel for each kind of quantity that has errors: frequencies, shapes, forces.
 
     Parameters
     ----------
@@ -123,7 +123,9 @@ def convergence_panels(table: ConvergenceTable, figure: FigureBase | OffScreen |
     ndarray (kinds,) of Axes
     """
     kinds: dict[str, list[str]] = {}
-    for name, unit, is_statistic in zip(table.name, table.unit, table.is_statistic, strict=True):
+    has_errors = np.any(table.error > 0.0, axis=0)
+    for i in np.flatnonzero(has_errors if np.any(has_errors) else ~has_errors).tolist():
+        name, unit, is_statistic = table.name[i], table.unit[i], table.is_statistic[i]
         kind = "statistics" if is_statistic else KINDS.get(str(unit), "forces, moments and stresses")
         kinds.setdefault(kind, []).append(str(name))
     columns = min(len(kinds), 2)
