@@ -459,7 +459,7 @@ def table_of(
 ) -> ConvergenceTable:  # fmt: skip
     """A table of quantities, each as of `new_column`."""
     failures = np.array([""] * len(label) if failure is None else failure)
-    of_quantities = {name: np.array([column[name] for column in columns]).T for name in columns[0]}
+    of_quantities: dict[str, Any] = {name: np.array([column[name] for column in columns]).T for name in columns[0]}
     return ConvergenceTable(axis, np.array(label), number, size, failures, **of_quantities, **others)
 
 

@@ -433,7 +433,7 @@ FAMILIES = 6
 
 
 POWER = "Relative errors. A straight line falls with a power of the size, its order."
-KINDS = {
+ERROR_TABLES = {
     "convergence": ("Convergence over the {}", POWER),
     "statistics": (
         "Runs with contacts, over the {}",
@@ -441,7 +441,7 @@ KINDS = {
     ),
     "runs": ("Runs in steps", POWER),
 }
-"""Heading and words of each kind of tables."""
+"""Heading and words of each kind of tables of errors."""
 
 
 def axis_section(
@@ -449,7 +449,7 @@ def axis_section(
     columns: Mapping[str, Any],  # as of `ConvergenceTable.columns`
     units: Mapping[str, str],
     file: str = "",
-    kind: str = "convergence",  # of `KINDS`
+    kind: str = "convergence",  # of `ERROR_TABLES`
 ) -> Section | None:
     """Relative errors over one axis, and the values behind them; None of a table without errors."""
     names = [name.removesuffix("_error") for name in columns if name.endswith("_error")]
@@ -466,7 +466,7 @@ def axis_section(
         for name in rows_of
     )
     rows = tuple(zip(*(np.asarray(values).tolist() for values in rows_of.values()), strict=True))
-    heading, words = KINDS[kind]
+    heading, words = ERROR_TABLES[kind]
     return Section(
         f"{kind}-{axis}", heading.format(axis),
         (
