@@ -283,9 +283,9 @@ class _Run:
 
 
 def run_events(
+    method: EventSettings,
     system: System,
     excitation: Excitation,
-    method: EventSettings,
     duration: float,
     recorder: Recorder,
     initial: State,
