@@ -7,11 +7,11 @@ import numpy as np
 from femimpact.arrays import Array, own
 from femimpact.errors import changed
 from femimpact.excitation import Excitation
-from femimpact.integrators.assembly import MethodRun, impacts_of, readings_of
+from femimpact.integrators.assembly import MethodRun, cycles_of_table, impacts_of, readings_of
 from femimpact.integrators.cases import first_steps
 from femimpact.integrators.channel_rows import drive_of
 from femimpact.response.channels import resolve_channels
-from femimpact.response.impacts import IMPACT_COLUMNS, TOTAL_COLUMNS
+from femimpact.response.impacts import CYCLE_COLUMNS, IMPACT_COLUMNS, TOTAL_COLUMNS
 from femimpact.response.response import Recorder
 from femimpact.response.signals import CycleStatistics, samples_by_cycle
 from femimpact.system.state import State
@@ -83,6 +83,8 @@ def _whole_cycles(time: Array, values: Array, excitation: Excitation) -> CycleSt
     turns = excitation.frequency * (time - time[0])
     half = 0.5 * float(turns[1])
     count = int(turns[-1] + half)
+    if count == 0:
+        return cycles_of_table(np.zeros((len(CYCLE_COLUMNS), 0, 1)))
     whole = turns <= count + half
     return samples_by_cycle(time[whole], values[whole], excitation, count)
 
