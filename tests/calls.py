@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -17,7 +16,6 @@ from nouns import (
     STRUCTURE,
     curve,
     grid,
-    mode_convergence,
     parameter_study,
     piece,
     response,
@@ -103,12 +101,6 @@ def piece_without_snapshots() -> fi.HistoryPiece:
     return fi.HistoryPiece(kept.time, kept.channels, kept.units, kept.energy, None, kept.base)
 
 
-@cache
-def with_scatter() -> fi.ModeConvergence:
-    columns = ("rms", "contact_loss", "structure_loss", "damping")
-    return replace(mode_convergence(), scatter={name: np.ones((3, 2)) for name in columns})
-
-
 def csv_file() -> Path:
     return write_csv("table.csv", {"a": [1.0, 2.0]}, {"a": "m"})
 
@@ -155,8 +147,6 @@ FIGURES = {
     "energies": lambda: {"response": drawn_run(), "figure": SHEET},
     "impact_histograms": lambda: {"response": drawn_run(), "figure": SHEET},
     "impulse_phase": lambda: {"response": drawn_run(), "ax": SHEET},
-    "mesh_convergence": lambda: {"result": NOUNS["MeshConvergence"](), "slope": 4.0, "ax": SHEET},
-    "mode_convergence": lambda: {"result": with_scatter(), "figure": SHEET},
     "mode_shapes": lambda: {
         "system": system(), "modes": modes(), "points": 20, "structure": STRUCTURE, "figure": SHEET
     },
@@ -181,7 +171,6 @@ FIGURES = {
     "transfer_function": lambda: {
         "transfers": fi.transfer_function(small(), [5.0, 6.0], "tip"), "channel": "tip", "figure": SHEET
     },
-    "step_convergence": lambda: {"result": NOUNS["StepConvergence"](), "slope": 2.0, "ax": SHEET},
     "study_lines": lambda: {"dataset": studied(1), "measure": "peak", "title": "title", "ax": SHEET},
     "study_map": lambda: {"dataset": studied(2), "measure": "peak", "title": "title", "ax": SHEET},
     "study_maps": lambda: {"dataset": studied(3), "measure": "peak", "figure": SHEET},

@@ -15,7 +15,6 @@ from femimpact.app.study.base_motion import BaseMotion
 from femimpact.app.study.study import Gravity
 from femimpact.contact import collision as closed_forms
 from femimpact.contact import resolve
-from femimpact.convergence.mesh_and_step import MeshConvergence, StepConvergence
 from femimpact.integrators.cases import AchievedRestitution
 from femimpact.response.cycles import CycleStatistics, steady_motion
 from femimpact.response.impacts import StickingPhases, event_log, event_width
@@ -111,15 +110,6 @@ def piece() -> fi.HistoryPiece:
     return fi.HistoryPiece(kept.time, kept.channels, kept.units, kept.energy, kept.snapshots, kept.base)
 
 
-@cache
-def mode_convergence() -> fi.ModeConvergence:
-    counts = np.array([1, 2, 3])
-    return columns(
-        fi.ModeConvergence, {"counts": 3}, counts=counts, scatter={"rms": np.ones((3, 2))}, at="tip", law="rigid",
-        cycles=8, notes=("note",),
-    )  # fmt: skip
-
-
 def convergence_table() -> fi.ConvergenceTable:
     sizes = {"cases": 3, "quantities": 4}
     texts = {name: np.array(["a", "b", "c"]) for name in ("label", "failure")}
@@ -180,7 +170,6 @@ NOUNS = {
     "Material": lambda: fi.STEEL,
     "Mesh": lambda: fi.Mesh([0.0, 0.1, 0.2], {"sensor": 0.1}, {"root half": [0]}),
     "ModalDamping": lambda: fi.ModalDamping((0.01, 0.02)),
-    "ModeConvergence": mode_convergence,
     "Modes": lambda: fi.solve_modes(system(), 2),
     "MoreauJean": lambda: fi.MoreauJean(1e-4),
     "Newmark": lambda: fi.Newmark(1e-4),
@@ -220,9 +209,6 @@ NOUNS = {
     "CycleStatistics": lambda: columns(CycleStatistics, {"cycles": 8, "cases": 2}),
     "Gravity": lambda: Gravity(-9.81),
     "MeshChoice": lambda: MeshChoice(elements=4),
-    "MeshConvergence": lambda: columns(
-        MeshConvergence, {"meshes": 3, "modes": 2}, elements=np.array([2, 4, 8]), notes=("note",)
-    ),
     "Output": Output,
     "Reduction": lambda: Reduction(4),
     "Regime": lambda: Regime("periodic", 2, 1, "2:1 periodic", "words"),
@@ -232,9 +218,6 @@ NOUNS = {
     "Section": lambda: grid().sections.section(0),
     "SectionFields": lambda: grid().sections,
     "SteadyMotion": lambda: response().steady,
-    "StepConvergence": lambda: columns(
-        StepConvergence, {"steps": 3}, linear_order=2.0, first_impact_order=1.0, impacts=8, notes=("note",)
-    ),
     "OrbitsPlan": lambda: OrbitsPlan("frequency", (4.0, 6.0), 10.0, switch=("grazing",)),
     "SweepPlan": lambda: SweepPlan(4.0, 6.0, 21, 300),
 }

@@ -485,19 +485,18 @@ def test_converge_studies_a_mesh_file_and_its_refinements_in_80_columns(tmp_path
     found = write_convergence(study, tmp_path / "out", False, lambda what, share: None, 1e-3)
     lines = convergence_lines(found)
     assert max(map(len, lines)) <= 80
-    assert found.tables["mesh"].number.tolist() == [6, 12, 24, 48, 96]
-    assert set(found.tables.tables) == {"mesh", "modes"}
+    assert found.tables["quantities_over_mesh"].number.tolist() == [6, 12, 24, 48, 96]
+    assert set(found.tables) == {"quantities_over_mesh", "quantities_over_modes"}
     assert any("Newmark's method only" in line for line in lines)
     # on the thin side of the joint the same moment gives twice the stress and more
-    assert found.tables["mesh"].name.tolist()[-2:] == ["stress root", "stress joint"]
+    assert found.tables["quantities_over_mesh"].name.tolist()[-2:] == ["stress root", "stress joint"]
     # errors are told apart where values would not be
     shown = next(line for line in lines if line.startswith("frequency 1 ")).split()[2:]
     assert len(set(shown)) == 5
     files = {path.name for path in (tmp_path / "out").iterdir()}
     assert files == {
         "quantities_over_mesh.csv", "quantities_over_mesh.png", "quantities_over_modes.csv",
-        "quantities_over_modes.png", "convergence_summary.csv", "mesh_convergence.csv", "mesh_convergence.png",
-        "convergence.json", "report.html",
+        "quantities_over_modes.png", "convergence_summary.csv", "convergence.json", "report.html",
     }  # fmt: skip
 
 

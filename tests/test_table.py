@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from nouns import NOUNS, curve, mode_convergence, oscillators, response, small, system
+from nouns import NOUNS, curve, oscillators, response, small, system
 
 import femimpact as fi
 from femimpact.response.impacts import IMPACT_UNITS, impact_columns
@@ -20,9 +20,6 @@ TABLES = {
     "EventLog": None,
     "FrequencyResponse": "frequency",
     "Impacts": None,
-    "MeshConvergence": "elements",
-    "ModeConvergence": "modes",
-    "StepConvergence": "dt",
     "StickingPhases": None,
 }
 """Tables with columns, and the index of their frames."""
@@ -73,10 +70,7 @@ def test_what_is_no_name_is_no_column(name, wrong):
         ("EnergyLedger", "kinetik", "kinetic"),
         ("FrequencyResponse", "peaks", "peak"),
         ("StickingPhases", "begin", "end"),
-        ("StepConvergence", "linear_errors", "linear_error"),
         # no column: the number of modes is its length, and the order is of the whole study
-        ("MeshConvergence", "orders", "error"),
-        ("ModeConvergence", "RMS", "known: "),
     ],
 )
 def test_an_unknown_column_is_refused_with_the_closest_one(name, wrong, meant):
@@ -95,11 +89,7 @@ def test_a_frame_holds_the_columns_with_their_units(name):
     assert list(frame.attrs["units"]) == names
     for column, unit in columns_of(name, table).items():
         values = np.asarray(getattr(table, column))
-        if name == "ModeConvergence":
-            # both cases of a count have a separate row
-            if column != "counts":
-                np.testing.assert_array_equal(frame[column], values.ravel())
-        elif values.ndim == 1:
+        if values.ndim == 1:
             kept = frame.index if column == TABLES[name] else frame[column]
             np.testing.assert_array_equal(kept, values)
             assert frame.attrs["units"][column] == unit
@@ -153,15 +143,6 @@ def test_the_frame_of_modes_has_a_row_for_every_mode():
         "mode": "1", "natural_frequency": "Hz", "damping_ratio": "1", "participation_factor": "kg^0.5",
         "effective_mass": "kg",
     }  # fmt: skip
-
-
-def test_the_frame_of_a_study_over_modes_says_which_rows_are_corrected():
-    study = mode_convergence()
-    frame = replace(study, rms=np.arange(6.0).reshape(3, 2)).to_pandas()
-    assert list(frame.index) == [1, 1, 2, 2, 3, 3]
-    np.testing.assert_array_equal(frame.loc[~frame["static_correction"], "rms"], [0.0, 2.0, 4.0])
-    np.testing.assert_array_equal(frame.loc[frame["static_correction"], "rms"], [1.0, 3.0, 5.0])
-    assert frame.attrs["units"]["rms_scatter"] == "m"
 
 
 @pytest.mark.parametrize("name", SHORT)

@@ -165,6 +165,28 @@ def number_of_case(number: Array, error: Array, doubt: float, accuracy: float) -
     return float(number[after[0]]) if after.size else math.nan
 
 
+MEANINGFUL = 3.0
+"""Standard errors beyond which a difference of two means is taken to mean something."""
+
+
+def statistic(
+    value: Array,  # (cases,)
+    scatter: Array,  # (cases,)
+    number: Array,  # (cases,)
+    known: NDArray[np.intp],  # cases that have values
+    accuracy: float,
+) -> dict[str, Any]:
+    """Differences from the finest case; the recommended number is the first from which on none means anything."""
+    reference = float(value[known[-1]])
+    error = relative_error(value, reference)
+    noise = MEANINGFUL * np.hypot(scatter, scatter[known[-1]]) / (abs(reference) or 1.0)
+    beyond = known[error[known] > np.maximum(accuracy, noise[known])]
+    first = known[known > beyond[-1]][0] if beyond.size else known[0]
+    # of the finest case alone nothing is known
+    settled = math.nan if first == known[-1] else float(number[first])
+    return {"error": error, "reference": reference, "recommended": settled}
+
+
 WIDTH = 80
 """Characters of a line."""
 
@@ -245,10 +267,6 @@ def _orders(table: ConvergenceTable, width: int) -> list[str]:
         limit = "" if math.isnan(table.reference[j]) else f"  {table.reference[j]:.7g}{unit}"
         lines.append(line(str(table.name[j]), [*orders, cell(table.floor[j]), number], limit))
     return [*lines, ""]
-
-
-MEANINGFUL = 3.0
-"""Standard errors beyond which a difference of two means is taken to mean something."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -423,6 +441,26 @@ class ConvergenceTable:
             "axis": self.axis, "problem": self.problem, "accuracy": self.accuracy, "notes": "; ".join(self.notes),
         }  # fmt: skip
         return xarray.Dataset(data, coords=coords, attrs=attributes)
+
+
+def new_column(
+    name: str, unit: str, value: Array, scatter: Array | None = None, expected_order: float = math.nan
+) -> dict[str, Any]:
+    """A quantity of a table of which nothing is known but its values (cases,)."""
+    missing = np.full(value.size, np.nan)
+    column = {"name": name, "unit": unit, "value": value, "expected_order": expected_order}
+    column |= {"scatter": np.zeros(value.size) if scatter is None else scatter, "error": missing, "order": missing}
+    return column | dict.fromkeys(("fitted_order", "reference", "floor", "recommended"), math.nan)
+
+
+def table_of(
+    axis: str, label: Sequence[str], number: Array, size: Array, columns: Sequence[dict[str, Any]],
+    failure: Sequence[str] | None = None, **others: Any,
+) -> ConvergenceTable:  # fmt: skip
+    """A table of quantities, each as of `new_column`."""
+    failures = np.array([""] * len(label) if failure is None else failure)
+    of_quantities: dict[str, Any] = {name: np.array([column[name] for column in columns]).T for name in columns[0]}
+    return ConvergenceTable(axis, np.array(label), number, size, failures, **of_quantities, **others)
 
 
 @dataclass(frozen=True, eq=False)

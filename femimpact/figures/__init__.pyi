@@ -14,9 +14,6 @@ from femimpact.figures.histories import cycle_averaged_force as cycle_averaged_f
 from femimpact.figures.histories import energies as energies
 from femimpact.figures.orders import convergence as convergence
 from femimpact.figures.orders import convergence_panels as convergence_panels
-from femimpact.figures.orders import mesh_convergence as mesh_convergence
-from femimpact.figures.orders import mode_convergence as mode_convergence
-from femimpact.figures.orders import step_convergence as step_convergence
 from femimpact.figures.portraits import bifurcation as bifurcation
 from femimpact.figures.portraits import motion as motion
 from femimpact.figures.portraits import phase_portrait as phase_portrait

@@ -38,7 +38,6 @@ from femimpact.signals.bandwidth import DampingEstimate, half_power
 from femimpact.signals.one_pole import fit_one_pole
 from femimpact.structure.structure import Position
 from femimpact.svg import Chart, Line, axis_of
-from femimpact.sweep.dwells import DwellRun
 from femimpact.system.modes import first_elastic_frequency
 from femimpact.system.state import State
 from femimpact.system.system import System
@@ -338,7 +337,7 @@ def empty_columns(count: int) -> Columns:
 
 
 def columns_of_dwells(found: SineDwellResults, f: Array, ledger: bool) -> tuple[Columns, list[str]]:
-    """Columns of the dwells of one compiled call, and its warnings, with one for each dwell that failed.
+    """Columns of dwells, and their warnings, with one for each dwell that failed.
 
     Raises `DivergenceError` if all have.
     """
@@ -355,21 +354,6 @@ def columns_of_dwells(found: SineDwellResults, f: Array, ledger: bool) -> tuple[
         # a dwell that failed has a warning already
         warnings += residual_warnings(f, np.where(completed, found.residual, 0.0), found.bound)
     return columns, warnings
-
-
-def columns_of_runs(runs: Sequence[DwellRun]) -> tuple[Columns, list[str]]:
-    """The same of dwells that are separate runs."""
-    columns = empty_columns(len(runs))
-    for i, run in enumerate(runs):
-        if run.motion is None or run.statistics is None:
-            continue
-        for name in MOTION_UNITS:
-            columns[name][i] = getattr(run.motion, name)[0]
-        for name in IMPACT_NAMES:
-            columns[name][i] = getattr(run.statistics, name)
-        columns["energy_residual"][i] = run.residual
-    failures = _failures([run.failure for run in runs])
-    return columns, [*dict.fromkeys(text for run in runs for text in run.warnings), *failures]
 
 
 def _failures(failures: Sequence[str]) -> list[str]:

@@ -415,12 +415,24 @@ FAMILIES = 6
 """Lines of one chart."""
 
 
+POWER = "Relative errors. A straight line falls with a power of the size, its order."
+ERROR_TABLES = {
+    "convergence": ("Convergence over the {}", POWER),
+    "statistics": (
+        "Runs with contacts, over the {}",
+        "Means over several starts: a difference below three standard errors means nothing.",
+    ),
+    "runs": ("Runs in steps", POWER),
+}
+"""Heading and words of each kind of tables of errors."""
+
+
 def axis_section(
     axis: str,  # {"mesh", "step", "modes"}
     columns: Mapping[str, Any],  # as of `ConvergenceTable.columns`
     units: Mapping[str, str],
     file: str = "",
-    statistics: bool = False,  # whether the values are means over starts, which scatter
+    kind: str = "convergence",  # of `ERROR_TABLES`
 ) -> Section | None:
     """Relative errors over one axis, and the values behind them; None of a table without errors."""
     names = [name.removesuffix("_error") for name in columns if name.endswith("_error")]
@@ -437,13 +449,9 @@ def axis_section(
         for name in rows_of
     )
     rows = tuple(zip(*(np.asarray(values).tolist() for values in rows_of.values()), strict=True))
-    heading = "Runs with contacts, over the mesh" if statistics else f"Convergence over the {axis}"
-    words = (
-        "Means over several starts: a difference below three standard errors means nothing." if statistics
-        else "Relative errors. A straight line falls with a power of the size, its order."
-    )  # fmt: skip
+    heading, words = ERROR_TABLES[kind]
     return Section(
-        f"statistics-{axis}" if statistics else f"convergence-{axis}", heading,
+        f"{kind}-{axis}", heading.format(axis),
         (
             element("p", words), element("div.charts", *(chart_element(one) for one in charts if one.lines)),
             table_element(Table("Values of the cases", header, rows, file)),
@@ -464,24 +472,6 @@ def _error_chart(across: Axis, number: NDArray[np.float64], errors: Mapping[str,
         if known.any():
             lines.append(Line(words, number[known], error[known], 1 + i, marked=np.ones(int(known.sum()), dtype=bool)))
     return Chart("", across, axis_of("relative error", *(line.y for line in lines), logarithmic=True), tuple(lines))
-
-
-def steps_section(columns: Mapping[str, Any], file: str = "") -> Section | None:
-    """Errors of runs in steps over the step; None of a table without them."""
-    labels = {
-        "linear_error": "without ball",
-        "first_impact_error": "to the first impact",
-        "energy_residual": "energy residual",
-    }
-    known = {name: words for name, words in labels.items() if name in columns}
-    if "dt" not in columns or not known:
-        return None
-    step = 1e3 * np.asarray(columns["dt"], dtype=float)
-    errors = {words: columns[name] for name, words in known.items()}
-    chart = _error_chart(axis_of("time step (ms)", step, logarithmic=True), step, errors)
-    rows = tuple(zip(*(np.asarray(columns[name]).tolist() for name in ("dt", *known)), strict=True))
-    table = Table("Errors of runs in steps", ("step (s)", *known.values()), rows, file)
-    return Section("steps", "Runs in steps", (element("div.charts", chart_element(chart)), table_element(table)))
 
 
 def summary_table(columns: Mapping[str, Any], file: str = "") -> Table:

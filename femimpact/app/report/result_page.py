@@ -23,7 +23,6 @@ from femimpact.app.report.charts import (
     history_section,
     impacts_section,
     modes_section,
-    steps_section,
     summary_table,
 )
 from femimpact.app.report.drive_charts import drive_section, spectra_section
@@ -86,12 +85,13 @@ from femimpact.app.study.summary import drive_name
 from femimpact.errors import InputError, require, require_path
 from femimpact.excitation import SteppedSine
 from femimpact.excitation.excitation import has_cycle, words_of
+from femimpact.figures.study_labels import in_shown_units
 from femimpact.scene.placed import DrawnSystem, drawn_system, placed_structure
 from femimpact.signals.densities import MODES, modes_of
 from femimpact.structure.structure import Structure
 from femimpact.svg import Element, element
 from femimpact.system.system import System
-from femimpact.units import in_shown_units, unit_text
+from femimpact.units import unit_text
 
 if TYPE_CHECKING:
     import xarray
@@ -509,19 +509,16 @@ def _convergence(results: ResultReading) -> list[Section]:
     def recommended(columns: Any, name: str) -> Section:
         return Section("recommended", "Recommended numbers", (table_element(summary_table(columns, name)),))
 
-    def over(axis: str, statistics: bool = False) -> Callable[[Any, str], Section | None]:
-        return lambda columns, name: axis_section(axis, columns, results.units(name), name, statistics=statistics)
+    def over(file: str) -> list[Section]:
+        kind, axis = file.split("_over_")
+        kind = "convergence" if kind == "quantities" else kind
+        return _of_table(
+            results, file, lambda columns, name: axis_section(axis, columns, results.units(name), name, kind)
+        )  # fmt: skip
 
-    return [
-        *_of_table(results, "convergence_summary", recommended),
-        *(
-            one
-            for axis in ("mesh", "step", "modes")
-            for one in _of_table(results, f"quantities_over_{axis}", over(axis))
-        ),
-        *_of_table(results, "statistics_over_mesh", over("mesh", statistics=True)),
-        *_of_table(results, "step_convergence", steps_section),
-    ]
+    files = ("quantities_over_mesh", "quantities_over_step", "quantities_over_modes", "statistics_over_mesh")
+    sections = (over(file) for file in (*files, "runs_over_step"))
+    return [*_of_table(results, "convergence_summary", recommended), *(one for part in sections for one in part)]
 
 
 def _parameter_study(results: ResultReading) -> list[Section]:

@@ -366,7 +366,8 @@ def _response(key: str, heading: str, response: Response, structure: Structure |
 
 
 def _convergence(table: ConvergenceTable) -> list[Section]:
-    section = axis_section(table.axis, *table.columns(), statistics=bool(np.any(table.is_statistic)))
+    kind = "statistics" if np.any(table.is_statistic) else "convergence"
+    section = axis_section(table.axis, *table.columns(), kind=kind)
     columns, _ = table.summary()
     summary = table_element(summary_table(columns))
     return [Section(section.key, section.heading, (*section.content, summary))] if section is not None else []

@@ -74,19 +74,15 @@ _ROWS: Mapping[str, tuple[str, ...]] = {
         "peaks with balls or absorbers over the frequency: median, smallest and largest of the starts in each frame",
         "demo, sweep with starts",
     ),
-    "mesh_convergence": ("mesh_convergence.csv", "natural frequencies over the mesh", "converge"),
-    "mesh_convergence_figure": ("mesh_convergence.png", "natural frequencies over the mesh", "converge"),
-    "step_convergence": ("step_convergence.csv", "errors of runs in steps", "converge"),
-    "step_convergence_figure": ("step_convergence.png", "errors of runs in steps", "converge"),
     **{
-        f"quantities_over_{axis}{key}": (f"quantities_over_{axis}.{suffix}", words.format(axis), "converge")
-        for axis in ("mesh", "step", "modes")
-        for key, suffix, words in (
-            ("", "csv", "values and errors over the {}"),
-            ("_figure", "png", "the same as a figure: quantities_over_{}.csv"),
+        f"{name}{key}": (f"{name}.{suffix}", about.format(words, name), "converge")
+        for name, words in (
+            *((f"quantities_over_{axis}", f"values and errors over the {axis}") for axis in ("mesh", "step", "modes")),
+            ("statistics_over_mesh", "means of runs with contacts over the mesh"),
+            ("runs_over_step", "errors of runs in steps"),
         )
+        for key, suffix, about in (("", "csv", "{}"), ("_figure", "png", "the same as a figure: {1}.csv"))
     },
-    "statistics_over_mesh": ("statistics_over_mesh.csv", "means of runs with contacts over the mesh", "converge"),
     "convergence_summary": ("convergence_summary.csv", "orders and recommended numbers", "converge"),
     "parameter_study": ("study.nc", "every measure over the axes of the study, with labels (netCDF, xarray)", "study"),
     "parameter_table": ("study.csv", "every measure and its statistics, a row for each case", "study"),
