@@ -229,6 +229,23 @@ def number_text(
     return f"{value:.0f}"
 
 
+MINUS, TIMES, NO_NUMBER, INFINITE = "\u2212", "\u00d7", "\u2013", "\u221e"
+"""A minus and a multiplication sign, a dash for a missing value, and the sign of infinity."""
+
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def typeset_number(value: float, digits: int = 4, zeros: bool = False) -> str:
+    """The number of `number_text` with a minus sign, a power of ten as on paper, and a word for what is none."""
+    if math.isnan(value):
+        return NO_NUMBER
+    if math.isinf(value):
+        return INFINITE if value > 0 else f"{MINUS}{INFINITE}"
+    mantissa, _, exponent = number_text(value, digits, zeros).partition("e")
+    power = f"{TIMES}10{str(int(exponent)).translate(_RAISED)}" if exponent else ""
+    return f"{mantissa}{power}".replace("-", MINUS)
+
+
 def prefixed(largest: float, unit: str) -> tuple[float, str]:
     """Factor and unit with the prefix in which the largest value is at least 1.
 

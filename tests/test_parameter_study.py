@@ -19,7 +19,6 @@ import xarray
 from builders import REFERENCE, with_ball
 
 import femimpact as fi
-from femimpact.export.report.maps import maps_section
 from femimpact.export.tables import case_columns, unsure_cells
 from femimpact.parametric import evaluation
 from femimpact.parametric.block_files import BLOCKS
@@ -32,7 +31,6 @@ from femimpact.study.base_motion import SignalMotion
 from femimpact.study.demo import paper_study, paper_study_text
 from femimpact.study.result_conclusions import study_conclusions, study_lead
 from femimpact.study.study_file import read_study, study_text
-from femimpact.svg import markup
 from femimpact.units import prefixed
 
 pytestmark = pytest.mark.impacts
@@ -804,8 +802,6 @@ def test_an_axis_of_pairs_is_told_by_its_gaps_and_not_by_their_numbers(tmp_path)
     assert f"at gap of impactor ball {smallest}; the largest is" in study_conclusions(found)[0].note
     drawn = fi.figures.study_lines(found, "peak", ax=fi.figures.OffScreen())
     assert [label.get_text() for label in drawn.get_xticklabels()] == ["(3, 4)", "(5, 5)"]
-    page = markup(maps_section(found).content[0])
-    assert "0: (3, 4) mm; 1: (5, 5) mm" in page
 
 
 def test_a_study_file_goes_round_and_its_table_has_a_row_for_every_case():

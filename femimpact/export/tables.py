@@ -18,8 +18,7 @@ from femimpact.arrays import Array
 from femimpact.errors import require
 from femimpact.export.files import GuardedFile, atomic_path, atomic_write, file_path
 from femimpact.regular_file import decimal_number, open_regular
-from femimpact.svg import number_text
-from femimpact.units import GRAVITY
+from femimpact.units import GRAVITY, typeset_number
 
 if TYPE_CHECKING:
     import xarray
@@ -124,13 +123,13 @@ def case_columns(
 def unit_text(value: float, unit: str) -> str:
     """A number for the eye, with its unit."""
     factor, name = PREFIXES.get(unit, (1.0, unit))
-    return f"{number_text(factor * float(value))} {unit_words(value, name)}".rstrip()
+    return f"{typeset_number(factor * float(value))} {unit_words(value, name)}".rstrip()
 
 
 def unit_words(value: float, unit: str) -> str:
     """The unit that stands behind a number, of an acceleration with the number in g."""
     if unit == "m/s^2":
-        return f"{unit} ({number_text(float(value) / GRAVITY, 3)} g)"
+        return f"{unit} ({typeset_number(float(value) / GRAVITY, 3)} g)"
     return "" if unit == "1" else unit
 
 
@@ -175,7 +174,12 @@ def map_panels(
 
 
 def single_samples(dataset: xarray.Dataset) -> NDArray[np.bool_]:
-    """True where a value is a sample of a motion that does not repeat, without an interval of its median."""
+    """True where a value is a sample of a motion that does not repeat, without an interval of its median.
+
+    Of a dataset that is none of a parameter study nothing is known of it.
+    """
+    if "finished" not in dataset:
+        return np.zeros((), dtype=bool)
     if "median_interval" in dataset.attrs:
         return np.zeros(dataset["finished"].shape, dtype=bool)
     repeated = dataset["periodic_starts"].to_numpy() + dataset["failed_starts"].to_numpy()

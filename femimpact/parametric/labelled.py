@@ -14,7 +14,6 @@ import scipy
 from numpy.typing import NDArray
 
 from femimpact.arrays import Array, Integers
-from femimpact.export.report.drive_charts import drive_words
 from femimpact.export.tables import unit_text
 from femimpact.integrators.planned_drive import contact_notes, step_rows
 from femimpact.integrators.preflight_row import PreflightRow
@@ -22,6 +21,7 @@ from femimpact.parametric.definition import ParameterStudy
 from femimpact.parametric.measures import better_of
 from femimpact.parametric.runs import BlockValues
 from femimpact.response.signals import deflection_warnings
+from femimpact.study.drive_words import drive_words
 from femimpact.study.study import Study
 from femimpact.study.study_file import study_text
 from femimpact.system.system import System, without_impactors

@@ -26,20 +26,17 @@ from femimpact.export.tables import (
     unit_words,
     value_words,
 )
-from femimpact.structure.structure import Structure
 from femimpact.study.best_design import MOST_NAMED, BestCase, design_notes, label_of, more_designs, told
-from femimpact.study.picture_data import read_mode_shapes
+from femimpact.study.picture_data import StructureModes, read_mode_shapes
 from femimpact.study.result_directory import FILES, ResultsWarning
 from femimpact.study.results import carried_of, read_dataset, read_table
+from femimpact.study.study import Study
+from femimpact.study.study_file import load_study
 from femimpact.study.summary import Spread, contacts_of, spread_text, window_of_peaks
-from femimpact.svg import number_text
-from femimpact.units import interval_texts, prefixed
+from femimpact.units import interval_texts, prefixed, typeset_number
 
 if TYPE_CHECKING:
     import xarray
-
-    from femimpact.system.modes import Modes
-    from femimpact.system.system import System
 
 T = TypeVar("T")
 
@@ -69,6 +66,12 @@ class ResultReading:
         return found
 
     @cached_property
+    def study(self) -> Study | None:
+        """The study of the results, as the history."""
+        path = self.folder / FILES["study"].name
+        return self.attempt(path.name, lambda: load_study(path)) if path.exists() else None
+
+    @cached_property
     def history(self) -> xarray.Dataset | None:
         """The history; None where there is none, or it cannot be read."""
         return self.attempt(FILES["history"].name, lambda: read_dataset(self.folder, "history", self.summary))
@@ -80,7 +83,7 @@ class ResultReading:
         return self.attempt(name, lambda: read_dataset(self.folder, "parameter_study", self.summary))
 
     @cached_property
-    def modes(self) -> tuple[System, Modes, Structure | None] | None:
+    def modes(self) -> StructureModes | None:
         """The mode shapes, as the history."""
         return self.attempt(FILES["mode_shapes"].name, lambda: read_mode_shapes(self.folder, self.summary))
 
@@ -135,7 +138,7 @@ def _orbits(summary: Mapping[str, Any]) -> list[Conclusion]:
 
 def _shown(value: float) -> str:
     """Four digits, those at the end that are zero among them."""
-    return str(int(value)) if value == int(value) and abs(value) >= 1000.0 else number_text(value, zeros=True)
+    return str(int(value)) if value == int(value) and abs(value) >= 1000.0 else typeset_number(value, zeros=True)
 
 
 def number_conclusion(label: str, value: float, unit: str, **more: Any) -> Conclusion:
@@ -178,9 +181,9 @@ def _peaks(summary: Mapping[str, Any]) -> list[Conclusion]:
         found.append(
             number_conclusion(
                 f"Largest peak {words}", peak, "m",
-                scatter=f"may be read up to {number_text(100 * (low or 0.0), 2)} % too low" if coarse else "",
+                scatter=f"may be read up to {typeset_number(100 * (low or 0.0), 2)} % too low" if coarse else "",
                 one_sample=bool(_at(summary, "sweep", case, "peak_is_one_start")),
-                note=f"at {number_text(frequency)} Hz, relative to the base{settling}",
+                note=f"at {typeset_number(frequency)} Hz, relative to the base{settling}",
             )
         )  # fmt: skip
     return found
@@ -276,7 +279,7 @@ def _history(summary: Mapping[str, Any]) -> list[Conclusion]:
         return []
     sample = bool(history.get("peak_is_one_start"))
     frequency = _number(history, "frequency")
-    at = f"of the history at {number_text(frequency)} Hz" if frequency is not None else "of the history"
+    at = f"of the history at {typeset_number(frequency)} Hz" if frequency is not None else "of the history"
     found = []
     label = _at(history, "regime", "label")
     # without a cycle nothing could repeat
@@ -297,7 +300,7 @@ def _history(summary: Mapping[str, Any]) -> list[Conclusion]:
         unit, largest = _at(about, "unit"), _number(about, "largest_of_run")
         if unit in ("Pa", "N m") and largest is not None:
             time = _number(about, "time_of_largest")
-            words = "largest of the run" if time is None else f"largest of the run, at {number_text(time)} s"
+            words = "largest of the run" if time is None else f"largest of the run, at {typeset_number(time)} s"
             keys = ("channels", str(name), "largest_of_run")
             several = _from_history_starts(summary, keys, str(name), unit, "largest of the run")
             found += several or [number_conclusion(str(name), largest, unit, one_sample=sample, note=words)]
@@ -358,7 +361,7 @@ def _energy(summary: Mapping[str, Any]) -> list[Conclusion]:
     return [
         Conclusion(
             "Energy unaccounted for",
-            number_text(100 * residual, 2),
+            typeset_number(100 * residual, 2),
             "%",
             note="of the energy put in: a check of the computation",
         )
@@ -479,7 +482,7 @@ def study_conclusions(
             scatter = f"{low} to {high} over {starts} starts"
         found.append(
             Conclusion(
-                f"{word.capitalize()} {name.replace('_', ' ')}", number_text(factor * float(array[at]), zeros=True),
+                f"{word.capitalize()} {name.replace('_', ' ')}", typeset_number(factor * float(array[at]), zeros=True),
                 unit_words(array[at], unit), scatter, bool(samples[at]) and not scatter,
                 f"at {_place(data, values.dims, at)}; {rest}",
             )
@@ -512,7 +515,8 @@ def _of_best(data: xarray.Dataset, best: BestCase) -> Iterator[Conclusion]:
         notes = tuple(design_notes(best, design, names))
         more = more_designs(best) if design is shown[-1] else ""
         yield Conclusion(
-            label_of(best).capitalize(), number_text(factor * design.value, zeros=True), unit_words(design.value, unit),
+            label_of(best).capitalize(), typeset_number(factor * design.value, zeros=True),
+            unit_words(design.value, unit),
             scatter, bool(samples[design.case]) and not scatter,
             "; ".join(filter(None, (f"{level}at {told(best, design.values, names)}", rest, more))), notes,
         )  # fmt: skip

@@ -7,8 +7,9 @@ in the same style there are `STYLE`, which `matplotlib.rc_context` takes, and `C
 """
 
 from femimpact.export.figures.branches import branch, orbit
+from femimpact.export.figures.channels import channels, drive
 from femimpact.export.figures.contacts import collision_history, contact_laws, impact_histograms, impulse_phase
-from femimpact.export.figures.curves import decay, response_curve, restitution_scan, value_map
+from femimpact.export.figures.curves import decay, response_columns, response_curve, restitution_scan, value_map
 from femimpact.export.figures.drawing import COLOURS, STYLE, OffScreen, save_figure
 from femimpact.export.figures.histories import contact_force, cycle_averaged_force, energies
 from femimpact.export.figures.orders import (
@@ -26,11 +27,11 @@ from femimpact.spectra import amplitude_spectrum
 
 __all__ = [
     "COLOURS", "STYLE", "OffScreen", "amplitude_spectrum", "beam_mesh", "bifurcation", "branch", "calibration",
-    "collision_history", "contact_force", "contact_laws", "convergence", "convergence_panels",
-    "cycle_averaged_force", "decay", "energies", "impact_histograms", "impulse_phase", "mesh_convergence",
-    "mode_convergence", "mode_shapes", "motion", "orbit", "phase_portrait", "response_curve", "restitution_scan",
-    "save_figure", "shock_response_spectrum", "spectrum", "step_convergence", "study_lines", "study_map", "study_maps",
-    "study_scatter", "transfer_function", "value_map",
+    "channels", "collision_history", "contact_force", "contact_laws", "convergence", "convergence_panels",
+    "cycle_averaged_force", "decay", "drive", "energies", "impact_histograms", "impulse_phase", "mesh_convergence",
+    "mode_convergence", "mode_shapes", "motion", "orbit", "phase_portrait", "response_columns", "response_curve",
+    "restitution_scan", "save_figure", "shock_response_spectrum", "spectrum", "step_convergence", "study_lines",
+    "study_map", "study_maps", "study_scatter", "transfer_function", "value_map",
 ]  # fmt: skip
 
 
