@@ -84,8 +84,9 @@ def draw(
 def _draw_figures(source: Path, target: Path, summary: Mapping[str, Any]) -> str | None:
     results = ResultReading(source, dict(summary))
     records, _ = records_of(results)
-    require(bool(pictures_of(records)), "figures", None, "", "the results hold no data for any")
-    return "; ".join((*results.missing, *save_pictures(records, target))) or None
+    allowed = "; ".join(("the results hold no data for any", *results.failures))
+    require(bool(pictures_of(records)), "figures", None, "", allowed)
+    return "; ".join((*save_pictures(records, target), *results.failures)) or None
 
 
 def _draw_movie(source: Path, target: Path, summary: Mapping[str, Any]) -> None:

@@ -47,7 +47,8 @@ class ResultReading:
 
     folder: Path  # with the files
     summary: dict[str, Any]  # empty where there is none
-    missing: list[str] = field(default_factory=list)  # what could not be read, and why
+    missing: list[str] = field(default_factory=list)  # what could not be read or is not as it was, and why
+    failures: list[str] = field(default_factory=list)  # what could not be read
 
     def attempt(self, what: str, make: Callable[[], T]) -> T | None:
         """The value of `make()`; where it fails None, and a line in `missing`."""
@@ -58,7 +59,8 @@ class ResultReading:
             # what damaged results make a reader raise is without limit, and a report is made of the rest
             except Exception as error:
                 words = " ".join(str(error).split()) or type(error).__name__
-                self.miss(words if words.startswith(str(self.folder)) else f"{what}: {words}")
+                text = words if words.startswith(str(self.folder)) else f"{what}: {words}"
+                self.failures.append(self.miss(text))
                 found = None
         for one in caught:
             if issubclass(one.category, ResultsWarning):
@@ -87,11 +89,12 @@ class ResultReading:
         """The mode shapes, as the history."""
         return self.attempt(FILES["mode_shapes"].name, lambda: read_mode_shapes(self.folder, self.summary))
 
-    def miss(self, text: str) -> None:
+    def miss(self, text: str) -> str:
         """Note what is missing, with names of files alone: a report does not hang on where its directory is."""
         plain = text.replace(f"{self.folder}/", "").replace(f"{self.folder}: ", "")[:400]
         if plain not in self.missing:
             self.missing.append(plain)
+        return plain
 
     def table(self, name: str) -> dict[str, Any] | None:
         """A table of the results by the name of its file; None where there is none, or it cannot be read."""

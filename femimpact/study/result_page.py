@@ -386,9 +386,12 @@ def _run(results: ResultReading) -> Run | None:
     study, history = results.study, results.history
     end = results.attempt(FILES["last_cycles"].name, lambda: read_last_cycles(results.folder, results.summary))
     if history is None:
-        return None
+        # impacts and last cycles are drawn without it
+        return None if end is None else Run(replace(end, channels={}, units={}), end)
     base = study.excitation if study is not None else end.base if end is not None else None
-    system = results.modes.system if results.modes is not None else _system_of(study) if study is not None else None
+    system: System | DrawnSystem = DrawnSystem(np.zeros(0), {}) if end is None else end.system
+    if study is not None:
+        system = _system_of(study) if results.modes is None else results.modes.system
     whole = results.attempt(
         FILES["history"].name, lambda: read_run(results.folder, results.summary, history, system, base)
     )

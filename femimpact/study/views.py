@@ -224,7 +224,7 @@ VIEWS = (
     View("study", Measure, "{0.stem}", "{0.title}", _of_measure, when=lambda one: one.marks is None,
          file="parameter_table"),
     View("decay", DecayEstimate, "decay", "Damping ratio over the amplitude",
-         lambda estimate: figures.decay(estimate, OFF_SCREEN), when=len),
+         lambda estimate: figures.decay(estimate, OFF_SCREEN), when=lambda estimate: len(estimate) > 0),
 )  # fmt: skip
 """Every picture, in the order in which it stands on a page and is drawn into a folder."""
 
