@@ -116,7 +116,7 @@ def short_study(duration: float, points: int = 5, **output: object) -> fi.Study:
     )
 
 
-NO_PICTURES = {"frames": 0, "figures": False, "paraview": False, "movie": False}
+NO_PICTURES = {"frames": 0, "figures": False, "paraview": False, "movie": False, "report": False}
 """Output of a study that draws nothing."""
 
 SMALL_STUDY = (

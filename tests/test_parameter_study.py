@@ -34,11 +34,9 @@ from femimpact.app.parametric.evaluation import evaluated
 from femimpact.app.parametric.labelled import median_ranks, over_starts
 from femimpact.app.parametric.paths import study_with
 from femimpact.app.parametric.workers import block_cases
-from femimpact.app.report.maps import maps_section
 from femimpact.app.report.result_conclusions import study_lead
 from femimpact.app.tasks.study_command import definition_of
 from femimpact.figures.study_labels import case_columns, unsure_cells
-from femimpact.svg import markup
 from femimpact.units import prefixed
 
 pytestmark = pytest.mark.impacts
@@ -810,8 +808,6 @@ def test_an_axis_of_pairs_is_told_by_its_gaps_and_not_by_their_numbers(tmp_path)
     assert f"at gap of impactor ball {smallest}; the largest is" in study_conclusions(found)[0].note
     drawn = fi.figures.study_lines(found, "peak", ax=fi.figures.OffScreen())
     assert [label.get_text() for label in drawn.get_xticklabels()] == ["(3, 4)", "(5, 5)"]
-    page = markup(maps_section(found).content[0])
-    assert "0: (3, 4) mm; 1: (5, 5) mm" in page
 
 
 def test_a_study_file_goes_round_and_its_table_has_a_row_for_every_case():

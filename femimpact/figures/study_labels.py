@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.arrays import Array, thinned
+from femimpact.units import SHOWN_IN
 
 if TYPE_CHECKING:
     import xarray
@@ -85,6 +86,18 @@ def axis_value(dataset: xarray.Dataset, axis: str, index: int) -> tuple[str, str
     return axis_words(dataset, axis), value, "" if unit == "1" else unit
 
 
+def in_shown_units(columns: Mapping[str, Any], units: Mapping[str, str]) -> tuple[dict[str, Any], dict[str, str]]:
+    """Columns of numbers in the units in which they are shown, and these units."""
+    shown = {name: SHOWN_IN.get(unit, (1.0, unit)) for name, unit in units.items()}
+    scaled = {
+        name: shown[name][0] * np.asarray(values)
+        if name in shown and np.asarray(values).dtype.kind in "iuf"
+        else values
+        for name, values in columns.items()
+    }
+    return scaled, {name: unit for name, (_, unit) in shown.items()}
+
+
 def case_columns(
     dataset: xarray.Dataset,  # of `parameter_study`
 ) -> tuple[dict[str, Any], dict[str, str]]:
@@ -120,7 +133,12 @@ def map_panels(
 
 
 def single_samples(dataset: xarray.Dataset) -> NDArray[np.bool_]:
-    """True where a value is a sample of a motion that does not repeat, without an interval of its median."""
+    """True where a value is a sample of a motion that does not repeat, without an interval of its median.
+
+    Of a dataset that is none of a parameter study nothing is known of it.
+    """
+    if "finished" not in dataset:
+        return np.zeros((), dtype=bool)
     if "median_interval" in dataset.attrs:
         return np.zeros(dataset["finished"].shape, dtype=bool)
     repeated = dataset["periodic_starts"].to_numpy() + dataset["failed_starts"].to_numpy()

@@ -13,17 +13,18 @@ import subprocess
 import sys
 import tempfile
 import threading
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import IO, Any
 
-from femimpact.app.results.branch_file import read_followed
-from femimpact.app.results.picture_data import read_bands, read_curves, read_film, read_last_cycles, read_mode_shapes
+from femimpact.app.report.result_conclusions import ResultReading
+from femimpact.app.report.result_page import records_of
+from femimpact.app.report.views import pictures_of, reason_of, save_pictures
+from femimpact.app.results.picture_data import read_film
 from femimpact.app.results.result_directory import FILES, update_results
-from femimpact.app.results.results import carried_of, read_summary, write_summary
+from femimpact.app.results.results import read_summary, write_summary
 from femimpact.child_process import child_process
-from femimpact.contact.laws import Rigid
 from femimpact.errors import Fault, InputError, require
 
 KINDS = ("figures", "movie")
@@ -74,70 +75,18 @@ def draw(
         if kind == "movie":
             _draw_movie(source, target, summary)
             return None
-        failures = [failure for failure in _drawn_figures(source, target, summary) if failure is not None]
-        return "; ".join(failures) or None
+        return _draw_figures(source, target, summary)
     # what a library for pictures raises is without limit, and no result depends on it
     except Exception as error:
-        return _in_words(error)
+        return reason_of(error)
 
 
-def _in_words(error: Exception) -> str:
-    if isinstance(error, OSError) and error.strerror:
-        name = Path(os.fsdecode(error.filename)).name if error.filename else ""
-        return f"{name}: {error.strerror}" if name else error.strerror
-    return f"{' '.join(str(error).split()) or 'no words'} ({type(error).__name__})"[:400]
-
-
-def _drawn_figures(source: Path, target: Path, summary: Mapping[str, Any]) -> Iterator[str | None]:
-    from femimpact import figures
-
-    plans = list(_figures(source, summary))
-    require(bool(plans), "figures", None, "", "the results hold no data for any")
-    for name, make in plans:
-        try:
-            figures.save_figure(make(), target / FILES[name].name)
-            yield None
-        except Exception as error:
-            yield f"{FILES[name].name}: {_in_words(error)}"
-
-
-def _figures(source: Path, summary: Mapping[str, Any]) -> Iterator[tuple[str, Callable[[], Any]]]:
-    """The figures that the results have data for: a key of `FILES`, and what makes it."""
-    from femimpact import figures
-
-    off_screen = figures.OffScreen()
-    modes = read_mode_shapes(source, summary)
-    if modes is not None:
-        system, shapes, structure = modes
-        yield "mode_figure", lambda: figures.mode_shapes(system, shapes, structure=structure, figure=off_screen)
-    swept = read_curves(source, summary)
-    if swept is not None:
-        curves, coarse = swept
-        labels = {"empty": f"without {carried_of(summary)}", "ball": f"with {carried_of(summary)}"}
-        named = {label: curves[case] for case, label in labels.items() if case in curves}
-        yield (
-            "response_figure",
-            lambda: figures.response_curve(named, coarse=coarse, bands=read_bands(source, summary), ax=off_screen),
-        )
-    followed = read_followed(source, summary)
-    if followed is not None:
-        yield (
-            "branch_figure",
-            lambda: figures.branch(
-                followed.branches, off_screen, title=f"{followed.modes} modes kept", swept=followed.swept
-            ),
-        )
-    last = read_last_cycles(source, summary)
-    if last is None:
-        return
-    run, end = last
-    yield "impact_histograms", lambda: figures.impact_histograms(run, off_screen)
-    yield "impulse_phase", lambda: figures.impulse_phase(run, off_screen)
-    if set(run.impacts.law.values()) - {Rigid.name}:
-        # a rigid impact has an impulse and no force to draw
-        yield "force_figure", lambda: figures.contact_force(end, averaged=False, figure=off_screen)
-    if end.system.balls:
-        yield "portrait_figure", lambda: figures.phase_portrait(end, phase=None, ax=off_screen)
+def _draw_figures(source: Path, target: Path, summary: Mapping[str, Any]) -> str | None:
+    results = ResultReading(source, dict(summary))
+    records, _ = records_of(results)
+    allowed = "; ".join(("the results hold no data for any", *results.failures))
+    require(bool(pictures_of(records)), "figures", None, "", allowed)
+    return "; ".join((*save_pictures(records, target), *results.failures)) or None
 
 
 def _draw_movie(source: Path, target: Path, summary: Mapping[str, Any]) -> None:

@@ -11,8 +11,9 @@ from typing import Any, cast
 
 import numpy as np
 
-from femimpact import core, figures
+from femimpact import core
 from femimpact.app.report.result_page import add_report
+from femimpact.app.report.views import save_pictures
 from femimpact.app.results.picture_data import structure_parts
 from femimpact.app.results.result_directory import FILES, prepare_directory
 from femimpact.app.study.study import Study, build_systems, check_method, method_for, read_mesh_of, sine_of
@@ -127,6 +128,7 @@ def write_convergence(
         statistics, why = _statistics(study, meshes, _moving(full)[0], accuracy, report)
         if statistics is not None:
             write_csv(folder / FILES["statistics_over_mesh"].name, *statistics.columns())
+            save_pictures([statistics], folder)
             staging.finish_part("statistics")
         step = None
         if in_steps:
@@ -266,13 +268,8 @@ def _about(study: Study, system: System, found: WrittenConvergence, accuracy: fl
 
 
 def _write_tables(folder: Path, found: ConvergenceStudy, mesh: MeshConvergence) -> None:
-    off_screen = figures.OffScreen()
     for axis, table in found.tables.items():
         write_csv(folder / FILES[f"quantities_over_{axis}"].name, *table.columns())
-        figures.save_figure(
-            figures.convergence_panels(table, off_screen),
-            folder / FILES[f"quantities_over_{axis}_figure"].name,
-        )
     write_csv(folder / FILES["convergence_summary"].name, *_summary(list(found.tables.values())))
     columns: dict[str, Any] = {"elements": mesh.elements}
     for i in range(mesh.reference.size):
@@ -280,8 +277,7 @@ def _write_tables(folder: Path, found: ConvergenceStudy, mesh: MeshConvergence) 
         columns[f"error_{i + 1}"] = mesh.error[:, i]
     units = {name: "Hz" if "frequency" in name else "1" for name in columns if name != "elements"}
     write_csv(folder / FILES["mesh_convergence"].name, columns, units)
-    drawn = figures.mesh_convergence(mesh, slope=None, ax=off_screen)
-    figures.save_figure(drawn, folder / FILES["mesh_convergence_figure"].name)
+    save_pictures([*found.tables.values(), mesh], folder)
 
 
 def _summary(found: Sequence[ConvergenceTable]) -> tuple[dict[str, Any], dict[str, str]]:
@@ -296,8 +292,7 @@ def _summary(found: Sequence[ConvergenceTable]) -> tuple[dict[str, Any], dict[st
 def _write_steps(folder: Path, step: StepConvergence) -> None:
     columns = {name: getattr(step, name) for name in ("dt", "linear_error", "first_impact_error", "energy_residual")}
     write_csv(folder / FILES["step_convergence"].name, columns, {"dt": "s"})
-    drawn = figures.step_convergence(step, slope=None, ax=figures.OffScreen())
-    figures.save_figure(drawn, folder / FILES["step_convergence_figure"].name)
+    save_pictures([step], folder)
 
 
 def convergence_lines(found: WrittenConvergence) -> list[str]:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import itertools
 import os
-from collections.abc import Callable
+import warnings
+from collections.abc import Callable, Mapping
 from contextlib import nullcontext, suppress
 from dataclasses import replace
 from functools import partial
@@ -13,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from femimpact import figures
 from femimpact.app.parametric.best import best_cases, check_best
 from femimpact.app.parametric.best_design import BestCase, told_lines
 from femimpact.app.parametric.definition import CaseTable, ParameterStudy
@@ -22,17 +22,16 @@ from femimpact.app.parametric.measures import better_of
 from femimpact.app.parametric.paths import study_with
 from femimpact.app.parametric.verb import StudyProgress, run_parameter_study, to_stderr
 from femimpact.app.parametric.workers import block_cases, connected
-from femimpact.app.report.best_picture import marks_of, worst_over_axes
-from femimpact.app.report.result_page import add_report
-from femimpact.app.results.result_directory import BEST_FIGURE, FILES
+from femimpact.app.report.result_page import add_report, best_measures
+from femimpact.app.report.views import measures_of, save_pictures
+from femimpact.app.results.result_directory import BEST_FIGURE, FILES, ResultsWarning
 from femimpact.app.study.base_motion import RecordedMotion
 from femimpact.app.study.parameter_plan import BestPlan
 from femimpact.app.study.prepared import RUNS_OF_HISTORY, START, history_cost
 from femimpact.app.study.study import Study
 from femimpact.app.study.study_file import study_text
 from femimpact.errors import Fault, InputError, require
-from femimpact.figures.studies import mark_best
-from femimpact.figures.study_labels import axis_names, case_columns, measure_names, value_words
+from femimpact.figures.study_labels import axis_names, case_columns, value_words
 from femimpact.files import atomic_write, write_csv
 from femimpact.response.response import Recorder
 from femimpact.units import number_text, unit_text
@@ -135,10 +134,9 @@ def write_parameter_study(
     write_csv(directory / FILES["parameter_table"].name, columns, units)
     plan: Any = study.plan
     found, _ = best_cases(dataset, plan.best)
-    best = next(iter(found.values()), None)
-    _write_best(definition, best, directory)
+    _write_best(definition, next(iter(found.values()), None), directory)
     if study.output.figures:
-        _draw(dataset, best, directory)
+        _draw(dataset, found, directory)
     if study.output.report:
         add_report(directory, lambda part, share: None)
     return dataset
@@ -169,35 +167,11 @@ def _moved(study: Study, directory: Path) -> Study:
     return study
 
 
-def _draw(dataset: xarray.Dataset, best: BestCase | None, directory: Path) -> None:
+def _draw(dataset: xarray.Dataset, best: Mapping[str, BestCase], directory: Path) -> None:
     """A figure of the best case, and of every measure that is a number and has a value."""
-    path = directory / BEST_FIGURE
-    path.unlink(missing_ok=True)
-    worst = worst_over_axes(dataset, best) if best is not None else None
-    if best is not None and worst is not None:
-        drawn = _drawn(worst, best.measure)
-        if worst[best.measure].ndim == 1:
-            drawn = mark_best(drawn, worst, best.measure, marks_of(best))
-        figures.save_figure(drawn, path)
-    for name in measure_names(dataset):
-        figures.save_figure(_drawn(dataset, name), directory / f"{_file_name(name)}.png")
-
-
-def _file_name(measure: str) -> str:
-    """Name of the figure of a measure: that of a channel may hold what no file name should."""
-    return "study_" + "".join(letter if letter.isalnum() or letter in "_-" else "_" for letter in measure)
-
-
-def _drawn(dataset: xarray.Dataset, name: str) -> Any:
-    """The figure that suits the axes of a study."""
-    off_screen, axes = figures.OffScreen(), dataset[name].dims
-    if axes == ("case",):
-        return figures.study_scatter(dataset, name, figure=off_screen)
-    if len(axes) == 1:
-        return figures.study_lines(dataset, name, ax=off_screen)
-    if len(axes) == 2:
-        return figures.study_map(dataset, name, ax=off_screen)
-    return figures.study_maps(dataset, name, figure=off_screen)
+    (directory / BEST_FIGURE).unlink(missing_ok=True)
+    for text in save_pictures([*best_measures(dataset, best), *measures_of(dataset)], directory):
+        warnings.warn(f"not drawn: {text}", ResultsWarning, stacklevel=3)
 
 
 def plan_lines(study: Study) -> list[str]:
