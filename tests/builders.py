@@ -93,7 +93,7 @@ def short_study(duration: float, points: int = 5, **output: object) -> fi.Study:
     paper = paper_study()
     return replace(
         paper,
-        base=replace(paper.base, duration=duration),
+        duration=duration,
         sweep=SweepPlan(4.0, 6.0, points=points, cycles=24),
         output=replace(paper.output, **{"starts": 1, **output}),
     )

@@ -19,7 +19,6 @@ from femimpact.response.impacts import StickingPhases, event_log, event_width
 from femimpact.response.regimes import Regime, RegimeCriteria, classify, impacts_per_cycle, significant
 from femimpact.response.signals import CycleStatistics, steady_motion
 from femimpact.structure.damping import rayleigh_coefficients, realised_damping_ratio
-from femimpact.study.base_motion import BaseMotion, RecordedMotion
 from femimpact.study.demo import paper_study
 from femimpact.study.study import Gravity, MeshChoice, OrbitsPlan, Output, Reduction, SweepPlan
 from femimpact.sweep import on_grid
@@ -217,8 +216,6 @@ NOUNS = {
     "WBZ": lambda: fi.WBZ(1e-4),
     # of results and studies, reached through others
     "AchievedRestitution": lambda: AchievedRestitution(0.6, 0.6, 0.5, 0.7, 1.0),
-    "BaseMotion": lambda: BaseMotion(1e-4, 5.0),
-    "RecordedMotion": lambda: RecordedMotion("shaker.csv", "0.0,1.0\n0.1,-1.0\n", scale=9.81),
     "Collision": lambda: fi.collide(LAW, 3e-3, 0.2),
     "CycleStatistics": lambda: columns(CycleStatistics, {"cycles": 8, "cases": 2}),
     "Gravity": lambda: Gravity(-9.81),

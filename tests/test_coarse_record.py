@@ -14,7 +14,6 @@ import femimpact as fi
 from femimpact.excitation.harmonic import PiecewiseMotion
 from femimpact.excitation.piecewise_polynomial import PiecewisePolynomial
 from femimpact.integrators.record_reading import record_warnings
-from femimpact.study.base_motion import RecordedMotion
 from femimpact.study.demo import paper_study
 from femimpact.study.prepared import prepare
 
@@ -123,7 +122,7 @@ def test_short_records_and_runs_are_read(recwarn):
 def test_a_study_says_it_before_its_run(tmp_path):
     record = sine(25, duration=2.0)
     rows = "\n".join(f"{i * record.interval:.9g},{a:.9g}" for i, a in enumerate(record.samples))
-    study = replace(paper_study(), base=RecordedMotion("a.csv", f"{rows}\n"), sweep=None)
+    study = replace(paper_study(), base=fi.RecordedBase.from_text(f"{rows}\n"), duration=None, sweep=None)
     assert sum(SAID in text for text in prepare(study, ("simulate",)).warnings) == 1
     assert not any(SAID in text for text in prepare(study, ("modes",)).warnings)
 

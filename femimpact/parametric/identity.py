@@ -49,7 +49,7 @@ from femimpact.system.system import System
 NUMERICAL = ("contact", "excitation", "fem", "integrators", "response", "structure", "system", "parametric")
 """Folders whose sources decide the numbers."""
 
-BESIDE = ("study/study.py", "study/parameter_plan.py", "study/base_motion.py", "study/starts.py")
+BESIDE = ("study/study.py", "study/parameter_plan.py", "study/drives.py", "study/starts.py")
 """Files of other folders whose sources do."""
 
 WITHOUT = ("text", "path", "plan", "output", "sweep", "orbits")

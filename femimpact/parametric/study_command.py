@@ -24,7 +24,6 @@ from femimpact.parametric.paths import study_with
 from femimpact.parametric.verb import StudyProgress, run_parameter_study, to_stderr
 from femimpact.parametric.workers import block_cases, connected
 from femimpact.response.response import Recorder
-from femimpact.study.base_motion import RecordedMotion
 from femimpact.study.best_case import best_cases, check_best
 from femimpact.study.best_design import BestCase, told_lines
 from femimpact.study.best_picture import marks_of, worst_over_axes
@@ -33,7 +32,7 @@ from femimpact.study.prepared import RUNS_OF_HISTORY, START, history_cost
 from femimpact.study.result_directory import BEST_FIGURE, FILES
 from femimpact.study.result_page import add_report
 from femimpact.study.study import Study
-from femimpact.study.study_file import study_text
+from femimpact.study.study_file import study_text, with_record
 from femimpact.units import number_text
 
 if TYPE_CHECKING:
@@ -163,9 +162,7 @@ def _moved(study: Study, directory: Path) -> Study:
     here = os.path.relpath(study.path.parent, directory)
     if study.mesh.file is not None:
         study = replace(study, mesh=replace(study.mesh, file=os.path.join(here, study.mesh.file)))
-    if isinstance(study.base, RecordedMotion):
-        study = replace(study, base=replace(study.base, record=os.path.join(here, study.base.record)))
-    return study
+    return study if study.record is None else with_record(study, os.path.join(here, study.record))
 
 
 def _draw(dataset: xarray.Dataset, best: BestCase | None, directory: Path) -> None:
@@ -210,7 +207,7 @@ def plan_lines(study: Study) -> list[str]:
 
     given = definition_of(study)
     method = given.systems.method_of(given.nominal, {})
-    cost = method.cost(given.nominal, study.base.frequency)
+    cost = method.cost(given.nominal, study.excitation.frequency)
     each, memory = cost.sweep_seconds * given.dwell, cost.sweep_memory * AT_ONCE * given.dwell
     if not given.has_cycle:
         alone = replace(study, output=replace(study.output, starts=1))
@@ -228,7 +225,7 @@ def plan_lines(study: Study) -> list[str]:
     memory += COLUMN_BYTES * given.table.size * (numbers + 8)
     return [
         f"study: {_counted(given.table.size, 'case')} ({shape}), {_counted(given.starts, 'start')} each, "
-        + (f"{given.dwell} cycles, of which {given.dwell // 3} are measured" if given.has_cycle else study.base.words),
+        + (f"{given.dwell} cycles, of which {given.dwell // 3} are measured" if given.dwell else study.history_words),
         f"study takes about {number_text(seconds + drawn, 2)} s on one core, "
         f"{number_text(seconds / cores() + drawn, 2)} s on {cores()}, "
         f"{number_text(max(memory, 1e6) / 1e6, 3)} MB of memory and {number_text(_disk(given, study) / 1e6, 2)} MB "
