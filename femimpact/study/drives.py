@@ -77,7 +77,7 @@ def _history(duration: str, start: str, seconds: Mapping[str, Any], default: Any
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of motion or of force in a study file.
+    """How a table of a study file becomes a noun, and the noun a table: the fields of the noun are the keys.
 
     Parameters
     ----------
@@ -97,32 +97,28 @@ class Kind:
         Keys of the table that give no argument of the noun.
     where : str
         Words for the table that lacks a key; empty where the range of the key is said instead.
+    elsewhere : mapping of str to str
+        Words for keys that are unknown here, and belong to another table.
     """
 
     noun: Any
     make: Any = None
     names: Mapping[str, str] = field(default_factory=dict)
-    without: tuple[str, ...] = ("level", "by")
+    without: Iterable[str] = ("level", "by")
     needs: tuple[str, ...] = ()
     ranges: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     beside: Mapping[str, Key] = field(default_factory=dict)
     where: str = ""
+    elsewhere: Mapping[str, str] = field(default_factory=dict)
 
     @cached_property
     def keys(self) -> dict[str, Key]:
         """Keys that give arguments, by their names."""
-        least = None if self.noun is Shock else 0.0  # a pulse may go down
-        ranges: dict[str, Any] = (
-            {item.name: item.metadata for item in fields(self.noun)} if is_dataclass(self.noun) else {}
-        )
-        ranges["acceleration"] = quantity("m/s^2") if self.noun is Shock else level_rows("m/s^2")
-        ranges |= {"amplitude": quantity("m", at_least=0.0), "force": quantity("N", at_least=least)}
-        ranges["octaves_per_minute"] = quantity("oct/min", above=0.0)
-        ranges["clip"] = {**ranges.get("clip", {}), "unit": "sigma"}
+        metadata = {item.name: item.metadata for item in fields(self.noun)} if is_dataclass(self.noun) else {}
         keys = {argument: key for key, argument in self.names.items()}
         arguments = inspect.signature(self.make or self.noun).parameters
         named = [(keys.get(name, name), name) for name in arguments if name not in self.without]
-        ranges |= {key: ranges.get(name, {}) for key, name in named if key not in ranges} | dict(self.ranges)
+        ranges = {key: self.ranges.get(key, metadata.get(name, {})) for key, name in named}
         return {key: Key(name, arguments[name].default, ranges[key]) for key, name in named}
 
     @property
@@ -140,15 +136,16 @@ class Kind:
         known, faults = self.table_keys, list[Fault]()
         for key, (argument, _, metadata) in known.items():
             if key not in values and key in self.needed:
-                allowed = f" in {self.where}" if self.where else f"; {metadata['allowed']}"
+                allowed = f" in {self.where}" if self.where else f"; {metadata['allowed']}" if metadata else ""
                 faults.append(Fault(key, None, "", f"is missing{allowed}"))
             if key in values and "take" in metadata:
                 try:
                     checked(key, values[key], metadata)
                 except InputError as error:
-                    of_kind = argument == "kind" and kind_fault(key, values[key], metadata["schema"]["enum"])
+                    of_kind = key != argument == "kind" and kind_fault(key, values[key], metadata["schema"]["enum"])
                     faults += [of_kind] if of_kind else error.faults
-        faults += [Fault(key, None, "", suggestion(key, known)) for key in values if key not in known]
+        unknown = (key for key in values if key not in known)
+        faults += [Fault(key, None, "", self.elsewhere.get(key) or suggestion(key, known)) for key in unknown]
         if faults:
             raise InputError(faults)
 
@@ -168,7 +165,7 @@ class Kind:
         except InputError as error:
             raise InputError([
                 replace(one, key=keys.get(one.key, one.key),
-                        allowed=one.allowed.replace('kind "', f'{keys.get("kind")} "'))
+                        allowed=one.allowed.replace('kind "', f'{keys.get("kind", "kind")} "'))
                 for one in error.faults
             ]) from None  # fmt: skip
 
@@ -295,14 +292,26 @@ def _part(number: int, values: dict[str, Any]) -> Any:
 SUM = "sum"
 """Kind of [base] that has parts."""
 
+LEVELS: dict[str, Any] = {
+    "amplitude": quantity("m", at_least=0.0), "force": quantity("N", at_least=0.0),
+    "acceleration": level_rows("m/s^2"), "octaves_per_minute": quantity("oct/min", above=0.0),
+    "clip": {**optional(quantity("1", at_least=1.0)), "unit": "sigma"},
+}  # fmt: skip
+"""Units and ranges of keys of which a drive makes its level, or that have a unit in texts."""
+
 PARTS: Mapping[str, Kind] = {
-    name: replace(kind, where=f"[base] of kind {name!r}")
+    name: replace(kind, where=f"[base] of kind {name!r}", ranges={**LEVELS, **kind.ranges})
     for name, kind in {
         "sine": Kind(Sine),
         "chirp": Kind(Chirp, names={"rate": "kind"}),
         "stepped-sine": Kind(SteppedSine),
         "random": Kind(RandomBase),
-        "shock": Kind(Shock, names={"pulse": "kind"}, needs=("acceleration", "duration")),
+        "shock": Kind(
+            Shock,
+            names={"pulse": "kind"},
+            needs=("acceleration", "duration"),
+            ranges={"acceleration": quantity("m/s^2")},
+        ),
     }.items()
 }
 """Each kind of [[base.parts]], of which a sum is made."""
@@ -330,7 +339,7 @@ OF_PLACE = {"at": Key("at", REQUIRED, place()), "name": Key("name", None, option
 """Keys of [[force]] of every kind."""
 
 FORCES: Mapping[str, Kind] = {
-    name: replace(kind, beside=OF_PLACE, where=f"a [[force]] of kind {name!r}")
+    name: replace(kind, beside=OF_PLACE, where=f"a [[force]] of kind {name!r}", ranges={**LEVELS, **kind.ranges})
     for name, kind in {
         "sine": Kind(Sine, names={"force": "amplitude"}),
         "chirp": Kind(
@@ -343,7 +352,7 @@ FORCES: Mapping[str, Kind] = {
         "random": Kind(RandomBase),
         "shock": Kind(
             Shock, names={"force": "acceleration", "pulse": "kind"}, without=("level", "by", "amplitude"),
-            needs=("force", "duration"),
+            needs=("force", "duration"), ranges={"force": quantity("N")},
         ),
         "hammer": Kind(HammerBlow, without=("at", "name")),
     }.items()

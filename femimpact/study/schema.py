@@ -9,7 +9,7 @@ import dataclasses
 import inspect
 import re
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from femimpact.contact.laws import LAWS, PowerLaw
@@ -39,17 +39,21 @@ MOST_FLOAT = sys.float_info.max
 DISTRIBUTION_WORDS = {name: f"{name} with {first} and {second}" for name, (first, second) in DISTRIBUTIONS.items()}
 
 
-def noun_schema(noun: Any, without: frozenset[str] = frozenset(), title: str = "", **given: Any) -> dict[str, Any]:
+def noun_schema(noun: Any, without: Iterable[str] = (), title: str = "", **given: Any) -> dict[str, Any]:
     """Schema of a table with the keys of a noun's fields."""
-    about, properties, required = _meanings(noun), {}, []
-    for item in dataclasses.fields(noun):
-        if item.name in without:
-            continue
-        properties[item.name] = given.get(item.name) or _key(item.metadata, item.default, about.get(item.name, ""))
-        if item.default is dataclasses.MISSING:
-            required.append(item.name)
-    schema = {"type": "object", "description": _first(noun), "properties": properties, "additionalProperties": False}
-    return schema | ({"title": title} if title else {}) | ({"required": required} if required else {})
+    schema = kind_schema(Kind(noun, without=without), **given)
+    return schema | ({"title": title} if title else {})
+
+
+def kind_schema(kind: Kind, **given: Any) -> dict[str, Any]:
+    """Schema of a table by its keys."""
+    about, keys = _meanings(kind.make or kind.noun), dict[str, Any]()
+    for key, one in kind.table_keys.items():
+        beside = OF_HISTORY.get(one.argument) if key in kind.beside else None
+        meaning = beside or about.get(one.argument) or f"amplitude of the base's {key}" * (kind.ranges != {})
+        keys[key] = given.get(key) or (not one.metadata and LISTS.get(key)) or _key(one.metadata, one.default, meaning)
+    schema = {"type": "object", "description": _first(kind.make or kind.noun), "properties": keys}
+    return schema | {"additionalProperties": False} | ({"required": kind.needed} if kind.needed else {})
 
 
 def _first(noun: Any) -> str:
@@ -192,16 +196,12 @@ def base_schema() -> dict[str, Any]:
 
 
 def _drive(name: str, kind: Kind) -> dict[str, Any]:
-    """Schema of a motion or a force by its keys."""
-    about = _meanings(kind.make or kind.noun)
-    keys: dict[str, Any] = {"kind": {"const": name, "description": "the kind of motion or force"}}
-    for key, one in kind.table_keys.items():
-        beside = OF_HISTORY.get(one.argument) if key in kind.beside else None
-        meaning = beside or about.get(one.argument) or f"amplitude of the base's {key}"
-        keys[key] = LISTS.get(key) or _key(one.metadata, one.default, meaning)
+    """Schema of a motion or a force."""
+    schema = kind_schema(kind)
     # a table without a kind has a sine or a record
-    needed = [*(["kind"] if name not in ("sine", "record") or "at" in keys else []), *kind.needed]
-    return {"title": name, "description": _first(kind.make or kind.noun), **_closed(keys, needed)}
+    needed = [*(["kind"] if name not in ("sine", "record") or "at" in kind.beside else []), *schema.get("required", [])]
+    keys = {"kind": {"const": name, "description": "the kind of motion or force"}} | schema["properties"]
+    return {"title": name, **schema, "properties": keys, "required": needed}
 
 
 def force_schema() -> dict[str, Any]:

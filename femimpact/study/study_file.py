@@ -16,7 +16,7 @@ from typing import Any
 
 from femimpact.contact import ContactLaw
 from femimpact.contact.laws import LAWS
-from femimpact.errors import Fault, InputError, allowed_range, checked, require_path, suggestion
+from femimpact.errors import Fault, InputError, require_path, suggestion
 from femimpact.excitation import HammerBlow, PointForce
 from femimpact.fem.mesh import uniform_mesh
 from femimpact.integrators.methods import METHODS
@@ -27,6 +27,7 @@ from femimpact.structure.structure import Absorber, Dashpot, Impactor, PointMass
 from femimpact.study.drives import (
     BASES,
     FORCES,
+    Kind,
     check_drives,
     force_of,
     force_table,
@@ -74,6 +75,8 @@ OF_RECORD = frozenset({"scale", "detrend", "columns", "file", "samples", "high_p
 
 OF_STEPS = frozenset({"acceleration", "fade", "cycles", "seconds", "frequencies", "direction"})
 """Keys of [base] that a stepped sine has, and a sine not."""
+
+OF_BASE = dict.fromkeys(OF_STEPS, 'belongs to [base] kind = "stepped-sine"')
 
 RECORD_LINE = re.compile(r"""^(\s*record\s*=\s*)("[^"\n]*"|'[^'\n]*')""", re.MULTILINE)
 """The usual line of a record in a study file, and the quoted path in it."""
@@ -285,37 +288,11 @@ def _table(name: str, read: Reader, many: bool, value: Any, faults: list[Fault])
 
 
 def _noun(noun: Any, prefix: str, values: Mapping[str, Any], faults: list[Fault], **given: Any) -> Any:
-    """Check keys, types and ranges against the fields of a noun, then make it."""
-    before = len(faults)
-    faults += _key_faults(noun, prefix, values, without=given)
-    if len(faults) > before or any(value is None for value in given.values()):
-        return None
-    clean = {key: tuple(value) if isinstance(value, list) else value for key, value in values.items()}
-    return _collected(prefix, lambda: noun(**clean, **given), faults)
-
-
-def _key_faults(
-    noun: Any,
-    prefix: str,
-    values: Mapping[str, Any],
-    without: Iterable[str] = (),  # fields that no key gives
-    optional: Iterable[str] = (),  # fields without a default that may be left out
-) -> list[Fault]:
-    """Missing and unknown keys of a table, and values that their fields do not allow."""
-    fields = {item.name: item for item in dataclasses.fields(noun) if item.name not in without}
-    faults: list[Fault] = []
-    for name, item in fields.items():
-        if name in values:
-            if "unit" in item.metadata:
-                _collected(prefix, partial(checked, name, values[name], item.metadata), faults)
-        elif item.default is dataclasses.MISSING and name not in optional:
-            allowed = f"; {allowed_range(item.metadata)}" if item.metadata else ""
-            faults.append(Fault(f"{prefix}.{name}", None, "", f"is missing{allowed}"))
-    for name in (name for name in values if name not in fields):
-        of_steps = noun is SweepPlan and name in OF_STEPS
-        allowed = 'belongs to [base] kind = "stepped-sine"' if of_steps else suggestion(name, fields)
-        faults.append(Fault(f"{prefix}.{name}", None, "", allowed))
-    return faults
+    """Check keys, types and ranges against the fields of a noun, then make it; where a field is None, check alone."""
+    kind = Kind(noun, without=tuple(given), elsewhere=OF_BASE if noun is SweepPlan else {})
+    if any(value is None for value in given.values()):
+        return _collected(prefix, partial(kind.check, values), faults)
+    return _collected(prefix, partial(kind.made, values, **given), faults)
 
 
 def _segment(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any:
@@ -324,8 +301,7 @@ def _segment(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any
     if len(faults) == before:
         return _noun(Segment, prefix, values, faults)
     single = {name: value for name, value in values.items() if name not in ("width", "thickness")}
-    faults += _key_faults(Segment, prefix, single)
-    return None
+    return _collected(prefix, partial(Kind(Segment).check, single), faults)
 
 
 def _beam(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any:
@@ -447,13 +423,8 @@ def _method(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any:
         faults.append(Fault(f"{prefix}.name", name, "", allowed))
         return None
     noun = METHODS[name]
-    later = chosen_later(noun)
-    found = _key_faults(noun, prefix, settings, optional=later)
     # what may be left out is chosen later: any will do to check the rest together
-    stand_in = dict.fromkeys(later, 1.0)
-    if not found:
-        _collected(prefix, lambda: noun(**{**stand_in, **settings}), found)
-    faults += found
+    _noun(noun, prefix, {**dict.fromkeys(chosen_later(noun), 1.0), **settings}, faults)
     return {"name": name, **settings}
 
 
@@ -544,9 +515,8 @@ def _force_lines(header: str, force: PointForce | HammerBlow) -> Iterator[str]:
 
 
 def _given(noun: Any) -> dict[str, Any]:
-    """Fields of a noun that are not as they are by default, but for those that its text leaves out."""
-    values = {item.name: (getattr(noun, item.name), item.default) for item in dataclasses.fields(noun) if item.repr}
-    return {name: value for name, (value, default) in values.items() if value != default}
+    """Fields of a noun that are not as they are by default."""
+    return Kind(type(noun)).table(noun)
 
 
 def _gravity_lines(header: str, acceleration: float) -> Iterator[str]:
