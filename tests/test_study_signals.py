@@ -128,6 +128,10 @@ SHOCK = 'kind = "shock"\npulse = "haversine"\nduration = 0.011\nhistory = 1.0\n'
             'kind = "stepped-sine"\nfrequencies = [1]\ncycles = 4\namplitude = 1e-3\nfrequency = 3',
             "base.frequency: ",
         ),
+        (
+            'kind = "stepped-sine"\nfrequencies = {from = 4, to = 6}\ncycles = 4\namplitude = 1e-3',
+            "base.frequencies = {.*}: must be numbers, or points between two of them",
+        ),
         ('kind = "dwell"', "base.kind = 'dwell': must be one of 'sine'.*; 'dwell' is 'stepped-sine' here$"),
         ('kind = "Sine sweep"', "'Sine sweep' is 'chirp' here$"),
         (

@@ -412,6 +412,9 @@ def _values(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> dict
     if not isinstance(values.get("frequencies"), dict):
         return dict(values)
     axis = _collected("", partial(axis_from, f"{prefix}.frequencies", values["frequencies"]), faults)
+    if isinstance(axis, Distribution):
+        allowed = "must be numbers, or points between two of them: from, to and points"
+        faults.append(Fault(f"{prefix}.frequencies", values["frequencies"], "", allowed))
     return {**values, "frequencies": getattr(axis, "values", (1.0,))}
 
 
