@@ -213,8 +213,8 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
     "test_study.py": (
         Mutation(
             "unknown_key",
-            "(name for name in values if name not in fields)",
-            "(name for name in values if not name)",
+            "(key for key in values if key not in known)",
+            "(key for key in values if not key)",
         ),
         Mutation(
             "first_fault_alone",

@@ -8,10 +8,9 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-from builders import MeshChoice, OrbitsPlan, Output, RecordedMotion, Reduction, SweepPlan, paper_study
+from builders import MeshChoice, OrbitsPlan, Output, Reduction, SweepPlan, paper_study
 
 import femimpact as fi
-from femimpact.app.study.base_motion import BaseMotion
 from femimpact.app.study.study import Gravity
 from femimpact.contact import collision as closed_forms
 from femimpact.contact import resolve
@@ -214,8 +213,6 @@ NOUNS = {
     "WBZ": lambda: fi.WBZ(1e-4),
     # of results and studies, reached through others
     "AchievedRestitution": lambda: AchievedRestitution(0.6, 0.6, 0.5, 0.7, 1.0),
-    "BaseMotion": lambda: BaseMotion(1e-4, 5.0),
-    "RecordedMotion": lambda: RecordedMotion("shaker.csv", "0.0,1.0\n0.1,-1.0\n", scale=9.81),
     "Collision": lambda: fi.collide(LAW, 3e-3, 0.2),
     "CycleStatistics": lambda: columns(CycleStatistics, {"cycles": 8, "cases": 2}),
     "Gravity": lambda: Gravity(-9.81),

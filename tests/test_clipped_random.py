@@ -135,7 +135,7 @@ def test_a_record_of_a_study_file_takes_a_high_pass(tmp_path: Path) -> None:
         text[: text.index("[base]")] + '[base]\nrecord = "shaker.csv"\nhigh_pass = "2 Hz"\n', encoding="utf-8"
     )
     study = load_study(path)
-    base: Any = study.base.excitation
+    base: Any = study.base
     inner = slice(1000, 3000)
     # a Butterworth filter of order 4 forwards and backwards: (0.05/2)^8 of the drift, 1 - (2/20)^8 of the wave
     np.testing.assert_allclose(base.samples[inner], wave[inner], atol=2e-3)

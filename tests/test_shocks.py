@@ -170,4 +170,4 @@ history = 2.0
     found = read_study(head + study, Path("study.toml"))
     assert found.excitation == fi.Shock("haversine", A, D, True, "before", delay=0.05, pulses=3, period=0.5)
     assert same_study(read_study(study_text(found), Path("study.toml")), found)
-    assert math.isclose(found.base.history_duration, 2.0)
+    assert math.isclose(found.history_duration, 2.0)

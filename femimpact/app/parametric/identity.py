@@ -44,7 +44,7 @@ from femimpact.system.system import System
 NUMERICAL = ("contact", "excitation", "fem", "integrators", "response", "structure", "system", "app/parametric")
 """Folders whose sources decide the numbers."""
 
-BESIDE = ("app/study/study.py", "app/study/parameter_plan.py", "app/study/base_motion.py")
+BESIDE = ("app/study/study.py", "app/study/parameter_plan.py", "app/study/drives.py")
 """Files of other folders whose sources do."""
 
 WITHOUT = ("text", "path", "plan", "output", "sweep", "orbits")

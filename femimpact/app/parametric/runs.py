@@ -388,8 +388,8 @@ def history_of_case(
     if without_balls:
         system, state = without_impactors(system), replace(state, ball_displacement=None, ball_velocity=None)
     method = study.systems.method_of(system, values)
-    duration = changed.base.history_duration
-    drive = until(changed.base.excitation, state.time + duration + 0.5 * (record.interval or 0.0))
+    duration = changed.history_duration
+    drive = until(changed.excitation, state.time + duration + 0.5 * (record.interval or 0.0))
     return response_by(method, system, drive, duration, record, state)
 
 
@@ -397,10 +397,10 @@ def _start_of_history(
     study: ParameterStudy, system: System, changed: Study, values: dict[Place, Any], start: int
 ) -> State:  # fmt: skip
     """The start of a case: that of its base, with the balls where the axes or the draws have them."""
-    state, base = changed.initial, changed.base.excitation
+    state, base = changed.initial, changed.excitation
     if study.starts > 1:
         draws = unit_draws(study.starts, len(system.balls), study.seed)[start]
-        return drawn_state(system, state, base, changed.base.history_duration, draws)
+        return drawn_state(system, state, base, changed.history_duration, draws)
     by_path = {place.path: value for place, value in values.items()}
     placed, moving = (
         np.array([float(by_path.get(f"start.{pair.name}.{name}", default)) for pair in system.balls])

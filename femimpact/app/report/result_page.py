@@ -86,12 +86,13 @@ from femimpact.app.study.summary import drive_name
 from femimpact.errors import InputError, require, require_path
 from femimpact.excitation import SteppedSine
 from femimpact.excitation.excitation import has_cycle, words_of
+from femimpact.figures.study_labels import in_shown_units
 from femimpact.scene.placed import DrawnSystem, drawn_system, placed_structure
 from femimpact.signals.densities import MODES, modes_of
 from femimpact.structure.structure import Structure
 from femimpact.svg import Element, element
 from femimpact.system.system import System
-from femimpact.units import in_shown_units, unit_text
+from femimpact.units import unit_text
 
 if TYPE_CHECKING:
     import xarray
@@ -322,12 +323,11 @@ def _lead(study: Study | None, summary: Mapping[str, Any], written: Mapping[str,
     """Sentences on what was computed."""
     if study is None:
         return [str(written["problem"])] if "problem" in written else []
-    said = [f"History: {study.base.words}." if "history" in summary else ""]
-    amplitude = getattr(study.base, "amplitude", None)
+    said = [f"History: {study.history_words}." if "history" in summary else ""]
     base = ""
-    if amplitude is not None:
-        reached = unit_text(amplitude * (2.0 * math.pi * study.base.frequency) ** 2, "m/s^2")
-        base = f" The base moves by {1e3 * amplitude:.4g} mm, with {reached} at {study.base.frequency:g} Hz."
+    if study.kind == "sine":
+        reached = unit_text(study.sine.amplitude * (2.0 * math.pi * study.sine.frequency) ** 2, "m/s^2")
+        base = f" The base moves by {1e3 * study.sine.amplitude:.4g} mm, with {reached} at {study.sine.frequency:g} Hz."
     if "sweep" in summary and study.sweep is not None:
         plan = study.sweep
         said.append(
@@ -431,7 +431,7 @@ def _motion(results: ResultReading) -> list[Section]:
     drawn = [history_section(history, end, heading="Histories", words=words)]
     if study is None:
         return drawn
-    duration = study.base.history_duration
+    duration = study.history_duration
     drive = results.attempt("drive", lambda: drive_section(study.excitation, duration))
     drawn = drawn if drive is None else [drive, *drawn]
     system = _system_of(study) if results.modes is None else results.modes[0]
@@ -586,7 +586,7 @@ def about_section(summary: Mapping[str, Any], study: Study | None) -> Section:
     seeds = summary.get("seeds")
     rows.append(("seeds", str(seeds) if seeds else "none: no random numbers were used"))
     if study is not None:
-        rows.append(("start", STARTS.get(study.base.start, study.base.start)))
+        rows.append(("start", STARTS.get(study.start, study.start)))
     if not isinstance(versions, Mapping):
         rows.insert(0, ("versions", "not known: the results do not say"))
     pairs = [part for name, value in rows for part in (element("dt", name), element("dd", value))]

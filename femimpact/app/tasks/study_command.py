@@ -25,11 +25,10 @@ from femimpact.app.parametric.workers import block_cases, connected
 from femimpact.app.report.best_picture import marks_of, worst_over_axes
 from femimpact.app.report.result_page import add_report
 from femimpact.app.results.result_directory import BEST_FIGURE, FILES
-from femimpact.app.study.base_motion import RecordedMotion
 from femimpact.app.study.parameter_plan import BestPlan
 from femimpact.app.study.prepared import RUNS_OF_HISTORY, START, history_cost
 from femimpact.app.study.study import Study
-from femimpact.app.study.study_file import study_text
+from femimpact.app.study.study_file import study_text, with_record
 from femimpact.errors import Fault, InputError, require
 from femimpact.figures.studies import mark_best
 from femimpact.figures.study_labels import axis_names, case_columns, measure_names, value_words
@@ -164,9 +163,7 @@ def _moved(study: Study, directory: Path) -> Study:
     here = os.path.relpath(study.path.parent, directory)
     if study.mesh.file is not None:
         study = replace(study, mesh=replace(study.mesh, file=os.path.join(here, study.mesh.file)))
-    if isinstance(study.base, RecordedMotion):
-        study = replace(study, base=replace(study.base, record=os.path.join(here, study.base.record)))
-    return study
+    return study if study.record is None else with_record(study, os.path.join(here, study.record))
 
 
 def _draw(dataset: xarray.Dataset, best: BestCase | None, directory: Path) -> None:
@@ -212,7 +209,7 @@ def plan_lines(study: Study) -> list[str]:
 
     given = definition_of(study)
     method = given.systems.method_of(given.nominal, {})
-    of_cycle = partial(seconds_of_cycle, method, given.nominal, study.base.frequency)
+    of_cycle = partial(seconds_of_cycle, method, given.nominal, study.excitation.frequency)
     each, memory = of_cycle(sweep=True) * given.dwell, bytes_of_cycle(method) * AT_ONCE * given.dwell
     if not given.has_cycle:
         alone = replace(study, output=replace(study.output, starts=1))
@@ -230,7 +227,7 @@ def plan_lines(study: Study) -> list[str]:
     memory += COLUMN_BYTES * given.table.size * (numbers + 8)
     return [
         f"study: {_counted(given.table.size, 'case')} ({shape}), {_counted(given.starts, 'start')} each, "
-        + (f"{given.dwell} cycles, of which {given.dwell // 3} are measured" if given.has_cycle else study.base.words),
+        + (f"{given.dwell} cycles, of which {given.dwell // 3} are measured" if given.dwell else study.history_words),
         f"study takes about {number_text(seconds + drawn, 2)} s on one core, "
         f"{number_text(seconds / cores() + drawn, 2)} s on {cores()}, "
         f"{number_text(max(memory, 1e6) / 1e6, 3)} MB of memory and {number_text(_disk(given, study) / 1e6, 2)} MB "
