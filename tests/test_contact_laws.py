@@ -231,16 +231,6 @@ def test_bad_input_is_one_line(make, words):
     assert len(str(refused.value).splitlines()) == 1
 
 
-@pytest.mark.parametrize("time", [1e29, 1e-29])
-def test_a_contact_time_whose_spring_is_beyond_numbers_is_named(time):
-    law = fi.KelvinVoigt(restitution=0.6, contact_time=time)
-    words = r"^contact_time = .* s: must give a contact .* with an effective_mass of 0\.00343 kg"
-    with pytest.raises(fi.InputError, match=words):
-        fi.collide(law, MASS, SPEED)
-    with pytest.raises(fi.InputError, match=words):
-        fi.contact_force(law, 1e-4, 0.0, SPEED, MASS)
-
-
 @pytest.mark.parametrize("law", EVERY_LAW)
 def test_a_speed_beyond_numbers_is_named(law):
     for speed in (1e-300, 1e300):

@@ -420,14 +420,3 @@ def test_the_spectrum_of_a_record_marks_no_frequency_of_the_base():
     axis = fi.figures.spectrum(run, "mass", ax=fi.figures.OffScreen())
     assert len(axis.get_lines()) == 1
     assert axis.get_ylabel() == "spectral density of mass, m²/Hz"
-
-
-def test_more_cycles_than_memory_holds_are_refused_by_their_key():
-    refusals = {
-        "cycles = 2003520714822": lambda: fi.SteppedSine([4.0, 5.0], 2003520714822, amplitude=1e-3),
-        "seconds = 1000000.0 s": lambda: fi.SteppedSine([4.0, 5.0], seconds=1e6, amplitude=1e-3),
-        "duration = 100.0 s": lambda: fi.Chirp(1.0, 5e7, 100.0, amplitude=1e-3),
-    }
-    for words, made in refusals.items():
-        with pytest.raises(fi.InputError, match=f"{words}: must give at most 2,000,000 cycles in all"):
-            made()

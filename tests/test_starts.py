@@ -89,9 +89,3 @@ def test_what_cannot_be_is_one_line(bare, call, words):
     with pytest.raises(fi.InputError, match=words) as refusal:
         call(bare)
     assert "\n" not in str(refusal.value)
-
-
-def test_what_is_free_has_no_static_state_under_a_force():
-    free = fi.System.from_matrices(np.eye(1), np.zeros((1, 1)), np.zeros((1, 1)), points={"a": [1.0]})
-    with pytest.raises(fi.InputError, match="must be held"):
-        fi.State.under_force(free, 1.0)

@@ -279,21 +279,3 @@ def test_a_dwell_in_seconds_measures_the_whole_cycles_of_its_window(small):
         by_cycles = fi.frequency_sweep(small, AMPLITUDE, frequency, method, cycles=cycles)
         assert by_time.peak[i] == by_cycles.peak[0]
         assert by_time.impacts_per_cycle[i] == by_cycles.impacts_per_cycle[0]
-
-
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
-        ({}, "give either cycles"),
-        ({"cycles": 24, "duration": 6.0}, "give either cycles"),
-        ({"cycles": 24, "window": 2.0}, "window = 2.0 s: goes with a duration"),
-        ({"duration": 0.1}, "duration = 0.1 s"),
-        ({"duration": "long"}, "duration = 'long' s"),
-        ({"duration": 6.0, "window": 7.0}, "window = 7.0 s"),
-        ({"duration": 6.1, "window": 0.3}, "window = 0.3 s: must hold a whole base cycle"),
-        ({"duration": 6.0, "threads": 0}, "threads = 0"),
-    ],
-)
-def test_a_dwell_that_cannot_be_is_refused_by_name(small, given, message):
-    with pytest.raises(fi.InputError, match=message):
-        fi.frequency_sweep(small, AMPLITUDE, [4.0, 4.6], fi.Newmark(1e-4), **given)

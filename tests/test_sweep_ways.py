@@ -65,11 +65,6 @@ def test_a_dwell_longer_than_three_windows_is_one_dwell(bare):
         np.testing.assert_allclose(parts[name], whole[name], rtol=1e-9)
 
 
-def test_a_chain_measures_at_most_a_third(bare):
-    with pytest.raises(fi.InputError, match=r"window = .* at most a third"):
-        fi.frequency_sweep(bare, 2e-4, [5.0], EXACT, duration=10.0, window=5.0, direction="up")
-
-
 @pytest.mark.parametrize("method", [EXACT, fi.Newmark(1e-3, allow_coarse_step=True)])
 def test_at_constant_acceleration_each_frequency_has_its_own_amplitude(bare, method):
     curve = fi.frequency_sweep(bare, None, FREQUENCIES, method, 12, acceleration=ACCELERATION)

@@ -116,9 +116,3 @@ def test_what_is_damaged_is_refused_in_one_line(given, words):
     with pytest.raises(fi.InputError, match=words) as refusal:
         fi.transfer_function(**{"system": oscillator(), **given})
     assert "\n" not in str(refusal.value)
-
-
-def test_a_natural_frequency_without_damping_is_refused():
-    free = fi.System.from_matrices([[1.0]], [[0.0]], [[(2 * math.pi) ** 2]], points={"tip": [1.0]})
-    with pytest.raises(fi.InputError, match=r"^frequency = 1\.0 Hz: must not be a natural frequency"):
-        fi.transfer_function(free, 1.0)
