@@ -112,21 +112,6 @@ def response_stress(system):
     return channel_of(system, "root.surface_stress").reading(system).displacement
 
 
-@pytest.mark.parametrize(
-    ("given", "words"),
-    [
-        ({}, "amplitude: must be given alone"),
-        ({"amplitude": 1e-4, "acceleration": 1.0}, "amplitude = 'both'.*: must be given alone"),
-        ({"acceleration": -1.0}, "acceleration = -1"),
-        ({"amplitude": 1e-4, "direction": "left"}, "direction = 'left': must be one of up, down, both"),
-        ({"amplitude": 1e-4, "channel": "tip", "at": "mid"}, "at = 'mid': goes without a channel"),
-        ({"amplitude": 1e-4, "channel": "tip.colour"}, "colour"),
-    ],
-)
-def test_what_cannot_be_is_one_line(bare, given, words):
-    with pytest.raises(fi.InputError, match=words) as refusal:
-        fi.frequency_sweep(bare, frequencies=[5.0], method=EXACT, cycles=12, **given)
-    assert "\n" not in str(refusal.value)
 
 
 def test_a_curve_of_stress_is_drawn_with_its_unit(bare):

@@ -272,23 +272,6 @@ def test_a_mesh_file_with_named_regions_takes_tapers():
         np.testing.assert_allclose(read.bending_stiffness_at(every, s), finer.bending_stiffness[number::2], rtol=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"end_thickness": 0.0}, r"end_thickness = 0(\.0)? m: must be a finite number > 0 m"),
-        ({"end_width": -0.01}, r"end_width = -0\.01 m: must be a finite number > 0 m"),
-        ({"end_thickness": 1e-200}, r"end_thickness = 1e-200 m: must be a finite number > 0 m, and of 1e-30 to 1e\+30"),
-        (
-            {"width": None, "thickness": None, "area": 1e-5, "second_moment": 1e-12, "end_thickness": 1e-3},
-            r"end_thickness = 0\.001 m: must be left out: a section given by area and second_moment does not taper",
-        ),
-    ],
-)
-def test_what_makes_no_taper_is_refused_in_one_line(change, message):
-    given = {"width": WIDTH, "thickness": THICKNESS, **change}
-    with pytest.raises(fi.InputError, match=message) as refused:
-        fi.Segment(LENGTH, **MATERIAL, **given)
-    assert len(refused.value.faults) == 1
 
 
 def test_the_thickest_place_is_held_against_the_length():
