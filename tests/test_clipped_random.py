@@ -106,8 +106,6 @@ def test_a_fade_of_a_random_motion_multiplies_its_displacement() -> None:
     np.testing.assert_allclose(base.displacement(t), window * exact, atol=1e-9 * np.abs(exact).max())
 
 
-
-
 def test_a_record_of_a_study_file_takes_a_high_pass(tmp_path: Path) -> None:
     t = np.arange(4000) * 1e-3
     drift, wave = 0.3 + 0.5 * np.sin(2.0 * np.pi * 0.05 * t), np.sin(2.0 * np.pi * 20.0 * t)

@@ -199,8 +199,6 @@ def test_a_rigid_contact_has_no_force_and_stores_nothing():
     assert fi.contact_potential(fi.Rigid(0.6), 1e-6, MASS) == 0.0
 
 
-
-
 @pytest.mark.parametrize("law", EVERY_LAW)
 def test_a_speed_beyond_numbers_is_named(law):
     for speed in (1e-300, 1e300):

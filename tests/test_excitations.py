@@ -282,8 +282,6 @@ def test_records_of_displacement_and_velocity_are_met():
     assert np.abs(drifting.velocity(t) - speed)[inner].max() < 0.1 * np.abs(speed).max()
 
 
-
-
 @pytest.mark.impacts
 def test_without_a_cycle_nothing_is_periodic_and_nothing_is_drawn_at_a_base_frequency():
     system = reduced(with_ball(REFERENCE, contact=fi.Rigid(restitution=0.7), gap=1e-4), 4)

@@ -398,10 +398,6 @@ def test_progress_of_several_runs_to_one(small):
 # ---- wrong kinds ----------------------------------------------------------------------------------
 
 
-
-
-
-
 def test_one_place_an_array_of_places_and_whole_floats_will_do(small):
     assert fi.Recorder(0.1).channels == (0.1,)
     assert fi.Recorder(np.array([0.1, 0.2])).channels == (0.1, 0.2)

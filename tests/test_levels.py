@@ -211,8 +211,6 @@ def test_a_fade_multiplies_the_displacement(name: str) -> None:
     np.testing.assert_allclose(fi.PointForce("tip", base).force(t[:-1]), (window * force)[:-1], atol=1e-8 * largest)
 
 
-
-
 @pytest.mark.parametrize("fade", [0.5, 0.5 + 1e-12, 0.5 - 1e-9, 0.5 + 1e-6])
 def test_a_fade_that_ends_beside_a_knot_has_no_derivatives_of_rounding(fade):
     # 34 s of 35 Hz: the last fade begins 1e-12 s beside a knot

@@ -131,8 +131,6 @@ def test_half_a_ramp_is_a_triangle() -> None:
     np.testing.assert_allclose(half.acceleration(t), fi.Shock("triangle", A, D).acceleration(t), atol=1e-12 * A)
 
 
-
-
 def test_shock_of_a_study_file_has_all_of_it() -> None:
     text = Path(__file__).parent.parent.joinpath("femimpact/study/paper.toml").read_text(encoding="utf-8")
     head = text[: text.index("[base]")]

@@ -70,5 +70,3 @@ def test_a_speed_is_that_of_a_base_that_is_stopped(ball):
     free = run.time < (run.impacts.time[0] if len(run.impacts) else np.inf)
     np.testing.assert_allclose(run["ball"][free], 0.3 * run.time[free], rtol=0.0, atol=1e-12)
     assert run.energy.stored[0] <= 0.5 * (ball.total_mass + 0.00343) * 0.3**2
-
-

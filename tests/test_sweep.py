@@ -243,8 +243,6 @@ def test_the_recommended_step_resolves_contact_and_first_mode(small, empty):
     assert fi.recommended_step(empty) == pytest.approx(1 / (400 * 5.3), rel=1e-4)
 
 
-
-
 def test_a_dwell_in_seconds_measures_the_whole_cycles_of_its_window(small):
     # 4 and 5 Hz: 2 s of 8 s are 8 and 10 whole cycles, those that the same dwell in cycles ends with
     method = fi.Newmark(1e-4)

@@ -112,8 +112,6 @@ def response_stress(system):
     return channel_of(system, "root.surface_stress").reading(system).displacement
 
 
-
-
 def test_a_curve_of_stress_is_drawn_with_its_unit(bare):
     curve = fi.frequency_sweep(bare, None, FREQUENCIES, EXACT, 12, acceleration=1.0, channel="root.surface_stress")
     axis = fi.figures.response_curve(curve)

@@ -272,8 +272,6 @@ def test_a_mesh_file_with_named_regions_takes_tapers():
         np.testing.assert_allclose(read.bending_stiffness_at(every, s), finer.bending_stiffness[number::2], rtol=1e-12)
 
 
-
-
 def test_the_thickest_place_is_held_against_the_length():
     with pytest.warns(fi.InputWarning, match=r"beam\.length = 3 times the thickness"):
         fi.assemble(fi.Structure(tapered(LENGTH / 3.0 / THICKNESS)), elements=4)

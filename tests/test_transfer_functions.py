@@ -96,5 +96,3 @@ def test_the_dataset_has_units():
     assert data["tip"].attrs == {"units": "m/(m/s^2)", "of": "base.acceleration"}
     assert data["frequency"].attrs["units"] == "Hz"
     assert np.iscomplexobj(data["tip"])
-
-
