@@ -182,7 +182,7 @@ def test_a_link_to_an_open_file_as_that_of_the_output_is_not_replaced(tmp_path):
 
 def test_a_file_of_branches_is_read_within_its_size_and_no_more_of_it_than_a_branch_has(tmp_path):
     h5py = pytest.importorskip("h5py")
-    whole = branch_file()
+    whole = branch_file(tmp_path / "branch.nc")
     count = len(fi.load_branch(whole))
     for name in ("junk", "peak", "value"):
         path = shutil.copy(whole, tmp_path / f"{name}.nc")
