@@ -124,7 +124,7 @@ MODULES = {
         save_figure spectrum step_convergence study_lines study_map study_maps study_scatter value_map
     """,
     "femimpact.export.history": "history_writer",
-    "femimpact.export.movie": "gl_window write_movie",
+    "femimpact.export.movie": "write_movie",
     "femimpact.export.tables": "plain read_csv read_units write_csv write_json write_netcdf",
     "femimpact.export.vtk": "write_deflection write_mode write_modes",
 }

@@ -122,7 +122,7 @@ def _raw_mesh(path: Path, kind: str) -> Any:
         try:
             raw = meshio.read(path, file_format=kind)
         except SystemExit:
-            raise _NotReadError(printed.getvalue() or "it is not in this format") from None
+            raise _NotReadError(" ".join(printed.getvalue().split()) or "it is not in this format") from None
     if len(raw.points) > MOST_NODES:
         raise _NotReadError(f"{len(raw.points)} nodes are more than {MOST_NODES}")
     return raw

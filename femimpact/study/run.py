@@ -24,7 +24,7 @@ from femimpact.structure.structure import glue_impactors
 from femimpact.study.base_motion import RecordedMotion
 from femimpact.study.forces import DrivenMotion
 from femimpact.study.picture_data import write_last_cycles, write_mode_shapes, write_snapshots
-from femimpact.study.pictures import draw_in_child, with_pictures
+from femimpact.study.pictures import draw_kinds, with_pictures
 from femimpact.study.prepared import (
     PARTS,
     PreparedStudy,
@@ -384,7 +384,7 @@ def keep_pictures(
         write_summary(folder, with_pictures(summary, ended, staging.target), staging.finished)
         # what they are drawn from stays with the results, should the run end now
         staging.finish_part("data of pictures")
-        summary = with_pictures(summary, draw_in_child(staging.finished, folder, kinds, report), staging.target)
+        summary = with_pictures(summary, draw_kinds(staging.finished, folder, kinds, report), staging.target)
     write_summary(folder, summary, staging.finished)
 
 
