@@ -150,8 +150,9 @@ def _titles(film: Film) -> list[tuple[float, str]]:
             else f"gaps +{number_text(plus, 3)}, -{number_text(minus, 3)} mm"
         )
         gaps = gaps if pair.has_walls else "absorber"
-        name = f"Close-up, moving with the {_carrier(pair)}" if len(balls) == 1 else pair.name
-        titles.append((CLOSE_UPS + (0.98 + SPACE - CLOSE_UPS) * j / len(balls), f"{name} ({gaps})"))
+        # several are too narrow for both in a line
+        name = f"Close-up, moving with the {_carrier(pair)} " if len(balls) == 1 else f"{pair.name}\n"
+        titles.append((CLOSE_UPS + (0.98 + SPACE - CLOSE_UPS) * j / len(balls), f"{name}({gaps})"))
     return titles
 
 

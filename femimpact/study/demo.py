@@ -172,7 +172,7 @@ def _at_resonance(prepared: PreparedStudy, sweeps: SweepPair) -> PreparedStudy:
 
 def places(count: int) -> list[float]:
     """So many places (m) of the ball around the middle of its box."""
-    return (OFF_CENTRE * np.linspace(-1.0, 1.0, count)).tolist()
+    return [OFF_CENTRE * float(share) for share in np.linspace(-1.0, 1.0, count)]
 
 
 RESTITUTION = "impactor.ball.contact.restitution"
@@ -241,8 +241,8 @@ def _scan_rows(scan: xarray.Dataset) -> tuple[tuple[str, ...], ...]:
         for start in STARTS:
             one = scan.sel({RESTITUTION: restitution, "base.start": start})
             for name, resolution in (("peak_frequency", scan.attrs["step"]), ("amplitude_ratio", 0.0)):
-                ends = (float(one[f"{name}{end}"]) for end in ("", "_low", "_high"))
-                cells.append(Spread(*ends, resolution).text())
+                middle, low, high = (float(one[f"{name}{end}"]) for end in ("", "_low", "_high"))
+                cells.append(Spread(middle, low, high, resolution).text())
         rows.append(tuple(cells))
     return tuple(rows)
 

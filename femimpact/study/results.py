@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from femimpact.errors import Fault, InputError, require, require_path
 from femimpact.export import tables
-from femimpact.regular_file import open_regular, read_now
+from femimpact.regular_file import open_regular
 from femimpact.study.result_directory import (
     FILES,
     SUMMARY,
@@ -240,7 +240,7 @@ def load_dataset(
 
     # the library opens it by its name
     with open_regular(path) as file:
-        begin, size = read_now(file, len(HDF5)), os.fstat(file.fileno()).st_size
+        begin, size = file.read(len(HDF5)), os.fstat(file.fileno()).st_size
     require(begin == HDF5 or begin.startswith(b"CDF"), "format", "another one", "", "must be netCDF")
     left_out = list[str]()
     if begin == HDF5:
