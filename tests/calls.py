@@ -214,7 +214,6 @@ CALLS = {
     }),
     "write_movie": (fi.write_movie, lambda: {
         "path": "movie.gif", "response": drawn_run(), "structure": STRUCTURE, "exaggeration": 2.0, "fps": 2, "most": 2,
-        "renderer": "matplotlib",
     }),
     "write_record": (fi.write_record, lambda: {"path": "record.csv", "dataset": recorded()}),
     "history_writer": (written, lambda: {"path": "history.nc"}),
