@@ -17,7 +17,7 @@ from femimpact.export import figures, tables
 from femimpact.export.figures.studies import mark_best
 from femimpact.export.files import atomic_write
 from femimpact.export.tables import axis_names, measure_names, unit_text, value_words
-from femimpact.parametric.definition import CaseTable, ParameterStudy
+from femimpact.parametric.definition import ParameterStudy
 from femimpact.parametric.labelled import endings_of
 from femimpact.parametric.measures import better_of
 from femimpact.parametric.paths import study_with
@@ -150,9 +150,8 @@ def _write_best(definition: ParameterStudy, best: BestCase | None, directory: Pa
     design = next((one for one in best.designs if one.case >= 0), None) if best is not None else None
     if design is None:
         return
-    table: CaseTable = definition.table
-    places = {place: table.value(axis, design.case) for axis, place in enumerate(table.places)}
     given: Any = definition.study
+    places = definition.table.values(design.case)
     # a study without a file that says the same, or another drive
     with suppress(InputError, ValueError):
         atomic_write(path, study_text(_moved(replace(study_with(given, places), plan=None), directory)))
