@@ -675,9 +675,8 @@ def _print_results(study: Study, results: StudyResults) -> None:
 def _print_branches(where: Console, results: StudyResults) -> None:
     """Print a line for each branch with its ends, and the table of the bifurcations."""
     from femimpact.app.results.result_directory import FILES
-    from femimpact.figures.study_labels import in_shown_units
     from femimpact.files import read_units
-    from femimpact.units import PARAMETER_DIGITS, parameter_text
+    from femimpact.units import PARAMETER_DIGITS, in_shown_units, parameter_text
 
     found = results.summary["orbits"]
     for number, branch in enumerate(found["branches"], 1):

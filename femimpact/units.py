@@ -14,6 +14,8 @@ from fractions import Fraction
 from functools import lru_cache
 from typing import Any
 
+import numpy as np
+
 from femimpact.errors import Fault, InputError
 
 UNITS: Mapping[str, tuple[str, ...]] = {
@@ -364,6 +366,18 @@ def _symbol(word: str, g: tuple[Fraction, Mapping[str, Any]] | None) -> tuple[Fr
 
 SHOWN_IN = {"m": (1e3, "mm"), "Pa": (1e-6, "MPa"), "N s": (1e3, "mN s"), "kg": (1e3, "g")}
 """Units of axes and measures that are shown in another one, by its factor and its name: the same wherever they are."""
+
+
+def in_shown_units(columns: Mapping[str, Any], units: Mapping[str, str]) -> tuple[dict[str, Any], dict[str, str]]:
+    """Columns of numbers in the units in which they are shown, and these units."""
+    shown = {name: SHOWN_IN.get(unit, (1.0, unit)) for name, unit in units.items()}
+    scaled = {
+        name: shown[name][0] * np.asarray(values)
+        if name in shown and np.asarray(values).dtype.kind in "iuf"
+        else values
+        for name, values in columns.items()
+    }
+    return scaled, {name: unit for name, (_, unit) in shown.items()}
 
 
 def unit_text(value: float, unit: str) -> str:

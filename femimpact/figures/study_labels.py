@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.arrays import Array, thinned
-from femimpact.units import SHOWN_IN
 
 if TYPE_CHECKING:
     import xarray
@@ -84,18 +83,6 @@ def axis_value(dataset: xarray.Dataset, axis: str, index: int) -> tuple[str, str
         return axis_words(dataset, axis), names[index], "mm" if f"{axis}.plus" in dataset.coords else ""
     value = float(dataset[axis].to_numpy().reshape(-1)[index])
     return axis_words(dataset, axis), value, "" if unit == "1" else unit
-
-
-def in_shown_units(columns: Mapping[str, Any], units: Mapping[str, str]) -> tuple[dict[str, Any], dict[str, str]]:
-    """Columns of numbers in the units in which they are shown, and these units."""
-    shown = {name: SHOWN_IN.get(unit, (1.0, unit)) for name, unit in units.items()}
-    scaled = {
-        name: shown[name][0] * np.asarray(values)
-        if name in shown and np.asarray(values).dtype.kind in "iuf"
-        else values
-        for name, values in columns.items()
-    }
-    return scaled, {name: unit for name, (_, unit) in shown.items()}
 
 
 def case_columns(

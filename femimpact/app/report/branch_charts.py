@@ -9,11 +9,10 @@ import numpy as np
 
 from femimpact.app.report.page import Section, Table, table_element, table_of
 from femimpact.arrays import Array
-from femimpact.figures.study_labels import in_shown_units
 from femimpact.orbits import Branch
 from femimpact.orbits.figures import SWEPT, kind_words, parameter_words, prefix_of, stretches
 from femimpact.svg import Chart, Line, axis_of, chart_element, element
-from femimpact.units import PARAMETER_DIGITS, parameter_text
+from femimpact.units import PARAMETER_DIGITS, in_shown_units, parameter_text
 
 COLOURS = {
     "fold": 2, "symmetry-breaking": 3, "period-doubling": 4, "neimark-sacker": 5, "branch-point": 1, "grazing": 6,

@@ -20,7 +20,6 @@ from femimpact.figures.study_labels import (
     axis_value,
     axis_words,
     has_logarithmic_colours,
-    in_shown_units,
     map_panels,
     measure_names,
     sample_axes,
@@ -29,7 +28,7 @@ from femimpact.figures.study_labels import (
     value_words,
 )
 from femimpact.svg import GRID, Axis, Band, Chart, Element, Line, axis_of, chart_element, element
-from femimpact.units import SHOWN_IN, typeset
+from femimpact.units import SHOWN_IN, in_shown_units, typeset
 
 if TYPE_CHECKING:
     import xarray

@@ -86,13 +86,12 @@ from femimpact.app.study.summary import drive_name
 from femimpact.errors import InputError, require, require_path
 from femimpact.excitation import SteppedSine
 from femimpact.excitation.excitation import has_cycle, words_of
-from femimpact.figures.study_labels import in_shown_units
 from femimpact.scene.placed import DrawnSystem, drawn_system, placed_structure
 from femimpact.signals.densities import MODES, modes_of
 from femimpact.structure.structure import Structure
 from femimpact.svg import Element, element
 from femimpact.system.system import System
-from femimpact.units import unit_text
+from femimpact.units import in_shown_units, unit_text
 
 if TYPE_CHECKING:
     import xarray
