@@ -214,7 +214,6 @@ CALLS = {
     }),
     "write_movie": (fi.write_movie, lambda: {
         "path": "movie.gif", "response": drawn_run(), "structure": STRUCTURE, "exaggeration": 2.0, "fps": 2, "most": 2,
-        "renderer": "matplotlib",
     }),
     "read_record": (fi.read_record, lambda: {
         "path": recorded_file(), "columns": None, "units": None, "sample_rate": None
