@@ -604,20 +604,6 @@ def test_a_second_process_is_refused_while_the_first_is_alive(tmp_path):
     small(directory=tmp_path)
 
 
-def test_a_function_of_the_users_own_is_known_by_its_code(tmp_path):
-    def measure_of(factor):
-        def measure(response):
-            return factor * response.time[-1]
-
-        return measure
-
-    axes = {GAP: [2e-3]}
-    small(axes=axes, measures=[measure_of(1.0)], directory=tmp_path)
-    small(axes=axes, measures=[measure_of(1.0)], directory=tmp_path)
-    with pytest.raises(fi.InputError, match="another study: measures"):
-        small(axes=axes, measures=[measure_of(2.0)], directory=tmp_path)
-
-
 def test_a_full_disk_is_an_error_that_names_the_file_and_leaves_what_was_finished(tmp_path, monkeypatch):
     import femimpact.app.parametric.block_files as block_files
 

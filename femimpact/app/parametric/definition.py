@@ -371,9 +371,9 @@ class CaseTable:
         """Value of an axis in a case."""
         return self.levels[axis][int(self.codes[axis][case])]
 
-    def values(self, case: int) -> dict[str, Any]:
-        """Values of a case by their paths."""
-        return {place.path: self.value(axis, case) for axis, place in enumerate(self.places)}
+    def values(self, case: int) -> dict[Place, Any]:
+        """Values of a case by their places."""
+        return {place: self.value(axis, case) for axis, place in enumerate(self.places)}
 
     def axes_before(self, stage: Stage) -> tuple[int, ...]:
         """Numbers of the axes whose values make a case anew before some stage."""

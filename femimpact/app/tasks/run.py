@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from femimpact.app.parametric.starts import drawn_curves, drawn_histories, spreads_of, write_curves
-from femimpact.app.report.pictures import draw_in_child, with_pictures
+from femimpact.app.report.pictures import draw_kinds, with_pictures
 from femimpact.app.report.result_page import add_report
 from femimpact.app.results.picture_data import write_last_cycles, write_mode_shapes, write_snapshots
 from femimpact.app.results.result_directory import FILES, Staging, prepare_directory
@@ -379,7 +379,7 @@ def keep_pictures(
         write_summary(folder, with_pictures(summary, ended, staging.target), staging.finished)
         # what they are drawn from stays with the results, should the run end now
         staging.finish_part("data of pictures")
-        summary = with_pictures(summary, draw_in_child(staging.finished, folder, kinds, report), staging.target)
+        summary = with_pictures(summary, draw_kinds(staging.finished, folder, kinds, report), staging.target)
     write_summary(folder, summary, staging.finished)
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from femimpact import figures
 from femimpact.app.parametric.best import best_cases, check_best
 from femimpact.app.parametric.best_design import BestCase, told_lines
-from femimpact.app.parametric.definition import CaseTable, ParameterStudy
+from femimpact.app.parametric.definition import ParameterStudy
 from femimpact.app.parametric.labelled import endings_of
 from femimpact.app.parametric.measures import better_of
 from femimpact.app.parametric.paths import study_with
@@ -150,9 +150,8 @@ def _write_best(definition: ParameterStudy, best: BestCase | None, directory: Pa
     design = next((one for one in best.designs if one.case >= 0), None) if best is not None else None
     if design is None:
         return
-    table: CaseTable = definition.table
-    places = {place: table.value(axis, design.case) for axis, place in enumerate(table.places)}
     given: Any = definition.study
+    places = definition.table.values(design.case)
     # a study without a file that says the same, or another drive
     with suppress(InputError, ValueError):
         atomic_write(path, study_text(_moved(replace(study_with(given, places), plan=None), directory)))
