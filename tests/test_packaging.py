@@ -49,7 +49,7 @@ def test_what_a_page_is_made_of_is_in_the_wheel_and_in_the_source_distribution(t
 
     wanted = {
         path.relative_to(ROOT).as_posix()
-        for path in (ROOT / "femimpact/export/report").iterdir()
+        for path in (ROOT / "femimpact/app/report").iterdir()
         if path.suffix in (".css", ".js", ".py", ".pyi")
     }
     assert {"femimpact/app/report/report.css", "femimpact/app/report/player.js"} <= wanted

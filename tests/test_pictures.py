@@ -1,4 +1,4 @@
-"""Figures and movie are drawn from files by a child process: what fails there costs no result."""
+"""Figures and movie are drawn from files: what fails there costs no result."""
 
 from __future__ import annotations
 
@@ -7,9 +7,6 @@ import json
 import os
 import re
 import shutil
-import subprocess
-import sys
-import time
 import zipfile
 from pathlib import Path
 
@@ -62,7 +59,7 @@ def results(finished, tmp_path):
 
 
 def encoder(folder, monkeypatch, script):
-    """Another program in the place of ffmpeg, for the child as well."""
+    """Another program in the place of ffmpeg."""
     pytest.importorskip("imageio_ffmpeg")
     program = folder / "ffmpeg"
     program.write_text(f"#!/bin/sh\n{script}\n")
@@ -164,7 +161,7 @@ def test_results_are_drawn_without_their_mesh_file_and_without_their_record(tmp_
     assert ".png" not in failure
     assert {path.name for path in tmp_path.glob("*.png")} == figure_names
     response, structure, _ = read_film(out, summary)
-    drawn = movie.write_movie(tmp_path / "two.gif", response, structure, most=2, renderer="matplotlib")
+    drawn = movie.write_movie(tmp_path / "two.gif", response, structure, most=2)
     assert drawn.stat().st_size > 1000
     ball, stop = response.system.contacts
     assert (ball.name, ball.position, ball.gaps, ball.law) == ("ball", 0.25, (1e-3, 2e-3), "kelvin-voigt")
@@ -202,14 +199,13 @@ def test_the_exaggeration_of_a_study_is_that_of_movie_and_paraview_alike(tmp_pat
 @pytest.mark.parametrize("script", ["cat > /dev/null; exit 0", "kill -SEGV $$"])
 def test_an_encoder_that_writes_nothing_is_found(results, tmp_path, monkeypatch, script):
     encoder(tmp_path, monkeypatch, script)
-    assert pictures.draw_in_child(results, tmp_path, ("movie",), no_report)["movie"] is not None
+    assert pictures.draw_kinds(results, tmp_path, ("movie",), no_report)["movie"] is not None
     assert not list(tmp_path.glob("*.mp4"))
 
 
 @pytest.mark.skipif(os.name != "posix", reason="a shell script in the place of ffmpeg")
 def test_a_failing_encoder_is_a_warning_and_the_movie_can_be_made_again(tmp_path, monkeypatch):
     encoder(tmp_path, monkeypatch, "exit 1")
-    monkeypatch.setattr(pictures, "TIME_LIMIT", 120.0)
     out, study = tmp_path / "out", short_study(3.0, frames=4, paraview=False)
     # without contacts there is one figure, of the modes
     study = dataclasses.replace(study, structure=dataclasses.replace(study.structure, impactors=()))
@@ -231,56 +227,7 @@ def test_a_failing_encoder_is_a_warning_and_the_movie_can_be_made_again(tmp_path
     }  # fmt: skip
 
 
-@pytest.mark.skipif(os.name != "posix", reason="a shell script in the place of ffmpeg")
-def test_a_hanging_encoder_is_ended_with_all_that_it_started(results, tmp_path, monkeypatch):
-    encoder(tmp_path, monkeypatch, f"echo $$ >> {tmp_path}/started; exec sleep 600")
-
-    class Impatient(subprocess.Popen):
-        """Its time is over soon after the encoder was started, however slow the machine is."""
-
-        def wait(self, timeout=None):
-            if timeout is None:
-                return super().wait()
-            for _ in range(2400):
-                if (tmp_path / "started").exists():
-                    break
-                time.sleep(0.05)
-            return super().wait(0.5)
-
-    monkeypatch.setattr(pictures.subprocess, "Popen", Impatient)
-    (results / FILES["movie"].name).unlink()
-    before = {path: path.read_bytes() for path in results.iterdir() if path.is_file()}
-    with pytest.raises(fi.InputError, match=r"movie = .*not drawn: not done within 600 s"):
-        pictures.draw_again(results, "movie", no_report)
-    assert {path: path.read_bytes() for path in results.iterdir() if path.is_file()} == before
-    for number in (tmp_path / "started").read_text().split():
-        with pytest.raises(ProcessLookupError):
-            wait_for_end(int(number))
-    assert not (results / ".running").exists()
-
-
-def wait_for_end(process):
-    """Ask for a process until it is gone."""
-    for _ in range(100):
-        os.kill(process, 0)
-        time.sleep(0.05)
-
-
-def test_a_child_that_crashes_takes_nothing_with_it(results, monkeypatch):
-    monkeypatch.setattr(pictures, "CHILD", "import os; os.abort()")
-    failures = pictures.draw_in_child(results, results, ("figures", "movie"), no_report)
-    assert failures == dict.fromkeys(("figures", "movie"), "the process that draws was ended by SIGABRT")
-    monkeypatch.setattr(pictures, "CHILD", "import no_such_module")
-    (failure,) = pictures.draw_in_child(results, results, ("movie",), no_report).values()
-    assert "No module named 'no_such_module'" in failure
-
-
-def test_figures_are_made_again_by_the_package_that_runs(results, tmp_path, monkeypatch):
-    # nothing of the current directory is imported
-    for name in ("pyvista", "matplotlib", "json", "numpy"):
-        (tmp_path / f"{name}.py").write_text("raise SystemExit('from the current directory')")
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.delenv("PYTHONPATH", raising=False)
+def test_figures_are_made_again(results):
     before = {name: (results / FILES[name].name).read_bytes() for name in FIGURES}
     for name in FIGURES:
         (results / FILES[name].name).unlink()
@@ -303,44 +250,6 @@ def test_what_can_not_be_drawn_does_not_take_the_other_figures_with_it(results):
     summary = json.loads((results / "summary.json").read_text())
     assert summary["pictures"]["figures"].startswith("not drawn: response.png: ")
     assert (results / FILES["force_figure"].name).exists()
-
-
-def test_the_childs_of_a_killed_run_end_with_it(results, tmp_path):
-    code = "import sys, time; from pathlib import Path; from femimpact.app.report import pictures\n"
-    code += "pictures.CHILD = pictures.CHILD.replace('child(', 'import os; print(os.getpid(), file=open(sys.argv[4]"
-    code += ' + "/number", "w")); import threading, time; from femimpact.app.report.pictures import _end_with_parent;'
-    code += " threading.Thread(target=_end_with_parent).start(); time.sleep(600); child(')\n"
-    code += "pictures.draw_in_child(Path(sys.argv[1]), Path(sys.argv[2]), ('movie',), lambda *_: None)"
-    parent = subprocess.Popen([sys.executable, "-c", code, results, tmp_path])
-    for _ in range(600):
-        if (tmp_path / "number").exists() and (tmp_path / "number").read_text():
-            break
-        time.sleep(0.05)
-    time.sleep(0.5)
-    parent.kill()
-    parent.wait()
-    with pytest.raises(ProcessLookupError):
-        wait_for_end(int((tmp_path / "number").read_text()))
-
-
-def test_the_window_that_was_probed_is_the_one_that_is_used(monkeypatch):
-    tried = []
-
-    def run(command, env, **_options):
-        assert command[1] == "-P"
-        tried.append(env[movie.WINDOW])
-        return subprocess.CompletedProcess(command, int(env[movie.WINDOW] == "broken"), b"drawn")
-
-    monkeypatch.setattr(movie.subprocess, "run", run)
-    monkeypatch.setattr(movie, "_probed", movie._probed.__wrapped__)
-    monkeypatch.setenv(movie.WINDOW, "mine")
-    assert movie.gl_window() == "mine"
-    monkeypatch.setenv(movie.WINDOW, "broken")
-    assert movie.gl_window() == "vtkEGLRenderWindow"
-    assert tried == ["mine", "broken", "vtkEGLRenderWindow"]
-    with movie._window("vtkEGLRenderWindow"):
-        assert os.environ[movie.WINDOW] == "vtkEGLRenderWindow"
-    assert os.environ[movie.WINDOW] == "broken"
 
 
 def test_of_two_movies_the_later_one_stays():

@@ -134,15 +134,6 @@ def test_the_frame_of_a_response_has_its_channels_over_time():
     assert frame.attrs["units"] == {"time": "s", **run.units}
 
 
-def test_a_history_that_went_to_a_sink_has_no_frame():
-    record = fi.Recorder(("tip",), sink=lambda piece: None)
-    streamed = fi.integrate(
-        fi.without_impactors(small()), fi.Sine(1e-3, 6.0), fi.Newmark(1e-3, allow_coarse_step=True), 0.1, record
-    )
-    with pytest.raises(fi.InputError, match=r"Recorder\.sink"):
-        streamed.to_pandas()
-
-
 def test_the_frame_of_modes_has_a_row_for_every_mode():
     modes = fi.solve_modes(system(), 3)
     frame = modes.to_pandas()

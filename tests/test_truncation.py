@@ -84,16 +84,6 @@ def test_a_stop_is_met_in_the_first_mode():
     assert result.displacement_error[1, 0] < result.displacement_error[0, 0]
 
 
-def test_a_study_that_says_nothing_is_refused():
-    full, base = cantilever(), fi.Sine(0.2037e-3, 5.0)
-    with pytest.raises(fi.InputError, match="counts"):
-        fi.mode_convergence(full, base, fi.EventDriven(), 6.0, [2, 1, 3])
-    with pytest.raises(fi.InputError, match="duration"):
-        fi.mode_convergence(full, base, fi.EventDriven(), 1.0, [1, 2, 3])
-    with pytest.raises(fi.InputError, match=r"system\.contacts"):
-        fi.mode_convergence(cantilever(places=()), base, fi.EventDriven(), 6.0, [1, 2, 3])
-
-
 def test_the_figure_has_three_panels(study, tmp_path):
     axes = fi.figures.mode_convergence(study, fi.figures.OffScreen())
     assert [axis.get_xlabel() for axis in axes] == ["normal modes kept"] * 3

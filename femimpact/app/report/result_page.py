@@ -323,12 +323,11 @@ def _lead(study: Study | None, summary: Mapping[str, Any], written: Mapping[str,
     """Sentences on what was computed."""
     if study is None:
         return [str(written["problem"])] if "problem" in written else []
-    said = [f"History: {study.base.words}." if "history" in summary else ""]
-    amplitude = getattr(study.base, "amplitude", None)
+    said = [f"History: {study.history_words}." if "history" in summary else ""]
     base = ""
-    if amplitude is not None:
-        reached = unit_text(amplitude * (2.0 * math.pi * study.base.frequency) ** 2, "m/s^2")
-        base = f" The base moves by {1e3 * amplitude:.4g} mm, with {reached} at {study.base.frequency:g} Hz."
+    if study.kind == "sine":
+        reached = unit_text(study.sine.amplitude * (2.0 * math.pi * study.sine.frequency) ** 2, "m/s^2")
+        base = f" The base moves by {1e3 * study.sine.amplitude:.4g} mm, with {reached} at {study.sine.frequency:g} Hz."
     if "sweep" in summary and study.sweep is not None:
         plan = study.sweep
         said.append(
@@ -597,7 +596,7 @@ def about_section(summary: Mapping[str, Any], study: Study | None) -> Section:
     seeds = summary.get("seeds")
     rows.append(("seeds", str(seeds) if seeds else "none: no random numbers were used"))
     if study is not None:
-        rows.append(("start", STARTS.get(study.base.start, study.base.start)))
+        rows.append(("start", STARTS.get(study.start, study.start)))
     if not isinstance(versions, Mapping):
         rows.insert(0, ("versions", "not known: the results do not say"))
     pairs = [part for name, value in rows for part in (element("dt", name), element("dd", value))]

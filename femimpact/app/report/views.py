@@ -257,7 +257,7 @@ def sections_of(
     beside: Mapping[str, Sequence[Element]],  # words and tables by the key of their section
     prefix: str = "",  # of identifiers
     folder: bool = False,  # whether the files of results stand beside the page
-    miss: Callable[[str], None] | None = None,  # told of what cannot be drawn; by default that is said in its place
+    miss: Callable[[str], object] | None = None,  # told of what cannot be drawn; by default that is said in its place
 ) -> list[Section]:
     """Parts of a page with the pictures of records, words above them and tables below."""
     pictures: dict[str, list[Picture]] = {}

@@ -14,11 +14,11 @@ import numpy as np
 
 from femimpact.app.results.result_directory import FILES
 from femimpact.app.results.results import carried_of, read_dataset, read_sticking, read_table
-from femimpact.app.study.base_motion import Signal, numbers_of_signal, signal_of_numbers
+from femimpact.app.study.drives import PARTS, force_of, force_table, made_of, table_of
 from femimpact.arrays import Array
 from femimpact.convergence import ConvergenceTable, StepConvergence
 from femimpact.errors import require
-from femimpact.excitation import Drives, Excitation, HammerBlow, PointForce, RecordedBase, Sine, Sum
+from femimpact.excitation import Drives, Excitation, HammerBlow, PointForce, RecordedBase, Sum
 from femimpact.files import plain as plain_data
 from femimpact.files import write_netcdf
 from femimpact.response.cycles import no_steady_motion
@@ -271,12 +271,14 @@ def _base_numbers(base: Excitation) -> dict[str, Any]:
     if isinstance(base, PointForce):
         return {"at": base.at, "name": base.name, "history": _base_numbers(base.history)}
     if isinstance(base, HammerBlow):
-        return dataclasses.asdict(base)
+        return force_table(base)
     if isinstance(base, RecordedBase):
         return {"interval": base.interval, "initial_velocity": base.initial_velocity}
-    if isinstance(base, Signal):
-        return numbers_of_signal(base)
-    return {"amplitude": base.amplitude, "frequency": base.frequency, "phase": getattr(base, "phase", 0.0)}
+    if any(type(base) is kind.noun for kind in PARTS.values()):
+        return table_of(base, PARTS)
+    # another motion is shown as a sine
+    numbers = {"amplitude": base.amplitude, "frequency": base.frequency, "phase": getattr(base, "phase", 0.0)}
+    return {"kind": "sine", **numbers}
 
 
 def _base_arrays(response: Response) -> dict[str, Any]:
@@ -301,11 +303,9 @@ def _excitation(numbers: Mapping[str, Any], samples: Array | None) -> Any:
         return Sum(tuple(_excitation(part, None) for part in numbers["parts"]))
     if "history" in numbers:
         return PointForce(numbers["at"], _excitation(numbers["history"], None), numbers["name"])
-    if "impulse" in numbers:
-        return HammerBlow(**numbers)
-    if samples is not None:
-        return RecordedBase(samples, **numbers)
-    return signal_of_numbers(numbers) if "signal" in numbers else Sine(**numbers)
+    if "at" in numbers:
+        return force_of(numbers)
+    return made_of(numbers, PARTS) if "kind" in numbers else RecordedBase(samples, **numbers)
 
 
 def read_film(folder: Path, summary: Mapping[str, Any]) -> tuple[Response, Structure, float | None] | None:

@@ -167,7 +167,7 @@ def _meshes(study: Study, mesh: Mesh | None) -> OverMeshes:
 def _steps(study: Study, mesh: Mesh, method: Method) -> OverSteps:
     """Time steps to compare: a fortieth of the base's period, halved three to ten times, down to the study's step."""
     given = cast(Newmark, method)
-    coarse = 1.0 / (COARSEST_STEPS * study.base.frequency)
+    coarse = 1.0 / (COARSEST_STEPS * study.excitation.frequency)
     halvings = math.ceil(math.log2(coarse / given.dt)) if coarse > given.dt else 0
     return OverSteps(mesh, replace(given, dt=coarse, allow_coarse_step=True), min(max(halvings, 3), 10))
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from femimpact.app.parametric.best import best_cases, check_best
 from femimpact.app.parametric.best_design import BestCase, told_lines
-from femimpact.app.parametric.definition import CaseTable, ParameterStudy
+from femimpact.app.parametric.definition import ParameterStudy
 from femimpact.app.parametric.labelled import endings_of
 from femimpact.app.parametric.measures import better_of
 from femimpact.app.parametric.paths import study_with
@@ -25,11 +25,10 @@ from femimpact.app.parametric.workers import block_cases, connected
 from femimpact.app.report.result_page import add_report, best_measures
 from femimpact.app.report.views import measures_of, save_pictures
 from femimpact.app.results.result_directory import BEST_FIGURE, FILES, ResultsWarning
-from femimpact.app.study.base_motion import RecordedMotion
 from femimpact.app.study.parameter_plan import BestPlan
 from femimpact.app.study.prepared import RUNS_OF_HISTORY, START, history_cost
 from femimpact.app.study.study import Study
-from femimpact.app.study.study_file import study_text
+from femimpact.app.study.study_file import study_text, with_record
 from femimpact.errors import Fault, InputError, require
 from femimpact.figures.study_labels import axis_names, case_columns, value_words
 from femimpact.files import atomic_write, write_csv
@@ -149,9 +148,8 @@ def _write_best(definition: ParameterStudy, best: BestCase | None, directory: Pa
     design = next((one for one in best.designs if one.case >= 0), None) if best is not None else None
     if design is None:
         return
-    table: CaseTable = definition.table
-    places = {place: table.value(axis, design.case) for axis, place in enumerate(table.places)}
     given: Any = definition.study
+    places = definition.table.values(design.case)
     # a study without a file that says the same, or another drive
     with suppress(InputError, ValueError):
         atomic_write(path, study_text(_moved(replace(study_with(given, places), plan=None), directory)))
@@ -162,9 +160,7 @@ def _moved(study: Study, directory: Path) -> Study:
     here = os.path.relpath(study.path.parent, directory)
     if study.mesh.file is not None:
         study = replace(study, mesh=replace(study.mesh, file=os.path.join(here, study.mesh.file)))
-    if isinstance(study.base, RecordedMotion):
-        study = replace(study, base=replace(study.base, record=os.path.join(here, study.base.record)))
-    return study
+    return study if study.record is None else with_record(study, os.path.join(here, study.record))
 
 
 def _draw(dataset: xarray.Dataset, best: Mapping[str, BestCase], directory: Path) -> None:
@@ -186,7 +182,7 @@ def plan_lines(study: Study) -> list[str]:
 
     given = definition_of(study)
     method = given.systems.method_of(given.nominal, {})
-    of_cycle = partial(seconds_of_cycle, method, given.nominal, study.base.frequency)
+    of_cycle = partial(seconds_of_cycle, method, given.nominal, study.excitation.frequency)
     each, memory = of_cycle(sweep=True) * given.dwell, bytes_of_cycle(method) * AT_ONCE * given.dwell
     if not given.has_cycle:
         alone = replace(study, output=replace(study.output, starts=1))
@@ -204,7 +200,7 @@ def plan_lines(study: Study) -> list[str]:
     memory += COLUMN_BYTES * given.table.size * (numbers + 8)
     return [
         f"study: {_counted(given.table.size, 'case')} ({shape}), {_counted(given.starts, 'start')} each, "
-        + (f"{given.dwell} cycles, of which {given.dwell // 3} are measured" if given.has_cycle else study.base.words),
+        + (f"{given.dwell} cycles, of which {given.dwell // 3} are measured" if given.dwell else study.history_words),
         f"study takes about {number_text(seconds + drawn, 2)} s on one core, "
         f"{number_text(seconds / cores() + drawn, 2)} s on {cores()}, "
         f"{number_text(max(memory, 1e6) / 1e6, 3)} MB of memory and {number_text(_disk(given, study) / 1e6, 2)} MB "
