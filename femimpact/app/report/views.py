@@ -278,7 +278,7 @@ def sections_of(
     return found
 
 
-def _element_of(one: Picture, prefix: str, folder: bool, miss: Callable[[str], None] | None) -> Element:
+def _element_of(one: Picture, prefix: str, folder: bool, miss: Callable[[str], object] | None) -> Element:
     """A picture with the file that it is drawn from, or why there is none."""
     view, title = one.view, one.view.title.format(one.record)
     file = f"Drawn from {FILES[view.file.format(one.record)].name}." if folder and view.file else ""
