@@ -1,5 +1,5 @@
-from femimpact.figures.channels import channels as channels
-from femimpact.figures.channels import drive as drive
+from femimpact.figures.channel_histories import channels as channels
+from femimpact.figures.channel_histories import drive as drive
 from femimpact.figures.contacts import collision_history as collision_history
 from femimpact.figures.contacts import contact_laws as contact_laws
 from femimpact.figures.contacts import impact_histograms as impact_histograms

@@ -21,7 +21,7 @@ from femimpact.contact.laws import Rigid
 from femimpact.convergence import ConvergenceTable, MeshConvergence, StepConvergence
 from femimpact.errors import InputError
 from femimpact.excitation import Chirp, Drives, HammerBlow, RandomBase, Shock, SteppedSine
-from femimpact.figures.channels import MOST_LINES, drawn_channels
+from femimpact.figures.channel_histories import MOST_LINES, drawn_channels
 from femimpact.figures.studies import mark_best
 from femimpact.figures.study_labels import BestMarks, axis_words, measure_names
 from femimpact.response.response import Response
