@@ -116,10 +116,8 @@ class Chirp(PiecewiseMotion):
             duration = 60.0 * abs(math.log2(high / low)) / rate
         allowed = "must be a finite number > 0 s, or octaves_per_minute be given"
         require(duration is not None, "duration", duration, "s", allowed)
-        set_fields(
-            self, start=start, stop=stop, duration=duration, kind=kind, level=level, by=by, fade=fade,
-            octaves_per_minute=octaves_per_minute,
-        )  # fmt: skip
+        set_fields(self, start=start, stop=stop, duration=duration, kind=kind, level=level, by=by, fade=fade)
+        object.__setattr__(self, "octaves_per_minute", octaves_per_minute)
         require_reach(self.level, min(self.start, self.stop), max(self.start, self.stop))
         # at least as many as at its lowest frequency, where the duration is beyond what a phase is known at
         check_cycles(min(self.start, self.stop) * self.duration, "duration", self.duration, "s")

@@ -163,11 +163,9 @@ class Kind:
         try:
             return (self.make or self.noun)(**arguments, **given)
         except InputError as error:
-            raise InputError([
-                replace(one, key=keys.get(one.key, one.key),
-                        allowed=one.allowed.replace('kind "', f'{keys.get("kind", "kind")} "'))
-                for one in error.faults
-            ]) from None  # fmt: skip
+            words = f'{keys.get("kind", "kind")} "'
+            faults = [replace(one, allowed=one.allowed.replace('kind "', words)) for one in error.faults]
+            raise InputError([replace(one, key=keys.get(one.key, one.key)) for one in faults]) from None
 
     def table(self, noun: Any) -> dict[str, Any]:
         """Keys and values from which `made` makes the noun again: those that are not as they are by default."""
