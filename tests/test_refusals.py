@@ -26,7 +26,6 @@ MORE_NOUNS = {
     "Segment": lambda: SECTION,
     "Rayleigh": lambda: fi.Rayleigh(0.01, modes=(1, 2)),
     "KelvinVoigt": lambda: fi.KelvinVoigt(stiffness=1e4, restitution=0.5),
-    "Output": NOUNS["Output"],
 }
 """In place of those of `NOUNS`, whose other fields would be at fault too."""
 
@@ -152,10 +151,6 @@ def hertzian():
     return oscillator(impactors=[fi.Impactor("ball", "mass", 0.1, 1.0, fi.Hertz(stiffness=1e3))])
 
 
-def orbit():
-    return NOUNS["PeriodicOrbit"]()
-
-
 def study(*changes):
     """The paper's study with parts of its text replaced."""
     text = paper_study_text()
@@ -167,13 +162,6 @@ def study(*changes):
 
 def swept(**given):
     return fi.frequency_sweep(fi.without_impactors(small()), 1e-4, [4.0, 4.6], STEPPED, **given)
-
-
-def discretised(**changes):
-    mine = grid()
-    given = {"structure": STRUCTURE, "mesh": mine.mesh, "basis": mine.basis, "free": mine.free,
-             "sections": mine.sections}  # fmt: skip
-    return fi.Discretisation(**{**given, **changes})
 
 
 FLAT = ((20.0, 1.0), (200.0, 1.0))
@@ -321,10 +309,10 @@ CALLS = [
     ),
     (
         "basis: must be the Hermite basis on the nodes",
-        lambda: discretised(basis=fi.discretise(STRUCTURE, elements=7).basis),
+        lambda: replace(grid(), basis=fi.discretise(STRUCTURE, elements=7).basis),
     ),
-    ("sections", lambda: discretised(sections=fi.discretise(STRUCTURE, elements=7).sections)),
-    ("free: must be increasing numbers of dofs", lambda: discretised(free=np.array([1, 1]))),
+    ("sections", lambda: replace(grid(), sections=fi.discretise(STRUCTURE, elements=7).sections)),
+    ("free: must be increasing numbers of dofs", lambda: replace(grid(), free=np.array([1, 1]))),
     *(
         (words, lambda terms=terms: fi.add_terms(placed(), **terms))
         for terms, words in (
@@ -551,7 +539,7 @@ CALLS = [
     (r"orbit = Sine.*: must be a PeriodicOrbit", lambda: fi.continue_orbit(BASE, "frequency", (1.0, 2.0))),
     (
         "points = 1: must be a whole number >= 2",
-        lambda: fi.continue_orbit(orbit(), "frequency", (0.1, 0.2), points=1),
+        lambda: fi.continue_orbit(NOUNS["PeriodicOrbit"](), "frequency", (0.1, 0.2), points=1),
     ),
     (
         "must have the same gap on both sides",
