@@ -48,14 +48,14 @@ def calibrated() -> fi.Calibration:
     return fi.calibrate(small(), [5.0, 5.1, 5.2], [1e-3, 2e-3, 1e-3], bounds, **more)
 
 
-def recorded() -> object:
+def recorded_file() -> str:
     Path("recorded.csv").write_text("time,tip\ns,mm\n0.0,1.0\n0.1,2.0\n0.2,1.0\n", encoding="utf-8")
-    return fi.read_record("recorded.csv")
+    return "recorded.csv"
 
 
-def branch_file() -> str:
-    NOUNS["Branch"]().to_xarray().to_netcdf("branch.nc")
-    return "branch.nc"
+def branch_file(path: str | Path = "branch.nc") -> str | Path:
+    NOUNS["Branch"]().to_xarray().to_netcdf(path)
+    return path
 
 
 def studied_directory() -> str:
@@ -203,9 +203,13 @@ CALLS = {
     }),
     "write_movie": (fi.write_movie, lambda: {
         "path": "movie.gif", "response": drawn_run(), "structure": STRUCTURE, "exaggeration": 2.0, "fps": 2, "most": 2,
-        "renderer": "matplotlib",
     }),
-    "write_record": (fi.write_record, lambda: {"path": "record.csv", "dataset": recorded()}),
+    "read_record": (fi.read_record, lambda: {
+        "path": recorded_file(), "columns": None, "units": None, "sample_rate": None
+    }),
+    "write_record": (fi.write_record, lambda: {
+        "path": "record.csv", "dataset": fi.read_record(recorded_file())
+    }),
     "history_writer": (written, lambda: {"path": "history.nc"}),
     "history_writer's sink": (sent, lambda: {"piece": piece_without_snapshots()}),
     "files.read_csv": (read_csv, lambda: {"path": csv_file()}),
@@ -234,7 +238,6 @@ CALLS = {
         "contact_time": 1e-3, "restitution": 0.5
     }),
     "Discretisation.node_of": (of(grid, "node_of"), lambda: {"support": STRUCTURE.supports[0]}),
-    "Discretisation.position_of": (of(grid, "position_of"), lambda: {"at": 0.1, "key": "at"}),
     "EventDriven.for_system": (fi.EventDriven.for_system, lambda: {
         "system": small(), "samples_per_cycle": 32, "most_events": 1000
     }),

@@ -179,22 +179,6 @@ def test_a_place_that_does_not_move_has_no_relative_error():
     assert table.fitted_order[1] == pytest.approx(4.0, abs=0.2)
 
 
-def test_a_study_in_the_place_of_its_structure_is_told_to_pass_that():
-    study = fi.load_study(MESHES / "stepped_cantilever.toml")
-    with pytest.raises(fi.InputError, match=r"^structure = 'Study': must be a Structure: pass its \.structure$"):
-        fi.convergence_study(study, fi.OverMeshes.uniform(BARE, [2, 4, 8]))
-
-
-def test_quantities_that_need_a_base_or_another_name_say_so():
-    axis = fi.OverMeshes.uniform(BARE, [2, 4, 8])
-    with pytest.raises(fi.InputError, match=r"^base: must be a Sine"):
-        fi.convergence_study(BARE, axis, fi.SteadyResponse())
-    with pytest.raises(fi.InputError, match=r"must be a reaction of the system: root\.force, root\.moment"):
-        fi.convergence_study(BARE, axis, fi.SupportReaction("tip.moment"), BASE)
-    with pytest.raises(fi.InputError, match=r"watch: must hold a quantity that depends on the modes"):
-        fi.convergence_study(BARE, fi.OverModes(fi.uniform_mesh(BARE, 8), (1, 2, 3)), fi.Frequencies())
-
-
 # ---- over the step and the modes ------------------------------------------------------------------
 
 

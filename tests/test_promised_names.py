@@ -120,7 +120,7 @@ MODULES = {
         save_figure spectrum study_lines study_map study_maps study_scatter value_map
     """,
     "femimpact.response.history_file": "history_writer",
-    "femimpact.figures.movie": "gl_window write_movie",
+    "femimpact.figures.movie": "write_movie",
     "femimpact.files": "plain read_csv read_units write_csv write_json write_netcdf",
     "femimpact.vtk": "write_deflection write_mode write_modes",
 }

@@ -90,16 +90,6 @@ def test_a_stop_is_met_in_the_first_mode():
     assert error[1, 0] < error[0, 0]
 
 
-def test_a_study_that_says_nothing_is_refused():
-    full, base = cantilever(), fi.Sine(0.2037e-3, 5.0)
-    with pytest.raises(fi.InputError, match="counts"):
-        fi.mode_convergence(full, base, fi.EventDriven(), 6.0, [2, 1, 3])
-    with pytest.raises(fi.InputError, match="duration"):
-        fi.mode_convergence(full, base, fi.EventDriven(), 1.0, [1, 2, 3])
-    with pytest.raises(fi.InputError, match=r"system\.contacts"):
-        fi.mode_convergence(cantilever(places=()), base, fi.EventDriven(), 6.0, [1, 2, 3])
-
-
 def test_the_figure_has_a_panel_for_each_kind_of_quantity(study, tmp_path):
     axes = fi.figures.convergence_panels(study, fi.figures.OffScreen())
     assert {axis.get_xlabel() for axis in axes} == {"modes kept"}

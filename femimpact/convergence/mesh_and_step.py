@@ -14,6 +14,7 @@ from femimpact.convergence.cases import OverMeshes
 from femimpact.convergence.quantities import Frequencies
 from femimpact.convergence.study import convergence_study
 from femimpact.convergence.table import (
+    LINEAR,
     ConvergenceTable,
     agrees,
     fitted_order,
@@ -34,9 +35,6 @@ from femimpact.system.system import System, without_impactors
 
 PHASES = 8
 """Base phases over which the error after the first impact is averaged."""
-
-LINEAR = "motion without balls"
-"""Name of the quantity that has the order of the method."""
 
 
 def converge_elements(structure: Structure, elements: Sequence[int], modes: int = 4) -> ConvergenceTable:

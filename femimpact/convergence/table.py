@@ -10,15 +10,14 @@ import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.arrays import Array
 from femimpact.errors import check_fields, choice, column, quantity, require, require_name, require_type, text
-from femimpact.svg import COLOURS, Chart, Line, axis_of, notebook_markup
-from femimpact.table import frame_of
+from femimpact.table import figure_note, frame_of
 
 if TYPE_CHECKING:
     import pandas
@@ -269,6 +268,10 @@ def _orders(table: ConvergenceTable, width: int) -> list[str]:
     return [*lines, ""]
 
 
+LINEAR = "motion without balls"
+"""Quantity of runs in steps, with the order of the method."""
+
+
 @dataclass(frozen=True, eq=False)
 class ConvergenceTable:
     """Values over one axis of a convergence study, with their errors and orders; `print` shows both.
@@ -312,6 +315,8 @@ class ConvergenceTable:
         What the values are of, in a line.
     """
 
+    _figure: ClassVar[str] = "fi.figures.convergence_panels(table)"
+
     axis: str = field(metadata=choice("mesh", "step", "modes"))
     label: NDArray[np.str_] = field(metadata=column("", "cases", of="text"))
     number: Array = field(metadata=column("1", "cases"))
@@ -339,25 +344,19 @@ class ConvergenceTable:
         return "\n".join(table_lines(self))
 
     def _repr_html_(self) -> str:
-        return f"<pre>{html.escape(repr(self))}</pre>" + notebook_markup(self._picture)
-
-    @property
-    def _picture(self) -> Chart | None:
-        """Errors of the first quantities over the number."""
-        lines: list[Line] = []
-        for i, name in enumerate(self.name.tolist()):
-            known = np.isfinite(self.error[:, i]) & (self.error[:, i] > 0.0)
-            if np.any(known) and len(lines) < COLOURS:
-                x, y = self.number[known], self.error[known, i]
-                lines.append(Line(name, x, y, 1 + len(lines), marked=np.ones(x.size, dtype=bool)))
-        across = axis_of(COUNTED[self.axis], *(line.x for line in lines), logarithmic=True)
-        up = axis_of("relative error", *(line.y for line in lines), logarithmic=True)
-        return Chart("", across, up, tuple(lines)) if lines else None
+        return f"<pre>{html.escape(repr(self))}</pre>" + figure_note(self)
 
     @property
     def is_statistic(self) -> NDArray[np.bool_]:
         """True for quantities that scatter, (quantities,) of bool."""
         return np.asarray(np.any(self.scatter > 0.0, axis=0))
+
+    @property
+    def kind(self) -> str:
+        """What the quantities are: "statistics" that scatter, errors of "runs" in steps, or other "quantities"."""
+        if np.any(self.is_statistic):
+            return "statistics"
+        return "runs" if LINEAR in self.name else "quantities"
 
     @property
     def recommended_is_bound(self) -> NDArray[np.bool_]:

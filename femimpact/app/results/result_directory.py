@@ -56,6 +56,14 @@ _ROWS: Mapping[str, tuple[str, ...]] = {
     "movie": ("deflection.mp4", "the moving beam in slow motion", "pictures", "movie"),
     "mode_figure": ("modes.png", "mode shapes", "pictures"),
     "response_figure": ("response.png", "response curves", "pictures"),
+    "response_columns_figure": ("response_columns.png", "phase, impacts and forces over frequency", "pictures"),
+    "drive_figure": ("drive.png", "what drives the history", "pictures"),
+    "history_figure": ("history.png", "channels over time", "pictures"),
+    "energy_figure": ("energy.png", "energies over time", "pictures"),
+    **{
+        f"spectrum_figure{end}": (f"spectrum{end}.png", "spectrum of a channel, or of the drive", "pictures")
+        for end in ("", "_2", "_3", "_4")
+    },
     "force_figure": ("contact_force.png", "contact force over the last cycles", "pictures"),
     "portrait_figure": ("phase_portrait.png", "phase portraits", "pictures"),
     "impact_histograms": ("impact_histograms.png", "how often which impact speed and impulse came", "pictures"),

@@ -11,8 +11,9 @@ from typing import Any, cast
 
 import numpy as np
 
-from femimpact import core, figures
+from femimpact import core
 from femimpact.app.report.result_page import add_report
+from femimpact.app.report.views import save_pictures
 from femimpact.app.results.picture_data import structure_parts
 from femimpact.app.results.result_directory import FILES, Staging, prepare_directory
 from femimpact.app.study.study import Study, build_systems, check_method, method_for, read_mesh_of, sine_of
@@ -158,7 +159,7 @@ def _meshes(study: Study, mesh: Mesh | None) -> OverMeshes:
 def _steps(study: Study, mesh: Mesh, method: Method) -> OverSteps:
     """Time steps to compare: a fortieth of the base's period, halved three to ten times, down to the study's step."""
     given = cast(Newmark, method)
-    coarse = 1.0 / (COARSEST_STEPS * study.base.frequency)
+    coarse = 1.0 / (COARSEST_STEPS * study.excitation.frequency)
     halvings = math.ceil(math.log2(coarse / given.dt)) if coarse > given.dt else 0
     return OverSteps(mesh, replace(given, dt=coarse, allow_coarse_step=True), min(max(halvings, 3), 10))
 
@@ -257,8 +258,7 @@ def _write(staging: Staging, part: str, found: Mapping[str, ConvergenceTable]) -
     """Write tables and their figures, by the names of their files, as a part of the results."""
     for name, table in found.items():
         write_csv(staging.folder / FILES[name].name, *table.columns())
-        drawn = figures.convergence_panels(table, figures.OffScreen())
-        figures.save_figure(drawn, staging.folder / FILES[f"{name}_figure"].name)
+    save_pictures(found.values(), staging.folder)
     staging.finish_part(part)
 
 
