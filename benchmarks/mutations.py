@@ -276,8 +276,8 @@ MUTATIONS = (
     ),
     Mutation(
         "mesh_order",
-        "_order(1.0 / counts, error[:, i], 100 * floor[i])",
-        "_order(1.0 / counts**2, error[:, i], 100 * floor[i])",
+        "found = fitted_order(h, e, 3.0 * bottom)",
+        "found = fitted_order(h**2, e, 3.0 * bottom)",
     ),
     Mutation(
         "laser_offset",

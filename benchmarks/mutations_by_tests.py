@@ -213,8 +213,8 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
     "test_study.py": (
         Mutation(
             "unknown_key",
-            "(name for name in values if name not in fields)",
-            "(name for name in values if not name)",
+            "(key for key in values if key not in known)",
+            "(key for key in values if not key)",
         ),
         Mutation(
             "first_fault_alone",
@@ -308,7 +308,7 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
         ),
     ),
     "test_cost.py": (Mutation("pieces_of_drives_uncounted", "PIECE = 300.0", "PIECE = 3.0"),),
-    "test_excitations.py": (
+    "test_refusals.py": (
         Mutation("more_cycles_than_memory", "require(cycles <= MOST_OF_CYCLES,", "require(cycles <= 1e30,"),
     ),
     "test_parameter_study.py": (Mutation("argument_called_gap", ' and place.owner != "function"', ""),),

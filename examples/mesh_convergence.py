@@ -17,17 +17,14 @@ from __future__ import annotations
 
 import femimpact as fi
 from femimpact.app.demo import paper_study
-from femimpact.convergence.mesh_and_step import MeshConvergence
 
 
-def main(elements: tuple[int, ...] = (1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024, 2000)) -> MeshConvergence:
+def main(elements: tuple[int, ...] = (1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024, 2000)) -> fi.ConvergenceTable:
     """Natural frequencies of the paper's beam over the mesh."""
     return fi.converge_elements(paper_study().structure, elements, modes=4)
 
 
 if __name__ == "__main__":
-    result = main()
-    for count, errors in zip(result.elements, result.error, strict=True):
-        print(f"N = {count:5d}   relative errors " + "  ".join(f"{error:9.2e}" for error in errors))
-    print("orders", "  ".join(f"{order:.2f}" for order in result.order))
-    print("wrote", fi.figures.save_figure(fi.figures.mesh_convergence(result), "mesh_convergence.png"))
+    table = main()
+    print(table)
+    print("wrote", fi.figures.save_figure(fi.figures.convergence(table), "mesh_convergence.png"))

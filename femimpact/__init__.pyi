@@ -49,7 +49,6 @@ from femimpact.convergence.cases import OverSteps as OverSteps
 from femimpact.convergence.mesh_and_step import converge_elements as converge_elements
 from femimpact.convergence.mesh_and_step import converge_step as converge_step
 from femimpact.convergence.over_modes import ContactStatistics as ContactStatistics
-from femimpact.convergence.over_modes import ModeConvergence as ModeConvergence
 from femimpact.convergence.over_modes import mode_convergence as mode_convergence
 from femimpact.convergence.quantities import BendingMoment as BendingMoment
 from femimpact.convergence.quantities import Frequencies as Frequencies

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -35,6 +37,28 @@ def even_interval(time: Array) -> tuple[float, int]:
     usual = float(np.median(steps))
     bad = np.flatnonzero(~((steps > 0.0) & (np.abs(steps - usual) <= 2.0 * UNEVEN * usual)))
     return interval, int(bad[0]) + 1 if bad.size else int(np.argmax(off))
+
+
+def thinned_line(
+    values: Array,  # (n,) what is not a number is drawn only where no stretch is cut
+    most: int,  # at least 4
+) -> Integers:
+    """Numbers of the points of a line that are drawn, in their order.
+
+    The line is cut into stretches of equally many points, and of each the lowest and the highest stay: the largest and
+    the smallest value of all among them, and both ends.
+
+    Returns (m,): m <= most.
+    """
+    count = values.size
+    if count <= most:
+        return np.arange(count)
+    edges = np.linspace(0, count, (most - 2) // 2 + 1).round().astype(int)
+    kept = [0, count - 1]
+    low, high = np.where(np.isnan(values), np.inf, values), np.where(np.isnan(values), -np.inf, values)
+    for first, end in itertools.pairwise(edges.tolist()):
+        kept += [first + int(np.argmin(low[first:end])), first + int(np.argmax(high[first:end]))]
+    return np.unique(np.array(kept, dtype=np.int64))
 
 
 def thinned(count: int, most: int) -> NDArray[np.int64]:

@@ -787,12 +787,11 @@ def _base_words(study: Study, frequency: float | None) -> str:
     """Words on the motion that drove a history, which follow its name."""
     from femimpact.excitation.excitation import words_of
 
-    record, kind = getattr(study.base, "record", None), getattr(study.base, "kind", None)
-    if hasattr(study.base, "forces"):
+    if study.forces:
         return f"under {words_of(study.excitation)}"
-    if kind is not None:
-        return f"of the {kind} motion"
-    return f"at {number_text(frequency or 0.0, 5)} Hz" if record is None else f"of the record {record!r}"
+    if study.kind == "sine":
+        return f"at {number_text(frequency or 0.0, 5)} Hz"
+    return f"of the {study.kind} motion" if study.record is None else f"of the record {study.record!r}"
 
 
 def _restitution_words(contact: Mapping[str, Any]) -> str:

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.errors import require_name
-from femimpact.svg import notebook_markup
 from femimpact.units import number_text
 
 if TYPE_CHECKING:
@@ -137,7 +136,7 @@ Record = TypeVar("Record")
 def short_repr(kind: type[Record]) -> type[Record]:
     """Class decorator: text and HTML of the record's `_head`, a `Head`, are its reprs.
 
-    Where it has a `_picture`, a chart or None, a notebook shows that below.
+    Where it has a `_figure`, the call that draws it, a notebook names that below.
     """
     setattr(kind, "__repr__", _text)  # noqa: B010
     setattr(kind, "_repr_html_", _html)  # noqa: B010
@@ -149,7 +148,13 @@ def _text(record: Any) -> str:
 
 
 def _html(record: Any) -> str:
-    return str(record._head.html) + notebook_markup(getattr(record, "_picture", None))
+    return str(record._head.html) + figure_note(record)
+
+
+def figure_note(record: Any) -> str:
+    """HTML that names the function which draws a record; empty where it has none."""
+    call = getattr(record, "_figure", "")
+    return f"<p>figure: <code>{html.escape(call)}</code></p>" if call else ""
 
 
 def head_of_columns(

@@ -229,6 +229,23 @@ def number_text(
     return f"{value:.0f}"
 
 
+MINUS, TIMES, NO_NUMBER, INFINITE = "\u2212", "\u00d7", "\u2013", "\u221e"
+"""A minus and a multiplication sign, a dash for a missing value, and the sign of infinity."""
+
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def typeset_number(value: float, digits: int = 4, zeros: bool = False) -> str:
+    """The number of `number_text` with a minus sign, a power of ten as on paper, and a word for what is none."""
+    if math.isnan(value):
+        return NO_NUMBER
+    if math.isinf(value):
+        return INFINITE if value > 0 else f"{MINUS}{INFINITE}"
+    mantissa, _, exponent = number_text(value, digits, zeros).partition("e")
+    power = f"{TIMES}10{str(int(exponent)).translate(_RAISED)}" if exponent else ""
+    return f"{mantissa}{power}".replace("-", MINUS)
+
+
 def prefixed(largest: float, unit: str) -> tuple[float, str]:
     """Factor and unit with the prefix in which the largest value is at least 1.
 
@@ -369,13 +386,13 @@ SHOWN_IN = {"m": (1e3, "mm"), "Pa": (1e-6, "MPa"), "N s": (1e3, "mN s"), "kg": (
 def unit_text(value: float, unit: str) -> str:
     """A number for the eye, with its unit."""
     factor, name = SHOWN_IN.get(unit, (1.0, unit))
-    return f"{typeset(factor * float(value))} {unit_words(value, name)}".rstrip()
+    return f"{typeset_number(factor * float(value))} {unit_words(value, name)}".rstrip()
 
 
 def unit_words(value: float, unit: str) -> str:
     """The unit that stands behind a number, of an acceleration with the number in g."""
     if unit == "m/s^2":
-        return f"{unit} ({typeset(float(value) / GRAVITY, 3)} g)"
+        return f"{unit} ({typeset_number(float(value) / GRAVITY, 3)} g)"
     return "" if unit == "1" else unit
 
 
@@ -395,29 +412,3 @@ def value_text(value: Any, unit: str) -> str:
     if isinstance(value, tuple):
         return f"({', '.join(f'{1e3 * side:.4g}' for side in value)}) mm"
     return unit_text(value, unit)
-
-
-MINUS, TIMES, NO_NUMBER, INFINITE = "\u2212", "\u00d7", "\u2013", "\u221e"
-"""A minus and a multiplication sign, a dash for a missing value, and the sign of infinity."""
-
-
-RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-
-
-def typeset(
-    value: float,
-    digits: int = 4,  # that count
-    zeros: bool = False,  # whether zeros at its end stay: they say how exact it is
-) -> str:
-    """The number of `number_text` with a minus sign, a power of ten as on paper, and a word for what is none."""
-    if math.isnan(value):
-        return NO_NUMBER
-    if math.isinf(value):
-        return INFINITE if value > 0 else f"{MINUS}{INFINITE}"
-    mantissa, _, exponent = number_text(value, digits, zeros).partition("e")
-    return (f"{mantissa}{TIMES}{power_of_ten(int(exponent))}" if exponent else mantissa).replace("-", MINUS)
-
-
-def power_of_ten(power: int) -> str:
-    """A power of ten as on paper."""
-    return "10" + str(power).translate(RAISED)

@@ -16,7 +16,6 @@ from femimpact.app.parametric.identity import plain_study, study_key
 from femimpact.app.report.result_conclusions import study_conclusions
 from femimpact.app.report.result_page import write_report
 from femimpact.app.results.result_directory import FILES, ResultsWarning, finish_results
-from femimpact.app.study.base_motion import RecordedMotion, SignalMotion
 from femimpact.app.study.parameter_plan import ParameterPlan
 from femimpact.app.study.prepared import plan_lines, prepare
 from femimpact.app.study.study import MeshChoice, OrbitsPlan, Output, Reduction, SweepPlan, build
@@ -110,13 +109,13 @@ def short_study(duration: float, points: int = 5, **output: object) -> fi.Study:
     paper = paper_study()
     return replace(
         paper,
-        base=replace(paper.base, duration=duration),
+        duration=duration,
         sweep=SweepPlan(4.0, 6.0, points=points, cycles=24),
         output=replace(paper.output, **{"starts": 1, **output}),
     )
 
 
-NO_PICTURES = {"frames": 0, "figures": False, "paraview": False, "movie": False}
+NO_PICTURES = {"frames": 0, "figures": False, "paraview": False, "movie": False, "report": False}
 """Output of a study that draws nothing."""
 
 SMALL_STUDY = (

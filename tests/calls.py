@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -17,7 +16,6 @@ from nouns import (
     STRUCTURE,
     curve,
     grid,
-    mode_convergence,
     parameter_study,
     piece,
     response,
@@ -50,14 +48,14 @@ def calibrated() -> fi.Calibration:
     return fi.calibrate(small(), [5.0, 5.1, 5.2], [1e-3, 2e-3, 1e-3], bounds, **more)
 
 
-def recorded() -> object:
+def recorded_file() -> str:
     Path("recorded.csv").write_text("time,tip\ns,mm\n0.0,1.0\n0.1,2.0\n0.2,1.0\n", encoding="utf-8")
-    return fi.read_record("recorded.csv")
+    return "recorded.csv"
 
 
-def branch_file() -> str:
-    NOUNS["Branch"]().to_xarray().to_netcdf("branch.nc")
-    return "branch.nc"
+def branch_file(path: str | Path = "branch.nc") -> str | Path:
+    NOUNS["Branch"]().to_xarray().to_netcdf(path)
+    return path
 
 
 def studied_directory() -> str:
@@ -101,12 +99,6 @@ def sent(piece: object) -> None:
 def piece_without_snapshots() -> fi.HistoryPiece:
     kept = piece()
     return fi.HistoryPiece(kept.time, kept.channels, kept.units, kept.energy, None, kept.base)
-
-
-@cache
-def with_scatter() -> fi.ModeConvergence:
-    columns = ("rms", "contact_loss", "structure_loss", "damping")
-    return replace(mode_convergence(), scatter={name: np.ones((3, 2)) for name in columns})
 
 
 def csv_file() -> Path:
@@ -155,8 +147,6 @@ FIGURES = {
     "energies": lambda: {"response": drawn_run(), "figure": SHEET},
     "impact_histograms": lambda: {"response": drawn_run(), "figure": SHEET},
     "impulse_phase": lambda: {"response": drawn_run(), "ax": SHEET},
-    "mesh_convergence": lambda: {"result": NOUNS["MeshConvergence"](), "slope": 4.0, "ax": SHEET},
-    "mode_convergence": lambda: {"result": with_scatter(), "figure": SHEET},
     "mode_shapes": lambda: {
         "system": system(), "modes": modes(), "points": 20, "structure": STRUCTURE, "figure": SHEET
     },
@@ -181,7 +171,6 @@ FIGURES = {
     "transfer_function": lambda: {
         "transfers": fi.transfer_function(small(), [5.0, 6.0], "tip"), "channel": "tip", "figure": SHEET
     },
-    "step_convergence": lambda: {"result": NOUNS["StepConvergence"](), "slope": 2.0, "ax": SHEET},
     "study_lines": lambda: {"dataset": studied(1), "measure": "peak", "title": "title", "ax": SHEET},
     "study_map": lambda: {"dataset": studied(2), "measure": "peak", "title": "title", "ax": SHEET},
     "study_maps": lambda: {"dataset": studied(3), "measure": "peak", "figure": SHEET},
@@ -214,9 +203,13 @@ CALLS = {
     }),
     "write_movie": (fi.write_movie, lambda: {
         "path": "movie.gif", "response": drawn_run(), "structure": STRUCTURE, "exaggeration": 2.0, "fps": 2, "most": 2,
-        "renderer": "matplotlib",
     }),
-    "write_record": (fi.write_record, lambda: {"path": "record.csv", "dataset": recorded()}),
+    "read_record": (fi.read_record, lambda: {
+        "path": recorded_file(), "columns": None, "units": None, "sample_rate": None
+    }),
+    "write_record": (fi.write_record, lambda: {
+        "path": "record.csv", "dataset": fi.read_record(recorded_file())
+    }),
     "history_writer": (written, lambda: {"path": "history.nc"}),
     "history_writer's sink": (sent, lambda: {"piece": piece_without_snapshots()}),
     "files.read_csv": (read_csv, lambda: {"path": csv_file()}),
@@ -245,7 +238,6 @@ CALLS = {
         "contact_time": 1e-3, "restitution": 0.5
     }),
     "Discretisation.node_of": (of(grid, "node_of"), lambda: {"support": STRUCTURE.supports[0]}),
-    "Discretisation.position_of": (of(grid, "position_of"), lambda: {"at": 0.1, "key": "at"}),
     "EventDriven.for_system": (fi.EventDriven.for_system, lambda: {
         "system": small(), "samples_per_cycle": 32, "most_events": 1000
     }),

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib import pyplot
 
 from femimpact import cli
 
@@ -63,11 +64,10 @@ def femimpact(*arguments: object, cwd: Path, check: bool = True) -> Done:
 
 def _shared() -> dict[str, Any]:
     """What the commands of one process share, but for what `main` sets for its process on purpose."""
-    pyplot = sys.modules.get("matplotlib.pyplot")
     return {
         "environment": dict(os.environ),
-        "figures": () if pyplot is None else tuple(pyplot.get_fignums()),
-        "rcParams": None if pyplot is None else dict(pyplot.rcParams),
+        "figures": tuple(pyplot.get_fignums()),
+        "rcParams": dict(pyplot.rcParams),
         "SIGINT": signal.getsignal(signal.SIGINT),
         "sys.path": tuple(sys.path),
         "unraisable": sys.unraisablehook,

@@ -8,23 +8,15 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-from builders import MeshChoice, OrbitsPlan, Output, RecordedMotion, Reduction, SweepPlan, paper_study
+from builders import MeshChoice, OrbitsPlan, Output, Reduction, SweepPlan, paper_study
 
 import femimpact as fi
-from femimpact.app.study.base_motion import BaseMotion
 from femimpact.app.study.study import Gravity
-from femimpact.contact import collision as closed_forms
-from femimpact.contact import resolve
-from femimpact.convergence.mesh_and_step import MeshConvergence, StepConvergence
 from femimpact.integrators.cases import AchievedRestitution
-from femimpact.response.cycles import CycleStatistics, steady_motion
+from femimpact.response.cycles import CycleStatistics
 from femimpact.response.impacts import StickingPhases, event_log, event_width
-from femimpact.response.regimes import Regime, RegimeCriteria, classify, impacts_per_cycle, significant
+from femimpact.response.regimes import Regime, RegimeCriteria
 from femimpact.signals.one_pole import one_pole_amplitude
-from femimpact.structure.damping import rayleigh_coefficients, realised_damping_ratio
-from femimpact.sweep import on_grid
-from femimpact.system.hermite import hermite_rows, shape_functions
-from femimpact.system.modes import solve_stiffness
 
 LAW = fi.KelvinVoigt(restitution=0.6, contact_time=5e-3)
 STRUCTURE = fi.Structure(
@@ -111,15 +103,6 @@ def piece() -> fi.HistoryPiece:
     return fi.HistoryPiece(kept.time, kept.channels, kept.units, kept.energy, kept.snapshots, kept.base)
 
 
-@cache
-def mode_convergence() -> fi.ModeConvergence:
-    counts = np.array([1, 2, 3])
-    return columns(
-        fi.ModeConvergence, {"counts": 3}, counts=counts, scatter={"rms": np.ones((3, 2))}, at="tip", law="rigid",
-        cycles=8, notes=("note",),
-    )  # fmt: skip
-
-
 def convergence_table() -> fi.ConvergenceTable:
     sizes = {"cases": 3, "quantities": 4}
     texts = {name: np.array(["a", "b", "c"]) for name in ("label", "failure")}
@@ -180,7 +163,6 @@ NOUNS = {
     "Material": lambda: fi.STEEL,
     "Mesh": lambda: fi.Mesh([0.0, 0.1, 0.2], {"sensor": 0.1}, {"root half": [0]}),
     "ModalDamping": lambda: fi.ModalDamping((0.01, 0.02)),
-    "ModeConvergence": mode_convergence,
     "Modes": lambda: fi.solve_modes(system(), 2),
     "MoreauJean": lambda: fi.MoreauJean(1e-4),
     "Newmark": lambda: fi.Newmark(1e-4),
@@ -214,15 +196,10 @@ NOUNS = {
     "WBZ": lambda: fi.WBZ(1e-4),
     # of results and studies, reached through others
     "AchievedRestitution": lambda: AchievedRestitution(0.6, 0.6, 0.5, 0.7, 1.0),
-    "BaseMotion": lambda: BaseMotion(1e-4, 5.0),
-    "RecordedMotion": lambda: RecordedMotion("shaker.csv", "0.0,1.0\n0.1,-1.0\n", scale=9.81),
     "Collision": lambda: fi.collide(LAW, 3e-3, 0.2),
     "CycleStatistics": lambda: columns(CycleStatistics, {"cycles": 8, "cases": 2}),
     "Gravity": lambda: Gravity(-9.81),
     "MeshChoice": lambda: MeshChoice(elements=4),
-    "MeshConvergence": lambda: columns(
-        MeshConvergence, {"meshes": 3, "modes": 2}, elements=np.array([2, 4, 8]), notes=("note",)
-    ),
     "Output": Output,
     "Reduction": lambda: Reduction(4),
     "Regime": lambda: Regime("periodic", 2, 1, "2:1 periodic", "words"),
@@ -232,9 +209,6 @@ NOUNS = {
     "Section": lambda: grid().sections.section(0),
     "SectionFields": lambda: grid().sections,
     "SteadyMotion": lambda: response().steady,
-    "StepConvergence": lambda: columns(
-        StepConvergence, {"steps": 3}, linear_order=2.0, first_impact_order=1.0, impacts=8, notes=("note",)
-    ),
     "OrbitsPlan": lambda: OrbitsPlan("frequency", (4.0, 6.0), 10.0, switch=("grazing",)),
     "SweepPlan": lambda: SweepPlan(4.0, 6.0, 21, 300),
 }
@@ -299,10 +273,6 @@ VERBS = {
         "frequency": CURVE[0], "amplitude": CURVE[1], "share": 0.2, "misfit_limit": 0.05
     }),
     "identify_decay": (fi.identify_decay, lambda: {"time": DECAY[0], "signal": DECAY[1], "modes": 1}),
-    "read_record": (fi.read_record, lambda: {
-        "path": "missing.csv", "columns": None, "units": None, "sample_rate": None,
-    }),
-    "write_record": (fi.write_record, lambda: {"path": "missing.csv", "dataset": None}),
     "half_power": (fi.half_power, lambda: {"frequency": CURVE[0], "amplitude": CURVE[1]}),
     "achieved_restitution": (fi.achieved_restitution, lambda: {
         "pair": small().contacts[0], "method": fi.Newmark(1e-4), "approach_speed": 0.2, "phases": 4
@@ -365,22 +335,11 @@ VERBS = {
         "dataset": fi.parameter_study(**parameter_study(), threads=1), "measure": "peak", "worst_over": (),
         "limits": {"peak": 1.0},
     }),
-    "parameter_study": (fi.parameter_study, lambda: {**parameter_study(), "threads": 1, "client": None}),
     "parameter_study of a sample": (fi.parameter_study, lambda: {
         **parameter_study(), "axes": {"impactor.ball.gap": {"uniform": [1e-3, 2e-3]}}, "sample": {"points": 2},
     }),
     "run_case": (fi.run_case, lambda: {
         "study": NOUNS["ParameterStudy"](), "number": 1, "start": 1, "record": fi.Recorder(("tip",)),
-    }),
-    "mode_convergence": (fi.mode_convergence, lambda: {
-        "system": small(), "excitation": fi.Sine(0.0, 24.0), "method": fi.Newmark(2e-4), "duration": 1.0,
-        "counts": [1, 2],
-    }),
-    "load": (fi.load, lambda: {"directory": "missing"}),
-    "read_matrix": (fi.read_matrix, lambda: {"path": "missing.mtx", "name": None}),
-    "load_study": (fi.load_study, lambda: {"path": "missing"}),
-    "run_study": (fi.run_study, lambda: {
-        "study": None, "directory": Path("missing"), "parts": ("modes",), "force": False
     }),
     # methods of nouns
     "Beam.uniform": (fi.Beam.uniform, lambda: {
@@ -416,7 +375,7 @@ VERBS = {
     "System.held_shares": (lambda at: system().held_shares(at), lambda: {"at": 0.01}),
     "System.position_of": (lambda at: system().position_of(at), lambda: {"at": 0.1}),
     "System.point_row": (lambda at: system().point_row(at), lambda: {"at": 0.1}),
-    "point_row without a beam": (lambda at: oscillators().point_row(at), lambda: {"at": "first"}),
+    "System.point_row without a beam": (lambda at: oscillators().point_row(at), lambda: {"at": "first"}),
     "State.at_rest": (fi.State.at_rest, lambda: {"frame": "space"}),
     "Laser.measure": (lambda **given: LASER.measure(**given), lambda: {"response": response(), "seed": 3}),
     "extrapolate": (fi.extrapolate, lambda: {
@@ -464,39 +423,6 @@ VERBS = {
     "RecordedBase.displacement": (fi.RecordedBase([0.0, 1.0], 0.1).displacement, lambda: {"time": 0.1}),
     "PointForce.displacement": (fi.PointForce("tip", BASE).displacement, lambda: {"time": 0.1}),
     "Response.absolute": (lambda name: response().absolute(name), lambda: {"name": "tip"}),
-    # below the surface
-    "shape_functions": (shape_functions, lambda: {"s": 0.5, "derivative": 1}),
-    "hermite_rows": (lambda **given: hermite_rows(system().nodes, **given), lambda: {
-        "positions": [0.1], "derivative": 0
-    }),
-    "rayleigh_coefficients": (rayleigh_coefficients, lambda: {"omega": (30.0, 200.0), "ratio": (0.01, 0.01)}),
-    "realised_damping_ratio": (realised_damping_ratio, lambda: {"alpha": 0.1, "beta": 1e-4, "omega": [30.0]}),
-    "one_pole_amplitude": (one_pole_amplitude, lambda: {
-        "frequency": [5.0, 5.5], "scale": 1e-3, "natural_frequency": 6.0, "ratio": 0.01
-    }),
-    "steady_motion": (steady_motion, lambda: {
-        "cycles": NOUNS["CycleStatistics"](), "window": [4, 4], "periodic_tolerance": 1e-3,
-        "statistical_tolerance": 0.05, "standard_errors": 3.0, "longest_period": 2,
-    }),
-    "resolve": (resolve, lambda: {"law": LAW, "effective_mass": 3e-3}),
-    "linear_angle": (closed_forms.linear_angle, lambda: {"damping_ratio": 0.1}),
-    "restitution_of_damping_ratio": (closed_forms.restitution_of_damping_ratio, lambda: {"damping_ratio": 0.1}),
-    "damping_ratio_for_restitution": (closed_forms.damping_ratio_for_restitution, lambda: {"restitution": 0.5}),
-    "contact_time_of": (closed_forms.contact_time_of, lambda: {
-        "stiffness": 1e4, "damping": 1.0, "effective_mass": 3e-3
-    }),
-    "restitution_of_loss_factor": (closed_forms.restitution_of_loss_factor, lambda: {"loss": 0.5}),
-    "loss_factor_for_restitution": (closed_forms.loss_factor_for_restitution, lambda: {"restitution": 0.5}),
-    "solve_stiffness": (solve_stiffness, lambda: {"system": system(), "loads": np.ones(system().dofs)}),
-    "significant": (significant, lambda: {"impacts": response().impacts, "share": 0.1}),
-    "impacts_per_cycle": (impacts_per_cycle, lambda: {
-        "impacts": response().impacts, "frequency": 5.0, "start": 0.0, "end": 1.0
-    }),
-    "on_grid": (on_grid, lambda: {"frequency": [5.0, 5.5], "grid": [5.5, 6.0]}),
-    "classify": (classify, lambda: {
-        "impacts": response().impacts, "sticking": response().sticking, "frequency": 6.0, "start": 0.0, "end": 1.0,
-        "criteria": RegimeCriteria(),
-    }),
 }  # fmt: skip
 """Every verb by its name: the function, and good arguments of it."""
 

@@ -104,14 +104,3 @@ def test_a_bodys_name_is_its_place_for_everything():
     assert glued.total_mass == pytest.approx(one.total_mass + 3e-3, rel=1e-12)
     held = replace(by_name, supports=[fi.Support("pinned", "root"), fi.Support("pinned", "midbox")], springs=())
     assert set(fi.assemble(held, elements=7).reactions) == {"root.force", "midbox.force"}
-
-
-def test_a_body_at_its_own_name_or_an_unknown_one_is_refused():
-    for at in ("box", "bax"):
-        structure = fi.Structure(beam=BEAM, masses=[fi.PointMass("box", at, 0.02)])
-        with pytest.raises(fi.InputError, match=r"mass\.box\.at = "):
-            fi.assemble(structure, elements=4)
-    ball = fi.Impactor("ball", "midbax", 3e-3, 1e-3, LAW)
-    structure = fi.Structure(beam=BEAM, masses=[fi.PointMass("midbox", "mid", 0.02)], impactors=[ball])
-    with pytest.raises(fi.InputError, match=r"impactor\.ball\.at = 'midbax': must be one of .*midbox"):
-        fi.assemble(structure, elements=4)

@@ -562,22 +562,6 @@ def test_bad_input_is_one_line(parameter, to, words):
     assert "\n" not in str(caught.value)
 
 
-def test_a_gap_that_differs_on_both_sides_is_not_one_number():
-    stop = fi.Stop("wall", "mass", (1.0, 2.0), fi.Rigid(0.8))
-    force = fi.PointForce("mass", fi.Sine(0.1, 0.1))
-    orbit = fi.find_orbit(oscillator(1.0, 0.1, stops=[stop]), force, guess=fi.State())
-    with pytest.raises(fi.InputError, match="must have the same gap on both sides"):
-        fi.continue_orbit(orbit, "stop.wall.gap", (0.5, 1.5))
-
-
-def test_an_orbit_is_needed():
-    with pytest.raises(fi.InputError, match=r"orbit = Sine.*: must be a PeriodicOrbit"):
-        fi.continue_orbit(fi.Sine(1.0, 1.0), "frequency", (1.0, 2.0))
-    (orbit, *_) = fi.two_impact_orbits(*box(*CASE.values()))
-    with pytest.raises(fi.InputError, match="points = 1: must be a whole number >= 2"):
-        fi.continue_orbit(orbit, "frequency", (0.1, 0.2), points=1)
-
-
 @pytest.mark.parametrize("high", [0.225, 0.3, 0.45])
 def test_orbits_at_a_far_smaller_gap_than_that_of_the_start_are_confirmed(high):
     """Their unit is the smaller gap, the branch has the digits of the larger one."""

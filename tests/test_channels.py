@@ -169,21 +169,6 @@ def test_pieces_of_a_stream_are_the_whole():
             np.testing.assert_array_equal(np.concatenate([piece.channels[name] for piece in kept]), whole[name])
 
 
-@pytest.mark.parametrize(
-    ("name", "words"),
-    [
-        ("tipp.velocity", r"did you mean 'tip'"),
-        ("tip.velocty", r"unknown; did you mean 'tip\.velocity'"),
-        ("tip.gap", r"unknown.*tip\.rotation"),
-        ("impactor.rotation", r"unknown.*impactor\.gap"),
-        ("", r"unknown"),
-    ],
-)
-def test_unknown_channels_are_refused_by_name(name, words):
-    with pytest.raises(fi.InputError, match=words):
-        run(reduced(COMPLIANT), fi.Newmark(2e-5), channels=(name,))
-
-
 def test_every_quantity_has_a_name_that_leads_back_to_it():
     system = reduced(COMPLIANT)
     for read, entry in QUANTITIES.items():

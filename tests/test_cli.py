@@ -259,10 +259,11 @@ def test_converge_writes_tables_and_figures(tmp_path):
     (tmp_path / "small.toml").write_text(text, encoding="utf-8")
     printed = femimpact("converge", "small.toml", "-o", "out", "--accuracy", "1e-4", cwd=tmp_path).stdout
     both = {f"{name}.{kind}" for kind in ("csv", "png") for name in (
-        "mesh_convergence", "step_convergence", "quantities_over_mesh", "quantities_over_step", "quantities_over_modes",
+        "quantities_over_mesh", "quantities_over_step", "quantities_over_modes", "statistics_over_mesh",
+        "runs_over_step",
     )}  # fmt: skip
     assert {path.name for path in (tmp_path / "out").iterdir()} == both | {
-        "statistics_over_mesh.csv", "convergence_summary.csv", "convergence.json", "report.html"
+        "convergence_summary.csv", "convergence.json", "report.html"
     }  # fmt: skip
     assert "for 0.01 %" in printed
     assert "Linear response without contacts, base motion of 0.2037 mm at 4.9 Hz" in printed

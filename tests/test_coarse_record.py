@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from builders import REFERENCE, RecordedMotion, oscillator, paper_study, prepare
+from builders import REFERENCE, oscillator, paper_study, prepare
 from scipy.interpolate import CubicSpline
 
 import femimpact as fi
@@ -120,7 +120,7 @@ def test_short_records_and_runs_are_read(recwarn):
 def test_a_study_says_it_before_its_run(tmp_path):
     record = sine(25, duration=2.0)
     rows = "\n".join(f"{i * record.interval:.9g},{a:.9g}" for i, a in enumerate(record.samples))
-    study = replace(paper_study(), base=RecordedMotion("a.csv", f"{rows}\n"), sweep=None)
+    study = replace(paper_study(), base=fi.RecordedBase.from_text(f"{rows}\n"), duration=None, sweep=None)
     assert sum(SAID in text for text in prepare(study, ("simulate",)).warnings) == 1
     assert not any(SAID in text for text in prepare(study, ("modes",)).warnings)
 

@@ -218,12 +218,6 @@ def test_pieces_of_a_history_are_the_history():
     assert streamed.energy.residual < 1e-10
 
 
-def test_other_laws_are_refused_by_name():
-    hertz = beam(2, fi.HuntCrossley(stiffness=1e6, restitution=0.6))
-    with pytest.raises(fi.InputError, match=r"ball.contact = 'hunt-crossley': must be Rigid or KelvinVoigt"):
-        fi.integrate(hertz, fi.Sine(AMPLITUDE, 5.0), EXACT, 0.5)
-
-
 def test_a_grid_twice_as_fine_reads_the_same_motion_to_the_last_bit():
     # over more cycles than one piece of a run has
     system, base, keep = beam(1), fi.Sine(AMPLITUDE, 5.0), fi.Recorder(channels=("tip",), ledger=False)

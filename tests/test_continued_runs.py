@@ -432,11 +432,6 @@ def test_a_sweep_from_the_state_of_a_run_begins_at_zero(modal):
         np.testing.assert_array_equal(curves[0].peak, curves[1].peak)
 
 
-def test_a_time_before_zero_is_refused():
-    with pytest.raises(fi.InputError, match="time"):
-        fi.State(time=-1.0)
-
-
 def test_a_preloaded_stop_that_is_rigid_goes_on_with_its_bits():
     # the wall of such a start is moved to it, by less than rounding
     structure = replace(REFERENCE, impactors=(), stops=(fi.Stop("stop", "tip", (-1e-4, np.inf), fi.Rigid(0.6)),))

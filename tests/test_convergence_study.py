@@ -179,22 +179,6 @@ def test_a_place_that_does_not_move_has_no_relative_error():
     assert table.fitted_order[1] == pytest.approx(4.0, abs=0.2)
 
 
-def test_a_study_in_the_place_of_its_structure_is_told_to_pass_that():
-    study = fi.load_study(MESHES / "stepped_cantilever.toml")
-    with pytest.raises(fi.InputError, match=r"^structure = 'Study': must be a Structure: pass its \.structure$"):
-        fi.convergence_study(study, fi.OverMeshes.uniform(BARE, [2, 4, 8]))
-
-
-def test_quantities_that_need_a_base_or_another_name_say_so():
-    axis = fi.OverMeshes.uniform(BARE, [2, 4, 8])
-    with pytest.raises(fi.InputError, match=r"^base: must be a Sine"):
-        fi.convergence_study(BARE, axis, fi.SteadyResponse())
-    with pytest.raises(fi.InputError, match=r"must be a reaction of the system: root\.force, root\.moment"):
-        fi.convergence_study(BARE, axis, fi.SupportReaction("tip.moment"), BASE)
-    with pytest.raises(fi.InputError, match=r"watch: must hold a quantity that depends on the modes"):
-        fi.convergence_study(BARE, fi.OverModes(fi.uniform_mesh(BARE, 8), (1, 2, 3)), fi.Frequencies())
-
-
 # ---- over the step and the modes ------------------------------------------------------------------
 
 
@@ -485,19 +469,18 @@ def test_converge_studies_a_mesh_file_and_its_refinements_in_80_columns(tmp_path
     found = write_convergence(study, tmp_path / "out", False, lambda what, share: None, 1e-3)
     lines = convergence_lines(found)
     assert max(map(len, lines)) <= 80
-    assert found.tables["mesh"].number.tolist() == [6, 12, 24, 48, 96]
-    assert set(found.tables.tables) == {"mesh", "modes"}
+    assert found.tables["quantities_over_mesh"].number.tolist() == [6, 12, 24, 48, 96]
+    assert set(found.tables) == {"quantities_over_mesh", "quantities_over_modes"}
     assert any("Newmark's method only" in line for line in lines)
     # on the thin side of the joint the same moment gives twice the stress and more
-    assert found.tables["mesh"].name.tolist()[-2:] == ["stress root", "stress joint"]
+    assert found.tables["quantities_over_mesh"].name.tolist()[-2:] == ["stress root", "stress joint"]
     # errors are told apart where values would not be
     shown = next(line for line in lines if line.startswith("frequency 1 ")).split()[2:]
     assert len(set(shown)) == 5
     files = {path.name for path in (tmp_path / "out").iterdir()}
     assert files == {
         "quantities_over_mesh.csv", "quantities_over_mesh.png", "quantities_over_modes.csv",
-        "quantities_over_modes.png", "convergence_summary.csv", "mesh_convergence.csv", "mesh_convergence.png",
-        "convergence.json", "report.html",
+        "quantities_over_modes.png", "convergence_summary.csv", "convergence.json", "report.html",
     }  # fmt: skip
 
 

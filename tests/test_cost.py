@@ -11,7 +11,6 @@ from builders import (
     NO_PICTURES,
     MeshChoice,
     Reduction,
-    SignalMotion,
     SweepPlan,
     paper_study,
     plan_lines,
@@ -21,7 +20,6 @@ from builders import (
 )
 
 import femimpact as fi
-from femimpact.app.study.forces import DrivenMotion, StudyForce
 from femimpact.app.study.prepared import history_cost, mesh_memory, picture_seconds, sweep_cost
 from femimpact.app.tasks.run import run_modes
 from femimpact.integrators.methods import seconds_of_cycle
@@ -50,8 +48,7 @@ def peak_of(work):
 
 @pytest.mark.parametrize(("method", "duration"), [("newmark", 20.0), ("event-driven", 200.0)])
 def test_memory_of_a_history_is_met_within_a_factor_of_two(tmp_path, study, method, duration):
-    base = dataclasses.replace(study.base, duration=duration)
-    study = dataclasses.replace(study, base=base, method={"name": method})
+    study = dataclasses.replace(study, duration=duration, method={"name": method})
     ready = prepare(study, ("simulate",))
     asked = history_cost(study, ready.small, ready.method, ready.record).memory
     taken = peak_of(lambda: run_study(study, tmp_path / "out", parts=("simulate",)))
@@ -59,12 +56,12 @@ def test_memory_of_a_history_is_met_within_a_factor_of_two(tmp_path, study, meth
 
 
 def test_memory_of_several_drives_has_the_pieces_of_each(tmp_path, study):
-    chirp = (("start", 20.0), ("stop", 40.0), ("duration", 12.0))
-    base = SignalMotion("chirp", (*chirp, ("amplitude", 1e-7)))
-    forces = tuple(StudyForce("chirp", "tip", (*chirp, ("force", 1e-4)), name) for name in "abc")
+    forces = tuple(fi.PointForce("tip", fi.Chirp(20.0, 40.0, 12.0, amplitude=1e-4), name) for name in "abc")
     study = dataclasses.replace(
         study,
-        base=DrivenMotion(base, forces),
+        base=fi.Chirp(20.0, 40.0, 12.0, amplitude=1e-7),
+        forces=forces,
+        duration=None,
         method={"name": "event-driven"},
         sweep=None,
         output=dataclasses.replace(study.output, every=50),
@@ -119,10 +116,10 @@ def test_the_run_that_finds_the_largest_values_is_in_the_time_of_a_history(study
     sparse = dataclasses.replace(ready.record, every=1000, interval=None)
 
     def seconds(times):
-        base = dataclasses.replace(study.base, duration=times * study.base.duration)
-        return history_cost(dataclasses.replace(study, base=base), ready.small, ready.method, sparse).seconds
+        longer = dataclasses.replace(study, duration=times * study.duration)
+        return history_cost(longer, ready.small, ready.method, sparse).seconds
 
-    cycles = study.base.duration * study.base.frequency
+    cycles = study.duration * study.base.frequency
     run = seconds_of_cycle(ready.method, ready.small, study.base.frequency) * cycles
     # the samples that are written take a hundredth of a run
     assert seconds(200.0) - seconds(100.0) == pytest.approx(100.0 * 2.0 * run, rel=0.05)

@@ -86,16 +86,3 @@ def test_a_cubic_has_its_exact_energy_on_any_mesh():
     exact = grid.sections.bending_stiffness @ np.diff(integral)
     # rounding of 1e-16, times how much larger the terms of a single element are than their sum
     assert u @ K @ u == pytest.approx(exact, rel=1e-11)
-
-
-def test_a_discretisation_is_checked():
-    grid = fi.discretise(STEPPED, elements=6)
-    other = fi.discretise(STEPPED, elements=7)
-    with pytest.raises(fi.InputError, match="basis: must be the Hermite basis on the nodes"):
-        fi.Discretisation(STEPPED, grid.mesh, other.basis, grid.free, grid.sections)
-    with pytest.raises(fi.InputError, match="sections"):
-        fi.Discretisation(STEPPED, grid.mesh, grid.basis, grid.free, other.sections)
-    with pytest.raises(fi.InputError, match="free: must be increasing numbers of dofs"):
-        fi.Discretisation(STEPPED, grid.mesh, grid.basis, np.array([1, 1]), grid.sections)
-    with pytest.raises(fi.InputError, match="give either elements"):
-        fi.discretise(STEPPED)

@@ -135,9 +135,9 @@ def study(**changes):
 
 
 def test_a_study_says_it_before_and_after_its_run(tmp_path, capsys):
-    base = replace(paper_study().base, amplitude=1e-6, frequency=round(FREQUENCIES[2], 3), duration=0.5)
+    base = replace(paper_study().base, amplitude=1e-6, frequency=round(FREQUENCIES[2], 3))
     plan = SweepPlan(100.0, 230.0, points=4, cycles=24)
-    fast = study(base=base, sweep=plan, reduction=Reduction(2))
+    fast = study(base=base, duration=0.5, sweep=plan, reduction=Reduction(2))
     lines = said(plan_lines(fast))
     assert len(lines) == 2
     assert lines[0].startswith("warning: the drive is at")

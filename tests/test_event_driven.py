@@ -237,23 +237,6 @@ def test_stops_bound_the_beam_on_both_sides():
 # ---- input ----------------------------------------------------------------------------------------
 
 
-def test_what_cannot_be_run_is_refused_by_name():
-    full = fi.assemble(
-        fi.Structure(fi.Beam.uniform(length=0.2, width=0.02, thickness=1e-3, young_modulus=70e9, density=2700)), 4
-    )
-    with pytest.raises(fi.InputError, match=r"must be on its normal modes for EventDriven: use reduce"):
-        fi.integrate(full, fi.Sine(1e-4, 5.0), EXACT, 1.0)
-    soft = fi.System.from_matrices(
-        [[1.0]], [[0.0]], [[1.0]], points={"mass": [1.0]},
-        impactors=[fi.Impactor("ball", "mass", 0.1, 1.0, fi.Hertz(stiffness=1e3))],
-    )  # fmt: skip
-    with pytest.raises(fi.InputError, match=r"ball.contact = 'hertz': must be Rigid or KelvinVoigt"):
-        fi.integrate(soft, fi.Sine(1e-4, 5.0), EXACT, 1.0)
-    undamped = fi.System.from_matrices([[1.0]], [[0.0]], [[1.0]], points={"mass": [1.0]})
-    with pytest.raises(fi.InputError, match="undamped mode"):
-        fi.integrate(undamped, fi.Sine(1e-4, 1 / (2 * math.pi)), EXACT, 1.0)
-
-
 @pytest.mark.parametrize("method", ["event-driven", "moreau-jean", "newmark"])
 def test_the_force_of_a_stop_is_the_one_on_the_beam(method):
     # a static push of 1 N towards + against a stop in touch: the stop pushes back, towards -

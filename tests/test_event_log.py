@@ -8,7 +8,7 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
-from builders import REFERENCE, cantilever, oscillator, reduced, with_ball
+from builders import REFERENCE, oscillator, reduced, with_ball
 from reference_equations import FREE, PRESSED, RESTING, SEPARATING, drive_of, equations_of, inverse_mass, rows_of
 from scipy.linalg import expm
 
@@ -306,17 +306,3 @@ def test_each_case_of_a_block_has_its_log():
         for name in ("time", "displacement", "velocity"):
             np.testing.assert_allclose(getattr(log, name), getattr(alone, name), rtol=1e-9, atol=1e-15)
     assert block.tables.logged[0] > 12
-
-
-@pytest.mark.parametrize("events", [-1, 1.5, math.nan, "many", True, None])
-def test_a_number_of_events_that_is_none_is_refused(events):
-    with pytest.raises(fi.InputError, match=r"^events.*must be a whole number >= 0$"):
-        fi.Recorder(events=events)
-
-
-def test_a_method_with_steps_refuses_a_log_and_memory_is_asked_for_it():
-    system = cantilever(SOFT, elements=4)
-    with pytest.raises(fi.InputError, match=r"^record\.events.*finds no events.*EventDriven$"):
-        fi.integrate(system, SINE, fi.Newmark(1e-4), 0.1, LOGGED)
-    with pytest.raises(fi.InputError, match=r"^record\.memory_limit.*events 1\d{4,5} MB"):
-        run_of("rigid", record=fi.Recorder(events=10**9))

@@ -239,7 +239,7 @@ def test_parts_take_the_place_of_whole_tables_without_a_summary_only_by_force(tm
             staging.finish_part("quantities")
             if error is not None:
                 raise error
-            write_csv(staging.folder / "step_convergence.csv", {"value": [value]}, {})
+            write_csv(staging.folder / "runs_over_step.csv", {"value": [value]}, {})
             staging.finish_part("steps")
 
     converge(OLD)
@@ -247,11 +247,11 @@ def test_parts_take_the_place_of_whole_tables_without_a_summary_only_by_force(tm
         converge(NEW, KeyboardInterrupt())
     assert "the earlier results stay; finished parts (quantities) are kept beside them" in caught.value.__notes__[0]
     one_line(lambda: finish_results(tmp_path), "holds earlier results, which quantities of a later run would replace")
-    assert (tmp_path / "step_convergence.csv").exists()
+    assert (tmp_path / "runs_over_step.csv").exists()
     assert read_csv(tmp_path / "quantities_over_mesh.csv")["value"] == [OLD]
     assert finish_results(tmp_path, True) == ("quantities",)
     assert read_csv(tmp_path / "quantities_over_mesh.csv")["value"] == [NEW]
-    assert not (tmp_path / "step_convergence.csv").exists()
+    assert not (tmp_path / "runs_over_step.csv").exists()
 
 
 @posix

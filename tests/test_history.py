@@ -398,58 +398,6 @@ def test_progress_of_several_runs_to_one(small):
 # ---- wrong kinds ----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("given", "words"),
-    [
-        ({"excitation": []}, "excitation: must be one or more"),
-        ({"excitation": "sine"}, "excitation = 'str': must be a Sine, a PointForce, a RecordedBase or another"),
-        ({"excitation": [BASE, 5.0]}, "excitation = 'float': must be a Sine, a PointForce, a RecordedBase or another"),
-        ({"excitation": [BASE, BASE], "record": fi.Recorder(sink=print)}, "record.sink: must serve one run"),
-        ({"threads": 0}, "threads = 0: must be a whole number >= 1"),
-        ({"threads": "2"}, "threads = '2': must be a whole number >= 1"),
-        ({"threads": True}, "threads = True: must be a whole number >= 1"),
-        ({"threads": 1.5}, "threads = 1.5: must be a whole number >= 1"),
-        ({"duration": "1"}, "duration = '1' s: must be a finite number >= one step"),
-        ({"duration": [1.0]}, "duration = [1.0] s: must be a finite number >= one step"),
-        ({"record": ""}, "record = 'str': must be a Recorder"),
-        ({"record": []}, "record = 'list': must be a Recorder"),
-        ({"initial": 0}, "initial = 'int': must be a State"),
-        ({"method": "newmark"}, "method = 'str': must be a Newmark"),
-        ({"progress": "yes"}, "progress = 'str': must be True, or callable"),
-    ],
-)
-def test_an_argument_of_the_wrong_kind_is_one_clear_line(small, given, words):
-    arguments = {"excitation": BASE, "method": METHOD, "duration": 0.1, **given}
-    with pytest.raises(fi.InputError) as caught:
-        fi.integrate(small, **arguments)
-    assert str(caught.value).startswith(words)
-    assert "\n" not in str(caught.value)
-
-
-@pytest.mark.parametrize(
-    ("given", "words"),
-    [
-        ({"channels": 1j}, "channels = 1j: must be names"),
-        ({"channels": (None,)}, "channels = (None,): must be names"),
-        ({"channels": (["tip"],)}, "channels = (['tip'],): must be names"),
-        ({"channels": {"tip": 1}}, "channels = {'tip': 1}: must be names"),
-        ({"channels": (float("nan"),)}, "channels = (nan,): must be names"),
-        ({"every": "2"}, "every = '2' steps: must be a whole number >= 1"),
-        ({"every": [2]}, "every = [2] steps: must be a whole number >= 1"),
-        ({"start": "now"}, "start = 'now' s: must be a finite number >= 0"),
-        ({"ledger": "no"}, "ledger = 'no': must be True or False"),
-        ({"sink": "history.nc"}, "sink = 'str': must be callable"),
-        ({"piece_samples": 0}, "piece_samples = 0: must be a whole number >= 1"),
-        ({"memory_limit": "1 GB"}, "memory_limit = '1 GB' bytes: must be a finite number > 0"),
-    ],
-)
-def test_what_a_recorder_cannot_be_given_is_one_clear_line(given, words):
-    with pytest.raises(fi.InputError) as caught:
-        fi.Recorder(**given)
-    assert str(caught.value).startswith(words)
-    assert "\n" not in str(caught.value)
-
-
 def test_one_place_an_array_of_places_and_whole_floats_will_do(small):
     assert fi.Recorder(0.1).channels == (0.1,)
     assert fi.Recorder(np.array([0.1, 0.2])).channels == (0.1, 0.2)

@@ -191,23 +191,6 @@ def test_a_fitted_frequency_outside_the_grid_is_warned_of():
     assert any("no resonance within 4 to 5.2 Hz" in warning for warning in estimate.warnings)
 
 
-@pytest.mark.parametrize("estimator", [fi.fit_one_pole, fi.half_power])
-@pytest.mark.parametrize(
-    ("frequency", "amplitude", "words"),
-    [
-        ([5.0, 5.1], [1.0, 2.0], "must hold at least"),
-        ([5.0, 5.1, 5.2, 5.3, np.nan], [1.0, np.nan, np.inf, 1.0, 1.0], "must hold at least"),
-        ([5.0, 5.1, 5.1, 5.2, 5.3], [1.0, 2.0, 2.0, 1.0, 0.5], "must not repeat"),
-        ([5.0, 5.1, 5.2, 5.3, 5.4], [1.0, 2.0, 3.0], "must be as long as frequency"),
-        ([5.0, 5.1, 5.2, 5.3, 5.4], [0.0, 0.0, 0.0, 0.0, 0.0], "not all zero"),
-        ([5.0, 5.1, 5.2, 5.3, 5.4], [1.0, 2.0, -3.0, 1.0, 1.0], "must be >= 0"),
-    ],
-)
-def test_data_that_are_no_curve_are_refused(estimator, frequency, amplitude, words):
-    with pytest.raises(fi.InputError, match=words):
-        estimator(frequency, amplitude)
-
-
 def test_the_drop_of_the_peak_scales_the_reference_damping():
     reference = fi.DampingEstimate(0.0029, 5.3, (0.0028, 0.0031), "fit", ("coarse",))
     estimate = fi.amplitude_ratio_damping(reference, reference_peak=39e-3, peak=7.8e-3)

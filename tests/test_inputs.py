@@ -1,78 +1,131 @@
-"""Every argument of every public name meets wrong values of every kind: an `InputError`, or the right result."""
+"""Every argument of every public name meets wrong values of every kind: an `InputError` that names it, or it is right.
+
+The names are found in the package, so that a new one without a good call fails here.
+"""
 
 from __future__ import annotations
 
+import inspect
 import math
 import re
+import warnings
+from collections.abc import Callable, Iterator
 from dataclasses import fields, is_dataclass, replace
+from functools import cache
 
 import numpy as np
 import pytest
 import scipy.sparse as sparse
 from builders import Output
-from nouns import NOUNS, OTHERS, VERBS
+from calls import CALLS
+from nouns import NOUNS, OTHERS, STRUCTURE, VERBS
+from wrong import NOTHING_SOUND, NUMBERS_AND_WORDS
 
 import femimpact as fi
+from femimpact import vtk
+from femimpact.contact import ContactLaw
+from femimpact.convergence.cases import Axis
+from femimpact.convergence.quantities import Watched
 from femimpact.errors import Fault
+from femimpact.integrators.methods import CaseMethod, DwellMethod, Method
+from femimpact.integrators.stepping.operators import SteppingMethod
 
-WRONG = {
-    "none": None,
-    "word": "no",
-    "word of a number": "1.0",
-    "words of numbers": ["1.0", "2.0"],
-    "array of words": np.array(["1.0", "2.0"]),
-    "bytes": np.array([b"1.0", b"2.0"]),
-    "true": True,
-    "nan": math.nan,
-    "infinite": math.inf,
-    "minus infinite": -math.inf,
-    "negative": -3,
-    "negative fraction": -0.3,
-    "zero": 0,
-    "complex": 1j,
-    "pair": [1.0, 2.0],
-    "masked": np.ma.array([0.5, 1.0, 2.0, 3.0, 4.0], mask=[False, True, False, False, False]),
-    "masked in a list": [np.ma.array([0.5, 1.0], mask=[False, True])],
-    "masked number": np.ma.masked,
-    "empty": np.array([]),
-    "objects": np.array([object(), None]),
-    "2-D": np.ones((2, 3)),
-    "3-D": np.ones((2, 2, 2)),
-    "huge": 10**400,
-    "large": 10**30,
-    "single precision": np.float32(0.5),
-    "dictionary": {},
-    "function": lambda *_: None,
+plt = pytest.importorskip("matplotlib.pyplot")
+
+# some runs have impacts, whose rounding decides nothing here
+pytestmark = [pytest.mark.impacts, pytest.mark.filterwarnings("ignore::femimpact.InputWarning")]
+
+Call = Callable[..., object]
+
+PROTOCOLS = (ContactLaw, Axis, Watched, Method, CaseMethod, DwellMethod, SteppingMethod)
+"""Whose methods femimpact calls, with values that it has checked."""
+
+WORDS = {
+    ("load_study", "path"): "study",
+    ("read_mesh", "path"): "mesh.file",
+    ("OverMeshes.files", "paths"): "meshes",
+    ("ConvergenceTable.index", "name"): "quantity",
+    ("figures.convergence", "names"): "quantity",
+    ("figures.contact_laws", "speeds"): "approach_speed",
+    ("Response.absolute", "name"): "channel",
+    ("Response.largest", "channel"): "(channels|at)",
+    ("Response.largest_of", "channels"): "at",
+    ("PeriodicOrbit.steady", "channel"): "(channels|at)",
+    ("PeriodicOrbit.to_xarray", "channels"): "(channels|at)",
 }
+"""What messages call an argument for which a user has a better word."""
 
+MADE_ANEW = ("computed_together", "labels", "starts")
+"""Fields that are made where None or nothing is given."""
 
-WORDS = ("words of numbers", "array of words", "bytes")
+NO_NUMBERS = ("words of numbers", "array of words", "bytes")
 """What no argument takes for numbers."""
 
-REFUSED_ANYWAY = ("load", "load_study", "read_matrix", "read_record", "write_record", "run_study", "mode_convergence")
-"""What takes seconds when all is right, and is stopped by another argument."""
+
+def made_from(noun: Callable[[], object]) -> tuple[Call, Callable[[], dict[str, object]]]:
+    """A noun as a function of its fields, with good ones."""
+    kept = cache(noun)
+    return (
+        lambda **given: replace(kept(), **given),
+        lambda: {item.name: getattr(kept(), item.name) for item in fields(kept()) if item.init},
+    )
 
 
-def plain(value: object) -> object:
-    """The same in Python's own numbers."""
-    return value.item() if isinstance(value, np.generic) else value
+ALL = {**{name: made_from(noun) for name, noun in NOUNS.items()}, **VERBS, **CALLS}
+"""By name: the function, and good arguments of it."""
 
 
-def found(result: object) -> list[object]:
+def methods(name: str) -> Iterator[str]:
+    """Methods with arguments of a public class."""
+    kind = getattr(fi, name)
+    for method in vars(kind) if inspect.isclass(kind) and is_dataclass(kind) else ():
+        found = getattr(kind, method)
+        asked = not any(hasattr(protocol, method) for protocol in PROTOCOLS)
+        if method.startswith("_") or not (inspect.isfunction(found) or inspect.ismethod(found)) or not asked:
+            continue
+        if set(inspect.signature(found).parameters) - {"self"}:
+            yield f"{name}.{method}"
+
+
+def public_names() -> Iterator[str]:
+    for name in sorted(set(fi.__all__) - OTHERS):
+        yield name
+        yield from methods(name)
+    for name in fi.figures.__all__:
+        if inspect.isfunction(getattr(fi.figures, name)):
+            yield f"figures.{name}"
+    for name in vtk.__all__:
+        yield f"vtk.{name}"
+
+
+@pytest.mark.parametrize("name", sorted(set(public_names())))
+def test_every_public_name_has_a_good_call(name):
+    assert name in ALL or any(other.startswith(f"{name} ") for other in ALL)
+
+
+@pytest.fixture(autouse=True)
+def _apart(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    plt.switch_backend("agg")
+    yield
+    plt.close("all")
+
+
+def parts_of(result: object) -> list[object]:
     """What a result is made of, in one order: numbers, texts and arrays."""
     if is_dataclass(result):
-        return [part for item in fields(result) if item.compare for part in found(getattr(result, item.name))]
+        return [part for item in fields(result) if item.compare for part in parts_of(getattr(result, item.name))]
     if isinstance(result, (tuple, list)):
-        return [part for entry in result for part in found(entry)]
+        return [part for entry in result for part in parts_of(entry)]
     if isinstance(result, dict):
-        return [part for entry in result.values() for part in found(entry)]
+        return [part for entry in result.values() for part in parts_of(entry)]
     return [result.toarray()] if sparse.issparse(result) else [result]
 
 
 def same(one: object, other: object) -> bool:
     """Whether two results are equal to the last bit; functions and results of results are not looked into."""
     alike = []
-    for a, b in zip(found(one), found(other), strict=True):
+    for a, b in zip(parts_of(one), parts_of(other), strict=True):
         if isinstance(a, (float, np.ndarray, np.floating)) and not (isinstance(a, np.ndarray) and a.dtype.kind in "UO"):
             alike.append(np.array_equal(a, b, equal_nan=True))
         elif isinstance(a, (str, int, np.ndarray)):
@@ -82,64 +135,10 @@ def same(one: object, other: object) -> bool:
 
 def not_numbers(result: object) -> int:
     """How many of the numbers of a result are none: of a good call only those that are documented to be unknown."""
-    return sum(isinstance(part, float) and math.isnan(part) for part in found(result))
+    return sum(isinstance(part, float) and math.isnan(part) for part in parts_of(result))
 
 
-@pytest.mark.parametrize("name", sorted(set(fi.__all__) - OTHERS))
-def test_every_public_name_is_in_the_tables(name):
-    assert name in NOUNS or name in VERBS
-
-
-@pytest.mark.parametrize("name", VERBS)
-def test_a_verb_refuses_a_wrong_argument_by_name_or_takes_it_as_the_number_it_is(name, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    call, good = VERBS[name]
-    faults, unknown = [], 0 if name in REFUSED_ANYWAY else not_numbers(call(**good()))
-    for key in good():
-        for label, value in WRONG.items():
-            try:
-                result = call(**{**good(), key: value})
-            except fi.InputError as error:
-                # a line names something and says what is allowed
-                if any(": " not in line for line in str(error).splitlines()):
-                    faults.append(f"{key} = {label}: {error}")
-                continue
-            except Exception as error:
-                faults.append(f"{key} = {label}: {type(error).__name__}: {error}")
-                continue
-            if label in WORDS:
-                faults.append(f"{key} = {label}: taken for numbers")
-            elif not_numbers(result) > unknown and label != "none":
-                faults.append(f"{key} = {label}: not a number, and not a word")
-            elif not same(result, call(**{**good(), key: plain(value)})):
-                faults.append(f"{key} = {label}: another result than of {plain(value)!r}")
-    assert not faults, "\n".join(faults)
-
-
-@pytest.mark.parametrize("name", NOUNS)
-def test_a_noun_refuses_a_wrong_field_or_holds_it_as_what_it_is(name):
-    noun = NOUNS[name]()
-    faults = []
-    # None asks a system for its checks anew, and a motion in pieces for starts that go on
-    for item in (item for item in fields(noun) if item.name not in ("computed_together", "starts")):
-        for label, value in WRONG.items():
-            try:
-                changed = getattr(replace(noun, **{item.name: value}), item.name)
-            except fi.InputError as error:
-                if any(": " not in line for line in str(error).splitlines()):
-                    faults.append(f"{item.name} = {label}: {error}")
-                continue
-            except Exception as error:
-                faults.append(f"{item.name} = {label}: {type(error).__name__}: {error}")
-                continue
-            if np.ma.is_masked(value):
-                faults.append(f"{item.name} = {label}: the mask is lost")
-            elif not holds(changed, value, item.metadata):
-                faults.append(f"{item.name} = {label}: became {changed!r}")
-    assert not faults, "\n".join(faults)
-
-
-def holds(kept: object, given: object, metadata: dict[str, object]) -> bool:
+def holds(kept: object, given: object) -> bool:
     """Whether a field holds what it was given, in its own type."""
     if given is None and isinstance(kept, np.ndarray):
         # no load is a load of zeros
@@ -157,23 +156,150 @@ def holds(kept: object, given: object, metadata: dict[str, object]) -> bool:
     return np.array_equal(row, np.atleast_1d(np.asarray(given, dtype=float)), equal_nan=True)
 
 
-@pytest.mark.parametrize("name", [name for name in VERBS if name not in REFUSED_ANYWAY])
-def test_a_class_in_place_of_what_it_makes_is_named_with_the_call(name, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    call, good = VERBS[name]
-    faults = []
-    for key, value in good().items():
-        if is_dataclass(value):
-            kind = type(value)
-            try:
-                call(**{**good(), key: kind})
-                faults.append(f"{key}: taken")
-            except fi.InputError as error:
-                if f"the class {kind.__name__} (did you mean {kind.__name__}(" not in str(error):
-                    faults.append(f"{key}: {error}")
-            except Exception as error:
-                faults.append(f"{key}: {type(error).__name__}: {error}")
+def fault_of_result(name: str, result: object, given: dict[str, object], key: str, label: str) -> str | None:
+    """What is wrong with the result of a call with a value that is taken."""
+    value = given[key]
+    if name in NOUNS:
+        if np.ma.is_masked(value):
+            return "the mask is lost"
+        kept = getattr(result, key)
+        return None if key in MADE_ANEW or holds(kept, value) else f"became {kept!r}"
+    if name in CALLS:
+        return None
+    call, good = ALL[name]
+    if label in NO_NUMBERS:
+        return "taken for numbers"
+    unknown = not_numbers(result)
+    if unknown and label != "none" and unknown > not_numbers(call(**good())):
+        return "not a number, and not a word"
+    # the same in Python's own numbers
+    alike = not isinstance(value, np.generic) or same(result, call(**{**given, key: value.item()}))
+    return None if alike else f"another result than of {value.item()!r}"
+
+
+def fault_of(name: str, given: dict[str, object], key: str, label: str, beside: bool) -> str | None:
+    """What is wrong with the answer to a call, where anything is.
+
+    A line may name another argument of the call too, where the wrong one may be wrong only beside it.
+    """
+    words = [WORDS.get((name, key), key), key, *(given if beside else ())]
+    try:
+        with warnings.catch_warnings():
+            # whatever else numpy and matplotlib warn of
+            warnings.simplefilter("error")
+            warnings.simplefilter("ignore", fi.InputWarning)
+            result = ALL[name][0](**given)
+            return fault_of_result(name, result, given, key, label) if label else None
+    except fi.InputError as error:
+        if not label:
+            return f"refused: {error}"
+        lines = str(error).splitlines()
+        strange = [line for line in lines if ": " not in line or not any(re.search(rf"\b{w}\b", line) for w in words)]
+        return f"names another: {strange[0]}" if strange else None
+    except Exception as error:
+        return f"{type(error).__name__}: {error}"
+    finally:
+        plt.close("all")
+
+
+def fault_of_class(name: str, given: dict[str, object], key: str) -> str | None:
+    """What is wrong with the answer to the class of an argument in its place."""
+    kind = type(given[key])
+    try:
+        ALL[name][0](**{**given, key: kind})
+    except fi.InputError as error:
+        return None if f"the class {kind.__name__} (did you mean {kind.__name__}(" in str(error) else str(error)
+    except Exception as error:
+        return f"{type(error).__name__}: {error}"
+    return "taken"
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_a_wrong_argument_is_named_in_one_line_or_taken_as_what_it_is(name):
+    given = ALL[name][1]()
+    # a good call that fails would hide every fault of its arguments
+    answers = {"a good call": fault_of(name, given, next(iter(given), ""), "", False)}
+    for key in given:
+        for values, beside in ((NUMBERS_AND_WORDS, True), (NOTHING_SOUND, False)):
+            for label, value in values.items():
+                answers[f"{key} = {label}"] = fault_of(name, {**given, key: value}, key, label, beside)
+        if name in VERBS and is_dataclass(given[key]):
+            answers[f"{key} = its class"] = fault_of_class(name, given, key)
+    faults = [f"{what}: {answer}" for what, answer in answers.items() if answer]
     assert not faults, "\n".join(faults)
+
+
+KINDS = {"whole": int, "single precision": np.float32, "double precision": np.float64, "of numpy": np.int64}
+
+
+def same_in(kind: type, value: object) -> object:
+    """A number, or each of a tuple, as another type where that is the same number."""
+    if isinstance(value, tuple):
+        return [same_in(kind, entry) for entry in value]
+    number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    return kind(value) if number and np.isfinite(value) and float(kind(value)) == value else value
+
+
+def scalars(value: object) -> list[object]:
+    return [entry for part in value for entry in scalars(part)] if isinstance(value, tuple) else [value]
+
+
+@pytest.mark.parametrize("name", NOUNS)
+def test_fields_keep_one_type_whatever_type_a_number_comes_in(name):
+    noun = NOUNS[name]()
+    for item in fields(noun):
+        value = getattr(noun, item.name)
+        if not scalars(value) or not all(type(part) in (int, float) for part in scalars(value)):
+            continue
+        for kind in KINDS.values():
+            changed = getattr(replace(noun, **{item.name: same_in(kind, value)}), item.name)
+            assert changed == value or value != value
+            assert [type(part) for part in scalars(changed)] == [type(part) for part in scalars(value)]
+
+
+@pytest.mark.parametrize(
+    ("made", "exact"),
+    [
+        (lambda: fi.EventDriven(closure=1, samples_per_cycle=64.0).closure, float),
+        (lambda: fi.EventDriven(closure=1, samples_per_cycle=64.0).samples_per_cycle, int),
+        (lambda: fi.Sine(1, np.float32(5)).amplitude, float),
+        (lambda: fi.Sine(1, np.float32(5)).frequency, float),
+        (lambda: fi.Newmark(np.float64(1e-4), refine=np.int64(2)).refine, int),
+        (lambda: fi.Recorder(every=8.0).every, int),
+        (lambda: fi.Impactor("b", 0, 1, np.array([1, 2]), fi.Rigid(1)).gap[0], float),
+        (lambda: fi.Impactor("b", 0, 1, np.array([1, 2]), fi.Rigid(1)).at, float),
+        (lambda: fi.Stop("b", 0, 1, fi.Rigid(1)).gap, float),
+        (lambda: fi.Rayleigh(0, modes=[1.0, np.int64(2)]).modes[0], int),
+        (lambda: fi.Newmark(1e-4, allow_coarse_step=np.True_).allow_coarse_step, bool),
+        (lambda: fi.Segment(1, 1, 1, 1, 1).length, float),
+    ],
+)
+def test_a_whole_number_is_a_float_where_a_float_is_meant(made, exact):
+    assert type(made()) is exact
+
+
+def runs(number, whole):
+    """A run by each kind of method and a sweep, with the numbers in given types."""
+    rigid = replace(STRUCTURE.impactors[0], contact=fi.Rigid(number(0.5)), gap=(number(1) / 1024, number(1) / 512))
+    bodies = [STRUCTURE.impactors[0], rigid]
+    for body in bodies:
+        system = fi.reduce(fi.assemble(replace(STRUCTURE, impactors=[body], stops=()), elements=whole(4)), whole(2))
+        base = fi.Sine(number(1) / 512, number(6), number(0))
+        compliant = body.contact is STRUCTURE.impactors[0].contact
+        stepping = fi.Newmark(1 / 8192) if compliant else fi.MoreauJean(1 / 8192)
+        keep = fi.Recorder(every=whole(4))
+        for method in (fi.EventDriven(closure=number(1) / 2**30, samples_per_cycle=whole(64)), stepping):
+            yield fi.integrate(system, base, method, number(1), keep)["tip"]
+        yield fi.frequency_sweep(system, number(1) / 512, [number(6)], fi.EventDriven(), whole(6), ledger=False).peak
+
+
+def test_runs_are_the_same_whatever_the_types_of_their_numbers():
+    first = list(runs(float, int))
+    for number, whole in ((np.float32, np.int64), (lambda x: int(x) if float(x).is_integer() else x, float)):
+        again = list(runs(number, whole))
+        for one, other in zip(first, again, strict=True):
+            # the numbers are powers of two or small: the same in every type, so that the runs are the same
+            np.testing.assert_array_equal(one, other)
 
 
 def test_a_function_in_place_of_its_result_is_named_with_the_call():

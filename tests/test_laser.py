@@ -87,9 +87,3 @@ def test_what_cannot_be_is_one_line(run, call, words):
     with pytest.raises(fi.InputError, match=words) as refusal:
         call(run)
     assert "\n" not in str(refusal.value)
-
-
-def test_a_history_that_went_to_a_sink_is_refused(bare):
-    gone = fi.integrate(bare, STILL, EXACT, 1.0, fi.Recorder("mid", sink=lambda piece: None))
-    with pytest.raises(fi.InputError, match="was not recorded"):
-        fi.Laser("mid", range=1.0).measure(gone)

@@ -211,35 +211,6 @@ def test_a_fade_multiplies_the_displacement(name: str) -> None:
     np.testing.assert_allclose(fi.PointForce("tip", base).force(t[:-1]), (window * force)[:-1], atol=1e-8 * largest)
 
 
-@pytest.mark.parametrize(
-    ("make", "words"),
-    [
-        (lambda: fi.Chirp(10, 100, 1.0, acceleration=((10, 1), (8, 1))), "acceleration"),
-        (lambda: fi.Chirp(10, 100, 1.0, acceleration=((10, 1), (8, 1))), "10 Hz is followed by 8 Hz"),
-        (lambda: fi.Chirp(10, 100, 1.0, acceleration=((10, 0), (200, 1))), "rows of a frequency in Hz, which rises"),
-        (lambda: fi.Chirp(10, 100, 1.0, acceleration=((-10, 1), (200, 1))), "rows of a frequency in Hz, which rises"),
-        (lambda: fi.Chirp(10, 100, 1.0, acceleration=((10, 1),)), "rows of a frequency in Hz, which rises"),
-        (lambda: fi.Chirp(10, 100, 1.0, acceleration=((10, 1), (90, 1))), "must reach from 10 to 100 Hz"),
-        (lambda: fi.Chirp(10, 100, 1.0, amplitude=((10, 1), (90, 1))), "a level over frequency is an acceleration"),
-        (lambda: fi.Chirp(10, 100, 1.0, acceleration=1.0, fade=0.6), "fade = 0.6 s: must be at most half"),
-        (lambda: fi.Chirp(10, 100, 1.0, acceleration=1.0, fade=-0.1), "fade = -0.1 s: must be"),
-        (
-            lambda: fi.Chirp(5, 9, acceleration=1.0, kind="logarithmic", octaves_per_minute=True),
-            "octaves_per_minute = True 1/min: must be a finite number > 0 1/min",
-        ),
-        (lambda: fi.SteppedSine([10], 5, acceleration=((20, 1), (90, 1))), "must reach from 10 to 10 Hz"),
-        (lambda: fi.SteppedSine([10], 5, acceleration=1.0, seconds=1.0), "one of cycles and seconds"),
-        (lambda: fi.SteppedSine([10], acceleration=1.0), "one of cycles and seconds"),
-        (lambda: fi.SteppedSine([10], acceleration=1.0, seconds=0.0), "seconds = 0.0 s: must be"),
-    ],
-)
-def test_bad_levels_are_one_line(make: Any, words: str) -> None:
-    with pytest.raises(fi.InputError) as error:
-        make()
-    assert words in str(error.value)
-    assert "\n" not in str(error.value)
-
-
 @pytest.mark.parametrize("fade", [0.5, 0.5 + 1e-12, 0.5 - 1e-9, 0.5 + 1e-6])
 def test_a_fade_that_ends_beside_a_knot_has_no_derivatives_of_rounding(fade):
     # 34 s of 35 Hz: the last fade begins 1e-12 s beside a knot

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import runpy
-import subprocess
-import sys
-import threading
 from itertools import pairwise
 from pathlib import Path
 
@@ -14,8 +11,6 @@ import numpy as np
 import pytest
 
 import femimpact as fi
-from femimpact.fem import mesh_files
-from femimpact.fem.mesh_files import read_outcomes
 
 SHIPPED = Path(__file__).parents[1] / "meshes" / "stepped_cantilever.msh"
 SEGMENTS = (
@@ -267,6 +262,14 @@ def test_a_stepped_mesh_under_an_unstepped_beam_is_said():
         fi.assemble(uniform, mesh=fi.Mesh(mesh.nodes, {}, {k: np.array(v) for k, v in regions.items()}))
 
 
+def outcome_of(path):
+    """The mesh of a file, or its error."""
+    try:
+        return fi.read_mesh(path)
+    except fi.InputError as error:
+        return error
+
+
 def damaged(text, generator):
     """The bytes of a file with one kind of damage at a random place."""
     kind, at = generator.integers(7), int(generator.integers(len(text)))
@@ -292,15 +295,12 @@ def damaged(text, generator):
     return b"\n".join(lines)
 
 
-def test_every_damaged_file_is_a_mesh_or_an_error_in_one_line(tmp_path, monkeypatch, capfd):
-    # the longest wait in this test: a healthy file takes milliseconds once the process runs
-    monkeypatch.setattr(mesh_files, "TIME_LIMIT", 10.0)
+def test_every_damaged_file_is_a_mesh_or_an_error_in_one_line(tmp_path, capfd):
     text = SHIPPED.read_bytes()
     paths = [tmp_path / f"{number}.msh" for number in range(300)]
     for number, path in enumerate(paths):
         path.write_bytes(damaged(text, np.random.default_rng(number)))
-    outcomes = list(read_outcomes(paths))
-    assert len(outcomes) == 300
+    outcomes = [outcome_of(path) for path in paths]
     for path, outcome in zip(paths, outcomes, strict=True):
         if isinstance(outcome, fi.Mesh):
             assert outcome.elements >= 1
@@ -314,99 +314,8 @@ def test_every_damaged_file_is_a_mesh_or_an_error_in_one_line(tmp_path, monkeypa
     assert capfd.readouterr() == ("", "")
 
 
-READER = """
-import json, sys, time
-for path in sys.argv[2:]:
-    if path.endswith("loop"):
-        time.sleep(600)
-    if path.endswith("end"):
-        sys.exit(3)
-    print(json.dumps({"format": "own", "failure": "none of it"}), flush=True)
-"""
-
-
-def test_a_reader_that_never_ends_or_ends_its_process_costs_only_its_own_file(tmp_path, monkeypatch):
-    child = tmp_path / "child.py"
-    child.write_text(READER)
-    monkeypatch.setattr(mesh_files, "CHILD", child)
-    monkeypatch.setattr(mesh_files, "TIME_LIMIT", 5.0)
-    paths = [tmp_path / name for name in ("a", "loop", "b", "end", "c")]
-    for path in paths:
-        path.write_text("")
-    said = [str(outcome).partition(": ")[2] for outcome in read_outcomes(paths)]
-    read = "must be a mesh that meshio can read"
-    assert said == [
-        f"{read} as own: none of it", f"{read}: not done within 5 s", f"{read} as own: none of it",
-        f"{read}: the process that reads ended with status 3", f"{read} as own: none of it",
-    ]  # fmt: skip
-
-
-@pytest.mark.skipif(not hasattr(__import__("os"), "fork"), reason="needs a limit on address space")
-def test_a_file_that_asks_for_more_memory_than_allowed_is_refused(tmp_path):
+def test_a_file_that_asks_for_more_memory_than_there_is_is_refused(tmp_path):
     path = tmp_path / "huge.msh"
     path.write_text("$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n1 900000000000 1 900000000000\n$EndNodes\n")
     with pytest.raises(fi.InputError, match=r"huge\.msh.*gmsh"):
         fi.read_mesh(path)
-
-
-# ---- how Python ends ------------------------------------------------------------------------------
-
-
-REFUSED = """
-import sys
-import femimpact as fi
-kept = []
-for _ in range(3):
-    try:
-        fi.read_mesh(sys.argv[1])
-    except fi.InputError as error:
-        kept.append(error)
-sys.exit(str(len(kept)))
-"""
-
-
-@pytest.fixture
-def gap(tmp_path):
-    """A mesh file that is read and refused, and a study of it."""
-    apart = np.column_stack([NODES, np.zeros((NODES.size, 2))])
-    meshio.Mesh(apart, [("line", np.array([[0, 1], [2, 3], [3, 4], [4, 5]]))]).write(tmp_path / "gap.vtu")
-    text = SHIPPED.with_suffix(".toml").read_text(encoding="utf-8").replace(SHIPPED.name, "gap.vtu")
-    (tmp_path / "gap.toml").write_text(text, encoding="utf-8")
-    return tmp_path
-
-
-@pytest.mark.parametrize(
-    ("arguments", "status", "words"),
-    [
-        (["-m", "femimpact", "check", "gap.toml"], 2, "a gap from x = 0.02 to 0.05 m"),
-        (["-c", REFUSED, "gap.vtu"], 1, "3"),
-    ],
-    ids=["check", "own script"],
-)
-def test_python_ends_as_ever_after_a_mesh_was_refused(gap, arguments, status, words):
-    # a thread that waits for a pipe with a buffer aborts Python at its end, in four of five runs but not in each: four
-    # runs miss it once in 600 times
-    runs = [
-        subprocess.Popen([sys.executable, *arguments], cwd=gap, stderr=subprocess.PIPE, text=True) for _ in range(4)
-    ]
-    for run in runs:
-        said = run.communicate(timeout=300)[1]
-        assert said.count("\n") == 1
-        assert words in said
-        assert run.returncode == status
-
-
-def test_neither_a_process_nor_a_thread_is_left_of_a_mesh_that_was_refused(gap, monkeypatch):
-    made = []
-
-    def started(*given, own=subprocess.Popen, **named):
-        made.append(own(*given, **named))
-        return made[-1]
-
-    monkeypatch.setattr(mesh_files.subprocess, "Popen", started)
-    before = threading.active_count()
-    with pytest.raises(fi.InputError, match="a gap from") as refused:
-        fi.read_mesh(gap / "gap.vtu")
-    # while the error and its traceback are alive
-    assert [process.returncode is None for process in made] == [False], refused
-    assert threading.active_count() == before

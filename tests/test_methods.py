@@ -9,7 +9,8 @@ from builders import oscillator, reduced, with_ball
 
 import femimpact as fi
 from femimpact.integrators.methods import MEMBERS, METHODS, read_at_least, require_method, seconds_of_cycle
-from femimpact.integrators.own_method import run_cases_apart
+from femimpact.integrators.own_method import run_of_states
+from femimpact.integrators.separate_runs import run_cases_apart
 from femimpact.integrators.stepping.newmark import SteppingMembers
 from femimpact.integrators.stepping.operators import family_scheme, scheme_of
 
@@ -383,6 +384,46 @@ def test_cases_that_run_one_by_one_are_those_that_run_together(small):
     np.testing.assert_allclose(one.mean_impulse, other.mean_impulse, rtol=1e-7)
     np.testing.assert_allclose(one.energy_residual, other.energy_residual, atol=1e-9)
     assert one.warnings == other.warnings
+
+
+class ClosedForm(Renamed):
+    """An oscillator of 1 rad/s, released at 1 m: its states are known."""
+
+    def run(self, system, excitation, duration, recorder, initial, progress=None):
+        """The states, and what a ball does that is pushed for a second."""
+        t = initial.time + 0.01 * np.arange(round(duration / 0.01) + 1)
+        none = np.zeros((t.size, len(system.contacts)))
+        push = none + np.where((t >= 2.0) & (t < 3.0), -0.5, 0.0)[:, None]
+        return run_of_states(
+            system, excitation, recorder, t, (np.cos(t)[:, None], -np.sin(t)[:, None]), (none, none), push
+        )
+
+    def __init__(self):
+        super().__init__(fi.EventDriven())
+        del self.run
+
+
+@pytest.mark.parametrize("contacts", [0, 1])
+def test_a_run_of_states_has_what_these_show(contacts):
+    ball = fi.Impactor("ball", "mass", 0.1, 2.0, fi.KelvinVoigt(1e3, 0.5))
+    system, base = oscillator(impactors=[ball] * contacts), fi.Sine(0.0, 1.0 / (2.0 * math.pi))
+    pieces = []
+    record = fi.Recorder("mass", every=10, start=1.0)
+    run = fi.integrate(system, base, ClosedForm(), 4.5 * math.pi, record)
+    np.testing.assert_allclose(run["mass"], np.cos(run.time), rtol=0, atol=1e-12)
+    assert run.time[0] == 1.0
+    # two whole cycles, and of the samples within
+    assert run.steady.rms[0] == pytest.approx(math.sqrt(0.5), rel=1e-2)
+    assert len(run.impacts) == contacts
+    if contacts:
+        assert (run.impacts.time[0], run.impacts.side[0]) == (2.0, -1.0)
+        assert run.impacts.impulse[0] == pytest.approx(0.5, rel=1e-12)
+    # shorter than a cycle there are no amplitudes
+    assert np.isnan(fi.integrate(system, base, ClosedForm(), 3.0).steady.rms[0])
+    streamed = fi.integrate(system, base, ClosedForm(), 4.5 * math.pi, replace(record, sink=pieces.append))
+    np.testing.assert_array_equal(pieces[0].channels["mass"], run["mass"])
+    assert (streamed.streamed_to, streamed.time.size) == (run.time[-1], 0)
+    assert run.largest("mass").value == pytest.approx(1.0, abs=1e-12)
 
 
 def test_a_method_of_ones_own_that_lacks_a_member_is_refused_by_its_name(small):

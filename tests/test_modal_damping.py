@@ -93,10 +93,3 @@ def test_a_replaced_damping_is_that_of_the_assembled_structure():
         other = fi.with_damping(fi.assemble(replace(STRUCTURE, damping=None), elements=6), damping)
         np.testing.assert_array_equal(one.C.toarray(), other.C.toarray())
         assert one.rayleigh == other.rayleigh
-
-
-def test_more_ratios_than_modes_are_refused():
-    with pytest.raises(fi.InputError, match=r"damping\.ratios = .* must be at most 4, the dofs of this mesh"):
-        fi.assemble(replace(STRUCTURE, damping=fi.ModalDamping((0.01,) * 5)), elements=2)
-    with pytest.raises(fi.InputError, match="must be a Rayleigh, a ModalDamping or None"):
-        fi.with_damping(fi.assemble(STRUCTURE, elements=2), 0.01)

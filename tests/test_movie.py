@@ -1,4 +1,4 @@
-"""Movies: the right number of frames, by either renderer, and a GIF where MP4 cannot be written."""
+"""Movies: the right number of frames, and a GIF where MP4 cannot be written."""
 
 from __future__ import annotations
 
@@ -25,12 +25,9 @@ def response(small):
     return fi.integrate(small, base, fi.Newmark(dt=fi.recommended_step(small)), duration=3.0, record=record)
 
 
-@pytest.mark.parametrize("renderer", ["matplotlib", "pyvista"])
-def test_movie_has_a_frame_for_every_snapshot(tmp_path, response, reference, renderer):
+def test_movie_has_a_frame_for_every_snapshot(tmp_path, response, reference):
     imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg")
-    if renderer == "pyvista" and movie.gl_window() is None:
-        pytest.skip("VTK cannot render here")
-    path = movie.write_movie(tmp_path / "deflection.mp4", response, reference, renderer=renderer)
+    path = movie.write_movie(tmp_path / "deflection.mp4", response, reference)
     assert path.name == "deflection.mp4"
     frames, seconds = imageio_ffmpeg.count_frames_and_secs(path)
     assert frames == response.snapshots.time.size
@@ -49,10 +46,15 @@ def test_gif_where_ffmpeg_is_missing(tmp_path, response, reference, monkeypatch)
     from PIL import Image
 
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
-    path = movie.write_movie(tmp_path / "deflection.mp4", response, reference, renderer="matplotlib", most=4)
+    path = movie.write_movie(tmp_path / "deflection.mp4", response, reference, most=4)
     assert path.name == "deflection.gif"
     with Image.open(path) as picture:
         assert picture.n_frames == 4
+
+
+def frames_of(film):
+    """The pictures of a film, one after the other."""
+    return map(sheet.sheets(film), range(film.chosen.size))
 
 
 def vermilion(picture):
@@ -69,18 +71,12 @@ def meeting(small):
 
 
 @pytest.mark.impacts
-@pytest.mark.parametrize("renderer", ["matplotlib", "pyvista"])
-def test_an_impact_is_coloured_and_nothing_else_is(meeting, reference, renderer):
-    if renderer == "pyvista" and movie.gl_window() is None:
-        pytest.skip("VTK cannot render here")
+def test_an_impact_is_coloured_and_nothing_else_is(meeting, reference):
     film = movie._film(meeting, reference, None, 25, meeting.snapshots.time.size)
     struck = film.touched[:, 0] != 0
     shown = np.concatenate([np.flatnonzero(struck)[:3], np.flatnonzero(~struck)[:3]])
     film = dataclasses.replace(film, chosen=film.chosen[shown], touched=film.touched[shown])
-    pictures = (
-        movie._pyvista_frames(film, movie.gl_window()) if renderer == "pyvista" else movie._matplotlib_frames(film)
-    )
-    coloured = [vermilion(picture) for picture in pictures]
+    coloured = [vermilion(picture) for picture in frames_of(film)]
     # the ball in the close-up alone is a disc of about 40 pixels radius
     assert min(coloured[:3]) > 4500
     assert coloured[3:] == [0, 0, 0]
@@ -112,20 +108,13 @@ def two(reference):
     return structure, fi.integrate(system, fi.Sine(0.3e-3, 4.9), method, 0.5, fi.Recorder(snapshots=200))
 
 
-@pytest.mark.parametrize("renderer", ["matplotlib", "pyvista"])
-def test_two_balls_have_a_trace_and_a_close_up_each(two, renderer):
-    if renderer == "pyvista" and movie.gl_window() is None:
-        pytest.skip("VTK cannot render here")
+def test_two_balls_have_a_trace_and_a_close_up_each(two):
     structure, response = two
     film = movie._film(response, structure, None, 25, 4)
     film = dataclasses.replace(film, chosen=film.chosen[:2], touched=np.array([[1, 0], [0, -1]]))
-    draw = (
-        movie._matplotlib_frames(film) if renderer == "matplotlib" else movie._pyvista_frames(film, movie.gl_window())
-    )
     # the right half is the close-up of the one, then that of the other
-    start, middle = (0.63, 0.8) if renderer == "matplotlib" else (0.5, 0.75)
-    for struck, picture in enumerate(draw):
-        edges = [round(share * sheet.WIDTH) for share in (start, middle, 1.0)]
+    for struck, picture in enumerate(frames_of(film)):
+        edges = [round(share * sheet.WIDTH) for share in (0.63, 0.8, 1.0)]
         coloured = [vermilion(picture[:, a:b]) for a, b in itertools.pairwise(edges)]
         assert coloured[struck] > 1000
         assert coloured[1 - struck] == 0
@@ -179,10 +168,10 @@ def test_a_stop_stands_at_its_gap_and_is_coloured_when_it_is_touched(reference, 
     first = response.impacts.time[0]
     assert not touched[times < first].any()
     assert touched[np.searchsorted(times, first)]
-    frames = movie._matplotlib_frames(dataclasses.replace(film, chosen=film.chosen[:1]))
+    frames = frames_of(dataclasses.replace(film, chosen=film.chosen[:1]))
     assert vermilion(next(frames)) == 0
     at = np.flatnonzero(touched)[:1]
-    frames = movie._matplotlib_frames(dataclasses.replace(film, chosen=film.chosen[at], touched=film.touched[at]))
+    frames = frames_of(dataclasses.replace(film, chosen=film.chosen[at], touched=film.touched[at]))
     # the block is 2 % of the length of a beam that fills nearly the width: 22 pixels square
     assert vermilion(next(frames)) > 300
 
@@ -209,7 +198,7 @@ def test_a_beam_without_a_ball_and_one_snapshot_make_a_movie(tmp_path, reference
     record = fi.Recorder(snapshots=1, snapshots_start=2e-3)
     response = fi.integrate(system, fi.Sine(1e-3, 5.0), fi.Newmark(dt=1e-3), duration=2e-3, record=record)
     assert response.snapshots.time.size == 1
-    assert movie.write_movie(tmp_path / "a.gif", response, bare, renderer="matplotlib").stat().st_size > 0
+    assert movie.write_movie(tmp_path / "a.gif", response, bare).stat().st_size > 0
 
 
 def test_an_interrupted_movie_leaves_nothing(tmp_path, response, reference, monkeypatch):
@@ -225,7 +214,7 @@ def test_an_interrupted_movie_leaves_nothing(tmp_path, response, reference, monk
     monkeypatch.setattr(sheet.Film, "moved", interrupted)
     for name in ("a.mp4", "a.gif"):
         with pytest.raises(KeyboardInterrupt):
-            movie.write_movie(tmp_path / name, response, reference, renderer="matplotlib")
+            movie.write_movie(tmp_path / name, response, reference)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -248,9 +237,4 @@ def test_automatic_exaggeration_keeps_ball_and_beam_in_the_picture(response, ref
 @pytest.mark.parametrize("change", [{"fps": 0}, {"most": 0}, {"exaggeration": 0.0}, {"exaggeration": np.nan}])
 def test_bad_options_are_refused(tmp_path, response, reference, change):
     with pytest.raises(fi.InputError, match=next(iter(change))):
-        movie.write_movie(tmp_path / "a.mp4", response, reference, renderer="matplotlib", **change)
-
-
-def test_unknown_renderer_is_refused(tmp_path, response, reference):
-    with pytest.raises(fi.InputError, match="renderer = 'gl': must be 'auto' or 'pyvista' or 'matplotlib'"):
-        movie.write_movie(tmp_path / "a.mp4", response, reference, renderer="gl")
+        movie.write_movie(tmp_path / "a.mp4", response, reference, **change)

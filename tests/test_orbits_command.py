@@ -18,11 +18,8 @@ from builders import OrbitsPlan, build, paper_study_text, read_csv, read_study
 from command import femimpact
 
 import femimpact as fi
-from femimpact.app.report.branch_charts import branches_section
 from femimpact.app.results.branch_file import read_followed
 from femimpact.files import read_units
-from femimpact.orbits.figures import kind_words
-from femimpact.svg import markup
 
 pytestmark = pytest.mark.impacts
 
@@ -301,25 +298,6 @@ def test_figure_report_and_printed_lines_say_the_same(done, out):
         assert f">{value:.7f}<" in section
     conclusions = page[page.index('<section id="conclusions"') : page.index('<section id="structure"')]
     assert f'Branches of periodic orbits</dt><dd class="value">{len(branches)}</dd>' in conclusions
-
-
-def test_a_kind_has_one_colour_whichever_kinds_are_there():
-    """That of folds, doublings, ... in the chart of any branches."""
-    kinds = ("fold", "period-doubling", "neimark-sacker", "grazing")
-
-    def colours(*present):
-        size = len(present) + 2
-        points = np.arange(1, size - 1)
-        branch = fi.Branch(
-            "base.frequency", "Hz", np.linspace(5.0, 5.1, size), np.full((size, 2), 0.5j), np.ones(size), np.ones(size),
-            ("edge", "edge"), tuple(fi.Bifurcation(kind, 5.05) for kind in present), points, "tip",
-        )  # fmt: skip
-        page = "".join(markup(element) for element in branches_section([branch], ["a run"], [1], [], None).content)
-        return {kind: re.search(rf"fi-c(\d)[^>]*>(?:<[^>]*>)*{kind_words(kind)}", page)[1] for kind in present}
-
-    together = colours(*kinds)
-    assert len(set(together.values())) == len(kinds)
-    assert all(colours(kind)[kind] == together[kind] for kind in kinds)
 
 
 def test_the_figure_is_drawn_again_and_a_second_run_is_refused(done, out):

@@ -231,6 +231,16 @@ def measure(response):
 helpers.FACTOR = 2
 #--
 FACTOR = 1
+#### one of two constants of another file that two functions read
+import own_helpers
+def first():
+    return own_helpers.FIRST
+def measure(response):
+    return first() + own_helpers.SECOND
+#--
+helpers.SECOND = 2
+#--
+FIRST = SECOND = 1
 #### constant of another file by a text
 import own_helpers
 def measure(response):

@@ -264,25 +264,3 @@ def test_a_fine_mesh_keeps_its_digits_under_tension_and_on_a_foundation():
         # the coarse mesh's own error, (k h)^4/720 with kL = 1.875 or more, and what tension adds to it; rounding of an
         # assembled stiffness of 1000 elements would be 1e-4
         assert first[1] == pytest.approx(first[0], rel=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("terms", "words"),
-    [
-        ({"stiffness": np.eye(15)}, r"stiffness = \(15, 15\): must have the shape \(18, 18\)"),
-        ({"mass": np.triu(np.ones((18, 18)))}, "mass = 1.0: must be symmetric"),
-        ({"mass": -1e3 * np.eye(18)}, "mass: must leave the mass matrix positive definite"),
-        ({"damping": -1e3 * np.eye(18)}, "C: must be positive semidefinite"),
-        ({"load": np.ones(16)}, "load = .*must hold 18 finite numbers"),
-    ],
-)
-def test_terms_that_do_not_fit_are_refused(terms, words):
-    with pytest.raises(fi.InputError, match=words):
-        fi.add_terms(fi.assemble(fi.Structure(beam=BEAM), elements=8), **terms)
-
-
-def test_terms_are_added_before_a_reduction():
-    system = fi.assemble(fi.Structure(beam=BEAM), elements=8)
-    for other in (fi.reduce(system, 3), fi.System.from_matrices([[1.0]], [[0.0]], [[4.0]], points={"p": [1.0]})):
-        with pytest.raises(fi.InputError, match="add terms before reduce"):
-            fi.add_terms(other, load=np.ones(18))

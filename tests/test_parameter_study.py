@@ -18,7 +18,6 @@ import pytest
 import xarray
 from builders import (
     REFERENCE,
-    SignalMotion,
     paper_study,
     paper_study_text,
     read_study,
@@ -34,11 +33,9 @@ from femimpact.app.parametric.evaluation import evaluated
 from femimpact.app.parametric.labelled import median_ranks, over_starts
 from femimpact.app.parametric.paths import study_with
 from femimpact.app.parametric.workers import block_cases
-from femimpact.app.report.maps import maps_section
 from femimpact.app.report.result_conclusions import study_lead
 from femimpact.app.tasks.study_command import definition_of
 from femimpact.figures.study_labels import case_columns, unsure_cells
-from femimpact.svg import markup
 from femimpact.units import prefixed
 
 pytestmark = pytest.mark.impacts
@@ -298,8 +295,8 @@ def test_cases_of_a_method_with_steps_have_side_by_side_the_bits_that_they_have_
 
 def chirped(**changes):
     """The study of `study` on a short chirp of the base."""
-    values = (("start", 4.7), ("stop", 5.3), ("duration", 2.0), ("acceleration", 0.3))
-    return replace(study(**changes), base=SignalMotion("chirp", values, history=2.5), sweep=None)
+    chirp = fi.Chirp(4.7, 5.3, 2.0, acceleration=0.3)
+    return replace(study(**changes), base=chirp, duration=2.5, start="base", sweep=None)
 
 
 def test_a_case_without_cycles_is_a_run_of_its_whole_history():
@@ -380,10 +377,10 @@ def test_starts_from_the_static_state_lie_in_the_gap_of_the_structure_that_sags(
     sagging = replace(study().structure, gravity=9.81)
     axes, starts = {GAP: [1e-3, (2e-3, 4e-3)], "impactor.ball.mass": [3e-3, 4e-3]}, 5
     if base == "sine":
-        given = study(structure=sagging, base=replace(study().base, start="static"))
+        given = study(structure=sagging, start="static")
         given = fi.ParameterStudy(given, axes, ["peak"], starts=starts, cycles=3)
     else:
-        still = replace(chirped(structure=sagging), base=replace(chirped().base, initial="static"))
+        still = replace(chirped(structure=sagging), start="static")
         given = fi.ParameterStudy(still, axes, ["peak"], starts=starts)
     assert not any(evaluated(given, np.arange(4)).failures)
     places = set()
@@ -406,10 +403,10 @@ def test_a_ball_at_zero_is_at_zero_and_one_without_a_place_lies_where_it_lies(ba
     sagging = replace(study().structure, gravity=0.5)
     position = "start.ball.position"
     if base == "chirp":
-        given = replace(chirped(structure=sagging), base=replace(chirped().base, initial="static"))
+        given = replace(chirped(structure=sagging), start="static")
     else:
         more = {"method": {"name": "moreau-jean", "dt": 5e-4}} if base == "sine by steps" else {}
-        given = study(structure=sagging, base=replace(study().base, start="static"), **more)
+        given = study(structure=sagging, start="static", **more)
     cycles = {} if base == "chirp" else {"cycles": 3}
     places = [0.0, 1e-3, -1e-3]
     placed = fi.ParameterStudy(given, {position: places}, ["peak"], **cycles)
@@ -436,7 +433,7 @@ def test_a_ball_at_zero_is_at_zero_and_one_without_a_place_lies_where_it_lies(ba
 def test_of_two_balls_the_one_without_a_place_lies_where_it_lies():
     two = replace(study().structure, gravity=0.5)
     two = replace(two, impactors=(*two.impactors, replace(two.impactors[0], name="other")))
-    given = study(structure=two, base=replace(study().base, start="static"))
+    given = study(structure=two, start="static")
     placed = fi.ParameterStudy(given, {"start.other.position": [0.0, 1e-3]}, ["peak"], cycles=3)
     own, other = fi.static_state(placed.nominal)[1]
     for case, place in enumerate([0.0, 1e-3]):
@@ -603,20 +600,6 @@ def test_a_second_process_is_refused_while_the_first_is_alive(tmp_path):
 
     small(directory=tmp_path, progress=second)
     small(directory=tmp_path)
-
-
-def test_a_function_of_the_users_own_is_known_by_its_code(tmp_path):
-    def measure_of(factor):
-        def measure(response):
-            return factor * response.time[-1]
-
-        return measure
-
-    axes = {GAP: [2e-3]}
-    small(axes=axes, measures=[measure_of(1.0)], directory=tmp_path)
-    small(axes=axes, measures=[measure_of(1.0)], directory=tmp_path)
-    with pytest.raises(fi.InputError, match="another study: measures"):
-        small(axes=axes, measures=[measure_of(2.0)], directory=tmp_path)
 
 
 def test_a_full_disk_is_an_error_that_names_the_file_and_leaves_what_was_finished(tmp_path, monkeypatch):
@@ -810,8 +793,6 @@ def test_an_axis_of_pairs_is_told_by_its_gaps_and_not_by_their_numbers(tmp_path)
     assert f"at gap of impactor ball {smallest}; the largest is" in study_conclusions(found)[0].note
     drawn = fi.figures.study_lines(found, "peak", ax=fi.figures.OffScreen())
     assert [label.get_text() for label in drawn.get_xticklabels()] == ["(3, 4)", "(5, 5)"]
-    page = markup(maps_section(found).content[0])
-    assert "0: (3, 4) mm; 1: (5, 5) mm" in page
 
 
 def test_a_study_file_goes_round_and_its_table_has_a_row_for_every_case():

@@ -1,4 +1,4 @@
-"""Figures and movie are drawn from files by a child process: what fails there costs no result."""
+"""Figures and movie are drawn from files: what fails there costs no result."""
 
 from __future__ import annotations
 
@@ -7,9 +7,6 @@ import json
 import os
 import re
 import shutil
-import subprocess
-import sys
-import time
 import zipfile
 from pathlib import Path
 
@@ -21,6 +18,7 @@ import femimpact as fi
 from femimpact import figures
 from femimpact.app.report import pictures
 from femimpact.app.results.picture_data import (
+    StructureModes,
     read_curves,
     read_film,
     read_last_cycles,
@@ -33,7 +31,11 @@ from femimpact.app.tasks.run import run_sweep
 from femimpact.figures import movie
 
 DATA = Path(__file__).parent / "data"
-FIGURES = ("mode_figure", "response_figure", "force_figure", "portrait_figure", "impact_histograms", "impulse_phase")
+LAST = ("force_figure", "portrait_figure", "impact_histograms", "impulse_phase", "drive_figure")
+"""Figures that are drawn of the last cycles alone."""
+FIGURES = (
+    "mode_figure", "response_figure", "response_columns_figure", "history_figure", "energy_figure", *LAST,
+)  # fmt: skip
 
 
 def no_report(_what, _share):
@@ -57,7 +59,7 @@ def results(finished, tmp_path):
 
 
 def encoder(folder, monkeypatch, script):
-    """Another program in the place of ffmpeg, for the child as well."""
+    """Another program in the place of ffmpeg."""
     pytest.importorskip("imageio_ffmpeg")
     program = folder / "ffmpeg"
     program.write_text(f"#!/bin/sh\n{script}\n")
@@ -76,7 +78,7 @@ def test_what_is_stored_is_what_was_computed(ran, study):
     # the same call gives the same bits: a round trip through the files
     prepared = prepare(study)
     summary, response, sweeps = read_summary(ran), run_simulation(prepared), run_sweep(prepared)
-    (filmed, structure, _), (run, end) = read_film(ran, summary), read_last_cycles(ran, summary)
+    (filmed, structure, _), end = read_film(ran, summary), read_last_cycles(ran, summary)
     for field in dataclasses.fields(response.snapshots):
         stored, computed = (getattr(of.snapshots, field.name) for of in (filmed, response))
         np.testing.assert_array_equal(stored, computed)
@@ -86,20 +88,19 @@ def test_what_is_stored_is_what_was_computed(ran, study):
     pair, drawn = response.system.balls[0], filmed.system.balls[0]
     assert (drawn.name, drawn.position, drawn.mass, drawn.gaps) == (pair.name, pair.position, pair.mass, pair.gaps)
     for name in ("time", "impulse", "side", "impactor", "restitution", "mode_share"):
-        np.testing.assert_array_equal(getattr(run.impacts, name), getattr(response.impacts, name))
-    assert run.window == response.window
-    assert run.regime.label == response.regime.label
+        np.testing.assert_array_equal(getattr(end.impacts, name), getattr(response.impacts, name))
     # every step of the last cycles, of which the history keeps each tenth
     at = np.isin(response.time, end.time)
     np.testing.assert_array_equal(end["tip"][np.isin(end.time, response.time)], response["tip"][at])
-    curves, coarse = read_curves(ran, summary)
-    np.testing.assert_array_equal(coarse, sweeps.coarse)
-    assert curves["ball"].peak_frequency == sweeps.ball.peak_frequency
-    np.testing.assert_array_equal(curves["empty"].rms, sweeps.empty.rms)
+    swept = read_curves(ran, summary)
+    np.testing.assert_array_equal(swept.coarse, sweeps.coarse)
+    assert swept.curves["with ball"].peak_frequency == sweeps.ball.peak_frequency
+    np.testing.assert_array_equal(swept.curves["without ball"].rms, sweeps.empty.rms)
 
 
 def test_stored_mode_shapes_are_those_of_the_system(ran, system):
-    drawn, modes, structure = read_mode_shapes(ran, read_summary(ran))
+    found = read_mode_shapes(ran, read_summary(ran))
+    drawn, modes, structure = found.system, found.modes, found.structure
     x = np.linspace(0.0, system.nodes[-1], 7)
     shapes = system.deflection_rows(x) @ fi.solve_modes(system, 4).vectors
     np.testing.assert_allclose(drawn.deflection_rows(x) @ modes.vectors, shapes, atol=1e-9 * np.abs(shapes).max())
@@ -125,8 +126,8 @@ def test_stored_modes_are_drawn_with_the_same_parts_as_those_in_memory(tmp_path)
     write_mode_shapes(tmp_path / FILES["mode_shapes"].name, system, modes, structure)
     off_screen = figures.OffScreen()
     drawn = [
-        figures.mode_shapes(*given[:2], structure=given[2], figure=off_screen)
-        for given in (read_mode_shapes(tmp_path, {}), (system, modes, structure))
+        figures.mode_shapes(one.system, one.modes, structure=one.structure, figure=off_screen)
+        for one in (read_mode_shapes(tmp_path, {}), StructureModes(system, modes, structure))
     ]
     for stored, computed in zip(*drawn, strict=True):
         for ours, theirs in zip(stored.lines, computed.lines, strict=True):
@@ -153,11 +154,14 @@ def unpacked(folder, *removed):
 def test_results_are_drawn_without_their_mesh_file_and_without_their_record(tmp_path):
     out = unpacked(tmp_path / "out", "base_record.csv")
     summary = read_summary(out)
-    figure_names = {FILES[name].name for name in FIGURES} - {FILES["mode_figure"].name, FILES["response_figure"].name}
-    assert pictures.draw(out, tmp_path, "figures") is None
+    figure_names = {FILES[name].name for name in LAST}
+    # what is gone is named, and the others are drawn
+    failure = pictures.draw(out, tmp_path, "figures")
+    assert all(name in failure for name in ("base_record.csv", "history.nc"))
+    assert ".png" not in failure
     assert {path.name for path in tmp_path.glob("*.png")} == figure_names
     response, structure, _ = read_film(out, summary)
-    drawn = movie.write_movie(tmp_path / "two.gif", response, structure, most=2, renderer="matplotlib")
+    drawn = movie.write_movie(tmp_path / "two.gif", response, structure, most=2)
     assert drawn.stat().st_size > 1000
     ball, stop = response.system.contacts
     assert (ball.name, ball.position, ball.gaps, ball.law) == ("ball", 0.25, (1e-3, 2e-3), "kelvin-voigt")
@@ -195,14 +199,13 @@ def test_the_exaggeration_of_a_study_is_that_of_movie_and_paraview_alike(tmp_pat
 @pytest.mark.parametrize("script", ["cat > /dev/null; exit 0", "kill -SEGV $$"])
 def test_an_encoder_that_writes_nothing_is_found(results, tmp_path, monkeypatch, script):
     encoder(tmp_path, monkeypatch, script)
-    assert pictures.draw_in_child(results, tmp_path, ("movie",), no_report)["movie"] is not None
+    assert pictures.draw_kinds(results, tmp_path, ("movie",), no_report)["movie"] is not None
     assert not list(tmp_path.glob("*.mp4"))
 
 
 @pytest.mark.skipif(os.name != "posix", reason="a shell script in the place of ffmpeg")
 def test_a_failing_encoder_is_a_warning_and_the_movie_can_be_made_again(tmp_path, monkeypatch):
     encoder(tmp_path, monkeypatch, "exit 1")
-    monkeypatch.setattr(pictures, "TIME_LIMIT", 120.0)
     out, study = tmp_path / "out", short_study(3.0, frames=4, paraview=False)
     # without contacts there is one figure, of the modes
     study = dataclasses.replace(study, structure=dataclasses.replace(study.structure, impactors=()))
@@ -224,56 +227,7 @@ def test_a_failing_encoder_is_a_warning_and_the_movie_can_be_made_again(tmp_path
     }  # fmt: skip
 
 
-@pytest.mark.skipif(os.name != "posix", reason="a shell script in the place of ffmpeg")
-def test_a_hanging_encoder_is_ended_with_all_that_it_started(results, tmp_path, monkeypatch):
-    encoder(tmp_path, monkeypatch, f"echo $$ >> {tmp_path}/started; exec sleep 600")
-
-    class Impatient(subprocess.Popen):
-        """Its time is over soon after the encoder was started, however slow the machine is."""
-
-        def wait(self, timeout=None):
-            if timeout is None:
-                return super().wait()
-            for _ in range(2400):
-                if (tmp_path / "started").exists():
-                    break
-                time.sleep(0.05)
-            return super().wait(0.5)
-
-    monkeypatch.setattr(pictures.subprocess, "Popen", Impatient)
-    (results / FILES["movie"].name).unlink()
-    before = {path: path.read_bytes() for path in results.iterdir() if path.is_file()}
-    with pytest.raises(fi.InputError, match=r"movie = .*not drawn: not done within 600 s"):
-        pictures.draw_again(results, "movie", no_report)
-    assert {path: path.read_bytes() for path in results.iterdir() if path.is_file()} == before
-    for number in (tmp_path / "started").read_text().split():
-        with pytest.raises(ProcessLookupError):
-            wait_for_end(int(number))
-    assert not (results / ".running").exists()
-
-
-def wait_for_end(process):
-    """Ask for a process until it is gone."""
-    for _ in range(100):
-        os.kill(process, 0)
-        time.sleep(0.05)
-
-
-def test_a_child_that_crashes_takes_nothing_with_it(results, monkeypatch):
-    monkeypatch.setattr(pictures, "CHILD", "import os; os.abort()")
-    failures = pictures.draw_in_child(results, results, ("figures", "movie"), no_report)
-    assert failures == dict.fromkeys(("figures", "movie"), "the process that draws was ended by SIGABRT")
-    monkeypatch.setattr(pictures, "CHILD", "import no_such_module")
-    (failure,) = pictures.draw_in_child(results, results, ("movie",), no_report).values()
-    assert "No module named 'no_such_module'" in failure
-
-
-def test_figures_are_made_again_by_the_package_that_runs(results, tmp_path, monkeypatch):
-    # nothing of the current directory is imported
-    for name in ("pyvista", "matplotlib", "json", "numpy"):
-        (tmp_path / f"{name}.py").write_text("raise SystemExit('from the current directory')")
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.delenv("PYTHONPATH", raising=False)
+def test_figures_are_made_again(results):
     before = {name: (results / FILES[name].name).read_bytes() for name in FIGURES}
     for name in FIGURES:
         (results / FILES[name].name).unlink()
@@ -296,44 +250,6 @@ def test_what_can_not_be_drawn_does_not_take_the_other_figures_with_it(results):
     summary = json.loads((results / "summary.json").read_text())
     assert summary["pictures"]["figures"].startswith("not drawn: response.png: ")
     assert (results / FILES["force_figure"].name).exists()
-
-
-def test_the_childs_of_a_killed_run_end_with_it(results, tmp_path):
-    code = "import sys, time; from pathlib import Path; from femimpact.app.report import pictures\n"
-    code += "pictures.CHILD = pictures.CHILD.replace('child(', 'import os; print(os.getpid(), file=open(sys.argv[4]"
-    code += ' + "/number", "w")); import threading, time; from femimpact.app.report.pictures import _end_with_parent;'
-    code += " threading.Thread(target=_end_with_parent).start(); time.sleep(600); child(')\n"
-    code += "pictures.draw_in_child(Path(sys.argv[1]), Path(sys.argv[2]), ('movie',), lambda *_: None)"
-    parent = subprocess.Popen([sys.executable, "-c", code, results, tmp_path])
-    for _ in range(600):
-        if (tmp_path / "number").exists() and (tmp_path / "number").read_text():
-            break
-        time.sleep(0.05)
-    time.sleep(0.5)
-    parent.kill()
-    parent.wait()
-    with pytest.raises(ProcessLookupError):
-        wait_for_end(int((tmp_path / "number").read_text()))
-
-
-def test_the_window_that_was_probed_is_the_one_that_is_used(monkeypatch):
-    tried = []
-
-    def run(command, env, **_options):
-        assert command[1] == "-P"
-        tried.append(env[movie.WINDOW])
-        return subprocess.CompletedProcess(command, int(env[movie.WINDOW] == "broken"), b"drawn")
-
-    monkeypatch.setattr(movie.subprocess, "run", run)
-    monkeypatch.setattr(movie, "_probed", movie._probed.__wrapped__)
-    monkeypatch.setenv(movie.WINDOW, "mine")
-    assert movie.gl_window() == "mine"
-    monkeypatch.setenv(movie.WINDOW, "broken")
-    assert movie.gl_window() == "vtkEGLRenderWindow"
-    assert tried == ["mine", "broken", "vtkEGLRenderWindow"]
-    with movie._window("vtkEGLRenderWindow"):
-        assert os.environ[movie.WINDOW] == "vtkEGLRenderWindow"
-    assert os.environ[movie.WINDOW] == "broken"
 
 
 def test_of_two_movies_the_later_one_stays():

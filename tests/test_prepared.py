@@ -33,7 +33,6 @@ from builders import (
 import femimpact as fi
 from femimpact.app import demo
 from femimpact.app.study import study as studies
-from femimpact.app.study.forces import DrivenMotion, StudyForce
 from femimpact.app.study.parameter_plan import AxisValues
 from femimpact.app.study.prepared import with_base
 from femimpact.app.study.study import Gravity
@@ -50,7 +49,7 @@ def study():
     paper = paper_study()
     return dataclasses.replace(
         paper,
-        base=dataclasses.replace(paper.base, duration=2.0),
+        duration=2.0,
         sweep=SweepPlan(4.0, 6.0, points=4, cycles=24, refine=2),
         output=Output(frames=0, paraview=False, movie=False),
     )
@@ -110,7 +109,7 @@ def test_a_history_resolves_a_base_cycle_unless_told_otherwise(study, method, fr
 
 def test_another_base_motion_leaves_systems_and_methods_as_they_are(study):
     one = prepare(study)
-    other = with_base(one, dataclasses.replace(study.base, duration=1.0, frequency=5.0))
+    other = with_base(one, dataclasses.replace(study.base, frequency=5.0))
     fresh = prepare(other.study)
     assert other.small is one.small
     assert other.method == fresh.method
@@ -120,8 +119,8 @@ def test_another_base_motion_leaves_systems_and_methods_as_they_are(study):
 @pytest.mark.parametrize("method", [{"name": "newmark"}, {"name": "event-driven", "samples_per_cycle": 4096}])
 def test_the_last_cycles_are_those_of_the_run_to_the_last_bit(study, method):
     output = dataclasses.replace(study.output, every=1)
-    base = dataclasses.replace(study.base, duration=50 / study.base.frequency)
-    ready = prepare(dataclasses.replace(study, base=base, method=method, output=output), ("simulate",))
+    duration = 50 / study.base.frequency
+    ready = prepare(dataclasses.replace(study, duration=duration, method=method, output=output), ("simulate",))
     response = run_simulation(ready)
     cut = last_cycles(ready, response)
     # with another stride of the history they come from a second run
@@ -143,11 +142,11 @@ def test_the_last_cycles_are_those_of_the_run_to_the_last_bit(study, method):
 )
 def test_the_last_cycles_cost_no_more_than_they_take(study, method, cycles, monkeypatch):
     output = dataclasses.replace(study.output, every=7)
-    base = dataclasses.replace(study.base, duration=50.4 / study.base.frequency)
+    duration, frequency = 50.4 / study.base.frequency, study.base.frequency
     if method == "moreau-jean":
         ball = dataclasses.replace(study.structure.impactors[0], contact=fi.Rigid(0.6))
         study = dataclasses.replace(study, structure=dataclasses.replace(study.structure, impactors=(ball,)))
-    changed = dataclasses.replace(study, base=base, method={"name": method}, output=output)
+    changed = dataclasses.replace(study, duration=duration, method={"name": method}, output=output)
     ready = prepare(changed, ("simulate",))
     response = run_simulation(ready)
     assert len(response.impacts) > 50
@@ -161,7 +160,7 @@ def test_the_last_cycles_cost_no_more_than_they_take(study, method, cycles, monk
     cut = last_cycles(ready, response)
     # as if the method had kept no state, from the start of the run
     whole = last_cycles(ready, dataclasses.replace(response, kept_state=None))
-    assert np.round(np.array(durations) * base.frequency, 1).tolist() == [cycles, 50.4]
+    assert np.round(np.array(durations) * frequency, 1).tolist() == [cycles, 50.4]
     np.testing.assert_array_equal(cut.time, whole.time)
     for name, values in whole.channels.items():
         np.testing.assert_array_equal(cut.channels[name], values)
@@ -217,7 +216,7 @@ def test_a_study_is_what_its_text_says_to_the_last_bit(study, name):
 @pytest.mark.parametrize(
     "changes",
     [
-        {"base": dataclasses.replace(paper_study().base, frequency=math.pi, start="static", phase=-1.0)},
+        {"base": dataclasses.replace(paper_study().base, frequency=math.pi, phase=-1.0), "start": "static"},
         {"sweep": None},
         {"method": {"name": "event-driven", "samples_per_cycle": 128}},
         {"method": {}},
@@ -241,8 +240,7 @@ def test_every_table_of_a_study_file_can_be_written(study):
         study, structure=structure, method={"name": "event-driven"}, plan=plan, orbits=orbits
     )
     # forces go without a sweep
-    blow = StudyForce("hammer", "tip", (("impulse", 1e-3), ("duration", 1e-3)))
-    struck = dataclasses.replace(everything, sweep=None, base=DrivenMotion(study.base, (blow,)))
+    struck = dataclasses.replace(everything, sweep=None, forces=(fi.HammerBlow("tip", 1e-3, 1e-3),))
     text = study_text(everything) + study_text(struck)
     for table in TABLES:
         assert f"[{table}]" in text or f"[[{table}]]" in text or f"[{table}.segment]" in text

@@ -33,11 +33,6 @@ def test_a_bar_does_not_hide_an_error(capsys):
     capsys.readouterr()
 
 
-def test_what_is_no_function_is_refused():
-    with pytest.raises(fi.InputError, match="progress = 'str': must be True, or callable"):
-        fi.integrate(SYSTEM, BASE, fi.EventDriven(), 0.5, progress="yes")
-
-
 def test_reprs_are_short_and_say_what_a_value_is():
     run = fi.integrate(SYSTEM, BASE, fi.EventDriven(), 2.0)
     assert repr(BEAM) == "Beam: 0.23 m, 0.01242 kg, 1 segment: beam"

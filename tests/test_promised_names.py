@@ -45,9 +45,6 @@ NAMES = """
     LankaraniNikravesh
     Material: poisson_ratio young_modulus
     Mesh: elements nodes points regions
-    ModeConvergence: at contact_loss counts cycles damping displacement_error displacement_order
-        first_displacement first_loss law loss_error loss_order mean_impulse notes peak peak_force residual rms
-        scatter structure_loss to_xarray
     Modes: damping_ratio effective_mass natural_frequency participation_factor vectors
     MoreauJean: allow_coarse_step divergence_limit dt refine theta
     Newmark: allow_coarse_step beta contact divergence_limit dt gamma refine
@@ -112,19 +109,18 @@ COMMANDS = "demo init check modes simulate sweep run converge figures movie repo
 FILE_NAMES = """
     summary.json study.toml modes.csv modes.nc sweep.csv sweep.nc history.nc impacts.csv impacts.nc snapshots.nc
     last_cycles.nc modes.pvd deflection.pvd deflection.mp4 deflection.gif modes.png response.png contact_force.png
-    phase_portrait.png impact_histograms.png impulse_phase.png riding.csv mesh_convergence.csv
-    mesh_convergence.png step_convergence.csv step_convergence.png comparison.csv restitution.csv restitution.png
-    response_of_starts.png curves_of_starts.csv report.html convergence.json
+    phase_portrait.png impact_histograms.png impulse_phase.png riding.csv comparison.csv restitution.csv
+    restitution.png response_of_starts.png curves_of_starts.csv report.html convergence.json
 """
 MODULES = {
     "femimpact.figures": """
         COLOURS STYLE OffScreen amplitude_spectrum beam_mesh bifurcation calibration collision_history contact_force
         contact_laws convergence convergence_panels cycle_averaged_force energies impact_histograms impulse_phase
-        mesh_convergence mode_convergence mode_shapes motion phase_portrait response_curve
-        save_figure spectrum step_convergence study_lines study_map study_maps study_scatter value_map
+        mode_shapes motion phase_portrait response_curve
+        save_figure spectrum study_lines study_map study_maps study_scatter value_map
     """,
     "femimpact.response.history_file": "history_writer",
-    "femimpact.figures.movie": "gl_window write_movie",
+    "femimpact.figures.movie": "write_movie",
     "femimpact.files": "plain read_csv read_units write_csv write_json write_netcdf",
     "femimpact.vtk": "write_deflection write_mode write_modes",
 }

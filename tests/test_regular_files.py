@@ -18,7 +18,7 @@ from command import femimpact
 
 import femimpact as fi
 from femimpact.files import atomic_path, atomic_write
-from femimpact.regular_file import check_regular, open_regular, read_now, read_regular
+from femimpact.regular_file import check_regular, open_regular, read_regular
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes on this system")
 
@@ -123,12 +123,6 @@ def test_a_regular_file_is_opened_and_read_up_to_a_size(tmp_path):
             refuses("a\0b", 2)
 
 
-@pytest.mark.skipif(not os.path.exists("/proc/self/maps"), reason="no files of the system that state no size")
-def test_a_file_that_states_no_size_is_read_up_to_that_size():
-    with pytest.raises(OSError, match="of which at most 10 are read"):
-        read_regular("/proc/self/maps", 10)
-
-
 def test_a_large_file_is_refused_without_being_read(tmp_path):
     # a sparse file takes no place on the disk, and its zeros would be text
     paths = {suffix: tmp_path / f"large{suffix}" for suffix in READERS}
@@ -138,14 +132,6 @@ def test_a_large_file_is_refused_without_being_read(tmp_path):
     lines = _told(*((READERS[suffix], path) for suffix, path in paths.items()))
     assert len(lines) == len(paths)
     assert all("has 100,000,000,000 bytes, of which at most" in line for line in lines)
-
-
-def test_what_has_nothing_to_read_yet_is_refused_and_not_waited_for():
-    # as /proc/kmsg, whose name is that of a regular file
-    ends = os.pipe()
-    os.set_blocking(ends[0], False)
-    with open(ends[0], "rb") as file, open(ends[1], "wb"), pytest.raises(OSError, match="nothing to read now"):
-        read_now(file, 10)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -182,7 +168,7 @@ def test_a_link_to_an_open_file_as_that_of_the_output_is_not_replaced(tmp_path):
 
 def test_a_file_of_branches_is_read_within_its_size_and_no_more_of_it_than_a_branch_has(tmp_path):
     h5py = pytest.importorskip("h5py")
-    whole = branch_file()
+    whole = branch_file(tmp_path / "branch.nc")
     count = len(fi.load_branch(whole))
     for name in ("junk", "peak", "value"):
         path = shutil.copy(whole, tmp_path / f"{name}.nc")

@@ -221,20 +221,6 @@ def test_a_table_sorts_by_numbers_and_is_copied_with_all_digits(browser, page):
     assert copied == 'x,word\n10.0,<i>\n2.5,"a,""b"""\n-1.0,c\n'
 
 
-def test_values_under_the_pointer_are_those_of_the_curve(browser, page):
-    from selenium.webdriver.common.action_chains import ActionChains
-
-    opened(browser, page)
-    chart = find(browser, "#part-2 .fi-plot")
-    browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", chart)
-    ActionChains(browser).move_to_element(chart).perform()
-    words = waited(browser, lambda: find(browser, "#part-2 .fi-value").text).splitlines()
-    # the middle of 4.8 to 5.2 Hz
-    assert float(words[0]) == pytest.approx(5.0, abs=1e-3)
-    table = [cell.get_attribute("data-value") for cell in browser.find_elements("css selector", "#part-2 td")]
-    assert 0.0 < float(words[1].partition(": ")[2]) <= float(table[2]) * 1.001
-
-
 def test_it_prints_with_every_row_and_without_controls(browser, page):
     opened(browser, page, media="print")
     assert not find(browser, ".player .controls").is_displayed()

@@ -376,10 +376,3 @@ def test_a_section_that_jumps_has_two_stresses_and_one_moment():
 
 def _stepped_mesh(elements):
     return fi.uniform_mesh(fi.Structure(beam=STEPPED), elements * 3)
-
-
-@pytest.mark.parametrize("name", ["tip.reaction_force", "0.1.reaction_moment"])
-def test_a_reaction_where_no_support_is_is_refused_with_those_there_are(name):
-    system = all_modes(fi.assemble(structure(), elements=2))
-    with pytest.raises(fi.InputError, match=r"no such reaction.*known: root\.force, root\.moment"):
-        run(system, fi.Newmark(2e-5), (name,))

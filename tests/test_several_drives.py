@@ -410,11 +410,6 @@ def test_a_base_of_two_sines_goes_on_to_the_end_beside_a_force_that_ends_later(f
     assert both.base.closed_forms[0].knots[-1] >= 0.4
 
 
-def test_a_place_that_is_unknown_is_refused():
-    with pytest.raises(fi.InputError, match="nowhere"):
-        run(reduced(structure(), 2), BASE + fi.HammerBlow("nowhere", 0.1, 1e-3))
-
-
 @pytest.mark.parametrize(("start", "interval"), [(0.0, 1e-3), (3.0, 1e-3), (0.0, 0.7), (14.0, 1e-2)])
 @pytest.mark.parametrize("drive", [BLOW, fi.Shock("half-sine", 10.0, 0.01), BLOW + BLOW, fi.Chirp(3.0, 8.0, 2.0, 1e-3)])
 def test_damping_takes_all_work_of_a_drive_that_has_ended(drive, start, interval):

@@ -70,28 +70,3 @@ def test_a_speed_is_that_of_a_base_that_is_stopped(ball):
     free = run.time < (run.impacts.time[0] if len(run.impacts) else np.inf)
     np.testing.assert_allclose(run["ball"][free], 0.3 * run.time[free], rtol=0.0, atol=1e-12)
     assert run.energy.stored[0] <= 0.5 * (ball.total_mass + 0.00343) * 0.3**2
-
-
-@pytest.mark.parametrize(
-    ("call", "words"),
-    [
-        (lambda s: fi.State.of_mode(s, 0, 1e-3), "mode = 0"),
-        (lambda s: fi.State.of_mode(s, 9, 1e-3), "mode = 9"),
-        (lambda s: fi.State.of_mode(s, 1, np.nan), "amplitude = nan"),
-        (lambda s: fi.State.of_mode(s, 1, 1e-3, at="root"), "at = 'root': must be a place that moves in mode 1"),
-        (lambda s: fi.State.of_mode(5, 1, 1e-3), "system"),
-        (lambda s: fi.State.under_force(s, 1.0, at="nowhere"), "nowhere"),
-        (lambda s: fi.State.under_force(s, "big"), "force = 'big'"),
-        (lambda s: fi.State.with_speed(s, None), "speed"),
-    ],
-)
-def test_what_cannot_be_is_one_line(bare, call, words):
-    with pytest.raises(fi.InputError, match=words) as refusal:
-        call(bare)
-    assert "\n" not in str(refusal.value)
-
-
-def test_what_is_free_has_no_static_state_under_a_force():
-    free = fi.System.from_matrices(np.eye(1), np.zeros((1, 1)), np.zeros((1, 1)), points={"a": [1.0]})
-    with pytest.raises(fi.InputError, match="must be held"):
-        fi.State.under_force(free, 1.0)

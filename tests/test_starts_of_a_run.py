@@ -10,7 +10,6 @@ import pytest
 from builders import (
     NO_PICTURES,
     UNDRAWN_STUDY,
-    SignalMotion,
     finish_results,
     plain_study,
     plan_lines,
@@ -43,8 +42,7 @@ def study(starts=STARTS, **changes):
 
 
 def shock(starts=1):
-    motion = (("pulse", "half-sine"), ("acceleration", 100.0), ("duration", 0.011))
-    return study(starts, base=SignalMotion("shock", motion, history=3.0), sweep=None)
+    return study(starts, base=fi.Shock("half-sine", 100.0, 0.011), duration=3.0, sweep=None)
 
 
 @pytest.fixture(scope="module")
@@ -157,7 +155,7 @@ def test_what_is_no_number_of_starts_is_refused(table, value, tmp_path):
 @pytest.mark.parametrize("start", ["space", "static"])
 def test_other_frames_have_ranges_too(start, tmp_path):
     one = study(2)
-    found = fi.run_study(replace(one, base=replace(one.base, start=start)), tmp_path / "out")
+    found = fi.run_study(replace(one, start=start), tmp_path / "out")
     assert set(found.summary["starts"]) == {start}
     assert len(read_bands(found.directory, found.summary)) == 1
     assert any("2 starts" in card.scatter for card in conclusions_of(found.summary))
@@ -233,9 +231,7 @@ def test_each_number_of_a_history_stands_under_its_name(name, rigid, tmp_path, c
     history, contact = found.summary["history"], found.summary["contact"]
     prepared = prepare(given)
     finely = replace(prepared.record, interval=2e-4, snapshots=0, state_at=None)
-    run = integrate(
-        prepared.small, given.excitation, prepared.method, given.base.history_duration, finely, given.initial
-    )
+    run = integrate(prepared.small, given.excitation, prepared.method, given.history_duration, finely, given.initial)
     late, cyclic = run.time >= run.window[0], name not in ("two", "blow")
     size = np.abs(run["tip"])
     assert ("frequency" in history) == cyclic

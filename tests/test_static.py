@@ -335,25 +335,6 @@ def test_a_stop_that_leaves_no_place_is_refused(gap):
     assert len(str(refused.value).splitlines()) == 1
 
 
-def test_a_law_that_acts_from_the_middle_of_its_gaps_has_no_preload():
-    words = "contact = 'switching-spring': must be another law for a preloaded stop"
-    with pytest.raises(fi.InputError, match=words):
-        fi.Stop("wall", "tip", (-1e-4, 1.0), fi.SwitchingSpring(1.0, 1e4))
-    wall = beam(stops=(fi.Stop("wall", "tip", 1e-3, fi.SwitchingSpring(1.0, 1e4)),)).contacts[0]
-    with pytest.raises(fi.InputError, match=words):
-        replace(wall, gaps=(-1e-4, 1.0))
-
-
-def test_gaps_of_balls_are_not_negative_and_their_cavity_is_on_the_beam():
-    ball = beam(impactors=(fi.Impactor("ball", "tip", 3e-3, 1e-3, SOFT),)).contacts[0]
-    with pytest.raises(fi.InputError, match=r"gaps = .*: must be two numbers >= 0"):
-        replace(ball, gaps=(-1e-4, 1e-3))
-    with pytest.raises(fi.InputError, match="fixed_to = 'space': must be 'base' for a ball"):
-        replace(ball, fixed_to="space")
-    with pytest.raises(fi.InputError, match="fixed_to = 'moon': must be 'base' or 'space'"):
-        fi.Stop("wall", "tip", 1e-3, SOFT, fixed_to="moon")
-
-
 @pytest.mark.parametrize(
     "law", [fi.Flores(1e7, 0.7), fi.CustomLaw(lambda depth, rate, speed: 1e4 * depth), fi.SwitchingSpring(1.0, 1e4)]
 )

@@ -76,15 +76,6 @@ def test_all_modes_leave_nothing_to_correct():
     assert fi.reduce(full, full.dofs, static_correction=True).dofs == full.dofs
 
 
-def test_a_structure_that_is_not_held_has_no_static_correction():
-    free = fi.System.from_matrices(
-        np.eye(2), np.zeros((2, 2)), [[1.0, -1.0], [-1.0, 1.0]], points={"a": [1.0, 0.0]},
-        impactors=[fi.Impactor("ball", "a", 0.1, 1.0, fi.Rigid(0.5))],
-    )  # fmt: skip
-    with pytest.raises(fi.InputError, match="static_correction"):
-        fi.reduce(free, 1, static_correction=True)
-
-
 def test_notes_name_both_frequencies_of_a_short_contact():
     system = fi.reduce(cantilever(STEEL), 4)
     highest = math.sqrt(system.K.diagonal().max()) / (2 * math.pi)

@@ -7,7 +7,7 @@ import tomllib
 
 import numpy as np
 import pytest
-from builders import TABLES, build, load_study, paper_study, paper_study_text, prepare
+from builders import TABLES, build, load_study, paper_study, paper_study_text
 
 import femimpact as fi
 from femimpact.app.study.study_file import LAWS
@@ -141,17 +141,6 @@ def test_a_missing_table_is_named(tmp_path, table):
     assert any(line.startswith(f"{table}: table [{table}] is missing") for line in faults_of(tmp_path, text))
 
 
-def test_missing_study_file_is_one_clear_line(tmp_path):
-    with pytest.raises(fi.InputError, match="must be an existing TOML file"):
-        load_study(tmp_path / "nowhere.toml")
-
-
-def test_missing_mesh_file_is_one_clear_line(tmp_path):
-    study = load_study(write(tmp_path, TEXT.replace("elements = 40 ", 'file = "nowhere.msh" ')))
-    with pytest.raises(fi.InputError, match=r"mesh.file.*must be an existing mesh file"):
-        build(study)
-
-
 def test_stepped_beam_from_segments_has_both_sections(tmp_path):
     head, tail = TEXT.split("[mesh]", 1)
     segment = (
@@ -182,12 +171,6 @@ def test_a_study_file_takes_a_tube_and_a_section_with_its_outer_fibre(tmp_path):
 def test_a_beam_of_no_segment_is_refused_in_words(tmp_path):
     _, tail = TEXT.split("[mesh]", 1)
     assert faults_of(tmp_path, "beam.segment = []\n[mesh]" + tail) == ["beam.segment: must hold at least one segment"]
-
-
-def test_event_driven_without_reduction_is_told_the_table_that_it_lacks(tmp_path):
-    text = TEXT.replace("[reduction]\nmodes = 8", "#\n#").replace('name = "newmark"', 'name = "event-driven"')
-    with pytest.raises(fi.InputError, match=r"coupled dofs.*in a study file add \[reduction\] modes = n$"):
-        prepare(load_study(write(tmp_path, text)))
 
 
 def test_without_reduction_the_physical_dofs_are_integrated(tmp_path):

@@ -69,7 +69,7 @@ def test_forces_beside_a_base_are_drives_and_are_written_as_they_were_read():
     study = read(SINE, HAMMER, COIL)
     assert study.excitation == DRIVES
     assert study.initial.frame == "space"
-    assert study.base.history_duration == 2.0
+    assert study.history_duration == 2.0
     other = replace(study, output=replace(study.output, frames=10))
     assert same_study(read_study(study_text(other), study.path), other)
 
@@ -225,9 +225,9 @@ def test_a_sum_of_motions_of_the_base_is_read_written_and_run():
     other = replace(study, output=replace(study.output, frames=10))
     assert same_study(read_study(study_text(other), study.path), other)
     # without a history the longest of the parts that have a duration
-    assert read(SUM.replace("history = 2.0", "")).base.history_duration == 1.5
+    assert read(SUM.replace("history = 2.0", "")).history_duration == 1.5
     assert read(SUM, HAMMER).excitation == fi.Drives(study.excitation, DRIVES.forces[:1])
-    assert "up to 9 Hz" in study.base.words
+    assert "up to 9 Hz" in study.history_words
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,8 @@ from builders import FILES, ResultsWarning, load_study, plan_lines, prepare, sam
 import femimpact as fi
 from femimpact.app.report.pictures import draw_again
 from femimpact.app.results.picture_data import read_film, read_last_cycles
-from femimpact.app.study.base_motion import BaseMotion
+from femimpact.app.study.drives import recorded
+from femimpact.app.study.study_file import with_record
 from femimpact.app.tasks.convergence import write_convergence
 from femimpact.cli import app
 
@@ -93,8 +94,8 @@ def written(tmp_path, text):
 def test_a_study_with_a_record_gives_the_history_of_the_same_record_in_python(tmp_path, shaker):
     study = fi.load_study(written(tmp_path, BEAM + BALL + BASE))
     base = fi.RecordedBase.from_csv(shaker, scale=G, detrend="mean")
-    assert study.base.duration is None
-    assert study.base.history_duration == base.duration
+    assert study.duration is None
+    assert study.history_duration == base.duration
     assert study.excitation.frequency == base.frequency == pytest.approx(FREQUENCY, rel=1e-12)
     results = fi.run_study(study, tmp_path / "out")
     prepared = prepare(study)
@@ -153,7 +154,7 @@ def test_results_are_whole_without_the_file_of_the_record(tmp_path, shaker):
     results = fi.run_study(study, tmp_path / "out")
     run, end = read_last_cycles(results.directory, results.summary)
     filmed, _, _ = read_film(results.directory, results.summary)
-    times = np.linspace(0.0, study.base.history_duration, 101)
+    times = np.linspace(0.0, study.history_duration, 101)
     for response in (run, end, filmed):
         assert np.array_equal(response.base.displacement(times), study.excitation.displacement(times))
         assert np.isnan(response.base.phase)
@@ -195,15 +196,21 @@ def test_a_later_run_with_a_sine_leaves_no_record_beside_its_results(tmp_path, s
 
 @pytest.mark.parametrize(
     "changes",
-    [{"scale": -9.80665}, {"duration": 1.5}, {"columns": ("time (s)", 1)}, {"detrend": "line"}, {"start": "space"}],
+    [
+        {"base": {"scale": -9.80665}},
+        {"duration": 1.5},
+        {"base": {"columns": ("time (s)", 1)}},
+        {"base": {"detrend": "line"}},
+        {"start": "space"},
+    ],
 )
 def test_a_changed_record_is_written_anew_and_read_as_the_same_study(tmp_path, shaker, changes):
     study = load_study(written(tmp_path, BEAM + BALL + BASE))
-    changed = dataclasses.replace(study, base=dataclasses.replace(study.base, **changes))
+    changes = changes if "base" not in changes else {"base": recorded(**{**study.base.source, **changes["base"]})}
+    changed = dataclasses.replace(study, **changes)
     results = fi.run_study(changed, tmp_path / "out", parts=("modes",))
     found = load_study(results.directory / "study.toml")
-    renamed = dataclasses.replace(changed.base, record=FILES["base_record"].name)
-    assert same_study(found, dataclasses.replace(changed, base=renamed))
+    assert same_study(found, with_record(changed, FILES["base_record"].name))
     data = tomllib.loads((results.directory / "study.toml").read_text(encoding="utf-8"))
     assert "content" not in data["base"]
     assert study_text(study) == study.text
@@ -261,7 +268,8 @@ def test_the_plan_says_that_a_record_drives_the_history(tmp_path, shaker):
     study = load_study(written(tmp_path, BEAM + BALL + BASE))
     (line,) = [line for line in plan_lines(study) if line.startswith("history: ")]
     assert "3.995 s of the record 'shaker.csv' (800 samples, 0.005 s apart; a cycle is that of its largest" in line
-    assert BaseMotion(1e-4, 5.0, 4.0).words == "4 s at 5 Hz"
+    sine = dataclasses.replace(study, base=fi.Sine(1e-4, 5.0), duration=4.0)
+    assert sine.history_words == "4 s at 5 Hz"
 
 
 def test_a_check_that_takes_long_shows_that_it_goes_on(tmp_path, shaker, capsys, monkeypatch):

@@ -179,7 +179,7 @@ def random_base(rows: str) -> str:
 
 def test_density_in_the_words_of_a_plan_rises_and_falls_by_its_slopes() -> None:
     study = read(random_base('[[20, "3 dB/oct"], ["80 Hz", "0.04 g^2/Hz"], [350, "0.04 g²/Hz"], [2000, "-3 dB/oct"]]'))
-    (_, psd), *_ = study.base.values  # type: ignore[union-attr]
+    psd = study.excitation.psd
     level = 0.04 * 9.80665**2
     # two octaves of 3 dB each; a decibel is a tenth of a power of ten
     assert psd[0] == pytest.approx((20.0, level * 10.0**-0.6), rel=1e-12)
@@ -231,7 +231,7 @@ def chirp_base(acceleration: str) -> str:
 
 
 def levels_of(study: fi.Study) -> Any:
-    return dict(study.base.values)["acceleration"]  # type: ignore[union-attr]
+    return study.excitation.level
 
 
 def test_profile_of_displacement_and_acceleration_is_one_of_accelerations() -> None:
@@ -255,7 +255,7 @@ def test_rows_come_from_a_file_and_are_kept_in_the_study(tmp_path: Path) -> None
     assert levels_of(study) == ((10.0, 0.5 * 9.80665), (58.1, 9.80665), (150.0, 2.0))
     assert "base.acceleration = levels.csv: 3 rows m/s^2" in unit_lines(study)
     random = read_study(random_base('"density.csv"'), path)
-    psd = dict(random.base.values)["psd"]  # type: ignore[union-attr]
+    psd = random.excitation.psd
     assert psd[:2] == ((20.0, pytest.approx(0.01 * 9.80665**2)), (80.0, pytest.approx(0.04 * 9.80665**2)))
     (tmp_path / "2nd.csv").write_text("10 .5\n150 2\n")
     assert levels_of(read_study(chirp_base('"2nd.csv"'), path)) == ((10.0, 0.5), (150.0, 2.0))
@@ -324,7 +324,7 @@ def test_file_of_rows_has_decimal_commas_and_a_row_of_units(tmp_path: Path) -> N
 
 def test_slopes_of_a_decade_and_in_other_words() -> None:
     ways = ['"6 dB/oct"', '"6 dB / octave"', f'"{float(6.0 / np.log10(2.0))!r} dB/decade"']
-    levels = [dict(read(random_base(f"[[20, {way}], [80, 0.1]]")).base.values)["psd"][0][1] for way in ways]  # type: ignore[union-attr]
+    levels = [read(random_base(f"[[20, {way}], [80, 0.1]]")).excitation.psd[0][1] for way in ways]
     # two octaves
     assert levels == pytest.approx([0.1 * 10.0**-1.2] * 3, rel=1e-12)
 
@@ -379,7 +379,7 @@ def test_place_in_millimetres_is_told_its_metres() -> None:
 def test_scale_and_clip_have_the_units_of_a_plan(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text("0,1\n0.1,2\n0.2,1\n")
     record = random_base("[]").replace('kind = "random"\npsd = []\nduration = 0.5', 'record = "a.csv"\nscale = "1 g"')
-    assert read_study(record, tmp_path / "study.toml").base.scale == 9.80665  # type: ignore[union-attr]
+    assert read_study(record, tmp_path / "study.toml").source["scale"] == 9.80665
     clipped = read(random_base('[[20, 0.1], [80, 0.1]]\nclip = "3 sigma"'))
     assert clipped.excitation.clip == 3.0
     with pytest.raises(fi.InputError, match=r"base\.clip = '3 %': must have a unit that fits: sigma"):
@@ -435,7 +435,7 @@ def test_stepped_sine_of_a_plan() -> None:
         'acceleration = [[10, "1 mm"], [16, "1 g"], [30, "1 g"]]',
     )
     study = read(text)
-    levels = dict(study.base.values)["acceleration"]  # type: ignore[union-attr]
+    levels = study.excitation.level
     expected = fi.SteppedSine([10, 20, 30], seconds=2.0, fade=0.1, acceleration=levels)
     assert study.excitation == expected
     assert same_study(read(study_text(study)), study)

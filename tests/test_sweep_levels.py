@@ -36,22 +36,6 @@ def test_each_frequency_has_its_level() -> None:
     assert one.peak[0] == pytest.approx(curve.peak[2], rel=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("rows", "words"),
-    [
-        (((4.5, 1.0), (6.0, 1.0)), "acceleration: must reach from 4 to 6 Hz; its rows go from 4.5 to 6 Hz"),
-        (((4.0, 1.0), (3.0, 1.0)), "4 Hz is followed by 3 Hz"),
-        (((4.0, 0.0), (6.0, 1.0)), "rows of a frequency in Hz, which rises"),
-        (-1.0, "must be a finite number >= 0 m/s^2"),
-    ],
-)
-def test_bad_level_of_a_sweep_is_one_line(rows: Any, words: str) -> None:
-    with pytest.raises(fi.InputError) as error:
-        fi.frequency_sweep(oscillator(), frequencies=[4.0, 6.0], method=fi.EventDriven(), cycles=30, acceleration=rows)
-    assert words in str(error.value)
-    assert "\n" not in str(error.value)
-
-
 def study(tmp_path: Path, acceleration: str) -> fi.Study:
     text = Path(__file__).parent.parent.joinpath("femimpact/app/paper.toml").read_text(encoding="utf-8")
     text = text.replace('name = "newmark"', 'name = "event-driven"').replace("elements = 40", "elements = 8")

@@ -382,8 +382,3 @@ def test_a_damaged_file_is_one_line(tmp_path, damage, words):
     assert "is damaged and cannot be read" in str(caught.value)
     assert words in str(caught.value)
     assert "\n" not in str(caught.value)
-
-
-def test_a_missing_file_is_one_line(tmp_path):
-    with pytest.raises(fi.InputError, match="is missing"):
-        fi.load_branch(tmp_path / "none.nc")

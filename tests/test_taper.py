@@ -272,31 +272,6 @@ def test_a_mesh_file_with_named_regions_takes_tapers():
         np.testing.assert_allclose(read.bending_stiffness_at(every, s), finer.bending_stiffness[number::2], rtol=1e-12)
 
 
-def test_a_region_in_two_pieces_cannot_taper():
-    mesh = fi.Mesh(np.linspace(0.0, 0.25, 6), regions={"thick": [0, 3], "thin": [1, 2, 4]})
-    with pytest.raises(fi.InputError, match=r"^mesh\.regions\.thick = '2 elements': must be one row of neighbouring"):
-        fi.discretise(STEP, mesh=mesh)
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"end_thickness": 0.0}, r"end_thickness = 0(\.0)? m: must be a finite number > 0 m"),
-        ({"end_width": -0.01}, r"end_width = -0\.01 m: must be a finite number > 0 m"),
-        ({"end_thickness": 1e-200}, r"end_thickness = 1e-200 m: must be a finite number > 0 m, and of 1e-30 to 1e\+30"),
-        (
-            {"width": None, "thickness": None, "area": 1e-5, "second_moment": 1e-12, "end_thickness": 1e-3},
-            r"end_thickness = 0\.001 m: must be left out: a section given by area and second_moment does not taper",
-        ),
-    ],
-)
-def test_what_makes_no_taper_is_refused_in_one_line(change, message):
-    given = {"width": WIDTH, "thickness": THICKNESS, **change}
-    with pytest.raises(fi.InputError, match=message) as refused:
-        fi.Segment(LENGTH, **MATERIAL, **given)
-    assert len(refused.value.faults) == 1
-
-
 def test_the_thickest_place_is_held_against_the_length():
     with pytest.warns(fi.InputWarning, match=r"beam\.length = 3 times the thickness"):
         fi.assemble(fi.Structure(tapered(LENGTH / 3.0 / THICKNESS)), elements=4)
@@ -402,16 +377,6 @@ def test_the_figure_of_a_mesh_has_the_outline_of_the_taper():
     for x, thickness in ((0.0, 4e-3), (0.1, 3e-3), (0.1, 2e-3), (0.25, 0.7e-3)):
         corner = [1e3 * x, 0.5e3 * thickness]
         assert np.abs(outline - corner).max(axis=1).min() < 1e-9
-
-
-@pytest.mark.parametrize("name", ["width", "thickness"])
-@pytest.mark.parametrize("pair", [(4e-3, 2e-3), [4e-3, 2e-3]])
-def test_a_pair_of_dimensions_is_refused_with_the_key_of_the_other_end(name, pair):
-    given = {"width": WIDTH, "thickness": THICKNESS, name: pair}
-    with pytest.raises(fi.InputError, match=rf"^{name} = .* m: must be one number: .* is end_{name}$"):
-        fi.Segment(LENGTH, **MATERIAL, **given)
-    with pytest.raises(fi.InputError, match=f"is end_{name}$"):
-        fi.Beam.uniform(length=LENGTH, **MATERIAL, **given)
 
 
 @pytest.mark.parametrize("name", ["thickness", "width"])

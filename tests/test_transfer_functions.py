@@ -96,29 +96,3 @@ def test_the_dataset_has_units():
     assert data["tip"].attrs == {"units": "m/(m/s^2)", "of": "base.acceleration"}
     assert data["frequency"].attrs["units"] == "Hz"
     assert np.iscomplexobj(data["tip"])
-
-
-@pytest.mark.parametrize(
-    ("given", "words"),
-    [
-        ({"frequency": [0.0, 1.0]}, r"^frequency = 0\.0 Hz: must be one or more numbers of 1e-06 to 1e\+09$"),
-        ({"frequency": [-1.0]}, r"^frequency = -1\.0 Hz: must be"),
-        ({"frequency": []}, r"^frequency = 'array of shape \(0,\)'"),
-        ({"frequency": [math.nan]}, "^frequency"),
-        ({"frequency": [1.0], "of": "base"}, "^of = 'base': must be 'base.displacement' or"),
-        ({"frequency": [1.0], "force_at": "tp"}, "^force_at = 'tp': "),
-        ({"frequency": [1.0], "of": "base.velocity", "force_at": "tip"}, "^of = 'base.velocity': must be left out"),
-        ({"frequency": [1.0], "to": "tip.velocty"}, r"^to = 'tip\.velocty'"),
-        ({"frequency": [1.0], "system": 3}, "^system = 3: must be a System"),
-    ],
-)
-def test_what_is_damaged_is_refused_in_one_line(given, words):
-    with pytest.raises(fi.InputError, match=words) as refusal:
-        fi.transfer_function(**{"system": oscillator(), **given})
-    assert "\n" not in str(refusal.value)
-
-
-def test_a_natural_frequency_without_damping_is_refused():
-    free = fi.System.from_matrices([[1.0]], [[0.0]], [[(2 * math.pi) ** 2]], points={"tip": [1.0]})
-    with pytest.raises(fi.InputError, match=r"^frequency = 1\.0 Hz: must not be a natural frequency"):
-        fi.transfer_function(free, 1.0)

@@ -26,3 +26,11 @@ def test_every_figure_is_loaded_by_its_name_and_no_other_is_known():
     assert all(getattr(figures, name) is not None for name in figures.__all__)
     with pytest.raises(AttributeError, match="no attribute 'no_such_figure'"):
         _ = figures.no_such_figure
+
+
+@pytest.mark.parametrize("face", [fi, figures])
+def test_no_public_function_has_the_name_of_a_module_beside_it(face):
+    # the module would take the place of the function once it is loaded
+    modules = {path.stem for path in Path(face.__file__).parent.iterdir() if path.suffix == ".py" or path.is_dir()}
+    hidden = {name for name in face.__all__ if name in modules and callable(getattr(face, name))}
+    assert hidden == set()

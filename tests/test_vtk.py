@@ -309,31 +309,6 @@ def test_a_folder_with_other_files_is_not_replaced(tmp_path, response, reference
     assert (tmp_path / "a" / "measured.csv").read_text() == "precious"
 
 
-@pytest.mark.parametrize(("change", "key"), [({"scale": 0.0}, "scale"), ({"subdivisions": 0}, "subdivisions")])
-def test_bad_options_of_modes_are_refused(tmp_path, system, reference, change, key):
-    with pytest.raises(fi.InputError, match=key):
-        vtk.write_modes(tmp_path / "a.pvd", system, fi.solve_modes(system, 1), reference, **change)
-
-
-@pytest.mark.parametrize(
-    ("change", "key"),
-    [
-        ({"exaggeration": 0.0}, "exaggeration"),
-        ({"exaggeration": np.nan}, "exaggeration"),
-        ({"frame": "moon"}, "frame"),
-        ({"most": 0}, "most"),
-    ],
-)
-def test_bad_options_are_refused(tmp_path, response, reference, change, key):
-    with pytest.raises(fi.InputError, match=key):
-        vtk.write_deflection(tmp_path / "a.pvd", response, reference, **change)
-
-
-def test_a_response_without_snapshots_says_how_to_get_them(tmp_path, response, reference):
-    with pytest.raises(fi.InputError, match="snapshots=STRIDE"):
-        vtk.write_deflection(tmp_path / "a.pvd", dataclasses.replace(response, snapshots=None), reference)
-
-
 @pytest.mark.skipif(shutil.which("pvpython") is None, reason="ParaView is not installed")
 def test_paraview_opens_and_warps_the_series(tmp_path, response, reference):
     path = vtk.write_deflection(tmp_path / "deflection.pvd", response, reference)

@@ -120,13 +120,3 @@ def test_modes_as_grids_can_be_warped(system, reference):
     warped = blocks[1].warp_by_vector("displacement")
     np.testing.assert_array_equal(warped.points, blocks[1].points + blocks[1]["displacement"])
     assert np.abs(blocks[1]["displacement"][:, 1]).max() == pytest.approx(0.01)
-
-
-def test_modes_of_no_system_and_other_results_are_refused(system, reference):
-    modes = fi.solve_modes(system, 1)
-    with pytest.raises(fi.InputError, match="must be the system whose modes they are"):
-        fi.to_pyvista(modes, reference)
-    with pytest.raises(fi.InputError, match="must be Modes or a Response"):
-        fi.to_pyvista("modes", reference)
-    with pytest.raises(fi.InputError, match="must be modes of the system"):
-        fi.to_pyvista(modes, reference, fi.reduce(system, modes=3))

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from builders import REFERENCE, RecordedMotion, paper_study, prepare, summary_of
+from builders import REFERENCE, paper_study, prepare, summary_of
 
 import femimpact as fi
 
@@ -68,17 +68,17 @@ def test_noise_has_no_cycle_whatever_its_length():
 def test_a_summary_has_one_rms_of_the_last_third():
     record = noise(3)
     rows = "\n".join(f"{t:.6f},{a:.12g}" for t, a in zip(TIME, record.samples, strict=True))
-    study = replace(paper_study(), base=RecordedMotion("noise.csv", f"{rows}\n"), sweep=None)
+    study = replace(paper_study(), base=fi.RecordedBase.from_text(f"{rows}\n"), duration=None, sweep=None)
     prepared = prepare(study, ("simulate",))
     run = fi.integrate(
-        prepared.small, study.excitation, prepared.method, study.base.history_duration, prepared.record
+        prepared.small, study.excitation, prepared.method, study.history_duration, prepared.record
     )  # fmt: skip
     history = summary_of(prepared, response=run)["history"]
     assert history["rms"] == history["channels"]["tip"]["rms"]
     assert "frequency" not in history
     for name, found in history["channels"].items():
         assert found["largest_of_run"] >= found["largest"] * (1.0 - 1e-9), name
-    assert "no cycle" in study.base.words
+    assert "no cycle" in study.history_words
 
 
 def test_a_run_that_ends_elsewhere_than_asked_says_where():

@@ -1,8 +1,8 @@
 """Convergence of results with the mesh, the step and the number of kept modes."""
 
 from femimpact.convergence.cases import OverMeshes, OverModes, OverSteps
-from femimpact.convergence.mesh_and_step import MeshConvergence, StepConvergence, converge_elements, converge_step
-from femimpact.convergence.over_modes import ContactStatistics, ModeConvergence, mode_convergence
+from femimpact.convergence.mesh_and_step import converge_elements, converge_step
+from femimpact.convergence.over_modes import ContactStatistics, mode_convergence
 from femimpact.convergence.quantities import (
     BendingMoment,
     Frequencies,
@@ -15,7 +15,7 @@ from femimpact.convergence.study import convergence_study
 from femimpact.convergence.table import ConvergenceStudy, ConvergenceTable
 
 __all__ = [
-    "BendingMoment", "ContactStatistics", "ConvergenceStudy", "ConvergenceTable", "Frequencies", "MeshConvergence",
-    "ModeConvergence", "ModeShapes", "OverMeshes", "OverModes", "OverSteps", "SteadyResponse", "StepConvergence",
-    "SupportReaction", "SurfaceStress", "converge_elements", "converge_step", "convergence_study", "mode_convergence",
+    "BendingMoment", "ContactStatistics", "ConvergenceStudy", "ConvergenceTable", "Frequencies", "ModeShapes",
+    "OverMeshes", "OverModes", "OverSteps", "SteadyResponse", "SupportReaction", "SurfaceStress", "converge_elements",
+    "converge_step", "convergence_study", "mode_convergence",
 ]  # fmt: skip

@@ -29,7 +29,7 @@ from femimpact.errors import (
 from femimpact.excitation import Sine
 from femimpact.fem.assembly import assemble
 from femimpact.fem.mesh import MOST_ELEMENTS, Mesh, graded_mesh, random_mesh, uniform_mesh
-from femimpact.fem.mesh_files import read_outcomes
+from femimpact.fem.mesh_files import read_mesh
 from femimpact.integrators.stepping.newmark import Newmark
 from femimpact.signals.transfer import harmonic_amplitudes
 from femimpact.structure.structure import Structure
@@ -286,7 +286,7 @@ class OverMeshes:
         """
         fine = isinstance(paths, (list, tuple)) and all(isinstance(path, (str, Path)) for path in paths)
         require(fine, "paths", paths, "", "must be a list of paths of mesh files")
-        found = list(zip(map(Path, paths), read_outcomes([Path(path) for path in paths]), strict=True))
+        found = [(Path(path), attempted(partial(read_mesh, path), InputError)) for path in paths]
         found.sort(key=lambda pair: pair[1].elements if isinstance(pair[1], Mesh) else 0)
         return cls(tuple(mesh for _, mesh in found), tuple(path.name for path, _ in found))
 

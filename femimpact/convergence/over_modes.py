@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,19 +14,25 @@ from numpy.typing import NDArray
 from femimpact.arrays import Array
 from femimpact.convergence.cases import Case
 from femimpact.convergence.quantities import Reading
-from femimpact.convergence.table import slope
+from femimpact.convergence.table import (
+    ConvergenceTable,
+    local_orders,
+    new_column,
+    number_of_case,
+    slope,
+    statistic,
+    table_of,
+)
 from femimpact.errors import (
     DivergenceError,
     check_fields,
     checked,
-    column,
     optional,
     place,
     quantity,
     require,
     require_type,
     rising_numbers,
-    text,
 )  # fmt: skip
 from femimpact.excitation import Sine
 from femimpact.integrators.event_driven import EventDriven
@@ -38,12 +44,7 @@ from femimpact.sweep import frequency_sweep
 from femimpact.system.reduction import reduce
 from femimpact.system.state import State
 from femimpact.system.system import System
-from femimpact.table import column_units, frame_of, named_column
 from femimpact.units import number_text
-
-if TYPE_CHECKING:
-    import pandas
-    import xarray
 
 STATISTICS = {
     "rms": "m",
@@ -55,124 +56,14 @@ STATISTICS = {
 }
 """Columns that scatter, and their units."""
 
-OTHERS = {
-    "peak_force": "N",
-    "residual": "1",
-    "first_displacement": "m",
-    "first_loss": "J",
-    "displacement_error": "1",
-    "loss_error": "1",
-}
-"""Columns of one value without scatter."""
+FIRST_IMPACT = {"first_displacement": "m", "first_loss": "J"}
+"""Columns of one event, which converge."""
 
+OTHERS = {"peak_force": "N", "residual": "1"}
+"""Columns of one value without scatter, which do not converge over the modes."""
 
-@dataclass(frozen=True, eq=False)
-class ModeConvergence:
-    """Response over the number of normal modes; columns are (n, 2): without and with static correction.
-
-    `convergence["rms"]` reads a column.
-
-    Parameters
-    ----------
-    counts : ndarray (n,)
-        Normal modes; the correction adds one vector for every distinct contact direction.
-    rms, peak : ndarray (n, 2), m
-        Of the observed place, relative to the base; the peak is that of `SteadyMotion` over the run's last third.
-    contact_loss, structure_loss : ndarray (n, 2), J
-        Per base cycle.
-    damping : ndarray (n, 2), 1
-        Equivalent damping ratio D/(4 pi U): D all loss per cycle, U twice the mean strain energy, which is
-        the largest strain energy of a sine.
-    mean_impulse : ndarray (n, 2), N s
-        Of one impact; not a number without impacts.
-    scatter : mapping of str to ndarray (n, 2)
-        Standard error of each of these from eight parts of the window; of `peak` the standard deviation of
-        the parts' peaks. Differences below it mean nothing.
-    peak_force : ndarray (n, 2), N
-        Of a compliant law, as computed: it does not converge for short contacts. Not a number where a rigid pair
-        collides.
-    residual : ndarray (n, 2), 1
-        Energy unaccounted for over the energy put in.
-    first_displacement : ndarray (n, 2), m
-        Of the observed place a quarter of the first natural period after one first impact.
-    first_loss : ndarray (n, 2), J
-        Lost in the contact until then.
-    displacement_error, loss_error : ndarray (n, 2), 1
-        Of these two, relative to the largest count with static correction.
-    displacement_order, loss_order : ndarray (2,), 1
-        Fitted exponent with which the error falls with the count; counts near the largest flatter it.
-    at, law : str
-    cycles : int
-        In the window of the statistics.
-    notes : tuple of str
-
-    Raises
-    ------
-    InputError
-        If a column is not of shape (n, 2), a count is not an integer, or `scatter` names none of these columns.
-    """
-
-    counts: NDArray[np.int64] = field(metadata=column("1", "counts", of="whole number"))
-    rms: Array = field(metadata=column("m", "counts", 2))
-    peak: Array = field(metadata=column("m", "counts", 2))
-    contact_loss: Array = field(metadata=column("J", "counts", 2))
-    structure_loss: Array = field(metadata=column("J", "counts", 2))
-    damping: Array = field(metadata=column("1", "counts", 2))
-    mean_impulse: Array = field(metadata=column("N s", "counts", 2))
-    scatter: Mapping[str, Array]
-    peak_force: Array = field(metadata=column("N", "counts", 2))
-    residual: Array = field(metadata=column("1", "counts", 2))
-    first_displacement: Array = field(metadata=column("m", "counts", 2))
-    first_loss: Array = field(metadata=column("J", "counts", 2))
-    displacement_error: Array = field(metadata=column("1", "counts", 2))
-    loss_error: Array = field(metadata=column("1", "counts", 2))
-    displacement_order: Array = field(metadata=column("1", 2))
-    loss_order: Array = field(metadata=column("1", 2))
-    at: str = field(metadata=text())
-    law: str = field(metadata=text())
-    cycles: int = field(metadata=quantity("1", at_least=1, integer=True))
-    notes: tuple[str, ...] = field(metadata=text(several=True))
-
-    def __post_init__(self) -> None:
-        check_fields(self)
-        require_type(self.scatter, Mapping, "scatter")
-        for name, values in self.scatter.items():
-            known = name in STATISTICS
-            require(known, "scatter", name, "", f"must be of {', '.join(STATISTICS)}")
-            checked(f"scatter.{name}", values, column(STATISTICS[name], self.counts.size, 2))
-
-    def __getitem__(self, name: str) -> NDArray[Any]:
-        return named_column(self, name)
-
-    def to_pandas(self) -> pandas.DataFrame:
-        """Two rows for every count, without and with static correction; units in `attrs["units"]`."""
-        units = {name: unit for name, unit in column_units(self).items() if name != "counts"}
-        columns: dict[str, Any] = {
-            "modes": np.repeat(self.counts, 2),
-            "static_correction": np.tile([False, True], self.counts.size),
-        }
-        columns |= {name: getattr(self, name).ravel() for name in units}
-        columns |= {f"{name}_scatter": values.ravel() for name, values in self.scatter.items()}
-        units |= {f"{name}_scatter": units[name] for name in self.scatter}
-        return frame_of(columns, {"modes": "1", "static_correction": "", **units}, index="modes")
-
-    def to_xarray(self) -> xarray.Dataset:
-        """All columns as a labelled dataset over the count and the static correction."""
-        import xarray
-
-        dims = ("modes", "static_correction")
-        data: dict[str, Any] = {}
-        for name, unit in (STATISTICS | OTHERS).items():
-            labels = {"units": unit, "long_name": name.replace("_", " ")}
-            data[name] = (dims, np.array(getattr(self, name)), labels)
-            if name in self.scatter:
-                labels = {"units": unit, "long_name": f"scatter of {labels['long_name']}"}
-                data[f"{name}_scatter"] = (dims, np.array(self.scatter[name]), labels)
-        for name in ("displacement_order", "loss_order"):
-            data[name] = (dims[1], np.array(getattr(self, name)), {"units": "1", "long_name": name.replace("_", " ")})
-        coords = {"modes": np.array(self.counts), "static_correction": np.array([False, True])}
-        attributes = {"at": self.at, "contact_law": self.law, "cycles": self.cycles, "notes": "; ".join(self.notes)}
-        return xarray.Dataset(data, coords=coords, attrs=attributes)
+CORRECTED = " corrected"
+"""End of the name of a quantity with static correction."""
 
 
 PARTS = 8
@@ -297,7 +188,7 @@ def mode_convergence(
     counts: Sequence[int],
     *,
     at: Position | None = None,
-) -> ModeConvergence:
+) -> ConvergenceTable:
     """Impacting response over the number of kept modes, with and without static correction.
 
     Two questions are kept apart. The statistics are of a run from rest, over its last third;
@@ -323,8 +214,16 @@ def mode_convergence(
 
     Returns
     -------
-    ModeConvergence
-        A run that diverged is a row of not-a-numbers, with a note.
+    ConvergenceTable
+        Each quantity without and, "corrected", with static correction, which adds one vector for every distinct contact
+        direction. Of the observed place rms and peak (m), over the last third of the run; contact and structure loss
+        (J) per base cycle; the equivalent damping ratio D/(4 pi U), D being all loss per cycle and U twice the mean
+        strain energy; the mean impulse (N s) of an impact. Their scatter is a standard error from eight parts of the
+        window, of the peak the standard deviation of the parts' peaks. The first displacement (m), a quarter of the
+        first natural period after one first impact, and the loss (J) in the contact until then have errors against the
+        largest count with static correction; counts near it flatter the fitted order. The peak force (N), as computed,
+        does not converge for short contacts; the residual (1) is that of the energy ledger. A run that diverged is
+        not a number, with a note.
 
     Raises
     ------
@@ -344,7 +243,8 @@ def mode_convergence(
     >>> import femimpact as fi
     >>> full, base = fi.assemble(structure, elements=10), fi.Sine(amplitude=0.2e-3, frequency=5.0)
     >>> found = fi.mode_convergence(full, base, fi.Newmark(dt=1e-4), duration=5.0, counts=[2, 4, 8])
-    >>> fi.figures.mode_convergence(found).shape  # doctest: +SKIP
+    >>> found.value[:, found.index("first displacement corrected")].shape
+    (3,)
     """
     require_type(system, System, "system")
     require_type(excitation, Sine, "excitation")
@@ -358,8 +258,8 @@ def mode_convergence(
     place = system.default_place if at is None else at
     # before long work
     system.point_row(place)
-    columns: dict[str, Any] = {name: np.full((numbers.size, 2), np.nan) for name in (*STATISTICS, *OTHERS)}
-    scatter = {name: np.full((numbers.size, 2), np.nan) for name in STATISTICS}
+    columns = {name: np.full((numbers.size, 2), np.nan) for name in (*STATISTICS, *FIRST_IMPACT, *OTHERS)}
+    scatter = {name: np.zeros((numbers.size, 2)) for name in columns}
     notes = []
     for case in np.ndindex(numbers.size, 2):
         reduced = reduce(system, int(numbers[case[0]]), static_correction=bool(case[1]))
@@ -374,34 +274,56 @@ def mode_convergence(
             columns[name][case] = value
         for name, value in spread.items():
             scatter[name][case] = value
-    orders = _errors(numbers, columns)
     laws = ", ".join(dict.fromkeys(pair.law.name for pair in system.contacts))
-    notes += _notes(columns, numbers, laws, cycles)
-    return ModeConvergence(numbers, **columns, **orders, scatter=scatter, at=str(place), law=laws, cycles=cycles,
-                           notes=tuple(notes))  # fmt: skip
+    units = STATISTICS | FIRST_IMPACT | OTHERS
+    parts = [
+        _column(name, new_column(name.replace("_", " ") + end, units[name], values[:, k], scatter[name][:, k]), numbers,
+                float(values[-1, 1]))
+        for name, values in columns.items() for k, end in enumerate(("", CORRECTED))
+    ]  # fmt: skip
+    return table_of(
+        "modes", [f"{count} modes" for count in numbers], numbers.astype(float), 1.0 / numbers, parts,
+        accuracy=ACCURACY,
+        notes=(*notes, *_notes(columns, parts, numbers, laws, cycles)),
+        problem=(
+            f"Runs with contacts ({laws}), base motion of {1e3 * excitation.amplitude:g} mm at "
+            f"{excitation.frequency:g} Hz: {place} over the last {cycles} base cycles, and after one first impact"
+        ),
+    )  # fmt: skip
 
 
-def _errors(counts: NDArray[np.int64], columns: dict[str, Array]) -> dict[str, Array]:
-    """Fill in the errors of the first impact; their orders in the count."""
-    orders = {}
-    for name, source in (("displacement", "first_displacement"), ("loss", "first_loss")):
-        values = columns[source]
-        exact = values[-1, 1]
-        scale = abs(exact) if exact else 1.0
-        columns[f"{name}_error"] = np.abs(values - exact) / scale
-        # the largest count is the reference, and so has no error
-        orders[f"{name}_order"] = np.array([
-            -slope(counts[:-1], error, np.isfinite(error) & (error > 0.0)) for error in columns[f"{name}_error"][:-1].T
-        ])  # fmt: skip
-    return orders
+ACCURACY = 1e-3
+"""Relative error of the first impact for which a number of modes is recommended."""
 
 
-def _notes(columns: Mapping[str, Array], counts: NDArray[np.int64], laws: str, cycles: int) -> list[str]:
+def _column(name: str, column: dict[str, Any], counts: NDArray[np.int64], exact: float) -> dict[str, Any]:
+    """A quantity with its errors, orders, reference and recommended number, as far as it has them."""
+    value, scatter, number = column["value"], column["scatter"], counts.astype(float)
+    known = np.flatnonzero(np.isfinite(value))
+    if name in STATISTICS and known.size and np.any(scatter > 0.0):
+        return column | statistic(value, scatter, number, known, ACCURACY)
+    if name not in FIRST_IMPACT:
+        return column
+    error = np.abs(value - exact) / (abs(exact) if exact else 1.0)
+    # the largest count is the reference, and so has no error
+    usable = np.isfinite(error[:-1]) & (error[:-1] > 0.0)
+    return column | {
+        "error": error,
+        "order": local_orders(1.0 / number, error, 0.0),
+        "fitted_order": -slope(counts[:-1], error[:-1], usable),
+        "reference": exact,
+        "recommended": number_of_case(number, error, 0.0, ACCURACY),
+    }
+
+
+def _notes(
+    columns: Mapping[str, Array], parts: Sequence[Any], counts: NDArray[np.int64], laws: str, cycles: int
+) -> list[str]:  # fmt: skip
     notes = [
         f"statistics over the last {cycles} base cycles; differences below the scatter mean nothing",
         "first impact: errors against the largest count with static correction",
     ]
-    change = float(columns["loss_error"][-2, 1])
+    change = float(parts[2 * list(columns).index("first_loss") + 1]["error"][-2])
     if change > UNSETTLED:
         notes.append(
             f"loss of the first impact still changes by {number_text(100.0 * change, 3)} % from {counts[-2]} to "

@@ -7,14 +7,12 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from femimpact.arrays import Array
 from femimpact.convergence.cases import Axis, Case, Plan, Row, attempted
 from femimpact.convergence.quantities import Frequencies, Reading, Watched
 from femimpact.convergence.table import (
     AGREED,
-    MEANINGFUL,
     ConvergenceStudy,
     ConvergenceTable,
     agrees,
@@ -22,11 +20,14 @@ from femimpact.convergence.table import (
     fitted_order,
     is_finer,
     local_orders,
+    new_column,
     number_for,
     number_of_case,
     observed_order,
     relative_error,
     rounding_floor,
+    statistic,
+    table_of,
     usable_rows,
 )
 from femimpact.errors import FemimpactError, checked, optional, quantity, require, require_type
@@ -249,22 +250,13 @@ def _table(
         reference_error = column.pop("reference_error")
         if math.isfinite(reference_error):
             column["recommended"] = number_tried(trial, one, i, column, reference_error, number)
-    return ConvergenceTable(
-        axis=axis.name,
-        label=np.array([row.label for row in rows]),
-        number=number,
-        size=size,
-        failure=np.array([" ".join(str(one).split()) if isinstance(one, Exception) else "" for one in measured]),
-        name=np.array([head.name for head in heads]),
-        unit=np.array([head.unit for head in heads]),
-        value=value,
-        scatter=scatter,
-        expected_order=np.array([head.order for head in heads]),
-        **{name: np.array([column[name] for column in columns]).T for name in columns[0]},
+    return table_of(
+        axis.name, [row.label for row in rows], number, size, columns,
+        [" ".join(str(one).split()) if isinstance(one, Exception) else "" for one in measured],
         accuracy=accuracy,
         notes=(*_not_finer(axis, rows, value), *_notes(axis, plan, heads, columns, independent, accuracy)),
         problem=_problem(plan, scatter),
-    )
+    )  # fmt: skip
 
 
 def _values(measured: Sequence[Measured], count: int) -> tuple[Array, Array]:
@@ -288,12 +280,12 @@ def _column(
     """Errors, orders, reference, floor and recommended number of one quantity."""
     known = np.flatnonzero(np.isfinite(value))
     error, nothing = np.full(value.size, np.nan), math.nan
-    column: dict[str, Any] = {"error": error, "order": error.copy()}
-    column |= dict.fromkeys(("fitted_order", "reference", "floor", "reference_error", "recommended"), nothing)
+    column = new_column(head.name, head.unit, value, scatter, head.order)
+    column |= {"reference_error": nothing, "error": error, "order": error.copy()}
     if known.size == 0:
         return column
     if np.any(scatter[known] > 0.0):
-        return column | _statistic(value, scatter, number, known, accuracy)
+        return column | statistic(value, scatter, number, known, accuracy)
     h, v = size[known], value[known]
     reference, floor, order = nothing, nothing, head.order
     if head.is_distance:
@@ -317,18 +309,6 @@ def _column(
         "fitted_order": found, "reference": reference, "floor": floor, "recommended": wanted,
         "reference_error": reference_error,
     }  # fmt: skip
-
-
-def _statistic(value: Array, scatter: Array, number: Array, known: NDArray[np.intp], accuracy: float) -> dict[str, Any]:
-    """Differences from the finest case; the recommended number is the first from which on none means anything."""
-    reference = float(value[known[-1]])
-    error = relative_error(value, reference)
-    noise = MEANINGFUL * np.hypot(scatter, scatter[known[-1]]) / (abs(reference) or 1.0)
-    beyond = known[error[known] > np.maximum(accuracy, noise[known])]
-    first = known[known > beyond[-1]][0] if beyond.size else known[0]
-    # of the finest case alone nothing is known
-    settled = math.nan if first == known[-1] else float(number[first])
-    return {"error": error, "reference": reference, "recommended": settled}
 
 
 def _reference(size: Array, value: Array, order: float, axis: Axis, limit: float) -> tuple[float, float]:

@@ -10,15 +10,14 @@ import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.arrays import Array
 from femimpact.errors import check_fields, choice, column, quantity, require, require_name, require_type, text
-from femimpact.svg import COLOURS, Chart, Line, axis_of, notebook_markup
-from femimpact.table import frame_of
+from femimpact.table import figure_note, frame_of
 
 if TYPE_CHECKING:
     import pandas
@@ -165,6 +164,28 @@ def number_of_case(number: Array, error: Array, doubt: float, accuracy: float) -
     return float(number[after[0]]) if after.size else math.nan
 
 
+MEANINGFUL = 3.0
+"""Standard errors beyond which a difference of two means is taken to mean something."""
+
+
+def statistic(
+    value: Array,  # (cases,)
+    scatter: Array,  # (cases,)
+    number: Array,  # (cases,)
+    known: NDArray[np.intp],  # cases that have values
+    accuracy: float,
+) -> dict[str, Any]:
+    """Differences from the finest case; the recommended number is the first from which on none means anything."""
+    reference = float(value[known[-1]])
+    error = relative_error(value, reference)
+    noise = MEANINGFUL * np.hypot(scatter, scatter[known[-1]]) / (abs(reference) or 1.0)
+    beyond = known[error[known] > np.maximum(accuracy, noise[known])]
+    first = known[known > beyond[-1]][0] if beyond.size else known[0]
+    # of the finest case alone nothing is known
+    settled = math.nan if first == known[-1] else float(number[first])
+    return {"error": error, "reference": reference, "recommended": settled}
+
+
 WIDTH = 80
 """Characters of a line."""
 
@@ -247,8 +268,8 @@ def _orders(table: ConvergenceTable, width: int) -> list[str]:
     return [*lines, ""]
 
 
-MEANINGFUL = 3.0
-"""Standard errors beyond which a difference of two means is taken to mean something."""
+LINEAR = "motion without balls"
+"""Quantity of runs in steps, with the order of the method."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -294,6 +315,8 @@ class ConvergenceTable:
         What the values are of, in a line.
     """
 
+    _figure: ClassVar[str] = "fi.figures.convergence_panels(table)"
+
     axis: str = field(metadata=choice("mesh", "step", "modes"))
     label: NDArray[np.str_] = field(metadata=column("", "cases", of="text"))
     number: Array = field(metadata=column("1", "cases"))
@@ -321,25 +344,19 @@ class ConvergenceTable:
         return "\n".join(table_lines(self))
 
     def _repr_html_(self) -> str:
-        return f"<pre>{html.escape(repr(self))}</pre>" + notebook_markup(self._picture)
-
-    @property
-    def _picture(self) -> Chart | None:
-        """Errors of the first quantities over the number."""
-        lines: list[Line] = []
-        for i, name in enumerate(self.name.tolist()):
-            known = np.isfinite(self.error[:, i]) & (self.error[:, i] > 0.0)
-            if np.any(known) and len(lines) < COLOURS:
-                x, y = self.number[known], self.error[known, i]
-                lines.append(Line(name, x, y, 1 + len(lines), marked=np.ones(x.size, dtype=bool)))
-        across = axis_of(COUNTED[self.axis], *(line.x for line in lines), logarithmic=True)
-        up = axis_of("relative error", *(line.y for line in lines), logarithmic=True)
-        return Chart("", across, up, tuple(lines)) if lines else None
+        return f"<pre>{html.escape(repr(self))}</pre>" + figure_note(self)
 
     @property
     def is_statistic(self) -> NDArray[np.bool_]:
         """True for quantities that scatter, (quantities,) of bool."""
         return np.asarray(np.any(self.scatter > 0.0, axis=0))
+
+    @property
+    def kind(self) -> str:
+        """What the quantities are: "statistics" that scatter, errors of "runs" in steps, or other "quantities"."""
+        if np.any(self.is_statistic):
+            return "statistics"
+        return "runs" if LINEAR in self.name else "quantities"
 
     @property
     def recommended_is_bound(self) -> NDArray[np.bool_]:
@@ -423,6 +440,26 @@ class ConvergenceTable:
             "axis": self.axis, "problem": self.problem, "accuracy": self.accuracy, "notes": "; ".join(self.notes),
         }  # fmt: skip
         return xarray.Dataset(data, coords=coords, attrs=attributes)
+
+
+def new_column(
+    name: str, unit: str, value: Array, scatter: Array | None = None, expected_order: float = math.nan
+) -> dict[str, Any]:
+    """A quantity of a table of which nothing is known but its values (cases,)."""
+    missing = np.full(value.size, np.nan)
+    column = {"name": name, "unit": unit, "value": value, "expected_order": expected_order}
+    column |= {"scatter": np.zeros(value.size) if scatter is None else scatter, "error": missing, "order": missing}
+    return column | dict.fromkeys(("fitted_order", "reference", "floor", "recommended"), math.nan)
+
+
+def table_of(
+    axis: str, label: Sequence[str], number: Array, size: Array, columns: Sequence[dict[str, Any]],
+    failure: Sequence[str] | None = None, **others: Any,
+) -> ConvergenceTable:  # fmt: skip
+    """A table of quantities, each as of `new_column`."""
+    failures = np.array([""] * len(label) if failure is None else failure)
+    of_quantities: dict[str, Any] = {name: np.array([column[name] for column in columns]).T for name in columns[0]}
+    return ConvergenceTable(axis, np.array(label), number, size, failures, **of_quantities, **others)
 
 
 @dataclass(frozen=True, eq=False)

@@ -88,6 +88,7 @@ class Chirp(PiecewiseMotion):
     level: Level = field(metadata=LEVEL)
     by: str = field(metadata=choice("amplitude", "acceleration"))
     fade: float = field(default=0.0, metadata=FADE)
+    octaves_per_minute: float | None = field(default=None, init=False, compare=False, repr=False)
 
     def __init__(
         self,
@@ -109,13 +110,14 @@ class Chirp(PiecewiseMotion):
             allowed = 'must be of kind "logarithmic": a linear chirp has no constant octaves_per_minute'
             require(kind == "logarithmic", "kind", kind, "", allowed)
             low, high = checked("start", start, FREQUENCY), checked("stop", stop, FREQUENCY)
-            rate = checked("octaves_per_minute", octaves_per_minute, quantity("1/min", above=0.0))
+            rate = octaves_per_minute = checked("octaves_per_minute", octaves_per_minute, quantity("1/min", above=0.0))
             allowed = "must be a finite number > 0 1/min, and start and stop two frequencies"
             require(low != high, "octaves_per_minute", octaves_per_minute, "1/min", allowed)
             duration = 60.0 * abs(math.log2(high / low)) / rate
         allowed = "must be a finite number > 0 s, or octaves_per_minute be given"
         require(duration is not None, "duration", duration, "s", allowed)
         set_fields(self, start=start, stop=stop, duration=duration, kind=kind, level=level, by=by, fade=fade)
+        object.__setattr__(self, "octaves_per_minute", octaves_per_minute)
         require_reach(self.level, min(self.start, self.stop), max(self.start, self.stop))
         # at least as many as at its lowest frequency, where the duration is beyond what a phase is known at
         check_cycles(min(self.start, self.stop) * self.duration, "duration", self.duration, "s")

@@ -22,7 +22,7 @@ from femimpact.arrays import Array, even_interval
 from femimpact.errors import Fault, InputError, require, require_path
 from femimpact.excitation.cells import MARKS, QUOTES, cells_in, is_number, mark_of, number_in
 from femimpact.excitation.column_names import name_and_unit, names_and_units
-from femimpact.regular_file import decimal_number, open_regular, read_now
+from femimpact.regular_file import decimal_number, open_regular
 
 MOST_LINES = 10_001_000
 """Most lines of the file of a record: 10 million rows, behind a header, are read within 1 GB of memory."""
@@ -73,7 +73,7 @@ def record_text(path: str | Path) -> str:
 
 
 def _pieces(file: BinaryIO) -> Iterator[bytes]:
-    while piece := read_now(file, PIECE):
+    while piece := file.read(PIECE):
         yield piece
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
@@ -14,11 +13,9 @@ from numpy.typing import ArrayLike
 
 from femimpact.arrays import Array
 from femimpact.errors import check_fields, items, kind_of, optional, quantity, require
-from femimpact.excitation import Chirp
-from femimpact.excitation.excitation import has_cycle, holds_drives, is_force, require_excitation, times, words_of
+from femimpact.excitation.excitation import has_cycle, holds_drives, is_force, require_excitation, times
 from femimpact.excitation.forces import PointForce
 from femimpact.excitation.sums import Form, Sum, added, force_form_of, forms_together, one_sine, parts_of
-from femimpact.units import typeset, unit_text
 
 BASE = "base"
 """Name of the motion of the base among the drives."""
@@ -198,45 +195,3 @@ def named_parts(excitation: Any) -> Iterator[tuple[str, Any, Any]]:
 def parts_in(excitation: Any) -> Iterator[Any]:
     """The histories that an excitation is made of: parts of sums, and of the drives."""
     return (part for _, _, part in named_parts(excitation))
-
-
-def drive_words(excitation: Any) -> list[str]:
-    """A line for each drive: its name, what it is, and its numbers with units."""
-    lines = []
-    drives = getattr(excitation, "drives", (excitation,))
-    for name, drive in zip(getattr(excitation, "names", ("",)), drives, strict=True):
-        said = ", ".join(_numbers(getattr(drive, "history", drive), "N" if is_force(drive) else "m/s^2"))
-        lines.append(f"{f'{name}, ' * (name not in ('', 'base'))}{words_of(drive)}{'; ' * bool(said)}{said}")
-    return lines
-
-
-def _numbers(history: Any, unit: str) -> Iterator[str]:
-    """Numbers of a drive by their names, with units, where they are not those that it has by default."""
-    for part in getattr(history, "parts", ()):
-        yield from _numbers(part, unit)
-    for item in dataclasses.fields(history) if dataclasses.is_dataclass(history) else ():
-        value, name = getattr(history, item.name), item.name.replace("_", " ")
-        if item.name in ("by", "at", "name", "parts", "end") or value is None or value is item.default:
-            continue
-        own = item.metadata.get("unit") or ""
-        if name in ("level", "amplitude"):
-            own = unit if unit == "N" else "m" if "amplitude" in (name, getattr(history, "by", "")) else "m/s^2"
-        if isinstance(value, (str, bool)):
-            yield name if isinstance(value, bool) else value
-        elif isinstance(value, (int, float)):
-            if value != item.default:
-                yield f"{name} {unit_text(value, own)}"
-        elif name == "level":
-            yield (
-                f"level {unit_text(value[0][1], own)} at {value[0][0]:g} Hz to {unit_text(value[-1][1], own)} at "
-                f"{value[-1][0]:g} Hz in {len(value)} rows"
-            )
-        elif name in ("psd", "frequencies"):
-            f = np.ravel([row[0] if name == "psd" else row for row in value])
-            yield f"{f.min():g} to {f.max():g} Hz" + (f" in {f.size} steps" if name == "frequencies" else "")
-        else:
-            yield f"{np.size(value)} {name}"
-    if isinstance(history, Chirp) and history.kind == "logarithmic":
-        yield f"{typeset(60.0 * abs(math.log2(history.stop / history.start)) / history.duration)} oct/min"
-    elif isinstance(history, Chirp):
-        yield f"{typeset(abs(history.stop - history.start) / history.duration)} Hz/s"

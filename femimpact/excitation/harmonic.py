@@ -71,9 +71,11 @@ class Sine:
     Parameters
     ----------
     amplitude : float, m
-        As the history of a `PointForce`, in newtons.
+        Of the base's displacement; as the history of a `PointForce`, in newtons.
     frequency : float, Hz
+        Of the sine.
     phase : float, rad
+        At t = 0.
     """
 
     amplitude: float = field(metadata=quantity("m", at_least=0.0))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -148,6 +148,8 @@ class RecordedBase:
     initial_velocity : float, m/s
     note : str
         What a file's units were taken for.
+    source : mapping, optional
+        Keys of [base] that a study file gives the record by, and the text of its file.
 
     Raises
     ------
@@ -159,6 +161,7 @@ class RecordedBase:
     interval: float = field(metadata=quantity("s", above=0.0))
     initial_velocity: float = field(default=0.0, metadata=quantity("m/s"))
     note: str = field(default="", metadata=a_text())
+    source: Mapping[str, Any] | None = field(default=None, repr=False, metadata=optional(instance(Mapping)))
 
     @classmethod
     def from_csv(

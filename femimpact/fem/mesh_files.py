@@ -1,46 +1,43 @@
-"""Mesh files: read by a separate process, checked to be one unbroken beam along x."""
+"""Mesh files: read by meshio, checked to be one unbroken beam along x."""
 
 from __future__ import annotations
 
-import json
-import os
-import queue
-import subprocess
-import sys
-import time
-from collections.abc import Generator, Mapping, Sequence
-from contextlib import closing, suppress
+import contextlib
+import io
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.arrays import Array
-from femimpact.child_process import child_process
 from femimpact.errors import Fault, InputError, require, require_path
 from femimpact.fem.mesh import MOST_ELEMENTS, SAME_PLACE, Mesh
 from femimpact.regular_file import check_regular
 
-TIME_LIMIT = 30.0
-"""Seconds for one file; a beam of 100,000 elements takes two."""
-
-MEMORY_LIMIT = 3_000_000_000
-"""Bytes of address space of the process that reads, libraries included."""
-
 MOST_BYTES = 1_000_000_000
-"""Most bytes of a mesh file: a larger one does not fit in the memory that the reading process may allocate."""
+"""Most bytes of a mesh file."""
 
-PIPE_BYTES = 65536
-"""Read of a pipe at once; Linux keeps as many."""
+MOST_NODES = 1_000_000
+"""Most nodes of a mesh file; no beam has as many."""
+
+MOST_VALUES = 64
+"""Distinct values of an array of whole numbers up to which they are tags; more are numbers of cells."""
+
+UNGROUPED = (
+    "some of its lines or points are in no physical group, as Mesh.SaveAll = 1 leaves them; give each line one, and "
+    "save with Mesh.SaveAll = 0"
+)
+"""What is wrong with cell data of Gmsh that do not fit the cells."""
 
 BEAMS_ONLY = (
     ": only beams are meshed; of a solid or a plate mesh the mid-line, and give its sections in the segments (width "
     "and thickness, or area and second_moment)"
 )
 """Words on a mesh of faces or volumes."""
-
-CHILD = Path(__file__).with_name("mesh_child.py")
 
 
 def read_mesh(path: str | Path) -> Mesh:
@@ -62,8 +59,8 @@ def read_mesh(path: str | Path) -> Mesh:
     Raises
     ------
     InputError
-        In one line with the file and its format: if it is missing, cannot be read, or not within 30 s and 3 GB; holds
-        no two-node lines; does not lie along x; or has a gap, a branch or lines on one another, with their places.
+        In one line with the file and its format: if it is missing or cannot be read; holds no two-node lines; does not
+        lie along x; or has a gap, a branch or lines on one another, with their places.
 
     Examples
     --------
@@ -73,120 +70,164 @@ def read_mesh(path: str | Path) -> Mesh:
     ['joint', 'mid', 'root', 'tip']
     """
     require_path(path, "mesh.file", "a mesh file")
-    (outcome,) = read_outcomes([Path(path)])
-    if isinstance(outcome, InputError):
-        raise outcome
-    return outcome
-
-
-def read_outcomes(paths: Sequence[Path]) -> list[Mesh | InputError]:
-    """The mesh of each file, or its fault; one process reads them until it has to be ended."""
-    unread = {path: reason for path in paths if (reason := _why_not_read(path))}
-    # closed here, so that no process outlives the call
-    with closing(_read_files([path for path in paths if path not in unread])) as contents:
-        return [_outcome(path, unread[path] if path in unread else next(contents)) for path in paths]
-
-
-def _why_not_read(path: Path) -> str:
-    """Why the process may not open a file by its name; empty where it may."""
+    path = Path(path)
     try:
         check_regular(path, MOST_BYTES)
     except OSError as error:
-        return error.strerror or "cannot be read"
-    return ""
-
-
-def _outcome(path: Path, read: Mapping[str, Any] | str) -> Mesh | InputError:
-    """The mesh that a file holds, or the error that says why there is none; `read` is a text of a file not read."""
+        allowed = f"must be an existing mesh file: {error.strerror or 'cannot be read'}"
+        raise InputError([Fault("mesh.file", str(path), "", allowed)]) from None
+    kind = _format_of(path)
     try:
-        if isinstance(read, str):
-            raise InputError([Fault("mesh.file", str(path), "", f"must be an existing mesh file: {read}")])
-        kind = read.get("format")
-        reason = " ".join(str(read.get("failure")).split())
-        allowed = f"must be a mesh that meshio can read{f' as {kind}' if kind else ''}: {reason[:300]}"
-        require("failure" not in read, "mesh.file", str(path), "", allowed)
-        return _beam_mesh(read, f"{path} ({kind})" if kind else str(path))
-    except InputError as error:
-        return error
+        content = _content(_raw_mesh(path, kind))
+    # what a reader raises on a damaged file is without limit
+    except Exception as error:
+        reason = " ".join(_reason(error, kind).split())[:300]
+        allowed = f"must be a mesh that meshio can read{f' as {kind}' if kind else ''}: {reason}"
+        raise InputError([Fault("mesh.file", str(path), "", allowed)]) from None
+    return _beam_mesh(content, kind, f"{path} ({kind})")
 
 
-# ---- the process that reads -----------------------------------------------------------------------
+# ---- what a file holds ----------------------------------------------------------------------------
 
 
-def _read_files(paths: Sequence[Path]) -> Generator[Mapping[str, Any]]:
-    """The content of each file, or why it could not be read, in order."""
-    # one thread: each thread of linear algebra takes address space
-    environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "PYTHONIOENCODING": "utf-8"}
-    done = 0
-    while done < len(paths):
-        left, contents = map(str, map(Path.resolve, paths[done:])), _Contents()
-        command = [sys.executable, "-P", "-W", "ignore", str(CHILD), str(MEMORY_LIMIT), *left]
-        with child_process(command, contents.listen, stderr=subprocess.DEVNULL, env=environment) as process:
-            while done < len(paths) and not contents.ended:
-                done += 1
-                yield contents.next(process)
+class _NotReadError(Exception):
+    """A file that is no mesh; its words say why."""
 
 
-class _Contents:
-    """What the process that reads files prints: a line for each."""
+def _format_of(path: Path) -> str:
+    """The one format in which meshio is to read a file; its name for a suffix that several formats share."""
+    import meshio
 
-    def __init__(self) -> None:
-        self.ended = False
-        self._output: queue.Queue[bytes] = queue.Queue()
-        self._rest = b""
+    known = [name for suffix, names in meshio.extension_to_filetypes.items() if path.name.lower().endswith(suffix)
+             for name in names]  # fmt: skip
+    if "gmsh" in known:
+        with path.open("rb") as file:
+            # the sections of the other format with this suffix begin with a bracket
+            return "ansys" if file.read(1) == b"(" else "gmsh"
+    return known[0] if known else ""
 
-    def listen(self, pipe: IO[bytes]) -> None:
-        # no bytes mean that the process has ended
-        while part := pipe.read(PIPE_BYTES):
-            self._output.put(part)
-        self._output.put(b"")
 
-    def next(self, process: subprocess.Popen[bytes]) -> Mapping[str, Any]:
-        """The content of the next file, or why it could not be read; `ended` if the process did not survive it."""
-        reason = f"not done within {TIME_LIMIT:g} s"
-        with suppress(queue.Empty):
-            line = self._next_line(time.monotonic() + TIME_LIMIT)
-            if line is not None:
-                content: Mapping[str, Any] = json.loads(line)
-                return content
-            reason = f"the process that reads ended with status {process.wait()}"
-        self.ended = True
-        return {"failure": reason}
+def _raw_mesh(path: Path, kind: str) -> Any:
+    """What meshio reads of a file, without its prints; where it would end the process `_NotReadError` is raised."""
+    import meshio
 
-    def _next_line(self, deadline: float) -> bytes | None:
-        """One complete line, or None at the end; `queue.Empty` is raised where the deadline (s) comes first."""
-        parts = [self._rest]
-        while b"\n" not in parts[-1]:
-            part = self._output.get(timeout=max(deadline - time.monotonic(), 0.0))
-            if not part:
-                return None
-            parts.append(part)
-        line, _, self._rest = b"".join(parts).partition(b"\n")
-        return line
+    if path.suffix == ".geo":
+        made = path.with_suffix(".msh").name
+        raise _NotReadError(f"it is a geometry of gmsh, which makes a mesh of it: gmsh -1 {path.name} -o {made}")
+    if not kind:
+        raise _NotReadError(f"no format has the suffix {path.suffix!r}")
+    printed = io.StringIO()
+    with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(io.StringIO()), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            raw = meshio.read(path, file_format=kind)
+        except SystemExit:
+            raise _NotReadError(" ".join(printed.getvalue().split()) or "it is not in this format") from None
+    if len(raw.points) > MOST_NODES:
+        raise _NotReadError(f"{len(raw.points)} nodes are more than {MOST_NODES}")
+    return raw
+
+
+def _reason(error: Exception, kind: str) -> str:
+    """Why a file is not read, in words."""
+    if isinstance(error, _NotReadError):
+        return str(error)
+    if isinstance(error, MemoryError):
+        return "more memory than there is"
+    if kind == "gmsh" and "'gmsh:physical'" in str(error):
+        return UNGROUPED
+    return f"{type(error).__name__}: {error}".rstrip(": ")
+
+
+@dataclass(frozen=True, eq=False)
+class _Content:
+    """Coordinates, cells by type, and groups of cells, by block, and of nodes, by name."""
+
+    points: Array
+    cells: list[tuple[str, NDArray[Any]]]
+    groups: dict[str, list[NDArray[Any] | None]]
+    nodes: dict[str, NDArray[Any]]
+
+
+def _content(raw: Any) -> _Content:
+    """The content of a mesh that meshio has read.
+
+    Groups are those that the format names. Where it names none, an array of whole numbers is one: its name alone
+    where it holds 0 and 1, else with each of its values.
+    """
+    cells = [(block.type, np.asarray(block.data)) for block in raw.cells]
+    groups: dict[str, list[NDArray[Any] | None]] = {}
+    nodes: dict[str, NDArray[Any]] = {}
+    for name, chosen in raw.cell_sets.items():
+        if not name.startswith("gmsh:"):
+            groups[name] = [None if part is None else np.asarray(part, dtype=int) for part in chosen]
+    for name, chosen in raw.point_sets.items():
+        nodes[name] = np.asarray(chosen, dtype=int)
+    for name, values in raw.cell_data.items():
+        if name == "gmsh:physical":
+            for label, chosen in _physical(raw, values).items():
+                groups.setdefault(label, chosen)
+            continue
+        for label, tags in _labels(raw, name, values).items():
+            groups.setdefault(label, [np.flatnonzero(np.isin(part, tags)) for part in values])
+    for name, values in raw.point_data.items():
+        for label, tags in _labels(raw, name, [values]).items():
+            nodes.setdefault(label, np.flatnonzero(np.isin(values, tags)))
+    return _Content(np.asarray(raw.points, dtype=float), cells, groups, nodes)
+
+
+def _physical(raw: Any, values: Any) -> dict[str, list[NDArray[Any] | None]]:
+    """Groups that Gmsh 2 and 4.0 name by a number, with their dimension; those of 4.1 are sets already."""
+    dimension = [{"vertex": 0, "line": 1}.get(block.type, 2) for block in raw.cells]
+    return {
+        str(label): [
+            np.flatnonzero(np.asarray(part) == int(tag)) if dim == int(space) else None
+            for dim, part in zip(dimension, values, strict=True)
+        ]
+        for label, (tag, space) in raw.field_data.items()
+    }
+
+
+def _labels(raw: Any, name: str, values: Any) -> dict[str, list[int]]:
+    """Names that an array of cells or nodes gives, and the values that each of them stands for."""
+    if name in ("cell_tags", "point_tags"):
+        families = getattr(raw, name, None) or {}
+        found: dict[str, list[int]] = {}
+        for value, labels in families.items():
+            for label in labels:
+                found.setdefault(str(label), []).append(int(value))
+        return found
+    arrays = [np.asarray(part) for part in values]
+    if name.startswith("gmsh:") or any(array.ndim != 1 or array.dtype.kind not in "iub" for array in arrays):
+        return {}
+    distinct = np.unique(np.concatenate(arrays)) if arrays else np.zeros(0)
+    if distinct.size > MOST_VALUES:
+        return {}
+    if np.all(np.isin(distinct, (0, 1))):
+        return {name: [1]}
+    return {f"{name} {value}": [int(value)] for value in distinct}
 
 
 # ---- from what a file holds to a beam -------------------------------------------------------------
 
 
-def _beam_mesh(read: Mapping[str, Any], label: str) -> Mesh:
-    cells = [(str(kind), data) for kind, data in read["cells"]]
-    unsupported = sorted({kind for kind, _ in cells} - {"line", "vertex"})
-    solid = any(not kind.startswith("line") for kind in unsupported)
+def _beam_mesh(content: _Content, kind: str, label: str) -> Mesh:
+    points, cells = content.points, content.cells
+    unsupported = sorted({of_type for of_type, _ in cells} - {"line", "vertex"})
+    solid = any(not of_type.startswith("line") for of_type in unsupported)
     allowed = f"must hold two-node lines only, found {unsupported}{BEAMS_ONLY if solid else ''}"
     require(not unsupported, "mesh.file", label, "", allowed)
-    count = sum(len(data) for kind, data in cells if kind == "line")
+    count = sum(len(ends) for of_type, ends in cells if of_type == "line")
     require(0 < count <= 2 * MOST_ELEMENTS, "mesh.file", label, "", f"must hold line elements, 1 to {MOST_ELEMENTS}")
-    points = np.asarray(read["points"], dtype=float)
     located = points.ndim == 2 and points.shape[1] in (1, 2, 3) and bool(np.all(np.isfinite(points)))
     require(located, "mesh.file", label, "", "must hold finite coordinates in x, y and z")
     points = np.hstack([points, np.zeros((len(points), 3 - points.shape[1]))])
-    for kind, data in cells:
-        ends = np.asarray(data)
-        shaped = len(data) == 0 or (ends.ndim == 2 and ends.shape[1] == {"line": 2, "vertex": 1}[kind])
-        known = shaped and (len(data) == 0 or (ends.min() >= 0 and ends.max() < len(points)))
+    for of_type, ends in cells:
+        shaped = len(ends) == 0 or (ends.ndim == 2 and ends.shape[1] == {"line": 2, "vertex": 1}[of_type])
+        known = shaped and (len(ends) == 0 or (ends.min() >= 0 and ends.max() < len(points)))
         require(bool(known), "mesh.file", label, "", "must hold cells between nodes that it defines")
-    lines = np.concatenate([np.asarray(data, dtype=int) for kind, data in cells if kind == "line" and data])
-    members = _members(read["groups"], cells)
+    lines = np.concatenate([ends.astype(int) for of_type, ends in cells if of_type == "line" and len(ends)])
+    members = _members(content.groups, cells)
     lines, owner = _merged(lines, members)
     _check_branches(lines, points, label)
     used = np.unique(lines)
@@ -200,20 +241,20 @@ def _beam_mesh(read: Mapping[str, Any], label: str) -> Mesh:
     rank[order] = np.arange(order.size)
     ends = np.sort(rank[lines], axis=1)
     # Gmsh writes no line that is in no group, once there are groups
-    unsaved = ", or a line there has no physical group" if read.get("format") == "gmsh" else ""
+    unsaved = ", or a line there has no physical group" if kind == "gmsh" else ""
     _check_row(ends, nodes, points[order[0], 0], label, unsaved)
     regions = {name: np.unique(ends[owner[chosen], 0]) for name, chosen in members.items() if chosen.size}
-    return Mesh(nodes, _named_points(read, cells, rank, nodes), regions)
+    return Mesh(nodes, _named_points(content, rank, nodes), regions)
 
 
-def _members(groups: Mapping[str, Any], cells: Sequence[tuple[str, Any]]) -> dict[str, NDArray[np.int64]]:
+def _members(groups: Mapping[str, Any], cells: Sequence[tuple[str, NDArray[Any]]]) -> dict[str, NDArray[np.int64]]:
     """Numbers of the lines of each group, lines counted through all blocks."""
     members = {}
     for name, chosen in groups.items():
         parts, offset = [np.zeros(0, dtype=int)], 0
         for (kind, data), part in zip(cells, chosen, strict=False):
             if kind == "line":
-                numbers = np.asarray(part or [], dtype=int)
+                numbers = np.asarray([] if part is None else part, dtype=int)
                 parts.append(offset + numbers[(numbers >= 0) & (numbers < len(data))])
                 offset += len(data)
         members[name] = np.concatenate(parts)
@@ -274,23 +315,21 @@ def _check_row(ends: NDArray[np.int64], nodes: Array, root: float, label: str, u
     require(not fault, "mesh.file", label, "", f"must be one unbroken row of line elements: {fault}")
 
 
-def _named_points(
-    read: Mapping[str, Any], cells: Sequence[tuple[str, Any]], rank: NDArray[np.int64], nodes: Array
-) -> dict[str, float]:
+def _named_points(content: _Content, rank: NDArray[np.int64], nodes: Array) -> dict[str, float]:
     """Positions of the groups of vertices and nodes that are one node of the beam."""
     points: dict[str, float] = {}
-    for name, chosen in read["groups"].items():
+    for name, chosen in content.groups.items():
         found = [
             data[i][0]
-            for (kind, data), part in zip(cells, chosen, strict=False) if kind == "vertex"
-            for i in part or [] if 0 <= i < len(data)
+            for (kind, data), part in zip(content.cells, chosen, strict=False) if kind == "vertex"
+            for i in ([] if part is None else part) if 0 <= i < len(data)
         ]  # fmt: skip
         if found:
             place = np.unique(rank[found])
             single = place.size == 1 and bool(place[0] >= 0)
             require(single, "mesh.point", name, "", "must be exactly one node of the beam")
             points[name] = float(nodes[place[0]])
-    for name, members in read["nodes"].items():
+    for name, members in content.nodes.items():
         place = np.unique([rank[i] for i in members if 0 <= i < rank.size])
         if place.size == 1 and place[0] >= 0:
             points.setdefault(name, float(nodes[place[0]]))

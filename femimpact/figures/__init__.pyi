@@ -1,8 +1,11 @@
+from femimpact.figures.channel_histories import channels as channels
+from femimpact.figures.channel_histories import drive as drive
 from femimpact.figures.contacts import collision_history as collision_history
 from femimpact.figures.contacts import contact_laws as contact_laws
 from femimpact.figures.contacts import impact_histograms as impact_histograms
 from femimpact.figures.contacts import impulse_phase as impulse_phase
 from femimpact.figures.curves import decay as decay
+from femimpact.figures.curves import response_columns as response_columns
 from femimpact.figures.curves import response_curve as response_curve
 from femimpact.figures.curves import value_map as value_map
 from femimpact.figures.drawing import COLOURS as COLOURS
@@ -14,9 +17,6 @@ from femimpact.figures.histories import cycle_averaged_force as cycle_averaged_f
 from femimpact.figures.histories import energies as energies
 from femimpact.figures.orders import convergence as convergence
 from femimpact.figures.orders import convergence_panels as convergence_panels
-from femimpact.figures.orders import mesh_convergence as mesh_convergence
-from femimpact.figures.orders import mode_convergence as mode_convergence
-from femimpact.figures.orders import step_convergence as step_convergence
 from femimpact.figures.portraits import bifurcation as bifurcation
 from femimpact.figures.portraits import motion as motion
 from femimpact.figures.portraits import phase_portrait as phase_portrait

@@ -19,15 +19,17 @@ from femimpact.figures.drawing import (
     label_axes,
     legend_above,
     panel,
+    panels,
     plain_log_ticks,
     rows_of,
 )
 from femimpact.signals.decay import DecayEstimate
 from femimpact.sweep import ONE_START, FrequencyResponse, on_grid
-from femimpact.units import number_text
+from femimpact.units import number_text, prefixed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import FigureBase
 
 
 FREQUENCY: Any = quantity("Hz", above=0.0)
@@ -114,6 +116,68 @@ def response_curve(
     plain_log_ticks(axis.yaxis)
     _legend(axis, named, coarse, join_all, filled, marks)
     return axis
+
+
+COLUMNS = (
+    ("phase", "phase of the first harmonic", "rad"),
+    ("impacts_per_cycle", "impacts per cycle of the base", "1"),
+    ("cycle_mean_force", "cycle-averaged contact force", "N"),
+    ("peak_force", "largest contact force", "N"),
+    ("mean_approach_speed", "mean approach speed", "m/s"),
+)
+"""Columns of response curves that are drawn besides the peak: name, words, unit."""
+
+
+def response_columns(
+    curves: FrequencyResponse | Mapping[str, FrequencyResponse], figure: FigureBase | OffScreen | None = None
+) -> NDArray[np.object_]:
+    """Phase, impacts per cycle, contact forces and approach speed of response curves over the base frequency.
+
+    Of what is zero on every curve there is no panel.
+
+    Parameters
+    ----------
+    curves : FrequencyResponse or mapping of str to FrequencyResponse
+        By label.
+    figure : Figure, optional
+        Drawn on; a new one of pyplot's by default.
+
+    Returns
+    -------
+    ndarray (columns,) of Axes
+
+    Raises
+    ------
+    InputError
+        If there is no curve, or something else than one.
+    """
+    named = by_label("curves", curves, FrequencyResponse, "response curves")
+    largest = {
+        name: max(float(np.nanmax(np.abs(curve[name]), initial=0.0)) for curve in named.values())
+        for name, _, _ in COLUMNS
+    }
+    drawn = [column for column in COLUMNS if column[0] == "phase" or largest[column[0]] > 0.0]
+    rows = -(-len(drawn) // 2)
+    axes = panels(figure, 8.0 if len(drawn) == 1 else 11.0, 3.2 * rows, rows, min(len(drawn), 2)).ravel()
+    for axis, (name, words, unit) in zip(axes, drawn, strict=False):
+        factor, shown = (1.0, unit) if unit == "rad" else prefixed(largest[name], unit)
+        for colour, (label, curve) in zip(cycle(COLOURS), named.items(), strict=False):
+            order = np.argsort(curve.frequency, kind="stable")
+            x, y = curve.frequency[order], factor * curve[name][order]
+            one = curve.is_sample[order]
+            axis.plot(x[one], y[one], ".", color=colour, markersize=5.0)
+            if name == "phase":
+                # a gap wherever it goes on at the other end of its range
+                turns = 1 + np.flatnonzero(np.abs(np.diff(y)) > np.pi)
+                x, y = np.insert(x, turns, np.nan), np.insert(y, turns, np.nan)
+            if name == "phase" or np.nansum(np.abs(y)) > 0.0:
+                axis.plot(x, y, color=colour, linewidth=1.2, label=label or None)
+        label_axes(axis, "base frequency (Hz)", f"{words} ({shown})" if shown != "1" else words)
+        if len(named) > 1:
+            legend_above(axis)
+    for axis in axes[len(drawn) :]:
+        axis.remove()
+    return np.asarray(axes[: len(drawn)])
 
 
 def _annotate_peak(axis: Axes, curve: FrequencyResponse) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -53,6 +54,8 @@ LEGEND = 10.0
 LETTER, HANDLE, GAP, ROW = 0.46, 4.0, 1.6, 1.55
 """Widths of a letter, of an entry besides its words, and of the space between columns (part of that), and the height of
 a row of a legend, by the size of its text."""
+MOST_MARKS, PIXELS = 5000, 96
+"""Marks, cells or points of a line beyond which they become an image in SVG, and pixels of an inch of it."""
 CYCLES: Any = quantity("1", above=0.0)
 """Number of cycles of the base that are drawn."""
 
@@ -143,18 +146,55 @@ def save_figure(drawn: Axes | NDArray[np.object_] | Figure, path: str | Path) ->
         If `drawn` is no figure, no file can be there, or the suffix is that of no format.
     """
     import matplotlib
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
-    path, first = target_path(path), drawn.flat[0] if isinstance(drawn, np.ndarray) and drawn.size else drawn
-    # the figure of axes may be a part of one
-    figure: Any = first.figure.figure if isinstance(first, Axes) else first
-    require_type(figure, Figure, "drawn")
+    path, figure = target_path(path), figure_of(drawn)
     suffix, known = path.suffix.lstrip(".").lower(), sorted(figure.canvas.get_supported_filetypes())
     require(suffix in known, "path", str(path), "", f"must end in .{', .'.join(known)}")
     with matplotlib.rc_context(STYLE), atomic_path(path) as temporary:
         figure.savefig(temporary, format=suffix)
     return path
+
+
+def svg_text(drawn: Axes | NDArray[np.object_] | Figure) -> str:
+    """The figure of axes as SVG, the same text whenever it is drawn; of many marks an image stands in it."""
+    import matplotlib
+
+    figure, text = figure_of(drawn), io.StringIO()
+    _join_marks(figure)
+    fixed = {"svg.hashsalt": "femimpact", "svg.fonttype": "none"}
+    with matplotlib.rc_context(STYLE | fixed):
+        figure.savefig(text, format="svg", dpi=PIXELS, metadata={"Date": None})
+    return text.getvalue()
+
+
+def _join_marks(figure: Any) -> None:
+    """Let what has more than `MOST_MARKS` parts be drawn as an image."""
+    from matplotlib.collections import Collection
+    from matplotlib.lines import Line2D
+
+    for line in figure.findobj(Line2D):
+        line.set_rasterized(len(line.get_xdata(orig=False)) > MOST_MARKS)
+    for cells in figure.findobj(Collection):
+        offsets, paths = len(cells.get_offsets()), cells.get_paths()
+        points = sum(len(path.vertices) for path in paths)
+        cells.set_rasterized(
+            bool(cells.get_rasterized()) or max(offsets, points, np.size(cells.get_array())) > MOST_MARKS
+        )
+
+
+def figure_of(drawn: Axes | NDArray[np.object_] | Figure) -> Any:
+    """The figure of what a function of `femimpact.figures` returned.
+
+    Raises `InputError` if it is none.
+    """
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    first = drawn.flat[0] if isinstance(drawn, np.ndarray) and drawn.size else drawn
+    # the figure of axes may be a part of one
+    figure = first.figure.figure if isinstance(first, Axes) else first
+    require_type(figure, Figure, "drawn")
+    return figure
 
 
 # ---- axes -----------------------------------------------------------------------------------------

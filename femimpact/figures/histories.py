@@ -20,6 +20,7 @@ from femimpact.figures.drawing import (
     GREY,
     ORANGE,
     PURPLE,
+    SKY,
     WALLS,
     OffScreen,
     label_axes,
@@ -71,8 +72,11 @@ def energies(response: Response, figure: FigureBase | OffScreen | None = None) -
         ("balls", ledger.ball, ORANGE),
         ("contacts", ledger.contact, GREEN),
     )
+    # of several drives that of each
+    drives = zip(ledger.work_of.items(), (PURPLE, SKY, *COLOURS), strict=False)
     since = (
         ("work put in", ledger.work, "black"),
+        *((f"work of {'the base' if name == 'base' else name}", values, colour) for (name, values), colour in drives),
         ("stored", ledger.stored - ledger.stored[0], GREY),
         ("lost in the structure", ledger.structure_loss, COLOURS[0]),
         ("lost in the contacts", ledger.contact_loss, ORANGE),

@@ -32,7 +32,7 @@ Draw = Callable[[int], None]
 
 @dataclass(frozen=True, eq=False)
 class Film:
-    """Input of every renderer: the chosen snapshots, the scene, and which contact is closed when."""
+    """Input of a movie: the chosen snapshots, the scene, and which contact is closed when."""
 
     response: Response
     structure: Structure
@@ -94,10 +94,7 @@ class Film:
         return max(float(np.abs(self.moved(i)[shown, 1]).max()) for i in range(self.chosen.size))
 
 
-def sheets(
-    film: Film,
-    plane: bool,  # whether to draw the two views as well, in the plane of motion, or to leave their rows white
-) -> Callable[[int], NDArray[np.uint8]]:
+def sheets(film: Film) -> Callable[[int], NDArray[np.uint8]]:
     """A function that draws frame i as pixels; what does not move is drawn once.
 
     Returns (HEIGHT, WIDTH, 4): red, green, blue, and a byte that is not read.
@@ -110,10 +107,10 @@ def sheets(
         figure = Figure(figsize=(WIDTH / 100, HEIGHT / 100), dpi=100)
         canvas: Any = FigureCanvasAgg(figure)
         figure.text(0.02, 0.965, film.caption, va="center", color="black", fontsize=14.0)
-        for x, title in _titles(film, plane):
+        for x, title in _titles(film):
             figure.text(x, 0.905, title, va="center", color=GREY)
         figure.text(0.02, 0.02, film.structure.beam.drawn_words, va="center", color=GREY)
-        draws = [_histories(figure, film), *(_plane_views(figure, film) if plane else [])]
+        draws = [_histories(figure, film), *_plane_views(figure, film)]
         canvas.draw()
         still = canvas.copy_from_bbox(figure.bbox)
 
@@ -131,7 +128,7 @@ def _carrier(pair: Any) -> str:
     return "box" if pair.has_walls else "beam"
 
 
-def _titles(film: Film, plane: bool) -> list[tuple[float, str]]:
+def _titles(film: Film) -> list[tuple[float, str]]:
     """Words above the two views, with the sizes that an exaggerated picture cannot be measured for."""
     titles = [(0.02, f"Whole beam ({1e3 * film.structure.beam.length:.4g} mm), relative to the moving base")]
     balls = film.response.system.balls
@@ -143,9 +140,9 @@ def _titles(film: Film, plane: bool) -> list[tuple[float, str]]:
             else f"gaps +{number_text(plus, 3)}, -{number_text(minus, 3)} mm"
         )
         gaps = gaps if pair.has_walls else "absorber"
-        name = f"Close-up, moving with the {_carrier(pair)}" if len(balls) == 1 else pair.name
-        first, width = (CLOSE_UPS, 0.98 + SPACE - CLOSE_UPS) if plane else (0.52, 0.5)
-        titles.append((first + width * j / len(balls), f"{name} ({gaps})"))
+        # several are too narrow for both in a line
+        name = f"Close-up, moving with the {_carrier(pair)} " if len(balls) == 1 else f"{pair.name}\n"
+        titles.append((CLOSE_UPS + (0.98 + SPACE - CLOSE_UPS) * j / len(balls), f"{name}({gaps})"))
     return titles
 
 

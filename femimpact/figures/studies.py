@@ -11,6 +11,7 @@ from femimpact.arrays import Array
 from femimpact.errors import having, require, require_name, require_type, takes, text
 from femimpact.figures.drawing import BLUE, DARK, GREEN, OffScreen, legend_above, panel, panels, plain_log_ticks
 from femimpact.figures.study_labels import (
+    BESIDE,
     OUTLINE,
     OUTLINED,
     UNSURE,
@@ -278,9 +279,8 @@ def _values(dataset: xarray.Dataset, measure: str, axes: int | None) -> Array:
     import xarray
 
     require_type(dataset, xarray.Dataset, "dataset")
-    require("finished" in dataset, "dataset", "no variable 'finished'", "", "must be of a parameter study")
-    beside = ("periodic_starts", "failed_starts", "failure", "finished")
-    known = [str(name) for name in dataset.data_vars if name not in beside and dataset[name].dtype.kind == "f"]
+    known = [str(name) for name in dataset.data_vars if name not in BESIDE and dataset[name].dtype.kind in "fiu"]
+    require(bool(known), "dataset", "no measure", "", "must hold a variable of numbers")
     require_name(measure, known, "measure")
     count = len(dataset[measure].dims)
     require(axes in (None, count), "dataset", f"{count} axes", "", f"must have {axes} axes for this figure")

@@ -133,7 +133,12 @@ def map_panels(
 
 
 def single_samples(dataset: xarray.Dataset) -> NDArray[np.bool_]:
-    """True where a value is a sample of a motion that does not repeat, without an interval of its median."""
+    """True where a value is a sample of a motion that does not repeat, without an interval of its median.
+
+    Of a dataset that is none of a parameter study nothing is known of it.
+    """
+    if "finished" not in dataset:
+        return np.zeros((), dtype=bool)
     if "median_interval" in dataset.attrs:
         return np.zeros(dataset["finished"].shape, dtype=bool)
     repeated = dataset["periodic_starts"].to_numpy() + dataset["failed_starts"].to_numpy()

@@ -12,7 +12,7 @@ from femimpact.errors import in_range, made, quantity, require
 from femimpact.excitation import Excitation
 from femimpact.integrators.channel_rows import ChannelRows, Drive, channel_rows, mode_notes, named_work
 from femimpact.response.channels import Channel
-from femimpact.response.cycles import CycleStatistics, LargestValues
+from femimpact.response.cycles import CycleStatistics, LargestValues, SteadyMotion, no_steady_motion, steady_motion
 from femimpact.response.energy import EnergyLedger
 from femimpact.response.history import HistoryPiece, Snapshots
 from femimpact.response.impacts import CYCLE_COLUMNS, ENERGY_COLUMNS, IMPACT_COLUMNS, EventLog, Impacts, StickingPhases
@@ -39,6 +39,12 @@ class MethodRun:
     notes: tuple[str, ...] = ()
     # where the method finds more than the largest of the instants at which it is read
     largest: LargestValues | None = None
+
+    @property
+    def steady(self) -> SteadyMotion:
+        """Amplitudes of the default place over the last third of the cycles."""
+        finished = int(np.count_nonzero(self.cycles.samples[:, 0]))
+        return steady_motion(self.cycles, np.array([max(finished // 3, 1)])) if finished else no_steady_motion()
 
 
 def whole_number_of(duration: float, interval: float, what: str) -> int:

@@ -124,9 +124,13 @@ def in_blocks(
     progress: Progress | None,
 ) -> SineDwellResults:
     """Results of all cases in their order, from those of blocks of them by their numbers."""
-    parts, order = run_each(run, blocks, workers, progress), np.argsort(np.concatenate(blocks))
+    return joined(run_each(run, blocks, workers, progress), np.argsort(np.concatenate(blocks)))
 
-    def joined(name: str, axis: int = 0) -> Array:
+
+def joined(parts: Sequence[SineDwellResults], order: NDArray[np.intp]) -> SineDwellResults:
+    """All parts in one, their cases in the order of a permutation."""
+
+    def column(name: str, axis: int = 0) -> Array:
         values = np.concatenate([getattr(part, name) for part in parts], axis)
         return np.take(values, order, axis) if values.size else values
 
@@ -137,8 +141,8 @@ def in_blocks(
     failures = [failure for part in parts for failure in part.failures]
     return SineDwellResults(
         SteadyMotion(**motion),
-        joined("totals", 2),
-        **{name: joined(name) for name in ("duration", "residual", "bound", "loss", "stored")},
+        column("totals", 2),
+        **{name: column(name) for name in ("duration", "residual", "bound", "loss", "stored")},
         failures=tuple(failures[case] for case in order.tolist()),
         warnings=tuple(dict.fromkeys(text for part in parts for text in part.warnings)),
     )

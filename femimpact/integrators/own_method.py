@@ -1,37 +1,21 @@
-"""What a method of a user's own may stand on: a run from states at instants, and many cases run one by one."""
+"""What a method of a user's own may stand on: a run from the states at its instants."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
-
 import numpy as np
-from numpy.typing import NDArray
 
 from femimpact.arrays import Array, own
-from femimpact.errors import DivergenceError, changed, require
-from femimpact.excitation import Excitation, Sine
-from femimpact.integrators.assembly import MethodRun, impacts_of, readings_of
-from femimpact.integrators.cases import (
-    SineCases,
-    SineDwellResults,
-    first_steps,
-    in_blocks,
-    start_of,
-    with_contacts_of,
-)
+from femimpact.errors import changed
+from femimpact.excitation import Excitation
+from femimpact.integrators.assembly import MethodRun, cycles_of_table, impacts_of, readings_of
+from femimpact.integrators.cases import first_steps
 from femimpact.integrators.channel_rows import drive_of
-from femimpact.progress import Progress
-from femimpact.response.channels import Reading, resolve_channels, zero_reading
-from femimpact.response.cycles import CycleStatistics, no_steady_motion, samples_by_cycle, steady_motion
-from femimpact.response.energy import BALANCED
-from femimpact.response.impacts import IMPACT_COLUMNS, TOTAL_COLUMNS
+from femimpact.response.channels import resolve_channels
+from femimpact.response.cycles import CycleStatistics, samples_by_cycle
+from femimpact.response.impacts import CYCLE_COLUMNS, IMPACT_COLUMNS, TOTAL_COLUMNS
 from femimpact.response.response import Recorder
 from femimpact.system.state import State
 from femimpact.system.system import System
-
-if TYPE_CHECKING:
-    from femimpact.integrators.methods import Method
 
 
 def run_of_states(
@@ -99,6 +83,8 @@ def _whole_cycles(time: Array, values: Array, excitation: Excitation) -> CycleSt
     turns = excitation.frequency * (time - time[0])
     half = 0.5 * float(turns[1])
     count = int(turns[-1] + half)
+    if count == 0:
+        return cycles_of_table(np.zeros((len(CYCLE_COLUMNS), 0, 1)))
     whole = turns <= count + half
     return samples_by_cycle(time[whole], values[whole], excitation, count)
 
@@ -132,65 +118,3 @@ def _totals(impacts: Array, begin: float, time: Array, force: Array) -> Array:
         totals[:4, j] = speed.size, speed.sum(), speed.max(initial=0.0), impulse.sum()
     totals[4], totals[5] = size.max(axis=0, initial=0.0), np.trapezoid(size, time[time >= begin], axis=0)
     return totals
-
-
-@dataclass(frozen=True, eq=False)
-class _Observed:
-    """The channel of an observed place, given by its row."""
-
-    row: Array  # (dofs,)
-    name: str = "observed"
-    unit: str = "m"
-
-    def reading(self, system: System) -> Reading:
-        """Its row; nothing on the unreduced system, where it is asked for by notes that are dropped."""
-        zero = zero_reading(system)
-        return replace(zero, displacement=self.row) if self.row.size == system.dofs else zero
-
-
-def run_cases_apart(
-    method: Method,
-    system: System,
-    cases: SineCases,
-    observed: Array,
-    instants: int,
-    workers: int,
-    progress: Progress | None = None,
-) -> SineDwellResults:
-    """Results of cases by separate runs: `run_cases` of a method that has no faster way; see `methods.Method`.
-
-    The amplitudes are those of the instants at which a run is read.
-    """
-    method.check_drive(cases.frequency, "frequencies")
-
-    def run(members: NDArray[np.intp], _: Progress | None) -> SineDwellResults:
-        case = int(members[0])
-        f, measured = float(cases.frequency[case]), int(cases.measured[case])
-        before = int(cases.cycles[case]) - 3 * measured
-        allowed = "must be at most a third of the dwell where each frequency is a separate run"
-        require(before >= 0, "window", measured / f, "s", allowed)
-        of_case, start = with_contacts_of(cases.system(case, system), cases, case), start_of(cases, case)
-        base, warnings = Sine(float(cases.amplitude[case]), f, float(cases.phase[case])), method.check(of_case)
-        nothing = Recorder((), ledger=False, memory_limit=1e15)
-        record = replace(nothing, channels=(_Observed(cases.row(case, observed)),), ledger=instants > 0)
-        unknown, none = np.full(1, np.nan), np.full((len(TOTAL_COLUMNS), len(system.contacts), 1), np.nan)
-        try:
-            if before:
-                start = method.run(of_case, base, before / f, nothing, start).final_state
-            dwell = method.run(of_case, base, 3 * measured / f, record, start)
-        except DivergenceError as error:
-            failure = f"at {f:g} Hz: {error}"
-            return SineDwellResults(no_steady_motion(), none, unknown, unknown, unknown, (failure,), warnings)
-        history = dwell.history
-        cycles = samples_by_cycle(history.time, history.channels["observed"], base, 3 * measured)
-        return SineDwellResults(
-            motion=steady_motion(cycles, np.array([measured])),
-            totals=dwell.totals[:, :, None],
-            duration=np.array([dwell.measured]),
-            residual=unknown if history.energy is None else np.array([history.energy.residual]),
-            bound=unknown if history.energy is None else np.array([BALANCED]),
-            failures=("",),
-            warnings=(*warnings, *dwell.warnings),
-        )
-
-    return in_blocks(run, [np.array([case]) for case in range(cases.frequency.size)], workers, progress)

@@ -16,20 +16,14 @@ from femimpact.excitation import Excitation, require_excitation
 from femimpact.excitation.drives import alone, until
 from femimpact.excitation.excitation import has_cycle
 from femimpact.excitation.remarks import motion_notes
+from femimpact.integrators.assembly import MethodRun
 from femimpact.integrators.cases import AchievedRestitution, run_each, workers_of
 from femimpact.integrators.channel_rows import drive_of, mode_notes
 from femimpact.integrators.methods import Method, require_method
 from femimpact.integrators.planned_drive import drive_warnings, plan_notes
 from femimpact.progress import Progress, check_progress, draws_progress
 from femimpact.response.channels import Channel, Motion, resolve_channels
-from femimpact.response.cycles import (
-    Largest,
-    LargestSample,
-    LargestValues,
-    deflection_warnings,
-    no_steady_motion,
-    steady_motion,
-)
+from femimpact.response.cycles import Largest, LargestSample, LargestValues, deflection_warnings
 from femimpact.response.history import HistoryPiece
 from femimpact.response.impacts import READINGS_IN_CONTACT, impact_statistics
 from femimpact.response.response import Recorder, Response
@@ -265,6 +259,24 @@ def _largest_deflections(response: Response, recorder: Recorder) -> list[float]:
     return found
 
 
+def checked_run(
+    method: Method,
+    system: System,
+    excitation: Excitation,
+    duration: float,
+    recorder: Recorder,
+    initial: State,
+    progress: Progress | None = None,
+) -> MethodRun:
+    """A run on a system and under a drive that the method takes, with all its warnings."""
+    warnings = method.check(system)
+    method.check_drive(np.array([excitation.frequency]), "frequency")
+    run = method.run(system, excitation, duration, recorder, initial, progress)
+    dropped, kept = run.impacts.dropped, len(run.impacts)
+    lost = f"{dropped} impacts beyond the first {kept} are not in the table (Recorder.impacts)"
+    return replace(run, warnings=(*warnings, *run.warnings, *([lost] if dropped else [])))
+
+
 def response_by(
     method: Method,
     system: System,
@@ -275,35 +287,28 @@ def response_by(
     progress: Progress | None = None,
 ) -> Response:
     """The response of one run, with what the method says of it and nothing on the excitation; see `integrate`."""
-    warnings = method.check(system)
-    method.check_drive(np.array([excitation.frequency]), "frequency")
-    run = method.run(system, excitation, duration, recorder, initial, progress)
-    history, impacts, frequency, contacts = run.history, run.impacts, excitation.frequency, system.contacts
-    warnings = (*warnings, *run.warnings)
-    if impacts.dropped:
-        lost = f"{impacts.dropped} impacts beyond the first {len(impacts)} are not in the table (Recorder.impacts)"
-        warnings = (*warnings, lost)
+    run = checked_run(method, system, excitation, duration, recorder, initial, progress)
+    history, frequency, contacts = run.history, excitation.frequency, system.contacts
     laws = ", ".join(dict.fromkeys(pair.law.name for pair in contacts)) or "none"
-    finished = int(np.count_nonzero(run.cycles.samples[:, 0]))
     again = partial(response_by, method, system, excitation, duration, initial=initial)
     return made(
         Response,
         time=history.time,
         channels=history.channels,
         units=history.units,
-        impacts=impacts,
+        impacts=run.impacts,
         sticking=run.sticking,
         statistics=impact_statistics(run.totals, run.measured, frequency, laws),
         statistics_of={
             pair.name: impact_statistics(run.totals[:, j : j + 1], run.measured, frequency, pair.law.name)
             for j, pair in enumerate(contacts)
         },
-        steady=steady_motion(run.cycles, np.array([max(finished // 3, 1)])) if finished else no_steady_motion(),
+        steady=run.steady,
         energy=history.energy,
         snapshots=history.snapshots,
         base=history.base,
         system=system,
-        warnings=warnings,
+        warnings=run.warnings,
         notes=(
             *begun_anew(initial.continuation, run.going_on),
             *method.notes(system),

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.arrays import Array
 from femimpact.errors import check_fields, column, made, quantity, require_type, text
-from femimpact.svg import Chart, Line, axis_of
 from femimpact.table import Head, column_units, flat_columns, frame_of, head_of_columns, named_column, short_repr
 
 if TYPE_CHECKING:
@@ -35,8 +34,6 @@ COUNT, APPROACH_SUM, LARGEST_APPROACH, IMPULSE_SUM, PEAK_FORCE, FORCE_TIME = ran
 READINGS_IN_CONTACT, DRAWN_IN_CONTACT = 10, 20
 """Readings of a contact force in a compliant contact, below which it has a note, and those of a figure at least."""
 
-MOST_DRAWN = 6
-"""Balls and stops whose impacts a notebook shows."""
 
 IMPACT_UNITS = {
     "time": "s",
@@ -96,6 +93,8 @@ class Impacts:
         If `law` is no mapping of names to names.
     """
 
+    _figure: ClassVar[str] = "fi.figures.impact_histograms(response)"
+
     time: Array = field(metadata=column("s", "impacts"))
     phase: Array = field(metadata=column("rad", "impacts"))
     impactor: NDArray[np.str_] = field(metadata=column("", "impacts", of="text"))
@@ -131,18 +130,6 @@ class Impacts:
         shown = [name for name in shown if not len(self) or not np.all(self[name] != self[name])]
         title = f"Impacts: {len(self)}{lost}" + (f" (contact law of {laws})" if laws else "")
         return head_of_columns(title, {name: self[name] for name in shown}, IMPACT_UNITS)
-
-    @property
-    def _picture(self) -> Chart | None:
-        """The impulse of every impact over time."""
-        names = list(dict.fromkeys(self.impactor.tolist()))
-        of_each = [(name, self.impactor == name) for name in names]
-        lines = tuple(
-            Line(name, self.time[mine], 1e3 * self.impulse[mine], 1 + i, "dots")
-            for i, (name, mine) in enumerate(of_each)
-        )
-        up = axis_of("impulse (mN s)", self.impulse * 1e3, zero=True)
-        return Chart("", axis_of("time (s)", self.time), up, lines[:MOST_DRAWN]) if lines else None
 
     @property
     def contact_law(self) -> NDArray[np.str_]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -44,7 +44,6 @@ from femimpact.response.history import (
 from femimpact.response.impacts import EventLog, Impacts, ImpactStatistics, StickingPhases
 from femimpact.response.regimes import Regime, classify, without_cycle
 from femimpact.structure.structure import Position
-from femimpact.svg import Chart, Line, axis_of
 from femimpact.system.state import State
 from femimpact.system.system import System
 from femimpact.table import Head, frame_of, head_of_values, short_repr
@@ -52,10 +51,6 @@ from femimpact.table import Head, frame_of, head_of_values, short_repr
 if TYPE_CHECKING:
     import pandas
     import xarray
-
-
-MOST_DRAWN = 3
-"""Channels that a notebook shows."""
 
 
 @dataclass(frozen=True)
@@ -230,6 +225,8 @@ class Response:
         If the samples, pairs or dofs of a field are not those of the others.
     """
 
+    _figure: ClassVar[str] = "fi.figures.channels(response)"
+
     time: Array = field(metadata=column("s", "samples", finite=True))
     channels: Mapping[str, Array]
     units: Mapping[str, str]
@@ -285,16 +282,6 @@ class Response:
         for name, texts in (("warnings", self.warnings), ("notes", self.notes)):
             values[name] = f"{len(texts)}{f': {texts[0]}' if texts else ''}"
         return head_of_values(f"Response: {kept}", values)
-
-    @property
-    def _picture(self) -> Chart | None:
-        """The first displacements over time."""
-        shown = [name for name, unit in self.units.items() if unit == "m" and name in self.channels][:MOST_DRAWN]
-        if not shown or self.time.size < 2:
-            return None
-        lines = tuple(Line(name, self.time, 1e3 * self.channels[name], 1 + i) for i, name in enumerate(shown))
-        up = axis_of("displacement relative to the base (mm)", *(line.y for line in lines))
-        return Chart("", axis_of("time (s)", self.time, tight=True), up, lines)
 
     def __getitem__(self, name: Position) -> Array:
         key = channel_key(name)

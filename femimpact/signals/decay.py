@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,7 +13,6 @@ from femimpact.arrays import Array, even_interval
 from femimpact.errors import check_fields, checked, column, items, quantity, real_array, require, text
 from femimpact.signals.damped_sines import DecayFit, seen_modes
 from femimpact.signals.decay_windows import noise_of, windows
-from femimpact.svg import Band, Chart, Line, axis_of
 from femimpact.table import Head, flat_columns, frame_of, head_of_columns, named_column, short_repr
 from femimpact.units import interval_texts, number_text
 
@@ -130,6 +129,8 @@ class DecayEstimate:
     warnings, notes : tuple of str
     """
 
+    _figure: ClassVar[str] = "fi.figures.decay(estimate)"
+
     modes: tuple[DecayMode, ...] = field(metadata=items(DecayMode))
     time: Array = field(metadata=column("s", "windows"))
     amplitude: Array = field(metadata=column("", "windows"))
@@ -159,20 +160,6 @@ class DecayEstimate:
             f"{len(self.modes)} mode{'s' * (len(self.modes) > 1)}, {len(self)} windows, {len(self.warnings)} warnings"
         )
         return head_of_columns(f"DecayEstimate: {said}", *self.columns())
-
-    @property
-    def _picture(self) -> Chart | None:
-        """The damping ratio over the amplitude."""
-        if not len(self):
-            return None
-        across = axis_of(f"amplitude ({self.unit})" if self.unit else "amplitude", self.amplitude, zero=True)
-        ratio, known = 100.0 * self.damping_ratio, np.isfinite(self.low)
-        order = np.argsort(self.amplitude)
-        x, low, high = (values[order][known[order]] for values in (self.amplitude, 100.0 * self.low, 100.0 * self.high))
-        bands = (Band(f"{self.level:.0%} interval", x, low, high),) if x.size > 1 else ()
-        up = axis_of("damping ratio (%)", ratio, 100.0 * self.low, 100.0 * self.high, zero=True)
-        lines = (Line("damping ratio", self.amplitude[order], ratio[order], 1, "dots"),)
-        return Chart("Damping ratio over the amplitude", across, up, lines, bands)
 
     def columns(self) -> tuple[dict[str, NDArray[Any]], dict[str, str]]:
         """Columns of the table over the amplitude, and their units."""

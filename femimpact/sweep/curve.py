@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -37,13 +37,11 @@ from femimpact.response.resolution import resolution_warnings
 from femimpact.signals.bandwidth import DampingEstimate, half_power
 from femimpact.signals.one_pole import fit_one_pole
 from femimpact.structure.structure import Position
-from femimpact.svg import Chart, Line, axis_of
-from femimpact.sweep.dwells import DwellRun
 from femimpact.system.modes import first_elastic_frequency
 from femimpact.system.state import State
 from femimpact.system.system import System
 from femimpact.table import Head, flat_columns, frame_of, head_of_columns, named_column, short_repr
-from femimpact.units import number_text, prefixed
+from femimpact.units import number_text
 
 if TYPE_CHECKING:
     import pandas
@@ -159,6 +157,8 @@ class FrequencyResponse:
         longer than the duration.
     """
 
+    _figure: ClassVar[str] = "fi.figures.response_curve(curve)"
+
     frequency: Array = field(metadata=column("Hz", "frequencies", finite=True))
     peak: Array = field(metadata=column("m", "frequencies"))
     rms: Array = field(metadata=column("m", "frequencies"))
@@ -221,18 +221,6 @@ class FrequencyResponse:
         if np.any(self.is_sample):
             units["steadiness"] = "* one start"
         return head_of_columns(title, columns, units, dict.fromkeys(SWEEP_UNITS, self.is_sample))
-
-    @property
-    def _picture(self) -> Chart | None:
-        """The peak over the frequency."""
-        if not np.any(np.isfinite(self.peak)):
-            return None
-        order = np.argsort(self.frequency, kind="stable")
-        factor, unit = prefixed(float(np.nanmax(self.peak)), self.unit)
-        line = Line("peak", self.frequency[order], factor * self.peak[order], marked=self.is_sample[order])
-        note = f"Dots: {ONE_START}." if np.any(self.is_sample) else ""
-        frequency = axis_of("frequency of the base (Hz)", line.x, tight=True)
-        return Chart("", frequency, axis_of(f"peak ({unit})", line.y, zero=True), (line,), note=note)
 
     @property
     def is_sample(self) -> NDArray[np.bool_]:
@@ -338,7 +326,7 @@ def empty_columns(count: int) -> Columns:
 
 
 def columns_of_dwells(found: SineDwellResults, f: Array, ledger: bool) -> tuple[Columns, list[str]]:
-    """Columns of the dwells of one compiled call, and its warnings, with one for each dwell that failed.
+    """Columns of dwells, and their warnings, with one for each dwell that failed.
 
     Raises `DivergenceError` if all have.
     """
@@ -355,21 +343,6 @@ def columns_of_dwells(found: SineDwellResults, f: Array, ledger: bool) -> tuple[
         # a dwell that failed has a warning already
         warnings += residual_warnings(f, np.where(completed, found.residual, 0.0), found.bound)
     return columns, warnings
-
-
-def columns_of_runs(runs: Sequence[DwellRun]) -> tuple[Columns, list[str]]:
-    """The same of dwells that are separate runs."""
-    columns = empty_columns(len(runs))
-    for i, run in enumerate(runs):
-        if run.motion is None or run.statistics is None:
-            continue
-        for name in MOTION_UNITS:
-            columns[name][i] = getattr(run.motion, name)[0]
-        for name in IMPACT_NAMES:
-            columns[name][i] = getattr(run.statistics, name)
-        columns["energy_residual"][i] = run.residual
-    failures = _failures([run.failure for run in runs])
-    return columns, [*dict.fromkeys(text for run in runs for text in run.warnings), *failures]
 
 
 def _failures(failures: Sequence[str]) -> list[str]:

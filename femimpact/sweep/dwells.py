@@ -1,28 +1,23 @@
-"""Dwells of a sweep: its cases, and dwells that are run one by one."""
+"""Dwells of a sweep: its cases, and a chain of them."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from femimpact.arrays import Array
-from femimpact.errors import DivergenceError, checked, in_range, quantity, real_array, require
+from femimpact.errors import checked, in_range, quantity, real_array, require
 from femimpact.excitation import Sine
 from femimpact.excitation.levels import Level, level_at
-from femimpact.integrators.cases import SineCases, run_each
+from femimpact.integrators.cases import SineCases, SineDwellResults
 from femimpact.integrators.methods import Method
-from femimpact.integrators.runs import response_by
+from femimpact.integrators.separate_runs import dwell
 from femimpact.progress import Progress
 from femimpact.response.channels import Channel, channel_of
-from femimpact.response.cycles import ROUNDING, SteadyMotion, samples_by_cycle, steady_motion
-from femimpact.response.energy import BALANCED
-from femimpact.response.impacts import ImpactStatistics
-from femimpact.response.response import Recorder, Response
 from femimpact.system.state import State
 from femimpact.system.system import System
 
@@ -110,96 +105,22 @@ def cases_of(
     )
 
 
-@dataclass(frozen=True, eq=False)
-class DwellRun:
-    """Results of one dwell."""
-
-    motion: SteadyMotion | None  # of the channel over the measured cycles; None of a dwell that failed
-    statistics: ImpactStatistics | None  # over the measured cycles
-    residual: float  # largest energy residual; not a number without a ledger
-    end: State  # at its end; of a dwell that failed, that at its start
-    failure: str = ""  # empty where it has come to its end
-    warnings: tuple[str, ...] = ()
-
-
-def dwells_apart(
-    system: System, cases: SineCases, method: Method, channel: Channel, ledger: bool, workers: int,
-    progress: Progress | None,
-) -> list[DwellRun]:  # fmt: skip
-    """Dwells of a channel that all begin with the initial state, spread over threads.
-
-    Raises `InputError` if a dwell cannot be run at all.
-    """
-
-    def run(case: int, _: Progress | None) -> DwellRun:
-        return _dwell(system, cases, case, cases.initial, method, channel, ledger)
-
-    return list(run_each(run, range(cases.frequency.size), workers, progress))
-
-
 def dwell_chain(
     system: System, cases: SineCases,
     order: Sequence[int],  # numbers of cases; one may occur more than once
     method: Method, channel: Channel, ledger: bool, progress: Progress | None,
-) -> list[DwellRun]:  # fmt: skip
+) -> list[SineDwellResults]:  # fmt: skip
     """Dwells in some order, each of which begins where the last one that has not failed ended.
 
     The base is at zero where the frequency changes: its displacement is continuous, and the motion relative to it.
 
     Raises `InputError` if a dwell cannot be run at all.
     """
-    state, found = cases.initial, list[DwellRun]()
+    state, found = cases.initial, list[SineDwellResults]()
+    default = channel == channel_of(system, system.default_place)
     for case in order:
-        found.append(_dwell(system, cases, case, state, method, channel, ledger))
-        state = found[-1].end
+        one, state = dwell(method, system, cases, case, state, None if default else channel, ledger)
+        found.append(one)
         if progress is not None:
             progress(len(found) / len(order))
     return found
-
-
-def _dwell(
-    system: System, cases: SineCases, case: int, start: State, method: Method, channel: Channel, ledger: bool
-) -> DwellRun:
-    """One dwell: what comes before three times the measured cycles, then these, whose last third is measured."""
-    f, amplitude = float(cases.frequency[case]), float(cases.amplitude[case])
-    cycles, measured = int(cases.cycles[case]), int(cases.measured[case])
-    allowed = "must be at most a third of the dwell where each frequency is a separate run"
-    require(3 * measured <= cycles, "window", measured / f, "s", allowed)
-    base = Sine(amplitude, f, phase=-2.0 * math.pi * f * start.time)
-    state = start
-    try:
-        if cycles > 3 * measured:
-            before = response_by(method, system, base, (cycles - 3 * measured) / f, _recorder((), False), state)
-            state = _end_of(before)
-        # of the default place every run has the amplitudes
-        default = channel == channel_of(system, system.default_place)
-        begin = None if default else state.time + (2.0 * measured + ROUNDING) / f
-        record = replace(_recorder((), ledger), state_at=begin)
-        run = response_by(method, system, base, 3 * measured / f, record, state)
-        motion = run.steady if default else _motion(system, base, run, method, channel, measured)
-    except DivergenceError as error:
-        return DwellRun(None, None, math.nan, start, f"at {f:g} Hz: {error}")
-    residual = math.nan if run.energy is None else run.energy.residual
-    return DwellRun(motion, run.statistics, residual, _end_of(run), warnings=run.warnings)
-
-
-def _recorder(channels: tuple[Channel, ...], ledger: bool) -> Recorder:
-    """The recorder of a run; of a ledger that does not close the curve warns, not the run."""
-    return Recorder(channels, ledger=ledger, memory_limit=1e15, residual_limit=BALANCED)
-
-
-def _end_of(run: Response) -> State:
-    state = run.final_state
-    assert state is not None
-    return state
-
-
-def _motion(system: System, base: Sine, run: Response, method: Method, channel: Channel, measured: int) -> SteadyMotion:
-    """Amplitudes of a channel over the last third of a run, which is run once more with the channel read."""
-    state = run.kept_state
-    assert state is not None
-    again = response_by(method, system, base, measured / base.frequency, _recorder((channel,), False), state)
-    # the first sample is the last one of the cycle before
-    cycles = samples_by_cycle(again.time, again.channels[channel.name], base, measured)
-    motion = steady_motion(cycles, np.array([measured]))
-    return replace(motion, peak=np.array([abs(again.largest(channel).value)]))

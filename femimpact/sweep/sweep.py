@@ -13,9 +13,10 @@ from femimpact.arrays import Array
 from femimpact.errors import checked, level_rows, quantity, require, require_type, truth
 from femimpact.excitation import Sine
 from femimpact.excitation.levels import Level, require_reach
-from femimpact.integrators.cases import SineCases, workers_of
+from femimpact.integrators.cases import SineCases, joined, workers_of
 from femimpact.integrators.channel_rows import drive_of, mode_notes
 from femimpact.integrators.methods import Method, require_method
+from femimpact.integrators.separate_runs import run_cases_apart
 from femimpact.progress import Progress, check_progress, draws_progress
 from femimpact.response.channels import Channel, channel_of
 from femimpact.structure.structure import Position
@@ -23,11 +24,10 @@ from femimpact.sweep.curve import (
     OF_THE_CHANNEL,
     FrequencyResponse,
     columns_of_dwells,
-    columns_of_runs,
     curve_of,
     start_of,
 )
-from femimpact.sweep.dwells import cases_of, dwell_chain, dwell_cycles, dwells_apart
+from femimpact.sweep.dwells import cases_of, dwell_chain, dwell_cycles
 from femimpact.system.state import State
 from femimpact.system.system import System
 
@@ -180,12 +180,13 @@ def frequency_sweep(
         curves = _chained_curves(system, method, cases, direction, measured, ledger, report, about)
         return curves if direction == "both" else curves[direction]
     row = _row(system, measured)
-    if row is None:
-        runs = dwells_apart(system, cases, method, measured, ledger, workers, report)
-        return curve_of(system, method, cases, columns_of_runs(runs), about)
     # methods with steps end a run whose observed value leaves all bounds of a displacement
-    scale = 1.0 if measured.unit == "m" else 2.0 ** math.ceil(math.log2(max(float(np.max(np.abs(row))), 1e-300)))
-    found = method.run_cases(system, cases, row / scale, int(ledger), workers, report)
+    size = 1.0 if row is None else max(float(np.max(np.abs(row))), 1e-300)
+    scale = 1.0 if measured.unit == "m" or row is None else 2.0 ** math.ceil(math.log2(size))
+    if row is None:
+        found = run_cases_apart(method, system, cases, measured, int(ledger), workers, report)
+    else:
+        found = method.run_cases(system, cases, row / scale, int(ledger), workers, report)
     columns, warnings = columns_of_dwells(found, cases.frequency, ledger)
     columns |= {name: scale * columns[name] for name in OF_THE_CHANNEL}
     return curve_of(system, method, cases, (columns, warnings), about)
@@ -216,7 +217,8 @@ def _chained_curves(
     curves = {}
     for i, way in enumerate(ways):
         part = runs[i * count : (i + 1) * count]
-        columns = columns_of_runs(part if way == "up" else part[::-1])
+        found = joined(part if way == "up" else part[::-1], np.arange(count))
+        columns = columns_of_dwells(found, cases.frequency, ledger)
         curves[way] = curve_of(system, method, cases, columns, {**about, "direction": way})
     return curves
 

@@ -36,7 +36,6 @@ from femimpact.errors import (
     suggestion,
 )
 from femimpact.structure.structure import Absorber, Impactor, Position, Stop
-from femimpact.svg import Chart, Line, axis_of
 from femimpact.system.contact_pair import ContactPair, contact_pair
 from femimpact.system.hermite import (
     Reaction,
@@ -67,9 +66,6 @@ from femimpact.system.static import (
     check_unchanged,
 )
 from femimpact.table import Head, head_of_values, short_repr
-
-MOST_DRAWN = 6
-"""Contacts that a notebook shows."""
 
 ALIKE = 1e-6
 """Relative difference of omega^2 below which two modes count as one first mode."""
@@ -287,22 +283,6 @@ class System:
             if not pair.has_walls:
                 values[pair.name] = f"{body} on {pair.free_stiffness:.5g} N/m and {pair.free_damping:.5g} N s/m"
         return head_of_values(f"System: {self.dofs} dofs, contacts: {len(self.contacts)}", values)
-
-    @property
-    def _picture(self) -> Chart | None:
-        """The beam's nodes, and the walls of its contacts across it."""
-        if self.nodes.size < 2:
-            return None
-        nodes = 1e3 * np.asarray(self.nodes)
-        lines = [Line("beam and its nodes", nodes, 0.0 * nodes, 0, marked=np.ones(nodes.size, dtype=bool))]
-        for i, pair in enumerate([pair for pair in self.contacts if pair.has_walls][:MOST_DRAWN]):
-            walls = 1e3 * np.array([-pair.gaps[1], pair.gaps[0]])
-            known = walls[np.isfinite(walls)]
-            name = f"{pair.name}, {'gaps of the stop' if pair.is_stop else 'free travel'}"
-            style = "dots" if pair.is_stop or known.size < 2 else "line"
-            lines.append(Line(name, np.full(known.size, 1e3 * pair.position), known, 1 + i, style))
-        across = axis_of("distance from the root (mm)", *(line.x for line in lines))
-        return Chart("", across, axis_of("across the beam (mm)", *(line.y for line in lines)), tuple(lines))
 
     @property
     def balls(self) -> tuple[ContactPair, ...]:

@@ -22,12 +22,11 @@ from femimpact.app.parametric.paths import (
     study_with,
     unknown_path,
 )
-from femimpact.app.study.base_motion import BaseMotion, SignalMotion
-from femimpact.app.study.forces import DrivenMotion
+from femimpact.app.study.drives import BASES
 from femimpact.app.study.parameter_plan import MOST_STARTS, AxisValues, Distribution, SamplePlan, axis_from
 from femimpact.app.study.study import Study
 from femimpact.arrays import Integers
-from femimpact.errors import Fault, InputError, check_fields, kind_of, optional, quantity, require
+from femimpact.errors import Fault, InputError, check_fields, checked, kind_of, optional, quantity, require
 from femimpact.excitation import Sine
 from femimpact.integrators.methods import Method, require_method
 from femimpact.structure.structure import Position
@@ -224,17 +223,13 @@ class ParameterStudy:
     @property
     def has_cycle(self) -> bool:
         """True if the base moves by a sine: cases of other motions are runs of the complete history."""
-        return not isinstance(self.study, Study) or isinstance(self.study.base, BaseMotion)
+        return not isinstance(self.study, Study) or self.study.kind == "sine"
 
     @property
     def _motion(self) -> str:
         """Name of the motion of a base that has no cycle."""
-        base: Any = self.study.base  # type: ignore[union-attr]
-        return (
-            f"a motion of kind {base.kind!r}"
-            if isinstance(base, SignalMotion | DrivenMotion)
-            else f"the record {base.record!r}"
-        )
+        study: Any = self.study
+        return f"the record {study.record!r}" if study.kind == "record" else f"a motion of kind {study.kind!r}"
 
     @cached_property
     def dwell(self) -> int:
@@ -255,12 +250,10 @@ class ParameterStudy:
         """Frequency, amplitude, phase and start of the base where no axis gives them; None is not known."""
         if not self.has_cycle:
             return {}
-        if isinstance(self.study, Study):
-            base = self.study.base
-            return {name: getattr(base, name) for name in ("frequency", "amplitude", "phase", "start")}
-        sine = self.excitation
-        given = {} if sine is None else {name: getattr(sine, name) for name in ("frequency", "amplitude", "phase")}
-        return {"frequency": None, "amplitude": None, "phase": 0.0, "start": "base"} | given
+        given: Any = self.study
+        sine, start = (given.sine, given.start) if isinstance(given, Study) else (self.excitation, "base")
+        numbers = {"frequency": None, "amplitude": None, "phase": 0.0}
+        return {name: getattr(sine, name, default) for name, default in numbers.items()} | {"start": start}
 
     @property
     def observed(self) -> Position:
@@ -327,7 +320,7 @@ class ParameterStudy:
             number = isinstance(value, (int, float))
             require(number, place.path, value, place.unit, f"must be a finite number, in {place.unit}")
         elif place.owner == "base" and self.has_cycle:
-            BaseMotion(**{"frequency": 1.0, "amplitude": 1.0, place.field: value})
+            checked(place.field, value, BASES["sine"].table_keys[place.field].metadata)
         elif place.owner == "method" and isinstance(self.study, Study):
             self.systems.method_of(self.nominal, {place: value})
         elif isinstance(self.study, Study):
@@ -378,9 +371,9 @@ class CaseTable:
         """Value of an axis in a case."""
         return self.levels[axis][int(self.codes[axis][case])]
 
-    def values(self, case: int) -> dict[str, Any]:
-        """Values of a case by their paths."""
-        return {place.path: self.value(axis, case) for axis, place in enumerate(self.places)}
+    def values(self, case: int) -> dict[Place, Any]:
+        """Values of a case by their places."""
+        return {place: self.value(axis, case) for axis, place in enumerate(self.places)}
 
     def axes_before(self, stage: Stage) -> tuple[int, ...]:
         """Numbers of the axes whose values make a case anew before some stage."""

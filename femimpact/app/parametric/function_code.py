@@ -16,6 +16,9 @@ from importlib.util import resolve_name
 from pathlib import Path
 from typing import Any
 
+PACKAGE = next(folder for folder in Path(__file__).parents if folder.name == "femimpact")
+"""The folder of femimpact's sources, which are in the key."""
+
 HOMES = ("builtins", "numpy", "scipy.special")
 """Modules of functions that do not say where they are from, as functions of arrays."""
 
@@ -29,9 +32,9 @@ class NotComparableError(Exception):
 
 @cache
 def _library_folders() -> tuple[str, ...]:
-    """The standard library and femimpact, whose sources are in the key."""
+    """The standard library and femimpact."""
     standard = {os.path.dirname(os.__file__), sysconfig.get_path("stdlib"), sysconfig.get_path("platstdlib")}
-    return tuple(f"{folder}{os.sep}" for folder in (*standard, str(Path(__file__).parents[2])))
+    return tuple(f"{folder}{os.sep}" for folder in (*standard, str(PACKAGE)))
 
 
 def is_library_file(path: str) -> bool:

@@ -26,6 +26,7 @@ import scipy.sparse as sparse
 from femimpact import core
 from femimpact.app.parametric.definition import ParameterStudy
 from femimpact.app.parametric.function_code import (
+    PACKAGE,
     NotComparableError,
     add_source_files,
     code_hash,
@@ -44,7 +45,7 @@ from femimpact.system.system import System
 NUMERICAL = ("contact", "excitation", "fem", "integrators", "response", "structure", "system", "app/parametric")
 """Folders whose sources decide the numbers."""
 
-BESIDE = ("app/study/study.py", "app/study/parameter_plan.py", "app/study/base_motion.py")
+BESIDE = ("app/study/study.py", "app/study/parameter_plan.py", "app/study/drives.py")
 """Files of other folders whose sources do."""
 
 WITHOUT = ("text", "path", "plan", "output", "sweep", "orbits")
@@ -71,16 +72,15 @@ def sources_key() -> str:
 
     Raises `FileNotFoundError` if one of them has no sources.
     """
-    root = Path(__file__).parents[2]
     digest = hashlib.sha256()
-    paths = [root / name for name in BESIDE]
+    paths = [PACKAGE / name for name in BESIDE]
     for folder in NUMERICAL:
-        sources = sorted((root / folder).rglob("*.py"))
+        sources = sorted((PACKAGE / folder).rglob("*.py"))
         if not sources:
             raise FileNotFoundError(f"femimpact has no sources in {folder}, which decide the numbers of a study")
         paths += sources
     for path in paths:
-        digest.update(str(path.relative_to(root)).encode() + b"\0" + path.read_bytes() + b"\0")
+        digest.update(str(path.relative_to(PACKAGE)).encode() + b"\0" + path.read_bytes() + b"\0")
     return digest.hexdigest()
 
 

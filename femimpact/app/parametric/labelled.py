@@ -19,7 +19,7 @@ from femimpact.app.parametric.runs import BlockValues
 from femimpact.app.study.study import Study
 from femimpact.app.study.study_file import study_text
 from femimpact.arrays import Array, Integers
-from femimpact.excitation.drives import drive_words
+from femimpact.excitation.drive_words import drive_words
 from femimpact.figures.study_labels import STATISTICS
 from femimpact.integrators.planned_drive import contact_notes, step_rows
 from femimpact.integrators.preflight_row import PreflightRow

@@ -13,10 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from femimpact.app.study.base_motion import HISTORY_KEYS, SIGNALS, SUM, BaseMotion, DriveKind, SignalMotion
-from femimpact.app.study.base_motion import PARTS as KINDS_OF_PARTS
+from femimpact.app.study.drives import BASES, FORCES, base_with, force_of, force_table, kind_of, named_forces
+from femimpact.app.study.drives import PARTS as KINDS_OF_PARTS
 from femimpact.app.study.file_units import START
-from femimpact.app.study.forces import FORCE_KINDS, DrivenMotion, RestMotion, StudyForce
 from femimpact.app.study.study import (
     Gravity,
     MeshChoice,
@@ -27,7 +26,8 @@ from femimpact.app.study.study import (
     method_for,
     read_mesh_of,
 )
-from femimpact.errors import Fault, InputError, in_range, quantity, require, suggestion
+from femimpact.errors import Fault, InputError, checked, in_range, quantity, require, suggestion
+from femimpact.excitation import Sine
 from femimpact.fem.assembly import assemble, assembled_with_modes
 from femimpact.fem.mesh import Mesh
 from femimpact.integrators.event_driven import EventDriven
@@ -73,12 +73,6 @@ OF_BALL = ("mass", "free_stiffness", "acceleration", "free_damping")
 
 BASE = {"frequency": "Hz", "amplitude": "m", "phase": "rad", "start": ""}
 
-ALTERNATIVES = {
-    "amplitude": "acceleration", "acceleration": "amplitude", "cycles": "seconds", "seconds": "cycles",
-    "duration": "octaves_per_minute", "octaves_per_minute": "duration",
-}  # fmt: skip
-"""Keys of which a drive has one alone."""
-
 FIXED = "does not follow from the contacts, the excitation and the start, which are all that a System leaves open"
 
 
@@ -118,60 +112,23 @@ def _places(study: Study) -> Iterator[Place]:
         yield from _fields_of(study.reduction, "reduction", "", Stage.MODES)
     yield from _fields_of(METHODS[study.method.get("name", "newmark")], "method", "", Stage.METHOD)
     moving = [ball.name for ball in structure.impactors] + [body.name for body in structure.absorbers]
-    yield from _excitation_and_start(moving, _units_of_base(study.motion))
-    yield from _parts_of_sum(study.motion)
-    if isinstance(study.base, DrivenMotion):
-        for name, force in study.base.named():
-            yield from _numbers_of_force(name, force)
+    yield from _excitation_and_start(moving, _units_of_base(study.base))
+    for name, force in named_forces(study.base, study.forces):
+        history = getattr(force, "history", force)
+        for key, unit in {"at": "m", **FORCES[kind_of(history, FORCES)].axes(history)}.items():
+            yield _place("force", name, key, unit, Stage.CASE)
 
 
 def _units_of_base(base: Any) -> Mapping[str, str]:
-    """Values of [base] that are numbers, and the start, each with its unit, by their keys in a study file."""
-    if isinstance(base, BaseMotion):
+    """Keys of [base] that are numbers, and the start, each with its unit; of the parts of a sum as well."""
+    if isinstance(base, Sine):
         return BASE
-    if isinstance(base, RestMotion) or (isinstance(base, SignalMotion) and base.kind not in SIGNALS):
-        return {"history": "s", "initial": ""}
-    if not isinstance(base, SignalMotion):
-        return {"scale": "1", "duration": "s", "start": "", "high_pass": "Hz"}
-    # what a start is called beside a chirp's first frequency
-    return {**_numbers(SIGNALS[base.kind], dict(base.values)), "history": "s", "initial": ""}
-
-
-def _numbers(kind: DriveKind, values: Mapping[str, Any]) -> dict[str, str]:
-    """Keys of a drive that are numbers, given or by default, with their units."""
-    given = {
-        key for key, value in values.items() if isinstance(value, (int, float, tuple)) and not isinstance(value, bool)
-    }
-    return {
-        key: metadata.get("unit", "")
-        for key, metadata in kind.metadata.items()
-        if key in given or (metadata.get("unit") and key not in values and ALTERNATIVES.get(key) not in values)
-    }
-
-
-def _parts_of_sum(base: Any) -> Iterator[Place]:
-    """Numbers of the parts of a sum, `base.parts.1.amplitude`."""
-    if isinstance(base, SignalMotion) and base.kind == SUM:
-        for number, part in enumerate(dict(base.values)["parts"], start=1):
-            values = dict(part)
-            for key, unit in _numbers(KINDS_OF_PARTS[values.pop("kind", "sine")], values).items():
-                yield _place("base", f"parts.{number}", key, unit, Stage.CASE)
-
-
-def _numbers_of_force(name: str, force: StudyForce) -> Iterator[Place]:
-    """Numbers of a force."""
-    yield _place("force", name, "at", "m", Stage.CASE)
-    for key, unit in _numbers(FORCE_KINDS[force.kind], dict(force.values)).items():
-        yield _place("force", name, key, unit, Stage.CASE)
-
-
-def _with_force(base: DrivenMotion, name: str, key: str, value: Any) -> DrivenMotion:
-    """Drives with a number of one of their forces changed."""
-    changed = []
-    for named, force in base.named():
-        given = {key: value} if key == "at" else {"values": tuple({**dict(force.values), key: value}.items())}
-        changed.append(replace(force, **given) if named == name else force)
-    return replace(base, forces=tuple(changed))
+    kind = BASES[kind_of(base, BASES)]
+    units = kind.axes(base) | {key: one.metadata["unit"] for key, one in kind.beside.items()}
+    for number, part in enumerate(getattr(base, "parts", ()), start=1):
+        of_part = KINDS_OF_PARTS[kind_of(part, KINDS_OF_PARTS)].axes(part)
+        units |= {f"parts.{number}.{key}": unit for key, unit in of_part.items()}
+    return units
 
 
 def _places_of_system(system: System) -> Iterator[Place]:
@@ -189,7 +146,8 @@ def _places_of_system(system: System) -> Iterator[Place]:
 
 def _excitation_and_start(balls: list[str], base: Mapping[str, str]) -> Iterator[Place]:
     for name, unit in base.items():
-        yield _place("base", "", name, unit, Stage.CASE)
+        part, _, key = name.rpartition(".")
+        yield _place("base", part, key, unit, Stage.CASE)
     for ball in balls:
         for name, unit in START.items():
             yield _place("start", ball, name, unit, Stage.CASE)
@@ -226,24 +184,13 @@ def study_with(study: Study, values: Mapping[Place, Any]) -> Study:
 
     Raises `InputError` if a value is out of range, or does not fit the others.
     """
-    found: dict[str, Any] = {"structure": study.structure}
     for place, value in values.items():
         try:
-            _change(found, study, place, value)
+            changed = _changed(study, place, value)
         except InputError as error:
             raise _under(place, error) from None
-    return replace(study, **found)
-
-
-def damping_with(study: Study, values: Mapping[Place, Any]) -> Any:
-    """The damping of a study with some of its values changed; see `study_with`."""
-    damping: Any = study.structure.damping
-    for place, value in values.items():
-        try:
-            damping = replace(damping, **{place.field: value})
-        except InputError as error:
-            raise _under(place, error) from None
-    return damping
+        study = replace(study, **changed)
+    return study
 
 
 def _under(place: Place, error: InputError) -> InputError:
@@ -256,47 +203,42 @@ def _prefix(place: Place) -> str:
     return "base." if place.owner == "base" else place.path.removesuffix(place.field.rpartition(".")[2])
 
 
-def _change(found: dict[str, Any], study: Study, place: Place, value: Any) -> None:
-    structure, owner, name = found["structure"], place.owner, place.field
+def _changed(study: Study, place: Place, value: Any) -> dict[str, Any]:
+    """The fields of a study that another value at a place changes."""
+    owner, name, structure = place.owner, place.field, study.structure
+    damping: Any = structure.damping
     if owner == "start":
-        return
+        return {}
     if owner in PARTS:
-        changed = tuple(
+        changed: Any = tuple(
             _item_with(item, name, value) if item.name == place.part else item
             for item in getattr(structure, PARTS[owner])
         )
-        found["structure"] = replace(structure, **{PARTS[owner]: changed})
-    elif owner == "beam":
+        return {"structure": replace(structure, **{PARTS[owner]: changed})}
+    if owner == "beam":
         segments = tuple(
             replace(segment, **{name: value}) if place.part in ("", segment.name) else segment
             for segment in structure.beam.segments
         )
-        found["structure"] = replace(structure, beam=replace(structure.beam, segments=segments))
-    elif owner == "damping":
-        found["structure"] = replace(structure, damping=replace(structure.damping, **{name: value}))
-    elif owner == "gravity":
-        found["structure"] = replace(structure, gravity=Gravity(value).acceleration)
-    elif owner == "method":
+        return {"structure": replace(structure, beam=replace(structure.beam, segments=segments))}
+    if owner == "damping":
+        return {"structure": replace(structure, damping=replace(damping, **{name: value}))}
+    if owner == "gravity":
+        return {"structure": replace(structure, gravity=Gravity(value).acceleration)}
+    if owner == "method":
         # checked by the method, when it is made
-        found["method"] = {**found.get("method", study.method), name: value}
-    elif owner == "force":
-        found["base"] = _with_force(found.get("base", study.base), place.part, name, value)
-    elif owner == "base":
-        base: Any = found.get("base", study.base)
-        motion: Any = base.motion if isinstance(base, DrivenMotion) else base
-        given = {name: value}
-        if isinstance(motion, SignalMotion) and name not in HISTORY_KEYS:
-            values = dict(motion.values)
-            if place.part:
-                parts, i = list(values["parts"]), int(place.part.rpartition(".")[2]) - 1
-                parts[i] = tuple({**dict(parts[i]), name: value}.items())
-                given = {"parts": tuple(parts)}
-            given = {"values": tuple({**values, **given}.items())}
-        motion = replace(motion, **given)
-        found["base"] = replace(base, motion=motion) if isinstance(base, DrivenMotion) else motion
-    else:
-        kept: MeshChoice | Reduction | Any = found.get(owner, getattr(study, owner))
-        found[owner] = replace(kept, **{name: value})
+        return {"method": {**study.method, name: value}}
+    if owner == "force":
+        forces = dict(named_forces(study.base, study.forces))
+        forces[place.part] = force_of(force_table(forces[place.part]) | {name: value})
+        return {"forces": tuple(forces.values())}
+    if owner == "base":
+        beside = BASES[kind_of(study.base, BASES)].beside.get(name)
+        if beside is not None:
+            return {beside.argument: checked(name, value, beside.metadata)}
+        return {"base": base_with(study.base, place.path.removeprefix("base."), value)}
+    kept: MeshChoice | Reduction | Any = getattr(study, owner)
+    return {owner: replace(kept, **{name: value})}
 
 
 def _item_with(item: Any, name: str, value: Any) -> Any:
@@ -382,7 +324,7 @@ class CaseSystems:
             rest = {place: value for place, value in values.items() if place.stage < Stage.BALL}
             return _with_balls(self.of(rest), of_balls)
         if of_damping and isinstance(self.given, Study):
-            damping = damping_with(self.given, of_damping)
+            damping = study_with(self.given, of_damping).structure.damping
             if _is_damping_of_modes(self.given, damping):
                 return _damped(self.of(of_modes), damping)
         with warnings.catch_warnings():

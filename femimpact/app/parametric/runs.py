@@ -94,12 +94,6 @@ class CaseGroup:
         return response_by(self.method, system, base, duration, record, start_of(self.runs, run))
 
 
-def values_of_case(study: ParameterStudy, case: int) -> dict[Place, Any]:
-    """Values of a case by their places."""
-    table = study.table
-    return {place: table.value(axis, case) for axis, place in enumerate(table.places)}
-
-
 def case_groups(study: ParameterStudy, block: BlockValues) -> Iterator[CaseGroup]:
     """Groups of the cases of a block; cases that have no system, law or method are recorded as failed."""
     for parts in _cases_by_system(study, block):
@@ -118,7 +112,7 @@ def case_groups(study: ParameterStudy, block: BlockValues) -> Iterator[CaseGroup
 
 def raise_of_case(study: ParameterStudy, case: int) -> None:
     """Raise the error for which a case has no system, law or method."""
-    values = values_of_case(study, case)
+    values = study.table.values(case)
     system = study.systems.of(values)
     _laws_of_case(study, system, case)
     study.systems.method_of(system, values)
@@ -137,7 +131,7 @@ def _cases_by_system(
     found: dict[Any, list[tuple[dict[Place, Any], System, Integers]]] = {}
     rows = _equal_rows(codes, block.cases.size)
     for number, members in enumerate(rows):
-        values = values_of_case(study, int(block.cases[members[0]]))
+        values = study.table.values(int(block.cases[members[0]]))
         try:
             system = study.systems.of(values)
         except FemimpactError as error:
@@ -287,14 +281,7 @@ def _runs(
         draws = unit_draws(starts, balls, study.seed)
         placed, moving = scaled_starts(draws, gaps[:, :balls], amplitude * (2.0 * np.pi * frequency))
     else:
-        placed, moving = (
-            np.stack(
-                [_column(study, f"start.{pair.name}.{name}", cases, default) for pair in system.balls]
-                or [np.zeros(cases.size)], axis=1,
-            )[:, None, :balls]
-            # where no axis places a ball it is where the initial state has it
-            for name, default in (("position", np.nan), ("speed", 0.0))
-        )  # fmt: skip
+        placed, moving = (column[:, None] for column in _starts_of_balls(study, system, cases))
     return SineCases(
         frequency=np.repeat(frequency, starts),
         amplitude=np.repeat(amplitude, starts),
@@ -308,6 +295,13 @@ def _runs(
         cycles=np.full(cases.size * starts, study.dwell),
         measured=np.full(cases.size * starts, study.dwell // 3),
     )
+
+
+def _starts_of_balls(study: ParameterStudy, system: System, cases: Integers) -> Iterator[Array]:
+    """Places (m) and speeds (m/s) of the balls that axes give, (cases, balls): not a number is the initial state's."""
+    for name, default in (("position", np.nan), ("speed", 0.0)):
+        rows = [_column(study, f"start.{pair.name}.{name}", cases, default) for pair in system.balls]
+        yield np.reshape(rows, (len(rows), cases.size)).T
 
 
 def _column(study: ParameterStudy, path: str, cases: Integers, default: Any) -> Array:
@@ -374,7 +368,7 @@ def history_of_case(
 
     Raises `InputError` if the case cannot be run.
     """
-    values = values_of_case(study, case)
+    values = study.table.values(case)
     given: Any = study.study
     changed = study_with(given, {place: value for place, value in values.items() if place.stage is Stage.CASE})
     structure: Any = changed.structure
@@ -384,28 +378,24 @@ def history_of_case(
         replace(pair, gaps=bodies[pair.name].gaps, law=bodies[pair.name].contact) for pair in system.contacts
     )
     system = with_checked_pairs(system, contacts)
-    state = _start_of_history(study, system, changed, values, start)
+    state = _start_of_history(study, system, changed, case, start)
     if without_balls:
         system, state = without_impactors(system), replace(state, ball_displacement=None, ball_velocity=None)
     method = study.systems.method_of(system, values)
-    duration = changed.base.history_duration
-    drive = until(changed.base.excitation, state.time + duration + 0.5 * (record.interval or 0.0))
+    duration = changed.history_duration
+    drive = until(changed.excitation, state.time + duration + 0.5 * (record.interval or 0.0))
     return response_by(method, system, drive, duration, record, state)
 
 
 def _start_of_history(
-    study: ParameterStudy, system: System, changed: Study, values: dict[Place, Any], start: int
+    study: ParameterStudy, system: System, changed: Study, case: int, start: int
 ) -> State:  # fmt: skip
     """The start of a case: that of its base, with the balls where the axes or the draws have them."""
-    state, base = changed.initial, changed.base.excitation
+    state, base = changed.initial, changed.excitation
     if study.starts > 1:
         draws = unit_draws(study.starts, len(system.balls), study.seed)[start]
-        return drawn_state(system, state, base, changed.base.history_duration, draws)
-    by_path = {place.path: value for place, value in values.items()}
-    placed, moving = (
-        np.array([float(by_path.get(f"start.{pair.name}.{name}", default)) for pair in system.balls])
-        for name, default in (("position", np.nan), ("speed", 0.0))
-    )
+        return drawn_state(system, state, base, changed.history_duration, draws)
+    placed, moving = (rows[0] for rows in _starts_of_balls(study, system, np.array([case])))
     placed = _placed_balls(placed, system, state, base)
     # what is not given may be that of the static state
     given: dict[str, Any] = {"ball_displacement": placed} if placed.size and not np.isnan(placed).any() else {}

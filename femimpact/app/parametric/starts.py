@@ -156,7 +156,7 @@ def drawn_histories(prepared: PreparedStudy, report: Report) -> tuple[dict[str, 
     Returns these and why some starts have none, as of `drawn_curves`.
     """
     study, small, starts = prepared.study, prepared.small, prepared.study.output.starts
-    base, duration = study.excitation, study.base.history_duration
+    base, duration = study.excitation, study.history_duration
     record = replace(prepared.record, snapshots=0, ledger=False, state_at=None)
     draws, rows, failed = unit_draws(starts, len(small.balls), SEED), [], dict[str, str]()
     for i in range(starts):

@@ -217,10 +217,10 @@ def lines_of_check(study: Study) -> tuple[list[str], Preflight]:
 
 def preflight_of_study(study: Study, small: System) -> Preflight:
     """The rows of a study with the system that is integrated."""
-    base, plan = study.base, study.sweep
+    plan = study.sweep
     grid = None if plan is None else refined_grid(plan, without_impactors(small), None)
     found = preflight(
-        small, study.excitation, duration=base.history_duration, frequencies=grid,
+        small, study.excitation, duration=study.history_duration, frequencies=grid,
         cycles=plan.cycles if plan else None, structure=study.structure, initial=study.initial,
         acceleration=plan.acceleration if plan else None,
     )  # fmt: skip

@@ -1,1 +1,1 @@
-"""One HTML file for the results of a run: conclusions, drawings, charts, tables, and a player of the motion."""
+"""One HTML file for the results of a run: conclusions, pictures, tables, and a player of the motion."""

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
+from femimpact.app.report.markup import Child, Element, element, markup
 from femimpact.files import atomic_write
-from femimpact.svg import Child, Element, chart_style, element, markup
-from femimpact.units import MINUS, NO_NUMBER, typeset
+from femimpact.units import MINUS, NO_NUMBER, typeset_number
 
 MOST_ROWS = 200
 """Rows of a table that a report shows."""
@@ -167,7 +167,7 @@ def _texts(values: Sequence[Any], given: int | None = None) -> list[str]:
     if wide and largest >= 1e-3:
         # of several units: each number for itself
         each = given or DIGITS
-        return [NO_NUMBER if value is None or value == "" else typeset(float(value), each) for value in values]
+        return [NO_NUMBER if value is None or value == "" else typeset_number(float(value), each) for value in values]
     if wide or largest < 1e-4 or largest >= 1e7:
         return [_plain(value, f"{float(value or 0.0):.{(given or LEAST_DIGITS) - 1}e}") for value in values]
     most, least = math.floor(math.log10(largest)), math.floor(math.log10(smallest))
@@ -183,7 +183,7 @@ def _plain(value: Any, text: str) -> str:
     if value is None or value == "" or math.isnan(float(value)):
         return NO_NUMBER
     if math.isinf(float(value)):
-        return typeset(float(value))
+        return typeset_number(float(value))
     mantissa, _, exponent = text.partition("e")
     return _sign(f"{mantissa}e{int(exponent)}" if exponent else mantissa)
 
@@ -216,7 +216,7 @@ def _number_cells(values: Sequence[Any], digits: int | None) -> list[Element]:
 
 def _text_cells(values: Sequence[Any]) -> list[Element]:
     texts = [NO_NUMBER if value is None or value == "" else str(value) for value in values]
-    texts = [typeset(value, 5) if _is_number(value) else text for value, text in zip(values, texts, strict=True)]
+    texts = [typeset_number(value, 5) if _is_number(value) else text for value, text in zip(values, texts, strict=True)]
     kind = "td.short" if max(map(len, texts), default=0) <= SHORT else "td"
     return [element(kind, text, data_value="" if text == NO_NUMBER else None) for text in texts]
 
@@ -224,10 +224,10 @@ def _text_cells(values: Sequence[Any]) -> list[Element]:
 MOST_BYTES = 3_000_000
 """Size of a report beyond which it is thinned."""
 
-POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
+POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
 """Allows a browser the styles and scripts of the page, and no request."""
 
-SCRIPTS = ("charts.js", "tables.js", "player.js")
+SCRIPTS = ("tables.js", "player.js")
 
 
 @dataclass(frozen=True, eq=False)
@@ -265,7 +265,7 @@ def page_bytes(page: Page) -> bytes:
         element("meta", name="color-scheme", content="light dark"),
         element("meta", name="generator", content="femimpact"),
         element("title", page.title),
-        element("style", chart_style() + _packaged("report.css")),
+        element("style", _packaged("report.css")),
     )
     body = element(
         "body",

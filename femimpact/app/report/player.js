@@ -28,7 +28,7 @@ document.querySelectorAll(".player").forEach(function (root) {
   const slider = root.querySelector("input[type=range]");
   const output = root.querySelector("output");
   const play = root.querySelector("[data-do=play]");
-  const plot = root.querySelector(".fi-chart .fi-plot");
+  const plot = root.querySelector(".timeline .plot");
   const now = document.createElement("div");
   now.className = "now";
   plot.append(now);
@@ -80,7 +80,7 @@ document.querySelectorAll(".player").forEach(function (root) {
   function colours() {
     const style = getComputedStyle(document.documentElement);
     const named = {};
-    for (const name of ["card", "beam", "box", "floor", "ball", "hit", "solid", "fi-grid", "fi-quiet"]) {
+    for (const name of ["card", "beam", "box", "floor", "ball", "hit", "solid", "faint", "quiet"]) {
       named[name] = style.getPropertyValue("--" + name).trim();
     }
     return named;
@@ -142,7 +142,7 @@ document.querySelectorAll(".player").forEach(function (root) {
     pen.setTransform(ratio, 0, 0, ratio, 0, 0);
     pen.clearRect(0, 0, width, height);
     pen.lineWidth = 1;
-    pen.strokeStyle = paint["fi-grid"];
+    pen.strokeStyle = paint.faint;
     pen.beginPath();
     pen.moveTo(X(0), Y(0));
     pen.lineTo(X(data.length), Y(0));
@@ -203,7 +203,7 @@ document.querySelectorAll(".player").forEach(function (root) {
       pen.stroke();
     }
 
-    pen.fillStyle = paint["fi-quiet"];
+    pen.fillStyle = paint.quiet;
     pen.font = "12px system-ui, sans-serif";
     pen.fillText(s === 1 ? "true scale" : "motion and gaps \u00d7 " + s, 10, height - 10);
     let ball = 0;

@@ -16,14 +16,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from femimpact.app.report.markup import Element, data_element, element
+from femimpact.app.report.picture import svg_element
 from femimpact.arrays import Array, thinned
+from femimpact.figures.drawing import COLOURS, GREY, OffScreen, label_axes, legend_above, panel
 from femimpact.response.history import Snapshots
 from femimpact.response.impacts import Impacts
 from femimpact.response.response import Response
 from femimpact.scene.placed import Contact, PlacedStructure, ball_radius, body_side, placed_structure
 from femimpact.scene.scene import chosen_exaggeration
 from femimpact.structure.structure import Structure
-from femimpact.svg import Band, Chart, Element, Line, axis_of, chart_element, data_element, element
 from femimpact.system.hermite import hermite_rows
 from femimpact.units import TIMES
 
@@ -143,6 +145,7 @@ def player_element(
     response: Response,
     structure: Structure,
     exaggeration: float | None,  # by which motion and gaps are drawn larger; chosen for None
+    key: str = "player",  # begins identifiers
 ) -> Element | None:
     """The player of a response's snapshots, with its data; None where it has none."""
     frames = frames_of(response)
@@ -186,7 +189,7 @@ def player_element(
         element("noscript", element("p", "The player needs scripts, which this browser does not run.")),
         stage,
         controls,
-        chart_element(_history(response, frames)),
+        _history(response, frames, key),
         element("p.keys", KEYS),
         data_element(data),
         tabindex="0", role="group", aria_label="Player of the motion",
@@ -245,23 +248,27 @@ def _packed(values: Array) -> str:
     return base64.b64encode(integers.tobytes()).decode("ascii")
 
 
-def _history(response: Response, frames: Frames) -> Chart:
+def _history(response: Response, frames: Frames, key: str) -> Element:
     """The tip, and the balls with the free space between their walls, over the time that is shown."""
     balls, time = list(response.system.balls), frames.time
-    lines = [Line("tip", time, 1e3 * frames.deflection[:, -1], 0)]
-    bands = []
-    for j, pair in enumerate(balls[:4]):
+    axis = panel(OffScreen(), 9.6, 3.2)
+    axis.plot(time, 1e3 * frames.deflection[:, -1], color=GREY, linewidth=1.2, label="tip")
+    for colour, (j, pair) in zip(COLOURS, enumerate(balls[:MOST_CLOSE]), strict=False):
         at = int(np.argmin(np.abs(frames.stations - pair.position)))
         beam, ball = 1e3 * frames.deflection[:, at], 1e3 * frames.balls[:, j]
         if len(balls) == 1 and pair.has_walls:
-            gaps = (1e3 * pair.gaps[0], 1e3 * pair.gaps[1])
-            bands.append(Band("between the walls", time, beam - gaps[1], beam + gaps[0], 0))
-        hit = np.zeros(time.size, dtype=bool)
-        hit[[frame for frame, contact, _ in frames.impacts if contact == j]] = True
-        lines.append(Line(pair.name, time, ball, 1 + j, marked=hit))
-    shown = [line.y for line in lines] + [band.low for band in bands] + [band.high for band in bands]
-    note = "Dots are impacts." if frames.impacts else ""
-    return Chart(
-        "", axis_of("time (s)", time, tight=True), axis_of("displacement relative to the base (mm)", *shown),
-        tuple(lines), tuple(bands), note=note,
-    )  # fmt: skip
+            plus, minus = (1e3 * gap for gap in pair.gaps)
+            axis.fill_between(
+                time, beam - minus, beam + plus, color=GREY, alpha=0.2, linewidth=0.0, label="between the walls"
+            )
+        axis.plot(time, ball, color=colour, linewidth=1.2, label=pair.name)
+        hits = [frame for frame, contact, _ in frames.impacts if contact == j]
+        if hits:
+            axis.plot(time[hits], ball[hits], ".", color=colour, label=f"impacts of {pair.name}")
+    axis.set_xlim(time[0], time[-1])
+    label_axes(axis, "time (s)", "relative to the base (mm)")
+    legend_above(axis)
+    drawn = svg_element(axis, key, "Displacements over the time that is shown")
+    box = axis.get_position()
+    place = f"left:{box.x0:.4%};width:{box.width:.4%};top:{1.0 - box.y1:.4%};height:{box.height:.4%}"
+    return element("div.frame", element("div.timeline", drawn, element("div.plot", style=place)))

@@ -15,21 +15,19 @@ import numpy as np
 
 from femimpact.app.parametric.best_design import MOST_NAMED, BestCase, design_notes, label_of, more_designs, told
 from femimpact.app.report.page import Conclusion
-from femimpact.app.results.picture_data import read_mode_shapes
+from femimpact.app.results.picture_data import StructureModes, read_mode_shapes
 from femimpact.app.results.result_directory import FILES, ResultsWarning
 from femimpact.app.results.results import carried_of, read_dataset, read_table
+from femimpact.app.study.study import Study
+from femimpact.app.study.study_file import load_study
 from femimpact.app.study.summary import Spread, contacts_of, spread_text, window_of_peaks
 from femimpact.figures.study_labels import axis_names, axis_words, measure_names, single_samples, value_words
 from femimpact.files import read_units
 from femimpact.orbits.figures import MARKS, kind_words
-from femimpact.structure.structure import Structure
-from femimpact.units import SHOWN_IN, interval_texts, prefixed, typeset, unit_text, unit_words
+from femimpact.units import SHOWN_IN, interval_texts, prefixed, typeset_number, unit_text, unit_words
 
 if TYPE_CHECKING:
     import xarray
-
-    from femimpact.system.modes import Modes
-    from femimpact.system.system import System
 
 T = TypeVar("T")
 
@@ -40,7 +38,8 @@ class ResultReading:
 
     folder: Path  # with the files
     summary: dict[str, Any]  # empty where there is none
-    missing: list[str] = field(default_factory=list)  # what could not be read, and why
+    missing: list[str] = field(default_factory=list)  # what could not be read or is not as it was, and why
+    failures: list[str] = field(default_factory=list)  # what could not be read
 
     def attempt(self, what: str, make: Callable[[], T]) -> T | None:
         """The value of `make()`; where it fails None, and a line in `missing`."""
@@ -51,12 +50,19 @@ class ResultReading:
             # what damaged results make a reader raise is without limit, and a report is made of the rest
             except Exception as error:
                 words = " ".join(str(error).split()) or type(error).__name__
-                self.miss(words if words.startswith(str(self.folder)) else f"{what}: {words}")
+                text = words if words.startswith(str(self.folder)) else f"{what}: {words}"
+                self.failures.append(self.miss(text))
                 found = None
         for one in caught:
             if issubclass(one.category, ResultsWarning):
                 self.miss(str(one.message))
         return found
+
+    @cached_property
+    def study(self) -> Study | None:
+        """The study of the results, as the history."""
+        path = self.folder / FILES["study"].name
+        return self.attempt(path.name, lambda: load_study(path)) if path.exists() else None
 
     @cached_property
     def history(self) -> xarray.Dataset | None:
@@ -70,15 +76,16 @@ class ResultReading:
         return self.attempt(name, lambda: read_dataset(self.folder, "parameter_study", self.summary))
 
     @cached_property
-    def modes(self) -> tuple[System, Modes, Structure | None] | None:
+    def modes(self) -> StructureModes | None:
         """The mode shapes, as the history."""
         return self.attempt(FILES["mode_shapes"].name, lambda: read_mode_shapes(self.folder, self.summary))
 
-    def miss(self, text: str) -> None:
+    def miss(self, text: str) -> str:
         """Note what is missing, with names of files alone: a report does not hang on where its directory is."""
         plain = text.replace(f"{self.folder}/", "").replace(f"{self.folder}: ", "")[:400]
         if plain not in self.missing:
             self.missing.append(plain)
+        return plain
 
     def table(self, name: str) -> dict[str, Any] | None:
         """A table of the results by the name of its file; None where there is none, or it cannot be read."""
@@ -125,7 +132,7 @@ def _orbits(summary: Mapping[str, Any]) -> list[Conclusion]:
 
 def _shown(value: float) -> str:
     """Four digits, those at the end that are zero among them."""
-    return str(int(value)) if value == int(value) and abs(value) >= 1000.0 else typeset(value, zeros=True)
+    return str(int(value)) if value == int(value) and abs(value) >= 1000.0 else typeset_number(value, zeros=True)
 
 
 def number_conclusion(label: str, value: float, unit: str, **more: Any) -> Conclusion:
@@ -168,9 +175,9 @@ def _peaks(summary: Mapping[str, Any]) -> list[Conclusion]:
         found.append(
             number_conclusion(
                 f"Largest peak {words}", peak, "m",
-                scatter=f"may be read up to {typeset(100 * (low or 0.0), 2)} % too low" if coarse else "",
+                scatter=f"may be read up to {typeset_number(100 * (low or 0.0), 2)} % too low" if coarse else "",
                 one_sample=bool(_at(summary, "sweep", case, "peak_is_one_start")),
-                note=f"at {typeset(frequency)} Hz, relative to the base{settling}",
+                note=f"at {typeset_number(frequency)} Hz, relative to the base{settling}",
             )
         )  # fmt: skip
     return found
@@ -266,7 +273,7 @@ def _history(summary: Mapping[str, Any]) -> list[Conclusion]:
         return []
     sample = bool(history.get("peak_is_one_start"))
     frequency = _number(history, "frequency")
-    at = f"of the history at {typeset(frequency)} Hz" if frequency is not None else "of the history"
+    at = f"of the history at {typeset_number(frequency)} Hz" if frequency is not None else "of the history"
     found = []
     label = _at(history, "regime", "label")
     # without a cycle nothing could repeat
@@ -287,7 +294,7 @@ def _history(summary: Mapping[str, Any]) -> list[Conclusion]:
         unit, largest = _at(about, "unit"), _number(about, "largest_of_run")
         if unit in ("Pa", "N m") and largest is not None:
             time = _number(about, "time_of_largest")
-            words = "largest of the run" if time is None else f"largest of the run, at {typeset(time)} s"
+            words = "largest of the run" if time is None else f"largest of the run, at {typeset_number(time)} s"
             keys = ("channels", str(name), "largest_of_run")
             several = _from_history_starts(summary, keys, str(name), unit, "largest of the run")
             found += several or [number_conclusion(str(name), largest, unit, one_sample=sample, note=words)]
@@ -348,7 +355,7 @@ def _energy(summary: Mapping[str, Any]) -> list[Conclusion]:
     return [
         Conclusion(
             "Energy unaccounted for",
-            typeset(100 * residual, 2),
+            typeset_number(100 * residual, 2),
             "%",
             note="of the energy put in: a check of the computation",
         )
@@ -469,7 +476,7 @@ def study_conclusions(
             scatter = f"{low} to {high} over {starts} starts"
         found.append(
             Conclusion(
-                f"{word.capitalize()} {name.replace('_', ' ')}", typeset(factor * float(array[at]), zeros=True),
+                f"{word.capitalize()} {name.replace('_', ' ')}", typeset_number(factor * float(array[at]), zeros=True),
                 unit_words(array[at], unit), scatter, bool(samples[at]) and not scatter,
                 f"at {_place(data, values.dims, at)}; {rest}",
             )
@@ -502,7 +509,8 @@ def _of_best(data: xarray.Dataset, best: BestCase) -> Iterator[Conclusion]:
         notes = tuple(design_notes(best, design, names))
         more = more_designs(best) if design is shown[-1] else ""
         yield Conclusion(
-            label_of(best).capitalize(), typeset(factor * design.value, zeros=True), unit_words(design.value, unit),
+            label_of(best).capitalize(), typeset_number(factor * design.value, zeros=True),
+            unit_words(design.value, unit),
             scatter, bool(samples[design.case]) and not scatter,
             "; ".join(filter(None, (f"{level}at {told(best, design.values, names)}", rest, more))), notes,
         )  # fmt: skip

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -15,19 +15,7 @@ import numpy as np
 from femimpact.app.parametric.best import best_cases
 from femimpact.app.parametric.best_design import BestCase
 from femimpact.app.report.best_picture import marks_of, worst_over_axes
-from femimpact.app.report.branch_charts import branches_section
-from femimpact.app.report.charts import (
-    axis_section,
-    curves_section,
-    energy_section,
-    history_section,
-    impacts_section,
-    modes_section,
-    steps_section,
-    summary_table,
-)
-from femimpact.app.report.drive_charts import drive_section, spectra_section
-from femimpact.app.report.maps import maps_section
+from femimpact.app.report.markup import Element, element
 from femimpact.app.report.page import (
     Conclusion,
     Page,
@@ -37,6 +25,14 @@ from femimpact.app.report.page import (
     table_element,
     table_of,
     write_page,
+)
+from femimpact.app.report.page_tables import (
+    branch_table,
+    case_table,
+    cases_of_axis,
+    dwell_words,
+    impact_table,
+    summary_table,
 )
 from femimpact.app.report.player import player_element
 from femimpact.app.report.result_conclusions import (
@@ -52,9 +48,11 @@ from femimpact.app.report.result_conclusions import (
     texts_of,
 )
 from femimpact.app.report.structure_drawing import structure_element, structure_words
+from femimpact.app.report.views import SECTIONS, Measure, measures_of, sections_of, spectra_of
 from femimpact.app.results.branch_file import read_followed
 from femimpact.app.results.picture_data import (
-    read_bands,
+    Run,
+    read_convergence,
     read_curves,
     read_film,
     read_last_cycles,
@@ -81,18 +79,18 @@ from femimpact.app.results.result_directory import (
 from femimpact.app.results.results import carried_of, read_json, read_summary
 from femimpact.app.study.prepared import in_study_words
 from femimpact.app.study.study import Study, build
-from femimpact.app.study.study_file import load_study
-from femimpact.app.study.summary import drive_name
 from femimpact.errors import InputError, require, require_path
 from femimpact.excitation import SteppedSine
+from femimpact.excitation.drive_words import drive_words
 from femimpact.excitation.excitation import has_cycle, words_of
 from femimpact.figures.study_labels import in_shown_units
+from femimpact.orbits.figures import kind_words
 from femimpact.scene.placed import DrawnSystem, drawn_system, placed_structure
 from femimpact.signals.densities import MODES, modes_of
 from femimpact.structure.structure import Structure
-from femimpact.svg import Element, element
+from femimpact.system.modes import Modes
 from femimpact.system.system import System
-from femimpact.units import unit_text
+from femimpact.units import PARAMETER_DIGITS, unit_text
 
 if TYPE_CHECKING:
     import xarray
@@ -171,10 +169,8 @@ def page_of(
     if state:
         results.miss(state.replace(str(directory), "DIR"))
     summary, written = results.summary, _convergence_summary(results)
-    study = _study(results)
+    study = results.study
     name, structure, system = _structure(results, study, written)
-    made_of = [results.attempt(words, partial(make, results)) or [] for words, make in SECTIONS]
-    sections = [section for several in made_of for section in several]
     drawing = None
     if structure is not None and system is not None:
         given = structure, system
@@ -185,7 +181,13 @@ def page_of(
     conclusions = results.attempt("conclusions", lambda: conclusions_of(summary)) or ()
     recommended, accuracy = results.table(FILES["convergence_summary"].name), written.get("accuracy")
     conclusions += results.attempt("conclusions", lambda: convergence_conclusions(recommended, accuracy)) or ()
-    studied, more, failures, about, first = _of_parameter_study(results, directory, study)
+    best, reasons = _best(results)
+    studied, more, failures, about = _of_parameter_study(results, directory, best, reasons)
+    records, refused = records_of(results, written, best)
+    beside = beside_of(results) | {"spectra": [element("p", text) for text in refused]}
+    made = sections_of(records, beside, folder=True, miss=results.miss)
+    first = [section for section in made if section.key == "best"]
+    sections = [section for section in made if section.key != "best"]
     data = results.parameter_study
     many_starts = data is not None and int(data.attrs.get("starts", 1)) > 1
     sections.append(about_section(summary or written or about, None if many_starts else study))
@@ -214,11 +216,6 @@ def page_of(
 # ---- what was computed ----------------------------------------------------------------------------
 
 
-def _study(results: ResultReading) -> Study | None:
-    path = results.folder / FILES["study"].name
-    return results.attempt(FILES["study"].name, lambda: load_study(path)) if path.exists() else None
-
-
 def _convergence_summary(results: ResultReading) -> dict[str, Any]:
     name = FILES["convergence_notes"].name
     return results.attempt(name, lambda: read_json(results.folder / name)) or {}
@@ -244,8 +241,8 @@ def _stored_structure(
     results: ResultReading, written: Mapping[str, Any]
 ) -> tuple[Structure, System | DrawnSystem] | None:
     """Structure, places and contacts from the first of the files that has them."""
-    if results.modes is not None and results.modes[2] is not None:
-        return results.modes[2], results.modes[0]
+    if results.modes is not None and results.modes.structure is not None:
+        return results.modes.structure, results.modes.system
     for key in ("last_cycles", "snapshots"):
         found = results.attempt(FILES[key].name, partial(read_run_parts, results.folder, key, results.summary))
         if found is not None:
@@ -273,23 +270,26 @@ def _varied(study: Study) -> dict[str, list[str]]:
     return found
 
 
-def _of_parameter_study(
-    results: ResultReading, directory: Path, study: Study | None
-) -> tuple[list[str], tuple[Conclusion, ...], tuple[str, ...], Mapping[str, Any], list[Section]]:
-    """Sentences, conclusions, failures, versions and the picture of the best case of a parameter study.
+def _best(results: ResultReading) -> tuple[Mapping[str, BestCase], Mapping[str, str]]:
+    """Best cases of a parameter study by their measures, and reasons for which there is none."""
+    data, study = results.parameter_study, results.study
+    if data is None:
+        return {}, {}
+    plan = None if study is None or study.plan is None else study.plan.best
+    return results.attempt(FILES["parameter_study"].name, lambda: best_cases(data, plan)) or ({}, {})
 
-    Cases that were not run are missing.
-    """
-    data, name = results.parameter_study, FILES["parameter_study"].name
+
+def _of_parameter_study(
+    results: ResultReading, directory: Path, best: Mapping[str, BestCase], reasons: Mapping[str, str]
+) -> tuple[list[str], tuple[Conclusion, ...], tuple[str, ...], Mapping[str, Any]]:
+    """Sentences, conclusions, failures and versions of a parameter study; cases that were not run are missing."""
+    data, study, name = results.parameter_study, results.study, FILES["parameter_study"].name
     if data is None:
         if is_folder(directory / STUDY_BLOCKS) and not (results.folder / name).exists():
             results.miss(f"{name}: the parameter study was not finished; the same femimpact study goes on with it")
-        return [], (), (), {}, []
+        return [], (), (), {}
     for text in results.attempt(name, lambda: study_missing(data)) or ():
         results.miss(text)
-    about = results.attempt(name, lambda: study_versions(data)) or {}
-    plan = None if study is None or study.plan is None else study.plan.best
-    best, reasons = results.attempt(name, lambda: best_cases(data, plan)) or ({}, {})
     lead = results.attempt(name, lambda: study_lead(data)) or []
     if study is not None and isinstance(study.excitation, SteppedSine):
         lead.append("A case has one value over all dwells; a sine with the axis base.frequency has one at each.")
@@ -297,20 +297,18 @@ def _of_parameter_study(
         lead,
         results.attempt(name, lambda: study_conclusions(data, best, reasons)) or (),
         results.attempt(name, lambda: study_failures(data)) or (),
-        about,
-        results.attempt(name, lambda: best_sections(data, best)) or [],
+        results.attempt(name, lambda: study_versions(data)) or {},
     )
 
 
-def best_sections(data: xarray.Dataset, best: Mapping[str, BestCase], key: str = "best") -> list[Section]:
-    """The worst value over the axes that one chooses; nothing of a list of cases, or without a best case."""
-    made = list[Section]()
-    for measure, found in best.items():
-        worst = worst_over_axes(data, found)
-        heading = f"The {'worst ' if found.worst_over else ''}{measure.replace('_', ' ')} over what is chosen"
-        section = None if worst is None else maps_section(worst, key, heading, marks_of(found))
-        made += [section] if section is not None else []
-    return made
+def best_measures(data: xarray.Dataset, best: Mapping[str, BestCase]) -> list[Measure]:
+    """The worst value of measures over the axes that one chooses; none of a list of cases, or without a best case."""
+    worst = {measure: worst_over_axes(data, case) for measure, case in best.items()}
+    return [
+        Measure(one, measure, "study_best", marks_of(best[measure]))
+        for measure, one in worst.items()
+        if one is not None
+    ]
 
 
 def _head(*given: str) -> tuple[str, str]:
@@ -323,12 +321,11 @@ def _lead(study: Study | None, summary: Mapping[str, Any], written: Mapping[str,
     """Sentences on what was computed."""
     if study is None:
         return [str(written["problem"])] if "problem" in written else []
-    said = [f"History: {study.base.words}." if "history" in summary else ""]
-    amplitude = getattr(study.base, "amplitude", None)
+    said = [f"History: {study.history_words}." if "history" in summary else ""]
     base = ""
-    if amplitude is not None:
-        reached = unit_text(amplitude * (2.0 * math.pi * study.base.frequency) ** 2, "m/s^2")
-        base = f" The base moves by {1e3 * amplitude:.4g} mm, with {reached} at {study.base.frequency:g} Hz."
+    if study.kind == "sine":
+        reached = unit_text(study.sine.amplitude * (2.0 * math.pi * study.sine.frequency) ** 2, "m/s^2")
+        base = f" The base moves by {1e3 * study.sine.amplitude:.4g} mm, with {reached} at {study.sine.frequency:g} Hz."
     if "sweep" in summary and study.sweep is not None:
         plan = study.sweep
         said.append(
@@ -347,10 +344,141 @@ def _lead(study: Study | None, summary: Mapping[str, Any], written: Mapping[str,
     return [text for text in said if text]
 
 
-# ---- sections ------------------------------------------------------------------------------------
+# ---- records ---------------------------------------------------------------------------------------
 
 
-def _comparison(results: ResultReading) -> list[Section]:
+def records_of(
+    results: ResultReading, written: Mapping[str, Any] | None = None, best: Mapping[str, BestCase] | None = None
+) -> tuple[list[Any], list[str]]:
+    """What the results hold that pictures are drawn of, and why there are no spectra; what cannot be read is noted."""
+    folder, summary, data = results.folder, results.summary, results.parameter_study
+    run = _run(results)
+    records = [
+        results.attempt(FILES["sweep_data"].name, lambda: read_curves(folder, summary)),
+        results.attempt(FILES["branches"].name, lambda: read_followed(folder, summary)),
+        run,
+        results.modes,
+        *_convergence_tables(results, (written or {}).get("accuracy", DEFAULT_ACCURACY)),
+        *(best_measures(data, best) if data is not None and best else ()),
+        *(
+            (results.attempt(FILES["parameter_study"].name, lambda: measures_of(data)) or ())
+            if data is not None
+            else ()
+        ),
+    ]
+    spectra, refused = list[Any](), list[str]()
+    if run is not None and run.whole.base is not None:
+        spectra, refused = results.attempt("spectra", lambda: spectra_of(run.whole, in_study_words)) or ([], [])
+    return [record for record in (*records, *spectra) if record is not None], refused
+
+
+DEFAULT_ACCURACY = 1e-3
+"""Of tables of convergence whose notes are lost."""
+
+
+def _run(results: ResultReading) -> Run | None:
+    """The run of the results: from its history, and from its last cycles where they are there."""
+    study, history = results.study, results.history
+    end = results.attempt(FILES["last_cycles"].name, lambda: read_last_cycles(results.folder, results.summary))
+    if history is None:
+        # impacts and last cycles are drawn without it
+        return None if end is None else Run(replace(end, channels={}, units={}), end)
+    base = study.excitation if study is not None else end.base if end is not None else None
+    system: System | DrawnSystem = DrawnSystem(np.zeros(0), {}) if end is None else end.system
+    if study is not None:
+        system = _system_of(study) if results.modes is None else results.modes.system
+    whole = results.attempt(
+        FILES["history"].name, lambda: read_run(results.folder, results.summary, history, system, base)
+    )
+    return None if whole is None else Run(whole, end)
+
+
+def _convergence_tables(results: ResultReading, accuracy: float) -> Iterator[Any]:
+    """Tables of a convergence study that can be read."""
+    summary = results.table(FILES["convergence_summary"].name)
+    for key, axis, known in (
+        *((f"quantities_over_{axis}", axis, summary) for axis in ("mesh", "step", "modes")),
+        ("statistics_over_mesh", "mesh", None),
+        ("runs_over_step", "step", None),
+    ):
+        name = FILES[key].name
+        columns = results.table(name)
+        if columns is not None and (known is not None or not key.startswith("quantities")):
+            yield results.attempt(name, partial(read_convergence, columns, results.units(name), axis, known, accuracy))
+
+
+def _system_of(study: Study) -> DrawnSystem:
+    """Places and contacts of a study; its modes too where spectra need them, and they need no file of a mesh."""
+    drawn = drawn_system(study.structure, {})
+    if study.mesh.file or has_cycle(study.excitation):
+        return drawn
+    return replace(drawn, modes=modes_of(build(study)[1], MODES))
+
+
+# ---- words and tables beside the pictures ----------------------------------------------------------
+
+
+def beside_of(results: ResultReading) -> dict[str, list[Element]]:
+    """Words, tables and the player of results, by the part of the page in which they stand."""
+    made = {
+        key: results.attempt(SECTIONS[key], partial(make, results))
+        for key, make in (
+            ("comparison", _comparison), ("response", _curve_words), ("orbits", _orbits), ("player", _player),
+            ("drive", _drive), ("motion", _motion), ("modes", _modes),
+        )
+    }  # fmt: skip
+    found = {key: elements for key, elements in made.items() if elements}
+    for key, name, table in TABLES:
+        columns = results.table(FILES[name].name)
+        if columns is not None:
+            shown = results.attempt(
+                FILES[name].name, partial(table, columns, results.units(FILES[name].name), FILES[name].name)
+            )
+            found.setdefault(key, []).extend([] if shown is None else [table_element(shown)])
+    return found
+
+
+def _curve_words(results: ResultReading) -> list[Element]:
+    swept = read_curves(results.folder, results.summary)
+    return [] if swept is None else [element("p", dwell_words(next(iter(swept.curves.values()))))]
+
+
+def _drive(results: ResultReading) -> list[Element]:
+    if results.study is None or results.history is None:
+        return []
+    return [element("p", words) for words in drive_words(results.study.excitation)]
+
+
+def _motion(results: ResultReading) -> list[Element]:
+    """By which criterion the motion is what it is, and which channels are not drawn."""
+    if results.history is None:
+        return []
+    found = results.summary.get("history")
+    regime = found.get("regime") if isinstance(found, dict) else None
+    if not isinstance(regime, dict):
+        return []
+    label, criterion = (str(regime.get(key, "not known")) for key in ("label", "criterion"))
+    judged = f"Kind of motion over the last third: {label}. Criterion: {criterion}."
+    cycle = "base_frequency_Hz" in results.history.attrs
+    return [element("p", judged if cycle else "The excitation has no cycle: no kind of periodic motion is looked for.")]
+
+
+def _player(results: ResultReading) -> list[Element]:
+    film = read_film(results.folder, results.summary)
+    if film is None:
+        drawn = [FILES[key].name for key in ("movie", "deflection_scene")]
+        drawn = [name for name in drawn if (results.folder / name).exists()]
+        if drawn:
+            results.miss(
+                f"{FILES['snapshots'].name}: results of an earlier version have none for a player; "
+                f"{drawn[0]} shows the motion"
+            )
+        return []
+    player = player_element(*film)
+    return [] if player is None else [player]
+
+
+def _comparison(results: ResultReading) -> list[Element]:
     """Table of the paper's results beside ours, remarks on where they differ, and the scan of the restitution."""
     content: list[Element] = []
     beside = results.table(FILES["comparison"].name)
@@ -372,7 +500,7 @@ def _comparison(results: ResultReading) -> list[Section]:
     scan = results.table(name)
     if scan is not None:
         content.append(table_element(table_of("Scan of the restitution", scan, results.units(name), name)))
-    return [Section("comparison", "The paper and ours", tuple(content))] if content else []
+    return content
 
 
 def _plain_column(values: Any) -> list[Any]:
@@ -386,110 +514,21 @@ def _plain_column(values: Any) -> list[Any]:
     return found
 
 
-def _curves(results: ResultReading) -> list[Section]:
-    swept = read_curves(results.folder, results.summary)
-    if swept is None:
-        return []
-    curves, _ = swept
-    carried = carried_of(results.summary)
-    cases = {"empty": f"without {carried}", "ball": f"with {carried}"}
-    named = {cases.get(case, case): curve for case, curve in curves.items()}
-    return [curves_section(named, bands=read_bands(results.folder, results.summary))]
-
-
-def _player(results: ResultReading) -> list[Section]:
-    film = read_film(results.folder, results.summary)
-    if film is None:
-        drawn = [FILES[key].name for key in ("movie", "deflection_scene")]
-        drawn = [name for name in drawn if (results.folder / name).exists()]
-        if drawn:
-            results.miss(
-                f"{FILES['snapshots'].name}: results of an earlier version have none for a player; "
-                f"{drawn[0]} shows the motion"
-            )
-        return []
-    made = player_element(*film)
-    return [Section("player", "The motion", (made,))] if made is not None else []
-
-
-def _motion(results: ResultReading) -> list[Section]:
-    history = results.history
-    if history is None:
-        return []
-    last = results.attempt(FILES["last_cycles"].name, lambda: read_last_cycles(results.folder, results.summary))
-    end = None
-    if last is not None:
-        response = last[1]
-        end = {name: (response.time, values, response.units[name]) for name, values in response.channels.items()}
-    found = results.summary.get("history")
-    regime = found.get("regime") if isinstance(found, dict) else None
-    words, study = [], _study(results)
-    if isinstance(regime, dict):
-        label, criterion = (str(regime.get(key, "not known")) for key in ("label", "criterion"))
-        judged = f"Kind of motion over the last third: {label}. Criterion: {criterion}."
-        cycle = "base_frequency_Hz" in history.attrs
-        words.append(judged if cycle else "The excitation has no cycle: no kind of periodic motion is looked for.")
-    drawn = [history_section(history, end, heading="Histories", words=words)]
-    if study is None:
-        return drawn
-    duration = study.base.history_duration
-    drive = results.attempt("drive", lambda: drive_section(study.excitation, duration))
-    drawn = drawn if drive is None else [drive, *drawn]
-    system = _system_of(study) if results.modes is None else results.modes[0]
-    run = results.attempt(
-        "spectra", lambda: read_run(results.folder, results.summary, history, system, study.excitation)
-    )
-    if run is None:
-        return drawn
-    spectra = results.attempt("spectra", lambda: spectra_section(run, told=in_study_words))
-    return drawn if spectra is None else [*drawn, spectra]
-
-
-def _system_of(study: Study) -> DrawnSystem:
-    """Places and contacts of a study; its modes too where spectra need them, and they need no file of a mesh."""
-    drawn = drawn_system(study.structure, {})
-    if study.mesh.file or has_cycle(study.excitation):
-        return drawn
-    return replace(drawn, modes=modes_of(build(study)[1], MODES))
-
-
-def _energy(results: ResultReading) -> list[Section]:
-    history, study = results.history, _study(results)
-    if history is None:
-        return []
-    made = energy_section(history) if study is None else energy_section(history, drive_name(study.excitation))
-    return [] if made is None else [made]
-
-
-def _of_table(results: ResultReading, key: str, make: Callable[[Any, str], Section | None]) -> list[Section]:
-    """The section that is made of a table, from its columns and its name; none where there is no such table."""
-    name = FILES[key].name
-    columns = results.table(name)
-    made = None if columns is None else make(columns, name)
-    return [] if made is None else [made]
-
-
-def _impacts(results: ResultReading) -> list[Section]:
-    return _of_table(results, "impacts", lambda columns, name: impacts_section(columns, results.units(name), name))
-
-
-def _modes(results: ResultReading) -> list[Section]:
-    found = results.modes
+def _modes(results: ResultReading) -> list[Element]:
+    """Table of the modes, from its file or from the modes themselves."""
     name = FILES["modes"].name
     columns = results.table(name)
-    table = (
-        None
-        if columns is None
-        else table_of(
-            f"Modes without {carried_of(results.summary)}",
-            {k: _whole(v) for k, v in columns.items()},
-            results.units(name),
-            name,
-        )
-    )
-    if found is None:
-        return [] if table is None else [Section("modes", "Modes", (table_element(table),))]
-    return [modes_section(found[0], found[1], table)]
+    if columns is not None:
+        title = f"Modes without {carried_of(results.summary)}"
+        whole = {key: _whole(values) for key, values in columns.items()}
+        return [table_element(table_of(title, whole, results.units(name), name))]
+    return [] if results.modes is None else [table_element(table_of("Modes", *_mode_columns(results.modes.modes)))]
+
+
+def _mode_columns(modes: Modes) -> tuple[dict[str, Any], dict[str, str]]:
+    columns = {name: getattr(modes, name) for name in ("natural_frequency", "damping_ratio", "participation_factor")}
+    numbered = {"mode": np.arange(1, modes.natural_frequency.size + 1), **columns}
+    return numbered, {"natural_frequency": "Hz", "participation_factor": "kg^0.5"}
 
 
 def _whole(values: Any) -> Any:
@@ -506,42 +545,7 @@ def _whole(values: Any) -> Any:
     )
 
 
-def _convergence(results: ResultReading) -> list[Section]:
-    def recommended(columns: Any, name: str) -> Section:
-        return Section("recommended", "Recommended numbers", (table_element(summary_table(columns, name)),))
-
-    def over(axis: str, statistics: bool = False) -> Callable[[Any, str], Section | None]:
-        return lambda columns, name: axis_section(axis, columns, results.units(name), name, statistics=statistics)
-
-    return [
-        *_of_table(results, "convergence_summary", recommended),
-        *(
-            one
-            for axis in ("mesh", "step", "modes")
-            for one in _of_table(results, f"quantities_over_{axis}", over(axis))
-        ),
-        *_of_table(results, "statistics_over_mesh", over("mesh", statistics=True)),
-        *_of_table(results, "step_convergence", steps_section),
-    ]
-
-
-def _parameter_study(results: ResultReading) -> list[Section]:
-    """Every measure over the axes of the study, and a row for each case."""
-    data = results.parameter_study
-    maps = None if data is None else maps_section(data, "study", "The measures over the axes")
-    cases = _of_table(
-        results, "parameter_table", lambda columns, name: cases_section(columns, results.units(name), name)
-    )
-    return cases if maps is None else [maps, *cases]
-
-
-def cases_section(columns: Mapping[str, Any], units: Mapping[str, str], file: str = "", key: str = "cases") -> Section:
-    """A row for each case of a parameter study, in the units of its maps and conclusions."""
-    table = table_of("A row for each case", *in_shown_units(columns, units), file)
-    return Section(key, "Cases", (table_element(table),))
-
-
-def _orbits(results: ResultReading) -> list[Section]:
+def _orbits(results: ResultReading) -> list[Element]:
     """Branches of periodic orbits, and the command that follows them again."""
     followed, name = read_followed(results.folder, results.summary), FILES["bifurcations"].name
     if followed is None:
@@ -552,25 +556,26 @@ def _orbits(results: ResultReading) -> list[Section]:
         f"On {followed.modes} modes{more}. At stable orbits every small disturbance decays.",
         f"'femimpact orbits {FILES['study'].name}' in the folder of this page follows the branches again.",
     )
-    table = results.table(name)
-    rows = None if table is None else (table, results.units(name), name)
-    file = FILES["branches"].name
-    return [branches_section(followed.branches, followed.origins, followed.cycles, words, rows, followed.swept, file)]
+    tables = [branch_table(followed, FILES["branch_table"].name)]
+    columns = results.table(name)
+    if columns is not None and len(columns["branch"]):
+        kinds = [kind_words(str(kind)) for kind in columns["kind"]]
+        whole = {**columns, "branch": np.asarray(columns["branch"]).astype(int), "kind": kinds}
+        digits = {followed.branches[0].parameter: PARAMETER_DIGITS}
+        shown = in_shown_units(whole, results.units(name))
+        tables.append(table_of("Bifurcations", *shown, name, digits=digits))
+    return [*(element("p", text) for text in words), *map(table_element, tables)]
 
 
-SECTIONS: tuple[tuple[str, Callable[[ResultReading], list[Section]]], ...] = (
-    ("comparison", _comparison),
-    ("response curves", _curves),
-    ("periodic orbits", _orbits),
-    ("player", _player),
-    ("histories", _motion),
-    ("impacts", _impacts),
-    ("energy", _energy),
-    ("modes", _modes),
-    ("convergence", _convergence),
-    ("parameter study", _parameter_study),
+TABLES: tuple[tuple[str, str, Callable[[Any, Any, str], Table | None]], ...] = (
+    ("impacts", "impacts", impact_table),
+    ("recommended", "convergence_summary", summary_table),
+    *(("convergence", f"quantities_over_{axis}", cases_of_axis) for axis in ("mesh", "step", "modes")),
+    ("convergence", "statistics_over_mesh", cases_of_axis),
+    ("convergence", "runs_over_step", cases_of_axis),
+    ("cases", "parameter_table", case_table),
 )
-"""Sections of a report in their order: the words for each, and the function that makes it."""
+"""Tables that stand on the page as their files hold them: part of the page, key of the file, and what makes them."""
 
 
 def about_section(summary: Mapping[str, Any], study: Study | None) -> Section:
@@ -587,7 +592,7 @@ def about_section(summary: Mapping[str, Any], study: Study | None) -> Section:
     seeds = summary.get("seeds")
     rows.append(("seeds", str(seeds) if seeds else "none: no random numbers were used"))
     if study is not None:
-        rows.append(("start", STARTS.get(study.base.start, study.base.start)))
+        rows.append(("start", STARTS.get(study.start, study.start)))
     if not isinstance(versions, Mapping):
         rows.insert(0, ("versions", "not known: the results do not say"))
     pairs = [part for name, value in rows for part in (element("dt", name), element("dd", value))]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import math
-import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -13,26 +12,25 @@ from typing import Any
 import numpy as np
 
 from femimpact.app.parametric.best import best_cases
-from femimpact.app.report.charts import (
-    axis_section,
-    curve_table,
-    curves_section,
-    energy_section,
-    history_section,
-    impacts_section,
-    summary_table,
-)
-from femimpact.app.report.drive_charts import drive_section, spectra_section
-from femimpact.app.report.maps import maps_section
+from femimpact.app.report.markup import Element, element, markup
 from femimpact.app.report.page import (
     MOST_BYTES,
     Conclusion,
     Page,
     Section,
+    Table,
     page_bytes,
     table_element,
     table_of,
     write_page,
+)
+from femimpact.app.report.page_tables import (
+    case_table,
+    cases_of_axis,
+    curve_table,
+    dwell_words,
+    impact_table,
+    summary_table,
 )
 from femimpact.app.report.player import player_element
 from femimpact.app.report.result_conclusions import (
@@ -44,11 +42,14 @@ from femimpact.app.report.result_conclusions import (
     study_missing,
     study_versions,
 )
-from femimpact.app.report.result_page import about_section, best_sections, cases_section
+from femimpact.app.report.result_page import about_section, best_measures
 from femimpact.app.report.structure_drawing import structure_element
-from femimpact.app.study.summary import drive_name, kind_of_peak, peak_of_history
+from femimpact.app.report.views import measures_of, sections_of, spectra_of
+from femimpact.app.results.picture_data import Run, SweptCurves
+from femimpact.app.study.summary import kind_of_peak, peak_of_history
 from femimpact.convergence import ConvergenceStudy, ConvergenceTable
 from femimpact.errors import Fault, InputError, instance, optional, require, require_type, suggestion, takes, text
+from femimpact.excitation.drive_words import drive_words
 from femimpact.excitation.excitation import has_cycle
 from femimpact.figures.study_labels import axis_names, case_columns
 from femimpact.files import target_path
@@ -57,74 +58,39 @@ from femimpact.response.response import Response
 from femimpact.scene.placed import drawn_system, placed_structure
 from femimpact.signals.decay import DecayEstimate
 from femimpact.structure.structure import Structure
-from femimpact.svg import Element, chart_element, element, markup, thinned_line
 from femimpact.sweep import FrequencyResponse
 from femimpact.table import column_units
-from femimpact.units import typeset
-
-POINT = re.compile(r"([ML])(-?\d+) (-?\d+)")
-"""A point of a line or of dots, as `svg` writes it."""
-
-FEWER = (600, 200, 60)
-"""Points of a line that are tried in turn."""
+from femimpact.units import typeset_number
 
 LAST_ROWS = 10
-"""Rows of a table that are kept where fewer points and players are not enough."""
+"""Rows of a table that are kept where fewer players and pictures are not enough."""
+
+HEAVY = {"player": "This player was left out", "picture": "This picture was left out"}
+"""Classes of the elements that a page which is too large goes without, and what then stands in their place."""
 
 
 def bounded_page(page: Page, most: int = MOST_BYTES) -> Page:
-    """The page if it has at most so many bytes; else one with fewer points of its lines, fewer players, shorter tables.
+    """The page if it has at most so many bytes; else one with fewer players, fewer pictures, shorter tables.
 
-    Of every stretch of a line its lowest and its highest point stay. Players go from the last to the second, and of
-    every table the last rows stay. A page of many hundred results may still be larger.
+    They are left out from the last to the second of either, and of every table the last rows stay. A page of many
+    hundred results may still be larger.
     """
-    if len(page_bytes(page)) <= most:
-        return page
-    for points in FEWER:
-        words = f"{points} points of a line at most, its extremes among them: a report has at most {most / 1e6:g} MB"
-        made = replace(_thinned(page, points), notes=(*page.notes, words))
-        if len(page_bytes(made)) <= most:
-            return made
-    over = len(page_bytes(made)) - most
-    over -= _leave_out_players(made, over)
-    return _with_shorter_tables(made) if over > 0 else made
+    for kind, words in HEAVY.items():
+        over = len(page_bytes(page)) - most
+        if over > 0:
+            page = replace(page, sections=copy.deepcopy(page.sections))
+            _leave_out(page, kind, f"{words} for the size of the page: a report of this result alone has it.", over)
+    return page if len(page_bytes(page)) <= most else _with_shorter_tables(page)
 
 
-def _thinned(page: Page, most: int) -> Page:
-    sections = copy.deepcopy(page.sections)
-    for path in (one for section in sections for part in section.content for one in part.iter("path")):
-        path.set("d", thinned_path(path.get("d", ""), most))
-    return replace(page, sections=sections)
-
-
-def thinned_path(path: str, most: int) -> str:
-    """The path with at most so many points, but for two of every piece; one that is closed or has other parts stays."""
-    found = POINT.findall(path)
-    if len(found) <= most or path.endswith("Z") or "V" in path or "H" in path:
-        return path
-    end = "h0" if "h0" in path else ""
-    starts = [i for i, (kind, _, _) in enumerate(found) if kind == "M"]
-    # dots are pieces of one point each, and one line of them is thinned
-    pieces = [found] if end else [found[a:b] for a, b in zip(starts, [*starts[1:], len(found)], strict=True)]
-    parts = list[str]()
-    for piece in pieces:
-        heights = np.array([float(y) for _, _, y in piece])
-        kept = thinned_line(heights, max(most * len(piece) // len(found), 4))
-        parts += [f"{piece[i][0]}{piece[i][1]} {piece[i][2]}{end}" for i in kept.tolist()]
-    return "".join(parts)
-
-
-def _leave_out_players(page: Page, over: int) -> int:
-    """Take players out of the page until it is smaller by so many bytes, or only one is left; by how many it is."""
-    left_out = "This player was left out for the size of the page: a report of this result alone has it."
-    saved = 0
-    for holder, player in reversed(list(_holders(page))[1:]):
-        if saved >= over:
+def _leave_out(page: Page, kind: str, words: str, over: int) -> None:
+    """Take elements of a class out of the page until it is smaller by so many bytes, or only the first is left."""
+    for holder, heavy in reversed(list(_holders(page, kind))[1:]):
+        if over <= 0:
             break
-        note = element("p", left_out)
-        saved += len(markup(player).encode()) - len(markup(note).encode())
-        holder[list(holder).index(player)] = note
-    return saved
+        note = element("p", words)
+        over -= len(markup(heavy).encode()) - len(markup(note).encode())
+        holder[list(holder).index(heavy)] = note
 
 
 def _with_shorter_tables(page: Page) -> Page:
@@ -135,13 +101,13 @@ def _with_shorter_tables(page: Page) -> Page:
     return replace(page, notes=(*page.notes, f"of every table the last {LAST_ROWS} rows at most"))
 
 
-def _holders(page: Page) -> Iterator[tuple[Element, Element]]:
-    """Every player with what holds it."""
+def _holders(page: Page, kind: str) -> Iterator[tuple[Any, Element]]:
+    """Every element of a class with what holds it."""
     for section in page.sections:
         for part in section.content:
             for holder in part.iter():
                 for child in holder:
-                    if child.get("class") == "player":
+                    if child.get("class") == kind:
                         yield holder, child
 
 
@@ -237,7 +203,7 @@ def report(
         first=tuple(
             one
             for i, (heading, part) in enumerate(studies.items())
-            for one in best_sections(part, best[heading][0], f"best-{i + 1}")
+            for one in sections_of(best_measures(part, best[heading][0]), {}, f"best-{i + 1}-")
         ),
     )
     return write_page(file, bounded_page(page))
@@ -268,15 +234,6 @@ def _of_studies(studies: Mapping[str, Any], lines: Callable[[Any], tuple[str, ..
     return tuple(f"{heading}: {line}" for heading, part in studies.items() for line in lines(part))
 
 
-def _study(key: str, heading: str, data: Any) -> list[Section]:
-    """Maps of a parameter study, a row for each case, and what made it."""
-    maps = maps_section(data, key, heading)
-    cases = cases_section(*case_columns(data), key=f"{key}-cases")
-    about = about_section(study_versions(data), None)
-    rest = [cases, replace(about, key=f"{key}-versions")]
-    return [*([maps] if maps is not None else []), *(replace(one, heading=f"{heading}: {one.heading}") for one in rest)]
-
-
 def _drawing(structure: Structure | None, responses: Mapping[str, Response]) -> Element | None:
     if structure is None:
         return None
@@ -292,7 +249,7 @@ def _of_curves(curves: Mapping[str, FrequencyResponse]) -> list[Conclusion]:
     found = []
     for name, curve in curves.items():
         if np.any(np.isfinite(curve.peak)):
-            note = f"at {typeset(curve.peak_frequency)} Hz{f'; {TRANSIENT}' if curve.peak_is_transient else ''}"
+            note = f"at {typeset_number(curve.peak_frequency)} Hz{f'; {TRANSIENT}' if curve.peak_is_transient else ''}"
             label, sample = f"Largest peak, {name}", curve.peak_is_sample
             found.append(number_conclusion(label, curve.peak_amplitude, curve.unit, one_sample=sample, note=note))
     return found
@@ -311,7 +268,7 @@ def _of_responses(responses: Mapping[str, Response]) -> list[Conclusion]:
                 number_conclusion(f"Peak, {heading}", peak, "m", one_sample=kind["peak_is_one_start"], note=note)
             )
         if one.energy is not None:
-            residual = typeset(100 * float(one.energy.residual), 2)
+            residual = typeset_number(100 * float(one.energy.residual), 2)
             found.append(Conclusion(f"Energy unaccounted for, {heading}", residual, "%", note="of the energy put in"))
     return found
 
@@ -320,79 +277,67 @@ def _of_responses(responses: Mapping[str, Response]) -> list[Conclusion]:
 
 
 def _sections(number: int, heading: str, part: Any, structure: Structure | None) -> list[Section]:
-    """The sections of one part, by the first kind that it is of."""
+    """The sections of one part: the first is under its heading, the others name what they hold besides."""
     key = f"part-{number + 1}"
-    if isinstance(part, Response):
-        return _response(key, heading, part, structure)
+    records, beside = _shown(heading, part, structure, key)
+    made = sections_of(records, beside, f"{key}-")
+    return [
+        replace(section, key=section.key if i else key, heading=f"{heading}: {section.heading}" if i else heading)
+        for i, section in enumerate(made)
+    ]
+
+
+def _shown(
+    heading: str, part: Any, structure: Structure | None, key: str
+) -> tuple[list[Any], dict[str, list[Element]]]:
+    """What pictures are drawn of, and words and tables by the section in which they stand."""
     curves = _curves(heading, part)
     if curves:
-        section = curves_section(curves, key, heading)
-        return [Section(key, heading, (*section.content, table_element(curve_table(curves))))]
-    if is_parameter_study(part):
-        return _study(key, heading, part)
-    for kind, make in KINDS.items():
-        if isinstance(part, kind):
-            return [
-                replace(
-                    section,
-                    key=f"{key}-{i}" if i else key,
-                    heading=heading if section.heading in (heading, "") else f"{heading}: {section.heading}",
-                )
-                for i, section in enumerate(make(part))
-            ]
-    return [Section(key, heading, (_table(heading, part),))]
+        words = element("p", dwell_words(next(iter(curves.values()))))
+        return [SweptCurves(curves)], {"response": [words, table_element(curve_table(curves))]}
+    if isinstance(part, Response):
+        return _of_run(part, structure, key)
+    if isinstance(part, ConvergenceTable):
+        return [part], {"convergence": [table_element(table) for table in _tables_of(part)]}
+    if isinstance(part, ConvergenceStudy):
+        each = list(part.tables.values())
+        return each, {"convergence": [table_element(table) for one in each for table in _tables_of(one)]}
+    if isinstance(part, DecayEstimate):
+        table = table_element(table_of("Over the amplitude", *part.columns()))
+        return [part], {"decay": [*(element("p", str(mode)) for mode in part.modes), table]}
+    if hasattr(part, "data_vars") and hasattr(part, "dims"):
+        measures = measures_of(part)
+        require(bool(measures), f"parts.{heading}", "a dataset", "", "must hold numbers over one axis or more")
+        if not is_parameter_study(part):
+            return measures, {}
+        about = about_section(study_versions(part), None)
+        return measures, {"cases": [table_element(case_table(*case_columns(part))), *about.content]}
+    return [], {"study": [_table(heading, part)]}
 
 
-def _response(key: str, heading: str, response: Response, structure: Structure | None) -> list[Section]:
-    sections = []
-    if structure is not None:
-        player = player_element(response, structure, None)
-        sections += (
-            [Section(f"{key}-player", f"{heading}: the motion", (element("div", player),))]
-            if player is not None
-            else []
-        )
-    if response.time.size:
-        history = response.to_xarray()
-        energy = energy_section(history, drive_name(response.base))
-        sections.append(drive_section(response.base, float(response.time[-1]), f"{key}-drive", f"{heading}: the drive"))
-        sections.append(history_section(history, key=key, heading=heading))
-        spectra = spectra_section(response, f"{key}-spectra", f"{heading}: spectra")
-        sections += [spectra] if spectra is not None else []
-        sections += [Section(f"{key}-energy", f"{heading}: energy", energy.content)] if energy is not None else []
-    impacts = impacts_section(*impact_columns(response.impacts))
-    sections += [Section(f"{key}-impacts", f"{heading}: impacts", impacts.content)] if impacts is not None else []
-    return sections or [Section(key, heading, (element("p", "The history went to a sink, and there are no impacts."),))]
+def _of_run(run: Response, structure: Structure | None, key: str) -> tuple[list[Any], dict[str, list[Element]]]:
+    beside: dict[str, list[Element]] = {}
+    player = None if structure is None else player_element(run, structure, None, f"{key}-player")
+    if player is not None:
+        beside["player"] = [player]
+    impacts = impact_table(*impact_columns(run.impacts))
+    if impacts is not None:
+        beside["impacts"] = [table_element(impacts)]
+    if not run.time.size:
+        words = "The history went to a sink, and there are no impacts."
+        return [], beside or {"motion": [element("p", words)]}
+    spectra, refused = spectra_of(run)
+    beside["drive"] = [element("p", words) for words in drive_words(run.base)]
+    beside["spectra"] = [element("p", words) for words in refused]
+    return [Run(run), *spectra], beside
 
 
-def _convergence(table: ConvergenceTable) -> list[Section]:
-    section = axis_section(table.axis, *table.columns(), statistics=bool(np.any(table.is_statistic)))
-    columns, _ = table.summary()
-    summary = table_element(summary_table(columns))
-    return [Section(section.key, section.heading, (*section.content, summary))] if section is not None else []
-
-
-def _decay(found: DecayEstimate) -> list[Section]:
-    chart = found._picture
-    rows = [element("p", str(mode)) for mode in found.modes]
-    table = table_element(table_of("Over the amplitude", *found.columns()))
-    return [Section("decay", "", (*rows, *([chart_element(chart)] if chart else []), table))]
-
-
-KINDS: Mapping[type, Callable[[Any], list[Section]]] = {
-    ConvergenceTable: _convergence,
-    ConvergenceStudy: lambda study: [one for table in study.tables.values() for one in _convergence(table)],
-    DecayEstimate: _decay,
-}
-"""Function that makes the sections of a part, by the kind of the part."""
+def _tables_of(table: ConvergenceTable) -> list[Table]:
+    return [summary_table(*table.summary()), *filter(None, [cases_of_axis(*table.columns())])]
 
 
 def _table(heading: str, part: Any) -> Element:
-    """A table of a frame, a record or columns; maps of a dataset."""
-    if hasattr(part, "data_vars") and hasattr(part, "dims"):
-        section = maps_section(part)
-        require(section is not None, f"parts.{heading}", "a dataset", "", "must hold numbers over one axis or more")
-        return element("div", *(section.content if section is not None else ()))
+    """A table of a frame, a record or columns."""
     units: Mapping[str, str] = {}
     if callable(getattr(part, "to_pandas", None)) and not isinstance(part, type):
         units = column_units(part) if hasattr(part, "__dataclass_fields__") else {}

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from femimpact.app.report.markup import Element, element
 from femimpact.scene.placed import Contact, PlacedStructure, ball_radius, body_side
 from femimpact.structure.beam import Segment
 from femimpact.structure.structure import Position, Spring, Structure
-from femimpact.svg import Element, element
-from femimpact.units import MINUS, TIMES, prefixed, typeset
+from femimpact.units import MINUS, TIMES, prefixed, typeset_number
 
 # ---- words ----------------------------------------------------------------------------------------
 
@@ -47,7 +47,7 @@ def _at(place: Position) -> str:
 def in_words(value: float, unit: str = "m") -> str:
     """A length (m), a mass (kg) or another quantity in the unit that fits."""
     factor, shown = prefixed(abs(value), unit)
-    return f"{typeset(factor * value, 4)} {shown}"
+    return f"{typeset_number(factor * value, 4)} {shown}"
 
 
 def gap_words(one: Contact) -> str:
@@ -94,10 +94,10 @@ def _part_words(placed: PlacedStructure, letters: dict[str, str]) -> Iterable[tu
         yield f"{letters[one.name]}  {one.name}", f"{owner}.{one.name}", _contact_words(one)
     for spring in structure.springs:
         owner = f"spring.{spring.name}"
-        yield spring.name, owner, f"spring of {typeset(spring.stiffness)} N/m at {_at(spring.at)}"
+        yield spring.name, owner, f"spring of {typeset_number(spring.stiffness)} N/m at {_at(spring.at)}"
     for dashpot in structure.dashpots:
         owner = f"dashpot.{dashpot.name}"
-        yield dashpot.name, owner, f"dashpot of {typeset(dashpot.damping)} N s/m at {_at(dashpot.at)}"
+        yield dashpot.name, owner, f"dashpot of {typeset_number(dashpot.damping)} N s/m at {_at(dashpot.at)}"
 
 
 def _of_gap(varied: Mapping[str, Sequence[str]], ball: Contact) -> str:
@@ -105,7 +105,7 @@ def _of_gap(varied: Mapping[str, Sequence[str]], ball: Contact) -> str:
 
 
 def _segment_words(segment: Segment) -> str:
-    material = f"{typeset(segment.young_modulus / 1e9)} GPa, {typeset(segment.density)} kg/m\u00b3"
+    material = f"{typeset_number(segment.young_modulus / 1e9)} GPa, {typeset_number(segment.density)} kg/m\u00b3"
     return f"{in_words(segment.length)} long, {_section_words(segment)}, {material}"
 
 
@@ -117,8 +117,8 @@ def _section_words(segment: Segment) -> str:
     if segment.area is not None and segment.second_moment is not None:
         outer = segment.outer_fibre
         known = "" if outer is None else f", outer fibre at {in_words(outer)}"
-        moment = typeset(1e12 * segment.second_moment)
-        return f"area {typeset(1e6 * segment.area)} mm\u00b2, second moment {moment} mm\u2074{known}"
+        moment = typeset_number(1e12 * segment.second_moment)
+        return f"area {typeset_number(1e6 * segment.area)} mm\u00b2, second moment {moment} mm\u2074{known}"
     taper = "" if end == (width, thickness) else f" to {in_words(end[0])} {TIMES} {in_words(end[1])}"
     return f"{in_words(width)} {TIMES} {in_words(thickness)}{taper}"
 
@@ -130,7 +130,7 @@ def _contact_words(one: Contact) -> str:
         held = "space" if one.fixed_to == "space" else "the base"
         return f"fixed obstacle at {in_words(one.position)}, {gap_words(one)}, fixed to {held}{law}"
     if not one.has_walls:
-        hung = f"{typeset(one.free_stiffness)} N/m and {typeset(one.free_damping)} N s/m"
+        hung = f"{typeset_number(one.free_stiffness)} N/m and {typeset_number(one.free_damping)} N s/m"
         return f"{in_words(one.mass, 'kg')} on {hung} at {in_words(one.position)}"
     return f"{in_words(one.mass, 'kg')}, free between its walls at {in_words(one.position)}: {gap_words(one)}{law}"
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -13,13 +14,15 @@ import numpy as np
 
 from femimpact.app.results.result_directory import FILES
 from femimpact.app.results.results import carried_of, read_dataset, read_sticking, read_table
-from femimpact.app.study.base_motion import Signal, numbers_of_signal, signal_of_numbers
+from femimpact.app.study.drives import PARTS, force_of, force_table, made_of, table_of
 from femimpact.arrays import Array
+from femimpact.convergence import ConvergenceTable
 from femimpact.errors import require
-from femimpact.excitation import Drives, Excitation, HammerBlow, PointForce, RecordedBase, Sine, Sum
+from femimpact.excitation import Drives, Excitation, HammerBlow, PointForce, RecordedBase, Sum
 from femimpact.files import plain as plain_data
 from femimpact.files import write_netcdf
 from femimpact.response.cycles import no_steady_motion
+from femimpact.response.energy import EnergyLedger
 from femimpact.response.history import Snapshots
 from femimpact.response.impacts import IMPACT_UNITS, Impacts, ImpactStatistics, StickingPhases, impact_statistics
 from femimpact.response.response import Response
@@ -49,6 +52,36 @@ SNAPSHOT_DIMS = {
 }
 
 
+# ---- records ----------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class SweptCurves:
+    """Response curves by their names."""
+
+    curves: Mapping[str, FrequencyResponse]
+    coarse: Array | None = None  # Hz: the even grid
+    # words, frequencies (Hz), and the smallest and the largest peaks (m) of several starts
+    bands: Sequence[tuple[str, Array, Array, Array]] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class StructureModes:
+    """Modes of a structure without its balls."""
+
+    system: System  # or what a picture knows of one
+    modes: Modes
+    structure: Structure | None
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """A run, and its last cycles where they are read at every step."""
+
+    whole: Response
+    end: Response | None = None
+
+
 # ---- modes ----------------------------------------------------------------------------------------
 
 
@@ -72,8 +105,8 @@ def write_mode_shapes(path: Path, system: System, modes: Modes, structure: Struc
     write_netcdf(path, xarray.Dataset(data, attrs={"total_mass_kg": system.total_mass}))
 
 
-def read_mode_shapes(folder: Path, summary: Mapping[str, Any]) -> tuple[System, Modes, Structure | None] | None:
-    """System, modes and structure as pictures take them; None where the results have no modes.
+def read_mode_shapes(folder: Path, summary: Mapping[str, Any]) -> StructureModes | None:
+    """Modes with the system and the structure as pictures take them; None where the results have none.
 
     Results of earlier versions have no structure.
     """
@@ -85,7 +118,7 @@ def read_mode_shapes(folder: Path, summary: Mapping[str, Any]) -> tuple[System, 
     about = json.loads(data[ABOUT].item()) if ABOUT in data else {"points": {}, "contacts": []}
     system = _system(about, data["node"].to_numpy(), float(data.attrs["total_mass_kg"]))
     system = dataclasses.replace(system, modes=(modes.natural_frequency, modes.damping_ratio))
-    return cast(System, system), modes, _structure(about) if ABOUT in data else None
+    return StructureModes(cast(System, system), modes, _structure(about) if ABOUT in data else None)
 
 
 # ---- parts ----------------------------------------------------------------------------------------
@@ -238,12 +271,14 @@ def _base_numbers(base: Excitation) -> dict[str, Any]:
     if isinstance(base, PointForce):
         return {"at": base.at, "name": base.name, "history": _base_numbers(base.history)}
     if isinstance(base, HammerBlow):
-        return dataclasses.asdict(base)
+        return force_table(base)
     if isinstance(base, RecordedBase):
         return {"interval": base.interval, "initial_velocity": base.initial_velocity}
-    if isinstance(base, Signal):
-        return numbers_of_signal(base)
-    return {"amplitude": base.amplitude, "frequency": base.frequency, "phase": getattr(base, "phase", 0.0)}
+    if any(type(base) is kind.noun for kind in PARTS.values()):
+        return table_of(base, PARTS)
+    # another motion is shown as a sine
+    numbers = {"amplitude": base.amplitude, "frequency": base.frequency, "phase": getattr(base, "phase", 0.0)}
+    return {"kind": "sine", **numbers}
 
 
 def _base_arrays(response: Response) -> dict[str, Any]:
@@ -268,11 +303,9 @@ def _excitation(numbers: Mapping[str, Any], samples: Array | None) -> Any:
         return Sum(tuple(_excitation(part, None) for part in numbers["parts"]))
     if "history" in numbers:
         return PointForce(numbers["at"], _excitation(numbers["history"], None), numbers["name"])
-    if "impulse" in numbers:
-        return HammerBlow(**numbers)
-    if samples is not None:
-        return RecordedBase(samples, **numbers)
-    return signal_of_numbers(numbers) if "signal" in numbers else Sine(**numbers)
+    if "at" in numbers:
+        return force_of(numbers)
+    return made_of(numbers, PARTS) if "kind" in numbers else RecordedBase(samples, **numbers)
 
 
 def read_film(folder: Path, summary: Mapping[str, Any]) -> tuple[Response, Structure, float | None] | None:
@@ -287,8 +320,8 @@ def read_film(folder: Path, summary: Mapping[str, Any]) -> tuple[Response, Struc
     return dataclasses.replace(response, snapshots=snapshots), _structure(about), about["exaggeration"]
 
 
-def read_last_cycles(folder: Path, summary: Mapping[str, Any]) -> tuple[Response, Response] | None:
-    """The run without its history, for pictures of its impacts, and its last cycles; None where there are none."""
+def read_last_cycles(folder: Path, summary: Mapping[str, Any]) -> Response | None:
+    """The last cycles of a run at every step, with all of its impacts; None where there are none."""
     data = read_dataset(folder, "last_cycles", summary)
     if data is None:
         return None
@@ -297,7 +330,7 @@ def read_last_cycles(folder: Path, summary: Mapping[str, Any]) -> tuple[Response
     others = (ABOUT, BASE_SAMPLES)
     channels = {str(name): values.to_numpy() for name, values in data.data_vars.items() if name not in others}
     units = {name: data[name].attrs["units"] for name in channels}
-    return response, dataclasses.replace(response, time=data["time"].to_numpy(), channels=channels, units=units)
+    return dataclasses.replace(response, time=data["time"].to_numpy(), channels=channels, units=units)
 
 
 def _response(
@@ -321,25 +354,49 @@ def _response(
     )
 
 
+BESIDE_CHANNELS = ("base_displacement", "base_velocity", "base_acceleration", "base", "time")
+"""Variables of a history that are the motion of its base."""
+
+
 def read_run(
-    folder: Path, summary: Mapping[str, Any], history: xarray.Dataset, system: System | DrawnSystem, base: Excitation
+    folder: Path, summary: Mapping[str, Any], history: xarray.Dataset, system: System | DrawnSystem, base: Any
 ) -> Response:
-    """A run with the channels of its history, for spectra: without energies, and with no statistics."""
-    channels, nothing = channels_of(history), impact_statistics(np.zeros((6, 1)), 1.0, 1.0, "")
+    """A run with the channels and energies of its history, and with its impacts, but with no statistics."""
+    time = np.asarray(history["time"].to_numpy(), dtype=float)
+    channels = {
+        str(name): np.asarray(values.to_numpy(), dtype=float)
+        for name, values in history.data_vars.items()
+        if values.dims == ("time",) and not str(name).startswith("energy_") and name not in BESIDE_CHANNELS
+    }
+    nothing = impact_statistics(np.zeros((6, 1)), 1.0, 1.0, "")
     return Response(
-        time=np.asarray(history["time"].to_numpy(), dtype=float),
-        channels={name: values for name, (_, values, _) in channels.items()},
-        units={name: unit for name, (_, _, unit) in channels.items()},
+        time=time,
+        channels=channels,
+        units={name: str(history[name].attrs.get("units", "1")) for name in channels},
         impacts=_impacts(folder, summary),
         sticking=StickingPhases.none(),
         statistics=nothing,
         statistics_of=dict.fromkeys((pair.name for pair in system.contacts), nothing),
         steady=no_steady_motion(),
-        energy=None,
+        energy=_ledger(history, time),
         snapshots=None,
         base=base,
         system=cast(System, system),
     )
+
+
+def _ledger(history: xarray.Dataset, time: Array) -> EnergyLedger | None:
+    """The energies of a history; None where it has none."""
+    names = [item.name for item in dataclasses.fields(EnergyLedger) if f"energy_{item.name}" in history]
+    if not names:
+        return None
+    work_of = {str(name)[len(WORK_OF) :]: history[name].to_numpy() for name in history if str(name).startswith(WORK_OF)}
+    columns = {name: history[f"energy_{name}"].to_numpy() for name in names}
+    return EnergyLedger(time=time, **columns, structure_loss_of_mode=np.zeros((time.size, 0)), work_of=work_of)
+
+
+WORK_OF = "energy_work_of_"
+"""Beginning of the variables of a history that are the work of one of several drives."""
 
 
 def _statistics(given: Mapping[str, Any]) -> ImpactStatistics:
@@ -370,8 +427,8 @@ DERIVED = ("contact_law", "energy_to_higher_modes")
 # ---- sweep ----------------------------------------------------------------------------------------
 
 
-def read_curves(folder: Path, summary: Mapping[str, Any]) -> tuple[dict[str, FrequencyResponse], Array] | None:
-    """Response curves by case, and the even grid (Hz); None where the results have no sweep."""
+def read_curves(folder: Path, summary: Mapping[str, Any]) -> SweptCurves | None:
+    """Response curves by words for their cases, with the even grid; None where the results have no sweep."""
     data = read_dataset(folder, "sweep_data", summary)
     if data is None:
         return None
@@ -391,8 +448,49 @@ def read_curves(folder: Path, summary: Mapping[str, Any]) -> tuple[dict[str, Fre
             if attribute in data.attrs:
                 dwell[name] = data.attrs[attribute].item()
         curves[str(case)] = FrequencyResponse(**columns, **about, **dwell, **level, law="")
-    frequency = data["frequency"].to_numpy()
-    return curves, frequency[data["grid"].to_numpy() == "even"]
+    frequency, carried = data["frequency"].to_numpy(), carried_of(summary)
+    words = {"empty": f"without {carried}", "ball": f"with {carried}"}
+    named = {words[case]: curves[case] for case in words if case in curves}
+    return SweptCurves(named, frequency[data["grid"].to_numpy() == "even"], read_bands(folder, summary))
+
+
+def read_convergence(columns: Mapping[str, Any], units: Mapping[str, str], axis: str, summary: Mapping[str, Any] | None,
+                     accuracy: float) -> ConvergenceTable:  # fmt: skip
+    """The table that its columns and its rows of the summary of all tables were written from.
+
+    Without a summary, as of statistics over several starts, names and units are those of the columns, and orders are
+    not known.
+    """
+    keys = [name.removesuffix("_error") for name in columns if name.endswith("_error")]
+    cases = np.asarray(columns["number"], dtype=float).size
+    mine = None if summary is None else np.asarray(summary["axis"]) == axis
+
+    def each(ending: str) -> Array:
+        missing = np.zeros(cases)
+        return np.stack([np.asarray(columns.get(f"{key}{ending}", missing), dtype=float) for key in keys], axis=1)
+
+    def of_summary(name: str) -> Any:
+        if mine is None or summary is None:
+            # the finest case is the reference of statistics
+            return each("")[-1] if name == "reference" else np.full(len(keys), math.nan)
+        return np.asarray(summary[name], dtype=float)[mine]
+
+    names = np.array([key.replace("_", " ") for key in keys])
+    return ConvergenceTable(
+        axis=axis,
+        label=np.asarray(columns["case"]).astype(str),
+        number=np.asarray(columns["number"], dtype=float),
+        size=np.asarray(columns["size"], dtype=float),
+        failure=np.asarray(columns["failure"]).astype(str),
+        name=names if mine is None or summary is None else np.asarray(summary["quantity"])[mine],
+        unit=np.array([units.get(key, "1") for key in keys]),
+        value=each(""),
+        error=each("_error"),
+        order=each("_order"),
+        scatter=each("_scatter"),
+        **{name: of_summary(name) for name in ("fitted_order", "expected_order", "reference", "floor", "recommended")},
+        accuracy=accuracy,
+    )
 
 
 def read_bands(folder: Path, summary: Mapping[str, Any]) -> list[tuple[str, Array, Array, Array]]:
@@ -409,22 +507,3 @@ def read_bands(folder: Path, summary: Mapping[str, Any]) -> list[tuple[str, Arra
         for start, text in words.items()
         if f"{start}_low" in columns
     ]
-
-
-NO_CHANNELS = ("base_displacement", "base_velocity", "base_acceleration", "base", "time")
-
-
-def channels_of(history: xarray.Dataset) -> dict[str, tuple[Array, Array, str]]:
-    """Time, values and unit of every channel of a history."""
-    time = np.asarray(history["time"].to_numpy(), dtype=float)
-    found = {}
-    for name, values in history.data_vars.items():
-        plain = str(name)
-        if plain.startswith("energy_") or plain in NO_CHANNELS or values.dims != ("time",):
-            continue
-        read = np.asarray(values.to_numpy(), dtype=float)
-        # rigid impacts last no time: a line at zero would say that there was no force
-        if plain.rpartition(".")[2] == "contact_force" and not read.any():
-            continue
-        found[plain] = (time, read, str(values.attrs.get("units", "1")))
-    return found

@@ -56,6 +56,14 @@ _ROWS: Mapping[str, tuple[str, ...]] = {
     "movie": ("deflection.mp4", "the moving beam in slow motion", "pictures", "movie"),
     "mode_figure": ("modes.png", "mode shapes", "pictures"),
     "response_figure": ("response.png", "response curves", "pictures"),
+    "response_columns_figure": ("response_columns.png", "phase, impacts and forces over frequency", "pictures"),
+    "drive_figure": ("drive.png", "what drives the history", "pictures"),
+    "history_figure": ("history.png", "channels over time", "pictures"),
+    "energy_figure": ("energy.png", "energies over time", "pictures"),
+    **{
+        f"spectrum_figure{end}": (f"spectrum{end}.png", "spectrum of a channel, or of the drive", "pictures")
+        for end in ("", "_2", "_3", "_4")
+    },
     "force_figure": ("contact_force.png", "contact force over the last cycles", "pictures"),
     "portrait_figure": ("phase_portrait.png", "phase portraits", "pictures"),
     "impact_histograms": ("impact_histograms.png", "how often which impact speed and impulse came", "pictures"),
@@ -74,19 +82,15 @@ _ROWS: Mapping[str, tuple[str, ...]] = {
         "peaks with balls or absorbers over the frequency: median, smallest and largest of the starts in each frame",
         "demo, sweep with starts",
     ),
-    "mesh_convergence": ("mesh_convergence.csv", "natural frequencies over the mesh", "converge"),
-    "mesh_convergence_figure": ("mesh_convergence.png", "natural frequencies over the mesh", "converge"),
-    "step_convergence": ("step_convergence.csv", "errors of runs in steps", "converge"),
-    "step_convergence_figure": ("step_convergence.png", "errors of runs in steps", "converge"),
     **{
-        f"quantities_over_{axis}{key}": (f"quantities_over_{axis}.{suffix}", words.format(axis), "converge")
-        for axis in ("mesh", "step", "modes")
-        for key, suffix, words in (
-            ("", "csv", "values and errors over the {}"),
-            ("_figure", "png", "the same as a figure: quantities_over_{}.csv"),
+        f"{name}{key}": (f"{name}.{suffix}", about.format(words, name), "converge")
+        for name, words in (
+            *((f"quantities_over_{axis}", f"values and errors over the {axis}") for axis in ("mesh", "step", "modes")),
+            ("statistics_over_mesh", "means of runs with contacts over the mesh"),
+            ("runs_over_step", "errors of runs in steps"),
         )
+        for key, suffix, about in (("", "csv", "{}"), ("_figure", "png", "the same as a figure: {1}.csv"))
     },
-    "statistics_over_mesh": ("statistics_over_mesh.csv", "means of runs with contacts over the mesh", "converge"),
     "convergence_summary": ("convergence_summary.csv", "orders and recommended numbers", "converge"),
     "parameter_study": ("study.nc", "every measure over the axes of the study, with labels (netCDF, xarray)", "study"),
     "parameter_table": ("study.csv", "every measure and its statistics, a row for each case", "study"),

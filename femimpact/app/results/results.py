@@ -25,7 +25,7 @@ from femimpact.app.results.result_directory import (
 from femimpact.errors import Fault, InputError, require, require_path
 from femimpact.files import plain as plain_data
 from femimpact.files import read_csv, write_json
-from femimpact.regular_file import open_regular, read_now
+from femimpact.regular_file import open_regular
 from femimpact.table import Head, head_of_values, short_repr
 
 if TYPE_CHECKING:
@@ -241,7 +241,7 @@ def load_dataset(
 
     # the library opens it by its name
     with open_regular(path) as file:
-        begin, size = read_now(file, len(HDF5)), os.fstat(file.fileno()).st_size
+        begin, size = file.read(len(HDF5)), os.fstat(file.fileno()).st_size
     require(begin == HDF5 or begin.startswith(b"CDF"), "format", "another one", "", "must be netCDF")
     left_out = list[str]()
     if begin == HDF5:

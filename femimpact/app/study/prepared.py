@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact import core
-from femimpact.app.study.base_motion import BaseMotion, RecordedMotion, SignalMotion
 from femimpact.app.study.study import Study, SweepPlan, build_systems, check_method, method_for, read_mesh_of
 from femimpact.errors import InputError, require
 from femimpact.excitation import Excitation, PiecewisePolynomial, Sine
@@ -147,8 +146,8 @@ def prepare(study: Study, parts: tuple[str, ...] = PARTS) -> PreparedStudy:
     return prepared
 
 
-def with_base(prepared: PreparedStudy, base: BaseMotion | RecordedMotion | SignalMotion) -> PreparedStudy:
-    """The same study with another motion of its base: the systems and methods stay, the record is made anew."""
+def with_base(prepared: PreparedStudy, base: Sine) -> PreparedStudy:
+    """The same study with another sine of its base: the systems and methods stay, the record is made anew."""
     study = replace(prepared.study, base=base)
     return replace(prepared, study=study, record=history_record(study, prepared.small, prepared.method))
 
@@ -156,7 +155,7 @@ def with_base(prepared: PreparedStudy, base: BaseMotion | RecordedMotion | Signa
 def history_record(study: Study, small: System, method: Method) -> Recorder:
     """The recorder of the study's history: stress, channels of every place with a ball and of the balls, snapshots."""
     output, grid = study.output, _grid(study, small, method)
-    kept = min(output.frame_cycles / study.shown_frequency, study.base.history_duration)
+    kept = min(output.frame_cycles / study.shown_frequency, study.history_duration)
     channels: list[str | float] = ["tip", "tip.velocity", "mid", *root_stress(study.structure, small)]
     for pair in small.contacts:
         place = next((name for name, x in small.points.items() if x == pair.position), None)
@@ -169,7 +168,7 @@ def history_record(study: Study, small: System, method: Method) -> Recorder:
         every=_stride(study, method),
         interval=output.interval,
         snapshots=max(round(kept / (output.frames * grid)), 1) if output.frames else 0,
-        snapshots_start=max(study.base.history_duration - kept, 0.0),
+        snapshots_start=max(study.history_duration - kept, 0.0),
         state_at=last_cycles_start(study),
         memory_limit=output.memory_limit,
     )
@@ -194,7 +193,7 @@ def _is_clamped(system: System) -> bool:
 
 def last_cycles_start(study: Study) -> float:
     """Time (s) at which the last cycles begin that figures show."""
-    return max(study.base.history_duration - FIGURE_CYCLES / study.shown_frequency, 0.0)
+    return max(study.history_duration - FIGURE_CYCLES / study.shown_frequency, 0.0)
 
 
 def _grid(study: Study, small: System, method: Method) -> float:
@@ -204,7 +203,7 @@ def _grid(study: Study, small: System, method: Method) -> float:
     """
     try:
         asked = Recorder(interval=study.output.interval)
-        return method.time_grid(small, study.excitation, study.base.history_duration, asked)
+        return method.time_grid(small, study.excitation, study.history_duration, asked)
     except InputError as error:
         renamed = {"record.interval": "output.interval"}
         raise InputError([replace(fault, key=renamed.get(fault.key, fault.key)) for fault in error.faults]) from None
@@ -214,13 +213,13 @@ def _stride(study: Study, method: Method) -> int:
     """One of so many samples is kept in the history: as the study says, or so many that a base cycle is resolved."""
     if study.output.every is not None:
         return study.output.every
-    return min(USUAL_STRIDE, stride_of(method, study.base.frequency, LEAST_SAMPLES))
+    return min(USUAL_STRIDE, stride_of(method, study.excitation.frequency, LEAST_SAMPLES))
 
 
 def _coarse_history(study: Study, small: System, method: Method) -> tuple[str, ...]:
     """A warning where the history keeps so few samples of a base cycle that its maxima are not those of the motion."""
     every = _stride(study, method)
-    samples = 1.0 / (study.base.frequency * _grid(study, small, method) * every)
+    samples = 1.0 / (study.excitation.frequency * _grid(study, small, method) * every)
     if samples >= LEAST_SAMPLES:
         return ()
     most = max(int(every * samples / LEAST_SAMPLES), 1)
@@ -251,7 +250,7 @@ def _empty_sweep(study: Study, bare: System, parts: tuple[str, ...]) -> tuple[st
 def _of_drives(study: Study, small: System, parts: tuple[str, ...]) -> Iterator[str]:
     """Warnings of the drive of the history, and of the highest frequency of the sweep."""
     if "simulate" in parts:
-        yield from drive_warnings(small, study.excitation, study.base.history_duration)
+        yield from drive_warnings(small, study.excitation, study.history_duration)
     else:
         yield from motion_warnings(study.excitation, small.length)
     if "sweep" in parts and study.sweep is not None:
@@ -271,12 +270,13 @@ def _check_channels(study: Study, small: System) -> None:
 def _check_drives(prepared: PreparedStudy, parts: tuple[str, ...]) -> None:
     """Refuse a history or a sweep that the methods do not resolve, or that would keep too much."""
     study, small, method, record = prepared.study, prepared.small, prepared.method, prepared.record
-    base = study.base
     if "simulate" in parts:
-        method.check_drive(np.array([base.frequency]), base.FREQUENCY_KEY)
+        frequency, base = study.excitation.frequency, {"sine": "base.frequency", "record": "base.record"}
+        key = "force" if study.forces else base.get(study.kind, "base.kind")
+        method.check_drive(np.array([frequency]), key)
         grid = _grid(study, small, method)
         channels, key = len(record.channels or ()), "output.memory_limit"
-        check_memory(small, record, channels, round(base.history_duration / grid), grid, base.frequency, key)
+        check_memory(small, record, channels, round(study.history_duration / grid), grid, frequency, key)
     if "sweep" in parts and study.sweep is not None:
         check_sweep(study, small, method)
         for each in (method, prepared.bare_method):
@@ -294,8 +294,8 @@ def plan_lines(study: Study) -> list[str]:
 def lines_of_plan(prepared: PreparedStudy) -> list[str]:
     """The same of a study made ready."""
     study, full, small, method = prepared.study, prepared.full, prepared.small, prepared.method
-    grid = method.time_grid(small, study.excitation, study.base.history_duration, prepared.record)
-    steps = round(study.base.history_duration / grid)
+    grid = method.time_grid(small, study.excitation, study.history_duration, prepared.record)
+    steps = round(study.history_duration / grid)
     contact_time = shortest_contact(small)
     kind = "modal" if small.is_diagonal else "physical"
     lines = [
@@ -330,7 +330,7 @@ def lines_of_plan(prepared: PreparedStudy) -> list[str]:
     instants = "samples" if step_of(method) is None else "steps"
     history = history_cost(study, small, method, prepared.record)
     lines.append(
-        f"history: {steps} {instants}, {grid:.4g} s apart, {study.base.words}, "
+        f"history: {steps} {instants}, {grid:.4g} s apart, {study.history_words}, "
         f"takes about {number_text(history.memory / 1e6, 3)} MB and {number_text(history.seconds, 2)} s"
         f"{_starts_words(small, study.output.starts)}"
     )
@@ -350,7 +350,7 @@ def lines_of_plan(prepared: PreparedStudy) -> list[str]:
     mesh = mesh_memory(full.nodes.size - 1, small.dofs if study.reduction else None)
     lines.append(f"mesh and modes: take about {number_text(max(mesh.values()) / 1e6, 3)} MB")
     lines.append("besides: some 200 MB for the libraries")
-    end = study.base.history_duration
+    end = study.history_duration
     notes = (*method.notes(small), *motion_notes(until(study.excitation, end), small.length, end))
     notes += root_stress_notes(study.structure, small)
     lines += [f"note: {in_study_words(text)}" for text in (*notes, *_files_elsewhere(study))]
@@ -369,7 +369,7 @@ def _step_words(study: Study, method: Method) -> str:
 def _files_elsewhere(study: Study) -> list[str]:
     """Notes on files that a study reads from outside its folder: it cannot be handed on with that alone."""
     folder = study.path.parent.resolve()
-    named = {"base.record": getattr(study.motion, "record", None), "mesh.file": study.mesh.file}
+    named = {"base.record": study.record, "mesh.file": study.mesh.file}
     # links are followed
     places = {key: (name, (folder / name).resolve()) for key, name in named.items() if name}
     return [
@@ -554,15 +554,15 @@ def check_sweep(study: Study, small: System, method: Method) -> None:
 
 def history_cost(study: Study, small: System, method: Method, record: Recorder) -> Cost:
     """Memory and time of one history, until it is written."""
-    grid = method.time_grid(small, study.excitation, study.base.history_duration, record)
-    steps = round(study.base.history_duration / grid)
+    grid = method.time_grid(small, study.excitation, study.history_duration, record)
+    steps = round(study.history_duration / grid)
     parts: Mapping[str, int] = memory_needed(
-        small, record, len(record.channels or ()), steps, grid, study.base.frequency
+        small, record, len(record.channels or ()), steps, grid, study.excitation.frequency
     )
     kept = parts["channels"] + parts["energies"]
     rest = sum(parts.values()) - kept + PIECE * _pieces(study.excitation)
-    cycles = study.base.history_duration * study.base.frequency
-    seconds = seconds_of_cycle(method, small, study.base.frequency) * cycles
+    cycles = study.history_duration * study.excitation.frequency
+    seconds = seconds_of_cycle(method, small, study.excitation.frequency) * cycles
     runs = RUNS_OF_HISTORY * runs_of_starts(small, study.output.starts)
     return Cost(LEAST + COPIES * kept + rest, START + runs * seconds + WRITING * kept)
 

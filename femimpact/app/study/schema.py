@@ -9,20 +9,10 @@ import dataclasses
 import inspect
 import re
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
-from femimpact.app.study.base_motion import (
-    HISTORY_KEYS,
-    PARTS,
-    SIGNALS,
-    SUM,
-    BaseMotion,
-    DriveKind,
-    RecordedMotion,
-    SignalMotion,
-)
-from femimpact.app.study.forces import FORCE_KINDS, OF_PLACE, RestMotion, StudyForce
+from femimpact.app.study.drives import BASES, FORCES, PARTS, Kind
 from femimpact.app.study.parameter_plan import DISTRIBUTIONS, MOST_POINTS, BestPlan, ParameterPlan, SamplePlan
 from femimpact.contact.laws import LAWS, PowerLaw
 from femimpact.errors import quantity
@@ -48,21 +38,22 @@ MOST_FLOAT = sys.float_info.max
 
 DISTRIBUTION_WORDS = {name: f"{name} with {first} and {second}" for name, (first, second) in DISTRIBUTIONS.items()}
 
-CONTENT = {"content"}
-"""Fields of a noun that no key of a study file gives."""
 
-
-def noun_schema(noun: Any, without: frozenset[str] = frozenset(), title: str = "", **given: Any) -> dict[str, Any]:
+def noun_schema(noun: Any, without: Iterable[str] = (), title: str = "", **given: Any) -> dict[str, Any]:
     """Schema of a table with the keys of a noun's fields."""
-    about, properties, required = _meanings(noun), {}, []
-    for item in dataclasses.fields(noun):
-        if item.name in without | CONTENT:
-            continue
-        properties[item.name] = given.get(item.name) or _key(item.metadata, item.default, about.get(item.name, ""))
-        if item.default is dataclasses.MISSING:
-            required.append(item.name)
-    schema = {"type": "object", "description": _first(noun), "properties": properties, "additionalProperties": False}
-    return schema | ({"title": title} if title else {}) | ({"required": required} if required else {})
+    schema = kind_schema(Kind(noun, without=without), **given)
+    return schema | ({"title": title} if title else {})
+
+
+def kind_schema(kind: Kind, **given: Any) -> dict[str, Any]:
+    """Schema of a table by its keys."""
+    about, keys = _meanings(kind.make or kind.noun), dict[str, Any]()
+    for key, one in kind.table_keys.items():
+        beside = OF_HISTORY.get(one.argument) if key in kind.beside else None
+        meaning = beside or about.get(one.argument) or f"amplitude of the base's {key}" * (kind.ranges != {})
+        keys[key] = given.get(key) or (not one.metadata and LISTS.get(key)) or _key(one.metadata, one.default, meaning)
+    schema = {"type": "object", "description": _first(kind.make or kind.noun), "properties": keys}
+    return schema | {"additionalProperties": False} | ({"required": kind.needed} if kind.needed else {})
 
 
 def _first(noun: Any) -> str:
@@ -177,59 +168,45 @@ def damping_schema() -> dict[str, Any]:
     return {"description": "Damping of the structure alone; without the table it has none.", "oneOf": forms}
 
 
+OF_HISTORY = {
+    "duration": "Duration of the simulated history; absent, that of the motion, of a sum its longest.",
+    "start": "At rest relative to the base, at rest in the inertial frame, or in the static state.",
+    "at": "Named place, or metres from the root.",
+    "name": 'Without a dot; by default "force 1", "force 2" and so on in their order.',
+}
+"""Meanings of the keys of [base] and [[force]] beside those of the noun, by what they give."""
+
+
 def base_schema() -> dict[str, Any]:
     """Schema of [base]: a form for each kind of motion."""
-    forms = [noun_schema(BaseMotion, title="a sine"), noun_schema(RecordedMotion, title="a record")]
-    forms.append(noun_schema(RestMotion, title="rest"))
-    for form, kind in zip(forms, ("sine", "record", "rest"), strict=True):
-        form["properties"] = _kind(kind) | form["properties"]
-    forms[2]["required"].append("kind")
+    forms = {name: _drive(name, kind) for name, kind in BASES.items()}
     # "1 g" is the scale of a record in g
-    forms[1]["properties"]["scale"]["x-unit"] = "m/s^2"
-    history = {item.name: _key(item.metadata, item.default, _meanings(SignalMotion)[item.name])
-               for item in dataclasses.fields(SignalMotion) if item.name in HISTORY_KEYS}  # fmt: skip
-    forms += [_drive(kind, of_kind, {}, history) for kind, of_kind in SIGNALS.items()]
-    parts = {
-        "type": "array", "minItems": 1, "items": {"oneOf": [_drive(kind, PARTS[kind]) for kind in PARTS]},
+    forms["record"]["properties"]["scale"]["x-unit"] = "m/s^2"
+    forms["shock"]["required"].append("history")
+    forms["sum"]["required"].append("parts")
+    forms["sum"]["properties"]["parts"] = {
+        "type": "array", "minItems": 1, "items": {"oneOf": [_drive(name, kind) for name, kind in PARTS.items()]},
         "description": "motions that are added, [[base.parts]]",
     }  # fmt: skip
-    forms.append({"title": SUM, **_closed(_kind(SUM) | {"parts": parts} | history, ["kind", "parts"])})
     about = (
         "Motion of the base: a sine, a record of its acceleration, a chirp, a stepped sine, a random motion, a shock, "
         "or none, beside forces."
     )
-    return {"description": about, "oneOf": forms}
+    return {"description": about, "oneOf": list(forms.values())}
 
 
-def _kind(name: str) -> dict[str, Any]:
-    return {"kind": {"const": name, "description": "the kind of motion or force"}}
-
-
-def _drive(
-    kind: str, of_kind: DriveKind, first: Mapping[str, Any] | None = None, last: Mapping[str, Any] | None = None
-) -> dict[str, Any]:
-    """Schema of a motion or a force by its keys, with others before and behind them."""
-    keys = {**_kind(kind), **(first or {}), **_keys_of(of_kind), **(last or {})}
-    # a part of a sum without a kind is a sine
-    needed = [*(["kind"] if kind != "sine" or first else []), *of_kind.needed]
-    needed += ["at"] if first else ["history"] if last and kind == "shock" else []
-    return {"title": kind, "description": _first(of_kind.noun), **_closed(keys, needed)}
-
-
-def _keys_of(kind: DriveKind) -> dict[str, Any]:
-    """Schemas of the keys of a kind of motion or force."""
-    about, keys = _meanings(kind.noun), dict[str, Any]()
-    for key, metadata in kind.metadata.items():
-        meaning = about.get(kind.names.get(key, key)) or f"amplitude of the base's {key}"
-        keys[key] = LISTS.get(key) or _key(metadata, kind.keys[key].default, meaning)
-    return keys
+def _drive(name: str, kind: Kind) -> dict[str, Any]:
+    """Schema of a motion or a force."""
+    schema = kind_schema(kind)
+    # a table without a kind has a sine or a record
+    needed = [*(["kind"] if name not in ("sine", "record") or "at" in kind.beside else []), *schema.get("required", [])]
+    keys = {"kind": {"const": name, "description": "the kind of motion or force"}} | schema["properties"]
+    return {"title": name, **schema, "properties": keys, "required": needed}
 
 
 def force_schema() -> dict[str, Any]:
     """Schema of [[force]]: a form for each kind."""
-    own = {item.name: _key(item.metadata, item.default, _meanings(StudyForce)[item.name])
-           for item in dataclasses.fields(StudyForce) if item.name in OF_PLACE}  # fmt: skip
-    forms = [_drive(kind, of_kind, own) for kind, of_kind in FORCE_KINDS.items()]
+    forms = [_drive(name, kind) for name, kind in FORCES.items()]
     density = {"description": "one-sided density of the force", "x-unit": "Hz, N^2/Hz", "x-rows": "N^2/Hz"}
     for keys in (form["properties"] for form in forms):
         if "force" in keys:

@@ -8,8 +8,16 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from femimpact.app.study.base_motion import BaseMotion, RecordedMotion, Signal, SignalMotion
-from femimpact.app.study.forces import DrivenMotion, Motion, StudyForce
+from femimpact.app.study.drives import (
+    BASES,
+    SECONDS,
+    START,
+    check_drives,
+    history_duration,
+    kind_of,
+    named_forces,
+    words_of_history,
+)
 from femimpact.app.study.parameter_plan import MOST_STARTS, ParameterPlan
 from femimpact.errors import (
     Fault,
@@ -17,6 +25,7 @@ from femimpact.errors import (
     check_fields,
     faults_of,
     instance,
+    items,
     level_rows,
     name_text,
     optional,
@@ -27,8 +36,20 @@ from femimpact.errors import (
     text,
     truth,
 )
-from femimpact.excitation import Drives, HammerBlow, PointForce, RecordedBase, Sine, Sum
-from femimpact.excitation.drives import until
+from femimpact.excitation import (
+    Chirp,
+    Drives,
+    Excitation,
+    HammerBlow,
+    PointForce,
+    RandomBase,
+    RecordedBase,
+    Shock,
+    Sine,
+    SteppedSine,
+    Sum,
+)
+from femimpact.excitation.drives import alone, until
 from femimpact.excitation.levels import Level, require_reach
 from femimpact.fem.assembly import assemble
 from femimpact.fem.mesh import Mesh
@@ -48,6 +69,9 @@ TWO_VALUES: dict[str, Any] = quantity("", several=True) | {
     },
 }  # fmt: skip
 """Metadata of a range whose unit another key decides."""
+
+MOTIONS = (Sine, RecordedBase, Chirp, SteppedSine, RandomBase, Shock, Sum)
+"""Motions of the base that a study file can give."""
 
 SWITCHED = tuple(kind for kind in (*CHANGES, "grazing") if kind not in REFUSED)
 """Kinds of bifurcations at which another branch begins."""
@@ -273,8 +297,8 @@ class Study:
     ----------
     structure : Structure
     mesh : MeshChoice
-    base : BaseMotion, RecordedMotion, SignalMotion or DrivenMotion
-        The last one where forces act beside it.
+    base : Sine, RecordedBase, Chirp, SteppedSine, RandomBase, Shock, Sum or None
+        Motion of the base; None is at rest.
     reduction : Reduction or None
         None integrates in physical dofs.
     method : mapping of str to value
@@ -287,17 +311,24 @@ class Study:
     plan : ParameterPlan or None
         The axes and measures of a parameter study.
     orbits : OrbitsPlan or None
+    forces : sequence of PointForce and HammerBlow
+        Beside the motion of the base.
+    duration : float or None, s
+        Duration of the simulated history; None is that of the motion, of a sum its longest. A shock and a sine have
+        none.
+    start : {"base", "space", "static"}
+        At rest relative to the base, at rest in the inertial frame, or in the static state (`State.static`).
 
     Raises
     ------
     InputError
-        If the method's name is unknown, or there is a sweep and no sine.
+        If the method's name is unknown, there is a sweep and no sine, or the drives do not fit one another.
     """
 
     structure: Structure = field(metadata=instance(Structure))
     mesh: MeshChoice = field(metadata=instance(MeshChoice))
-    base: BaseMotion | RecordedMotion | SignalMotion | DrivenMotion = field(
-        metadata=instance(BaseMotion, RecordedMotion, SignalMotion, DrivenMotion)
+    base: Sine | RecordedBase | Chirp | SteppedSine | RandomBase | Shock | Sum | None = field(
+        metadata=optional(instance(*MOTIONS))
     )
     reduction: Reduction | None = field(metadata=optional(instance(Reduction)))
     method: Mapping[str, Any] = field(metadata=instance(Mapping))
@@ -307,40 +338,58 @@ class Study:
     text: str = field(repr=False, metadata=text())
     plan: ParameterPlan | None = field(default=None, metadata=optional(instance(ParameterPlan)))
     orbits: OrbitsPlan | None = field(default=None, metadata=optional(instance(OrbitsPlan)))
+    forces: tuple[PointForce | HammerBlow, ...] = field(default=(), metadata=items(PointForce, HammerBlow))
+    duration: float | None = field(default=None, metadata=optional(SECONDS))
+    start: str = field(default="base", metadata=START)
 
     def __post_init__(self) -> None:
         check_fields(self)
+        check_drives(self.base, self.forces, self.duration)
         require_name(self.method.get("name", "newmark"), METHODS, "method.name")
         if self.sweep is not None:
             sine_of(self, "sweep", instead="; remove [sweep], or give [base] an amplitude and a frequency")
 
     @cached_property
-    def excitation(self) -> Sine | RecordedBase | Signal | Sum | Drives | PointForce | HammerBlow:
-        """Drives of the simulated history: the motion of the base, and forces."""
-        drives: Sine | RecordedBase | Signal | Sum | Drives | PointForce | HammerBlow = until(
-            self.base.excitation, self.base.history_duration
-        )
-        return drives
+    def excitation(self) -> Excitation:
+        """Drives of the simulated history: the motion of the base, a force, or several of them as `Drives`."""
+        drives = alone(Drives(self.base, self.forces)) if self.forces else self.base
+        excitation: Excitation = until(drives, self.history_duration)
+        return excitation
 
     @property
-    def motion(self) -> Motion:
-        """What [base] gives, without the forces."""
-        return self.base.motion if isinstance(self.base, DrivenMotion) else self.base
+    def history_duration(self) -> float:
+        """Time (s) that the history takes."""
+        return float(history_duration(self.base, self.duration) or 0.0)
 
     @property
-    def forces(self) -> tuple[StudyForce, ...]:
-        """What [[force]] gives."""
-        return self.base.forces if isinstance(self.base, DrivenMotion) else ()
+    def history_words(self) -> str:
+        """Words for the length of the history and for its drives."""
+        return words_of_history(self.base, self.forces, self.history_duration)
+
+    @property
+    def kind(self) -> str:
+        """Kind of the motion of the base in a study file; "base-and-force" where forces act."""
+        return "base-and-force" if self.forces else kind_of(self.base, BASES)
+
+    @property
+    def source(self) -> Mapping[str, Any]:
+        """Path, content and options of the record of the base; empty without one."""
+        return getattr(self.base, "source", None) or {}
+
+    @property
+    def record(self) -> str | None:
+        """Path of the record of the base, from the folder of the study file; None without one."""
+        return self.source.get("record")
 
     @property
     def shown_frequency(self) -> float:
         """Frequency (Hz) of the cycles that pictures show: of the base where it moves, and not of forces beside it."""
-        return float(getattr(self.motion, "frequency", self.base.frequency))
+        return float((self.base or self.excitation).frequency)
 
     @property
     def sine(self) -> Sine:
-        """The same of a study whose base moves by a sine; of another it is refused."""
-        return sine_of(self, "study.sine").excitation
+        """The motion of a base that moves by a sine alone; of another study it is refused."""
+        return sine_of(self, "study.sine")
 
     @property
     def sweep_level(self) -> dict[str, Any]:
@@ -351,24 +400,22 @@ class Study:
     @property
     def initial(self) -> State:
         """State at the start."""
-        return State.static() if self.base.start == "static" else State.at_rest(self.base.start)
+        return State.static() if self.start == "static" else State.at_rest(self.start)
 
 
-def sine_of(study: Study, key: str, value: object = None, unit: str = "", instead: str = "") -> BaseMotion:
-    """The base motion of a study whose base moves by a sine.
+def sine_of(study: Study, key: str, value: object = None, unit: str = "", instead: str = "") -> Sine:
+    """The motion of a base that moves by a sine alone.
 
     Raises
     ------
     InputError
         Of a record or another motion, naming what needs a sine.
     """
-    if isinstance(study.base, BaseMotion):
+    if isinstance(study.base, Sine) and not study.forces:
         return study.base
-    base = study.base
-    if isinstance(base, DrivenMotion):
-        other = "has forces beside it, [[force]]"
-    else:
-        other = f"is of kind {base.kind!r}" if isinstance(base, SignalMotion) else f"has a record, {base.record!r}"
+    other = "has forces beside it, [[force]]" if study.forces else f"is of kind {study.kind!r}"
+    if isinstance(study.base, RecordedBase) and not study.forces:
+        other = f"has a record, {study.record!r}"
     allowed = f"needs a sine of the base, and [base] of this study {other}{instead}"
     raise InputError([Fault(key, value, unit, allowed)])
 
@@ -392,10 +439,9 @@ def build(study: Study) -> tuple[System, System, Method]:
 def build_systems(study: Study, mesh: Mesh | None) -> tuple[System, System]:
     """The full system on a mesh of `read_mesh_of`, and the one that is integrated."""
     full = assemble_on(study, study.structure, mesh)
-    if isinstance(study.base, DrivenMotion):
-        for name, force in study.base.named():
-            with faults_of(f"force.{name}.at"):
-                full.position_of(force.at)
+    for name, force in named_forces(study.base, study.forces):
+        with faults_of(f"force.{name}.at"):
+            full.position_of(force.at)
     if study.reduction is None:
         return full, full
     kept = study.reduction.modes

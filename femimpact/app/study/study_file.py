@@ -14,18 +14,8 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
-from femimpact.app.study.base_motion import (
-    HISTORY_KEYS,
-    SIGNALS,
-    SUM,
-    BaseMotion,
-    RecordedMotion,
-    SignalMotion,
-    kind_fault,
-    record_beside,
-)
+from femimpact.app.study.drives import BASES, FORCES, Kind, check_drives, force_of, force_table, kind_fault, table_of
 from femimpact.app.study.file_units import flat, in_si_units, is_table, label_of, with_numbers, with_texts
-from femimpact.app.study.forces import FORCE_KINDS, DrivenMotion, RestMotion, StudyForce
 from femimpact.app.study.parameter_plan import (
     AxisValues,
     BestPlan,
@@ -51,7 +41,8 @@ from femimpact.app.study.schema import (
 from femimpact.app.study.study import Gravity, MeshChoice, OrbitsPlan, Output, Reduction, Study, SweepPlan
 from femimpact.contact import ContactLaw
 from femimpact.contact.laws import LAWS
-from femimpact.errors import Fault, InputError, allowed_range, checked, require_path, suggestion
+from femimpact.errors import Fault, InputError, require_path, suggestion
+from femimpact.excitation import HammerBlow, PointForce
 from femimpact.fem.mesh import uniform_mesh
 from femimpact.integrators.methods import METHODS
 from femimpact.regular_file import read_regular
@@ -75,6 +66,8 @@ OF_RECORD = frozenset({"scale", "detrend", "columns", "file", "samples", "high_p
 
 OF_STEPS = frozenset({"acceleration", "fade", "cycles", "seconds", "frequencies", "direction"})
 """Keys of [base] that a stepped sine has, and a sine not."""
+
+OF_BASE = dict.fromkeys(OF_STEPS, 'belongs to [base] kind = "stepped-sine"')
 
 RECORD_LINE = re.compile(r"""^(\s*record\s*=\s*)("[^"\n]*"|'[^'\n]*')""", re.MULTILINE)
 """The usual line of a record in a study file, and the quoted path in it."""
@@ -201,16 +194,18 @@ def study_text(study: Study) -> str:
 
 def same_study(one: Study, other: Study) -> bool:
     """True where two studies are equal, whatever their paths and texts are."""
-    names = [item.name for item in dataclasses.fields(Study) if item.name not in ("path", "text")]
-    return all(getattr(one, name) == getattr(other, name) for name in names)
+    return one.source.get("content") == other.source.get("content") and list(_lines(one)) == list(_lines(other))
 
 
-def with_record(text: str, record: str) -> str:
-    """The text of a study file with another path of its record, where that stands on a separate line.
+def with_record(study: Study, record: str) -> Study:
+    """The study with another path of its record, also in its text, where that stands on a separate line.
 
     Where it stands elsewhere the text does not fit its study any more, which `study_text` finds.
     """
-    return RECORD_LINE.sub(lambda found: found[1] + _value(record), text, count=1)
+    base: Any = study.base
+    base = dataclasses.replace(base, source={**study.source, "record": record})
+    text = RECORD_LINE.sub(lambda found: found[1] + _value(record), study.text, count=1)
+    return dataclasses.replace(study, base=base, text=text)
 
 
 # ---- reading --------------------------------------------------------------------------------------
@@ -241,18 +236,16 @@ def _from_tables(data: Mapping[str, Any], path: Path, text: str, of_units: list[
             read = partial(_base, folder=path.parent) if name == "base" else table.read
             found = _table(name, read, table.many, data[name], faults)
             if len(faults) == before and found is not None:
-                made[table.place] = found
+                made |= found if name == "base" else {table.place: found}
     structure, mesh = None, made.get("mesh")
     if "structure.beam" in made:
         parts = {place.removeprefix("structure."): made.pop(place) for place in list(made) if "." in place}
         structure = _collected("", partial(Structure, **parts), faults)
     if structure is not None and mesh is not None and mesh.elements is not None:
         _collected("", partial(uniform_mesh, structure, mesh.elements), faults)
-    forces = made.pop("forces", None)
-    if isinstance(made.get("base"), RestMotion) and "force" not in data:
-        faults.append(Fault("force", None, "", "is missing: [base] is at rest, and a [[force]] must drive the history"))
-    elif forces and "base" in made:
-        made["base"] = _collected("", partial(DrivenMotion, made["base"], tuple(forces)), faults)
+    if "base" in made and ("force" not in data or "forces" in made):
+        forces = made["forces"] = tuple(made.get("forces", ()))
+        _collected("", partial(check_drives, made["base"], forces, made["duration"]), faults)
     # what has no number in SI is no number of its field either
     keys = {fault.key for fault in of_units}
     faults = [*of_units, *(fault for fault in faults if fault.key not in keys)]
@@ -286,37 +279,11 @@ def _table(name: str, read: Reader, many: bool, value: Any, faults: list[Fault])
 
 
 def _noun(noun: Any, prefix: str, values: Mapping[str, Any], faults: list[Fault], **given: Any) -> Any:
-    """Check keys, types and ranges against the fields of a noun, then make it."""
-    before = len(faults)
-    faults += _key_faults(noun, prefix, values, without=given)
-    if len(faults) > before or any(value is None for value in given.values()):
-        return None
-    clean = {key: tuple(value) if isinstance(value, list) else value for key, value in values.items()}
-    return _collected(prefix, lambda: noun(**clean, **given), faults)
-
-
-def _key_faults(
-    noun: Any,
-    prefix: str,
-    values: Mapping[str, Any],
-    without: Iterable[str] = (),  # fields that no key gives
-    optional: Iterable[str] = (),  # fields without a default that may be left out
-) -> list[Fault]:
-    """Missing and unknown keys of a table, and values that their fields do not allow."""
-    fields = {item.name: item for item in dataclasses.fields(noun) if item.name not in without}
-    faults: list[Fault] = []
-    for name, item in fields.items():
-        if name in values:
-            if "unit" in item.metadata:
-                _collected(prefix, partial(checked, name, values[name], item.metadata), faults)
-        elif item.default is dataclasses.MISSING and name not in optional:
-            allowed = f"; {allowed_range(item.metadata)}" if item.metadata else ""
-            faults.append(Fault(f"{prefix}.{name}", None, "", f"is missing{allowed}"))
-    for name in (name for name in values if name not in fields):
-        of_steps = noun is SweepPlan and name in OF_STEPS
-        allowed = 'belongs to [base] kind = "stepped-sine"' if of_steps else suggestion(name, fields)
-        faults.append(Fault(f"{prefix}.{name}", None, "", allowed))
-    return faults
+    """Check keys, types and ranges against the fields of a noun, then make it; where a field is None, check alone."""
+    kind = Kind(noun, without=tuple(given), elsewhere=OF_BASE if noun is SweepPlan else {})
+    if any(value is None for value in given.values()):
+        return _collected(prefix, partial(kind.check, values), faults)
+    return _collected(prefix, partial(kind.made, values, **given), faults)
 
 
 def _segment(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any:
@@ -325,8 +292,7 @@ def _segment(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any
     if len(faults) == before:
         return _noun(Segment, prefix, values, faults)
     single = {name: value for name, value in values.items() if name not in ("width", "thickness")}
-    faults += _key_faults(Segment, prefix, single)
-    return None
+    return _collected(prefix, partial(Kind(Segment).check, single), faults)
 
 
 def _beam(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any:
@@ -368,45 +334,38 @@ def _gravity(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any
 
 
 def _base(prefix: str, values: Mapping[str, Any], faults: list[Fault], folder: Path = Path()) -> Any:
-    """A sine, a record whose path is given from a folder, or another kind of motion with the fields of its noun."""
+    """The motion of the base, duration and start of the history; the path of a record is given from a folder."""
     kind = values.get("kind", "record" if "record" in values else "sine")
-    kinds = ("sine", "record", *SIGNALS, SUM, "rest")
-    if not isinstance(kind, str) or kind not in kinds:
-        faults.append(kind_fault(f"{prefix}.kind", kind, kinds))
+    if not isinstance(kind, str) or kind not in BASES:
+        faults.append(kind_fault(f"{prefix}.kind", kind, BASES))
         return None
     values = {name: value for name, value in values.items() if name != "kind"}
-    if kind == "rest":
-        return _noun(RestMotion, prefix, values, faults)
-    if kind in (*SIGNALS, SUM):
-        motion = _values(prefix, values, HISTORY_KEYS, faults)
-        history = {name: values[name] for name in HISTORY_KEYS if name in values}
-        return _collected(prefix, lambda: SignalMotion(kind, motion, **history), faults)
     if kind == "sine" and "record" in values:
         faults.append(Fault(f"{prefix}.record", None, "", 'belongs to kind = "record", and [base] is of kind "sine"'))
         return None
     if kind == "record" and "record" not in values:
         faults.append(Fault(f"{prefix}.record", None, "", "is missing: the path of a file, record = 'shaker.csv'"))
         return None
-    if "record" not in values:
-        if OF_RECORD & set(values):
-            given = ", ".join(sorted(OF_RECORD & set(values)))
-            allowed = f"is missing: [base] has {given}, and a record is given by its path, record = 'shaker.csv'"
-            faults.append(Fault(f"{prefix}.record", None, "", allowed))
-            return None
-        if OF_STEPS & set(values):
-            faults.append(_of_steps(prefix, values))
-            return None
-        return _noun(BaseMotion, prefix, values, faults)
-    record, before = values["record"], len(faults)
-    for name in sorted(OF_SINE & set(values)):
-        allowed = "belongs to a sine, and [base] has a record: give one of the two (scale multiplies a record)"
-        faults.append(Fault(f"{prefix}.{name}", values[name], "", allowed))
-    # of another type there is nothing to read: that is the fault of the key
-    read = partial(record_beside, folder, record) if isinstance(record, str) else str
-    content = _collected(prefix, read, faults)
-    rest = {name: value for name, value in values.items() if name not in OF_SINE}
-    noun = _noun(RecordedMotion, prefix, rest, faults, content=content)
-    return noun if len(faults) == before else None
+    if kind == "sine" and OF_RECORD & set(values):
+        of_record = ", ".join(sorted(OF_RECORD & set(values)))
+        allowed = f"is missing: [base] has {of_record}, and a record is given by its path, record = 'shaker.csv'"
+        faults.append(Fault(f"{prefix}.record", None, "", allowed))
+        return None
+    if kind == "sine" and OF_STEPS & set(values):
+        faults.append(_of_steps(prefix, values))
+        return None
+    before, given = len(faults), dict[str, Any]()
+    if kind == "record":
+        for name in sorted(OF_SINE & set(values)):
+            allowed = "belongs to a sine, and [base] has a record: give one of the two (scale multiplies a record)"
+            faults.append(Fault(f"{prefix}.{name}", values[name], "", allowed))
+        values = {name: value for name, value in values.items() if name not in OF_SINE}
+        given["folder"] = folder
+    elif kind not in ("sine", "rest"):
+        values = _values(prefix, values, faults)
+    motion = _collected(prefix, partial(BASES[kind].made, values, **given), faults)
+    beside = {one.argument: values.get(key, one.default) for key, one in BASES[kind].beside.items()}
+    return {"base": motion, **beside} if len(faults) == before else None
 
 
 def _of_steps(prefix: str, values: Mapping[str, Any]) -> Fault:
@@ -415,7 +374,7 @@ def _of_steps(prefix: str, values: Mapping[str, Any]) -> Fault:
     allowed = 'belongs to kind = "stepped-sine", with frequencies = [...] and cycles or seconds'
     level, unit = (
         values[name],
-        "" if isinstance(values[name], str) else SIGNALS["stepped-sine"].metadata[name].get("unit", ""),
+        "" if isinstance(values[name], str) else BASES["stepped-sine"].keys[name].metadata.get("unit", ""),
     )
     try:
         if name == "acceleration":
@@ -429,32 +388,25 @@ def _of_steps(prefix: str, values: Mapping[str, Any]) -> Fault:
 
 def _force(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any:
     """A force by its kind, with the keys of that kind."""
-    own: dict[str, Any] = {name: values.get(name) for name in ("kind", "at", "name")}
-    if not isinstance(own["kind"], str) or own["kind"] not in FORCE_KINDS:
-        faults.append(kind_fault(f"{prefix}.kind", own["kind"], FORCE_KINDS))
+    kind = values.get("kind")
+    if not isinstance(kind, str) or kind not in FORCES:
+        faults.append(kind_fault(f"{prefix}.kind", kind, FORCES))
         return None
-    if own["at"] is None:
+    if values.get("at") is None:
         faults.append(Fault(f"{prefix}.at", None, "", "is missing: the place at which the force acts"))
         return None
-    rest = _values(prefix, values, own, faults)
-    return _collected(prefix, lambda: StudyForce(values=rest, **own), faults)
+    return _collected(prefix, partial(force_of, _values(prefix, values, faults)), faults)
 
 
-def _values(prefix: str, values: Mapping[str, Any], without: Iterable[str], faults: list[Fault]) -> Any:
+def _values(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> dict[str, Any]:
     """Keys and values of a kind of motion or force; frequencies between two of them are these numbers."""
-    found = {name: _plain(value) for name, value in values.items() if name not in without}
-    given = values.get("frequencies")
-    if isinstance(given, dict):
-        axis = _collected("", partial(axis_from, f"{prefix}.frequencies", given), faults)
-        found["frequencies"] = getattr(axis, "values", (1.0,))
-    return tuple(found.items())
-
-
-def _plain(value: Any) -> Any:
-    """Lists as tuples, which do not change, and tables as pairs of a key and a value."""
-    if isinstance(value, dict):
-        return tuple((name, _plain(item)) for name, item in value.items())
-    return tuple(map(_plain, value)) if isinstance(value, list) else value
+    if not isinstance(values.get("frequencies"), dict):
+        return dict(values)
+    axis = _collected("", partial(axis_from, f"{prefix}.frequencies", values["frequencies"]), faults)
+    if isinstance(axis, Distribution):
+        allowed = "must be numbers, or points between two of them: from, to and points"
+        faults.append(Fault(f"{prefix}.frequencies", values["frequencies"], "", allowed))
+    return {**values, "frequencies": getattr(axis, "values", (1.0,))}
 
 
 def _method(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any:
@@ -465,13 +417,8 @@ def _method(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any:
         faults.append(Fault(f"{prefix}.name", name, "", allowed))
         return None
     noun = METHODS[name]
-    later = chosen_later(noun)
-    found = _key_faults(noun, prefix, settings, optional=later)
     # what may be left out is chosen later: any will do to check the rest together
-    stand_in = dict.fromkeys(later, 1.0)
-    if not found:
-        _collected(prefix, lambda: noun(**{**stand_in, **settings}), found)
-    faults += found
+    _noun(noun, prefix, {**dict.fromkeys(chosen_later(noun), 1.0), **settings}, faults)
     return {"name": name, **settings}
 
 
@@ -519,7 +466,7 @@ def _lines(study: Study) -> Iterator[str]:
         # without a word of them the root is clamped; keys come before all tables
         yield "support = []"
     for name, table in TABLES.items():
-        found = attrgetter(table.place)(study)
+        found: Any = attrgetter(table.place)(study) if table.place else study
         for part in found if table.many else [found] if found else []:
             yield from table.write(f"[[{name}]]" if table.many else f"[{name}]", part)
 
@@ -545,14 +492,25 @@ def _plan_lines(header: str, plan: ParameterPlan) -> Iterator[str]:
 
 
 def _noun_lines(header: str, noun: Any) -> Iterator[str]:
-    noun = noun.motion if isinstance(noun, DrivenMotion) else noun
-    return _table_lines(header, noun.table if hasattr(noun, "table") else _given(noun))
+    return _table_lines(header, _given(noun))
+
+
+def _base_lines(header: str, study: Study) -> Iterator[str]:
+    table = table_of(study.base, BASES)
+    beside = BASES[table["kind"]].beside
+    if table["kind"] in ("sine", "record"):
+        del table["kind"]
+    given = {key: (getattr(study, one.argument), one.default) for key, one in beside.items()}
+    return _table_lines(header, table | {key: value for key, (value, default) in given.items() if value != default})
+
+
+def _force_lines(header: str, force: PointForce | HammerBlow) -> Iterator[str]:
+    return _table_lines(header, force_table(force))
 
 
 def _given(noun: Any) -> dict[str, Any]:
-    """Fields of a noun that are not as they are by default, but for those that its text leaves out."""
-    values = {item.name: (getattr(noun, item.name), item.default) for item in dataclasses.fields(noun) if item.repr}
-    return {name: value for name, (value, default) in values.items() if value != default}
+    """Fields of a noun that are not as they are by default."""
+    return Kind(type(noun)).table(noun)
 
 
 def _gravity_lines(header: str, acceleration: float) -> Iterator[str]:
@@ -606,7 +564,7 @@ Reader = Callable[[str, Mapping[str, Any], list[Fault]], Any]
 class _Table:
     """A TOML table: how it is read, described and written."""
 
-    place: str  # in a `Study`, of what is read from the table
+    place: str  # in a `Study`, of what is read from the table; empty where it is several fields
     read: Reader
     schema: Callable[[], dict[str, Any]]  # JSON schema
     write: Callable[[str, Any], Iterable[str]] = _noun_lines  # lines of a file, from the header and what stands there
@@ -635,8 +593,8 @@ TABLES: Mapping[str, _Table] = {
     "damping": _Table("structure.damping", _damping, damping_schema),
     "gravity": _Table("structure.gravity", _gravity, partial(noun_schema, Gravity), _gravity_lines),
     "reduction": _of(Reduction, "reduction"),
-    "base": _Table("base", _base, base_schema, required=True),
-    "force": _Table("forces", _force, force_schema, many=True),
+    "base": _Table("", _base, base_schema, _base_lines, required=True),
+    "force": _Table("forces", _force, force_schema, _force_lines, many=True),
     "method": _Table("method", _method, method_schema, _table_lines),
     "sweep": _of(SweepPlan, "sweep"),
     "orbits": _of(OrbitsPlan, "orbits"),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -11,34 +11,31 @@ from typing import Any, cast
 
 import numpy as np
 
-from femimpact import core, figures
+from femimpact import core
 from femimpact.app.report.result_page import add_report
+from femimpact.app.report.views import save_pictures
 from femimpact.app.results.picture_data import structure_parts
-from femimpact.app.results.result_directory import FILES, prepare_directory
+from femimpact.app.results.result_directory import FILES, Staging, prepare_directory
 from femimpact.app.study.study import Study, build_systems, check_method, method_for, read_mesh_of, sine_of
 from femimpact.app.study.summary import library_versions
 from femimpact.app.tasks.run import Report
 from femimpact.convergence import (
     ContactStatistics,
-    ConvergenceStudy,
     ConvergenceTable,
     Frequencies,
-    MeshConvergence,
     ModeShapes,
     OverMeshes,
     OverModes,
     OverSteps,
     SteadyResponse,
-    StepConvergence,
     SupportReaction,
     SurfaceStress,
     converge_step,
     convergence_study,
 )
 from femimpact.convergence.cases import Axis, Case
-from femimpact.convergence.mesh_and_step import converge_meshes
 from femimpact.convergence.quantities import Watched
-from femimpact.convergence.table import cell, note_lines, row_line, table_lines
+from femimpact.convergence.table import note_lines, table_lines
 from femimpact.errors import FemimpactError, InputError
 from femimpact.fem.mesh import SAME_PLACE, Mesh, uniform_mesh
 from femimpact.files import write_csv, write_json
@@ -67,12 +64,11 @@ COARSEST_STEPS = 40
 
 @dataclass(frozen=True, eq=False)
 class WrittenConvergence:
-    """Results of the convergence studies of a study, and the directory of their files."""
+    """Tables of the convergence studies of a study, by the names of their files, and the directory of these."""
 
-    tables: ConvergenceStudy  # over the mesh and the modes, and over the step where the study's method is Newmark's
-    statistics: ConvergenceTable | None  # of event-driven runs with contacts over the mesh
-    mesh: MeshConvergence
-    step: StepConvergence | None  # of runs in Newmark's steps, to shortly after the first impact
+    # of quantities over the mesh, the modes, and the step where the study's method is Newmark's; of runs in its steps,
+    # to shortly after the first impact; of statistics of event-driven runs with contacts over the mesh
+    tables: Mapping[str, ConvergenceTable]
     notes: tuple[str, ...]
     directory: Path
 
@@ -116,31 +112,29 @@ def write_convergence(
     else:
         notes.append("over the step: Newmark's method only; the study's is another")
     with prepare_directory(directory, force) as staging:
-        folder = staging.folder
-        found = convergence_study(
+        quantities = convergence_study(
             study.structure, axes, _watched(full, study), study.sine, accuracy=accuracy,
             progress=lambda share: report("quantities", share),
         )  # fmt: skip
-        frequencies = converge_meshes(study.structure, [m for m in meshes.meshes if isinstance(m, Mesh)])
-        _write_tables(folder, found, frequencies)
-        staging.finish_part("quantities")
+        found = {f"quantities_over_{axis}": table for axis, table in quantities.tables.items()}
+        written = list(quantities.tables.values())
+        write_csv(staging.folder / FILES["convergence_summary"].name, *_summary(written))
+        _write(staging, "quantities", found)
         statistics, why = _statistics(study, meshes, _moving(full)[0], accuracy, report)
         if statistics is not None:
-            write_csv(folder / FILES["statistics_over_mesh"].name, *statistics.columns())
-            staging.finish_part("statistics")
-        step = None
+            _write(staging, "statistics", {"statistics_over_mesh": statistics})
+            found["statistics_over_mesh"] = statistics
         if in_steps:
             report("steps", 0.0)
-            step = converge_step(small, study.sine, cast(Newmark, method))
+            found["runs_over_step"] = converge_step(small, study.sine, cast(Newmark, method), accuracy=accuracy)
             report("steps", 1.0)
-            _write_steps(folder, step)
-            staging.finish_part("steps")
-        written = WrittenConvergence(found, statistics, frequencies, step, (*notes, *why), directory)
-        write_json(folder / FILES["convergence_notes"].name, _about(study, full, written, accuracy))
+            _write(staging, "steps", {"runs_over_step": found["runs_over_step"]})
+        done = WrittenConvergence(found, (*notes, *why), directory)
+        write_json(staging.folder / FILES["convergence_notes"].name, _about(study, full, done, accuracy))
         staging.finish_part("notes")
     if study.output.report:
         add_report(directory, report)
-    return written
+    return done
 
 
 # ---- what is studied ------------------------------------------------------------------------------
@@ -165,7 +159,7 @@ def _meshes(study: Study, mesh: Mesh | None) -> OverMeshes:
 def _steps(study: Study, mesh: Mesh, method: Method) -> OverSteps:
     """Time steps to compare: a fortieth of the base's period, halved three to ten times, down to the study's step."""
     given = cast(Newmark, method)
-    coarse = 1.0 / (COARSEST_STEPS * study.base.frequency)
+    coarse = 1.0 / (COARSEST_STEPS * study.excitation.frequency)
     halvings = math.ceil(math.log2(coarse / given.dt)) if coarse > given.dt else 0
     return OverSteps(mesh, replace(given, dt=coarse, allow_coarse_step=True), min(max(halvings, 3), 10))
 
@@ -247,41 +241,25 @@ def _statistics(
 
 def _about(study: Study, system: System, found: WrittenConvergence, accuracy: float) -> dict[str, Any]:
     """The structure, the problem, notes and versions, for the report of the tables."""
-    studied = found.tables.tables.values()
-    notes = [note for table in studied for note in table.notes]
-    more = [*found.notes, *found.mesh.notes, *(found.step.notes if found.step else ())]
+    studied = found.tables.values()
     return {
         "study": study.path.name,
         **{name: getattr(study.output, name) for name in ("title", "author", "date")},
         "problem": next((table.problem for table in studied), ""),
         "accuracy": accuracy,
-        "notes": list(dict.fromkeys([*notes, *more])),
+        "notes": list(dict.fromkeys([*(note for table in studied for note in table.notes), *found.notes])),
         "versions": library_versions(),
         "core": core.build_info(),
         "structure": structure_parts(study.structure, system),
     }
 
 
-# ---- files ----------------------------------------------------------------------------------------
-
-
-def _write_tables(folder: Path, found: ConvergenceStudy, mesh: MeshConvergence) -> None:
-    off_screen = figures.OffScreen()
-    for axis, table in found.tables.items():
-        write_csv(folder / FILES[f"quantities_over_{axis}"].name, *table.columns())
-        figures.save_figure(
-            figures.convergence_panels(table, off_screen),
-            folder / FILES[f"quantities_over_{axis}_figure"].name,
-        )
-    write_csv(folder / FILES["convergence_summary"].name, *_summary(list(found.tables.values())))
-    columns: dict[str, Any] = {"elements": mesh.elements}
-    for i in range(mesh.reference.size):
-        columns[f"natural_frequency_{i + 1}"] = mesh.natural_frequency[:, i]
-        columns[f"error_{i + 1}"] = mesh.error[:, i]
-    units = {name: "Hz" if "frequency" in name else "1" for name in columns if name != "elements"}
-    write_csv(folder / FILES["mesh_convergence"].name, columns, units)
-    drawn = figures.mesh_convergence(mesh, slope=None, ax=off_screen)
-    figures.save_figure(drawn, folder / FILES["mesh_convergence_figure"].name)
+def _write(staging: Staging, part: str, found: Mapping[str, ConvergenceTable]) -> None:
+    """Write tables and their figures, by the names of their files, as a part of the results."""
+    for name, table in found.items():
+        write_csv(staging.folder / FILES[name].name, *table.columns())
+    save_pictures(found.values(), staging.folder)
+    staging.finish_part(part)
 
 
 def _summary(found: Sequence[ConvergenceTable]) -> tuple[dict[str, Any], dict[str, str]]:
@@ -293,28 +271,7 @@ def _summary(found: Sequence[ConvergenceTable]) -> tuple[dict[str, Any], dict[st
     return columns, parts[0][1]
 
 
-def _write_steps(folder: Path, step: StepConvergence) -> None:
-    columns = {name: getattr(step, name) for name in ("dt", "linear_error", "first_impact_error", "energy_residual")}
-    write_csv(folder / FILES["step_convergence"].name, columns, {"dt": "s"})
-    drawn = figures.step_convergence(step, slope=None, ax=figures.OffScreen())
-    figures.save_figure(drawn, folder / FILES["step_convergence_figure"].name)
-
-
 def convergence_lines(found: WrittenConvergence) -> list[str]:
-    """Lines of at most 80 columns: for each axis the relative errors, and what they say."""
-    lines: list[str] = []
-    for table in [*found.tables.tables.values(), *([found.statistics] if found.statistics is not None else [])]:
-        lines += [*table_lines(table), ""]
-    if found.step is not None:
-        lines += [*_step_lines(found.step), ""]
-    return lines + note_lines([*found.notes, *found.mesh.notes, *(found.step.notes if found.step else ())])
-
-
-def _step_lines(step: StepConvergence) -> list[str]:
-    lines = [
-        f"Runs in steps: relative errors; orders {step.linear_order:.2f} and {step.first_impact_order:.2f}",
-        row_line("dt (s)", ["no ball", "impact", "energy"]),
-    ]
-    for row in zip(step.dt, step.linear_error, step.first_impact_error, step.energy_residual, strict=True):
-        lines.append(row_line(f"{row[0]:.4g}", [cell(value) for value in row[1:]]))
-    return lines
+    """Lines of at most 80 columns: for each table the relative errors, and what they say."""
+    lines = [line for table in found.tables.values() for line in (*table_lines(table), "")]
+    return lines + note_lines(found.notes)

@@ -12,13 +12,11 @@ from typing import Any
 import numpy as np
 
 from femimpact.app.parametric.starts import drawn_curves, drawn_histories, spreads_of, write_curves
-from femimpact.app.report.pictures import draw_in_child, with_pictures
+from femimpact.app.report.pictures import draw_kinds, with_pictures
 from femimpact.app.report.result_page import add_report
 from femimpact.app.results.picture_data import write_last_cycles, write_mode_shapes, write_snapshots
 from femimpact.app.results.result_directory import FILES, Staging, prepare_directory
 from femimpact.app.results.results import STICKING_FILE, StudyResults, load, write_summary
-from femimpact.app.study.base_motion import RecordedMotion
-from femimpact.app.study.forces import DrivenMotion
 from femimpact.app.study.prepared import (
     PARTS,
     PreparedStudy,
@@ -71,7 +69,7 @@ def run_simulation(prepared: PreparedStudy, report: Report = _silent) -> Respons
     """The history of the study, with snapshots over its last cycles."""
     study, record = prepared.study, prepared.record
     return integrate(
-        prepared.small, study.excitation, prepared.method, study.base.history_duration, record, study.initial,
+        prepared.small, study.excitation, prepared.method, study.history_duration, record, study.initial,
         lambda share: report("history", share),
     )  # fmt: skip
 
@@ -83,7 +81,7 @@ def last_cycles(prepared: PreparedStudy, response: Response) -> Response:
     that it kept there. A method that keeps none makes the run once more.
     """
     study, method, record = prepared.study, prepared.method, prepared.record
-    start, duration = last_cycles_start(study), study.base.history_duration
+    start, duration = last_cycles_start(study), study.history_duration
     grid = method.time_grid(prepared.small, study.excitation, duration, record)
     steps = round(duration / grid)
     finely, interval = _read_within_contacts(prepared, grid)
@@ -104,13 +102,13 @@ def _read_within_contacts(prepared: PreparedStudy, grid: float) -> tuple[Method,
     `grid` (s) is that of the history, and stays where it cannot be chosen.
     """
     study, small, method, record = prepared.study, prepared.small, prepared.method, prepared.record
-    contact_time, frequency, parts = shortest_contact(small), study.base.frequency, 1
+    contact_time, frequency, parts = shortest_contact(small), study.excitation.frequency, 1
     # doubled, the grid keeps its instants to the last bit, and with them the pieces in which a run is computed
     while math.isfinite(contact_time) and parts * contact_time < DRAWN_IN_CONTACT * grid:
         parts *= 2
     one = Sine(0.0, frequency), 1.0 / frequency, Recorder()
     finely = read_at_least(method, parts * round(1.0 / (frequency * method.time_grid(small, *one))))
-    if finely == method or finely.time_grid(small, study.excitation, study.base.history_duration, record) < grid:
+    if finely == method or finely.time_grid(small, study.excitation, study.history_duration, record) < grid:
         return finely, record.interval
     # samples of a cycle do not set the grid: its interval does
     return method, grid / parts
@@ -243,7 +241,7 @@ def _with_history_starts(prepared: PreparedStudy, found: Found, report: Report) 
 
 def _with_sweep_starts(staging: Staging, prepared: PreparedStudy, found: Found, report: Report) -> Found:
     """The same of the sweep, whose bands are written."""
-    plan, sweeps, start = prepared.study.sweep, found.sweeps, prepared.study.base.start
+    plan, sweeps, start = prepared.study.sweep, found.sweeps, prepared.study.start
     if plan is None or sweeps is None or runs_of_starts(prepared.small, plan.starts) == 1:
         return found
     curves, failed = drawn_curves(prepared, sweeps.empty.frequency, report)
@@ -275,13 +273,10 @@ def _summary(prepared: PreparedStudy, found: Found) -> dict[str, Any]:
 
 def keep_study(staging: Staging, study: Study) -> None:
     """Write the study file, that of the study as it is run, and the record that it names."""
-    if isinstance(study.motion, RecordedMotion):
+    if study.record is not None:
         name, path = FILES["base_record"].name, staging.folder / FILES["study"].name
-        atomic_write(staging.folder / name, study.motion.content)
-        text = with_record(study.text, name)
-        motion = replace(study.motion, record=name)
-        base = replace(study.base, motion=motion) if isinstance(study.base, DrivenMotion) else motion
-        study = replace(study, base=base, path=path, text=text)
+        atomic_write(staging.folder / name, study.source["content"])
+        study = replace(with_record(study, name), path=path)
     atomic_write(staging.folder / FILES["study"].name, study_text(study))
 
 
@@ -384,7 +379,7 @@ def keep_pictures(
         write_summary(folder, with_pictures(summary, ended, staging.target), staging.finished)
         # what they are drawn from stays with the results, should the run end now
         staging.finish_part("data of pictures")
-        summary = with_pictures(summary, draw_in_child(staging.finished, folder, kinds, report), staging.target)
+        summary = with_pictures(summary, draw_kinds(staging.finished, folder, kinds, report), staging.target)
     write_summary(folder, summary, staging.finished)
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import itertools
 import os
-from collections.abc import Callable
+import warnings
+from collections.abc import Callable, Mapping
 from contextlib import nullcontext, suppress
 from dataclasses import replace
 from functools import partial
@@ -13,26 +14,23 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from femimpact import figures
 from femimpact.app.parametric.best import best_cases, check_best
 from femimpact.app.parametric.best_design import BestCase, told_lines
-from femimpact.app.parametric.definition import CaseTable, ParameterStudy
+from femimpact.app.parametric.definition import ParameterStudy
 from femimpact.app.parametric.labelled import endings_of
 from femimpact.app.parametric.measures import better_of
 from femimpact.app.parametric.paths import study_with
 from femimpact.app.parametric.verb import StudyProgress, run_parameter_study, to_stderr
 from femimpact.app.parametric.workers import block_cases, connected
-from femimpact.app.report.best_picture import marks_of, worst_over_axes
-from femimpact.app.report.result_page import add_report
-from femimpact.app.results.result_directory import BEST_FIGURE, FILES
-from femimpact.app.study.base_motion import RecordedMotion
+from femimpact.app.report.result_page import add_report, best_measures
+from femimpact.app.report.views import measures_of, save_pictures
+from femimpact.app.results.result_directory import BEST_FIGURE, FILES, ResultsWarning
 from femimpact.app.study.parameter_plan import BestPlan
 from femimpact.app.study.prepared import RUNS_OF_HISTORY, START, history_cost
 from femimpact.app.study.study import Study
-from femimpact.app.study.study_file import study_text
+from femimpact.app.study.study_file import study_text, with_record
 from femimpact.errors import Fault, InputError, require
-from femimpact.figures.studies import mark_best
-from femimpact.figures.study_labels import axis_names, case_columns, measure_names, value_words
+from femimpact.figures.study_labels import axis_names, case_columns, value_words
 from femimpact.files import atomic_write, write_csv
 from femimpact.response.response import Recorder
 from femimpact.units import number_text, unit_text
@@ -135,10 +133,9 @@ def write_parameter_study(
     write_csv(directory / FILES["parameter_table"].name, columns, units)
     plan: Any = study.plan
     found, _ = best_cases(dataset, plan.best)
-    best = next(iter(found.values()), None)
-    _write_best(definition, best, directory)
+    _write_best(definition, next(iter(found.values()), None), directory)
     if study.output.figures:
-        _draw(dataset, best, directory)
+        _draw(dataset, found, directory)
     if study.output.report:
         add_report(directory, lambda part, share: None)
     return dataset
@@ -151,9 +148,8 @@ def _write_best(definition: ParameterStudy, best: BestCase | None, directory: Pa
     design = next((one for one in best.designs if one.case >= 0), None) if best is not None else None
     if design is None:
         return
-    table: CaseTable = definition.table
-    places = {place: table.value(axis, design.case) for axis, place in enumerate(table.places)}
     given: Any = definition.study
+    places = definition.table.values(design.case)
     # a study without a file that says the same, or another drive
     with suppress(InputError, ValueError):
         atomic_write(path, study_text(_moved(replace(study_with(given, places), plan=None), directory)))
@@ -164,40 +160,14 @@ def _moved(study: Study, directory: Path) -> Study:
     here = os.path.relpath(study.path.parent, directory)
     if study.mesh.file is not None:
         study = replace(study, mesh=replace(study.mesh, file=os.path.join(here, study.mesh.file)))
-    if isinstance(study.base, RecordedMotion):
-        study = replace(study, base=replace(study.base, record=os.path.join(here, study.base.record)))
-    return study
+    return study if study.record is None else with_record(study, os.path.join(here, study.record))
 
 
-def _draw(dataset: xarray.Dataset, best: BestCase | None, directory: Path) -> None:
+def _draw(dataset: xarray.Dataset, best: Mapping[str, BestCase], directory: Path) -> None:
     """A figure of the best case, and of every measure that is a number and has a value."""
-    path = directory / BEST_FIGURE
-    path.unlink(missing_ok=True)
-    worst = worst_over_axes(dataset, best) if best is not None else None
-    if best is not None and worst is not None:
-        drawn = _drawn(worst, best.measure)
-        if worst[best.measure].ndim == 1:
-            drawn = mark_best(drawn, worst, best.measure, marks_of(best))
-        figures.save_figure(drawn, path)
-    for name in measure_names(dataset):
-        figures.save_figure(_drawn(dataset, name), directory / f"{_file_name(name)}.png")
-
-
-def _file_name(measure: str) -> str:
-    """Name of the figure of a measure: that of a channel may hold what no file name should."""
-    return "study_" + "".join(letter if letter.isalnum() or letter in "_-" else "_" for letter in measure)
-
-
-def _drawn(dataset: xarray.Dataset, name: str) -> Any:
-    """The figure that suits the axes of a study."""
-    off_screen, axes = figures.OffScreen(), dataset[name].dims
-    if axes == ("case",):
-        return figures.study_scatter(dataset, name, figure=off_screen)
-    if len(axes) == 1:
-        return figures.study_lines(dataset, name, ax=off_screen)
-    if len(axes) == 2:
-        return figures.study_map(dataset, name, ax=off_screen)
-    return figures.study_maps(dataset, name, figure=off_screen)
+    (directory / BEST_FIGURE).unlink(missing_ok=True)
+    for text in save_pictures([*best_measures(dataset, best), *measures_of(dataset)], directory):
+        warnings.warn(f"not drawn: {text}", ResultsWarning, stacklevel=3)
 
 
 def plan_lines(study: Study) -> list[str]:
@@ -212,7 +182,7 @@ def plan_lines(study: Study) -> list[str]:
 
     given = definition_of(study)
     method = given.systems.method_of(given.nominal, {})
-    of_cycle = partial(seconds_of_cycle, method, given.nominal, study.base.frequency)
+    of_cycle = partial(seconds_of_cycle, method, given.nominal, study.excitation.frequency)
     each, memory = of_cycle(sweep=True) * given.dwell, bytes_of_cycle(method) * AT_ONCE * given.dwell
     if not given.has_cycle:
         alone = replace(study, output=replace(study.output, starts=1))
@@ -230,7 +200,7 @@ def plan_lines(study: Study) -> list[str]:
     memory += COLUMN_BYTES * given.table.size * (numbers + 8)
     return [
         f"study: {_counted(given.table.size, 'case')} ({shape}), {_counted(given.starts, 'start')} each, "
-        + (f"{given.dwell} cycles, of which {given.dwell // 3} are measured" if given.has_cycle else study.base.words),
+        + (f"{given.dwell} cycles, of which {given.dwell // 3} are measured" if given.dwell else study.history_words),
         f"study takes about {number_text(seconds + drawn, 2)} s on one core, "
         f"{number_text(seconds / cores() + drawn, 2)} s on {cores()}, "
         f"{number_text(max(memory, 1e6) / 1e6, 3)} MB of memory and {number_text(_disk(given, study) / 1e6, 2)} MB "

@@ -123,8 +123,8 @@ def _energies(block: Block, measured: NDArray[np.int64], instants: int) -> tuple
 
 
 def event_driven_cases(
-    system: System, cases: SineCases, method: EventSettings, observed: Array, instants: int, workers: int,
-    progress: Progress | None,
+    method: EventSettings, system: System, cases: SineCases, observed: Array, instants: int, workers: int,
+    progress: Progress | None = None,
 ) -> SineDwellResults:  # fmt: skip
     """Results of cases, event-driven."""
     check_events(system)

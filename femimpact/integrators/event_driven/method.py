@@ -10,15 +10,12 @@ from numpy.typing import NDArray
 
 from femimpact.errors import check_fields, quantity
 from femimpact.excitation import Excitation
-from femimpact.integrators.assembly import MethodRun
-from femimpact.integrators.cases import AchievedRestitution, SineCases, SineDwellResults
+from femimpact.integrators.cases import AchievedRestitution
 from femimpact.integrators.event_driven.dwells import event_driven_cases
 from femimpact.integrators.event_driven.loop_data import check_events, reading_grid
 from femimpact.integrators.event_driven.run import run_events
-from femimpact.progress import Progress
 from femimpact.response.response import Recorder
 from femimpact.system.contact_pair import ContactPair
-from femimpact.system.state import State
 from femimpact.system.system import System
 
 
@@ -90,16 +87,5 @@ class EventDriven:
         """None: the law's, no step comes between."""
         return None
 
-    def run(
-        self, system: System, excitation: Excitation, duration: float, recorder: Recorder, initial: State,
-        progress: Progress | None = None,
-    ) -> MethodRun:  # fmt: skip
-        """One run; see `integrate`."""
-        return run_events(system, excitation, self, duration, recorder, initial, progress)
-
-    def run_cases(
-        self, system: System, cases: SineCases, observed: NDArray[np.float64], instants: int, workers: int,
-        progress: Progress | None = None,
-    ) -> SineDwellResults:  # fmt: skip
-        """Results of many sine dwells, all in blocks of one compiled call."""
-        return event_driven_cases(system, cases, self, observed, instants, workers, progress)
+    run = run_events
+    run_cases = event_driven_cases

@@ -280,9 +280,9 @@ class _Run:
 
 
 def run_events(
+    method: EventSettings,
     system: System,
     excitation: Excitation,
-    method: EventSettings,
     duration: float,
     recorder: Recorder,
     initial: State,

@@ -11,15 +11,13 @@ from dataclasses import dataclass, field
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from femimpact import core
 from femimpact.contact.custom_law import force_pointer, law_error
 from femimpact.contact.laws import RIGID
 from femimpact.errors import check_fields, choice, quantity, require, truth
 from femimpact.excitation import Excitation
-from femimpact.integrators.assembly import MethodRun
-from femimpact.integrators.cases import AchievedRestitution, SineCases, SineDwellResults
+from femimpact.integrators.cases import AchievedRestitution
 from femimpact.integrators.stepping.block import check_recorder
 from femimpact.integrators.stepping.operators import (
     SteppingMethod,
@@ -33,24 +31,21 @@ from femimpact.integrators.stepping.operators import (
     step_notes,
 )
 from femimpact.integrators.stepping.run import run_steps, stepped_cases
-from femimpact.progress import Progress
 from femimpact.response.response import Recorder
 from femimpact.system.contact_pair import ContactPair
-from femimpact.system.state import State
 from femimpact.system.system import System
 
 
 def stepped_restitution(
-    pair: ContactPair,
-    method: SteppingMethod,
-    approach_speed: float,  # m/s
-    phases: int,  # at how many instants within a step the touch is tried
-) -> AchievedRestitution:
-    """Send the pair's effective mass against a wall with the step of the method, and look at the rebound.
+    method: SteppingMethod, pair: ContactPair, approach_speed: float, phases: int = 32
+) -> AchievedRestitution | None:
+    """Restitution of the pair's effective mass sent against a wall; None where the method does not take the law.
 
     Raises `InputError` if a collision does not end with this step, or a custom law gives a force that is not
     finite.
     """
+    if (pair.parameters.kind == RIGID) != scheme_of(method).rigid:
+        return None
     scheme = scheme_of(method, method.dt / method.refine)
     law, force = pair.parameters, pair.law.force_function(pair.effective_mass)
     pointer = None if force is None else force_pointer(force)
@@ -96,17 +91,13 @@ class SteppingMembers:
         """Largest dt omega (1) that is stable: any."""
         return math.inf
 
-    def check(self: SteppingMethod, system: System) -> tuple[str, ...]:
-        """Warnings of the step on a system; see `operators.check_step`."""
-        return check_step(system, self)
-
-    def check_drive(self: SteppingMethod, frequencies: NDArray[np.float64], key: str) -> None:
-        """Refuse frequencies of the drive (Hz) that the step does not see."""
-        check_sampling(frequencies, self, key)
-
-    def notes(self: SteppingMethod, system: System) -> tuple[str, ...]:
-        """Notes on modes that the step does not follow."""
-        return step_notes(system, self)
+    # functions of the method, which comes first
+    check = check_step
+    check_drive = check_sampling
+    notes = step_notes
+    run = run_steps
+    run_cases = stepped_cases
+    achieved_restitution = stepped_restitution
 
     def time_grid(
         self: SteppingMethod, system: System, excitation: Excitation, duration: float, recorder: Recorder
@@ -114,28 +105,6 @@ class SteppingMembers:
         """The step, s; refused is a recorder with an interval."""
         check_recorder(recorder)
         return self.dt
-
-    def achieved_restitution(
-        self: SteppingMethod, pair: ContactPair, approach_speed: float, phases: int = 32
-    ) -> AchievedRestitution | None:
-        """Restitution with the step; none where the method does not take the pair's law."""
-        if (pair.parameters.kind == RIGID) != scheme_of(self).rigid:
-            return None
-        return stepped_restitution(pair, self, approach_speed, phases)
-
-    def run(
-        self: SteppingMethod, system: System, excitation: Excitation, duration: float, recorder: Recorder,
-        initial: State, progress: Progress | None = None,
-    ) -> MethodRun:  # fmt: skip
-        """One run; see `integrate`."""
-        return run_steps(system, excitation, self, duration, recorder, initial, progress)
-
-    def run_cases(
-        self: SteppingMethod, system: System, cases: SineCases, observed: NDArray[np.float64], instants: int,
-        workers: int, progress: Progress | None = None,
-    ) -> SineDwellResults:  # fmt: skip
-        """Results of many sine dwells, side by side in blocks."""
-        return stepped_cases(system, cases, self, observed, instants, workers, progress)
 
 
 @dataclass(frozen=True)

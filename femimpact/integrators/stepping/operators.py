@@ -130,7 +130,7 @@ def recommended_step(system: System, refine: int = 1) -> float:
     return step
 
 
-def check_step(system: System, method: SteppingMethod) -> tuple[str, ...]:
+def check_step(method: SteppingMethod, system: System) -> tuple[str, ...]:
     """Warnings of a step that was let through; an error for one that does not resolve the contact.
 
     Raises `InputError` if the step in contact exceeds T_c/10 and the method does not allow it, the scheme is
@@ -176,7 +176,7 @@ def _check_laws(system: System, method: SteppingMethod) -> None:
             require(not rigid, f"{pair.name}.contact", pair.law.name, "", allowed)
 
 
-def check_sampling(frequencies: NDArray[np.float64], method: SteppingMethod, key: str) -> None:
+def check_sampling(method: SteppingMethod, frequencies: NDArray[np.float64], key: str) -> None:
     """Refuse frequencies of the drive (Hz) that have fewer than 8 steps in a cycle."""
     least = LEAST_STEPS_PER_CYCLE
     highest, most = float(frequencies.max()), 1.0 / (least * method.dt)
@@ -187,7 +187,7 @@ def check_sampling(frequencies: NDArray[np.float64], method: SteppingMethod, key
     require(highest <= most, key, highest, "Hz", allowed)
 
 
-def step_notes(system: System, method: SteppingMethod) -> tuple[str, ...]:
+def step_notes(method: SteppingMethod, system: System) -> tuple[str, ...]:
     """Notes on modes that the step does not follow: never an error, the scheme is stable for them."""
     omega = np.sort(np.sqrt(system.K.diagonal() / system.M.diagonal())) if system.is_diagonal else None
     fastest = 1.0 / (10.0 * method.dt)

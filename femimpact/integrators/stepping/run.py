@@ -57,9 +57,9 @@ from femimpact.units import number_text
 
 
 def run_steps(
+    method: SteppingMethod,
     system: System,
     excitation: Excitation,
-    method: SteppingMethod,
     duration: float,
     recorder: Recorder,
     initial: State,
@@ -198,17 +198,17 @@ ALIKE = 1.05
 
 
 def stepped_cases(
-    system: System, cases: SineCases, method: SteppingMethod, observed: Array, instants: int, workers: int,
-    progress: Progress | None,
+    method: SteppingMethod, system: System, cases: SineCases, observed: Array, instants: int, workers: int,
+    progress: Progress | None = None,
 ) -> SineDwellResults:  # fmt: skip
     """Results of cases by a method with steps, side by side in blocks.
 
     Those of a block have one system, and differ in more than their sine only where laws have compiled branches and no
     start is static. The ledger is read at the ends of cycles.
     """
-    check_sampling(cases.frequency, method, "frequencies")
+    check_sampling(method, cases.frequency, "frequencies")
     sets = np.unique(np.column_stack([cases.law_of, cases.numbers_of_systems]), axis=0, return_index=True)[1]
-    of_step = [check_step(with_contacts_of(cases.system(case, system), cases, case), method) for case in sets.tolist()]
+    of_step = [check_step(method, with_contacts_of(cases.system(case, system), cases, case)) for case in sets.tolist()]
     warnings = tuple(dict.fromkeys(text for texts in of_step for text in texts))
     f, dt = cases.frequency, method.dt
     steps = float(np.max(cases.cycles / f)) / dt

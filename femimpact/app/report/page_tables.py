@@ -1,0 +1,121 @@
+"""Tables and sentences that stand beside the pictures of a report."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from femimpact.app.report.page import Table, table_of
+from femimpact.app.results.branch_file import FollowedBranches
+from femimpact.figures.study_labels import in_shown_units
+from femimpact.sweep import FrequencyResponse
+from femimpact.units import parameter_text, prefixed, unit_text
+
+# ---- response curves -------------------------------------------------------------------------------
+
+
+STARTS = {
+    "base": "at rest relative to the base", "space": "at rest in the inertial frame", "static": "in the static state",
+}  # fmt: skip
+
+
+def dwell_words(curve: FrequencyResponse) -> str:
+    """How each frequency of a curve is held, and how the base moves."""
+    length = f"{curve.cycles} cycles" if curve.cycles is not None else f"{curve.duration:g} s"
+    start = STARTS.get(curve.start, "from a given state")
+    if isinstance(curve.acceleration, tuple):
+        (first, low), (last, high) = curve.acceleration[0], curve.acceleration[-1]
+        accelerations = f"{unit_text(low, 'm/s^2')} at {first:g} Hz to {unit_text(high, 'm/s^2')} at {last:g} Hz"
+        driven = f"accelerates by {accelerations}, by the rows of the study"
+    elif curve.acceleration is not None:
+        driven = f"accelerates by {unit_text(curve.acceleration, 'm/s^2')}"
+    else:
+        driven = f"moves by {1e3 * (curve.amplitude or 0.0):.4g} mm"
+    return f"Each frequency is held for {length}, from a start {start}; the end of it is measured. The base {driven}."
+
+
+def curve_table(curves: Mapping[str, FrequencyResponse]) -> Table:
+    """Peak and damping of each curve."""
+    rows: list[tuple[Any, ...]] = []
+    peaks: dict[str, list[float]] = {}
+    for curve in curves.values():
+        peaks.setdefault(curve.unit, []).append(float(np.nanmax(curve.peak, initial=0.0)))
+    scales = {unit: prefixed(max(largest), unit) for unit, largest in peaks.items()}
+    for label, curve in curves.items():
+        if np.any(np.isfinite(curve.peak)):
+            mark = "one sample" if curve.peak_is_sample else "transient" if curve.peak_is_transient else "periodic"
+            scale = scales[curve.unit][0]
+            rows.append((label, curve.peak_frequency, scale * curve.peak_amplitude, mark, len(curve.warnings)))
+    peak = f"peak ({', '.join(shown for _, shown in scales.values())})"
+    return Table("Peaks of the curves", ("curve", "frequency (Hz)", peak, "motion there", "warnings"), tuple(rows))
+
+
+# ---- runs ------------------------------------------------------------------------------------------
+
+
+SHOWN = (
+    "time", "impactor", "side", "approach_speed", "rebound_speed", "impulse", "peak_force", "duration", "energy_loss",
+)  # fmt: skip
+"""Columns of the table, where an impact has them."""
+
+ROWS = 100
+
+
+def impact_table(columns: Mapping[str, Any], units: Mapping[str, str], file: str = "") -> Table | None:
+    """The last impacts, from columns as of `impacts.csv`; None without impacts."""
+    needed = ("time", "impactor", "side", "impulse", "approach_speed")
+    if any(name not in columns for name in needed) or not len(columns["time"]):
+        return None
+    numbers = {name: np.asarray(columns[name]) for name in SHOWN if name in columns}
+    count = numbers["time"].size
+    known = {name: one for name, one in numbers.items() if one.dtype.kind != "f" or np.any(np.isfinite(one))}
+    title = f"The last {ROWS} of {count} impacts" if count > ROWS else f"All {count} impacts"
+    return table_of(title, {name: one[max(count - ROWS, 0) :] for name, one in known.items()}, units, file)
+
+
+# ---- convergence -----------------------------------------------------------------------------------
+
+
+def cases_of_axis(columns: Mapping[str, Any], units: Mapping[str, str], file: str = "") -> Table | None:
+    """Values of the cases of a table of convergence; None of one without errors."""
+    names = [name.removesuffix("_error") for name in columns if name.endswith("_error")]
+    if not names or "number" not in columns:
+        return None
+    first = "case" if "case" in columns else "number"
+    return table_of("Values of the cases", {name: columns[name] for name in (first, *names)}, units, file)
+
+
+def summary_table(columns: Mapping[str, Any], units: Mapping[str, str], file: str = "") -> Table:
+    """Reference, orders and recommended number of every quantity."""
+    shown = ("axis", "quantity", "unit", "reference", "fitted_order", "expected_order", "recommended")
+    values = {name: columns[name] for name in shown if name in columns}
+    if "recommended_is_bound" in columns:
+        bounds = np.asarray(columns["recommended_is_bound"]).astype(str)
+        values["fewer_may_do"] = ["yes" if one == "True" else "" for one in bounds]
+    return table_of("What an accuracy takes", values, {}, file)
+
+
+# ---- parameter studies, orbits and contacts --------------------------------------------------------
+
+
+def case_table(columns: Mapping[str, Any], units: Mapping[str, str], file: str = "") -> Table:
+    """A row for each case of a parameter study, in the units of its maps and conclusions."""
+    return table_of("A row for each case", *in_shown_units(columns, units), file)
+
+
+def branch_table(followed: FollowedBranches, file: str = "") -> Table:
+    """A row for each branch of periodic orbits."""
+    rows = tuple(
+        (
+            number, origin, cycle, parameter_text(branch.values.min(), branch.unit),
+            parameter_text(branch.values.max(), branch.unit), len(branch), int(np.count_nonzero(branch.is_stable)),
+            *branch.end,
+        )
+        for number, (branch, origin, cycle) in enumerate(
+            zip(followed.branches, followed.origins, followed.cycles, strict=True), 1
+        )
+    )  # fmt: skip
+    header = ("branch", "followed from", "cycles", "from", "to", "points", "stable points", "first end", "last end")
+    return Table("The branches", header, rows, file)

@@ -1,0 +1,311 @@
+"""The list of pictures: what is drawn of which record, under which title, with which words. Page and folder are it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from femimpact import figures
+from femimpact.app.report.markup import Element, element
+from femimpact.app.report.page import Section
+from femimpact.app.report.picture import picture_element
+from femimpact.app.results.branch_file import FollowedBranches
+from femimpact.app.results.picture_data import Run, StructureModes, SweptCurves
+from femimpact.app.results.result_directory import FILES
+from femimpact.contact.laws import Rigid
+from femimpact.convergence import ConvergenceTable
+from femimpact.errors import InputError
+from femimpact.excitation import Chirp, Drives, HammerBlow, RandomBase, Shock, SteppedSine
+from femimpact.figures.channel_histories import MOST_LINES, drawn_channels
+from femimpact.figures.studies import mark_best
+from femimpact.figures.study_labels import BestMarks, axis_words, measure_names
+from femimpact.response.response import Response
+from femimpact.signals.decay import DecayEstimate
+from femimpact.signals.densities import Spectrum, drive_history, remarks, spectrum
+from femimpact.signals.estimates import measured_transfer
+from femimpact.signals.shock_response import ShockResponseSpectrum, shock_response_spectrum
+from femimpact.signals.transfer import TransferFunction
+
+if TYPE_CHECKING:
+    import xarray
+
+OFF_SCREEN = figures.OffScreen()
+
+SHOCK_RATIO = 0.05
+"""Damping ratio of the shock response spectrum of a drive."""
+
+
+# ---- records ---------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Measure:
+    """A measure of a parameter study over its axes, or a variable of any dataset."""
+
+    dataset: xarray.Dataset
+    name: str
+    stem: str  # of its file
+    marks: BestMarks | None = None  # of the worst case over what is chosen
+
+    @property
+    def title(self) -> str:
+        """The measure in words."""
+        if self.name not in self.dataset or "long_name" not in self.dataset[self.name].attrs:
+            return self.name.replace("_", " ")
+        return axis_words(self.dataset, self.name)
+
+
+def measures_of(dataset: xarray.Dataset) -> list[Measure]:
+    """Every measure of a dataset that has two values or more to draw."""
+    # the name of a channel may hold what no file name should
+    stems = {
+        name: "study_" + "".join(letter if letter.isalnum() or letter in "_-" else "_" for letter in name)
+        for name in measure_names(dataset)
+    }
+    return [Measure(dataset, name, stem) for name, stem in stems.items() if dataset[name].ndim]
+
+
+def spectra_of(
+    run: Response, told: Callable[[str], str] = str
+) -> tuple[list[Spectrum | TransferFunction | ShockResponseSpectrum], list[str]]:
+    """What a run is read by where its drive has it, and a line for each channel that cannot be.
+
+    Densities of a random drive, transfer functions of a chirp, a stepped sine or a blow, the response spectrum of a
+    shock; `told` puts a fault into the words of who gave the run.
+    """
+    if isinstance(run.base, Drives):
+        words = "No transfer function: several drives act at once, and a run under each of them alone has its own."
+        return [], [words]
+    if isinstance(run.base, Shock):
+        f = np.geomspace(0.05 / run.base.duration, 50.0 / run.base.duration, 60)
+        return [shock_response_spectrum(run.base, f, SHOCK_RATIO)], []
+    history, found, refused = drive_history(run), list[Spectrum | TransferFunction | ShockResponseSpectrum](), []
+    for name in [name for name, unit in run.units.items() if unit != "N"][:MOST_LINES]:
+        try:
+            if isinstance(history, RandomBase):
+                found.append(spectrum(run, name))
+            elif isinstance(history, Chirp | SteppedSine | HammerBlow):
+                found.append(measured_transfer(run, name))
+        except InputError as error:
+            refused.append(f"No spectrum of {name}: {told(str(error))}.")
+    return found, refused
+
+
+# ---- the list --------------------------------------------------------------------------------------
+
+
+SECTIONS = {
+    "best": "The best case", "comparison": "The paper and ours", "response": "Response over frequency",
+    "orbits": "Periodic orbits", "player": "The motion", "drive": "The drive", "motion": "Histories",
+    "spectra": "Spectra", "impacts": "Impacts", "energy": "Energy", "modes": "Modes",
+    "recommended": "Recommended numbers", "convergence": "Convergence", "decay": "Decay",
+    "study": "The measures over the axes", "cases": "Cases",
+}  # fmt: skip
+"""Parts of a page, in their order, and their headings."""
+
+MOST_PICTURES = 36
+"""Pictures of one part of a page."""
+
+
+@dataclass(frozen=True)
+class View:
+    """A picture of records of one kind; fields of a record stand as {0.field} in texts."""
+
+    section: str  # key in `SECTIONS` of the part of a page in which it stands
+    kind: type  # of the records
+    key: str  # stem of the file, and beginning of identifiers on a page
+    title: str
+    figure: Callable[[Any], Any]  # axes of a figure that no window shows, of a record
+    when: Callable[[Any], bool] = lambda _: True  # whether a record has data for it
+    words: Callable[[Any], str] = lambda _: ""
+    file: str = ""  # key in `FILES` of the numbers that it is drawn from
+
+
+def _has_impacts(run: Run) -> bool:
+    return len(run.whole.impacts) > 0 and run.whole.base is not None
+
+
+def _remarks(found: Any) -> str:
+    return "; ".join(text for text in remarks(found).values() if text)
+
+
+def _of_measure(one: Measure) -> Any:
+    """The figure that suits the axes: one with a single value is none."""
+    data = one.dataset
+    longer = [dim for dim, size in data[one.name].sizes.items() if size > 1] or list(data[one.name].dims[:1])
+    data = data.isel({dim: 0 for dim in data[one.name].dims if dim not in longer})
+    if longer == ["case"]:
+        return figures.study_scatter(data, one.name, figure=OFF_SCREEN)
+    if len(longer) == 1:
+        axes = figures.study_lines(data, one.name, ax=OFF_SCREEN)
+        return axes if one.marks is None else mark_best(axes, data, one.name, one.marks)
+    if len(longer) == 2:
+        return figures.study_map(data, one.name, ax=OFF_SCREEN)
+    return figures.study_maps(data, one.name, figure=OFF_SCREEN)
+
+
+VIEWS = (
+    View(
+        "response", SweptCurves, "response", "Response over frequency",
+        lambda swept: figures.response_curve(swept.curves, coarse=swept.coarse, bands=swept.bands, ax=OFF_SCREEN),
+        file="sweep",
+    ),
+    View(
+        "response", SweptCurves, "response_columns", "Phase, impacts and forces over frequency",
+        lambda swept: figures.response_columns(swept.curves, OFF_SCREEN), file="sweep",
+    ),
+    View(
+        "orbits", FollowedBranches, "branches", "Largest displacement of the periodic orbits",
+        lambda followed: figures.branch(
+            followed.branches, OFF_SCREEN, title=f"{followed.modes} modes kept", swept=followed.swept
+        ),
+        file="branch_table",
+    ),
+    View(
+        "drive", Run, "drive", "The drive",
+        lambda run: figures.drive(run.whole.base, float(run.whole.time[-1]), OFF_SCREEN),
+        when=lambda run: run.whole.base is not None,
+    ),
+    View(
+        "motion", Run, "history", "Channels over time", lambda run: figures.channels(run.whole, run.end, OFF_SCREEN),
+        when=lambda run: bool(drawn_channels(run.whole)), file="history",
+    ),
+    View("spectra", Spectrum, "spectrum", "Spectral density of {0.channel}", lambda found: figures.spectrum(
+        found, highest=None, ax=OFF_SCREEN), words=_remarks, file="history"),
+    View("spectra", TransferFunction, "spectrum", "Transfer function over {0.of}",
+         lambda found: figures.transfer_function(found, figure=OFF_SCREEN), words=_remarks, file="history"),
+    View("spectra", ShockResponseSpectrum, "spectrum", "Shock response spectrum of the base",
+         lambda found: figures.shock_response_spectrum(found, ax=OFF_SCREEN), words=_remarks),
+    View("impacts", Run, "impact_histograms", "How hard the impacts are", lambda run: figures.impact_histograms(
+        run.whole, OFF_SCREEN), when=_has_impacts, file="impacts"),
+    View("impacts", Run, "impulse_phase", "When the impacts are", lambda run: figures.impulse_phase(
+        run.whole, OFF_SCREEN), when=_has_impacts, file="impacts"),
+    View(
+        "impacts", Run, "contact_force", "Contact force",
+        lambda run: figures.contact_force(run.end, averaged=False, figure=OFF_SCREEN),
+        # a rigid impact has an impulse and no force to draw
+        when=lambda run: run.end is not None and bool(set(run.end.impacts.law.values()) - {Rigid.name}),
+        file="last_cycles",
+    ),
+    View(
+        "motion", Run, "phase_portrait", "Phase portrait",
+        lambda run: figures.phase_portrait(run.end, phase=None, ax=OFF_SCREEN),
+        when=lambda run: run.end is not None and bool(run.end.system.balls), file="last_cycles",
+    ),
+    View("energy", Run, "energy", "Energy", lambda run: figures.energies(run.whole, OFF_SCREEN),
+         when=lambda run: run.whole.energy is not None, file="history"),
+    View(
+        "modes", StructureModes, "modes", "Mode shapes of the structure alone",
+        lambda found: figures.mode_shapes(found.system, found.modes, structure=found.structure, figure=OFF_SCREEN),
+        when=lambda found: np.size(found.system.nodes) > 1, file="mode_shapes",
+    ),
+    View("convergence", ConvergenceTable, "quantities_over_{0.axis}", "Relative errors over the {0.axis}",
+         lambda table: figures.convergence_panels(table, OFF_SCREEN), when=lambda table: table.kind == "quantities",
+         file="quantities_over_{0.axis}"),
+    View("convergence", ConvergenceTable, "statistics_over_{0.axis}", "Runs with contacts over the {0.axis}",
+         lambda table: figures.convergence_panels(table, OFF_SCREEN), when=lambda table: table.kind == "statistics",
+         file="statistics_over_{0.axis}"),
+    View("convergence", ConvergenceTable, "runs_over_{0.axis}", "Errors of runs in steps",
+         lambda table: figures.convergence_panels(table, OFF_SCREEN), when=lambda table: table.kind == "runs",
+         file="runs_over_{0.axis}"),
+    View("best", Measure, "study_best", "{0.title}", _of_measure, when=lambda one: one.marks is not None,
+         file="parameter_table"),
+    View("study", Measure, "{0.stem}", "{0.title}", _of_measure, when=lambda one: one.marks is None,
+         file="parameter_table"),
+    View("decay", DecayEstimate, "decay", "Damping ratio over the amplitude",
+         lambda estimate: figures.decay(estimate, OFF_SCREEN), when=lambda estimate: len(estimate) > 0),
+)  # fmt: skip
+"""Every picture, in the order in which it stands on a page and is drawn into a folder."""
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """A view of a record."""
+
+    view: View
+    record: Any
+    number: int  # of its view, from 1
+
+    @property
+    def name(self) -> str:
+        """Stem of its file."""
+        stem = self.view.key.format(self.record)
+        return stem if self.number == 1 else f"{stem}_{self.number}"
+
+
+def pictures_of(records: Iterable[Any]) -> list[Picture]:
+    """The pictures that records have data for, in the order of the list."""
+    found, count = list[Picture](), Counter[str]()
+    kept = list(records)
+    for view in VIEWS:
+        for record in kept:
+            if isinstance(record, view.kind) and view.when(record):
+                key = view.key.format(record)
+                count[key] += 1
+                found.append(Picture(view, record, count[key]))
+    return found
+
+
+def sections_of(
+    records: Iterable[Any],
+    beside: Mapping[str, Sequence[Element]],  # words and tables by the key of their section
+    prefix: str = "",  # of identifiers
+    folder: bool = False,  # whether the files of results stand beside the page
+    miss: Callable[[str], object] | None = None,  # told of what cannot be drawn; by default that is said in its place
+) -> list[Section]:
+    """Parts of a page with the pictures of records, words above them and tables below."""
+    pictures: dict[str, list[Picture]] = {}
+    for one in pictures_of(records):
+        pictures.setdefault(one.view.section, []).append(one)
+    found = list[Section]()
+    for key, heading in SECTIONS.items():
+        mine, others = pictures.get(key, []), list(beside.get(key, ()))
+        drawn = [_element_of(one, prefix, folder, miss) for one in mine[:MOST_PICTURES]]
+        if len(mine) > MOST_PICTURES:
+            left = f"{len(mine) - MOST_PICTURES} further pictures are left out: the file of the study has all values."
+            drawn.append(element("p.below", left))
+        words = [one for one in others if one.tag == "p"]
+        rest = [one for one in others if one.tag != "p"]
+        if mine or others:
+            held = [element("div", *some) for some in (drawn, rest) if some]
+            found.append(Section(f"{prefix}{key}", heading, (*words, *held)))
+    return found
+
+
+def _element_of(one: Picture, prefix: str, folder: bool, miss: Callable[[str], object] | None) -> Element:
+    """A picture with the file that it is drawn from, or why there is none."""
+    view, title = one.view, one.view.title.format(one.record)
+    file = f"Drawn from {FILES[view.file.format(one.record)].name}." if folder and view.file else ""
+    try:
+        drawn = view.figure(one.record)
+        return picture_element(drawn, f"{prefix}{one.name}", title, (view.words(one.record), file))
+    # what a library for pictures raises is without limit, and the rest of the page does not depend on it
+    except Exception as error:
+        if miss is not None and not isinstance(error, InputError):
+            miss(f"{one.name}: {reason_of(error)}")
+        return element("p", f"{title}: not drawn, for {reason_of(error)}")
+
+
+def save_pictures(records: Iterable[Any], folder: Path) -> list[str]:
+    """Draw records into a folder, as PNG; a line for each picture that could not be drawn."""
+    failures = list[str]()
+    for one in pictures_of(records):
+        path = folder / f"{one.name}.png"
+        try:
+            figures.save_figure(one.view.figure(one.record), path)
+        except Exception as error:
+            failures.append(f"{path.name}: {reason_of(error)}")
+    return failures
+
+
+def reason_of(error: Exception) -> str:
+    """Why something was not drawn, in words."""
+    if isinstance(error, OSError) and error.strerror:
+        name = Path(str(error.filename)).name if error.filename else ""
+        return f"{name}: {error.strerror}" if name else error.strerror
+    return f"{' '.join(str(error).split()) or 'no words'} ({type(error).__name__})"[:400]
