@@ -541,11 +541,11 @@ def test_of_a_study_without_a_best_case_nothing_is_left_of_an_earlier_one(tmp_pa
     drawn = replace(study(), output=replace(study().output, figures=True, report=False))
     first = write_parameter_study(drawn, tmp_path)
     left = {"best.toml", "study_best.png"}
-    assert left <= {path.name for path in tmp_path.iterdir()}
+    assert left <= {path.name for path in tmp_path.rglob("*")}
     # no case keeps the limit
     limited = replace(drawn.plan, best=replace(study(BEST).plan.best, limits={"peak": 1e-9}))
     second = write_parameter_study(replace(drawn, plan=limited), tmp_path)
-    assert not left & {path.name for path in tmp_path.iterdir()}
+    assert not left & {path.name for path in tmp_path.rglob("*")}
     lines = summary_lines(second, tmp_path, limited.best)
     assert any("no best case: measure = 'rms'" in line for line in lines)
     assert not any("femimpact run" in line or "smallest worst" in line for line in lines)

@@ -122,8 +122,10 @@ def test_the_study_that_is_left_behind_is_the_one_that_was_run(found):
 
 
 def test_both_starts_are_in_the_tables(found):
-    names = {path.name for path in found.results.directory.iterdir()}
-    assert {"comparison.csv", "restitution.csv", "restitution.png", "response.png", "sweep.csv"} <= names
+    folder = found.results.directory
+    names = {path.relative_to(folder).as_posix() for path in folder.rglob("*")}
+    assert {"comparison.csv", "restitution.csv", "sweep.csv"} <= names
+    assert {"figures/restitution.png", "figures/response.png"} <= names
     assert "ball_from_rest_in_space" in found.results.summary["sweep"]
 
 

@@ -279,7 +279,7 @@ def test_figure_report_and_printed_lines_say_the_same(done, out):
     results = fi.load(out)
     branches, rows = results.summary["orbits"]["branches"], results.bifurcations
     assert results.summary["pictures"] == {"figures": "drawn"}
-    assert (out / "branches.png").stat().st_size > 10_000
+    assert (out / "figures" / "branches.png").stat().st_size > 10_000
     section = page[page.index('<section id="orbits"') :]
     section = section[: section.index("</section>")]
     captions = re.findall(r"<caption>(.*?)</caption>", section)
