@@ -262,7 +262,7 @@ def sections_of(
     beside: Mapping[str, Sequence[Element]],  # words and tables by the key of their section
     prefix: str = "",  # of identifiers
     folder: bool = False,  # whether the files of results stand beside the page
-    miss: Callable[[str], None] | None = None,  # told of what cannot be drawn; by default that is said in its place
+    miss: Callable[[str], object] | None = None,  # told of what cannot be drawn; by default that is said in its place
 ) -> list[Section]:
     """Parts of a page with the pictures of records, words above them and tables below."""
     pictures: dict[str, list[Picture]] = {}
@@ -283,7 +283,7 @@ def sections_of(
     return found
 
 
-def _element_of(one: Picture, prefix: str, folder: bool, miss: Callable[[str], None] | None) -> Element:
+def _element_of(one: Picture, prefix: str, folder: bool, miss: Callable[[str], object] | None) -> Element:
     """A picture with the file that it is drawn from, or why there is none."""
     view, title = one.view, one.view.title.format(one.record)
     file = f"Drawn from {FILES[view.file.format(one.record)].name}." if folder and view.file else ""
