@@ -269,7 +269,8 @@ def test_converge_writes_tables_and_figures(tmp_path):
         "mesh_convergence", "step_convergence", "quantities_over_mesh", "quantities_over_step", "quantities_over_modes",
     )}  # fmt: skip
     assert {path.name for path in (tmp_path / "out").iterdir()} == both | {
-        "statistics_over_mesh.csv", "convergence_summary.csv", "convergence.json", "report.html"
+        "statistics_over_mesh.csv", "statistics_over_mesh.png", "convergence_summary.csv", "convergence.json",
+        "report.html",
     }  # fmt: skip
     assert "for 0.01 %" in printed
     assert "Linear response without contacts, base motion of 0.2037 mm at 4.9 Hz" in printed
