@@ -20,14 +20,17 @@ from builders import (
     with_ball,
     write_parameter_study,
 )
+from matplotlib.colors import to_rgb
 
 import femimpact as fi
 from femimpact.app.parametric.best import best_cases
 from femimpact.app.report.best_picture import marks_of, worst_over_axes
-from femimpact.app.report.result_page import best_sections
+from femimpact.app.report.result_page import best_measures
+from femimpact.app.report.views import pictures_of
 from femimpact.app.study.study import read_mesh_of
 from femimpact.app.tasks.study_command import plan_lines
 from femimpact.figures.studies import mark_best
+from femimpact.figures.study_labels import OUTLINE
 
 GAP, RESTITUTION = "impactor.ball.gap", "impactor.ball.contact.restitution"
 FREQUENCY, LEVEL = "base.frequency", "base.amplitude"
@@ -628,14 +631,15 @@ def test_the_report_begins_with_a_map_with_the_best_outlined_or_a_line_with_its_
     for name in axes:
         given[name].attrs["long_name"] = name
     found = fi.best_case(given, "peak")
-    (mapped,) = best_sections(given, {"peak": found})
-    outlines = [path for part in mapped.content for path in part.iter("path") if path.get("class") == "best"]
-    assert len(outlines) == 1
-    (lined,) = best_sections(given, {"peak": fi.best_case(given, "peak", [FREQUENCY, RESTITUTION])})
-    words = {one.text for part in lined.content for one in part.iter() if one.text}
-    assert "15 % more" in words
-    legend = {one[0].tail for part in lined.content for one in part.iter("li")}
-    assert legend == {"peak", "the best", "at most 15 % more than the best"}
+    (mapped,) = pictures_of(best_measures(given, {"peak": found}))
+    axes = mapped.view.figure(mapped.record)
+    assert [one.get_edgecolor()[:3] for one in axes.patches] == [to_rgb(OUTLINE)]
+    (lined,) = pictures_of(best_measures(given, {"peak": fi.best_case(given, "peak", [FREQUENCY, RESTITUTION])}))
+    assert mapped.name == lined.name == "study_best"
+    axes = lined.view.figure(lined.record)
+    assert "15 % more" in {text.get_text() for text in axes.texts}
+    legend = {text.get_text() for text in axes.get_legend().get_texts()}
+    assert legend == {"value", "the best", "at most 15 % more than the best"}
 
 
 def test_a_table_of_the_best_goes_round_and_is_checked_before_the_first_case():
