@@ -30,7 +30,7 @@ def found(tmp_path_factory):
     short = dataclasses.replace(
         study,
         sweep=dataclasses.replace(study.sweep, cycles=400, refine=8),
-        base=dataclasses.replace(study.base, duration=8.0),
+        duration=8.0,
         output=dataclasses.replace(study.output, frames=0, paraview=False, movie=False),
     )
     with pytest.MonkeyPatch.context() as patch:
