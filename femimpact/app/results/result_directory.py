@@ -319,9 +319,11 @@ def unfinished_state(directory: Path) -> str | None:
         return (
             f"its results are in {part}, the earlier ones in {old}: the next run, figures, movie or report moves them"
         )
-    if (beside(directory, PART) / SUMMARY).exists() and (beside(directory, PART) / LOCK).exists():
+    if not (beside(directory, PART) / LOCK).exists():
+        return None
+    if (beside(directory, PART) / SUMMARY).exists():
         return f"what a run that was ended has finished is in {part}: {_left(beside(directory, PART))}"
-    return None
+    return "a run was ended before its first part was finished: run it again"
 
 
 def _left(part: Path) -> str:
