@@ -10,7 +10,6 @@ import pytest
 from builders import (
     NO_PICTURES,
     UNDRAWN_STUDY,
-    finish_results,
     plain_study,
     plan_lines,
     prepare,
@@ -297,7 +296,8 @@ def failing(work, numbers):
 
 
 @pytest.mark.parametrize(("name", "part", "counted"), [
-    ("integrate", "history", ("history_starts", "count")), ("run_cases", "sweep", ("starts_of_sweep",)),
+    # each is called once for a start
+    ("integrate", "history", ("history_starts", "count")), ("workers_of", "sweep", ("starts_of_sweep",)),
 ])  # fmt: skip
 def test_a_start_that_diverges_is_a_named_failure_and_the_others_have_ranges(
     tmp_path, monkeypatch, ran, name, part, counted
@@ -335,7 +335,6 @@ def test_ranges_of_a_history_stay_where_the_run_is_ended_in_its_sweep(tmp_path, 
     monkeypatch.setattr("femimpact.app.tasks.run.run_sweep", end)
     with pytest.raises(KeyboardInterrupt):
         fi.run_study(study(), tmp_path / "out")
-    finish_results(tmp_path / "out", False)
-    found = fi.load(tmp_path / "out").summary
+    found = fi.load(tmp_path / "out.part").summary
     assert found["unfinished"] == ["sweep"]
     assert found["history_starts"] == ran.summary["history_starts"]

@@ -310,9 +310,14 @@ def beside(directory: Path, suffix: str) -> Path:
     return target.with_name(target.name + suffix)
 
 
+def _beside_as_named(directory: Path, suffix: str) -> Path:
+    """The same by the name that the user gave."""
+    return beside(directory, suffix) if directory.name in ("", "..") else directory.with_name(directory.name + suffix)
+
+
 def unfinished_state(directory: Path) -> str | None:
     """State of an unfinished run in a directory, in words with what to do; None where there is none."""
-    part, old = directory.with_name(directory.name + PART), directory.with_name(directory.name + OLD)
+    part, old = (_beside_as_named(directory, suffix) for suffix in (PART, OLD))
     if Lock.is_held(beside(directory, PART)):
         return "a run is writing into it"
     if _in_replacement(Path(os.path.realpath(directory))):
@@ -443,7 +448,7 @@ def _note(error: BaseException, named: Path, part: Path) -> None:
     if _in_replacement(part.with_name(part.name.removesuffix(PART))):
         error.add_note(f"{unfinished_state(named)}")
     elif (part / SUMMARY).exists():
-        shown = named.with_name(named.name + PART)
+        shown = _beside_as_named(named, PART)
         error.add_note(f"what was finished is kept in {shown}: {_left(part)}; rename it to keep it from the next run")
     elif isinstance(error, KeyboardInterrupt):
         error.add_note("nothing was written")
