@@ -150,11 +150,11 @@ class GuardedFile(io.RawIOBase):
     def readinto(self, buffer: Any) -> int:
         """Fill the buffer; what a failed write did not leave reads as zeros."""
         view = memoryview(buffer).cast("B")
-        found = self._file.readinto(view) or 0
-        if found < view.nbytes and self.failure is not None:
-            view[found:] = bytes(view.nbytes - found)
+        size = self._file.readinto(view) or 0
+        if size < view.nbytes and self.failure is not None:
+            view[size:] = bytes(view.nbytes - size)
             return view.nbytes
-        return int(found)
+        return int(size)
 
     def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
         """Move to a place in the file."""

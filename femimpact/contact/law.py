@@ -109,13 +109,13 @@ def resolve(law: ContactLaw, effective_mass: float) -> ContactParameters:
     """
     require_law(law)
     mass = _mass(effective_mass)
-    found = law.parameters(mass)
-    sound = isinstance(found, ContactParameters) and found.kind in KINDS
-    require(sound, f"{law.name}.parameters", found, "", "must be ContactParameters: see ContactParameters.of_function")
-    given = found.kind != CUSTOM or is_force(law.force_function(mass))
+    params = law.parameters(mass)
+    sound = isinstance(params, ContactParameters) and params.kind in KINDS
+    require(sound, f"{law.name}.parameters", params, "", "must be ContactParameters: see ContactParameters.of_function")
+    has_force = params.kind != CUSTOM or is_force(law.force_function(mass))
     allowed = "must give a function of depth, rate, approach_speed: the time loop has no branch for this law"
-    require(given, f"{law.name}.force_function", None, "", allowed)
-    return found
+    require(has_force, f"{law.name}.force_function", None, "", allowed)
+    return params
 
 
 def contact_force(law: ContactLaw, depth: float, rate: float, approach_speed: float, effective_mass: float) -> float:

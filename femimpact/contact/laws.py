@@ -159,14 +159,14 @@ class KelvinVoigt:
     def __post_init__(self) -> None:
         check_fields(self)
         names = ("stiffness", "damping", "restitution", "contact_time")
-        given = {name for name in names if getattr(self, name) is not None}
+        set_fields = {name for name in names if getattr(self, name) is not None}
         pairs = ({"stiffness", "damping"}, {"stiffness", "restitution"}, {"restitution", "contact_time"})
-        if given not in pairs:
+        if set_fields not in pairs:
             allowed = (
                 "give exactly one pair: stiffness (N/m) and damping (N s/m), stiffness and "
                 "restitution (0 < e <= 1), or restitution and contact_time (s)"
             )
-            raise InputError([Fault("contact", " and ".join(sorted(given)) or "nothing", "", allowed)])
+            raise InputError([Fault("contact", " and ".join(sorted(set_fields)) or "nothing", "", allowed)])
 
     def normal_force(self, depth: float, rate: float, approach_speed: float, effective_mass: float) -> float:
         """Force (N) of spring and dashpot, never below zero."""

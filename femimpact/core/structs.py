@@ -42,7 +42,7 @@ def structs_of(table: Table, arguments: tuple[str, ...], rows: str) -> SimpleNam
     return space
 
 
-def zeros(struct: type[Struct], lengths: Mapping[str, int], **given: Any) -> Struct:
+def zeros(struct: type[Struct], lengths: Mapping[str, int], **members: Any) -> Struct:
     """A struct with arrays of zeros, but for the fields that are given; all its numbers must be.
 
     Parameters
@@ -58,17 +58,17 @@ def zeros(struct: type[Struct], lengths: Mapping[str, int], **given: Any) -> Str
     -------
     struct
     """
-    filled: Struct = _zeros(struct, _Lengths(lengths), given)
+    filled: Struct = _zeros(struct, _Lengths(lengths), members)
     return filled
 
 
-def _zeros(struct: Any, lengths: _Lengths, given: dict[str, Any]) -> Any:
+def _zeros(struct: Any, lengths: _Lengths, members: dict[str, Any]) -> Any:
     arrays = {
         name: _zeros(axes, lengths, {}) if kind is None else np.zeros([lengths[axis] for axis in axes], kind)
         for name, kind, axes in struct._table
-        if name not in given
+        if name not in members
     }
-    return struct(**arrays, **given)
+    return struct(**arrays, **members)
 
 
 class _Lengths(dict[str, int]):

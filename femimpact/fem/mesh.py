@@ -72,14 +72,14 @@ class Mesh:
         root, tip = float(self.nodes[0]), float(self.nodes[-1])
         places = _ends_and_middle(root, tip)
         slack = SAME_PLACE * (tip - root)
-        for name, given in self.points.items():
+        for name, place in self.points.items():
             checked("mesh.points", name, name_text())
             on_beam = quantity("m", at_least=root - slack, at_most=tip + slack)
-            at = min(max(checked(f"mesh.points.{name}", given, on_beam), root), tip)
+            at = min(max(checked(f"mesh.points.{name}", place, on_beam), root), tip)
             # a name that every mesh has means its place: another one would move what is attached there
             meant = abs(at - places.get(name, at)) <= slack
             allowed = f"must lie at {places.get(name, at):.9g} m, where {name!r} is on every beam: take another name"
-            require(meant, f"mesh.points.{name}", given, "m", allowed)
+            require(meant, f"mesh.points.{name}", place, "m", allowed)
             places.setdefault(name, at)
         return places
 
@@ -87,10 +87,10 @@ class Mesh:
         """Elements by name of their region."""
         require_type(self.regions, Mapping, "mesh.regions")
         regions = {}
-        for name, given in self.regions.items():
+        for name, elements in self.regions.items():
             checked("mesh.regions", name, name_text())
             key, allowed = f"mesh.regions.{name}", f"must be numbers of elements, 0 to {self.elements - 1}, each once"
-            members = real_array(key, given, "", allowed)
+            members = real_array(key, elements, "", allowed)
             sound = members.ndim == 1 and bool(np.all((members % 1 == 0) & (members >= 0) & (members < self.elements)))
             require(sound and np.unique(members).size == members.size, key, None, "", allowed)
             regions[name] = members.astype(int)

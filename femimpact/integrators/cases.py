@@ -165,22 +165,22 @@ def equal_groups(cases: SineCases) -> list[NDArray[np.intp]]:
     count, names = cases.frequency.size, ("numbers_of_systems", "gaps", "law_of", "ball_displacement", "ball_velocity")
     columns = [getattr(cases, name) for name in names]
     rows = np.hstack([np.asarray(values, dtype=float).reshape(count, -1) for values in columns])
-    found: dict[bytes, list[int]] = {}
+    groups: dict[bytes, list[int]] = {}
     for case in range(count):
-        found.setdefault(rows[case].tobytes(), []).append(case)
-    return [np.array(members) for members in found.values()]
+        groups.setdefault(rows[case].tobytes(), []).append(case)
+    return [np.array(members) for members in groups.values()]
 
 
 def start_of(cases: SineCases, case: int) -> State:
     """The start of a case."""
-    given: dict[str, Any] = {}
+    changed: dict[str, Any] = {}
     # what is not given may be that of the static state
     placed = cases.ball_displacement[case]
     if placed.size and not np.isnan(placed).any():
-        given["ball_displacement"] = placed
+        changed["ball_displacement"] = placed
     if np.any(cases.ball_velocity[case]):
-        given["ball_velocity"] = cases.ball_velocity[case]
-    return replace(cases.initial, **given)
+        changed["ball_velocity"] = cases.ball_velocity[case]
+    return replace(cases.initial, **changed)
 
 
 def memory_needed(

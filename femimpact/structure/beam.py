@@ -100,13 +100,13 @@ class Segment:
     def __post_init__(self) -> None:
         faults = []
         require_single({name: getattr(self, name) for name in ("width", "thickness")})
-        given = {name for name in frozenset().union(*FORMS) if getattr(self, name) is not None}
-        shown = " and ".join(sorted(given)) or "nothing"
-        if given not in FORMS:
-            faults.append(Fault("section", shown, "", FORMS_IN_WORDS))
-        elif "width" not in given:
+        set_fields = {name for name in frozenset().union(*FORMS) if getattr(self, name) is not None}
+        set_words = " and ".join(sorted(set_fields)) or "nothing"
+        if set_fields not in FORMS:
+            faults.append(Fault("section", set_words, "", FORMS_IN_WORDS))
+        elif "width" not in set_fields:
             allowed = "must be left out: a section given by {} does not taper"
-            by = "diameter" if "diameter" in given else "area and second_moment"
+            by = "diameter" if "diameter" in set_fields else "area and second_moment"
             tapers = [n for n in ("end_width", "end_thickness") if getattr(self, n) is not None]
             faults += [Fault(n, getattr(self, n), "m", allowed.format(by)) for n in tapers]
         check_fields(self, *faults)
@@ -114,7 +114,7 @@ class Segment:
             allowed = f"must be below half the diameter, {0.5 * self.diameter:.6g} m: a bar without a hole has no wall"
             require(2.0 * self.wall < self.diameter, "wall", self.wall, "m", allowed)
         allowed = "must give E I and rho A that are neither zero nor infinite to rounding"
-        require(self._is_sized, "section", shown, "", allowed)
+        require(self._is_sized, "section", set_words, "", allowed)
 
     @property
     def _is_sized(self) -> bool:

@@ -422,17 +422,17 @@ class Structure:
     def _head(self) -> Head:
         """Summary of the beam, its bodies and where they are."""
         lists = ("supports", "masses", "impactors", "stops", "springs", "dashpots", "absorbers")
-        given = {key: [getattr(one, "name", getattr(one, "kind", "")) for one in getattr(self, key)] for key in lists}
+        labels = {key: [getattr(one, "name", getattr(one, "kind", "")) for one in getattr(self, key)] for key in lists}
         places = {key: [one.at for one in getattr(self, key)] for key in lists}
-        shown = {
+        rows = {
             key: ", ".join(f"{name} at {place}" for name, place in zip(names, places[key], strict=True))
-            for key, names in given.items()
+            for key, names in labels.items()
             if names
         }
-        shown["damping"] = "none" if self.damping is None else repr(self.damping)
+        rows["damping"] = "none" if self.damping is None else repr(self.damping)
         if self.gravity:
-            shown["gravity"] = f"{self.gravity:g} m/s^2"
-        return head_of_values(f"Structure: beam of {self.beam.length:g} m, {self.beam.mass:.4g} kg", shown)
+            rows["gravity"] = f"{self.gravity:g} m/s^2"
+        return head_of_values(f"Structure: beam of {self.beam.length:g} m, {self.beam.mass:.4g} kg", rows)
 
     @property
     def attachments(self) -> tuple[tuple[str, PointMass | Impactor | Absorber | Support | Stop], ...]:
@@ -469,8 +469,8 @@ class Structure:
         held = [kind for support in self.supports for kind in SUPPORTS[support.kind]]
         standard = {"root": 0.0, "tip": self.beam.length, "mid": 0.5 * self.beam.length}
         holding: tuple[Any, ...] = tuple(s for s in self.supports if "w" in SUPPORTS[s.kind])
-        given = [self.place_of(s.at) for s in (*holding, *self.springs_to_base)]
-        places = [standard.get(str(at), at) for at in given]
+        bare_places = [self.place_of(s.at) for s in (*holding, *self.springs_to_base)]
+        places = [standard.get(str(at), at) for at in bare_places]
         metres = [place for place in places if not isinstance(place, str)]
         apart = bool(metres) and max(metres) - min(metres) > 1e-6 * self.beam.length
         # a name that only the mesh defines counts as a separate place here; assembly checks again where it is
@@ -547,8 +547,8 @@ def unusual_numbers(structure: Structure) -> list[UnusualNumber]:
 def _of_damping(structure: Structure) -> Iterator[UnusualNumber]:
     if structure.damping is None:
         return
-    given = structure.damping.ratios if isinstance(structure.damping, ModalDamping) else structure.damping.ratio
-    ratio = max(given) if isinstance(given, tuple) else given
+    ratios = structure.damping.ratios if isinstance(structure.damping, ModalDamping) else structure.damping.ratio
+    ratio = max(ratios) if isinstance(ratios, tuple) else ratios
     if ratio > LARGEST_RATIO:
         instead = f"is it a percentage? {ratio:g} % is a ratio of {0.01 * ratio:.4g}"
         yield UnusualNumber("damping.ratio", ratio, "1", LARGEST_RATIO, f"more than {LARGEST_RATIO:g}", instead)

@@ -74,8 +74,8 @@ def _require_finite(values: Iterable[tuple[str, Any]]) -> None:
 
 def _together(system: System, contacts: tuple[ContactPair, ...]) -> System:
     """The system, whose fields are from now on those that were computed together, with contacts at these places."""
-    kept = tuple(system.__dict__[name] for name in TOGETHER)
-    system.__dict__["computed_together"] = SystemOrigin(kept, contacts, system.constant_load)
+    fields = tuple(system.__dict__[name] for name in TOGETHER)
+    system.__dict__["computed_together"] = SystemOrigin(fields, contacts, system.constant_load)
     return system
 
 
@@ -152,8 +152,8 @@ class Modes:
 
 def require_modes_of(dofs: int, modes: Modes) -> None:
     """Raise `InputError` unless modes may be those of a system with so many dofs."""
-    found = modes.vectors.shape[0]
-    require(found == dofs, "modes", found, "dofs", f"must be modes of the system, with {dofs} dofs")
+    rows = modes.vectors.shape[0]
+    require(rows == dofs, "modes", rows, "dofs", f"must be modes of the system, with {dofs} dofs")
 
 
 def mode_count(system: System, count: int, key: str = "count") -> int:

@@ -92,10 +92,10 @@ def run_steps(
         clear=partial(block.record.tally[1:3].fill, 0),
         sink=recorder.sink,
     )
-    kept, kept_state = _step_to_keep(recorder, steps, method), None
-    for step in _run(block, heapq.merge(piece_ends(recorder, steps), kept), excitation, method, progress):
+    steps_to_keep, kept_state = _step_to_keep(recorder, steps, method), None
+    for step in _run(block, heapq.merge(piece_ends(recorder, steps), steps_to_keep), excitation, method, progress):
         stream.hand_over()
-        if step in kept:
+        if step in steps_to_keep:
             kept_state = _state(block, system, excitation, method)
     history, totals = stream.left(), block.motion.totals[:, :, 0]
     # an impulse has no peak
@@ -249,14 +249,14 @@ def _block_of(
 ) -> Block:
     """A block of cases at its start."""
     numbers = (values.tolist() for values in (cases.amplitude, cases.frequency, cases.phase))
-    sines = [Sine(*given) for given in zip(*numbers, strict=True)]
+    sines = [Sine(*of_case) for of_case in zip(*numbers, strict=True)]
     begins = np.ceil((cases.cycles - cases.measured) / (cases.frequency * method.dt)).astype(int)
-    common, initial, each = cases.system(0, system), cases.initial, []
+    common, initial, starts = cases.system(0, system), cases.initial, []
     if len(equal_groups(cases)) == 1:
         common, initial = with_contacts_of(common, cases, 0), start_of(cases, 0)
     else:
-        each = [(with_contacts_of(common, cases, case), start_of(cases, case)) for case in range(ends.size)]
-    inputs = Inputs(sines, ends.tolist(), begins.tolist(), initial, each=each)
+        starts = [(with_contacts_of(common, cases, case), start_of(cases, case)) for case in range(ends.size)]
+    inputs = Inputs(sines, ends.tolist(), begins.tolist(), initial, each=starts)
     return prepare(common, inputs, method, observed=cases.row(0, observed), ledger=ledger)
 
 
