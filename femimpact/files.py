@@ -212,10 +212,6 @@ def write_csv(path: str | Path, columns: Mapping[str, Sequence[Any]], units: Map
     columns : mapping of str to sequence
     units : mapping of str to str
         Columns without a unit are left out of it.
-
-    Returns
-    -------
-    Path
     """
     path = Path(path)
     text = io.StringIO()

@@ -82,10 +82,6 @@ def integrated_collision(
     effective_mass : float, kg
     approach_speed : float, m/s
 
-    Returns
-    -------
-    Collision
-
     Raises
     ------
     InputError

@@ -174,10 +174,6 @@ def discretise(structure: Structure, elements: int | None = None, mesh: Mesh | N
     mesh : Mesh
         a mesh from `read_mesh`.
 
-    Returns
-    -------
-    Discretisation
-
     Raises
     ------
     InputError

@@ -172,10 +172,6 @@ def uniform_mesh(structure: Structure, elements: int) -> Mesh:
     elements : int
         Number of elements.
 
-    Returns
-    -------
-    Mesh
-
     Raises
     ------
     InputError
@@ -204,10 +200,6 @@ def graded_mesh(structure: Structure, elements: int, ratio: float) -> Mesh:
         Number of elements.
     ratio : float, 1
         r, the element length at the tip over that at the root; above 1 the root is the finer end.
-
-    Returns
-    -------
-    Mesh
 
     Raises
     ------
@@ -240,10 +232,6 @@ def random_mesh(structure: Structure, elements: int, seed: int) -> Mesh:
         Number of elements.
     seed : int
         The same one gives the same mesh.
-
-    Returns
-    -------
-    Mesh
 
     Raises
     ------

@@ -46,10 +46,6 @@ def run_of_states(
         y and y' relative to the base, balls first, then stops.
     contact_force : ndarray (samples, pairs), N
         Of the walls on the structure along b_j, positive at the + wall; without centring springs.
-
-    Returns
-    -------
-    MethodRun
     """
     (u, v), (y, y_rate), drive = structure, balls, drive_of(system, excitation)
     shifted = recorder.seen_from(float(time[0]))

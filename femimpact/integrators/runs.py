@@ -375,10 +375,6 @@ def achieved_restitution(
     phases : int
         At how many instants within a step the touch is tried.
 
-    Returns
-    -------
-    AchievedRestitution
-
     Raises
     ------
     InputError

@@ -42,10 +42,6 @@ def add_terms(
     load : array_like (2 n,), N, optional
         Constant force on every dof, a moment (N m) on slopes.
 
-    Returns
-    -------
-    System
-
     Raises
     ------
     InputError

@@ -147,10 +147,6 @@ def contact_pair(
     flexibility : float, m/N
     gravity : float, m/s^2
         Constant acceleration of a ball, added to the one it has.
-
-    Returns
-    -------
-    ContactPair
     """
     stop = item if isinstance(item, Stop) else None
     if isinstance(item, Absorber):

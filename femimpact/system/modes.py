@@ -176,10 +176,6 @@ def solve_modes(system: System, count: int) -> Modes:
     count : int
         How many, 1 to the number of dofs.
 
-    Returns
-    -------
-    Modes
-
     Raises
     ------
     InputError
@@ -351,10 +347,6 @@ def with_damping(system: System, damping: Rayleigh | ModalDamping | None) -> Sys
         Also after `add_terms`, which leaves the damping of the structure what it was.
     damping : Rayleigh, ModalDamping or None
         None is no damping. All of C is replaced, dashpots and damping that a user adds included.
-
-    Returns
-    -------
-    System
 
     Raises
     ------

@@ -268,10 +268,6 @@ class State:
         system : System
             Of a reduced one the modes kept have their part of that motion.
         speed : float, m/s
-
-        Returns
-        -------
-        State
         """
         return cls(velocity=speed * system.rigid_translation, ball_velocity=np.full(len(system.balls), speed))
 

@@ -223,10 +223,6 @@ class System:
             From the dofs to (w1, w1', w2, w2', ...) at the nodes; given with `nodes`. A point whose row is that of
             w at a node is at this node in pictures, others have no position.
 
-        Returns
-        -------
-        System
-
         Raises
         ------
         InputError
@@ -414,10 +410,6 @@ class System:
             A named place, or metres from the root.
         side : {"left", "right"}
             Which element's at a node: towards the root, or towards the tip.
-
-        Returns
-        -------
-        Section
 
         Raises
         ------

@@ -142,10 +142,6 @@ def new_block(
         Of the tables of impacts and sticking phases, of a case alone.
     most_events : int
         Of the log of events of each case.
-
-    Returns
-    -------
-    Block
     """
     equations, n, count = store.equations, system.dofs, inputs.omega.size
     period = 2.0 * np.pi / inputs.omega

@@ -186,10 +186,6 @@ def find_largest(
     system, excitation, method, duration, recorder, initial
         As of `run_events`: the motion has the bits of that run.
     channels : tuple of Channel
-
-    Returns
-    -------
-    tuple of Largest
     """
     instants = []
     for channel in channels:

@@ -161,10 +161,6 @@ def prepare(
     ledger : bool
     record : core.steps.Record, optional
         What case 0 keeps.
-
-    Returns
-    -------
-    Block
     """
     cases = len(inputs.excitations)
     lanes = _lanes(cases)
