@@ -694,10 +694,7 @@ def takes(**metadata: Mapping[str, Any]) -> Callable[[Callable[P, R]], Callable[
 
 
 def rising_numbers(key: str, values: Any, most: int) -> NDArray[np.int64]:
-    """Three or more increasing whole numbers from 1, as a study of convergence goes through them.
-
-    Raises `InputError` if they are not, or the last is beyond `most`.
-    """
+    """Three or more increasing whole numbers from 1, as a study of convergence goes through them."""
     allowed = f"must be three or more increasing numbers, whole and 1 to {most}"
     numbers = real_array(key, values, "", allowed)
     rising = numbers.ndim == 1 and numbers.size >= 3 and bool((numbers[1:] > numbers[:-1]).all())

@@ -208,8 +208,6 @@ def write_csv(path: str | Path, columns: Mapping[str, Sequence[Any]], units: Map
 
     Parameters
     ----------
-    path : str or Path
-    columns : mapping of str to sequence
     units : mapping of str to str
         Columns without a unit are left out of it.
     """
@@ -225,10 +223,6 @@ def write_csv(path: str | Path, columns: Mapping[str, Sequence[Any]], units: Map
 
 def read_csv(path: str | Path) -> dict[str, Any]:
     """Read a table that `write_csv` wrote: arrays by name, the unit taken off; numbers where all are.
-
-    Parameters
-    ----------
-    path : str or Path
 
     Returns
     -------

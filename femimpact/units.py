@@ -173,7 +173,6 @@ def in_si(key: str, value: Any, unit: str) -> Any:
     ----------
     key : str
         What faults name.
-    value : object
     unit : str
         Of the field, in SI.
 

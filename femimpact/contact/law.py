@@ -73,10 +73,7 @@ def a_law() -> dict[str, Any]:
 
 
 def require_law(law: object, key: str = "law") -> None:
-    """Refuse what is no contact law, and name what a user's law misses.
-
-    Raises `InputError` if the value is no contact law.
-    """
+    """Refuse what is no contact law, and name what a user's law misses."""
     missing = [name for name in VALUES if not hasattr(law, name)]
     missing += [f"{name}()" for name in METHODS if not callable(getattr(law, name, None))]
     allowed = "must be a contact law (KelvinVoigt, ..., Rigid)"
@@ -91,7 +88,6 @@ def resolve(law: ContactLaw, effective_mass: float) -> ContactParameters:
 
     Parameters
     ----------
-    law : ContactLaw
     effective_mass : float, kg
         1/(1/m + phi1^2) of the pair.
 
@@ -104,8 +100,7 @@ def resolve(law: ContactLaw, effective_mass: float) -> ContactParameters:
     Raises
     ------
     InputError
-        If the law is not a contact law, the mass is out of range, or a user's law gives parameters of no kind, or
-        no function for the time loop.
+        If a user's law gives parameters of no kind, or no function for the time loop.
     """
     require_law(law)
     mass = _mass(effective_mass)
@@ -138,7 +133,7 @@ def contact_force(law: ContactLaw, depth: float, rate: float, approach_speed: fl
     Raises
     ------
     InputError
-        If the law is not a contact law, a number is out of range, or a custom law's force is not finite.
+        If a custom law's force is not finite.
     """
     require_law(law)
     depth, rate = checked("depth", depth, quantity("m")), checked("rate", rate, quantity("m/s"))
@@ -150,11 +145,6 @@ def contact_potential(law: ContactLaw, depth: float, effective_mass: float, appr
     """Energy (J) that a law has stored at a penetration (m): the part that it gives back.
 
     A Rigid contact stores none; of a custom law it is the integral of force(p, 0, v0).
-
-    Raises
-    ------
-    InputError
-        If the law is not a contact law, or a number is out of range.
     """
     require_law(law)
     depth = checked("depth", depth, quantity("m"))
@@ -167,7 +157,6 @@ def collide(law: ContactLaw, effective_mass: float, approach_speed: float) -> Co
 
     Parameters
     ----------
-    law : ContactLaw
     effective_mass : float, kg
     approach_speed : float, m/s
 
@@ -179,7 +168,7 @@ def collide(law: ContactLaw, effective_mass: float, approach_speed: float) -> Co
     Raises
     ------
     InputError
-        If a number is not > 0, their energy is beyond numbers, or a custom law never lets go.
+        If the energy is beyond numbers, or a custom law never lets go.
     """
     require_law(law)
     return law.collide(*mass_and_speed(effective_mass, approach_speed))

@@ -217,10 +217,7 @@ class KelvinVoigt:
 
 
 def spring_and_dashpot(law: KelvinVoigt, effective_mass: float) -> tuple[float, float]:
-    """Stiffness (N/m) and damping (N s/m) of any of the three complete pairs of a Kelvin-Voigt law.
-
-    Raises `InputError` if the law is of another kind, or the mass is not > 0.
-    """
+    """Stiffness (N/m) and damping (N s/m) of any of the three complete pairs of a Kelvin-Voigt law."""
     require_type(law, KelvinVoigt, "law")
     effective_mass = checked("effective_mass", effective_mass, EFFECTIVE_MASS)
     ratio = None if law.restitution is None else damping_ratio_for_restitution(law.restitution)
@@ -393,10 +390,7 @@ def GonthierCarvalhoMartins(  # noqa: N802
 
 
 def loss_factor(law: PowerLaw) -> float:
-    """Loss factor d (1) of a power law, by its author's formula.
-
-    Raises `InputError` if the law is of another kind.
-    """
+    """Loss factor d (1) of a power law, by its author's formula."""
     require_type(law, PowerLaw, "law")
     return LOSS_FACTORS[law.loss](law.restitution)
 
@@ -545,16 +539,10 @@ def hertz_stiffness(radius: float, ball: Material, wall: Material) -> float:
     ----------
     radius : float, m
         Of the ball.
-    ball, wall : Material
 
     Returns
     -------
     float, N/m^1.5
-
-    Raises
-    ------
-    InputError
-        If the radius is not > 0, or a body is no material.
 
     Notes
     -----

@@ -175,7 +175,6 @@ def assemble(structure: Structure, elements: int | None = None, mesh: Mesh | Non
 
     Parameters
     ----------
-    structure : Structure
     elements : int
         Number of elements of a mesh made here; or
     mesh : Mesh

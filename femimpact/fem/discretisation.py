@@ -168,7 +168,6 @@ def discretise(structure: Structure, elements: int | None = None, mesh: Mesh | N
 
     Parameters
     ----------
-    structure : Structure
     elements : int
         Number of elements of a mesh made here; or
     mesh : Mesh

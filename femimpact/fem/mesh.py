@@ -131,7 +131,7 @@ class Mesh:
         Raises
         ------
         InputError
-            If the number of halvings is out of range, or gives more than 100,000 elements.
+            If it gives more than 100,000 elements.
         """
         times = checked("times", times, quantity("1", at_least=0, at_most=17, integer=True))
         count = self.elements * 2**times
@@ -168,7 +168,6 @@ def uniform_mesh(structure: Structure, elements: int) -> Mesh:
 
     Parameters
     ----------
-    structure : Structure
     elements : int
         Number of elements.
 
@@ -195,7 +194,6 @@ def graded_mesh(structure: Structure, elements: int, ratio: float) -> Mesh:
 
     Parameters
     ----------
-    structure : Structure
     elements : int
         Number of elements.
     ratio : float, 1
@@ -204,7 +202,7 @@ def graded_mesh(structure: Structure, elements: int, ratio: float) -> Mesh:
     Raises
     ------
     InputError
-        If an argument is out of range, or there are fewer elements than stretches.
+        If there are fewer elements than stretches.
     """
     ratio = checked("ratio", ratio, quantity("1", at_least=1e-3, at_most=1e3))
     breaks, length = _breaks(structure), structure.beam.length
@@ -227,7 +225,6 @@ def random_mesh(structure: Structure, elements: int, seed: int) -> Mesh:
 
     Parameters
     ----------
-    structure : Structure
     elements : int
         Number of elements.
     seed : int
@@ -236,7 +233,7 @@ def random_mesh(structure: Structure, elements: int, seed: int) -> Mesh:
     Raises
     ------
     InputError
-        If an argument is out of range, or there are fewer elements than stretches.
+        If there are fewer elements than stretches.
     """
     seed = checked("seed", seed, quantity("1", at_least=0, integer=True))
     breaks = _breaks(structure)

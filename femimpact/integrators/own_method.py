@@ -34,8 +34,6 @@ def run_of_states(
 
     Parameters
     ----------
-    system : System
-    excitation : Excitation
     recorder : Recorder
         Channels, `every` and `start` are read.
     time : ndarray (samples,), s

@@ -110,8 +110,7 @@ def integrate(
     Raises
     ------
     InputError
-        If the step does not resolve the contact, the run would keep too much, or an argument is
-        out of range.
+        If the step does not resolve the contact, or the run would keep too much.
     DivergenceError
         If the motion is not finite or grows without bound; of several runs, the first that does.
     """
@@ -368,7 +367,6 @@ def achieved_restitution(
 
     Parameters
     ----------
-    pair : ContactPair
     method : Newmark, HHT, WBZ, GeneralizedAlpha or MoreauJean
         One with a step that takes the pair's law.
     approach_speed : float, m/s
@@ -378,7 +376,7 @@ def achieved_restitution(
     Raises
     ------
     InputError
-        If an argument is of the wrong kind or out of range, or the method has no step for the pair's law.
+        If the method has no step for the pair's law.
     """
     require_type(pair, ContactPair, "pair")
     approach_speed = checked("approach_speed", approach_speed, quantity("m/s", above=0.0))

@@ -148,7 +148,7 @@ class Impactor:
     Raises
     ------
     InputError
-        If the contact is no contact law, or is one with a spring of its own beside a dashpot.
+        If the contact is one with a spring of its own beside a dashpot.
     """
 
     name: str = field(metadata=name_text())
@@ -347,22 +347,16 @@ class Structure:
 
     Parameters
     ----------
-    beam : Beam
-    masses : sequence of PointMass
-    impactors : sequence of Impactor
     damping : Rayleigh or ModalDamping, optional
         None means undamped.
     supports : sequence of Support
         The default clamps the root.
-    stops : sequence of Stop
     gravity : float, m/s^2
         Constant acceleration along the deflection of everything that moves: beam, bodies and balls. The
         `acceleration` of a ball adds to it.
     springs : sequence of Spring
         Those to the base hold the beam, so that there may be no supports. About a single one, without supports, the
         beam is free to turn: a rigid motion of frequency 0.
-    dashpots : sequence of Dashpot
-    absorbers : sequence of Absorber
 
     Raises
     ------
@@ -488,11 +482,6 @@ class Structure:
 
 def glue_impactors(structure: Structure) -> Structure:
     """The same structure with every ball glued to the beam as a point mass (the second case of the paper's Table 1).
-
-    Raises
-    ------
-    InputError
-        If the value is no structure.
 
     Examples
     --------

@@ -33,7 +33,6 @@ class ContactPair:
         Of the ball; infinite for a stop.
     gaps : pair of float, m
         On the + and on the - side; of a stop one may be negative where their sum is > 0 (preload).
-    law : ContactLaw
     first_mode : float, kg^-0.5
         phi1, the first mass-normalised mode at the pair.
     flexibility : float, m/N

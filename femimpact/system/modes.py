@@ -157,10 +157,7 @@ def require_modes_of(dofs: int, modes: Modes) -> None:
 
 
 def mode_count(system: System, count: int, key: str = "count") -> int:
-    """The checked number of modes asked of a system: a whole number up to that of its dofs.
-
-    Raises `InputError` if it is out of range, or the system is not a `System`.
-    """
+    """The checked number of modes asked of a system: a whole number up to that of its dofs."""
     require_type(system, System, "system")
     within = in_range(count, quantity("modes", at_least=1, at_most=system.dofs, integer=True))
     require(within, key, count, "modes", f"must be a whole number from 1 to {system.dofs} (the dofs)")
@@ -172,14 +169,13 @@ def solve_modes(system: System, count: int) -> Modes:
 
     Parameters
     ----------
-    system : System
     count : int
         How many, 1 to the number of dofs.
 
     Raises
     ------
     InputError
-        If count is not between 1 and the number of dofs, or masses or stiffnesses differ beyond rounding.
+        If masses or stiffnesses differ beyond rounding.
 
     Notes
     -----
@@ -213,10 +209,7 @@ def damping_ratios(system: System, vectors: Array, omega: Array) -> Array:
 
 
 def _vectors(system: System, count: int, rigid: Array) -> tuple[Array, Array]:
-    """Normalised modes (dofs, count), the rigid motions first, and their angular frequencies (rad/s).
-
-    Raises `InputError` if they are not numbers.
-    """
+    """Normalised modes (dofs, count), the rigid motions first, and their angular frequencies (rad/s)."""
     elastic = count - rigid.shape[1]
     try:
         with np.errstate(all="ignore"):
@@ -351,7 +344,7 @@ def with_damping(system: System, damping: Rayleigh | ModalDamping | None) -> Sys
     Raises
     ------
     InputError
-        If the damping is of another kind, or refers to a mode that the system does not have.
+        If the damping refers to a mode that the system does not have.
     """
     require_type(system, System, "system")
     return damped_with_modes(system, damping)[0]

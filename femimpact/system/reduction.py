@@ -29,7 +29,6 @@ def reduce(system: System, modes: int, static_correction: bool = False) -> Syste
 
     Parameters
     ----------
-    system : System
     modes : int
         How many normal modes are kept, 1 to the number of dofs; exactly so many.
     static_correction : bool
@@ -44,8 +43,7 @@ def reduce(system: System, modes: int, static_correction: bool = False) -> Syste
     Raises
     ------
     InputError
-        If modes is out of range, the damping does not decouple, or a static correction is requested of a
-        structure that is not held (K^-1 does not exist).
+        If the damping does not decouple, or a static correction is asked of a structure that is not held.
 
     Notes
     -----
@@ -141,10 +139,6 @@ def _modal_damping(system: System, vectors: Array) -> Array:
 
 def truncation_notes(system: System) -> tuple[str, ...]:
     """Notes, with numbers, on the flexibility at contacts that a reduced system leaves out.
-
-    Parameters
-    ----------
-    system : System
 
     Returns
     -------

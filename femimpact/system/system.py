@@ -569,12 +569,6 @@ def _contacts_of_matrices(
 
 
 def without_impactors(system: System) -> System:
-    """The same system with its cavities empty: no ball, no absorber, no contact but that of stops.
-
-    Raises
-    ------
-    InputError
-        If the value is no system.
-    """
+    """The same system with its cavities empty: no ball, no absorber, no contact but that of stops."""
     require_type(system, System, "system")
     return replace(system, contacts=tuple(pair for pair in system.contacts if pair.is_stop))

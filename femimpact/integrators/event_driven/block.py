@@ -132,10 +132,6 @@ def new_block(
 
     Parameters
     ----------
-    system : System
-    store : FormStore
-    inputs : Inputs
-    method : EventDriven
     ledger : bool or None
         True sums all energies; False the losses of compliant contacts alone, for the table of impacts; None no energy.
     most_rows : int

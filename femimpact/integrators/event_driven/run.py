@@ -90,14 +90,8 @@ def block_alone(
 
     Parameters
     ----------
-    system : System
-    excitation : Excitation
     drive : Drive
         Of the excitation.
-    method : EventSettings
-    outputs : Outputs
-    initial : State
-    grid : ReadingGrid
     begin : float, s
         From when on impacts are counted.
     ledger, most_rows, most_events
@@ -185,7 +179,6 @@ def find_largest(
     ----------
     system, excitation, method, duration, recorder, initial
         As of `run_events`: the motion has the bits of that run.
-    channels : tuple of Channel
     """
     instants = []
     for channel in channels:

@@ -153,12 +153,8 @@ def prepare(
 
     Parameters
     ----------
-    system : System
-    inputs : Inputs
-    method : SteppingMethod
     observed : ndarray (dofs,)
         Row whose value gets cycle statistics.
-    ledger : bool
     record : core.steps.Record, optional
         What case 0 keeps.
     """

@@ -67,7 +67,7 @@ def run_steps(
 ) -> MethodRun:
     """Stepped motion of structure and balls, with a step that resolves contact and drive; see `integrate`.
 
-    Raises `InputError` if the run would keep too much, or an argument is out of range.
+    Raises `InputError` if the run would keep too much.
 
     Raises `DivergenceError` if the motion is not finite or grows without bound.
     """
