@@ -511,11 +511,6 @@ def real_array(key: str, value: Any, unit: str, allowed: str, *, finite: bool = 
     return np.array(numbers, dtype=float)
 
 
-def allowed_range(metadata: Mapping[str, Any]) -> str:
-    """Words for the range that a field's metadata allows."""
-    return str(metadata["allowed"])
-
-
 def in_range(value: object, metadata: Mapping[str, Any]) -> bool:
     """True if a value is what a field's metadata allows: a number within its range, one of its names, ..."""
     try:

@@ -116,15 +116,10 @@ def to_disk(path: Path) -> None:
 
 
 class GuardedFile(io.RawIOBase):
-    """A file for the HDF5 library that keeps the first failed write to itself and raises it when left.
+    """A file, written anew, for the HDF5 library that keeps the first failed write to itself and raises it when left.
 
     A write that fails inside HDF5 (a full disk) leaves its caches in a state in which closing the file ends
     the process. Here the library gets success from every write, and the caller gets the first failure.
-
-    Parameters
-    ----------
-    path : Path
-        Of a file that is written anew.
     """
 
     def __init__(self, path: Path) -> None:

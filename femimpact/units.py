@@ -268,8 +268,8 @@ def prefixed(largest: float, unit: str) -> tuple[float, str]:
 
 def quantity_text(value: float, unit: str, digits: int = 4) -> str:
     """A number for the eye in the unit that fits, as "130 mm" for 0.13 m."""
-    factor, unit_text = prefixed(abs(value), unit)
-    return f"{number_text(factor * value, digits)} {'' if unit_text == '1' else unit_text}".rstrip()
+    factor, prefixed_unit = prefixed(abs(value), unit)
+    return f"{number_text(factor * value, digits)} {'' if prefixed_unit == '1' else prefixed_unit}".rstrip()
 
 
 def interval_texts(value: float, low: float, high: float) -> tuple[str, str, str]:

@@ -84,26 +84,14 @@ def require_law(law: object, key: str = "law") -> None:
 
 
 def resolve(law: ContactLaw, effective_mass: float) -> ContactParameters:
-    """Numbers of a law for the effective mass of its pair.
+    """Numbers of a law for the effective mass (kg) of its pair, 1/(1/m + phi1^2).
 
-    Parameters
-    ----------
-    effective_mass : float, kg
-        1/(1/m + phi1^2) of the pair.
+    Contact time (s) and restitution (1) are those at the law's reference speed where they depend on speed.
 
-    Returns
-    -------
-    ContactParameters
-        Contact time (s) and restitution (1) are those at the law's reference speed where they
-        depend on speed.
-
-    Raises
-    ------
-    InputError
-        If a user's law gives parameters of no kind, or no function for the time loop.
+    Raises `InputError` if a user's law gives parameters of no kind, or no function for the time loop.
     """
     require_law(law)
-    mass = _mass(effective_mass)
+    mass = float(checked("effective_mass", effective_mass, EFFECTIVE_MASS))
     params = law.parameters(mass)
     sound = isinstance(params, ContactParameters) and params.kind in KINDS
     require(sound, f"{law.name}.parameters", params, "", "must be ContactParameters: see ContactParameters.of_function")
@@ -137,7 +125,7 @@ def contact_force(law: ContactLaw, depth: float, rate: float, approach_speed: fl
     """
     require_law(law)
     depth, rate = checked("depth", depth, quantity("m")), checked("rate", rate, quantity("m/s"))
-    approach_speed, effective_mass = _speed(approach_speed), _mass(effective_mass)
+    effective_mass, approach_speed = mass_and_speed(effective_mass, approach_speed)
     return law.normal_force(depth, rate, approach_speed, effective_mass)
 
 
@@ -148,7 +136,7 @@ def contact_potential(law: ContactLaw, depth: float, effective_mass: float, appr
     """
     require_law(law)
     depth = checked("depth", depth, quantity("m"))
-    approach_speed, effective_mass = _speed(approach_speed), _mass(effective_mass)
+    effective_mass, approach_speed = mass_and_speed(effective_mass, approach_speed)
     return law.potential(depth, effective_mass, approach_speed)
 
 
@@ -172,11 +160,3 @@ def collide(law: ContactLaw, effective_mass: float, approach_speed: float) -> Co
     """
     require_law(law)
     return law.collide(*mass_and_speed(effective_mass, approach_speed))
-
-
-def _speed(value: object) -> float:
-    return float(checked("approach_speed", value, quantity("m/s", above=0.0)))
-
-
-def _mass(value: object) -> float:
-    return float(checked("effective_mass", value, EFFECTIVE_MASS))

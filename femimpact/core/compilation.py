@@ -151,7 +151,7 @@ def _system_compiler(command: tuple[str, ...], kind: str) -> Compiler | None:
         if "__GNUC__" not in macros:
             return None
         compiler = Compiler(_name_of(macros), command, command)
-        ours = compile_flags(compiler, kind, targets_here()[-1], given=())
+        ours = compile_flags(compiler, kind, targets_here()[-1], flags=())
         try:
             # nothing is written: what it refuses here is newer than it
             run_compiler([*command, *ours, "-fsyntax-only", str(source)], directory)
@@ -339,27 +339,16 @@ def _is_built(root: Path, key: str) -> bool:
     return not differs(binary) and f"femimpact build key {key}".encode() in binary.read_bytes()
 
 
-def build(root: Path, kind: str, say: Callable[[str], None] = print) -> bool:
+def build(
+    root: Path,  # directory of pyproject.toml
+    kind: str,  # "release", "checked", "sanitized" or "zig"
+    say: Callable[[str], None] = print,
+) -> bool:
     """Compile the core of a checkout into its package, unless the binary there comes of the same.
 
-    Parameters
-    ----------
-    root : Path
-        Directory of pyproject.toml.
-    kind : str
-        "release", "checked", "sanitized" or "zig".
-    say : callable
-        Takes a line on what is done.
+    Returns whether anything was compiled; `say` takes a line on what is done.
 
-    Returns
-    -------
-    bool
-        Whether anything was compiled.
-
-    Raises
-    ------
-    CompilationError
-        If there is no compiler, if it fails, or if the binary cannot be written.
+    Raises `CompilationError` if there is no compiler, if it fails, or if the binary cannot be written.
     """
     for name, text in stubs(root / "femimpact" / "core").items():
         path = root / "femimpact" / "core" / f"{name}.pyi"

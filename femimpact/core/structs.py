@@ -43,20 +43,9 @@ def structs_of(table: Table, arguments: tuple[str, ...], rows: str) -> SimpleNam
 
 
 def zeros(struct: type[Struct], lengths: Mapping[str, int], **members: Any) -> Struct:
-    """A struct with arrays of zeros, but for the fields that are given; all its numbers must be.
+    """A struct with arrays of zeros, but for the members that are given; all its numbers must be.
 
-    Parameters
-    ----------
-    struct : type
-        A named tuple of `core.events` or `core.steps`.
-    lengths : mapping of str to int
-        By the letters of the shapes in the tables of the core.
-    **given
-        Fields by their names.
-
-    Returns
-    -------
-    struct
+    The struct is a named tuple of `core.events` or `core.steps`, the lengths are those of the letters in its shapes.
     """
     filled: Struct = _zeros(struct, _Lengths(lengths), members)
     return filled

@@ -85,7 +85,7 @@ def _on_modes(system: System, modes_and_next: Modes, ratio: Array, count: int, s
     if system.rayleigh is None:
         _check_decoupled(system, phi)
     # of rigid motions, which may be damped, though they have no ratio
-    damping_of_rigid = _modal_damping(system, phi) if system.rayleigh is None else system.rayleigh[0]
+    damping_of_rigid = np.einsum("ij,ij->j", phi, system.C @ phi) if system.rayleigh is None else system.rayleigh[0]
     contacts = tuple(pair.along(frozen_row(pair.direction @ phi)) for pair in system.contacts)
     return with_checked_fields(
         system,
@@ -130,11 +130,6 @@ def _attachment_vectors(system: System, phi: Array, omega: Array) -> tuple[Array
     inverse_square, mix = scipy.linalg.eigh(psi.T @ (system.M @ psi))
     psi = (psi @ mix / np.sqrt(inverse_square))[:, ::-1]
     return psi, np.linalg.norm(system.stiffness_factor @ psi, axis=0)
-
-
-def _modal_damping(system: System, vectors: Array) -> Array:
-    """phi^T C phi (1/s) of every vector."""
-    return np.asarray(np.einsum("ij,ij->j", vectors, system.C @ vectors))
 
 
 def truncation_notes(system: System) -> tuple[str, ...]:

@@ -65,8 +65,6 @@ def check_shapes(system: Any) -> None:
         require(sound, name, None, "", FINITE)
     increasing = nodes.size == 0 or (nodes.size > 1 and bool(np.all(np.diff(nodes) > 0)))
     require(increasing, "nodes", None, "m", "must be two or more increasing positions, or none")
-    pair = system.rayleigh is None or (isinstance(system.rayleigh, tuple) and len(system.rayleigh) == 2)
-    require(pair, "rayleigh", system.rayleigh, "", "must be two numbers, alpha (1/s) and beta (s), or None")
     for key in ("points", "directions"):
         require_type(getattr(system, key), Mapping, key)
     for name, at in system.points.items():

@@ -83,22 +83,14 @@ ROUNDING = 1e-14
 
 
 def invariant_pair(
-    state: Array, unit: Array, values: Complex, members: NDArray[np.intp], omega_squared: Array, damping: Array
-) -> tuple[Complex, Complex]:  # fmt: skip
-    """X (n, k) and the upper triangular S (k, k) of some eigenvalues.
-
-    Parameters
-    ----------
-    state : ndarray (2 n, 2 n)
-        Of (unit u, u').
-    unit : ndarray (n,), 1/s
-    values : ndarray (2 n,), 1/s
-        All eigenvalues.
-    members : ndarray (k,) of int
-        Which of them.
-    omega_squared : ndarray (n,), 1/s^2
-    damping : ndarray (n, n), 1/s
-    """
+    state: Array,  # (2 n, 2 n) of (unit u, u')
+    unit: Array,  # (n,) 1/s
+    values: Complex,  # (2 n,) 1/s: all eigenvalues
+    members: NDArray[np.intp],  # (k,) which of them
+    omega_squared: Array,  # (n,) 1/s^2
+    damping: Array,  # (n, n) 1/s
+) -> tuple[Complex, Complex]:
+    """X (n, k) and the upper triangular S (k, k) of some eigenvalues."""
     X, S = _invariant(state, values, members)
     return _refined_pair(X / unit[:, None], S, omega_squared, damping)
 

@@ -86,21 +86,7 @@ def block_alone(
     system: System, excitation: Excitation, drive: Drive, method: EventSettings, outputs: Outputs, initial: State,
     grid: ReadingGrid, begin: float, ledger: bool | None, most_rows: int, most_events: int = 0,
 ) -> tuple[Block, Sampling]:  # fmt: skip
-    """Arrays of one case at its start, and its instants of reading.
-
-    Parameters
-    ----------
-    drive : Drive
-        Of the excitation.
-    begin : float, s
-        From when on impacts are counted.
-    ledger, most_rows, most_events
-        As of `new_block`.
-
-    Returns
-    -------
-    Block, Sampling
-    """
+    """Arrays of one case at its start, and its instants of reading; impacts are counted from `begin` (s) on."""
     rigid = np.array([pair.parameters.kind == RIGID for pair in system.contacts], dtype=bool)
     equations = equations_of(system, drive)
     store = FormStore(equations, rigid, outputs, rate=drive.rate, derived=system.derived)
@@ -175,10 +161,7 @@ def find_largest(
 ) -> tuple[Largest, ...]:  # fmt: skip
     """Largest values of channels over a run, each found as the peak of a cycle is, to 1e-9 of itself.
 
-    Parameters
-    ----------
-    system, excitation, method, duration, recorder, initial
-        As of `run_events`: the motion has the bits of that run.
+    The motion has the bits of `run_events` with the same arguments.
     """
     instants = []
     for channel in channels:

@@ -112,26 +112,16 @@ class _Source:
 
 
 class FormStore:
-    """Closed forms of a system, or of several of the same pattern, under one kind of drive; threads may share them.
-
-    Parameters
-    ----------
-    equations : Equations
-    rigid : ndarray (pairs,) of bool
-    outputs : Outputs
-    rate : float or None, 1/s
-        How fast the polynomials change that s(t) is made of; None for a sine, 0 for straight lines.
-    derived : dict, optional
-        Where closed forms of the system were kept by earlier calls; see `System.derived`.
-    """
+    """Closed forms of a system, or of several of the same pattern, under one kind of drive; threads may share them."""
 
     def __init__(
         self,
         equations: Equations,
-        rigid: NDArray[np.bool_],
+        rigid: NDArray[np.bool_],  # (pairs,)
         outputs: Outputs,
+        # 1/s: how fast the polynomials change that s(t) is made of; None for a sine, 0 for straight lines
         rate: float | None,
-        derived: dict[Any, Any] | None = None,
+        derived: dict[Any, Any] | None = None,  # where earlier calls kept closed forms; see `System.derived`
     ) -> None:
         self.equations = equations
         self.rigid = rigid
@@ -156,7 +146,6 @@ class FormStore:
         """First form of each system and its contact parameters, after all wanted forms are there.
 
         Those that are missing are made together where the same pairs are in contact.
-
         """
         with self.lock:
             missing: dict[int, dict[bytes, WantedForm]] = {}

@@ -145,19 +145,11 @@ def prepare(
     inputs: Inputs,
     method: SteppingMethod,
     *,
-    observed: Array,
+    observed: Array,  # (dofs,) row whose value gets cycle statistics
     ledger: bool,
-    record: core.steps.Record | None = None,
+    record: core.steps.Record | None = None,  # what case 0 keeps
 ) -> Block:
-    """Lay out all arrays of a block; nothing runs yet.
-
-    Parameters
-    ----------
-    observed : ndarray (dofs,)
-        Row whose value gets cycle statistics.
-    record : core.steps.Record, optional
-        What case 0 keeps.
-    """
+    """Lay out all arrays of a block; nothing runs yet."""
     cases = len(inputs.excitations)
     lanes = _lanes(cases)
     # idle lanes repeat the last case: finite numbers, no effect on the others

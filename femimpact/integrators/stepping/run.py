@@ -67,9 +67,8 @@ def run_steps(
 ) -> MethodRun:
     """Stepped motion of structure and balls, with a step that resolves contact and drive; see `integrate`.
 
-    Raises `InputError` if the run would keep too much.
-
-    Raises `DivergenceError` if the motion is not finite or grows without bound.
+    Raises `InputError` if the run would keep too much, and `DivergenceError` if the motion is not finite or grows
+    without bound.
     """
     check_recorder(recorder)
     steps = whole_number_of(duration, method.dt, "step")
@@ -86,7 +85,9 @@ def run_steps(
         ledger=recorder.ledger,
         record=record_of(system, recorder, readings.rows, steps, method, drive, beginning.step),
     )
-    _keep_first(block)
+    if block.record.channels.shape[1] + block.record.snapshots.shape[0] > 0:
+        core.keep_present(block.handed())
+        check_laws(block)
     stream = Stream(
         read=partial(history_of, block, readings, recorder.sink is not None),
         clear=partial(block.record.tally[1:3].fill, 0),
@@ -124,13 +125,6 @@ def divergence_message(frequency: float, time: float, method: SteppingMethod) ->
         "damping, "
         f"or raise divergence_limit ({method.divergence_limit:g})"
     )
-
-
-def _keep_first(block: Block) -> None:
-    """Keep the state at the start where it is asked for."""
-    if block.record.channels.shape[1] + block.record.snapshots.shape[0] > 0:
-        core.keep_present(block.handed())
-        check_laws(block)
 
 
 def _run(
