@@ -54,11 +54,11 @@ def thinned_line(
     if count <= most:
         return np.arange(count)
     edges = np.linspace(0, count, (most - 2) // 2 + 1).round().astype(int)
-    kept = [0, count - 1]
+    indices = [0, count - 1]
     low, high = np.where(np.isnan(values), np.inf, values), np.where(np.isnan(values), -np.inf, values)
     for first, end in itertools.pairwise(edges.tolist()):
-        kept += [first + int(np.argmin(low[first:end])), first + int(np.argmax(high[first:end]))]
-    return np.unique(np.array(kept, dtype=np.int64))
+        indices += [first + int(np.argmin(low[first:end])), first + int(np.argmax(high[first:end]))]
+    return np.unique(np.array(indices, dtype=np.int64))
 
 
 def thinned(count: int, most: int) -> NDArray[np.int64]:

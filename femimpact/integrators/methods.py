@@ -134,8 +134,8 @@ def seconds_of_cycle(method: Method, system: System, frequency: float, *, sweep:
     step, kind = step_of(method), "modal" if system.is_diagonal else "physical"
     if step is None:
         return CYCLE_SECONDS
-    each = WITHOUT_BALLS * BESIDE_OTHERS[kind] if sweep else NANOSECONDS[kind]
-    return 1e-9 * each * max(system.dofs, 4) / (frequency * step)
+    nanoseconds = WITHOUT_BALLS * BESIDE_OTHERS[kind] if sweep else NANOSECONDS[kind]
+    return 1e-9 * nanoseconds * max(system.dofs, 4) / (frequency * step)
 
 
 def bytes_of_cycle(method: Method) -> float:

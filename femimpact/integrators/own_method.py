@@ -34,8 +34,6 @@ def run_of_states(
 
     Parameters
     ----------
-    system : System
-    excitation : Excitation
     recorder : Recorder
         Channels, `every` and `start` are read.
     time : ndarray (samples,), s
@@ -46,16 +44,12 @@ def run_of_states(
         y and y' relative to the base, balls first, then stops.
     contact_force : ndarray (samples, pairs), N
         Of the walls on the structure along b_j, positive at the + wall; without centring springs.
-
-    Returns
-    -------
-    MethodRun
     """
     (u, v), (y, y_rate), drive = structure, balls, drive_of(system, excitation)
-    kept = recorder.seen_from(float(time[0]))
-    readings = readings_of(system, excitation, drive, resolve_channels(system, kept.channels), springs_apart=True)
-    first, _ = first_steps(kept, time.size - 1, float(time[1] - time[0]))
-    chosen, rows = slice(first, None, kept.every), readings.rows
+    shifted = recorder.seen_from(float(time[0]))
+    readings = readings_of(system, excitation, drive, resolve_channels(system, shifted.channels), springs_apart=True)
+    first, _ = first_steps(shifted, time.size - 1, float(time[1] - time[0]))
+    chosen, rows = slice(first, None, shifted.every), readings.rows
     values = rows.displacement @ u[chosen].T + rows.velocity @ v[chosen].T
     values += rows.ball_displacement @ y[chosen].T + rows.ball_velocity @ y_rate[chosen].T
     values += rows.contact_force @ contact_force[chosen].T
@@ -85,8 +79,8 @@ def _whole_cycles(time: Array, values: Array, excitation: Excitation) -> CycleSt
     count = int(turns[-1] + half)
     if count == 0:
         return cycles_of_table(np.zeros((len(CYCLE_COLUMNS), 0, 1)))
-    whole = turns <= count + half
-    return samples_by_cycle(time[whole], values[whole], excitation, count)
+    complete = turns <= count + half
+    return samples_by_cycle(time[complete], values[complete], excitation, count)
 
 
 def _impact_rows(time: Array, force: Array, rate: Array) -> Array:
@@ -100,7 +94,7 @@ def _impact_rows(time: Array, force: Array, rate: Array) -> Array:
             if end == time.size:
                 continue
             side, inside = float(np.sign(pushes[begin])), slice(max(begin - 1, 0), end + 1)
-            impulse, loss = (abs(np.trapezoid(each[inside], time[inside])) for each in (pushes, pushes * speed))
+            impulse, loss = (abs(np.trapezoid(curve[inside], time[inside])) for curve in (pushes, pushes * speed))
             rows.append((
                 time[begin], j, side, side * speed[inside][0], -side * speed[end], impulse,
                 np.abs(pushes[inside]).max(), time[end] - time[begin], loss,

@@ -403,8 +403,8 @@ def swept_peak(b: float) -> float:
     values = swept_envelope(b, at)
     near = int(np.argmax(values))
     bounds = (at[max(near - 1, 0)], at[min(near + 1, at.size - 1)])
-    found = minimize_scalar(lambda tau: -float(swept_envelope(b, np.array([tau]))[0]), bounds=bounds, method="bounded")
-    return float(-found.fun)
+    peak = minimize_scalar(lambda tau: -float(swept_envelope(b, np.array([tau]))[0]), bounds=bounds, method="bounded")
+    return float(-peak.fun)
 
 
 def swept_envelope(b: float, tau: Array) -> Array:

@@ -19,7 +19,6 @@ class PreflightRow:
         Name of the number, with the place, mode or key that it belongs to.
     value : float
         In `unit`.
-    unit : str
     limit : float
         In `unit`; not a number where the row only informs.
     at_least : bool

@@ -196,19 +196,19 @@ class Branch:
             If rounding keeps an orbit there from being found or confirmed, as beside a resonance without damping.
         """
         curve, unknowns = known(self.curve, "branch"), known(self.unknowns, "branch")
-        value, found = checked("value", value, curve.parameter.allowed), list[PeriodicOrbit]()
+        value, orbits = checked("value", value, curve.parameter.allowed), list[PeriodicOrbit]()
         side = np.sign(self.values - value)
         # a closed branch ends with its first point
         for i in range(len(self) - (self.end[1] == CLOSED)):
             if side[i] == 0.0:
-                found.append(self.orbits[i])
+                orbits.append(self.orbits[i])
             elif side[i] * side[min(i + 1, len(self) - 1)] < 0.0:
                 try:
-                    found.append(_orbit(curve, between(curve, unknowns[i], unknowns[i + 1], value).x))
+                    orbits.append(_orbit(curve, between(curve, unknowns[i], unknowns[i + 1], value).x))
                 except LostError as error:
                     words = f"{self.parameter} = {value:.10g}: an orbit of the branch is not found"
                     raise DivergenceError(f"{words}: {error}") from None
-        return tuple(found)
+        return tuple(orbits)
 
     def to_pandas(self) -> pandas.DataFrame:
         """A row for every point, bifurcations by their kind; units in `attrs["units"]`.
@@ -249,23 +249,23 @@ class Branch:
     def _kinds(self) -> NDArray[np.str_]:
         """Kind of the bifurcation at each point, an empty text where there is none."""
         kinds = np.full(len(self), "", dtype="<U17")
-        kinds[self.bifurcation_points] = [each.kind for each in self.bifurcations]
+        kinds[self.bifurcation_points] = [bifurcation.kind for bifurcation in self.bifurcations]
         return kinds
 
     @property
     def _unexplained(self) -> list[tuple[int, int, int, int]]:
         """Points between which multipliers cross the unit circle unexplained, and how many are outside it at both."""
         outside = np.count_nonzero(np.abs(self.multipliers) > 1.0 + NEUTRAL, axis=1).tolist()
-        found, last, crossed = list[tuple[int, int, int, int]](), -1, 0
+        gaps, last, crossed = list[tuple[int, int, int, int]](), -1, 0
         for i, kind in enumerate(self._kinds.tolist()):
             crossed += CHANGES.get(kind, 0)
             if kind:
                 continue
             change = 0 if last < 0 else abs(outside[i] - outside[last])
             if change > crossed or (last >= 0 and (change - crossed) % 2):
-                found.append((last, i, outside[last], outside[i]))
+                gaps.append((last, i, outside[last], outside[i]))
             last, crossed = i, 0
-        return found
+        return gaps
 
     @property
     def _head(self) -> Head:
@@ -365,8 +365,8 @@ def continue_orbit(orbit: PeriodicOrbit, parameter: str, to: tuple[float, float]
     length = length_of(number.hybrid, guess.states)
     curve = curve_of(number, guess.sequence, orbit.is_symmetric, length, high - low)
     # of an orbit without events the guess is one state
-    found = solve(number.hybrid, guess, length).events
-    start = at_value(curve, curve.unknowns(found.states, found.phases, number.value), number.value)
+    events = solve(number.hybrid, guess, length).events
+    start = at_value(curve, curve.unknowns(events.states, events.phases, number.value), number.value)
     if start is None:
         start = _beside(curve, curve.unknowns(guess.states, guess.phases, number.value))
     backward = follow(orbit.system, replace(start, tangent=-start.tangent), low, high, points)

@@ -33,11 +33,11 @@ def condition(point: Point, event: tuple[str, int, float], m: int, phases: Array
     (kind, pair, side), hybrid = event, point.maps.hybrid
     turns, k = divmod(m, point.events.phases.size)
     at = k, pair, side, phases - turns * point.cycle
-    found = depth_beyond(point, *at, derivative)
+    depth = depth_beyond(point, *at, derivative)
     if kind in (RELEASE, PRESS_AGAIN) and hybrid.contact_damping[pair]:
         damped = float(hybrid.contact_damping[pair] / hybrid.contact_stiffness[pair])
-        found = found + damped * depth_beyond(point, *at, derivative + 1)
-    return RATES.get(kind, 1.0) * found
+        depth = depth + damped * depth_beyond(point, *at, derivative + 1)
+    return RATES.get(kind, 1.0) * depth
 
 
 def crests(point: Point, event: tuple[str, int, float], intervals: list[int]) -> list[tuple[float, float, int]]:
@@ -45,16 +45,16 @@ def crests(point: Point, event: tuple[str, int, float], intervals: list[int]) ->
 
     Both are one where an event turns the motion round.
     """
-    found, last = [], -1.0
+    brackets, last = [], -1.0
     for m in intervals:
         grid = np.linspace(begin(point, m), begin(point, m + 1), PROFILE)
         rates = condition(point, event, m, grid, 1)
         if last > 0.0 >= rates[0]:
-            found.append((float(grid[0]), float(grid[0]), m))
+            brackets.append((float(grid[0]), float(grid[0]), m))
         i = np.flatnonzero((rates[:-1] > 0.0) & (rates[1:] <= 0.0))
-        found += list(zip(grid[i].tolist(), grid[i + 1].tolist(), [m] * i.size, strict=True))
+        brackets += list(zip(grid[i].tolist(), grid[i + 1].tolist(), [m] * i.size, strict=True))
         last = float(rates[-1])
-    return found
+    return brackets
 
 
 def top(point: Point, event: tuple[str, int, float], low: float, high: float, m: int) -> tuple[float, float]:

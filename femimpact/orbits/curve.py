@@ -139,8 +139,8 @@ class Curve:
 
     def by_unknowns(self, maps: EventMaps) -> Array:
         """Derivative (m, m) of the equations, in units."""
-        found = jacobian(maps) / self.by_rows[:, None, None] * self.unit
-        return np.asarray(found.reshape(2 * [self.count * self.unit.size]))
+        matrix = jacobian(maps) / self.by_rows[:, None, None] * self.unit
+        return np.asarray(matrix.reshape(2 * [self.count * self.unit.size]))
 
     def in_units(self, rows: Array) -> Array:
         """Equations (m,) in units of rows (N, 2d + 1)."""
@@ -197,10 +197,10 @@ class Point:
     def multipliers(self) -> Complex:
         """Those of the half map of a symmetric orbit, else of the orbit; infinite where an event has no speed."""
         with np.errstate(all="ignore"):
-            found = product(self.maps.steps)
-        if not np.all(np.isfinite(found)):
-            return np.full(found.shape[0], np.inf, dtype=complex)
-        return multipliers_of(-found if self.curve.is_symmetric else found)
+            monodromy = product(self.maps.steps)
+        if not np.all(np.isfinite(monodromy)):
+            return np.full(monodromy.shape[0], np.inf, dtype=complex)
+        return multipliers_of(-monodromy if self.curve.is_symmetric else monodromy)
 
     @property
     def unstable(self) -> int:
@@ -240,12 +240,12 @@ class Point:
 
         At +1, at -1, and anywhere by a pair of product 1.
         """
-        return np.array([np.prod(each).real for each in self._factors])
+        return np.array([np.prod(factors).real for factors in self._factors])
 
     @cached_property
     def nearest(self) -> Array:
         """Sizes (3,) of their smallest factors."""
-        return np.array([np.abs(each).min(initial=math.inf) for each in self._factors])
+        return np.array([np.abs(factors).min(initial=math.inf) for factors in self._factors])
 
     @cached_property
     def crossing_slopes(self) -> Array:
@@ -272,10 +272,10 @@ class Point:
 
     def apart(self, other: Point) -> float:
         """How far from repeating after half a period the orbit is, along the difference that another one has."""
-        mine, its = (point.half_difference for point in (self, other))
+        own, its = (point.half_difference for point in (self, other))
         square = float(its @ its)
         # of an orbit that has repeated all the time there is none
-        return float(mine @ its) / square if square > SAME**2 else 1.0
+        return float(own @ its) / square if square > SAME**2 else 1.0
 
     @cached_property
     def half_difference(self) -> Array:
@@ -312,9 +312,9 @@ def corrected(curve: Curve, guess: Array, row: Array) -> tuple[Point | None, flo
     last = math.inf
     with np.errstate(all="ignore"):
         try:
-            for found, last in _newton(curve, guess, row):
-                if found is not None:
-                    return found, last
+            for point, last in _newton(curve, guess, row):
+                if point is not None:
+                    return point, last
         except np.linalg.LinAlgError:
             # singular, or a resonance without damping
             pass
@@ -362,8 +362,8 @@ def point_along(left: Point, step: float, bend: Array | float = 0.0) -> Point:
 
 def near_points(left: Point, steps: tuple[float, ...]) -> list[Point]:
     """Points so far along the tangent of one, those that are found."""
-    found = [corrected(left.curve, left.x + step * left.tangent, left.row)[0] for step in steps]
-    return [point for point in found if point is not None]
+    points = [corrected(left.curve, left.x + step * left.tangent, left.row)[0] for step in steps]
+    return [point for point in points if point is not None]
 
 
 def at_value(curve: Curve, near: Array, value: float) -> Point | None:
@@ -381,12 +381,12 @@ def between(curve: Curve, here: Array, there: Array, value: float) -> Point:
     line = there - here
     direction = line / math.sqrt(line @ (curve.weight * line))
     left, right = (evaluated(curve, x, direction) for x in (here, there))
-    found = locate(left, right, lambda point: point.value - value)
+    located = locate(left, right, lambda point: point.value - value)
     # beside a fold the equations at the value are nearly singular
-    exact = at_value(curve, found.x, value)
-    if exact is None or np.abs(exact.x - found.x).max() > 1e-3 * SAME:
-        return replace(found, x=np.append(found.x[:-1], value))
-    return exact if found.tangent @ exact.row > 0.0 else replace(exact, tangent=-exact.tangent)
+    exact = at_value(curve, located.x, value)
+    if exact is None or np.abs(exact.x - located.x).max() > 1e-3 * SAME:
+        return replace(located, x=np.append(located.x[:-1], value))
+    return exact if located.tangent @ exact.row > 0.0 else replace(exact, tangent=-exact.tangent)
 
 
 def locate(left: Point, right: Point, function: Callable[[Point], float], tolerance: float = EXACT) -> Point:
@@ -420,7 +420,7 @@ def interpolated(
         values, x = np.array([function(point) for point in points]), np.array([point.x for point in points])
         if len(points) < 4 or not np.all(np.diff(values) * (values[-1] - values[0]) > 0.0):
             raise LostError("a point at which the equations are singular cannot be located")
-        found = scipy.interpolate.BarycentricInterpolator(values, x)(0.0)
-        at = float(left.row @ (found - left.x))
+        unknowns = scipy.interpolate.BarycentricInterpolator(values, x)(0.0)
+        at = float(left.row @ (unknowns - left.x))
         low, high = at - around, at + around
-    return evaluated(left.curve, np.asarray(found), left.tangent)
+    return evaluated(left.curve, np.asarray(unknowns), left.tangent)

@@ -200,10 +200,10 @@ def event_maps(hybrid: HybridSystem, events: EventStates) -> EventMaps:
 
 def _by_state(contact_state: Array) -> list[tuple[Array, NDArray[np.intp]]]:
     """Distinct contact states and the numbers of the events that have each, of (N, pairs)."""
-    found: dict[bytes, list[int]] = {}
+    groups: dict[bytes, list[int]] = {}
     for k, state in enumerate(contact_state):
-        found.setdefault(state.tobytes(), []).append(k)
-    return [(contact_state[members[0]], np.array(members)) for members in found.values()]
+        groups.setdefault(state.tobytes(), []).append(k)
+    return [(contact_state[members[0]], np.array(members)) for members in groups.values()]
 
 
 def _flown(
@@ -213,16 +213,16 @@ def _flown(
     groups = _by_state(contact_state)
     parts = [hybrid.flow(state).carried(start[members], begin[members], end[members]) for state, members in groups]
     order = np.argsort(np.concatenate([members for _, members in groups]))
-    arrived, propagator = (np.concatenate(each)[order] for each in zip(*parts, strict=True))
+    arrived, propagator = (np.concatenate(arrays)[order] for arrays in zip(*parts, strict=True))
     return arrived, propagator
 
 
 def _fields(hybrid: HybridSystem, contact_state: Array, states: Numbers, phases: Numbers) -> Numbers:
     """Rates z' (N, 2d) of states (N, 2d) in their contact states."""
-    found = np.zeros(states.shape, dtype=np.result_type(states, phases))
+    rates = np.zeros(states.shape, dtype=np.result_type(states, phases))
     for state, members in _by_state(contact_state):
-        found[members] = hybrid.flow(state).field(states[members], phases[members])
-    return found
+        rates[members] = hybrid.flow(state).field(states[members], phases[members])
+    return rates
 
 
 def residual(maps: EventMaps) -> Numbers:
@@ -234,19 +234,19 @@ def jacobian(maps: EventMaps) -> Numbers:
     """Derivatives of `residual` by the states and phases, (N, 2d + 1, N, 2d + 1)."""
     count, size = maps.row.shape
     jump, omega = maps.jump, maps.hybrid.omega
-    found = np.zeros((count, size + 1, count, size + 1), dtype=maps.propagator.dtype)
-    each, before = np.arange(count), np.arange(count) - 1
+    matrix = np.zeros((count, size + 1, count, size + 1), dtype=maps.propagator.dtype)
+    event, before = np.arange(count), np.arange(count) - 1
     # of z- by the state and the phase of the event before
     by_before = np.concatenate([maps.propagator, -(maps.propagator @ maps.field_before[:, :, None]) / omega], axis=2)
     if maps.events.sequence.is_half:
         by_before[0, :, :size] *= -1.0
-    found[each, :size, before] = -jump @ by_before
-    found[each, size, before] = (maps.row[:, None, :] @ by_before)[:, 0]
+    matrix[event, :size, before] = -jump @ by_before
+    matrix[event, size, before] = (maps.row[:, None, :] @ by_before)[:, 0]
     # with one event it is the event itself
-    found[each, :size, each, :size] += np.eye(size)
-    found[each, :size, each, size] -= maps.jumped_by_phase
-    found[each, size, each, size] += maps.distance_rate
-    return found
+    matrix[event, :size, event, :size] += np.eye(size)
+    matrix[event, :size, event, size] -= maps.jumped_by_phase
+    matrix[event, size, event, size] += maps.distance_rate
+    return matrix
 
 
 def derivative_by(hybrid_at: Callable[[complex], HybridSystem], value: float, events: EventStates) -> Array:
@@ -270,12 +270,12 @@ def units_of(hybrid: HybridSystem, sequence: Sequence, length: float) -> tuple[A
 
 def product(steps: Array) -> Array:
     """Product of matrices, the first one applied first."""
-    return np.asarray(reduce(lambda found, step: step @ found, steps, np.eye(steps.shape[1])))
+    return np.asarray(reduce(lambda matrix, step: step @ matrix, steps, np.eye(steps.shape[1])))
 
 
 def multipliers_of(matrix: Array) -> Complex:
     """Eigenvalues of a map, the largest modulus first."""
     values = np.linalg.eigvals(matrix).astype(complex)
-    found = np.asarray(values[np.argsort(-np.abs(values), kind="stable")])
-    found.setflags(write=False)
-    return found
+    multipliers = np.asarray(values[np.argsort(-np.abs(values), kind="stable")])
+    multipliers.setflags(write=False)
+    return multipliers

@@ -174,7 +174,7 @@ def _advance(
 
 def _located(left: Point, right: Point) -> list[tuple[str, Point]]:
     """Bifurcations between two points, in their order."""
-    found = []
+    bifurcations = []
     for kind, before in left.tests.items():
         after = right.tests[kind]
         # multipliers of a motion without damping are on the unit circle, to rounding
@@ -188,8 +188,8 @@ def _located(left: Point, right: Point) -> list[tuple[str, Point]]:
         point = find(left, right, function)
         # a real pair with product 1 is none
         if kind != "neimark-sacker" or _is_complex(point):
-            found.append((kind, point))
-    return sorted(found, key=lambda each: float(left.row @ each[1].x))
+            bifurcations.append((kind, point))
+    return sorted(bifurcations, key=lambda pair: float(left.row @ pair[1].x))
 
 
 def _beyond(left: Point, right: Point, looks: int = MOST_LOOKS) -> Point | None:
@@ -213,9 +213,9 @@ def _beyond(left: Point, right: Point, looks: int = MOST_LOOKS) -> Point | None:
         here, there, at = ends[0], ends[1], float(point.crossings[k])
         if abs(at) > NEUTRAL * max(abs(here), abs(there)) and at * here < 0.0 < here * there:
             return point
-        found = (_beyond(left, point, looks - 1) or _beyond(point, right, looks - 1)) if looks > 1 else None
-        if found is not None:
-            return found
+        limit = (_beyond(left, point, looks - 1) or _beyond(point, right, looks - 1)) if looks > 1 else None
+        if limit is not None:
+            return limit
     return None
 
 
@@ -257,8 +257,8 @@ def _from_start(start: Point, point: Point) -> Array:
 
 def _passes(start: Point, left: Point, right: Point) -> bool:
     """Whether a curve comes back to its start in a step."""
-    before, after = (_from_start(start, each) for each in (left, right))
-    along = [float(start.row @ each) for each in (before, after)]
+    before, after = (_from_start(start, here) for here in (left, right))
+    along = [float(start.row @ here) for here in (before, after)]
     if left is start or not along[0] < 0.0 <= along[1]:
         return False
     # where the line between both passes the start

@@ -57,7 +57,7 @@ class Limit:
 
 def first_limit(left: Point, right: Point) -> Limit | None:
     """The first of the limits that a step passes."""
-    found = []
+    limits = []
     for i in np.argwhere((right.limits <= 0.0) & (left.limits > 0.0)).tolist():
 
         def function(point: Point, i: tuple[int, ...] = tuple(i)) -> float:
@@ -65,11 +65,11 @@ def first_limit(left: Point, right: Point) -> Limit | None:
 
         near = locate(left, right, function, 0.1 * NEAR_END)
         merging = i[0] < 2 and near.curve.solved.kind[i[1]] in MERGING and without_speed(near, 10.0 * NEAR_END)
-        found.append(Limit(function, float(left.row @ (near.x - left.x)), NEAR_END, bool(merging)))
+        limits.append(Limit(function, float(left.row @ (near.x - left.x)), NEAR_END, bool(merging)))
     if left.curve.half_sign and (apart := right.apart(left)) <= ON_SYMMETRIC:
         far = float(left.row @ (right.x - left.x)) / (1.0 - apart)
-        found.append(Limit(None, far, NEAR_SYMMETRIC))
-    return min(found, key=lambda each: each.far, default=None)
+        limits.append(Limit(None, far, NEAR_SYMMETRIC))
+    return min(limits, key=lambda limit: limit.far, default=None)
 
 
 def limit_point(left: Point, right: Point, limit: Limit) -> tuple[list[tuple[str, Point]], float, str]:
@@ -180,8 +180,8 @@ def repeating_point(left: Point) -> Point | None:
         if abs(step) <= EXACT * abs(value):
             states, phases = point.events.states[:half], point.events.phases[:half]
             both = np.concatenate([states, sign * states]), np.concatenate([phases, phases + 0.5 * left.cycle])
-            found = left.curve.unknowns(*both, point.value)
-            far = found - left.x
+            unknowns = left.curve.unknowns(*both, point.value)
+            far = unknowns - left.x
             near = far @ (left.curve.weight * far) < LONGEST**2
-            return evaluated(left.curve, found, left.tangent) if near else None
+            return evaluated(left.curve, unknowns, left.tangent) if near else None
     return None

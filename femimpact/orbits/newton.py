@@ -62,8 +62,8 @@ def solve(
     (count, size), changes = guess.states.shape, list[float]()
     unit, by_rows = units_of(hybrid, guess.sequence, length)
 
-    def scaled_step(factors: Any, made: EventMaps) -> Array:
-        right = (residual(made) / by_rows).reshape(-1)
+    def scaled_step(factors: Any, trial: EventMaps) -> Array:
+        right = (residual(trial) / by_rows).reshape(-1)
         return -np.asarray(dgetrs(*factors, right)[0]).reshape(count, size + 1)
 
     while len(changes) < MOST_STEPS:

@@ -201,7 +201,7 @@ class PeriodicOrbit:
     @property
     def smallest_clearance(self) -> float:
         """The smallest of `clearances`, m: how far the next contact is; infinite where there is none to come."""
-        return min((each for of_pair in self.clearances.values() for each in of_pair), default=math.inf)
+        return min((clearance for of_pair in self.clearances.values() for clearance in of_pair), default=math.inf)
 
     @property
     def smallest_approach_speed(self) -> float:

@@ -107,10 +107,10 @@ def own_runs(system: System, points: Sequence[Point]) -> OwnRuns:
 def _outputs(system: System, d: int) -> Outputs:
     """The default place, whose peak is found, then all coordinates and their rates."""
     place, pairs = outputs_of(system, system.point_row(system.default_place)), len(system.contacts)
-    nothing, each = np.zeros((d, d)), np.eye(d)
+    nothing, unit = np.zeros((d, d)), np.eye(d)
     return Outputs(
-        np.concatenate([place.position, each, nothing]),
-        np.concatenate([place.rate, nothing, each]),
+        np.concatenate([place.position, unit, nothing]),
+        np.concatenate([place.rate, nothing, unit]),
         np.zeros((1 + 2 * d, pairs)),
         np.zeros((place.drive.shape[0], 1 + 2 * d)),
         np.zeros(1 + 2 * d),
@@ -193,22 +193,22 @@ def _cut(system: System, way: Followed, number: int, run: OwnRun, error: Diverge
         kind = _kind_there(right, str(log.kind[row]), pair, at)
         try:
             beyond = kind == TOUCH and log.kind[row] in (RELEASE, SEPARATE)
-            found = locate(left, right, _crest(right, kind, pair, side, at, beyond))
+            extreme = locate(left, right, _crest(right, kind, pair, side, at, beyond))
         except LostError:
             break
         # whether another one is met before
-        before = near_points(left, ((1.0 - BEFORE_CREST) * float(left.row @ (found.x - left.x)),))
+        before = near_points(left, ((1.0 - BEFORE_CREST) * float(left.row @ (extreme.x - left.x)),))
         if not before:
             break
-        runs, right = own_runs(system, [before[0], found]), before[0]
+        runs, right = own_runs(system, [before[0], extreme]), before[0]
         run = runs.each[0]
         if _extra_event(right, run) is None:
             way.kinds[len(way.points)] = "grazing"
-            way.points.append(found)
+            way.points.append(extreme)
             way.peak.append(float(runs.peak[1]))
             way.first_harmonic.append(float(runs.first_harmonic[1]))
             what = "contact" if kind == TOUCH else kind
-            return f"extra {what} of {log.contacts[pair]} on its {'+' if side > 0.0 else '-'} side {where(found)}"
+            return f"extra {what} of {log.contacts[pair]} on its {'+' if side > 0.0 else '-'} side {where(extreme)}"
     return f"no convergence: {error}"
 
 
@@ -238,12 +238,12 @@ def _crest(
     """How far beyond that of an event is the crest of its condition next to the phase at which a point has met it."""
     k, event = int(np.searchsorted(right.events.phases, at, side="right")) - 1, (kind, pair, side)
     intervals = _intervals(right, k, pair, -1 if begun_beyond else 1)
-    found = crests(right, event, intervals)
+    peaks = crests(right, event, intervals)
     if begun_beyond:
         # the contact has turned the run from its orbit
-        place = max(found, key=lambda crest: top(right, event, *crest)[1], default=(at, at, k))[1]
+        place = max(peaks, key=lambda crest: top(right, event, *crest)[1], default=(at, at, k))[1]
     else:
-        place = min((high for _, high, _ in found if high >= at), default=at)
+        place = min((high for _, high, _ in peaks if high >= at), default=at)
     place -= right.events.phases[k]
 
     def crest(point: Point) -> float:
@@ -256,7 +256,7 @@ def _crest(
 
 def _intervals(point: Point, k: int, pair: int, way: int) -> list[int]:
     """Events after which the pair goes on as after event k, until one of that pair: later ones, or earlier ones."""
-    found, of = [k], point.curve.sequence.pair
-    while len(found) < of.size and of[(found[-1] + (way > 0)) % of.size] != pair:
-        found.append(found[-1] + way)
-    return found[::way]
+    numbers, of = [k], point.curve.sequence.pair
+    while len(numbers) < of.size and of[(numbers[-1] + (way > 0)) % of.size] != pair:
+        numbers.append(numbers[-1] + way)
+    return numbers[::way]

@@ -53,11 +53,11 @@ class Intervals:
 
     def at(self, k: int, phases: Array) -> Array:
         """States (n, 2d) at phases (n,) in interval k."""
-        found = [np.zeros((0, self.states.shape[1]))]
+        states = [np.zeros((0, self.states.shape[1]))]
         for part in np.split(phases, range(AT_ONCE, phases.size, AT_ONCE)):
             from_begin = np.tile(self.states[k], (part.size, 1)), np.full(part.size, self.begin[k])
-            found.append(self.flow(k).carried(*from_begin, part)[0])
-        return np.concatenate(found)
+            states.append(self.flow(k).carried(*from_begin, part)[0])
+        return np.concatenate(states)
 
     def gaps(self, k: int, phases: Array) -> Array:
         """What the gaps bound, with its rate and the rate of that (3, n, pairs), m, m/s and m/s^2, in interval k."""
@@ -128,7 +128,7 @@ def run_of(orbit: PeriodicOrbit, channels: Sequence[Position | Channel]) -> Resp
     """
     intervals, frequency, phase = intervals_of(orbit), orbit.excitation.frequency, orbit.excitation.phase
     omega, k = float(intervals.hybrid.omega), intervals.longest()
-    begin, end = ((float(each[k]) - phase) / omega for each in (intervals.begin, intervals.end))
+    begin, end = ((float(phases[k]) - phase) / omega for phases in (intervals.begin, intervals.end))
     # at least one instant is inside
     finer = 2 ** max(math.ceil(math.log2(2.0 / (SAMPLES * frequency * (end - begin)))), 0)
     interval = 1.0 / (frequency * SAMPLES * finer)
@@ -195,9 +195,9 @@ def clearances_of(orbit: PeriodicOrbit) -> Array:
     """
     intervals = intervals_of(orbit)
     phases = [intervals.instants(k) for k in range(intervals.begin.size)]
-    read = [intervals.gaps(k, each) for k, each in enumerate(phases)]
-    found = np.full((len(orbit.system.contacts), 2), np.inf)
-    for j, column in np.ndindex(found.shape):
+    read = [intervals.gaps(k, at) for k, at in enumerate(phases)]
+    clearances = np.full((len(orbit.system.contacts), 2), np.inf)
+    for j, column in np.ndindex(clearances.shape):
         side, wall = (1.0, -1.0)[column], float(intervals.hybrid.gaps[j, column])
         if not math.isfinite(wall):
             continue
@@ -218,8 +218,8 @@ def clearances_of(orbit: PeriodicOrbit) -> Array:
         if not crests and np.all(apart) and not np.any(met):
             # it stands still
             crests = [wall - side * float(read[0][0, 0, j])]
-        found[j, column] = max(min(crests, default=math.inf), 0.0)
-    return found
+        clearances[j, column] = max(min(crests, default=math.inf), 0.0)
+    return clearances
 
 
 def _tops(intervals: Intervals, k: int, pair: int, side: float, phases: Array, read: Array) -> list[float]:
@@ -236,7 +236,7 @@ def _tops(intervals: Intervals, k: int, pair: int, side: float, phases: Array, r
         return float(scipy.optimize.brentq(value, low, high))
 
     (_, rate, slope), step = read, np.diff(phases) / float(intervals.hybrid.omega)
-    found = [zero(1, phases[i], phases[i + 1]) for i in np.flatnonzero((rate[:-1] > 0.0) & (rate[1:] <= 0.0)).tolist()]
+    tops = [zero(1, phases[i], phases[i + 1]) for i in np.flatnonzero((rate[:-1] > 0.0) & (rate[1:] <= 0.0)).tolist()]
     # twice within a step, beside a wall that it leaves slowly: the extreme of the rate lies between
     for sign in (1.0, -1.0):
         before, after = sign * rate[:-1], sign * rate[1:]
@@ -246,5 +246,5 @@ def _tops(intervals: Intervals, k: int, pair: int, side: float, phases: Array, r
         for i in np.flatnonzero(may).tolist():
             middle = zero(2, phases[i], phases[i + 1])
             if sign * side * float(intervals.gaps(k, np.array([middle]))[1, 0, pair]) > 0.0:
-                found.append(zero(1, middle, phases[i + 1]) if sign > 0.0 else zero(1, phases[i], middle))
-    return found
+                tops.append(zero(1, middle, phases[i + 1]) if sign > 0.0 else zero(1, phases[i], middle))
+    return tops

@@ -80,11 +80,11 @@ def find_orbit(
     check_events(system)
     sine = one_sine(excitation)
     if not isinstance(guess, State):
-        given, of_guess = (
+        count, of_guess = (
             f"{one.dofs} dofs, {len(one.balls)} balls and {len(one.contacts) - len(one.balls)} stops"
             for one in (system, guess.system)
         )
-        require(given == of_guess, "system", given, "", f"must have as many as that of the guess: {of_guess}")
+        require(count == of_guess, "system", count, "", f"must have as many as that of the guess: {of_guess}")
     return orbit_near(system, sine, first_guess(system, sine, cycles, guess))
 
 
@@ -113,7 +113,7 @@ def find_orbits(
         As of `find_orbit`, but for what a guess alone leads to.
     """
     check_events(system)
-    sine, found = one_sine(excitation), list[PeriodicOrbit]()
+    sine, orbits = one_sine(excitation), list[PeriodicOrbit]()
     for guess in guesses:
         try:
             orbit = find_orbit(system, sine, cycles, guess=guess)
@@ -125,9 +125,9 @@ def find_orbits(
             if not all(key.split(".")[0] == "guess" for key in keys) or STATE.intersection(keys):
                 raise
             continue
-        if not any(_is_same(orbit, other) for other in found):
-            found.append(orbit)
-    return tuple(found)
+        if not any(_is_same(orbit, other) for other in orbits):
+            orbits.append(orbit)
+    return tuple(orbits)
 
 
 def orbit_near(system: System, excitation: Sine | PointForce, guess: EventStates) -> PeriodicOrbit:
@@ -137,26 +137,23 @@ def orbit_near(system: System, excitation: Sine | PointForce, guess: EventStates
     """
     hybrid = hybrid_system(system, excitation)
     length = length_of(hybrid, guess.states)
-    found = solve(hybrid, guess, length)
-    of_guess, length = length, length_of(hybrid, found.events.states)
+    solution = solve(hybrid, guess, length)
+    of_guess, length = length, length_of(hybrid, solution.events.states)
     if length > 2.0 * of_guess:
         # a motion that is far larger than its guess has its rounding, too
-        found = solve(hybrid, found.events, length)
-    if not found.converged:
-        last = (
-            f"the last changed them by {number_text(found.changes[-1], 2)}" if found.changes else "none could be made"
-        )
-        left = (
-            f"a residual of {number_text(found.residual, 2)}" if math.isfinite(found.residual) else "no finite residual"
-        )
+        solution = solve(hybrid, solution.events, length)
+    if not solution.converged:
+        changes, residual = solution.changes, solution.residual
+        last = f"the last changed them by {number_text(changes[-1], 2)}" if changes else "none could be made"
+        left = f"a residual of {number_text(residual, 2)}" if math.isfinite(residual) else "no finite residual"
         raise DivergenceError(
-            f"no periodic orbit found: after {len(found.changes)} steps of Newton's method {len(guess.phases)} events "
+            f"no periodic orbit found: after {len(changes)} steps of Newton's method {len(guess.phases)} events "
             f"leave {left} (in units of {number_text(length, 3)} m, of it times omega and of 1 rad), "
             f"{last}; {TRY}"
         )
-    if np.min(np.abs(found.maps.distance_rate)) <= GRAZING * length:
+    if np.min(np.abs(solution.maps.distance_rate)) <= GRAZING * length:
         raise DivergenceError(f"no periodic orbit found: the search ends where a contact begins at no speed; {TRY}")
-    return verified(system, excitation, replace(found, length=length))
+    return verified(system, excitation, replace(solution, length=length))
 
 
 def length_of(hybrid: HybridSystem, states: Array) -> float:

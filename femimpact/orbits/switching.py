@@ -78,12 +78,12 @@ def switch_branch(bifurcation: Bifurcation) -> tuple[PeriodicOrbit, ...]:
     joins = there.curve.half_sign > 0.0 and float(np.abs(there.half_difference).max()) < SAME
     point = _whole(there, 2 if kind == "period-doubling" and not joins else 1)
     tries = _grazed(point) if kind == "grazing" else _crossed(point, kind)
-    found = next((orbits for orbits in tries if orbits), ())
-    if not found:
+    branches = next((orbits for orbits in tries if orbits), ())
+    if not branches:
         raise DivergenceError(
             f"no orbits found beyond the {kind} at {point.curve.parameter.path} = {bifurcation.value:.10g}"
         )
-    return found
+    return branches
 
 
 def _whole(point: Point, times: int) -> Point:
@@ -110,8 +110,8 @@ def _crossed(point: Point, kind: str) -> Iterator[tuple[PeriodicOrbit, ...]]:
     along = vectors @ point.row if kind == "branch-point" else vectors[:, -1]
     across = (along[0] * vectors[1] - along[1] * vectors[0]) / math.hypot(*along)
     for step in STEPS:
-        found = [_beside(point.curve, point.x, way * step * across) for way in ((1.0, -1.0) if both else (1.0,))]
-        yield tuple(orbit for orbit in found if orbit is not None) if None not in found else ()
+        points = [_beside(point.curve, point.x, way * step * across) for way in ((1.0, -1.0) if both else (1.0,))]
+        yield tuple(orbit for orbit in points if orbit is not None) if None not in points else ()
 
 
 def _beside(curve: Curve, x: Array, step: Array) -> PeriodicOrbit | None:
@@ -121,12 +121,12 @@ def _beside(curve: Curve, x: Array, step: Array) -> PeriodicOrbit | None:
 
 def _verified(curve: Curve, guess: Array, row: Array) -> PeriodicOrbit | None:
     """The verified orbit next to a guess, on the plane through it across a row, if there is one near."""
-    found, _ = corrected(curve, guess, row)
-    if found is None or curve.weight @ (found.x - guess) ** 2 > FARTHEST**2:
+    point, _ = corrected(curve, guess, row)
+    if point is None or curve.weight @ (point.x - guess) ** 2 > FARTHEST**2:
         return None
     try:
-        checked("value", found.value, curve.parameter.allowed)
-        return orbit_near(*curve.parameter.at(found.value), found.events)
+        checked("value", point.value, curve.parameter.allowed)
+        return orbit_near(*curve.parameter.at(point.value), point.events)
     except (InputError, DivergenceError):
         return None
 
@@ -153,11 +153,11 @@ def _grazed(point: Point) -> Iterator[tuple[PeriodicOrbit, ...]]:
             # without a duration these events are one, and the equations singular: the duration is given
             row = np.zeros(x.size)
             row[:-1].reshape(curve.count, -1)[k[[0, -1]], -1] = -1.0, 1.0
-            found = [_verified(curve, x, row)]
+            points = [_verified(curve, x, row)]
         else:
             along = null_vectors(evaluated(curve, x, np.zeros(x.size)))[-1]
-            found = [_beside(curve, x, way * step * along) for way in (1.0, -1.0)]
-        yield tuple(orbit for orbit in found if orbit is not None)
+            points = [_beside(curve, x, way * step * along) for way in (1.0, -1.0)]
+        yield tuple(orbit for orbit in points if orbit is not None)
 
 
 def _without(point: Point, still: list[int]) -> EventStates:
@@ -253,8 +253,8 @@ def _with(point: Point, reached: list[_Reached], step: float) -> EventStates:
         for at, name, state in one.met(hybrid, step):
             met.append((at, one.k, name, one.pair, one.side, state * one.side))
     met.sort(key=lambda event: event[0])
-    found, before, kind, pair, side_of, after = zip(*met, strict=True)
-    rows, at_phase, states_there = sequence.rows(np.array(before)), np.array(found), states[list(before)]
+    phases_met, before, kind, pair, side_of, after = zip(*met, strict=True)
+    rows, at_phase, states_there = sequence.rows(np.array(before)), np.array(phases_met), states[list(before)]
     for i, k in enumerate(before):
         flow = hybrid.flow(sequence.contact_state[k])
         states_there[i] = flow.carried(states[[k]], phases[[k]], at_phase[[i]])[0][0]

@@ -57,15 +57,15 @@ def two_impact_orbits(system: System, excitation: Excitation) -> tuple[PeriodicO
     require(pair.parameters.is_rigid, f"{pair.name}.contact", pair.law.name, "", "must be Rigid")
     equal = pair.gaps[0] == pair.gaps[1]
     require(equal, f"{pair.name}.gap", pair.gaps, "m", "must be the same on both sides")
-    hybrid, found = hybrid_system(system, sine), list[PeriodicOrbit]()
+    hybrid, orbits = hybrid_system(system, sine), list[PeriodicOrbit]()
     constant = bool(np.any(hybrid.constant))
     require(not constant, "system", "constant forces", "", "must have none: with gravity no orbit is symmetric")
     for guess in _solutions(hybrid, walls[0]):
         try:
-            found.append(orbit_near(system, sine, guess))
+            orbits.append(orbit_near(system, sine, guess))
         except OtherMotionError:
             continue
-    return tuple(found)
+    return tuple(orbits)
 
 
 def _solutions(hybrid: HybridSystem, pair: int) -> list[EventStates]:

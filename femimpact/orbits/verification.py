@@ -51,15 +51,15 @@ class OwnRun:
     missed: float  # by which it misses its start, in units; infinite where its events did not end
 
 
-def verified(system: System, excitation: Sine | PointForce, found: Solution) -> PeriodicOrbit:
+def verified(system: System, excitation: Sine | PointForce, solution: Solution) -> PeriodicOrbit:
     """The orbit of a solution of the equations.
 
     Raises `DivergenceError` if its own run meets other events, or does not end where it began.
     """
-    run, impacts = own_run(system, excitation, found)
-    check_events(run, found.events.sequence)
-    orbit = orbit_of(system, excitation, found, run, impacts)
-    check_missed(run, found.events, float(np.abs(orbit.multipliers[0])))
+    run, impacts = own_run(system, excitation, solution)
+    check_events(run, solution.events.sequence)
+    orbit = orbit_of(system, excitation, solution, run, impacts)
+    check_missed(run, solution.events, float(np.abs(orbit.multipliers[0])))
     return orbit
 
 
@@ -81,16 +81,17 @@ def check_missed(run: OwnRun, events: EventStates, growth: float) -> None:
 
 
 def orbit_of(
-    system: System, excitation: Sine | PointForce, found: Solution, run: OwnRun, impacts: Impacts
+    system: System, excitation: Sine | PointForce, solution: Solution, run: OwnRun, impacts: Impacts
 ) -> PeriodicOrbit:
     """The orbit of a solution, and of its own run with the impacts of that."""
-    cycles, times = found.events.sequence.cycles, _times(found.events.phases, excitation, found.events.sequence.cycles)
+    cycles = solution.events.sequence.cycles
+    times = _times(solution.events.phases, excitation, cycles)
     order = _in_time(times)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         # an event without speed has no finite saltation
-        state, contact_state, monodromy = _at_start(excitation, found, times, int(order[0]))
-        half_map = _half_map(found, int(order[0]))
-    log = _log(system, found, times, order)
+        state, contact_state, monodromy = _at_start(excitation, solution, times, int(order[0]))
+        half_map = _half_map(solution, int(order[0]))
+    log = _log(system, solution, times, order)
     return _made(
         PeriodicOrbit,
         system=system,
@@ -99,11 +100,11 @@ def orbit_of(
         state=state_of(system, state, 0.0),
         events=log,
         contact_state=contact_state.astype(np.int8),
-        impacts=_impacts(system, excitation, found, run, impacts, log),
+        impacts=_impacts(system, excitation, solution, run, impacts, log),
         monodromy=monodromy,
         half_map=half_map,
         residual=run.missed,
-        length=found.length,
+        length=solution.length,
     )
 
 
@@ -121,27 +122,28 @@ def _in_time(times: Array) -> NDArray[np.intp]:
     return np.roll(np.arange(times.size), -first)
 
 
-def _at_start(excitation: Sine | PointForce, found: Solution, times: Array, first: int) -> tuple[Array, Array, Array]:
+def _at_start(drive: Sine | PointForce, solution: Solution, times: Array, first: int) -> tuple[Array, Array, Array]:
     """State (2d,) and contact states at t = 0, before the first event or after it, and the monodromy there."""
-    sequence, later, hybrid = found.events.sequence, np.roll(found.maps.steps, -1 - first, axis=0), found.maps.hybrid
+    events, maps, hybrid = solution.events, solution.maps, solution.maps.hybrid
+    sequence, later = events.sequence, np.roll(maps.steps, -1 - first, axis=0)
     if times[first] == 0.0:
-        return found.events.states[first], sequence.contact_state[first], product(later)
+        return events.states[first], sequence.contact_state[first], product(later)
     contact_state = sequence.contact_state[first - 1]
-    flow, phase = hybrid.flow(contact_state), np.array([found.events.phases[first]])
+    flow, phase = hybrid.flow(contact_state), np.array([events.phases[first]])
     now = phase - times[first] * hybrid.omega
-    before = now - (sequence.cycles / excitation.frequency - times[first - 1]) * hybrid.omega
-    (state,), (onto,) = flow.carried(found.events.states[first - 1][None], before, now)
+    before = now - (sequence.cycles / drive.frequency - times[first - 1]) * hybrid.omega
+    (state,), (onto,) = flow.carried(events.states[first - 1][None], before, now)
     _, (up_to,) = flow.carried(state[None], now, phase)
-    return state, contact_state, onto @ product(later[:-1]) @ found.maps.saltation[first] @ up_to
+    return state, contact_state, onto @ product(later[:-1]) @ maps.saltation[first] @ up_to
 
 
-def _half_map(found: Solution, first: int) -> Array | None:
+def _half_map(solution: Solution, first: int) -> Array | None:
     """Minus the derivative of the state half a period later by that after the first event, of a symmetric orbit."""
-    hybrid, sequence = found.maps.hybrid, found.events.sequence
-    unit = state_unit(found.length, hybrid.omega, hybrid.mass.size)
-    if not may_be_symmetric(hybrid, sequence) or asymmetry(found.events, unit) > SYMMETRIC:
+    hybrid, sequence = solution.maps.hybrid, solution.events.sequence
+    unit = state_unit(solution.length, hybrid.omega, hybrid.mass.size)
+    if not may_be_symmetric(hybrid, sequence) or asymmetry(solution.events, unit) > SYMMETRIC:
         return None
-    return -product(np.roll(found.maps.steps, -1 - first, axis=0)[: len(sequence.kind) // 2])
+    return -product(np.roll(solution.maps.steps, -1 - first, axis=0)[: len(sequence.kind) // 2])
 
 
 def may_be_symmetric(hybrid: HybridSystem, sequence: Sequence) -> bool:
@@ -170,11 +172,11 @@ def asymmetry(events: EventStates, unit: Array) -> float:
 
 
 def own_run(
-    system: System, excitation: Sine | PointForce, found: Solution, pair: int | None = None
+    system: System, excitation: Sine | PointForce, solution: Solution, pair: int | None = None
 ) -> tuple[OwnRun, Impacts]:
     """The run of an orbit from where nothing, or a pair, is in contact if it ever is not, and its impacts."""
-    sequence, hybrid = found.events.sequence, found.maps.hybrid
-    between = intervals_between(hybrid, found.events)
+    sequence, hybrid = solution.events.sequence, solution.maps.hybrid
+    between = intervals_between(hybrid, solution.events)
     state, middle, first = between.start(pair)
     time = float(_times(np.array([middle]), excitation, sequence.cycles)[0])
     period, start = sequence.cycles / excitation.frequency, state_of(system, state, time)
@@ -188,7 +190,8 @@ def own_run(
         where = f"between two events {name} is at {place:.6g} m, beyond a wall"
         raise OtherMotionError(f"the orbit found is no motion of the system: {where}") from None
     log, end = cast(EventLog, run.events), cast(State, run.final_state)
-    unit, phases = state_unit(found.length, hybrid.omega, hybrid.mass.size), middle + hybrid.omega * (log.time - time)
+    unit = state_unit(solution.length, hybrid.omega, hybrid.mass.size)
+    phases = middle + hybrid.omega * (log.time - time)
     return OwnRun(log, phases, first, float(np.max(np.abs(state_vector(end) - state) / unit))), run.impacts
 
 
@@ -249,11 +252,11 @@ def check_events(run: OwnRun, sequence: Sequence) -> None:
     )
 
 
-def _log(system: System, found: Solution, times: Array, order: NDArray[np.intp]) -> EventLog:
+def _log(system: System, solution: Solution, times: Array, order: NDArray[np.intp]) -> EventLog:
     """The events of one period from t = 0 on; sections are none."""
-    sequence = found.events.sequence
+    sequence = solution.events.sequence
     order = order[[sequence.kind[k] != SECTION for k in order]]
-    kind, d = np.array(sequence.kind)[order], found.events.states.shape[1] // 2
+    kind, d = np.array(sequence.kind)[order], solution.events.states.shape[1] // 2
     return _made(
         EventLog,
         time=np.maximum.accumulate(times[order]),
@@ -262,27 +265,27 @@ def _log(system: System, found: Solution, times: Array, order: NDArray[np.intp])
         side=sequence.side[order].astype(np.int64),
         impacts=np.isin(kind, (IMPACT, SEPARATE)).astype(np.int64),
         contact_state=sequence.contact_state[order].astype(np.int8),
-        displacement=found.events.states[order, :d],
-        velocity=found.events.states[order, d:],
+        displacement=solution.events.states[order, :d],
+        velocity=solution.events.states[order, d:],
         contacts=tuple(pair.name for pair in system.contacts),
     )
 
 
 def _impacts(
-    system: System, excitation: Sine | PointForce, found: Solution, run: OwnRun, table: Impacts, log: EventLog
+    system: System, excitation: Sine | PointForce, solution: Solution, run: OwnRun, table: Impacts, log: EventLog
 ) -> Impacts:
     """The impacts of one period at the times of their events, from the table of its own run.
 
     Where that begins within a contact, it cuts it: such a pair has its impacts from a run that begins where it is free.
     """
     names, touches = np.array(log.contacts), np.flatnonzero(np.isin(log.kind, (IMPACT, TOUCH)))
-    held = np.flatnonzero(found.events.sequence.contact_state[run.first - 1] != FREE)
+    held = np.flatnonzero(solution.events.sequence.contact_state[run.first - 1] != FREE)
     parts = [_rows_of(table, ~np.isin(table.impactor, names[held]))]
     for j in np.intersect1d(held, log.pair[touches]).tolist():
-        whole = own_run(system, excitation, found, j)[1]
-        parts.append(_rows_of(whole, whole.impactor == names[j]))
+        run_of_pair = own_run(system, excitation, solution, j)[1]
+        parts.append(_rows_of(run_of_pair, run_of_pair.impactor == names[j]))
     columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-    period, omega = found.events.sequence.cycles / excitation.frequency, float(found.maps.hybrid.omega)
+    period, omega = solution.events.sequence.cycles / excitation.frequency, float(solution.maps.hybrid.omega)
     columns["time"], place = np.mod(columns["time"], period), np.full(len(columns["time"]), len(log))
     for i, (time, name, side) in enumerate(zip(*(columns[one] for one in ("time", "impactor", "side")), strict=True)):
         own = touches[(names[log.pair[touches]] == name) & (log.side[touches] == side)]
@@ -293,7 +296,8 @@ def _impacts(
             columns["time"][i] = log.time[place[i]]
     columns["phase"] = np.mod(omega * columns["time"] + excitation.phase, 2.0 * math.pi)
     order = np.lexsort((place, columns["time"]))
-    return _made(Impacts, law=table.law, dropped=table.dropped, **{name: each[order] for name, each in columns.items()})
+    sorted_columns = {name: column[order] for name, column in columns.items()}
+    return _made(Impacts, law=table.law, dropped=table.dropped, **sorted_columns)
 
 
 def _rows_of(table: Impacts, rows: NDArray[np.bool_]) -> dict[str, NDArray[Any]]:

@@ -130,22 +130,9 @@ def new_block(
 ) -> Block:  # fmt: skip
     """Cases at their start.
 
-    Parameters
-    ----------
-    system : System
-    store : FormStore
-    inputs : Inputs
-    method : EventDriven
-    ledger : bool or None
-        True sums all energies; False the losses of compliant contacts alone, for the table of impacts; None no energy.
-    most_rows : int
-        Of the tables of impacts and sticking phases, of a case alone.
-    most_events : int
-        Of the log of events of each case.
-
-    Returns
-    -------
-    Block
+    The ledger is True for all energies, False for the losses of compliant contacts alone, as the table of impacts has
+    them, None for no energy. `most_rows` is of the tables of impacts and sticking phases, of a case alone,
+    `most_events` of the log of events of each case.
     """
     equations, n, count = store.equations, system.dofs, inputs.omega.size
     period = 2.0 * np.pi / inputs.omega

@@ -130,15 +130,15 @@ def event_driven_cases(
     check_events(system)
     first = Sine(float(cases.amplitude[0]), float(cases.frequency[0]), float(cases.phase[0]))
     sources = [
-        (equations_of(given, drive_of(given, first)), outputs_of(given, row), given.derived)
-        for given, row in cases.systems or ((system, observed),)
+        (equations_of(own, drive_of(own, first)), outputs_of(own, row), own.derived)
+        for own, row in cases.systems or ((system, observed),)
     ]
     rigid = np.array([pair.parameters.kind == RIGID for pair in system.contacts], dtype=bool)
     equations, outputs, derived = sources[0]
     store = FormStore(equations, rigid, outputs, rate=None, derived=derived)
     for source in sources[1:]:
         store.add_system(*source)
-    inputs, systems = _inputs(system, cases), [given for given, _ in cases.systems] or [system]
+    inputs, systems = _inputs(system, cases), [own for own, _ in cases.systems] or [system]
 
     def run(members: NDArray[np.intp], share: Progress | None) -> SineDwellResults:
         part = _run_block(store, systems, cases, inputs, members, method, instants)
@@ -208,18 +208,18 @@ def _starts(system: System, cases: SineCases) -> tuple[Array, Array]:
         return _starts_of(system, cases)
     position, velocity = np.zeros((2, cases.frequency.size, system.dofs + len(system.balls)))
     # a rigid motion and the directions of pairs are other ones on other modes
-    for rows, given in _groups_of_equal_start(cases, cases.numbers_of_systems):
-        position[rows], velocity[rows] = _starts_of(given, cases.of(rows))
+    for rows, common in _groups_of_equal_start(cases, cases.numbers_of_systems):
+        position[rows], velocity[rows] = _starts_of(common, cases.of(rows))
     return position, velocity
 
 
 def _groups_of_equal_start(cases: SineCases, system_of: NDArray[np.int64]) -> Iterator[tuple[NDArray[np.intp], System]]:
     """Cases whose starts follow from one system; those that are not static do not hang on masses of balls."""
-    found: dict[Any, list[int]] = {}
+    groups: dict[Any, list[int]] = {}
     for number, (system, _) in enumerate(cases.systems):
         same = id(system.rigid_translation), *(id(pair.direction) for pair in system.contacts)
-        found.setdefault(number if cases.initial.is_static_on(system) else same, []).append(number)
-    for numbers in found.values():
+        groups.setdefault(number if cases.initial.is_static_on(system) else same, []).append(number)
+    for numbers in groups.values():
         rows = np.flatnonzero(np.isin(system_of, numbers))
         if rows.size:
             yield rows, cases.systems[numbers[0]][0]

@@ -69,8 +69,8 @@ def pairs_of(
         constants[core.steps.SHARE, j] = 0.0 if pair.is_stop else drive.share
         for row, values in _of_contact(pair).items():
             constants[row, j] = values
-        for c, (given, _) in enumerate(each):
-            for row, values in _of_contact(given.contacts[j]).items():
+        for c, (of_case, _) in enumerate(each):
+            for row, values in _of_contact(of_case.contacts[j]).items():
                 constants[row, j, c] = values
     obstacles = [j for j, pair in enumerate(contacts) if pair.fixed_to == "space" and drive.share != 0.0]
     return core.steps.Pairs(
@@ -110,10 +110,10 @@ def motion_of(
 ) -> core.steps.Motion:
     """State at the start: displacements, velocities and the accelerations that the balance gives."""
     lanes, dofs, count = len(drives), system.dofs, len(system.contacts)
-    each = inputs.each or [(system, inputs.initial)] * lanes
+    starts = inputs.each or [(system, inputs.initial)] * lanes
     states = [
-        start.relative_to_base(given, excitation)
-        for (given, start), excitation in zip(each, inputs.excitations, strict=True)
+        start.relative_to_base(own, excitation)
+        for (own, start), excitation in zip(starts, inputs.excitations, strict=True)
     ]
     q, v, y, y_rate = (np.ascontiguousarray(np.array(columns).T) for columns in zip(*states, strict=True))
     constants, w, w_rate = pairs.constants, operator.rows @ q, operator.rows @ v
@@ -146,8 +146,8 @@ def motion_of(
     load = operator.rows[pairs.row].T @ inside + np.outer(operator.drive_load, drive[core.steps.BASE])
     more, apart = _further_loads(drives[0], inputs, method)
     load += np.asarray(system.constant_load)[:, None] - (system.C @ v + system.K @ q)
-    for given, further in zip(operator.more_load, drives[0].more, strict=True):
-        load += np.outer(given, further.value(np.array([inputs.beginning.origin])))
+    for own, further in zip(operator.more_load, drives[0].more, strict=True):
+        load += np.outer(own, further.value(np.array([inputs.beginning.origin])))
     ledger = np.zeros((8, lanes))
     ledger[core.steps.LOAD_BEFORE] = operator.drive_load @ q
     ledger[core.steps.HELD] = np.asarray(system.constant_load) @ q
@@ -245,12 +245,12 @@ def _static_contacts_at_start(
     system: System, inputs: Inputs, pairs: core.steps.Pairs, ball: Array, touch: Array, pushes: Array
 ) -> None:  # fmt: skip
     """Those of them that a static start is in, with their forces (N) in `pushes`."""
-    found: dict[float, Any] = {}
+    contacts_at: dict[float, Any] = {}
     for c, excitation in enumerate(inputs.excitations):
         at = float(excitation.displacement(inputs.initial.time))
-        if at not in found:
-            found[at] = inputs.initial.static_contacts(system, excitation)
-        normal = found[at].normal
+        if at not in contacts_at:
+            contacts_at[at] = inputs.initial.static_contacts(system, excitation)
+        normal = contacts_at[at].normal
         for j in np.flatnonzero(normal):
             side, gap = math.copysign(1.0, normal[j]), core.steps.GAP_PLUS if normal[j] > 0.0 else core.steps.GAP_MINUS
             depth = side * ball[core.steps.X, j, c] - pairs.constants[gap, j, c]
@@ -370,15 +370,15 @@ def limits_of(
         for c, drive in enumerate(drives)
     ]
     # several drives have a block alone
-    forced[0] += sum(_acceleration(system, *each) for each in zip(drives[0].more, motion.more, strict=True))
+    forced[0] += sum(_acceleration(system, *part) for part in zip(drives[0].more, motion.more, strict=True))
     amplitude = np.array([excitation.amplitude for excitation in inputs.excitations]) + time**2 * np.array(forced)
     rates = np.vstack([motion.w_rate, motion.ball[core.steps.Y_RATE]])
-    given = max((abs(pair.acceleration) for pair in system.contacts), default=0.0)
+    acceleration = max((abs(pair.acceleration) for pair in system.contacts), default=0.0)
     if np.any(system.constant_load):
         # static deflections are of this size over the first mode's time
         free = scipy.sparse.linalg.spsolve(system.M.tocsc(), np.asarray(system.constant_load))
-        given = max(given, float(np.abs(operator.rows @ np.atleast_1d(free)).max()))
-    scale = amplitude / ratio + np.abs(motion.w).max(axis=0) + np.abs(rates).max(axis=0) * time + given * time**2
+        acceleration = max(acceleration, float(np.abs(operator.rows @ np.atleast_1d(free)).max()))
+    scale = amplitude / ratio + np.abs(motion.w).max(axis=0) + np.abs(rates).max(axis=0) * time + acceleration * time**2
     return np.asarray(method.divergence_limit * (scale + 1e-9))
 
 

@@ -145,27 +145,11 @@ def prepare(
     inputs: Inputs,
     method: SteppingMethod,
     *,
-    observed: Array,
+    observed: Array,  # (dofs,) row whose value gets cycle statistics
     ledger: bool,
-    record: core.steps.Record | None = None,
+    record: core.steps.Record | None = None,  # what case 0 keeps
 ) -> Block:
-    """Lay out all arrays of a block; nothing runs yet.
-
-    Parameters
-    ----------
-    system : System
-    inputs : Inputs
-    method : SteppingMethod
-    observed : ndarray (dofs,)
-        Row whose value gets cycle statistics.
-    ledger : bool
-    record : core.steps.Record, optional
-        What case 0 keeps.
-
-    Returns
-    -------
-    Block
-    """
+    """Lay out all arrays of a block; nothing runs yet."""
     cases = len(inputs.excitations)
     lanes = _lanes(cases)
     # idle lanes repeat the last case: finite numbers, no effect on the others
@@ -185,12 +169,12 @@ def prepare(
     if method.refine > 1:
         fine_scheme = scheme_of(method, method.dt / method.refine)
         fine = core.steps.Fine(method.refine, operator_of(system, fine_scheme, observed, *loads), fine_scheme)
-    kept = record or empty_record(system.dofs, len(system.contacts))
+    chosen = record or empty_record(system.dofs, len(system.contacts))
     forces = forces_of(system)
     pairs = pairs_of(system, operator, drives[0], lanes, forces, padded.each)
     # only a history has losses mode by mode; in a sweep a case alone is summed as beside others
     modal = ledger and record is not None and lanes == 1 and not operator.banded
-    motion = motion_of(system, operator, pairs, padded, drives, method, modal, kept)
+    motion = motion_of(system, operator, pairs, padded, drives, method, modal, chosen)
     cycles = cycles_of(padded, motion, method.dt, ledger)
     go_on(inputs.beginning, motion, cycles)
     block = Block(
@@ -200,7 +184,7 @@ def prepare(
         pairs=pairs,
         motion=motion,
         cycles=cycles,
-        record=kept,
+        record=chosen,
         ledger=ledger,
         steps=max(inputs.steps),
         beginning=inputs.beginning,
@@ -271,7 +255,7 @@ def history_of(
     samples, count = int(record.tally[1]), int(record.tally[2])
     every, first, stride, first_field = (int(value) for value in record.stride)
     # a copy of 20 histories of a run costs more than its steps
-    kept = own if refilled else _read_only
+    read_only = own if refilled else _read_only
     snapshots = None
     if record.snapshots.shape[0] > 0:
         time = own(origin + (first_field + stride * (snapshots_before + np.arange(count))) * dt)
@@ -280,8 +264,8 @@ def history_of(
         snapshots = snapshots_of(system, time, u, v, fields, record.forces[:count])
     return readings.piece(
         own(origin + (first + every * (samples_before + np.arange(samples))) * dt),
-        kept(record.channels[:, :samples]),
-        kept(record.energy[:, :samples]) if block.ledger else None,
+        read_only(record.channels[:, :samples]),
+        read_only(record.energy[:, :samples]) if block.ledger else None,
         record.work_of[:, :samples].T,
         snapshots,
     )

@@ -105,7 +105,6 @@ def recommended_step(system: System, refine: int = 1) -> float:
 
     Parameters
     ----------
-    system : System
     refine : int
         Fine steps into which the method divides a step with contact.
 
@@ -118,7 +117,7 @@ def recommended_step(system: System, refine: int = 1) -> float:
     Raises
     ------
     InputError
-        If the system has neither a contact nor an elastic mode, or refine is out of range.
+        If the system has neither a contact nor an elastic mode.
     """
     require_type(system, System, "system")
     refine = checked("refine", refine, quantity("1", at_least=1, at_most=1000, integer=True))

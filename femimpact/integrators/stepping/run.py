@@ -67,9 +67,8 @@ def run_steps(
 ) -> MethodRun:
     """Stepped motion of structure and balls, with a step that resolves contact and drive; see `integrate`.
 
-    Raises `InputError` if the run would keep too much, or an argument is out of range.
-
-    Raises `DivergenceError` if the motion is not finite or grows without bound.
+    Raises `InputError` if the run would keep too much, and `DivergenceError` if the motion is not finite or grows
+    without bound.
     """
     check_recorder(recorder)
     steps = whole_number_of(duration, method.dt, "step")
@@ -86,16 +85,18 @@ def run_steps(
         ledger=recorder.ledger,
         record=record_of(system, recorder, readings.rows, steps, method, drive, beginning.step),
     )
-    _keep_first(block)
+    if block.record.channels.shape[1] + block.record.snapshots.shape[0] > 0:
+        core.keep_present(block.handed())
+        check_laws(block)
     stream = Stream(
         read=partial(history_of, block, readings, recorder.sink is not None),
         clear=partial(block.record.tally[1:3].fill, 0),
         sink=recorder.sink,
     )
-    kept, kept_state = _step_to_keep(recorder, steps, method), None
-    for step in _run(block, heapq.merge(piece_ends(recorder, steps), kept), excitation, method, progress):
+    steps_to_keep, kept_state = _step_to_keep(recorder, steps, method), None
+    for step in _run(block, heapq.merge(piece_ends(recorder, steps), steps_to_keep), excitation, method, progress):
         stream.hand_over()
-        if step in kept:
+        if step in steps_to_keep:
             kept_state = _state(block, system, excitation, method)
     history, totals = stream.left(), block.motion.totals[:, :, 0]
     # an impulse has no peak
@@ -124,13 +125,6 @@ def divergence_message(frequency: float, time: float, method: SteppingMethod) ->
         "damping, "
         f"or raise divergence_limit ({method.divergence_limit:g})"
     )
-
-
-def _keep_first(block: Block) -> None:
-    """Keep the state at the start where it is asked for."""
-    if block.record.channels.shape[1] + block.record.snapshots.shape[0] > 0:
-        core.keep_present(block.handed())
-        check_laws(block)
 
 
 def _run(
@@ -249,14 +243,14 @@ def _block_of(
 ) -> Block:
     """A block of cases at its start."""
     numbers = (values.tolist() for values in (cases.amplitude, cases.frequency, cases.phase))
-    sines = [Sine(*given) for given in zip(*numbers, strict=True)]
+    sines = [Sine(*of_case) for of_case in zip(*numbers, strict=True)]
     begins = np.ceil((cases.cycles - cases.measured) / (cases.frequency * method.dt)).astype(int)
-    common, initial, each = cases.system(0, system), cases.initial, []
+    common, initial, starts = cases.system(0, system), cases.initial, []
     if len(equal_groups(cases)) == 1:
         common, initial = with_contacts_of(common, cases, 0), start_of(cases, 0)
     else:
-        each = [(with_contacts_of(common, cases, case), start_of(cases, case)) for case in range(ends.size)]
-    inputs = Inputs(sines, ends.tolist(), begins.tolist(), initial, each=each)
+        starts = [(with_contacts_of(common, cases, case), start_of(cases, case)) for case in range(ends.size)]
+    inputs = Inputs(sines, ends.tolist(), begins.tolist(), initial, each=starts)
     return prepare(common, inputs, method, observed=cases.row(0, observed), ledger=ledger)
 
 
