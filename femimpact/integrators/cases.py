@@ -173,14 +173,22 @@ def equal_groups(cases: SineCases) -> list[NDArray[np.intp]]:
 
 def start_of(cases: SineCases, case: int) -> State:
     """The start of a case."""
+    return with_balls(cases.initial, cases.ball_displacement[case], cases.ball_velocity[case])
+
+
+def with_balls(
+    initial: State,
+    displacement: Array,  # (balls,) m: not a number for the places of the initial state
+    velocity: Array,  # (balls,) m/s
+) -> State:
+    """The state with its balls elsewhere."""
     given: dict[str, Any] = {}
     # what is not given may be that of the static state
-    placed = cases.ball_displacement[case]
-    if placed.size and not np.isnan(placed).any():
-        given["ball_displacement"] = placed
-    if np.any(cases.ball_velocity[case]):
-        given["ball_velocity"] = cases.ball_velocity[case]
-    return replace(cases.initial, **given)
+    if displacement.size and not np.isnan(displacement).any():
+        given["ball_displacement"] = displacement
+    if np.any(velocity):
+        given["ball_velocity"] = velocity
+    return replace(initial, **given)
 
 
 def memory_needed(
