@@ -20,10 +20,10 @@ from builders import (
 )
 
 import femimpact as fi
-from femimpact.app.parametric import starts as starts_of
-from femimpact.app.parametric.starts import spreads_of
 from femimpact.app.report.result_conclusions import conclusions_of
 from femimpact.app.results.picture_data import read_bands
+from femimpact.app.tasks import starts as starts_of
+from femimpact.app.tasks.starts import OF_CURVES, StartCurves, spreads_of
 from femimpact.cli import _print_results
 from femimpact.integrators.runs import integrate
 
@@ -97,7 +97,8 @@ def test_the_median_of_one_start_is_that_run():
     prepared = prepare(study(1))
     args = (0.2e-3, np.linspace(4.5, 5.5, 5), fi.EventDriven(), 60)
     curve, empty = (fi.frequency_sweep(system, *args) for system in (prepared.small, prepared.bare))
-    spreads = spreads_of([curve], empty, 0.25)
+    curves = StartCurves(curve.frequency, {name: getattr(curve, name)[None] for name in OF_CURVES})
+    spreads = spreads_of(curves, empty, 0.25)
     for name in ("peak_amplitude", "peak_frequency"):
         spread = spreads[name]
         assert spread.lowest == spread.median == spread.highest == getattr(curve, name)
@@ -295,14 +296,23 @@ def failing(work, numbers):
     return called
 
 
-@pytest.mark.parametrize(("name", "part", "counted"), [
-    # each is called once for a start
-    ("integrate", "history", ("history_starts", "count")), ("workers_of", "sweep", ("starts_of_sweep",)),
+def blocks_of_which_a_start_diverges(study, *arguments):
+    for block in all_blocks(study, *arguments):
+        block.fail(np.arange(1, block.periodic.size, STARTS), "the motion grows without bound")
+        yield block
+
+
+all_blocks = starts_of.run_blocks
+
+
+@pytest.mark.parametrize(("name", "failed", "part", "counted"), [
+    ("integrate", failing(integrate, {2}), "history", ("history_starts", "count")),
+    ("run_blocks", blocks_of_which_a_start_diverges, "sweep", ("starts_of_sweep",)),
 ])  # fmt: skip
 def test_a_start_that_diverges_is_a_named_failure_and_the_others_have_ranges(
-    tmp_path, monkeypatch, ran, name, part, counted
+    tmp_path, monkeypatch, ran, name, failed, part, counted
 ):
-    monkeypatch.setattr(f"femimpact.app.parametric.starts.{name}", failing(getattr(starts_of, name), {2}))
+    monkeypatch.setattr(starts_of, name, failed)
     found = fi.run_study(study(), tmp_path / "out").summary
     assert found["failed_starts"] == {part: {"start 2": "the motion grows without bound"}}
     value = found
@@ -322,7 +332,7 @@ def test_a_start_that_diverges_is_a_named_failure_and_the_others_have_ranges(
 
 
 def test_where_all_starts_diverge_the_run_ends_with_one_line(tmp_path, monkeypatch):
-    monkeypatch.setattr("femimpact.app.parametric.starts.integrate", failing(integrate, set(range(1, STARTS + 1))))
+    monkeypatch.setattr(starts_of, "integrate", failing(integrate, set(range(1, STARTS + 1))))
     with pytest.raises(fi.DivergenceError, match=r"^all 5 starts have failed, the first: the motion grows") as ended:
         fi.run_study(study(), tmp_path / "out")
     assert len(str(ended.value).splitlines()) == 1

@@ -168,14 +168,22 @@ def equal_groups(cases: SineCases) -> list[NDArray[np.intp]]:
 
 def start_of(cases: SineCases, case: int) -> State:
     """The start of a case."""
+    return with_balls(cases.initial, cases.ball_displacement[case], cases.ball_velocity[case])
+
+
+def with_balls(
+    initial: State,
+    displacement: Array,  # (balls,) m: not a number for the places of the initial state
+    velocity: Array,  # (balls,) m/s
+) -> State:
+    """The state with its balls elsewhere."""
     changed: dict[str, Any] = {}
     # what is not given may be that of the static state
-    placed = cases.ball_displacement[case]
-    if placed.size and not np.isnan(placed).any():
-        changed["ball_displacement"] = placed
-    if np.any(cases.ball_velocity[case]):
-        changed["ball_velocity"] = cases.ball_velocity[case]
-    return replace(cases.initial, **changed)
+    if displacement.size and not np.isnan(displacement).any():
+        changed["ball_displacement"] = displacement
+    if np.any(velocity):
+        changed["ball_velocity"] = velocity
+    return replace(initial, **changed)
 
 
 def memory_needed(

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from femimpact.app.parametric.starts import drawn_curves, drawn_histories, spreads_of, write_curves
 from femimpact.app.report.pictures import draw_kinds, with_pictures
 from femimpact.app.report.result_page import add_report
 from femimpact.app.results.picture_data import write_last_cycles, write_mode_shapes, write_snapshots
@@ -29,6 +28,7 @@ from femimpact.app.study.prepared import (
 from femimpact.app.study.study import Study, assemble_on
 from femimpact.app.study.study_file import study_text, with_record
 from femimpact.app.study.summary import SweepPair, summary_of
+from femimpact.app.tasks.starts import drawn_curves, drawn_histories, spreads_of, write_curves
 from femimpact.errors import checked, kind_of, require, require_name, require_path, require_type, truth
 from femimpact.excitation import Sine
 from femimpact.files import atomic_write, write_csv, write_netcdf
@@ -244,11 +244,11 @@ def _with_sweep_starts(folder: Path, prepared: PreparedStudy, found: Found, repo
     plan, sweeps, start = prepared.study.sweep, found.sweeps, prepared.study.start
     if plan is None or sweeps is None or runs_of_starts(prepared.small, plan.starts) == 1:
         return found
-    curves, failed = drawn_curves(prepared, sweeps.empty.frequency, report)
+    curves, failed = drawn_curves(prepared, sweeps.empty, report)
     write_curves(folder, {start: curves})
     step = float(sweeps.coarse[1] - sweeps.coarse[0])
     spreads = {name: asdict(spread) for name, spread in spreads_of(curves, sweeps.empty, step).items()}
-    several = {"starts": {start: spreads}, "starts_of_sweep": len(curves), **_failed(found, "sweep", failed)}
+    several = {"starts": {start: spreads}, "starts_of_sweep": curves.starts, **_failed(found, "sweep", failed)}
     return replace(found, starts={**found.starts, **several})
 
 
