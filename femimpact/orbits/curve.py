@@ -19,25 +19,27 @@ from numpy.typing import NDArray
 
 from femimpact.arrays import Array, Complex
 from femimpact.orbits.equations import (
+    EXACT,
     PRESS_AGAIN,
     RELEASE,
+    ROUNDED,
     SEPARATE,
     EventMaps,
+    EventSequence,
     EventStates,
-    Sequence,
+    Intervals,
     derivative_by,
     event_maps,
+    halves_agree,
     jacobian,
+    may_be_symmetric,
     multipliers_of,
     product,
     residual,
     units_of,
 )
-from femimpact.orbits.newton import EXACT, ROUNDED
 from femimpact.orbits.orbit import NEUTRAL
 from femimpact.orbits.parameter import Parameter
-from femimpact.orbits.period import Intervals, intervals_between
-from femimpact.orbits.verification import halves_agree, may_be_symmetric
 from femimpact.units import number_text
 
 MOST_STEPS = 8
@@ -70,7 +72,7 @@ class Curve:
     """Solutions with the same events. The m + 1 unknowns of a point are in units, the parameter, last, is not."""
 
     parameter: Parameter
-    sequence: Sequence
+    sequence: EventSequence
     is_symmetric: bool
     unit: Array  # (2d + 1,) of states and phases
     by_rows: Array  # (2d + 1,) of the equations
@@ -88,7 +90,7 @@ class Curve:
         return len(self.solved.kind)
 
     @cached_property
-    def solved(self) -> Sequence:
+    def solved(self) -> EventSequence:
         """The events that have unknowns."""
         if not self.is_symmetric:
             return self.sequence
@@ -147,7 +149,7 @@ class Curve:
         return np.asarray((rows / self.by_rows).reshape(-1))
 
 
-def curve_of(parameter: Parameter, sequence: Sequence, is_symmetric: bool, length: float, width: float) -> Curve:
+def curve_of(parameter: Parameter, sequence: EventSequence, is_symmetric: bool, length: float, width: float) -> Curve:
     """The curve of some events, with a length (m) as unit of displacements."""
     return Curve(parameter, sequence, is_symmetric, *units_of(parameter.hybrid, sequence, length), width)
 
@@ -179,7 +181,7 @@ class Point:
     @cached_property
     def intervals(self) -> Intervals:
         """The motion between all events."""
-        return intervals_between(self.maps.hybrid, self.events)
+        return Intervals.between(self.maps.hybrid, self.events)
 
     @property
     def longest(self) -> float:
