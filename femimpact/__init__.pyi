@@ -101,8 +101,8 @@ from femimpact.orbits.branch import continue_orbit as continue_orbit
 from femimpact.orbits.orbit import PeriodicOrbit as PeriodicOrbit
 from femimpact.orbits.search import find_orbit as find_orbit
 from femimpact.orbits.search import find_orbits as find_orbits
+from femimpact.orbits.search import two_impact_orbits as two_impact_orbits
 from femimpact.orbits.switching import switch_branch as switch_branch
-from femimpact.orbits.two_impacts import two_impact_orbits as two_impact_orbits
 from femimpact.response.cycles import Largest as Largest
 from femimpact.response.energy import EnergyLedger as EnergyLedger
 from femimpact.response.history import HistoryPiece as HistoryPiece

@@ -40,14 +40,12 @@ from femimpact.orbits.curve import (
     evaluated,
     null_vectors,
 )  # fmt: skip
-from femimpact.orbits.equations import event_maps
+from femimpact.orbits.equations import Solution, event_maps, length_of, solve
 from femimpact.orbits.following import CHANGES, CLOSED, follow
-from femimpact.orbits.guess import first_guess
-from femimpact.orbits.newton import Solution, solve
+from femimpact.orbits.limits import Followed, refusal
 from femimpact.orbits.orbit import NEUTRAL, PeriodicOrbit, decays
-from femimpact.orbits.own_runs import Followed, refusal
 from femimpact.orbits.parameter import Parameter, parameter_of
-from femimpact.orbits.search import length_of, one_sine
+from femimpact.orbits.search import first_guess, one_sine
 from femimpact.orbits.verification import orbit_of, own_run
 from femimpact.table import Head, frame_of, head_of_values, short_repr
 from femimpact.units import number_text
@@ -196,19 +194,19 @@ class Branch:
             If rounding keeps an orbit there from being found or confirmed, as beside a resonance without damping.
         """
         curve, unknowns = known(self.curve, "branch"), known(self.unknowns, "branch")
-        value, orbits = checked("value", value, curve.parameter.allowed), list[PeriodicOrbit]()
+        value, found = checked("value", value, curve.parameter.allowed), list[PeriodicOrbit]()
         side = np.sign(self.values - value)
         # a closed branch ends with its first point
         for i in range(len(self) - (self.end[1] == CLOSED)):
             if side[i] == 0.0:
-                orbits.append(self.orbits[i])
+                found.append(self.orbits[i])
             elif side[i] * side[min(i + 1, len(self) - 1)] < 0.0:
                 try:
-                    orbits.append(_orbit(curve, between(curve, unknowns[i], unknowns[i + 1], value).x))
+                    found.append(_orbit(curve, between(curve, unknowns[i], unknowns[i + 1], value).x))
                 except LostError as error:
                     words = f"{self.parameter} = {value:.10g}: an orbit of the branch is not found"
                     raise DivergenceError(f"{words}: {error}") from None
-        return tuple(orbits)
+        return tuple(found)
 
     def to_pandas(self) -> pandas.DataFrame:
         """A row for every point, bifurcations by their kind; units in `attrs["units"]`.
@@ -249,23 +247,23 @@ class Branch:
     def _kinds(self) -> NDArray[np.str_]:
         """Kind of the bifurcation at each point, an empty text where there is none."""
         kinds = np.full(len(self), "", dtype="<U17")
-        kinds[self.bifurcation_points] = [bifurcation.kind for bifurcation in self.bifurcations]
+        kinds[self.bifurcation_points] = [each.kind for each in self.bifurcations]
         return kinds
 
     @property
     def _unexplained(self) -> list[tuple[int, int, int, int]]:
         """Points between which multipliers cross the unit circle unexplained, and how many are outside it at both."""
         outside = np.count_nonzero(np.abs(self.multipliers) > 1.0 + NEUTRAL, axis=1).tolist()
-        gaps, last, crossed = list[tuple[int, int, int, int]](), -1, 0
+        found, last, crossed = list[tuple[int, int, int, int]](), -1, 0
         for i, kind in enumerate(self._kinds.tolist()):
             crossed += CHANGES.get(kind, 0)
             if kind:
                 continue
             change = 0 if last < 0 else abs(outside[i] - outside[last])
             if change > crossed or (last >= 0 and (change - crossed) % 2):
-                gaps.append((last, i, outside[last], outside[i]))
+                found.append((last, i, outside[last], outside[i]))
             last, crossed = i, 0
-        return gaps
+        return found
 
     @property
     def _head(self) -> Head:
@@ -365,16 +363,15 @@ def continue_orbit(orbit: PeriodicOrbit, parameter: str, to: tuple[float, float]
     length = length_of(number.hybrid, guess.states)
     curve = curve_of(number, guess.sequence, orbit.is_symmetric, length, high - low)
     # of an orbit without events the guess is one state
-    events = solve(number.hybrid, guess, length).events
-    start = at_value(curve, curve.unknowns(events.states, events.phases, number.value), number.value)
+    found = solve(number.hybrid, guess, length).events
+    start = at_value(curve, curve.unknowns(found.states, found.phases, number.value), number.value)
     if start is None:
         start = _beside(curve, curve.unknowns(guess.states, guess.phases, number.value))
-    backward = follow(orbit.system, replace(start, tangent=-start.tangent), low, high, points)
-    if backward.end == CLOSED:
-        return _joined(
-            curve, backward, Followed(backward.points[:1], {}, backward.peak[:1], backward.first_harmonic[:1], CLOSED)
-        )
-    return _joined(curve, backward, follow(orbit.system, start, low, high, points))
+    backward, first_end = follow(orbit.system, replace(start, tangent=-start.tangent), low, high, points)
+    if first_end == CLOSED:
+        return _branch(curve, backward[::-1], (CLOSED, CLOSED))
+    forward, last_end = follow(orbit.system, start, low, high, points)
+    return _branch(curve, [*backward[::-1], *forward[1:]], (first_end, last_end))
 
 
 def _beside(curve: Curve, x: Array) -> Point:
@@ -401,11 +398,10 @@ def _range(number: Parameter, to: Any) -> tuple[float, float]:
     return low, high
 
 
-def _joined(curve: Curve, backward: Followed, forward: Followed) -> Branch:
-    """One branch of both ways, the lower values of the parameter beside the start first."""
-    last = len(backward.points) - 1
-    points = [*backward.points[::-1], *forward.points[1:]]
-    kinds = {last - i: kind for i, kind in backward.kinds.items()} | {last + i: k for i, k in forward.kinds.items()}
+def _branch(curve: Curve, followed: list[Followed], end: tuple[str, str]) -> Branch:
+    """The branch of points in their order."""
+    points = [each.point for each in followed]
+    numbers = [i for i, each in enumerate(followed) if each.kind]
     multipliers = np.array([point.multipliers for point in points])
     if curve.is_symmetric:
         with np.errstate(invalid="ignore"):
@@ -418,13 +414,13 @@ def _joined(curve: Curve, backward: Followed, forward: Followed) -> Branch:
         unit=curve.parameter.unit,
         values=values,
         multipliers=multipliers,
-        peak=np.array([*backward.peak[::-1], *forward.peak[1:]]),
-        first_harmonic=np.array([*backward.first_harmonic[::-1], *forward.first_harmonic[1:]]),
-        end=(backward.end, forward.end),
+        peak=np.array([each.peak for each in followed]),
+        first_harmonic=np.array([each.first_harmonic for each in followed]),
+        end=end,
         bifurcations=tuple(
-            made(Bifurcation, kind=kinds[i], value=float(values[i]), point=points[i]) for i in sorted(kinds)
+            made(Bifurcation, kind=followed[i].kind, value=float(values[i]), point=points[i]) for i in numbers
         ),
-        bifurcation_points=np.array(sorted(kinds), dtype=np.int64),
+        bifurcation_points=np.array(numbers, dtype=np.int64),
         place=curve.parameter.at(curve.parameter.value)[0].default_place,
         curve=curve,
         unknowns=np.array([point.x for point in points]),

@@ -19,25 +19,27 @@ from numpy.typing import NDArray
 
 from femimpact.arrays import Array, Complex
 from femimpact.orbits.equations import (
+    EXACT,
     PRESS_AGAIN,
     RELEASE,
+    ROUNDED,
     SEPARATE,
     EventMaps,
+    EventSequence,
     EventStates,
-    Sequence,
+    Intervals,
     derivative_by,
     event_maps,
+    halves_agree,
     jacobian,
+    may_be_symmetric,
     multipliers_of,
     product,
     residual,
     units_of,
 )
-from femimpact.orbits.newton import EXACT, ROUNDED
 from femimpact.orbits.orbit import NEUTRAL
 from femimpact.orbits.parameter import Parameter
-from femimpact.orbits.period import Intervals, intervals_between
-from femimpact.orbits.verification import halves_agree, may_be_symmetric
 from femimpact.units import number_text
 
 MOST_STEPS = 8
@@ -70,7 +72,7 @@ class Curve:
     """Solutions with the same events. The m + 1 unknowns of a point are in units, the parameter, last, is not."""
 
     parameter: Parameter
-    sequence: Sequence
+    sequence: EventSequence
     is_symmetric: bool
     unit: Array  # (2d + 1,) of states and phases
     by_rows: Array  # (2d + 1,) of the equations
@@ -88,7 +90,7 @@ class Curve:
         return len(self.solved.kind)
 
     @cached_property
-    def solved(self) -> Sequence:
+    def solved(self) -> EventSequence:
         """The events that have unknowns."""
         if not self.is_symmetric:
             return self.sequence
@@ -139,15 +141,15 @@ class Curve:
 
     def by_unknowns(self, maps: EventMaps) -> Array:
         """Derivative (m, m) of the equations, in units."""
-        matrix = jacobian(maps) / self.by_rows[:, None, None] * self.unit
-        return np.asarray(matrix.reshape(2 * [self.count * self.unit.size]))
+        found = jacobian(maps) / self.by_rows[:, None, None] * self.unit
+        return np.asarray(found.reshape(2 * [self.count * self.unit.size]))
 
     def in_units(self, rows: Array) -> Array:
         """Equations (m,) in units of rows (N, 2d + 1)."""
         return np.asarray((rows / self.by_rows).reshape(-1))
 
 
-def curve_of(parameter: Parameter, sequence: Sequence, is_symmetric: bool, length: float, width: float) -> Curve:
+def curve_of(parameter: Parameter, sequence: EventSequence, is_symmetric: bool, length: float, width: float) -> Curve:
     """The curve of some events, with a length (m) as unit of displacements."""
     return Curve(parameter, sequence, is_symmetric, *units_of(parameter.hybrid, sequence, length), width)
 
@@ -179,7 +181,7 @@ class Point:
     @cached_property
     def intervals(self) -> Intervals:
         """The motion between all events."""
-        return intervals_between(self.maps.hybrid, self.events)
+        return Intervals.between(self.maps.hybrid, self.events)
 
     @property
     def longest(self) -> float:
@@ -197,10 +199,10 @@ class Point:
     def multipliers(self) -> Complex:
         """Those of the half map of a symmetric orbit, else of the orbit; infinite where an event has no speed."""
         with np.errstate(all="ignore"):
-            monodromy = product(self.maps.steps)
-        if not np.all(np.isfinite(monodromy)):
-            return np.full(monodromy.shape[0], np.inf, dtype=complex)
-        return multipliers_of(-monodromy if self.curve.is_symmetric else monodromy)
+            found = product(self.maps.steps)
+        if not np.all(np.isfinite(found)):
+            return np.full(found.shape[0], np.inf, dtype=complex)
+        return multipliers_of(-found if self.curve.is_symmetric else found)
 
     @property
     def unstable(self) -> int:
@@ -240,12 +242,12 @@ class Point:
 
         At +1, at -1, and anywhere by a pair of product 1.
         """
-        return np.array([np.prod(factors).real for factors in self._factors])
+        return np.array([np.prod(each).real for each in self._factors])
 
     @cached_property
     def nearest(self) -> Array:
         """Sizes (3,) of their smallest factors."""
-        return np.array([np.abs(factors).min(initial=math.inf) for factors in self._factors])
+        return np.array([np.abs(each).min(initial=math.inf) for each in self._factors])
 
     @cached_property
     def crossing_slopes(self) -> Array:
@@ -272,10 +274,10 @@ class Point:
 
     def apart(self, other: Point) -> float:
         """How far from repeating after half a period the orbit is, along the difference that another one has."""
-        own, its = (point.half_difference for point in (self, other))
+        mine, its = (point.half_difference for point in (self, other))
         square = float(its @ its)
         # of an orbit that has repeated all the time there is none
-        return float(own @ its) / square if square > SAME**2 else 1.0
+        return float(mine @ its) / square if square > SAME**2 else 1.0
 
     @cached_property
     def half_difference(self) -> Array:
@@ -312,9 +314,9 @@ def corrected(curve: Curve, guess: Array, row: Array) -> tuple[Point | None, flo
     last = math.inf
     with np.errstate(all="ignore"):
         try:
-            for point, last in _newton(curve, guess, row):
-                if point is not None:
-                    return point, last
+            for found, last in _newton(curve, guess, row):
+                if found is not None:
+                    return found, last
         except np.linalg.LinAlgError:
             # singular, or a resonance without damping
             pass
@@ -362,8 +364,8 @@ def point_along(left: Point, step: float, bend: Array | float = 0.0) -> Point:
 
 def near_points(left: Point, steps: tuple[float, ...]) -> list[Point]:
     """Points so far along the tangent of one, those that are found."""
-    points = [corrected(left.curve, left.x + step * left.tangent, left.row)[0] for step in steps]
-    return [point for point in points if point is not None]
+    found = [corrected(left.curve, left.x + step * left.tangent, left.row)[0] for step in steps]
+    return [point for point in found if point is not None]
 
 
 def at_value(curve: Curve, near: Array, value: float) -> Point | None:
@@ -381,12 +383,12 @@ def between(curve: Curve, here: Array, there: Array, value: float) -> Point:
     line = there - here
     direction = line / math.sqrt(line @ (curve.weight * line))
     left, right = (evaluated(curve, x, direction) for x in (here, there))
-    located = locate(left, right, lambda point: point.value - value)
+    found = locate(left, right, lambda point: point.value - value)
     # beside a fold the equations at the value are nearly singular
-    exact = at_value(curve, located.x, value)
-    if exact is None or np.abs(exact.x - located.x).max() > 1e-3 * SAME:
-        return replace(located, x=np.append(located.x[:-1], value))
-    return exact if located.tangent @ exact.row > 0.0 else replace(exact, tangent=-exact.tangent)
+    exact = at_value(curve, found.x, value)
+    if exact is None or np.abs(exact.x - found.x).max() > 1e-3 * SAME:
+        return replace(found, x=np.append(found.x[:-1], value))
+    return exact if found.tangent @ exact.row > 0.0 else replace(exact, tangent=-exact.tangent)
 
 
 def locate(left: Point, right: Point, function: Callable[[Point], float], tolerance: float = EXACT) -> Point:
@@ -420,7 +422,7 @@ def interpolated(
         values, x = np.array([function(point) for point in points]), np.array([point.x for point in points])
         if len(points) < 4 or not np.all(np.diff(values) * (values[-1] - values[0]) > 0.0):
             raise LostError("a point at which the equations are singular cannot be located")
-        unknowns = scipy.interpolate.BarycentricInterpolator(values, x)(0.0)
-        at = float(left.row @ (unknowns - left.x))
+        found = scipy.interpolate.BarycentricInterpolator(values, x)(0.0)
+        at = float(left.row @ (found - left.x))
         low, high = at - around, at + around
-    return evaluated(left.curve, np.asarray(unknowns), left.tangent)
+    return evaluated(left.curve, np.asarray(found), left.tangent)

@@ -27,7 +27,7 @@ from femimpact.figures.drawing import (
 )
 from femimpact.figures.portraits import ContactRow, phase_portrait
 from femimpact.orbits import Branch, PeriodicOrbit
-from femimpact.orbits.period import period_of
+from femimpact.orbits.orbit import period_of
 from femimpact.units import prefixed
 
 if TYPE_CHECKING:
@@ -70,6 +70,10 @@ def branch(
     swept : pair of array_like (n,), optional
         Values of the parameter and largest displacements (m) of runs, drawn as dots.
 
+    Returns
+    -------
+    Axes
+
     Raises
     ------
     InputError
@@ -77,7 +81,7 @@ def branch(
         have another unit or quantity.
     """
     branches = checked("branch", [branch] if isinstance(branch, Branch) else branch, items(Branch))
-    different = {f"{curve.parameter}, of {curve.place}" for curve in branches}
+    different = {f"{each.parameter}, of {each.place}" for each in branches}
     allowed = "must be one or more, of one parameter and one place"
     require(len(different) == 1, "branch", sorted(different) or "none", "", allowed)
     pair = swept is None or (isinstance(swept, (tuple, list)) and len(swept) == 2)
@@ -85,13 +89,13 @@ def branch(
     runs = [checked(f"swept[{i}]", one, column("", "n")) for i, one in enumerate(swept or ())]
     require(not runs or runs[0].size == runs[1].size, "swept", runs, "", "must have a displacement for each value")
     axis, first = panel(ax, 8.0, 5.0), branches[0]
-    factor, unit = prefix_of([curve.values for curve in branches], first.unit)
-    of_peak, unit_of_peak = prefix_of([*(curve.peak for curve in branches), *runs[1:]], "m")
+    factor, unit = prefix_of([each.values for each in branches], first.unit)
+    of_peak, unit_of_peak = prefix_of([*(each.peak for each in branches), *runs[1:]], "m")
     words = parameter_words(first.parameter, unit), f"largest displacement of {first.place} ({unit_of_peak})"
     for old, new in zip((axis.get_xlabel(), axis.get_ylabel()), words, strict=True):
         require(old in ("", new), "ax", old, "", f"must have no other axis than {new}: draw branches in one call")
-    for curve in branches:
-        _draw(axis, curve, factor, of_peak)
+    for each in branches:
+        _draw(axis, each, factor, of_peak)
     if runs:
         rings: Any = {"color": DARK, "markersize": 5.0, "markerfacecolor": "none", "linestyle": "none", "zorder": 2.5}
         axis.plot(factor * runs[0], of_peak * runs[1], "o", label=SWEPT, **rings)
@@ -120,11 +124,11 @@ def _draw(axis: Axes, branch: Branch, factor: float, of_peak: float) -> None:
     for part, is_stable in stretches(branch):
         style: dict[str, Any] = {"linestyle": "-", "linewidth": 2.2} if is_stable else {"linestyle": (0, (4, 2))}
         axis.plot(values[part], peak[part], color=BLUE, label="stable" if is_stable else "unstable", **style)
-    for number, bifurcation in zip(branch.bifurcation_points.tolist(), branch.bifurcations, strict=True):
-        marker, colour = MARKS[bifurcation.kind]
+    for number, each in zip(branch.bifurcation_points.tolist(), branch.bifurcations, strict=True):
+        marker, colour = MARKS[each.kind]
         axis.plot(
             values[number], peak[number], marker, color=colour, markersize=8.0, markeredgecolor="white",
-            markeredgewidth=0.8, zorder=3, label=kind_words(bifurcation.kind),
+            markeredgewidth=0.8, zorder=3, label=kind_words(each.kind),
         )  # fmt: skip
 
 
@@ -182,12 +186,12 @@ def orbit(
     require(of in pairs or of in system.points, "of", of, "", suggestion(of, [*pairs, *system.points]))
     pair = pairs.get(of)
     place = of if pair is None else name_at(system, pair) or str(float(pair.position))
-    coordinate = place if pair is None or pair.is_stop else of
-    names = dict.fromkeys((place, coordinate))
+    shown = place if pair is None or pair.is_stop else of
+    names = dict.fromkeys((place, shown))
     response = period_of(orbit, (*names, *(f"{name}.velocity" for name in names)))
     portrait, over_time, plane = panels(figure, 15.0, 4.8, 1, 3, width_ratios=(1.1, 1.3, 1.0))[0]
-    phase_portrait(response, coordinate, cycles=orbit.cycles, ax=portrait)
-    portrait.set_title("phase portrait" + ("; grey: inside the walls" if coordinate != place else ""), loc="left")
+    phase_portrait(response, shown, cycles=orbit.cycles, ax=portrait)
+    portrait.set_title("phase portrait" + ("; grey: inside the walls" if shown != place else ""), loc="left")
     legend_above(portrait)
     row = ContactRow(response, pair)
     row.draw(over_time, response.time >= 0.0, close=True)

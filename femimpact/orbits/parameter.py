@@ -61,11 +61,11 @@ def parameter_of(system: System, excitation: Sine | PointForce, path: Any) -> Pa
     """
     require_type(path, str, "parameter")
     hybrid = hybrid_system(system, excitation)
-    known = {item.path: item for item in _parameters(system, excitation, hybrid)}
-    parameter = known.get(SHORT.get(path, path))
-    require(parameter is not None, "parameter", path, "", "" if parameter else _refusal(system, path, [*known, *SHORT]))
-    assert parameter is not None
-    return parameter
+    known = {each.path: each for each in _parameters(system, excitation, hybrid)}
+    found = known.get(SHORT.get(path, path))
+    require(found is not None, "parameter", path, "", "" if found else _refusal(system, path, [*known, *SHORT]))
+    assert found is not None
+    return found
 
 
 def _refusal(system: System, path: str, known: list[str]) -> str:
@@ -96,8 +96,8 @@ def _place(pair: ContactPair) -> str:
 
 def _words(law: Any) -> str:
     """What a law is given with."""
-    numbers = [name for name in NUMBERS if getattr(law, name, None) is not None]
-    return f"{type(law).__name__} with {' and '.join(numbers)}" if numbers else law.name
+    given = [name for name in NUMBERS if getattr(law, name, None) is not None]
+    return f"{type(law).__name__} with {' and '.join(given)}" if given else law.name
 
 
 def _parameters(system: System, excitation: Sine | PointForce, hybrid: HybridSystem) -> Iterator[Parameter]:
@@ -105,12 +105,12 @@ def _parameters(system: System, excitation: Sine | PointForce, hybrid: HybridSys
     yield from _of_excitation(system, excitation, hybrid)
     for j, pair in enumerate(system.contacts):
         yield from _of_pair(system, excitation, hybrid, j, pair)
-    undivided_system, factor = system.derived.get(FACTOR, (system, 1.0))
-    undivided = hybrid if undivided_system is system else hybrid_system(undivided_system, excitation)
+    given, factor = system.derived.get(FACTOR, (system, 1.0))
+    undivided = hybrid if given is system else hybrid_system(given, excitation)
     if np.any(undivided.damping):
         yield Parameter(
             FACTOR, "1", factor, quantity("1", at_least=0.0), hybrid, partial(_at_factor, undivided),
-            partial(_with_factor, undivided_system, excitation), of_matrices=True,
+            partial(_with_factor, given, excitation), of_matrices=True,
         )  # fmt: skip
 
 
@@ -188,10 +188,10 @@ def _at_contact(
     hybrid: HybridSystem, j: int, value: Any, *, numbers: dict[str, Any], name: str, effective_mass: float
 ) -> HybridSystem:
     """The system with another number of a Kelvin-Voigt law, whose other one is held."""
-    changed = numbers | {name: value}
+    given = numbers | {name: value}
     if name == "restitution":
-        changed["ratio_and_angle"] = _ratio_and_angle(value)
-    return _with_spring(hybrid, j, changed, effective_mass)
+        given["ratio_and_angle"] = _ratio_and_angle(value)
+    return _with_spring(hybrid, j, given, effective_mass)
 
 
 def _at_mass(

@@ -12,7 +12,6 @@ from femimpact.arrays import Array
 from femimpact.errors import DivergenceError, InputError, checked, instance, require, takes
 from femimpact.integrators.event_driven.loop_data import CONTACT, FREE, SEPARATING
 from femimpact.orbits.branch import Bifurcation, known
-from femimpact.orbits.crests import crests, depth_beyond, top
 from femimpact.orbits.curve import SAME, Curve, Point, corrected, curve_of, evaluated, null_vectors
 from femimpact.orbits.equations import (
     IMPACT,
@@ -24,10 +23,9 @@ from femimpact.orbits.equations import (
     EventStates,
 )
 from femimpact.orbits.flow import HybridSystem
-from femimpact.orbits.guess import untouched_ball, without_events
-from femimpact.orbits.limits import AT_WALL, without_speed
+from femimpact.orbits.limits import AT_WALL, crests, depth_beyond, top, without_speed
 from femimpact.orbits.orbit import PeriodicOrbit
-from femimpact.orbits.search import orbit_near
+from femimpact.orbits.search import orbit_near, untouched_ball, without_events
 
 STEPS = (1e-2, 3e-3, 1e-3, 2e-2)
 """Steps beyond a bifurcation, in the unit of the curve; the first is taken at which the orbits are found."""
@@ -78,12 +76,12 @@ def switch_branch(bifurcation: Bifurcation) -> tuple[PeriodicOrbit, ...]:
     joins = there.curve.half_sign > 0.0 and float(np.abs(there.half_difference).max()) < SAME
     point = _whole(there, 2 if kind == "period-doubling" and not joins else 1)
     tries = _grazed(point) if kind == "grazing" else _crossed(point, kind)
-    branches = next((orbits for orbits in tries if orbits), ())
-    if not branches:
+    found = next((orbits for orbits in tries if orbits), ())
+    if not found:
         raise DivergenceError(
             f"no orbits found beyond the {kind} at {point.curve.parameter.path} = {bifurcation.value:.10g}"
         )
-    return branches
+    return found
 
 
 def _whole(point: Point, times: int) -> Point:
@@ -110,8 +108,8 @@ def _crossed(point: Point, kind: str) -> Iterator[tuple[PeriodicOrbit, ...]]:
     along = vectors @ point.row if kind == "branch-point" else vectors[:, -1]
     across = (along[0] * vectors[1] - along[1] * vectors[0]) / math.hypot(*along)
     for step in STEPS:
-        points = [_beside(point.curve, point.x, way * step * across) for way in ((1.0, -1.0) if both else (1.0,))]
-        yield tuple(orbit for orbit in points if orbit is not None) if None not in points else ()
+        found = [_beside(point.curve, point.x, way * step * across) for way in ((1.0, -1.0) if both else (1.0,))]
+        yield tuple(orbit for orbit in found if orbit is not None) if None not in found else ()
 
 
 def _beside(curve: Curve, x: Array, step: Array) -> PeriodicOrbit | None:
@@ -121,12 +119,12 @@ def _beside(curve: Curve, x: Array, step: Array) -> PeriodicOrbit | None:
 
 def _verified(curve: Curve, guess: Array, row: Array) -> PeriodicOrbit | None:
     """The verified orbit next to a guess, on the plane through it across a row, if there is one near."""
-    point, _ = corrected(curve, guess, row)
-    if point is None or curve.weight @ (point.x - guess) ** 2 > FARTHEST**2:
+    found, _ = corrected(curve, guess, row)
+    if found is None or curve.weight @ (found.x - guess) ** 2 > FARTHEST**2:
         return None
     try:
-        checked("value", point.value, curve.parameter.allowed)
-        return orbit_near(*curve.parameter.at(point.value), point.events)
+        checked("value", found.value, curve.parameter.allowed)
+        return orbit_near(*curve.parameter.at(found.value), found.events)
     except (InputError, DivergenceError):
         return None
 
@@ -153,11 +151,11 @@ def _grazed(point: Point) -> Iterator[tuple[PeriodicOrbit, ...]]:
             # without a duration these events are one, and the equations singular: the duration is given
             row = np.zeros(x.size)
             row[:-1].reshape(curve.count, -1)[k[[0, -1]], -1] = -1.0, 1.0
-            points = [_verified(curve, x, row)]
+            found = [_verified(curve, x, row)]
         else:
             along = null_vectors(evaluated(curve, x, np.zeros(x.size)))[-1]
-            points = [_beside(curve, x, way * step * along) for way in (1.0, -1.0)]
-        yield tuple(orbit for orbit in points if orbit is not None)
+            found = [_beside(curve, x, way * step * along) for way in (1.0, -1.0)]
+        yield tuple(orbit for orbit in found if orbit is not None)
 
 
 def _without(point: Point, still: list[int]) -> EventStates:
@@ -253,8 +251,8 @@ def _with(point: Point, reached: list[_Reached], step: float) -> EventStates:
         for at, name, state in one.met(hybrid, step):
             met.append((at, one.k, name, one.pair, one.side, state * one.side))
     met.sort(key=lambda event: event[0])
-    phases_met, before, kind, pair, side_of, after = zip(*met, strict=True)
-    rows, at_phase, states_there = sequence.rows(np.array(before)), np.array(phases_met), states[list(before)]
+    found, before, kind, pair, side_of, after = zip(*met, strict=True)
+    rows, at_phase, states_there = sequence.rows(np.array(before)), np.array(found), states[list(before)]
     for i, k in enumerate(before):
         flow = hybrid.flow(sequence.contact_state[k])
         states_there[i] = flow.carried(states[[k]], phases[[k]], at_phase[[i]])[0][0]
