@@ -102,55 +102,35 @@ def outputs_alone(system: System, rows: ChannelRows, drive: Drive) -> Outputs:
     return Outputs(all_rows.position[1:], all_rows.rate[1:], all_rows.force[1:], of_base, rows.constant[:1])
 
 
-@dataclass(frozen=True, eq=False)
-class _Source:
-    """A system of which closed forms are made: its equations, its outputs, and what earlier calls derived of it."""
+class Source(NamedTuple):
+    """A system of which closed forms are made."""
 
     equations: Equations
     outputs: Outputs
-    derived: dict[Any, Any]
+    derived: dict[Any, Any]  # what earlier calls kept of it; see `System.derived`
 
 
 class FormStore:
-    """Closed forms of a system, or of several of the same pattern, under one kind of drive; threads may share them.
-
-    Parameters
-    ----------
-    equations : Equations
-    rigid : ndarray (pairs,) of bool
-    outputs : Outputs
-    rate : float or None, 1/s
-        How fast the polynomials change that s(t) is made of; None for a sine, 0 for straight lines.
-    derived : dict, optional
-        Where closed forms of the system were kept by earlier calls; see `System.derived`.
-    """
+    """Closed forms of a system, or of several of the same pattern, under one kind of drive; threads may share them."""
 
     def __init__(
         self,
-        equations: Equations,
-        rigid: NDArray[np.bool_],
-        outputs: Outputs,
-        rate: float | None,
-        derived: dict[Any, Any] | None = None,
+        sources: Sequence[Source],  # of as many coordinates, pairs and outputs
+        rigid: NDArray[np.bool_],  # (pairs,)
+        rate: float | None,  # 1/s: of the polynomials that s(t) is made of; None for a sine, 0 for straight lines
     ) -> None:
-        self.equations = equations
+        self.sources = sources
+        self.equations, self.outputs, _ = sources[0]
         self.rigid = rigid
-        self.outputs = outputs
         self.rate = rate
-        self.sources = [_Source(equations, outputs, {} if derived is None else derived)]
         self.lock = threading.Lock()
         self.known: dict[tuple[bytes, int], int] = {}
         self.last: dict[bytes, tuple[int, int]] = {}
         self.first: dict[bytes, int] = {}
         self.count = 0
         # entries, rigid-body coordinates and blocks of the largest form: with one entry a coordinate nothing must grow
-        self.most = (equations.M.shape[0], 1, 1)
+        self.most = (self.equations.M.shape[0], 1, 1)
         self.forms = self._empty(4)
-
-    def add_system(self, equations: Equations, outputs: Outputs, derived: dict[Any, Any]) -> int:
-        """Number of a system more, with as many coordinates, pairs and outputs; before the first form is asked for."""
-        self.sources.append(_Source(equations, outputs, derived))
-        return len(self.sources) - 1
 
     def first_forms(self, wanted: Sequence[WantedForm]) -> list[int]:
         """First form of each system and its contact parameters, after all wanted forms are there.
