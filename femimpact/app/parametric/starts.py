@@ -23,7 +23,7 @@ from femimpact.integrators.cases import SineCases, with_contacts_of, workers_of
 from femimpact.integrators.runs import integrate
 from femimpact.sweep import FrequencyResponse
 from femimpact.sweep.curve import columns_of_dwells, curve_of, start_of
-from femimpact.sweep.dwells import cases_of, dwell_cycles
+from femimpact.sweep.sweep import cases_of, dwell_cycles
 from femimpact.system.state import State
 from femimpact.system.system import System
 
