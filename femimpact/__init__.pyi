@@ -86,7 +86,7 @@ from femimpact.fem.mesh import uniform_mesh as uniform_mesh
 from femimpact.fem.mesh_files import read_mesh as read_mesh
 from femimpact.figures.movie import write_movie as write_movie
 from femimpact.integrators.event_driven.method import EventDriven as EventDriven
-from femimpact.integrators.preflight_row import PreflightRow as PreflightRow
+from femimpact.integrators.planned_drive import PreflightRow as PreflightRow
 from femimpact.integrators.runs import achieved_restitution as achieved_restitution
 from femimpact.integrators.runs import integrate as integrate
 from femimpact.integrators.stepping.newmark import HHT as HHT

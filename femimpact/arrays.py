@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import itertools
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+Kind = TypeVar("Kind", bound=np.generic)
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -15,6 +18,13 @@ Integers = NDArray[np.int64]
 def own(values: ArrayLike) -> Array:
     """A read-only copy of numbers, its rows together."""
     copy = np.array(values, dtype=float, order="C")
+    copy.setflags(write=False)
+    return copy
+
+
+def read_only(array: NDArray[Kind]) -> NDArray[Kind]:
+    """A read-only copy of an array."""
+    copy = np.array(array)
     copy.setflags(write=False)
     return copy
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import itertools
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from fractions import Fraction
 from functools import lru_cache
@@ -411,3 +411,10 @@ def value_text(value: Any, unit: str) -> str:
     if isinstance(value, tuple):
         return f"({', '.join(f'{1e3 * side:.4g}' for side in value)}) mm"
     return unit_text(value, unit)
+
+
+def rounded(value: float, to: Callable[[float], int] = math.ceil) -> float:
+    """The value with two digits, rounded up, or to `math.floor`."""
+    digit = 10.0 ** (math.floor(math.log10(value)) - 1)
+    # rounding of the quotient adds no digit
+    return float(f"{digit * to(round(value / digit, 9)):.2g}")

@@ -59,7 +59,7 @@ class Method(Protocol):
         """Results of all cases in their order, read at a place by its row (dofs,), on so many threads.
 
         `instants` is at how many of a measured cycle the energy ledger is read; 0 for no ledger. `InputError` where a
-        case cannot be run at all. One that runs case by case is `separate_runs.run_cases_apart`.
+        case cannot be run at all. One that runs case by case is `own_method.run_cases_apart`.
         """
 
     def achieved_restitution(

@@ -20,7 +20,7 @@ from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.event_driven.block import Inputs, new_block, no_cycles, run_block, share_block
 from femimpact.integrators.event_driven.equations import equations_of
 from femimpact.integrators.event_driven.loop_data import FREE
-from femimpact.integrators.event_driven.store import FormStore, Outputs, outputs_of
+from femimpact.integrators.event_driven.store import FormStore, Outputs, Source, outputs_of
 from femimpact.integrators.runs import integrate
 from femimpact.orbits.curve import Point
 from femimpact.orbits.equations import (
@@ -333,9 +333,9 @@ def own_runs(system: System, points: Sequence[Point]) -> list[OwnRun]:
     excitation = curve.parameter.at(curve.parameter.value)[1]
     equations = [equations_of(each, drive_of(each, excitation)) for each in systems]
     d, rigid = hybrids[0].mass.size, np.array([pair.parameters.is_rigid for pair in system.contacts], dtype=bool)
-    store = FormStore(equations[0], rigid, _outputs(system, d), rate=None, derived=systems[0].derived)
-    for each, own in zip(systems[1:], equations[1:], strict=True):
-        store.add_system(own, store.outputs, each.derived)
+    outputs = _outputs(system, d)
+    sources = [Source(of, outputs, each.derived) for each, of in zip(systems, equations, strict=True)]
+    store = FormStore(sources, rigid, rate=None)
     inputs = Inputs(
         omega=np.array([hybrid.omega for hybrid in hybrids]),
         amplitude=np.array([[hybrid.drive] for hybrid in hybrids], dtype=complex),

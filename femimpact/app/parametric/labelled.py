@@ -21,8 +21,7 @@ from femimpact.app.study.study_file import study_text
 from femimpact.arrays import Array, Integers
 from femimpact.excitation.drive_words import drive_words
 from femimpact.figures.study_labels import STATISTICS
-from femimpact.integrators.planned_drive import contact_notes, step_rows
-from femimpact.integrators.preflight_row import PreflightRow
+from femimpact.integrators.planned_drive import PreflightRow, contact_notes, step_rows
 from femimpact.response.cycles import deflection_warnings
 from femimpact.system.system import System, without_impactors
 from femimpact.units import unit_text

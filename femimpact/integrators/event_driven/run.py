@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact import core
-from femimpact.arrays import Array, own
+from femimpact.arrays import Array, own, read_only
 from femimpact.contact.laws import RIGID
 from femimpact.core.structs import zeros
 from femimpact.errors import DivergenceError, require
@@ -37,22 +37,21 @@ from femimpact.integrators.event_driven.block import (
     run_block,
     work_apart,
 )
-from femimpact.integrators.event_driven.continued import (
-    Sampling,
-    contacts_in_progress,
-    final_state,
-    held_by,
-    sampling_from,
-)
 from femimpact.integrators.event_driven.equations import equations_of, require_met
 from femimpact.integrators.event_driven.loop_data import (
     CONTACT,
     FREE,
+    KIND,
     EventSettings,
+    Held,
     ReadingGrid,
+    Sampling,
+    contacts_in_progress,
+    held_by,
     reading_grid,
+    sampling_from,
 )
-from femimpact.integrators.event_driven.store import FormStore, Outputs, outputs_alone, outputs_of
+from femimpact.integrators.event_driven.store import FormStore, Outputs, Source, outputs_alone, outputs_of
 from femimpact.progress import Progress
 from femimpact.response.channels import Channel, resolve_channels
 from femimpact.response.cycles import Largest, LargestValues
@@ -60,7 +59,7 @@ from femimpact.response.energy import BALANCED, CLOSED, EnergyLedger, unbalanced
 from femimpact.response.history import HistoryPiece, Stream
 from femimpact.response.impacts import COUNT, MAXIMUM, MINIMUM, PEAK_FORCE, EventLog, StickingPhases, event_log
 from femimpact.response.response import Recorder
-from femimpact.system.state import State
+from femimpact.system.state import Continuation, State
 from femimpact.system.system import System
 from femimpact.units import number_text
 
@@ -88,8 +87,7 @@ def block_alone(
 ) -> tuple[Block, Sampling]:  # fmt: skip
     """Arrays of one case at its start, and its instants of reading; impacts are counted from `begin` (s) on."""
     rigid = np.array([pair.parameters.kind == RIGID for pair in system.contacts], dtype=bool)
-    equations = equations_of(system, drive)
-    store = FormStore(equations, rigid, outputs, rate=drive.rate, derived=system.derived)
+    store = FormStore([Source(equations_of(system, drive), outputs, system.derived)], rigid, drive.rate)
     u, v, y, y_rate = initial.relative_to_base(system, excitation)
     balls, held = len(system.balls), held_by(initial, system, excitation)
     inputs = inputs_of(
@@ -353,12 +351,23 @@ def _read_start(run: _Run) -> None:
 
 
 def _state(run: _Run, sample: int) -> State:
-    """Where the run stands at the sample that it has reached; its coordinates are read by a piece of no length."""
+    """Where the run stands at the sample that it has reached, with all that another one needs to go on from there."""
     _call(run, sample - 1, 1, np.array([-1]), np.array([0]), measured=False)
-    *_, fields, _ = run.parts.pop()
-    readings, block = run.readings, run.block
-    sampling = replace(run.sampling, first=run.sampling.first + sample)
-    return final_state(readings.system, readings.excitation, block.cases, block.store.forms, fields[0], sampling)
+    # of a piece of no length
+    coordinates, system = run.parts.pop()[3][0], run.readings.system
+    cases, forms, n = run.block.cases, run.block.store.forms, system.dofs
+    sampling, f = replace(run.sampling, first=run.sampling.first + sample), cases.form[0, 1]
+    motion = {
+        "entry": cases.entry[0, : forms.entries[f]], "rigid_body": cases.rigid_body[0, :, : forms.rigid_bodies[f]],
+        "clock": cases.clock[0], "drive": cases.drive[0],
+    }  # fmt: skip
+    contacts = (cases.state, cases.touch, cases.to_modes, cases.leaving)
+    copies = {name: read_only(values) for name, values in motion.items()}
+    held = Held(sampling, copies, int(forms.driven[f]), *(read_only(values[0]) for values in contacts))
+    places, rates = ((own(row[:n]), own(row[n:])) for row in coordinates)
+    time, touching = float(sampling.time(0)), contacts_in_progress(held, system)
+    left = Continuation(KIND, held, places, rates, time, system, run.readings.excitation, touching)
+    return State(places[0], rates[0], places[1], rates[1], time=time, continuation=left)
 
 
 def _run_piece(run: _Run, done: int, count: int) -> None:

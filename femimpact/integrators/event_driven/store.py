@@ -102,13 +102,12 @@ def outputs_alone(system: System, rows: ChannelRows, drive: Drive) -> Outputs:
     return Outputs(all_rows.position[1:], all_rows.rate[1:], all_rows.force[1:], of_base, rows.constant[:1])
 
 
-@dataclass(frozen=True, eq=False)
-class _Source:
-    """A system of which closed forms are made: its equations, its outputs, and what earlier calls derived of it."""
+class Source(NamedTuple):
+    """A system of which closed forms are made."""
 
     equations: Equations
     outputs: Outputs
-    derived: dict[Any, Any]
+    derived: dict[Any, Any]  # what earlier calls kept of it; see `System.derived`
 
 
 class FormStore:
@@ -116,31 +115,22 @@ class FormStore:
 
     def __init__(
         self,
-        equations: Equations,
+        sources: Sequence[Source],  # of as many coordinates, pairs and outputs
         rigid: NDArray[np.bool_],  # (pairs,)
-        outputs: Outputs,
-        # 1/s: how fast the polynomials change that s(t) is made of; None for a sine, 0 for straight lines
-        rate: float | None,
-        derived: dict[Any, Any] | None = None,  # where earlier calls kept closed forms; see `System.derived`
+        rate: float | None,  # 1/s: of the polynomials that s(t) is made of; None for a sine, 0 for straight lines
     ) -> None:
-        self.equations = equations
+        self.sources = sources
+        self.equations, self.outputs, _ = sources[0]
         self.rigid = rigid
-        self.outputs = outputs
         self.rate = rate
-        self.sources = [_Source(equations, outputs, {} if derived is None else derived)]
         self.lock = threading.Lock()
         self.known: dict[tuple[bytes, int], int] = {}
         self.last: dict[bytes, tuple[int, int]] = {}
         self.first: dict[bytes, int] = {}
         self.count = 0
         # entries, rigid-body coordinates and blocks of the largest form: with one entry a coordinate nothing must grow
-        self.most = (equations.M.shape[0], 1, 1)
+        self.most = (self.equations.M.shape[0], 1, 1)
         self.forms = self._empty(4)
-
-    def add_system(self, equations: Equations, outputs: Outputs, derived: dict[Any, Any]) -> int:
-        """Number of a system more, with as many coordinates, pairs and outputs; before the first form is asked for."""
-        self.sources.append(_Source(equations, outputs, derived))
-        return len(self.sources) - 1
 
     def first_forms(self, wanted: Sequence[WantedForm]) -> list[int]:
         """First form of each system and its contact parameters, after all wanted forms are there.

@@ -15,10 +15,10 @@ from femimpact import core
 from femimpact.arrays import Array
 from femimpact.contact.laws import RIGID
 from femimpact.errors import Fault, InputError, checked, quantity, require, require_type
-from femimpact.integrators.preflight_row import rounded
 from femimpact.system.matrices import Matrix
 from femimpact.system.modes import first_elastic_frequency
 from femimpact.system.system import System
+from femimpact.units import rounded
 
 
 class SteppingMethod(Protocol):

@@ -28,7 +28,7 @@ from femimpact.integrators.cases import (
     with_contacts_of,
 )
 from femimpact.integrators.channel_rows import drive_of
-from femimpact.integrators.stepping.arrays import Inputs
+from femimpact.integrators.stepping.arrays import Inputs, beginning_of
 from femimpact.integrators.stepping.block import (
     Block,
     check_laws,
@@ -40,9 +40,9 @@ from femimpact.integrators.stepping.block import (
     prepare,
     record_of,
     run_block,
+    state_of,
     sticking_rows,
 )
-from femimpact.integrators.stepping.continued import beginning_of, final_state
 from femimpact.integrators.stepping.operators import SteppingMethod, check_sampling, check_step
 from femimpact.progress import Progress
 from femimpact.response.channels import resolve_channels
@@ -97,13 +97,13 @@ def run_steps(
     for step in _run(block, heapq.merge(piece_ends(recorder, steps), steps_to_keep), excitation, method, progress):
         stream.hand_over()
         if step in steps_to_keep:
-            kept_state = _state(block, system, excitation, method)
+            kept_state = state_of(block, system, excitation, method)
     history, totals = stream.left(), block.motion.totals[:, :, 0]
     # an impulse has no peak
     totals[PEAK_FORCE, block.pairs.kind == RIGID] = np.nan
     return MethodRun(
         history=history,
-        final_state=_state(block, system, excitation, method),
+        final_state=state_of(block, system, excitation, method),
         cycles=block.cycle_statistics,
         measured=float(block.motion.window[1, 0] - block.motion.window[0, 0]) * method.dt,
         totals=totals,
@@ -152,12 +152,6 @@ def _step_to_keep(recorder: Recorder, steps: int, method: SteppingMethod) -> tup
     """Step after the beginning at which the state is kept, if there is one."""
     step = 0 if recorder.state_at is None else round(min(recorder.state_at / method.dt, 2.0 * steps))
     return (step,) if 0 < step <= steps else ()
-
-
-def _state(block: Block, system: System, excitation: Excitation, method: SteppingMethod) -> State:
-    """State of the cases of a block at its last step."""
-    step = int(block.record.tally[0])
-    return final_state(system, excitation, method, block.beginning, step, block.pairs, block.motion, block.cycles)
 
 
 def _share_of(progress: Progress, done: int, end: int, steps: int) -> Progress:
