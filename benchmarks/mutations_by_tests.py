@@ -44,8 +44,8 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
         Mutation("static_value_of_the_modes", "terms.sum(axis=1), channel", "0.99 * terms.sum(axis=1), channel"),
         Mutation(
             "static_value_of_the_whole",
-            '"1 m/s^2 of the base", -whole.base_load',
-            '"1 m/s^2 of the base", whole.base_load',
+            '"1 m/s^2 of the base", -full.base_load',
+            '"1 m/s^2 of the base", full.base_load',
         ),
         Mutation("static_value_unsaid", "NAMED = 1e-3", "NAMED = 1e-2"),
         Mutation(
@@ -73,8 +73,8 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
     "test_slow_modes.py": (
         Mutation(
             "rate_beside_slow_entries",
-            '"static_rate": settled(made.velocity, modes, made.given)',
-            '"static_rate": 0.0 * settled(made.velocity, modes, made.given)',
+            '"static_rate": settled(forms.velocity, modes, forms.given)',
+            '"static_rate": 0.0 * settled(forms.velocity, modes, forms.given)',
         ),
         Mutation("slow_beside_stops", "able[np.argmin(stiffness[able])]", "able[np.argmax(stiffness[able])]"),
         Mutation("slow_beside_fast", "ORTHOGONAL = 1e-15", "ORTHOGONAL = 1e-3"),

@@ -436,13 +436,13 @@ def _orbit(curve: Curve, x: Array, is_bifurcation: bool = False) -> PeriodicOrbi
     system, excitation = curve.parameter.at(value)
     point = evaluated(curve, x, np.zeros_like(x))
     hybrid, length = point.maps.hybrid, curve.unit[0]
-    found = Solution(event_maps(hybrid, point.events), length_of(hybrid, point.events.states))
-    if found.length < FAR_SMALLER * length and not is_bifurcation:
+    solution = Solution(event_maps(hybrid, point.events), length_of(hybrid, point.events.states))
+    if solution.length < FAR_SMALLER * length and not is_bifurcation:
         # it has the digits of a larger unit
-        nearer = solve(hybrid, found.events, found.length)
-        found = nearer if nearer.converged else found
-    run, impacts = own_run(system, excitation, found)
+        nearer = solve(hybrid, solution.events, solution.length)
+        solution = nearer if nearer.converged else solution
+    run, impacts = own_run(system, excitation, solution)
     error = None if is_bifurcation else refusal(point, run)
     if error is not None:
         raise DivergenceError(f"{curve.parameter.path} = {value:.10g}: {error}")
-    return orbit_of(system, excitation, found, run, impacts)
+    return orbit_of(system, excitation, solution, run, impacts)
