@@ -14,7 +14,6 @@ import scipy
 from numpy.typing import NDArray
 
 from femimpact.app.parametric.definition import ParameterStudy
-from femimpact.app.parametric.measures import better_of
 from femimpact.app.parametric.runs import BlockValues
 from femimpact.app.study.study import Study
 from femimpact.app.study.study_file import study_text
@@ -136,7 +135,8 @@ def labels_of(study: ParameterStudy) -> dict[str, Any]:
         "shape": list(table.shape),
         "is_grid": table.is_grid,
         "measures": [
-            {"name": item.name, "unit": item.unit, "words": item.long_name, "is_text": item.is_text}
+            {"name": item.name, "unit": item.unit, "words": item.long_name, "is_text": item.is_text,
+             "better": item.better}
             for item in study.chosen
         ],
         "starts": study.starts,
@@ -288,9 +288,8 @@ def dataset_of(
             if f"{name}{end}" in columns.numbers:
                 long_name = f"{words}, {STATISTICS.get(end, 'median over the starts')}" if columns.starts > 1 else words
                 enter(f"{name}{end}", columns.numbers[f"{name}{end}"], "1" if end == "_groups" else unit, long_name)
-    for item in columns.measures:
-        if better := better_of(item["name"], item["words"]):
-            data[item["name"]][2]["better"] = better
+        if item["better"]:
+            data[name][2]["better"] = item["better"]
     enter("periodic_starts", columns.periodic, "1", "starts from which the motion repeats, or has no impacts")
     enter("failed_starts", columns.failed, "1", "starts that have no values")
     enter("failure", columns.failure, "", "why the first of them has none")
