@@ -236,7 +236,7 @@ def _run(
     def report() -> None:
         if progress is not None:
             finished, lasted = columns.finished, time.monotonic() - begun
-            failed = int(np.count_nonzero(columns.failed))
+            failed = int(np.count_nonzero(columns.values["failed_starts"]))
             progress(StudyProgress(columns.cases, finished, found, failed, (finished - found) / max(lasted, 1e-9)))
 
     report()
