@@ -11,8 +11,8 @@ from femimpact.app.parametric.measured_peaks import calibrate as calibrate
 from femimpact.app.parametric.verb import StudyProgress as StudyProgress
 from femimpact.app.parametric.verb import load_parameter_study as load_parameter_study
 from femimpact.app.parametric.verb import parameter_study as parameter_study
-from femimpact.app.preflight.planned_test import Preflight as Preflight
-from femimpact.app.preflight.planned_test import preflight as preflight
+from femimpact.app.planned_test import Preflight as Preflight
+from femimpact.app.planned_test import preflight as preflight
 from femimpact.app.refinement import Refinement as Refinement
 from femimpact.app.refinement import refine as refine
 from femimpact.app.report.script_page import report as report

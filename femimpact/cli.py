@@ -324,7 +324,7 @@ def check(study: Path, *, strict: bool = False) -> None:
         End with status 2 where a limit is passed beyond which the test does not show what it is made for, or a warning
         is printed.
     """
-    from femimpact.app.preflight.planned_test import lines_of_check
+    from femimpact.app.planned_test import lines_of_check
     from femimpact.app.study.study_file import load_study, unit_lines
 
     with _waiting("check", quiet=False):
@@ -516,7 +516,7 @@ def identify(
     modes
         Damped sines that are fitted, 1 to 3.
     """
-    from femimpact.app.identified import write_decay
+    from femimpact.app.results.results import write_decay
     from femimpact.excitation.record_files import one_signal
     from femimpact.signals.decay import identify_decay
 

@@ -24,7 +24,7 @@ from matplotlib.colors import to_rgb
 
 import femimpact as fi
 from femimpact.app.parametric.best import best_cases
-from femimpact.app.report.best_picture import marks_of, worst_over_axes
+from femimpact.app.parametric.best_design import marks_of, worst_over_axes
 from femimpact.app.report.result_page import best_measures
 from femimpact.app.report.views import pictures_of
 from femimpact.app.study.study import read_mesh_of

@@ -350,7 +350,7 @@ def _placed_balls(
 def _with_placed_balls(runs: SineCases, common: System, study: ParameterStudy) -> SineCases:
     """The runs with the places of their balls as of `_placed_balls`."""
     starts, are_drawn = study.starts, study.starts > 1
-    places = runs.ball_displacement.reshape(-1, starts, runs.ball_displacement.shape[1]).copy()
+    places = runs.ball_displacement.reshape(runs.frequency.size // starts, starts, len(common.balls)).copy()
     left = np.isnan(places[:, 0])
     is_static = runs.initial.equilibrium | (runs.gaps[::starts] < 0.0).any(axis=(1, 2))
     for case in np.flatnonzero(is_static if are_drawn else left.any(axis=1) & ~left.all(axis=1)).tolist():

@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from femimpact.app.parametric.best import best_cases
-from femimpact.app.parametric.best_design import BestCase
-from femimpact.app.report.best_picture import marks_of, worst_over_axes
+from femimpact.app.parametric.best_design import BestCase, marks_of, worst_over_axes
 from femimpact.app.report.markup import Element, element
 from femimpact.app.report.page import (
     Conclusion,

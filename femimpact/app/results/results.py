@@ -23,14 +23,18 @@ from femimpact.app.results.result_directory import (
     unfinished_state,
 )
 from femimpact.errors import Fault, InputError, require, require_path
+from femimpact.files import atomic_path, read_csv, write_json
 from femimpact.files import plain as plain_data
-from femimpact.files import read_csv, write_json
 from femimpact.regular_file import open_regular
+from femimpact.signals.decay import DecayEstimate
 from femimpact.table import Head, head_of_values, short_repr
 
 if TYPE_CHECKING:
     import xarray
 
+
+IDENTIFIED = ("identify.json", "identify.png")
+"""Files of `write_decay`."""
 
 STICKING_FILE = FILES["sticking"].name
 
@@ -333,3 +337,31 @@ def write_summary(
     sums = {name: known.get(name) or checksum(folder / name) for name in names}
     plain = plain_data({**summary, CHECKSUMS: sums})
     write_json(folder / SUMMARY, {**plain, SUMMARY_CHECKSUM: _of_summary(plain)})
+
+
+def write_decay(
+    directory: Path,
+    decay: DecayEstimate,
+    record: xarray.Dataset,  # which it is of
+    force: bool,  # whether files of the same names are replaced
+) -> None:
+    """Write what was identified from a record as JSON and as a figure."""
+    from femimpact import figures
+
+    there = ", ".join(name for name in IDENTIFIED if (directory / name).exists())
+    require(force or not there, "output", str(directory), "", f"has {there} already: choose another, or --force")
+    require(not directory.exists() or directory.is_dir(), "output", str(directory), "", "must be a directory")
+    directory.mkdir(parents=True, exist_ok=True)
+    columns, units = decay.columns()
+    content = {
+        "source": record.attrs.get("source", ""), "signal": str(next(iter(record.data_vars))),
+        "level": decay.level, "modes": [vars(mode) for mode in decay.modes], "noise": decay.noise,
+        "over_amplitude": {name: values.tolist() for name, values in columns.items()},
+        "units": {**units, "noise": decay.unit},
+        "warnings": decay.warnings, "notes": [*record.attrs.get("notes", ()), *decay.notes],
+    }  # fmt: skip
+    text = json.dumps(plain_data(content), indent=2, ensure_ascii=False) + "\n"
+    # both or none: one alone would be in the way of the next run
+    with atomic_path(directory / IDENTIFIED[0]) as table, atomic_path(directory / IDENTIFIED[1]) as picture:
+        table.write_text(text, encoding="utf-8")
+        figures.save_figure(figures.decay(decay, ax=figures.OffScreen()), picture)

@@ -14,7 +14,7 @@ import numpy as np
 
 from femimpact.app.parametric.definition import ParameterStudy
 from femimpact.app.parametric.runs import drawn_state, unit_draws
-from femimpact.app.parametric.workers import block_cases, run_blocks
+from femimpact.app.parametric.verb import block_cases, run_blocks
 from femimpact.app.results.result_directory import FILES
 from femimpact.app.study.prepared import PreparedStudy
 from femimpact.app.study.summary import Spread, channel_summary, contact_forces, peak_of_history, spread_of
