@@ -92,11 +92,6 @@ class SineCases:
         return np.zeros(self.frequency.size, dtype=np.int64) if self.system_of is None else self.system_of
 
 
-def _no_values() -> Array:
-    """An array of no entry, for what a method does not sum up."""
-    return np.zeros(0)
-
-
 @dataclass(frozen=True, eq=False)
 class SineDwellResults:
     """Results of dwells, measured at their ends."""
@@ -112,9 +107,9 @@ class SineDwellResults:
     warnings: tuple[str, ...] = ()  # of the method on the system
     # (n,) J: of structure and contacts in the measured time; not a number without a ledger, no entry of a method that
     # does not sum it up
-    loss: Array = field(default_factory=_no_values)
+    loss: Array = field(default_factory=lambda: np.zeros(0))
     # (n,) J: largest of all energy stored at the instants of the ledger in the measured time
-    stored: Array = field(default_factory=_no_values)
+    stored: Array = field(default_factory=lambda: np.zeros(0))
 
 
 def in_blocks(

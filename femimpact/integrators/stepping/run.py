@@ -86,7 +86,9 @@ def run_steps(
         ledger=recorder.ledger,
         record=record_of(system, recorder, readings.rows, steps, method, drive, beginning.step),
     )
-    _keep_first(block)
+    if block.record.channels.shape[1] + block.record.snapshots.shape[0] > 0:
+        core.keep_present(block.handed())
+        check_laws(block)
     stream = Stream(
         read=partial(history_of, block, readings, recorder.sink is not None),
         clear=partial(block.record.tally[1:3].fill, 0),
@@ -124,13 +126,6 @@ def divergence_message(frequency: float, time: float, method: SteppingMethod) ->
         "damping, "
         f"or raise divergence_limit ({method.divergence_limit:g})"
     )
-
-
-def _keep_first(block: Block) -> None:
-    """Keep the state at the start where it is asked for."""
-    if block.record.channels.shape[1] + block.record.snapshots.shape[0] > 0:
-        core.keep_present(block.handed())
-        check_laws(block)
 
 
 def _run(
