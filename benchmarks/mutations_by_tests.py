@@ -277,8 +277,8 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
         Mutation("contacts_drawn_coarsely", "if time[1] - time[0] > wanted:", "if time[1] - time[0] > 1e3 * wanted:"),
         Mutation(
             "pieces_of_a_finer_reading",
-            "_run_piece(run, done * parts, (end - done) * parts)",
-            "_run_piece(run, done, end - done)",
+            "_call(run, done * parts, (end - done) * parts)",
+            "_call(run, done, end - done)",
         ),
         Mutation(
             "force_read_coarsely",

@@ -162,7 +162,7 @@ def run_in_windows(case, windows, rows=0):
         position=np.tile(np.concatenate([u, y[:balls]]), (count, 1)),
         velocity=np.tile(np.concatenate([v, y_rate[:balls]]), (count, 1)),
     )  # fmt: skip
-    block = new_block(system, store, inputs, EXACT, None, rows)
+    block = new_block([system], store, inputs, EXACT, None, rows)
     samples = round(case.duration / float(block.grid.interval[0]))
     run_block(block, np.zeros(count, dtype=np.int64), np.full(count, samples), np.full(count, 1e7))
     assert np.all(block.stopped == core.events.DONE), case.description

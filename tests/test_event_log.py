@@ -293,7 +293,7 @@ def test_each_case_of_a_block_has_its_log():
         drives, [system.contacts] * 3, position=np.tile(np.concatenate(start[::2]), (3, 1)), velocity=velocity,
         window=np.tile([0.0, math.inf], (3, 1)),
     )  # fmt: skip
-    block = new_block(system, store, inputs, EXACT, None, most_events=12)
+    block = new_block([system], store, inputs, EXACT, None, most_events=12)
     assert block.tables.events.shape == (3, 12, 5 + 1 + 2 * d)
     run_block(block, np.zeros(3, dtype=np.int64), np.full(3, 64 * 5, dtype=np.int64), np.full(3, 1e6))
     for c, base in enumerate(bases):

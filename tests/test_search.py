@@ -48,7 +48,7 @@ def free_motion(system, drive):
     rest = np.zeros((1, system.dofs + 1))
     window = np.array([[0.0, np.inf]])
     inputs = inputs_of([drive], [system.contacts], rest, rest, window)
-    block = new_block(system, store, inputs, fi.EventDriven(), None)
+    block = new_block([system], store, inputs, fi.EventDriven(), None)
     nothing = np.zeros(1, dtype=np.int64)
     # to t = 0: the closed form is made, and its steady motion is known
     run_block(block, nothing - 1, nothing, np.ones(1))

@@ -11,7 +11,7 @@ import numpy as np
 import scipy.sparse.linalg
 from numpy.typing import ArrayLike
 
-from femimpact.arrays import Array
+from femimpact.arrays import Array, own
 from femimpact.errors import real_array, require
 from femimpact.excitation import BrokenLine, Drives, Excitation, Harmonic, PiecewisePolynomial, require_excitation
 from femimpact.excitation.drives import CONSTANT_FORCES
@@ -213,14 +213,8 @@ def named_work(drive: Drive, work: Array, system: System) -> dict[str, Array]:
         return {}
     constant = np.any(system.constant_load) or any(pair.acceleration != 0.0 for pair in system.balls)
     names = (*drive.names, *((CONSTANT_FORCES,) if constant else ()))
-    return {name: _read_only(work[:, i]) for i, name in enumerate(names)}
-
-
-def _read_only(values: Array) -> Array:
-    """A copy: the arrays of a run with a sink are filled again."""
-    array = np.array(values)
-    array.setflags(write=False)
-    return array
+    # copies: the arrays of a run with a sink are filled again
+    return {name: own(work[:, i]) for i, name in enumerate(names)}
 
 
 NEGLIGIBLE = 1e-9

@@ -17,7 +17,7 @@ from femimpact.errors import DivergenceError, InputError, made
 from femimpact.excitation import PointForce, Sine
 from femimpact.integrators.channel_rows import drive_of
 from femimpact.integrators.event_driven import EventDriven
-from femimpact.integrators.event_driven.block import Inputs, new_block, no_cycles, run_block, share_block
+from femimpact.integrators.event_driven.block import Inputs, new_block, no_cycles, run_block
 from femimpact.integrators.event_driven.equations import equations_of
 from femimpact.integrators.event_driven.loop_data import FREE
 from femimpact.integrators.event_driven.store import FormStore, Outputs, Source, outputs_of
@@ -351,9 +351,8 @@ def own_runs(system: System, points: Sequence[Point]) -> list[OwnRun]:
         window=np.tile([0.0, np.inf], (count, 1)),
     )
     kept = len(curve.sequence.kind) + MORE_EVENTS
-    block = new_block(system, store, inputs, method, None, most_events=kept)
-    if len(systems) > 1:
-        share_block(block, systems, np.arange(count), method)
+    system_of = np.arange(count) if len(systems) > 1 else None
+    block = new_block(systems, store, inputs, method, None, most_events=kept, system_of=system_of)
     samples, cycles = curve.sequence.cycles * method.samples_per_cycle, curve.sequence.cycles
     block.grid = block.grid._replace(cycles=no_cycles(count, cycles), values=np.zeros((count, samples, 1 + 2 * d)))
     begin, end = np.zeros(count, dtype=np.int64), np.full(count, samples)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from femimpact.arrays import Array
+from femimpact.arrays import Array, read_only
 from femimpact.errors import (
     DivergenceError,
     check_fields,
@@ -333,23 +333,18 @@ def columns_of_dwells(found: SineDwellResults, f: Array, ledger: bool) -> tuple[
     columns = empty_columns(f.size)
     statistics = statistics_of_cases(found.totals, found.duration, f)
     completed = np.array([not failure for failure in found.failures])
+    if not np.any(completed):
+        raise DivergenceError(found.failures[0])
     for name in MOTION_UNITS:
         columns[name][completed] = getattr(found.motion, name)[completed]
     for name in IMPACT_NAMES:
         columns[name][completed] = statistics[name][completed]
     columns["energy_residual"][completed] = found.residual[completed]
-    warnings = [*found.warnings, *_failures(found.failures)]
+    warnings = [*found.warnings, *filter(None, found.failures)]
     if ledger:
         # a dwell that failed has a warning already
         warnings += residual_warnings(f, np.where(completed, found.residual, 0.0), found.bound)
     return columns, warnings
-
-
-def _failures(failures: Sequence[str]) -> list[str]:
-    """Texts of the failures of the cases, without empty ones; `DivergenceError` where all cases failed."""
-    if all(failures):
-        raise DivergenceError(failures[0])
-    return [failure for failure in failures if failure]
 
 
 def curve_of(
@@ -359,11 +354,11 @@ def curve_of(
     """The curve of columns, with its warnings and notes."""
     columns, warnings = found
     f = cases.frequency
-    values: dict[str, Any] = {name: _read_only(column) for name, column in columns.items()}
+    values: dict[str, Any] = {name: read_only(column) for name, column in columns.items()}
     warnings = warnings + _steadiness_warnings(system, cases, columns) + _dwell_warnings(system, cases)
     warnings += _grid_warnings(system, f)
     curve = FrequencyResponse(
-        frequency=_read_only(f),
+        frequency=read_only(f),
         **values,
         law=", ".join(dict.fromkeys(pair.law.name for pair in system.contacts)) or "none",
         **about,
@@ -433,8 +428,3 @@ def _grid_warnings(system: System, f: Array) -> list[str]:
     """A warning where the grid is too coarse for the first resonance of a structure without contacts."""
     found = None if system.contacts else grid_resolution(system, f)
     return [] if found is None else list(resolution_warnings(found))
-
-
-def _read_only(array: NDArray[Any]) -> NDArray[Any]:
-    array.setflags(write=False)
-    return array

@@ -122,13 +122,9 @@ def _group_of(study: ParameterStudy, block: BlockValues, parts: Sequence[tuple[_
     for equations, _ in parts:
         systems[id(equations.system)] = equations.system
         laws.setdefault(equations.law_values, equations.laws)
-    system_of, law_of = (
-        np.repeat([numbers.index(key) for key in keys], sizes)
-        for numbers, keys in (
-            (list(systems), [id(equations.system) for equations, _ in parts]),
-            (list(laws), [equations.law_values for equations, _ in parts]),
-        )
-    )
+    numbers_of_systems, numbers_of_laws = list(systems), list(laws)
+    system_of = np.repeat([numbers_of_systems.index(id(equations.system)) for equations, _ in parts], sizes)
+    law_of = np.repeat([numbers_of_laws.index(equations.law_values) for equations, _ in parts], sizes)
     runs = _runs(study, first, block.cases[members], tuple(laws.values()), law_of)
     if len(systems) > 1:
         runs = _with_systems(study, tuple(systems.values()), system_of, runs)
@@ -343,7 +339,7 @@ def _placed_balls(
         return np.where(left, 0.0, places)
     u, _, y, _ = initial.relative_to_base(system, base)
     if are_drawn:
-        return places + np.array([pair.direction @ u for pair in system.balls])
+        return np.asarray(places + np.array([pair.direction @ u for pair in system.balls]))
     return np.where(left, y[: places.shape[1]], places)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -119,26 +119,33 @@ class Block:
     ledger: core.events.Ledger | None
     stopped: NDArray[np.int64]  # (C,)
     system_of: NDArray[np.int64]  # (C,) which of them a case has
-    # of each system of the store that a case has, where there are several: separate constants, common sums
-    systems: dict[int, tuple[core.events.Pairs, core.events.Ledger | None]]
+    # of each system of the store that a case has: its pairs, and fields of its ledger, whose sums are common
+    systems: dict[int, tuple[core.events.Pairs, dict[str, Any]]]
     space: core.events.Space | None = None  # working space, of the size for the closed forms of the last call
 
 
 def new_block(
-    system: System, store: FormStore, inputs: Inputs, method: EventSettings, ledger: bool | None, most_rows: int = 0,
-    most_events: int = 0,
+    systems: Sequence[System], store: FormStore, inputs: Inputs, method: EventSettings, ledger: bool | None,
+    most_rows: int = 0, most_events: int = 0, system_of: NDArray[np.int64] | None = None,
 ) -> Block:  # fmt: skip
     """Cases at their start.
 
     The ledger is True for all energies, False for the losses of compliant contacts alone, as the table of impacts has
     them, None for no energy. `most_rows` is of the tables of impacts and sticking phases, of a case alone,
-    `most_events` of the log of events of each case.
+    `most_events` of the log of events of each case; `system_of` (C,) says which of the store's systems a case has.
     """
-    equations, n, count = store.equations, system.dofs, inputs.omega.size
-    period = 2.0 * np.pi / inputs.omega
+    equations, n, count = store.equations, systems[0].dofs, inputs.omega.size
+    period, system_of = 2.0 * np.pi / inputs.omega, np.zeros(count, dtype=np.int64) if system_of is None else system_of
+    of_systems = {
+        number: (
+            _pairs(store.sources[number].equations, store, method),
+            _of_equations(systems[number], store.sources[number].equations),
+        )
+        for number in np.unique(system_of).tolist()
+    }
     return Block(
         store=store,
-        pairs=_pairs(equations, store, method),
+        pairs=of_systems[int(system_of[0])][0],
         cases=_new_cases(store, inputs, n if most_rows else 0),
         grid=zeros(
             core.events.Grid,
@@ -155,26 +162,11 @@ def new_block(
             np.empty((count, most_events, event_width(store.rigid.size, equations.M.shape[0]))),
             np.zeros(count, dtype=np.int64),
         ),
-        ledger=None if ledger is None else _new_ledger(system, equations, count, ledger),
+        ledger=None if ledger is None else _new_ledger(systems[0], equations, count, ledger),
         stopped=np.zeros(count, dtype=np.int64),
-        system_of=np.zeros(count, dtype=np.int64),
-        systems={},
+        system_of=system_of,
+        systems=of_systems,
     )
-
-
-def share_block(
-    block: Block,  # at its start
-    systems: Sequence[System],
-    system_of: NDArray[np.int64],  # (C,)
-    method: EventSettings,
-) -> None:
-    """Let each case of a block have one of several systems, those of its store in their order."""
-    block.system_of = system_of
-    for number in np.unique(system_of).tolist():
-        equations, ledger = block.store.sources[number].equations, block.ledger
-        if ledger is not None:
-            ledger = ledger._replace(**_of_equations(systems[number], equations))
-        block.systems[number] = _pairs(equations, block.store, method), ledger
 
 
 def _pairs(equations: Equations, store: FormStore, method: EventSettings) -> core.events.Pairs:
@@ -340,26 +332,18 @@ def run_block(
         if block.space is None or (block.space.motion.entry.size, block.space.motion.rigid_body.size) != needed:
             block.space = working_space(block, forms)
         job = core.events.Job(block.pairs, block.cases, forms, block.grid, snapshots, block.tables, block.space)
-        for pairs, ledger, cases in _by_system(block, members):
-            core.run_cases(core.events.Task(cases, begin, end, most, block.stopped), job._replace(pairs=pairs), ledger)
+        numbers = block.system_of[members]
+        for number in np.unique(numbers).tolist():
+            pairs, fields = block.systems[number]
+            ledger = None if block.ledger is None else block.ledger._replace(**fields)
+            task = core.events.Task(members[numbers == number], begin, end, most, block.stopped)
+            core.run_cases(task, job._replace(pairs=pairs), ledger)
         resonant = np.flatnonzero(block.stopped == core.events.RESONANT)
         if resonant.size:
             frequency = float(block.cases.omega[resonant[0]]) / (2.0 * np.pi)
             require(False, "frequency", frequency, "Hz", RESONANCE)
         members = members[block.stopped[members] == core.events.FORM_WANTED]
         add_forms(members, block.cases, store, block.system_of)
-
-
-def _by_system(
-    block: Block, members: NDArray[np.intp]
-) -> Iterator[tuple[core.events.Pairs, core.events.Ledger | None, NDArray[np.intp]]]:  # fmt: skip
-    """Pairs, ledger and cases of each system."""
-    if not block.systems:
-        yield block.pairs, block.ledger, members
-        return
-    numbers = block.system_of[members]
-    for number in np.unique(numbers).tolist():
-        yield *block.systems[number], members[numbers == number]
 
 
 def add_forms(

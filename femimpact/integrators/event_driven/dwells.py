@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any, cast
 
 import numpy as np
@@ -25,7 +25,6 @@ from femimpact.integrators.event_driven.block import (
     new_block,
     no_cycles,
     run_block,
-    share_block,
 )
 from femimpact.integrators.event_driven.equations import equations_of
 from femimpact.integrators.event_driven.loop_data import EventSettings, check_events
@@ -52,9 +51,10 @@ def _run_block(
     """Results of some of the cases, over the measured cycles of their dwells."""
     per_cycle, count = method.samples_per_cycle, members.size
     cycles, measured, most_measured = cases.cycles[members], cases.measured[members], int(cases.measured.max())
-    block = new_block(systems[0], store, inputs.of(members), method, True if instants else None)
-    if cases.systems:
-        share_block(block, systems, cases.numbers_of_systems[members], method)
+    block = new_block(
+        systems, store, inputs.of(members), method, True if instants else None,
+        system_of=cases.numbers_of_systems[members],
+    )  # fmt: skip
     # every case needs one: they are made together
     add_forms(np.arange(count), block.cases, store, block.system_of)
     end = cycles * per_cycle
@@ -161,10 +161,10 @@ def _inputs(system: System, cases: SineCases) -> Inputs:
 def _parameters(system: System, cases: SineCases) -> dict[str, Any]:
     """Numbers of each case's laws with the effective masses of its system, (n, pairs)."""
     kinds = tuple(pair.parameters.kind for pair in system.contacts)
-    number, set_of = _distinct_sets(cases)
+    numbers, set_of = np.unique(np.column_stack([cases.law_of, cases.numbers_of_systems]), axis=0, return_inverse=True)
     sets: list[list[ContactParameters]] = []
     known = set[type]()
-    for law_of, system_of in number:
+    for law_of, system_of in numbers.tolist():
         laws = cases.laws[law_of]
         contacts = cases.systems[system_of][0].contacts if cases.systems else system.contacts
         # a law of a kind that was found sound: of many laws the members need not be looked for each time
@@ -178,16 +178,7 @@ def _parameters(system: System, cases: SineCases) -> dict[str, Any]:
         sets.append(parameters)
     names, shape = ("stiffness", "damping", "restitution"), (len(sets), len(kinds))
     values = {name: [[getattr(numbers, name) for numbers in parameters] for parameters in sets] for name in names}
-    return {name: np.array(rows, dtype=float).reshape(shape)[set_of] for name, rows in values.items()}
-
-
-def _distinct_sets(cases: SineCases) -> tuple[list[tuple[int, int]], NDArray[np.int64]]:
-    """Numbers of laws and of system that cases have together, and which of these each case has."""
-    if not cases.systems:
-        return [(law, 0) for law in range(len(cases.laws))], cases.law_of
-    both = np.stack([cases.law_of, cases.numbers_of_systems], axis=1)
-    rows, set_of = np.unique(both, axis=0, return_inverse=True)
-    return [(law, number) for law, number in rows.tolist()], set_of.reshape(-1)
+    return {name: np.array(rows, dtype=float).reshape(shape)[set_of.reshape(-1)] for name, rows in values.items()}
 
 
 def _starts(system: System, cases: SineCases) -> tuple[Array, Array]:
@@ -196,21 +187,10 @@ def _starts(system: System, cases: SineCases) -> tuple[Array, Array]:
         return _starts_of(system, cases)
     position, velocity = np.zeros((2, cases.frequency.size, system.dofs + len(system.balls)))
     # a rigid motion and the directions of pairs are other ones on other modes
-    for rows, common in _groups_of_equal_start(cases, cases.numbers_of_systems):
-        position[rows], velocity[rows] = _starts_of(common, cases.of(rows))
+    for number in np.unique(cases.numbers_of_systems).tolist():
+        rows = np.flatnonzero(cases.numbers_of_systems == number)
+        position[rows], velocity[rows] = _starts_of(cases.systems[number][0], cases.of(rows))
     return position, velocity
-
-
-def _groups_of_equal_start(cases: SineCases, system_of: NDArray[np.int64]) -> Iterator[tuple[NDArray[np.intp], System]]:
-    """Cases whose starts follow from one system; those that are not static do not hang on masses of balls."""
-    groups: dict[Any, list[int]] = {}
-    for number, (system, _) in enumerate(cases.systems):
-        same = id(system.rigid_translation), *(id(pair.direction) for pair in system.contacts)
-        groups.setdefault(number if cases.initial.is_static_on(system) else same, []).append(number)
-    for numbers in groups.values():
-        rows = np.flatnonzero(np.isin(system_of, numbers))
-        if rows.size:
-            yield rows, cases.systems[numbers[0]][0]
 
 
 def _starts_of(system: System, cases: SineCases) -> tuple[Array, Array]:

@@ -99,7 +99,7 @@ def block_alone(
         start=initial.time,
         held=held,
     )
-    block = new_block(system, store, inputs, method, ledger, most_rows, most_events)
+    block = new_block([system], store, inputs, method, ledger, most_rows, most_events)
     work_apart(block, drive, initial.time)
     sampling = sampling_from(held, initial.time, grid.interval)
     block.grid = block.grid._replace(
@@ -216,7 +216,7 @@ def reread(
     run = _new_run(system, excitation, method, channels, bare, keep, math.inf, initial, finer, samples * parts)
     # a run has its bits in the same pieces only
     for done, end in pieces(grid, recorder, samples):
-        _run_piece(run, done * parts, (end - done) * parts)
+        _call(run, done * parts, (end - done) * parts)
     piece = _history(run, 0, 0)
     return piece.time, dict(piece.channels)
 
@@ -273,7 +273,7 @@ def run_events(
     stream = Stream(read=partial(_history, run), clear=run.parts.clear, sink=recorder.sink)
     state_at, kept_state = sample_to_keep(grid, recorder, samples), None
     for done, end in pieces(grid, recorder, samples):
-        _run_piece(run, done, end - done)
+        _call(run, done, end - done)
         stream.hand_over()
         if end == state_at:
             kept_state = _state(run, end)
@@ -341,7 +341,7 @@ def _read_start(run: _Run) -> None:
     has_row, has_snapshot = bool(keep.every and keep.first == 0), bool(keep.snapshots and keep.first_snapshot == 0)
     if not (has_row or has_snapshot):
         return
-    _call(run, -1, 1, np.array([0 if has_row else -1]), np.array([0 if has_snapshot else -1]), measured=False)
+    _call(run, -1, 1, (0 if has_row else -1, 0 if has_snapshot else -1))
     block.cases.sample[0] = run.sampling.first
     reading, of_motion = outputs.position @ position + outputs.rate @ velocity, ~np.any(outputs.force, axis=1)
     samples, energy, _, fields, _ = run.parts[0]
@@ -352,7 +352,7 @@ def _read_start(run: _Run) -> None:
 
 def _state(run: _Run, sample: int) -> State:
     """Where the run stands at the sample that it has reached, with all that another one needs to go on from there."""
-    _call(run, sample - 1, 1, np.array([-1]), np.array([0]), measured=False)
+    _call(run, sample - 1, 1, (-1, 0))
     # of a piece of no length
     coordinates, system = run.parts.pop()[3][0], run.readings.system
     cases, forms, n = run.block.cases, run.block.store.forms, system.dofs
@@ -370,22 +370,18 @@ def _state(run: _Run, sample: int) -> State:
     return State(places[0], rates[0], places[1], rates[1], time=time, continuation=left)
 
 
-def _run_piece(run: _Run, done: int, count: int) -> None:
-    """Take the run some samples on, and gather what is read of them."""
-    row_at, snapshot_at = _rows_kept(run.keep, done, count)
-    _call(run, done, count, row_at, snapshot_at, measured=True)
+def _call(run: _Run, done: int, count: int, rows: tuple[int, int] | None = None) -> None:
+    """Take the run some samples on, and gather what is read of them.
 
-
-def _call(
-    run: _Run, done: int, count: int, row_at: NDArray[np.int64], snapshot_at: NDArray[np.int64], measured: bool
-) -> None:  # fmt: skip
-    """Read some samples, which count in the statistics of base cycles where they are measured."""
+    With rows of the history and of the snapshots, -1 for none, one sample is read again: it counts in no statistics.
+    """
     block, begin, cycles = run.block, run.sampling.first + done, run.block.grid.cycles
+    row_at, snapshot_at = _rows_kept(run.keep, done, count) if rows is None else np.array(rows)[:, None]
     block.cases.sample[0] = begin
     energies, drives = int(row_at.max(initial=-1)) + 1 if run.ledger else 0, len(run.readings.drive.parts)
     block.grid = block.grid._replace(
         values=np.zeros((1, count, block.grid.values.shape[2])),
-        cycles=cycles if measured else no_cycles(1, 0),
+        cycles=cycles if rows is None else no_cycles(1, 0),
         kept=row_at,
         energy=np.zeros((1, energies, block.grid.energy.shape[2])),
         work_of=np.zeros((1, energies if drives else 0, drives + 1)),

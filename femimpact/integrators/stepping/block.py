@@ -138,11 +138,6 @@ PACK = 8
 """Cases that the core takes side by side."""
 
 
-def _lanes(cases: int) -> int:
-    """Width of the case axis: one alone, else a multiple of the pack."""
-    return 1 if cases == 1 else PACK * math.ceil(cases / PACK)
-
-
 def prepare(
     system: System,
     inputs: Inputs,
@@ -154,7 +149,8 @@ def prepare(
 ) -> Block:
     """Lay out all arrays of a block; nothing runs yet."""
     cases = len(inputs.excitations)
-    lanes = _lanes(cases)
+    # the width of the case axis
+    lanes = 1 if cases == 1 else PACK * math.ceil(cases / PACK)
     # idle lanes repeat the last case: finite numbers, no effect on the others
     idle = lanes - cases
     padded = replace(
