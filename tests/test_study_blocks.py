@@ -11,7 +11,6 @@ from wrong import NOTHING_SOUND, NUMBERS_AND_WORDS
 
 import femimpact as fi
 from femimpact.app.parametric.block_files import BLOCKS
-from femimpact.files import atomic_path
 
 pytestmark = pytest.mark.impacts
 
@@ -66,12 +65,6 @@ def test_what_a_process_left_that_was_ended_while_it_wrote_goes_with_the_next_ca
     small(tmp_path)
     assert not any(path.exists() for path in left)
     assert all(path.exists() for path in others)
-
-
-def test_a_full_disk_names_the_file_and_nothing_else(tmp_path):
-    with pytest.raises(OSError, match="No space") as caught, atomic_path(tmp_path / "study.nc"):
-        raise OSError(28, "No space left on device")
-    assert str(caught.value) == f"[Errno 28] No space left on device: '{tmp_path / 'study.nc'}'"
 
 
 def test_a_directory_with_results_of_another_kind_is_refused_and_left_as_it_is(tmp_path):
