@@ -529,41 +529,15 @@ def one_bit(binary):
     binary.write_bytes(content)
 
 
-def other_size(binary):
-    record_of(binary).write_bytes(b"1" + record_of(binary).read_bytes())
-
-
-def other_digest(binary):
-    text = record_of(binary).read_bytes()
-    record_of(binary).write_bytes(text[:-2] + (b"0\n" if text[-2:] != b"0\n" else b"1\n"))
-
-
 @pytest.mark.parametrize(
     ("damage", "words"),
     [
         (cut, r"has 100,000 bytes of [\d,]+ \(.*\)"),
         (one_bit, r"is not the file that was built: its SHA-256 is another \(.*\)"),
-        (lambda binary: binary.write_bytes(b""), r"has 0 bytes of [\d,]+ \(.*\)"),
-        (lambda binary: binary.write_bytes(binary.read_bytes() + b"\0"), r"has [\d,]+ bytes of [\d,]+ \(.*\)"),
         (lambda binary: record_of(binary).unlink(), r"has no record of its size and SHA-256 \(.*\.record\)"),
-        (lambda binary: record_of(binary).write_bytes(b""), "has a record .* that is damaged .*"),
         (lambda binary: record_of(binary).write_bytes(b"\xff" * 87), "has a record .* that is damaged .*"),
-        (lambda binary: record_of(binary).write_bytes(bytes(10**6)), r"cannot be read \(.*\.record: .*\)"),
-        (other_size, r"has [\d,]+ bytes of 1[\d,]+ \(.*\)"),
-        (other_digest, "is not the file that was built: .*"),
     ],
-    ids=[
-        "cut",
-        "one bit",
-        "empty",
-        "longer",
-        "no record",
-        "record empty",
-        "record of bytes",
-        "record large",
-        "size",
-        "digest",
-    ],
+    ids=["cut", "one bit", "no record", "damaged record"],
 )
 def test_a_core_that_is_not_that_of_its_record_is_one_line_with_the_command(checkout, damage, words):
     damage(checkout / "femimpact" / BINARY)

@@ -9,6 +9,7 @@ import sys
 import warnings
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 from itertools import combinations
 from pathlib import Path
 
@@ -20,6 +21,7 @@ from builders import (
     paper_study,
     paper_study_text,
     read_study,
+    rigid_study,
     study_conclusions,
     study_text,
     summary_lines,
@@ -42,12 +44,7 @@ pytestmark = pytest.mark.impacts
 GAP, RESTITUTION = "impactor.ball.gap", "impactor.ball.contact.restitution"
 
 
-def study(**changes):
-    """The paper's case with rigid impacts on three modes, event-driven."""
-    paper = paper_study()
-    structure = with_ball(paper.structure, contact=fi.Rigid(0.6))
-    given = {"structure": structure, "method": {"name": "event-driven"}, "reduction": replace(paper.reduction, modes=3)}
-    return replace(paper, mesh=replace(paper.mesh, elements=10), **{**given, **changes})
+study = partial(rigid_study, modes=3, elements=10)
 
 
 def small(**more):

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
-from builders import paper_study, plain_study, study_key, with_ball
+from builders import plain_study, rigid_study, study_key
 from wrong import NOTHING_SOUND, NUMBERS_AND_WORDS
 
 import femimpact as fi
@@ -18,12 +19,7 @@ GAP, RESTITUTION = "impactor.ball.gap", "impactor.ball.contact.restitution"
 AXES = {GAP: [2e-3, 3e-3, 4e-3], RESTITUTION: [0.5, 0.7]}
 
 
-def study():
-    """The paper's case with rigid impacts on two modes, event-driven."""
-    paper = paper_study()
-    structure = with_ball(paper.structure, contact=fi.Rigid(0.6))
-    given = {"structure": structure, "method": {"name": "event-driven"}, "reduction": replace(paper.reduction, modes=2)}
-    return replace(paper, mesh=replace(paper.mesh, elements=6), **given)
+study = partial(rigid_study, modes=2, elements=6)
 
 
 def small(directory=None, axes=None, measures=("peak",), **more):

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from builders import FILES
-from grids import points_of
+from grids import points_of, read_series
 
 import femimpact as fi
 from femimpact import vtk
@@ -26,18 +26,6 @@ def response(small):
     record = fi.Recorder(channels=("tip",), every=100, snapshots=200, snapshots_start=2.0)
     base = fi.Sine(amplitude=0.2037e-3, frequency=4.9)
     return fi.integrate(small, base, fi.Newmark(dt=fi.recommended_step(small)), duration=3.0, record=record)
-
-
-def read_series(path):
-    """Times and grids of a collection, by VTK's readers."""
-    import pyvista
-
-    reader = pyvista.get_reader(path)
-    grids = []
-    for time in reader.time_values:
-        reader.set_active_time_value(time)
-        grids.append(reader.read()[0].copy())
-    return reader.time_values, grids
 
 
 def nodes_of(grid, part):
