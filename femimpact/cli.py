@@ -497,18 +497,6 @@ def movie(directory: Path, *, quiet: Quiet = False) -> None:
 
 
 @app.command
-def finish(directory: Path, *, force: Force = False) -> None:
-    """Keep what an ended run had finished, or finish the move of its files.
-
-    Example: femimpact finish study-results
-    """
-    from femimpact.app.results.result_directory import finish_results
-
-    parts = finish_results(directory, force)
-    print(f"kept in {directory}: {', '.join(parts) or 'all of the run'}")
-
-
-@app.command
 def identify(
     file: Path, *, column: str | None = None, sample_rate: float | None = None, units: str | None = None,
     modes: int = 1, output: Output = None, force: Force = False, quiet: Quiet = False,

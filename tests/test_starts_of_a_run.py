@@ -35,7 +35,7 @@ STARTS = 5
 
 def study(starts=STARTS, **changes):
     """The paper's case for some seconds on three modes, event-driven."""
-    paper = short_study(6.0, **NO_PICTURES, starts=starts, report=False)
+    paper = short_study(6.0, **NO_PICTURES, starts=starts)
     given = {"method": {"name": "event-driven"}, "reduction": replace(paper.reduction, modes=3)}
     sweep = replace(paper.sweep, points=5, cycles=60, starts=starts)
     return replace(paper, mesh=replace(paper.mesh, elements=10), **{**given, "sweep": sweep, **changes})

@@ -47,9 +47,8 @@ def assert_same(one, other):
 
 def test_one_temporal_file_holds_the_frames_of_the_collection(tmp_path, response):
     """Every bit of every array, at every time."""
-    frames = list(
-        zip(*read_series(write_deflection(tmp_path / "a.pvd", response, REFERENCE, exaggeration=2.0)), strict=True)
-    )
+    path = write_deflection(tmp_path / "a.pvd", response, REFERENCE, exaggeration=2.0)
+    frames = list(zip(*read_series(path), strict=True))
     steps = list(steps_of(write_deflection(tmp_path / "a.vtkhdf", response, REFERENCE, exaggeration=2.0)))
     assert len(frames) == len(steps) > 20
     for (time, frame), (own, step) in zip(frames, steps, strict=True):
@@ -60,15 +59,15 @@ def test_one_temporal_file_holds_the_frames_of_the_collection(tmp_path, response
 @pytest.mark.parametrize("paraview", [True, False])
 def test_a_study_leaves_the_file_that_it_asks_for(tmp_path, paraview):
     study = short_study(1.0, frames=8, figures=False, movie=False, paraview=paraview, vtkhdf=True)
-    run_study(study, tmp_path, parts=("simulate",))
-    steps = list(steps_of(tmp_path / "deflection.vtkhdf"))
-    script = (tmp_path / "deflection_paraview.py").read_text(encoding="utf-8")
+    folder = run_study(study, tmp_path / "out", parts=("simulate",)).directory / "paraview"
+    steps = list(steps_of(folder / "deflection.vtkhdf"))
+    script = (folder / "deflection_paraview.py").read_text(encoding="utf-8")
     assert len(steps) >= 8
     if not paraview:
         assert "deflection.vtkhdf" in script
-        assert not list(tmp_path.glob("deflection.pvd"))
+        assert not list(folder.glob("deflection.pvd"))
         return
-    frames = list(zip(*read_series(tmp_path / "deflection.pvd"), strict=True))
+    frames = list(zip(*read_series(folder / "deflection.pvd"), strict=True))
     assert "deflection.pvd" in script
     assert len(frames) == len(steps)
     for (time, frame), (own, step) in zip(frames, steps, strict=True):
@@ -99,9 +98,8 @@ def test_a_failed_write_leaves_no_file(tmp_path, response, monkeypatch):
 
 def test_grids_for_notebooks_are_those_of_the_files(tmp_path, response):
     blocks = fi.to_pyvista(response, REFERENCE, exaggeration=2.0)
-    frames = list(
-        zip(*read_series(write_deflection(tmp_path / "a.pvd", response, REFERENCE, exaggeration=2.0)), strict=True)
-    )
+    path = write_deflection(tmp_path / "a.pvd", response, REFERENCE, exaggeration=2.0)
+    frames = list(zip(*read_series(path), strict=True))
     assert len(blocks) == len(frames)
     for block, (time, frame) in zip(blocks, frames, strict=True):
         assert block.field_data["TimeValue"][0] == time

@@ -20,7 +20,7 @@ from femimpact.app.parametric.starts import part_of, spreads_of, write_curves
 from femimpact.app.parametric.verb import parameter_study
 from femimpact.app.report.result_conclusions import STARTS
 from femimpact.app.report.result_page import add_report
-from femimpact.app.results.result_directory import FILES, prepare_directory
+from femimpact.app.results.result_directory import FILES, new_file, new_results
 from femimpact.app.results.results import StudyResults, load
 from femimpact.app.study.prepared import PreparedStudy, prepare, with_base
 from femimpact.app.study.study import Study, sine_of
@@ -123,33 +123,33 @@ def run_demo(
     """Run the paper's case and write its results."""
     report = report or (lambda _what, _share: None)
     prepared = prepare(paper_study())
-    with prepare_directory(directory, force) as staging:
+    with new_results(directory, force) as folder:
         modes = run_modes(prepared)
-        keep_study(staging, prepared.study)
-        keep_modes(staging, prepared, Found(modes), ("sweep", "history"))
+        keep_study(folder, prepared.study)
+        keep_modes(folder, prepared, Found(modes), ("sweep", "history"))
         peaks = scan_restitution(prepared, scan or ScanPlan(), report)
         # the files of a sweep are of the first start, with its energy ledger
         sweeps = {start: _sweep_from(prepared, start, start == "base", report) for start in STARTS}
-        keep_sweeps(staging, prepared, Found(modes, None, sweeps["base"]), ("history",))
-        _write_scan(staging.folder, peaks, sweeps)
+        keep_sweeps(folder, prepared, Found(modes, None, sweeps["base"]), ("history",))
+        _write_scan(folder, peaks, sweeps)
         curves = {start: curves_of_starts(prepared, start, report) for start in STARTS}
         spreads = {start: spreads_of(curves[start], sweeps["base"].empty, _step(curves[start])) for start in STARTS}
-        write_curves(staging.folder, curves)
+        write_curves(folder, curves)
         prepared = _at_resonance(prepared, sweeps["base"])
-        keep_study(staging, prepared.study)
+        keep_study(folder, prepared.study)
         found = Found(modes, run_simulation(prepared, report), sweeps["base"])
-        found = keep_history(staging, prepared, found)
+        found = keep_history(folder, prepared, found)
         summary = summary_of(prepared, modes, found.response, found.sweeps)
         comparison = compare(summary, spreads)
         remarks = remark(summary["restitution"], peaks, spreads)
-        _write_comparison(staging.folder, comparison)
+        _write_comparison(folder, comparison)
         more = {"remarks": remarks, "sweep": summary["sweep"]}
         more["sweep"]["ball_from_rest_in_space"] = _sweep_row(sweeps["space"])
         more["starts"] = {
             start: {name: dataclasses.asdict(spread) for name, spread in samples_of.items()}
             for start, samples_of in spreads.items()
         }
-        keep_pictures(staging, prepared, found, report, more)
+        keep_pictures(folder, directory, prepared, found, report, more)
     if prepared.study.output.report:
         add_report(directory, report)
     restitution = float(summary["restitution"])
@@ -355,11 +355,11 @@ def _write_scan(folder: Path, scan: xarray.Dataset, sweeps: Mapping[str, SweepPa
         units |= {f"{start}_{name}": PEAKS.get(name, ("1",))[0] for name in (*PEAKS, "periodic_starts")}
         figures.study_lines(one, "amplitude_ratio", title=STARTS[start], ax=axis)
     write_csv(folder / FILES["restitution"].name, columns, units)
-    figures.save_figure(drawn, folder / FILES["restitution_figure"].name)
+    figures.save_figure(drawn, new_file(folder, "figures/restitution.png"))
     curves = {f"with ball, {STARTS[start]}": pair.ball for start, pair in sweeps.items() if pair.ball is not None}
     named = {"without ball": sweeps["base"].empty, **curves}
     drawn = figures.response_curve(named, coarse=sweeps["base"].coarse, ax=off_screen)
-    figures.save_figure(drawn, folder / FILES["response_of_starts"].name)
+    figures.save_figure(drawn, new_file(folder, "figures/response_of_starts.png"))
 
 
 def _write_comparison(folder: Path, comparison: tuple[tuple[Any, ...], ...]) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 
 from femimpact.app.report.result_page import add_report
 from femimpact.app.results.branch_file import FollowedBranches, dataset_of
-from femimpact.app.results.result_directory import FILES, prepare_directory
+from femimpact.app.results.result_directory import FILES, new_results
 from femimpact.app.results.results import StudyResults, load, write_summary
 from femimpact.app.study.prepared import PreparedStudy, check_sweep, in_study_words, prepare
 from femimpact.app.study.study import OrbitsPlan, Study, sine_of
@@ -355,7 +355,7 @@ def write_orbits(study: Study, directory: Path, force: bool, report: Report) -> 
         If the study's run leads to no orbit.
     """
     found = prepare_orbits(study)
-    with prepare_directory(directory, force) as staging:
+    with new_results(directory, force) as folder:
         start = first_orbit(found, report)
         done = _follow(start, found, report)
         if not start.is_stable:
@@ -363,16 +363,15 @@ def write_orbits(study: Study, directory: Path, force: bool, report: Report) -> 
         swept = _sweep(found, done.notes, report)
         modes = found.prepared.small.dofs
         followed = FollowedBranches(tuple(done.branches), tuple(done.origins), tuple(done.cycles), modes, swept)
-        keep_study(staging, study)
-        write_netcdf(staging.folder / FILES["branches"].name, dataset_of(followed))
+        keep_study(folder, study)
+        write_netcdf(folder / FILES["branches"].name, dataset_of(followed))
         points, units = _points(done)
         for key, columns in (("branch_table", points), ("bifurcations", _bifurcations(done, points))):
-            write_csv(staging.folder / FILES[key].name, columns, units)
+            write_csv(folder / FILES[key].name, columns, units)
         more = _summary(found, followed, done)
         # so that the branches stay, should drawing end the run
-        write_summary(staging.folder, summary_of(found.prepared) | more, staging.finished)
-        staging.finish_part("branches")
-        keep_pictures(staging, found.prepared, Found(), report, more)
+        write_summary(folder, summary_of(found.prepared) | more)
+        keep_pictures(folder, directory, found.prepared, Found(), report, more)
     if study.output.report:
         add_report(directory, report)
     return load(directory)

@@ -82,7 +82,7 @@ class Rows:
 def from_rows(arrays: Iterable[Any]) -> Rows:
     """Rows of arrays that have them along axis 1, as of `Rows.by_rows`."""
     *others, through, follow = arrays
-    return Rows(*others, np.ascontiguousarray(through.mT), np.ascontiguousarray(follow.mT))
+    return Rows(*others, *(np.ascontiguousarray(array.mT) for array in (through, follow)))
 
 
 def by_load(values: Array, items: int) -> Array:
