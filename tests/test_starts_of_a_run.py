@@ -10,7 +10,6 @@ import pytest
 from builders import (
     NO_PICTURES,
     UNDRAWN_STUDY,
-    finish_results,
     plain_study,
     plan_lines,
     prepare,
@@ -335,7 +334,6 @@ def test_ranges_of_a_history_stay_where_the_run_is_ended_in_its_sweep(tmp_path, 
     monkeypatch.setattr("femimpact.app.tasks.run.run_sweep", end)
     with pytest.raises(KeyboardInterrupt):
         fi.run_study(study(), tmp_path / "out")
-    finish_results(tmp_path / "out", False)
-    found = fi.load(tmp_path / "out").summary
+    found = json.loads((tmp_path / "out.part" / "summary.json").read_text())
     assert found["unfinished"] == ["sweep"]
     assert found["history_starts"] == ran.summary["history_starts"]
