@@ -296,7 +296,7 @@ def failing(work, numbers):
 
 
 @pytest.mark.parametrize(("name", "part", "counted"), [
-    ("integrate", "history", ("history_starts", "count")), ("run_cases", "sweep", ("starts_of_sweep",)),
+    ("integrate", "history", ("history_starts", "count")), ("workers_of", "sweep", ("starts_of_sweep",)),
 ])  # fmt: skip
 def test_a_start_that_diverges_is_a_named_failure_and_the_others_have_ranges(
     tmp_path, monkeypatch, ran, name, part, counted
