@@ -115,6 +115,21 @@ def short_study(duration: float, points: int = 5, **output: object) -> fi.Study:
     )
 
 
+def rigid_study(modes: int, elements: int, **changes: object) -> fi.Study:
+    """The paper's study with rigid impacts, event-driven on a few modes."""
+    paper = paper_study()
+    return replace(
+        paper,
+        **{
+            "structure": with_ball(paper.structure, contact=fi.Rigid(0.6)),
+            "method": {"name": "event-driven"},
+            "reduction": replace(paper.reduction, modes=modes),
+            "mesh": replace(paper.mesh, elements=elements),
+            **changes,
+        },
+    )
+
+
 NO_PICTURES = {"frames": 0, "figures": False, "paraview": False, "movie": False, "report": False}
 """Output of a study that draws nothing."""
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-__all__ = ["points_of"]
+__all__ = ["points_of", "read_series"]
 
 
 def points_of(grid: object, chosen: object) -> np.ndarray:
@@ -15,3 +15,15 @@ def points_of(grid: object, chosen: object) -> np.ndarray:
     cells = grid.GetCells()
     points, offsets = (vtk_to_numpy(array) for array in (cells.GetConnectivityArray(), cells.GetOffsetsArray()))
     return np.unique(points[np.repeat(chosen, np.diff(offsets))])
+
+
+def read_series(path: object) -> tuple[list[float], list]:
+    """Times and grids of a collection, by VTK's readers."""
+    import pyvista
+
+    reader = pyvista.get_reader(path)
+    grids = []
+    for time in reader.time_values:
+        reader.set_active_time_value(time)
+        grids.append(reader.read()[0].copy())
+    return reader.time_values, grids

@@ -170,17 +170,6 @@ def test_absorber_at_rest_hangs_on_its_spring():
     np.testing.assert_allclose(run.channels["body.gap"], -2e-3 * 9.81 / 5.0, rtol=1e-9)
 
 
-def test_two_halves_are_one_run():
-    system = fi.System.from_matrices(**SYSTEM, absorbers=[ABSORBER])
-    for method in (METHODS["newmark"], METHODS["hht"], fi.EventDriven()):
-        record = fi.Recorder(channels=("absorber",))
-        whole = fi.integrate(system, BASE, method, 6.0 * PERIOD, record)
-        half = fi.integrate(system, BASE, method, 3.0 * PERIOD, record)
-        # whole steps and cycles: both runs have the same instants, but for the rounding of the phase
-        rest = fi.integrate(system, BASE, method, 3.0 * PERIOD, record, half.final_state)
-        np.testing.assert_allclose(rest.channels["absorber"][-1], whole.channels["absorber"][-1], rtol=1e-12)
-
-
 @pytest.mark.parametrize("damping", [0.0, 0.003, 0.03, 0.1])
 def test_transient_that_is_left_is_that_of_the_coupled_motion(damping):
     """After a release of the structure, by the exponential of the matrix of both equations."""

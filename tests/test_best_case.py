@@ -77,24 +77,6 @@ def only(found):
 # ---- which is best -----------------------------------------------------------------------------------
 
 
-def test_a_cell_beside_the_resonance_does_not_win():
-    given = grid()
-    smallest = given["peak"].argmin(...)
-    assert GAPS[int(smallest[GAP])] != 3e-3  # what a search over all cells would find
-    found = fi.best_case(given, "peak")
-    assert found.worst_over == (FREQUENCY,)
-    best = only(found)
-    assert (best.values, best.worst_at) == ({GAP: 3e-3}, {FREQUENCY: 5.0})
-    assert best.value == 3e-3
-    assert given["peak"].to_numpy().flat[best.case] == best.value
-
-
-def test_without_a_frequency_every_case_is_a_design():
-    given = dataset({GAP: GAPS}, {"peak": (GAPS - 4e-3) ** 2})
-    found = fi.best_case(given, "peak")
-    assert (found.worst_over, only(found).values, only(found).worst_at) == ((), {GAP: 4e-3}, {})
-
-
 def brute_force(rows, values, failed, worst, most=None, limited=None):
     """The best design of a list by plain loops: its values and the worst of them; designs that have none."""
     designs = defaultdict(list)

@@ -1,7 +1,6 @@
 """Contact laws: closed forms against the differential equation, and one collision in the time loop."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -42,13 +41,6 @@ def test_restitution_is_smooth_across_critical_damping():
     e = np.array([restitution_of_damping_ratio(float(value)) for value in z])
     # d(ln e)/dz at z = 1: e = exp(-2 z a), a = 1 - (z-1)/3, so -2 (1 - 1/3); curvature adds 1e-11, acos rounds to 1e-10
     np.testing.assert_allclose(np.log(e), -2.0 - 4.0 / 3.0 * (z - 1.0), rtol=0, atol=1e-9)
-
-
-def test_mixing_up_the_pulling_and_the_pushing_contact_reads_0_632_for_0_6():
-    log = math.log(0.6)
-    pulling = -log / math.hypot(math.pi, log)  # exp(-pi z/sqrt(1 - z^2)) = 0.6
-    # published figure, 3 digits
-    assert restitution_of_damping_ratio(pulling) == pytest.approx(0.632, abs=5e-4)
 
 
 @pytest.mark.parametrize("e", [1e-4, 0.01, 0.135, math.exp(-2), 0.136, 0.3, 0.6, 0.9, 0.999, 1.0])
@@ -146,15 +138,6 @@ def test_achieved_restitution_tends_to_the_law_at_second_order_of_the_step_or_be
     assert np.polyfit(np.log(steps), np.log(spread), 1)[0] > 0.9
 
 
-@pytest.mark.parametrize(("ratio", "loss"), [(10, 7e-3), (20, 1e-3), (40, 1.5e-4)])
-def test_a_lossless_collision_loses_no_more_energy_than_published(reference, ratio, loss):
-    pair = with_law(reference, fi.KelvinVoigt(restitution=1.0, contact_time=2e-3)).contacts[0]
-    achieved = fi.achieved_restitution(pair, fi.Newmark(2e-3 / ratio), approach_speed=0.1)
-    # Newmark with a penalty wall: 0.7 %, 0.1 %, 0.01 % of the energy at T_c/10, T_c/20, T_c/40; half as much in speed,
-    # and the extremes over the touch instant may be twice the typical value
-    assert max(abs(achieved.highest**2 - 1), abs(achieved.lowest**2 - 1)) < 2 * loss
-
-
 @pytest.mark.parametrize("restitution", [0.2, 0.6, 0.9])
 @pytest.mark.parametrize("side", [1, -1])
 def test_one_collision_in_a_run_obeys_the_law(reference, restitution, side):
@@ -221,19 +204,6 @@ def test_in_a_run_the_wall_pushes_while_the_ball_is_in_it_and_never_pulls(refere
     inside = np.abs(gap) <= 4e-3
     allowed = 0.25 * 1e-4**2 * np.abs(force) / system.contacts[0].effective_mass
     assert np.all(4e-3 - np.abs(gap[inside & (force != 0)]) <= 1.001 * allowed[inside & (force != 0)])
-
-
-def test_a_lossless_contact_gives_back_what_it_took(reference):
-    system = with_law(replace(reference, damping=None), fi.KelvinVoigt(restitution=1.0, contact_time=2e-3))
-    response = thrown(system, dt=2e-3 / 400)
-    # e = 1: dt/T_c = 1/400 leaves 1e-5, the beam's own spring (T_c/T_1)^2 = 1e-4
-    assert response.impacts.restitution[0] == pytest.approx(1.0, abs=5e-4)
-    energy = response.energy
-    start = 0.5 * 3.43e-3 * 0.1**2
-    assert energy.stored[0] == pytest.approx(start, rel=1e-12)
-    # no dashpot anywhere: the stored energy comes back to the collision's own step error
-    assert energy.stored[-1] == pytest.approx(start, rel=1e-4)
-    np.testing.assert_allclose(energy.contact_loss, 0.0, atol=1e-12 * start)
 
 
 @pytest.mark.parametrize("speed", [0.1, 1.0])

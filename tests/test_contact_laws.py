@@ -87,67 +87,10 @@ def test_a_collision_is_that_of_the_differential_equation(name, e, exponent):
     assert found.largest_penetration == pytest.approx(depth, rel=1e-5)
 
 
-@pytest.mark.parametrize(
-    "e",
-    # some of them end at the pole d = 1/e by rounding
-    [
-        0.05,
-        0.1,
-        0.15,
-        0.2,
-        0.25,
-        0.3,
-        0.35,
-        0.4,
-        0.45,
-        0.5,
-        0.55,
-        0.6,
-        0.65,
-        0.7,
-        0.75,
-        0.8,
-        0.85,
-        0.9,
-        0.95,
-        0.99,
-        1.0,
-    ],
-)
+@pytest.mark.parametrize("e", [1e-3, 0.05, 0.5, 0.99])
 def test_the_exact_loss_factor_returns_the_restitution_asked_for(e):
     # brentq to 1e-14, there and back
     assert fi.collide(fi.GonthierCarvalhoMartins(STIFFNESS, e), MASS, SPEED).restitution == pytest.approx(e, rel=1e-9)
-
-
-@pytest.mark.parametrize("speed", [0.01, 0.26, 3.0])
-def test_hertz_contact_lasts_2_9432_times_depth_over_speed(speed):
-    found = fi.collide(fi.Hertz(STIFFNESS), MASS, speed)
-    # 2 times the integral of dx/sqrt(1 - x^(5/2)) over 0..1, in gamma functions; Johnson (1985) rounds it to 2.94
-    ratio = 0.8 * math.gamma(0.4) * math.sqrt(math.pi) / math.gamma(0.9)
-    assert ratio == pytest.approx(2.9432, abs=1e-4)
-    assert found.contact_time * speed / found.largest_penetration == pytest.approx(ratio, rel=1e-9)
-    # energy at the deepest point: (2/5) k p^(5/2) = m v^2/2
-    assert 0.4 * STIFFNESS * found.largest_penetration**2.5 == pytest.approx(0.5 * MASS * speed**2, rel=1e-12)
-
-
-def test_a_steel_ball_on_steel_is_the_textbooks():
-    stiffness = fi.hertz_stiffness(0.5 * 9.49e-3, fi.STEEL, fi.STEEL)
-    found = fi.collide(fi.Hertz(stiffness), MASS, SPEED)
-    # by hand: E* = 210/(2 0.91) GPa, k = 1.0598e10 N/m^1.5, p = (5 m v^2/(4 k))^(2/5) = 3.7564 um, N = k p^1.5
-    assert found.largest_penetration == pytest.approx(3.7564e-6, rel=1e-4)
-    assert found.peak_force == pytest.approx(77.16, rel=1e-4)
-    # 2.9433 p/v
-    assert found.contact_time == pytest.approx(42.52e-6, rel=1e-4)
-
-
-@pytest.mark.parametrize(
-    ("name", "miss"), [("hunt-crossley", 0.163), ("lankarani-nikravesh", 0.225), ("flores", -0.030)]
-)
-def test_the_approximate_loss_factors_miss_a_restitution_of_one_half(name, miss):
-    found = fi.collide(LOSSY[name](STIFFNESS, 0.5), MASS, SPEED).restitution
-    assert found == pytest.approx(thrown(PUBLISHED_LOSS[name](0.5), 1.5)[0], rel=1e-7)
-    # each author's formula is right near e = 1, or at both ends; 3 digits
-    assert found - 0.5 == pytest.approx(miss, abs=5e-4)
 
 
 @pytest.mark.parametrize("speed", [0.01, 0.26, 3.0])

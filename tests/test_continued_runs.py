@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from builders import REFERENCE, cantilever, oscillator, reduced, with_ball
+from builders import REFERENCE, oscillator, reduced, with_ball
 
 import femimpact as fi
 
@@ -266,17 +266,6 @@ def test_impacts_after_a_cut_inside_a_sticking_phase_are_those_of_the_whole(stic
             assert getattr(after.sticking, name)[0] == pytest.approx(expected, rel=0.0, abs=1e-10)
 
 
-def test_a_recorded_motion_goes_on_between_its_samples(several):
-    # neither the cut nor the grid of readings meets the samples, 1.3 ms apart
-    drive = fi.RecordedBase(2.0 * np.sin(2 * np.pi * 5.2 * 1.3e-3 * np.arange(1600)), 1.3e-3, -0.01)
-    whole = fi.integrate(several, drive, EXACT, 1.5)
-    interval = interval_of(several, drive)
-    samples = round(0.4321 / interval)
-    before = fi.integrate(several, drive, EXACT, samples * interval)
-    touching = before.final_state.continuation.touching != ()
-    assert_impacts_go_on(several, drive, samples, whole, touching)
-
-
 # ---- time, other excitations, other methods --------------------------------------------------------
 
 
@@ -436,10 +425,3 @@ def test_a_preloaded_stop_that_is_rigid_goes_on_with_its_bits():
     # the wall of such a start is moved to it, by less than rounding
     structure = replace(REFERENCE, impactors=(), stops=(fi.Stop("stop", "tip", (-1e-4, np.inf), fi.Rigid(0.6)),))
     assert_bits(fi.reduce(fi.assemble(structure, elements=10), modes=4), SINE, fi.MoreauJean(DT))
-
-
-def test_a_cantilever_with_a_stop_goes_on_from_its_static_state():
-    system = fi.reduce(cantilever(KELVIN_VOIGT, places=(), stops=(0.2,)), modes=4)
-    before, after = parts_of(system, SINE, EXACT, [0.5, 0.5])
-    assert after.energy.residual < 1e-9
-    assert before.final_state.time == pytest.approx(0.5, abs=2e-3)

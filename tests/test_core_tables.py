@@ -20,7 +20,7 @@ from femimpact.response import impacts
 
 TYPES = {"float64": "Array", "complex128": "Complex", "int64": "Integers", "bool": "NDArray[np.bool_]"}
 
-SINE = fi.Sine(1e-4, 5.0)
+SINE, RECORD = fi.Sine(1e-4, 5.0), fi.RecordedBase(np.linspace(-1.0, 1.0, 9), 0.1)
 
 
 @pytest.mark.parametrize("name", core.ARGUMENTS)
@@ -161,12 +161,6 @@ def call(monkeypatch):
     return of_events(monkeypatch)
 
 
-@pytest.fixture
-def second_call(monkeypatch):
-    """What it hands over next, when a closed form has been made."""
-    return of_events(monkeypatch, 2)
-
-
 def places(values, path=()):
     for i, value in enumerate(values):
         if isinstance(value, tuple):
@@ -273,12 +267,15 @@ def replaced(block, path, change):
     return block._replace(**{name: replaced(value, rest, change) if rest else change(value)})
 
 
-def first_is(value):
-    """A copy of an array whose first item is a value."""
+def at(value, place=...):
+    """A change of an array at a place of it, or everywhere; of a number."""
 
-    def change(array):
-        other = np.array(array)
-        other.reshape(-1)[0] = value
+    def change(found):
+        if not isinstance(found, np.ndarray):
+            return value
+        other = found.copy()
+        assert other.size > 0
+        other[place] = value
         return other
 
     return change
@@ -287,18 +284,18 @@ def first_is(value):
 @pytest.mark.parametrize(
     ("path", "change", "words"),
     [
-        ("cases.pairs.row", first_is(7), "row"),
-        ("cases.pairs.row", first_is(-1), "row"),
-        ("cases.pairs.kind", first_is(3), "address"),
-        ("cases.record.stride", first_is(0), "stride"),
-        ("cases.record.tally", first_is(-1), "tally"),
-        ("cases.record.tally", first_is(2**62), "tally"),
+        ("cases.pairs.row", at(7), "row"),
+        ("cases.pairs.row", at(-1), "row"),
+        ("cases.pairs.kind", at(3), "address"),
+        ("cases.record.stride", at(0), "stride"),
+        ("cases.record.tally", at(-1), "tally"),
+        ("cases.record.tally", at(2**62), "tally"),
         ("cases.record.energy", lambda a: a[:3].copy(), "energy"),
         ("cases.record.impacts", lambda a: a[:, :5].copy(), "impacts"),
-        ("cases.cycles.period", first_is(0.0), "period"),
-        ("cases.cycles.period", first_is(np.nan), "period"),
-        ("cases.cycles.period", first_is(1e300), "period"),
-        ("cases.cycles.number", first_is(-1), "number"),
+        ("cases.cycles.period", at(0.0), "period"),
+        ("cases.cycles.period", at(np.nan), "period"),
+        ("cases.cycles.period", at(1e300), "period"),
+        ("cases.cycles.number", at(-1), "number"),
         ("cases.cycles.energy", lambda a: a[:1].copy(), "energy"),
         ("cases.motion.loss_of_mode", lambda a: a[:2].copy(), "loss_of_mode"),
         ("cases.motion.table", lambda a: np.zeros((3, 1)), "table"),
@@ -325,68 +322,46 @@ def test_wrong_fine_steps_and_counts_of_steps_are_refused(monkeypatch):
         core.advance(steps, bare, fine)
 
 
-def test_numbers_of_cases_and_rows_stay_within_their_arrays(call):
-    task, job, ledger = call
-    for members in ([1], [-1]):
-        with pytest.raises(ValueError, match="members"):
-            core.run_cases(task._replace(members=np.array(members)), job, ledger)
-    for per_cycle in (0.0, np.nan, 1e9):
-        with pytest.raises(ValueError, match="per_cycle"):
-            core.run_cases(task, job._replace(grid=job.grid._replace(per_cycle=per_cycle)), ledger)
-    for name, value in (("interval", 0.0), ("interval", np.nan), ("cycle", -1)):
-        wrong = np.full_like(getattr(job.grid, name), value)
-        with pytest.raises(ValueError, match=rf"grid\.{name}"):
-            core.run_cases(task, job._replace(grid=job.grid._replace(**{name: wrong})), ledger)
-    for name, value in (("hit", 7.0), ("hit", np.nan), ("entering", 99), ("form", 99)):
-        wrong = np.full_like(getattr(job.cases, name), value)
-        with pytest.raises(ValueError, match=rf"cases\.{name}"):
-            core.run_cases(task, job._replace(cases=job.cases._replace(**{name: wrong})), ledger)
-    with pytest.raises(ValueError, match="made"):
-        core.run_cases(task, job._replace(forms=job.forms._replace(made=99)), ledger)
-
-
 FAR = 2**63 - 1
+CALLS_OF_EVENTS = {
+    "first": of_events,
+    "with a closed form": lambda monkeypatch: of_events(monkeypatch, 2),
+    "under a record": lambda monkeypatch: of_events(monkeypatch, 2, RECORD),
+}
+NOWHERE = {
+    # path in the call, and a place in its array where it is one: values
+    "first": {
+        "task.members": (1, -1), "task.begin": (FAR,), "task.most": (np.nan, np.inf), "forms.made": (99,),
+        "grid.per_cycle": (0.0, np.nan, 1e9), "grid.interval": (0.0, np.nan), "grid.cycle": (-1,),
+        "grid.start": (np.nan, 1e30), "grid.origin": (FAR,), "cases.hit": (7.0, np.nan, 0.5), "cases.entering": (99,),
+        "cases.form": (99,), "cases.omega": (np.inf, -1.0), "cases.clock": (np.nan, 1e9), "cases.sample": (FAR,),
+        "cases.events": (FAR,), "tables.number": (-1, FAR), "tables.logged": (-1, FAR),
+    },
+    "with a closed form": {
+        ("forms.following", 0): (0, FAR), ("forms.number", 0): (-1,), ("forms.entries", 0): (FAR,),
+        ("forms.rigid_bodies", 0): (-1,), ("forms.blocks", 0, 0): (FAR,), ("forms.first", 0, 0): (-1,),
+        ("forms.first", 0, -1): (FAR,), ("forms.first", 0, 1): (FAR,), ("forms.members", 0, 0): (-1, FAR),
+        ("forms.exponent", 0, 0): (np.inf,), ("forms.size", 0, 0): (np.nan,),
+    },
+    "under a record": {
+        ("cases.knots", 1): (np.nan, np.inf, 0.0), ("cases.pieces", 0, 2): (np.nan,),
+        ("cases.pieces", 1, 0): (np.inf,), ("cases.piece", 0): (-1, 9, FAR), ("cases.drive", 0, 4): (np.inf,),
+        "cases.degree": (6, -2, FAR), "cases.longest": (0.0, np.nan), "forms.driven": (-1, FAR),
+    },
+}  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("group", "name", "value"),
-    [
-        ("task", "begin", FAR), ("task", "most", np.nan), ("task", "most", np.inf),
-        ("cases", "omega", np.inf), ("cases", "omega", -1.0), ("cases", "clock", np.nan), ("cases", "clock", 1e9),
-        ("cases", "hit", 0.5), ("cases", "sample", FAR), ("cases", "events", FAR),
-        ("grid", "start", np.nan), ("grid", "start", 1e30), ("grid", "origin", FAR),
-        ("tables", "number", -1), ("tables", "number", FAR), ("tables", "logged", -1), ("tables", "logged", FAR),
-    ],
-)  # fmt: skip
-def test_times_and_counts_that_lead_nowhere_are_refused(call, group, name, value):
-    task, job, ledger = call
-    array = getattr(task if group == "task" else getattr(job, group), name)
-    spoilt = {name: np.full_like(array, value)}
-    if group == "task":
-        task = task._replace(**spoilt)
-    else:
-        job = job._replace(**{group: getattr(job, group)._replace(**spoilt)})
-    # beside a start so far the interval is rounding
-    named = "interval" if value == 1e30 else name
-    with pytest.raises(ValueError, match=rf"{group}\.{named}[,:] "):
-        core.run_cases(task, job, ledger)
-
-
-@pytest.mark.parametrize(
-    ("name", "place", "value"),
-    [
-        ("following", 0, 0), ("following", 0, FAR), ("number", 0, -1), ("entries", 0, FAR), ("rigid_bodies", 0, -1),
-        ("blocks", (0, 0), (FAR, FAR)), ("first", (0, 0), -1), ("first", (0, -1), FAR), ("first", (0, 1), FAR),
-        ("members", (0, 0), -1), ("members", (0, 0), FAR), ("exponent", (0, 0), np.inf), ("size", (0, 0), np.nan),
-    ],
-)  # fmt: skip
-def test_closed_forms_that_lead_outside_their_arrays_are_refused(second_call, name, place, value):
-    task, job, ledger = second_call
-    assert job.forms.made > 0
-    spoilt = getattr(job.forms, name).copy()
-    spoilt[place] = value
-    with pytest.raises(ValueError, match=rf"^forms\..*{name}"):
-        core.run_cases(task, job._replace(forms=job.forms._replace(**{name: spoilt})), ledger)
+@pytest.mark.parametrize(("run", "where"), [(run, where) for run, paths in NOWHERE.items() for where in paths], ids=str)
+def test_numbers_that_lead_nowhere_or_outside_their_arrays_are_refused(monkeypatch, run, where):
+    task, job, ledger = CALLS_OF_EVENTS[run](monkeypatch)
+    path, *place = (where,) if isinstance(where, str) else where
+    group, _, name = path.partition(".")
+    for value in NOWHERE[run][where]:
+        change = at(value, tuple(place) or ...)
+        given = (replaced(task, name, change), job) if group == "task" else (task, replaced(job, path, change))
+        # beside a start so far the interval is rounding
+        with pytest.raises(ValueError, match=rf"\b{'interval' if value == 1e30 else name}\b"):
+            core.run_cases(*given, ledger)
 
 
 def test_cycles_need_an_output_and_have_begun(call):
@@ -412,39 +387,8 @@ def test_what_is_only_read_may_share_memory(call):
     core.run_cases(task._replace(members=task.members[:0]), job, ledger._replace(load=ledger.given))
 
 
-def of_a_record(monkeypatch):
-    """The second call of a run under a recorded motion."""
-    return of_events(monkeypatch, 2, fi.RecordedBase(np.linspace(-1.0, 1.0, 9), 0.1))
-
-
-@pytest.mark.parametrize(
-    ("name", "place", "value"),
-    [
-        ("knots", 1, np.nan), ("knots", 1, np.inf), ("knots", 1, 0.0), ("pieces", (0, 2), np.nan),
-        ("pieces", (1, 0), np.inf), ("piece", 0, -1), ("piece", 0, 9), ("piece", 0, FAR), ("drive", (0, 4), np.inf),
-    ],
-)  # fmt: skip
-def test_polynomials_that_lead_nowhere_are_refused(monkeypatch, name, place, value):
-    """Those of them that the call reaches."""
-    task, job, ledger = of_a_record(monkeypatch)
-    spoilt = getattr(job.cases, name).copy()
-    assert spoilt.size > 0
-    spoilt[place] = value
-    with pytest.raises(ValueError, match=rf"^cases\.{name}: "):
-        core.run_cases(task, job._replace(cases=job.cases._replace(**{name: spoilt})), ledger)
-
-
-@pytest.mark.parametrize(
-    ("name", "value"), [("degree", 6), ("degree", -2), ("degree", FAR), ("longest", 0.0), ("longest", np.nan)]
-)
-def test_degrees_and_times_of_polynomials_have_bounds(monkeypatch, name, value):
-    task, job, ledger = of_a_record(monkeypatch)
-    with pytest.raises(ValueError, match=rf"^cases\.{name}: "):
-        core.run_cases(task, job._replace(cases=job.cases._replace(**{name: value})), ledger)
-
-
 def test_a_piece_that_has_ended_and_a_time_lost_in_rounding_are_refused(monkeypatch):
-    task, job, ledger = of_a_record(monkeypatch)
+    task, job, ledger = of_events(monkeypatch, 2, RECORD)
     ended = job.cases._replace(knots=np.arange(9.0) - 5.0)
     with pytest.raises(ValueError, match=r"^cases\.piece: .* ended"):
         core.run_cases(task, job._replace(cases=ended), ledger)
@@ -453,19 +397,11 @@ def test_a_piece_that_has_ended_and_a_time_lost_in_rounding_are_refused(monkeypa
         core.run_cases(task._replace(end=task.end + 5), job._replace(cases=lost), ledger)
 
 
-def test_driven_entries_are_entries(monkeypatch):
-    task, job, ledger = of_a_record(monkeypatch)
-    for wrong in (-1, FAR):
-        driven = np.full_like(job.forms.driven, wrong)
-        with pytest.raises(ValueError, match=r"^forms\.driven: "):
-            core.run_cases(task, job._replace(forms=job.forms._replace(driven=driven)), ledger)
-
-
 # ---- what must end ---------------------------------------------------------------------------------
 
 
 def test_a_long_record_goes_on_where_rounding_finds_the_same_sample_again(monkeypatch):
-    task, job, _ = of_a_record(monkeypatch)
+    task, job, _ = of_events(monkeypatch, 2, RECORD)
     # so many samples after the start that the quotient of a sample's time and the interval is less than its number
     interval, number = 0.0077, 2**24 + np.arange(500_000)
     number = int(number[np.floor(number * interval / interval + 1e-9) < number][0])

@@ -65,38 +65,6 @@ def test_no_reading_of_a_decay_can_be_much_better(modes, noise):
     assert np.all(np.sqrt(np.mean(np.square(errors), axis=0)) <= 1.2 * bound)
 
 
-def test_two_modes_are_those_of_an_independent_program():
-    # sdypy-EMA 0.31: least squares of a rational function of the spectrum; no requirement of the tests
-    ema = pytest.importorskip("sdypy.EMA")
-    time, modes = 0.01 * np.arange(8000), ((5.0, 0.010, 1.0, 0.3), (8.0, 0.006, 0.6, 1.0))
-    y = decay(*modes, noise=0.001, time=time)
-    # of a decay that ends within the record, e^(-2 pi 0.006 8 80) = 3e-11, the spectrum is a transfer function. Below
-    # some 20 Hz the choice of poles gives zeros: a hundredfold frequency
-    scale = 100.0
-    model = ema.Model(
-        np.fft.rfft(y), scale * np.fft.rfftfreq(time.size, 0.01), lower=2.0 * scale, upper=50.0 * scale,
-        pol_order_high=30, frf_form="receptance",
-    )  # fmt: skip
-    model.get_poles(method="lscf", show_progress=False)
-    model.select_closest_poles([f * scale for f, *_ in modes])
-    found = fi.identify_decay(time, y, modes=2).modes
-    # noise of 0.1 %: some 1e-5 of a frequency; ratios of the program are up to 1 % off
-    assert [one.frequency for one in found] == pytest.approx(np.asarray(model.nat_freq) / scale, rel=1e-4)
-    assert [one.damping_ratio for one in found] == pytest.approx(np.asarray(model.nat_xi), rel=0.01)
-
-
-def test_intervals_hold_the_truth_in_nine_of_ten_records():
-    time, hits = 0.02 * np.arange(400), []
-    for seed in range(40):
-        mode = fi.identify_decay(time, decay(ONE, noise=0.05, seed=seed, time=time)).modes[0]
-        low, high = mode.damping_ratio_interval
-        if np.isfinite(low):
-            hits.append(low <= ONE[1] <= high)
-    # 90 % of 40 are 36; four standard deviations of a binomial fewer
-    assert len(hits) >= 36
-    assert sum(hits) >= 0.9 * len(hits) - 4 * np.sqrt(0.09 * len(hits))
-
-
 def test_the_interval_of_a_mode_has_the_width_of_the_cramer_rao_bound():
     """To both sides: as wide as the noise of the record asks for, and no wider."""
     for modes, noise in (((ONE,), 0.01), (CLOSE, 0.002)):

@@ -103,16 +103,6 @@ def test_a_lossless_collisions_step_error_is_the_published_one(reference):
         assert np.mean(residual) < 2 * published
 
 
-@pytest.mark.parametrize("restitution", [0.2, 0.6, 0.9])
-def test_a_collision_takes_what_its_restitution_says(reference, restitution):
-    system = one_mode(reference, fi.KelvinVoigt(restitution=restitution, contact_time=CONTACT_TIME))
-    energy = collision(system, CONTACT_TIME / 200, 0.5).energy
-    exact = 0.5 * (1 - restitution**2) * system.contacts[0].effective_mass * 0.1**2
-    # T_c/200: 0.1 % of the energy or less; the beam's own spring (T_c/T_1)^2 = 1e-4
-    assert energy.contact_loss[-1] == pytest.approx(exact, rel=1e-2)
-    assert np.all(np.diff(energy.contact_loss) >= -1e-6 * exact)
-
-
 def test_a_lossless_system_keeps_its_energy_over_many_impacts(reference):
     system = one_mode(reference, fi.KelvinVoigt(restitution=1.0, contact_time=CONTACT_TIME))
     start = fi.State(displacement=[1e-4], ball_velocity=[0.3])

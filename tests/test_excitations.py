@@ -62,17 +62,6 @@ def test_chirps_have_their_phase_and_do_not_drift():
         assert np.abs(size).max() == pytest.approx(1.0, abs=1e-4)
 
 
-def test_a_linear_chirp_by_acceleration_has_fresnel_s_integral_as_its_velocity():
-    # phase = (b + k t)^2/(2 k) - b^2/(2 k): sine and cosine integrals of Fresnel
-    base, (b, k) = fi.Chirp(5.0, 50.0, 4.0, acceleration=2.0), (10.0 * np.pi, 90.0 * np.pi / 4.0)
-    t = np.linspace(0.0, 4.0, 101)
-    S, C = scipy.special.fresnel((b + k * t) / math.sqrt(np.pi * k))
-    shift, scale = b * b / (2.0 * k), 2.0 * math.sqrt(np.pi / k)
-    exact = scale * (S * np.cos(shift) - C * np.sin(shift))
-    change = base.velocity(t) - base.velocity(0.0)
-    np.testing.assert_allclose(change, exact - exact[0], atol=1e-11)
-
-
 def test_octaves_per_minute_are_a_duration():
     base = fi.Chirp(5.0, 40.0, amplitude=1e-3, kind="logarithmic", octaves_per_minute=2.0)
     assert base.duration == pytest.approx(90.0)
@@ -111,27 +100,6 @@ def test_another_seed_is_another_motion_of_the_same_density():
     assert fi.RandomBase(RANDOM.psd, RANDOM.duration, seed=2) == RANDOM
 
 
-def test_the_mean_square_of_a_random_run_is_the_exact_integral():
-    # 5 Hz at 2 % damping: of x'' + 2 zeta w x' + w^2 x = -ub'' each line is answered by |H|^2; 10 s are dropped
-    omega, zeta, density, end = 10.0 * np.pi, 0.02, 0.04, 60.0
-    system = fi.System.from_matrices([[1.0]], [[2.0 * zeta * omega]], [[omega**2]], points={"mass": [1.0]})
-    system, record = fi.reduce(system, modes=1), fi.Recorder(interval=0.02, channels=("mass",), ledger=False)
-
-    def squared(f):
-        w = 2.0 * np.pi * f
-        return density / ((omega**2 - w**2) ** 2 + (2.0 * zeta * omega * w) ** 2)
-
-    exact = scipy.integrate.quad(squared, 2.0, 12.0, points=[5.0], limit=200)[0]
-    found = []
-    for seed in range(50):
-        base = fi.RandomBase([(2.0, density), (12.0, density)], end, seed=seed)
-        run = fi.integrate(system, base, fi.EventDriven(), end, record)
-        found.append(np.mean(run["mass"][run.time >= 10.0] ** 2))
-    error = np.std(found, ddof=1) / math.sqrt(len(found))
-    # four of its standard errors, and no more than a tenth: it could fail
-    assert abs(np.mean(found) - exact) < 4.0 * error < 0.2 * exact
-
-
 def test_random_amplitudes_are_those_of_a_gaussian_process():
     fixed, drawn = (
         fi.RandomBase([(5.0, 0.3), (105.0, 0.3)], 100.0, seed=4, amplitudes=kind) for kind in ("fixed", "random")
@@ -162,28 +130,6 @@ def test_mean_squares_scatter_over_seeds_as_those_of_a_gaussian_process_with_ran
     # a deviation of so many draws is known to 1/sqrt(2 n), of which four
     assert abs(scatter["random"] / gaussian - 1.0) < 4.0 / math.sqrt(2.0 * seeds)
     assert scatter["fixed"] < 0.3 * gaussian
-
-
-def test_a_half_sine_has_the_closed_form_of_the_shock_spectrum():
-    # undamped: x = -(a/(w^2 - W^2)) (sin W t - (W/w) sin w t) while the pulse lasts
-    omega, pulse = 2.0 * np.pi * 30.0, np.pi / SHOCK.duration
-    system = fi.System.from_matrices([[1.0]], [[0.0]], [[omega**2]], points={"mass": [1.0]})
-    record = fi.Recorder(interval=1e-4, channels=("mass",))
-    run = fi.integrate(fi.reduce(system, modes=1), SHOCK, fi.EventDriven(), 0.05, record)
-    t = run.time[run.time <= SHOCK.duration]
-    exact = -(10.0 * G / (omega**2 - pulse**2)) * (np.sin(pulse * t) - pulse / omega * np.sin(omega * t))
-    assert np.abs(run["mass"][: t.size] - exact).max() < 1e-10 * np.abs(run["mass"]).max()
-
-
-@pytest.mark.parametrize("kind", ["half-sine", "terminal-sawtooth", "trapezoid"])
-def test_a_compensated_shock_leaves_the_base_at_rest_in_its_place(kind):
-    base = fi.Shock(kind, acceleration=100.0, duration=0.01, compensated=True)
-    end = base.closed_form.duration + 0.1
-    assert abs(base.displacement(end)) < 1e-12
-    assert abs(base.velocity(end)) < 1e-12
-    # the pulse itself is the same
-    t = np.linspace(0.0, 0.01, 100)[:-1]
-    np.testing.assert_array_equal(base.acceleration(t), fi.Shock(kind, 100.0, 0.01).acceleration(t))
 
 
 def test_sums_of_one_frequency_are_a_sine_and_others_have_no_cycle():
@@ -247,28 +193,6 @@ def test_steps_converge_to_the_event_driven_motion(name):
     assert errors[0] / errors[1] > 1.8**order
 
 
-@pytest.mark.parametrize(
-    "history", [fi.Sine(3.0, 5.0), CHIRP, STEPPED, RANDOM, SHOCK, fi.RecordedBase([0.0, 2.0, 1.0], 0.3)]
-)
-def test_every_history_is_a_force(history):
-    force = fi.PointForce("mass", history)
-    alone, record = fi.without_impactors(in_a_box()), fi.Recorder(interval=1e-3, channels=("mass",))
-    exact = fi.integrate(alone, force, fi.EventDriven(), 0.5, record)["mass"]
-    steps = fi.integrate(alone, force, fi.Newmark(1e-4), 0.5, fi.Recorder(every=10, channels=("mass",)))["mass"]
-    assert np.abs(exact).max() > 0.0
-    assert np.abs(steps - exact).max() < 3e-3 * np.abs(exact).max()
-
-
-def test_a_blow_gives_its_impulse():
-    # a blow far shorter than the period starts the mass with impulse/mass
-    blow = fi.HammerBlow("mass", impulse=0.2, duration=1e-5)
-    run = fi.integrate(fi.without_impactors(in_a_box()), blow, fi.EventDriven(), 0.02, fi.Recorder(interval=1e-3))
-    speed = run.final_state.velocity[0]
-    decay, turning, t = ZETA * OMEGA, OMEGA * math.sqrt(1.0 - ZETA**2), 0.02 - 5e-6
-    exact = 0.2 * np.exp(-decay * t) * (np.cos(turning * t) - decay / turning * np.sin(turning * t))
-    assert speed == pytest.approx(exact, rel=1e-6)
-
-
 def test_records_of_displacement_and_velocity_are_met():
     t = 1e-3 * np.arange(8001)
     place, speed = np.sin(20.0 * t) - 0.2 * np.cos(33.0 * t), 20.0 * np.cos(20.0 * t) + 6.6 * np.sin(33.0 * t)
@@ -280,60 +204,6 @@ def test_records_of_displacement_and_velocity_are_met():
     drifting = fi.RecordedBase.from_velocity(speed + 0.5 + 0.3 * t, 1e-3, high_pass=0.7)
     inner = (t > 3.0) & (t < 5.0)
     assert np.abs(drifting.velocity(t) - speed)[inner].max() < 0.1 * np.abs(speed).max()
-
-
-@pytest.mark.impacts
-def test_without_a_cycle_nothing_is_periodic_and_nothing_is_drawn_at_a_base_frequency():
-    system = reduced(with_ball(REFERENCE, contact=fi.Rigid(restitution=0.7), gap=1e-4), 4)
-    run = fi.integrate(system, RANDOM, fi.EventDriven(), 3.0, fi.Recorder(interval=1e-3))
-    assert run.regime.kind == "not periodic"
-    assert math.isnan(run.statistics.impacts_per_cycle)
-    assert run.statistics.count > 0
-    axis = fi.figures.spectrum(run, "tip", ax=fi.figures.OffScreen() if hasattr(fi.figures, "OffScreen") else None)
-    assert axis.get_ylabel() == "spectral density of tip, m²/Hz"
-    assert [line.get_label() for line in axis.get_lines()] == [axis.get_lines()[0].get_label()]
-    # Parseval: the density's integral is the mean square of the windows
-    (line,) = axis.get_lines()
-    f, density = line.get_xdata(), line.get_ydata()
-    assert np.trapezoid(density, f) == pytest.approx(np.mean(run["tip"] ** 2), rel=0.3)
-    sine = fi.integrate(system, fi.Sine(1e-3, 5.0) + fi.Sine(1e-3, 5.0, 1.0), fi.EventDriven(), 3.0)
-    assert sine.regime.kind != "not periodic"
-
-
-def test_a_run_longer_than_its_excitation_says_so():
-    alone = fi.without_impactors(in_a_box())
-    run = fi.integrate(alone, SHOCK, fi.EventDriven(), 0.1, fi.Recorder(interval=1e-3))
-    assert any("the run ends at 0.1 s, the excitation at 0.011 s" in note for note in run.notes)
-
-
-@pytest.mark.impacts
-@pytest.mark.parametrize("law", [fi.KelvinVoigt(1e4, 5.0), fi.Rigid(restitution=0.6)])
-def test_a_stop_in_space_sees_where_a_chirp_has_the_base(law):
-    stop = fi.Stop(name="stop", at="mass", gap=5e-4, contact=law, fixed_to="space")
-    system = fi.System.from_matrices([[1.0]], [[2.0]], [[900.0]], points={"mass": [1.0]}, stops=[stop])
-    system, record = fi.reduce(system, modes=1), fi.Recorder(interval=1e-3, channels=("mass",))
-    run = fi.integrate(system, CHIRP, fi.EventDriven(), 0.3, record)
-    assert len(run.impacts) > 1
-    assert run.energy.residual < 1e-12
-    if isinstance(law, fi.KelvinVoigt):
-        steps = fi.Recorder(channels=("mass",), every=50)
-        other = fi.integrate(system, CHIRP, fi.Newmark(2e-5, refine=4), 0.3, steps)
-        # second order: 20 us in a period of 63 ms
-        assert np.abs(run["mass"] - other["mass"]).max() < 1e-4 * np.abs(run["mass"]).max()
-
-
-@pytest.mark.impacts
-@pytest.mark.parametrize("name", MOTIONS)
-def test_two_halves_joined_by_the_final_state_are_the_whole(name):
-    base, box = MOTIONS[name], in_a_box(contact=fi.KelvinVoigt(restitution=0.7, contact_time=4e-3))
-    for method, record in ((fi.EventDriven(), fi.Recorder(interval=2e-3)), (fi.Newmark(1e-4), fi.Recorder(every=20))):
-        whole = fi.integrate(box, base, method, 0.4, record)
-        first = fi.integrate(box, base, method, 0.2, record)
-        second = fi.integrate(box, base, method, 0.2, record, first.final_state)
-        joined = np.concatenate([first["mass"], second["mass"][1:]])
-        # each impact multiplies rounding by some ten
-        assert np.abs(joined - whole["mass"]).max() < 1e-9 * np.abs(whole["mass"]).max()
-        assert len(first.impacts) + len(second.impacts) == len(whole.impacts)
 
 
 @pytest.mark.parametrize("psd", [[(5.0, 1.0), (100.0, 1.0)], [(5.0, 1.0), (100.0, 1e-4)], [(40.0, 1.0), (41.0, 1.0)]])
@@ -380,12 +250,3 @@ def test_nothing_names_a_cycle_where_there_is_none(base):
     assert "Hz" not in said.replace("frequency (Hz)", "").replace("²/Hz", "").replace("Hz apart", "")
     with pytest.raises(fi.InputError, match="must have a cycle"):
         fi.figures.cycle_averaged_force(run)
-
-
-def test_the_spectrum_of_a_record_marks_no_frequency_of_the_base():
-    record = fi.RecordedBase(RANDOM.acceleration(1e-3 * np.arange(2001)), 1e-3)
-    alone = fi.without_impactors(in_a_box())
-    run = fi.integrate(alone, record, fi.EventDriven(), 2.0, fi.Recorder(interval=2e-3))
-    axis = fi.figures.spectrum(run, "mass", ax=fi.figures.OffScreen())
-    assert len(axis.get_lines()) == 1
-    assert axis.get_ylabel() == "spectral density of mass, m²/Hz"

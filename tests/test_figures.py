@@ -6,8 +6,6 @@ import ast
 import dataclasses
 import math
 import re
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -172,19 +170,6 @@ def test_every_axis_names_its_quantity_and_its_unit(run, curves, mesh, two_balls
                 assert label in plain or ("(" in label and ")" in label), (name, label)
 
 
-def test_figures_are_found_and_load_matplotlib_when_the_first_is_drawn():
-    assert "figures" in dir(fi)
-    assert set(fi.figures.__all__) == set(dir(fi.figures))
-    code = "import sys, femimpact as fi; fi.figures.motion; print([n for n in sys.modules if n == 'matplotlib'])"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"
-
-
-def test_what_is_no_figure_is_not_saved(tmp_path):
-    with pytest.raises(fi.InputError, match="drawn"):
-        fi.figures.save_figure("picture", tmp_path / "a.png")
-
-
 # ---- what it holds --------------------------------------------------------------------------------
 
 
@@ -266,20 +251,6 @@ def test_a_sine_has_its_amplitude_in_the_spectrum(samples):
     assert others.max() < 1e-9
 
 
-def test_the_spectrum_of_a_linear_run_has_the_first_harmonic_of_its_steady_motion(small):
-    # far below the resonance and strongly damped: steady after 100 cycles
-    damped = fi.without_impactors(small)
-    response = fi.integrate(
-        damped, fi.Sine(1e-3, 2.0), fi.EventDriven(), 300.0, fi.Recorder(channels=("tip",), every=4)
-    )
-    axis = fi.figures.spectrum(response)
-    assert axis.get_ylabel() == "amplitude of tip (mm)"
-    found = line(axis, "tip")
-    at = np.argmin(np.abs(found.get_xdata() - 2.0))
-    # exp(-0.0029 * 2 pi * 5.3 Hz * 200 s): 4e-9 of the transient is left
-    assert found.get_ydata()[at] == pytest.approx(1e3 * response.steady.first_harmonic[0], rel=1e-6)
-
-
 def test_the_portrait_holds_the_motion_in_the_box_with_its_section(run):
     axis = fi.figures.phase_portrait(run, cycles=10)
     last = run.time >= run.time[-1] - 10 / 5.0
@@ -315,19 +286,6 @@ def test_a_portrait_without_its_channels_names_a_recorder_with_which_it_is_drawn
         fi.figures.phase_portrait(run_with(recorded), of)
     named = ast.literal_eval(re.search(r"Recorder\(channels=(.*)\)", str(refused.value))[1])
     fi.figures.phase_portrait(run_with(named), of)
-
-
-def test_a_curve_through_samples_of_a_cubic_is_the_cubic():
-    time = np.array([0.0, 0.1, 0.4, 0.5, 1.1])
-    value, rate = time**3 - 2.0 * time**2 + 0.5, 3.0 * time**2 - 4.0 * time
-    t, x, v = phase_curve(time, value, rate, np.zeros(0), points=5)
-    np.testing.assert_allclose(x, t**3 - 2.0 * t**2 + 0.5, atol=1e-14)
-    np.testing.assert_allclose(v, 3.0 * t**2 - 4.0 * t, atol=1e-14)
-    # where a contact changes it is straight, and nowhere else
-    _, x, v = phase_curve(time, value, rate, np.array([0.2]), points=5)
-    for drawn, samples in ((x, value), (v, rate)):
-        np.testing.assert_allclose(drawn[5:10], samples[1] + np.arange(5) / 5 * (samples[2] - samples[1]), atol=1e-14)
-    np.testing.assert_allclose(v[10:], 3.0 * t[10:] ** 2 - 4.0 * t[10:], atol=1e-14)
 
 
 @pytest.fixture(scope="module")
@@ -625,15 +583,6 @@ def test_more_cycles_than_a_run_has_are_all_of_them(run):
     assert words in axis.get_title(loc="left")
     whole = fi.figures.phase_portrait(run, cycles=30)
     assert all(np.array_equal(a.get_xdata(), b.get_xdata()) for a, b in zip(axis.lines, whole.lines, strict=True))
-
-
-def test_every_wrong_argument_of_a_figure_is_named_at_once(run):
-    with pytest.raises(fi.InputError) as refused:
-        fi.figures.response_curve({}, title=3, coarse="no", join_all="yes")
-    assert [fault.key for fault in refused.value.faults] == ["title", "coarse", "join_all"]
-    # Python's own words name the function
-    with pytest.raises(TypeError, match=r"motion\(\) got an unexpected keyword argument 'cycle'"):
-        fi.figures.motion(run, cycle=3)
 
 
 def test_a_streamed_run_has_no_history_to_draw(small):

@@ -126,12 +126,6 @@ def test_every_stride_and_start_gives_the_same_samples_in_pieces(small, piece, r
     assert response.streamed_to == whole.time[-1]
 
 
-def test_the_last_short_piece_arrives(small):
-    _, pieces = _streamed(small, 2000)
-    # 5001 samples: the state at t = 0 and 5000 steps
-    assert [piece.time.size for piece in pieces] == [2000, 2000, 1001]
-
-
 def test_pieces_arrive_while_the_run_goes_on(small):
     told = []
     record = fi.Recorder(sink=lambda piece: told.append(piece.time[-1]), piece_samples=2000)
@@ -162,11 +156,6 @@ def test_the_energy_residual_is_that_of_the_whole_run_to_the_last_bit(small, pie
     # what was lost by the end stands in the last row
     assert response.energy.contact_loss[-1] == whole.energy.contact_loss[-1]
     assert response.to_xarray().attrs == whole.to_xarray().attrs
-
-
-def test_a_residual_beyond_the_limit_is_warned_of_in_pieces_too(small):
-    response, _ = _streamed(small, 100, residual_limit=1e-9)
-    assert any("energy residual" in text for text in response.warnings)
 
 
 def test_a_streamed_response_says_where_its_history_went(small):

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from builders import oscillator
 
 import femimpact as fi
 from femimpact.excitation import Excitation, Harmonic
@@ -53,10 +54,6 @@ class OwnSine:
         return getattr(fi.Sine(self.depth, self.frequency, self.phase), name)
 
 
-def oscillator(**more):
-    return fi.System.from_matrices([[1.0]], [[2.0]], [[900.0]], points={"mass": [1.0]}, **more)
-
-
 def exact(time, rate):
     """U'' + 2 u' + 900 u = -6 c t at rest: a straight line and its transient."""
     slope = -6.0 * rate / 900.0
@@ -69,7 +66,7 @@ def test_a_motion_of_one_s_own_meets_the_exact_answer_at_second_order():
     own, errors = Polynomial(0.5), []
     assert isinstance(own, Excitation)
     for dt in (2e-3, 1e-3):
-        response = fi.integrate(oscillator(), own, fi.Newmark(dt), END, fi.Recorder(channels=("mass",)))
+        response = fi.integrate(oscillator(900.0, 2.0), own, fi.Newmark(dt), END, fi.Recorder(channels=("mass",)))
         errors.append(np.abs(response["mass"] - exact(response.time, own.rate)).max())
     assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.05)
 
@@ -77,7 +74,7 @@ def test_a_motion_of_one_s_own_meets_the_exact_answer_at_second_order():
 def test_a_stop_in_space_sees_the_base_of_one_s_own():
     # against the same motion by samples: straight between them as the polynomial's acceleration is
     stop = fi.Stop(name="stop", at="mass", gap=1e-3, contact=fi.KelvinVoigt(1e5, 10.0), fixed_to="space")
-    system, own = oscillator(stops=[stop]), Polynomial(0.5)
+    system, own = oscillator(900.0, 2.0, stops=[stop]), Polynomial(0.5)
     samples = fi.RecordedBase(own.acceleration(np.arange(0.0, END + 0.02, 0.01)), 0.01)
     method, record = fi.Newmark(1e-4, refine=4), fi.Recorder(channels=("mass", "stop.gap", "stop.contact_force"))
     one, other = (fi.integrate(system, base, method, END, record) for base in (own, samples))
@@ -90,7 +87,7 @@ def test_a_stop_in_space_sees_the_base_of_one_s_own():
 def test_a_closed_form_of_one_s_own_serves_every_method():
     own, base = OwnSine(1e-3, 4.0), fi.Sine(1e-3, 4.0, 0.3)
     for method in (fi.Newmark(1e-3), fi.EventDriven()):
-        one, other = (fi.integrate(oscillator(), drive, method, 1.0)["mass"] for drive in (own, base))
+        one, other = (fi.integrate(oscillator(900.0, 2.0), drive, method, 1.0)["mass"] for drive in (own, base))
         np.testing.assert_array_equal(one, other)
 
 
@@ -103,18 +100,18 @@ def test_a_force_of_one_s_own_acts_at_its_place():
     for method in (fi.Newmark(1e-3), fi.EventDriven()):
         if isinstance(method, fi.EventDriven):
             own.closed_form = Harmonic(3.0, 8.0 * np.pi, 0.0)
-        one, other = (fi.integrate(oscillator(), drive, method, 0.5)["mass"] for drive in (own, known))
+        one, other = (fi.integrate(oscillator(900.0, 2.0), drive, method, 0.5)["mass"] for drive in (own, known))
         assert np.abs(one - other).max() <= 1e-12 * np.abs(other).max()
 
 
 def test_what_lacks_a_closed_form_is_refused_by_the_event_driven_method():
     with pytest.raises(fi.InputError, match=r"excitation = 'Polynomial': must have a closed_form for EventDriven"):
-        fi.integrate(oscillator(), Polynomial(0.5), fi.EventDriven(), END)
+        fi.integrate(oscillator(900.0, 2.0), Polynomial(0.5), fi.EventDriven(), END)
 
 
 def test_what_is_no_excitation_is_refused_with_what_one_must_have():
     with pytest.raises(fi.InputError, match=r"excitation = 'SimpleNamespace': must be a Sine.* with all of frequency"):
-        fi.integrate(oscillator(), SimpleNamespace(frequency=1.0), fi.Newmark(1e-3), END)
+        fi.integrate(oscillator(900.0, 2.0), SimpleNamespace(frequency=1.0), fi.Newmark(1e-3), END)
 
 
 def test_a_history_of_the_wrong_length_is_refused():
@@ -124,4 +121,4 @@ def test_a_history_of_the_wrong_length_is_refused():
             return np.zeros(3)
 
     with pytest.raises(fi.InputError, match=r"excitation.*must give \d+ finite numbers"):
-        fi.integrate(oscillator(), Short(0.5), fi.Newmark(1e-3), END)
+        fi.integrate(oscillator(900.0, 2.0), Short(0.5), fi.Newmark(1e-3), END)

@@ -64,12 +64,6 @@ def measure(response):
     return FACTOR * response.time[-1]
 #--
 script.FACTOR = 2
-#### constant that a function within reads
-FACTOR = 1
-def measure(response):
-    return sum(map(lambda time: FACTOR * time, response.time))
-#--
-script.FACTOR = 2
 #### constant that a helper reads
 FACTOR = 1
 def helper():
@@ -94,51 +88,12 @@ def measure(response):
     return helper()
 #--
 script.helper.__defaults__ = (2,)
-#### default by keyword
-def measure(response, *, factor=1):
-    return factor
-#--
-script.measure.__kwdefaults__["factor"] = 2
-#### attribute of a function
-def helper():
-    return helper.factor
-helper.factor = 1
-def measure(response):
-    return helper()
-#--
-script.helper.factor = 2
-#### list
-VALUES = [1, (2, 3)]
-def measure(response):
-    return VALUES[0]
-#--
-script.VALUES.append(4)
 #### dict
 VALUES = {"a": 1, 2: 3}
 def measure(response):
     return VALUES["a"]
 #--
 script.VALUES["a"] = 2
-#### function of a library
-import statistics
-import numpy as np
-kept = np.mean
-def measure(response):
-    return kept(response.time)
-#--
-script.kept = script.statistics.mean
-#### truth value
-FACTOR = 1
-def measure(response):
-    return FACTOR
-#--
-script.FACTOR = True
-#### number of another sign
-FACTOR = 0.0
-def measure(response):
-    return FACTOR
-#--
-script.FACTOR = -0.0
 #### array
 import numpy as np
 VALUES = np.zeros(3)
@@ -146,13 +101,6 @@ def measure(response):
     return VALUES[1]
 #--
 script.VALUES[1] = 1e-300
-#### shape of an array
-import numpy as np
-VALUES = np.zeros((2, 3))
-def measure(response):
-    return len(VALUES)
-#--
-script.VALUES = script.VALUES.T.copy()
 #### frozen dataclass
 from dataclasses import dataclass, replace
 @dataclass(frozen=True, slots=True)
@@ -177,34 +125,6 @@ def measure(response):
     return Steel().strength
 #--
 script.FACTOR = 2
-#### what its class method reads
-from dataclasses import dataclass
-FACTOR = 1
-@dataclass(frozen=True)
-class Steel:
-    @classmethod
-    def strength(cls):
-        return FACTOR
-def measure(response):
-    return Steel.strength()
-#--
-script.FACTOR = 2
-#### attribute of its class
-from dataclasses import dataclass
-@dataclass(frozen=True)
-class Steel:
-    strength = 1
-def measure(response):
-    return Steel.strength
-#--
-script.Steel.strength = 2
-#### noun
-from femimpact import Sine
-SINE = Sine(1.0, 2.0)
-def measure(response):
-    return SINE.amplitude
-#--
-script.SINE = script.Sine(1.0, 2.0, 0.5)
 #### partial
 from functools import partial
 def of(factor, response):
@@ -214,15 +134,6 @@ measure.__name__ = "measure"
 #--
 script.measure = script.partial(script.of, 2)
 script.measure.__name__ = "measure"
-#### keyword of a partial
-from functools import partial
-def of(response, factor):
-    return factor
-kept = partial(of, factor=1)
-def measure(response):
-    return kept(response)
-#--
-script.kept = script.partial(script.of, factor=2)
 #### constant of another file
 import own_helpers
 def measure(response):
@@ -231,43 +142,6 @@ def measure(response):
 helpers.FACTOR = 2
 #--
 FACTOR = 1
-#### one of two constants of another file that two functions read
-import own_helpers
-def first():
-    return own_helpers.FIRST
-def measure(response):
-    return first() + own_helpers.SECOND
-#--
-helpers.SECOND = 2
-#--
-FIRST = SECOND = 1
-#### constant of another file by a text
-import own_helpers
-def measure(response):
-    return getattr(own_helpers, "FACTOR")
-#--
-helpers.FACTOR = 2
-#--
-FACTOR = 1
-#### constant of another file that is imported in the function
-import own_helpers
-def measure(response):
-    from own_helpers import FACTOR
-    return FACTOR
-#--
-helpers.FACTOR = 2
-#--
-FACTOR = 1
-#### constant that a function of another file reads
-from own_helpers import of
-def measure(response):
-    return of()
-#--
-helpers.FACTOR = 2
-#--
-FACTOR = 1
-def of():
-    return FACTOR
 #### constant of a file of a file
 import own_helpers
 def measure(response):
@@ -342,39 +216,12 @@ from scipy.interpolate import CubicSpline
 SPLINE = CubicSpline([0.0, 1.0, 2.0], [0.0, 1.0, 4.0])
 def measure(response):
     return SPLINE(0.5)
-#### kept, a CubicSpline
-from scipy.interpolate import CubicSpline
-def made(kept):
-    def measure(response):
-        return kept(0.5)
-    return measure
-measure = made(CubicSpline([0.0, 1.0, 2.0], [0.0, 1.0, 4.0]))
 #### STEEL, a Steel
 class Steel:
     strength = 1
 STEEL = Steel()
 def measure(response):
     return STEEL.strength
-#### Steel, a class that is no frozen dataclass
-class Steel:
-    strength = 1
-def measure(response):
-    return Steel.strength
-#### Thin, a class that is no frozen dataclass
-from dataclasses import dataclass
-@dataclass(frozen=True)
-class Steel:
-    strength: float = 1.0
-class Thin(Steel):
-    pass
-def measure(response):
-    return Thin().strength
-#### measure, a Steel
-class Steel:
-    __name__ = "measure"
-    def __call__(self, response):
-        return 1
-measure = Steel()
 #### Steel.measure, a bound method
 class Steel:
     def measure(self, response):
@@ -384,56 +231,19 @@ measure = Steel().measure
 kept = "a".count
 def measure(response):
     return kept("a")
-#### kept, a _lru_cache_wrapper
-from functools import lru_cache
-@lru_cache
-def kept():
-    return 1
-def measure(response):
-    return kept()
-#### kept, a ufunc
-import numpy as np
-kept = np.frompyfunc(lambda a: a, 1, 1)
-def measure(response):
-    return kept(1)
 #### VALUES, a set
 VALUES = {1, 2}
 def measure(response):
     return sum(VALUES)
-#### VALUES, a defaultdict
-from collections import defaultdict
-VALUES = defaultdict(lambda: 1)
-def measure(response):
-    return VALUES["a"]
 #### VALUES, a ndarray
 import numpy as np
 VALUES = np.array([1, None], dtype=object)
 def measure(response):
     return VALUES[0]
-#### VALUES, a MaskedArray
-import numpy as np
-VALUES = np.ma.array([1.0, 2.0], mask=[0, 1])
-def measure(response):
-    return VALUES.sum()
-#### LOCK, a lock
-import threading
-LOCK = threading.Lock()
-def measure(response):
-    return LOCK
 #### helper, a function without a file
 exec("def helper():\n    return 1")
 def measure(response):
     return helper()
-#### own, a module without a file
-import types
-own = types.ModuleType("own")
-def measure(response):
-    return own.x
-#### ALL, a module
-import own_helpers
-ALL = [own_helpers]
-def measure(response):
-    return ALL[0].FACTOR
 #### values that hold one another
 VALUES = []
 VALUES.append(VALUES)
@@ -443,9 +253,6 @@ def measure(response):
 FACTOR = 1
 def measure(response):
     return globals()["FACTOR"]
-#### what measure takes by eval
-def measure(response):
-    return eval("1 + 1")
 """)
 """Scripts by what is named in the error."""
 

@@ -41,17 +41,6 @@ def test_only_the_last_bits_change_and_always_in_the_same_way(system):
     np.testing.assert_array_equal(once.participation_factor, once.vectors.T @ system.base_load)
 
 
-def test_a_system_on_perturbed_modes_is_diagonal_still(system, monkeypatch):
-    exact = fi.reduce(system, 4)
-    solve = reduction.solve_modes
-    monkeypatch.setattr(reduction, "solve_modes", lambda full, count: perturbed(solve(full, count), full, 3))
-    changed = fi.reduce(system, 4)
-    assert changed.is_diagonal
-    assert np.any(changed.K.diagonal() != exact.K.diagonal())
-    # squares of the frequencies, of the exact ones with --perturb-modes itself in force
-    np.testing.assert_allclose(changed.K.diagonal(), exact.K.diagonal(), rtol=4 * LAST_BITS)
-
-
 @pytest.mark.impacts
 def test_with_the_option_every_module_solves_for_perturbed_modes(system, request):
     modes = fi.solve_modes(system, 4)

@@ -164,20 +164,6 @@ def test_no_crossing_is_missed_under_pieces():
             assert first[0] - 2e-5 - 1e-12 <= run.impacts.time[0] <= first[0] + 1e-12
 
 
-def test_the_halves_of_a_run_are_the_whole_and_threads_do_not_matter():
-    drive, system, record = Own(random_pieces()), in_a_box(), fi.Recorder(interval=1e-3, channels=("mass",))
-    # read in the same pieces, of which a run has its bits
-    whole = fi.integrate(system, drive, fi.EventDriven(), 0.8, dataclasses.replace(record, state_at=0.4))
-    first = fi.integrate(system, drive, fi.EventDriven(), 0.4, record)
-    second = fi.integrate(system, drive, fi.EventDriven(), 0.4, record, first.final_state)
-    np.testing.assert_array_equal(np.concatenate([first["mass"], second["mass"][1:]]), whole["mass"])
-    several = fi.integrate(
-        system, [drive] * 3, fi.EventDriven(), 0.8, dataclasses.replace(record, state_at=0.4), threads=2
-    )
-    for one in several:
-        np.testing.assert_array_equal(one["mass"], whole["mass"])
-
-
 def test_a_history_that_begins_later_leaves_all_at_rest_until_then():
     late = fi.PiecewisePolynomial([0.2, 0.3], [[5.0, -3.0, 1.0]])
     run = fi.integrate(in_a_box(), Own(late), fi.EventDriven(), 0.4, fi.Recorder(interval=1e-2, channels=("mass",)))

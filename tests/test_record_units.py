@@ -3,7 +3,6 @@
 import os
 import warnings
 from contextlib import suppress
-from time import process_time
 
 import numpy as np
 import pytest
@@ -515,15 +514,6 @@ def test_damaged_uff_files_are_refused(tmp_path):
     for words, content in damaged.items():
         with pytest.raises(fi.InputError, match=words.strip()):
             fi.read_record(written(tmp_path, content, "damaged.uff"))
-
-
-def test_the_time_of_thousands_of_columns_grows_as_their_number(tmp_path):
-    # units of 4,000 names were read 27 times each, and their places looked up in lists
-    rows = "".join(f"{0.01 * k:.2f}" + f",{k}" * 4000 + "\n" for k in range(3))
-    path = written(tmp_path, "time," + ",".join(f"c{i}" for i in range(4000)) + "\n" + rows)
-    begin = process_time()
-    assert len(fi.read_record(path).data_vars) == 4000
-    assert process_time() - begin < 4.0
 
 
 def test_a_name_that_may_have_a_unit_is_asked_after(tmp_path):

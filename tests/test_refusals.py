@@ -32,11 +32,9 @@ MORE_NOUNS = {
 FIELDS = [
     # noun, field, value, unit, allowed
     ("Segment", "length", 0.0, "m", "> 0"),
-    ("Segment", "length", math.nan, "m", "a finite number > 0"),
     ("Segment", "length", "0.2", "m", "a finite number > 0"),
     ("Segment", "length", True, "m", "a finite number > 0"),
     ("Segment", "young_modulus", -70e9, "Pa", "> 0"),
-    ("Segment", "density", 0, "kg/m^3", "> 0"),
     ("Segment", "width", -0.02, "m", "> 0"),
     ("Segment", "width", (4e-3, 2e-3), "m", "must be one number: the other end of a tapered Segment is end_width"),
     ("Segment", "thickness", math.inf, "m", "a finite number > 0"),
@@ -48,14 +46,11 @@ FIELDS = [
     ("Impactor", "gap", -1e-3, "m", ">= 0"),
     ("Impactor", "gap", (1e-3, -1e-3), "m", ">= 0"),
     ("Impactor", "gap", (1e-3, 1e-3, 1e-3), "m", "one number or two"),
-    ("Impactor", "gap", (), "m", ">= 0"),
     ("Impactor", "free_stiffness", -1.0, "N/m", ">= 0"),
     ("Impactor", "acceleration", math.inf, "m/s^2", "a finite number"),
     ("Impactor", "contact", "steel", "", "must be a contact law"),
-    ("Impactor", "at", -1e-3, "", "metres from the root"),
     ("Stop", "fixed_to", "moon", "", "must be 'base' or 'space'"),
     ("Support", "kind", "welded", "", "guided"),
-    ("Support", "at", -0.1, "", "metres from the root"),
     ("Spring", "to", "mid", "", "must be another place"),
     ("Rayleigh", "ratio", -0.01, "", ">= 0 and < 1"),
     ("Rayleigh", "ratio", 1.0, "", ">= 0 and < 1"),
@@ -68,7 +63,6 @@ FIELDS = [
     ("KelvinVoigt", "restitution", 0.0, "", "> 0 and <= 1"),
     ("KelvinVoigt", "restitution", 1.2, "", "> 0 and <= 1"),
     ("SwitchingSpring", "stiffness", 0.0, "N/m", "> 0"),
-    ("SwitchingSpring", "free_stiffness", -1.0, "N/m", ">= 0"),
     ("Sine", "amplitude", -1e-3, "m", ">= 0"),
     ("Sine", "frequency", 0.0, "Hz", "> 0"),
     ("Sine", "phase", math.nan, "rad", "a finite number"),
@@ -224,7 +218,6 @@ CALLS = [
     ("must be distinct", lambda: fi.Structure(BEAM, springs=[fi.Spring("one", x, 1.0) for x in (0.1, 0.2)])),
     ("must have distinct names", lambda: fi.Beam((SECTION, SECTION))),
     ("must hold at least one segment", lambda: fi.Beam(())),
-    ("springs", lambda: fi.Structure(BEAM, springs=[1.0])),
     (
         r"spring\.far\.at = 0\.41 m: must be within the beam",
         lambda: fi.Structure(BEAM, springs=[fi.Spring("far", 0.41, 1.0)]),
@@ -287,7 +280,6 @@ CALLS = [
         r"damping\.ratios = .* must be at most 4, the dofs of this mesh",
         lambda: fi.assemble(fi.Structure(BEAM, damping=fi.ModalDamping((0.01,) * 5)), elements=2),
     ),
-    ("must be a Rayleigh, a ModalDamping or None", lambda: fi.with_damping(placed(), 0.01)),
     *(
         ("a negative one feeds energy in", partial(placed, damping=fi.Rayleigh(ratio, modes=(1, 2))))
         for ratio in ((0.001, 0.5), (0.5, 0.001))
@@ -449,7 +441,6 @@ CALLS = [
     ),
     (r"^record\.events.*finds no events.*EventDriven$", lambda: run(method=STEPPED, events=10)),
     (r"^record\.memory_limit.*events \d+ MB", lambda: run(events=10**9)),
-    ("progress = 'str': must be True, or callable", lambda: fi.integrate(small(), SINE, EXACT, 0.5, progress="yes")),
     # channels
     *(
         (words, partial(run, (name,)))
@@ -484,10 +475,8 @@ CALLS = [
             ({"cycles": 24, "duration": 6.0}, "give either cycles"),
             ({"cycles": 24, "window": 2.0}, "window = 2.0 s: goes with a duration"),
             ({"duration": 0.1}, "duration = 0.1 s"),
-            ({"duration": "long"}, "duration = 'long' s"),
             ({"duration": 6.0, "window": 7.0}, "window = 7.0 s"),
             ({"duration": 6.1, "window": 0.3}, "window = 0.3 s: must hold a whole base cycle"),
-            ({"duration": 6.0, "threads": 0}, "threads = 0"),
             ({"duration": 10.0, "window": 5.0, "direction": "up"}, r"window = .* at most a third"),
         )
     ),
@@ -611,9 +600,7 @@ CALLS = [
             (lambda: fi.PowerLaw(1e9, 0.5), "restitution = 0.5: must be 1 for Hertz: the elastic law loses nothing"),
             (lambda: fi.PowerLaw(1e9, 0.5, "florez"), "loss = 'florez': must be 'none' or 'hunt-crossley' or"),
             (lambda: fi.Rigid(1.2), "restitution = 1.2: must be a finite number >= 0 and <= 1"),
-            (lambda: fi.Rigid(math.nan), "restitution = nan: must be a finite number >= 0 and <= 1"),
             (lambda: fi.CustomLaw(3.0), "force = 3.0: must be a function of depth, rate, approach_speed"),
-            (lambda: fi.SwitchingSpring(-1.0, 1e4), "free_stiffness = -1.0 N/m: must be a finite number >= 0 N/m"),
             (lambda: fi.Material(0.0, 0.3), "young_modulus = 0.0 Pa: must be a finite number > 0 Pa"),
             (lambda: fi.Material(1e9, 0.6), "poisson_ratio = 0.6: must be a finite number > -1 and <= 0.5"),
             (lambda: fi.hertz_stiffness(0.0, fi.STEEL, fi.STEEL), "radius = 0.0 m: must be a finite number > 0 m"),
@@ -633,11 +620,8 @@ CALLS = [
         (re.escape(words), partial(fi.RandomBase, **{"psd": FLAT, "duration": 2.0, **given}))
         for given, words in (
             ({"clip": 0.5}, "clip = 0.5: must be a finite number >= 1"),
-            ({"clip": -3.0}, "clip = -3.0: must be"),
             ({"fade": 2.0}, "fade = 2.0 s: must be at most half the duration"),
-            ({"psd": ((20.0, 0.0), (200.0, 1.0))}, "0 among its values"),
             ({"psd": ((-20.0, 1.0), (200.0, 1.0))}, "-20 among its values"),
-            ({"psd": ((20.0, 1.0), (10.0, 1.0))}, "must have frequencies that rise"),
         )
     ),
     *(
@@ -649,7 +633,6 @@ CALLS = [
                 r"amplitude = 'both'.*must be given alone",
             ),
             (lambda: fi.Chirp(0.0, 2.0, 1.0, amplitude=1.0, kind="logarithmic"), r"start = 0.* Hz: must be .*> 0 Hz"),
-            (lambda: fi.Chirp(-1.0, 2.0, 1.0, amplitude=1.0), r"start = -1.* Hz"),
             (lambda: fi.Chirp(1.0, 2.0, 0.0, amplitude=1.0), r"duration = 0.* s"),
             (lambda: fi.Chirp(1.0, 2.0, amplitude=1.0), r"duration.*octaves_per_minute be given"),
             (lambda: fi.Chirp(1.0, 2.0, amplitude=1.0, octaves_per_minute=1.0), r"kind.*logarithmic"),
@@ -661,17 +644,14 @@ CALLS = [
             (lambda: fi.RandomBase([(5.0, 1.0), (5.1, 1.0)], 1e-3), r"duration.*must hold 1 to"),
             (lambda: fi.RandomBase([(5.0, 1.0), (9.0, 1.0)], 9.0, amplitudes="rayleigh"), r"amplitudes = 'rayleigh'"),
             (lambda: fi.Shock("bump", acceleration=1.0, duration=1.0), r"kind = 'bump'"),
-            (lambda: fi.Shock("half-sine", acceleration=1.0), r"duration = 0"),
             (lambda: fi.Sum(()), r"parts.*must be one or more"),
             (lambda: fi.Sum((fi.PointForce("tip", CHIRP),)), r"parts = 'PointForce'.*a force acts elsewhere"),
-            (lambda: fi.HammerBlow("tip", math.nan, 1e-3), r"impulse"),
             (lambda: fi.RecordedBase.from_velocity([1.0, 2.0, 1.0, 0.0], 0.1, high_pass=6.0), r"high_pass = 6.*< 5 Hz"),
         )
     ),
     *(
         (re.escape(words), call)
         for call, words in (
-            (lambda: fi.Chirp(10, 100, 1.0, acceleration=((10, 1), (8, 1))), "acceleration"),
             (lambda: fi.Chirp(10, 100, 1.0, acceleration=((10, 1), (8, 1))), "10 Hz is followed by 8 Hz"),
             (
                 lambda: fi.Chirp(10, 100, 1.0, acceleration=((10, 0), (200, 1))),
@@ -692,14 +672,12 @@ CALLS = [
             ),
             (lambda: fi.SteppedSine([10], 5, acceleration=((20, 1), (90, 1))), "must reach from 10 to 10 Hz"),
             (lambda: fi.SteppedSine([10], 5, acceleration=1.0, seconds=1.0), "one of cycles and seconds"),
-            (lambda: fi.SteppedSine([10], acceleration=1.0), "one of cycles and seconds"),
             (lambda: fi.SteppedSine([10], acceleration=1.0, seconds=0.0), "seconds = 0.0 s: must be"),
         )
     ),
     *(
         (re.escape(words), partial(fi.Shock, **{"kind": "trapezoid", "acceleration": 30.0, "duration": 0.011, **given}))
         for given, words in (
-            ({"kind": "sawtooth"}, "kind = 'sawtooth'"),
             ({"ramp": 0.6}, "ramp = 0.6: must be a finite number > 0 and <= 0.5"),
             ({"kind": "triangle", "ramp": 0.2}, "ramp = 0.2: must be left out"),
             ({"pulses": 3}, "period: must be >= 0.011 s"),
@@ -708,7 +686,6 @@ CALLS = [
                 {"pulses": 3, "period": 0.1, "compensated": True},
                 "period = 0.1 s: must be >= 0.231 s, the length of one",
             ),
-            ({"pulses": 0}, "pulses = 0: must be a whole number"),
             ({"delay": -1.0}, "delay = -1.0 s: must be"),
             ({"compensation": "never"}, "compensation = 'never': must be 'after' or 'before'"),
         )
@@ -729,34 +706,6 @@ CALLS = [
                 "excitation = 'float': must be a Sine, a PointForce, a RecordedBase or another",
             ),
             ({"excitation": [BASE, BASE], "record": fi.Recorder(sink=print)}, "record.sink: must serve one run"),
-            ({"threads": 0}, "threads = 0: must be a whole number >= 1"),
-            ({"threads": "2"}, "threads = '2': must be a whole number >= 1"),
-            ({"threads": True}, "threads = True: must be a whole number >= 1"),
-            ({"threads": 1.5}, "threads = 1.5: must be a whole number >= 1"),
-            ({"duration": "1"}, "duration = '1' s: must be a finite number >= one step"),
-            ({"duration": [1.0]}, "duration = [1.0] s: must be a finite number >= one step"),
-            ({"record": ""}, "record = 'str': must be a Recorder"),
-            ({"record": []}, "record = 'list': must be a Recorder"),
-            ({"initial": 0}, "initial = 'int': must be a State"),
-            ({"method": "newmark"}, "method = 'str': must be a Newmark"),
-            ({"progress": "yes"}, "progress = 'str': must be True, or callable"),
-        )
-    ),
-    *(
-        ("^" + re.escape(words), partial(fi.Recorder, **given))
-        for given, words in (
-            ({"channels": 1j}, "channels = 1j: must be names"),
-            ({"channels": (None,)}, "channels = (None,): must be names"),
-            ({"channels": (["tip"],)}, "channels = (['tip'],): must be names"),
-            ({"channels": {"tip": 1}}, "channels = {'tip': 1}: must be names"),
-            ({"channels": (float("nan"),)}, "channels = (nan,): must be names"),
-            ({"every": "2"}, "every = '2' steps: must be a whole number >= 1"),
-            ({"every": [2]}, "every = [2] steps: must be a whole number >= 1"),
-            ({"start": "now"}, "start = 'now' s: must be a finite number >= 0"),
-            ({"ledger": "no"}, "ledger = 'no': must be True or False"),
-            ({"sink": "history.nc"}, "sink = 'str': must be callable"),
-            ({"piece_samples": 0}, "piece_samples = 0: must be a whole number >= 1"),
-            ({"memory_limit": "1 GB"}, "memory_limit = '1 GB' bytes: must be a finite number > 0"),
         )
     ),
     *(
@@ -770,15 +719,10 @@ CALLS = [
         for given, words in (
             ({"frequencies": []}, "frequencies"),
             ({"frequencies": [5.0, -1.0]}, "frequencies"),
-            ({"frequencies": [5.0, np.nan]}, "frequencies"),
-            ({"frequencies": [5.0, 0.0]}, "frequencies"),
-            ({"frequencies": [[5.0, 5.1]]}, "frequencies"),
             ({"frequencies": [5.0, 2000.0]}, "frequencies = 2000.0 Hz"),
             ({"cycles": 2}, "cycles = 2"),
             ({"cycles": 10.5}, "cycles = 10.5"),
-            ({"threads": 0}, "threads = 0"),
             ({"amplitude": -1e-3}, "amplitude = -0.001 m"),
-            ({"amplitude": np.nan}, "amplitude"),
             ({"at": "tpi"}, "did you mean 'tip'"),
             ({"at": 0.5}, "must be within the beam"),
             ({"initial": fi.State(ball_velocity=[1.0, 2.0])}, "initial.ball_velocity"),
@@ -813,12 +757,10 @@ CALLS = [
             ({"frequency": [0.0, 1.0]}, r"^frequency = 0\.0 Hz: must be one or more numbers of 1e-06 to 1e\+09$"),
             ({"frequency": [-1.0]}, r"^frequency = -1\.0 Hz: must be"),
             ({"frequency": []}, r"^frequency = 'array of shape \(0,\)'"),
-            ({"frequency": [math.nan]}, "^frequency"),
             ({"frequency": [1.0], "of": "base"}, "^of = 'base': must be 'base.displacement' or"),
             ({"frequency": [1.0], "force_at": "tp"}, "^force_at = 'tp': "),
             ({"frequency": [1.0], "of": "base.velocity", "force_at": "tip"}, "^of = 'base.velocity': must be left out"),
             ({"frequency": [1.0], "to": "tip.velocty"}, r"^to = 'tip\.velocty'"),
-            ({"frequency": [1.0], "system": 3}, "^system = 3: must be a System"),
         )
     ),
     *(
@@ -826,12 +768,8 @@ CALLS = [
         for call, words in (
             (lambda s: fi.State.of_mode(s, 0, 1e-3), "mode = 0"),
             (lambda s: fi.State.of_mode(s, 9, 1e-3), "mode = 9"),
-            (lambda s: fi.State.of_mode(s, 1, np.nan), "amplitude = nan"),
             (lambda s: fi.State.of_mode(s, 1, 1e-3, at="root"), "at = 'root': must be a place that moves in mode 1"),
-            (lambda s: fi.State.of_mode(5, 1, 1e-3), "system"),
             (lambda s: fi.State.under_force(s, 1.0, at="nowhere"), "nowhere"),
-            (lambda s: fi.State.under_force(s, "big"), "force = 'big'"),
-            (lambda s: fi.State.with_speed(s, None), "speed"),
         )
     ),
     *(

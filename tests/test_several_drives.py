@@ -109,42 +109,6 @@ def test_pieces_between_near_knots_lose_no_digits(name):
         np.testing.assert_allclose(together[channel], expected, rtol=0.0, atol=atol, err_msg=channel)
 
 
-@pytest.mark.parametrize("name", TWO_GRIDS)
-def test_pieces_are_the_same_whatever_the_end(name):
-    short, long = (forms_until(TWO_GRIDS[name], end) for end in (7.0, 31.0))
-    for one, other in zip(short, long, strict=True):
-        rows = one.coefficients.shape[0]
-        assert rows >= 7.0 / 0.0071
-        np.testing.assert_array_equal(one.knots, other.knots[: rows + 1])
-        # products of matrices of other sizes differ in the last bit on some processors; over a piece that is rounding
-        powers = np.diff(one.knots)[:, None] ** np.arange(one.coefficients.shape[1])
-        difference = np.abs(one.coefficients - other.coefficients[:rows]) * powers
-        assert difference.max() <= 1e-12 * np.abs(other.coefficients[:, 0]).max()
-
-
-def test_base_and_force_by_samples_are_the_motion_by_matrix_exponentials():
-    system = reduced(structure(), 3)
-    samples = np.random.default_rng(1).normal(size=(2, 401))
-    h, push = 2.5e-3, fi.PointForce("tip", fi.RecordedBase(1e-2 * samples[1], 2.5e-3))
-    response = run(system, fi.RecordedBase(samples[0], h) + push, 1.0, record=fi.Recorder("mid", interval=h))
-    n, M, C, K = system.dofs, *(matrix.toarray() for matrix in (system.M, system.C, system.K))
-    # z' = A z + B (s, f) between samples, where both are straight lines: states of both and of their slopes
-    A = np.zeros((2 * n + 4, 2 * n + 4))
-    A[:n, n : 2 * n] = np.eye(n)
-    A[n : 2 * n, :n], A[n : 2 * n, n : 2 * n] = -np.linalg.solve(M, K), -np.linalg.solve(M, C)
-    A[n : 2 * n, 2 * n], A[n : 2 * n, 2 * n + 1] = (
-        np.linalg.solve(M, -system.base_load), np.linalg.solve(M, 1e-2 * system.point_row("tip"))
-    )  # fmt: skip
-    A[2 * n, 2 * n + 2] = A[2 * n + 1, 2 * n + 3] = 1.0
-    step, z, found = scipy.linalg.expm(h * A), np.zeros(2 * n + 4), [0.0]
-    for now, after in zip(samples.T[:-1], samples.T[1:], strict=True):
-        z[2 * n : 2 * n + 2], z[2 * n + 2 :] = now, (after - now) / h
-        z = step @ z
-        found.append(float(system.point_row("mid") @ z[:n]))
-    # rounding of 400 exponentials of norm 1e3
-    np.testing.assert_allclose(response["mid"], found, rtol=0.0, atol=1e-9 * np.abs(found).max())
-
-
 OMEGA, ZETA, MASS, BALL, GAP, RESTITUTION = 10.0 * math.pi, 0.01, 1.0, 0.1, 1e-3, 0.7
 
 
@@ -199,29 +163,6 @@ def test_the_work_of_each_drive_is_the_integral_of_its_power(name):
         share = 1e-4 if isinstance(push, fi.HammerBlow) else 1e-9
         largest = np.abs(response.energy.work_of[named]).max()
         assert response.energy.work_of[named][-1] == pytest.approx(work, rel=0.0, abs=share * largest)
-
-
-@pytest.mark.impacts
-@pytest.mark.parametrize("name", ["sine and chirp", "sines of one frequency", "forces at two places"])
-def test_the_order_of_forces_does_not_matter(name):
-    system, drive = reduced(structure(fi.Rigid(0.6)), 3), MIXED[name]
-    other = fi.Drives(drive.base, drive.forces[::-1])
-    one, two = (run(system, each, 0.6) for each in (drive, other))
-    assert len(one.impacts) == len(two.impacts)
-    # rounding, grown at a few impacts
-    np.testing.assert_allclose(one["tip"], two["tip"], rtol=0.0, atol=1e-11 * np.abs(one["tip"]).max())
-
-
-@pytest.mark.parametrize("method", [fi.EventDriven(), fi.Newmark(1e-4)])
-def test_a_force_and_its_opposite_at_one_place_give_rest(method):
-    system = reduced(structure(), 4)
-    for push, back in (
-        (fi.PointForce("tip", fi.Sine(0.1, 5.0)), fi.PointForce("tip", fi.Sine(0.1, 5.0, math.pi))),
-        (BLOW, dataclasses.replace(BLOW, impulse=-BLOW.impulse)),
-    ):
-        record = fi.Recorder("tip")
-        largest = [np.abs(run(system, drive, 1.0, method, record=record)["tip"]).max() for drive in (push, push + back)]
-        assert largest[1] <= 1e-14 * largest[0]
 
 
 @pytest.mark.impacts
@@ -334,13 +275,6 @@ def test_an_own_motion_and_an_own_force_are_drives():
     assert tuple(both.energy.work_of) == ("base", "force 1", "force 2")
     with pytest.raises(fi.InputError, match="must have a closed_form for EventDriven"):
         run(system, fi.Drives(Ramp(), [Push()]), 0.5)
-
-
-def test_forces_at_one_place_are_one_load():
-    system = reduced(structure(), 2)
-    drive = MIXED["two blows at one place"].until(1.0)
-    assert len(drive_of(system, drive).loads) == 1
-    assert len(drive_of(system, BASE + drive).loads) == 2
 
 
 def test_sines_at_one_place_have_the_phase_of_their_sum():

@@ -94,26 +94,6 @@ def test_a_rigid_beam_on_two_springs_bounces_and_pitches():
     assert set(system.reactions) == {"left.force", "right.force"}
 
 
-def test_a_spring_is_the_stiffness_of_ones_own():
-    structure = fi.Structure(
-        beam=BEAM, impactors=[fi.Impactor("ball", "tip", 3e-3, 1e-3, fi.KelvinVoigt(stiffness=1e4, restitution=0.6))]
-    )
-    mesh = fi.Mesh(np.linspace(0.0, LENGTH, 8))
-    sprung = fi.assemble(replace(structure, springs=[fi.Spring("spring", 0.02, 900.0)]), mesh=mesh)
-    bare = fi.assemble(structure, mesh=mesh)
-    full = np.zeros(16)
-    s = 0.02 * 7 / LENGTH
-    h = LENGTH / 7
-    # Hermite's cubics in the first element, written out
-    full[:4] = [1 - 3 * s**2 + 2 * s**3, h * (s - 2 * s**2 + s**3), 3 * s**2 - 2 * s**3, h * (s**3 - s**2)]
-    added = fi.add_terms(bare, stiffness=900.0 * np.outer(full, full))
-    assert added.first_frequency == pytest.approx(sprung.first_frequency, rel=1e-10)
-    assert added.contacts[0].effective_mass == pytest.approx(sprung.contacts[0].effective_mass, rel=1e-9)
-    for name in ("root.force", "root.moment"):
-        one, other = (s.reactions[name].on_displacement for s in (added, sprung))
-        np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-12 * np.abs(other).max())
-
-
 @UNSLENDER
 def test_a_dashpot_to_the_base_damps_a_rigid_beam_as_one_mass():
     # equal springs and equal dashpots at both ends: zeta = c/(2 sqrt(k m)) of the bounce, sqrt(3) times it of the pitch

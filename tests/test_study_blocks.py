@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
-from builders import paper_study, plain_study, study_key, with_ball
+from builders import plain_study, rigid_study, study_key
 from wrong import NOTHING_SOUND, NUMBERS_AND_WORDS
 
 import femimpact as fi
 from femimpact.app.parametric.block_files import BLOCKS
-from femimpact.files import atomic_path
 
 pytestmark = pytest.mark.impacts
 
@@ -19,12 +19,7 @@ GAP, RESTITUTION = "impactor.ball.gap", "impactor.ball.contact.restitution"
 AXES = {GAP: [2e-3, 3e-3, 4e-3], RESTITUTION: [0.5, 0.7]}
 
 
-def study():
-    """The paper's case with rigid impacts on two modes, event-driven."""
-    paper = paper_study()
-    structure = with_ball(paper.structure, contact=fi.Rigid(0.6))
-    given = {"structure": structure, "method": {"name": "event-driven"}, "reduction": replace(paper.reduction, modes=2)}
-    return replace(paper, mesh=replace(paper.mesh, elements=6), **given)
+study = partial(rigid_study, modes=2, elements=6)
 
 
 def small(directory=None, axes=None, measures=("peak",), **more):
@@ -66,12 +61,6 @@ def test_what_a_process_left_that_was_ended_while_it_wrote_goes_with_the_next_ca
     small(tmp_path)
     assert not any(path.exists() for path in left)
     assert all(path.exists() for path in others)
-
-
-def test_a_full_disk_names_the_file_and_nothing_else(tmp_path):
-    with pytest.raises(OSError, match="No space") as caught, atomic_path(tmp_path / "study.nc"):
-        raise OSError(28, "No space left on device")
-    assert str(caught.value) == f"[Errno 28] No space left on device: '{tmp_path / 'study.nc'}'"
 
 
 def test_a_directory_with_results_of_another_kind_is_refused_and_left_as_it_is(tmp_path):

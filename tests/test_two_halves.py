@@ -124,27 +124,6 @@ def test_sums_are_cut_between_and_within_impacts(law):
         assert difference < 1e-9, (other, cuts)
 
 
-def test_a_state_kept_on_the_way_of_a_longer_run_goes_on():
-    drive, system = KINDS["sine"] + fi.HammerBlow("mass", 0.2, 0.01, begin=0.13), several_motions()
-    whole = fi.integrate(system, drive, fi.EventDriven(), END, fi.Recorder(interval=INTERVAL, state_at=0.05))
-    # the polynomials up to 0.11 s are slower than those of the whole
-    again = fi.integrate(system, drive, fi.EventDriven(), 0.06, fi.Recorder(interval=INTERVAL), whole.kept_state)
-    first = round(whole.kept_state.time / INTERVAL)
-    expected = whole["mass"][first : first + again["mass"].size]
-    assert np.abs(again["mass"] - expected).max() < 1e-12 * np.abs(expected).max()
-
-
-def test_a_drive_that_begins_after_the_end_of_a_run_has_a_note():
-    for drive in (DRIVES["blow"], fi.PointForce("mass", LATE), LATE):
-        for by, record in METHODS.values():
-            for duration, begins_later in ((0.03, True), (0.05, True), (0.052, False)):
-                run = fi.integrate(in_a_box(contact=LAWS["compliant"]), drive, by, duration, record)
-                words = f"the run ends at {duration:g} s, before the excitation begins at 0.05 s: nothing drives it"
-                assert (words in run.notes) == begins_later
-    late = fi.integrate(in_a_box(), DRIVES["blow"], fi.EventDriven(), 0.02, initial=fi.State(time=0.04))
-    assert not any("nothing drives it" in note for note in late.notes)
-
-
 def test_a_force_does_not_move_the_base_in_words():
     record = fi.PointForce("mass", fi.RecordedBase(np.where(np.arange(100) < 5, 1.0, 0.0), 1e-3))
     run = fi.integrate(in_a_box(), record, fi.EventDriven(), 0.2, fi.Recorder(interval=INTERVAL))

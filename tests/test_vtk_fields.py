@@ -6,7 +6,7 @@ import itertools
 
 import numpy as np
 import pytest
-from grids import points_of
+from grids import points_of, read_series
 
 import femimpact as fi
 from femimpact.scene.scene import BEAM
@@ -18,17 +18,6 @@ THICK = fi.Segment(length=0.12, width=0.030, thickness=3e-3, name="thick", **ALU
 THIN = fi.Segment(length=0.08, width=0.020, thickness=1e-3, name="thin", **ALUMINIUM)
 STEPPED = fi.Structure(beam=fi.Beam((THICK, THIN)))
 FORCE = 0.7
-
-
-def grids_of(path):
-    import pyvista
-
-    reader = pyvista.get_reader(path)
-    grids = []
-    for time in reader.time_values:
-        reader.set_active_time_value(time)
-        grids.append(reader.read()[0].copy())
-    return grids
 
 
 def one_shape(system, shape):
@@ -44,7 +33,7 @@ def under_tip_force(tmp_path_factory):
     shape = np.linalg.solve(system.K.toarray(), FORCE * system.point_row("tip"))
     tip = float(system.point_row("tip") @ shape)
     path = tmp_path_factory.mktemp("static") / "static.pvd"
-    (grid,) = grids_of(write_modes(path, system, one_shape(system, shape), STEPPED, scale=tip))
+    _, (grid,) = read_series(write_modes(path, system, one_shape(system, shape), STEPPED, scale=tip))
     return system, shape, grid, grid.extract_cells(np.flatnonzero(grid["part"] == BEAM))
 
 
@@ -103,7 +92,7 @@ def bent_by_a_force(path, segment):
     system = fi.assemble(structure, elements=4)
     shape = np.linalg.solve(system.K.toarray(), FORCE * system.point_row("tip"))
     tip = float(system.point_row("tip") @ shape)
-    (grid,) = grids_of(write_modes(path / "static.pvd", system, one_shape(system, shape), structure, scale=tip))
+    _, (grid,) = read_series(write_modes(path / "static.pvd", system, one_shape(system, shape), structure, scale=tip))
     return tip, grid
 
 
@@ -165,7 +154,7 @@ def test_root_moment_of_modes_tends_to_the_reaction_with_the_fourth_order(tmp_pa
         system = fi.assemble(STEPPED, elements=count)
         modes = fi.solve_modes(system, 3)
         item, found = system.reactions["root.moment"], []
-        for i, grid in enumerate(grids_of(write_modes(tmp_path / "m.pvd", system, modes, STEPPED))):
+        for i, grid in enumerate(read_series(write_modes(tmp_path / "m.pvd", system, modes, STEPPED))[1]):
             coordinate, phi = grid.field_data["modal_coordinate"][0], modes.vectors[:, i]
             omega = 2.0 * np.pi * modes.natural_frequency[i]
             reaction = coordinate * float(item.on_displacement @ phi - omega**2 * item.on_acceleration @ phi)
@@ -186,7 +175,7 @@ def test_root_moment_of_a_response_is_the_reaction_but_for_inertia_and_damping(t
     base = fi.Sine(amplitude=1e-3, frequency=5.0)
     record = fi.Recorder(channels=("root.reaction_moment",), every=4, snapshots=4)
     run = fi.integrate(system, base, fi.EventDriven(), 2.0, record)
-    grids = grids_of(write_deflection(tmp_path / "a.pvd", run, structure))
+    _, grids = read_series(write_deflection(tmp_path / "a.pvd", run, structure))
     moment = np.array([root_of(grid)[0] if root_of(grid).size else 0.0 for grid in grids])
     rates = run.snapshots.velocity @ np.asarray(hermite_rows(system.nodes, [0.0], 2).toarray())[0]
     segment, h = beam.segments[0], 0.2 / count
@@ -203,7 +192,7 @@ def test_moment_is_stiffness_times_curvature_of_the_response(tmp_path, small, re
     record = fi.Recorder(channels=("tip",), snapshots=8, snapshots_start=2.8)
     stiffness = reference.beam.segments[0].bending_stiffness
     quiet = fi.integrate(fi.without_impactors(small), fi.Sine(0.2037e-3, 4.9), fi.EventDriven(), 3.0, record)
-    grids = grids_of(write_deflection(tmp_path / "a.pvd", quiet, reference, exaggeration=3.0))
+    _, grids = read_series(write_deflection(tmp_path / "a.pvd", quiet, reference, exaggeration=3.0))
     for k, grid in enumerate(grids):
         points = points_of(grid, grid["part"] == BEAM)
         x = grid.points[points, 0]
@@ -233,7 +222,7 @@ def test_sections_are_cut_where_a_force_acts(tmp_path):
     system = fi.assemble(structure, elements=8)
     shape = np.linalg.solve(system.K.toarray(), FORCE * system.point_row(0.1))
     scale = float(np.abs(system.expansion @ shape)[0::2].max())
-    (grid,) = grids_of(write_modes(tmp_path / "m.pvd", system, one_shape(system, shape), structure, scale=scale))
+    _, (grid,) = read_series(write_modes(tmp_path / "m.pvd", system, one_shape(system, shape), structure, scale=scale))
     beam = grid.extract_cells(np.flatnonzero(grid["part"] == BEAM))
     middle = np.isclose(beam.points[:, 0], 0.1, atol=1e-12)
     shear = np.sort(beam["shear_force"][middle])

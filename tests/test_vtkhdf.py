@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from builders import REFERENCE, reduced, run_study, short_study
+from grids import read_series
 
 import femimpact as fi
 from femimpact.files import GuardedFile
@@ -17,15 +18,6 @@ pytestmark = pytest.mark.impacts
 def response():
     record = fi.Recorder(channels=("tip",), snapshots=4, snapshots_start=1.0)
     return fi.integrate(reduced(REFERENCE), fi.Sine(0.2037e-3, 5.0), fi.EventDriven(), 2.0, record)
-
-
-def series_of(path):
-    import pyvista
-
-    reader = pyvista.get_reader(path)
-    for time in reader.time_values:
-        reader.set_active_time_value(time)
-        yield time, reader.read()[0]
 
 
 def steps_of(path):
@@ -55,7 +47,8 @@ def assert_same(one, other):
 
 def test_one_temporal_file_holds_the_frames_of_the_collection(tmp_path, response):
     """Every bit of every array, at every time."""
-    frames = list(series_of(write_deflection(tmp_path / "a.pvd", response, REFERENCE, exaggeration=2.0)))
+    path = write_deflection(tmp_path / "a.pvd", response, REFERENCE, exaggeration=2.0)
+    frames = list(zip(*read_series(path), strict=True))
     steps = list(steps_of(write_deflection(tmp_path / "a.vtkhdf", response, REFERENCE, exaggeration=2.0)))
     assert len(frames) == len(steps) > 20
     for (time, frame), (own, step) in zip(frames, steps, strict=True):
@@ -74,7 +67,7 @@ def test_a_study_leaves_the_file_that_it_asks_for(tmp_path, paraview):
         assert "deflection.vtkhdf" in script
         assert not list(folder.glob("deflection.pvd"))
         return
-    frames = list(series_of(folder / "deflection.pvd"))
+    frames = list(zip(*read_series(folder / "deflection.pvd"), strict=True))
     assert "deflection.pvd" in script
     assert len(frames) == len(steps)
     for (time, frame), (own, step) in zip(frames, steps, strict=True):
@@ -105,7 +98,8 @@ def test_a_failed_write_leaves_no_file(tmp_path, response, monkeypatch):
 
 def test_grids_for_notebooks_are_those_of_the_files(tmp_path, response):
     blocks = fi.to_pyvista(response, REFERENCE, exaggeration=2.0)
-    frames = list(series_of(write_deflection(tmp_path / "a.pvd", response, REFERENCE, exaggeration=2.0)))
+    path = write_deflection(tmp_path / "a.pvd", response, REFERENCE, exaggeration=2.0)
+    frames = list(zip(*read_series(path), strict=True))
     assert len(blocks) == len(frames)
     for block, (time, frame) in zip(blocks, frames, strict=True):
         assert block.field_data["TimeValue"][0] == time
