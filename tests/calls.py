@@ -160,7 +160,6 @@ FIGURES = {
         "bands": [("starts", [5.0, 6.0], [1e-3, 2e-3], [2e-3, 3e-3])],
         "join_all": True, "ax": SHEET,
     },
-    "response_columns": lambda: {"curves": {"a": curve()}, "figure": SHEET},
     "branch": lambda: {
         "branch": NOUNS["Branch"](), "ax": SHEET, "title": "4 modes", "swept": ([5.0, 5.1], [1e-3, 2e-3]),
     },
