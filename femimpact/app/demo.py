@@ -253,20 +253,15 @@ def curves_of_starts(prepared: PreparedStudy, report: Report) -> dict[str, Start
     plan = prepared.study.sweep
     if plan is None:
         raise InputError([Fault("sweep", None, "", "table [sweep] is missing")])
-    axes = {
-        "base.start": tuple(STARTS),
-        "start.ball.position": places(SAMPLES),
-        "base.frequency": np.linspace(plan.start, plan.stop, 2 * plan.points - 1),
-    }
+    frequency = np.linspace(plan.start, plan.stop, 2 * plan.points - 1)
+    axes = {"base.start": tuple(STARTS), "start.ball.position": places(SAMPLES), "base.frequency": frequency}
     base = Sine(prepared.study.sine.amplitude, 1.0)
     curves = parameter_study(
         prepared.small, axes, OF_CURVES, excitation=base, method=EventDriven(), cycles=plan.cycles,
         progress=lambda done: report(f"{SAMPLES} starts", done.share),
     )  # fmt: skip
     return {
-        start: StartCurves(
-            axes["base.frequency"], {name: curves[name].sel({"base.start": start}).values for name in OF_CURVES}
-        )
+        start: StartCurves(frequency, {name: curves[name].sel({"base.start": start}).values for name in OF_CURVES})
         for start in STARTS
     }
 

@@ -118,16 +118,12 @@ def _group_of(study: ParameterStudy, block: BlockValues, parts: Sequence[tuple[_
     first = parts[0][0]
     members = np.concatenate([members for _, members in parts])
     sizes = [members.size for _, members in parts]
-    systems, laws = dict[int, System](), dict[Any, tuple[ContactLaw, ...]]()
-    for equations, _ in parts:
-        systems[id(equations.system)] = equations.system
-        laws.setdefault(equations.law_values, equations.laws)
+    systems = {id(equations.system): equations.system for equations, _ in parts}
+    laws = {equations.law_values: equations.laws for equations, _ in parts}
+    numbers: dict[Any, int] = {key: number for keys in (systems, laws) for number, key in enumerate(keys)}
     system_of, law_of = (
-        np.repeat([numbers.index(key) for key in keys], sizes)
-        for numbers, keys in (
-            (list(systems), [id(equations.system) for equations, _ in parts]),
-            (list(laws), [equations.law_values for equations, _ in parts]),
-        )
+        np.repeat([numbers[key] for key in keys], sizes)
+        for keys in zip(*((id(equations.system), equations.law_values) for equations, _ in parts), strict=True)
     )
     runs = _runs(study, first, block.cases[members], tuple(laws.values()), law_of)
     if len(systems) > 1:
@@ -343,7 +339,7 @@ def _placed_balls(
         return np.where(left, 0.0, places)
     u, _, y, _ = initial.relative_to_base(system, base)
     if are_drawn:
-        return places + np.array([pair.direction @ u for pair in system.balls])
+        return np.asarray(places + np.array([pair.direction @ u for pair in system.balls]))
     return np.where(left, y[: places.shape[1]], places)
 
 
