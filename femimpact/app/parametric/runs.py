@@ -118,13 +118,13 @@ def _group_of(study: ParameterStudy, block: BlockValues, parts: Sequence[tuple[_
     first = parts[0][0]
     members = np.concatenate([members for _, members in parts])
     sizes = [members.size for _, members in parts]
-    systems, laws = dict[int, System](), dict[Any, tuple[ContactLaw, ...]]()
-    for equations, _ in parts:
-        systems[id(equations.system)] = equations.system
-        laws.setdefault(equations.law_values, equations.laws)
-    numbers_of_systems, numbers_of_laws = list(systems), list(laws)
-    system_of = np.repeat([numbers_of_systems.index(id(equations.system)) for equations, _ in parts], sizes)
-    law_of = np.repeat([numbers_of_laws.index(equations.law_values) for equations, _ in parts], sizes)
+    systems = {id(equations.system): equations.system for equations, _ in parts}
+    laws = {equations.law_values: equations.laws for equations, _ in parts}
+    numbers: dict[Any, int] = {key: number for keys in (systems, laws) for number, key in enumerate(keys)}
+    system_of, law_of = (
+        np.repeat([numbers[key] for key in keys], sizes)
+        for keys in zip(*((id(equations.system), equations.law_values) for equations, _ in parts), strict=True)
+    )
     runs = _runs(study, first, block.cases[members], tuple(laws.values()), law_of)
     if len(systems) > 1:
         runs = _with_systems(study, tuple(systems.values()), system_of, runs)
