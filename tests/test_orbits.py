@@ -14,7 +14,16 @@ from builders import REFERENCE, oscillator, reduced, with_ball
 from orbit_cases import MODELS
 
 import femimpact as fi
-from femimpact.orbits.equations import EventSequence, EventStates, derivative_by, event_maps, jacobian, residual, solve
+from femimpact.orbits.equations import (
+    EventSequence,
+    EventStates,
+    Intervals,
+    derivative_by,
+    event_maps,
+    jacobian,
+    residual,
+    solve,
+)
 from femimpact.orbits.flow import flow_of, hybrid_system
 from femimpact.orbits.orbit import state_vector
 from femimpact.orbits.search import first_guess, orbit_near
@@ -81,6 +90,19 @@ def test_derivatives_by_a_parameter_have_the_digits_of_50_digit_arithmetic(orbit
     exact = np.array(DIGITS[name][parameter])
     unit = np.append(units_of(orbit), 1.0)
     assert np.max(np.abs(found - exact) / unit) < 1e-8 * np.max(np.abs(exact) / unit)
+
+
+@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("kind", ["impact", "release"])
+def test_rates_of_a_condition_are_its_derivatives(orbits, name, kind):
+    orbit = orbits[name]
+    hybrid = hybrid_system(orbit.system, orbit.excitation)
+    motion = Intervals.between(hybrid, first_guess(orbit.system, orbit.excitation, 1, orbit))
+    k, step = motion.longest(), 1e-4
+    middle = 0.5 * (motion.begin[k] + motion.end[k]) + np.array([-0.2, 0.0, 0.1])
+    here, before, after = (motion.condition(k, (kind, 0, 1.0), middle + by) for by in (0.0, -step, step))
+    derivative = (after - before)[:2] / (2 * step / hybrid.omega)
+    np.testing.assert_allclose(derivative, here[1:], rtol=1e-5, atol=1e-6 * np.abs(here[1:]).max())
 
 
 @pytest.mark.parametrize("name", MODELS)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, TypeVar, overload
@@ -43,7 +43,7 @@ from femimpact.orbits.curve import (
 from femimpact.orbits.equations import Solution, event_maps, length_of, solve
 from femimpact.orbits.following import CHANGES, CLOSED, follow
 from femimpact.orbits.limits import Followed, refusal
-from femimpact.orbits.orbit import NEUTRAL, PeriodicOrbit, decays
+from femimpact.orbits.orbit import NEUTRAL, PeriodicOrbit, decays, parts_of
 from femimpact.orbits.parameter import Parameter, parameter_of
 from femimpact.orbits.search import first_guess, one_sine
 from femimpact.orbits.verification import orbit_of, own_run
@@ -229,18 +229,12 @@ class Branch:
             name: ("point", np.array(getattr(self, name)), {"units": "m", "long_name": name.replace("_", " ")})
             for name in ("peak", "first_harmonic")
         }
-        for part in ("real", "imag"):
-            labels = {"units": "1", "long_name": f"Floquet multipliers, {part}"}
-            data[f"multipliers_{part}"] = (("point", "multiplier"), np.array(getattr(self.multipliers, part)), labels)
+        data |= parts_of("multipliers", self.multipliers, "point", "multiplier")
         data["is_stable"] = ("point", self.is_stable)
         data["bifurcation"] = ("point", self._kinds)
         values = ("point", np.array(self.values), {"units": self.unit, "long_name": self.parameter})
-        attributes = {
-            "parameter": self.parameter,
-            "place": self.place,
-            "first_end": self.end[0],
-            "last_end": self.end[1],
-        }
+        attributes = {"parameter": self.parameter, "place": self.place}
+        attributes |= {"first_end": self.end[0], "last_end": self.end[1]}
         return xarray.Dataset(data, coords={"value": values}, attrs=attributes)
 
     @property
@@ -299,9 +293,6 @@ class _Orbits(Sequence[PeriodicOrbit]):
         if isinstance(number, slice):
             return tuple(self[i] for i in range(*number.indices(len(self))))
         return _orbit(self._curve, self._unknowns[number], number % len(self) in self._bifurcations)
-
-    def __iter__(self) -> Iterator[PeriodicOrbit]:
-        return (self[i] for i in range(len(self)))
 
 
 @takes(orbit=instance(PeriodicOrbit), points=quantity("1", at_least=2, at_most=10**6, integer=True))

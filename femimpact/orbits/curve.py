@@ -21,9 +21,9 @@ from femimpact.arrays import Array, Complex
 from femimpact.orbits.equations import (
     EXACT,
     PRESS_AGAIN,
+    RATES,
     RELEASE,
     ROUNDED,
-    SEPARATE,
     EventMaps,
     EventSequence,
     EventStates,
@@ -287,10 +287,6 @@ class Point:
         return np.append(
             ((states[:half] - self.curve.half_sign * states[half:]) / self.curve.unit[:-1]).ravel(), turned
         )
-
-
-RATES = {RELEASE: -1.0, SEPARATE: -1.0}
-"""Sign with which the condition of an event is met, where it is not from below."""
 
 
 def evaluated(curve: Curve, x: Array, tangent: Array) -> Point:

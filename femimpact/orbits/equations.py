@@ -22,6 +22,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+import scipy.optimize
 from numpy.typing import NDArray
 from scipy.linalg.lapack import dgetrf, dgetrs
 
@@ -95,6 +96,12 @@ IMPACT, TOUCH, RELEASE, PRESS_AGAIN, SEPARATE, SECTION = (
     "impact", "touch", "release", "press again", "separate", "section",
 )  # fmt: skip
 """Kinds of events: those of a log that an orbit may have, and a fixed phase where the motion meets none."""
+
+RATES = {RELEASE: -1.0, SEPARATE: -1.0}
+"""Sign with which the condition of an event is met, where it is not from below."""
+
+Event = tuple[str, int, float]
+"""Kind, pair and side of an event."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -364,14 +371,66 @@ class Intervals:
         return np.concatenate(found)
 
     def gaps(self, k: int, phases: Array) -> Array:
-        """What the gaps bound, with its rate and the rate of that (3, n, pairs), m, m/s and m/s^2, in interval k."""
-        state, hybrid, d = self.at(k, phases), self.hybrid, self.hybrid.mass.size
-        moves = state[:, :d], state[:, d:], self.flow(k).field(state, phases)[:, d:]
-        base = np.sin(phases), hybrid.omega * np.cos(phases), -(hybrid.omega**2) * np.sin(phases)
+        """What the gaps bound with its first three rates (4, n, pairs), m to m/s^3, at phases (n,) in interval k."""
+        state, hybrid, flow = self.at(k, phases), self.hybrid, self.flow(k)
+        rates, d, omega = flow.field(state, phases), hybrid.mass.size, hybrid.omega
+        driven = np.cos(phases)[:, None] * flow.sine - np.sin(phases)[:, None] * flow.cosine
+        moves = state[:, :d], state[:, d:], rates[:, d:], (rates @ flow.matrix.T + omega * driven)[:, d:]
+        base = np.sin(phases), omega * np.cos(phases), -(omega**2) * np.sin(phases), -(omega**3) * np.cos(phases)
         return -np.array([
             of_it @ hybrid.force + np.outer(hybrid.amplitude * of_base, hybrid.in_space)
             for of_it, of_base in zip(moves, base, strict=True)
         ])  # fmt: skip
+
+    def condition(self, k: int, event: Event, phases: Array) -> Array:
+        """How far beyond that of an event its condition is, m, and its first two rates (3, n), in interval k.
+
+        The condition is the depth beyond a wall, or the force of a contact over its stiffness.
+        """
+        (kind, pair, side), hybrid = event, self.hybrid
+        depth = side * self.gaps(k, phases)[:, :, pair]
+        depth[0] -= hybrid.gaps[pair, 0 if side > 0.0 else 1]
+        if kind in (RELEASE, PRESS_AGAIN) and hybrid.contact_damping[pair]:
+            depth[:-1] += float(hybrid.contact_damping[pair] / hybrid.contact_stiffness[pair]) * depth[1:]
+        return RATES.get(kind, 1.0) * depth[:-1]
+
+    def crests(self, event: Event, m: int, goes_on: bool) -> list[tuple[float, float]]:
+        """Phases of the crests of a condition in interval m, of earlier or later cycles too, and how far beyond it is.
+
+        Also that at its beginning, where it goes on from the interval before, and the event between turns it round.
+        """
+        turns, k = divmod(m, self.begin.size)
+        phases = self.instants(k)
+        _, rate, slope = self.condition(k, event, phases)
+
+        def zero(derivative: int, low: float, high: float) -> float:
+            def value(phase: float) -> float:
+                return float(self.condition(k, event, np.array([phase]))[derivative, 0])
+
+            ends = value(low), value(high)
+            if ends[0] * ends[1] >= 0.0:
+                # rounding puts it at one of them
+                return (low, high)[int(np.argmin(np.abs(ends)))]
+            return float(scipy.optimize.brentq(value, low, high))
+
+        passes = np.flatnonzero((rate[:-1] > 0.0) & (rate[1:] <= 0.0)).tolist()
+        tops = [zero(1, phases[i], phases[i + 1]) for i in passes]
+        # twice within a step, beside a wall that it leaves slowly: the extreme of the rate lies between
+        step = np.diff(phases) / float(self.hybrid.omega)
+        for sign in (1.0, -1.0):
+            before, after = sign * rate[:-1], sign * rate[1:]
+            up, down = sign * slope[:-1], sign * slope[1:]
+            may = (before <= 0.0) & (after <= 0.0) & (up > 0.0) & (down < 0.0)
+            may &= (before + step * up > 0.0) & (after - step * down > 0.0)
+            for i in np.flatnonzero(may).tolist():
+                middle = zero(2, phases[i], phases[i + 1])
+                if sign * float(self.condition(k, event, np.array([middle]))[1, 0]) > 0.0:
+                    tops.append(zero(1, middle, phases[i + 1]) if sign > 0.0 else zero(1, phases[i], middle))
+        if goes_on and self.condition(k - 1, event, self.end[[k - 1]])[1, 0] > 0.0 >= rate[0]:
+            tops.append(float(phases[0]))
+        heights = self.condition(k, event, np.array(tops))[0].tolist()
+        cycle = float(self.end[-1] - self.begin[0])
+        return [(top + turns * cycle, height) for top, height in zip(tops, heights, strict=True)]
 
     def flow(self, k: int) -> Flow:
         """That of interval k."""

@@ -11,15 +11,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.optimize
 
-from femimpact.arrays import Array
 from femimpact.errors import DivergenceError, InputError
 from femimpact.integrators.event_driven.loop_data import CONTACT, SEPARATING
 from femimpact.orbits.curve import (
     AROUND,
     LONGEST,
-    RATES,
     LostError,
     Point,
     at_value,
@@ -29,7 +26,7 @@ from femimpact.orbits.curve import (
     near_points,
 )
 from femimpact.orbits.equations import EXACT, IMPACT, PRESS_AGAIN, RELEASE, SECTION, SEPARATE, TOUCH
-from femimpact.orbits.verification import OwnRun, own_runs
+from femimpact.orbits.verification import SAME_PHASE, OwnRun, own_runs
 from femimpact.system.system import System
 
 NEAR_END = 1e-4
@@ -52,9 +49,6 @@ AT_WALL = 1e-6
 
 MERGING = {RELEASE: PRESS_AGAIN, PRESS_AGAIN: RELEASE, SEPARATE: TOUCH}
 """Events of a Kelvin-Voigt contact of which the second follows the first at once where both lose their speed."""
-
-PROFILE = 257
-"""Instants of an interval between events among which the crests of a condition are looked for."""
 
 MOST_CRESTS = 10
 """Crests of a gap between two points of which the first to reach a wall is looked for."""
@@ -119,7 +113,7 @@ def at_no_speed(point: Point) -> End:
         return "grazing", point, f"press again at the wall, of {name} {where(point)}"
     if kind in MERGING:
         return "grazing", point, f"{kind} and {MERGING[kind]} at one instant, of {name} {where(point)}"
-    leaves = depth_beyond(point, k, j, side, point.events.phases[k : k + 1], 2)[0] < 0.0
+    leaves = point.intervals.condition(k, (TOUCH, j, side), point.events.phases[[k]])[2, 0] < 0.0
     kind, words = ("grazing", "impact speed zero") if leaves else ("sticking", "sticking after an impact at no speed")
     return kind, point, f"{words}, of {name} {where(point)}"
 
@@ -209,63 +203,6 @@ def repeating_point(left: Point) -> Point | None:
             near = far @ (left.curve.weight * far) < LONGEST**2
             return evaluated(left.curve, found, left.tangent) if near else None
     return None
-
-
-# ---- crests ---------------------------------------------------------------------------------------
-
-
-def depth_beyond(point: Point, k: int, pair: int, side: float, phases: Array, derivative: int) -> Array:
-    """Depth (n,) beyond a wall at phases (n,) after event k, m, or its first or second derivative by the time."""
-    wall = 0.0 if derivative else float(point.maps.hybrid.gaps[pair, 0 if side > 0.0 else 1])
-    return np.asarray(side * point.intervals.gaps(k, phases)[derivative, :, pair] - wall)
-
-
-def begin(point: Point, m: int) -> float:
-    """Phase of event m, of later cycles too."""
-    turns, event = divmod(m, point.events.phases.size)
-    return float(point.events.phases[event] + turns * point.cycle)
-
-
-def condition(point: Point, event: tuple[str, int, float], m: int, phases: Array, derivative: int) -> Array:
-    """How far (n,) beyond that of an event its condition is at phases (n,) after event m, or its first derivative.
-
-    An event is its kind, pair and side; the condition is a depth, m, or the force over the stiffness.
-    """
-    (kind, pair, side), hybrid = event, point.maps.hybrid
-    turns, k = divmod(m, point.events.phases.size)
-    at = k, pair, side, phases - turns * point.cycle
-    found = depth_beyond(point, *at, derivative)
-    if kind in (RELEASE, PRESS_AGAIN) and hybrid.contact_damping[pair]:
-        damped = float(hybrid.contact_damping[pair] / hybrid.contact_stiffness[pair])
-        found = found + damped * depth_beyond(point, *at, derivative + 1)
-    return RATES.get(kind, 1.0) * found
-
-
-def crests(point: Point, event: tuple[str, int, float], intervals: list[int]) -> list[tuple[float, float, int]]:
-    """Phases between which each crest of a condition is after some events in a row, and the event before it.
-
-    Both are one where an event turns the motion round.
-    """
-    found, last = [], -1.0
-    for m in intervals:
-        grid = np.linspace(begin(point, m), begin(point, m + 1), PROFILE)
-        rates = condition(point, event, m, grid, 1)
-        if last > 0.0 >= rates[0]:
-            found.append((float(grid[0]), float(grid[0]), m))
-        i = np.flatnonzero((rates[:-1] > 0.0) & (rates[1:] <= 0.0))
-        found += list(zip(grid[i].tolist(), grid[i + 1].tolist(), [m] * i.size, strict=True))
-        last = float(rates[-1])
-    return found
-
-
-def top(point: Point, event: tuple[str, int, float], low: float, high: float, m: int) -> tuple[float, float]:
-    """Phase of a crest, and how far the condition is beyond that of its event there, in the unit of displacements."""
-
-    def rate(phase: float) -> float:
-        return float(condition(point, event, m, np.array([phase]), 1)[0])
-
-    at = low if low == high else float(scipy.optimize.brentq(rate, low, high))
-    return at, float(condition(point, event, m, np.array([at]), 0)[0]) / float(point.curve.by_rows[-1])
 
 
 # ---- what is no motion ----------------------------------------------------------------------------
@@ -372,19 +309,22 @@ def _crest(
 ) -> Callable[[Point], float]:  # fmt: skip
     """How far beyond that of an event is the crest of its condition next to the phase at which a point has met it."""
     k, event = int(np.searchsorted(right.events.phases, at, side="right")) - 1, (kind, pair, side)
-    intervals = _intervals(right, k, pair, -1 if begun_beyond else 1)
-    found = crests(right, event, intervals)
+    numbers = _intervals(right, k, pair, -1 if begun_beyond else 1)
+
+    def crests(point: Point) -> list[tuple[float, float]]:
+        return [crest for m in numbers for crest in point.intervals.crests(event, m, goes_on=m != numbers[0])]
+
     if begun_beyond:
         # the contact has turned the run from its orbit
-        place = max(found, key=lambda crest: top(right, event, *crest)[1], default=(at, at, k))[1]
+        place = max(crests(right), key=lambda crest: crest[1], default=(at, 0.0))[0]
     else:
-        place = min((high for _, high, _ in found if high >= at), default=at)
+        place = min((phase for phase, _ in crests(right) if phase >= at - SAME_PHASE), default=at)
     place -= right.events.phases[k]
 
     def crest(point: Point) -> float:
-        between, from_here = crests(point, event, intervals), point.events.phases[k] + place
-        nearest = min(between, key=lambda crest: abs(crest[1] - from_here), default=None)
-        return -1.0 if nearest is None else top(point, event, *nearest)[1]
+        from_here = point.events.phases[k] + place
+        nearest = min(crests(point), key=lambda crest: abs(crest[0] - from_here), default=None)
+        return -1.0 if nearest is None else nearest[1] / float(point.curve.by_rows[-1])
 
     return crest
 

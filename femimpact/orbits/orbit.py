@@ -9,7 +9,6 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import scipy.optimize
 from numpy.typing import NDArray
 
 from femimpact.arrays import Array, Complex
@@ -152,8 +151,9 @@ class PeriodicOrbit:
         InputError
             If there is no such channel.
         """
-        read = self.system.default_place if channel is None else channel
-        (read,), run, cycles = resolve_channels(self.system, (read,)), run_of(self, (read,)), self.cycles
+        channels = (self.system.default_place if channel is None else channel,)
+        run, cycles = run_of(self, channels), self.cycles
+        (read,) = resolve_channels(self.system, channels)
         phase = 2.0 * math.pi * self.excitation.frequency * run.time[1:] + self.excitation.phase
         first = np.arange(cycles) * (phase.size // cycles)
         motion = steady_motion(cycle_statistics(run.channels[read.name][1:], phase, first), np.array([cycles]))
@@ -205,11 +205,8 @@ class PeriodicOrbit:
         (by grazing) where it falls to zero. An impact is no such crest, nor is what lies within a contact. Infinite
         where there is no crest: where there is no wall, or each approach ends at the wall.
         """
-        intervals = self._intervals
-        instants = [intervals.instants(k) for k in range(intervals.begin.size)]
-        read = [(phases, intervals.gaps(k, phases)) for k, phases in enumerate(instants)]
         pairs = enumerate(self.system.contacts)
-        return {pair.name: (_clearance(self, read, j, 1.0), _clearance(self, read, j, -1.0)) for j, pair in pairs}
+        return {pair.name: (_clearance(self, j, 1.0), _clearance(self, j, -1.0)) for j, pair in pairs}
 
     @property
     def smallest_clearance(self) -> float:
@@ -253,13 +250,9 @@ class PeriodicOrbit:
             If there is no such channel.
         """
         data = period_of(self, self._channels if channels is None else channels).to_xarray()
-        kinds = {"multipliers": self.multipliers} | (
-            {"half_multipliers": self.half_multipliers} if self.is_symmetric else {}
-        )
-        for name, values in kinds.items():
-            for part in ("real", "imag"):
-                labels = {"units": "1", "long_name": f"Floquet {name.replace('_', ' ')}, {part}"}
-                data[f"{name}_{part}"] = ("multiplier", np.array(getattr(values, part)), labels)
+        data = data.assign(parts_of("multipliers", self.multipliers, "multiplier"))
+        if self.is_symmetric:
+            data = data.assign(parts_of("half_multipliers", self.half_multipliers, "multiplier"))
         return data.assign_attrs(
             cycles=self.cycles,
             period_s=self.period,
@@ -313,6 +306,15 @@ def decays(multipliers: Complex) -> NDArray[np.bool_]:
     Those of an undamped motion are 1, and rounding puts them to either side.
     """
     return np.asarray(np.abs(multipliers[..., 0]) < 1.0 - NEUTRAL)
+
+
+def parts_of(name: str, multipliers: Complex, *axes: str) -> dict[str, Any]:
+    """Real and imaginary parts of multipliers as variables of a dataset with some axes."""
+    words = f"Floquet {name.replace('_', ' ')}"
+    return {
+        f"{name}_{part}": (axes, np.array(getattr(multipliers, part)), {"units": "1", "long_name": f"{words}, {part}"})
+        for part in ("real", "imag")
+    }
 
 
 def state_vector(state: State) -> Array:
@@ -375,55 +377,22 @@ def period_of(orbit: PeriodicOrbit, channels: Sequence[Position | Channel]) -> R
     return changed(run, time=time, channels=histories, energy=ledger, impacts=orbit.impacts, start=0.0)
 
 
-def _clearance(orbit: PeriodicOrbit, read: list[tuple[Array, Array]], j: int, side: float) -> float:
-    """Smallest distance at which a pair turns back before a wall, m, from phases and gaps of each interval.
+def _clearance(orbit: PeriodicOrbit, j: int, side: float) -> float:
+    """Smallest distance at which a pair turns back before a wall, m.
 
     Infinite where it never does: where there is no wall, or each approach ends at the wall.
     """
-    intervals = orbit._intervals
-    wall = float(intervals.hybrid.gaps[j, 0 if side > 0.0 else 1])
-    if not math.isfinite(wall):
+    intervals, event = orbit._intervals, (TOUCH, j, side)
+    if not math.isfinite(intervals.hybrid.gaps[j, 0 if side > 0.0 else 1]):
         return math.inf
     apart = intervals.contact_state[:, j] * side <= 0.0
     met = (orbit.events.pair == j) & (orbit.events.side == side)
-    crests = list[float]()
+    heights = list[float]()
     for k in np.flatnonzero(apart).tolist():
-        phases, gaps = read[k]
-        tops = _tops(intervals, k, j, side, phases, side * gaps[:, :, j])
-        crests += (wall - side * intervals.gaps(k, np.array(tops))[0, :, j]).tolist()
-        # an impact elsewhere turns it back
-        turns = side * read[k - 1][1][1, -1, j] > 0.0 >= side * gaps[1, 0, j]
-        if met.size and not met[k] and apart[k - 1] and turns:
-            crests.append(wall - side * float(gaps[0, 0, j]))
-    if not crests and np.all(apart) and not np.any(met):
+        # an impact elsewhere may turn it back
+        goes_on = bool(met.size and not met[k] and apart[k - 1])
+        heights += [height for _, height in intervals.crests(event, k, goes_on)]
+    if not heights and np.all(apart) and not np.any(met):
         # it stands still
-        crests = [wall - side * float(read[0][1][0, 0, j])]
-    return max(min(crests, default=math.inf), 0.0)
-
-
-def _tops(intervals: Intervals, k: int, pair: int, side: float, phases: Array, read: Array) -> list[float]:
-    """Phases in interval k at which the gap of a pair turns back, given it, its rate and the rate of that (3, n)."""
-
-    def zero(derivative: int, low: float, high: float) -> float:
-        def value(phase: float) -> float:
-            return float(intervals.gaps(k, np.array([phase]))[derivative, 0, pair])
-
-        ends = value(low), value(high)
-        if ends[0] * ends[1] >= 0.0:
-            # rounding puts it at one of them
-            return (low, high)[int(np.argmin(np.abs(ends)))]
-        return float(scipy.optimize.brentq(value, low, high))
-
-    (_, rate, slope), step = read, np.diff(phases) / float(intervals.hybrid.omega)
-    found = [zero(1, phases[i], phases[i + 1]) for i in np.flatnonzero((rate[:-1] > 0.0) & (rate[1:] <= 0.0)).tolist()]
-    # twice within a step, beside a wall that it leaves slowly: the extreme of the rate lies between
-    for sign in (1.0, -1.0):
-        before, after = sign * rate[:-1], sign * rate[1:]
-        up, down = sign * slope[:-1], sign * slope[1:]
-        may = (before <= 0.0) & (after <= 0.0) & (up > 0.0) & (down < 0.0)
-        may &= (before + step * up > 0.0) & (after - step * down > 0.0)
-        for i in np.flatnonzero(may).tolist():
-            middle = zero(2, phases[i], phases[i + 1])
-            if sign * side * float(intervals.gaps(k, np.array([middle]))[1, 0, pair]) > 0.0:
-                found.append(zero(1, middle, phases[i + 1]) if sign > 0.0 else zero(1, phases[i], middle))
-    return found
+        heights = [float(intervals.condition(0, event, intervals.begin[[0]])[0, 0])]
+    return max(-max(heights, default=-math.inf), 0.0)

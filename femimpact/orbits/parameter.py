@@ -148,7 +148,8 @@ def _of_pair(
     if pair.has_walls and pair.parameters.is_rigid:
         allowed = quantity("1", at_least=0.0, at_most=1.0)
         value = pair.parameters.restitution
-        yield parameter("contact.restitution", "1", value, allowed, _at_restitution, _with_restitution)
+        with_value = partial(_with_contact, law=Rigid(value), name="restitution")
+        yield parameter("contact.restitution", "1", value, allowed, _at_restitution, with_value)
     if isinstance(pair.law, KelvinVoigt):
         for name, item in NUMBERS.items():
             law = _law_that_has(pair, name)
@@ -272,11 +273,7 @@ def _with_gap(pair: ContactPair, value: float) -> ContactPair:
     return replace(pair, gaps=(plus, minus))
 
 
-def _with_restitution(pair: ContactPair, value: float) -> ContactPair:
-    return replace(pair, law=Rigid(value))
-
-
-def _with_contact(pair: ContactPair, value: float, *, law: KelvinVoigt, name: str) -> ContactPair:
+def _with_contact(pair: ContactPair, value: float, *, law: Rigid | KelvinVoigt, name: str) -> ContactPair:
     number: dict[str, Any] = {name: value}
     return replace(pair, law=replace(law, **number))
 

@@ -23,7 +23,7 @@ from femimpact.orbits.equations import (
     EventStates,
 )
 from femimpact.orbits.flow import HybridSystem
-from femimpact.orbits.limits import AT_WALL, crests, depth_beyond, top, without_speed
+from femimpact.orbits.limits import AT_WALL, without_speed
 from femimpact.orbits.orbit import PeriodicOrbit
 from femimpact.orbits.search import orbit_near, untouched_ball, without_events
 
@@ -221,16 +221,15 @@ def _reached(point: Point) -> Iterator[_Reached]:
         state = float(sequence.contact_state[k, j])
         first = IMPACT if pairs[j].parameters.is_rigid else TOUCH
         kind = {FREE: first, CONTACT: RELEASE, SEPARATING: PRESS_AGAIN}[abs(int(state))]
-        here = [k] if sequence.pair[k] == j else [k - 1, k]
         for side in (math.copysign(1.0, state),) if state else (1.0, -1.0) if pairs[j].has_walls else ():
-            for low, high, m in crests(point, (kind, j, side), here):
-                at, height = top(point, (kind, j, side), low, high, m)
-                if m == k and abs(height) < AT_WALL:
+            for at, height in point.intervals.crests((kind, j, side), k, goes_on=bool(sequence.pair[k] != j)):
+                if abs(height) < AT_WALL * point.curve.by_rows[-1]:
                     yield _Reached(k, kind, j, side, at)
         if sequence.kind[k] == PRESS_AGAIN and sequence.pair[k] == j:
-            depth = depth_beyond(point, k, j, float(sequence.side[k]), phases[[k]], 0)[0]
+            side = float(sequence.side[k])
+            depth = point.intervals.condition(k, (TOUCH, j, side), phases[[k]])[0, 0]
             if abs(depth) < AT_WALL * point.curve.unit[0]:
-                yield _Reached(k, SEPARATE, j, float(sequence.side[k]), float(phases[k]))
+                yield _Reached(k, SEPARATE, j, side, float(phases[k]))
 
 
 def _with(point: Point, reached: list[_Reached], step: float) -> EventStates:

@@ -95,7 +95,7 @@ class OwnRun:
         phases = events.phases[order] + np.where(order < self.first, sequence.turn, 0.0)
         return EventStates(sequence.rows(order), events.states[order], phases)
 
-    @property
+    @cached_property
     def other_event(self) -> int | None:
         """Row of the log with the first event that the orbit has not.
 
@@ -137,9 +137,10 @@ class OwnRun:
 
     def check_missed(self, growth: float) -> None:
         """Refuse an orbit of which it misses its start, where a disturbance grows so much in a period."""
-        allowed, k, off = VERIFIED * max(1.0, growth), self.first_other, ""
+        allowed = VERIFIED * max(1.0, growth)
         if self.missed <= allowed:
             return
+        k, off = self.first_other, ""
         if k is not None and k < len(self.log):
             later = self.phases[k] - self.expected.phases[k]
             words = f"event {k + 1} of it, {self._words(k)}, is {number_text(abs(later), 2)} rad of the excitation"
