@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -67,7 +68,12 @@ class Readings:
     excitation: Excitation
     drive: Drive
     channels: tuple[Channel, ...]
-    rows: ChannelRows
+    springs_apart: bool  # as of `channel_rows`
+
+    @cached_property
+    def rows(self) -> ChannelRows:
+        """Rows of the channels."""
+        return channel_rows(self.system, self.drive, self.channels, springs_apart=self.springs_apart)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -101,14 +107,6 @@ class Readings:
         named = {} if work_of is None else named_work(self.drive, work_of, self.system)
         of_mode, columns = energy[len(ENERGY_COLUMNS) :].T, dict(zip(ENERGY_COLUMNS, energy, strict=False))
         return made(EnergyLedger, time=time, structure_loss_of_mode=of_mode, work_of=named, **columns)
-
-
-def readings_of(
-    system: System, excitation: Excitation, drive: Drive, channels: tuple[Channel, ...], *, springs_apart: bool
-) -> Readings:
-    """Channels under an excitation; `springs_apart` as of `channel_rows`."""
-    rows = channel_rows(system, drive, channels, springs_apart=springs_apart)
-    return Readings(system, excitation, drive, channels, rows)
 
 
 def snapshots_of(

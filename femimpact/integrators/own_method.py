@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from femimpact.arrays import Array, own
 from femimpact.errors import DivergenceError, changed, require
 from femimpact.excitation import Excitation, Sine
-from femimpact.integrators.assembly import MethodRun, cycles_of_table, impacts_of, readings_of
+from femimpact.integrators.assembly import MethodRun, Readings, cycles_of_table, impacts_of
 from femimpact.integrators.cases import SineCases, SineDwellResults, first_steps, in_blocks, start_of, with_contacts_of
 from femimpact.integrators.channel_rows import drive_of
 from femimpact.integrators.methods import Method
@@ -63,7 +63,7 @@ def run_of_states(
     """
     (u, v), (y, y_rate), drive = structure, balls, drive_of(system, excitation)
     shifted = recorder.seen_from(float(time[0]))
-    readings = readings_of(system, excitation, drive, resolve_channels(system, shifted.channels), springs_apart=True)
+    readings = Readings(system, excitation, drive, resolve_channels(system, shifted.channels), springs_apart=True)
     first, _ = first_steps(shifted, time.size - 1, float(time[1] - time[0]))
     chosen, rows = slice(first, None, shifted.every), readings.rows
     values = rows.displacement @ u[chosen].T + rows.velocity @ v[chosen].T

@@ -27,13 +27,13 @@ constexpr Index EVENTS_AT_ONCE = 200;
         return FORM_WANTED;
     Index n = job.forms.number(f);
     if (!cases.known(c.number, n)) {
-        if (c.omega != 0.0 && !set_steady_motion(f, c, cases, job.forms, space.bounds.steady))
+        if (c.omega != 0.0 && !set_steady_motion(f, c, job.forms, space.bounds.steady))
             return RESONANT;
         cases.known(c.number, n) = 1;
     }
     cases.form(c.number, 1) = f;
     set_walls(f, c, job.forms, space.bounds);
-    Form form = form_of(f, c, cases, job.forms, space.bounds);
+    Form form = form_of(f, c, job.forms, space.bounds);
     if (b && entering >= STARTED)
         write_energy(job.pairs, c, motion, c.coordinates, *b, b->start.row(c.number));
     if (entering != RESUMED)
@@ -178,7 +178,7 @@ inline Index run_case(Index begin, double until, double most, const Case &c, con
         if (walls)
             set_walls(f, c, job.forms, space.bounds);
         set_bounds(job.pairs, c, space.bounds);
-        Form form = form_of(f, c, cases, job.forms, space.bounds);
+        Form form = form_of(f, c, job.forms, space.bounds);
         walls = false;
         double hit = cases.hit(c.number), side = hit > 0.0 ? 1.0 : -1.0, before = FREE;
         Index effect = STAY, pair = Index(magnitude(hit)) - 1, impacts = job.tables.number(0);
@@ -229,28 +229,6 @@ inline Index run_case(Index begin, double until, double most, const Case &c, con
             cases.drive.row(c)};
 }
 
-[[gnu::always_inline]] inline Case case_of(Index c, const Cases &cases) {
-    return {
-        .number = c,
-        .omega = cases.omega(c),
-        .amplitude = cases.amplitude.row(c),
-        .knots = cases.knots,
-        .piece = cases.piece.part(c, c + 1),
-        .gap_plus = cases.gap_plus.row(c),
-        .gap_minus = cases.gap_minus.row(c),
-        .stiffness = cases.stiffness.row(c),
-        .damping = cases.damping.row(c),
-        .restitution = cases.restitution.row(c),
-        .state = cases.state.row(c),
-        .released = cases.released.row(c),
-        .coordinates = cases.coordinates.row(c),
-        .touch = cases.touch.row(c),
-        .to_modes = cases.to_modes.row(c),
-        .window = cases.window.row(c),
-        .totals = cases.totals.row(c),
-    };
-}
-
 // Takes some cases from where they are to their sample `end`, reading those after `begin`.
 inline void run_cases(const Task &task, const Job &job, const Ledger *b) {
     const Cases &cases = job.cases;
@@ -259,7 +237,7 @@ inline void run_cases(const Task &task, const Job &job, const Ledger *b) {
     for (Index i = 0; i < task.members.size(); i++) {
         Index c = task.members(i);
         Motion kept = motion_of(c, cases);
-        Case present = case_of(c, cases);
+        Case present = {cases, c};
         copy_motion(kept, space.motion);
         copy<double>(cases.leaving.row(c), leaving);
         // nothing is read before

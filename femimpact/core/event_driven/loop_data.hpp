@@ -151,34 +151,6 @@ struct Forms {
     FIELDS_END;
 };
 
-// How coordinates are read from the motion in one closed form.
-struct Shapes {
-    double omega;
-    GivenComplexMatrix shape;      // (d, K)
-    GivenComplexMatrix shape_rate; // (d, K)
-    GivenMatrix rigid_body_shape;  // (d, P)
-    GivenArray static_part;        // (d,)
-    GivenArray static_rate;        // (d,)
-    GivenComplexArray harmonic;    // (d,)
-    GivenMatrix follow;            // (8H, d)
-    GivenMatrix follow_rate;       // (8H, d)
-    Index degree;                  // see Scalars
-    GivenIndices first;            // (d + 1,)
-    GivenIndices members;          // (d K,)
-    Index rigid_bodies;
-};
-
-// The closed form that a case is in, with the parts that its drive and walls determine.
-struct Form {
-    Scalars scalars;
-    Shapes shapes;
-    View<const unsigned char, 2> together; // (K, K)
-    GivenComplexArray rigid_body_sine;     // (P,)
-    GivenComplexMatrix impulse_entry;      // (K, R)
-    GivenMatrix impulse_rigid_body;        // (P, R)
-    GivenMatrix load_on_rigid_body;        // (P, 1 + R)
-};
-
 // ---- cases ------------------------------------------------------------------------------------------
 
 // Contact pairs, as far as all cases have them in common.
@@ -233,23 +205,24 @@ struct Cases {
 
 // One case: its drive, its contacts, and their states.
 struct Case {
+    const Cases &all;
     Index number;
-    double omega;                // of the sine; 0 for pieces
-    GivenComplexArray amplitude; // (H,) of s(t): m/s^2 or N
-    GivenArray knots;            // (L,)
-    View<Index, 1> piece;        // (1,) number of the present one
-    GivenArray gap_plus;         // (R,) m, to the + wall
-    GivenArray gap_minus;        // (R,) m, to the - wall
-    GivenArray stiffness;        // (R,)
-    GivenArray damping;          // (R,)
-    GivenArray restitution;      // (R,)
-    Array state;                 // (R,) contact states
-    Array released;              // (R,)
-    Matrix coordinates;          // (2, d)
-    Matrix touch;                // (6, R)
-    Matrix to_modes;             // (R, m)
-    GivenArray window;           // (2,)
-    Matrix totals;               // (6, R)
+    double omega = all.omega(number);                          // of the sine; 0 for pieces
+    GivenComplexArray amplitude = all.amplitude.row(number);   // (H,) of s(t): m/s^2 or N
+    GivenArray knots = all.knots;                              // (L,)
+    View<Index, 1> piece = all.piece.part(number, number + 1); // (1,) number of the present one
+    GivenArray gap_plus = all.gap_plus.row(number);            // (R,) m, to the + wall
+    GivenArray gap_minus = all.gap_minus.row(number);          // (R,) m, to the - wall
+    GivenArray stiffness = all.stiffness.row(number);          // (R,)
+    GivenArray damping = all.damping.row(number);              // (R,)
+    GivenArray restitution = all.restitution.row(number);      // (R,)
+    Array state = all.state.row(number);                       // (R,) contact states
+    Array released = all.released.row(number);                 // (R,)
+    Matrix coordinates = all.coordinates.row(number);          // (2, d)
+    Matrix touch = all.touch.row(number);                      // (6, R)
+    Matrix to_modes = all.to_modes.row(number);                // (R, m)
+    GivenArray window = all.window.row(number);                // (2,)
+    Matrix totals = all.totals.row(number);                    // (6, R)
 };
 
 // ---- what is read and written -----------------------------------------------------------------------

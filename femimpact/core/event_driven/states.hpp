@@ -56,8 +56,9 @@ struct BaseMotion {
 
 // Adds the steady motion under a sine of one load in one form; false where it is unbounded. `h` (2, K) is scratch
 // space.
-[[gnu::noinline]] inline bool add_steady_motion(Index load, Index f, const Case &c, const Cases &cases,
-                                                const Forms &forms, const ComplexMatrix &h) {
+[[gnu::noinline]] inline bool add_steady_motion(Index load, Index f, const Case &c, const Forms &forms,
+                                                const ComplexMatrix &h) {
+    const Cases &cases = c.all;
     Index n = forms.number(f), last = forms.entries(f), rigid_bodies = forms.rigid_bodies(f);
     double omega = c.omega, of_base = -1.0 / (omega * omega);
     ComplexArray sine = cases.sine.row(c.number, n), harmonic = cases.harmonic.row(c.number, n);
@@ -112,70 +113,84 @@ struct BaseMotion {
 }
 
 // Sets the steady motion under sines of one frequency in one form; false where it is unbounded.
-inline bool set_steady_motion(Index f, const Case &c, const Cases &cases, const Forms &forms, const ComplexMatrix &h) {
+inline bool set_steady_motion(Index f, const Case &c, const Forms &forms, const ComplexMatrix &h) {
     bool bounded = true;
     for (Index load = 0; bounded && load < c.amplitude.size(); load++)
-        bounded = add_steady_motion(load, f, c, cases, forms, h);
+        bounded = add_steady_motion(load, f, c, forms, h);
     return bounded;
 }
 
+// How coordinates are read from the motion in one closed form.
+struct Shapes {
+    const Forms &forms;
+    const Bounds &bounds;
+    Index form;
+    double omega;
+    Index degree;                                                    // see Scalars
+    GivenComplexArray harmonic;                                      // (d,)
+    GivenComplexMatrix shape = forms.shape.row(form);                // (d, K)
+    GivenComplexMatrix shape_rate = forms.shape_rate.row(form);      // (d, K)
+    GivenMatrix rigid_body_shape = forms.rigid_body_shape.row(form); // (d, P)
+    GivenArray static_part = bounds.static_part;                     // (d,)
+    GivenArray static_rate = bounds.static_rate;                     // (d,)
+    GivenMatrix follow = forms.position_follow.row(form);            // (8H, d)
+    GivenMatrix follow_rate = forms.velocity_follow.row(form);       // (8H, d)
+    GivenIndices first = forms.first.row(form);                      // (d + 1,)
+    GivenIndices members = forms.members.row(form);                  // (d K,)
+    Index rigid_bodies = forms.rigid_bodies(form);
+};
+
+// The closed form that a case is in, with the parts that its drive and walls determine.
+struct Form {
+    const Forms &forms;
+    Index number;
+    Scalars scalars;
+    Shapes shapes;
+    GivenComplexArray rigid_body_sine;                                     // (P,)
+    View<const unsigned char, 2> together = forms.together.row(number);    // (K, K)
+    GivenComplexMatrix impulse_entry = forms.impulse_entry.row(number);    // (K, R)
+    GivenMatrix impulse_rigid_body = forms.impulse_rigid_body.row(number); // (P, R)
+    GivenMatrix load_on_rigid_body = forms.rigid_body_given.row(number);   // (P, 1 + R)
+};
+
 // A closed form as the search, the readings and the ledger of a case take it.
-[[gnu::always_inline]] inline Form form_of(Index f, const Case &c, const Cases &cases, const Forms &forms,
-                                           const Bounds &bounds) {
+[[gnu::always_inline]] inline Form form_of(Index f, const Case &c, const Forms &forms, const Bounds &bounds) {
+    const Cases &cases = c.all;
     Index n = forms.number(f), last = forms.entries(f), rigid_bodies = forms.rigid_bodies(f);
     Index degree = c.omega == 0.0 ? cases.degree : -1;
     // what a sine does to a rigid-body coordinate is in the steady motion
     GivenMatrix drive = degree >= 0 ? forms.rigid_body_drive.row(f) : bounds.nothing;
-    return {
-        .scalars =
-            {
-                .exponent = forms.exponent.row(f).first(last),
-                .coupling = forms.coupling.row(f),
-                .blocks = forms.blocks.row(f),
-                .size = forms.size.row(f).first(last),
-                .omega = c.omega,
-                .degree = degree,
-                .rigid_body_given = bounds.given.first(rigid_bodies),
-                .rigid_body_drive = drive,
-                .lasting = bounds.lasting,
-                .upper = bounds.upper,
-                .lower = bounds.lower,
-                .weight = forms.weight.row(f),
-                .weight_size = forms.weight_size.row(f),
-                .rigid_body_weight = forms.rigid_body_weight.row(f),
-                .rigid_body_rate_weight = forms.rigid_body_rate_weight.row(f),
-                .sine = cases.sine.row(c.number, n),
-                .constant = bounds.constant,
-                .follow = forms.follow.row(f),
-                .driven = forms.driven(f),
-                .slow = forms.slow(f),
-                .load = forms.load.row(f),
-                .given = bounds.entry_given.first(last),
-                .term = bounds.steady.row(0),
-                .growth = bounds.steady.row(1),
-            },
-        .shapes =
-            {
-                .omega = c.omega,
-                .shape = forms.shape.row(f),
-                .shape_rate = forms.shape_rate.row(f),
-                .rigid_body_shape = forms.rigid_body_shape.row(f),
-                .static_part = bounds.static_part,
-                .static_rate = bounds.static_rate,
-                .harmonic = cases.harmonic.row(c.number, n),
-                .follow = forms.position_follow.row(f),
-                .follow_rate = forms.velocity_follow.row(f),
-                .degree = degree,
-                .first = forms.first.row(f),
-                .members = forms.members.row(f),
-                .rigid_bodies = rigid_bodies,
-            },
-        .together = forms.together.row(f),
-        .rigid_body_sine = cases.rigid_body_sine.row(c.number, n),
-        .impulse_entry = forms.impulse_entry.row(f),
-        .impulse_rigid_body = forms.impulse_rigid_body.row(f),
-        .load_on_rigid_body = forms.rigid_body_given.row(f),
+    Scalars scalars = {
+        .exponent = forms.exponent.row(f).first(last),
+        .coupling = forms.coupling.row(f),
+        .blocks = forms.blocks.row(f),
+        .size = forms.size.row(f).first(last),
+        .omega = c.omega,
+        .degree = degree,
+        .rigid_body_given = bounds.given.first(rigid_bodies),
+        .rigid_body_drive = drive,
+        .lasting = bounds.lasting,
+        .upper = bounds.upper,
+        .lower = bounds.lower,
+        .weight = forms.weight.row(f),
+        .weight_size = forms.weight_size.row(f),
+        .rigid_body_weight = forms.rigid_body_weight.row(f),
+        .rigid_body_rate_weight = forms.rigid_body_rate_weight.row(f),
+        .sine = cases.sine.row(c.number, n),
+        .constant = bounds.constant,
+        .follow = forms.follow.row(f),
+        .driven = forms.driven(f),
+        .slow = forms.slow(f),
+        .load = forms.load.row(f),
+        .given = bounds.entry_given.first(last),
+        .term = bounds.steady.row(0),
+        .growth = bounds.steady.row(1),
     };
+    return {forms,
+            f,
+            scalars,
+            {forms, bounds, f, c.omega, degree, cases.harmonic.row(c.number, n)},
+            cases.rigid_body_sine.row(c.number, n)};
 }
 
 [[gnu::always_inline]] inline void multiply(GivenMatrix matrix, GivenArray vector, Array out) {

@@ -21,7 +21,6 @@ from femimpact.integrators.assembly import (
     Readings,
     cycles_of_table,
     impacts_of,
-    readings_of,
     snapshots_of,
     sticking_of,
     whole_number_of,
@@ -308,7 +307,7 @@ def _new_run(
 ) -> _Run:  # fmt: skip
     """A run at its start, which is read."""
     drive = closed_drive(system, excitation)
-    readings = readings_of(system, excitation, drive, channels, springs_apart=True)
+    readings = Readings(system, excitation, drive, channels, springs_apart=True)
     outputs = outputs_of(system, system.point_row(system.default_place), readings.rows)
     block, sampling = block_alone(
         system, excitation, drive, method, outputs, initial, grid, begin, recorder.ledger,

@@ -18,7 +18,7 @@ from femimpact.contact.laws import RIGID
 from femimpact.errors import DivergenceError, require
 from femimpact.excitation import Excitation, Sine
 from femimpact.excitation.drives import until
-from femimpact.integrators.assembly import MethodRun, impacts_of, readings_of, sticking_of, whole_number_of
+from femimpact.integrators.assembly import MethodRun, Readings, impacts_of, sticking_of, whole_number_of
 from femimpact.integrators.cases import (
     SineCases,
     SineDwellResults,
@@ -75,7 +75,7 @@ def run_steps(
     # the sines of a sum go on behind the last step, which may be half a step after the end
     excitation = until(excitation, initial.time + duration + 2.0 * method.dt)
     channels, drive = resolve_channels(system, recorder.channels), drive_of(system, excitation)
-    readings = readings_of(system, excitation, drive, channels, springs_apart=False)
+    readings = Readings(system, excitation, drive, channels, springs_apart=False)
     beginning, recorder = beginning_of(initial, system, excitation, method), recorder.seen_from(initial.time)
     block = prepare(
         system,
