@@ -272,9 +272,6 @@ MUTATIONS = (
         "amplitude_ratio", "reference.ratio * drop, reference.frequency", "reference.ratio / drop, reference.frequency"
     ),
     Mutation(
-        "scan_ratio", "amplitude_ratio=empty.peak_amplitude / peaks", "amplitude_ratio=peaks / empty.peak_amplitude"
-    ),
-    Mutation(
         "mesh_order",
         "found = fitted_order(h, e, 3.0 * bottom)",
         "found = fitted_order(h**2, e, 3.0 * bottom)",

@@ -170,8 +170,8 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
         Mutation("digits_of_an_interval", "fifth if half - 1 < fifth <= half else half - 1", "half"),
         Mutation(
             "exponent_of_a_readable_number",
-            '    return f"{value:.0f}"\n\n\ndef prefixed',
-            "    return text\n\n\ndef prefixed",
+            '    return f"{value:.0f}"\n\n\nMINUS',
+            "    return text\n\n\nMINUS",
         ),
         Mutation("prefix_of_a_square", "or _POWER_FIRST.match(unit) or", "or"),
     ),
@@ -226,11 +226,6 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
             "for fault in error.faults[:1]]\n        return None",
         ),
         Mutation("name_of_a_law", '{"loss": "lankarani-nikravesh"}', '{"loss": "hunt-crossley"}'),
-        Mutation(
-            "phase_of_the_base",
-            "return Sine(self.amplitude, self.frequency, self.phase)",
-            "return Sine(self.amplitude, self.frequency)",
-        ),
         Mutation(
             "gravity_of_a_study",
             "None if made is None else made.acceleration",
@@ -288,13 +283,13 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
     ),
     "test_impact_record.py": (Mutation("degrees", "np.degrees(impacts.phase[inside])", "impacts.phase[inside]"),),
     "test_result_directory.py": (
-        Mutation("old_summary_stays", "if name == SUMMARY or name not in names)", "if name not in names)"),
+        Mutation("mark_of_a_run_goes_first", "elif path.name != LOCK:", "else:"),
+        Mutation("every_file_is_a_result", "return name in NAMES or any(", "return True or any("),
         Mutation("shared_lock", "fcntl.LOCK_EX | fcntl.LOCK_NB", "fcntl.LOCK_SH | fcntl.LOCK_NB"),
     ),
     "test_damaged_results.py": (
         Mutation("checksum_of_pictures", "return checksum(path) != expected", "return not path.exists()"),
     ),
-    "test_pictures.py": (Mutation("two_movies", "(movies - names if names & movies else frozenset())", "frozenset()"),),
     "test_preflight.py": (
         Mutation("axis_of_a_force_unlooked_at", 'place.owner in ("base", "force")', 'place.owner == "base"'),
         Mutation(
