@@ -345,13 +345,14 @@ def test_a_killed_process_leaves_no_file_of_results(tmp_path):
     command = [sys.executable, "-m", "femimpact", "orbits", "study.toml", "-o", "out", "-q"]
     child = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True)
     for _ in range(1200):
-        if (tmp_path / "out" / ".running" / "files").exists() or child.poll() is not None:
+        if (tmp_path / "out.part").exists() or child.poll() is not None:
             break
         time.sleep(0.05)
     child.send_signal(signal.SIGKILL)
     child.communicate(timeout=60)
-    assert [path.name for path in (tmp_path / "out").iterdir()] == [".running"]
-    with pytest.raises(fi.InputError, match="it holds a run that ended before its first part was finished"):
+    assert not (tmp_path / "out").exists()
+    assert not (tmp_path / "out.part" / "summary.json").exists()
+    with pytest.raises(fi.InputError, match="is missing"):
         fi.load(tmp_path / "out")
 
 
