@@ -120,7 +120,7 @@ class Block:
     stopped: NDArray[np.int64]  # (C,)
     system_of: NDArray[np.int64]  # (C,) which of them a case has
     # of each system of the store that a case has: its pairs, and fields of its ledger, whose sums are common
-    systems: dict[int, tuple[core.events.Pairs, dict[str, Array]]]
+    systems: dict[int, tuple[core.events.Pairs, dict[str, Any]]]
     space: core.events.Space | None = None  # working space, of the size for the closed forms of the last call
 
 
