@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 
 from femimpact.app.results.result_directory import FILES
+from femimpact.app.study.findings import Spread
 from femimpact.app.study.prepared import PreparedStudy
-from femimpact.app.study.summary import Spread, channel_summary, contact_forces, peak_of_history, spread_of
+from femimpact.app.study.summary import channel_summary, contact_forces, peak_of_history, spread_of
 from femimpact.arrays import Array
 from femimpact.errors import DivergenceError, FemimpactError
 from femimpact.excitation import Excitation, Sine
@@ -171,7 +172,7 @@ def drawn_histories(prepared: PreparedStudy, report: Report) -> tuple[dict[str, 
         rows.append({
             "peak": peak_of_history(run),
             "rms": run.steady.rms[0],
-            "channels": {name: {key: about[key] for key in OF_CHANNELS} for name, about in channels.items()},
+            "channels": {name: {key: getattr(about, key) for key in OF_CHANNELS} for name, about in channels.items()},
             "contacts": {pair.name: contact_forces(run, pair.name) for pair in small.contacts if pair.has_walls},
         })  # fmt: skip
     _require_some(rows, failed)
