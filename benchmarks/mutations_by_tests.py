@@ -29,6 +29,10 @@ FAILED = re.compile(r"^(?:FAILED|ERROR) tests/(.+?)(?: - (.*))?$", re.MULTILINE)
 """A test that failed, and the beginning of what it says."""
 
 MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
+    "test_core_tables.py": (
+        Mutation("length_of_an_axis", "else (1, term) for term", "else (2, term) for term"),
+        Mutation("stub_of_some_rows", "ROWS.findall(source)", "ROWS.findall(source)[:1]"),
+    ),
     "test_two_halves.py": (
         Mutation(
             "split_of_a_slower_run",
@@ -40,8 +44,8 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
         Mutation("static_value_of_the_modes", "terms.sum(axis=1), channel", "0.99 * terms.sum(axis=1), channel"),
         Mutation(
             "static_value_of_the_whole",
-            '"1 m/s^2 of the base", -whole.base_load',
-            '"1 m/s^2 of the base", whole.base_load',
+            '"1 m/s^2 of the base", -full.base_load',
+            '"1 m/s^2 of the base", full.base_load',
         ),
         Mutation("static_value_unsaid", "NAMED = 1e-3", "NAMED = 1e-2"),
         Mutation(
@@ -69,8 +73,8 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
     "test_slow_modes.py": (
         Mutation(
             "rate_beside_slow_entries",
-            '"static_rate": settled(made.velocity, modes, made.given)',
-            '"static_rate": 0.0 * settled(made.velocity, modes, made.given)',
+            '"static_rate": settled(forms.velocity, modes, forms.given)',
+            '"static_rate": 0.0 * settled(forms.velocity, modes, forms.given)',
         ),
         Mutation("slow_beside_stops", "able[np.argmin(stiffness[able])]", "able[np.argmax(stiffness[able])]"),
         Mutation("slow_beside_fast", "ORTHOGONAL = 1e-15", "ORTHOGONAL = 1e-3"),

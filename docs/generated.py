@@ -32,7 +32,7 @@ SUBJECTS = {
 }
 """Headings of the groups of public names, by the folder of `femimpact` or of its `app` that holds them."""
 
-WITH = {"results": "study", "tasks": "study", "report": "study", "preflight": "parametric", "vtk": "figures"}
+WITH = {"results": "study", "tasks": "study", "report": "study", "planned_test": "parametric", "vtk": "figures"}
 """Folders whose names stand in the group of another."""
 
 SUBMODULES = {

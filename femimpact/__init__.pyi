@@ -11,8 +11,8 @@ from femimpact.app.parametric.measured_peaks import calibrate as calibrate
 from femimpact.app.parametric.verb import StudyProgress as StudyProgress
 from femimpact.app.parametric.verb import load_parameter_study as load_parameter_study
 from femimpact.app.parametric.verb import parameter_study as parameter_study
-from femimpact.app.preflight.planned_test import Preflight as Preflight
-from femimpact.app.preflight.planned_test import preflight as preflight
+from femimpact.app.planned_test import Preflight as Preflight
+from femimpact.app.planned_test import preflight as preflight
 from femimpact.app.refinement import Refinement as Refinement
 from femimpact.app.refinement import refine as refine
 from femimpact.app.report.script_page import report as report
@@ -86,7 +86,7 @@ from femimpact.fem.mesh import uniform_mesh as uniform_mesh
 from femimpact.fem.mesh_files import read_mesh as read_mesh
 from femimpact.figures.movie import write_movie as write_movie
 from femimpact.integrators.event_driven.method import EventDriven as EventDriven
-from femimpact.integrators.preflight_row import PreflightRow as PreflightRow
+from femimpact.integrators.planned_drive import PreflightRow as PreflightRow
 from femimpact.integrators.runs import achieved_restitution as achieved_restitution
 from femimpact.integrators.runs import integrate as integrate
 from femimpact.integrators.stepping.newmark import HHT as HHT
@@ -101,8 +101,8 @@ from femimpact.orbits.branch import continue_orbit as continue_orbit
 from femimpact.orbits.orbit import PeriodicOrbit as PeriodicOrbit
 from femimpact.orbits.search import find_orbit as find_orbit
 from femimpact.orbits.search import find_orbits as find_orbits
+from femimpact.orbits.search import two_impact_orbits as two_impact_orbits
 from femimpact.orbits.switching import switch_branch as switch_branch
-from femimpact.orbits.two_impacts import two_impact_orbits as two_impact_orbits
 from femimpact.response.cycles import Largest as Largest
 from femimpact.response.energy import EnergyLedger as EnergyLedger
 from femimpact.response.history import HistoryPiece as HistoryPiece

@@ -112,13 +112,13 @@ def tuned_absorber(
         pull = _pull(mass, mass * (tuning * first) ** 2, 2.0 * damped * mass * tuning * first, omega)
         return float(np.abs((to_base + to_force * pull) / (1.0 - to_force * pull)).max())
 
-    found = np.log(start)
+    best = np.log(start)
     # the largest of two peaks has an edge where they are equal, on which one simplex may come to rest
     for size in (0.1, 0.02, 0.005):
-        simplex = found + size * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+        simplex = best + size * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
         options: Any = {"initial_simplex": simplex, "xatol": 1e-6, "fatol": 1e-9, "maxiter": 400}
-        found = minimize(largest, found, method="Nelder-Mead", options=options).x
-    tuning, damped = (float(value) for value in np.exp(found))
+        best = minimize(largest, best, method="Nelder-Mead", options=options).x
+    tuning, damped = (float(value) for value in np.exp(best))
     return Absorber(name, at, mass, mass * (tuning * first) ** 2, 2.0 * damped * mass * tuning * first)
 
 

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import itertools
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+Kind = TypeVar("Kind", bound=np.generic)
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -15,6 +18,13 @@ Integers = NDArray[np.int64]
 def own(values: ArrayLike) -> Array:
     """A read-only copy of numbers, its rows together."""
     copy = np.array(values, dtype=float, order="C")
+    copy.setflags(write=False)
+    return copy
+
+
+def read_only(array: NDArray[Kind]) -> NDArray[Kind]:
+    """A read-only copy of an array."""
+    copy = np.array(array)
     copy.setflags(write=False)
     return copy
 
@@ -54,11 +64,11 @@ def thinned_line(
     if count <= most:
         return np.arange(count)
     edges = np.linspace(0, count, (most - 2) // 2 + 1).round().astype(int)
-    kept = [0, count - 1]
+    indices = [0, count - 1]
     low, high = np.where(np.isnan(values), np.inf, values), np.where(np.isnan(values), -np.inf, values)
     for first, end in itertools.pairwise(edges.tolist()):
-        kept += [first + int(np.argmin(low[first:end])), first + int(np.argmax(high[first:end]))]
-    return np.unique(np.array(kept, dtype=np.int64))
+        indices += [first + int(np.argmin(low[first:end])), first + int(np.argmax(high[first:end]))]
+    return np.unique(np.array(indices, dtype=np.int64))
 
 
 def thinned(count: int, most: int) -> NDArray[np.int64]:

@@ -323,7 +323,7 @@ def check(study: Path, *, strict: bool = False) -> None:
         End with status 2 where a limit is passed beyond which the test does not show what it is made for, or a warning
         is printed.
     """
-    from femimpact.app.preflight.planned_test import lines_of_check
+    from femimpact.app.planned_test import lines_of_check
     from femimpact.app.study.study_file import load_study, unit_lines
 
     with _waiting("check", quiet=False):
@@ -496,18 +496,6 @@ def movie(directory: Path, *, quiet: Quiet = False) -> None:
 
 
 @app.command
-def finish(directory: Path, *, force: Force = False) -> None:
-    """Keep what an ended run had finished, or finish the move of its files.
-
-    Example: femimpact finish study-results
-    """
-    from femimpact.app.results.result_directory import finish_results
-
-    parts = finish_results(directory, force)
-    print(f"kept in {directory}: {', '.join(parts) or 'all of the run'}")
-
-
-@app.command
 def identify(
     file: Path, *, column: str | None = None, sample_rate: float | None = None, units: str | None = None,
     modes: int = 1, output: Output = None, force: Force = False, quiet: Quiet = False,
@@ -527,7 +515,7 @@ def identify(
     modes
         Damped sines that are fitted, 1 to 3.
     """
-    from femimpact.app.identified import write_decay
+    from femimpact.app.results.results import write_decay
     from femimpact.excitation.record_files import one_signal
     from femimpact.signals.decay import identify_decay
 

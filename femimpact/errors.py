@@ -92,16 +92,16 @@ def _beginning(value: object, room: int) -> str:
     if room <= 0 or kind not in _BRACKETS or not value:
         return repr(value) if room > 0 or kind not in _BRACKETS else "..."
     opening, closing = _BRACKETS[kind]
-    shown = ""
+    inside = ""
     for entry in value:  # type: ignore[attr-defined]
-        inner = room - len(shown) - len(opening)
+        inner = room - len(inside) - len(opening)
         if inner <= 0:
             break
         words = _beginning(entry, inner)
         if kind is dict:
             words += f": {_beginning(value[entry], inner - len(words))}"  # type: ignore[index]
-        shown += f", {words}" if shown else words
-    return f"{opening}{shown}{',' if kind is tuple and len(value) == 1 else ''}{closing}"  # type: ignore[arg-type]
+        inside += f", {words}" if inside else words
+    return f"{opening}{inside}{',' if kind is tuple and len(value) == 1 else ''}{closing}"  # type: ignore[arg-type]
 
 
 def _in_words(value: object) -> str:
@@ -120,9 +120,9 @@ def _in_words(value: object) -> str:
 
 def _call_of(noun: Any) -> str:
     """A call of a class or a function, with the arguments that it needs where they are few."""
-    given = inspect.signature(noun).parameters.values()
+    args = inspect.signature(noun).parameters.values()
     needed = [
-        one for one in given if one.default is one.empty and one.kind in (one.POSITIONAL_OR_KEYWORD, one.KEYWORD_ONLY)
+        one for one in args if one.default is one.empty and one.kind in (one.POSITIONAL_OR_KEYWORD, one.KEYWORD_ONLY)
     ]
     named = [f"{one.name}=..." for one in needed]
     if not named and isinstance(noun, type):
@@ -150,10 +150,10 @@ class Fault:
 
     def __str__(self) -> str:
         unit = "" if self.unit in ("", "1") else f" {self.unit}"
-        shown = f" = {_shown(self.value)}{unit}" if self.value is not None else ""
+        value_text = f" = {_shown(self.value)}{unit}" if self.value is not None else ""
         # a key of a file may be any text
-        key = NO_NAME.sub(lambda found: repr(found[0])[1:-1], self.key)
-        return f"{key}{shown}: {self.allowed}"
+        key = NO_NAME.sub(lambda match: repr(match[0])[1:-1], self.key)
+        return f"{key}{value_text}: {self.allowed}"
 
     def __reduce__(self) -> tuple[Any, ...]:
         plain = self.value is None or isinstance(self.value, (str, bool, int, float))
@@ -201,16 +201,16 @@ def quantity(
     Where it need not be finite, infinity is held to the bounds, and what is not a number means unknown.
     """
     bounds = {"above": above, "at_least": at_least, "at_most": at_most, "below": below}
-    given = {k: v for k, v in bounds.items() if v is not None}
+    limits = {k: v for k, v in bounds.items() if v is not None}
     words = {"above": "> ", "at_least": ">= ", "at_most": "<= ", "below": "< "}
     kind = "a whole number" if integer else "a finite number" if finite else "a number"
-    shown = " and ".join(f"{words[name]}{bound:g}" for name, bound in given.items())
+    range_words = " and ".join(f"{words[name]}{bound:g}" for name, bound in limits.items())
     of = "" if unit in ("", "1") else f" {unit}"
-    take = functools.partial(_number, bounds=given, integer=integer, finite=finite)
-    schema = _number_schema(given, integer, finite)
+    take = functools.partial(_number, bounds=limits, integer=integer, finite=finite)
+    schema = _number_schema(limits, integer, finite)
     return {
         "unit": unit,
-        "allowed": f"must be {kind}{' ' + shown + of if shown else ', in' + of if of else ''}",
+        "allowed": f"must be {kind}{' ' + range_words + of if range_words else ', in' + of if of else ''}",
         "take": functools.partial(_numbers, take=take) if several else take,
         "schema": {"anyOf": [schema, {"type": "array", "items": schema, "minItems": 1}]} if several else schema,
     }
@@ -502,18 +502,13 @@ def real_array(key: str, value: Any, unit: str, allowed: str, *, finite: bool = 
     if not _is_endless(value) and _is_masked(value):
         require(False, key, "masked entries", unit, f"{allowed}; fill or drop what is masked")
     try:
-        given = _unmasked(value)
+        numbers = _unmasked(value)
     except _Refused:
-        given = np.array(None)
-    if given.dtype.kind not in "iuf" or (finite and not np.isfinite(given).all()):
-        shown = f"array of {given.dtype}" if given.ndim and given.dtype.kind in "iufcbU" else value
-        require(False, key, shown, unit, allowed)
-    return np.array(given, dtype=float)
-
-
-def allowed_range(metadata: Mapping[str, Any]) -> str:
-    """Words for the range that a field's metadata allows."""
-    return str(metadata["allowed"])
+        numbers = np.array(None)
+    if numbers.dtype.kind not in "iuf" or (finite and not np.isfinite(numbers).all()):
+        description = f"array of {numbers.dtype}" if numbers.ndim and numbers.dtype.kind in "iufcbU" else value
+        require(False, key, description, unit, allowed)
+    return np.array(numbers, dtype=float)
 
 
 def in_range(value: object, metadata: Mapping[str, Any]) -> bool:
@@ -612,8 +607,8 @@ def check_fields(instance: Any, *more: Fault) -> None:
 @functools.cache
 def _defaults(kind: Any) -> dict[str, Any]:
     """Values of the fields of a dataclass that may be left out."""
-    given = {field.name: field.default for field in dataclasses.fields(kind)}
-    return {name: value for name, value in given.items() if value is not dataclasses.MISSING}
+    defaults = {field.name: field.default for field in dataclasses.fields(kind)}
+    return {name: value for name, value in defaults.items() if value is not dataclasses.MISSING}
 
 
 def made(kind: type[R], /, **values: Any) -> R:
@@ -633,13 +628,13 @@ def with_ranges(words: str | None, declared: Iterable[_Declared]) -> str | None:
     """A docstring with the allowed range of each declared field or argument below its entry."""
     ranges = {one.name: one.allowed for one in declared}
 
-    def entry(found: re.Match[str]) -> str:
+    def entry(match: re.Match[str]) -> str:
         # the first entry of a name is the argument's: one of the values returned may have the same name
-        given = {name: ranges.pop(name) for name in found[2].split(", ") if name in ranges}
-        if len(set(given.values())) == 1:
-            words = next(iter(given.values()))
-            return f"{found[0]}{found[1]}    {words[0].upper()}{words[1:]}.\n"
-        return found[0] + "".join(f"{found[1]}    `{name}` {allowed}.\n" for name, allowed in given.items())
+        of_entry = {name: ranges.pop(name) for name in match[2].split(", ") if name in ranges}
+        if len(set(of_entry.values())) == 1:
+            words = next(iter(of_entry.values()))
+            return f"{match[0]}{match[1]}    {words[0].upper()}{words[1:]}.\n"
+        return match[0] + "".join(f"{match[1]}    `{name}` {allowed}.\n" for name, allowed in of_entry.items())
 
     return words and re.sub(r"^( *)(\w+(?:, \w+)*)(?: : .*)?\n(?:\1 +\S.*\n)*", entry, words, flags=re.MULTILINE)
 
@@ -672,14 +667,14 @@ def takes(**metadata: Mapping[str, Any]) -> Callable[[Callable[P, R]], Callable[
         declared = [_declaration(name, m, signature.parameters[name].default is None) for name, m in metadata.items()]
 
         @functools.wraps(function)
-        def call(*given: P.args, **named: P.kwargs) -> R:
+        def call(*args: P.args, **named: P.kwargs) -> R:
             try:
-                bound = signature.bind(*given, **named)
+                bound = signature.bind(*args, **named)
             except TypeError:
                 bound = None
             if bound is None:
                 # the error that Python raises names the function
-                return function(*given, **named)
+                return function(*args, **named)
             bound.apply_defaults()
             values, faults = _taken(declared, bound.arguments.__getitem__)
             if faults:
@@ -694,16 +689,13 @@ def takes(**metadata: Mapping[str, Any]) -> Callable[[Callable[P, R]], Callable[
 
 
 def rising_numbers(key: str, values: Any, most: int) -> NDArray[np.int64]:
-    """Three or more increasing whole numbers from 1, as a study of convergence goes through them.
-
-    Raises `InputError` if they are not, or the last is beyond `most`.
-    """
+    """Three or more increasing whole numbers from 1, as a study of convergence goes through them."""
     allowed = f"must be three or more increasing numbers, whole and 1 to {most}"
-    given = real_array(key, values, "", allowed)
-    rising = given.ndim == 1 and given.size >= 3 and bool((given[1:] > given[:-1]).all())
-    in_bounds = rising and bool((given % 1 == 0).all()) and given[0] >= 1 and given[-1] <= most
+    numbers = real_array(key, values, "", allowed)
+    rising = numbers.ndim == 1 and numbers.size >= 3 and bool((numbers[1:] > numbers[:-1]).all())
+    in_bounds = rising and bool((numbers % 1 == 0).all()) and numbers[0] >= 1 and numbers[-1] <= most
     require(in_bounds, key, values, "", allowed)
-    return given.astype(int)
+    return numbers.astype(int)
 
 
 def require(condition: bool, key: str, value: object, unit: str, allowed: str) -> None:
@@ -735,7 +727,7 @@ def suggestion(name: str, known: Iterable[str]) -> str:
 
     def nearness(other: str) -> tuple[float, int]:
         # of two that are as like, the one that begins like it
-        equal = [mine == its for mine, its in zip(name, other, strict=False)]
+        equal = [own == its for own, its in zip(name, other, strict=False)]
         return difflib.SequenceMatcher(None, other, name).ratio(), [*equal, False].index(False)
 
     names = sorted(known)

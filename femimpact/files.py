@@ -116,15 +116,10 @@ def to_disk(path: Path) -> None:
 
 
 class GuardedFile(io.RawIOBase):
-    """A file for the HDF5 library that keeps the first failed write to itself and raises it when left.
+    """A file, written anew, for the HDF5 library that keeps the first failed write to itself and raises it when left.
 
     A write that fails inside HDF5 (a full disk) leaves its caches in a state in which closing the file ends
     the process. Here the library gets success from every write, and the caller gets the first failure.
-
-    Parameters
-    ----------
-    path : Path
-        Of a file that is written anew.
     """
 
     def __init__(self, path: Path) -> None:
@@ -150,11 +145,11 @@ class GuardedFile(io.RawIOBase):
     def readinto(self, buffer: Any) -> int:
         """Fill the buffer; what a failed write did not leave reads as zeros."""
         view = memoryview(buffer).cast("B")
-        found = self._file.readinto(view) or 0
-        if found < view.nbytes and self.failure is not None:
-            view[found:] = bytes(view.nbytes - found)
+        size = self._file.readinto(view) or 0
+        if size < view.nbytes and self.failure is not None:
+            view[size:] = bytes(view.nbytes - size)
             return view.nbytes
-        return int(found)
+        return int(size)
 
     def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
         """Move to a place in the file."""
@@ -208,14 +203,8 @@ def write_csv(path: str | Path, columns: Mapping[str, Sequence[Any]], units: Map
 
     Parameters
     ----------
-    path : str or Path
-    columns : mapping of str to sequence
     units : mapping of str to str
         Columns without a unit are left out of it.
-
-    Returns
-    -------
-    Path
     """
     path = Path(path)
     text = io.StringIO()
@@ -229,10 +218,6 @@ def write_csv(path: str | Path, columns: Mapping[str, Sequence[Any]], units: Map
 
 def read_csv(path: str | Path) -> dict[str, Any]:
     """Read a table that `write_csv` wrote: arrays by name, the unit taken off; numbers where all are.
-
-    Parameters
-    ----------
-    path : str or Path
 
     Returns
     -------

@@ -29,12 +29,12 @@ def draws_progress(function: Callable[P, R]) -> Callable[P, R]:
     signature = inspect.signature(function)
 
     @functools.wraps(function)
-    def call(*given: P.args, **named: P.kwargs) -> R:
+    def call(*args: P.args, **named: P.kwargs) -> R:
         try:
-            bound = signature.bind(*given, **named)
+            bound = signature.bind(*args, **named)
         except TypeError:
             # the error that Python raises names the function
-            return function(*given, **named)
+            return function(*args, **named)
         progress = bound.arguments.get("progress")
         if isinstance(progress, bool):
             bound.arguments["progress"] = None

@@ -34,15 +34,15 @@ def check_regular(
     which.
     """
     try:
-        found = os.stat(path)
+        status = os.stat(path)
     except ValueError:
         # a null character
         raise OSError(errno.EINVAL, "no path of a file", str(path)) from None
-    if kind := kind_of(found):
-        code = errno.EISDIR if stat.S_ISDIR(found.st_mode) else errno.EINVAL
+    if kind := kind_of(status):
+        code = errno.EISDIR if stat.S_ISDIR(status.st_mode) else errno.EINVAL
         raise OSError(code, f"is {kind}, no regular file", str(path))
-    if most is not None and found.st_size > most:
-        words = f"has {found.st_size:,} bytes, of which at most {most:,} are read"
+    if most is not None and status.st_size > most:
+        words = f"has {status.st_size:,} bytes, of which at most {most:,} are read"
         raise OSError(errno.EFBIG, words, str(path))
 
 
@@ -58,6 +58,6 @@ def read_regular(path: str | Path, most: int) -> bytes:
         return file.read()
 
 
-def kind_of(found: os.stat_result) -> str:
+def kind_of(status: os.stat_result) -> str:
     """Words for what is no regular file; empty for one."""
-    return next((words for is_one, words in KINDS if is_one(found.st_mode)), "")
+    return next((words for is_one, words in KINDS if is_one(status.st_mode)), "")

@@ -164,13 +164,13 @@ def head_of_columns(
     marks: Mapping[str, NDArray[np.bool_]] | None = None,  # of some columns, the values that have a star behind them
 ) -> Head:
     """The first three and the last two rows of a table, or all where they are six or fewer."""
-    given = marks or {}
+    marks_of = marks or {}
     count = min((values.shape[0] for values in columns.values()), default=0)
     complete = count <= FIRST + LAST + 1
-    shown = [*range(count)] if complete else [*range(FIRST), *range(count - LAST, count)]
+    visible = [*range(count)] if complete else [*range(FIRST), *range(count - LAST, count)]
     rows = [
-        tuple(_cell(values[i]) + "*" * int(name in given and given[name][i]) for name, values in columns.items())
-        for i in shown
+        tuple(_cell(values[i]) + "*" * int(name in marks_of and marks_of[name][i]) for name, values in columns.items())
+        for i in visible
     ]
     if not complete:
         rows.insert(FIRST, ("...",) * len(columns))

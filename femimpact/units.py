@@ -8,7 +8,7 @@ from __future__ import annotations
 import itertools
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from fractions import Fraction
 from functools import lru_cache
@@ -173,7 +173,6 @@ def in_si(key: str, value: Any, unit: str) -> Any:
     ----------
     key : str
         What faults name.
-    value : object
     unit : str
         Of the field, in SI.
 
@@ -186,14 +185,14 @@ def in_si(key: str, value: Any, unit: str) -> Any:
     InputError
         If the unit of a text is not of the field's dimension, with those that are.
     """
-    found = _QUANTITY.fullmatch(value) if isinstance(value, str) and unit else None
-    if found is None:
+    match = _QUANTITY.fullmatch(value) if isinstance(value, str) and unit else None
+    if match is None:
         return value
-    size = _size_in(found[2], unit)
+    size = _size_in(match[2], unit)
     if size is None:
         raise InputError([Fault(key, value, "", f"must have a unit that fits: {units_that_fit(unit)}")])
     try:
-        return float(Fraction(found[1]) * size)
+        return float(Fraction(match[1]) * size)
     except OverflowError:
         raise InputError([Fault(key, value, "", f"must be a finite number, in {unit}")]) from None
 
@@ -256,21 +255,21 @@ def prefixed(largest: float, unit: str) -> tuple[float, str]:
         # of a number in a time or a length; a prefix of m^2 would be squared too
         return 1.0, unit
     if unit.startswith("kg") and 0.0 < largest < 1.0:
-        factor, shown = prefixed(1e3 * largest, unit[1:])
-        return 1e3 * factor, shown
+        factor, text = prefixed(1e3 * largest, unit[1:])
+        return 1e3 * factor, text
     if unit == "Pa" and largest >= SMALLEST_IN_MPA:
         return (1e-6, "MPa") if largest < LARGEST_IN_MPA else (1e-9, "GPa")
     if unit == "m" and SMALLEST_IN_MM <= largest < LARGEST_IN_MM:
         # as on every axis of a displacement, so that figures can be laid side by side
         return 1e3, "mm"
-    found = next(((f, p) for f, p in PREFIXES if f * largest >= 1.0), PREFIXES[-1] if largest else PREFIXES[0])
-    return found[0], found[1] + unit
+    prefix = next(((f, p) for f, p in PREFIXES if f * largest >= 1.0), PREFIXES[-1] if largest else PREFIXES[0])
+    return prefix[0], prefix[1] + unit
 
 
 def quantity_text(value: float, unit: str, digits: int = 4) -> str:
     """A number for the eye in the unit that fits, as "130 mm" for 0.13 m."""
-    factor, shown = prefixed(abs(value), unit)
-    return f"{number_text(factor * value, digits)} {'' if shown == '1' else shown}".rstrip()
+    factor, prefixed_unit = prefixed(abs(value), unit)
+    return f"{number_text(factor * value, digits)} {'' if prefixed_unit == '1' else prefixed_unit}".rstrip()
 
 
 def interval_texts(value: float, low: float, high: float) -> tuple[str, str, str]:
@@ -327,11 +326,11 @@ def _parsed(text: str, g: tuple[Fraction, Mapping[str, Any]] | None) -> tuple[Fr
         text = text.replace(written, plain)
     tokens, at = [], 0
     while text[at:].strip():
-        found = _TOKEN.match(text, at)
-        if found is None:
+        match = _TOKEN.match(text, at)
+        if match is None:
             raise _NoUnitError
-        tokens.append((str(found.lastgroup), found[str(found.lastgroup)]))
-        at = found.end()
+        tokens.append((str(match.lastgroup), match[str(match.lastgroup)]))
+        at = match.end()
     product = _product(tokens, g)
     if tokens:
         raise _NoUnitError
@@ -349,17 +348,17 @@ def _product(
             sign = -1
             continue
         if (kind, word) == ("mark", "("):
-            one, of = _product(tokens, g)
+            first, of = _product(tokens, g)
             if not tokens or tokens.pop(0) != ("mark", ")"):
                 raise _NoUnitError
         elif kind == "symbol":
-            one, of = _symbol(word, g)
+            first, of = _symbol(word, g)
         else:
             raise _NoUnitError
         exponent = Fraction(tokens.pop(0)[1]) if tokens and tokens[0][0] == "power" else Fraction(1)
         if abs(exponent) > 9:
             raise _NoUnitError
-        size *= Fraction(one ** (sign * exponent))
+        size *= Fraction(first ** (sign * exponent))
         for name, power in of.items():
             powers[name] = powers.get(name, Fraction(0)) + sign * exponent * power
         sign, factors = 1, factors + 1
@@ -412,3 +411,10 @@ def value_text(value: Any, unit: str) -> str:
     if isinstance(value, tuple):
         return f"({', '.join(f'{1e3 * side:.4g}' for side in value)}) mm"
     return unit_text(value, unit)
+
+
+def rounded(value: float, to: Callable[[float], int] = math.ceil) -> float:
+    """The value with two digits, rounded up, or to `math.floor`."""
+    digit = 10.0 ** (math.floor(math.log10(value)) - 1)
+    # rounding of the quotient adds no digit
+    return float(f"{digit * to(round(value / digit, 9)):.2g}")

@@ -27,13 +27,13 @@ def _versions() -> dict[str, str]:
     """Name and version of everything that a result may depend on."""
     from femimpact.core.binary import build_words
 
-    found = {
+    versions = {
         OWN: _version_of(OWN),
         "core": build_words(),
         "python": sys.version.split()[0],
         "platform": platform.platform(),
     }
-    return {**found, **{name: _version_of(name) for name in _libraries()}}
+    return {**versions, **{name: _version_of(name) for name in _libraries()}}
 
 
 def _libraries() -> list[str]:

@@ -15,7 +15,7 @@ from femimpact.app.demo import paper_study, paper_study_text
 from femimpact.app.parametric.identity import plain_study, study_key
 from femimpact.app.report.result_conclusions import study_conclusions
 from femimpact.app.report.result_page import write_report
-from femimpact.app.results.result_directory import FILES, ResultsWarning, finish_results
+from femimpact.app.results.result_directory import FILES, ResultsWarning
 from femimpact.app.study.parameter_plan import ParameterPlan
 from femimpact.app.study.prepared import plan_lines, prepare
 from femimpact.app.study.study import MeshChoice, OrbitsPlan, Output, Reduction, SweepPlan, build

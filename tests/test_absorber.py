@@ -459,7 +459,7 @@ def test_results_and_pictures_show_the_absorber(tmp_path):
     study = replace(study, structure=plain, method={"name": "event-driven"}, output=output)
     results = fi.run_study(study, tmp_path / "out", parts=("modes", "simulate"))
     assert {"body", "body.velocity", "body.gap"} <= set(results.history.data_vars)
-    assert {"phase_portrait.png", "deflection.pvd", "report.html"} <= {p.name for p in (tmp_path / "out").iterdir()}
+    assert {"phase_portrait.png", "deflection.pvd", "report.html"} <= {p.name for p in (tmp_path / "out").rglob("*")}
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert "cantilever of 200 mm with an absorber" in page
     assert "2 g on 5.5 N/m and 0.01235 N s/m at 200 mm" in page

@@ -20,14 +20,17 @@ from builders import (
     with_ball,
     write_parameter_study,
 )
+from matplotlib.colors import to_rgb
 
 import femimpact as fi
 from femimpact.app.parametric.best import best_cases
-from femimpact.app.report.best_picture import marks_of, worst_over_axes
-from femimpact.app.report.result_page import best_sections
+from femimpact.app.parametric.best_design import marks_of, worst_over_axes
+from femimpact.app.report.result_page import best_measures
+from femimpact.app.report.views import pictures_of
 from femimpact.app.study.study import read_mesh_of
 from femimpact.app.tasks.study_command import plan_lines
 from femimpact.figures.studies import mark_best
+from femimpact.figures.study_labels import OUTLINE
 
 GAP, RESTITUTION = "impactor.ball.gap", "impactor.ball.contact.restitution"
 FREQUENCY, LEVEL = "base.frequency", "base.amplitude"
@@ -534,18 +537,19 @@ def test_command_report_and_study_file_say_the_same_and_another_table_resumes_th
     # the ball of the drawing has the gap of the study file
     assert page.count("gaps 4 mm, in the study file; gap is an axis of the study") == 1
     assert "kelvin-voigt, in the study file; gap is an axis of the study" in page
-    assert page.index("The worst rms over what is chosen") < page.index("The structure")
+    assert page.index('<h2 id="best-heading">') < page.index('<h2 id="structure-heading">')
+    assert "worst rms over" in page
 
 
 def test_of_a_study_without_a_best_case_nothing_is_left_of_an_earlier_one(tmp_path):
     drawn = replace(study(), output=replace(study().output, figures=True, report=False))
     first = write_parameter_study(drawn, tmp_path)
     left = {"best.toml", "study_best.png"}
-    assert left <= {path.name for path in tmp_path.iterdir()}
+    assert left <= {path.name for path in tmp_path.rglob("*")}
     # no case keeps the limit
     limited = replace(drawn.plan, best=replace(study(BEST).plan.best, limits={"peak": 1e-9}))
     second = write_parameter_study(replace(drawn, plan=limited), tmp_path)
-    assert not left & {path.name for path in tmp_path.iterdir()}
+    assert not left & {path.name for path in tmp_path.rglob("*")}
     lines = summary_lines(second, tmp_path, limited.best)
     assert any("no best case: measure = 'rms'" in line for line in lines)
     assert not any("femimpact run" in line or "smallest worst" in line for line in lines)
@@ -628,14 +632,15 @@ def test_the_report_begins_with_a_map_with_the_best_outlined_or_a_line_with_its_
     for name in axes:
         given[name].attrs["long_name"] = name
     found = fi.best_case(given, "peak")
-    (mapped,) = best_sections(given, {"peak": found})
-    outlines = [path for part in mapped.content for path in part.iter("path") if path.get("class") == "best"]
-    assert len(outlines) == 1
-    (lined,) = best_sections(given, {"peak": fi.best_case(given, "peak", [FREQUENCY, RESTITUTION])})
-    words = {one.text for part in lined.content for one in part.iter() if one.text}
-    assert "15 % more" in words
-    legend = {one[0].tail for part in lined.content for one in part.iter("li")}
-    assert legend == {"peak", "the best", "at most 15 % more than the best"}
+    (mapped,) = pictures_of(best_measures(given, {"peak": found}))
+    axes = mapped.view.figure(mapped.record)
+    assert [one.get_edgecolor()[:3] for one in axes.patches] == [to_rgb(OUTLINE)]
+    (lined,) = pictures_of(best_measures(given, {"peak": fi.best_case(given, "peak", [FREQUENCY, RESTITUTION])}))
+    assert mapped.name == lined.name == "study_best"
+    axes = lined.view.figure(lined.record)
+    assert "15 % more" in {text.get_text() for text in axes.texts}
+    legend = {text.get_text() for text in axes.get_legend().get_texts()}
+    assert legend == {"value", "the best", "at most 15 % more than the best"}
 
 
 def test_a_table_of_the_best_goes_round_and_is_checked_before_the_first_case():

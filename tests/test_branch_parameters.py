@@ -16,9 +16,9 @@ from test_orbits import box, units_of
 
 import femimpact as fi
 from femimpact.orbits.equations import derivative_by, event_maps, jacobian
-from femimpact.orbits.guess import first_guess
 from femimpact.orbits.orbit import state_vector
 from femimpact.orbits.parameter import parameter_of
+from femimpact.orbits.search import first_guess
 from femimpact.validation.closed_forms import box_fold, box_orbits
 
 pytestmark = pytest.mark.impacts

@@ -15,7 +15,7 @@ from femimpact import core
 from femimpact.integrators.channel_rows import drive_of
 from femimpact.integrators.event_driven.block import inputs_of, new_block, run_block
 from femimpact.integrators.event_driven.equations import equations_of
-from femimpact.integrators.event_driven.store import FormStore, outputs_of
+from femimpact.integrators.event_driven.store import FormStore, Source, outputs_of
 from femimpact.response.impacts import TOTAL_COLUMNS
 
 pytestmark = pytest.mark.impacts
@@ -152,9 +152,8 @@ def run_in_windows(case, windows, rows=0):
     system, drive, count = case.system, drive_of(case.system, case.excitation), len(windows)
     rigid = np.array([isinstance(pair.law, fi.Rigid) for pair in system.contacts])
     observed = outputs_of(system, system.point_row(system.default_place))
-    store = FormStore(
-        equations_of(system, drive), rigid, observed, rate=None if drive.pieces is None else drive.pieces.rate
-    )
+    rate = None if drive.pieces is None else drive.pieces.rate
+    store = FormStore([Source(equations_of(system, drive), observed, {})], rigid, rate)
     u, v, y, y_rate = case.initial.relative_to_base(system, case.excitation)
     balls = len(system.balls)
     inputs = inputs_of(

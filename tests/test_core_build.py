@@ -76,7 +76,7 @@ def checkout(tmp_path):
     """What loads the core and its sources, in a separate place."""
     package = tmp_path / "femimpact"
     shutil.copytree(CORE, package / "core", ignore=shutil.ignore_patterns("__pycache__"))
-    for name in ("__init__.py", "errors.py", "regular_file.py", BINARY, RECORD):
+    for name in ("__init__.py", "__init__.pyi", "lazy.py", "errors.py", "regular_file.py", BINARY, RECORD):
         shutil.copy2(ROOT / "femimpact" / name, package / name)
     return tmp_path
 

@@ -29,7 +29,7 @@ from femimpact.sweep import on_grid
 @pytest.fixture(scope="module")
 def study(tmp_path_factory):
     """Without pictures and report; run once, so that libraries are there before memory is measured."""
-    study = short_study(1.0, points=4, every=1, report=False, **NO_PICTURES)
+    study = short_study(1.0, points=4, every=1, **NO_PICTURES)
     for method in ("newmark", "event-driven"):
         one = dataclasses.replace(study, method={"name": method})
         run_study(one, tmp_path_factory.mktemp("warm") / "out")

@@ -30,7 +30,7 @@ def found(tmp_path_factory):
     short = dataclasses.replace(
         study,
         sweep=dataclasses.replace(study.sweep, cycles=400, refine=8),
-        base=dataclasses.replace(study.base, duration=8.0),
+        duration=8.0,
         output=dataclasses.replace(study.output, frames=0, paraview=False, movie=False),
     )
     with pytest.MonkeyPatch.context() as patch:
@@ -122,8 +122,10 @@ def test_the_study_that_is_left_behind_is_the_one_that_was_run(found):
 
 
 def test_both_starts_are_in_the_tables(found):
-    names = {path.name for path in found.results.directory.iterdir()}
-    assert {"comparison.csv", "restitution.csv", "restitution.png", "response.png", "sweep.csv"} <= names
+    folder = found.results.directory
+    names = {path.relative_to(folder).as_posix() for path in folder.rglob("*")}
+    assert {"comparison.csv", "restitution.csv", "sweep.csv"} <= names
+    assert {"figures/restitution.png", "figures/response.png"} <= names
     assert "ball_from_rest_in_space" in found.results.summary
 
 

@@ -17,7 +17,7 @@ from femimpact.files import write_netcdf
 from femimpact.integrators.event_driven.block import inputs_of, new_block, run_block
 from femimpact.integrators.event_driven.equations import equations_of as closed_equations_of
 from femimpact.integrators.event_driven.run import closed_drive
-from femimpact.integrators.event_driven.store import FormStore, outputs_of
+from femimpact.integrators.event_driven.store import FormStore, Source, outputs_of
 from femimpact.response.impacts import event_log
 from femimpact.table import column_units
 
@@ -285,10 +285,9 @@ def test_each_case_of_a_block_has_its_log():
     bases = [fi.Sine(0.6e-3, 5.2), fi.Sine(0.4e-3, 5.4), fi.Sine(1e-5, 3.0)]
     drives = [closed_drive(system, base) for base in bases]
     start, d = fi.State().relative_to_base(system, bases[0]), system.dofs + 1
-    store = FormStore(
-        closed_equations_of(system, drives[0]), np.zeros(1, dtype=bool),
-        outputs_of(system, system.point_row(system.default_place)), rate=None,
-    )  # fmt: skip
+    observed = outputs_of(system, system.point_row(system.default_place))
+    source = Source(closed_equations_of(system, drives[0]), observed, {})
+    store = FormStore([source], np.zeros(1, dtype=bool), rate=None)
     velocity = np.array([np.concatenate(fi.State().relative_to_base(system, base)[1::2]) for base in bases])
     inputs = inputs_of(
         drives, [system.contacts] * 3, position=np.tile(np.concatenate(start[::2]), (3, 1)), velocity=velocity,

@@ -163,7 +163,7 @@ def test_every_axis_names_its_quantity_and_its_unit(run, curves, mesh, two_balls
     pictures = panels(run, curves, mesh, two_balls) | several(run, two_balls)
     # values of a map are whatever its caller computed; numbers have no unit
     del pictures["value map"]
-    plain = {"elements", "impacts", "w / max |w|", "relative error of the natural frequency", ""}
+    plain = {"elements", "impacts", "w / max |w|", "relative error", ""}
     for name, draw in pictures.items():
         drawn = draw(fi.figures.OffScreen())
         for axis in drawn.flat if isinstance(drawn, np.ndarray) else [drawn]:

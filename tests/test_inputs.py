@@ -27,7 +27,7 @@ from femimpact.contact import ContactLaw
 from femimpact.convergence.cases import Axis
 from femimpact.convergence.quantities import Watched
 from femimpact.errors import Fault
-from femimpact.integrators.methods import CaseMethod, DwellMethod, Method
+from femimpact.integrators.methods import Method
 from femimpact.integrators.stepping.operators import SteppingMethod
 
 plt = pytest.importorskip("matplotlib.pyplot")
@@ -37,7 +37,7 @@ pytestmark = [pytest.mark.impacts, pytest.mark.filterwarnings("ignore::femimpact
 
 Call = Callable[..., object]
 
-PROTOCOLS = (ContactLaw, Axis, Watched, Method, CaseMethod, DwellMethod, SteppingMethod)
+PROTOCOLS = (ContactLaw, Axis, Watched, Method, SteppingMethod)
 """Whose methods femimpact calls, with values that it has checked."""
 
 WORDS = {

@@ -9,8 +9,7 @@ from builders import oscillator, reduced, with_ball
 
 import femimpact as fi
 from femimpact.integrators.methods import MEMBERS, METHODS, read_at_least, require_method, seconds_of_cycle
-from femimpact.integrators.own_method import run_of_states
-from femimpact.integrators.separate_runs import run_cases_apart
+from femimpact.integrators.own_method import run_cases_apart, run_of_states
 from femimpact.integrators.stepping.newmark import SteppingMembers
 from femimpact.integrators.stepping.operators import family_scheme, scheme_of
 

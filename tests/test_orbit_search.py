@@ -7,8 +7,8 @@ import pytest
 from builders import oscillator
 
 import femimpact as fi
-from femimpact.orbits.guess import first_guess
-from femimpact.orbits.newton import _at_rounding
+from femimpact.orbits.equations import _at_rounding
+from femimpact.orbits.search import first_guess
 
 pytestmark = pytest.mark.impacts
 

@@ -14,12 +14,10 @@ from builders import REFERENCE, oscillator, reduced, with_ball
 from orbit_cases import MODELS
 
 import femimpact as fi
-from femimpact.orbits.equations import EventStates, Sequence, derivative_by, event_maps, jacobian, residual
+from femimpact.orbits.equations import EventSequence, EventStates, derivative_by, event_maps, jacobian, residual, solve
 from femimpact.orbits.flow import flow_of, hybrid_system
-from femimpact.orbits.guess import first_guess
-from femimpact.orbits.newton import solve
 from femimpact.orbits.orbit import state_vector
-from femimpact.orbits.search import orbit_near
+from femimpact.orbits.search import first_guess, orbit_near
 from femimpact.orbits.verification import verified
 from femimpact.validation import branches
 from femimpact.validation.closed_forms import box_orbits
@@ -228,7 +226,7 @@ def test_the_equations_are_regular_at_grazing():
     system, push = oscillator(1.0, 0.2, stops=[stop]), fi.PointForce("mass", fi.Sine(1.0, 0.2))
     hybrid, crest = hybrid_system(system, push), math.pi / 2 - np.angle(response)
     one = np.zeros(1)
-    sequence = Sequence(("impact",), np.zeros(1, dtype=int), one + 1, one[:, None], one, 1)
+    sequence = EventSequence(("impact",), np.zeros(1, dtype=int), one + 1, one[:, None], one, 1)
     exact = np.array([[abs(response), 0.0]])
     maps = event_maps(hybrid, EventStates(sequence, exact, one + crest))
     assert abs(maps.speed[0]) < 1e-15

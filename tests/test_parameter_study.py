@@ -32,7 +32,7 @@ from femimpact.app.parametric.block_files import BLOCKS
 from femimpact.app.parametric.evaluation import evaluated
 from femimpact.app.parametric.labelled import median_ranks, over_starts
 from femimpact.app.parametric.paths import study_with
-from femimpact.app.parametric.workers import block_cases
+from femimpact.app.parametric.verb import block_cases
 from femimpact.app.report.result_conclusions import study_lead
 from femimpact.app.tasks.study_command import definition_of
 from femimpact.figures.study_labels import case_columns, unsure_cells
@@ -1010,7 +1010,7 @@ NO_SCHEDULER = {
 @pytest.mark.parametrize("kind", [*NO_SCHEDULER, "missing", "folder", "pipe"])
 def test_a_scheduler_file_that_is_none_is_one_line(kind, tmp_path):
     pytest.importorskip("distributed")
-    from femimpact.app.parametric.workers import connected
+    from femimpact.app.parametric.verb import connected
 
     path, (text, words) = tmp_path / "scheduler.json", NO_SCHEDULER.get(kind, (None, "no port, and as a file: "))
     if text is not None:

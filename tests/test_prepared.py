@@ -99,7 +99,7 @@ def test_the_demo_assembles_once(study, assembled, tmp_path, monkeypatch):
 def test_a_history_resolves_a_base_cycle_unless_told_otherwise(study, method, frequency):
     base = dataclasses.replace(study.base, frequency=frequency)
     ready = prepare(dataclasses.replace(study, base=base, method=method, output=Output()), ("modes",))
-    grid = ready.method.time_grid(ready.small, base.excitation, base.duration, ready.record)
+    grid = ready.method.time_grid(ready.small, base, study.history_duration, ready.record)
     samples = 1.0 / (frequency * grid * ready.record.every)
     assert samples >= 20
     assert not any("output.every" in text for text in ready.warnings)

@@ -67,7 +67,7 @@ NAMES = """
     Stop: at contact fixed_to gap gaps name
     Structure: attachments beam damping gravity impactors masses stops supports
     Study: base initial mesh method output path reduction sine structure sweep text
-    StudyResults: directory history impact_data impacts modes riding sticking summary sweep
+    StudyResults: directory history impact_data impacts modes sticking summary sweep
     Support: at kind
     SwitchingSpring: free_stiffness name stiffness
     System: C K M balls base_load computed_together constant_load constant_resultant contacts default_place
@@ -105,12 +105,11 @@ NAMES = """
 """
 """Public names, and behind a colon what each class has."""
 
-COMMANDS = "demo init check modes simulate sweep run converge figures movie report finish validate"
+COMMANDS = "demo init check modes simulate sweep run converge figures movie report validate"
 FILE_NAMES = """
     summary.json study.toml modes.csv modes.nc sweep.csv sweep.nc history.nc impacts.csv impacts.nc snapshots.nc
-    last_cycles.nc modes.pvd deflection.pvd deflection.mp4 deflection.gif modes.png response.png contact_force.png
-    phase_portrait.png impact_histograms.png impulse_phase.png riding.csv comparison.csv restitution.csv
-    restitution.png response_of_starts.png curves_of_starts.csv report.html convergence.json
+    last_cycles.nc paraview/modes.pvd paraview/deflection.pvd movie.mp4 movie.gif comparison.csv restitution.csv
+    curves_of_starts.csv report.html convergence.json
 """
 MODULES = {
     "femimpact.figures": """

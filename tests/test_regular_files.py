@@ -89,7 +89,7 @@ def test_a_record_of_a_study_that_is_a_pipe_or_a_device_is_one_line(tmp_path):
 
 @pytest.mark.impacts
 def test_results_with_a_pipe_in_the_place_of_a_file_are_one_line(finished, tmp_path):
-    names = ("modes.csv", "impacts.csv", "sticking.csv", "sweep.nc", "history.nc", "impacts.nc", "summary.json")
+    names = ("modes.csv", "impacts.csv", "sweep.nc", "history.nc", "impacts.nc", "summary.json")
     for name in names:
         results = shutil.copytree(finished / "out", tmp_path / name)
         (results / name).unlink(missing_ok=True)

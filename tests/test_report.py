@@ -26,7 +26,6 @@ from test_markup import HOSTILE, Parsed
 
 import femimpact as fi
 from femimpact.app.report.player import FULL, frames_of
-from femimpact.app.results.result_directory import RUNNING
 from femimpact.cli import app
 
 pytestmark = pytest.mark.impacts
@@ -238,7 +237,7 @@ def test_a_history_without_a_contact_has_no_figure_and_no_warning_of_it(tmp_path
     bare = replace(short, structure=replace(short.structure, impactors=()), sweep=None)
     found = run_study(bare, tmp_path / "out", parts=("simulate",))
     assert not any("not drawn" in text for text in found.summary["warnings"])
-    assert not list((tmp_path / "out").glob("*.png"))
+    assert not list((tmp_path / "out").rglob("*.png"))
 
 
 def test_results_of_a_version_without_these_files_make_a_report(results):
@@ -253,41 +252,23 @@ def test_results_of_a_version_without_these_files_make_a_report(results):
     assert "not known" in text
 
 
-def test_parts_of_a_run_that_was_ended_make_a_report_and_can_still_be_finished(tmp_path, monkeypatch):
+def test_parts_of_a_run_that_was_ended_make_a_report(tmp_path, monkeypatch):
     def ended(*_):
         raise KeyboardInterrupt
 
     monkeypatch.setattr("femimpact.app.tasks.run.run_sweep", ended)
-    out = tmp_path / "out"
+    out, part = tmp_path / "out", tmp_path / "out.part"
     with pytest.raises(KeyboardInterrupt):
         run_study(short_study(1.0, **KEPT), out)
-    assert [path.name for path in out.iterdir()] == [RUNNING]
-    write_report(out)
-    text = text_of(out)
-    assert "it holds a run that ended after modes, history" in text
+    assert [path.name for path in tmp_path.iterdir()] == [part.name]
+    write_report(part)
+    text = text_of(part)
     assert "the run was ended before its part" in text
     assert str(tmp_path) not in text
     monkeypatch.undo()
-    app(["finish", str(out)], result_action="return_value")
-    assert not (out / RUNNING).exists()
-    write_report(out)
-    assert "it holds a run" not in text_of(out)
-    assert "the run was ended before its part" in text_of(out)
-
-
-def test_a_run_goes_where_only_the_report_of_an_ended_one_is(tmp_path, monkeypatch):
-    def ended(*_):
-        raise KeyboardInterrupt
-
-    out = tmp_path / "out"
-    with monkeypatch.context() as patch:
-        patch.setattr("femimpact.app.tasks.run.run_sweep", ended)
-        with pytest.raises(KeyboardInterrupt):
-            run_study(short_study(1.0, **PAGE), out)
-    write_report(out)
     with pytest.warns(ResultsWarning, match="removed what a run that did not end well had left"):
         run_study(short_study(1.0, **PAGE), out, parts=("modes",))
-    assert "it holds a run" not in text_of(out)
+    assert "the run was ended" not in text_of(out)
 
 
 # ---- texts ----------------------------------------------------------------------------------------

@@ -13,7 +13,7 @@ from femimpact import core
 from femimpact.integrators.channel_rows import drive_of
 from femimpact.integrators.event_driven.block import inputs_of, new_block, run_block, working_space
 from femimpact.integrators.event_driven.equations import equations_of
-from femimpact.integrators.event_driven.store import FormStore, outputs_of
+from femimpact.integrators.event_driven.store import FormStore, Source, outputs_of
 
 HIT, STUCK = 1, 4
 """How a search ends at a wall that is met at speed, and where it finds no end."""
@@ -44,7 +44,7 @@ def first_beyond(scalars, motion, horizon, points):
 def free_motion(system, drive):
     """Scalars of a system whose ball flies, and a motion of that size."""
     whole, rigid = equations_of(system, drive), np.ones(1, dtype=bool)
-    store = FormStore(whole, rigid, outputs_of(system, system.point_row("tip")), rate=None)
+    store = FormStore([Source(whole, outputs_of(system, system.point_row("tip")), {})], rigid, rate=None)
     rest = np.zeros((1, system.dofs + 1))
     window = np.array([[0.0, np.inf]])
     inputs = inputs_of([drive], [system.contacts], rest, rest, window)

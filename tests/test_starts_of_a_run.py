@@ -10,7 +10,6 @@ import pytest
 from builders import (
     NO_PICTURES,
     UNDRAWN_STUDY,
-    finish_results,
     plain_study,
     plan_lines,
     prepare,
@@ -21,11 +20,11 @@ from builders import (
 )
 
 import femimpact as fi
-from femimpact.app.parametric import starts as starts_of
-from femimpact.app.parametric.starts import spreads_of
 from femimpact.app.report.result_conclusions import conclusions_of
 from femimpact.app.results.picture_data import read_bands
 from femimpact.app.study.findings import read_findings
+from femimpact.app.tasks import starts as starts_of
+from femimpact.app.tasks.starts import OF_CURVES, StartCurves, spreads_of
 from femimpact.cli import print_results
 from femimpact.integrators.runs import integrate
 
@@ -36,7 +35,7 @@ STARTS = 5
 
 def study(starts=STARTS, **changes):
     """The paper's case for some seconds on three modes, event-driven."""
-    paper = short_study(6.0, **NO_PICTURES, starts=starts, report=False)
+    paper = short_study(6.0, **NO_PICTURES, starts=starts)
     given = {"method": {"name": "event-driven"}, "reduction": replace(paper.reduction, modes=3)}
     sweep = replace(paper.sweep, points=5, cycles=60, starts=starts)
     return replace(paper, mesh=replace(paper.mesh, elements=10), **{**given, "sweep": sweep, **changes})
@@ -99,7 +98,8 @@ def test_the_median_of_one_start_is_that_run():
     prepared = prepare(study(1))
     args = (0.2e-3, np.linspace(4.5, 5.5, 5), fi.EventDriven(), 60)
     curve, empty = (fi.frequency_sweep(system, *args) for system in (prepared.small, prepared.bare))
-    spreads = spreads_of([curve], empty, 0.25)
+    curves = StartCurves(curve.frequency, {name: getattr(curve, name)[None] for name in OF_CURVES})
+    spreads = spreads_of(curves, empty, 0.25)
     for name in ("peak_amplitude", "peak_frequency"):
         spread = spreads[name]
         assert spread.lowest == spread.median == spread.highest == getattr(curve, name)
@@ -275,7 +275,7 @@ def test_what_has_not_died_out_is_no_sample(tmp_path, capsys):
     print_results(found)
     printed = capsys.readouterr().out
     assert "*" not in printed
-    assert printed.count("transient has not died out") == 2
+    assert printed.count("has not died out") == 2
     cards = [card for card in conclusions_of(read_findings(found.summary)) if "has not died out" in card.note]
     assert [card.one_sample for card in cards] == [False, False]
 
@@ -296,13 +296,23 @@ def failing(work, numbers):
     return called
 
 
-@pytest.mark.parametrize(("name", "part", "counted"), [
-    ("integrate", "history", ("history_starts", "count")), ("run_cases", "sweep", ("starts_of_sweep",)),
+def blocks_of_which_a_start_diverges(study, *arguments):
+    for block in all_blocks(study, *arguments):
+        block.fail(np.arange(1, block.periodic.size, STARTS), "the motion grows without bound")
+        yield block
+
+
+all_blocks = starts_of.run_blocks
+
+
+@pytest.mark.parametrize(("name", "failed", "part", "counted"), [
+    ("integrate", failing(integrate, {2}), "history", ("history_starts", "count")),
+    ("run_blocks", blocks_of_which_a_start_diverges, "sweep", ("starts_of_sweep",)),
 ])  # fmt: skip
 def test_a_start_that_diverges_is_a_named_failure_and_the_others_have_ranges(
-    tmp_path, monkeypatch, ran, name, part, counted
+    tmp_path, monkeypatch, ran, name, failed, part, counted
 ):
-    monkeypatch.setattr(f"femimpact.app.parametric.starts.{name}", failing(getattr(starts_of, name), {2}))
+    monkeypatch.setattr(starts_of, name, failed)
     found = fi.run_study(study(), tmp_path / "out").summary
     assert found["failed_starts"] == {part: {"start 2": "the motion grows without bound"}}
     value = found
@@ -322,7 +332,7 @@ def test_a_start_that_diverges_is_a_named_failure_and_the_others_have_ranges(
 
 
 def test_where_all_starts_diverge_the_run_ends_with_one_line(tmp_path, monkeypatch):
-    monkeypatch.setattr("femimpact.app.parametric.starts.integrate", failing(integrate, set(range(1, STARTS + 1))))
+    monkeypatch.setattr(starts_of, "integrate", failing(integrate, set(range(1, STARTS + 1))))
     with pytest.raises(fi.DivergenceError, match=r"^all 5 starts have failed, the first: the motion grows") as ended:
         fi.run_study(study(), tmp_path / "out")
     assert len(str(ended.value).splitlines()) == 1
@@ -335,7 +345,6 @@ def test_ranges_of_a_history_stay_where_the_run_is_ended_in_its_sweep(tmp_path, 
     monkeypatch.setattr("femimpact.app.tasks.run.run_sweep", end)
     with pytest.raises(KeyboardInterrupt):
         fi.run_study(study(), tmp_path / "out")
-    finish_results(tmp_path / "out", False)
-    found = fi.load(tmp_path / "out").summary
+    found = fi.load(tmp_path / "out.part").summary
     assert found["unfinished"] == ["sweep"]
     assert found["history_starts"] == ran.summary["history_starts"]

@@ -60,7 +60,7 @@ def test_a_beam_that_only_springs_hold_is_written_without_supports():
     damped = TEXT.replace("ratios = [0.01, 0.02]", "ratio = 0.01\nfrequencies = [10, 90]")
     free = study(f"support = []\n{damped}")
     assert free.structure.supports == ()
-    written = study_text(replace(free, base=replace(free.base, duration=0.4)))
+    written = study_text(replace(free, duration=0.4))
     assert study(written).structure == free.structure
 
 

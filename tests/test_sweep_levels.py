@@ -68,7 +68,7 @@ def test_a_study_sweeps_at_the_level_of_its_plan(tmp_path: Path) -> None:
     summary = json.loads((tmp_path / "results" / "summary.json").read_text(encoding="utf-8"))
     read = read_curves(tmp_path / "results", summary)
     assert read is not None
-    for curve in read[0].values():
+    for curve in read.curves.values():
         np.testing.assert_array_equal(curve.acceleration, rows)  # type: ignore[arg-type]
         expected = np.exp(np.interp(np.log(curve.frequency), *np.log(np.array(rows)).T))
         np.testing.assert_allclose(curve.base_amplitude, expected / (2.0 * np.pi * curve.frequency) ** 2, rtol=1e-12)

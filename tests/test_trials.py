@@ -57,7 +57,8 @@ def test_a_restitution_that_the_beam_changes_is_warned_of():
     study = dataclasses.replace(
         study,
         structure=dataclasses.replace(study.structure, impactors=(ball,)),
-        base=dataclasses.replace(study.base, duration=20.0, frequency=5.2),
+        base=dataclasses.replace(study.base, frequency=5.2),
+        duration=20.0,
     )
     prepared = prepare(study)
     summary = summary_of(prepared, run_modes(prepared), run_simulation(prepared))

@@ -411,4 +411,4 @@ def test_scripts_of_a_study_have_the_names_that_the_study_knows():
     scenes = [name for name in FILES if name.endswith("_scene")]
     assert len(scenes) > 2
     for name in scenes:
-        assert FILES[name.replace("_scene", "_script")].name == script_path(Path(FILES[name].name)).name
+        assert FILES[name.replace("_scene", "_script")].name == script_path(Path(FILES[name].name)).as_posix()

@@ -66,15 +66,15 @@ def test_one_temporal_file_holds_the_frames_of_the_collection(tmp_path, response
 @pytest.mark.parametrize("paraview", [True, False])
 def test_a_study_leaves_the_file_that_it_asks_for(tmp_path, paraview):
     study = short_study(1.0, frames=8, figures=False, movie=False, paraview=paraview, vtkhdf=True)
-    run_study(study, tmp_path, parts=("simulate",))
-    steps = list(steps_of(tmp_path / "deflection.vtkhdf"))
-    script = (tmp_path / "deflection_paraview.py").read_text(encoding="utf-8")
+    folder = run_study(study, tmp_path / "out", parts=("simulate",)).directory / "paraview"
+    steps = list(steps_of(folder / "deflection.vtkhdf"))
+    script = (folder / "deflection_paraview.py").read_text(encoding="utf-8")
     assert len(steps) >= 8
     if not paraview:
         assert "deflection.vtkhdf" in script
-        assert not list(tmp_path.glob("deflection.pvd"))
+        assert not list(folder.glob("deflection.pvd"))
         return
-    frames = list(series_of(tmp_path / "deflection.pvd"))
+    frames = list(series_of(folder / "deflection.pvd"))
     assert "deflection.pvd" in script
     assert len(frames) == len(steps)
     for (time, frame), (own, step) in zip(frames, steps, strict=True):

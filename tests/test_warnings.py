@@ -62,7 +62,7 @@ SITES = {
     ("signals/densities.py", "too_coarse"): ["would be an alias"],
     ("signals/estimates.py", "_by_dwells"): ["dwells are not steady"],
     ("signals/transfer.py", "transfer_function"): ["in contact at rest"],
-    ("integrators/preflight_row.py", "row_of"): ["(limit: at"],
+    ("integrators/planned_drive.py", "row_of"): ["(limit: at"],
     ("integrators/planned_drive.py", "contact_notes"): ["in contact at rest"],
     ("structure/structure.py", "unusual_numbers"): ["is it in Pa", "is it a percentage", "shear and rotary inertia"],
     ("fem/assembly.py", "unusual_words"): ["are units SI"],

@@ -7,7 +7,7 @@ in its box the ball lies, rounded to what the ranges allow.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.resources import as_file, files
 from pathlib import Path
@@ -16,11 +16,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from femimpact import figures
-from femimpact.app.parametric.starts import part_of, spreads_of, write_curves
 from femimpact.app.parametric.verb import parameter_study
 from femimpact.app.report.result_conclusions import STARTS
 from femimpact.app.report.result_page import add_report
-from femimpact.app.results.result_directory import FILES, prepare_directory
+from femimpact.app.results.result_directory import FILES, new_file, new_results
 from femimpact.app.results.results import StudyResults, load
 from femimpact.app.study.findings import Spread
 from femimpact.app.study.prepared import PreparedStudy, prepare, with_base
@@ -39,12 +38,13 @@ from femimpact.app.tasks.run import (
     run_simulation,
     run_sweep,
 )
+from femimpact.app.tasks.starts import OF_CURVES, StartCurves, spreads_of, write_curves
 from femimpact.errors import Fault, InputError
 from femimpact.excitation import Sine
 from femimpact.figures.drawing import panels
 from femimpact.files import write_csv
 from femimpact.integrators.event_driven import EventDriven
-from femimpact.sweep import FrequencyResponse, frequency_sweep
+from femimpact.sweep import frequency_sweep
 from femimpact.system.state import State
 
 if TYPE_CHECKING:
@@ -124,32 +124,32 @@ def run_demo(
     """Run the paper's case and write its results."""
     report = report or (lambda _what, _share: None)
     prepared = prepare(paper_study())
-    with prepare_directory(directory, force) as staging:
+    with new_results(directory, force) as folder:
         modes = run_modes(prepared)
-        keep_study(staging, prepared.study)
-        keep_modes(staging, prepared, Found(modes), ("sweep", "history"))
+        keep_study(folder, prepared.study)
+        keep_modes(folder, prepared, Found(modes), ("sweep", "history"))
         peaks = scan_restitution(prepared, scan or ScanPlan(), report)
         # the files of a sweep are of the first start, with its energy ledger
         sweeps = {start: _sweep_from(prepared, start, start == "base", report) for start in STARTS}
-        keep_sweeps(staging, prepared, Found(modes, None, sweeps["base"]), ("history",))
-        _write_scan(staging.folder, peaks, sweeps)
-        curves = {start: curves_of_starts(prepared, start, report) for start in STARTS}
+        keep_sweeps(folder, prepared, Found(modes, None, sweeps["base"]), ("history",))
+        _write_scan(folder, peaks, sweeps)
+        curves = curves_of_starts(prepared, report)
         spreads = {start: spreads_of(curves[start], sweeps["base"].empty, _step(curves[start])) for start in STARTS}
-        write_curves(staging.folder, curves)
+        write_curves(folder, curves)
         prepared = _at_resonance(prepared, sweeps["base"])
-        keep_study(staging, prepared.study)
+        keep_study(folder, prepared.study)
         found = Found(modes, run_simulation(prepared, report), sweeps["base"])
-        found = keep_history(staging, prepared, found)
+        found = keep_history(folder, prepared, found)
         summary = summary_of(prepared, modes, found.response, found.sweeps)
         comparison = compare(summary, spreads)
         remarks = remark(summary["restitution"], peaks, spreads)
-        _write_comparison(staging.folder, comparison)
+        _write_comparison(folder, comparison)
         more = {"remarks": remarks, "ball_from_rest_in_space": _sweep_row(sweeps["space"])}
         more["starts"] = {
             start: {name: dataclasses.asdict(spread) for name, spread in samples_of.items()}
             for start, samples_of in spreads.items()
         }
-        keep_pictures(staging, prepared, found, report, more)
+        keep_pictures(folder, directory, prepared, found, report, more)
     if prepared.study.output.report:
         add_report(directory, report)
     restitution = float(summary["restitution"])
@@ -248,26 +248,32 @@ def _scan_rows(scan: xarray.Dataset) -> tuple[tuple[str, ...], ...]:
     return tuple(rows)
 
 
-def curves_of_starts(prepared: PreparedStudy, start: str, report: Report) -> list[FrequencyResponse]:
-    """An event-driven sweep from each of several starts in one frame, on a grid twice as fine as the study's."""
-    study, small = prepared.study, prepared.small
-    plan = study.sweep
+def curves_of_starts(prepared: PreparedStudy, report: Report) -> dict[str, StartCurves]:
+    """An event-driven sweep from each of several starts in each frame, on a grid twice as fine as the study's."""
+    plan = prepared.study.sweep
     if plan is None:
         raise InputError([Fault("sweep", None, "", "table [sweep] is missing")])
-    frequencies = np.linspace(plan.start, plan.stop, 2 * plan.points - 1)
-    return [
-        frequency_sweep(
-            small, study.sine.amplitude, frequencies, EventDriven(), plan.cycles, ledger=False,
-            initial=dataclasses.replace(State.at_rest(start), ball_displacement=[place]),
-            progress=part_of(report, f"{SAMPLES} starts, {STARTS[start]}", i, SAMPLES),
+    axes = {
+        "base.start": tuple(STARTS),
+        "start.ball.position": places(SAMPLES),
+        "base.frequency": np.linspace(plan.start, plan.stop, 2 * plan.points - 1),
+    }
+    base = Sine(prepared.study.sine.amplitude, 1.0)
+    curves = parameter_study(
+        prepared.small, axes, OF_CURVES, excitation=base, method=EventDriven(), cycles=plan.cycles,
+        progress=lambda done: report(f"{SAMPLES} starts", done.share),
+    )  # fmt: skip
+    return {
+        start: StartCurves(
+            axes["base.frequency"], {name: curves[name].sel({"base.start": start}).values for name in OF_CURVES}
         )
-        for i, place in enumerate(places(SAMPLES))
-    ]  # fmt: skip
+        for start in STARTS
+    }
 
 
-def _step(curves: Sequence[FrequencyResponse]) -> float:
+def _step(curves: StartCurves) -> float:
     """Step (Hz) between the frequencies of curves on an even grid."""
-    return float(curves[0].frequency[1] - curves[0].frequency[0])
+    return float(curves.frequency[1] - curves.frequency[0])
 
 
 def _sweep_row(sweeps: SweepPair) -> dict[str, Any]:
@@ -355,11 +361,11 @@ def _write_scan(folder: Path, scan: xarray.Dataset, sweeps: Mapping[str, SweepPa
         units |= {f"{start}_{name}": PEAKS.get(name, ("1",))[0] for name in (*PEAKS, "periodic_starts")}
         figures.study_lines(one, "amplitude_ratio", title=STARTS[start], ax=axis)
     write_csv(folder / FILES["restitution"].name, columns, units)
-    figures.save_figure(drawn, folder / FILES["restitution_figure"].name)
+    figures.save_figure(drawn, new_file(folder, "figures/restitution.png"))
     curves = {f"with ball, {STARTS[start]}": pair.ball for start, pair in sweeps.items() if pair.ball is not None}
     named = {"without ball": sweeps["base"].empty, **curves}
     drawn = figures.response_curve(named, coarse=sweeps["base"].coarse, ax=off_screen)
-    figures.save_figure(drawn, folder / FILES["response_of_starts"].name)
+    figures.save_figure(drawn, new_file(folder, "figures/response_of_starts.png"))
 
 
 def _write_comparison(folder: Path, comparison: tuple[tuple[Any, ...], ...]) -> None:

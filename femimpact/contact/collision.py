@@ -43,10 +43,7 @@ class Collision:
 
 
 def mass_and_speed(effective_mass: object, approach_speed: object) -> tuple[float, float]:
-    """Mass (kg) and speed (m/s) of a collision, both > 0.
-
-    Raises `InputError` if they are not, or beyond numbers.
-    """
+    """Mass (kg) and speed (m/s) of a collision, both > 0."""
     mass = float(checked("effective_mass", effective_mass, EFFECTIVE_MASS))
     speed = float(checked("approach_speed", approach_speed, quantity("m/s", above=0.0)))
     return mass, speed
@@ -82,14 +79,10 @@ def integrated_collision(
     effective_mass : float, kg
     approach_speed : float, m/s
 
-    Returns
-    -------
-    Collision
-
     Raises
     ------
     InputError
-        If the force is no function or gives no finite number, mass or speed are not > 0, or the contact does not end.
+        If the force gives no finite number, or the contact does not end.
     """
     from scipy.integrate import solve_ivp
 

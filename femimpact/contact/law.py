@@ -73,10 +73,7 @@ def a_law() -> dict[str, Any]:
 
 
 def require_law(law: object, key: str = "law") -> None:
-    """Refuse what is no contact law, and name what a user's law misses.
-
-    Raises `InputError` if the value is no contact law.
-    """
+    """Refuse what is no contact law, and name what a user's law misses."""
     missing = [name for name in VALUES if not hasattr(law, name)]
     missing += [f"{name}()" for name in METHODS if not callable(getattr(law, name, None))]
     allowed = "must be a contact law (KelvinVoigt, ..., Rigid)"
@@ -87,35 +84,21 @@ def require_law(law: object, key: str = "law") -> None:
 
 
 def resolve(law: ContactLaw, effective_mass: float) -> ContactParameters:
-    """Numbers of a law for the effective mass of its pair.
+    """Numbers of a law for the effective mass (kg) of its pair, 1/(1/m + phi1^2).
 
-    Parameters
-    ----------
-    law : ContactLaw
-    effective_mass : float, kg
-        1/(1/m + phi1^2) of the pair.
+    Contact time (s) and restitution (1) are those at the law's reference speed where they depend on speed.
 
-    Returns
-    -------
-    ContactParameters
-        Contact time (s) and restitution (1) are those at the law's reference speed where they
-        depend on speed.
-
-    Raises
-    ------
-    InputError
-        If the law is not a contact law, the mass is out of range, or a user's law gives parameters of no kind, or
-        no function for the time loop.
+    Raises `InputError` if a user's law gives parameters of no kind, or no function for the time loop.
     """
     require_law(law)
-    mass = _mass(effective_mass)
-    found = law.parameters(mass)
-    sound = isinstance(found, ContactParameters) and found.kind in KINDS
-    require(sound, f"{law.name}.parameters", found, "", "must be ContactParameters: see ContactParameters.of_function")
-    given = found.kind != CUSTOM or is_force(law.force_function(mass))
+    mass = float(checked("effective_mass", effective_mass, EFFECTIVE_MASS))
+    params = law.parameters(mass)
+    sound = isinstance(params, ContactParameters) and params.kind in KINDS
+    require(sound, f"{law.name}.parameters", params, "", "must be ContactParameters: see ContactParameters.of_function")
+    has_force = params.kind != CUSTOM or is_force(law.force_function(mass))
     allowed = "must give a function of depth, rate, approach_speed: the time loop has no branch for this law"
-    require(given, f"{law.name}.force_function", None, "", allowed)
-    return found
+    require(has_force, f"{law.name}.force_function", None, "", allowed)
+    return params
 
 
 def contact_force(law: ContactLaw, depth: float, rate: float, approach_speed: float, effective_mass: float) -> float:
@@ -138,11 +121,11 @@ def contact_force(law: ContactLaw, depth: float, rate: float, approach_speed: fl
     Raises
     ------
     InputError
-        If the law is not a contact law, a number is out of range, or a custom law's force is not finite.
+        If a custom law's force is not finite.
     """
     require_law(law)
     depth, rate = checked("depth", depth, quantity("m")), checked("rate", rate, quantity("m/s"))
-    approach_speed, effective_mass = _speed(approach_speed), _mass(effective_mass)
+    effective_mass, approach_speed = mass_and_speed(effective_mass, approach_speed)
     return law.normal_force(depth, rate, approach_speed, effective_mass)
 
 
@@ -150,15 +133,10 @@ def contact_potential(law: ContactLaw, depth: float, effective_mass: float, appr
     """Energy (J) that a law has stored at a penetration (m): the part that it gives back.
 
     A Rigid contact stores none; of a custom law it is the integral of force(p, 0, v0).
-
-    Raises
-    ------
-    InputError
-        If the law is not a contact law, or a number is out of range.
     """
     require_law(law)
     depth = checked("depth", depth, quantity("m"))
-    approach_speed, effective_mass = _speed(approach_speed), _mass(effective_mass)
+    effective_mass, approach_speed = mass_and_speed(effective_mass, approach_speed)
     return law.potential(depth, effective_mass, approach_speed)
 
 
@@ -167,7 +145,6 @@ def collide(law: ContactLaw, effective_mass: float, approach_speed: float) -> Co
 
     Parameters
     ----------
-    law : ContactLaw
     effective_mass : float, kg
     approach_speed : float, m/s
 
@@ -179,15 +156,7 @@ def collide(law: ContactLaw, effective_mass: float, approach_speed: float) -> Co
     Raises
     ------
     InputError
-        If a number is not > 0, their energy is beyond numbers, or a custom law never lets go.
+        If the energy is beyond numbers, or a custom law never lets go.
     """
     require_law(law)
     return law.collide(*mass_and_speed(effective_mass, approach_speed))
-
-
-def _speed(value: object) -> float:
-    return float(checked("approach_speed", value, quantity("m/s", above=0.0)))
-
-
-def _mass(value: object) -> float:
-    return float(checked("effective_mass", value, EFFECTIVE_MASS))

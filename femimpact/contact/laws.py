@@ -159,14 +159,14 @@ class KelvinVoigt:
     def __post_init__(self) -> None:
         check_fields(self)
         names = ("stiffness", "damping", "restitution", "contact_time")
-        given = {name for name in names if getattr(self, name) is not None}
+        set_fields = {name for name in names if getattr(self, name) is not None}
         pairs = ({"stiffness", "damping"}, {"stiffness", "restitution"}, {"restitution", "contact_time"})
-        if given not in pairs:
+        if set_fields not in pairs:
             allowed = (
                 "give exactly one pair: stiffness (N/m) and damping (N s/m), stiffness and "
                 "restitution (0 < e <= 1), or restitution and contact_time (s)"
             )
-            raise InputError([Fault("contact", " and ".join(sorted(given)) or "nothing", "", allowed)])
+            raise InputError([Fault("contact", " and ".join(sorted(set_fields)) or "nothing", "", allowed)])
 
     def normal_force(self, depth: float, rate: float, approach_speed: float, effective_mass: float) -> float:
         """Force (N) of spring and dashpot, never below zero."""
@@ -217,10 +217,7 @@ class KelvinVoigt:
 
 
 def spring_and_dashpot(law: KelvinVoigt, effective_mass: float) -> tuple[float, float]:
-    """Stiffness (N/m) and damping (N s/m) of any of the three complete pairs of a Kelvin-Voigt law.
-
-    Raises `InputError` if the law is of another kind, or the mass is not > 0.
-    """
+    """Stiffness (N/m) and damping (N s/m) of any of the three complete pairs of a Kelvin-Voigt law."""
     require_type(law, KelvinVoigt, "law")
     effective_mass = checked("effective_mass", effective_mass, EFFECTIVE_MASS)
     ratio = None if law.restitution is None else damping_ratio_for_restitution(law.restitution)
@@ -393,10 +390,7 @@ def GonthierCarvalhoMartins(  # noqa: N802
 
 
 def loss_factor(law: PowerLaw) -> float:
-    """Loss factor d (1) of a power law, by its author's formula.
-
-    Raises `InputError` if the law is of another kind.
-    """
+    """Loss factor d (1) of a power law, by its author's formula."""
     require_type(law, PowerLaw, "law")
     return LOSS_FACTORS[law.loss](law.restitution)
 
@@ -545,16 +539,10 @@ def hertz_stiffness(radius: float, ball: Material, wall: Material) -> float:
     ----------
     radius : float, m
         Of the ball.
-    ball, wall : Material
 
     Returns
     -------
     float, N/m^1.5
-
-    Raises
-    ------
-    InputError
-        If the radius is not > 0, or a body is no material.
 
     Notes
     -----

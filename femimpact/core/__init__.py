@@ -28,12 +28,12 @@ def __getattr__(name: str) -> Any:
     from femimpact.core.binary import loaded
 
     if name in __all__:
-        found = getattr(loaded(), name)
+        attribute = getattr(loaded(), name)
     elif name in ARGUMENTS:
         from femimpact.core.structs import structs_of
 
-        found = structs_of(loaded().tables(), ARGUMENTS[name], name)
+        attribute = structs_of(loaded().tables(), ARGUMENTS[name], name)
     else:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    globals()[name] = found
-    return found
+    globals()[name] = attribute
+    return attribute

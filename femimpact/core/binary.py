@@ -31,12 +31,12 @@ def source_hash(directory: Path = HERE) -> str:
     files = {path.relative_to(directory).as_posix(): path for path in directory.rglob("*.[ch]pp")}
     if not files:
         return ""
-    found = hashlib.sha256()
+    digest = hashlib.sha256()
     for name in sorted(files):
         contents = files[name].read_bytes()
-        found.update(f"{name}\0{len(contents)}\0".encode())
-        found.update(contents)
-    return found.hexdigest()
+        digest.update(f"{name}\0{len(contents)}\0".encode())
+        digest.update(contents)
+    return digest.hexdigest()
 
 
 def record_of(binary: Path) -> Path:
@@ -56,9 +56,9 @@ def differs(binary: Path) -> str:
         stated = RECORD.fullmatch(read_regular(record, 100))
         if stated is None:
             return f"has a record of its size and SHA-256 that is damaged ({record})"
-        size, found = int(stated[1]), binary.stat().st_size
-        if found != size:
-            return f"has {found:,} bytes of {size:,} ({binary})"
+        size, actual = int(stated[1]), binary.stat().st_size
+        if actual != size:
+            return f"has {actual:,} bytes of {size:,} ({binary})"
         if record_text(read_regular(binary, size)) != stated[0]:
             return f"is not the file that was built: its SHA-256 is another ({binary})"
     except FileNotFoundError as error:
@@ -89,10 +89,10 @@ def loaded() -> ModuleType:
     """
     if sysconfig.get_config_var("Py_GIL_DISABLED"):
         raise CoreError("the compiled core is not made for free-threaded Python: use a build of Python with its lock")
-    found = importlib.util.find_spec("femimpact._core")
-    if found is None or found.origin is None:
+    spec = importlib.util.find_spec("femimpact._core")
+    if spec is None or spec.origin is None:
         raise CoreError(f"the compiled core is missing: {_rebuild()}")
-    fault = differs(Path(found.origin))
+    fault = differs(Path(spec.origin))
     if fault:
         raise CoreError(f"the compiled core {fault}: {_rebuild()}")
     try:
@@ -109,5 +109,5 @@ def loaded() -> ModuleType:
 
 def _rebuild() -> str:
     """The command that builds the core, or installs it, in words."""
-    given = ["-e", str(HERE.parents[1])] if any(HERE.glob("*.cpp")) else ["--force-reinstall", "--no-deps", "femimpact"]
-    return f"run {shlex.join([sys.executable, '-m', 'pip', 'install', *given])}"
+    args = ["-e", str(HERE.parents[1])] if any(HERE.glob("*.cpp")) else ["--force-reinstall", "--no-deps", "femimpact"]
+    return f"run {shlex.join([sys.executable, '-m', 'pip', 'install', *args])}"

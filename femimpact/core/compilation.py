@@ -111,9 +111,9 @@ def find_compiler(kind: str) -> Compiler:
     """
     if kind != "zig":
         for name in ("CXX", "CC", "c++", "g++", "clang++"):
-            found = _system_compiler(given_words(name) if name.isupper() else (name,), kind)
-            if found is not None:
-                return found
+            compiler = _system_compiler(given_words(name) if name.isupper() else (name,), kind)
+            if compiler is not None:
+                return compiler
     if kind == "sanitized":
         raise CompilationError("FEMIMPACT_BUILD = 'sanitized': needs gcc or clang, of C++20")
     return _zig()
@@ -151,7 +151,7 @@ def _system_compiler(command: tuple[str, ...], kind: str) -> Compiler | None:
         if "__GNUC__" not in macros:
             return None
         compiler = Compiler(_name_of(macros), command, command)
-        ours = compile_flags(compiler, kind, targets_here()[-1], given=())
+        ours = compile_flags(compiler, kind, targets_here()[-1], flags=())
         try:
             # nothing is written: what it refuses here is newer than it
             run_compiler([*command, *ours, "-fsyntax-only", str(source)], directory)
@@ -165,24 +165,24 @@ def _check_given(compiler: Compiler, kind: str, source: Path) -> None:
     """Refuse what keeps a compiler from building that takes our flags: those of the environment, or else the system."""
     target = targets_here()[-1]
 
-    def compiling(given: Sequence[str]) -> list[str]:
-        flags = compile_flags(compiler, kind, target, given)
+    def compiling(words: Sequence[str]) -> list[str]:
+        flags = compile_flags(compiler, kind, target, words)
         return [*compiler.command, *flags, "-c", str(source), "-o", "test.o"]
 
-    def linking(given: Sequence[str]) -> list[str]:
-        return link_command(compiler, kind, ["test.o"], "test.so", given)
+    def linking(words: Sequence[str]) -> list[str]:
+        return link_command(compiler, kind, ["test.o"], "test.so", words)
 
-    given = {name: given_words(name) for name in ("CXXFLAGS", "LDFLAGS")}
+    words_of = {name: given_words(name) for name in ("CXXFLAGS", "LDFLAGS")}
     steps: list[tuple[list[str], list[str]]] = [([], compiling(())), ([], linking(()))]
-    if any(given.values()):
+    if any(words_of.values()):
         # a linker may refuse what was compiled with other flags
-        steps += [(["CXXFLAGS"], compiling(given["CXXFLAGS"])), ([*given], linking(given["LDFLAGS"]))]
+        steps += [(["CXXFLAGS"], compiling(words_of["CXXFLAGS"])), ([*words_of], linking(words_of["LDFLAGS"]))]
     directory = str(source.parent)
     for names, command in steps:
         try:
             run_compiler(command, directory)
         except CompilationError as error:
-            flags = " and ".join(f"{name} = {os.environ[name]!r}" for name in names if given[name])
+            flags = " and ".join(f"{name} = {os.environ[name]!r}" for name in names if words_of[name])
             cause = f"{flags}: {compiler.name} builds without this, and fails with it"
             if not names:
                 other = "CXX=... or FEMIMPACT_BUILD=zig takes another compiler"
@@ -221,7 +221,7 @@ def _zig() -> Compiler:
 # ---- flags ----------------------------------------------------------------------------------------
 
 
-def compile_flags(compiler: Compiler, kind: str, target: str, given: Sequence[str] | None = None) -> list[str]:
+def compile_flags(compiler: Compiler, kind: str, target: str, flags: Sequence[str] | None = None) -> list[str]:
     """Flags of one object, after those of CXXFLAGS or others; `common` is what every processor runs."""
     ours = list(COMMON_FLAGS + KIND_FLAGS["release" if kind == "zig" else kind])
     if compiler.is_zig:
@@ -234,14 +234,14 @@ def compile_flags(compiler: Compiler, kind: str, target: str, given: Sequence[st
         ours.append("-mcpu=baseline")
     if sys.platform == "darwin":
         ours.append("-mmacosx-version-min=11.0")
-    return [*(given_words("CXXFLAGS") if given is None else given), *ours, f"-DFEMIMPACT_TARGET={target}"]
+    return [*(given_words("CXXFLAGS") if flags is None else flags), *ours, f"-DFEMIMPACT_TARGET={target}"]
 
 
 def link_command(
-    compiler: Compiler, kind: str, objects: Sequence[str], binary: str, given: Sequence[str] | None = None
+    compiler: Compiler, kind: str, objects: Sequence[str], binary: str, flags: Sequence[str] | None = None
 ) -> list[str]:
     """Command of a shared library that needs no library of C++, with the words of LDFLAGS or others."""
-    given = given_words("LDFLAGS") if given is None else given
+    flags = given_words("LDFLAGS") if flags is None else flags
     # of the sanitizers' libraries those that the driver adds
     sanitizers = [flag for flag in KIND_FLAGS.get(kind, ()) if flag.startswith("-fsanitize")]
     ours = ["-shared", "-fno-lto", "-fno-fast-math", *sanitizers]
@@ -258,7 +258,7 @@ def link_command(
     if compiler.is_zig:
         # of the system that runs, but of no processor in particular
         ours.append("-mcpu=baseline")
-    return [*compiler.link, *given, *ours[:1], *objects, "-o", binary, *ours[1:], "-lm"]
+    return [*compiler.link, *flags, *ours[:1], *objects, "-o", binary, *ours[1:], "-lm"]
 
 
 @contextmanager
@@ -339,27 +339,16 @@ def _is_built(root: Path, key: str) -> bool:
     return not differs(binary) and f"femimpact build key {key}".encode() in binary.read_bytes()
 
 
-def build(root: Path, kind: str, say: Callable[[str], None] = print) -> bool:
+def build(
+    root: Path,  # directory of pyproject.toml
+    kind: str,  # "release", "checked", "sanitized" or "zig"
+    say: Callable[[str], None] = print,
+) -> bool:
     """Compile the core of a checkout into its package, unless the binary there comes of the same.
 
-    Parameters
-    ----------
-    root : Path
-        Directory of pyproject.toml.
-    kind : str
-        "release", "checked", "sanitized" or "zig".
-    say : callable
-        Takes a line on what is done.
+    Returns whether anything was compiled; `say` takes a line on what is done.
 
-    Returns
-    -------
-    bool
-        Whether anything was compiled.
-
-    Raises
-    ------
-    CompilationError
-        If there is no compiler, if it fails, or if the binary cannot be written.
+    Raises `CompilationError` if there is no compiler, if it fails, or if the binary cannot be written.
     """
     for name, text in stubs(root / "femimpact" / "core").items():
         path = root / "femimpact" / "core" / f"{name}.pyi"
@@ -401,8 +390,8 @@ def _write(path: Path, content: bytes) -> None:
 def _compile(root: Path, compiler: Compiler, kind: str, key: str, directory: str) -> Path:
     """The linked binary, in an empty directory."""
     core = root / "femimpact" / "core"
-    shown = "release" if kind == "zig" else kind
-    about = {"COMPILER": compiler.name, "KIND": shown, "SOURCES": source_hash(core), "KEY": key}
+    build = "release" if kind == "zig" else kind
+    about = {"COMPILER": compiler.name, "KIND": build, "SOURCES": source_hash(core), "KEY": key}
     texts = [f'-DFEMIMPACT_{name}="{text}"' for name, text in about.items()]
     # the longest first
     objects: list[tuple[str, str, list[str]]] = [("kernels", target, []) for target in reversed(targets_here())]

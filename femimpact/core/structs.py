@@ -42,33 +42,22 @@ def structs_of(table: Table, arguments: tuple[str, ...], rows: str) -> SimpleNam
     return space
 
 
-def zeros(struct: type[Struct], lengths: Mapping[str, int], **given: Any) -> Struct:
-    """A struct with arrays of zeros, but for the fields that are given; all its numbers must be.
+def zeros(struct: type[Struct], lengths: Mapping[str, int], **members: Any) -> Struct:
+    """A struct with arrays of zeros, but for the members that are given; all its numbers must be.
 
-    Parameters
-    ----------
-    struct : type
-        A named tuple of `core.events` or `core.steps`.
-    lengths : mapping of str to int
-        By the letters of the shapes in the tables of the core.
-    **given
-        Fields by their names.
-
-    Returns
-    -------
-    struct
+    The struct is a named tuple of `core.events` or `core.steps`, the lengths are those of the letters in its shapes.
     """
-    filled: Struct = _zeros(struct, _Lengths(lengths), given)
+    filled: Struct = _zeros(struct, _Lengths(lengths), members)
     return filled
 
 
-def _zeros(struct: Any, lengths: _Lengths, given: dict[str, Any]) -> Any:
+def _zeros(struct: Any, lengths: _Lengths, members: dict[str, Any]) -> Any:
     arrays = {
         name: _zeros(axes, lengths, {}) if kind is None else np.zeros([lengths[axis] for axis in axes], kind)
         for name, kind, axes in struct._table
-        if name not in given
+        if name not in members
     }
-    return struct(**arrays, **given)
+    return struct(**arrays, **members)
 
 
 class _Lengths(dict[str, int]):

@@ -32,10 +32,6 @@ def write_record(path: str | Path, dataset: xarray.Dataset) -> Path:
         Of signals over one axis, `time` (timedelta64, or numbers in s or the unit that it names), as of `read_record`.
         UFF 58 keeps 6 digits of the interval and 12 of a sample.
 
-    Returns
-    -------
-    Path
-
     Raises
     ------
     InputError

@@ -195,10 +195,6 @@ class RecordedBase:
         high_pass : float, Hz, optional
             What is slower is taken out after that, as of `from_velocity`, and the base comes back to its place.
 
-        Returns
-        -------
-        RecordedBase
-
         Raises
         ------
         InputError
@@ -229,10 +225,6 @@ class RecordedBase:
         high_pass : float, Hz, optional
             As of `from_csv`.
 
-        Returns
-        -------
-        RecordedBase
-
         Raises
         ------
         InputError
@@ -262,10 +254,6 @@ class RecordedBase:
             What is slower is taken out, by a Butterworth filter of order 4 forwards and backwards, which leaves no
             delay: half of the amplitude is left at this frequency.
 
-        Returns
-        -------
-        RecordedBase
-
         Raises
         ------
         InputError
@@ -288,10 +276,6 @@ class RecordedBase:
         interval : float, s
         high_pass : float, Hz, optional
             As of `from_velocity`.
-
-        Returns
-        -------
-        RecordedBase
 
         Raises
         ------

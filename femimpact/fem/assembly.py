@@ -113,9 +113,9 @@ def _integrals(form: Any, name: str, basis: Any, power: int) -> Entries:
     Their value is (16, elements): a coefficient of each element may multiply it. Structures on one mesh share them.
     """
     x = 2.0 * basis.X[0] - 1.0 + basis.zero_w()
-    found = form.coo_data(basis, **{name: x**power})
-    row, column = found.indices
-    entries = Entries(row, column, found.data.reshape(-1, basis.nelems))
+    integrals = form.coo_data(basis, **{name: x**power})
+    row, column = integrals.indices
+    entries = Entries(row, column, integrals.data.reshape(-1, basis.nelems))
     for array in entries:
         array.setflags(write=False)
     return entries
@@ -175,7 +175,6 @@ def assemble(structure: Structure, elements: int | None = None, mesh: Mesh | Non
 
     Parameters
     ----------
-    structure : Structure
     elements : int
         Number of elements of a mesh made here; or
     mesh : Mesh
@@ -219,10 +218,10 @@ def assembled_with_modes(
     bare = _undamped(grid)
     damped, modes = damped_with_modes(bare, structure.damping, min(least, bare.dofs))
     contacts = _contacts(damped, grid, modes)
-    found = with_checked_fields(damped, first_frequency=float(modes.natural_frequency[0]), contacts=contacts)
-    for words in unusual_words(structure, first_elastic_frequency(found)):
+    complete = with_checked_fields(damped, first_frequency=float(modes.natural_frequency[0]), contacts=contacts)
+    for words in unusual_words(structure, first_elastic_frequency(complete)):
         warnings.warn(words, InputWarning, stacklevel=3)
-    return _with_dashpots(found, grid), modes
+    return _with_dashpots(complete, grid), modes
 
 
 def _undamped(grid: Discretisation) -> System:
@@ -277,12 +276,12 @@ def unusual_words(
     """Words on the numbers of a structure that are so unusual that another unit may have been meant."""
     beam = structure.beam
     low, high = USUAL_FREQUENCY
-    found = []
+    notes = []
     if beam.mass > HEAVY:
-        found.append(f"beam.mass = {beam.mass:.4g} kg: more than {HEAVY:g} kg; are lengths in metres?")
+        notes.append(f"beam.mass = {beam.mass:.4g} kg: more than {HEAVY:g} kg; are lengths in metres?")
     if not low <= first_frequency <= high:
-        found.append(f"first mode at {first_frequency:.4g} Hz: outside {low:g} to {high:g} Hz; are units SI?")
-    return [*found, *map(str, unusual_numbers(structure))]
+        notes.append(f"first mode at {first_frequency:.4g} Hz: outside {low:g} to {high:g} Hz; are units SI?")
+    return [*notes, *map(str, unusual_numbers(structure))]
 
 
 def _contacts(system: System, grid: Discretisation, modes: Modes) -> tuple[ContactPair, ...]:
@@ -371,8 +370,8 @@ def _lumped_mass(grid: Discretisation) -> Entries:
     bodies = grid.structure.masses
     places = [grid.position_of(body.at, f"mass.{body.name}.at") for body in bodies]
     shape, slope = (hermite_rows(grid.mesh.nodes, places, order) for order in (0, 1))
-    given = [(body.mass, body.rotary_inertia, body.offset) for body in bodies]
-    mass, inertia, offset = np.array(given).reshape(-1, 3).T[:, :, None]
+    numbers = [(body.mass, body.rotary_inertia, body.offset) for body in bodies]
+    mass, inertia, offset = np.array(numbers).reshape(-1, 3).T[:, :, None]
     # four dofs of each body, those of the element that holds it
     dof, turn = shape.indices.reshape(-1, 4), slope.data.reshape(-1, 4)
     centre = shape.data.reshape(-1, 4) + offset * turn

@@ -129,9 +129,9 @@ class Discretisation:
         `rotary_inertia`: `form.assemble(d.basis, EI=d.bending_stiffness)`.
         """
         allowed = f"must hold {self.mesh.elements} finite numbers, one for each element"
-        given = real_array("values", values, "", allowed)
-        require(given.shape == (self.mesh.elements,), "values", f"array of shape {given.shape}", "", allowed)
-        return np.asarray(given[:, None] + self.basis.zero_w())
+        of_element = real_array("values", values, "", allowed)
+        require(of_element.shape == (self.mesh.elements,), "values", f"array of shape {of_element.shape}", "", allowed)
+        return np.asarray(of_element[:, None] + self.basis.zero_w())
 
     @property
     def bending_stiffness(self) -> Array:
@@ -168,15 +168,10 @@ def discretise(structure: Structure, elements: int | None = None, mesh: Mesh | N
 
     Parameters
     ----------
-    structure : Structure
     elements : int
         Number of elements of a mesh made here; or
     mesh : Mesh
         a mesh from `read_mesh`.
-
-    Returns
-    -------
-    Discretisation
 
     Raises
     ------

@@ -72,14 +72,14 @@ class Mesh:
         root, tip = float(self.nodes[0]), float(self.nodes[-1])
         places = _ends_and_middle(root, tip)
         slack = SAME_PLACE * (tip - root)
-        for name, given in self.points.items():
+        for name, place in self.points.items():
             checked("mesh.points", name, name_text())
             on_beam = quantity("m", at_least=root - slack, at_most=tip + slack)
-            at = min(max(checked(f"mesh.points.{name}", given, on_beam), root), tip)
+            at = min(max(checked(f"mesh.points.{name}", place, on_beam), root), tip)
             # a name that every mesh has means its place: another one would move what is attached there
             meant = abs(at - places.get(name, at)) <= slack
             allowed = f"must lie at {places.get(name, at):.9g} m, where {name!r} is on every beam: take another name"
-            require(meant, f"mesh.points.{name}", given, "m", allowed)
+            require(meant, f"mesh.points.{name}", place, "m", allowed)
             places.setdefault(name, at)
         return places
 
@@ -87,10 +87,10 @@ class Mesh:
         """Elements by name of their region."""
         require_type(self.regions, Mapping, "mesh.regions")
         regions = {}
-        for name, given in self.regions.items():
+        for name, elements in self.regions.items():
             checked("mesh.regions", name, name_text())
             key, allowed = f"mesh.regions.{name}", f"must be numbers of elements, 0 to {self.elements - 1}, each once"
-            members = real_array(key, given, "", allowed)
+            members = real_array(key, elements, "", allowed)
             sound = members.ndim == 1 and bool(np.all((members % 1 == 0) & (members >= 0) & (members < self.elements)))
             require(sound and np.unique(members).size == members.size, key, None, "", allowed)
             regions[name] = members.astype(int)
@@ -131,7 +131,7 @@ class Mesh:
         Raises
         ------
         InputError
-            If the number of halvings is out of range, or gives more than 100,000 elements.
+            If it gives more than 100,000 elements.
         """
         times = checked("times", times, quantity("1", at_least=0, at_most=17, integer=True))
         count = self.elements * 2**times
@@ -168,13 +168,8 @@ def uniform_mesh(structure: Structure, elements: int) -> Mesh:
 
     Parameters
     ----------
-    structure : Structure
     elements : int
         Number of elements.
-
-    Returns
-    -------
-    Mesh
 
     Raises
     ------
@@ -199,20 +194,15 @@ def graded_mesh(structure: Structure, elements: int, ratio: float) -> Mesh:
 
     Parameters
     ----------
-    structure : Structure
     elements : int
         Number of elements.
     ratio : float, 1
         r, the element length at the tip over that at the root; above 1 the root is the finer end.
 
-    Returns
-    -------
-    Mesh
-
     Raises
     ------
     InputError
-        If an argument is out of range, or there are fewer elements than stretches.
+        If there are fewer elements than stretches.
     """
     ratio = checked("ratio", ratio, quantity("1", at_least=1e-3, at_most=1e3))
     breaks, length = _breaks(structure), structure.beam.length
@@ -235,20 +225,15 @@ def random_mesh(structure: Structure, elements: int, seed: int) -> Mesh:
 
     Parameters
     ----------
-    structure : Structure
     elements : int
         Number of elements.
     seed : int
         The same one gives the same mesh.
 
-    Returns
-    -------
-    Mesh
-
     Raises
     ------
     InputError
-        If an argument is out of range, or there are fewer elements than stretches.
+        If there are fewer elements than stretches.
     """
     seed = checked("seed", seed, quantity("1", at_least=0, integer=True))
     breaks = _breaks(structure)

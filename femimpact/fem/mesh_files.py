@@ -112,8 +112,8 @@ def _raw_mesh(path: Path, kind: str) -> Any:
     import meshio
 
     if path.suffix == ".geo":
-        made = path.with_suffix(".msh").name
-        raise _NotReadError(f"it is a geometry of gmsh, which makes a mesh of it: gmsh -1 {path.name} -o {made}")
+        mesh_file = path.with_suffix(".msh").name
+        raise _NotReadError(f"it is a geometry of gmsh, which makes a mesh of it: gmsh -1 {path.name} -o {mesh_file}")
     if not kind:
         raise _NotReadError(f"no format has the suffix {path.suffix!r}")
     printed = io.StringIO()
@@ -192,11 +192,11 @@ def _labels(raw: Any, name: str, values: Any) -> dict[str, list[int]]:
     """Names that an array of cells or nodes gives, and the values that each of them stands for."""
     if name in ("cell_tags", "point_tags"):
         families = getattr(raw, name, None) or {}
-        found: dict[str, list[int]] = {}
+        numbers: dict[str, list[int]] = {}
         for value, labels in families.items():
             for label in labels:
-                found.setdefault(str(label), []).append(int(value))
-        return found
+                numbers.setdefault(str(label), []).append(int(value))
+        return numbers
     arrays = [np.asarray(part) for part in values]
     if name.startswith("gmsh:") or any(array.ndim != 1 or array.dtype.kind not in "iub" for array in arrays):
         return {}
@@ -319,13 +319,13 @@ def _named_points(content: _Content, rank: NDArray[np.int64], nodes: Array) -> d
     """Positions of the groups of vertices and nodes that are one node of the beam."""
     points: dict[str, float] = {}
     for name, chosen in content.groups.items():
-        found = [
+        named_nodes = [
             data[i][0]
             for (kind, data), part in zip(content.cells, chosen, strict=False) if kind == "vertex"
             for i in ([] if part is None else part) if 0 <= i < len(data)
         ]  # fmt: skip
-        if found:
-            place = np.unique(rank[found])
+        if named_nodes:
+            place = np.unique(rank[named_nodes])
             single = place.size == 1 and bool(place[0] >= 0)
             require(single, "mesh.point", name, "", "must be exactly one node of the beam")
             points[name] = float(nodes[place[0]])

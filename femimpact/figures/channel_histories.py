@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from femimpact.arrays import Array, thinned_line
 from femimpact.errors import instance, optional, quantity, takes
 from femimpact.excitation import PiecewisePolynomial, RandomBase
-from femimpact.excitation.excitation import has_cycle, is_force
+from femimpact.excitation.excitation import has_cycle, is_force, require_excitation
 from femimpact.figures.drawing import (
     BLUE,
     COLOURS,
@@ -159,6 +159,7 @@ def drive(excitation: Any, end: float, figure: FigureBase | OffScreen | None = N
     -------
     ndarray (drives,) of Axes
     """
+    require_excitation(excitation)
     drives = getattr(excitation, "drives", (excitation,))
     names = getattr(excitation, "names", ("",))
     axes = panels(figure, 8.0, 3.2 * len(drives), len(drives), 1)[:, 0]

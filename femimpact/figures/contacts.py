@@ -91,10 +91,6 @@ def impulse_phase(response: Response, ax: Axes | OffScreen | None = None) -> Axe
     response : Response
     ax : Axes, optional
         Drawn on; those of a new pyplot figure by default.
-
-    Returns
-    -------
-    Axes
     """
     impacts = response.impacts
     start, end = response.window

@@ -73,10 +73,6 @@ def response_curve(
     ax : Axes, optional
         Drawn on; those of a new pyplot figure by default.
 
-    Returns
-    -------
-    Axes
-
     Raises
     ------
     InputError
@@ -285,10 +281,6 @@ def decay(result: DecayEstimate, ax: Axes | OffScreen | None = None) -> Axes:
     result : DecayEstimate
     ax : Axes, optional
         Drawn on; those of a new pyplot figure by default.
-
-    Returns
-    -------
-    Axes
     """
     axis = panel(ax, 8.0, 5.0)
     scale, unit = {"m": (1e3, "mm")}.get(result.unit, (1.0, result.unit))
@@ -350,10 +342,6 @@ def value_map(
     title : str
     ax : Axes, optional
         Drawn on; those of a new pyplot figure by default.
-
-    Returns
-    -------
-    Axes
 
     Raises
     ------

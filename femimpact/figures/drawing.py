@@ -136,10 +136,6 @@ def save_figure(drawn: Axes | NDArray[np.object_] | Figure, path: str | Path) ->
         What a function of `femimpact.figures` returned.
     path : str or Path
 
-    Returns
-    -------
-    Path
-
     Raises
     ------
     InputError

@@ -54,10 +54,6 @@ def convergence(
     ax : Axes, optional
         Drawn on; those of a new pyplot figure by default.
 
-    Returns
-    -------
-    Axes
-
     Raises
     ------
     InputError
@@ -119,6 +115,8 @@ def convergence_panels(table: ConvergenceTable, figure: FigureBase | OffScreen |
     for i in np.flatnonzero(has_errors if np.any(has_errors) else ~has_errors).tolist():
         name, unit, is_statistic = table.name[i], table.unit[i], table.is_statistic[i]
         kind = "statistics" if is_statistic else KINDS.get(str(unit), "forces, moments and stresses")
+        if table.kind == "runs":
+            kind = "runs in steps"
         kinds.setdefault(kind, []).append(str(name))
     columns = min(len(kinds), 2)
     rows = -(-len(kinds) // columns)

@@ -279,10 +279,6 @@ def phase_portrait(
     ax : Axes, optional
         Drawn on; those of a new pyplot figure by default.
 
-    Returns
-    -------
-    Axes
-
     Raises
     ------
     InputError
@@ -414,10 +410,6 @@ def bifurcation(
         Of the base; see `Response.stroboscopic`.
     ax : Axes, optional
         Drawn on; those of a new pyplot figure by default.
-
-    Returns
-    -------
-    Axes
 
     Raises
     ------

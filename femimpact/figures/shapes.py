@@ -50,10 +50,6 @@ def beam_mesh(mesh: Mesh, structure: Structure | None = None, ax: Axes | OffScre
     ax : Axes, optional
         Drawn on; those of a new pyplot figure by default.
 
-    Returns
-    -------
-    Axes
-
     Raises
     ------
     InputError

@@ -68,10 +68,6 @@ def spectrum(
     ax : Axes, optional
         Drawn on; those of a new pyplot figure by default.
 
-    Returns
-    -------
-    Axes
-
     Raises
     ------
     InputError
@@ -210,10 +206,6 @@ def shock_response_spectrum(
         Draw the pseudo velocity (m/s) in place of the absolute acceleration (g).
     ax : Axes, optional
         Drawn on; those of a new pyplot figure by default.
-
-    Returns
-    -------
-    Axes
 
     Raises
     ------

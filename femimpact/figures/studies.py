@@ -61,10 +61,6 @@ def study_lines(
     ax : Axes, optional
         Drawn on; those of a new pyplot figure by default.
 
-    Returns
-    -------
-    Axes
-
     Raises
     ------
     InputError
@@ -140,10 +136,6 @@ def study_map(
         the largest is more than 10 times the smallest.
     ax : Axes, optional
         Drawn on; those of a new pyplot figure by default.
-
-    Returns
-    -------
-    Axes
 
     Raises
     ------

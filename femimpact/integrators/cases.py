@@ -92,11 +92,6 @@ class SineCases:
         return np.zeros(self.frequency.size, dtype=np.int64) if self.system_of is None else self.system_of
 
 
-def _no_values() -> Array:
-    """An array of no entry, for what a method does not sum up."""
-    return np.zeros(0)
-
-
 @dataclass(frozen=True, eq=False)
 class SineDwellResults:
     """Results of dwells, measured at their ends."""
@@ -112,9 +107,9 @@ class SineDwellResults:
     warnings: tuple[str, ...] = ()  # of the method on the system
     # (n,) J: of structure and contacts in the measured time; not a number without a ledger, no entry of a method that
     # does not sum it up
-    loss: Array = field(default_factory=_no_values)
+    loss: Array = field(default_factory=lambda: np.zeros(0))
     # (n,) J: largest of all energy stored at the instants of the ledger in the measured time
-    stored: Array = field(default_factory=_no_values)
+    stored: Array = field(default_factory=lambda: np.zeros(0))
 
 
 def in_blocks(
@@ -165,22 +160,30 @@ def equal_groups(cases: SineCases) -> list[NDArray[np.intp]]:
     count, names = cases.frequency.size, ("numbers_of_systems", "gaps", "law_of", "ball_displacement", "ball_velocity")
     columns = [getattr(cases, name) for name in names]
     rows = np.hstack([np.asarray(values, dtype=float).reshape(count, -1) for values in columns])
-    found: dict[bytes, list[int]] = {}
+    groups: dict[bytes, list[int]] = {}
     for case in range(count):
-        found.setdefault(rows[case].tobytes(), []).append(case)
-    return [np.array(members) for members in found.values()]
+        groups.setdefault(rows[case].tobytes(), []).append(case)
+    return [np.array(members) for members in groups.values()]
 
 
 def start_of(cases: SineCases, case: int) -> State:
     """The start of a case."""
-    given: dict[str, Any] = {}
+    return with_balls(cases.initial, cases.ball_displacement[case], cases.ball_velocity[case])
+
+
+def with_balls(
+    initial: State,
+    displacement: Array,  # (balls,) m: not a number for the places of the initial state
+    velocity: Array,  # (balls,) m/s
+) -> State:
+    """The state with its balls elsewhere."""
+    changed: dict[str, Any] = {}
     # what is not given may be that of the static state
-    placed = cases.ball_displacement[case]
-    if placed.size and not np.isnan(placed).any():
-        given["ball_displacement"] = placed
-    if np.any(cases.ball_velocity[case]):
-        given["ball_velocity"] = cases.ball_velocity[case]
-    return replace(cases.initial, **given)
+    if displacement.size and not np.isnan(displacement).any():
+        changed["ball_displacement"] = displacement
+    if np.any(velocity):
+        changed["ball_velocity"] = velocity
+    return replace(initial, **changed)
 
 
 def memory_needed(
@@ -215,13 +218,7 @@ def check_memory(
     system: System, recorder: Recorder, channels: int, steps: int, dt: float, frequency: float,
     key: str = "record.memory_limit", drive: int = 0,
 ) -> int:  # fmt: skip
-    """Bytes that a run will keep; an error when they are more than the recorder allows.
-
-    Raises
-    ------
-    InputError
-        Naming what takes how much.
-    """
+    """Bytes that a run will keep; an error, naming what takes how much, when they are more than the recorder allows."""
     parts = memory_needed(system, recorder, channels, steps, dt, frequency, drive)
     needed = sum(parts.values())
     shares = ", ".join(f"{name} {number_text(size / 1e6, 3)} MB" for name, size in parts.items() if size > 1e6)

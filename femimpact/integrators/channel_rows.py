@@ -143,18 +143,18 @@ class Drive:
         if self.line is not None:
             samples, h = self.line.samples, self.line.interval
             last, largest = float(samples[-1]), float(np.abs(samples).max())
-            found = np.array([[h * (samples.size - 1), last, -last, (samples[-2] - last) / h]])
+            jumps = np.array([[h * (samples.size - 1), last, -last, (samples[-2] - last) / h]])
         elif self.pieces is not None:
             h, table, c = np.diff(self.pieces.knots), self.pieces.table, self.pieces.coefficients
             before = np.zeros((table.shape[0], 2))
             for n in range(self.pieces.degree, -1, -1):
                 before[1:, 1] = before[1:, 1] * h + before[1:, 0]
                 before[1:, 0] = before[1:, 0] * h + c[:, n]
-            found = np.column_stack([self.pieces.knots, before[:, 0], table[:, 2:4] - before])
+            jumps = np.column_stack([self.pieces.knots, before[:, 0], table[:, 2:4] - before])
             largest = float(np.abs(before[:, 0]).max())
         else:
             return np.zeros((0, 4))
-        return np.asarray(found[np.abs(found[:, 2]) > JUMP * largest])
+        return np.asarray(jumps[np.abs(jumps[:, 2]) > JUMP * largest])
 
 
 def drive_of(system: System, excitation: Excitation) -> Drive:
@@ -176,18 +176,18 @@ def drive_of(system: System, excitation: Excitation) -> Drive:
 
 def _several(system: System, excitation: Drives) -> Drive:
     """The right-hand side of several drives: those along one load are one history."""
-    given = [drive_of(system, drive) for drive in excitation.drives]
-    if len(given) == 1:
-        return given[0]
-    forms = excitation.closed_forms or [None] * len(given)
-    places = list(dict.fromkeys((part.share, part.load.tobytes()) for part in given))
+    drives = [drive_of(system, drive) for drive in excitation.drives]
+    if len(drives) == 1:
+        return drives[0]
+    forms = excitation.closed_forms or [None] * len(drives)
+    places = list(dict.fromkeys((part.share, part.load.tobytes()) for part in drives))
     parts = [
         replace(part, closed_form=form, place=places.index((part.share, part.load.tobytes())))
-        for part, form in zip(given, forms, strict=True)
+        for part, form in zip(drives, forms, strict=True)
     ]
     of_loads = [[part for part in parts if part.place == number] for number in range(len(places))]
     omega = 2.0 * np.pi * excitation.frequency
-    own = tuple(replace(part, place=other.place) for part, other in zip(given, parts, strict=True))
+    own = tuple(replace(part, place=other.place) for part, other in zip(drives, parts, strict=True))
     first, *more = [
         replace(_along_one_load(members), omega=omega, members=tuple(part for part in own if part.place == number))
         for number, members in enumerate(of_loads)
@@ -201,9 +201,9 @@ def _along_one_load(parts: Sequence[Drive]) -> Drive:
         return parts[0]
     forms = [part.closed_form for part in parts]
     form: Any = one_sine(forms)
-    pieces = [each for each in forms if isinstance(each, PiecewisePolynomial)]
+    pieces = [motion for motion in forms if isinstance(motion, PiecewisePolynomial)]
     if len(pieces) == len(forms):
-        form = PiecewisePolynomial(pieces[0].knots, np.sum([each.coefficients for each in pieces], axis=0))
+        form = PiecewisePolynomial(pieces[0].knots, np.sum([motion.coefficients for motion in pieces], axis=0))
     return replace(parts[0], closed_form=form, history=lambda time: sum(part.value(time) for part in parts))
 
 
@@ -272,9 +272,9 @@ def channel_rows(
     # of no channels, arrays without rows; the loads differ in what is read of them alone
     empty = (*[np.zeros(n)] * 2, *[np.zeros(pairs)] * 4, np.zeros(3), 0.0, 0.0)
     columns = zip(*[empty, *(of_loads[0] for of_loads in rows)], strict=True)
-    found = ChannelRows(*(np.array(column, dtype=float)[1:] for column in columns))
+    matrices = ChannelRows(*(np.array(column, dtype=float)[1:] for column in columns))
     driven = [[row[DRIVEN] for row in of_loads] for of_loads in rows]
-    return replace(found, drive=np.array(driven, dtype=float).reshape(len(rows), len(drive.loads)))
+    return replace(matrices, drive=np.array(driven, dtype=float).reshape(len(rows), len(drive.loads)))
 
 
 DRIVEN = 7
@@ -326,27 +326,27 @@ def _static_notes(system: System, drive: Drive, channels: Sequence[Channel]) -> 
 
     Where the loads change slowly beside the modes left out, these add the difference to every reading.
     """
-    whole = system.unreduced
+    full = system.unreduced
     # of matrices of another program the static state may take longer than the run
-    if whole is None or whole.sections is None:
+    if full is None or full.sections is None:
         return ()
     # the flexibility at contacts has a note by itself
     others = [channel for channel in channels if not isinstance(channel, ContactReading)]
     rows = [(channel, row) for channel in others if np.any(row := channel.reading(system).displacement)]
     if not rows:
         return ()
-    words, of_whole, of_kept = zip(*_static_loads(system, whole, drive), strict=True)
-    deflection, stiffness, notes = solve_stiffness(whole, np.column_stack(of_whole)), system.K.diagonal(), list[str]()
+    words, of_whole, of_kept = zip(*_static_loads(system, full, drive), strict=True)
+    deflection, stiffness, notes = solve_stiffness(full, np.column_stack(of_whole)), system.K.diagonal(), list[str]()
     # a rigid motion that is free has no static value
     flexible = np.divide(1.0, stiffness, out=np.zeros_like(stiffness), where=stiffness > 0.0)
     for channel, row in rows:
         terms = row * flexible * np.array(of_kept)
-        kept, all_of_it = terms.sum(axis=1), channel.reading(whole).displacement @ deflection
-        error = np.abs(kept - all_of_it)
+        reduced, all_of_it = terms.sum(axis=1), channel.reading(full).displacement @ deflection
+        error = np.abs(reduced - all_of_it)
         named = (error > NAMED * np.abs(all_of_it)) & (error > NEGLIGIBLE * np.abs(terms).sum(axis=1))
         factors = [prefixed(abs(value), channel.unit)[0] for value in all_of_it]
         parts = [
-            f"{number_text(factors[i] * kept[i], 5)} of the structure's "
+            f"{number_text(factors[i] * reduced[i], 5)} of the structure's "
             f"{quantity_text(all_of_it[i], channel.unit, 5)} under {words[i]}"
             for i in np.flatnonzero(named)
         ]
@@ -358,17 +358,17 @@ def _static_notes(system: System, drive: Drive, channels: Sequence[Channel]) -> 
     return tuple(notes)
 
 
-def _static_loads(system: System, whole: System, drive: Drive) -> Iterator[tuple[str, Array, Array]]:
+def _static_loads(system: System, full: System, drive: Drive) -> Iterator[tuple[str, Array, Array]]:
     """Words for each load, and the load (N) on the dofs of the whole structure and on the modes that are kept."""
     for load in drive.loads:
         if load.at is None:
-            yield "1 m/s^2 of the base", -whole.base_load, load.load
+            yield "1 m/s^2 of the base", -full.base_load, load.load
         else:
-            yield f"1 N at {load.at}", whole.point_row(load.at), load.load
+            yield f"1 N at {load.at}", full.point_row(load.at), load.load
     # a constant load that was replaced is that of the modes alone
-    if np.any(system.constant_load) and system.constant_resultant == whole.constant_resultant:
-        yield "constant forces", np.asarray(whole.constant_load), np.asarray(system.constant_load)
-    directions = {pair.name: pair.direction for pair in whole.contacts}
+    if np.any(system.constant_load) and system.constant_resultant == full.constant_resultant:
+        yield "constant forces", np.asarray(full.constant_load), np.asarray(system.constant_load)
+    directions = {pair.name: pair.direction for pair in full.contacts}
     for pair in system.contacts:
         if pair.name in directions:
             yield f"1 N of {pair.name}", directions[pair.name], pair.direction

@@ -59,7 +59,7 @@ class Method(Protocol):
         """Results of all cases in their order, read at a place by its row (dofs,), on so many threads.
 
         `instants` is at how many of a measured cycle the energy ledger is read; 0 for no ledger. `InputError` where a
-        case cannot be run at all. One that runs case by case is `separate_runs.run_cases_apart`.
+        case cannot be run at all. One that runs case by case is `own_method.run_cases_apart`.
         """
 
     def achieved_restitution(
@@ -134,8 +134,8 @@ def seconds_of_cycle(method: Method, system: System, frequency: float, *, sweep:
     step, kind = step_of(method), "modal" if system.is_diagonal else "physical"
     if step is None:
         return CYCLE_SECONDS
-    each = WITHOUT_BALLS * BESIDE_OTHERS[kind] if sweep else NANOSECONDS[kind]
-    return 1e-9 * each * max(system.dofs, 4) / (frequency * step)
+    nanoseconds = WITHOUT_BALLS * BESIDE_OTHERS[kind] if sweep else NANOSECONDS[kind]
+    return 1e-9 * nanoseconds * max(system.dofs, 4) / (frequency * step)
 
 
 def bytes_of_cycle(method: Method) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.polynomial.polynomial import polyder, polyroots, polyval
@@ -18,7 +18,6 @@ from femimpact.excitation.excitation import BrokenLine, Harmonic, is_force
 from femimpact.excitation.piecewise_polynomial import PiecewisePolynomial, pieces_of
 from femimpact.excitation.remarks import FAR, drives_above_modes, is_pulse, late_drives, motion_warnings
 from femimpact.excitation.sums import force_form_of
-from femimpact.integrators.preflight_row import PreflightRow, rounded, row_of
 from femimpact.integrators.record_reading import DIFFERENCE, record_coarseness, record_warnings
 from femimpact.response.resolution import PeakResolution, peak_resolution, resolution_warnings
 from femimpact.structure.damping import realised_damping_ratio
@@ -27,7 +26,7 @@ from femimpact.system.matrices import rigid_motions
 from femimpact.system.modes import Modes, first_elastic_frequency, first_resonance, solve_modes
 from femimpact.system.state import State
 from femimpact.system.system import System, without_impactors
-from femimpact.units import GRAVITY
+from femimpact.units import GRAVITY, number_text, quantity_text, rounded
 
 MODES = 10
 """Lowest modes at which a chirp's rate is looked at."""
@@ -52,6 +51,65 @@ TRANSIENT_LEFT = 0.03
 
 LONGEST_CONTACT = 0.2
 """Contact time over the first period beyond which a contact is part of the motion, and no impact."""
+
+
+# ---- one number of a planned test beside its limit --------------------------------------------------
+
+
+@dataclass(frozen=True)
+class PreflightRow:
+    """One number of a planned test beside its limit.
+
+    Parameters
+    ----------
+    what : str
+        Name of the number, with the place, mode or key that it belongs to.
+    value : float
+        In `unit`.
+    unit : str
+    limit : float
+        In `unit`; not a number where the row only informs.
+    at_least : bool
+        True where the value must not be below the limit, False where it must not be above.
+    instead : str
+        What to choose where the limit is passed; "" where it is kept.
+    """
+
+    what: str
+    value: float
+    unit: str
+    limit: float = math.nan
+    at_least: bool = False
+    instead: str = ""
+
+    @property
+    def passed(self) -> bool:
+        """True where the value is beyond the limit: the test does not show what it is made for."""
+        return self.value < self.limit if self.at_least else self.value > self.limit
+
+    def __str__(self) -> str:
+        words = f"{self.what}: {_with_unit(self.value, self.unit)}"
+        if not math.isnan(self.limit):
+            words += f" (limit: at {'least' if self.at_least else 'most'} {_with_unit(self.limit, self.unit)})"
+        return f"{words}; {self.instead}" if self.passed and self.instead else words
+
+
+WITH_PREFIX = ("m", "s", "Pa")
+"""Units of rows that are shown with the prefix that fits; Hz, m/s^2, g and others are read as they are."""
+
+
+def _with_unit(value: float, unit: str) -> str:
+    if unit in WITH_PREFIX:
+        return quantity_text(value, unit)
+    return f"{number_text(value)} {'' if unit == '1' else unit}".rstrip()
+
+
+def row_of(
+    what: str, value: float, unit: str, limit: float = math.nan, instead: str = "", *, at_least: bool = False
+) -> PreflightRow:
+    """A row whose advice is dropped where the limit is kept."""
+    row = PreflightRow(what, float(value), unit, float(limit), at_least, instead)
+    return row if row.passed else replace(row, instead="")
 
 
 # ---- the motion of the base, and the modes that follow it ------------------------------------------
@@ -403,8 +461,8 @@ def swept_peak(b: float) -> float:
     values = swept_envelope(b, at)
     near = int(np.argmax(values))
     bounds = (at[max(near - 1, 0)], at[min(near + 1, at.size - 1)])
-    found = minimize_scalar(lambda tau: -float(swept_envelope(b, np.array([tau]))[0]), bounds=bounds, method="bounded")
-    return float(-found.fun)
+    peak = minimize_scalar(lambda tau: -float(swept_envelope(b, np.array([tau]))[0]), bounds=bounds, method="bounded")
+    return float(-peak.fun)
 
 
 def swept_envelope(b: float, tau: Array) -> Array:

@@ -110,17 +110,16 @@ def integrate(
     Raises
     ------
     InputError
-        If the step does not resolve the contact, the run would keep too much, or an argument is
-        out of range.
+        If the step does not resolve the contact, or the run would keep too much.
     DivergenceError
         If the motion is not finite or grows without bound; of several runs, the first that does.
     """
     recorder = Recorder() if record is None else record
     start = State() if initial is None else initial
-    given: tuple[tuple[str, Any, Any], ...] = (
+    parts: tuple[tuple[str, Any, Any], ...] = (
         ("system", system, System), ("record", recorder, Recorder), ("initial", start, State)
     )  # fmt: skip
-    for key, value, kind in given:
+    for key, value, kind in parts:
         require_type(value, kind, key)
     require_method(method)
     share_done = check_progress(progress)
@@ -232,8 +231,8 @@ def _coarse_forces(response: Response) -> Iterator[str]:
         return
     interval = float(response.time[1] - response.time[0])
     for pair in contacts:
-        mine = (impacts.impactor == pair.name) & (impacts.duration > 0.0)
-        lasting = float(np.median(impacts.duration[mine])) if mine.any() else math.inf
+        of_pair = (impacts.impactor == pair.name) & (impacts.duration > 0.0)
+        lasting = float(np.median(impacts.duration[of_pair])) if of_pair.any() else math.inf
         names = [f"{pair.name}.contact_force", *(["contact_force"] if len(contacts) == 1 else [])]
         for name in names:
             if name in response.channels and READINGS_IN_CONTACT * interval > (1.0 + 1e-9) * lasting:
@@ -247,7 +246,7 @@ def _coarse_forces(response: Response) -> Iterator[str]:
 
 def _largest_deflections(response: Response, recorder: Recorder) -> list[float]:
     """Largest |w| (m): of the default place over the last third of the run, of recorded places over all of the run."""
-    system, found = response.system, [float(response.steady.peak[0])]
+    system, deflections = response.system, [float(response.steady.peak[0])]
     balls = [pair.name for pair in system.contacts]
     for channel in resolve_channels(system, recorder.channels):
         # of a streamed run there are none
@@ -255,8 +254,8 @@ def _largest_deflections(response: Response, recorder: Recorder) -> list[float]:
         if values is None or not isinstance(channel, Motion):
             continue
         if channel.derivative == 0 and not channel.absolute and channel.at not in balls:
-            found.append(max(values.max(initial=0.0), -values.min(initial=0.0)))
-    return found
+            deflections.append(max(values.max(initial=0.0), -values.min(initial=0.0)))
+    return deflections
 
 
 def checked_run(
@@ -272,8 +271,8 @@ def checked_run(
     warnings = method.check(system)
     method.check_drive(np.array([excitation.frequency]), "frequency")
     run = method.run(system, excitation, duration, recorder, initial, progress)
-    dropped, kept = run.impacts.dropped, len(run.impacts)
-    lost = f"{dropped} impacts beyond the first {kept} are not in the table (Recorder.impacts)"
+    dropped, recorded = run.impacts.dropped, len(run.impacts)
+    lost = f"{dropped} impacts beyond the first {recorded} are not in the table (Recorder.impacts)"
     return replace(run, warnings=(*warnings, *run.warnings, *([lost] if dropped else [])))
 
 
@@ -368,29 +367,24 @@ def achieved_restitution(
 
     Parameters
     ----------
-    pair : ContactPair
     method : Newmark, HHT, WBZ, GeneralizedAlpha or MoreauJean
         One with a step that takes the pair's law.
     approach_speed : float, m/s
     phases : int
         At how many instants within a step the touch is tried.
 
-    Returns
-    -------
-    AchievedRestitution
-
     Raises
     ------
     InputError
-        If an argument is of the wrong kind or out of range, or the method has no step for the pair's law.
+        If the method has no step for the pair's law.
     """
     require_type(pair, ContactPair, "pair")
     approach_speed = checked("approach_speed", approach_speed, quantity("m/s", above=0.0))
     phases = checked("phases", phases, quantity("1", at_least=1, at_most=1_000_000, integer=True))
     require_method(method)
-    found = method.achieved_restitution(pair, approach_speed, phases)
-    if found is None:
+    restitution = method.achieved_restitution(pair, approach_speed, phases)
+    if restitution is None:
         allowed = f"must be a method with a step for the law {pair.law.name}"
         require(False, "method", type(method).__name__, "", allowed)
         raise AssertionError("require raises")
-    return found
+    return restitution

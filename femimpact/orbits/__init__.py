@@ -2,9 +2,8 @@
 
 from femimpact.orbits.branch import Bifurcation, Branch, continue_orbit
 from femimpact.orbits.orbit import PeriodicOrbit
-from femimpact.orbits.search import find_orbit, find_orbits
+from femimpact.orbits.search import find_orbit, find_orbits, two_impact_orbits
 from femimpact.orbits.switching import switch_branch
-from femimpact.orbits.two_impacts import two_impact_orbits
 
 __all__ = [
     "Bifurcation", "Branch", "PeriodicOrbit", "continue_orbit", "find_orbit", "find_orbits", "switch_branch",

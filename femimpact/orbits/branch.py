@@ -40,14 +40,12 @@ from femimpact.orbits.curve import (
     evaluated,
     null_vectors,
 )  # fmt: skip
-from femimpact.orbits.equations import event_maps
+from femimpact.orbits.equations import Solution, event_maps, length_of, solve
 from femimpact.orbits.following import CHANGES, CLOSED, follow
-from femimpact.orbits.guess import first_guess
-from femimpact.orbits.newton import Solution, solve
+from femimpact.orbits.limits import Followed, refusal
 from femimpact.orbits.orbit import NEUTRAL, PeriodicOrbit, decays
-from femimpact.orbits.own_runs import Followed, refusal
 from femimpact.orbits.parameter import Parameter, parameter_of
-from femimpact.orbits.search import length_of, one_sine
+from femimpact.orbits.search import first_guess, one_sine
 from femimpact.orbits.verification import orbit_of, own_run
 from femimpact.table import Head, frame_of, head_of_values, short_repr
 from femimpact.units import number_text
@@ -369,12 +367,11 @@ def continue_orbit(orbit: PeriodicOrbit, parameter: str, to: tuple[float, float]
     start = at_value(curve, curve.unknowns(found.states, found.phases, number.value), number.value)
     if start is None:
         start = _beside(curve, curve.unknowns(guess.states, guess.phases, number.value))
-    backward = follow(orbit.system, replace(start, tangent=-start.tangent), low, high, points)
-    if backward.end == CLOSED:
-        return _joined(
-            curve, backward, Followed(backward.points[:1], {}, backward.peak[:1], backward.first_harmonic[:1], CLOSED)
-        )
-    return _joined(curve, backward, follow(orbit.system, start, low, high, points))
+    backward, first_end = follow(orbit.system, replace(start, tangent=-start.tangent), low, high, points)
+    if first_end == CLOSED:
+        return _branch(curve, backward[::-1], (CLOSED, CLOSED))
+    forward, last_end = follow(orbit.system, start, low, high, points)
+    return _branch(curve, [*backward[::-1], *forward[1:]], (first_end, last_end))
 
 
 def _beside(curve: Curve, x: Array) -> Point:
@@ -401,11 +398,10 @@ def _range(number: Parameter, to: Any) -> tuple[float, float]:
     return low, high
 
 
-def _joined(curve: Curve, backward: Followed, forward: Followed) -> Branch:
-    """One branch of both ways, the lower values of the parameter beside the start first."""
-    last = len(backward.points) - 1
-    points = [*backward.points[::-1], *forward.points[1:]]
-    kinds = {last - i: kind for i, kind in backward.kinds.items()} | {last + i: k for i, k in forward.kinds.items()}
+def _branch(curve: Curve, followed: list[Followed], end: tuple[str, str]) -> Branch:
+    """The branch of points in their order."""
+    points = [each.point for each in followed]
+    numbers = [i for i, each in enumerate(followed) if each.kind]
     multipliers = np.array([point.multipliers for point in points])
     if curve.is_symmetric:
         with np.errstate(invalid="ignore"):
@@ -418,13 +414,13 @@ def _joined(curve: Curve, backward: Followed, forward: Followed) -> Branch:
         unit=curve.parameter.unit,
         values=values,
         multipliers=multipliers,
-        peak=np.array([*backward.peak[::-1], *forward.peak[1:]]),
-        first_harmonic=np.array([*backward.first_harmonic[::-1], *forward.first_harmonic[1:]]),
-        end=(backward.end, forward.end),
+        peak=np.array([each.peak for each in followed]),
+        first_harmonic=np.array([each.first_harmonic for each in followed]),
+        end=end,
         bifurcations=tuple(
-            made(Bifurcation, kind=kinds[i], value=float(values[i]), point=points[i]) for i in sorted(kinds)
+            made(Bifurcation, kind=followed[i].kind, value=float(values[i]), point=points[i]) for i in numbers
         ),
-        bifurcation_points=np.array(sorted(kinds), dtype=np.int64),
+        bifurcation_points=np.array(numbers, dtype=np.int64),
         place=curve.parameter.at(curve.parameter.value)[0].default_place,
         curve=curve,
         unknowns=np.array([point.x for point in points]),
@@ -440,13 +436,13 @@ def _orbit(curve: Curve, x: Array, is_bifurcation: bool = False) -> PeriodicOrbi
     system, excitation = curve.parameter.at(value)
     point = evaluated(curve, x, np.zeros_like(x))
     hybrid, length = point.maps.hybrid, curve.unit[0]
-    found = Solution(event_maps(hybrid, point.events), length_of(hybrid, point.events.states))
-    if found.length < FAR_SMALLER * length and not is_bifurcation:
+    solution = Solution(event_maps(hybrid, point.events), length_of(hybrid, point.events.states))
+    if solution.length < FAR_SMALLER * length and not is_bifurcation:
         # it has the digits of a larger unit
-        nearer = solve(hybrid, found.events, found.length)
-        found = nearer if nearer.converged else found
-    run, impacts = own_run(system, excitation, found)
+        nearer = solve(hybrid, solution.events, solution.length)
+        solution = nearer if nearer.converged else solution
+    run, impacts = own_run(system, excitation, solution)
     error = None if is_bifurcation else refusal(point, run)
     if error is not None:
         raise DivergenceError(f"{curve.parameter.path} = {value:.10g}: {error}")
-    return orbit_of(system, excitation, found, run, impacts)
+    return orbit_of(system, excitation, solution, run, impacts)

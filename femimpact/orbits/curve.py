@@ -19,25 +19,27 @@ from numpy.typing import NDArray
 
 from femimpact.arrays import Array, Complex
 from femimpact.orbits.equations import (
+    EXACT,
     PRESS_AGAIN,
     RELEASE,
+    ROUNDED,
     SEPARATE,
     EventMaps,
+    EventSequence,
     EventStates,
-    Sequence,
+    Intervals,
     derivative_by,
     event_maps,
+    halves_agree,
     jacobian,
+    may_be_symmetric,
     multipliers_of,
     product,
     residual,
     units_of,
 )
-from femimpact.orbits.newton import EXACT, ROUNDED
 from femimpact.orbits.orbit import NEUTRAL
 from femimpact.orbits.parameter import Parameter
-from femimpact.orbits.period import Intervals, intervals_between
-from femimpact.orbits.verification import halves_agree, may_be_symmetric
 from femimpact.units import number_text
 
 MOST_STEPS = 8
@@ -70,7 +72,7 @@ class Curve:
     """Solutions with the same events. The m + 1 unknowns of a point are in units, the parameter, last, is not."""
 
     parameter: Parameter
-    sequence: Sequence
+    sequence: EventSequence
     is_symmetric: bool
     unit: Array  # (2d + 1,) of states and phases
     by_rows: Array  # (2d + 1,) of the equations
@@ -88,7 +90,7 @@ class Curve:
         return len(self.solved.kind)
 
     @cached_property
-    def solved(self) -> Sequence:
+    def solved(self) -> EventSequence:
         """The events that have unknowns."""
         if not self.is_symmetric:
             return self.sequence
@@ -115,18 +117,19 @@ class Curve:
         both = np.concatenate([states, phases[:, None]], axis=1)[: self.count] / self.unit
         return np.append(both.reshape(-1), value)
 
-    def solved_states(self, x: Array) -> tuple[Array, Array]:
-        """States (n, 2d) and phases (n,) of the events that have unknowns."""
+    def solved_events(self, x: Array) -> EventStates:
+        """The events that have unknowns, with their states and phases."""
         both = x[:-1].reshape(self.count, -1) * self.unit
-        return both[:, :-1], both[:, -1]
+        return EventStates(self.solved, both[:, :-1], both[:, -1])
 
     def events_at(self, x: Array) -> EventStates:
         """All events, with their states and phases."""
-        states, phases = self.solved_states(x)
-        if self.is_symmetric:
-            states = np.concatenate([states, -states])
-            phases = np.concatenate([phases, phases + math.pi * self.sequence.cycles])
-        return EventStates(self.sequence, states, phases)
+        solved = self.solved_events(x)
+        if not self.is_symmetric:
+            return solved
+        states, phases = solved.states, solved.phases
+        later = phases + math.pi * self.sequence.cycles
+        return EventStates(self.sequence, np.concatenate([states, -states]), np.concatenate([phases, later]))
 
     def sizes(self, x: Array) -> Array:
         """Sizes (3,) of a change of the unknowns: of states and phases, root mean squares in units, and parameter."""
@@ -146,7 +149,7 @@ class Curve:
         return np.asarray((rows / self.by_rows).reshape(-1))
 
 
-def curve_of(parameter: Parameter, sequence: Sequence, is_symmetric: bool, length: float, width: float) -> Curve:
+def curve_of(parameter: Parameter, sequence: EventSequence, is_symmetric: bool, length: float, width: float) -> Curve:
     """The curve of some events, with a length (m) as unit of displacements."""
     return Curve(parameter, sequence, is_symmetric, *units_of(parameter.hybrid, sequence, length), width)
 
@@ -178,7 +181,7 @@ class Point:
     @cached_property
     def intervals(self) -> Intervals:
         """The motion between all events."""
-        return intervals_between(self.maps.hybrid, self.events)
+        return Intervals.between(self.maps.hybrid, self.events)
 
     @property
     def longest(self) -> float:
@@ -262,7 +265,7 @@ class Point:
         """
         solved, unit = self.curve.solved, self.curve.by_rows[-1]
         side = np.array([RATES.get(kind, 1.0) for kind in solved.kind])
-        between = solved.between(self.curve.solved_states(self.x)[1])
+        between = solved.between(self.maps.events.phases)
         again, release = (np.array([kind == one for kind in solved.kind]) for one in (PRESS_AGAIN, RELEASE))
         # a contact without damping is released at the wall, and separates there
         between[release & ~np.any(self.maps.row[:, self.maps.row.shape[1] // 2 :], axis=1)] = math.inf
@@ -292,8 +295,7 @@ RATES = {RELEASE: -1.0, SEPARATE: -1.0}
 
 def evaluated(curve: Curve, x: Array, tangent: Array) -> Point:
     """A point of known unknowns."""
-    events = EventStates(curve.solved, *curve.solved_states(x))
-    return Point(curve, x, tangent, event_maps(curve.parameter.hybrid_at(float(x[-1])), events))
+    return Point(curve, x, tangent, event_maps(curve.parameter.hybrid_at(float(x[-1])), curve.solved_events(x)))
 
 
 def null_vectors(point: Point) -> Array:
@@ -330,7 +332,7 @@ def _newton(curve: Curve, x: Array, row: Array) -> Iterator[tuple[Point | None, 
     size = np.repeat([max(1.0, curve.sizes(x)[0]), 1.0], [curve.unit.size - 1, 1])
     size = np.tile(size, curve.count)
     for _ in range(MOST_STEPS):
-        last, events = change, EventStates(curve.solved, *curve.solved_states(x))
+        last, events = change, curve.solved_events(x)
         maps = event_maps(parameter.hybrid_at(float(x[-1])), events)
         if change > SETTLED:
             by_value = derivative_by(parameter.hybrid_at, float(x[-1]), events)

@@ -1,4 +1,4 @@
-"""The equations of a periodic orbit: unknown are the states after its events and the phases of its events.
+"""The equations of a periodic orbit and their solution: unknown are the states after its events and their phases.
 
 An orbit with N events in `cycles` periods of the drive has the states z_k (2d,) just after each and the phases theta_k
 of the drive there. With the flow z-_k from (z_{k-1}, theta_{k-1}) to theta_k, event N before the first at
@@ -9,28 +9,62 @@ theta_N - 2 pi cycles,
 with the jump J of a rigid impact, the identity of any other event, and h the distance of a gap from its wall, or the
 force of a Kelvin-Voigt contact over its stiffness. Nothing is divided by an approach speed: where it is zero, the
 derivatives stay regular. The phase of the drive at t = 0 is in none of the equations. All are analytic, see `flow`.
+They are solved by Newton's method, damped far from the solution.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import reduce
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg.lapack import dgetrf, dgetrs
 
 from femimpact.arrays import Array, Complex, Integers
-from femimpact.integrators.event_driven.loop_data import CONTACT
-from femimpact.orbits.flow import HybridSystem, Numbers
+from femimpact.integrators.event_driven.loop_data import CONTACT, FREE
+from femimpact.orbits.flow import Flow, HybridSystem, Numbers
 
 STEP = 1e-30
 """Imaginary part of a complex step, times the value."""
 
+MOST_STEPS = 60
+"""Steps of one search."""
+
+EXACT = 1e-12
+"""Largest change of a state or a phase, in its unit, at which a search ends."""
+
+ROUNDED = 1e-8
+"""The same where rounding ends it: slow impacts leave their phases no more digits."""
+
+NEAR, FALL = 0.1, 0.1
+"""Change below which the next one is less than this share of it, beside a solution that is not singular."""
+
+GIVEN = 1e-6
+"""First change up to which the guess is a solution already, but for rounding."""
+
+LEAST_SHARE = 1e-3
+"""Least share of a step that is tried."""
+
+LEAST_UNIT = 1e-3
+"""Share of the size of a motion below which no gap is its unit: rounding of the motion would be read as a miss."""
+
+PROFILE = 16
+"""Instants in a period of the fastest motion between which a body is seen to turn back."""
+
+AT_ONCE = 1024
+"""Instants at which the closed form is read at once: each takes a matrix."""
+
+HELD = 1e-6
+"""Share of its length that an interval in contact counts for, where a run looks for a start."""
+
 
 @dataclass(frozen=True, eq=False)
-class Sequence:
+class EventSequence:
     """The events of an orbit in their order, N of them."""
 
     kind: tuple[str, ...]  # of `core.events.EVENT_NAMES`, or SECTION
@@ -51,15 +85,10 @@ class Sequence:
         """Phases (N,) from each event to the next, the first one once more after the last."""
         return np.diff(np.append(phases, phases[0] + self.turn))
 
-    def rows(self, rows: Any) -> Sequence:  # numbers of events, or a slice of them
+    def rows(self, rows: Any) -> EventSequence:  # numbers of events, or a slice of them
         """Some of the events."""
         arrays = {name: getattr(self, name)[rows] for name in ("pair", "side", "contact_state", "section")}
         return replace(self, kind=tuple(np.array(self.kind)[rows].tolist()), **arrays)
-
-    @property
-    def is_impact(self) -> NDArray[np.bool_]:
-        """True for rigid impacts, (N,)."""
-        return np.array([kind == IMPACT for kind in self.kind], dtype=bool)
 
 
 IMPACT, TOUCH, RELEASE, PRESS_AGAIN, SEPARATE, SECTION = (
@@ -72,7 +101,7 @@ IMPACT, TOUCH, RELEASE, PRESS_AGAIN, SEPARATE, SECTION = (
 class EventStates:
     """The events of one period, the states after them and the phases of the drive at them: the unknowns."""
 
-    sequence: Sequence
+    sequence: EventSequence
     states: Numbers  # (N, 2d)
     phases: Numbers  # (N,) rad
 
@@ -139,7 +168,7 @@ class _Rows:
     impulse: Numbers  # (N, d) change of p' by a unit approach speed
 
 
-def _rows(hybrid: HybridSystem, sequence: Sequence) -> _Rows:
+def _rows(hybrid: HybridSystem, sequence: EventSequence) -> _Rows:
     count, d = len(sequence.kind), hybrid.mass.size
     contact = hybrid.gaps, hybrid.restitution, hybrid.contact_stiffness, hybrid.contact_damping
     kind = np.result_type(float, hybrid.mass, *contact)
@@ -169,7 +198,12 @@ def event_maps(hybrid: HybridSystem, events: EventStates) -> EventMaps:
     before = after[last]
     if sequence.is_half:
         start[0], before[0] = 0.0 - start[0], 0.0 - before[0]
-    arrived, propagator = _flown(hybrid, before, start, begin, phases)
+    arrived, field_before, field_arrived, field_after = (np.zeros_like(states) for _ in range(4))
+    propagator = np.zeros((*states.shape, states.shape[1]), dtype=states.dtype)
+    for flow, each in _flows(hybrid, before):
+        arrived[each], propagator[each] = flow.carried(start[each], begin[each], phases[each])
+        field_before[each] = flow.field(start[each], begin[each])
+        field_arrived[each] = flow.field(arrived[each], phases[each])
     rows, d = _rows(hybrid, sequence), hybrid.mass.size
     nothing = np.zeros_like(rows.gap)
     speed_row = np.concatenate([nothing, rows.gap], axis=1)
@@ -179,14 +213,16 @@ def event_maps(hybrid: HybridSystem, events: EventStates) -> EventMaps:
     depth = (rows.gap * arrived[:, :d]).sum(axis=1) + rows.in_space * base - rows.wall
     impulse = np.concatenate([nothing, rows.impulse], axis=1)
     jumped = arrived + impulse * speed[:, None]
+    for flow, each in _flows(hybrid, after):
+        field_after[each] = flow.field(jumped[each], phases[each])
     return EventMaps(
         hybrid=hybrid,
         events=events,
         propagator=propagator,
         arrived=arrived,
-        field_before=_fields(hybrid, before, start, begin),
-        field_arrived=_fields(hybrid, before, arrived, phases),
-        field_after=_fields(hybrid, after, jumped, phases),
+        field_before=field_before,
+        field_arrived=field_arrived,
+        field_after=field_after,
         row=np.concatenate([rows.gap, rows.damped[:, None] * rows.gap], axis=1),
         distance=depth + rows.damped * speed + rows.by_phase * (phases - sequence.section),
         distance_by_phase=rows.in_space * base_rate + rows.damped * speed_by_phase + rows.by_phase,
@@ -198,31 +234,12 @@ def event_maps(hybrid: HybridSystem, events: EventStates) -> EventMaps:
     )
 
 
-def _by_state(contact_state: Array) -> list[tuple[Array, NDArray[np.intp]]]:
-    """Distinct contact states and the numbers of the events that have each, of (N, pairs)."""
-    found: dict[bytes, list[int]] = {}
+def _flows(hybrid: HybridSystem, contact_state: Array) -> list[tuple[Flow, list[int]]]:
+    """The flows of contact states (N, pairs), each with the numbers of those that have it."""
+    members: dict[bytes, list[int]] = {}
     for k, state in enumerate(contact_state):
-        found.setdefault(state.tobytes(), []).append(k)
-    return [(contact_state[members[0]], np.array(members)) for members in found.values()]
-
-
-def _flown(
-    hybrid: HybridSystem, contact_state: Array, start: Numbers, begin: Numbers, end: Numbers
-) -> tuple[Numbers, Numbers]:
-    """States (N, 2d) at phases after others, with nothing between, and the propagators."""
-    groups = _by_state(contact_state)
-    parts = [hybrid.flow(state).carried(start[members], begin[members], end[members]) for state, members in groups]
-    order = np.argsort(np.concatenate([members for _, members in groups]))
-    arrived, propagator = (np.concatenate(each)[order] for each in zip(*parts, strict=True))
-    return arrived, propagator
-
-
-def _fields(hybrid: HybridSystem, contact_state: Array, states: Numbers, phases: Numbers) -> Numbers:
-    """Rates z' (N, 2d) of states (N, 2d) in their contact states."""
-    found = np.zeros(states.shape, dtype=np.result_type(states, phases))
-    for state, members in _by_state(contact_state):
-        found[members] = hybrid.flow(state).field(states[members], phases[members])
-    return found
+        members.setdefault(state.tobytes(), []).append(k)
+    return [(hybrid.flow(contact_state[each[0]]), each) for each in members.values()]
 
 
 def residual(maps: EventMaps) -> Numbers:
@@ -261,7 +278,7 @@ def state_unit(length: float, omega: Any, coordinates: int) -> Array:
     return np.repeat([length, length * float(omega)], coordinates)
 
 
-def units_of(hybrid: HybridSystem, sequence: Sequence, length: float) -> tuple[Array, Array]:
+def units_of(hybrid: HybridSystem, sequence: EventSequence, length: float) -> tuple[Array, Array]:
     """Units (2d + 1,) of the states and the phase of an event, and of its rows in `residual`."""
     state = state_unit(length, hybrid.omega, hybrid.mass.size)
     # h is a length, or the phase of a section
@@ -279,3 +296,184 @@ def multipliers_of(matrix: Array) -> Complex:
     found = np.asarray(values[np.argsort(-np.abs(values), kind="stable")])
     found.setflags(write=False)
     return found
+
+
+def length_of(hybrid: HybridSystem, states: Array) -> float:
+    """Unit of displacements (m): the smallest gap, or what is seen of motions that are far larger.
+
+    Without walls, and with walls at no distance, it is the size of the motion: the largest displacement, or velocity
+    over omega.
+    """
+    gaps = np.where(np.isfinite(hybrid.gaps), np.abs(hybrid.gaps), 0.0).max(axis=1)
+    size = float(np.abs(states / state_unit(1.0, hybrid.omega, hybrid.mass.size)).max(initial=0.0)) or 1.0
+    if not np.any(gaps > 0.0):
+        return size
+    return max(float(gaps[gaps > 0.0].min()), LEAST_UNIT * size)
+
+
+def may_be_symmetric(hybrid: HybridSystem, sequence: EventSequence) -> bool:
+    """Whether both sides of what is met are equal, and the events half a period later are those of the other side."""
+    gaps = hybrid.gaps[np.unique(sequence.pair[sequence.pair >= 0])]
+    equal = np.allclose(gaps[:, 0], gaps[:, 1], rtol=1e-12, atol=0.0) and not np.any(hybrid.constant)
+    return sequence.cycles % 2 == 1 and equal and halves_agree(sequence, -1.0)
+
+
+def halves_agree(sequence: EventSequence, sign: float) -> bool:
+    """Whether the events of the second half of a period are those of the first, on the same side or on the other."""
+    half, odd = divmod(len(sequence.kind), 2)
+    if odd or sequence.kind[:half] != sequence.kind[half:]:
+        return False
+    one_side = sequence.pair, sign * sequence.side, sign * sequence.contact_state
+    other = sequence.pair, sequence.side, sequence.contact_state
+    return all(np.array_equal(here[:half], there[half:]) for here, there in zip(one_side, other, strict=True))
+
+
+def asymmetry(events: EventStates, unit: Array) -> float:
+    """Largest difference between an orbit that may be symmetric and minus itself half a period later, in its units."""
+    states, phases, half = events.states, events.phases, len(events.phases) // 2
+    apart = np.abs(states[:half] + states[half:]) / unit
+    turned = np.abs(phases[half:] - phases[:half] - math.pi * events.sequence.cycles)
+    return float(max(apart.max(), turned.max()))
+
+
+# ---- the motion between events ---------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Intervals:
+    """The motion between the events of one period; the last interval goes on to the first event of the next one."""
+
+    hybrid: HybridSystem
+    begin: Array  # (K,) rad: phases of the excitation
+    end: Array  # (K,)
+    states: Array  # (K, 2d) at their begin
+    contact_state: NDArray[Any]  # (K, pairs)
+
+    @staticmethod
+    def between(hybrid: HybridSystem, events: EventStates) -> Intervals:
+        """Those between some events."""
+        begin, sequence = events.phases, events.sequence
+        return Intervals(hybrid, begin, begin + sequence.between(begin), events.states, sequence.contact_state)
+
+    def at(self, k: int, phases: Array) -> Array:
+        """States (n, 2d) at phases (n,) in interval k."""
+        found = [np.zeros((0, self.states.shape[1]))]
+        for part in np.split(phases, range(AT_ONCE, phases.size, AT_ONCE)):
+            from_begin = np.tile(self.states[k], (part.size, 1)), np.full(part.size, self.begin[k])
+            found.append(self.flow(k).carried(*from_begin, part)[0])
+        return np.concatenate(found)
+
+    def gaps(self, k: int, phases: Array) -> Array:
+        """What the gaps bound, with its rate and the rate of that (3, n, pairs), m, m/s and m/s^2, in interval k."""
+        state, hybrid, d = self.at(k, phases), self.hybrid, self.hybrid.mass.size
+        moves = state[:, :d], state[:, d:], self.flow(k).field(state, phases)[:, d:]
+        base = np.sin(phases), hybrid.omega * np.cos(phases), -(hybrid.omega**2) * np.sin(phases)
+        return -np.array([
+            of_it @ hybrid.force + np.outer(hybrid.amplitude * of_base, hybrid.in_space)
+            for of_it, of_base in zip(moves, base, strict=True)
+        ])  # fmt: skip
+
+    def flow(self, k: int) -> Flow:
+        """That of interval k."""
+        return self.hybrid.flow(self.contact_state[k])
+
+    def instants(self, k: int) -> Array:
+        """Phases (n,) of interval k, its ends included, that are dense beside its fastest motion."""
+        fastest = max(1.0, float(np.abs(np.linalg.eigvals(self.flow(k).matrix).imag).max()) / float(self.hybrid.omega))
+        begin, end = float(self.begin[k]), float(self.end[k])
+        return np.linspace(begin, end, 2 + math.ceil(PROFILE * fastest * (end - begin) / (2.0 * math.pi)))
+
+    def longest(self, pair: int | None = None) -> int:
+        """Number of the longest interval in which nothing, or a pair, is in contact, if there is one."""
+        held = self.contact_state if pair is None else self.contact_state[:, [pair]]
+        return int(np.argmax((self.end - self.begin) * np.where(np.any(held != FREE, axis=1), HELD, 1.0)))
+
+    def start(self, pair: int | None = None) -> tuple[Array, float, int]:
+        """State and phase in the middle of the longest interval, and number of the event that follows.
+
+        A run over one period that begins there has no event at its ends.
+        """
+        k, count = self.longest(pair), self.begin.size
+        middle, first = 0.5 * float(self.begin[k] + self.end[k]), (k + 1) % count
+        turn = 0.0 if first else float(self.end[-1] - self.begin[0])
+        return self.at(k, np.array([middle]))[0], middle - turn, first
+
+
+# ---- their solution --------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """Where a search ended."""
+
+    maps: EventMaps  # there
+    length: float  # m: unit of displacements
+    changes: tuple[float, ...] = ()  # largest of each step, in units of the length, the length times omega, and rad
+    residual: float = 0.0  # largest, in the same units
+    converged: bool = True
+
+    @property
+    def events(self) -> EventStates:
+        """Events, states and phases."""
+        return self.maps.events
+
+
+def solve(
+    hybrid: HybridSystem,
+    guess: EventStates,
+    length: float,  # m: unit of displacements; that of velocities is it times omega
+) -> Solution:
+    """Solution of the equations from a first guess.
+
+    A step is shortened until the step that would follow it, with the same matrix, is shorter (the natural
+    monotonicity test of Deuflhard, 2011, which does not depend on units), and the events keep their order.
+    """
+    maps, converged = event_maps(hybrid, guess), False
+    (count, size), changes = guess.states.shape, list[float]()
+    unit, by_rows = units_of(hybrid, guess.sequence, length)
+
+    def scaled_step(factors: Any, made: EventMaps) -> Array:
+        right = (residual(made) / by_rows).reshape(-1)
+        return -np.asarray(dgetrs(*factors, right)[0]).reshape(count, size + 1)
+
+    while len(changes) < MOST_STEPS:
+        matrix = (jacobian(maps) / by_rows[:, None, None] * unit).reshape(2 * [count * (size + 1)])
+        *factors, singular = dgetrf(matrix)
+        if singular or not np.all(np.isfinite(matrix)):
+            break
+        step, here = scaled_step(factors, maps), maps.events
+        change, share = float(np.abs(step).max()), 1.0
+        if not np.isfinite(change):
+            break
+        norm = float(np.linalg.norm(step))
+        while True:
+            moved = here.states + share * step[:, :size] * unit[:-1]
+            turned = here.phases + share * step[:, size]
+            if change <= ROUNDED or np.all(here.sequence.between(turned) >= 0.0):
+                after = event_maps(hybrid, replace(here, states=moved, phases=turned))
+                next_norm = float(np.linalg.norm(scaled_step(factors, after)))
+                if change <= ROUNDED or next_norm <= (1.0 - 0.25 * share) * norm:
+                    break
+            share *= 0.5
+            if share < LEAST_SHARE:
+                break
+        if share < LEAST_SHARE:
+            break
+        maps = after
+        changes.append(change)
+        converged = change <= EXACT or _at_rounding(changes)
+        if converged:
+            break
+    left = residual(maps) / by_rows
+    return Solution(maps, length, tuple(changes), float(np.abs(left).max()), converged)
+
+
+def _at_rounding(changes: list[float]) -> bool:
+    """Whether the steps fall no more, after one that fell as beside a solution that is not singular.
+
+    Beside one that is singular each step is about half of the one before, and the error is as large as the step.
+    """
+    pairs = list(pairwise(changes))
+    if not pairs or changes[-1] > ROUNDED or changes[-1] < FALL * changes[-2]:
+        return False
+    return changes[0] <= GIVEN or any(before > GIVEN and after <= FALL * min(before, NEAR) for before, after in pairs)

@@ -27,7 +27,7 @@ from femimpact.figures.drawing import (
 )
 from femimpact.figures.portraits import ContactRow, phase_portrait
 from femimpact.orbits import Branch, PeriodicOrbit
-from femimpact.orbits.period import period_of
+from femimpact.orbits.orbit import period_of
 from femimpact.units import prefixed
 
 if TYPE_CHECKING:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import replace
 
 import numpy as np
 
@@ -13,15 +12,16 @@ from femimpact.errors import DivergenceError
 from femimpact.orbits.curve import LONGEST, SAME, LostError, Point, between, interpolated, locate, point_along
 from femimpact.orbits.limits import (
     NEAR_END,
+    Followed,
     at_no_speed,
     first_limit,
     joining,
     limit_point,
     near_no_contact,
     repeating_point,
+    verify,
 )
 from femimpact.orbits.orbit import NEUTRAL
-from femimpact.orbits.own_runs import Followed, verify
 from femimpact.system.system import System
 
 SHORTEST = 1e-8
@@ -59,9 +59,12 @@ CHANGES = {"fold": 1, "period-doubling": 1, "symmetry-breaking": 1, "branch-poin
 """How many multipliers cross the unit circle at each kind of bifurcation."""
 
 
-def follow(system: System, start: Point, low: float, high: float, most: int) -> Followed:
-    """Points along the tangent of a start as far as values (low, high), or so many points, and its own event."""
-    way = Followed([start], {}, [], [], "")
+def follow(system: System, start: Point, low: float, high: float, most: int) -> tuple[list[Followed], str]:
+    """Points along the tangent of a start as far as values (low, high), or so many points, and why they end there.
+
+    The start is the first of them.
+    """
+    way, verified = [Followed(start)], 0
     left, step, bend = start, start.longest, np.zeros_like(start.x)
     end = _outside(start, low, high)
     while not end:
@@ -71,29 +74,30 @@ def follow(system: System, start: Point, low: float, high: float, most: int) -> 
             end = f"no convergence: {lost}"
         else:
             closed = after is not None and _passes(start, left, after)
-            for kind, point in located:
-                # beyond the start it is one that was found
-                if not (closed and float(start.row @ _from_start(start, point)) > 0.0):
-                    way.kinds[len(way.points)] = kind
-                    way.points.append(point)
+            # beyond the start it is one that was found
+            way += [
+                Followed(point, kind)
+                for kind, point in located
+                if not (closed and float(start.row @ _from_start(start, point)) > 0.0)
+            ]
             if after is not None:
                 # the last point may be where the one before it was
                 length = float(left.row @ (after.x - left.x))
                 bend = (after.tangent - left.tangent) / (2.0 * length) if length > 0.0 else np.zeros_like(left.x)
                 left = start if closed else after
-                way.points.append(left)
+                way.append(Followed(left))
             end = CLOSED if closed else end
-        if len(way.points) > most or (len(way.points) == most and not end):
+        if len(way) > most or (len(way) == most and not end):
             end = f"number of points: {most}"
-            del way.points[most:]
-            way.kinds.pop(most, None)
-        if len(way.points) - len(way.peak) >= AT_ONCE:
-            end = verify(system, way) or end
-    if len(way.peak) < len(way.points):
-        end = verify(system, way) or end
-    if not way.points:
+            del way[most:]
+        if len(way) - verified >= AT_ONCE:
+            end = verify(system, way, verified) or end
+            verified = len(way)
+    if verified < len(way):
+        end = verify(system, way, verified) or end
+    if not way:
         raise DivergenceError(end.removeprefix("no convergence: "))
-    return replace(way, end=end)
+    return way, end
 
 
 def _outside(point: Point, low: float, high: float) -> str:
@@ -115,9 +119,15 @@ def _moved(left: Point, right: Point) -> float:
     return float(max(apart[near[0]].min(axis=1).max(initial=0.0), apart[:, near[1]].min(axis=0).max(initial=0.0)))
 
 
-def _advance(
-    left: Point, bend: Array, step: float, low: float, high: float
-) -> tuple[Point | None, list[tuple[str, Point]], float, str]:
+Advance = tuple[Point | None, list[tuple[str, Point]], float, str]
+"""The next point, the bifurcations before it, the step after it, and why the curve ends there if it does."""
+
+
+def _ended(kind: str, point: Point, words: str) -> Advance:
+    return None, [(kind, point)] if kind else [], 0.0, words
+
+
+def _advance(left: Point, bend: Array, step: float, low: float, high: float) -> Advance:
     """The next point, the events before it, the step after it, and the reason if the curve ends there.
 
     `bend` is half the change of the tangent along the curve, as far as it is known.
@@ -141,7 +151,7 @@ def _advance(
                 step = 0.7 * limit.far
                 continue
             if limit is not None:
-                return None, *limit_point(left, right, limit)
+                return _ended(*limit_point(left, right, limit))
             moved = _moved(left, right)
             if moved > MOST_MOVED and step > RESOLVED:
                 step *= max(0.8 * MOST_MOVED / moved, 0.25)
@@ -162,9 +172,9 @@ def _advance(
         except LostError:
             step *= 0.5
             if step < NEAR_END and (point := near_no_contact(left)) is not None:
-                return None, *at_no_speed(point)
+                return _ended(*at_no_speed(point))
             if step < NEAR_END and left.curve.half_sign and (point := repeating_point(left)) is not None:
-                return None, *joining(point)
+                return _ended(*joining(point))
             if step < SHORTEST:
                 raise
             continue

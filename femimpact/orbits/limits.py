@@ -1,17 +1,25 @@
-"""Where a curve of orbits ends by itself: an impact without speed, two events at one instant, a symmetric orbit."""
+"""Where a curve of orbits ends: an impact without speed, two events at one instant, a symmetric orbit, a wall reached.
+
+By itself it ends where events lose their speed or their order. Its orbits are no motions of the system beyond where the
+crest of a condition reaches that of an event which they do not have: their own runs meet it.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.optimize
 
-from femimpact.orbits.crests import depth_beyond
+from femimpact.arrays import Array
+from femimpact.errors import DivergenceError, InputError
+from femimpact.integrators.event_driven.loop_data import CONTACT, SEPARATING
 from femimpact.orbits.curve import (
     AROUND,
     LONGEST,
+    RATES,
     LostError,
     Point,
     at_value,
@@ -20,8 +28,9 @@ from femimpact.orbits.curve import (
     locate,
     near_points,
 )
-from femimpact.orbits.equations import IMPACT, PRESS_AGAIN, RELEASE, SEPARATE, TOUCH
-from femimpact.orbits.newton import EXACT
+from femimpact.orbits.equations import EXACT, IMPACT, PRESS_AGAIN, RELEASE, SECTION, SEPARATE, TOUCH
+from femimpact.orbits.verification import OwnRun, own_runs
+from femimpact.system.system import System
 
 NEAR_END = 1e-4
 """Distance to the end of a curve at which its multipliers are followed no further: at no speed they are infinite."""
@@ -43,6 +52,21 @@ AT_WALL = 1e-6
 
 MERGING = {RELEASE: PRESS_AGAIN, PRESS_AGAIN: RELEASE, SEPARATE: TOUCH}
 """Events of a Kelvin-Voigt contact of which the second follows the first at once where both lose their speed."""
+
+PROFILE = 257
+"""Instants of an interval between events among which the crests of a condition are looked for."""
+
+MOST_CRESTS = 10
+"""Crests of a gap between two points of which the first to reach a wall is looked for."""
+
+BEFORE_CREST = 1e-4
+"""Share of the way to a crest at the wall that lies between it and the last orbit that is looked at."""
+
+SLOW = 1e-3
+"""Speed of an impact, in lengths and rad, below which no run confirms it: rounding decides whether it is met."""
+
+End = tuple[str, Point, str]
+"""Kind of the bifurcation at the end of a curve, empty where it is none, its point, and words."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,8 +96,8 @@ def first_limit(left: Point, right: Point) -> Limit | None:
     return min(found, key=lambda each: each.far, default=None)
 
 
-def limit_point(left: Point, right: Point, limit: Limit) -> tuple[list[tuple[str, Point]], float, str]:
-    """The point at a limit, as of `_advance`."""
+def limit_point(left: Point, right: Point, limit: Limit) -> End:
+    """The end of a curve at a limit."""
     if limit.function is None:
         point = repeating_point(left)
         if point is None:
@@ -84,20 +108,20 @@ def limit_point(left: Point, right: Point, limit: Limit) -> tuple[list[tuple[str
     return at_no_speed(locate(left, right, limit.function))
 
 
-def at_no_speed(point: Point) -> tuple[list[tuple[str, Point]], float, str]:
-    """A point at which events lose their speed or their order, as of `_advance`."""
+def at_no_speed(point: Point) -> End:
+    """The end of a curve at a point at which events lose their speed or their order."""
     solved, still = point.curve.solved, without_speed(point, AT_WALL)
     if not still:
-        return [], 0.0, f"two events at one instant, {where(point)}"
+        return "", point, f"two events at one instant, {where(point)}"
     k, j, side = still[0], int(solved.pair[still[0]]), float(solved.side[still[0]])
     name, kind = point.curve.parameter.at(point.value)[0].contacts[j].name, solved.kind[k]
     if kind == PRESS_AGAIN and abs(point.limits[2, k]) < AT_WALL:
-        return [("grazing", point)], 0.0, f"press again at the wall, of {name} {where(point)}"
+        return "grazing", point, f"press again at the wall, of {name} {where(point)}"
     if kind in MERGING:
-        return [("grazing", point)], 0.0, f"{kind} and {MERGING[kind]} at one instant, of {name} {where(point)}"
+        return "grazing", point, f"{kind} and {MERGING[kind]} at one instant, of {name} {where(point)}"
     leaves = depth_beyond(point, k, j, side, point.events.phases[k : k + 1], 2)[0] < 0.0
     kind, words = ("grazing", "impact speed zero") if leaves else ("sticking", "sticking after an impact at no speed")
-    return [(kind, point)], 0.0, f"{words}, of {name} {where(point)}"
+    return kind, point, f"{words}, of {name} {where(point)}"
 
 
 def without_speed(point: Point, tolerance: float) -> list[int]:
@@ -118,11 +142,11 @@ def without_speed(point: Point, tolerance: float) -> list[int]:
     return sorted({*merging, *alone, *np.flatnonzero(away).tolist()} - (second - set(merging)))
 
 
-def joining(point: Point) -> tuple[list[tuple[str, Point]], float, str]:
-    """A point on a branch of orbits that repeat after half a period, as of `_advance`."""
+def joining(point: Point) -> End:
+    """The end of a curve at a point on a branch of orbits that repeat after half a period."""
     if point.curve.half_sign > 0.0:
-        return [("period-doubling", point)], 0.0, f"joins the branch of half its period {where(point)}"
-    return [("symmetry-breaking", point)], 0.0, f"joins a symmetric branch {where(point)}"
+        return "period-doubling", point, f"joins the branch of half its period {where(point)}"
+    return "symmetry-breaking", point, f"joins a symmetric branch {where(point)}"
 
 
 def where(point: Point) -> str:
@@ -185,3 +209,189 @@ def repeating_point(left: Point) -> Point | None:
             near = far @ (left.curve.weight * far) < LONGEST**2
             return evaluated(left.curve, found, left.tangent) if near else None
     return None
+
+
+# ---- crests ---------------------------------------------------------------------------------------
+
+
+def depth_beyond(point: Point, k: int, pair: int, side: float, phases: Array, derivative: int) -> Array:
+    """Depth (n,) beyond a wall at phases (n,) after event k, m, or its first or second derivative by the time."""
+    wall = 0.0 if derivative else float(point.maps.hybrid.gaps[pair, 0 if side > 0.0 else 1])
+    return np.asarray(side * point.intervals.gaps(k, phases)[derivative, :, pair] - wall)
+
+
+def begin(point: Point, m: int) -> float:
+    """Phase of event m, of later cycles too."""
+    turns, event = divmod(m, point.events.phases.size)
+    return float(point.events.phases[event] + turns * point.cycle)
+
+
+def condition(point: Point, event: tuple[str, int, float], m: int, phases: Array, derivative: int) -> Array:
+    """How far (n,) beyond that of an event its condition is at phases (n,) after event m, or its first derivative.
+
+    An event is its kind, pair and side; the condition is a depth, m, or the force over the stiffness.
+    """
+    (kind, pair, side), hybrid = event, point.maps.hybrid
+    turns, k = divmod(m, point.events.phases.size)
+    at = k, pair, side, phases - turns * point.cycle
+    found = depth_beyond(point, *at, derivative)
+    if kind in (RELEASE, PRESS_AGAIN) and hybrid.contact_damping[pair]:
+        damped = float(hybrid.contact_damping[pair] / hybrid.contact_stiffness[pair])
+        found = found + damped * depth_beyond(point, *at, derivative + 1)
+    return RATES.get(kind, 1.0) * found
+
+
+def crests(point: Point, event: tuple[str, int, float], intervals: list[int]) -> list[tuple[float, float, int]]:
+    """Phases between which each crest of a condition is after some events in a row, and the event before it.
+
+    Both are one where an event turns the motion round.
+    """
+    found, last = [], -1.0
+    for m in intervals:
+        grid = np.linspace(begin(point, m), begin(point, m + 1), PROFILE)
+        rates = condition(point, event, m, grid, 1)
+        if last > 0.0 >= rates[0]:
+            found.append((float(grid[0]), float(grid[0]), m))
+        i = np.flatnonzero((rates[:-1] > 0.0) & (rates[1:] <= 0.0))
+        found += list(zip(grid[i].tolist(), grid[i + 1].tolist(), [m] * i.size, strict=True))
+        last = float(rates[-1])
+    return found
+
+
+def top(point: Point, event: tuple[str, int, float], low: float, high: float, m: int) -> tuple[float, float]:
+    """Phase of a crest, and how far the condition is beyond that of its event there, in the unit of displacements."""
+
+    def rate(phase: float) -> float:
+        return float(condition(point, event, m, np.array([phase]), 1)[0])
+
+    at = low if low == high else float(scipy.optimize.brentq(rate, low, high))
+    return at, float(condition(point, event, m, np.array([at]), 0)[0]) / float(point.curve.by_rows[-1])
+
+
+# ---- what is no motion ----------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Followed:
+    """A point of a curve that was followed."""
+
+    point: Point
+    kind: str = ""  # of its bifurcation
+    # m: largest displacement of the default place and its first harmonic, where its own run confirms the orbit
+    peak: float = math.nan
+    first_harmonic: float = math.nan
+
+
+def refusal(point: Point, run: OwnRun) -> DivergenceError | None:
+    """Why its own run does not confirm the orbit of a point; None where it does, or an impact is too slow for that."""
+    growth = float(np.abs(point.multipliers[0])) ** (2 if point.curve.is_symmetric else 1)
+    try:
+        run.check_events()
+        run.check_missed(growth)
+    except DivergenceError as error:
+        return None if _is_slow(point, run) else error
+    return None
+
+
+def _is_slow(point: Point, run: OwnRun) -> bool:
+    """Whether a run leaves its orbit at an event so slow that rounding decides whether it is met."""
+    n, kinds = point.curve.count, point.curve.solved.kind
+    slow = [k for k in range(n) if kinds[k] != SECTION and np.any(np.abs(point.limits[[0, 2], k]) < SLOW)]
+    if run.extra is None or not slow:
+        return bool(slow)
+    count = len(point.curve.sequence.kind)
+    met = (run.first + run.extra[0]) % count
+    return any(abs(met - k - half) <= 1 for k in slow for half in (0, n, count))
+
+
+def verify(system: System, way: list[Followed], begin: int) -> str:
+    """Cut a curve where its orbits from one on are no motions of the system, and say why; their peaks are kept."""
+    unbounded = ""
+    while True:
+        try:
+            runs = own_runs(system, [each.point for each in way[begin:]])
+            break
+        except InputError as error:
+            # a resonance, at the last point of which the damping is zero
+            if len(way) == 1:
+                raise
+            unbounded = f"no convergence: {error}"
+            del way[-1]
+            if len(way) == begin:
+                return unbounded
+    for number, run in enumerate(runs, begin):
+        each = way[number]
+        refused = None if each.kind == "grazing" else refusal(each.point, run)
+        if refused is not None:
+            return _cut(system, way, number, run, refused)
+        way[number] = replace(each, peak=run.peak, first_harmonic=run.first_harmonic)
+    return unbounded
+
+
+def _cut(system: System, way: list[Followed], number: int, run: OwnRun, error: DivergenceError) -> str:
+    """End a curve before a point, at the crest of a gap that reaches a wall if there is one."""
+    left, right = way[max(number - 1, 0)].point, way[number].point
+    del way[number:]
+    for _ in range(MOST_CRESTS):
+        if run.extra is None or not number:
+            break
+        (row, at), log = run.extra, run.log
+        pair, side = int(log.pair[row]), float(log.side[row])
+        kind = _kind_there(right, str(log.kind[row]), pair, at)
+        try:
+            beyond = kind == TOUCH and log.kind[row] in (RELEASE, SEPARATE)
+            found = locate(left, right, _crest(right, kind, pair, side, at, beyond))
+        except LostError:
+            break
+        # whether another one is met before
+        before = near_points(left, ((1.0 - BEFORE_CREST) * float(left.row @ (found.x - left.x)),))
+        if not before:
+            break
+        right = before[0]
+        run, at_wall = own_runs(system, [right, found])
+        if run.extra is None:
+            way.append(Followed(found, "grazing", at_wall.peak, at_wall.first_harmonic))
+            what = "contact" if kind == TOUCH else kind
+            return f"extra {what} of {log.contacts[pair]} on its {'+' if side > 0.0 else '-'} side {where(found)}"
+    return f"no convergence: {error}"
+
+
+def _kind_there(point: Point, kind: str, pair: int, at: float) -> str:
+    """What an extra event is from the contact state that its pair has in the orbit: a run may begin beyond a wall."""
+    k = int(np.searchsorted(point.events.phases, at, side="right")) - 1
+    state = abs(float(point.curve.sequence.contact_state[k, pair]))
+    if state == CONTACT:
+        return RELEASE
+    if state == SEPARATING:
+        return kind if kind == SEPARATE else PRESS_AGAIN
+    return TOUCH
+
+
+def _crest(
+    right: Point, kind: str, pair: int, side: float, at: float, begun_beyond: bool
+) -> Callable[[Point], float]:  # fmt: skip
+    """How far beyond that of an event is the crest of its condition next to the phase at which a point has met it."""
+    k, event = int(np.searchsorted(right.events.phases, at, side="right")) - 1, (kind, pair, side)
+    intervals = _intervals(right, k, pair, -1 if begun_beyond else 1)
+    found = crests(right, event, intervals)
+    if begun_beyond:
+        # the contact has turned the run from its orbit
+        place = max(found, key=lambda crest: top(right, event, *crest)[1], default=(at, at, k))[1]
+    else:
+        place = min((high for _, high, _ in found if high >= at), default=at)
+    place -= right.events.phases[k]
+
+    def crest(point: Point) -> float:
+        between, from_here = crests(point, event, intervals), point.events.phases[k] + place
+        nearest = min(between, key=lambda crest: abs(crest[1] - from_here), default=None)
+        return -1.0 if nearest is None else top(point, event, *nearest)[1]
+
+    return crest
+
+
+def _intervals(point: Point, k: int, pair: int, way: int) -> list[int]:
+    """Events after which the pair goes on as after event k, until one of that pair: later ones, or earlier ones."""
+    found, of = [k], point.curve.sequence.pair
+    while len(found) < of.size and of[(found[-1] + (way > 0)) % of.size] != pair:
+        found.append(found[-1] + way)
+    return found[::way]

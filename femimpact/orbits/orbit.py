@@ -1,4 +1,4 @@
-"""The periodic orbit: its events, its state at t = 0, its multipliers."""
+"""The periodic orbit: its events, its state at t = 0, its multipliers, and what is read of one period of it."""
 
 from __future__ import annotations
 
@@ -9,18 +9,22 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import scipy.optimize
 from numpy.typing import NDArray
 
 from femimpact.arrays import Array, Complex
-from femimpact.errors import check_fields, column, having, instance, optional, quantity
+from femimpact.errors import changed, check_fields, column, having, instance, optional, quantity
 from femimpact.excitation import Excitation
 from femimpact.excitation.excitation import MEMBERS
-from femimpact.orbits.equations import multipliers_of
-from femimpact.orbits.period import clearances_of, period_of, smallest_approach_speed_of, steady_of
-from femimpact.response.channels import Channel
-from femimpact.response.cycles import SteadyMotion
+from femimpact.integrators.event_driven import EventDriven
+from femimpact.integrators.runs import integrate
+from femimpact.orbits.equations import IMPACT, TOUCH, Intervals, multipliers_of
+from femimpact.orbits.flow import hybrid_system
+from femimpact.response.channels import Channel, resolve_channels
+from femimpact.response.cycles import SteadyMotion, cycle_statistics, steady_motion
 from femimpact.response.energy import EnergyLedger
 from femimpact.response.impacts import EventLog, Impacts
+from femimpact.response.response import Recorder, Response
 from femimpact.structure.structure import Position
 from femimpact.system.state import State
 from femimpact.system.system import System
@@ -30,10 +34,11 @@ from femimpact.units import number_text
 if TYPE_CHECKING:
     import xarray
 
-
 LARGEST_SHOWN = 4
 """Multipliers that a notebook shows."""
 
+SAMPLES = 1024
+"""Least number of instants of a cycle at which an orbit is read."""
 
 NEUTRAL = 1e-10
 """Distance of a modulus from 1 up to which it is 1: an orbit is confirmed to this, and its multipliers are no more."""
@@ -147,7 +152,12 @@ class PeriodicOrbit:
         InputError
             If there is no such channel.
         """
-        return steady_of(self, self.system.default_place if channel is None else channel)
+        read = self.system.default_place if channel is None else channel
+        (read,), run, cycles = resolve_channels(self.system, (read,)), run_of(self, (read,)), self.cycles
+        phase = 2.0 * math.pi * self.excitation.frequency * run.time[1:] + self.excitation.phase
+        first = np.arange(cycles) * (phase.size // cycles)
+        motion = steady_motion(cycle_statistics(run.channels[read.name][1:], phase, first), np.array([cycles]))
+        return changed(motion, peak=np.array([abs(run.largest(read).value)]), steadiness=np.array(["periodic"]))
 
     @cached_property
     def energy(self) -> EnergyLedger:
@@ -195,8 +205,11 @@ class PeriodicOrbit:
         (by grazing) where it falls to zero. An impact is no such crest, nor is what lies within a contact. Infinite
         where there is no crest: where there is no wall, or each approach ends at the wall.
         """
-        names = [pair.name for pair in self.system.contacts]
-        return {name: (plus, minus) for name, (plus, minus) in zip(names, clearances_of(self).tolist(), strict=True)}
+        intervals = self._intervals
+        instants = [intervals.instants(k) for k in range(intervals.begin.size)]
+        read = [(phases, intervals.gaps(k, phases)) for k, phases in enumerate(instants)]
+        pairs = enumerate(self.system.contacts)
+        return {pair.name: (_clearance(self, read, j, 1.0), _clearance(self, read, j, -1.0)) for j, pair in pairs}
 
     @property
     def smallest_clearance(self) -> float:
@@ -209,7 +222,12 @@ class PeriodicOrbit:
 
         Not that of a contact which lasts over all of the period, and has no touch.
         """
-        return smallest_approach_speed_of(self)
+        # from its states: where it is zero no run is as exact
+        intervals, log, speeds = self._intervals, self.events, [math.inf]
+        for k in np.flatnonzero(np.isin(log.kind, (IMPACT, TOUCH))).tolist():
+            rates = intervals.gaps(k - 1, intervals.end[[k - 1]])[1, 0]
+            speeds.append(float(log.side[k] * rates[log.pair[k]]))
+        return max(min(speeds), 0.0)
 
     def to_xarray(self, channels: Sequence[Position | Channel] | None = None) -> xarray.Dataset:
         """One period from t = 0 to T, both included, as a labelled dataset over time, with the multipliers.
@@ -256,6 +274,18 @@ class PeriodicOrbit:
             residual=self.residual,
         )
 
+    @cached_property
+    def _intervals(self) -> Intervals:
+        """The motion between the events; without events that of the period from t = 0."""
+        hybrid, log, begin = hybrid_system(self.system, self.excitation), self.events, self.events.time
+        contact_state, states = np.asarray(log.contact_state, dtype=float), np.hstack([log.displacement, log.velocity])
+        if not len(log):
+            begin, contact_state = np.zeros(1), self.contact_state[None].astype(float)
+            states = state_vector(self.state)[None]
+        end = np.append(begin[1:], begin[0] + self.period)
+        begin, end = (hybrid.omega * time + self.excitation.phase for time in (begin, end))
+        return Intervals(hybrid, begin, end, states, contact_state)
+
     @property
     def _channels(self) -> tuple[str, ...]:
         """Places and balls with their velocities, and gap and force of each pair with walls."""
@@ -288,3 +318,112 @@ def decays(multipliers: Complex) -> NDArray[np.bool_]:
 def state_vector(state: State) -> Array:
     """The vector (u, y, u', y') of a state that has all of them."""
     return np.concatenate([state.displacement, state.ball_displacement, state.velocity, state.ball_velocity])
+
+
+def state_of(system: System, vector: Array, time: float) -> State:
+    """The state of a system from the vector (u, y, u', y') at a time."""
+    n, d = system.dofs, vector.size // 2
+    return State(vector[:n], vector[d : d + n], vector[n:d], vector[d + n :], time=time)
+
+
+def run_of(orbit: PeriodicOrbit, channels: Sequence[Position | Channel]) -> Response:
+    """The event-driven run of an orbit over one period.
+
+    It begins at the instant of reading next to the middle of the longest interval between events, so that no event is
+    at its ends: these instants divide the period from t = 0.
+    """
+    intervals, frequency, phase = orbit._intervals, orbit.excitation.frequency, orbit.excitation.phase
+    omega, k = float(intervals.hybrid.omega), intervals.longest()
+    begin, end = ((float(each[k]) - phase) / omega for each in (intervals.begin, intervals.end))
+    # at least one instant is inside
+    finer = 2 ** max(math.ceil(math.log2(2.0 / (SAMPLES * frequency * (end - begin)))), 0)
+    interval = 1.0 / (frequency * SAMPLES * finer)
+    time = interval * round(0.5 * (begin + end) / interval) if len(orbit.events) else 0.0
+    (state,) = intervals.at(k, np.array([omega * time + phase]))
+    recorder = Recorder(channels=channels, impacts=max(len(orbit.impacts), 1))
+    method, start = EventDriven(samples_per_cycle=SAMPLES * finer), state_of(orbit.system, state, time)
+    return integrate(orbit.system, orbit.excitation, method, orbit.period, recorder, start)
+
+
+def period_of(orbit: PeriodicOrbit, channels: Sequence[Position | Channel]) -> Response:
+    """The run of an orbit as it goes from t = 0 to t = T, both included, with the impacts of the orbit."""
+    run = run_of(orbit, channels)
+    count = run.time.size - 1
+    first = -round(run.start * count / orbit.period) % count
+
+    def periodic(values: Array) -> Array:
+        rolled = np.roll(values[:-1], -first, axis=0)
+        return np.concatenate([rolled, rolled[:1]])
+
+    def summed(values: Array) -> Array:
+        rises = np.roll(np.diff(values, axis=0), -first, axis=0)
+        return np.cumsum(np.concatenate([np.zeros_like(values[:1]), rises]), axis=0)
+
+    time, energy = np.linspace(0.0, orbit.period, count + 1), run.energy
+    assert energy is not None
+    ledger = changed(
+        energy,
+        time=time,
+        **{name: periodic(energy[name]) for name in ("kinetic", "strain", "ball", "contact")},
+        **{
+            name: summed(getattr(energy, name))
+            for name in ("work", "structure_loss", "contact_loss", "structure_loss_of_mode")
+        },
+        work_of={name: summed(values) for name, values in energy.work_of.items()},
+    )
+    histories = {name: periodic(values) for name, values in run.channels.items()}
+    return changed(run, time=time, channels=histories, energy=ledger, impacts=orbit.impacts, start=0.0)
+
+
+def _clearance(orbit: PeriodicOrbit, read: list[tuple[Array, Array]], j: int, side: float) -> float:
+    """Smallest distance at which a pair turns back before a wall, m, from phases and gaps of each interval.
+
+    Infinite where it never does: where there is no wall, or each approach ends at the wall.
+    """
+    intervals = orbit._intervals
+    wall = float(intervals.hybrid.gaps[j, 0 if side > 0.0 else 1])
+    if not math.isfinite(wall):
+        return math.inf
+    apart = intervals.contact_state[:, j] * side <= 0.0
+    met = (orbit.events.pair == j) & (orbit.events.side == side)
+    crests = list[float]()
+    for k in np.flatnonzero(apart).tolist():
+        phases, gaps = read[k]
+        tops = _tops(intervals, k, j, side, phases, side * gaps[:, :, j])
+        crests += (wall - side * intervals.gaps(k, np.array(tops))[0, :, j]).tolist()
+        # an impact elsewhere turns it back
+        turns = side * read[k - 1][1][1, -1, j] > 0.0 >= side * gaps[1, 0, j]
+        if met.size and not met[k] and apart[k - 1] and turns:
+            crests.append(wall - side * float(gaps[0, 0, j]))
+    if not crests and np.all(apart) and not np.any(met):
+        # it stands still
+        crests = [wall - side * float(read[0][1][0, 0, j])]
+    return max(min(crests, default=math.inf), 0.0)
+
+
+def _tops(intervals: Intervals, k: int, pair: int, side: float, phases: Array, read: Array) -> list[float]:
+    """Phases in interval k at which the gap of a pair turns back, given it, its rate and the rate of that (3, n)."""
+
+    def zero(derivative: int, low: float, high: float) -> float:
+        def value(phase: float) -> float:
+            return float(intervals.gaps(k, np.array([phase]))[derivative, 0, pair])
+
+        ends = value(low), value(high)
+        if ends[0] * ends[1] >= 0.0:
+            # rounding puts it at one of them
+            return (low, high)[int(np.argmin(np.abs(ends)))]
+        return float(scipy.optimize.brentq(value, low, high))
+
+    (_, rate, slope), step = read, np.diff(phases) / float(intervals.hybrid.omega)
+    found = [zero(1, phases[i], phases[i + 1]) for i in np.flatnonzero((rate[:-1] > 0.0) & (rate[1:] <= 0.0)).tolist()]
+    # twice within a step, beside a wall that it leaves slowly: the extreme of the rate lies between
+    for sign in (1.0, -1.0):
+        before, after = sign * rate[:-1], sign * rate[1:]
+        up, down = sign * slope[:-1], sign * slope[1:]
+        may = (before <= 0.0) & (after <= 0.0) & (up > 0.0) & (down < 0.0)
+        may &= (before + step * up > 0.0) & (after - step * down > 0.0)
+        for i in np.flatnonzero(may).tolist():
+            middle = zero(2, phases[i], phases[i + 1])
+            if sign * side * float(intervals.gaps(k, np.array([middle]))[1, 0, pair]) > 0.0:
+                found.append(zero(1, middle, phases[i + 1]) if sign > 0.0 else zero(1, phases[i], middle))
+    return found

@@ -1,26 +1,54 @@
-"""Search of periodic orbits: Newton from a first guess, and the verification by an event-driven run."""
+"""Search of periodic orbits: first guesses, by a run or in closed form, and Newton's method from them."""
 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import fields, replace
 from typing import Any, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from femimpact.arrays import Array
-from femimpact.errors import DivergenceError, InputError, instance, items, kind_of, quantity, require, takes
-from femimpact.excitation import Excitation, PointForce, Sine
-from femimpact.integrators.event_driven.loop_data import check_events
-from femimpact.orbits.equations import EventStates, state_unit
+from femimpact.errors import (
+    DivergenceError,
+    Fault,
+    InputError,
+    changed,
+    instance,
+    items,
+    kind_of,
+    quantity,
+    require,
+    takes,
+)
+from femimpact.excitation import Excitation, PointForce, Sine, Sum
+from femimpact.excitation.drives import alone
+from femimpact.integrators.event_driven import EventDriven
+from femimpact.integrators.event_driven.loop_data import CONTACT, FREE, SEPARATING, check_events
+from femimpact.integrators.runs import integrate
+from femimpact.orbits.equations import (
+    IMPACT,
+    PRESS_AGAIN,
+    RELEASE,
+    SECTION,
+    SEPARATE,
+    TOUCH,
+    EventSequence,
+    EventStates,
+    event_maps,
+    length_of,
+    solve,
+    state_unit,
+)
 from femimpact.orbits.flow import HybridSystem, hybrid_system
-from femimpact.orbits.guess import first_guess, sine_of
-from femimpact.orbits.newton import solve
 from femimpact.orbits.orbit import PeriodicOrbit, state_vector
-from femimpact.orbits.verification import verified
+from femimpact.orbits.verification import OtherMotionError, recorder_of_events, verified
+from femimpact.response.impacts import EventLog
 from femimpact.response.response import Response
-from femimpact.system.state import State
+from femimpact.system.state import State, same_excitation
 from femimpact.system.system import System
 from femimpact.units import number_text
 
@@ -38,10 +66,12 @@ GUESSES = Response, State, PeriodicOrbit
 GRAZING = 1e-8
 """Speed of an event, in lengths and rad of the drive, at which a search has ended on no impact."""
 
-LEAST_UNIT = 1e-3
-"""Share of the size of a motion below which no gap is its unit: rounding of the motion would be read as a miss."""
-
 TRY = "try a run that has settled for longer, a start nearer to the orbit, or another number of cycles"
+
+BEFORE = {IMPACT: FREE, TOUCH: FREE, RELEASE: CONTACT, PRESS_AGAIN: SEPARATING, SEPARATE: SEPARATING}
+"""Contact state, without the side, of a pair before an event of each kind that an orbit may have."""
+
+STICKS = "must lead to a motion without sticking: orbits that stick to a wall, or chatter, are not looked for"
 
 
 @takes(system=SYSTEM, cycles=CYCLES, guess=instance(*GUESSES))
@@ -159,19 +189,6 @@ def orbit_near(system: System, excitation: Sine | PointForce, guess: EventStates
     return verified(system, excitation, replace(found, length=length))
 
 
-def length_of(hybrid: HybridSystem, states: Array) -> float:
-    """Unit of displacements (m): the smallest gap, or what is seen of motions that are far larger.
-
-    Without walls, and with walls at no distance, it is the size of the motion: the largest displacement, or velocity
-    over omega.
-    """
-    gaps = np.where(np.isfinite(hybrid.gaps), np.abs(hybrid.gaps), 0.0).max(axis=1)
-    size = float(np.abs(states / state_unit(1.0, hybrid.omega, hybrid.mass.size)).max(initial=0.0)) or 1.0
-    if not np.any(gaps > 0.0):
-        return size
-    return max(float(gaps[gaps > 0.0].min()), LEAST_UNIT * size)
-
-
 def one_sine(excitation: Any) -> Sine | PointForce:
     """The one sine of an excitation.
 
@@ -195,3 +212,226 @@ def _is_same(orbit: PeriodicOrbit, other: PeriodicOrbit) -> bool:
     apart = np.abs(np.concatenate([log.displacement - one.displacement[0], log.velocity - one.velocity[0]], axis=1))
     near = np.all(apart <= DISTINCT * unit, axis=1) & (np.abs(np.exp(1j * later) - 1.0) <= DISTINCT)
     return bool(np.any(near & (log.kind == one.kind[0]) & (log.pair == one.pair[0]) & (log.side == one.side[0])))
+
+
+# ---- the first guess ------------------------------------------------------------------------------
+
+
+def first_guess(
+    system: System, excitation: Excitation, cycles: int, guess: Response | State | PeriodicOrbit
+) -> EventStates:
+    """Events and states of one period, which is so many of the excitation.
+
+    Those of an orbit are its own. A state, or the end of a run, is followed over two periods. The first period is
+    begun in the middle of its longest interval that leaves every contact as it begins.
+
+    Raises `InputError` if there is none, or a ball touches nothing.
+    """
+    if isinstance(guess, PeriodicOrbit):
+        return _of_orbit(system, guess, cycles)
+    start = guess if isinstance(guess, State) else _end_of(guess, excitation)
+    period, omega = cycles / excitation.frequency, 2.0 * math.pi * excitation.frequency
+    try:
+        run = integrate(system, excitation, EventDriven(), 2.0 * period, recorder_of_events(cycles), start)
+    except InputError as error:
+        renamed = [replace(fault, key=re.sub("^initial", "guess", fault.key)) for fault in error.faults]
+        raise InputError(renamed) from None
+    log: Any = run.events
+    final: Any = run.final_state
+    require(log.dropped == 0, "guess", f"{len(log) + log.dropped} events in two periods", "", STICKS)
+    held = final.continuation.held.state.astype(log.contact_state.dtype)
+    # what lies of each interval in the first period, so that a whole one follows its middle
+    times, ends = np.append(start.time, log.time), np.append(log.time, math.inf)
+    ends = np.minimum(ends, start.time + period)
+    intervals = np.flatnonzero(times < ends)
+    fault = "must nearly repeat: in one period its contacts do not end as they begin"
+    for i in intervals[np.argsort((times - ends)[intervals], kind="stable")].tolist():
+        begin = 0.5 * (times[i] + ends[i])
+        rows = np.flatnonzero((log.time > begin) & (log.time <= begin + period))
+        state = log.contact_state[rows[-1]] if rows.size else held
+        if not _may_be_met(log, rows, state, system):
+            fault = STICKS
+        elif np.array_equal(_state_before(log, int(rows[0]) if rows.size else len(log), held), state):
+            _check_rows(log, rows, state, system)
+            if not rows.size:
+                return without_events(state_vector(final), state, omega * final.time + excitation.phase, cycles)
+            return _of_rows(log, rows, omega * log.time[rows] + excitation.phase, cycles)
+    raise InputError([Fault("guess", None, "", fault)])
+
+
+def without_events(state: Array, contact_state: NDArray[Any], phase: float, cycles: int) -> EventStates:
+    """A guess of a motion that meets nothing, from its state (2d,) at a phase: two sections stand for events."""
+    phases = np.mod(phase, 2.0 * math.pi) + math.pi * cycles * np.arange(2)
+    states = np.tile(contact_state.astype(float), (2, 1))
+    sequence = EventSequence((SECTION,) * 2, np.full(2, -1), np.zeros(2), states, phases, cycles)
+    return EventStates(sequence, np.tile(state, (2, 1)), phases)
+
+
+def sine_of(excitation: Any) -> Sine | PointForce | None:
+    """The drive of an excitation that is one sine, None of any other."""
+    drive = alone(excitation)
+    history = drive.history if isinstance(drive, PointForce) else drive
+    while isinstance(history, Sum) and len(history.parts) == 1:
+        history = history.parts[0]
+    if not isinstance(history, Sine):
+        return None
+    return changed(drive, history=history) if isinstance(drive, PointForce) else history
+
+
+def _end_of(run: Response, excitation: Excitation) -> State:
+    """Where a run has ended, at a time when the excitation has the phase that its own has there."""
+    require(
+        run.final_state is not None, "guess", "Response", "", "must have a final_state: one read from files has none"
+    )
+    state = cast(State, run.final_state)
+    if same_excitation(run.base, excitation):
+        return state
+    base = sine_of(run.base)
+    allowed = "must be under one sine, at a phase of which it ends; of another run give final_state, at its time"
+    require(base is not None, "guess", f"a run under {kind_of(run.base)}", "", allowed)
+    base = cast("Sine | PointForce", base)
+    phase = 2.0 * math.pi * base.frequency * state.time + base.phase
+    turn = (phase - excitation.phase) % (2.0 * math.pi)
+    return replace(state, time=turn / (2.0 * math.pi * excitation.frequency), continuation=None)
+
+
+def _of_rows(log: EventLog, rows: NDArray[np.intp], phases: Array, cycles: int) -> EventStates:
+    sequence = EventSequence(
+        tuple(log.kind[rows].tolist()), log.pair[rows], log.side[rows].astype(float),
+        log.contact_state[rows].astype(float), np.zeros(rows.size), cycles,
+    )  # fmt: skip
+    states = np.concatenate([log.displacement[rows], log.velocity[rows]], axis=1)
+    # by whole periods of the orbit: t = 0 is at the same of its `cycles`
+    return EventStates(sequence, states, phases - sequence.turn * math.floor(phases[0] / sequence.turn))
+
+
+def _of_orbit(system: System, orbit: PeriodicOrbit, cycles: int) -> EventStates:
+    """That of an orbit, or of several periods of it."""
+    times, left = divmod(cycles, orbit.cycles)
+    require(left == 0, "guess.cycles", orbit.cycles, "", f"must divide the cycles of the orbit looked for, {cycles}")
+    for j, side in set(zip(orbit.events.pair.tolist(), orbit.events.side.tolist(), strict=True)):
+        pair, other = system.contacts[j], orbit.system.contacts[j]
+        same = pair.parameters.is_rigid == other.parameters.is_rigid and math.isfinite(pair.gaps[0 if side > 0 else 1])
+        allowed = "must be met at a wall of the same law: else give its state, guess=orbit.state"
+        require(same, f"guess.{other.name}", f"{other.law.name} on the {'+' if side > 0 else '-'} side", "", allowed)
+    omega, log = 2.0 * math.pi * orbit.excitation.frequency, orbit.events
+    if len(log):
+        rows = np.tile(np.arange(len(log)), times)
+        later = np.repeat(np.arange(times) * orbit.period, len(log))
+        return _of_rows(log, rows, omega * (log.time[rows] + later) + orbit.excitation.phase, cycles)
+    return without_events(state_vector(orbit.state), orbit.contact_state, orbit.excitation.phase, cycles)
+
+
+def _state_before(log: EventLog, row: int, at_end: NDArray[Any]) -> NDArray[Any]:
+    """Contact states (pairs,) before an event: those that the next event of each pair begins from."""
+    state = at_end.copy()
+    for k in range(len(log) - 1, row - 1, -1):
+        state[log.pair[k]] = BEFORE.get(str(log.kind[k]), CONTACT) * log.side[k]
+    return state
+
+
+def _may_be_met(log: EventLog, rows: NDArray[np.intp], state: NDArray[Any], system: System) -> bool:
+    """Whether no pair of some events sticks."""
+    rigid = np.array([pair.parameters.is_rigid for pair in system.contacts], dtype=bool)
+    return not np.any(state[rigid]) and all(
+        kind in BEFORE and not (kind == TOUCH and rigid[pair])
+        for kind, pair in zip(log.kind[rows].tolist(), log.pair[rows].tolist(), strict=True)
+    )
+
+
+def _check_rows(log: EventLog, rows: NDArray[np.intp], state: NDArray[Any], system: System) -> None:
+    """Refuse impacts of several pairs at one instant, and balls that touch nothing."""
+    for k in rows[log.impacts[rows] > 1].tolist():
+        allowed = "must be impacts of one pair at a time: orbits with impacts at one instant are not looked for"
+        require(False, "guess", f"{log.impacts[k]} impacts at t = {log.time[k]:.6g} s", "", allowed)
+    name, allowed = untouched_ball(system, log.pair[rows], state), "must touch a wall: else it may be anywhere"
+    require(name is None, f"guess.{name}", "no contact in a period", "", allowed)
+
+
+def untouched_ball(system: System, met: NDArray[Any], state: NDArray[Any]) -> str | None:
+    """Name of a ball that touches nothing, from the pairs that have events and the contact states at one."""
+    for j, pair in enumerate(system.balls):
+        if pair.free_stiffness == 0.0 and state[j] == FREE and j not in met:
+            return pair.name
+    return None
+
+
+# ---- two impacts in a period ----------------------------------------------------------------------
+
+
+@takes(system=instance(System))
+def two_impact_orbits(system: System, excitation: Excitation) -> tuple[PeriodicOrbit, ...]:
+    """The symmetric orbits with one impact on each wall in a period of the excitation: at most two, in closed form.
+
+    With the propagator P over half a period and the impulse q (1 + e) of a unit approach speed, the motion just after
+    the impact on the + wall is z_p(theta) + v a, (I + P) a = q (1 + e): linear in the approach speed v. That the gap
+    is closed there, at that speed, makes
+
+        (g + v alpha)^2 + v^2 (1 + beta)^2/omega^2 = |X|^2,
+
+    a quadratic in v, with alpha and beta what the gap and its rate read of P a, and X the amplitude of the gap in the
+    steady response.
+
+    Parameters
+    ----------
+    system : System
+        On its modes, with one rigid ball or stop between equal walls, and no constant force.
+    excitation : Sine or PointForce
+
+    Returns
+    -------
+    tuple of PeriodicOrbit
+        Stable and unstable, the higher approach speed first. A solution that is no motion of the system, because it
+        meets a wall once more or leaves the gap, is not among them, nor is one whose impacts have no speed.
+
+    Raises
+    ------
+    InputError
+        If the system or the excitation is another one, or a natural frequency without damping.
+    DivergenceError
+        If rounding keeps a solution from being confirmed, as beside a natural frequency with next to no damping.
+    """
+    check_events(system)
+    sine = one_sine(excitation)
+    walls = [j for j, pair in enumerate(system.contacts) if pair.has_walls]
+    require(len(walls) == 1, "system", f"{len(walls)} pairs with walls", "", "must have one ball or stop with walls")
+    pair = system.contacts[walls[0]]
+    require(pair.parameters.is_rigid, f"{pair.name}.contact", pair.law.name, "", "must be Rigid")
+    equal = pair.gaps[0] == pair.gaps[1]
+    require(equal, f"{pair.name}.gap", pair.gaps, "m", "must be the same on both sides")
+    hybrid, found = hybrid_system(system, sine), list[PeriodicOrbit]()
+    constant = bool(np.any(hybrid.constant))
+    require(not constant, "system", "constant forces", "", "must have none: with gravity no orbit is symmetric")
+    for guess in _solutions(hybrid, walls[0]):
+        try:
+            found.append(orbit_near(system, sine, guess))
+        except OtherMotionError:
+            continue
+    return tuple(found)
+
+
+def _solutions(hybrid: HybridSystem, pair: int) -> list[EventStates]:
+    """Roots of the quadratic with a positive speed, the larger one first."""
+    flow, d, pairs = hybrid.flow(np.zeros(hybrid.gaps.shape[0])), hybrid.mass.size, hybrid.gaps.shape[0]
+    sequence = EventSequence(
+        (IMPACT, IMPACT), np.full(2, pair), np.array([1.0, -1.0]), np.zeros((2, pairs)), np.zeros(2), 1
+    )  # fmt: skip
+    rows = event_maps(hybrid, EventStates(sequence, np.zeros((2, 2 * d)), np.array([0.0, math.pi])))
+    half = flow.over(np.array([math.pi / hybrid.omega]))[0][0]
+    after = np.linalg.solve(np.eye(2 * d) + half, rows.impulse[0])
+    alpha, beta = (float(row[0] @ (half @ after)) for row in (rows.row, rows.speed_row))
+    in_space = -hybrid.in_space[pair] * hybrid.amplitude
+    # the gap in the steady response: along sin(theta) and along cos(theta)
+    along = np.array([float(rows.row[0] @ steady) for steady in (flow.steady_sine, flow.steady_cosine)])
+    along[0] += in_space
+    gap, tail = float(hybrid.gaps[pair, 0]), (1.0 + beta) / float(hybrid.omega)
+    roots = np.roots([alpha**2 + tail**2, 2.0 * alpha * gap, gap**2 - float(along @ along)])
+    guesses, least = [], GRAZING * gap * float(hybrid.omega)
+    for speed in sorted((float(root.real) for root in roots if root.imag == 0.0 and root.real > least), reverse=True):
+        # X = R sin(theta + lead)
+        lead = math.atan2(along[1], along[0])
+        phase = math.atan2(gap + speed * alpha, speed * tail) - lead
+        state = speed * after + flow.steady(np.array([phase]))[0]
+        phases = phase % (2.0 * math.pi) + np.array([0.0, math.pi])
+        guesses.append(EventStates(sequence, np.array([state, -state]), phases))
+    return guesses

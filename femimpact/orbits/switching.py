@@ -12,7 +12,6 @@ from femimpact.arrays import Array
 from femimpact.errors import DivergenceError, InputError, checked, instance, require, takes
 from femimpact.integrators.event_driven.loop_data import CONTACT, FREE, SEPARATING
 from femimpact.orbits.branch import Bifurcation, known
-from femimpact.orbits.crests import crests, depth_beyond, top
 from femimpact.orbits.curve import SAME, Curve, Point, corrected, curve_of, evaluated, null_vectors
 from femimpact.orbits.equations import (
     IMPACT,
@@ -24,10 +23,9 @@ from femimpact.orbits.equations import (
     EventStates,
 )
 from femimpact.orbits.flow import HybridSystem
-from femimpact.orbits.guess import untouched_ball, without_events
-from femimpact.orbits.limits import AT_WALL, without_speed
+from femimpact.orbits.limits import AT_WALL, crests, depth_beyond, top, without_speed
 from femimpact.orbits.orbit import PeriodicOrbit
-from femimpact.orbits.search import orbit_near
+from femimpact.orbits.search import orbit_near, untouched_ball, without_events
 
 STEPS = (1e-2, 3e-3, 1e-3, 2e-2)
 """Steps beyond a bifurcation, in the unit of the curve; the first is taken at which the orbits are found."""

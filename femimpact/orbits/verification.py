@@ -1,27 +1,46 @@
-"""From a solution of the equations to an orbit: its multipliers, its symmetry, and its own event-driven run."""
+"""From solutions of the equations to orbits: their multipliers, their symmetry, and their own event-driven runs."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from functools import cached_property
 from typing import Any, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from femimpact import core
 from femimpact.arrays import Array
 from femimpact.errors import DivergenceError, InputError, made
 from femimpact.excitation import PointForce, Sine
+from femimpact.integrators.channel_rows import drive_of
 from femimpact.integrators.event_driven import EventDriven
+from femimpact.integrators.event_driven.block import Inputs, new_block, no_cycles, run_block, share_block
+from femimpact.integrators.event_driven.equations import equations_of
 from femimpact.integrators.event_driven.loop_data import FREE
+from femimpact.integrators.event_driven.store import FormStore, Outputs, Source, outputs_of
 from femimpact.integrators.runs import integrate
-from femimpact.orbits.equations import IMPACT, SECTION, SEPARATE, TOUCH, EventStates, Sequence, product, state_unit
-from femimpact.orbits.flow import HybridSystem
-from femimpact.orbits.guess import recorder_of_events
-from femimpact.orbits.newton import Solution
-from femimpact.orbits.orbit import PeriodicOrbit, state_vector
-from femimpact.orbits.period import intervals_between, state_of
-from femimpact.response.impacts import EventLog, Impacts
+from femimpact.orbits.curve import Point
+from femimpact.orbits.equations import (
+    IMPACT,
+    SECTION,
+    SEPARATE,
+    TOUCH,
+    EventStates,
+    Intervals,
+    Solution,
+    asymmetry,
+    length_of,
+    may_be_symmetric,
+    product,
+    state_unit,
+)
+from femimpact.orbits.orbit import PeriodicOrbit, state_of, state_vector
+from femimpact.response.cycles import CycleStatistics, steady_motion
+from femimpact.response.impacts import CYCLE_COLUMNS, EventLog, Impacts, event_log
+from femimpact.response.response import Recorder
 from femimpact.system.state import State
 from femimpact.system.system import System
 from femimpact.units import number_text
@@ -40,15 +59,100 @@ SAME_PHASE = 1e-5
 AT_START = 1e-12
 """Share of the period up to which an event before or after t = 0 is taken to be there."""
 
+MOST_EVENTS = 1000
+"""Events of one period of the drive beyond which a motion is taken for chatter."""
+
+SAMPLES = 512
+"""Instants of a period over which the first harmonic is summed; of many cycles those of `EventDriven` in each."""
+
+MORE_EVENTS = 64
+"""Events of a run beyond those of its orbit that are kept: of an orbit that is no motion some are met."""
+
+
+class OtherMotionError(DivergenceError):
+    """A solution of the equations that is no motion of the system: it meets other events, or is beyond a wall."""
+
 
 @dataclass(frozen=True, eq=False)
 class OwnRun:
     """What the event-driven run of an orbit over one period leaves. It begins between two events."""
 
+    events: EventStates  # of the orbit
+    first: int  # of these: the one that it is to meet first
     log: EventLog
-    phases: Array  # (events,) rad: of the drive at them
-    first: int  # event of the orbit that it is to meet first
+    phases: Array  # rad: of the drive at the events of the log
     missed: float  # by which it misses its start, in units; infinite where its events did not end
+    # m: largest displacement of the default place, and its component at the frequency of the excitation, where read
+    peak: float = math.nan
+    first_harmonic: float = math.nan
+
+    @cached_property
+    def expected(self) -> EventStates:
+        """The events that it is to meet, in their order; sections are none."""
+        events, sequence = self.events, self.events.sequence
+        order = np.roll(np.arange(events.phases.size), -self.first)
+        order = order[np.array(sequence.kind)[order] != SECTION]
+        phases = events.phases[order] + np.where(order < self.first, sequence.turn, 0.0)
+        return EventStates(sequence.rows(order), events.states[order], phases)
+
+    @property
+    def other_event(self) -> int | None:
+        """Row of the log with the first event that the orbit has not.
+
+        It is the number of rows where the first one is missing, and None where there is none.
+        """
+        log, expected = self.log, self.expected.sequence
+        met, due = (list(zip(each.kind, each.pair, each.side, strict=True)) for each in (log, expected))
+        equal = [one == other for one, other in zip(met, due, strict=False)]
+        return None if all(equal) and len(met) == len(due) else [*equal, False].index(False)
+
+    @property
+    def first_other(self) -> int | None:
+        """The same of an event that the orbit has not, or has at another phase."""
+        other, count = self.other_event, min(self.phases.size, self.expected.phases.size)
+        late = np.flatnonzero(np.abs(self.phases[:count] - self.expected.phases[:count]) > SAME_PHASE)
+        return min([*late[:1].tolist(), *([] if other is None else [other])], default=None)
+
+    @property
+    def extra(self) -> tuple[int, float] | None:
+        """Row of the log of that event, and its phase in the orbit's cycle; None where one is missing, or none is."""
+        row, start = self.first_other, self.events.phases[0]
+        if row is None or row == len(self.log):
+            return None
+        return row, float(start + (self.phases[row] - start) % self.events.sequence.turn)
+
+    def check_events(self) -> None:
+        """Refuse an orbit of which it meets other events."""
+        i, log = self.other_event, self.log
+        if i is None:
+            return
+        if i < len(log) and log.impacts[i] > 1:
+            met = f"impacts of {log.impacts[i]} pairs at one instant, t = {log.time[i]:.6g} s"
+            raise OtherMotionError(f"the orbit found has {met}: such orbits are not looked for")
+        met, count = self._words(i) if i < len(log) else "nothing more", self.expected.phases.size
+        raise OtherMotionError(
+            f"the orbit found is no motion of the system: after {i} of its {count} events its own run meets {met}; "
+            "start nearer to an orbit with the contacts of that run"
+        )
+
+    def check_missed(self, growth: float) -> None:
+        """Refuse an orbit of which it misses its start, where a disturbance grows so much in a period."""
+        allowed, k, off = VERIFIED * max(1.0, growth), self.first_other, ""
+        if self.missed <= allowed:
+            return
+        if k is not None and k < len(self.log):
+            later = self.phases[k] - self.expected.phases[k]
+            words = f"event {k + 1} of it, {self._words(k)}, is {number_text(abs(later), 2)} rad of the excitation"
+            off = f"; {words} {'later' if later > 0.0 else 'sooner'} than that of the orbit"
+        raise DivergenceError(
+            f"the orbit found is not confirmed: its own run misses its start by {number_text(self.missed, 2)} after "
+            f"one period (in units of its length and of that times omega), above {number_text(allowed, 2)}{off}"
+        )
+
+    def _words(self, row: int) -> str:
+        """Kind, pair, side and time of an event."""
+        log, side = self.log, "+" if self.log.side[row] > 0 else "-"
+        return f"{log.kind[row]} of {log.contacts[log.pair[row]]} on its {side} side at t = {log.time[row]:.6g} s"
 
 
 def verified(system: System, excitation: Sine | PointForce, found: Solution) -> PeriodicOrbit:
@@ -57,27 +161,10 @@ def verified(system: System, excitation: Sine | PointForce, found: Solution) -> 
     Raises `DivergenceError` if its own run meets other events, or does not end where it began.
     """
     run, impacts = own_run(system, excitation, found)
-    check_events(run, found.events.sequence)
+    run.check_events()
     orbit = orbit_of(system, excitation, found, run, impacts)
-    check_missed(run, found.events, float(np.abs(orbit.multipliers[0])))
+    run.check_missed(float(np.abs(orbit.multipliers[0])))
     return orbit
-
-
-def check_missed(run: OwnRun, events: EventStates, growth: float) -> None:
-    """Refuse an orbit whose own run misses its start after one period."""
-    allowed = VERIFIED * max(1.0, growth)
-    if run.missed <= allowed:
-        return
-    k, off = first_other(run, events), ""
-    if k is not None and k < len(run.log):
-        later = run.phases[k] - _expected_phases(run, events)[k]
-        words = f"event {k + 1} of it, {_words(run.log, k)}, is {number_text(abs(later), 2)} rad of the excitation"
-        off = f"; {words} {'later' if later > 0.0 else 'sooner'} than that of the orbit"
-    raise DivergenceError(
-        f"the orbit found is not confirmed: its own run misses its start by {number_text(run.missed, 2)} after one "
-        "period (in "
-        f"units of its length and of that times omega), above {number_text(allowed, 2)}{off}"
-    )
 
 
 def orbit_of(
@@ -144,29 +231,9 @@ def _half_map(found: Solution, first: int) -> Array | None:
     return -product(np.roll(found.maps.steps, -1 - first, axis=0)[: len(sequence.kind) // 2])
 
 
-def may_be_symmetric(hybrid: HybridSystem, sequence: Sequence) -> bool:
-    """Whether both sides of what is met are equal, and the events half a period later are those of the other side."""
-    gaps = hybrid.gaps[np.unique(sequence.pair[sequence.pair >= 0])]
-    equal = np.allclose(gaps[:, 0], gaps[:, 1], rtol=1e-12, atol=0.0) and not np.any(hybrid.constant)
-    return sequence.cycles % 2 == 1 and equal and halves_agree(sequence, -1.0)
-
-
-def halves_agree(sequence: Sequence, sign: float) -> bool:
-    """Whether the events of the second half of a period are those of the first, on the same side or on the other."""
-    half, odd = divmod(len(sequence.kind), 2)
-    if odd or sequence.kind[:half] != sequence.kind[half:]:
-        return False
-    one_side = sequence.pair, sign * sequence.side, sign * sequence.contact_state
-    other = sequence.pair, sequence.side, sequence.contact_state
-    return all(np.array_equal(here[:half], there[half:]) for here, there in zip(one_side, other, strict=True))
-
-
-def asymmetry(events: EventStates, unit: Array) -> float:
-    """Largest difference between an orbit that may be symmetric and minus itself half a period later, in its units."""
-    states, phases, half = events.states, events.phases, len(events.phases) // 2
-    apart = np.abs(states[:half] + states[half:]) / unit
-    turned = np.abs(phases[half:] - phases[:half] - math.pi * events.sequence.cycles)
-    return float(max(apart.max(), turned.max()))
+def recorder_of_events(cycles: int) -> Recorder:
+    """What a run keeps of which the events alone are read, over two periods of so many of the drive."""
+    return Recorder(channels=(), ledger=False, impacts=cycles * MOST_EVENTS, events=2 * cycles * MOST_EVENTS)
 
 
 def own_run(
@@ -174,8 +241,7 @@ def own_run(
 ) -> tuple[OwnRun, Impacts]:
     """The run of an orbit from where nothing, or a pair, is in contact if it ever is not, and its impacts."""
     sequence, hybrid = found.events.sequence, found.maps.hybrid
-    between = intervals_between(hybrid, found.events)
-    state, middle, first = between.start(pair)
+    state, middle, first = Intervals.between(hybrid, found.events).start(pair)
     time = float(_times(np.array([middle]), excitation, sequence.cycles)[0])
     period, start = sequence.cycles / excitation.frequency, state_of(system, state, time)
     try:
@@ -189,64 +255,8 @@ def own_run(
         raise OtherMotionError(f"the orbit found is no motion of the system: {where}") from None
     log, end = cast(EventLog, run.events), cast(State, run.final_state)
     unit, phases = state_unit(found.length, hybrid.omega, hybrid.mass.size), middle + hybrid.omega * (log.time - time)
-    return OwnRun(log, phases, first, float(np.max(np.abs(state_vector(end) - state) / unit))), run.impacts
-
-
-def first_other(run: OwnRun, events: EventStates) -> int | None:
-    """Row of the log of a run with the first event that its orbit has not, or has at another phase.
-
-    It is the number of rows where the first one is missing, and None where there is none.
-    """
-    expected, other = _expected_phases(run, events), _other_event(run, events.sequence)
-    count = min(run.phases.size, expected.size)
-    late = np.flatnonzero(np.abs(run.phases[:count] - expected[:count]) > SAME_PHASE)
-    return min([*late[:1].tolist(), *([] if other is None else [other])], default=None)
-
-
-def _other_event(run: OwnRun, sequence: Sequence) -> int | None:
-    """Row of the log of a run at which it has another event than its orbit has; None where it has not."""
-    log = run.log
-    met, expected = list(zip(log.kind, log.pair, log.side, strict=True)), _expected(sequence, run.first)
-    equal = [one == other for one, other in zip(met, expected, strict=False)]
-    return None if all(equal) and len(met) == len(expected) else [*equal, False].index(False)
-
-
-def _expected(sequence: Sequence, first: int) -> list[Any]:
-    """Events of an orbit from one on; sections are none."""
-    rows = list(zip(sequence.kind, sequence.pair, sequence.side, strict=True))
-    return [row for row in [*rows[first:], *rows[:first]] if row[0] != SECTION]
-
-
-def _expected_phases(run: OwnRun, events: EventStates) -> Array:
-    """Phases of the events that a run is to meet."""
-    phases = np.where(np.arange(events.phases.size) < run.first, events.phases + events.sequence.turn, events.phases)
-    rows = np.flatnonzero(np.array(events.sequence.kind) != SECTION)
-    return phases[np.roll(rows, -np.searchsorted(rows, run.first))]
-
-
-def _words(log: EventLog, row: int) -> str:
-    """Kind, pair, side and time of an event."""
-    side = "+" if log.side[row] > 0 else "-"
-    return f"{log.kind[row]} of {log.contacts[log.pair[row]]} on its {side} side at t = {log.time[row]:.6g} s"
-
-
-class OtherMotionError(DivergenceError):
-    """A solution of the equations that is no motion of the system: it meets other events, or is beyond a wall."""
-
-
-def check_events(run: OwnRun, sequence: Sequence) -> None:
-    """Refuse an orbit of which the own run meets other events."""
-    i, log = _other_event(run, sequence), run.log
-    if i is None:
-        return
-    if i < len(log) and log.impacts[i] > 1:
-        met = f"impacts of {log.impacts[i]} pairs at one instant, t = {log.time[i]:.6g} s"
-        raise OtherMotionError(f"the orbit found has {met}: such orbits are not looked for")
-    met, count = _words(log, i) if i < len(log) else "nothing more", len(_expected(sequence, run.first))
-    raise OtherMotionError(
-        f"the orbit found is no motion of the system: after {i} of its {count} events its own run meets {met}; "
-        "start nearer to an orbit with the contacts of that run"
-    )
+    missed = float(np.max(np.abs(state_vector(end) - state) / unit))
+    return OwnRun(found.events, first, log, phases, missed), run.impacts
 
 
 def _log(system: System, found: Solution, times: Array, order: NDArray[np.intp]) -> EventLog:
@@ -307,3 +317,72 @@ def _made(record: type[R], /, **values: Any) -> R:
         if isinstance(value, np.ndarray):
             value.setflags(write=False)
     return made(record, **values)
+
+
+# ---- many orbits of a curve ------------------------------------------------------------------------
+
+
+def own_runs(system: System, points: Sequence[Point]) -> list[OwnRun]:
+    """Runs over one period of the orbits of some points of a curve in one compiled call, in units of the curve."""
+    curve, count = points[0].curve, len(points)
+    method = EventDriven(samples_per_cycle=max(SAMPLES // curve.sequence.cycles, EventDriven().samples_per_cycle))
+    starts, phase, first = zip(*(point.intervals.start() for point in points), strict=True)
+    hybrids, state = [point.maps.hybrid for point in points], np.array(starts)
+    # where the parameter is in the matrices, the closed forms of each differ
+    systems = [curve.parameter.at(point.value)[0] for point in points] if curve.parameter.of_matrices else [system]
+    excitation = curve.parameter.at(curve.parameter.value)[1]
+    equations = [equations_of(each, drive_of(each, excitation)) for each in systems]
+    d, rigid = hybrids[0].mass.size, np.array([pair.parameters.is_rigid for pair in system.contacts], dtype=bool)
+    outputs = _outputs(system, d)
+    sources = [Source(of, outputs, each.derived) for each, of in zip(systems, equations, strict=True)]
+    store = FormStore(sources, rigid, rate=None)
+    inputs = Inputs(
+        omega=np.array([hybrid.omega for hybrid in hybrids]),
+        amplitude=np.array([[hybrid.drive] for hybrid in hybrids], dtype=complex),
+        phase=np.array(phase),
+        pieces=(),
+        gaps=np.array([hybrid.gaps for hybrid in hybrids]),
+        stiffness=np.array([hybrid.contact_stiffness for hybrid in hybrids]),
+        damping=np.array([hybrid.contact_damping for hybrid in hybrids]),
+        restitution=np.array([hybrid.restitution for hybrid in hybrids]),
+        is_sine=True,
+        position=state[:, :d],
+        velocity=state[:, d:],
+        window=np.tile([0.0, np.inf], (count, 1)),
+    )
+    kept = len(curve.sequence.kind) + MORE_EVENTS
+    block = new_block(system, store, inputs, method, None, most_events=kept)
+    if len(systems) > 1:
+        share_block(block, systems, np.arange(count), method)
+    samples, cycles = curve.sequence.cycles * method.samples_per_cycle, curve.sequence.cycles
+    block.grid = block.grid._replace(cycles=no_cycles(count, cycles), values=np.zeros((count, samples, 1 + 2 * d)))
+    begin, end = np.zeros(count, dtype=np.int64), np.full(count, samples)
+    run_block(block, begin, end, np.full(count, 10.0 * kept + samples))
+    lengths = [length_of(point.maps.hybrid, point.events.states) for point in points]
+    own_units = np.array([state_unit(each, hybrid.omega, d) for each, hybrid in zip(lengths, hybrids, strict=True)])
+    # a motion may vanish on its curve
+    unit = np.maximum(own_units, curve.unit[:-1])
+    names = tuple(pair.name for pair in system.contacts)
+    missed = np.max(np.abs(block.grid.values[:, -1, 1:] - state) / unit, axis=1)
+    logs = tuple(
+        event_log(rows, int(found), names) for rows, found in zip(block.tables.events, block.tables.logged, strict=True)
+    )
+    table = np.moveaxis(block.grid.cycles[:, :, : len(CYCLE_COLUMNS)], (2, 1), (0, 1))
+    motion = steady_motion(CycleStatistics(*table), np.full(count, cycles))
+    missed = np.where(block.stopped == core.events.DONE, missed, np.inf)
+    at_events = [begun + omega * log.time for begun, omega, log in zip(phase, inputs.omega, logs, strict=True)]
+    read = missed.tolist(), motion.peak.tolist(), motion.first_harmonic.tolist()
+    return list(map(OwnRun, [point.events for point in points], first, logs, at_events, *read))
+
+
+def _outputs(system: System, d: int) -> Outputs:
+    """The default place, whose peak is found, then all coordinates and their rates."""
+    place, pairs = outputs_of(system, system.point_row(system.default_place)), len(system.contacts)
+    nothing, each = np.zeros((d, d)), np.eye(d)
+    return Outputs(
+        np.concatenate([place.position, each, nothing]),
+        np.concatenate([place.rate, nothing, each]),
+        np.zeros((1 + 2 * d, pairs)),
+        np.zeros((place.drive.shape[0], 1 + 2 * d)),
+        np.zeros(1 + 2 * d),
+    )

@@ -222,10 +222,6 @@ def spectrum(
     confidence : float, optional
         Probability that the interval of a line holds the density; 0.95 by default.
 
-    Returns
-    -------
-    Spectrum
-
     Raises
     ------
     InputError

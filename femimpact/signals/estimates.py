@@ -82,10 +82,6 @@ def measured_transfer(
     resolution : float, Hz, optional
         Distance of the lines of averages; by default that of 15 windows.
 
-    Returns
-    -------
-    TransferFunction
-
     Raises
     ------
     InputError

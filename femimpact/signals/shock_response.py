@@ -142,10 +142,6 @@ def shock_response_spectrum(
     duration : float, s, optional
         Up to when the oscillators are followed; needed for a motion that does not end.
 
-    Returns
-    -------
-    ShockResponseSpectrum
-
     Raises
     ------
     InputError

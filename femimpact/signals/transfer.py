@@ -126,10 +126,6 @@ def transfer_function(
     force_at : str or float, optional
         Place of a force, which is the input in place of a motion of the base, which is at rest.
 
-    Returns
-    -------
-    TransferFunction
-
     Raises
     ------
     InputError

@@ -100,13 +100,13 @@ class Segment:
     def __post_init__(self) -> None:
         faults = []
         require_single({name: getattr(self, name) for name in ("width", "thickness")})
-        given = {name for name in frozenset().union(*FORMS) if getattr(self, name) is not None}
-        shown = " and ".join(sorted(given)) or "nothing"
-        if given not in FORMS:
-            faults.append(Fault("section", shown, "", FORMS_IN_WORDS))
-        elif "width" not in given:
+        set_fields = {name for name in frozenset().union(*FORMS) if getattr(self, name) is not None}
+        set_words = " and ".join(sorted(set_fields)) or "nothing"
+        if set_fields not in FORMS:
+            faults.append(Fault("section", set_words, "", FORMS_IN_WORDS))
+        elif "width" not in set_fields:
             allowed = "must be left out: a section given by {} does not taper"
-            by = "diameter" if "diameter" in given else "area and second_moment"
+            by = "diameter" if "diameter" in set_fields else "area and second_moment"
             tapers = [n for n in ("end_width", "end_thickness") if getattr(self, n) is not None]
             faults += [Fault(n, getattr(self, n), "m", allowed.format(by)) for n in tapers]
         check_fields(self, *faults)
@@ -114,7 +114,7 @@ class Segment:
             allowed = f"must be below half the diameter, {0.5 * self.diameter:.6g} m: a bar without a hole has no wall"
             require(2.0 * self.wall < self.diameter, "wall", self.wall, "m", allowed)
         allowed = "must give E I and rho A that are neither zero nor infinite to rounding"
-        require(self._is_sized, "section", shown, "", allowed)
+        require(self._is_sized, "section", set_words, "", allowed)
 
     @property
     def _is_sized(self) -> bool:
@@ -153,13 +153,7 @@ class Segment:
         return self.end_width or width, self.end_thickness or thickness
 
     def rectangle_at(self, position: float) -> tuple[float, float]:
-        """Width and thickness (m) at a distance (m) from the segment's start; beyond an end, those of the end.
-
-        Raises
-        ------
-        InputError
-            If the distance is no finite number.
-        """
+        """Width and thickness (m) at a distance (m) from the segment's start; beyond an end, those of the end."""
         position = checked("position", position, quantity("m"))
         share = min(max(position / self.length, 0.0), 1.0)
         (width, thickness), (end_width, end_thickness) = self.rectangle, self.end_rectangle
@@ -169,11 +163,6 @@ class Segment:
         """Width and height (m) with which the section is drawn at a distance (m) from the segment's start.
 
         Of a round bar and a tube the diameter, of a section by area and second moment the rectangle that has these.
-
-        Raises
-        ------
-        InputError
-            If the distance is no finite number.
         """
         if self.diameter is None:
             return self.rectangle_at(position)
@@ -301,13 +290,7 @@ class Beam:
         return f"{', '.join(names)}: drawn as the rectangles of their areas and second moments" if names else ""
 
     def segment_index_at(self, position: float) -> int:
-        """Number of the segment that holds a position (m from the root); at a joint, the one towards the tip.
-
-        Raises
-        ------
-        InputError
-            If the position is no finite number.
-        """
+        """Number of the segment that holds a position (m from the root); at a joint, the one towards the tip."""
         position = checked("position", position, quantity("m"))
         return min(max(bisect_right(self.joints, position) - 1, 0), len(self.segments) - 1)
 
@@ -315,11 +298,6 @@ class Beam:
         """Width and height (m) with which the section is drawn at a position (m from the root); see `Segment.drawn_at`.
 
         At a joint, those towards the tip.
-
-        Raises
-        ------
-        InputError
-            If the position is no finite number.
         """
         i = self.segment_index_at(position)
         return self.segments[i].drawn_at(position - self.joints[i])

@@ -148,7 +148,7 @@ class Impactor:
     Raises
     ------
     InputError
-        If the contact is no contact law, or is one with a spring of its own beside a dashpot.
+        If the contact is one with a spring of its own beside a dashpot.
     """
 
     name: str = field(metadata=name_text())
@@ -347,22 +347,16 @@ class Structure:
 
     Parameters
     ----------
-    beam : Beam
-    masses : sequence of PointMass
-    impactors : sequence of Impactor
     damping : Rayleigh or ModalDamping, optional
         None means undamped.
     supports : sequence of Support
         The default clamps the root.
-    stops : sequence of Stop
     gravity : float, m/s^2
         Constant acceleration along the deflection of everything that moves: beam, bodies and balls. The
         `acceleration` of a ball adds to it.
     springs : sequence of Spring
         Those to the base hold the beam, so that there may be no supports. About a single one, without supports, the
         beam is free to turn: a rigid motion of frequency 0.
-    dashpots : sequence of Dashpot
-    absorbers : sequence of Absorber
 
     Raises
     ------
@@ -422,17 +416,17 @@ class Structure:
     def _head(self) -> Head:
         """Summary of the beam, its bodies and where they are."""
         lists = ("supports", "masses", "impactors", "stops", "springs", "dashpots", "absorbers")
-        given = {key: [getattr(one, "name", getattr(one, "kind", "")) for one in getattr(self, key)] for key in lists}
+        labels = {key: [getattr(one, "name", getattr(one, "kind", "")) for one in getattr(self, key)] for key in lists}
         places = {key: [one.at for one in getattr(self, key)] for key in lists}
-        shown = {
+        rows = {
             key: ", ".join(f"{name} at {place}" for name, place in zip(names, places[key], strict=True))
-            for key, names in given.items()
+            for key, names in labels.items()
             if names
         }
-        shown["damping"] = "none" if self.damping is None else repr(self.damping)
+        rows["damping"] = "none" if self.damping is None else repr(self.damping)
         if self.gravity:
-            shown["gravity"] = f"{self.gravity:g} m/s^2"
-        return head_of_values(f"Structure: beam of {self.beam.length:g} m, {self.beam.mass:.4g} kg", shown)
+            rows["gravity"] = f"{self.gravity:g} m/s^2"
+        return head_of_values(f"Structure: beam of {self.beam.length:g} m, {self.beam.mass:.4g} kg", rows)
 
     @property
     def attachments(self) -> tuple[tuple[str, PointMass | Impactor | Absorber | Support | Stop], ...]:
@@ -469,8 +463,8 @@ class Structure:
         held = [kind for support in self.supports for kind in SUPPORTS[support.kind]]
         standard = {"root": 0.0, "tip": self.beam.length, "mid": 0.5 * self.beam.length}
         holding: tuple[Any, ...] = tuple(s for s in self.supports if "w" in SUPPORTS[s.kind])
-        given = [self.place_of(s.at) for s in (*holding, *self.springs_to_base)]
-        places = [standard.get(str(at), at) for at in given]
+        bare_places = [self.place_of(s.at) for s in (*holding, *self.springs_to_base)]
+        places = [standard.get(str(at), at) for at in bare_places]
         metres = [place for place in places if not isinstance(place, str)]
         apart = bool(metres) and max(metres) - min(metres) > 1e-6 * self.beam.length
         # a name that only the mesh defines counts as a separate place here; assembly checks again where it is
@@ -488,11 +482,6 @@ class Structure:
 
 def glue_impactors(structure: Structure) -> Structure:
     """The same structure with every ball glued to the beam as a point mass (the second case of the paper's Table 1).
-
-    Raises
-    ------
-    InputError
-        If the value is no structure.
 
     Examples
     --------
@@ -547,8 +536,8 @@ def unusual_numbers(structure: Structure) -> list[UnusualNumber]:
 def _of_damping(structure: Structure) -> Iterator[UnusualNumber]:
     if structure.damping is None:
         return
-    given = structure.damping.ratios if isinstance(structure.damping, ModalDamping) else structure.damping.ratio
-    ratio = max(given) if isinstance(given, tuple) else given
+    ratios = structure.damping.ratios if isinstance(structure.damping, ModalDamping) else structure.damping.ratio
+    ratio = max(ratios) if isinstance(ratios, tuple) else ratios
     if ratio > LARGEST_RATIO:
         instead = f"is it a percentage? {ratio:g} % is a ratio of {0.01 * ratio:.4g}"
         yield UnusualNumber("damping.ratio", ratio, "1", LARGEST_RATIO, f"more than {LARGEST_RATIO:g}", instead)

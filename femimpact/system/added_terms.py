@@ -42,10 +42,6 @@ def add_terms(
     load : array_like (2 n,), N, optional
         Constant force on every dof, a moment (N m) on slopes.
 
-    Returns
-    -------
-    System
-
     Raises
     ------
     InputError
@@ -77,23 +73,23 @@ def add_terms(
     >>> heavier = fi.add_terms(full, mass=mass)
     """
     require_type(system, System, "system")
-    made = "must be a system as assemble gives it: add terms before reduce, and to the matrices of System.from_matrices"
+    must = "must be a system as assemble gives it: add terms before reduce, and to the matrices of System.from_matrices"
     assembled = system.nodes.size > 0 and sparse.issparse(system.expansion)
-    require(assembled, "system", f"{system.dofs} dofs", "", made)
+    require(assembled, "system", f"{system.dofs} dofs", "", must)
     size, expansion = 2 * system.nodes.size, sparse.csr_array(system.expansion)
     terms = {"stiffness": stiffness, "mass": mass, "damping": damping}
-    given = {name: _matrix_on_basis(name, value, size) for name, value in terms.items()}
+    on_basis = {name: _matrix_on_basis(name, value, size) for name, value in terms.items()}
     force = np.zeros(size) if load is None else checked_row("load", load, size)
-    free = {name: sparse.csr_array(expansion.T @ matrix @ expansion) for name, matrix in given.items()}
+    free = {name: sparse.csr_array(expansion.T @ matrix @ expansion) for name, matrix in on_basis.items()}
     rigid = np.zeros(size)
     rigid[0::2] = 1.0
-    momentum = given["mass"] @ rigid
+    momentum = on_basis["mass"] @ rigid
     loaded: dict[str, Any] = {
         "rayleigh": system.rayleigh if damping is None else None,
         "constant_load": frozen_row(system.constant_load + expansion.T @ force),
         "constant_resultant": None,
         "reactions": {
-            name: _with_terms(item, system.rayleigh, given, momentum, force, expansion)
+            name: _with_terms(item, system.rayleigh, on_basis, momentum, force, expansion)
             for name, item in system.reactions.items()
         },
         "computed_together": None,
@@ -160,7 +156,7 @@ def _stiffness_factor(system: System, added: Matrix, K: Matrix) -> Matrix:
 def _with_terms(
     item: Reaction,
     rayleigh: tuple[float, float] | None,
-    given: dict[str, Matrix],
+    on_basis: dict[str, Matrix],
     momentum: NDArray[np.float64],
     force: NDArray[np.float64],
     expansion: Matrix,
@@ -168,7 +164,7 @@ def _with_terms(
     """A reaction with the rows of the added terms at its dof."""
     if item.dof is None:
         return item
-    added = {name: (matrix[[item.dof]] @ expansion).toarray()[0] for name, matrix in given.items()}
+    added = {name: (matrix[[item.dof]] @ expansion).toarray()[0] for name, matrix in on_basis.items()}
     alpha, beta = rayleigh or (0.0, 0.0)
     damped = alpha * added["mass"] + beta * added["stiffness"] + added["damping"]
     return replace(

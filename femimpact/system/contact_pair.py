@@ -33,7 +33,6 @@ class ContactPair:
         Of the ball; infinite for a stop.
     gaps : pair of float, m
         On the + and on the - side; of a stop one may be negative where their sum is > 0 (preload).
-    law : ContactLaw
     first_mode : float, kg^-0.5
         phi1, the first mass-normalised mode at the pair.
     flexibility : float, m/N
@@ -136,21 +135,8 @@ def contact_pair(
 ) -> ContactPair:  # fmt: skip
     """The pair of an impactor, an absorber or a stop, its law resolved for the first mode's mass.
 
-    Parameters
-    ----------
-    item : Impactor, Absorber or Stop
-    row : ndarray (dofs,)
-        Reads the structure's displacement at the place.
-    position : float, m
-    first_mode : float, kg^-0.5
-        Mass-normalised first mode at the place.
-    flexibility : float, m/N
-    gravity : float, m/s^2
-        Constant acceleration of a ball, added to the one it has.
-
-    Returns
-    -------
-    ContactPair
+    The row (dofs,) reads the structure's displacement at the position (m); the first mode there is mass-normalised
+    (kg^-0.5), the flexibility is in m/N, and gravity (m/s^2) is added to the acceleration of a ball.
     """
     stop = item if isinstance(item, Stop) else None
     if isinstance(item, Absorber):

@@ -116,10 +116,7 @@ def hermite_rows(
 
 @dataclass(frozen=True)
 class Section:
-    """The section at one position of a beam.
-
-    Raises `InputError` if a value is out of range.
-    """
+    """The section at one position of a beam."""
 
     # N m^2: E I: a bending moment is this times the curvature w''
     bending_stiffness: float = field(metadata=quantity("N m^2", above=0.0))
@@ -175,7 +172,7 @@ class SectionFields:
     Raises
     ------
     InputError
-        If a value is not positive, or a taper ends in nothing.
+        If a taper ends in nothing.
     """
 
     bending_stiffness: Array = field(metadata=column("N m^2", "elements", finite=True))

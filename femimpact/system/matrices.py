@@ -26,13 +26,13 @@ def rigid_motions(
 
     Returns (dofs, k) kg^-0.5: orthonormal with M, computed once for a system; k = 0 where all is held.
     """
-    kept = system.derived_undamped
-    if "rigid motions" not in kept:
+    derived = system.derived_undamped
+    if "rigid motions" not in derived:
         motions = _rigid_motions(system)
         motions.setflags(write=False)
-        kept["rigid motions"] = motions
-    found: NDArray[np.float64] = kept["rigid motions"]
-    return found
+        derived["rigid motions"] = motions
+    basis: NDArray[np.float64] = derived["rigid motions"]
+    return basis
 
 
 def _rigid_motions(system: Any) -> NDArray[np.float64]:
@@ -111,14 +111,14 @@ def checked_matrix(name: str, value: Any) -> Matrix:
 
     Raises `InputError` naming the matrix and what is wrong with it.
     """
-    given: Any = value
+    entries: Any = value
     if sparse.issparse(value):
-        require(given.dtype.kind in "iuf", name, f"matrix of {given.dtype}", "", FINITE)
-        matrix: Matrix = sparse.csr_array(sound_sparse(name, given)).astype(float)
+        require(entries.dtype.kind in "iuf", name, f"matrix of {entries.dtype}", "", FINITE)
+        matrix: Matrix = sparse.csr_array(sound_sparse(name, entries)).astype(float)
     else:
-        given = np.atleast_2d(real_array(name, value, "", FINITE))
-        require(given.ndim == 2, name, given.shape, "", "must be a square matrix")
-        matrix = sparse.csr_array(given)
+        entries = np.atleast_2d(real_array(name, value, "", FINITE))
+        require(entries.ndim == 2, name, entries.shape, "", "must be a square matrix")
+        matrix = sparse.csr_array(entries)
     square = matrix.shape[0] == matrix.shape[1] and matrix.shape[0] > 0
     require(square, name, matrix.shape, "", "must be a square matrix")
     require(bool(np.all(np.isfinite(matrix.data))), name, None, "", FINITE)
@@ -146,18 +146,18 @@ def sound_sparse(name: str, value: Any) -> Any:
             if ends[0] != 0 or np.any(np.diff(ends) < 0):
                 raise ValueError("indptr must begin with 0 and not fall")
             # a new matrix of the same arrays: what the given one has found out about itself may be out of date
-            found: Any = getattr(sparse, f"{value.format}_array")(parts, shape=value.shape)
-            found.check_format(full_check=True)
+            matrix: Any = getattr(sparse, f"{value.format}_array")(parts, shape=value.shape)
+            matrix.check_format(full_check=True)
         else:
             entries = value.tocoo()
             integer = all(np.asarray(part).dtype.kind in "iu" for part in entries.coords)
-            found = sparse.coo_array((entries.data, entries.coords), shape=value.shape)
+            matrix = sparse.coo_array((entries.data, entries.coords), shape=value.shape)
     # lists and dictionaries that somebody wrote into raise whatever comes first
     except Exception as error:
         words = " ".join(str(error).split()) or type(error).__name__
         raise InputError([Fault(name, None, "", f"must be a sound sparse matrix: {words}")]) from None
     require(integer, name, None, "", "must be a sound sparse matrix: its indices are no whole numbers")
-    return found
+    return matrix
 
 
 def checked_row(key: str, value: ArrayLike, dofs: int) -> Array:
@@ -189,11 +189,11 @@ def checked_shapes(nodes: ArrayLike | None, expansion: Any, dofs: int) -> tuple[
     rising = places.ndim == 1 and places.size >= 2 and bool(np.all(np.diff(places) > 0.0))
     require(rising, "nodes", f"array of shape {places.shape}", "m", "must be two or more increasing positions")
     allowed = f"must have the shape ({2 * places.size}, {dofs}): w and w' at every node, by the dofs"
-    given: Any = expansion
+    shapes: Any = expansion
     if sparse.issparse(expansion):
-        require(given.shape == (2 * places.size, dofs), "expansion", given.shape, "", allowed)
-        given = sound_sparse("expansion", given).toarray()
-    rows = np.atleast_2d(real_array("expansion", given, "", FINITE))
+        require(shapes.shape == (2 * places.size, dofs), "expansion", shapes.shape, "", allowed)
+        shapes = sound_sparse("expansion", shapes).toarray()
+    rows = np.atleast_2d(real_array("expansion", shapes, "", FINITE))
     require(rows.shape == (2 * places.size, dofs), "expansion", rows.shape, "", allowed)
     places.setflags(write=False)
     return places, sparse.csr_array(rows)
@@ -291,10 +291,10 @@ def stiffness_solver(system: Any) -> Callable[[Array], Array]:
     Where rigid motions r are free it gives the elastic displacements, r^T M u = 0, under the loads and the inertia
     forces of the rigid motion that these cause. It is made once for a system.
     """
-    kept = system.derived_undamped
-    if "stiffness solver" not in kept:
-        kept["stiffness solver"] = _stiffness_solver(system)
-    solve: Callable[[Array], Array] = kept["stiffness solver"]
+    derived = system.derived_undamped
+    if "stiffness solver" not in derived:
+        derived["stiffness solver"] = _stiffness_solver(system)
+    solve: Callable[[Array], Array] = derived["stiffness solver"]
     return solve
 
 

@@ -76,20 +76,20 @@ def read_matrix(path: str | Path, name: str | None = None) -> Matrix:
     try:
         with open_regular(path, MOST_BYTES) as file:
             if path.suffix == ".npz":
-                found = _of_archive(file, name)
+                matrix = _of_archive(file, name)
             elif path.suffix == ".gz":
                 with gzip.GzipFile(fileobj=file) as unpacked:
-                    found = _of_market(_Text(unpacked))  # type: ignore[arg-type]
+                    matrix = _of_market(_Text(unpacked))  # type: ignore[arg-type]
             else:
-                found = _of_market(_Text(file))
+                matrix = _of_market(_Text(file))
     except InputError:
         raise
     # what a damaged archive makes its reader raise is without limit
     except Exception as error:
-        said = getattr(error, "strerror", None) or str(error)
-        words = " ".join(said.split())[:300] or type(error).__name__
+        reason = getattr(error, "strerror", None) or str(error)
+        words = " ".join(reason.split())[:300] or type(error).__name__
         raise InputError([Fault("path", str(path), "", f"must be a readable matrix file: {words}")]) from None
-    return checked_matrix(path.name, found)
+    return checked_matrix(path.name, matrix)
 
 
 # ---- Matrix Market --------------------------------------------------------------------------------
@@ -160,8 +160,8 @@ def _of_market(text: _Text) -> Any:
         if count > layout.entries:
             break
     if count != layout.entries:
-        found = "more" if count > layout.entries else str(count)
-        raise ValueError(f"line {layout.line} announces {layout.entries} entries, there are {found}")
+        count_words = "more" if count > layout.entries else str(count)
+        raise ValueError(f"line {layout.line} announces {layout.entries} entries, there are {count_words}")
     return _assembled(np.concatenate(blocks), layout)
 
 
@@ -226,8 +226,8 @@ def _assembled(table: Array, layout: _Layout) -> Any:
 
 
 def _bad_line(number: int, line: str, allowed: str) -> ValueError:
-    shown = line if len(line) <= LONGEST_SHOWN else f"{line[:LONGEST_SHOWN]}..."
-    return ValueError(f"line {number}, {shown!r}, must be {allowed}")
+    beginning = line if len(line) <= LONGEST_SHOWN else f"{line[:LONGEST_SHOWN]}..."
+    return ValueError(f"line {number}, {beginning!r}, must be {allowed}")
 
 
 # ---- archives of numpy ----------------------------------------------------------------------------

@@ -74,8 +74,8 @@ def _require_finite(values: Iterable[tuple[str, Any]]) -> None:
 
 def _together(system: System, contacts: tuple[ContactPair, ...]) -> System:
     """The system, whose fields are from now on those that were computed together, with contacts at these places."""
-    kept = tuple(system.__dict__[name] for name in TOGETHER)
-    system.__dict__["computed_together"] = SystemOrigin(kept, contacts, system.constant_load)
+    fields = tuple(system.__dict__[name] for name in TOGETHER)
+    system.__dict__["computed_together"] = SystemOrigin(fields, contacts, system.constant_load)
     return system
 
 
@@ -152,15 +152,12 @@ class Modes:
 
 def require_modes_of(dofs: int, modes: Modes) -> None:
     """Raise `InputError` unless modes may be those of a system with so many dofs."""
-    found = modes.vectors.shape[0]
-    require(found == dofs, "modes", found, "dofs", f"must be modes of the system, with {dofs} dofs")
+    rows = modes.vectors.shape[0]
+    require(rows == dofs, "modes", rows, "dofs", f"must be modes of the system, with {dofs} dofs")
 
 
 def mode_count(system: System, count: int, key: str = "count") -> int:
-    """The checked number of modes asked of a system: a whole number up to that of its dofs.
-
-    Raises `InputError` if it is out of range, or the system is not a `System`.
-    """
+    """The checked number of modes asked of a system: a whole number up to that of its dofs."""
     require_type(system, System, "system")
     within = in_range(count, quantity("modes", at_least=1, at_most=system.dofs, integer=True))
     require(within, key, count, "modes", f"must be a whole number from 1 to {system.dofs} (the dofs)")
@@ -172,18 +169,13 @@ def solve_modes(system: System, count: int) -> Modes:
 
     Parameters
     ----------
-    system : System
     count : int
         How many, 1 to the number of dofs.
-
-    Returns
-    -------
-    Modes
 
     Raises
     ------
     InputError
-        If count is not between 1 and the number of dofs, or masses or stiffnesses differ beyond rounding.
+        If masses or stiffnesses differ beyond rounding.
 
     Notes
     -----
@@ -217,10 +209,7 @@ def damping_ratios(system: System, vectors: Array, omega: Array) -> Array:
 
 
 def _vectors(system: System, count: int, rigid: Array) -> tuple[Array, Array]:
-    """Normalised modes (dofs, count), the rigid motions first, and their angular frequencies (rad/s).
-
-    Raises `InputError` if they are not numbers.
-    """
+    """Normalised modes (dofs, count), the rigid motions first, and their angular frequencies (rad/s)."""
     elastic = count - rigid.shape[1]
     try:
         with np.errstate(all="ignore"):
@@ -352,14 +341,10 @@ def with_damping(system: System, damping: Rayleigh | ModalDamping | None) -> Sys
     damping : Rayleigh, ModalDamping or None
         None is no damping. All of C is replaced, dashpots and damping that a user adds included.
 
-    Returns
-    -------
-    System
-
     Raises
     ------
     InputError
-        If the damping is of another kind, or refers to a mode that the system does not have.
+        If the damping refers to a mode that the system does not have.
     """
     require_type(system, System, "system")
     return damped_with_modes(system, damping)[0]

@@ -29,7 +29,6 @@ def reduce(system: System, modes: int, static_correction: bool = False) -> Syste
 
     Parameters
     ----------
-    system : System
     modes : int
         How many normal modes are kept, 1 to the number of dofs; exactly so many.
     static_correction : bool
@@ -44,8 +43,7 @@ def reduce(system: System, modes: int, static_correction: bool = False) -> Syste
     Raises
     ------
     InputError
-        If modes is out of range, the damping does not decouple, or a static correction is requested of a
-        structure that is not held (K^-1 does not exist).
+        If the damping does not decouple, or a static correction is asked of a structure that is not held.
 
     Notes
     -----
@@ -60,25 +58,25 @@ def reduce(system: System, modes: int, static_correction: bool = False) -> Syste
     """
     static_correction = checked("static_correction", static_correction, truth())
     count = mode_count(system, modes, "modes")
-    found = solve_modes(system, min(count + 1, system.dofs))
-    return _on_modes(system, found, found.damping_ratio, count, static_correction)
+    modes_and_next = solve_modes(system, min(count + 1, system.dofs))
+    return _on_modes(system, modes_and_next, modes_and_next.damping_ratio, count, static_correction)
 
 
 def reduced_on(
     system: System,
-    found: Modes,  # of its mass and stiffness, one more than are kept unless there is none
+    modes_and_next: Modes,  # of its mass and stiffness, one more than are kept unless there is none
     modes: int,
 ) -> System:
     """The system on the lowest of some modes that were found before, perhaps with another damping; see `reduce`."""
-    ratio = damping_ratios(system, found.vectors, 2.0 * math.pi * found.natural_frequency)
-    return _on_modes(system, found, ratio, modes, False)
+    ratio = damping_ratios(system, modes_and_next.vectors, 2.0 * math.pi * modes_and_next.natural_frequency)
+    return _on_modes(system, modes_and_next, ratio, modes, False)
 
 
-def _on_modes(system: System, found: Modes, ratio: Array, count: int, static_correction: bool) -> System:
+def _on_modes(system: System, modes_and_next: Modes, ratio: Array, count: int, static_correction: bool) -> System:
     """The system reduced to the lowest `count` modes found, with the damping ratio given for each; see `reduce`."""
-    frequency = found.natural_frequency
+    frequency = modes_and_next.natural_frequency
     next_one = float(frequency[count]) if count < frequency.size else math.inf
-    phi, omega = np.ascontiguousarray(found.vectors[:, :count]), 2.0 * math.pi * frequency[:count]
+    phi, omega = np.ascontiguousarray(modes_and_next.vectors[:, :count]), 2.0 * math.pi * frequency[:count]
     ratio = ratio[:count]
     if static_correction and system.contacts:
         extra, extra_omega = _attachment_vectors(system, phi, omega)
@@ -87,7 +85,7 @@ def _on_modes(system: System, found: Modes, ratio: Array, count: int, static_cor
     if system.rayleigh is None:
         _check_decoupled(system, phi)
     # of rigid motions, which may be damped, though they have no ratio
-    damping_of_rigid = _modal_damping(system, phi) if system.rayleigh is None else system.rayleigh[0]
+    damping_of_rigid = np.einsum("ij,ij->j", phi, system.C @ phi) if system.rayleigh is None else system.rayleigh[0]
     contacts = tuple(pair.along(frozen_row(pair.direction @ phi)) for pair in system.contacts)
     return with_checked_fields(
         system,
@@ -134,17 +132,8 @@ def _attachment_vectors(system: System, phi: Array, omega: Array) -> tuple[Array
     return psi, np.linalg.norm(system.stiffness_factor @ psi, axis=0)
 
 
-def _modal_damping(system: System, vectors: Array) -> Array:
-    """phi^T C phi (1/s) of every vector."""
-    return np.asarray(np.einsum("ij,ij->j", vectors, system.C @ vectors))
-
-
 def truncation_notes(system: System) -> tuple[str, ...]:
     """Notes, with numbers, on the flexibility at contacts that a reduced system leaves out.
-
-    Parameters
-    ----------
-    system : System
 
     Returns
     -------
@@ -186,11 +175,11 @@ def _is_short(pair: ContactPair, highest: float) -> bool:
 def _flexibility_note(pair: ContactPair, omega: Array) -> list[str]:
     if not math.isfinite(pair.flexibility) or not np.all(omega > 0.0):
         return []
-    kept = float(np.sum((pair.direction / omega) ** 2))
-    if kept >= ENOUGH_FLEXIBILITY * pair.flexibility:
+    modal = float(np.sum((pair.direction / omega) ** 2))
+    if modal >= ENOUGH_FLEXIBILITY * pair.flexibility:
         return []
     return [
-        f"{pair.name}: {kept_modes(omega.size)} kept, with a static flexibility of {kept:.4g} m/N at the contact of "
+        f"{pair.name}: {kept_modes(omega.size)} kept, with a static flexibility of {modal:.4g} m/N at the contact of "
         f"the structure's {pair.flexibility:.4g} m/N: keep more, or reduce(..., static_correction=True)"
     ]
 

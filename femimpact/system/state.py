@@ -268,18 +268,14 @@ class State:
         system : System
             Of a reduced one the modes kept have their part of that motion.
         speed : float, m/s
-
-        Returns
-        -------
-        State
         """
         return cls(velocity=speed * system.rigid_translation, ball_velocity=np.full(len(system.balls), speed))
 
     @property
     def is_at_rest(self) -> bool:
         """True if nothing moves, or is displaced from where the state's frame or equilibrium has it."""
-        given = (self.displacement, self.velocity, self.ball_displacement, self.ball_velocity)
-        return all(values is None or not np.any(values) for values in given)
+        fields = (self.displacement, self.velocity, self.ball_displacement, self.ball_velocity)
+        return all(values is None or not np.any(values) for values in fields)
 
     @takes(system=SYSTEM)
     def is_static_on(self, system: System) -> bool:
@@ -348,8 +344,8 @@ class State:
         return u, v, y, y_rate
 
 
-def _are_equal(given: tuple[Array | None, ...], kept: tuple[Array, ...]) -> bool:
-    return all(values is not None and np.array_equal(values, left) for values, left in zip(given, kept, strict=True))
+def _are_equal(own: tuple[Array | None, ...], reference: tuple[Array, ...]) -> bool:
+    return all(values is not None and np.array_equal(values, left) for values, left in zip(own, reference, strict=True))
 
 
 def _vector(values: ArrayLike | None, size: int, key: str, unit: str, default: Array | None = None) -> Array:

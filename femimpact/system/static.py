@@ -54,19 +54,17 @@ def check_shapes(system: Any) -> None:
     shapes = {"M": (n, n), "C": (n, n), "K": (n, n), "stiffness_factor": (None, n), "expansion": (2 * nodes.size, n)}
     for name, expected in shapes.items():
         matrix = getattr(system, name)
-        given = getattr(matrix, "shape", ())
+        shape = getattr(matrix, "shape", ())
         dense = name == "expansion" and isinstance(matrix, np.ndarray)
-        fits = (sparse.issparse(matrix) or dense) and len(given) == 2
-        fits = fits and all(size is None or size == length for size, length in zip(expected, given, strict=True))
+        fits = (sparse.issparse(matrix) or dense) and len(shape) == 2
+        fits = fits and all(size is None or size == length for size, length in zip(expected, shape, strict=True))
         allowed = f"must be a sparse matrix with {n} columns, one for each dof"
-        require(fits, name, given or type(matrix).__name__, "", allowed)
+        require(fits, name, shape or type(matrix).__name__, "", allowed)
         entries = matrix if dense else sound_sparse(name, matrix).data
         sound = entries.dtype.kind == "f" and bool(np.all(np.isfinite(entries)))
         require(sound, name, None, "", FINITE)
     increasing = nodes.size == 0 or (nodes.size > 1 and bool(np.all(np.diff(nodes) > 0)))
     require(increasing, "nodes", None, "m", "must be two or more increasing positions, or none")
-    pair = system.rayleigh is None or (isinstance(system.rayleigh, tuple) and len(system.rayleigh) == 2)
-    require(pair, "rayleigh", system.rayleigh, "", "must be two numbers, alpha (1/s) and beta (s), or None")
     for key in ("points", "directions"):
         require_type(getattr(system, key), Mapping, key)
     for name, at in system.points.items():
@@ -112,9 +110,9 @@ def check_unchanged(system: Any, origin: SystemOrigin) -> bool:
     numbers = (float, tuple)
     changed = [
         name
-        for name, kept in zip(TOGETHER, origin.fields, strict=True)
-        if (value := getattr(system, name)) is not kept
-        and not (isinstance(kept, numbers) and isinstance(value, numbers) and value == kept)
+        for name, original in zip(TOGETHER, origin.fields, strict=True)
+        if (value := getattr(system, name)) is not original
+        and not (isinstance(original, numbers) and isinstance(value, numbers) and value == original)
     ]
     stale = [name for name in changed if name not in ("C", "rayleigh")]
     if stale:
@@ -188,8 +186,8 @@ def static_state(system: Any, stop_displacement: float = 0.0) -> tuple[Array, Ar
     there are more of them than dofs; one linear system of these gives the forces. A power law is made linear at the
     last penetration until the forces stay (Newton).
     """
-    found = static_contacts(system, stop_displacement)
-    return found.displacement, found.other
+    contacts = static_contacts(system, stop_displacement)
+    return contacts.displacement, contacts.other
 
 
 def static_contacts(system: Any, stop_displacement: float = 0.0) -> StaticContacts:
@@ -300,19 +298,19 @@ def _pushed(
         free = (shift - directions @ u)[known]
         force[known] = _forces_of_laws(chosen, compliance[np.ix_(known, known)], free, names)
     u = u + displacements @ force
-    found = shift - directions @ u
+    overlap = shift - directions @ u
     rigid = (force > 0.0) & np.array([law.kind == RIGID for law in laws])
     if np.any(rigid):
         # once more for what rounding has left of the gaps
-        more = np.linalg.lstsq(compliance[np.ix_(rigid, rigid)], found[rigid])[0]
+        more = np.linalg.lstsq(compliance[np.ix_(rigid, rigid)], overlap[rigid])[0]
         u = u + displacements[:, rigid] @ more
-        found = shift - directions @ u
+        overlap = shift - directions @ u
     for i, (j, side, _) in enumerate(walls):
-        if not known[i] and found[i] > 0.0:
+        if not known[i] and overlap[i] > 0.0:
             _require_static(pairs[j])
         if force[i] > 0.0:
             normal[j] = side * force[i]
-            depth[j] = 0.0 if laws[i].kind == RIGID else max(found[i], 0.0)
+            depth[j] = 0.0 if laws[i].kind == RIGID else max(overlap[i], 0.0)
     return u
 
 

@@ -177,12 +177,12 @@ class System:
         require(len(set(names)) == len(names), "contacts", names, "", "must have distinct names")
         stops = [pair.is_stop for pair in self.contacts]
         require(stops == sorted(stops), "contacts", names, "", "must be balls first, then stops")
-        kept = tuple(getattr(self, name) for name in TOGETHER)
+        matrices = tuple(getattr(self, name) for name in TOGETHER)
         pairs = self.contacts if origin is None else origin.contacts
         if self.constant_resultant is None:
             resultant = float(self.rigid_translation @ np.asarray(self.constant_load))
             object.__setattr__(self, "constant_resultant", resultant)
-        object.__setattr__(self, "computed_together", SystemOrigin(kept, pairs, self.constant_load))
+        object.__setattr__(self, "computed_together", SystemOrigin(matrices, pairs, self.constant_load))
 
     def _set_reactions(self, reactions: Mapping[str, Reaction]) -> None:
         object.__setattr__(self, "reactions", reactions)
@@ -222,10 +222,6 @@ class System:
         expansion : array_like or sparse (2 n, dofs)
             From the dofs to (w1, w1', w2, w2', ...) at the nodes; given with `nodes`. A point whose row is that of
             w at a node is at this node in pictures, others have no position.
-
-        Returns
-        -------
-        System
 
         Raises
         ------
@@ -415,10 +411,6 @@ class System:
         side : {"left", "right"}
             Which element's at a node: towards the root, or towards the tip.
 
-        Returns
-        -------
-        Section
-
         Raises
         ------
         InputError
@@ -481,13 +473,13 @@ class System:
         require(place, "at", at, "", "must be the name of a place, or metres from the root")
         if at in self.directions:
             return self.directions[str(at)]
-        position, kept = self.position_of(at), self.derived_undamped.setdefault("rows", {})
-        if position not in kept:
+        position, rows = self.position_of(at), self.derived_undamped.setdefault("rows", {})
+        if position not in rows:
             row = np.asarray(self.deflection_rows([position])[0])
             row.setflags(write=False)
-            kept[position] = row
-        found: Array = kept[position]
-        return found
+            rows[position] = row
+        row_there: Array = rows[position]
+        return row_there
 
     @cached_property
     def highest_kept(self) -> float:
@@ -527,9 +519,9 @@ def _check_parts(points: Any, impactors: Any, absorbers: Any, stops: Any) -> Non
     require_type(points, Mapping, "points")
     for name in points:
         checked("points", name, name_text())
-    given: tuple[tuple[str, Any, Any], ...]
-    given = ("impactors", impactors, Impactor), ("absorbers", absorbers, Absorber), ("stops", stops, Stop)
-    for key, bodies, kind in given:
+    parts: tuple[tuple[str, Any, Any], ...]
+    parts = ("impactors", impactors, Impactor), ("absorbers", absorbers, Absorber), ("stops", stops, Stop)
+    for key, bodies, kind in parts:
         require(isinstance(bodies, (list, tuple)), key, type(bodies).__name__, "", "must be a list")
         for item in bodies:
             require_type(item, kind, key)
@@ -577,12 +569,6 @@ def _contacts_of_matrices(
 
 
 def without_impactors(system: System) -> System:
-    """The same system with its cavities empty: no ball, no absorber, no contact but that of stops.
-
-    Raises
-    ------
-    InputError
-        If the value is no system.
-    """
+    """The same system with its cavities empty: no ball, no absorber, no contact but that of stops."""
     require_type(system, System, "system")
     return replace(system, contacts=tuple(pair for pair in system.contacts if pair.is_stop))

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.app.parametric.measured_peaks import calibration_of
-from femimpact.app.parametric.starts import unit_draws
+from femimpact.app.parametric.runs import unit_draws
 from femimpact.app.parametric.verb import parameter_study
 from femimpact.app.report.result_conclusions import study_conclusions
 from femimpact.excitation import Sine

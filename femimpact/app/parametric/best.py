@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -29,9 +30,6 @@ FREQUENCY = "base.frequency"
 NO_DESIGN = ("base.", "start.", "mesh.", "reduction.", "method.")
 """Beginnings of the paths of the axes that are no choice of the user: of the excitation, the start, the numerics."""
 
-CLIFF = 2.0
-"""How many times as far an axis may be off to the other side where a side is the cliff."""
-
 NUMBER = quantity("1")
 
 OF_CONTACT = ".contact."
@@ -42,6 +40,8 @@ SAY_IT = 'set dataset[measure].attrs["better"] = "small" or "large"'
 NOT_CHOSEN = f"of the excitation, the start or the numerics ({'*, '.join(NO_DESIGN)}*)"
 NOTHING_TO_CHOOSE = f"all axes that have several values are {NOT_CHOSEN}, which are no choice"
 NO_CHOICE = f", where those {NOT_CHOSEN} are no choice"
+
+ENDS_OF_INTERVAL = ("_median_low", "_median_high")
 
 OF_LAW = ("peak_force", "cycle_mean_force")
 """Measures that a contact law may not give."""
@@ -93,20 +93,15 @@ def best_case(
     >>> fi.best_case(found, "peak").worst_over
     ('base.frequency',)
     """
-    require_study(dataset)
-    axes = axes_of(dataset)
-    known = better_of_measures(dataset)
-    worst, most = check_best(measure, worst_over, limits, axes, known)
-    require(dataset["finished"].size > 1, "dataset", "one case", "", "has nothing to choose between")
-    for name in (measure, *most):
-        _require_values(dataset, name)
-    table = _Designs(dataset, axes, worst, measure, most, known)
-    found = tuple(table.best(level) for level in range(table.levels))
-    if all(design.reason for design in found):
-        raise InputError([Fault("measure", measure, "", f"has no best case: {found[0].reason}")])
-    units = {name: str(dataset[name].attrs.get("units", "")) for name in (*axes, measure, *most)}
+    table = _designs_of(dataset, measure, worst_over, limits)
+    designs = tuple(table.best(level) for level in range(table.levels))
+    if all(design.reason for design in designs):
+        raise InputError([Fault("measure", measure, "", f"has no best case: {designs[0].reason}")])
+    units = {name: table.unit(name) for name in (*table.values, measure, *table.limits)}
+    most = {name: limit.sign * limit.bound for name, limit in table.limits.items()}
     return BestCase(
-        measure, known[measure], worst, most, int(dataset.attrs.get("starts", 1)), units, found, table.uncertain
+        measure, "large" if table.sign < 0.0 else "small", table.worst, most,
+        int(dataset.attrs.get("starts", 1)), units, designs, table.uncertain,
     )  # fmt: skip
 
 
@@ -118,12 +113,22 @@ def ranked_designs(
     count: int,
 ) -> list[dict[str, Any]]:
     """Values of the axes of at most so many best designs; where none keeps the limits, of those nearest to them."""
-    require_study(dataset)
+    return _designs_of(dataset, measure, worst_over, limits).ranked(count)
+
+
+def _designs_of(
+    dataset: xarray.Dataset, measure: str, worst_over: Sequence[str] | None, limits: Mapping[str, float] | None
+) -> _Designs:  # fmt: skip
+    """The designs of a dataset, which has values of the measures."""
+    names = getattr(dataset, "data_vars", ())
+    sound = hasattr(dataset, "coords") and "finished" in names and "failed_starts" in names
+    require(sound, "dataset", kind_of(dataset), "", "must be what parameter_study returns")
     axes, known = axes_of(dataset), better_of_measures(dataset)
     worst, most = check_best(measure, worst_over, limits, axes, known)
+    require(dataset["finished"].size > 1, "dataset", "one case", "", "has nothing to choose between")
     for name in (measure, *most):
         _require_values(dataset, name)
-    return _Designs(dataset, axes, worst, measure, most, known).ranked(count)
+    return _Designs(dataset, axes, worst, measure, most, known)
 
 
 def best_cases(
@@ -152,20 +157,6 @@ def best_cases(
     return found, reasons
 
 
-def require_study(dataset: Any) -> None:
-    """Raise `InputError` unless the value is the dataset of a parameter study."""
-    names = getattr(dataset, "data_vars", ())
-    sound = hasattr(dataset, "coords") and "finished" in names and "failed_starts" in names
-    require(sound, "dataset", kind_of(dataset), "", "must be what parameter_study returns")
-
-
-def default_worst(
-    axes: Sequence[str],  # paths
-) -> tuple[str, ...]:
-    """Axes over which the worst counts where none is named: the frequency, where another axis remains."""
-    return (FREQUENCY,) if FREQUENCY in axes and len(axes) > 1 else ()
-
-
 def check_best(
     measure: Any,
     worst_over: Any,
@@ -191,7 +182,9 @@ def check_best(
     require(several, "worst_over", worst_over, "", "must be a list of paths of axes")
     for name in worst_over or ():
         require(isinstance(name, str), "worst_over", kind_of(name), "", "must be a list of paths of axes")
-    worst = default_worst(axes) if worst_over is None else tuple(dict.fromkeys(worst_over))
+    # without a choice the frequency, where another axis remains
+    default = (FREQUENCY,) if FREQUENCY in axes and len(axes) > 1 else ()
+    worst = default if worst_over is None else tuple(dict.fromkeys(worst_over))
     for name in worst:
         require(name in axes, "worst_over", name, "", f"is no axis of the study: {suggestion(str(name), axes)}")
     free = [name for name in axes if name not in worst and not name.startswith(NO_DESIGN)]
@@ -249,6 +242,15 @@ def _numbered(
     return number
 
 
+@dataclass(frozen=True, eq=False)
+class _Limit:
+    """What the worst of a measure may be, turned where large values are better."""
+
+    sign: float
+    worst: Array  # (rows,)
+    bound: float
+
+
 class _Designs:
     """Designs (rows) of a dataset with their worst values, small ones the better: large ones are turned.
 
@@ -257,33 +259,37 @@ class _Designs:
     """
 
     def __init__(
-        self, dataset: xarray.Dataset, axes: Sequence[str], worst: Sequence[str], measure: str,
+        self, dataset: xarray.Dataset, axes: Sequence[str], worst: tuple[str, ...], measure: str,
         limits: Mapping[str, float], better: Mapping[str, str],
     ) -> None:  # fmt: skip
         self.dataset, self.measure, self.worst = dataset, measure, worst
-        self.values: dict[str, list[Any]] = {}
-        self.codes: dict[str, NDArray[np.int64]] = {}
-        for axis in axes:
-            self.values[axis], self.codes[axis] = self._coded(axis)
-        self.given = [axis for axis in self.codes if axis not in worst and axis.startswith(NO_DESIGN)]
-        self.chosen = [axis for axis in self.codes if axis not in worst and axis not in self.given]
+        coded = {axis: self._coded(axis) for axis in axes}
+        self.values = {axis: values for axis, (values, _) in coded.items()}
+        self.codes = {axis: codes for axis, (_, codes) in coded.items()}
+        self.given = [axis for axis in axes if axis not in worst and axis.startswith(NO_DESIGN)]
+        self.chosen = [axis for axis in axes if axis not in worst and axis not in self.given]
         self.uncertain = tuple(axis for axis in self.chosen if OF_CONTACT in axis and len(self.values[axis]) > 1)
         self._make_rows()
-        self.sign = -1.0 if better[measure] == "large" else 1.0
-        ends = ("_median_low", "_median_high")[:: int(self.sign)]
-        of_measure = [self._column(measure, end, self.sign) for end in ("", *ends)]
-        # of a limit the sign, the worst values and what they may be
-        signs = {name: -1.0 if better[name] == "large" else 1.0 for name in limits}
-        of_limits = {name: self._column(name, "_high" if sign > 0.0 else "_low", sign) for name, sign in signs.items()}
-        self.case_values = of_measure[0]
+        signs = {name: -1.0 if better[name] == "large" else 1.0 for name in (measure, *limits)}
+        self.sign = signs[measure]
+        self.case_values, low, high = (
+            self._column(measure, end, self.sign) for end in ("", *ENDS_OF_INTERVAL[:: int(self.sign)])
+        )
+        of_limits = {name: self._column(name, "_high" if signs[name] > 0.0 else "_low", signs[name]) for name in limits}
         self.lost = (self._flat("failed_starts") > 0) | (self._flat("finished") == 0)
-        for column in (of_measure[0], *of_limits.values()):
+        for column in (self.case_values, *of_limits.values()):
             self.lost |= np.isnan(column)
-        self.has_value = ~self._any(self.lost) & (self.met == self.to_meet)
-        self.value, self.low, self.high = (self._worst(column) for column in of_measure)
+        any_lost = np.logical_or.reduceat(self.lost[self.order], self.begins)
+        self.has_value = ~any_lost & (self.met == self.to_meet)
+        self.value, self.low, self.high = (self._worst(column) for column in (self.case_values, low, high))
         self.limits = {
-            name: (sign, self._worst(of_limits[name]), sign * limits[name]) for name, sign in signs.items()
-        }  # fmt: skip
+            name: _Limit(signs[name], self._worst(column), signs[name] * limits[name])
+            for name, column in of_limits.items()
+        }
+
+    def unit(self, name: str) -> str:
+        """Of an axis or a measure."""
+        return str(self.dataset[name].attrs.get("units", ""))
 
     def _flat(self, name: str) -> NDArray[Any]:
         """A variable of all cases (cases,)."""
@@ -298,11 +304,11 @@ class _Designs:
         """Distinct values of an axis in their order, and which of them each case has."""
         if f"{axis}.plus" in self.dataset.coords:
             pairs = np.stack([self._flat(f"{axis}.{side}") for side in ("plus", "minus")], axis=1)
-            found, codes = np.unique(pairs, axis=0, return_inverse=True)
-            return [tuple(pair) for pair in found.tolist()], codes.reshape(-1)
+            levels, codes = np.unique(pairs, axis=0, return_inverse=True)
+            return [tuple(pair) for pair in levels.tolist()], codes.reshape(-1)
         values = self._flat(axis)
-        found, codes = np.unique(values if values.dtype.kind in "iuf" else values.astype(str), return_inverse=True)
-        return found.tolist(), codes.reshape(-1)
+        levels, codes = np.unique(values if values.dtype.kind in "iuf" else values.astype(str), return_inverse=True)
+        return levels.tolist(), codes.reshape(-1)
 
     def _make_rows(self) -> None:
         count = self.dataset["finished"].size
@@ -343,9 +349,6 @@ class _Designs:
         """The largest of the cases of each row; not a number where one is none."""
         return np.asarray(np.maximum.reduceat(column[self.order], self.begins))
 
-    def _any(self, column: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        return np.asarray(np.logical_or.reduceat(column[self.order], self.begins))
-
     def _told(self, case: int, axes: Sequence[str]) -> dict[str, Any]:
         """Values of some axes in a case."""
         return {axis: self.values[axis][self.codes[axis][case]] for axis in axes}
@@ -372,25 +375,23 @@ class _Designs:
             (self._told(self.first[row], self.chosen), self._why(row)) for row in rows[~self.has_value[rows]]
         )
         kept = rows[self.has_value[rows]]
-        reason = "no design has a value" + (f": {without[0][1]}" if without else "") if not kept.size else ""
-        for _, values, most in self.limits.values():
-            kept = kept[values[kept] <= most]
+        reason = "" if kept.size else f"no design has a value{f': {without[0][1]}' if without else ''}"
+        for limit in self.limits.values():
+            kept = kept[limit.worst[kept] <= limit.bound]
         if not kept.size:
             reason = reason or f"no design keeps the limits{self._nearest(rows)}"
-            none = math.nan
-            return BestDesign(at, {}, none, none, none, {}, -1, {}, (), (), without, reason)
+            return BestDesign(at, without_value=without, reason=reason)
         # of equal values the first, by the values of the axes
         row = int(kept[np.argmin(self.value[kept])])
         case = self._worst_case(row)
-        low, high = self.low[row], self.high[row]
-        alike = kept[(self.low[kept] <= high) & (kept != row)]
+        alike = kept[(self.low[kept] <= self.high[row]) & (kept != row)]
         alike = alike[np.argsort(self.value[alike], kind="stable")]
         known = f"{self.measure}_median_low" in self.dataset
-        low, high = sorted((self.sign * low, self.sign * high)) if known else (math.nan, math.nan)
+        low, high = sorted((self.sign * self.low[row], self.sign * self.high[row])) if known else (math.nan, math.nan)
         return BestDesign(
             at, self._told(case, self.chosen), float(self.sign * self.value[row]), float(low), float(high),
             self._told(case, self.worst), case,
-            {name: float(sign * values[row]) for name, (sign, values, _) in self.limits.items()},
+            {name: float(limit.sign * limit.worst[row]) for name, limit in self.limits.items()},
             tuple(self._told(self.first[other], self.chosen) for other in alike),
             tuple(self._margins(row, rows)), without, "", tuple((self.sign * self.value[alike]).tolist()),
             self._worst_bounds(row), self._groups(case),
@@ -442,19 +443,18 @@ class _Designs:
         """Values of the axes of the best rows of all levels; where none keeps the limits, of those nearest to them."""
         rows = np.flatnonzero(self.has_value)
         beyond = np.zeros(rows.size)
-        for _, values, most in self.limits.values():
-            beyond = np.maximum(beyond, np.maximum(values[rows] - most, 0.0) / (abs(most) or 1.0))
+        for limit in self.limits.values():
+            beyond = np.maximum(beyond, np.maximum(limit.worst[rows] - limit.bound, 0.0) / (abs(limit.bound) or 1.0))
         order = np.lexsort((self.value[rows], beyond))[:count]
         return [self._told(self.first[row], [*self.given, *self.chosen]) for row in rows[order]]
 
     def _nearest(self, rows: NDArray[np.int64]) -> str:
         """The smallest worst value of each limited measure, in words."""
-        found = []
-        for name, (sign, values, _) in self.limits.items():
-            own = values[rows][self.has_value[rows]]
-            unit = str(self.dataset[name].attrs.get("units", ""))
-            found.append(f"{name} is {unit_text(sign * float(own.min()), unit)} at {'best' if sign < 0 else 'least'}")
-        return f": {', '.join(found)}"
+        told = []
+        for name, limit in self.limits.items():
+            nearest = limit.sign * float(limit.worst[rows][self.has_value[rows]].min())
+            told.append(f"{name} is {unit_text(nearest, self.unit(name))} at {'best' if limit.sign < 0 else 'least'}")
+        return f": {', '.join(told)}"
 
     def _margins(self, row: int, rows: NDArray[np.int64]) -> Iterator[AxisMargin]:
         """How far each axis of numbers may be off.
@@ -463,7 +463,7 @@ class _Designs:
         """
         more = self.value - (self.value[row] + MORE * abs(self.value[row]))
         beyond = [np.where(self.low > self.high[row], more, np.minimum(more, 0.0))]
-        beyond += [values - most for _, values, most in self.limits.values()]
+        beyond += [limit.worst - limit.bound for limit in self.limits.values()]
         for axis in self.chosen:
             values = self.values[axis]
             if len(values) < 2 or not all(isinstance(value, (int, float)) for value in values):
@@ -477,9 +477,8 @@ class _Designs:
                 for side in (slice(place, None, -1), slice(place, None))
             )
             value, bounds = float(x[place]), {values[0]: "lowest", values[-1]: "highest"}
-            unit = str(self.dataset[axis].attrs.get("units", ""))
             yield AxisMargin(
-                axis, unit, value, below[0], above[0], below[1], above[1], _cliff(below, above), bounds.get(value, "")
+                axis, self.unit(axis), value, below[0], above[0], below[1], above[1], bounds.get(value, "")
             )
 
 
@@ -495,10 +494,3 @@ def _reach(
             share = -excess[i - 1] / (excess[i] - excess[i - 1])
             return abs(float(x[i - 1] + share * (x[i] - x[i - 1]) - x[0])), True
     return abs(float(x[-1] - x[0])), False
-
-
-def _cliff(below: tuple[float, bool], above: tuple[float, bool]) -> str:
-    """The side on which it takes less than half the distance of the other; neither where that is not known."""
-    if below[1] and above[0] > CLIFF * below[0]:
-        return "below"
-    return "above" if above[1] and below[0] > CLIFF * above[0] else ""

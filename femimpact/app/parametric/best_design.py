@@ -1,4 +1,4 @@
-"""The best designs of a parameter study as records, and in words: how sure each is, and what it counts as chosen."""
+"""The best designs of a parameter study as records, in words and as what is drawn: how sure each is, what is chosen."""
 
 from __future__ import annotations
 
@@ -6,12 +6,21 @@ import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from femimpact.figures.study_labels import STATISTICS, BestMarks, axis_words
 from femimpact.units import unit_text, value_text
+
+if TYPE_CHECKING:
+    import xarray
 
 MORE = 0.15
 """Share by which the value may grow where an axis is off."""
+
+CLIFF = 2.0
+"""How many times as far an axis may be off to the other side where a side is the cliff."""
 
 MOST_NAMED = 4
 """Designs that are told; of more their number."""
@@ -34,8 +43,6 @@ class AxisMargin:
         interval overlaps that of the best, where there are intervals, is not worse.
     below_found, above_found : bool
         Whether there is such a place within the cases; else the distance is that to the last case with a value.
-    cliff : {"", "below", "above"}
-        The side that is passed in less than half the distance of the other.
     bound : {"", "lowest", "highest"}
         Whether the case has the lowest or the highest value of the axis: a better one may lie beyond.
     """
@@ -47,8 +54,14 @@ class AxisMargin:
     above: float
     below_found: bool
     above_found: bool
-    cliff: str
     bound: str
+
+    @property
+    def cliff(self) -> str:
+        """The side, "below" or "above", that is passed in less than half the distance of the other; "" for neither."""
+        if self.below_found and self.above > CLIFF * self.below:
+            return "below"
+        return "above" if self.above_found and self.below > CLIFF * self.above else ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,16 +107,16 @@ class BestDesign:
     """
 
     at: Mapping[str, Any]
-    values: Mapping[str, Any]
-    value: float
-    low: float
-    high: float
-    worst_at: Mapping[str, Any]
-    case: int
-    limited: Mapping[str, float]
-    alike: tuple[Mapping[str, Any], ...]
-    margins: tuple[AxisMargin, ...]
-    without_value: tuple[tuple[Mapping[str, Any], str], ...]
+    values: Mapping[str, Any] = field(default_factory=dict)
+    value: float = math.nan
+    low: float = math.nan
+    high: float = math.nan
+    worst_at: Mapping[str, Any] = field(default_factory=dict)
+    case: int = -1
+    limited: Mapping[str, float] = field(default_factory=dict)
+    alike: tuple[Mapping[str, Any], ...] = ()
+    margins: tuple[AxisMargin, ...] = ()
+    without_value: tuple[tuple[Mapping[str, Any], str], ...] = ()
     reason: str = ""
     alike_values: tuple[float, ...] = ()
     worst_bounds: Mapping[str, str] = field(default_factory=dict)
@@ -272,3 +285,50 @@ def _first_of(named: Sequence[str]) -> str:
     """The first of some names, and how many more there are."""
     more = f"; and {len(named) - MOST_NAMED} more" if len(named) > MOST_NAMED else ""
     return "; ".join(named[:MOST_NAMED]) + more
+
+
+# ---- what is drawn ------------------------------------------------------------------------------------
+
+
+def worst_over_axes(dataset: xarray.Dataset, best: BestCase) -> xarray.Dataset | None:
+    """The worst of the measure of a best case over the axes of `worst_over`, with its statistics, on those that remain.
+
+    `is_best` is true at the best. Of a list or a sample of cases None.
+    """
+    dims = [str(name) for name in dataset["finished"].dims]
+    if dims == ["case"]:
+        return None
+    over, sign = [name for name in best.worst_over if name in dims], -1.0 if best.better == "large" else 1.0
+    names = [f"{best.measure}{end}" for end in ("", *STATISTICS) if f"{best.measure}{end}" in dataset]
+    sound = (dataset["failed_starts"] == 0) & (dataset["finished"] > 0)
+    values = dataset[names].where(sound)
+    found = (values.min if sign < 0.0 else values.max)(over, skipna=False, keep_attrs=True)
+    at = (sign * values[best.measure]).fillna(np.inf).argmax(over) if over else {}
+    for name in ("periodic_starts", "failed_starts", "finished"):
+        if name in dataset:
+            found[name] = dataset[name].isel(at)
+    is_best = np.zeros([dataset.sizes[name] for name in dims if name not in over], dtype=bool)
+    for design in best.designs:
+        if design.case >= 0:
+            where = dict(zip(dims, np.unravel_index(design.case, dataset["finished"].shape), strict=True))
+            is_best[tuple(where[name] for name in dims if name not in over)] = True
+    found["is_best"] = ([name for name in dims if name not in over], is_best)
+    of_worst = f"worst {best.measure.replace('_', ' ')} over {' and '.join(axis_words(dataset, name) for name in over)}"
+    median = ", median over the starts" if best.starts > 1 else ""
+    if over:
+        found[best.measure].attrs["long_name"] = f"{of_worst}{median}"
+    return found.squeeze().assign_attrs(dataset.attrs)
+
+
+def marks_of(best: BestCase) -> BestMarks:
+    """The level of 15 % more, that of a limit, and between which values of each axis of numbers both are kept."""
+    if len(best.designs) > 1:
+        return BestMarks()
+    (design,) = best.designs
+    change = "less" if best.better == "large" else "more"
+    more = MORE * abs(design.value)
+    levels = [(f"{100.0 * MORE:g} % {change}", design.value + (-more if best.better == "large" else more))]
+    levels += [("limit", best.limits[best.measure])] if best.measure in best.limits else []
+    spans = {one.axis: (one.value - one.below, one.value + one.above) for one in design.margins}
+    within = f"at most {100.0 * MORE:g} % {change} than the best{', within the limits' if best.limits else ''}"
+    return BestMarks(within, tuple(levels), spans)

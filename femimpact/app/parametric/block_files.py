@@ -21,13 +21,22 @@ from typing import Any
 import numpy as np
 
 from femimpact.app.parametric.runs import BlockValues
-from femimpact.app.results.result_directory import FILES, REPORT, STUDY_BLOCKS, STUDY_MANIFEST, earlier_files
+from femimpact.app.results.result_directory import (
+    FILES,
+    REPORT,
+    STUDY_BLOCKS,
+    STUDY_FIGURE,
+    STUDY_MANIFEST,
+    result_files,
+)
 from femimpact.errors import Fault, InputError, require
 from femimpact.files import atomic_write, to_disk
 from femimpact.regular_file import read_regular
 
 BLOCKS, MANIFEST = STUDY_BLOCKS, STUDY_MANIFEST
-REWRITTEN = frozenset({FILES["study"].name, FILES["parameter_study"].name, FILES["parameter_table"].name, REPORT})
+REWRITTEN = frozenset(
+    {REPORT, *(FILES[key].name for key in ("study", "parameter_study", "parameter_table", "best_study", "base_record"))}
+)
 """Files beside the blocks that every call writes anew."""
 
 NAME = re.compile(r"([0-9a-f]{16})-\d+\.block")
@@ -163,7 +172,8 @@ def block_folder(
     try:
         earlier = _manifest(folder / MANIFEST)
     except FileNotFoundError:
-        other = next((name for name in earlier_files(directory) if name not in REWRITTEN), None)
+        names = (name for name in result_files(directory) if not STUDY_FIGURE.fullmatch(name))
+        other = next((name for name in names if name not in REWRITTEN), None)
         allowed = f"holds results of another kind ({other}): choose another directory"
         require(other is None, "directory", str(directory), "", allowed)
     except DamagedFileError as error:

@@ -14,8 +14,8 @@ from femimpact.app.parametric.runs import (
     CaseGroup,
     case_groups,
     empty_block,
+    equations_of_case,
     history_of_case,
-    raise_of_case,
 )
 from femimpact.arrays import Array, Integers
 from femimpact.errors import FemimpactError, checked, quantity, require_type
@@ -76,7 +76,7 @@ def run_case(study: ParameterStudy, number: int, start: int = 0, record: Recorde
         return history_of_case(study, int(number), int(start), record)
     groups = list(case_groups(study, empty_block(study, np.array([number], dtype=np.int64))))
     if not groups:
-        raise_of_case(study, int(number))
+        equations_of_case(study, int(number))
     return groups[0].response(int(start), record)
 
 

@@ -14,15 +14,13 @@ import scipy
 from numpy.typing import NDArray
 
 from femimpact.app.parametric.definition import ParameterStudy
-from femimpact.app.parametric.measures import better_of
 from femimpact.app.parametric.runs import BlockValues
 from femimpact.app.study.study import Study
 from femimpact.app.study.study_file import study_text
 from femimpact.arrays import Array, Integers
 from femimpact.excitation.drive_words import drive_words
-from femimpact.figures.study_labels import STATISTICS
-from femimpact.integrators.planned_drive import contact_notes, step_rows
-from femimpact.integrators.preflight_row import PreflightRow
+from femimpact.figures.study_labels import PAIRED, STATISTICS
+from femimpact.integrators.planned_drive import PreflightRow, contact_notes, step_rows
 from femimpact.response.cycles import deflection_warnings
 from femimpact.system.system import System, without_impactors
 from femimpact.units import unit_text
@@ -127,19 +125,14 @@ def labels_of(study: ParameterStudy) -> dict[str, Any]:
     table = study.table
     warnings = [*(str(row) for row in axis_rows(study) if row.passed), *contact_notes(study.nominal)]
     return {
-        "axes": [
-            {"path": place.path, "unit": place.unit, "words": _words(place.owner, place.part, place.field),
-             "levels": list(levels), "codes": None if table.is_grid else codes.tolist(),
-             "distribution": str(study.distributions.get(place.path, ""))}
-            for place, levels, codes in zip(table.places, table.levels, table.codes, strict=True)
-        ],
+        "dims": [place.path for place in table.places] if table.is_grid else ["case"],
         "shape": list(table.shape),
-        "is_grid": table.is_grid,
-        "measures": [
-            {"name": item.name, "unit": item.unit, "words": item.long_name, "is_text": item.is_text}
-            for item in study.chosen
-        ],
-        "starts": study.starts,
+        "coordinates": {
+            name: coordinate for axis in range(len(table.places)) for name, coordinate in _axis(study, axis)
+        },
+        "variables": dict(_variables(study)),
+        "texts": ["failure", *(item.name for item in study.chosen if item.is_text)],
+        "measures": [item.name for item in study.chosen],
         "attributes": {
             "title": "femimpact parameter study",
             "femimpact": version("femimpact"),
@@ -156,7 +149,45 @@ def labels_of(study: ParameterStudy) -> dict[str, Any]:
             "warnings": "; ".join(warnings),
             **_description(study),
         },
-    }  # fmt: skip
+    }
+
+
+def _axis(study: ParameterStudy, axis: int) -> Iterator[tuple[str, list[Any]]]:
+    """The coordinate of an axis: dimensions, values, attributes. Of pairs of gaps their numbers, with the gaps."""
+    table, place = study.table, study.table.places[axis]
+    dims, levels = [place.path if table.is_grid else "case"], table.levels[axis]
+    values = list(levels) if table.is_grid else [levels[code] for code in table.codes[axis].tolist()]
+    words = place.field.replace("contact.", "").replace("_", " ")
+    if place.owner != "function":
+        words = f"{words} of {place.owner} {place.part}".strip()
+    distribution = str(study.distributions.get(place.path, ""))
+    attributes = {"units": place.unit, "distribution": distribution}
+    described = {"long_name": words} | {name: text for name, text in attributes.items() if text}
+    if not any(isinstance(value, tuple) for value in values):
+        yield place.path, [dims, values, described]
+        return
+    yield place.path, [dims, list(range(len(values))), {"long_name": f"{words}{PAIRED}"}]
+    for i, side in enumerate(("plus", "minus")):
+        gaps = [value[i] if isinstance(value, tuple) else value for value in values]
+        yield f"{place.path}.{side}", [dims, gaps, described | {"long_name": f"{words}, to the {side} side"}]
+
+
+def _variables(study: ParameterStudy) -> Iterator[tuple[str, dict[str, str]]]:
+    """Variables with their attributes: measures with their statistics over the starts, and what is about the cases."""
+    for item in study.chosen:
+        for end in endings_of(study.starts):
+            # of words only how many there are
+            if item.is_text and end not in ("", "_groups"):
+                continue
+            of_starts = STATISTICS.get(end, "of most starts" if item.is_text else "median over the starts")
+            unit = "1" if end == "_groups" else item.unit
+            words = f"{item.long_name}, {of_starts}" if study.starts > 1 else item.long_name
+            better = {} if end or not item.better else {"better": item.better}
+            yield f"{item.name}{end}", {"long_name": words} | ({"units": unit} if unit else {}) | better
+    yield "periodic_starts", {"long_name": "starts from which the motion repeats, or has no impacts", "units": "1"}
+    yield "failed_starts", {"long_name": "starts that have no values", "units": "1"}
+    yield "failure", {"long_name": "why the first of them has none"}
+    yield "finished", {"long_name": "whether the case has been run", "units": "1"}
 
 
 def _drive(study: ParameterStudy) -> str:
@@ -195,16 +226,12 @@ def _description(study: ParameterStudy) -> dict[str, str]:
     return {**sample, "study": name, "base": f"sine, {known}", "method": words}
 
 
-def _words(owner: str, part: str, name: str) -> str:
-    """Words for an axis in a dataset, as "gap of impactor ball"."""
-    shown = name.replace("contact.", "").replace("_", " ")
-    if owner == "function":
-        return shown
-    return f"{shown} of {owner} {part}".strip()
+COUNTS = {"periodic_starts": np.int32, "failed_starts": np.int32, "finished": np.int8}
+"""Types of the variables that count."""
 
 
 class Columns:
-    """Statistics of all cases, filled block by block.
+    """Variables of all cases, filled block by block.
 
     Parameters
     ----------
@@ -215,21 +242,18 @@ class Columns:
     def __init__(self, labels: Mapping[str, Any]) -> None:
         self.labels = labels
         self.cases = int(np.prod(labels["shape"]))
-        self.starts, self.measures = int(labels["starts"]), labels["measures"]
-        self.numbers = {
-            f"{item['name']}{end}": np.full(self.cases, np.nan)
-            for item in self.measures
-            for end in endings_of(self.starts)
-            # of words only how many there are
-            if end == "_groups" or not item["is_text"]
-        }
-        self.words: dict[str, NDArray[np.object_]] = {
-            item["name"]: np.full(self.cases, "", dtype=object) for item in self.measures if item["is_text"]
-        }
-        self.failure = np.full(self.cases, "", dtype=object)
-        self.failed = np.zeros(self.cases, dtype=np.int32)
-        self.periodic = np.zeros(self.cases, dtype=np.int32)
-        self.done = np.zeros(self.cases, dtype=bool)
+        self.starts = int(labels["attributes"]["starts"])
+        self.values: dict[str, NDArray[Any]] = {
+            name: np.zeros(self.cases, dtype=COUNTS[name]) if name in COUNTS
+            else np.full(self.cases, "", dtype=object) if name in labels["texts"]
+            else np.full(self.cases, np.nan)
+            for name in labels["variables"]
+        }  # fmt: skip
+
+    @property
+    def done(self) -> NDArray[np.bool_]:
+        """Whether there are values of a case."""
+        return self.values["finished"] > 0
 
     @property
     def finished(self) -> int:
@@ -238,28 +262,26 @@ class Columns:
 
     def add(self, block: BlockValues) -> None:
         """Enter the cases of a block."""
-        cases, starts = block.cases, self.starts
-        self.done[cases] = True
-        self.periodic[cases] = block.periodic.sum(axis=1)
+        cases, starts, values = block.cases, self.starts, self.values
+        values["finished"][cases] = 1
+        values["periodic_starts"][cases] = block.periodic.sum(axis=1)
         reasons = np.array(block.failures, dtype=object).reshape(-1, starts)
-        failed = reasons != ""
-        self.failed[cases] = failed.sum(axis=1)
-        for row in np.flatnonzero(failed.any(axis=1)).tolist():
-            self.failure[cases[row]] = next(reason for reason in reasons[row] if reason)
-        for m, item in enumerate(self.measures):
-            if item["is_text"]:
-                self._add_words(item["name"], cases, block.words[item["name"]])
+        values["failed_starts"][cases] = (reasons != "").sum(axis=1)
+        values["failure"][cases] = [next(filter(None, row), "") for row in reasons.tolist()]
+        for m, name in enumerate(self.labels["measures"]):
+            if name in block.words:
+                self._add_words(name, cases, block.words[name])
                 continue
             for end, column in over_starts(block.values[:, :, m]).items():
-                self.numbers[f"{item['name']}{end}"][cases] = column
+                values[f"{name}{end}"][cases] = column
 
     def _add_words(self, name: str, cases: Integers, words: Sequence[str]) -> None:
         """The most frequent word of the starts, of several the first by its letters; and how many there are."""
         for row, case in enumerate(cases.tolist()):
             counts = Counter(word for word in words[row * self.starts : (row + 1) * self.starts] if word)
-            self.words[name][case] = min(counts, key=lambda word: (-counts[word], word)) if counts else ""
+            self.values[name][case] = min(counts, key=lambda word: (-counts[word], word)) if counts else ""
             if self.starts > 1:
-                self.numbers[f"{name}_groups"][case] = len(counts)
+                self.values[f"{name}_groups"][case] = len(counts)
 
 
 def dataset_of(
@@ -268,58 +290,19 @@ def dataset_of(
     """The labelled dataset: axes as coordinates, measures with their statistics over the starts as variables."""
     import xarray
 
-    labels = columns.labels
-    shape = tuple(labels["shape"])
-    dims = tuple(axis["path"] for axis in labels["axes"]) if labels["is_grid"] else ("case",)
-    coordinates: dict[str, Any] = {} if labels["is_grid"] else {"case": ("case", np.arange(shape[0]))}
-    for axis in labels["axes"]:
-        coordinates |= _coordinates(axis, (axis["path"],) if labels["is_grid"] else ("case",))
-    data: dict[str, Any] = {}
-
-    def enter(name: str, values: NDArray[Any], unit: str, words: str) -> None:
-        described = {"long_name": words} | ({"units": unit} if unit else {})
-        data[name] = (dims, values.reshape(shape), described)
-
-    for item in columns.measures:
-        name, unit, words = item["name"], item["unit"], item["words"]
-        if item["is_text"]:
-            enter(name, columns.words[name], unit, f"{words}, of most starts" if columns.starts > 1 else words)
-        for end in endings_of(columns.starts):
-            if f"{name}{end}" in columns.numbers:
-                long_name = f"{words}, {STATISTICS.get(end, 'median over the starts')}" if columns.starts > 1 else words
-                enter(f"{name}{end}", columns.numbers[f"{name}{end}"], "1" if end == "_groups" else unit, long_name)
-    for item in columns.measures:
-        if better := better_of(item["name"], item["words"]):
-            data[item["name"]][2]["better"] = better
-    enter("periodic_starts", columns.periodic, "1", "starts from which the motion repeats, or has no impacts")
-    enter("failed_starts", columns.failed, "1", "starts that have no values")
-    enter("failure", columns.failure, "", "why the first of them has none")
-    enter("finished", columns.done.astype(np.int8), "1", "whether the case has been run")
+    labels, values = columns.labels, columns.values
+    dims, shape = labels["dims"], labels["shape"]
+    coordinates: dict[str, Any] = {"case": ("case", np.arange(columns.cases))} if dims == ["case"] else {}
+    for name, (along, levels, attributes) in labels["coordinates"].items():
+        is_text = all(isinstance(level, str) for level in levels)
+        coordinates[name] = along, np.array(levels, dtype=object if is_text else None), attributes
+    variables = {name: (dims, values[name].reshape(shape), about) for name, about in labels["variables"].items()}
     attributes = dict(labels["attributes"])
-    peaks = [columns.numbers[name] for name in ("peak", "peak_high") if name in columns.numbers]
+    peaks = [values[name] for name in ("peak", "peak_high") if name in values]
     length = attributes.pop("beam_length", 0.0)
     bends = deflection_warnings(np.concatenate(peaks), length) if peaks else ()
     said = "; ".join(filter(None, (attributes.pop("warnings", ""), *bends)))
     attributes |= {"warnings": said} if said else {}
     if columns.starts >= LEAST_FOR_INTERVAL:
         attributes["median_interval"] = "90 %, by order statistics"
-    return xarray.Dataset(data, coords=coordinates, attrs=attributes)
-
-
-def _coordinates(axis: Mapping[str, Any], dims: tuple[str, ...]) -> dict[str, Any]:
-    """The coordinate of an axis; where a value is a pair of gaps its number, with the gaps beside it."""
-    path, levels, codes = axis["path"], axis["levels"], axis["codes"]
-    values = levels if codes is None else [levels[code] for code in codes]
-    described = {"long_name": axis["words"]} | ({"units": axis["unit"]} if axis["unit"] else {})
-    described |= {"distribution": axis["distribution"]} if axis["distribution"] else {}
-    if any(isinstance(value, (list, tuple)) for value in values):
-        pairs = [tuple(value) if isinstance(value, (list, tuple)) else (value, value) for value in values]
-        number = {"long_name": f"{axis['words']}, number of the pair of values"}
-        found: dict[str, Any] = {path: (dims, np.arange(len(values)), number)}
-        for i, side in enumerate(("plus", "minus")):
-            words = described | {"long_name": f"{axis['words']}, to the {side} side"}
-            found[f"{path}.{side}"] = (dims, np.array([pair[i] for pair in pairs]), words)
-        return found
-    if all(isinstance(value, str) for value in values):
-        return {path: (dims, np.array(values, dtype=object), described)}
-    return {path: (dims, np.array(values), described)}
+    return xarray.Dataset(variables, coords=coordinates, attrs=attributes)

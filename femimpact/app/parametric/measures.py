@@ -75,9 +75,6 @@ MEASURES = {
 OF_CYCLES = ("first_harmonic", "impacts_per_cycle", "cycle_mean_force", "loss_per_cycle", "damping", "regime")
 """Measures that need cycles of the base."""
 
-OF_CHANNEL = "largest size of the channel"
-"""Beginning of the long name of a measure that is read from a channel."""
-
 INSTANTS = 16
 """Number of instants of a cycle at which the energy stored is read for the damping."""
 
@@ -130,7 +127,8 @@ def _measure(item: Any, system: System) -> Measure:
     if callable(item) and not isinstance(item, type):
         name = str(getattr(item, "__name__", type(item).__name__)).strip("<>")
         unit = str(getattr(item, "unit", ""))
-        return Measure(name, unit, name.replace("_", " "), Source.RUN, function=item)
+        better = MEASURES[name].better if name in MEASURES else ""
+        return Measure(name, unit, name.replace("_", " "), Source.RUN, function=item, better=better)
     if not isinstance(item, str):
         raise InputError([Fault("measures", item, "", "must be names, or functions of a response")])
     if item in MEASURES:
@@ -143,18 +141,8 @@ def _measure(item: Any, system: System) -> Measure:
         if "." in item:
             allowed = f"with a dot it must be a channel, whose largest value is measured: {error.faults[0].allowed}"
         raise InputError([Fault("measures", item, "", allowed)]) from None
-    words = f"{OF_CHANNEL} {channel.name} over the last third"
-    return Measure(item, channel.unit, words, Source.RUN, channel=channel.name)
-
-
-def better_of(
-    name: str,
-    words: str,  # long name
-) -> str:
-    """Which values of a measure are better, "small" or "large"; empty where it does not say."""
-    if name in MEASURES:
-        return MEASURES[name].better
-    return "small" if words.startswith(OF_CHANNEL) else ""
+    words = f"largest size of the channel {channel.name} over the last third"
+    return Measure(item, channel.unit, words, Source.RUN, channel=channel.name, better="small")
 
 
 def columns_of(found: SineDwellResults, frequency: Array, measured: NDArray[np.int64]) -> dict[str, Array]:

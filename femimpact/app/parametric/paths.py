@@ -9,6 +9,7 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -280,41 +281,25 @@ class CaseSystems:
     elements: int  # of the structures that a function returns
     modes: int
     mesh: Mesh | None = None
-    made: dict[tuple[Any, ...], System] = field(default_factory=dict)
-    lock: threading.Lock = field(default_factory=threading.Lock)
-    making: Any = field(default_factory=threading.RLock)
+    lock: threading.RLock = field(default_factory=threading.RLock, init=False)
 
     def __post_init__(self) -> None:
-        if isinstance(self.given, Study):
+        if isinstance(self.given, Study) and self.mesh is None:
             self.mesh = read_mesh_of(self.given)
+        self._kept = lru_cache(KEPT)(lambda items: self._made(dict(items)))
 
-    def __getstate__(self) -> dict[str, Any]:
-        # what was made is made again where it is sent to, and a lock cannot be sent
-        return {name: getattr(self, name) for name in ("given", "method", "elements", "modes", "mesh")}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state)
-        self.made, self.lock, self.making = {}, threading.Lock(), threading.RLock()
+    def __reduce__(self) -> tuple[Any, ...]:
+        # systems are made again where this is sent to, and a lock cannot be sent
+        return CaseSystems, (self.given, self.method, self.elements, self.modes, self.mesh)
 
     def of(self, values: Values) -> System:
         """The system of a case, for its values before `Stage.METHOD`.
 
         Raises `InputError` if there is no such system.
         """
-        key = tuple((place.path, values[place]) for place in values if place.stage < Stage.METHOD)
-        with self.lock:
-            found = self.made.pop(key, None)
-            if found is not None:
-                # the one that was asked for last is dropped last
-                self.made[key] = found
-                return found
         # one thread at a time: several at so many small calls would take longer than one after the other
-        with self.making:
-            system = self._made(values)
         with self.lock:
-            while len(self.made) >= KEPT:
-                self.made.pop(next(iter(self.made)))
-            return self.made.setdefault(key, system)
+            return self._kept(tuple((place, value) for place, value in values.items() if place.stage < Stage.METHOD))
 
     def _made(self, values: Values) -> System:
         of_modes = {place: value for place, value in values.items() if place.stage == Stage.MODES}

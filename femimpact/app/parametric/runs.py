@@ -16,14 +16,13 @@ from numpy.typing import NDArray
 
 from femimpact.app.parametric.definition import ParameterStudy
 from femimpact.app.parametric.paths import Place, Stage, study_with
-from femimpact.app.parametric.starts import drawn_state, placed_about_structure, scaled_starts, unit_draws
 from femimpact.app.study.study import Study
 from femimpact.arrays import Array, Integers
 from femimpact.contact import ContactLaw
 from femimpact.errors import FemimpactError
 from femimpact.excitation import Excitation, Sine
 from femimpact.excitation.drives import until
-from femimpact.integrators.cases import SineCases, start_of, with_contacts_of
+from femimpact.integrators.cases import SineCases, start_of, with_balls, with_contacts_of
 from femimpact.integrators.methods import Method, step_of
 from femimpact.integrators.runs import response_by
 from femimpact.response.response import Recorder, Response
@@ -31,7 +30,8 @@ from femimpact.system.modes import with_checked_pairs
 from femimpact.system.state import State
 from femimpact.system.system import System, without_impactors
 
-Flags = NDArray[np.bool_]
+HISTORY_INSTANTS = 4096
+"""Of a motion at which its largest speed is looked for, which scales the speeds of starts."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +41,7 @@ class BlockValues:
     cases: Integers  # (n,) their numbers in the study
     values: Array  # (n, starts, measures) not a number where a start failed, or where the measure is a word
     # (n, starts) True where the motion repeats or has no impacts: another start then has the same values
-    periodic: Flags
+    periodic: NDArray[np.bool_]
     failures: list[str]  # (n starts,) why a start has no values; empty where it has
     words: dict[str, list[str]]  # by measure, (n starts,)
 
@@ -96,52 +96,108 @@ class CaseGroup:
 
 def case_groups(study: ParameterStudy, block: BlockValues) -> Iterator[CaseGroup]:
     """Groups of the cases of a block; cases that have no system, law or method are recorded as failed."""
-    for parts in _cases_by_system(study, block):
-        values, system, _ = parts[0]
-        systems = tuple(system for _, system, _ in parts)
-        members = np.concatenate([members for *_, members in parts])
-        system_of = np.repeat(np.arange(len(parts)), [members.size for *_, members in parts])
-        laws, law_of = _laws(study, system, members, block)
-        for method, chosen in _methods(study, system, laws, law_of, values, members, block):
-            runs = _runs(study, system, block.cases[members[chosen]], laws, law_of[chosen], values)
-            if len(systems) > 1:
-                runs = _with_systems(study, systems, system_of[chosen], runs)
-            runs = placed_about_structure(runs, system) if study.starts > 1 else _with_all_placed(runs, system)
-            yield CaseGroup(values, system, method, members[chosen], runs)
+    groups: dict[Any, list[tuple[_Equations, Integers]]] = {}
+    of_system: dict[Any, Method] = {}
+    table = study.table
+    laws = [axis for axis, *_ in _axes_of_laws(study)]
+    frames = [axis for axis, place in enumerate(table.places) if place.path == "base.start"]
+    axes = (*table.axes_before(Stage.CASE), *frames, *laws)
+    for members in _equal_rows([table.codes[axis][block.cases] for axis in axes], block.cases.size):
+        try:
+            equations = equations_of_case(study, int(block.cases[members[0]]), of_system)
+        except FemimpactError as error:
+            block.fail(block.runs_of(members), str(error))
+            continue
+        groups.setdefault(equations.key, []).append((equations, members))
+    for parts in groups.values():
+        yield _group_of(study, block, parts)
 
 
-def raise_of_case(study: ParameterStudy, case: int) -> None:
-    """Raise the error for which a case has no system, law or method."""
-    values = study.table.values(case)
-    system = study.systems.of(values)
-    _laws_of_case(study, system, case)
-    study.systems.method_of(system, values)
+def _group_of(study: ParameterStudy, block: BlockValues, parts: Sequence[tuple[_Equations, Integers]]) -> CaseGroup:
+    """The group of cases that run together."""
+    first = parts[0][0]
+    members = np.concatenate([members for _, members in parts])
+    sizes = [members.size for _, members in parts]
+    systems, laws = dict[int, System](), dict[Any, tuple[ContactLaw, ...]]()
+    for equations, _ in parts:
+        systems[id(equations.system)] = equations.system
+        laws.setdefault(equations.law_values, equations.laws)
+    system_of, law_of = (
+        np.repeat([numbers.index(key) for key in keys], sizes)
+        for numbers, keys in (
+            (list(systems), [id(equations.system) for equations, _ in parts]),
+            (list(laws), [equations.law_values for equations, _ in parts]),
+        )
+    )
+    runs = _runs(study, first, block.cases[members], tuple(laws.values()), law_of)
+    if len(systems) > 1:
+        runs = _with_systems(study, tuple(systems.values()), system_of, runs)
+    return CaseGroup(first.values, first.system, first.method, members, _with_placed_balls(runs, first.system, study))
 
 
 # ---- systems, laws and methods -----------------------------------------------------------------------
 
 
-def _cases_by_system(
-    study: ParameterStudy, block: BlockValues
-) -> list[list[tuple[dict[Place, Any], System, Integers]]]:  # fmt: skip
-    """Systems with their values and cases; in one list those that differ in numbers alone, unless a step does."""
-    table = study.table
-    frames = [axis for axis, place in enumerate(table.places) if place.path == "base.start"]
-    codes = [table.codes[axis][block.cases] for axis in (*table.axes_before(Stage.CASE), *frames)]
-    found: dict[Any, list[tuple[dict[Place, Any], System, Integers]]] = {}
-    rows = _equal_rows(codes, block.cases.size)
-    for number, members in enumerate(rows):
-        values = study.table.values(int(block.cases[members[0]]))
-        try:
-            system = study.systems.of(values)
-        except FemimpactError as error:
-            block.fail(block.runs_of(members), str(error))
-            continue
-        key: Any = _common_of_group(system, values)
-        if len(rows) == 1 or (key not in found and not _is_without_step(study, system, values)):
-            key = number
-        found.setdefault(key, []).append((values, system, members))
-    return list(found.values())
+@dataclass(frozen=True, eq=False)
+class _Equations:
+    """What cases that differ in gaps, sine and places of balls alone have in common."""
+
+    values: dict[Place, Any]  # of one of the cases
+    system: System  # with the laws and gaps of the study
+    laws: tuple[ContactLaw, ...]  # of the pairs
+    law_values: tuple[Any, ...]  # those that axes give to the laws
+    method: Method
+    frame: Any  # of the start; None without such an axis
+
+    @property
+    def key(self) -> Any:
+        """Equal for cases that may run together: by a method with a step those of one system."""
+        if step_of(self.method) is not None:
+            return id(self.system), self.frame, _key(self.method)
+        pairs = self.system.contacts
+        return (
+            self.system.dofs, self.system.is_diagonal, self.frame, _key(self.method),
+            tuple((pair.name, pair.is_stop, pair.gaps, pair.fixed_to, _key(pair.law)) for pair in pairs),
+        )  # fmt: skip
+
+
+def equations_of_case(study: ParameterStudy, case: int, of_system: dict[Any, Method] | None = None) -> _Equations:
+    """System, laws and method of a case.
+
+    A method without a step does not depend on the laws: `of_system` keeps it for other cases of a system.
+
+    Raises `FemimpactError` where there are none.
+    """
+    values = study.table.values(case)
+    system = study.systems.of(values)
+    changes: dict[str, dict[str, Any]] = {}
+    for axis, part, name in _axes_of_laws(study):
+        changes.setdefault(part, {})[name] = study.table.value(axis, case)
+    # all axes of one law are set in one step, for a law checks its fields together
+    contacts: Any = tuple(
+        replace(pair, law=replace(pair.law, **changes[pair.name])) if pair.name in changes else pair  # type: ignore[type-var]
+        for pair in system.contacts
+    )
+    known = {} if of_system is None else of_system
+    key = id(system), *(value for place, value in values.items() if place.stage == Stage.METHOD)
+    method = known.get(key)
+    if method is None:
+        method = study.systems.method_of(with_checked_pairs(system, contacts) if changes else system, values)
+        if step_of(method) is None:
+            known[key] = method
+    frame = next((value for place, value in values.items() if place.path == "base.start"), None)
+    law_values = tuple(study.table.value(axis, case) for axis, *_ in _axes_of_laws(study))
+    return _Equations(values, system, tuple(pair.law for pair in contacts), law_values, method, frame)
+
+
+def _axes_of_laws(study: ParameterStudy) -> list[tuple[int, str, str]]:
+    """Axes of numbers of laws, with the pair and the field of each."""
+    prefix = "contact."
+    return [
+        (axis, place.part, place.field.removeprefix(prefix))
+        for axis, place in enumerate(study.table.places)
+        if place.field.startswith(prefix)
+    ]
 
 
 def _equal_rows(codes: Sequence[Integers], count: int) -> list[Integers]:
@@ -154,29 +210,13 @@ def _equal_rows(codes: Sequence[Integers], count: int) -> list[Integers]:
     return [np.array(members) for members in found.values()]
 
 
-def _common_of_group(system: System, values: dict[Place, Any]) -> tuple[Any, ...]:
-    """A key that is equal for cases that may run together: method, frame, dofs and contact pairs."""
-    method = tuple((place.path, value) for place, value in values.items() if place.stage == Stage.METHOD)
-    frame = tuple(value for place, value in values.items() if place.path == "base.start")
-    pairs = tuple((pair.name, pair.is_stop, pair.gaps, pair.fixed_to, _law_key(pair.law)) for pair in system.contacts)
-    return method, frame, system.dofs, system.is_diagonal, pairs
-
-
-def _law_key(law: ContactLaw) -> Any:
-    """Equal laws have equal keys; a law without a hash equals only itself."""
+def _key(noun: Any) -> Any:
+    """Equal laws and methods have equal keys; what has no hash equals only itself."""
     try:
-        hash(law)
+        hash(noun)
     except TypeError:
-        return id(law)
-    return law
-
-
-def _is_without_step(study: ParameterStudy, system: System, values: dict[Place, Any]) -> bool:
-    """True if the method is the same on all systems, without a step; a case without a method fails later."""
-    try:
-        return step_of(study.systems.method_of(system, values)) is None
-    except FemimpactError:
-        return False
+        return id(noun)
+    return noun
 
 
 def _with_systems(
@@ -192,74 +232,7 @@ def _with_systems(
     return replace(runs, systems=both, system_of=np.repeat(system_of, study.starts))
 
 
-def _laws(
-    study: ParameterStudy, system: System, members: Integers, block: BlockValues
-) -> tuple[tuple[tuple[ContactLaw, ...], ...], Integers]:
-    """Sets of laws, and which of them each member has; -1 where there is no such law."""
-    table, axes = study.table, _axes_of_laws(study)
-    law_of = np.zeros(members.size, dtype=np.int64)
-    if not axes:
-        return (tuple(pair.law for pair in system.contacts),), law_of
-    sets = list[tuple[ContactLaw, ...]]()
-    for rows in _equal_rows([table.codes[axis][block.cases[members]] for axis, *_ in axes], members.size):
-        try:
-            sets.append(_laws_of_case(study, system, int(block.cases[members[rows[0]]])))
-            law_of[rows] = len(sets) - 1
-        except FemimpactError as error:
-            block.fail(block.runs_of(members[rows]), str(error))
-            law_of[rows] = -1
-    return tuple(sets), law_of
-
-
-def _axes_of_laws(study: ParameterStudy) -> list[tuple[int, str, str]]:
-    """Axes of numbers of laws, with the pair and the field of each."""
-    prefix = "contact."
-    return [
-        (axis, place.part, place.field.removeprefix(prefix))
-        for axis, place in enumerate(study.table.places)
-        if place.field.startswith(prefix)
-    ]
-
-
-def _laws_of_case(study: ParameterStudy, system: System, case: int) -> tuple[ContactLaw, ...]:
-    """The contact laws of a case; all its axes of one law are set in one step, for a law checks its fields together."""
-    changes: dict[str, dict[str, Any]] = {}
-    for axis, part, name in _axes_of_laws(study):
-        changes.setdefault(part, {})[name] = study.table.value(axis, case)
-    pairs: Any = system.contacts
-    return tuple(replace(pair.law, **changes[pair.name]) if pair.name in changes else pair.law for pair in pairs)
-
-
-def _methods(
-    study: ParameterStudy, system: System, laws: tuple[tuple[ContactLaw, ...], ...], law_of: Integers,
-    values: dict[Place, Any], members: Integers, block: BlockValues,
-) -> list[tuple[Method, Flags]]:  # fmt: skip
-    """Methods, and which members run by each: a recommended step depends on the contacts."""
-    found = list[tuple[Method, Flags]]()
-    for number, laws_of_set in enumerate(laws):
-        chosen = law_of == number
-        contacts = tuple(
-            pair if pair.law is law else replace(pair, law=law)
-            for pair, law in zip(system.contacts, laws_of_set, strict=True)
-        )
-        same = all(one is other for one, other in zip(contacts, system.contacts, strict=True))
-        try:
-            method = study.systems.method_of(system if same else with_checked_pairs(system, contacts), values)
-        except FemimpactError as error:
-            block.fail(block.runs_of(members[chosen]), str(error))
-            continue
-        equal = next((i for i, (other, _) in enumerate(found) if other == method), None)
-        if equal is None:
-            found.append((method, chosen))
-        else:
-            found[equal] = method, found[equal][1] | chosen
-        if step_of(method) is None:
-            # no step depends on the contacts: the other sets need not be asked for
-            return [(method, law_of >= 0)]
-    return found
-
-
-# ---- runs and their starts ---------------------------------------------------------------------------
+# ---- runs ----------------------------------------------------------------------------------------------
 
 
 def _base_of(runs: SineCases, run: int) -> Sine:
@@ -267,21 +240,21 @@ def _base_of(runs: SineCases, run: int) -> Sine:
 
 
 def _runs(
-    study: ParameterStudy, system: System, cases: Integers, laws: tuple[tuple[ContactLaw, ...], ...],
-    law_of: Integers, values: dict[Place, Any],
+    study: ParameterStudy, equations: _Equations, cases: Integers, laws: tuple[tuple[ContactLaw, ...], ...],
+    law_of: Integers,
 ) -> SineCases:  # fmt: skip
     """The runs of some cases with one system, start by start of each case."""
-    base, starts, balls = study.base, study.starts, len(system.balls)
+    base, starts, balls = study.base, study.starts, len(equations.system.balls)
     frequency, amplitude, phase = (
         _column(study, f"base.{name}", cases, base[name]) for name in ("frequency", "amplitude", "phase")
     )
-    frame = next((value for place, value in values.items() if place.path == "base.start"), base["start"])
-    gaps = _gaps(study, system, cases)
+    frame = base["start"] if equations.frame is None else equations.frame
+    gaps = _gaps(study, equations.system, cases)
     if starts > 1:
         draws = unit_draws(starts, balls, study.seed)
         placed, moving = scaled_starts(draws, gaps[:, :balls], amplitude * (2.0 * np.pi * frequency))
     else:
-        placed, moving = (column[:, None] for column in _starts_of_balls(study, system, cases))
+        placed, moving = (column[:, None] for column in _starts_of_balls(study, equations.system, cases))
     return SineCases(
         frequency=np.repeat(frequency, starts),
         amplitude=np.repeat(amplitude, starts),
@@ -295,13 +268,6 @@ def _runs(
         cycles=np.full(cases.size * starts, study.dwell),
         measured=np.full(cases.size * starts, study.dwell // 3),
     )
-
-
-def _starts_of_balls(study: ParameterStudy, system: System, cases: Integers) -> Iterator[Array]:
-    """Places (m) and speeds (m/s) of the balls that axes give, (cases, balls): not a number is the initial state's."""
-    for name, default in (("position", np.nan), ("speed", 0.0)):
-        rows = [_column(study, f"start.{pair.name}.{name}", cases, default) for pair in system.balls]
-        yield np.reshape(rows, (len(rows), cases.size)).T
 
 
 def _column(study: ParameterStudy, path: str, cases: Integers, default: Any) -> Array:
@@ -330,32 +296,89 @@ def _gaps(study: ParameterStudy, system: System, cases: Integers) -> Array:
     return gaps
 
 
-def _with_all_placed(runs: SineCases, common: System) -> SineCases:
-    """The runs; where axes place some of the balls the others have the places of the initial state."""
-    places = runs.ball_displacement.copy()
-    left = np.isnan(places)
-    for run in np.flatnonzero(left.any(axis=1) & ~left.all(axis=1)).tolist():
-        # a static state that cannot be found is what the run itself fails with
-        with suppress(FemimpactError):
-            system = with_contacts_of(runs.system(run, common), runs, run)
-            places[run] = _placed_balls(places[run], system, runs.initial, _base_of(runs, run))
-    return replace(runs, ball_displacement=places)
+# ---- where balls start ---------------------------------------------------------------------------------
+
+
+def unit_draws(starts: int, balls: int, seed: int) -> Array:
+    """Numbers (starts, balls, 2) from 0 to 1, for the place and the speed of each ball; those of fewer starts first."""
+    return np.random.default_rng(seed).random((starts, balls, 2))
+
+
+def scaled_starts(
+    draws: Array,  # (starts, balls, 2)
+    gaps: Array,  # (cases, balls, 2) m: to the + and to the - side
+    speed: Array,  # (cases,) m/s: amplitude times angular frequency of the base
+) -> tuple[Array, Array]:  # (cases, starts, balls) m and m/s
+    """Places of balls, uniform in their gaps, and speeds, uniform within +- a speed, relative to the structure.
+
+    The body of an absorber, without walls, is in the middle.
+    """
+    plus, minus = np.moveaxis(np.where(np.isfinite(gaps), gaps, 0.0)[:, None], -1, 0)
+    displacement = -minus + (plus + minus) * draws[None, :, :, 0]
+    return displacement, speed[:, None, None] * (2.0 * draws[None, :, :, 1] - 1.0)
+
+
+def _starts_of_balls(study: ParameterStudy, system: System, cases: Integers) -> Iterator[Array]:
+    """Places (m) and speeds (m/s) of the balls that axes give, (cases, balls): not a number is the initial state's."""
+    for name, default in (("position", np.nan), ("speed", 0.0)):
+        rows = [_column(study, f"start.{pair.name}.{name}", cases, default) for pair in system.balls]
+        yield np.reshape(rows, (len(rows), cases.size)).T
 
 
 def _placed_balls(
-    given: Array,  # (balls,) m: not a number where no axis places a ball; zero is a place as any other
+    places: Array,  # (starts, balls) m: not a number where no axis places a ball; zero is a place as any other
+    are_drawn: bool,
     system: System,
     initial: State,  # from which the run starts
     base: Excitation,
 ) -> Array:
-    """Displacements (m) of the balls, (balls,): given ones, the others those of the initial state; none if none is."""
-    left = np.isnan(given)
-    if left.all() or not left.any():
-        return given
+    """Displacements (m) of the balls, (starts, balls): of a static state drawn ones are about the structure.
+
+    Where axes place some of the balls, the others are where the initial state has them.
+    """
+    left = np.isnan(places)
+    if left.all() or not (are_drawn or left.any()):
+        return places
     if not initial.is_static_on(system):
-        return np.where(left, 0.0, given)
-    *_, initial_displacement, _ = initial.relative_to_base(system, base)
-    return np.where(left, initial_displacement[: given.size], given)
+        return np.where(left, 0.0, places)
+    u, _, y, _ = initial.relative_to_base(system, base)
+    if are_drawn:
+        return places + np.array([pair.direction @ u for pair in system.balls])
+    return np.where(left, y[: places.shape[1]], places)
+
+
+def _with_placed_balls(runs: SineCases, common: System, study: ParameterStudy) -> SineCases:
+    """The runs with the places of their balls as of `_placed_balls`."""
+    starts, are_drawn = study.starts, study.starts > 1
+    places = runs.ball_displacement.reshape(runs.frequency.size // starts, starts, len(common.balls)).copy()
+    left = np.isnan(places[:, 0])
+    is_static = runs.initial.equilibrium | (runs.gaps[::starts] < 0.0).any(axis=(1, 2))
+    for case in np.flatnonzero(is_static if are_drawn else left.any(axis=1) & ~left.all(axis=1)).tolist():
+        # a static state that cannot be found is what the run itself fails with
+        with suppress(FemimpactError):
+            system = with_contacts_of(runs.system(case * starts, common), runs, case * starts)
+            places[case] = _placed_balls(places[case], are_drawn, system, runs.initial, _base_of(runs, case * starts))
+    return replace(runs, ball_displacement=places.reshape(runs.ball_displacement.shape))
+
+
+def drawn_state(
+    system: System,
+    initial: State,
+    base: Excitation,
+    duration: float,  # s: of the run
+    draws: Array,  # (balls, 2) of one start, as of `unit_draws`
+) -> State:
+    """The start of a history with its balls where the numbers have them, about the structure."""
+    gaps = np.array([[pair.gaps for pair in system.balls]], dtype=float).reshape(1, len(system.balls), 2)
+    placed, moving = (both[0] for both in scaled_starts(draws[None], gaps, _largest_speed(base, duration)))
+    return with_balls(initial, _placed_balls(placed, True, system, initial, base)[0], moving[0])
+
+
+def _largest_speed(base: Excitation, duration: float) -> Array:
+    """Largest speed of the base (m/s), (1,)."""
+    if isinstance(base, Sine):
+        return np.array([base.amplitude * (2.0 * np.pi * base.frequency)])
+    return np.array([float(np.abs(base.velocity(np.linspace(0.0, duration, HISTORY_INSTANTS))).max())])
 
 
 # ---- runs of a history -------------------------------------------------------------------------------
@@ -395,10 +418,5 @@ def _start_of_history(
     if study.starts > 1:
         draws = unit_draws(study.starts, len(system.balls), study.seed)[start]
         return drawn_state(system, state, base, changed.history_duration, draws)
-    placed, moving = (rows[0] for rows in _starts_of_balls(study, system, np.array([case])))
-    placed = _placed_balls(placed, system, state, base)
-    # what is not given may be that of the static state
-    given: dict[str, Any] = {"ball_displacement": placed} if placed.size and not np.isnan(placed).any() else {}
-    if np.any(moving):
-        given["ball_velocity"] = moving
-    return replace(state, **given)
+    placed, moving = _starts_of_balls(study, system, np.array([case]))
+    return with_balls(state, _placed_balls(placed, False, system, state, base)[0], moving[0])

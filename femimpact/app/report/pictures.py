@@ -11,8 +11,8 @@ from femimpact.app.report.result_conclusions import ResultReading
 from femimpact.app.report.result_page import records_of
 from femimpact.app.report.views import pictures_of, reason_of, save_pictures
 from femimpact.app.results.picture_data import read_film
-from femimpact.app.results.result_directory import FILES, update_results
-from femimpact.app.results.results import read_summary, write_summary
+from femimpact.app.results.result_directory import FILES, added_results, new_file, result_files
+from femimpact.app.results.results import CHECKSUMS, read_summary, write_summary
 from femimpact.errors import Fault, InputError, require
 
 KINDS = ("figures", "movie")
@@ -22,46 +22,48 @@ Report = Callable[[str, float], None]
 
 
 def draw(
-    source: Path,  # directory with the files of results
-    target: Path,  # where the pictures go
+    folder: Path,  # of results, where the pictures go
     kind: str,  # {"figures", "movie"}
 ) -> str | None:
     """Draw one kind of pictures; why one failed, or None."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            summary = read_summary(source)
+            summary = read_summary(folder)
             if kind == "movie":
-                _draw_movie(source, target, summary)
+                _draw_movie(folder, summary)
                 return None
-            return _draw_figures(source, target, summary)
+            return _draw_figures(folder, summary)
     # what a library for pictures raises is without limit, and no result depends on it
     except Exception as error:
         return reason_of(error)
 
 
-def _draw_figures(source: Path, target: Path, summary: Mapping[str, Any]) -> str | None:
-    results = ResultReading(source, dict(summary))
+def _draw_figures(folder: Path, summary: Mapping[str, Any]) -> str | None:
+    results = ResultReading(folder, dict(summary))
     records, _ = records_of(results)
     allowed = "; ".join(("the results hold no data for any", *results.failures))
     require(bool(pictures_of(records)), "figures", None, "", allowed)
-    return "; ".join((*save_pictures(records, target), *results.failures)) or None
+    return "; ".join((*save_pictures(records, folder), *results.failures)) or None
 
 
-def _draw_movie(source: Path, target: Path, summary: Mapping[str, Any]) -> None:
-    film = read_film(source, summary)
+def _draw_movie(folder: Path, summary: Mapping[str, Any]) -> None:
+    film = read_film(folder, summary)
     if film is None:
         allowed = "the results hold no whole deflections: simulate with [output] frames > 0"
         raise InputError([Fault("movie", None, "", allowed)])
     from femimpact.figures import movie
 
     response, structure, exaggeration = film
-    movie.write_movie(target / FILES["movie"].name, response, structure, exaggeration=exaggeration)
+    drawn = movie.write_movie(new_file(folder, "movie"), response, structure, exaggeration=exaggeration)
+    # of two movies, with an encoder and without, the later one stays
+    for key in ("movie", "movie_without_encoder"):
+        if FILES[key].name != drawn.name:
+            (folder / FILES[key].name).unlink(missing_ok=True)
 
 
 def draw_kinds(
-    source: Path,  # directory with the files of results
-    target: Path,  # where the pictures go
+    folder: Path,  # of results, where the pictures go
     kinds: Sequence[str],  # of `KINDS`
     report: Report,  # called with "pictures" and the share that is done
 ) -> dict[str, str | None]:
@@ -69,12 +71,14 @@ def draw_kinds(
     failures: dict[str, str | None] = {}
     for kind in kinds:
         report("pictures", len(failures) / len(kinds))
-        failures[kind] = draw(source, target, kind)
+        failures[kind] = draw(folder, kind)
     report("pictures", 1.0)
     return failures
 
 
-def with_pictures(summary: Mapping[str, Any], failures: Mapping[str, str | None], target: Path) -> dict[str, Any]:
+def with_pictures(
+    summary: Mapping[str, Any], failures: Mapping[str, str | None], directory: str | Path
+) -> dict[str, Any]:
     """The summary with what became of its pictures, and a warning for each kind that was not drawn."""
     said = list(summary.get("warnings", []))
     pictures = dict(summary.get("pictures", {}))
@@ -82,7 +86,7 @@ def with_pictures(summary: Mapping[str, Any], failures: Mapping[str, str | None]
         said = [text for text in said if not text.startswith(f"{kind} not drawn: ")]
         pictures[kind] = "drawn" if failure is None else f"not drawn: {failure}"
         if failure is not None:
-            said.append(f"{kind} {pictures[kind]}; 'femimpact {kind} {target}' draws again")
+            said.append(f"{kind} {pictures[kind]}; 'femimpact {kind} {directory}' draws again")
     return {**summary, "pictures": pictures, "warnings": said}
 
 
@@ -99,17 +103,16 @@ def draw_again(
     kept.
     """
     folder = Path(directory)
-    read_summary(folder)
-    with update_results(folder) as staging:
-        # again, under the lock
+    with added_results(folder):
         summary = read_summary(folder)
-        failure = draw_kinds(folder, staging.folder, (kind,), report)[kind]
-        drawn = tuple(sorted(path.name for path in staging.folder.iterdir() if not path.name.startswith(".")))
+        before = {name: (folder / name).stat().st_mtime_ns for name in result_files(folder)}
+        failure = draw_kinds(folder, (kind,), report)[kind]
+        drawn = tuple(name for name in result_files(folder) if (folder / name).stat().st_mtime_ns != before.get(name))
         refused = InputError([Fault(kind, str(folder), "", f"not drawn: {failure}")])
         if not drawn:
             raise refused
-        updated = with_pictures(summary, {kind: failure}, folder)
-        write_summary(staging.folder, updated, beside=folder)
+        sums = {name: one for name, one in summary.get(CHECKSUMS, {}).items() if name not in drawn}
+        write_summary(folder, with_pictures({**summary, CHECKSUMS: sums}, {kind: failure}, folder))
     if failure is not None:
         raise refused
     return drawn

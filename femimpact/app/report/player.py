@@ -41,6 +41,9 @@ FULL = 32_000
 SPEEDS = (1.0, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001)
 """Shares of the true speed that can be chosen."""
 
+WIDTH = 9.6
+"""Width of the picture over time, inches."""
+
 MOST_CLOSE = 4
 """Balls that are shown close up."""
 
@@ -251,7 +254,7 @@ def _packed(values: Array) -> str:
 def _history(response: Response, frames: Frames, key: str) -> Element:
     """The tip, and the balls with the free space between their walls, over the time that is shown."""
     balls, time = list(response.system.balls), frames.time
-    axis = panel(OffScreen(), 9.6, 3.2)
+    axis = panel(OffScreen(), WIDTH, 3.2)
     axis.plot(time, 1e3 * frames.deflection[:, -1], color=GREY, linewidth=1.2, label="tip")
     for colour, (j, pair) in zip(COLOURS, enumerate(balls[:MOST_CLOSE]), strict=False):
         at = int(np.argmin(np.abs(frames.stations - pair.position)))
@@ -271,4 +274,7 @@ def _history(response: Response, frames: Frames, key: str) -> Element:
     drawn = svg_element(axis, key, "Displacements over the time that is shown")
     box = axis.get_position()
     place = f"left:{box.x0:.4%};width:{box.width:.4%};top:{1.0 - box.y1:.4%};height:{box.height:.4%}"
-    return element("div.frame", element("div.timeline", drawn, element("div.plot", style=place)))
+    return element(
+        "div.frame",
+        element("div.timeline", drawn, element("div.plot", style=place), style=f"max-width:{72.0 * WIDTH:g}pt"),
+    )

@@ -274,15 +274,16 @@ def _history(found: Findings) -> Iterator[Conclusion]:
         rate = f"{_shown(history.impacts_per_cycle)} impacts in a cycle" if _known(history.impacts_per_cycle) else ""
         yield Conclusion("Kind of motion", label, scatter=rate, note=at)
     over = f"over the last third of the cycles {at}" if cyclic else history.window_of_peaks
-    rms = history_words(starts and starts.rms, history.rms, "m")
+    of_peak, of_rms = (None, None) if starts is None else (starts.peak, starts.rms)
+    rms = history_words(of_rms, history.rms, "m")
     details = (f"rms {rms} over the last third{f'; the motion is {history.steadiness}' if cyclic else ''}",)
     yield from _of_history(
-        found, history, starts and starts.peak, history.peak, "Peak of the tip", "m", note=over + _settling(history),
+        found, history, of_peak, history.peak, "Peak of the tip", "m", note=over + _settling(history),
         details=details if rms else (),
     ) or [Conclusion("Peak of the tip", "none", note="the history is shorter than a cycle")]  # fmt: skip
     for name, channel in history.channels.items():
         if channel.unit in ("Pa", "N m"):
-            spread = starts and starts.channels.get(name, {}).get("largest_of_run")
+            spread = None if starts is None else starts.channels.get(name, {}).get("largest_of_run")
             when = "" if spread else f", at {typeset_number(channel.time_of_largest)} s"
             yield from _of_history(
                 found, history, spread, channel.largest_of_run, name, channel.unit, note=f"largest of the run{when}"
@@ -294,8 +295,10 @@ def _contacts(found: Findings) -> Iterator[Conclusion]:
     if starts is None:
         yield from _from_starts(found, "cycle_mean_force", "Cycle-averaged contact force", "N")
         yield from _from_starts(found, "peak_force", "Largest contact force", "N")
-    averaged = "Mean" if history is None or history.frequency is None else "Cycle-averaged"
-    for name, contact in found.contacts.items() if history is not None else ():
+    if history is None:
+        return
+    averaged = "Mean" if history.frequency is None else "Cycle-averaged"
+    for name, contact in found.contacts.items():
         if contact.impacts == 0:
             yield Conclusion(f"Impacts of {name}", "none", note="in the run")
             continue

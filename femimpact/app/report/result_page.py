@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from femimpact.app.parametric.best import best_cases
-from femimpact.app.parametric.best_design import BestCase
-from femimpact.app.report.best_picture import marks_of, worst_over_axes
+from femimpact.app.parametric.best_design import BestCase, marks_of, worst_over_axes
 from femimpact.app.report.markup import Element, element
 from femimpact.app.report.page import (
     Conclusion,
@@ -62,20 +61,16 @@ from femimpact.app.results.picture_data import (
     read_run_parts,
 )
 from femimpact.app.results.result_directory import (
-    BEST_FIGURE,
     FILES,
     REPORT,
     STUDY_BLOCKS,
-    STUDY_FIGURE,
     STUDY_MANIFEST,
     SUMMARY,
     ResultsWarning,
-    finished_parts,
-    is_file,
-    is_folder,
+    added_results,
+    purpose_of,
     result_files,
     unfinished_state,
-    update_results,
 )
 from femimpact.app.results.results import carried_of, read_json, read_summary
 from femimpact.app.study.findings import Findings
@@ -104,40 +99,32 @@ def write_report(
 ) -> Path:
     """Write the report of a directory of results.
 
-    Results of an earlier version, damaged ones and the finished parts of a run that was ended make a report that says
-    what is missing.
+    Damaged results and the finished parts of a run that was ended make a report that says what is missing.
 
     Raises `InputError` if the directory holds no results, a run writes into it, or the file cannot be there.
     """
     require_path(directory, "directory", "a directory")
     folder = Path(directory)
-    require(folder.is_dir(), "directory", str(folder), "", "must be a directory of results")
-    parts = finished_parts(folder)
-    source = folder if parts is None or set(result_files(folder)) - {REPORT} else parts
-    words = "none of their files is there, or what has their names was not written by femimpact"
-    require(_holds_results(source, folder), "directory", str(folder), "", f"must hold results of a study: {words}")
-    page = page_of(source, folder)
-    if path is not None:
-        return write_page(Path(path), page)
-    with update_results(folder) as staging:
-        write_page(staging.folder / REPORT, page)
-    return folder / REPORT
+    with added_results(folder):
+        words = "none of their files is there, or what has their names was not written by femimpact"
+        require(_holds_results(folder), "directory", str(folder), "", f"must hold results of a study: {words}")
+        return write_page(folder / REPORT if path is None else Path(path), page_of(folder))
 
 
 OF_SUMMARY = frozenset({"study", "versions", "core", "natural_frequency", "sweep", "history", "warnings", "structure"})
 """Names of which a summary has several, of whatever version."""
 
 
-def _holds_results(source: Path, directory: Path) -> bool:
+def _holds_results(directory: Path) -> bool:
     """True where a file of results stands that no other program writes: a folder of the user's may have their names."""
-    names = set(result_files(source))
-    if any(name.endswith(".nc") for name in names) or is_file(directory / STUDY_BLOCKS / STUDY_MANIFEST):
+    names = set(result_files(directory))
+    if any(name.endswith(".nc") for name in names) or (directory / STUDY_BLOCKS / STUDY_MANIFEST).is_file():
         return True
     if FILES["study"].name in names and any(FILES[key].name in names for key in ("summary", "modes", "impacts")):
         return True
     for key in ("summary", "convergence_notes"):
         try:
-            written = read_json(source / FILES[key].name)
+            written = read_json(directory / FILES[key].name)
         except InputError:
             continue
         if len(OF_SUMMARY & set(written)) > 1:
@@ -158,18 +145,14 @@ def add_report(directory: str | Path, report: Callable[[str, float], None]) -> N
     report("report", 1.0)
 
 
-def page_of(
-    folder: Path,  # that holds their files
-    # the one that the user knows: that folder, or the one in which it stands while a run is not finished
-    directory: Path,
-) -> Page:
-    """The report of results."""
+def page_of(folder: Path) -> Page:
+    """The report of a directory of results."""
     results = ResultReading(folder, {})
     if (folder / SUMMARY).exists():
         results.summary.update(results.attempt(SUMMARY, lambda: read_summary(folder)) or {})
-    state = results.attempt("directory", lambda: unfinished_state(directory))
+    state = results.attempt("directory", lambda: unfinished_state(folder))
     if state:
-        results.miss(state.replace(str(directory), "DIR"))
+        results.miss(state.replace(str(folder), "DIR"))
     summary, written = results.summary, _convergence_summary(results)
     study = results.study
     name, structure, system = _structure(results, study, written)
@@ -184,7 +167,7 @@ def page_of(
     recommended, accuracy = results.table(FILES["convergence_summary"].name), written.get("accuracy")
     conclusions += results.attempt("conclusions", lambda: convergence_conclusions(recommended, accuracy)) or ()
     best, reasons = _best(results)
-    studied, more, failures, about = _of_parameter_study(results, directory, best, reasons)
+    studied, more, failures, about = _of_parameter_study(results, best, reasons)
     records, refused = records_of(results, written, best)
     beside = beside_of(results) | {"spectra": [element("p", text) for text in refused]}
     made = sections_of(records, beside, folder=True, miss=results.miss)
@@ -282,12 +265,12 @@ def _best(results: ResultReading) -> tuple[Mapping[str, BestCase], Mapping[str, 
 
 
 def _of_parameter_study(
-    results: ResultReading, directory: Path, best: Mapping[str, BestCase], reasons: Mapping[str, str]
+    results: ResultReading, best: Mapping[str, BestCase], reasons: Mapping[str, str]
 ) -> tuple[list[str], tuple[Conclusion, ...], tuple[str, ...], Mapping[str, Any]]:
     """Sentences, conclusions, failures and versions of a parameter study; cases that were not run are missing."""
     data, study, name = results.parameter_study, results.study, FILES["parameter_study"].name
     if data is None:
-        if is_folder(directory / STUDY_BLOCKS) and not (results.folder / name).exists():
+        if (results.folder / STUDY_BLOCKS).is_dir() and not (results.folder / name).exists():
             results.miss(f"{name}: the parameter study was not finished; the same femimpact study goes on with it")
         return [], (), (), {}
     for text in results.attempt(name, lambda: study_missing(data)) or ():
@@ -601,27 +584,16 @@ def about_section(summary: Mapping[str, Any], study: Study | None) -> Section:
 
 def files_section(folder: Path, summary: Mapping[str, Any]) -> tuple[Section, tuple[str, ...]]:
     """The files of results with what each is for, and lines for those that are lost."""
-    present = {*result_files(folder), REPORT, *([SUMMARY] if (folder / SUMMARY).exists() else [])}
+    present = {*result_files(folder), REPORT}
     # the report changes its size and that of the summary
     rows = [
-        (file.name, "" if file.name in (SUMMARY, REPORT) else _size((folder / file.name).stat().st_size), file.purpose)
-        for file in FILES.values()
-        if file.name in present
+        (name, "" if name in (SUMMARY, REPORT) else _size((folder / name).stat().st_size), purpose_of(name))
+        for name in present
+        if not name.endswith(".vtu")
     ]
-    rows += [
-        (
-            path.name,
-            _size(path.stat().st_size),
-            "the best case: its measure over the axes that are chosen"
-            if path.name == BEST_FIGURE
-            else "a measure over the axes of the study",
-        )
-        for path in sorted(folder.glob("study_*.png"))
-        if STUDY_FIGURE.fullmatch(path.name)
-    ]
-    if is_folder(folder / STUDY_BLOCKS):
+    if (folder / STUDY_BLOCKS).is_dir():
         rows.append((f"{STUDY_BLOCKS}/", "", "finished blocks of cases, from which the same study goes on"))
-    for scene in sorted({name.partition("/")[0] for name in present if "/" in name}):
+    for scene in sorted({name.rpartition("/")[0] for name in present if name.endswith(".vtu")}):
         frames = [name for name in present if name.startswith(f"{scene}/")]
         total = sum((folder / name).stat().st_size for name in frames)
         rows.append((f"{scene}/", _size(total), f"{len(frames)} frames of {scene}.pvd"))

@@ -16,7 +16,7 @@ from femimpact.app.report.page import Section
 from femimpact.app.report.picture import picture_element
 from femimpact.app.results.branch_file import FollowedBranches
 from femimpact.app.results.picture_data import Run, StructureModes, SweptCurves
-from femimpact.app.results.result_directory import FILES
+from femimpact.app.results.result_directory import FILES, new_file
 from femimpact.contact.laws import Rigid
 from femimpact.convergence import ConvergenceTable
 from femimpact.errors import InputError
@@ -295,7 +295,7 @@ def save_pictures(records: Iterable[Any], folder: Path) -> list[str]:
     """Draw records into a folder, as PNG; a line for each picture that could not be drawn."""
     failures = list[str]()
     for one in pictures_of(records):
-        path = folder / f"{one.name}.png"
+        path = new_file(folder, f"figures/{one.name}.png")
         try:
             figures.save_figure(one.view.figure(one.record), path)
         except Exception as error:

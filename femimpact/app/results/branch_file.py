@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -82,10 +82,10 @@ def load_branch(path: str | Path, *, number: int = 1) -> Branch:
 class FollowedBranches:
     """Branches of periodic orbits of a study, by their numbers from 1."""
 
-    branches: tuple[Branch, ...]
-    origins: tuple[str, ...]  # from which orbit each was followed
-    cycles: tuple[int, ...]  # periods of the excitation in one of the orbits of each
     modes: int  # that the system keeps
+    branches: list[Branch] = field(default_factory=list)
+    origins: list[str] = field(default_factory=list)  # from which orbit each was followed
+    cycles: list[int] = field(default_factory=list)  # periods of the excitation in one of the orbits of each
     swept: tuple[Array, Array] | None = None  # values of the parameter and largest displacements (m) of a sweep
 
 
@@ -100,7 +100,7 @@ def dataset_of(followed: FollowedBranches) -> xarray.Dataset:
     data = data.assign_coords(branch=numbers, number=("point", np.repeat(numbers, list(map(len, branches)))))
     data = data.assign_attrs({name: parts[0].attrs[name] for name in ATTRIBUTES} | {"modes": followed.modes})
     data = data.assign({name: ("branch", [part.attrs[name] for part in parts]) for name in ENDS})
-    data = data.assign(origin=("branch", list(followed.origins)), cycles=("branch", list(followed.cycles)))
+    data = data.assign(origin=("branch", followed.origins), cycles=("branch", followed.cycles))
     if followed.swept is None:
         return data
     value, peak = followed.swept
@@ -120,8 +120,8 @@ def read_followed(folder: Path, summary: Mapping[str, Any]) -> FollowedBranches 
 
 def _followed_in(data: xarray.Dataset) -> FollowedBranches:
     swept = (np.asarray(data["swept"]), np.asarray(data["swept_peak"])) if "swept" in data.coords else None
-    origins, cycles = (tuple(np.asarray(data[name]).tolist()) for name in ("origin", "cycles"))
-    return FollowedBranches(tuple(branches_of(data)), origins, cycles, int(data.attrs["modes"]), swept)
+    origins, cycles = (np.asarray(data[name]).tolist() for name in ("origin", "cycles"))
+    return FollowedBranches(int(data.attrs["modes"]), branches_of(data), origins, cycles, swept)
 
 
 def branches_of(data: xarray.Dataset) -> list[Branch]:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from femimpact.app.results.result_directory import FILES
-from femimpact.app.results.results import carried_of, read_dataset, read_sticking, read_table
+from femimpact.app.results.results import carried_of, read_dataset, read_table
 from femimpact.app.study.drives import PARTS, force_of, force_table, made_of, table_of
 from femimpact.arrays import Array
 from femimpact.convergence import ConvergenceTable
@@ -337,7 +337,7 @@ def _response(
     folder: Path, summary: Mapping[str, Any], about: Mapping[str, Any], nodes: Array, base: Excitation
 ) -> Response:
     """A response without a history: its impacts, its end, and the places and contacts of its system."""
-    sticking = read_sticking(folder, summary)
+    sticking = read_table(folder, FILES["sticking"].name, summary)
     return Response(
         time=np.array([about["end"]]),
         channels={},

@@ -1,23 +1,28 @@
-"""The directory of results: names of its files, its lock, and the move of the files of a finished run."""
+"""The directory of results: names of its files, its lock, and the folder beside it in which a run writes them."""
 
 from __future__ import annotations
 
 import errno
+import json
 import os
 import re
 import shutil
-import stat
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from enum import Enum
 from pathlib import Path
 
 from femimpact.errors import Fault, InputError, require
 from femimpact.files import to_disk
 
 SUMMARY = "summary.json"
+
+PART, OLD = ".part", ".old"
+"""Behind the name of a directory: the folder that a run fills, and the earlier results while that takes their place."""
+
+LOCK = ".lock"
+"""The locked file in a folder that a process writes into; what a killed one left holds it, too."""
 
 
 @dataclass(frozen=True)
@@ -27,14 +32,39 @@ class ResultFile:
     name: str
     purpose: str  # shown in the list of files of a report
     writer: str  # the commands, or the parts of `run`, that write it, and under which condition
-    # {"result", "scene", "movie", "input"}: a scene has a folder of frames; of two movies only the newer stays; an
-    # input may be the user's, and stays unless another run brings one
-    group: str = "result"
 
+
+CONVERGENCE: Mapping[str, str] = {
+    "quantities_over_mesh": "values and errors over the mesh",
+    "quantities_over_step": "values and errors over the step",
+    "quantities_over_modes": "values and errors over the modes",
+    "statistics_over_mesh": "means of runs with contacts over the mesh",
+    "runs_over_step": "errors of runs in steps",
+}
+"""Tables of a convergence study, each with a figure."""
+
+FIGURES: Mapping[str, str] = {
+    "modes": "mode shapes",
+    "response": "response curves",
+    "response_columns": "phase, impacts and forces over frequency",
+    "drive": "what drives the history",
+    "history": "channels over time",
+    "energy": "energies over time",
+    "contact_force": "contact force over the last cycles",
+    "phase_portrait": "phase portraits",
+    "impact_histograms": "how often which impact speed and impulse came",
+    "impulse_phase": "impulse over the phase of the base",
+    "restitution": "scan of the restitution",
+    "response_of_starts": "response curves of both starts",
+    "branches": "branches of periodic orbits",
+    "spectrum": "spectrum of a channel, or of the drive",
+    **{key: f"the same as a figure: {key}.csv" for key in CONVERGENCE},
+}
+"""Figures of results and what they show, by the stem of their file, which a number may follow."""
 
 _ROWS: Mapping[str, tuple[str, ...]] = {
     "summary": (SUMMARY, "the numbers of this page, machine-readable", "run"),
-    "study": ("study.toml", "the study that was run, from which it can be run again", "run, study", "input"),
+    "study": ("study.toml", "the study that was run, from which it can be run again", "run, study"),
     "modes": ("modes.csv", "frequencies, damping and effective masses of the modes", "modes"),
     "mode_shapes": ("modes.nc", "mode shapes with labels (netCDF, xarray)", "modes"),
     "sweep": ("sweep.csv", "response curves, a row for each frequency", "sweep"),
@@ -44,209 +74,159 @@ _ROWS: Mapping[str, tuple[str, ...]] = {
     "impact_data": ("impacts.nc", "impacts with the energy to each mode (netCDF, xarray)", "history"),
     "snapshots": ("snapshots.nc", "whole deflections, from which player and movie are drawn", "history"),
     "last_cycles": ("last_cycles.nc", "channels of the last cycles at every step", "pictures"),
-    "modes_scene": ("modes.pvd", "mode shapes for ParaView", "modes", "scene"),
-    "modes_script": ("modes_paraview.py", "opens modes.pvd in ParaView", "modes"),
+    "modes_scene": ("paraview/modes.pvd", "mode shapes for ParaView", "modes"),
+    "modes_script": ("paraview/modes_paraview.py", "opens modes.pvd in ParaView", "modes"),
     **{
-        f"mode_{i}_{key}": (name.format(i), f"mode {i} over its period, for ParaView", "modes", *group)
+        f"mode_{i}_{key}": (name.format(i), f"mode {i} over its period, for ParaView", "modes")
         for i in range(1, 5)
-        for key, name, *group in (("scene", "mode_{}.pvd", "scene"), ("script", "mode_{}_paraview.py"))
+        for key, name in (("scene", "paraview/mode_{}.pvd"), ("script", "paraview/mode_{}_paraview.py"))
     },
-    "deflection_scene": ("deflection.pvd", "the moving beam for ParaView, also at every impact", "history", "scene"),
-    "deflection_script": ("deflection_paraview.py", "opens deflection.pvd in ParaView", "history"),
-    "movie": ("deflection.mp4", "the moving beam in slow motion", "pictures", "movie"),
-    "mode_figure": ("modes.png", "mode shapes", "pictures"),
-    "response_figure": ("response.png", "response curves", "pictures"),
-    "response_columns_figure": ("response_columns.png", "phase, impacts and forces over frequency", "pictures"),
-    "drive_figure": ("drive.png", "what drives the history", "pictures"),
-    "history_figure": ("history.png", "channels over time", "pictures"),
-    "energy_figure": ("energy.png", "energies over time", "pictures"),
-    **{
-        f"spectrum_figure{end}": (f"spectrum{end}.png", "spectrum of a channel, or of the drive", "pictures")
-        for end in ("", "_2", "_3", "_4")
-    },
-    "force_figure": ("contact_force.png", "contact force over the last cycles", "pictures"),
-    "portrait_figure": ("phase_portrait.png", "phase portraits", "pictures"),
-    "impact_histograms": ("impact_histograms.png", "how often which impact speed and impulse came", "pictures"),
-    "impulse_phase": ("impulse_phase.png", "impulse over the phase of the base", "pictures"),
-    "deflection_hdf": ("deflection.vtkhdf", "the moving beam for ParaView in one file", "history with output.vtkhdf"),
+    "deflection_scene": ("paraview/deflection.pvd", "the moving beam for ParaView, also at every impact", "history"),
+    "deflection_script": ("paraview/deflection_paraview.py", "opens deflection.pvd in ParaView", "history"),
+    "movie": ("movie.mp4", "the moving beam in slow motion", "pictures"),
+    "deflection_hdf": (
+        "paraview/deflection.vtkhdf",
+        "the moving beam for ParaView in one file",
+        "history with output.vtkhdf",
+    ),
     "sticking": ("sticking.csv", "times in which a ball and its wall moved together", "history in which a ball sticks"),
-    "old_sticking": ("riding.csv", "times in which a ball and its wall moved together", "earlier versions"),
-    "base_record": ("base_record.csv", "the record that moved the base", "run with a record of the base", "input"),
-    "movie_without_encoder": ("deflection.gif", "the moving beam in slow motion", "pictures, no encoder", "movie"),
+    "base_record": ("base_record.csv", "the record that moved the base", "run with a record of the base"),
+    "movie_without_encoder": ("movie.gif", "the moving beam in slow motion", "pictures, no encoder"),
     "comparison": ("comparison.csv", "the paper beside ours", "demo"),
     "restitution": ("restitution.csv", "scan of the restitution", "demo"),
-    "restitution_figure": ("restitution.png", "scan of the restitution", "demo"),
-    "response_of_starts": ("response_of_starts.png", "response curves of both starts", "demo"),
     "curves_of_starts": (
         "curves_of_starts.csv",
         "peaks with balls or absorbers over the frequency: median, smallest and largest of the starts in each frame",
         "demo, sweep with starts",
     ),
-    **{
-        f"{name}{key}": (f"{name}.{suffix}", about.format(words, name), "converge")
-        for name, words in (
-            *((f"quantities_over_{axis}", f"values and errors over the {axis}") for axis in ("mesh", "step", "modes")),
-            ("statistics_over_mesh", "means of runs with contacts over the mesh"),
-            ("runs_over_step", "errors of runs in steps"),
-        )
-        for key, suffix, about in (("", "csv", "{}"), ("_figure", "png", "the same as a figure: {1}.csv"))
-    },
+    **{key: (f"{key}.csv", words, "converge") for key, words in CONVERGENCE.items()},
     "convergence_summary": ("convergence_summary.csv", "orders and recommended numbers", "converge"),
     "parameter_study": ("study.nc", "every measure over the axes of the study, with labels (netCDF, xarray)", "study"),
     "parameter_table": ("study.csv", "every measure and its statistics, a row for each case", "study"),
-    "best_study": ("best.toml", "the study with the values of the best case, to be run", "study", "input"),
+    "best_study": ("best.toml", "the study with the values of the best case, to be run", "study"),
     "branches": ("branches.nc", "branches of periodic orbits with labels (netCDF, xarray)", "orbits"),
     "branch_table": ("branches.csv", "every orbit of the branches, a row each", "orbits"),
     "bifurcations": ("bifurcations.csv", "every bifurcation of the branches, a row each", "orbits"),
-    "branch_figure": ("branches.png", "branches of periodic orbits", "orbits"),
     "convergence_notes": ("convergence.json", "what was studied, with versions and notes", "converge"),
     "report": ("report.html", "this page", "run, converge, study, orbits, report"),
 }
 
 FILES = {key: ResultFile(*row) for key, row in _ROWS.items()}
-"""Every file of results, by the key under which the package asks for it."""
+"""Every file of results but figures, by the key under which the package asks for it."""
 
-NAMES = sorted((file.name for file in FILES.values()), key=lambda name: (name == SUMMARY, name))
-"""Names in the order in which files are moved: the summary is the last."""
-
-FRAME = re.compile(r"[0-9]{4,}\.vtu")
+NAMES = {file.name: file for file in FILES.values()}
 
 STUDY_BLOCKS, STUDY_MANIFEST = "blocks", "study.json"
 """The folder in which a parameter study keeps its finished blocks, from which it goes on, and its file on the study."""
 
-BEST_FIGURE = "study_best.png"
+BEST_FIGURE = "figures/study_best.png"
 
-STUDY_FIGURE = re.compile(r"study_[\w-]+\.png")
+STUDY_FIGURE = re.compile(r"figures/study_[\w-]+\.png")
 """Names of the figures of a parameter study, one for each measure."""
+
+FIGURE = re.compile(rf"figures/({'|'.join(FIGURES)})(_[0-9]+)?\.png")
+
+FRAME = re.compile(r"paraview/\w+/[0-9]{4,}\.vtu")
 
 REPORT = FILES["report"].name
 """Name of the report, which is made from the other files and can be made again at any time."""
 
 
+def new_file(folder: Path, name: str) -> Path:
+    """Path of a file of `FILES` by its key, or of another by its name, in a folder whose own folders are made."""
+    path = folder / (FILES[name].name if name in FILES else name)
+    path.parent.mkdir(exist_ok=True)
+    return path
+
+
 def result_files(folder: Path) -> list[str]:
-    """Names of the results that stand in a folder as regular files: frames, then what names them, the summary last."""
-    return _standing(folder, stat.S_ISREG)
+    """Names of the results in a folder, with those in its folders, the summary last."""
+    names = sorted(name for name in _all_files(folder) if _is_result(name))
+    return [*(name for name in names if name != SUMMARY), *(name for name in names if name == SUMMARY)]
 
 
-def earlier_files(folder: Path, new: Iterable[str] = ()) -> list[str]:
-    """Names of the results in a folder that new ones supersede, the summary first; links of such a name, too."""
-    found = _standing(folder, lambda mode: stat.S_ISREG(mode) or stat.S_ISLNK(mode))
-    kept = () if FILES["study"].name in new else _in_group("input")
-    return [name for name in reversed(found) if name not in kept]
+def purpose_of(name: str) -> str:
+    """What a file of results is for, in words."""
+    if name in NAMES:
+        return NAMES[name].purpose
+    if name == BEST_FIGURE:
+        return "the best case: its measure over the axes that are chosen"
+    figure = FIGURE.fullmatch(name)
+    return FIGURES[figure[1]] if figure else "a measure over the axes of the study"
 
 
-def replaced_by(added: Iterable[str]) -> frozenset[str]:
-    """Names of results that must be gone before some are added to them: the summary, and the other of two movies."""
-    names, movies = frozenset(added), frozenset(_in_group("movie"))
-    return names & {SUMMARY} | (movies - names if names & movies else frozenset())
+def _all_files(folder: Path) -> Iterator[str]:
+    return (path.relative_to(folder).as_posix() for path in folder.rglob("*") if not path.is_dir())
 
 
-def _in_group(group: str) -> list[str]:
-    """Names of the files of a group, in the order of `NAMES`."""
-    members = {file.name for file in FILES.values() if file.group == group}
-    return [name for name in NAMES if name in members]
+def _is_result(name: str) -> bool:
+    return name in NAMES or any(pattern.fullmatch(name) for pattern in (FIGURE, STUDY_FIGURE, FRAME))
 
-
-def _scenes() -> list[str]:
-    """Folders of frames, each beside the collection that names them."""
-    return [name.removesuffix(".pvd") for name in _in_group("scene")]
-
-
-def is_file(path: Path) -> bool:
-    """True for a regular file, not for a link to one."""
-    return stat.S_ISREG(_mode(path))
-
-
-def is_folder(path: Path) -> bool:
-    """True for a folder, not for a link to one."""
-    return stat.S_ISDIR(_mode(path))
-
-
-def _standing(folder: Path, kind: Callable[[int], bool]) -> list[str]:
-    frames = [
-        f"{scene}/{name}"
-        for scene in _scenes()
-        if is_folder(folder / scene)
-        for name in sorted(os.listdir(folder / scene))
-        if FRAME.fullmatch(name)
-    ]
-    return [name for name in (*frames, *NAMES) if kind(_mode(folder / name))]
-
-
-def _mode(path: Path) -> int:
-    """Kind and permissions at a path, without following a link; 0 where nothing is there."""
-    try:
-        return path.lstat().st_mode
-    except (FileNotFoundError, NotADirectoryError):
-        return 0
-
-
-RUNNING = ".running"
-LOCK = "lock"
 
 NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP)
 """Errors of a file system without locks."""
 
 
 class Lock:
-    """Sole use of a directory for as long as this process runs: DIR/.running with a locked file in it."""
+    """Sole use of a folder for as long as this process runs: a locked file in it."""
 
-    def __init__(self, target: Path) -> None:
-        self.running = target / RUNNING
-        refused = InputError([Fault("output", str(target), "", "another run is writing into it")])
-        allowed = f"holds a {RUNNING} that no run made: remove it, or choose another"
+    def __init__(
+        self,
+        folder: Path,  # made where it is not there
+        directory: Path | None = None,  # that is named where another process has it; the folder by default
+    ) -> None:
+        self.path = folder / LOCK
+        # what a run that was killed left, which says that the folder is a run's
+        self.left = self.path.exists()
         while True:
-            require(is_ours(self.running), "output", str(target), "", allowed)
-            # through a symbolic link to the directory whose end is missing, too
-            Path(os.path.realpath(target), RUNNING).mkdir(parents=True, exist_ok=True)
+            folder.mkdir(parents=True, exist_ok=True)
             try:
-                self.file = _open_lock(self.running, os.O_CREAT)
+                self.file = os.open(self.path, os.O_RDWR | os.O_CREAT, 0o666)
             except FileNotFoundError:
-                continue  # the run before removed the folder just now
+                continue  # the run before put the folder in its place just now
             try:
                 _lock_file(self.file)
-                same = os.path.samestat(os.fstat(self.file), os.lstat(self.running / LOCK))
+                if os.path.samestat(os.fstat(self.file), os.stat(self.path)):
+                    return
             except BlockingIOError:
                 os.close(self.file)
-                raise refused from None
+                fault = Fault("output", str(directory or folder), "", "another run is writing into it")
+                raise InputError([fault]) from None
             except FileNotFoundError:
-                same = False
-            except BaseException:
-                os.close(self.file)
-                raise
-            if same:
-                return
-            os.close(self.file)  # it was removed between opening and locking
+                pass  # it was removed between opening and locking
+            os.close(self.file)
 
     @staticmethod
-    def is_held(running: Path) -> bool:
-        """True while a living process holds the lock."""
+    def is_held(folder: Path) -> bool:
+        """True while a living process holds the lock of a folder."""
         try:
-            file = _open_lock(running)
+            file = os.open(folder / LOCK, os.O_RDWR)
         except OSError:
             return False
         try:
             _lock_file(file)
-        except BlockingIOError:
-            return True
-        except OSError:
-            return False
+        except OSError as error:
+            return isinstance(error, BlockingIOError)
         finally:
             os.close(file)
         return False
 
-    def release(self) -> None:
-        """Let others in; the folder goes where it holds nothing else."""
-        with suppress(OSError):
-            if os.listdir(self.running) == [LOCK]:
-                (self.running / LOCK).unlink()
-                self.running.rmdir()
+    def close(self) -> None:
+        """Let others in; the file stays."""
         os.close(self.file)
 
+    def release(self) -> None:
+        """Let others in; the file goes where it was not there before."""
+        if not self.left:
+            with suppress(OSError):
+                self.path.unlink()
+        self.close()
 
-def _open_lock(running: Path, create: int = 0) -> int:
-    """Open the file of the lock, which is a file itself and no link."""
-    return os.open(running / LOCK, os.O_RDWR | create | getattr(os, "O_NOFOLLOW", 0), 0o666)
+    def __enter__(self) -> Lock:
+        return self
+
+    def __exit__(self, *_error: object) -> None:
+        self.close()
 
 
 def _lock_file(file: int) -> None:
@@ -267,399 +247,234 @@ def _lock_file(file: int) -> None:
             raise
 
 
-def is_ours(running: Path) -> bool:
-    """True for a folder that a run made or none at all: the content of another must not be removed."""
-    if not is_folder(running):
-        return not os.path.lexists(running)
-    return is_file(running / LOCK) or not os.listdir(running)
-
-
-NEW_FILES = "files"
-FINISHED = "finished"
-REPLACING = "replacing"
-MOVING = "moving"
-
-PART = re.compile(r"[1-9][0-9]* [a-z ]+")
-"""Name of the folder in which the files of a part came."""
-
-
 class ResultsWarning(UserWarning):
     """Something about results on disk that does not stop the work."""
 
 
-class _Left(Enum):
-    """States of an unfinished run, in words with what to do."""
+@contextmanager
+def new_results(
+    directory: str | Path,
+    force: bool = False,  # take the place of earlier results
+) -> Iterator[Path]:
+    """The folder DIR.part, which takes the place of a directory DIR when the block ends well.
 
-    MOVE = "its results are moved in part: 'femimpact finish {target}' finishes the move, --force runs again"
-    PARTS = "it holds a run that ended after {parts}: 'femimpact finish {target}' keeps that, or run it again"
-    BEGUN = "it holds a run that ended before its first part was finished: run it again"
-    STRANGE = "its {running} is damaged or of another version, and cannot be finished: run it again with --force"
+    When it does not, the parts that its summary names stay in DIR.part, and a note of the error says so; without any,
+    nothing stays.
 
-
-@dataclass(frozen=True, eq=False)
-class Staging:
-    """The place of a run that is not done."""
-
-    target: Path  # as the user named it
-    folder: Path  # where the files of a part go until it is finished
-
-    @property
-    def finished(self) -> Path:
-        """Where the files of finished parts are."""
-        return self.folder.parent / FINISHED
-
-    def finish_part(self, part: str) -> None:
-        """Note that all files of a part are on disk: they are kept, whatever happens to the rest."""
-        _sync(self.folder)
-        os.rename(self.folder, self.finished / f"{len(_parts(self.finished)) + 1} {part}")
-        _gather(self.finished)
-        self.folder.mkdir()
+    Raises `InputError` if the directory cannot be taken, holds what are no results, or another run writes into it.
+    """
+    named, target = Path(directory), Path(os.path.realpath(directory))
+    part = beside(target, PART)
+    with _in_words_of(named, target):
+        with _as_input(named):
+            _finish_move(named, target)
+            _check_target(named, target, force)
+            made = next((folder for folder in reversed(part.parents) if not folder.exists()), None)
+            lock = Lock(part, named)
+        try:
+            _clear(named, part)
+            yield part
+            _put_in_place(target)
+        except BaseException as error:
+            _note(error, named, part)
+            raise
+        finally:
+            if not (part / SUMMARY).exists():
+                shutil.rmtree(part, ignore_errors=True)
+            if made is not None:
+                _remove_empty(made)
+            # a part that stays keeps the file, which says that a run made it
+            lock.close()
 
 
 @contextmanager
-def prepare_directory(
-    directory: str | Path,
-    force: bool = False,  # take a directory that is not empty: earlier results are replaced, other files stay
-) -> Iterator[Staging]:
-    """A place whose files become the results in a directory when the block ends well.
+def added_results(directory: str | Path) -> Iterator[Path]:
+    """A directory of results, to which files are added one by one while no other process writes into it.
 
-    When it does not, parts that were finished stay in DIR/.running, and a note of the error says so;
-    without any, nothing stays.
-
-    Raises `InputError` if the directory cannot be taken, or another run writes into it.
+    Raises `InputError` if there is no such directory, or another process writes into it.
     """
-    target = Path(directory)
-    with _named(target, "output"):
-        _check_places(target, (*NAMES, *(f"{scene}/0000.vtu" for scene in _scenes())))
-    reported = _holds_parts(target)
-    with _taken(target, force) as running:
-        with _named(target, None):
-            _clear_leftovers(target, running, os.listdir(running))
-        # a move that was finished just now has filled it
-        _check_target(target, force, reported)
-        staging = Staging(target, running / NEW_FILES)
-        with _named(target, "output"):
-            staging.folder.mkdir()
-            staging.finished.mkdir()
-        with _noted(target), _named(target, None):
-            yield staging
-            if result_files(staging.folder):
-                staging.finish_part("pictures")
-            _commit(target, running)
-        with _named(target, None):
-            _move_noted(target, running)
-
-
-@contextmanager
-def update_results(directory: str | Path) -> Iterator[Staging]:
-    """A place whose files, with a new summary, are added to results in a directory when the block ends well.
-
-    Finished parts of a run that was ended stay.
-
-    Raises `InputError` if the directory cannot be taken, or a run writes into it.
-    """
-    target = Path(directory)
-    with _taken(target, True) as running:
-        with _named(target, None):
-            _clear_leftovers(target, running, {NEW_FILES, REPLACING, MOVING}.intersection(os.listdir(running)))
-        staging = Staging(target, running / NEW_FILES)
-        with _named(target, "output"):
-            staging.folder.mkdir()
-        with _noted(target), _named(target, None):
-            yield staging
-            _check_places(target, result_files(staging.folder))
-            _sync(staging.folder)
-            os.rename(staging.folder, running / MOVING)
-        with _named(target, None):
-            _move_noted(target, running)
-
-
-def finish_results(
-    directory: str | Path,
-    force: bool = False,  # put parts of a run in the place of earlier results
-) -> tuple[str, ...]:
-    """Put what an ended run finished into its directory, or finish a move that was ended.
-
-    Returns: the parts of the run that were finished.
-
-    Raises `InputError` if there is nothing to finish, a run is still at work, or earlier results would go.
-    """
-    target = Path(directory)
-    running, state = target / RUNNING, unfinished_state(target)
-    require(state is not None, "directory", str(target), "", "holds no unfinished results")
-    usable = _left(running) in (_Left.MOVE, _Left.PARTS) or Lock.is_held(running)
-    require(usable, "directory", str(target), "", str(state))
-    with _taken(target, True), _named(target, None):
-        left, parts = _left(running), _part_names(running)
-        require(left is not None, "directory", str(target), "", "holds no unfinished results")
-        if left is _Left.PARTS:
-            allowed = f"holds earlier results, which {', '.join(parts)} of a later run would replace: --force"
-            earlier = [name for name in earlier_files(target) if name != REPORT]
-            require(force or not earlier, "directory", str(target), "", allowed)
-            _gather(running / FINISHED)
-            _commit(target, running)
-        _move_noted(target, running)
-    return parts
-
-
-def unfinished_state(target: Path) -> str | None:
-    """State of an unfinished run in a directory, in words with what to do; None where there is none."""
-    running = target / RUNNING
-    if Lock.is_held(running):
-        return "a run is writing into it"
-    left = _left(running)
-    return None if left is None else _in_words(left, target)
-
-
-def _in_words(left: _Left, target: Path) -> str:
-    return left.value.format(target=target, running=RUNNING, parts=", ".join(_part_names(target / RUNNING)))
-
-
-def _left(running: Path) -> _Left | None:
-    """State of an unfinished run, by the names of its folders; None where nothing is left."""
+    named, target = Path(directory), Path(os.path.realpath(directory))
+    with _as_input(named):
+        _finish_move(named, target)
+        require(target.is_dir(), "directory", str(named), "", "must be a directory of results")
+        lock = Lock(target, named)
     try:
-        if not is_folder(running) or not is_ours(running):
-            return None
-        replacing = running / REPLACING
-        # without a file it would remove earlier results and put nothing in their place
-        if is_folder(running / MOVING) or (is_folder(replacing) and result_files(replacing)):
-            return _Left.MOVE
-        if _parts(running / FINISHED):
-            return _Left.PARTS
-        names = set(os.listdir(running)) - {LOCK}
-    except OSError:
-        return _Left.STRANGE
-    if not names:
+        yield named
+    finally:
+        lock.release()
+
+
+def beside(directory: Path, suffix: str) -> Path:
+    """The folder DIR.part or DIR.old of a directory."""
+    target = Path(os.path.realpath(directory))
+    return target.with_name(target.name + suffix)
+
+
+def _beside_as_named(directory: Path, suffix: str) -> Path:
+    """The same by the name that the user gave."""
+    return beside(directory, suffix) if directory.name in ("", "..") else directory.with_name(directory.name + suffix)
+
+
+def unfinished_state(directory: Path) -> str | None:
+    """State of an unfinished run in a directory, in words with what to do; None where there is none."""
+    part, old = (_beside_as_named(directory, suffix) for suffix in (PART, OLD))
+    if Lock.is_held(beside(directory, PART)):
+        return "a run is writing into it"
+    if _in_replacement(Path(os.path.realpath(directory))):
+        return (
+            f"its results are in {part}, the earlier ones in {old}: the next run, figures, movie or report moves them"
+        )
+    if not (beside(directory, PART) / LOCK).exists():
         return None
-    return _Left.BEGUN if names <= {NEW_FILES, FINISHED} else _Left.STRANGE
+    if (beside(directory, PART) / SUMMARY).exists():
+        return f"what a run that was ended has finished is in {part}: {_left(beside(directory, PART))}"
+    return "a run was ended before its first part was finished: run it again"
 
 
-def _parts(finished: Path) -> list[str]:
-    """Folders in which finished parts came, the first part first."""
-    if not is_folder(finished):
-        return []
-    found = [name for name in os.listdir(finished) if PART.fullmatch(name) and is_folder(finished / name)]
-    return sorted(found, key=lambda name: int(name.split(" ", 1)[0]))
-
-
-def _part_names(running: Path) -> tuple[str, ...]:
-    """Names of the finished parts, wherever on their way they are."""
-    found = [name for folder in (MOVING, REPLACING, FINISHED) for name in _parts(running / folder)]
-    return tuple(name.split(" ", 1)[1] for name in found)
+def _left(part: Path) -> str:
+    """What an ended run left undone, in words."""
+    left: object = None
+    with suppress(OSError, ValueError, AttributeError):
+        left = json.loads((part / SUMMARY).read_text(encoding="utf-8")).get("unfinished")
+    return (
+        f"all but {' and '.join(map(str, left))}" if isinstance(left, list) and left else "all but pictures and report"
+    )
 
 
 # ---- before the work ------------------------------------------------------------------------------
 
 
-@contextmanager
-def _taken(target: Path, occupied: bool) -> Iterator[Path]:
-    """The folder of a run in a directory that no other process writes into; what of the two stays empty goes."""
-    _check_target(target, occupied, _holds_parts(target))
-    made = [folder for folder in (target, *target.parents) if not folder.exists()]
-    try:
-        with _named(target, "output"):
-            lock = Lock(target)
-        try:
-            yield lock.running
-        finally:
-            try:
-                _drop_unfinished(lock.running)
-            finally:
-                lock.release()
-    finally:
-        for folder in made:
-            # only what is empty goes
-            with suppress(OSError):
-                folder.rmdir()
+def _check_target(named: Path, target: Path, force: bool) -> None:
+    """Refuse what cannot be the directory of a run, or holds something where it must not."""
+    require(not target.exists() or target.is_dir(), "output", str(named), "", "must be a directory: this is a file")
+    is_here = target in (Path.cwd(), *Path.cwd().parents)
+    require(not is_here, "output", str(named), "", "is the working directory, or one above it: name one in it with -o")
+    require(not os.path.ismount(target), "output", str(named), "", "is a mount point: name a directory in it with -o")
+    for suffix, words in ((PART, "a run fills"), (OLD, "earlier results are moved to")):
+        folder = beside(target, suffix)
+        free = not folder.exists() or (folder / LOCK).exists() or (folder.is_dir() and not any(folder.iterdir()))
+        allowed = f"{folder.name} beside it, which {words}, was made by no run: move it, or choose another with -o"
+        require(free, "output", str(named), "", allowed)
+    held = [name for name in _all_files(target) if name != LOCK] if target.is_dir() else []
+    allowed = "exists already: choose another directory with -o, or --force"
+    require(force or not held, "output", str(named), "", allowed)
+    other = next((name for name in held if not _is_result(name)), None)
+    allowed = f"holds {other}, which is no result of a run: move it, or choose another directory with -o"
+    require(other is None, "output", str(named), "", allowed)
 
 
-def _check_target(target: Path, occupied: bool, reported: bool) -> None:
-    """Refuse what cannot be the directory of a run, or holds something where it must not.
-
-    Where it holds, or held, parts of an ended run, a report is `reported`: one of these, which may be there.
-    """
-    with _named(target, "output"):
-        allowed = "must be a directory: this is a file"
-        require(not target.exists() or target.is_dir(), "output", str(target), "", allowed)
-        if occupied or not target.is_dir():
-            return
-        held = any(item.name != RUNNING and not (reported and item.name == REPORT) for item in target.iterdir())
-    left = _left(target / RUNNING)
-    if left is _Left.STRANGE or (held and left is _Left.MOVE):
-        state = "another run is writing into it" if Lock.is_held(target / RUNNING) else _in_words(left, target)
-        raise InputError([Fault("output", str(target), "", state)])
-    require(not held, "output", str(target), "", "exists already: choose another directory with -o, or --force")
-
-
-def _holds_parts(target: Path) -> bool:
-    """True where a directory holds parts of an ended run; a report beside them was made from these."""
-    return _left(target / RUNNING) is _Left.PARTS
-
-
-def finished_parts(target: Path) -> Path | None:
-    """The folder with the files of an ended run's finished parts; None where there is none."""
-    return target / RUNNING / FINISHED if _holds_parts(target) else None
-
-
-def _check_places(target: Path, names: Iterable[str]) -> None:
-    """Refuse a directory in which something stands where files of results go, or a link where their folder goes."""
-    for name in names:
-        place = target / name
-        allowed = f"holds a folder {name}, where a file of the results goes"
-        require(not is_folder(place), "output", str(target), "", allowed)
-        folder = place.parent
-        kind = "link" if folder.is_symlink() else "file"
-        allowed = f"holds a {kind} {folder.name}, where a folder of the results goes"
-        free = folder == target or is_folder(folder) or not os.path.lexists(folder)
-        require(free, "output", str(target), "", allowed)
-
-
-def _clear_leftovers(target: Path, running: Path, names: Iterable[str]) -> None:
-    """Finish an interrupted move, or remove what a killed run left under some names, and say so."""
-    left, parts, names = _left(running), _part_names(running), [name for name in names if name != LOCK]
-    if left is _Left.MOVE:
-        _move(target, running)
-        text = f"{target}: the results of an earlier run were moved in part; that move is now finished"
+def _clear(named: Path, part: Path) -> None:
+    """Remove what an ended run left in the folder of a new one, and say so."""
+    if any(path.name != LOCK for path in part.iterdir()):
+        words = f", which held {_left(part)}" if (part / SUMMARY).exists() else ""
+        text = f"{named}: removed what a run that did not end well had left in {part.name}{words}"
         warnings.warn(text, ResultsWarning, stacklevel=4)
-    elif names:
-        held = f", with {', '.join(parts)}" if parts and FINISHED in names else ""
-        text = f"{target}: removed what a run that did not end well had left there{held}"
-        warnings.warn(text, ResultsWarning, stacklevel=4)
-    for name in names:
-        _remove(running / name)
+    _empty(part)
+
+
+def _empty(folder: Path) -> None:
+    """Remove all but the file of the lock, which says that a run made the folder."""
+    for path in folder.iterdir():
+        if path.is_dir() and not path.is_symlink():
+            shutil.rmtree(path)
+        elif path.name != LOCK:
+            path.unlink()
 
 
 # ---- after the work -------------------------------------------------------------------------------
 
 
-def _gather(finished: Path) -> None:
-    """Put the files of finished parts together, from wherever that was interrupted."""
-    for part in _parts(finished):
-        names = result_files(finished / part)
-        _check_places(finished, names)
-        _merge(finished / part, finished, names)
+def _in_replacement(target: Path) -> bool:
+    """True where a run was ended between its two renames."""
+    return not target.exists() and all((beside(target, suffix) / LOCK).exists() for suffix in (PART, OLD))
 
 
-def _commit(target: Path, running: Path) -> None:
-    """From here on the finished parts are the results of the directory, and anyone can finish the move."""
-    _check_places(target, result_files(running / FINISHED))
-    _remove(running / NEW_FILES)
-    os.rename(running / FINISHED, running / REPLACING)
-    to_disk(running)
-
-
-def _move_noted(target: Path, running: Path) -> None:
-    """The move; an interrupt waits for its end, and an error says how it can be finished."""
-    try:
-        try:
-            _move(target, running)
-        except KeyboardInterrupt as interrupt:
-            _move(target, running)
-            interrupt.add_note(f"the results in {target} are complete")
-            raise
-    except BaseException as error:
-        if _left(running) is _Left.MOVE:
-            error.add_note(f"the move into {target} is unfinished: 'femimpact finish {target}' finishes it")
-        raise
-
-
-def _move(target: Path, running: Path) -> None:
-    """Put files that are done into the directory, from wherever that was interrupted."""
-    replacing, moving = running / REPLACING, running / MOVING
-    in_move = is_folder(moving)
-    names = result_files(moving if in_move else replacing)
-    _check_places(target, names)
-    if not in_move and is_folder(replacing):
-        _unlink_results(target, (name for name in earlier_files(target, names) if name == SUMMARY or name not in names))
-        os.rename(replacing, moving)
-    _unlink_results(target, replaced_by(names).intersection(earlier_files(target)))
-    _merge(moving, target, names)
-    if is_folder(moving):
-        shutil.rmtree(moving)
-
-
-def _merge(source: Path, target: Path, names: Sequence[str]) -> None:
-    """Move files from one folder to another, in the order of their names there."""
-    for name in names:
-        (target / name).parent.mkdir(exist_ok=True)
-        os.replace(source / name, target / name)
-    for folder in {target, *((target / name).parent for name in names)}:
+def _put_in_place(target: Path) -> None:
+    """Rename the folder of a run that is done to its directory; earlier results go."""
+    part, old = beside(target, PART), beside(target, OLD)
+    for folder in {part, *(path.parent for path in part.rglob("*"))}:
         to_disk(folder)
+    if target.is_dir() and any(target.iterdir()):
+        # while another process adds to them they stay; the file says of what is left of them that a run moved it
+        with Lock(target):
+            os.rename(target, old)
+    elif target.is_dir():
+        target.rmdir()
+    _finish(target)
 
 
-def _unlink_results(target: Path, names: Iterable[str]) -> None:
-    """Remove earlier results, and their folders when they are empty."""
-    for name in names:
-        (target / name).unlink()
-        if name not in NAMES:
-            with suppress(OSError):
-                (target / name).parent.rmdir()
+def _finish(target: Path) -> None:
+    """The second rename, and what it leaves to remove."""
+    os.rename(beside(target, PART), target)
+    to_disk(target.parent)
+    if beside(target, OLD).is_dir():
+        _remove(beside(target, OLD))
+    (target / LOCK).unlink(missing_ok=True)
 
 
-def _sync(folder: Path) -> None:
-    """Have the results in a folder on disk, before a rename says that they are."""
-    names = result_files(folder)
-    for place in (*(folder / name for name in names), *{folder, *((folder / name).parent for name in names)}):
-        to_disk(place)
+def _remove(old: Path) -> None:
+    """Remove earlier results, the file that says so last."""
+    _empty(old)
+    shutil.rmtree(old)
 
 
-def _drop_unfinished(running: Path) -> None:
-    """Remove files of a part that was not finished, and what is empty of finished ones."""
-    _remove(running / NEW_FILES)
-    if not _parts(running / FINISHED):
-        _remove(running / FINISHED)
-
-
-def _remove(item: Path) -> None:
-    if is_folder(item):
-        shutil.rmtree(item, ignore_errors=True)
+def _finish_move(named: Path, target: Path) -> None:
+    """Finish a replacement that was ended, and say so."""
+    old = beside(target, OLD)
+    if Lock.is_held(beside(target, PART)):
+        return
+    if _in_replacement(target):
+        _finish(target)
+    elif target.is_dir() and (old / LOCK).exists():
+        _remove(old)
     else:
+        return
+    text = f"{named}: the results of an earlier run were not yet in place; they are now"
+    warnings.warn(text, ResultsWarning, stacklevel=4)
+
+
+def _remove_empty(folder: Path) -> None:
+    """Remove a folder that was made for a run, with those in it, where they hold nothing."""
+    for path, _, _ in os.walk(folder, topdown=False):
         with suppress(OSError):
-            item.unlink()
+            os.rmdir(path)
 
 
 # ---- errors ---------------------------------------------------------------------------------------
 
 
-@contextmanager
-def _noted(target: Path) -> Iterator[None]:
+def _note(error: BaseException, named: Path, part: Path) -> None:
     """Add to an error what is kept of the run that it ends."""
-    try:
-        yield
-    except BaseException as error:
-        left, parts = _left(target / RUNNING), ", ".join(_part_names(target / RUNNING))
-        if left is _Left.MOVE:
-            error.add_note(_in_words(left, target))
-        elif left is _Left.PARTS and earlier_files(target):
-            error.add_note(
-                f"the earlier results stay; finished parts ({parts}) are kept beside them: "
-                f"'femimpact finish {target} --force' puts them in their place"
-            )
-        elif left is _Left.PARTS:
-            error.add_note(f"finished parts ({parts}) are kept: 'femimpact finish {target}' makes them results")
-        elif isinstance(error, KeyboardInterrupt):
-            error.add_note("nothing was written")
-        raise
+    if _in_replacement(part.with_name(part.name.removesuffix(PART))):
+        error.add_note(f"{unfinished_state(named)}")
+    elif (part / SUMMARY).exists():
+        shown = _beside_as_named(named, PART)
+        error.add_note(f"what was finished is kept in {shown}: {_left(part)}; rename it to keep it from the next run")
+    elif isinstance(error, KeyboardInterrupt):
+        error.add_note("nothing was written")
 
 
 @contextmanager
-def _named(target: Path, key: str | None) -> Iterator[None]:
-    """Errors of the file system name the user's path, not the one in the folder of the run.
-
-    With a key they are input errors: the directory cannot be written at all.
-    """
+def _as_input(named: Path) -> Iterator[None]:
+    """An error of the file system becomes an input error: the directory cannot be written at all."""
     try:
         yield
     except OSError as error:
-        if key is not None:
-            text = f"cannot be written: {error.strerror or error}"
-            raise InputError([Fault(key, str(target), "", text)]) from None
+        text = f"cannot be written: {error.strerror or error}"
+        raise InputError([Fault("output", str(named), "", text)]) from None
+
+
+@contextmanager
+def _in_words_of(named: Path, target: Path) -> Iterator[None]:
+    """Errors of the file system name the user's path."""
+    try:
+        yield
+    except OSError as error:
         name = "" if error.filename is None else os.fsdecode(error.filename)
-        hidden = str(target / RUNNING)
-        if name == hidden or name.startswith(hidden + os.sep):
-            # without the folder that holds it for the time being
-            _, *rest = Path(name).relative_to(hidden).parts or ("",)
-            error.filename = str(Path(target, *rest))
-            # None would be shown as the end of an arrow
-            del error.filename2
+        for folder in (beside(target, PART), target):
+            if Path(name).is_relative_to(folder):
+                error.filename = str(named / Path(name).relative_to(folder))
+                # None would be shown as the end of an arrow
+                del error.filename2
+                break
         raise

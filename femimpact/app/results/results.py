@@ -16,21 +16,25 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from femimpact.app.results.result_directory import (
     FILES,
+    REPORT,
     SUMMARY,
     ResultsWarning,
-    replaced_by,
     result_files,
     unfinished_state,
 )
 from femimpact.errors import Fault, InputError, require, require_path
+from femimpact.files import atomic_path, read_csv, write_json
 from femimpact.files import plain as plain_data
-from femimpact.files import read_csv, write_json
 from femimpact.regular_file import open_regular
+from femimpact.signals.decay import DecayEstimate
 from femimpact.table import Head, head_of_values, short_repr
 
 if TYPE_CHECKING:
     import xarray
 
+
+IDENTIFIED = ("identify.json", "identify.png")
+"""Files of `write_decay`."""
 
 STICKING_FILE = FILES["sticking"].name
 
@@ -75,17 +79,6 @@ class StudyResults:
         values |= {name: ", ".join(map(str, found.data_vars)) for name, found in data.items() if found is not None}
         values["warnings"] = "; ".join(self.summary.get("warnings", [])) or "none"
         return head_of_values(f"StudyResults: {self.directory}", values)
-
-    @property
-    def riding(self) -> Mapping[str, Any] | None:
-        """The earlier name of `sticking`."""
-        return self.sticking
-
-
-def read_sticking(folder: Path, summary: Mapping[str, Any]) -> Mapping[str, Any] | None:
-    """Table of sticking phases, also of an earlier version; None where nothing stuck."""
-    table = read_table(folder, STICKING_FILE, summary)
-    return read_table(folder, FILES["old_sticking"].name, summary) if table is None else table
 
 
 def load(directory: str | Path) -> StudyResults:
@@ -134,13 +127,12 @@ def load(directory: str | Path) -> StudyResults:
         sweep=dataset("sweep_data"),
         history=dataset("history"),
         impact_data=dataset("impact_data"),
-        sticking=read_sticking(folder, summary),
+        sticking=table(STICKING_FILE),
         branches=dataset("branches"),
         bifurcations=table(FILES["bifurcations"].name),
     )
     read = {
         STICKING_FILE,
-        FILES["old_sticking"].name,
         *(
             FILES[name].name
             for name in ("modes", "impacts", "sweep_data", "history", "impact_data", "branches", "bifurcations")
@@ -264,7 +256,11 @@ def read_table(folder: Path, name: str, summary: Mapping[str, Any]) -> dict[str,
 
 def _read(folder: Path, name: str, summary: Mapping[str, Any], reader: Callable[[Path], T]) -> T | None:
     """One file of the results, checked against the summary."""
-    path, expected = folder / name, summary.get(CHECKSUMS, {}).get(name)
+    path, sums = folder / name, summary.get(CHECKSUMS)
+    expected = None if sums is None else sums.get(name)
+    if sums is not None and expected is None:
+        # of a part of a run that was ended before its summary was written
+        return None
     if not path.exists():
         if expected is not None:
             raise InputError([Fault("file", str(path), "", f"is missing: {SUMMARY} names it among the results")])
@@ -332,21 +328,40 @@ def _of_summary(summary: Mapping[str, Any]) -> str:
 
 def write_summary(
     folder: Path,
-    summary: Mapping[str, Any],
-    # a folder of results to which those in the first are added. Checksums that the summary has of files there stay;
-    # where it has none at all they are computed.
-    beside: Path | None = None,
+    summary: Mapping[str, Any],  # checksums in it are of files that are still as they were
 ) -> None:
     """Write the summary of the files in a folder, with their checksums."""
-    sums = {}
-    if beside is not None:
-        known = summary.get(CHECKSUMS) or _checksums(beside)
-        gone = replaced_by(result_files(folder))
-        sums = {name: value for name, value in known.items() if name not in gone and (beside / name).exists()}
-    sums |= _checksums(folder)
+    known = summary.get(CHECKSUMS, {})
+    # the report is made again at any time
+    names = (name for name in result_files(folder) if name not in (SUMMARY, REPORT))
+    sums = {name: known.get(name) or checksum(folder / name) for name in names}
     plain = plain_data({**summary, CHECKSUMS: sums})
     write_json(folder / SUMMARY, {**plain, SUMMARY_CHECKSUM: _of_summary(plain)})
 
 
-def _checksums(folder: Path) -> dict[str, str]:
-    return {name: checksum(folder / name) for name in result_files(folder) if name != SUMMARY}
+def write_decay(
+    directory: Path,
+    decay: DecayEstimate,
+    record: xarray.Dataset,  # which it is of
+    force: bool,  # whether files of the same names are replaced
+) -> None:
+    """Write what was identified from a record as JSON and as a figure."""
+    from femimpact import figures
+
+    there = ", ".join(name for name in IDENTIFIED if (directory / name).exists())
+    require(force or not there, "output", str(directory), "", f"has {there} already: choose another, or --force")
+    require(not directory.exists() or directory.is_dir(), "output", str(directory), "", "must be a directory")
+    directory.mkdir(parents=True, exist_ok=True)
+    columns, units = decay.columns()
+    content = {
+        "source": record.attrs.get("source", ""), "signal": str(next(iter(record.data_vars))),
+        "level": decay.level, "modes": [vars(mode) for mode in decay.modes], "noise": decay.noise,
+        "over_amplitude": {name: values.tolist() for name, values in columns.items()},
+        "units": {**units, "noise": decay.unit},
+        "warnings": decay.warnings, "notes": [*record.attrs.get("notes", ()), *decay.notes],
+    }  # fmt: skip
+    text = json.dumps(plain_data(content), indent=2, ensure_ascii=False) + "\n"
+    # both or none: one alone would be in the way of the next run
+    with atomic_path(directory / IDENTIFIED[0]) as table, atomic_path(directory / IDENTIFIED[1]) as picture:
+        table.write_text(text, encoding="utf-8")
+        figures.save_figure(figures.decay(decay, ax=figures.OffScreen()), picture)

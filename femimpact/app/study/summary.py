@@ -313,13 +313,14 @@ def _contact_summary(pair: ContactPair, method: Method, response: Response | Non
         return law
     mine = response.impacts.impactor == pair.name
     fast = mine & (response.impacts.approach_speed >= 0.2 * statistics.mean_approach_speed)
+    forces: Any = contact_forces(response, pair.name)
     return replace(
         law,
         impacts=int(mine.sum()),
         # slow touches, in which the motion of the beam counts as rebound, are left out
         observed_restitution=float(np.median(response.impacts.restitution[fast])) if fast.any() else math.nan,
         mean_approach_speed=statistics.mean_approach_speed,
-        **contact_forces(response, pair.name),
+        **forces,
     )
 
 

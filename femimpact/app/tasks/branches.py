@@ -6,7 +6,7 @@ import math
 from collections import deque
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,7 @@ import numpy as np
 
 from femimpact.app.report.result_page import add_report
 from femimpact.app.results.branch_file import FollowedBranches, dataset_of
-from femimpact.app.results.result_directory import FILES, prepare_directory
+from femimpact.app.results.result_directory import FILES, new_results
 from femimpact.app.results.results import StudyResults, load, write_summary
 from femimpact.app.study.prepared import PreparedStudy, check_sweep, in_study_words, prepare
 from femimpact.app.study.study import OrbitsPlan, Study, sine_of
@@ -152,16 +152,8 @@ def _cycles(count: int) -> str:
 # ---- the branches ---------------------------------------------------------------------------------
 
 
-@dataclass
-class _Following:
-    """Branches that are being followed."""
-
-    branches: list[Branch] = field(default_factory=list)
-    origins: list[str] = field(default_factory=list)
-    cycles: list[int] = field(default_factory=list)
-    leads: dict[tuple[int, int], set[int]] = field(default_factory=dict)
-    """Numbers of the branches to which a bifurcation of a branch leads, by its branch and its number in it."""
-    notes: list[str] = field(default_factory=list)
+Leads = dict[tuple[int, int], set[int]]
+"""Numbers of the branches to which a bifurcation of a branch leads, by its branch and its number in it."""
 
 
 def first_orbit(found: PreparedOrbits, report: Report) -> PeriodicOrbit:
@@ -187,13 +179,15 @@ def first_orbit(found: PreparedOrbits, report: Report) -> PeriodicOrbit:
             raise DivergenceError(words) from None
 
 
-def _follow(start: PeriodicOrbit, found: PreparedOrbits, report: Report) -> _Following:
+def _follow(
+    start: PeriodicOrbit, found: PreparedOrbits, notes: list[str], report: Report
+) -> tuple[FollowedBranches, Leads]:
     """The branch of an orbit and those that its bifurcations lead to, the nearest first.
 
     An orbit that lies on one of the branches is left out, as are its mirror image and the same a cycle later: their
     curves are one.
     """
-    plan, done = found.plan, _Following()
+    plan, done, leads = found.plan, FollowedBranches(found.prepared.small.dofs), Leads()
     waiting: deque[tuple[PeriodicOrbit, str, tuple[int, int]]] = deque([(start, "the run that settles", (0, 0))])
     left = list[str]()
     while waiting:
@@ -205,27 +199,28 @@ def _follow(start: PeriodicOrbit, found: PreparedOrbits, report: Report) -> _Fol
                 left.append(origin)
                 continue
             if not number:
-                done.branches.append(continue_orbit(orbit, plan.parameter, to=plan.range, points=plan.points))
+                branch = continue_orbit(orbit, plan.parameter, to=plan.range, points=plan.points)
+                done.branches.append(branch)
                 done.origins.append(origin)
                 done.cycles.append(orbit.cycles)
                 number = len(done.branches)
-                done.notes += [f"branch {number}: {words}" for words in done.branches[-1].warnings]
-                waiting.extend(_switched(done.branches[-1], number, found, done.notes))
+                notes += [f"branch {number}: {words}" for words in branch.warnings]
+                waiting.extend(_switched(branch, number, found, notes))
         except FemimpactError as error:
             if not done.branches:
                 with _study_words():
                     raise
-            done.notes.append(f"not followed from {origin}: {_words(error)}")
+            notes.append(f"not followed from {origin}: {_words(error)}")
             continue
         if place[0]:
-            done.leads.setdefault(place, set()).add(number)
+            leads.setdefault(place, set()).add(number)
     report("branches", 1.0)
     if left:
         places = list(dict.fromkeys(left))
         more = f" and {len(places) - MOST_NAMED} more" if len(places) > MOST_NAMED else ""
         shown = f"{', '.join(places[:MOST_NAMED])}{more}"
-        done.notes.append(f"not followed, for orbits.most_branches = {plan.most_branches}: from {shown}")
-    return done
+        notes.append(f"not followed, for orbits.most_branches = {plan.most_branches}: from {shown}")
+    return done, leads
 
 
 def _switched(
@@ -355,59 +350,49 @@ def write_orbits(study: Study, directory: Path, force: bool, report: Report) -> 
         If the study's run leads to no orbit.
     """
     found = prepare_orbits(study)
-    with prepare_directory(directory, force) as staging:
+    with new_results(directory, force) as folder:
         start = first_orbit(found, report)
-        done = _follow(start, found, report)
-        if not start.is_stable:
-            done.notes.insert(0, UNSETTLED)
-        swept = _sweep(found, done.notes, report)
-        modes = found.prepared.small.dofs
-        followed = FollowedBranches(tuple(done.branches), tuple(done.origins), tuple(done.cycles), modes, swept)
-        keep_study(staging, study)
-        write_netcdf(staging.folder / FILES["branches"].name, dataset_of(followed))
-        points, units = _points(done)
-        for key, columns in (("branch_table", points), ("bifurcations", _bifurcations(done, points))):
-            write_csv(staging.folder / FILES[key].name, columns, units)
-        more = _summary(found, followed, done)
+        notes = [] if start.is_stable else [UNSETTLED]
+        followed, leads = _follow(start, found, notes, report)
+        followed = replace(followed, swept=_sweep(found, notes, report))
+        keep_study(folder, study)
+        write_netcdf(folder / FILES["branches"].name, dataset_of(followed))
+        points, units = _points(followed.branches)
+        bifurcations = _bifurcations(followed.branches, leads, points)
+        for key, columns in (("branch_table", points), ("bifurcations", bifurcations)):
+            write_csv(folder / FILES[key].name, columns, units)
+        more = _summary(found, followed, notes)
         # so that the branches stay, should drawing end the run
-        write_summary(staging.folder, summary_of(found.prepared) | more, staging.finished)
-        staging.finish_part("branches")
-        keep_pictures(staging, found.prepared, Found(), report, more)
+        write_summary(folder, summary_of(found.prepared) | more)
+        keep_pictures(folder, directory, found.prepared, Found(), report, more)
     if study.output.report:
         add_report(directory, report)
     return load(directory)
 
 
-def _points(done: _Following) -> tuple[dict[str, Any], dict[str, str]]:
+def _points(branches: list[Branch]) -> tuple[dict[str, Any], dict[str, str]]:
     """A row for each orbit, with the number of its branch."""
-    frames = [branch.to_pandas() for branch in done.branches]
+    frames = [branch.to_pandas() for branch in branches]
     columns: dict[str, Any] = {"branch": np.repeat(np.arange(1, len(frames) + 1), list(map(len, frames)))}
     columns |= {str(name): np.concatenate([frame[name].to_numpy() for frame in frames]) for name in frames[0]}
     return columns, dict(frames[0].attrs["units"])
 
 
-def _bifurcations(done: _Following, columns: dict[str, Any]) -> dict[str, Any]:
-    """A row for each bifurcation, of those of the points, with the numbers of the branches to which it leads."""
+def _bifurcations(branches: list[Branch], leads: Leads, columns: dict[str, Any]) -> dict[str, Any]:
+    """A row for each bifurcation, of those of the points, with the numbers of the other branches that meet there."""
     here = ~np.isin(columns["bifurcation"], ("", UNEXPLAINED))
     rows = {name: values[here] for name, values in columns.items() if name not in ("is_stable", "bifurcation")}
-    places = [(n, i) for n, branch in enumerate(done.branches, 1) for i in range(len(branch.bifurcations))]
-    leads = [" ".join(map(str, sorted(_leads_to(done, *place)))) for place in places]
-    return {"branch": rows.pop("branch"), "kind": columns["bifurcation"][here], **rows, "leads_to": leads}
+    numbers = rows.pop("branch")
+    each = [(number, i, one) for number, branch in enumerate(branches, 1) for i, one in enumerate(branch.bifurcations)]
+    leads_to = []
+    for number, i, one in each:
+        near = LOCATED * abs(one.value)
+        joined = {n for n, _, other in each if other.kind == one.kind and abs(other.value - one.value) <= near}
+        leads_to.append(" ".join(map(str, sorted((joined | leads.get((number, i), set())) - {number}))))
+    return {"branch": numbers, "kind": columns["bifurcation"][here], **rows, "leads_to": leads_to}
 
 
-def _leads_to(done: _Following, number: int, i: int) -> set[int]:
-    """Numbers of the other branches that meet a branch at one of its bifurcations."""
-    here = done.branches[number - 1].bifurcations[i]
-    joined = {
-        n
-        for n, branch in enumerate(done.branches, 1)
-        for each in branch.bifurcations
-        if each.kind == here.kind and abs(each.value - here.value) <= LOCATED * abs(here.value)
-    }
-    return (joined | done.leads.get((number, i), set())) - {number}
-
-
-def _summary(found: PreparedOrbits, followed: FollowedBranches, done: _Following) -> dict[str, Any]:
+def _summary(found: PreparedOrbits, followed: FollowedBranches, notes: list[str]) -> dict[str, Any]:
     """What the summary says of the branches."""
     plan, number = found.plan, found.number
     rows = [
@@ -425,5 +410,5 @@ def _summary(found: PreparedOrbits, followed: FollowedBranches, done: _Following
         for branch, origin, cycles in zip(followed.branches, followed.origins, followed.cycles, strict=True)
     ]
     about = {"parameter": number.path, "unit": number.unit, "range": plan.range, "modes": followed.modes}
-    notes = [*found.prepared.method.notes(found.prepared.small), *done.notes]
-    return {"orbits": {**about, "branches": rows}, "notes": notes}
+    of_method = found.prepared.method.notes(found.prepared.small)
+    return {"orbits": {**about, "branches": rows}, "notes": [*of_method, *notes]}

@@ -15,7 +15,7 @@ from femimpact import core
 from femimpact.app.report.result_page import add_report
 from femimpact.app.report.views import save_pictures
 from femimpact.app.results.picture_data import structure_parts
-from femimpact.app.results.result_directory import FILES, Staging, prepare_directory
+from femimpact.app.results.result_directory import FILES, new_results
 from femimpact.app.study.study import Study, build_systems, check_method, method_for, read_mesh_of, sine_of
 from femimpact.app.study.summary import library_versions
 from femimpact.app.tasks.run import Report
@@ -111,27 +111,26 @@ def write_convergence(
         axes.insert(1, _steps(study, mesh, method))
     else:
         notes.append("over the step: Newmark's method only; the study's is another")
-    with prepare_directory(directory, force) as staging:
+    with new_results(directory, force) as folder:
         quantities = convergence_study(
             study.structure, axes, _watched(full, study), study.sine, accuracy=accuracy,
             progress=lambda share: report("quantities", share),
         )  # fmt: skip
         found = {f"quantities_over_{axis}": table for axis, table in quantities.tables.items()}
         written = list(quantities.tables.values())
-        write_csv(staging.folder / FILES["convergence_summary"].name, *_summary(written))
-        _write(staging, "quantities", found)
+        write_csv(folder / FILES["convergence_summary"].name, *_summary(written))
+        _write(folder, found)
         statistics, why = _statistics(study, meshes, _moving(full)[0], accuracy, report)
         if statistics is not None:
-            _write(staging, "statistics", {"statistics_over_mesh": statistics})
+            _write(folder, {"statistics_over_mesh": statistics})
             found["statistics_over_mesh"] = statistics
         if in_steps:
             report("steps", 0.0)
             found["runs_over_step"] = converge_step(small, study.sine, cast(Newmark, method), accuracy=accuracy)
             report("steps", 1.0)
-            _write(staging, "steps", {"runs_over_step": found["runs_over_step"]})
+            _write(folder, {"runs_over_step": found["runs_over_step"]})
         done = WrittenConvergence(found, (*notes, *why), directory)
-        write_json(staging.folder / FILES["convergence_notes"].name, _about(study, full, done, accuracy))
-        staging.finish_part("notes")
+        write_json(folder / FILES["convergence_notes"].name, _about(study, full, done, accuracy))
     if study.output.report:
         add_report(directory, report)
     return done
@@ -254,12 +253,11 @@ def _about(study: Study, system: System, found: WrittenConvergence, accuracy: fl
     }
 
 
-def _write(staging: Staging, part: str, found: Mapping[str, ConvergenceTable]) -> None:
-    """Write tables and their figures, by the names of their files, as a part of the results."""
+def _write(folder: Path, found: Mapping[str, ConvergenceTable]) -> None:
+    """Write tables and their figures, by the names of their files."""
     for name, table in found.items():
-        write_csv(staging.folder / FILES[name].name, *table.columns())
-    save_pictures(found.values(), staging.folder)
-    staging.finish_part(part)
+        write_csv(folder / FILES[name].name, *table.columns())
+    save_pictures(found.values(), folder)
 
 
 def _summary(found: Sequence[ConvergenceTable]) -> tuple[dict[str, Any], dict[str, str]]:

@@ -11,11 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from femimpact.app.parametric.starts import drawn_curves, drawn_histories, spreads_of, write_curves
 from femimpact.app.report.pictures import draw_kinds, with_pictures
 from femimpact.app.report.result_page import add_report
 from femimpact.app.results.picture_data import write_last_cycles, write_mode_shapes, write_snapshots
-from femimpact.app.results.result_directory import FILES, Staging, prepare_directory
+from femimpact.app.results.result_directory import FILES, new_file, new_results
 from femimpact.app.results.results import STICKING_FILE, StudyResults, load, write_summary
 from femimpact.app.study.prepared import (
     PARTS,
@@ -29,6 +28,7 @@ from femimpact.app.study.prepared import (
 from femimpact.app.study.study import Study, assemble_on
 from femimpact.app.study.study_file import study_text, with_record
 from femimpact.app.study.summary import SweepPair, summary_of
+from femimpact.app.tasks.starts import drawn_curves, drawn_histories, spreads_of, write_curves
 from femimpact.errors import checked, kind_of, require, require_name, require_path, require_type, truth
 from femimpact.excitation import Sine
 from femimpact.files import atomic_write, write_csv, write_netcdf
@@ -207,25 +207,25 @@ def run_study(
     require(usable, "report", kind_of(report), "", "must be callable with the name of a part and its share")
     prepared = prepare(study, parts)
     run = [part for part in parts if part != "sweep" or study.sweep is not None]
-    with prepare_directory(directory, force) as staging:
+    with new_results(directory, force) as folder:
         found = Found()
-        keep_study(staging, study)
+        keep_study(folder, study)
         if "modes" in run:
             found = replace(found, modes=run_modes(prepared))
-            keep_modes(staging, prepared, found, [part for part in run if part != "modes"])
+            keep_modes(folder, prepared, found, [part for part in run if part != "modes"])
         if "simulate" in run:
             found = replace(found, response=run_simulation(prepared, report))
             left = [part for part in run if part == "sweep"]
-            found = keep_history(staging, prepared, found, left)
+            found = keep_history(folder, prepared, found, left)
             found = _with_history_starts(prepared, found, report)
             if found.starts:
                 # so that the ranges stay with the history, should the run end now
-                _finish(staging, prepared, found, "ranges of the history", left)
+                _finish(folder, prepared, found, left)
         if "sweep" in run:
             found = replace(found, sweeps=run_sweep(prepared, report))
-            keep_sweeps(staging, prepared, found)
-            found = _with_sweep_starts(staging, prepared, found, report)
-        keep_pictures(staging, prepared, found, report)
+            keep_sweeps(folder, prepared, found)
+            found = _with_sweep_starts(folder, prepared, found, report)
+        keep_pictures(folder, directory, prepared, found, report)
     if study.output.report:
         add_report(directory, report)
     return load(directory)
@@ -239,16 +239,16 @@ def _with_history_starts(prepared: PreparedStudy, found: Found, report: Report) 
     return replace(found, starts={**found.starts, "history_starts": spreads, **_failed(found, "history", failed)})
 
 
-def _with_sweep_starts(staging: Staging, prepared: PreparedStudy, found: Found, report: Report) -> Found:
+def _with_sweep_starts(folder: Path, prepared: PreparedStudy, found: Found, report: Report) -> Found:
     """The same of the sweep, whose bands are written."""
     plan, sweeps, start = prepared.study.sweep, found.sweeps, prepared.study.start
     if plan is None or sweeps is None or runs_of_starts(prepared.small, plan.starts) == 1:
         return found
-    curves, failed = drawn_curves(prepared, sweeps.empty.frequency, report)
-    write_curves(staging.folder, {start: curves})
+    curves, failed = drawn_curves(prepared, sweeps.empty, report)
+    write_curves(folder, {start: curves})
     step = float(sweeps.coarse[1] - sweeps.coarse[0])
     spreads = {name: asdict(spread) for name, spread in spreads_of(curves, sweeps.empty, step).items()}
-    several = {"starts": {start: spreads}, "starts_of_sweep": len(curves), **_failed(found, "sweep", failed)}
+    several = {"starts": {start: spreads}, "starts_of_sweep": curves.starts, **_failed(found, "sweep", failed)}
     return replace(found, starts={**found.starts, **several})
 
 
@@ -271,20 +271,20 @@ def _summary(prepared: PreparedStudy, found: Found) -> dict[str, Any]:
 # ---- what is kept of a run, in the order in which it is written -----------------------------------
 
 
-def keep_study(staging: Staging, study: Study) -> None:
+def keep_study(folder: Path, study: Study) -> None:
     """Write the study file, that of the study as it is run, and the record that it names."""
     if study.record is not None:
-        name, path = FILES["base_record"].name, staging.folder / FILES["study"].name
-        atomic_write(staging.folder / name, study.source["content"])
+        name, path = FILES["base_record"].name, folder / FILES["study"].name
+        atomic_write(folder / name, study.source["content"])
         study = replace(with_record(study, name), path=path)
-    atomic_write(staging.folder / FILES["study"].name, study_text(study))
+    atomic_write(folder / FILES["study"].name, study_text(study))
 
 
-def keep_modes(staging: Staging, prepared: PreparedStudy, found: Found, left: Sequence[str] = ()) -> None:
+def keep_modes(folder: Path, prepared: PreparedStudy, found: Found, left: Sequence[str] = ()) -> None:
     """Write what `run_modes` found; `left` names the parts of the run that are still to come."""
     if found.modes is None:
         raise AssertionError("there are modes to keep")
-    folder, full, study, (modes, glued) = staging.folder, prepared.full, prepared.study, found.modes
+    full, study, (modes, glued) = prepared.full, prepared.study, found.modes
     columns: dict[str, Any] = {
         "mode": list(range(1, modes.natural_frequency.size + 1)),
         "natural_frequency": modes.natural_frequency,
@@ -300,36 +300,36 @@ def keep_modes(staging: Staging, prepared: PreparedStudy, found: Found, left: Se
     if study.output.paraview:
         from femimpact import vtk
 
-        vtk.write_modes(folder / FILES["modes_scene"].name, full, modes, study.structure)
+        vtk.write_modes(new_file(folder, "modes_scene"), full, modes, study.structure)
         # a rigid motion has no period to be shown over
         for mode in (1 + np.flatnonzero(modes.natural_frequency > 0.0)).tolist():
-            vtk.write_mode(folder / FILES[f"mode_{mode}_scene"].name, full, modes, study.structure, mode)
-    _finish(staging, prepared, found, "modes", left)
+            vtk.write_mode(new_file(folder, f"mode_{mode}_scene"), full, modes, study.structure, mode)
+    _finish(folder, prepared, found, left)
 
 
-def keep_history(staging: Staging, prepared: PreparedStudy, found: Found, left: Sequence[str] = ()) -> Found:
+def keep_history(folder: Path, prepared: PreparedStudy, found: Found, left: Sequence[str] = ()) -> Found:
     """Write what `run_simulation` found; what the files for ParaView leave out is a warning of what is returned."""
     if found.response is None:
         raise AssertionError("there is a history to keep")
     response = found.response
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
-        _write_history(prepared.study, staging.folder, response)
+        _write_history(prepared.study, folder, response)
     # the same of both files
     texts = dict.fromkeys(f"{one.message}" for one in caught if issubclass(one.category, UserWarning))
     left_out = [f"{scene}: {text}" for scene in _deflection_scenes(prepared.study)[-1:] for text in texts]
     found = replace(found, response=replace(response, warnings=(*response.warnings, *left_out)))
-    _finish(staging, prepared, found, "history", left)
+    _finish(folder, prepared, found, left)
     return found
 
 
-def keep_sweeps(staging: Staging, prepared: PreparedStudy, found: Found, left: Sequence[str] = ()) -> None:
+def keep_sweeps(folder: Path, prepared: PreparedStudy, found: Found, left: Sequence[str] = ()) -> None:
     """Write what `run_sweep` found."""
     import xarray
 
     if found.sweeps is None:
         raise AssertionError("there are sweeps to keep")
-    folder, sweeps = staging.folder, found.sweeps
+    sweeps = found.sweeps
     curves = {"empty": sweeps.empty, **({"ball": sweeps.ball} if sweeps.ball is not None else {})}
     frequency = sweeps.empty.frequency
     columns: dict[str, Any] = {"frequency": frequency}
@@ -350,18 +350,19 @@ def keep_sweeps(staging: Staging, prepared: PreparedStudy, found: Found, left: S
     data = data.assign_coords(grid=("frequency", columns["grid"]))
     laws = "; ".join(f"{label}: {curve.law}" for label, curve in curves.items())
     write_netcdf(folder / FILES["sweep_data"].name, data.assign_attrs(contact_law=laws))
-    _finish(staging, prepared, found, "sweep", left)
+    _finish(folder, prepared, found, left)
 
 
 def keep_pictures(
-    staging: Staging,
+    folder: Path,
+    directory: str | Path,  # that it will be
     prepared: PreparedStudy,
     found: Found,
     report: Report = _silent,
     more: Mapping[str, Any] | None = None,  # what the summary says besides
 ) -> None:
     """Write what the figures show besides, draw, and write the summary of it all."""
-    folder, study, output = staging.folder, prepared.study, prepared.study.output
+    study, output = prepared.study, prepared.study.output
     summary = _summary(prepared, found) | dict(more or {})
     touched = found.response is not None and bool(found.response.system.contacts)
     if output.figures and found.response is not None and touched:
@@ -376,22 +377,20 @@ def keep_pictures(
     kinds = [*(["figures"] if figured else []), *(["movie"] if output.movie and filmed else [])]
     if kinds:
         ended = dict.fromkeys(kinds, "the run was ended before")
-        write_summary(folder, with_pictures(summary, ended, staging.target), staging.finished)
         # what they are drawn from stays with the results, should the run end now
-        staging.finish_part("data of pictures")
-        summary = with_pictures(summary, draw_kinds(staging.finished, folder, kinds, report), staging.target)
-    write_summary(folder, summary, staging.finished)
+        write_summary(folder, with_pictures(summary, ended, directory))
+        summary = with_pictures(summary, draw_kinds(folder, kinds, report), directory)
+    write_summary(folder, summary)
 
 
-def _finish(staging: Staging, prepared: PreparedStudy, found: Found, part: str, left: Sequence[str]) -> None:
-    """Write the summary of what there is so far, and note that the part is on disk."""
+def _finish(folder: Path, prepared: PreparedStudy, found: Found, left: Sequence[str]) -> None:
+    """Write the summary of what there is so far: from here on its files are kept, whatever happens to the rest."""
     summary = _summary(prepared, found)
     if left:
         summary["unfinished"] = list(left)
         text = f"the run was ended before its part{'s' if len(left) > 1 else ''} {' and '.join(left)}"
         summary["warnings"] = [*summary["warnings"], text]
-    write_summary(staging.folder, summary, staging.finished)
-    staging.finish_part(part)
+    write_summary(folder, summary)
 
 
 def _write_history(study: Study, folder: Path, response: Response) -> None:
@@ -404,7 +403,7 @@ def _write_history(study: Study, folder: Path, response: Response) -> None:
     for scene in _deflection_scenes(study):
         from femimpact import vtk
 
-        vtk.write_deflection(folder / scene, response, study.structure, exaggeration or 1.0)
+        vtk.write_deflection(new_file(folder, scene), response, study.structure, exaggeration or 1.0)
 
 
 def _deflection_scenes(study: Study) -> list[str]:

@@ -18,10 +18,8 @@ from femimpact.app.parametric.best import best_cases, check_best
 from femimpact.app.parametric.best_design import BestCase, told_lines
 from femimpact.app.parametric.definition import ParameterStudy
 from femimpact.app.parametric.labelled import endings_of
-from femimpact.app.parametric.measures import better_of
 from femimpact.app.parametric.paths import study_with
-from femimpact.app.parametric.verb import StudyProgress, run_parameter_study, to_stderr
-from femimpact.app.parametric.workers import block_cases, connected
+from femimpact.app.parametric.verb import StudyProgress, block_cases, connected, run_parameter_study, to_stderr
 from femimpact.app.report.result_page import add_report, best_measures
 from femimpact.app.report.views import measures_of, save_pictures
 from femimpact.app.results.result_directory import BEST_FIGURE, FILES, ResultsWarning
@@ -84,7 +82,7 @@ def definition_of(study: Study) -> ParameterStudy:
 
 def _check_best(plan: Any, found: ParameterStudy) -> None:
     """Raise `InputError` where [study.best] does not fit the axes and measures of the study."""
-    known = {item.name: better_of(item.name, item.long_name) for item in found.chosen if not item.is_text}
+    known = {item.name: item.better for item in found.chosen if not item.is_text}
     try:
         check_best(plan.best.measure, plan.best.worst_over, plan.best.limits, tuple(plan.axes), known)
     except InputError as error:

@@ -19,10 +19,10 @@ from femimpact.errors import require
 from femimpact.excitation import Harmonic, PiecewisePolynomial
 from femimpact.excitation.piecewise_polynomial import ORDERS, motion_at, piece_at
 from femimpact.integrators.channel_rows import Drive
+from femimpact.integrators.event_driven.closed_form import steady_entries
 from femimpact.integrators.event_driven.complex_modes import SLOW
-from femimpact.integrators.event_driven.continued import Held, resumed, split_anew
 from femimpact.integrators.event_driven.equations import Equations
-from femimpact.integrators.event_driven.loop_data import CONTACT, EventSettings
+from femimpact.integrators.event_driven.loop_data import CONTACT, FREE, EventSettings, Held
 from femimpact.integrators.event_driven.store import FormStore, WantedForm
 from femimpact.response.impacts import CYCLE_COLUMNS, IMPACT_COLUMNS, event_width
 from femimpact.system.contact_pair import ContactPair
@@ -130,22 +130,9 @@ def new_block(
 ) -> Block:  # fmt: skip
     """Cases at their start.
 
-    Parameters
-    ----------
-    system : System
-    store : FormStore
-    inputs : Inputs
-    method : EventDriven
-    ledger : bool or None
-        True sums all energies; False the losses of compliant contacts alone, for the table of impacts; None no energy.
-    most_rows : int
-        Of the tables of impacts and sticking phases, of a case alone.
-    most_events : int
-        Of the log of events of each case.
-
-    Returns
-    -------
-    Block
+    The ledger is True for all energies, False for the losses of compliant contacts alone, as the table of impacts has
+    them, None for no energy. `most_rows` is of the tables of impacts and sticking phases, of a case alone,
+    `most_events` of the log of events of each case.
     """
     equations, n, count = store.equations, system.dofs, inputs.omega.size
     period = 2.0 * np.pi / inputs.omega
@@ -234,12 +221,44 @@ def _new_cases(store: FormStore, inputs: Inputs, modes: int) -> core.events.Case
     )
     if inputs.held is None:
         return cases
-    cases = resumed(inputs.held, cases)
+    cases = _resumed(inputs.held, cases)
     # the arrays of all forms are then as large as a motion in this one
-    _add_forms(np.zeros(1, dtype=np.intp), cases, store, np.zeros(1, dtype=np.int64))
+    add_forms(np.zeros(1, dtype=np.intp), cases, store, np.zeros(1, dtype=np.int64))
     wanted = _wanted_form(cases, 0, 0)
-    split_anew(inputs.held, cases, store.forms, store.known[wanted.parameters, wanted.key])
+    _split_anew(inputs.held, cases, store.forms, store.known[wanted.parameters, wanted.key])
     return cases
+
+
+def _resumed(held: Held, cases: core.events.Cases) -> core.events.Cases:
+    """A case alone that goes on with its contacts in progress, and with the motion where that is held."""
+    cases.state[0], cases.touch[0], cases.leaving[0] = held.state, held.touch, held.leaving
+    if held.to_modes.shape == cases.to_modes[0].shape:
+        cases.to_modes[0] = held.to_modes
+    else:
+        # it was not summed before
+        cases.to_modes[0, held.state != FREE] = np.nan
+    cases.entering[0] = core.events.RESUMED if held.motion else core.events.STARTED
+    motion: dict[str, Any] = {name: values[None].copy() for name, values in held.motion.items()}
+    if motion and cases.knots.size:
+        # the earlier run may have begun before the first knot, and had one piece more
+        now = np.searchsorted(cases.knots, motion["clock"][0, 0], side="right") - 1
+        motion["piece"] = np.array([max(now, 0)], dtype=np.int64)
+    return cases._replace(**motion)
+
+
+def _split_anew(held: Held, cases: core.events.Cases, forms: core.events.Forms, form: int) -> None:
+    """Give entries of a case alone the share of their response that they hold in this run.
+
+    The polynomials of a longer run may be faster, or slower beside a larger force, so that other entries are driven.
+    """
+    now, last = int(forms.driven[form]), int(forms.entries[form])
+    first, end = min(now, held.driven), max(now, held.driven)
+    if not held.motion or first == end:
+        return
+    rate = forms.coupling[form, :last, :last] + np.diag(forms.exponent[form, :last])
+    steady = steady_entries(rate, forms.load[form, :, :last], first, end)
+    steady = cases.drive[0] @ steady.reshape(cases.drive.shape[1], -1)
+    cases.entry[0, first:end] += steady if now > held.driven else -steady
 
 
 def pieces_from(pieces: Sequence[PiecewisePolynomial], start: float) -> tuple[Array, Array]:
@@ -328,7 +347,7 @@ def run_block(
             frequency = float(block.cases.omega[resonant[0]]) / (2.0 * np.pi)
             require(False, "frequency", frequency, "Hz", RESONANCE)
         members = members[block.stopped[members] == core.events.FORM_WANTED]
-        _add_forms(members, block.cases, store, block.system_of)
+        add_forms(members, block.cases, store, block.system_of)
 
 
 def _by_system(
@@ -343,7 +362,7 @@ def _by_system(
         yield *block.systems[number], members[numbers == number]
 
 
-def _add_forms(
+def add_forms(
     members: NDArray[np.intp], cases: core.events.Cases, store: FormStore, system_of: NDArray[np.int64]
 ) -> None:
     """Make the closed forms of the cases' contact states for their contact parameters, unless they are there."""

@@ -82,7 +82,7 @@ class Rows:
 def from_rows(arrays: Iterable[Any]) -> Rows:
     """Rows of arrays that have them along axis 1, as of `Rows.by_rows`."""
     *others, through, follow = arrays
-    return Rows(*others, np.ascontiguousarray(through.mT), np.ascontiguousarray(follow.mT))
+    return Rows(*others, *(np.ascontiguousarray(array.mT) for array in (through, follow)))
 
 
 def by_load(values: Array, items: int) -> Array:
@@ -152,15 +152,15 @@ def driven_entries(
     return np.maximum(count, modes.slow)
 
 
-def settled(rows: Rows, modes: ComplexModes, given: Complex) -> Array:
+def settled(rows: Rows, modes: ComplexModes, constant: Complex) -> Array:
     """Steady part (F, R, 1 + pairs) of scalars, as in `Rows.constant`, without that of slow entries."""
-    found = rows.constant
+    settled_rows = rows.constant
     for f in np.flatnonzero(modes.slow).tolist():
         fast = slice(int(modes.slow[f]), None)
-        response = _solved(modes.rate[f, fast, fast], -given[f, fast])
-        found = found.copy() if found is rows.constant else found
-        found[f] = rows.apart[f] + (rows.weight[f, :, fast] @ response).real
-    return found
+        response = _solved(modes.rate[f, fast, fast], -constant[f, fast])
+        settled_rows = settled_rows.copy() if settled_rows is rows.constant else settled_rows
+        settled_rows[f] = rows.apart[f] + (rows.weight[f, :, fast] @ response).real
+    return settled_rows
 
 
 def _solved(rate: Complex, right: Complex) -> Complex:
@@ -202,15 +202,15 @@ def steady_entries(
 ) -> Complex:
     """Steady response (H, 8, entries) of some entries, per unit of ub, ub', s and the derivatives of s to the fifth."""
     chosen, forces = slice(first, end), load.reshape(-1, 3, load.shape[1])
-    found = np.zeros((forces.shape[0], ORDERS, end - first), dtype=complex)
-    for of_load, response in zip(forces, found, strict=True):
+    entries = np.zeros((forces.shape[0], ORDERS, end - first), dtype=complex)
+    for of_load, response in zip(forces, entries, strict=True):
         before = np.zeros(end - first, dtype=complex)
         for order in range(ORDERS):
             # G' = Lambda G + load (s, ub', ub) with G a sum over ub and its derivatives
             forcing = of_load[2 - order, chosen] if order < 3 else 0.0
             before = _solved(rate[chosen, chosen], before - forcing)
             response[order] = before
-    return found
+    return entries
 
 
 ABLE = 1e-3
@@ -315,14 +315,14 @@ def closed_forms(
     Raises `InputError` if the pairs that stick leave one another no motion to be met with, in any of the systems.
     """
     contact = _Contact(active, rigid, stiffness, damping)
-    found = []
+    forms = []
     for members, motions in _undamped_motions(equations, contact):
         for part, modes in complex_modes(motions.omega_squared, motions.damping):
             systems = members[part]
-            found.append(
+            forms.append(
                 (systems, _forms(part_of(equations, systems), part_of(contact, systems), part_of(motions, part), modes))
             )
-    return found
+    return forms
 
 
 def _undamped_motions(equations: Equations, contact: _Contact) -> Iterator[tuple[Integers, _UndampedMotions]]:
@@ -334,15 +334,15 @@ def _undamped_motions(equations: Equations, contact: _Contact) -> Iterator[tuple
         largest = np.maximum(size.max(axis=(1, 2), initial=0.0), 1e-300)
         bound = stiff | (size.max(axis=1, initial=0.0) > 1e-15 * largest[:, None])
         for part in groups_of_equal_marks(bound):
-            kept, others = np.flatnonzero(bound[part[0]]), np.flatnonzero(~bound[part[0]])
+            linked, others = np.flatnonzero(bound[part[0]]), np.flatnonzero(~bound[part[0]])
             square = np.where(stiff, omega_squared, 0.0)[part]
             yield (
                 members[part],
                 _UndampedMotions(
-                    np.take(shapes[part], kept, axis=2),
+                    np.take(shapes[part], linked, axis=2),
                     np.take(shapes[part], others, axis=2),
-                    np.take(square, kept, axis=1),
-                    damped[np.ix_(part, kept, kept)],
+                    np.take(square, linked, axis=1),
+                    damped[np.ix_(part, linked, linked)],
                 ),
             )
 
@@ -477,14 +477,14 @@ def _free_bases(equations: Equations, contact: _Contact) -> list[tuple[Integers,
             _beside_stops(alone, stops, pressed) if is_loose[f] else scipy.linalg.null_space(-alone.force[:n, stops].T)
         )
     motions = np.array([each.shape[1] for each in left])
-    found = []
+    bases_of_parts = []
     for members in groups_of_equal_marks(is_loose[:, None], motions[:, None]):
         carried = contact.pressed & ~equations.stop if is_loose[members[0]] else np.zeros_like(equations.stop)
         bases = stack([left[f] for f in members])
-        found.append(
+        bases_of_parts.append(
             (members, _basis_of(part_of(equations, members), bases, contact.sticking, np.flatnonzero(carried)))
         )
-    return found
+    return bases_of_parts
 
 
 def _has_slow(equations: Equations) -> NDArray[np.bool_]:
@@ -502,7 +502,7 @@ def _beside_stops(equations: Equations, held: Integers, pressed: Integers) -> Ar
     stiffness, mass = equations.K.diagonal()[:n] / equations.M.diagonal()[:n], np.sqrt(equations.M.diagonal()[:n])
     rows = equations.force[:n, [*held, *pressed]].T.copy()
     least = INDEPENDENT * np.abs(rows / mass).max(axis=1)
-    kept = list[int]()
+    chosen = list[int]()
     for i in range(rows.shape[0]):
         size = np.abs(rows[i] / mass)
         if size.max() <= least[i]:
@@ -514,11 +514,11 @@ def _beside_stops(equations: Equations, held: Integers, pressed: Integers) -> Ar
         rows[others] -= rows[others, pivot][:, None] * rows[i]
         rows[others, pivot] = 0.0
         met.append(pivot)
-        kept.append(i)
+        chosen.append(i)
     free = np.setdiff1d(np.arange(n), met)
     motions = np.eye(n)[:, free]
-    motions[met] = -rows[kept][:, free]
-    return np.hstack([motions, np.eye(n)[:, [pivot for i, pivot in zip(kept, met, strict=True) if i >= held.size]]])
+    motions[met] = -rows[chosen][:, free]
+    return np.hstack([motions, np.eye(n)[:, [pivot for i, pivot in zip(chosen, met, strict=True) if i >= held.size]]])
 
 
 def _basis_of(equations: Equations, left: Array, sticking: Integers, carried: Integers) -> Array:
@@ -578,7 +578,7 @@ def _with_sticking(
     # the response of the entries to a load begins with an acceleration
     begun = (rate @ forms.load.mT).real.mT @ M.mT
     rigid_body = M @ forms.rigid_body_shape
-    driven = np.stack([_times(rigid_body, given) for given in np.moveaxis(forms.rigid_body_drive, 1, 0)], axis=1)
+    driven = np.stack([_times(rigid_body, of_load) for of_load in np.moveaxis(forms.rigid_body_drive, 1, 0)], axis=1)
     a, of_loads = by_load(response.follow, ORDERS), by_load(loads.drive, 3)
     follow = a @ K.mT[:, None]
     follow[:, :, 1:] += a[:, :, :-1] @ C.mT[:, None]

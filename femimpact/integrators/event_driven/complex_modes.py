@@ -53,15 +53,15 @@ def part_of(
     members: NDArray[np.intp] | int,  # or int: rising, each once. Of all items the dataclass itself is returned.
 ) -> T:
     """Some of the items of a dataclass of arrays (F, ...), or one of them without the axis."""
-    given: Any = items
-    common = getattr(given, "COMMON", ())
-    values = {item.name: getattr(given, item.name) for item in fields(given) if item.name not in common}
+    record: Any = items
+    common = getattr(record, "COMMON", ())
+    values = {item.name: getattr(record, item.name) for item in fields(record) if item.name not in common}
     if isinstance(members, np.ndarray) and members.size == _count(values):
         return items
     chosen = {
         name: part_of(value, members) if is_dataclass(value) else value[members] for name, value in values.items()
     }
-    changed: T = replace(given, **chosen)
+    changed: T = replace(record, **chosen)
     return changed
 
 
@@ -83,22 +83,14 @@ ROUNDING = 1e-14
 
 
 def invariant_pair(
-    state: Array, unit: Array, values: Complex, members: NDArray[np.intp], omega_squared: Array, damping: Array
-) -> tuple[Complex, Complex]:  # fmt: skip
-    """X (n, k) and the upper triangular S (k, k) of some eigenvalues.
-
-    Parameters
-    ----------
-    state : ndarray (2 n, 2 n)
-        Of (unit u, u').
-    unit : ndarray (n,), 1/s
-    values : ndarray (2 n,), 1/s
-        All eigenvalues.
-    members : ndarray (k,) of int
-        Which of them.
-    omega_squared : ndarray (n,), 1/s^2
-    damping : ndarray (n, n), 1/s
-    """
+    state: Array,  # (2 n, 2 n) of (unit u, u')
+    unit: Array,  # (n,) 1/s
+    values: Complex,  # (2 n,) 1/s: all eigenvalues
+    members: NDArray[np.intp],  # (k,) which of them
+    omega_squared: Array,  # (n,) 1/s^2
+    damping: Array,  # (n, n) 1/s
+) -> tuple[Complex, Complex]:
+    """X (n, k) and the upper triangular S (k, k) of some eigenvalues."""
     X, S = _invariant(state, values, members)
     return _refined_pair(X / unit[:, None], S, omega_squared, damping)
 
@@ -262,19 +254,19 @@ def complex_modes(
     coupled = _coupled_coordinates(damping)
     alone = _kinds(omega_squared, np.diagonal(damping, axis1=1, axis2=2))
     kinds: NDArray[np.int64] = np.where(coupled.any(axis=1), COUPLED, alone)
-    found = []
+    groups = []
     for members in groups_of_equal_marks(coupled, kinds):
         square, D = omega_squared[members], damping[members]
         components = [_component(linked, square, D) for linked in _linked(coupled[members[0]]) if linked.size > 1]
         has_blocks = np.any((kinds[members] == CRITICAL) | (kinds[members] == DRIFTING), axis=1)
         for part in _groups_of_equal_eigenvalues(components, has_blocks):
             parts = _uncoupled(kinds[members[0]], square[part], np.diagonal(D[part], axis1=1, axis2=2))
-            for each in components:
-                parts += _coupled(part_of(each, part))
+            for component in components:
+                parts += _coupled(part_of(component, part))
             modes = _joined(parts, omega_squared.shape[1], part.size)
             _check_complete(modes)
-            found.append((members[part], modes))
-    return found
+            groups.append((members[part], modes))
+    return groups
 
 
 def _groups_of_equal_eigenvalues(components: list[_Component], has_blocks: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
@@ -282,10 +274,10 @@ def _groups_of_equal_eigenvalues(components: list[_Component], has_blocks: NDArr
     count = has_blocks.size
     if count == 1 or not (components or has_blocks.any()):
         return [np.arange(count)]
-    entries = [np.count_nonzero(each.values.imag >= 0.0, axis=1, keepdims=True) for each in components]
+    entries = [np.count_nonzero(component.values.imag >= 0.0, axis=1, keepdims=True) for component in components]
     simple = ~has_blocks
-    for each in components:
-        simple &= each.alone.all(axis=1)
+    for component in components:
+        simple &= component.alone.all(axis=1)
     return groups_of_equal_marks(np.where(simple, -1, np.arange(count)), *entries)
 
 
@@ -311,8 +303,8 @@ def _joined(parts: list[_Part], n: int, count: int) -> ComplexModes:
             # entries of a block stay side by side
             key[:, columns], sizes[columns] = key[:, columns].mean(), entries.size
     order = np.argsort(key, axis=1, kind="stable")
-    each = np.arange(count)[:, None]
-    S, sizes = S[each[:, :, None], order[:, :, None], order[:, None, :]], sizes[order[0]]
+    case = np.arange(count)[:, None]
+    S, sizes = S[case[:, :, None], order[:, :, None], order[:, None, :]], sizes[order[0]]
     exponent, blocks, k = np.diagonal(S, axis1=1, axis2=2), list[tuple[int, int]](), 0
     has_blocks = bool(np.any(sizes > 1))
     while has_blocks and k < size:
@@ -325,9 +317,9 @@ def _joined(parts: list[_Part], n: int, count: int) -> ComplexModes:
         np.where(drifts, exponent.real, np.minimum(exponent.real, 0.0)) + 1j * exponent.imag,
         np.triu(S, 1) if has_blocks else np.zeros((count, size, size), dtype=complex),
         np.array(blocks, dtype=np.int64).reshape(-1, 2),
-        shape[each[:, :, None], np.arange(n)[:, None], order[:, None, :]],
-        from_u[each, order],
-        from_v[each, order],
+        shape[case[:, :, None], np.arange(n)[:, None], order[:, None, :]],
+        from_u[case, order],
+        from_v[case, order],
     )
 
 
@@ -432,52 +424,49 @@ def _component(members: NDArray[np.intp], omega_squared: Array, damping: Array) 
     return _Component(members, square, D, unit, state, values.astype(complex), right.astype(complex), near)
 
 
-def _coupled(given: _Component) -> list[_Part]:
+def _coupled(component: _Component) -> list[_Part]:
     """Entries of coordinates that damping couples, one of every two conjugate ones; blocks of one structure alone."""
-    parts, alone = list[_Part](), given.alone
+    parts, alone = list[_Part](), component.alone
     if not np.all(alone):
-        parts = [_block(given, block) for block in _linked(given.near[0]) if block.size > 1 and _is_kept(given, block)]
-    chosen = alone & (given.values.imag >= 0.0)
+        linked = [block for block in _linked(component.near[0]) if block.size > 1]
+        # of two conjugate blocks one is enough
+        parts = [_block(component, block) for block in linked if not np.all(component.values[0, block].imag < 0.0)]
+    chosen = alone & (component.values.imag >= 0.0)
     if np.any(chosen):
         # as many of each structure
         entries = np.nonzero(chosen)[1].reshape(chosen.shape[0], -1)
-        parts.append(_simple(given, entries))
+        parts.append(_simple(component, entries))
     return parts
 
 
-def _is_kept(given: _Component, members: NDArray[np.intp]) -> bool:
-    """True unless the eigenvalues are the conjugate ones of others that are kept."""
-    return not np.all(given.values[0, members].imag < 0.0)
-
-
-def _block(given: _Component, members: NDArray[np.intp]) -> _Part:
+def _block(component: _Component, members: NDArray[np.intp]) -> _Part:
     """Entries of some eigenvalues that lie together, of one structure."""
-    values, damping = given.values[0], given.damping[0]
-    X, S = invariant_pair(given.state[0], given.unit[0], values, members, given.omega_squared[0], damping)
+    values, damping = component.values[0], component.damping[0]
+    X, S = invariant_pair(component.state[0], component.unit[0], values, members, component.omega_squared[0], damping)
     X, S = diagonal_where_apart(X, S)
     weight = 1.0 if bool(np.any(values[members].imag <= 0.0)) else 2.0
     n, turned = X.shape[0], damping @ X
     G = X.T @ turned + X.T @ X @ S + S.T @ X.T @ X
     both = np.linalg.solve(G, np.hstack([turned.T + S.T @ X.T, X.T])).astype(complex)
-    return _Part(given.members, S[None], weight * X[None], both[None, :, :n], both[None, :, n:])
+    return _Part(component.members, S[None], weight * X[None], both[None, :, :n], both[None, :, n:])
 
 
-def _simple(given: _Component, entries: NDArray[np.intp]) -> _Part:
+def _simple(component: _Component, entries: NDArray[np.intp]) -> _Part:
     """Entries (F, k) of eigenvalues that stand alone, after two Newton steps: slow decays keep their digits."""
-    n, (count, k) = given.members.size, entries.shape
-    each, rows = np.arange(count)[:, None], np.arange(k)
-    values, damping, square = given.values[each, entries], given.damping, given.omega_squared
-    X = given.right[each[:, :, None], np.arange(n)[:, None], entries[:, None, :]] / given.unit[:, :, None]
+    n, (count, k) = component.members.size, entries.shape
+    case, rows = np.arange(count)[:, None], np.arange(k)
+    values, damping, square = component.values[case, entries], component.damping, component.omega_squared
+    X = component.right[case[:, :, None], np.arange(n)[:, None], entries[:, None, :]] / component.unit[:, :, None]
     real = values.imag == 0.0
     pivot = np.argmax(np.abs(X), axis=1)
-    X = X / X[each, pivot, rows][:, None, :]
+    X = X / X[case, pivot, rows][:, None, :]
     for _ in range(2):
         border = np.zeros((count, k, n + 1, n + 1), dtype=complex)
         border[..., :n, :n] = values[:, :, None, None] * damping[:, None]
         border[..., range(n), range(n)] += values[:, :, None] ** 2 + square[:, None, :]
         residual = (border[..., :n, :n] @ X.mT[..., None])[..., 0]
         border[..., :n, n] = (2.0 * values[:, None, :] * X + damping @ X).mT
-        border[each, rows, n, pivot] = 1.0
+        border[case, rows, n, pivot] = 1.0
         # rows scaled to one another: rounding of the fast modes must not exceed the slow one
         scale = 1.0 / np.max(np.abs(border), axis=3)
         right = np.concatenate([-residual, np.zeros((count, k, 1))], axis=2) * scale
@@ -489,4 +478,4 @@ def _simple(given: _Component, entries: NDArray[np.intp]) -> _Part:
     norm = (X * (2.0 * values[:, None, :] * X + turned)).sum(axis=1, keepdims=True)
     weight = np.where(real, 1.0, 2.0)[:, None, :]
     S = values[:, :, None] * np.eye(k)
-    return _Part(given.members, S, weight * X, ((values[:, None, :] * X + turned) / norm).mT, (X / norm).mT)
+    return _Part(component.members, S, weight * X, ((values[:, None, :] * X + turned) / norm).mT, (X / norm).mT)

@@ -21,6 +21,7 @@ from femimpact.integrators.channel_rows import drive_of
 from femimpact.integrators.event_driven.block import (
     Block,
     Inputs,
+    add_forms,
     new_block,
     no_cycles,
     run_block,
@@ -29,7 +30,7 @@ from femimpact.integrators.event_driven.block import (
 from femimpact.integrators.event_driven.equations import equations_of
 from femimpact.integrators.event_driven.loop_data import EventSettings, check_events
 from femimpact.integrators.event_driven.run import not_finite, peaks_of_forces, unending
-from femimpact.integrators.event_driven.store import FormStore, WantedForm, outputs_of
+from femimpact.integrators.event_driven.store import FormStore, Source, outputs_of
 from femimpact.progress import Progress
 from femimpact.response.cycles import steady_motion
 from femimpact.response.energy import BALANCED, CLOSED, energy_residual, largest_input, unbalanced
@@ -54,7 +55,8 @@ def _run_block(
     block = new_block(systems[0], store, inputs.of(members), method, True if instants else None)
     if cases.systems:
         share_block(block, systems, cases.numbers_of_systems[members], method)
-    _begin_free(block)
+    # every case needs one: they are made together
+    add_forms(np.arange(count), block.cases, store, block.system_of)
     end = cycles * per_cycle
     # one sample more: the first measured cycle begins with it, be it that at the start
     begin = (cycles - measured) * per_cycle - 1
@@ -92,17 +94,6 @@ def _run_block(
     )
 
 
-def _begin_free(block: Block) -> None:
-    """Make the closed forms without contact before the first call: every case needs one."""
-    cases = block.cases
-    keys = np.hstack([block.system_of[:, None], cases.stiffness, cases.damping])
-    parameters, of_case = np.unique(keys, axis=0, return_inverse=True)
-    pairs = block.pairs.rigid.size
-    wanted = [WantedForm(0, row[1 : 1 + pairs].copy(), row[1 + pairs :].copy(), int(row[0])) for row in parameters]
-    first = np.array(block.store.first_forms(wanted))
-    cases.form[:, 0] = first[of_case.reshape(-1)]
-
-
 def _energies(block: Block, measured: NDArray[np.int64], instants: int) -> tuple[Array, Array, Array, Array]:
     """Residual, its bound, loss and largest stored energy of each case; see `SineDwellResults`.
 
@@ -130,15 +121,12 @@ def event_driven_cases(
     check_events(system)
     first = Sine(float(cases.amplitude[0]), float(cases.frequency[0]), float(cases.phase[0]))
     sources = [
-        (equations_of(given, drive_of(given, first)), outputs_of(given, row), given.derived)
-        for given, row in cases.systems or ((system, observed),)
+        Source(equations_of(own, drive_of(own, first)), outputs_of(own, row), own.derived)
+        for own, row in cases.systems or ((system, observed),)
     ]
     rigid = np.array([pair.parameters.kind == RIGID for pair in system.contacts], dtype=bool)
-    equations, outputs, derived = sources[0]
-    store = FormStore(equations, rigid, outputs, rate=None, derived=derived)
-    for source in sources[1:]:
-        store.add_system(*source)
-    inputs, systems = _inputs(system, cases), [given for given, _ in cases.systems] or [system]
+    store = FormStore(sources, rigid, rate=None)
+    inputs, systems = _inputs(system, cases), [own for own, _ in cases.systems] or [system]
 
     def run(members: NDArray[np.intp], share: Progress | None) -> SineDwellResults:
         part = _run_block(store, systems, cases, inputs, members, method, instants)
@@ -208,18 +196,18 @@ def _starts(system: System, cases: SineCases) -> tuple[Array, Array]:
         return _starts_of(system, cases)
     position, velocity = np.zeros((2, cases.frequency.size, system.dofs + len(system.balls)))
     # a rigid motion and the directions of pairs are other ones on other modes
-    for rows, given in _groups_of_equal_start(cases, cases.numbers_of_systems):
-        position[rows], velocity[rows] = _starts_of(given, cases.of(rows))
+    for rows, common in _groups_of_equal_start(cases, cases.numbers_of_systems):
+        position[rows], velocity[rows] = _starts_of(common, cases.of(rows))
     return position, velocity
 
 
 def _groups_of_equal_start(cases: SineCases, system_of: NDArray[np.int64]) -> Iterator[tuple[NDArray[np.intp], System]]:
     """Cases whose starts follow from one system; those that are not static do not hang on masses of balls."""
-    found: dict[Any, list[int]] = {}
+    groups: dict[Any, list[int]] = {}
     for number, (system, _) in enumerate(cases.systems):
         same = id(system.rigid_translation), *(id(pair.direction) for pair in system.contacts)
-        found.setdefault(number if cases.initial.is_static_on(system) else same, []).append(number)
-    for numbers in found.values():
+        groups.setdefault(number if cases.initial.is_static_on(system) else same, []).append(number)
+    for numbers in groups.values():
         rows = np.flatnonzero(np.isin(system_of, numbers))
         if rows.size:
             yield rows, cases.systems[numbers[0]][0]

@@ -72,9 +72,9 @@ def equations_of(system: System, drive: Drive) -> Equations:
     M, C, K = (np.zeros((size, size)) for _ in range(3))
     for matrix, of_structure in ((M, system.M), (C, system.C), (K, system.K)):
         matrix[:n, :n] = of_structure.toarray()
-    load, given = np.zeros((1 + len(drive.more), size)), np.zeros(size)
-    load[:, :n] = [each.load for each in drive.loads]
-    given[:n] = system.constant_load
+    load, constant = np.zeros((1 + len(drive.more), size)), np.zeros(size)
+    load[:, :n] = [loaded.load for loaded in drive.loads]
+    constant[:n] = system.constant_load
     force = np.zeros((size, len(system.contacts)))
     for j, pair in enumerate(system.contacts):
         force[:n, j] = pair.direction
@@ -83,7 +83,7 @@ def equations_of(system: System, drive: Drive) -> Equations:
         force[n + j, j] = -1.0
         M[n + j, n + j] = pair.mass
         load[0, n + j] = -pair.mass * drive.share
-        given[n + j] = pair.mass * pair.acceleration
+        constant[n + j] = pair.mass * pair.acceleration
         K += pair.free_stiffness * np.outer(force[:, j], force[:, j])
         if pair.free_damping:
             C += pair.free_damping * np.outer(force[:, j], force[:, j])
@@ -91,7 +91,7 @@ def equations_of(system: System, drive: Drive) -> Equations:
     # where a force drives, the base rests in space
     fixed = np.array([pair.fixed_to == "space" for pair in system.contacts], dtype=bool)
     names = tuple(pair.name for pair in system.contacts)
-    return Equations(M, C, K, load, given, force, np.where(fixed & stop, -drive.share, 0.0), stop, names, n)
+    return Equations(M, C, K, load, constant, force, np.where(fixed & stop, -drive.share, 0.0), stop, names, n)
 
 
 def require_met(
@@ -112,14 +112,14 @@ def require_met(
         push = np.linalg.solve(lower, equations.force[:n, stop])
         left = push - basis @ (basis.T @ push)
         left -= basis @ (basis.T @ left)
-        found = (
+        massless = (
             " and ".join(equations.names[j] for j in met) + f" hold the structure where {equations.names[stop]} is met"
         )
         allowed = (
             f"must keep modes in which all rigid stops in touch can be met: the {n} kept leave none; keep more, or"
         )
         fits = bool(left @ left > INDEPENDENT * (push @ push))
-        require(fits, "system", found, "", f"{allowed} make one of the stops compliant (KelvinVoigt)")
+        require(fits, "system", massless, "", f"{allowed} make one of the stops compliant (KelvinVoigt)")
         basis = np.column_stack([basis, left / np.sqrt(left @ left)])
         met.append(stop)
 
@@ -190,12 +190,12 @@ def undamped_modes(K: Array, M: Array) -> tuple[Array, Array]:
         matrices, first = (K[members], M[members]), members[0]
         if uncoupled[first]:
             stiffness, mass = (matrix[:, diagonal] for matrix in matrices)
-            found = stiffness / mass, diagonal / np.sqrt(mass)[:, None, :]
+            modes = stiffness / mass, diagonal / np.sqrt(mass)[:, None, :]
         elif np.any(unheld[first] & ~alone[first]):
-            found = _beside_rigid_motions(*matrices, unheld[first])
+            modes = _beside_rigid_motions(*matrices, unheld[first])
         else:
-            found = _held_modes(*matrices, alone[first])
-        omega_squared[members], vectors[members] = found
+            modes = _held_modes(*matrices, alone[first])
+        omega_squared[members], vectors[members] = modes
     return omega_squared, vectors
 
 
@@ -219,8 +219,8 @@ def _held_modes(K: Array, M: Array, alone: NDArray[np.bool_]) -> tuple[Array, Ar
         1.0 / values, np.linalg.solve(lower.mT, z) / np.sqrt(values)[:, None, :], K[block], M[block]
     )
     for f in np.flatnonzero(graded).tolist():
-        found = _graded_modes(lower[f], M[block][f])
-        omega_squared[f, bound], vectors[f, bound[:, None], bound] = found
+        modes = _graded_modes(lower[f], M[block][f])
+        omega_squared[f, bound], vectors[f, bound[:, None], bound] = modes
     vectors[:, free, free] = 1.0 / np.sqrt(M[:, free, free])
     return omega_squared, vectors
 
@@ -252,8 +252,8 @@ def _graded_modes(lower: Array, M: Array) -> tuple[Array, Array]:
 def _by_stiffness(K: Array, M: Array, alone: NDArray[np.bool_]) -> tuple[Array, Array]:
     """Modes where some of the stiffness matrices are singular, one after the other."""
     if K.shape[0] > 1:
-        found = [_held_modes(K[[f]], M[[f]], alone) for f in range(K.shape[0])]
-        return np.concatenate([each for each, _ in found]), np.concatenate([each for _, each in found])
+        modes = [_held_modes(K[[f]], M[[f]], alone) for f in range(K.shape[0])]
+        return np.concatenate([each for each, _ in modes]), np.concatenate([each for _, each in modes])
     values, vectors = scipy.linalg.eigh(K[0], M[0])
     return np.where(values > RIGID * float(values[-1]), values, 0.0)[None], vectors[None]
 

@@ -1,4 +1,4 @@
-"""Input of the compiled loop: the settings of the method, the instants that are read, and contact states.
+"""Input of a run: systems that are taken, instants that are read, contact states, and what an earlier run has left.
 
 Its arrays are the named tuples `core.events`, beside which are the names of their rows.
 """
@@ -6,18 +6,26 @@ Its arrays are the named tuples `core.events`, beside which are the names of the
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from femimpact import core
+from femimpact.arrays import Array, Complex
 from femimpact.contact.laws import KELVIN_VOIGT, RIGID
 from femimpact.errors import require
 from femimpact.excitation import Chirp, Excitation, Sine, SteppedSine
 from femimpact.excitation.drives import parts_in
 from femimpact.integrators.channel_rows import drive_of
 from femimpact.response.response import Recorder
+from femimpact.system.state import State
 from femimpact.system.system import System
+
+FREE, CONTACT, SEPARATING = range(3)
+"""Contact states of a pair; the last two times the side of the wall. A rigid pair in contact sticks."""
 
 MOST_PAIRS = 60
 """Contact pairs of one system: the set of those in contact is a number of 64 bits."""
@@ -147,5 +155,69 @@ def _at_most(finest: float, reason: str, duration: float) -> tuple[float, tuple[
     )
 
 
-FREE, CONTACT, SEPARATING = range(3)
-"""Contact states of a pair; the last two times the side of the wall. A rigid pair in contact sticks."""
+KIND = "events"
+"""All event-driven runs go on from one another: nothing that is held depends on the settings."""
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """Instants at which a run is read."""
+
+    origin: float  # s: time of sample 0
+    interval: float  # s
+    first: int = 0  # sample at which the run begins
+
+    def time(self, number: ArrayLike) -> Array:
+        """Times (s) of samples counted from the beginning of the run."""
+        return np.asarray(self.origin + self.interval * (self.first + np.asarray(number)))
+
+
+@dataclass(frozen=True, eq=False)
+class Held:
+    """State of a run of one case where it ended."""
+
+    sampling: Sampling  # of the run, from its end on
+    # arrays of `core.events.Cases` by their names, in the closed form of the contact states; none where only the
+    # contacts go on
+    motion: Mapping[str, Array | Complex]
+    driven: int  # entries that hold all of their response to polynomials; see `closed_form.driven_entries`
+    state: Array  # (pairs,) contact states
+    touch: Array  # (6, pairs) what those in progress have added up to; see `core.events.BEGUN`
+    to_modes: Array  # (pairs, n) J: what they have given to each mode; without columns where it was not summed
+    leaving: Array  # (2 pairs,) see `core.events.Search`
+
+
+def held_by(initial: State, system: System, excitation: Excitation) -> Held | None:
+    """The state of the run that ended at an initial state, as far as it goes on; None where none does.
+
+    Another acceleration of the base jumps, and with it the force of a pair that sticks: whether it still does is
+    found anew.
+    """
+    left = initial.left_by_run(system, excitation)
+    if left is None or left.kind != KIND:
+        return None
+    held: Held = left.held
+    if left.has_equations_of(system, excitation, initial.time):
+        return held
+    # where the time was set anew, touches are as long ago as they were
+    touch = held.touch.copy()
+    touch[core.events.BEGUN] += initial.time - left.time
+    rigid = np.array([pair.parameters.kind == RIGID for pair in system.contacts], dtype=bool)
+    state = np.where(rigid, FREE, held.state)
+    return replace(held, motion={}, state=state, touch=touch, leaving=np.zeros_like(held.leaving))
+
+
+def sampling_from(held: Held | None, time: float, interval: float) -> Sampling:
+    """That of the earlier run where to the last bit its instants are among the new ones, else one from a time (s)."""
+    if held is not None and held.motion:
+        before = held.sampling
+        going_on = Sampling(before.origin, interval, round(before.first * before.interval / interval))
+        if going_on.time(0) == before.time(0):
+            return going_on
+    return Sampling(time, interval)
+
+
+def contacts_in_progress(held: Held | None, system: System) -> tuple[str, ...]:
+    """Names of the contacts in progress."""
+    states = np.zeros(0) if held is None else held.state
+    return tuple(pair.name for pair, state in zip(system.contacts, states, strict=False) if state != FREE)

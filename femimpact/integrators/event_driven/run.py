@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact import core
-from femimpact.arrays import Array, own
+from femimpact.arrays import Array, own, read_only
 from femimpact.contact.laws import RIGID
 from femimpact.core.structs import zeros
 from femimpact.errors import DivergenceError, require
@@ -37,22 +37,21 @@ from femimpact.integrators.event_driven.block import (
     run_block,
     work_apart,
 )
-from femimpact.integrators.event_driven.continued import (
-    Sampling,
-    contacts_in_progress,
-    final_state,
-    held_by,
-    sampling_from,
-)
 from femimpact.integrators.event_driven.equations import equations_of, require_met
 from femimpact.integrators.event_driven.loop_data import (
     CONTACT,
     FREE,
+    KIND,
     EventSettings,
+    Held,
     ReadingGrid,
+    Sampling,
+    contacts_in_progress,
+    held_by,
     reading_grid,
+    sampling_from,
 )
-from femimpact.integrators.event_driven.store import FormStore, Outputs, outputs_alone, outputs_of
+from femimpact.integrators.event_driven.store import FormStore, Outputs, Source, outputs_alone, outputs_of
 from femimpact.progress import Progress
 from femimpact.response.channels import Channel, resolve_channels
 from femimpact.response.cycles import Largest, LargestValues
@@ -60,7 +59,7 @@ from femimpact.response.energy import BALANCED, CLOSED, EnergyLedger, unbalanced
 from femimpact.response.history import HistoryPiece, Stream
 from femimpact.response.impacts import COUNT, MAXIMUM, MINIMUM, PEAK_FORCE, EventLog, StickingPhases, event_log
 from femimpact.response.response import Recorder
-from femimpact.system.state import State
+from femimpact.system.state import Continuation, State
 from femimpact.system.system import System
 from femimpact.units import number_text
 
@@ -86,30 +85,9 @@ def block_alone(
     system: System, excitation: Excitation, drive: Drive, method: EventSettings, outputs: Outputs, initial: State,
     grid: ReadingGrid, begin: float, ledger: bool | None, most_rows: int, most_events: int = 0,
 ) -> tuple[Block, Sampling]:  # fmt: skip
-    """Arrays of one case at its start, and its instants of reading.
-
-    Parameters
-    ----------
-    system : System
-    excitation : Excitation
-    drive : Drive
-        Of the excitation.
-    method : EventSettings
-    outputs : Outputs
-    initial : State
-    grid : ReadingGrid
-    begin : float, s
-        From when on impacts are counted.
-    ledger, most_rows, most_events
-        As of `new_block`.
-
-    Returns
-    -------
-    Block, Sampling
-    """
+    """Arrays of one case at its start, and its instants of reading; impacts are counted from `begin` (s) on."""
     rigid = np.array([pair.parameters.kind == RIGID for pair in system.contacts], dtype=bool)
-    equations = equations_of(system, drive)
-    store = FormStore(equations, rigid, outputs, rate=drive.rate, derived=system.derived)
+    store = FormStore([Source(equations_of(system, drive), outputs, system.derived)], rigid, drive.rate)
     u, v, y, y_rate = initial.relative_to_base(system, excitation)
     balls, held = len(system.balls), held_by(initial, system, excitation)
     inputs = inputs_of(
@@ -181,23 +159,15 @@ def find_largest(
 ) -> tuple[Largest, ...]:  # fmt: skip
     """Largest values of channels over a run, each found as the peak of a cycle is, to 1e-9 of itself.
 
-    Parameters
-    ----------
-    system, excitation, method, duration, recorder, initial
-        As of `run_events`: the motion has the bits of that run.
-    channels : tuple of Channel
-
-    Returns
-    -------
-    tuple of Largest
+    The motion has the bits of `run_events` with the same arguments.
     """
-    found = []
+    instants = []
     for channel in channels:
         highest, lowest = find_extremes(system, excitation, method, duration, recorder, initial, channel)
         # the sooner one of two of one size
         first = (highest.value, -highest.time) >= (-lowest.value, -lowest.time)
-        found.append(highest if first else lowest)
-    return tuple(found)
+        instants.append(highest if first else lowest)
+    return tuple(instants)
 
 
 def find_extremes(
@@ -313,7 +283,7 @@ def run_events(
     # an event at the very end is found by this, and belongs to the tables
     final_state = _state(run, samples)
     block, tables, log = run.block, run.block.tables, _events(run)
-    count, given = int(tables.number[0]), (system, excitation, method, duration, asked, initial)
+    count, arguments = int(tables.number[0]), (system, excitation, method, duration, asked, initial)
     return MethodRun(
         history=history,
         final_state=final_state,
@@ -328,7 +298,7 @@ def run_events(
         going_on=contacts_in_progress(held_by(initial, system, excitation), system),
         warnings=() if history.energy is None else _balance_warnings(block, history.energy),
         notes=(*run.readings.notes, *_open_contacts(run), *_events_dropped(log), *grid.chosen),
-        largest=LargestValues(partial(find_largest, *given), partial(reread, *given)),
+        largest=LargestValues(partial(find_largest, *arguments), partial(reread, *arguments)),
     )
 
 
@@ -368,52 +338,63 @@ def _read_start(run: _Run) -> None:
     """
     block, keep, outputs = run.block, run.keep, run.block.store.outputs
     position, velocity = block.cases.coordinates[0].copy()
-    kept, shown = bool(keep.every and keep.first == 0), bool(keep.snapshots and keep.first_snapshot == 0)
-    if not (kept or shown):
+    has_row, has_snapshot = bool(keep.every and keep.first == 0), bool(keep.snapshots and keep.first_snapshot == 0)
+    if not (has_row or has_snapshot):
         return
-    _call(run, -1, 1, np.array([0 if kept else -1]), np.array([0 if shown else -1]), measured=False)
+    _call(run, -1, 1, np.array([0 if has_row else -1]), np.array([0 if has_snapshot else -1]), measured=False)
     block.cases.sample[0] = run.sampling.first
-    given, of_motion = outputs.position @ position + outputs.rate @ velocity, ~np.any(outputs.force, axis=1)
+    reading, of_motion = outputs.position @ position + outputs.rate @ velocity, ~np.any(outputs.force, axis=1)
     samples, energy, _, fields, _ = run.parts[0]
-    samples[:, of_motion] = given[of_motion]
+    samples[:, of_motion] = reading[of_motion]
     energy[:] = block.ledger.start if block.ledger is not None else 0.0
     fields[:] = np.array([position, velocity])
 
 
 def _state(run: _Run, sample: int) -> State:
-    """Where the run stands at the sample that it has reached; its coordinates are read by a piece of no length."""
+    """Where the run stands at the sample that it has reached, with all that another one needs to go on from there."""
     _call(run, sample - 1, 1, np.array([-1]), np.array([0]), measured=False)
-    *_, fields, _ = run.parts.pop()
-    readings, block = run.readings, run.block
-    sampling = replace(run.sampling, first=run.sampling.first + sample)
-    return final_state(readings.system, readings.excitation, block.cases, block.store.forms, fields[0], sampling)
+    # of a piece of no length
+    coordinates, system = run.parts.pop()[3][0], run.readings.system
+    cases, forms, n = run.block.cases, run.block.store.forms, system.dofs
+    sampling, f = replace(run.sampling, first=run.sampling.first + sample), cases.form[0, 1]
+    motion = {
+        "entry": cases.entry[0, : forms.entries[f]], "rigid_body": cases.rigid_body[0, :, : forms.rigid_bodies[f]],
+        "clock": cases.clock[0], "drive": cases.drive[0],
+    }  # fmt: skip
+    contacts = (cases.state, cases.touch, cases.to_modes, cases.leaving)
+    copies = {name: read_only(values) for name, values in motion.items()}
+    held = Held(sampling, copies, int(forms.driven[f]), *(read_only(values[0]) for values in contacts))
+    places, rates = ((own(row[:n]), own(row[n:])) for row in coordinates)
+    time, touching = float(sampling.time(0)), contacts_in_progress(held, system)
+    left = Continuation(KIND, held, places, rates, time, system, run.readings.excitation, touching)
+    return State(places[0], rates[0], places[1], rates[1], time=time, continuation=left)
 
 
 def _run_piece(run: _Run, done: int, count: int) -> None:
     """Take the run some samples on, and gather what is read of them."""
-    kept, shown = _rows_kept(run.keep, done, count)
-    _call(run, done, count, kept, shown, measured=True)
+    row_at, snapshot_at = _rows_kept(run.keep, done, count)
+    _call(run, done, count, row_at, snapshot_at, measured=True)
 
 
 def _call(
-    run: _Run, done: int, count: int, kept: NDArray[np.int64], shown: NDArray[np.int64], measured: bool
+    run: _Run, done: int, count: int, row_at: NDArray[np.int64], snapshot_at: NDArray[np.int64], measured: bool
 ) -> None:  # fmt: skip
     """Read some samples, which count in the statistics of base cycles where they are measured."""
     block, begin, cycles = run.block, run.sampling.first + done, run.block.grid.cycles
     block.cases.sample[0] = begin
-    energies, drives = int(kept.max(initial=-1)) + 1 if run.ledger else 0, len(run.readings.drive.parts)
+    energies, drives = int(row_at.max(initial=-1)) + 1 if run.ledger else 0, len(run.readings.drive.parts)
     block.grid = block.grid._replace(
         values=np.zeros((1, count, block.grid.values.shape[2])),
         cycles=cycles if measured else no_cycles(1, 0),
-        kept=kept,
+        kept=row_at,
         energy=np.zeros((1, energies, block.grid.energy.shape[2])),
         work_of=np.zeros((1, energies if drives else 0, drives + 1)),
     )
-    pictures, pairs = int(shown.max(initial=-1)) + 1, block.pairs.rigid.size
+    pictures, pairs = int(snapshot_at.max(initial=-1)) + 1, block.pairs.rigid.size
     snapshots = zeros(
         core.events.Snapshots,
         {"f": pictures, "d": block.cases.coordinates.shape[2], "R": pairs},
-        shown=shown if pictures else np.zeros(0, dtype=np.int64),
+        shown=snapshot_at if pictures else np.zeros(0, dtype=np.int64),
     )
     most = np.array([float(run.method.most_events) * max(count / block.grid.per_cycle, 1.0)])
     run_block(block, np.array([begin]), np.array([begin + count]), most, snapshots)
@@ -426,7 +407,7 @@ def _call(
     if not np.all(np.isfinite(grid.values)):
         raise DivergenceError(not_finite(f" before t = {float(run.sampling.time(done + count)):.4g} s"))
     run.parts.append(
-        (grid.values[0][kept >= 0], grid.energy[0], grid.work_of[0], snapshots.fields, snapshots.forces)
+        (grid.values[0][row_at >= 0], grid.energy[0], grid.work_of[0], snapshots.fields, snapshots.forces)
     )  # fmt: skip
 
 

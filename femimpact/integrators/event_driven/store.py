@@ -102,61 +102,40 @@ def outputs_alone(system: System, rows: ChannelRows, drive: Drive) -> Outputs:
     return Outputs(all_rows.position[1:], all_rows.rate[1:], all_rows.force[1:], of_base, rows.constant[:1])
 
 
-@dataclass(frozen=True, eq=False)
-class _Source:
-    """A system of which closed forms are made: its equations, its outputs, and what earlier calls derived of it."""
+class Source(NamedTuple):
+    """A system of which closed forms are made."""
 
     equations: Equations
     outputs: Outputs
-    derived: dict[Any, Any]
+    derived: dict[Any, Any]  # what earlier calls kept of it; see `System.derived`
 
 
 class FormStore:
-    """Closed forms of a system, or of several of the same pattern, under one kind of drive; threads may share them.
-
-    Parameters
-    ----------
-    equations : Equations
-    rigid : ndarray (pairs,) of bool
-    outputs : Outputs
-    rate : float or None, 1/s
-        How fast the polynomials change that s(t) is made of; None for a sine, 0 for straight lines.
-    derived : dict, optional
-        Where closed forms of the system were kept by earlier calls; see `System.derived`.
-    """
+    """Closed forms of a system, or of several of the same pattern, under one kind of drive; threads may share them."""
 
     def __init__(
         self,
-        equations: Equations,
-        rigid: NDArray[np.bool_],
-        outputs: Outputs,
-        rate: float | None,
-        derived: dict[Any, Any] | None = None,
+        sources: Sequence[Source],  # of as many coordinates, pairs and outputs
+        rigid: NDArray[np.bool_],  # (pairs,)
+        rate: float | None,  # 1/s: of the polynomials that s(t) is made of; None for a sine, 0 for straight lines
     ) -> None:
-        self.equations = equations
+        self.sources = sources
+        self.equations, self.outputs, _ = sources[0]
         self.rigid = rigid
-        self.outputs = outputs
         self.rate = rate
-        self.sources = [_Source(equations, outputs, {} if derived is None else derived)]
         self.lock = threading.Lock()
         self.known: dict[tuple[bytes, int], int] = {}
         self.last: dict[bytes, tuple[int, int]] = {}
         self.first: dict[bytes, int] = {}
         self.count = 0
         # entries, rigid-body coordinates and blocks of the largest form: with one entry a coordinate nothing must grow
-        self.most = (equations.M.shape[0], 1, 1)
+        self.most = (self.equations.M.shape[0], 1, 1)
         self.forms = self._empty(4)
-
-    def add_system(self, equations: Equations, outputs: Outputs, derived: dict[Any, Any]) -> int:
-        """Number of a system more, with as many coordinates, pairs and outputs; before the first form is asked for."""
-        self.sources.append(_Source(equations, outputs, derived))
-        return len(self.sources) - 1
 
     def first_forms(self, wanted: Sequence[WantedForm]) -> list[int]:
         """First form of each system and its contact parameters, after all wanted forms are there.
 
         Those that are missing are made together where the same pairs are in contact.
-
         """
         with self.lock:
             missing: dict[int, dict[bytes, WantedForm]] = {}
@@ -174,26 +153,26 @@ class FormStore:
     def _make(self, key: int, wanted: Sequence[WantedForm]) -> None:
         """Make forms of the same pairs in contact; those that earlier calls made are kept with their systems."""
         active = np.array([bool(key >> j & 1) for j in range(self.rigid.size)], dtype=bool)
-        made, missing = list[tuple[list[WantedForm], Equations, ClosedForms]](), list[WantedForm]()
+        groups, missing = list[tuple[list[WantedForm], Equations, ClosedForms]](), list[WantedForm]()
         for item in wanted:
-            kept = self.sources[item.system].derived.get(self._kept_key(item, active))
-            if kept is None:
+            entry = self.sources[item.system].derived.get(self._kept_key(item, active))
+            if entry is None:
                 missing.append(item)
             else:
-                forms, number = kept
+                forms, number = entry
                 equations = stacked([self.sources[item.system].equations])
-                made.append(([item], equations, part_of(forms, np.array([number]))))
+                groups.append(([item], equations, part_of(forms, np.array([number]))))
         if missing:
             equations = stacked([self.sources[item.system].equations for item in missing])
             stiffness, damping = (np.array([getattr(item, name) for item in missing]) for name in CONTACT_NUMBERS)
             for members, forms in closed_forms(equations, active, self.rigid, stiffness, damping):
                 items = [missing[f] for f in members]
-                made.append((items, part_of(equations, members), forms))
+                groups.append((items, part_of(equations, members), forms))
                 for number, item in enumerate(items):
                     derived = self.sources[item.system].derived
                     if len(derived) < MOST_KEPT:
                         derived[self._kept_key(item, active)] = forms, number
-        for items, equations, forms in made:
+        for items, equations, forms in groups:
             self._add(items, equations, forms, active)
 
     def _kept_key(self, item: WantedForm, active: NDArray[np.bool_]) -> tuple[Any, ...]:
@@ -229,41 +208,41 @@ class FormStore:
         self.forms = larger
 
     def _add(
-        self, items: Sequence[WantedForm], equations: Equations, made: ClosedForms, active: NDArray[np.bool_]
+        self, items: Sequence[WantedForm], equations: Equations, forms: ClosedForms, active: NDArray[np.bool_]
     ) -> None:  # fmt: skip
         """Write closed forms with as many entries behind those that are there."""
-        count, modes, first = len(items), made.modes, self.count
-        self._enlarge((modes.exponent.shape[1], made.rigid_body_drive.shape[2], len(modes.blocks)), count)
+        count, modes, first = len(items), forms.modes, self.count
+        self._enlarge((modes.exponent.shape[1], forms.rigid_body_drive.shape[2], len(modes.blocks)), count)
         outputs = _stacked_outputs([self.sources[item.system].outputs for item in items])
         rows = _stacked_rows(
-            gap_rows(equations, made.position, OF_DISPLACEMENT),
-            made.contact_force,
-            _output_rows(outputs, made, active),
+            gap_rows(equations, forms.position, OF_DISPLACEMENT),
+            forms.contact_force,
+            _output_rows(outputs, forms, active),
         )
         driven = driven_entries(modes, self.rate)
         follow, position, velocity = (
-            followed(each, modes, made.load, driven) for each in (rows, made.position, made.velocity)
+            followed(each, modes, forms.load, driven) for each in (rows, forms.position, forms.velocity)
         )
         earlier = [self.last.get(item.parameters, (-1, -1)) for item in items]
         values: dict[str, Any] = {
             "key": np.full(count, items[0].key), "following": np.full(count, -1),
             "number": np.array([number for _, number in earlier]) + 1,
             "entries": np.full(count, modes.exponent.shape[1]),
-            "rigid_bodies": np.full(count, made.rigid_body_drive.shape[2]), "exponent": modes.exponent,
+            "rigid_bodies": np.full(count, forms.rigid_body_drive.shape[2]), "exponent": modes.exponent,
             "coupling": modes.coupling, "blocks": np.broadcast_to(modes.blocks, (count, *modes.blocks.shape)),
-            "size": modes.size, "rigid_body_given": made.rigid_body_given,
-            "rigid_body_drive": made.rigid_body_drive, "weight": rows.weight, "weight_size": np.abs(rows.weight),
+            "size": modes.size, "rigid_body_given": forms.rigid_body_given,
+            "rigid_body_drive": forms.rigid_body_drive, "weight": rows.weight, "weight_size": np.abs(rows.weight),
             "rigid_body_weight": rows.rigid_body, "rigid_body_rate_weight": rows.rigid_body_rate,
-            "constant": settled(rows, modes, made.given), "through": rows.through, "follow": follow,
+            "constant": settled(rows, modes, forms.given), "through": rows.through, "follow": follow,
             "driven": driven, "slow": modes.slow,
-            "shape": made.position.weight, "shape_rate": made.velocity.weight,
-            "rigid_body_shape": made.rigid_body_shape, "static": settled(made.position, modes, made.given),
-            "static_rate": settled(made.velocity, modes, made.given),
-            "position_through": made.position.through[:, 2], "position_follow": position, "velocity_follow": velocity,
-            "load": made.load, "given": made.given, "to_entry_u": made.to_entry_u, "to_entry_v": made.to_entry_v,
-            "to_rigid_body": made.to_rigid_body, "impulse_entry": made.impulse_entry,
-            "impulse_rigid_body": made.impulse_rigid_body,
-            **_uses_of_entries(made, bool(np.any(active & ~self.rigid)) or _is_coupled(equations.C)),
+            "shape": forms.position.weight, "shape_rate": forms.velocity.weight,
+            "rigid_body_shape": forms.rigid_body_shape, "static": settled(forms.position, modes, forms.given),
+            "static_rate": settled(forms.velocity, modes, forms.given),
+            "position_through": forms.position.through[:, 2], "position_follow": position, "velocity_follow": velocity,
+            "load": forms.load, "given": forms.given, "to_entry_u": forms.to_entry_u, "to_entry_v": forms.to_entry_v,
+            "to_rigid_body": forms.to_rigid_body, "impulse_entry": forms.impulse_entry,
+            "impulse_rigid_body": forms.impulse_rigid_body,
+            **_uses_of_entries(forms, bool(np.any(active & ~self.rigid)) or _is_coupled(equations.C)),
         }  # fmt: skip
         for name, value in values.items():
             target = getattr(self.forms, name)
@@ -278,9 +257,9 @@ class FormStore:
         self.count += count
 
 
-def _uses_of_entries(made: ClosedForms, all_together: bool) -> dict[str, NDArray[Any]]:
+def _uses_of_entries(forms: ClosedForms, all_together: bool) -> dict[str, NDArray[Any]]:
     """Which entries move each coordinate, one coordinate after the other, and which two move one together."""
-    used = (made.velocity.weight != 0.0) | (made.position.weight != 0.0)
+    used = (forms.velocity.weight != 0.0) | (forms.position.weight != 0.0)
     count, coordinates, entries = used.shape
     together = used.mT.astype(int) @ used.astype(int) > 0
     form, _, entry = np.nonzero(used)
@@ -297,9 +276,9 @@ def _is_coupled(damping: Array) -> bool:
     return bool(np.any(damping * ~np.eye(damping.shape[-1], dtype=bool)))
 
 
-def _output_rows(out: Outputs, made: ClosedForms, active: NDArray[np.bool_]) -> Rows:
+def _output_rows(out: Outputs, forms: ClosedForms, active: NDArray[np.bool_]) -> Rows:
     """Rows of what is read at every sample; a contact force only where it acts."""
-    p, v = made.position, made.velocity
+    p, v = forms.position, forms.velocity
     through = p.through @ out.position.mT + v.through @ out.rate.mT + out.drive
     follow = p.follow @ out.position.mT + v.follow @ out.rate.mT
     by_load(follow, ORDERS)[:, :, :3] += by_load(out.drive, 3)[:, :, ::-1]
@@ -315,7 +294,7 @@ def _output_rows(out: Outputs, made: ClosedForms, active: NDArray[np.bool_]) -> 
         through=through,
         follow=follow,
     )
-    force = made.contact_force
+    force = forms.contact_force
     for o, j in np.argwhere(np.any(out.force != 0.0, axis=0) & active):
         weight = out.force[:, o, j][:, None]
         for here, there in zip(rows.by_rows, force.by_rows, strict=True):

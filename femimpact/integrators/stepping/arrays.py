@@ -1,15 +1,19 @@
-"""The arrays of a block of cases: pairs, state, drive and statistics as the compiled loop takes them."""
+"""The arrays of a block of cases: pairs, state, drive and statistics as the compiled loop takes them.
+
+A run may go on from the step at which another one ended.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 import scipy.linalg
 import scipy.sparse.linalg
+from numpy.typing import NDArray
 
 from femimpact import core
 from femimpact.arrays import Array
@@ -18,12 +22,70 @@ from femimpact.contact.laws import KELVIN_VOIGT, RIGID, SWITCHING_SPRING
 from femimpact.core.structs import zeros
 from femimpact.excitation import Excitation
 from femimpact.integrators.channel_rows import Drive
-from femimpact.integrators.stepping.continued import Beginning, resume_contacts
 from femimpact.integrators.stepping.operators import SteppingMethod, scheme_of
 from femimpact.response.impacts import CYCLE_COLUMNS, ENERGY_COLUMNS, IMPACT_COLUMNS, MAXIMUM, MINIMUM
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.state import ROUNDED, State
 from femimpact.system.system import System
+
+
+@dataclass(frozen=True, eq=False)
+class Held:
+    """State of a run of one case where it ended."""
+
+    origin: float  # s: time of its step 0
+    step: int
+    motion: Mapping[str, Array]  # arrays of `core.steps.Motion` and `core.steps.Cycles` by their names
+    cycles: Mapping[str, Array | NDArray[np.int64]]
+    gaps: Array  # (2, pairs, 1) m: of rigid contacts that the run began in, these are the start's
+    # (pairs, n) J: what contacts in progress have given to each mode; without columns where it was not summed
+    to_modes: Array
+
+    def contacts_in_progress(self, system: System) -> tuple[str, ...]:
+        """Names of the contacts in progress."""
+        opened = self.motion["touch"][core.steps.OPEN, :, 0] != 0.0
+        return tuple(pair.name for pair, is_open in zip(system.contacts, opened, strict=True) if is_open)
+
+
+@dataclass(frozen=True, eq=False)
+class Beginning:
+    """Initial state of a run."""
+
+    origin: float = 0.0  # s: time of step 0
+    step: int = 0  # step at which the run begins: that at which the run ended that this one goes on from, or 0
+    held: Held | None = None  # contacts in progress, where they go on
+    # whether all else that is held goes on as well: the drive, the accelerations and the base cycle are the same
+    complete: bool = False
+
+    @property
+    def cycle(self) -> int:
+        """Base cycles that were finished before."""
+        return int(self.held.cycles["number"][0]) if self.held is not None and self.complete else 0
+
+    def going_on(self, system: System) -> tuple[str, ...]:
+        """Names of the contacts in progress that go on."""
+        return () if self.held is None else self.held.contacts_in_progress(system)
+
+    def times(self, steps: int, method: SteppingMethod) -> Array:
+        """Times (s) of all fine steps from step 0 until a number of steps after the beginning."""
+        time = self.origin + np.arange((self.step + steps) * method.refine + 1) * (method.dt / method.refine)
+        return np.asarray(time, dtype=float)
+
+
+def beginning_of(initial: State, system: System, excitation: Excitation, method: SteppingMethod) -> Beginning:
+    """Where a run from an initial state begins, and what of the run that ended there goes on."""
+    left = initial.left_by_run(system, excitation)
+    if left is None or left.kind != kind_of_steps(method):
+        return Beginning(initial.time)
+    held: Held = left.held
+    if left.has_equations_of(system, excitation, initial.time):
+        return Beginning(held.origin, held.step, held, complete=True)
+    return Beginning(initial.time, 0, held)
+
+
+def kind_of_steps(method: SteppingMethod) -> object:
+    """Methods whose steps are the same go on from one another."""
+    return "steps", scheme_of(method), method.refine
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,8 +131,8 @@ def pairs_of(
         constants[core.steps.SHARE, j] = 0.0 if pair.is_stop else drive.share
         for row, values in _of_contact(pair).items():
             constants[row, j] = values
-        for c, (given, _) in enumerate(each):
-            for row, values in _of_contact(given.contacts[j]).items():
+        for c, (of_case, _) in enumerate(each):
+            for row, values in _of_contact(of_case.contacts[j]).items():
                 constants[row, j, c] = values
     obstacles = [j for j, pair in enumerate(contacts) if pair.fixed_to == "space" and drive.share != 0.0]
     return core.steps.Pairs(
@@ -110,10 +172,10 @@ def motion_of(
 ) -> core.steps.Motion:
     """State at the start: displacements, velocities and the accelerations that the balance gives."""
     lanes, dofs, count = len(drives), system.dofs, len(system.contacts)
-    each = inputs.each or [(system, inputs.initial)] * lanes
+    starts = inputs.each or [(system, inputs.initial)] * lanes
     states = [
-        start.relative_to_base(given, excitation)
-        for (given, start), excitation in zip(each, inputs.excitations, strict=True)
+        start.relative_to_base(own, excitation)
+        for (own, start), excitation in zip(starts, inputs.excitations, strict=True)
     ]
     q, v, y, y_rate = (np.ascontiguousarray(np.array(columns).T) for columns in zip(*states, strict=True))
     constants, w, w_rate = pairs.constants, operator.rows @ q, operator.rows @ v
@@ -136,7 +198,7 @@ def motion_of(
         pushes = _contacts_at_start(system, inputs, pairs, ball, touch)
         ball[core.steps.FORCE] = springs + pushes
     else:
-        ball[core.steps.FORCE] = resume_contacts(held, inputs.beginning, pairs, touch, method.dt)
+        ball[core.steps.FORCE] = _resume_contacts(held, inputs.beginning, pairs, touch, method.dt)
         pushes = ball[core.steps.FORCE] - springs
     if not scheme_of(method).mean:
         inside = inside + pushes
@@ -146,8 +208,8 @@ def motion_of(
     load = operator.rows[pairs.row].T @ inside + np.outer(operator.drive_load, drive[core.steps.BASE])
     more, apart = _further_loads(drives[0], inputs, method)
     load += np.asarray(system.constant_load)[:, None] - (system.C @ v + system.K @ q)
-    for given, further in zip(operator.more_load, drives[0].more, strict=True):
-        load += np.outer(given, further.value(np.array([inputs.beginning.origin])))
+    for own, further in zip(operator.more_load, drives[0].more, strict=True):
+        load += np.outer(own, further.value(np.array([inputs.beginning.origin])))
     ledger = np.zeros((8, lanes))
     ledger[core.steps.LOAD_BEFORE] = operator.drive_load @ q
     ledger[core.steps.HELD] = np.asarray(system.constant_load) @ q
@@ -184,6 +246,18 @@ def motion_of(
         ledger=ledger,
         v_before=v.copy(),
     )
+
+
+def _resume_contacts(
+    held: Held, beginning: Beginning, pairs: core.steps.Pairs, touch: Array, time_step: float
+) -> Array:
+    """Contacts in progress go on; their forces (N) on the structure, those of centring springs included."""
+    pairs.constants[[core.steps.GAP_PLUS, core.steps.GAP_MINUS]] = held.gaps
+    touch[...] = held.motion["touch"]
+    if not beginning.complete:
+        # of steps that are counted anew
+        touch[core.steps.START] -= held.step * time_step
+    return np.broadcast_to(held.motion["ball"][core.steps.FORCE], touch.shape[1:])
 
 
 def _placed(values: Array, place: int) -> Array:
@@ -245,12 +319,12 @@ def _static_contacts_at_start(
     system: System, inputs: Inputs, pairs: core.steps.Pairs, ball: Array, touch: Array, pushes: Array
 ) -> None:  # fmt: skip
     """Those of them that a static start is in, with their forces (N) in `pushes`."""
-    found: dict[float, Any] = {}
+    contacts_at: dict[float, Any] = {}
     for c, excitation in enumerate(inputs.excitations):
         at = float(excitation.displacement(inputs.initial.time))
-        if at not in found:
-            found[at] = inputs.initial.static_contacts(system, excitation)
-        normal = found[at].normal
+        if at not in contacts_at:
+            contacts_at[at] = inputs.initial.static_contacts(system, excitation)
+        normal = contacts_at[at].normal
         for j in np.flatnonzero(normal):
             side, gap = math.copysign(1.0, normal[j]), core.steps.GAP_PLUS if normal[j] > 0.0 else core.steps.GAP_MINUS
             depth = side * ball[core.steps.X, j, c] - pairs.constants[gap, j, c]
@@ -370,15 +444,15 @@ def limits_of(
         for c, drive in enumerate(drives)
     ]
     # several drives have a block alone
-    forced[0] += sum(_acceleration(system, *each) for each in zip(drives[0].more, motion.more, strict=True))
+    forced[0] += sum(_acceleration(system, *part) for part in zip(drives[0].more, motion.more, strict=True))
     amplitude = np.array([excitation.amplitude for excitation in inputs.excitations]) + time**2 * np.array(forced)
     rates = np.vstack([motion.w_rate, motion.ball[core.steps.Y_RATE]])
-    given = max((abs(pair.acceleration) for pair in system.contacts), default=0.0)
+    acceleration = max((abs(pair.acceleration) for pair in system.contacts), default=0.0)
     if np.any(system.constant_load):
         # static deflections are of this size over the first mode's time
         free = scipy.sparse.linalg.spsolve(system.M.tocsc(), np.asarray(system.constant_load))
-        given = max(given, float(np.abs(operator.rows @ np.atleast_1d(free)).max()))
-    scale = amplitude / ratio + np.abs(motion.w).max(axis=0) + np.abs(rates).max(axis=0) * time + given * time**2
+        acceleration = max(acceleration, float(np.abs(operator.rows @ np.atleast_1d(free)).max()))
+    scale = amplitude / ratio + np.abs(motion.w).max(axis=0) + np.abs(rates).max(axis=0) * time + acceleration * time**2
     return np.asarray(method.divergence_limit * (scale + 1e-9))
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import math
-import threading
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
@@ -12,29 +11,33 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact import core
-from femimpact.arrays import Array, own
+from femimpact.arrays import Array, own, read_only
 from femimpact.contact.custom_law import ForcePointer, law_error
 from femimpact.contact.laws import RIGID
 from femimpact.errors import require
+from femimpact.excitation import Excitation
 from femimpact.integrators.assembly import Readings, cycles_of_table, snapshots_of
 from femimpact.integrators.cases import check_memory, first_steps, kept_rows, modes_kept
 from femimpact.integrators.channel_rows import ChannelRows, Drive, drive_of
 from femimpact.integrators.stepping.arrays import (
+    Beginning,
+    Held,
     Inputs,
     cycles_of,
     empty_record,
     forces_of,
+    kind_of_steps,
     limits_of,
     motion_of,
     pairs_of,
 )
-from femimpact.integrators.stepping.continued import Beginning, go_on
 from femimpact.integrators.stepping.operators import SteppingMethod, operator_of, scheme_of
 from femimpact.progress import Progress
 from femimpact.response.cycles import CycleStatistics
 from femimpact.response.history import HistoryPiece
 from femimpact.response.impacts import ENERGY_COLUMNS, IMPACT_COLUMNS
 from femimpact.response.response import Recorder
+from femimpact.system.state import Continuation, State
 from femimpact.system.system import System
 
 
@@ -145,27 +148,11 @@ def prepare(
     inputs: Inputs,
     method: SteppingMethod,
     *,
-    observed: Array,
+    observed: Array,  # (dofs,) row whose value gets cycle statistics
     ledger: bool,
-    record: core.steps.Record | None = None,
+    record: core.steps.Record | None = None,  # what case 0 keeps
 ) -> Block:
-    """Lay out all arrays of a block; nothing runs yet.
-
-    Parameters
-    ----------
-    system : System
-    inputs : Inputs
-    method : SteppingMethod
-    observed : ndarray (dofs,)
-        Row whose value gets cycle statistics.
-    ledger : bool
-    record : core.steps.Record, optional
-        What case 0 keeps.
-
-    Returns
-    -------
-    Block
-    """
+    """Lay out all arrays of a block; nothing runs yet."""
     cases = len(inputs.excitations)
     lanes = _lanes(cases)
     # idle lanes repeat the last case: finite numbers, no effect on the others
@@ -185,14 +172,14 @@ def prepare(
     if method.refine > 1:
         fine_scheme = scheme_of(method, method.dt / method.refine)
         fine = core.steps.Fine(method.refine, operator_of(system, fine_scheme, observed, *loads), fine_scheme)
-    kept = record or empty_record(system.dofs, len(system.contacts))
+    chosen = record or empty_record(system.dofs, len(system.contacts))
     forces = forces_of(system)
     pairs = pairs_of(system, operator, drives[0], lanes, forces, padded.each)
     # only a history has losses mode by mode; in a sweep a case alone is summed as beside others
     modal = ledger and record is not None and lanes == 1 and not operator.banded
-    motion = motion_of(system, operator, pairs, padded, drives, method, modal, kept)
+    motion = motion_of(system, operator, pairs, padded, drives, method, modal, chosen)
     cycles = cycles_of(padded, motion, method.dt, ledger)
-    go_on(inputs.beginning, motion, cycles)
+    _go_on(inputs.beginning, motion, cycles)
     block = Block(
         operator=operator,
         scheme=scheme,
@@ -200,7 +187,7 @@ def prepare(
         pairs=pairs,
         motion=motion,
         cycles=cycles,
-        record=kept,
+        record=chosen,
         ledger=ledger,
         steps=max(inputs.steps),
         beginning=inputs.beginning,
@@ -217,6 +204,23 @@ def prepare(
     return block
 
 
+def _go_on(beginning: Beginning, motion: core.steps.Motion, cycles: core.steps.Cycles) -> None:
+    """Set motion and cycles to what the run has reached that this one goes on from."""
+    held = beginning.held
+    if held is None:
+        return
+    if held.to_modes.shape == motion.to_modes.shape:
+        motion.to_modes[...] = held.to_modes
+    else:
+        # it was not summed before
+        motion.to_modes[held.motion["touch"][core.steps.OPEN, :, 0] != 0.0] = np.nan
+    if not beginning.complete:
+        return
+    for arrays, target in ((held.motion, motion), (held.cycles, cycles)):
+        for name, values in arrays.items():
+            getattr(target, name)[...] = values
+
+
 def check_laws(block: Block) -> None:
     """Raise what a custom law has raised, or that its force was no finite number.
 
@@ -231,7 +235,6 @@ def check_laws(block: Block) -> None:
 def run_block(
     block: Block,
     progress: Progress | None = None,  # called with the share of the block that is done, 0 to 1
-    stop: threading.Event | None = None,  # threading.Event: ends the run early once set
 ) -> None:
     """Run a block to its end, in pieces: between them come progress, interrupts and the check for divergence."""
     lanes, dofs = block.motion.q.shape[1], block.motion.q.shape[0]
@@ -239,8 +242,6 @@ def run_block(
     piece = max(1000, STEPS_BETWEEN_CHECKS // (lanes * dofs))
     done = 0
     while done < block.steps:
-        if stop is not None and stop.is_set():
-            return
         # pieces end where cases end, so that what comes after does not count
         steps = min(piece, int(block.ends[block.ends > done].min()) - done)
         core.advance(steps, handed, block.fine)
@@ -254,6 +255,32 @@ def run_block(
             return
         if progress is not None:
             progress(done / block.steps)
+
+
+MOTION = ("q", "v", "a", "w", "w_rate", "ball", "touch", "drive")
+CYCLES = ("next_wrap", "number", "sums", "last")
+"""What a run that goes on takes over of the motion and of the statistics of cycles."""
+
+
+def state_of(block: Block, system: System, excitation: Excitation, method: SteppingMethod) -> State:
+    """Where a run of one case stands at its last step, with all that the same method needs to go on."""
+    beginning, motion, step = block.beginning, block.motion, int(block.record.tally[0])
+    held = Held(
+        origin=beginning.origin,
+        step=step,
+        motion={name: read_only(getattr(motion, name)) for name in MOTION},
+        cycles={name: read_only(getattr(block.cycles, name)) for name in CYCLES},
+        gaps=read_only(block.pairs.constants[[core.steps.GAP_PLUS, core.steps.GAP_MINUS]]),
+        to_modes=read_only(motion.to_modes),
+    )
+    balls, time = len(system.balls), beginning.origin + step * method.dt
+    places, rates = (
+        (own(of_dofs[:, 0]), own(motion.ball[row, :balls, 0]))
+        for of_dofs, row in ((motion.q, core.steps.Y), (motion.v, core.steps.Y_RATE))
+    )
+    touching = held.contacts_in_progress(system)
+    left = Continuation(kind_of_steps(method), held, places, rates, time, system, excitation, touching)
+    return State(places[0], rates[0], places[1], rates[1], time=time, continuation=left)
 
 
 def history_of(
@@ -271,7 +298,7 @@ def history_of(
     samples, count = int(record.tally[1]), int(record.tally[2])
     every, first, stride, first_field = (int(value) for value in record.stride)
     # a copy of 20 histories of a run costs more than its steps
-    kept = own if refilled else _read_only
+    read_only = own if refilled else _view
     snapshots = None
     if record.snapshots.shape[0] > 0:
         time = own(origin + (first_field + stride * (snapshots_before + np.arange(count))) * dt)
@@ -280,8 +307,8 @@ def history_of(
         snapshots = snapshots_of(system, time, u, v, fields, record.forces[:count])
     return readings.piece(
         own(origin + (first + every * (samples_before + np.arange(samples))) * dt),
-        kept(record.channels[:, :samples]),
-        kept(record.energy[:, :samples]) if block.ledger else None,
+        read_only(record.channels[:, :samples]),
+        read_only(record.energy[:, :samples]) if block.ledger else None,
         record.work_of[:, :samples].T,
         snapshots,
     )
@@ -337,7 +364,7 @@ def open_contacts(block: Block, system: System) -> tuple[str, ...]:
     )
 
 
-def _read_only(array: Array) -> Array:
+def _view(array: Array) -> Array:
     """A view that cannot be written to."""
     view = array.view()
     view.setflags(write=False)

@@ -152,8 +152,8 @@ class Newmark(SteppingMembers):
         check_fields(self)
         if self.contact == "energy-consistent":
             for name, value in (("beta", 0.25), ("gamma", 0.5)):
-                given = getattr(self, name)
-                require(given == value, name, given, "", f"must be {value:g} for an energy-consistent contact")
+                parameter = getattr(self, name)
+                require(parameter == value, name, parameter, "", f"must be {value:g} for an energy-consistent contact")
 
     @property
     def stability_limit(self) -> float:

@@ -15,10 +15,10 @@ from femimpact import core
 from femimpact.arrays import Array
 from femimpact.contact.laws import RIGID
 from femimpact.errors import Fault, InputError, checked, quantity, require, require_type
-from femimpact.integrators.preflight_row import rounded
 from femimpact.system.matrices import Matrix
 from femimpact.system.modes import first_elastic_frequency
 from femimpact.system.system import System
+from femimpact.units import rounded
 
 
 class SteppingMethod(Protocol):
@@ -105,7 +105,6 @@ def recommended_step(system: System, refine: int = 1) -> float:
 
     Parameters
     ----------
-    system : System
     refine : int
         Fine steps into which the method divides a step with contact.
 
@@ -118,7 +117,7 @@ def recommended_step(system: System, refine: int = 1) -> float:
     Raises
     ------
     InputError
-        If the system has neither a contact nor an elastic mode, or refine is out of range.
+        If the system has neither a contact nor an elastic mode.
     """
     require_type(system, System, "system")
     refine = checked("refine", refine, quantity("1", at_least=1, at_most=1000, integer=True))

@@ -28,7 +28,7 @@ from femimpact.integrators.cases import (
     with_contacts_of,
 )
 from femimpact.integrators.channel_rows import drive_of
-from femimpact.integrators.stepping.arrays import Inputs
+from femimpact.integrators.stepping.arrays import Inputs, beginning_of
 from femimpact.integrators.stepping.block import (
     Block,
     check_laws,
@@ -40,9 +40,9 @@ from femimpact.integrators.stepping.block import (
     prepare,
     record_of,
     run_block,
+    state_of,
     sticking_rows,
 )
-from femimpact.integrators.stepping.continued import beginning_of, final_state
 from femimpact.integrators.stepping.operators import SteppingMethod, check_sampling, check_step
 from femimpact.progress import Progress
 from femimpact.response.channels import resolve_channels
@@ -67,9 +67,8 @@ def run_steps(
 ) -> MethodRun:
     """Stepped motion of structure and balls, with a step that resolves contact and drive; see `integrate`.
 
-    Raises `InputError` if the run would keep too much, or an argument is out of range.
-
-    Raises `DivergenceError` if the motion is not finite or grows without bound.
+    Raises `InputError` if the run would keep too much, and `DivergenceError` if the motion is not finite or grows
+    without bound.
     """
     check_recorder(recorder)
     steps = whole_number_of(duration, method.dt, "step")
@@ -86,23 +85,25 @@ def run_steps(
         ledger=recorder.ledger,
         record=record_of(system, recorder, readings.rows, steps, method, drive, beginning.step),
     )
-    _keep_first(block)
+    if block.record.channels.shape[1] + block.record.snapshots.shape[0] > 0:
+        core.keep_present(block.handed())
+        check_laws(block)
     stream = Stream(
         read=partial(history_of, block, readings, recorder.sink is not None),
         clear=partial(block.record.tally[1:3].fill, 0),
         sink=recorder.sink,
     )
-    kept, kept_state = _step_to_keep(recorder, steps, method), None
-    for step in _run(block, heapq.merge(piece_ends(recorder, steps), kept), excitation, method, progress):
+    steps_to_keep, kept_state = _step_to_keep(recorder, steps, method), None
+    for step in _run(block, heapq.merge(piece_ends(recorder, steps), steps_to_keep), excitation, method, progress):
         stream.hand_over()
-        if step in kept:
-            kept_state = _state(block, system, excitation, method)
+        if step in steps_to_keep:
+            kept_state = state_of(block, system, excitation, method)
     history, totals = stream.left(), block.motion.totals[:, :, 0]
     # an impulse has no peak
     totals[PEAK_FORCE, block.pairs.kind == RIGID] = np.nan
     return MethodRun(
         history=history,
-        final_state=_state(block, system, excitation, method),
+        final_state=state_of(block, system, excitation, method),
         cycles=block.cycle_statistics,
         measured=float(block.motion.window[1, 0] - block.motion.window[0, 0]) * method.dt,
         totals=totals,
@@ -124,13 +125,6 @@ def divergence_message(frequency: float, time: float, method: SteppingMethod) ->
         "damping, "
         f"or raise divergence_limit ({method.divergence_limit:g})"
     )
-
-
-def _keep_first(block: Block) -> None:
-    """Keep the state at the start where it is asked for."""
-    if block.record.channels.shape[1] + block.record.snapshots.shape[0] > 0:
-        core.keep_present(block.handed())
-        check_laws(block)
 
 
 def _run(
@@ -158,12 +152,6 @@ def _step_to_keep(recorder: Recorder, steps: int, method: SteppingMethod) -> tup
     """Step after the beginning at which the state is kept, if there is one."""
     step = 0 if recorder.state_at is None else round(min(recorder.state_at / method.dt, 2.0 * steps))
     return (step,) if 0 < step <= steps else ()
-
-
-def _state(block: Block, system: System, excitation: Excitation, method: SteppingMethod) -> State:
-    """State of the cases of a block at its last step."""
-    step = int(block.record.tally[0])
-    return final_state(system, excitation, method, block.beginning, step, block.pairs, block.motion, block.cycles)
 
 
 def _share_of(progress: Progress, done: int, end: int, steps: int) -> Progress:
@@ -249,14 +237,14 @@ def _block_of(
 ) -> Block:
     """A block of cases at its start."""
     numbers = (values.tolist() for values in (cases.amplitude, cases.frequency, cases.phase))
-    sines = [Sine(*given) for given in zip(*numbers, strict=True)]
+    sines = [Sine(*of_case) for of_case in zip(*numbers, strict=True)]
     begins = np.ceil((cases.cycles - cases.measured) / (cases.frequency * method.dt)).astype(int)
-    common, initial, each = cases.system(0, system), cases.initial, []
+    common, initial, starts = cases.system(0, system), cases.initial, []
     if len(equal_groups(cases)) == 1:
         common, initial = with_contacts_of(common, cases, 0), start_of(cases, 0)
     else:
-        each = [(with_contacts_of(common, cases, case), start_of(cases, case)) for case in range(ends.size)]
-    inputs = Inputs(sines, ends.tolist(), begins.tolist(), initial, each=each)
+        starts = [(with_contacts_of(common, cases, case), start_of(cases, case)) for case in range(ends.size)]
+    inputs = Inputs(sines, ends.tolist(), begins.tolist(), initial, each=starts)
     return prepare(common, inputs, method, observed=cases.row(0, observed), ledger=ledger)
 
 

@@ -41,13 +41,14 @@ from femimpact.integrators.methods import Method, require_method
 from femimpact.integrators.planned_drive import (
     MODES,
     SAMPLES,
+    PreflightRow,
     base_rows,
     contact_rows,
     drive_rows,
+    row_of,
     step_rows,
     transient_rows,
 )
-from femimpact.integrators.preflight_row import PreflightRow, rounded, row_of
 from femimpact.integrators.runs import integrate
 from femimpact.response.cycles import LARGE, deflection_warnings
 from femimpact.response.response import Recorder
@@ -57,6 +58,7 @@ from femimpact.system.reduction import reduce
 from femimpact.system.state import State
 from femimpact.system.system import System, without_impactors
 from femimpact.table import frame_of
+from femimpact.units import rounded
 
 if TYPE_CHECKING:
     import pandas

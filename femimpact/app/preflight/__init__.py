@@ -1,1 +1,0 @@
-"""What is warned of before a test is run on a shaker."""

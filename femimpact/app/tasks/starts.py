@@ -1,0 +1,157 @@
+"""A run from several starts of its balls: what its sweep and its history spread over.
+
+The structure starts as the study says; the balls are drawn, the same ones as in a parameter study of as many starts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from femimpact.app.parametric.definition import ParameterStudy
+from femimpact.app.parametric.runs import drawn_state, unit_draws
+from femimpact.app.parametric.verb import block_cases, run_blocks
+from femimpact.app.results.result_directory import FILES
+from femimpact.app.study.findings import Spread
+from femimpact.app.study.prepared import PreparedStudy
+from femimpact.app.study.summary import channel_summary, contact_forces, peak_of_history, spread_of
+from femimpact.arrays import Array
+from femimpact.errors import DivergenceError
+from femimpact.files import write_csv
+from femimpact.integrators.cases import workers_of
+from femimpact.integrators.runs import integrate
+from femimpact.sweep import FrequencyResponse
+
+SEED = 0
+"""Of the starts of a run."""
+
+Report = Callable[[str, float], None]
+
+OF_CHANNELS = ("largest", "rms", "largest_of_run")
+
+OF_CURVES = ("peak", "cycle_mean_force", "peak_force", "mean_impulse")
+"""Measures of a curve."""
+
+
+@dataclass(frozen=True, eq=False)
+class StartCurves:
+    """Curves over the frequency of the base, each from another start of the balls."""
+
+    frequency: Array  # (n,) Hz
+    measures: Mapping[str, Array]  # `OF_CURVES`, (starts, n): m, N, N and N s
+
+    @property
+    def starts(self) -> int:
+        """Number of the curves."""
+        return len(self.measures["peak"])
+
+
+def drawn_curves(
+    prepared: PreparedStudy,
+    empty: FrequencyResponse,  # without balls, over the same frequencies
+    report: Report,
+) -> tuple[StartCurves, dict[str, str]]:
+    """The sweep with balls from each of the `starts` of [sweep], and why some have none: their motion diverged.
+
+    Raises `DivergenceError` where all starts fail.
+    """
+    study, plan = prepared.study, prepared.study.sweep
+    if plan is None:
+        raise AssertionError("only of a study with a sweep")
+    level = zip(empty.frequency.tolist(), empty.base_amplitude.tolist(), strict=True)
+    cases = [{"base.frequency": f, "base.amplitude": amplitude, "base.start": study.start} for f, amplitude in level]
+    definition = ParameterStudy(
+        prepared.small, cases, OF_CURVES, starts=plan.starts, seed=SEED, cycles=plan.cycles, method=prepared.method,
+        at="tip",
+    )  # fmt: skip
+    values = np.full((len(cases), plan.starts, len(OF_CURVES)), np.nan)
+    reasons = np.full((len(cases), plan.starts), "", dtype=object)
+    blocks = block_cases(definition)
+    for number, block in enumerate(run_blocks(definition, blocks, workers_of(None)), start=1):
+        values[block.cases] = block.values
+        reasons[block.cases] = np.reshape(block.failures, (-1, plan.starts))
+        report(f"sweep with {prepared.carried}, {plan.starts} starts", number / len(blocks))
+    has_failed = (reasons != "").all(axis=0)
+    failed = {f"start {i + 1}": str(reasons[0, i]) for i in np.flatnonzero(has_failed).tolist()}
+    _require_some(plan.starts - len(failed), failed)
+    kept = np.moveaxis(values[:, ~has_failed], 0, 1)
+    return StartCurves(empty.frequency, {name: kept[..., m] for m, name in enumerate(OF_CURVES)}), failed
+
+
+def drawn_histories(prepared: PreparedStudy, report: Report) -> tuple[dict[str, Any], dict[str, str]]:
+    """Medians and ranges of the numbers of a history over the `starts` of [output], by their names in a summary.
+
+    Returns these and why some starts have none, as of `drawn_curves`.
+    """
+    study, small, starts = prepared.study, prepared.small, prepared.study.output.starts
+    base, duration = study.excitation, study.history_duration
+    record = replace(prepared.record, snapshots=0, ledger=False, state_at=None)
+    draws, rows, failed = unit_draws(starts, len(small.balls), SEED), [], dict[str, str]()
+    for i in range(starts):
+        state = drawn_state(small, study.initial, base, duration, draws[i])
+        progress = _part_of(report, f"history, {starts} starts", i, starts)
+        try:
+            run = integrate(small, base, prepared.method, duration, record, state, progress)
+        except DivergenceError as error:
+            failed[f"start {i + 1}"] = str(error)
+            continue
+        channels = channel_summary(run)
+        rows.append({
+            "peak": peak_of_history(run),
+            "rms": run.steady.rms[0],
+            "channels": {name: {key: getattr(about, key) for key in OF_CHANNELS} for name, about in channels.items()},
+            "contacts": {pair.name: contact_forces(run, pair.name) for pair in small.contacts if pair.has_walls},
+        })  # fmt: skip
+    _require_some(len(rows), failed)
+    return {"count": len(rows), **_spreads(rows)}, failed
+
+
+def _require_some(completed: int, failed: Mapping[str, str]) -> None:
+    """Raise `DivergenceError` where all starts have failed."""
+    if not completed:
+        raise DivergenceError(f"all {len(failed)} starts have failed, the first: {next(iter(failed.values()))}")
+
+
+def _spreads(rows: Sequence[Any]) -> Any:
+    """Medians and ranges of numbers in equal tables of tables."""
+    if isinstance(rows[0], Mapping):
+        return {name: _spreads([row[name] for row in rows]) for name in rows[0]}
+    return asdict(spread_of(rows))
+
+
+def _part_of(report: Report, what: str, index: int, count: int) -> Callable[[float], None]:
+    """Progress of one of several equal parts."""
+    return lambda share: report(what, (index + share) / count)
+
+
+def spreads_of(
+    curves: StartCurves,
+    empty: FrequencyResponse,
+    step: float,  # Hz: of the even grid, to which the frequency of a peak is known
+) -> dict[str, Spread]:
+    """Resonance and impacts at it over several starts in one frame: m, Hz, 1, N and N s."""
+    at_peak = np.nanargmax(curves.measures["peak"], axis=1)
+    largest = {name: values[np.arange(at_peak.size), at_peak].tolist() for name, values in curves.measures.items()}
+    peaks = largest.pop("peak")
+    ratio = empty.peak_amplitude / np.array(peaks)
+    return {
+        "peak_amplitude": spread_of(peaks),
+        "peak_frequency": spread_of(curves.frequency[at_peak].tolist(), resolution=step),
+        "amplitude_ratio": spread_of(ratio),
+        "damping_amplitude_ratio": spread_of(empty.damping.ratio * ratio),
+        **{name: spread_of(values) for name, values in largest.items()},
+    }
+
+
+def write_curves(folder: Path, curves: Mapping[str, StartCurves]) -> None:
+    """Median, smallest and largest peak of the starts in each frame, over the frequency."""
+    columns: dict[str, Any] = {"frequency": next(iter(curves.values())).frequency}
+    for start, several in curves.items():
+        for name, statistic in (("median", np.median), ("low", np.min), ("high", np.max)):
+            columns[f"{start}_{name}"] = statistic(several.measures["peak"], axis=0)
+    units = {name: "Hz" if name == "frequency" else "m" for name in columns}
+    write_csv(folder / FILES["curves_of_starts"].name, columns, units)
