@@ -360,3 +360,15 @@ def test_bodies_are_counted_in_words(study):
     for words, change in others.items():
         line = plan_lines(dataclasses.replace(study, structure=dataclasses.replace(study.structure, **change)))[0]
         assert line.endswith(f"integrated (modal), {words}")
+
+
+@pytest.mark.parametrize(
+    ("damaged", "key"),
+    [({"sweep": []}, "summary.sweep"), ({"history": {"peak": "wide"}}, "summary.history.peak"),
+     ({"warnings": [1]}, "summary.warnings.1"), ({"orbits": {"modes": True}}, "summary.orbits.")],
+)  # fmt: skip
+def test_a_damaged_summary_is_one_line_with_its_key(damaged, key):
+    with pytest.raises(fi.InputError, match=key.replace(".", r"\.")) as caught:
+        read_findings(damaged)
+    assert "the summary is damaged" in str(caught.value)
+    assert len(str(caught.value).splitlines()) == 1
