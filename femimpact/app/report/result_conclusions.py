@@ -121,9 +121,15 @@ STARTS = {"base": "at rest relative to the base", "space": "at rest in the inert
 def conclusions_of(found: Findings) -> tuple[Conclusion, ...]:
     """Conclusions of a summary: peaks, damping, regime, stresses, forces, frequencies, energy; what it has of them."""
     return (
-        *_peaks(found), *_ratio(found), *_damping(found), *_history(found), *_contacts(found), *_frequencies(found),
-        *_energy(found), *_orbits(found),
-    )  # fmt: skip
+        *_peaks(found),
+        *_ratio(found),
+        *_damping(found),
+        *_history(found),
+        *_contacts(found),
+        *_frequencies(found),
+        *_energy(found),
+        *_orbits(found),
+    )
 
 
 def _orbits(found: Findings) -> list[Conclusion]:
@@ -175,12 +181,15 @@ def _peaks(found: Findings) -> Iterator[Conclusion]:
             continue
         coarse = curve.resolved is False and _known(curve.peak_too_low_at_most)
         yield number_conclusion(
-            label, curve.peak_amplitude, "m",
-            scatter=f"may be read up to {typeset_number(100 * curve.peak_too_low_at_most, 2)} % too low" if coarse
+            label,
+            curve.peak_amplitude,
+            "m",
+            scatter=f"may be read up to {typeset_number(100 * curve.peak_too_low_at_most, 2)} % too low"
+            if coarse
             else "",
             one_sample=curve.peak_is_one_start,
             note=f"at {typeset_number(curve.peak_frequency)} Hz, relative to the base{_settling(curve)}",
-        )  # fmt: skip
+        )
 
 
 def _of_spread(spread: Spread, label: str, unit: str, words: str, **more: Any) -> Conclusion:
@@ -254,9 +263,12 @@ def _damping(found: Findings) -> Iterator[Conclusion]:
     yield from several
     if not several and ball is not None and _known(ball.damping_amplitude_ratio):
         yield Conclusion(
-            DROP, _shown(100 * ball.damping_amplitude_ratio), "%", one_sample=ball.peak_is_one_start,
+            DROP,
+            _shown(100 * ball.damping_amplitude_ratio),
+            "%",
+            one_sample=ball.peak_is_one_start,
             note=f"damping without {found.carried} times the ratio",
-        )  # fmt: skip
+        )
 
 
 def _history(found: Findings) -> Iterator[Conclusion]:
@@ -278,9 +290,15 @@ def _history(found: Findings) -> Iterator[Conclusion]:
     rms = history_words(of_rms, history.rms, "m")
     details = (f"rms {rms} over the last third{f'; the motion is {history.steadiness}' if cyclic else ''}",)
     yield from _of_history(
-        found, history, of_peak, history.peak, "Peak of the tip", "m", note=over + _settling(history),
+        found,
+        history,
+        of_peak,
+        history.peak,
+        "Peak of the tip",
+        "m",
+        note=over + _settling(history),
         details=details if rms else (),
-    ) or [Conclusion("Peak of the tip", "none", note="the history is shorter than a cycle")]  # fmt: skip
+    ) or [Conclusion("Peak of the tip", "none", note="the history is shorter than a cycle")]
     for name, channel in history.channels.items():
         if channel.unit in ("Pa", "N m"):
             spread = None if starts is None else starts.channels.get(name, {}).get("largest_of_run")
@@ -311,13 +329,24 @@ def _contacts(found: Findings) -> Iterator[Conclusion]:
         impulse = history_words(spreads.get("mean_impulse"), contact.mean_impulse, "N s")
         details = (*([f"mean impulse {impulse} {third}"] if impulse else []), _restitution(contact))
         yield from _of_history(
-            found, history, spreads.get(key), getattr(contact, key), f"Largest {what} of {name}", unit,
-            note=f"{over}; law: {contact.law}; {count}", details=details,
-        )  # fmt: skip
+            found,
+            history,
+            spreads.get(key),
+            getattr(contact, key),
+            f"Largest {what} of {name}",
+            unit,
+            note=f"{over}; law: {contact.law}; {count}",
+            details=details,
+        )
         yield from _of_history(
-            found, history, spreads.get("cycle_mean_force"), contact.cycle_mean_force, f"{averaged} force of {name}",
-            "N", note=f"{third}; {count}",
-        )  # fmt: skip
+            found,
+            history,
+            spreads.get("cycle_mean_force"),
+            contact.cycle_mean_force,
+            f"{averaged} force of {name}",
+            "N",
+            note=f"{third}; {count}",
+        )
 
 
 def _restitution(contact: ContactSummary) -> str:
