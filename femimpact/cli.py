@@ -5,7 +5,7 @@ from __future__ import annotations
 import signal
 import sys
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -15,14 +15,13 @@ from cyclopts import App, CycloptsError, Parameter
 
 from femimpact import __version__
 from femimpact.errors import CoreError, FemimpactError, InputError, require
-from femimpact.units import number_text, prefixed
+from femimpact.units import number_text
 
 if TYPE_CHECKING:
     from rich.console import Console
 
     from femimpact.app.parametric.verb import StudyProgress
     from femimpact.app.results.results import StudyResults
-    from femimpact.app.study.study import Study
     from femimpact.app.tasks.run import Report
 
 BESIDE = 3
@@ -608,7 +607,7 @@ def _run(
     if quiet:
         _show_warnings(results)
     else:
-        _print_results(study, results)
+        print_results(results)
 
 
 def _draw_again(directory: Path, kind: str, quiet: bool) -> None:
@@ -620,43 +619,22 @@ def _draw_again(directory: Path, kind: str, quiet: bool) -> None:
         print(f"drawn in {directory}: {', '.join(drawn)}")
 
 
-def _print_results(study: Study, results: StudyResults) -> None:
-    from femimpact.app.results.results import carried_of
-    from femimpact.sweep import ONE_START
+def print_results(results: StudyResults) -> None:
+    """Print what the page says of results: tables, conclusions, notes, warnings, and where they are."""
+    from femimpact.app.report.page import conclusion_lines
+    from femimpact.app.report.page_tables import channel_table
+    from femimpact.app.report.result_conclusions import conclusions_of
+    from femimpact.app.study.findings import read_findings
 
-    where, summary, marks, carried = console(), results.summary, [""], carried_of(results.summary)
+    where, found = console(), read_findings(results.summary)
     if results.modes is not None:
         columns = list(results.modes)
         print_table(where, columns, zip(*results.modes.values(), strict=True), "Modes (Hz, 1, kg^0.5, kg)")
-    for label, curve in summary.get("sweep", {}).items():
-        if label == "ball" and "starts_of_sweep" in summary:
-            continue
-        coarse = curve.get("resolved") is False
-        # results of earlier versions do not say
-        marks.append("*" if curve.get("peak_is_one_start") else "")
-        low = f" (up to {_percent(curve['peak_too_low_at_most'], 2)} too low)" if coarse else ""
-        settling = ", where a transient has not died out" if curve.get("peak_is_transient") else ""
-        dropped = curve.get("damping_amplitude_ratio")
-        # with impacts the width of a peak is no damping
-        damping = (
-            f"equivalent damping {_percent(dropped)} by the drop of the peak"
-            if dropped is not None
-            else f"damping {_percent(curve['damping_fit'])} by fit, "
-            f"{_percent(curve['damping_half_power'])} by half-power{' (not resolved)' if coarse else ''}"
-        )
-        where.print(
-            f"sweep, {carried if label == 'ball' else label}: "
-            f"peak {_quantity(curve['peak_amplitude'], 'm', marks[-1])}{low} at "
-            f"{number_text(curve['peak_frequency'], 5)} Hz{settling}; {damping}"
-        )
-    if "starts_of_sweep" in summary:
-        _print_sweep_starts(where, summary)
-    elif "amplitude_ratio" in summary:
-        where.print(f"amplitude ratio without / with {carried}: {_number(summary['amplitude_ratio'])}{max(marks)}")
-    if "history" in summary:
-        marks.append(_print_history(where, study, summary))
-    if any(marks):
-        where.print(f"* {ONE_START}")
+    channels = channel_table(found)
+    if channels is not None:
+        print_table(where, channels.header, channels.rows, channels.title)
+    for line in conclusion_lines(conclusions_of(found)):
+        where.print(line)
     _print_closing(where, results)
 
 
@@ -687,132 +665,7 @@ def _print_branches(where: Console, results: StudyResults) -> None:
         print_table(where, header, cells, title)
 
 
-def _print_history(where: Console, study: Study, summary: Mapping[str, Any]) -> str:
-    """Print the numbers of a history; the star behind those of one start, or nothing."""
-    from femimpact.app.study.summary import contacts_of, window_of_peaks
-
-    history = summary["history"]
-    starts = summary.get("history_starts", {})
-    mark = "*" if history.get("peak_is_one_start") and not starts else ""
-
-    def number(value: float | None, unit: str, *keys: str) -> str:
-        """A value with its mark and its unit; with several starts their median and range."""
-        several = _range_words(starts, unit, *keys)
-        return several or (_quantity(value, unit, mark) if value is not None else "none")
-
-    peak, rms = number(history["peak"], "m", "peak"), number(history["rms"], "m", "rms")
-    third, whole = "over the last third", "" if "frequency" in history else f" {window_of_peaks(history)}"
-    cycles = "over the last third of the cycles" if "frequency" in history else third
-    settling = ": a transient has not died out" if history.get("peak_is_transient") else ""
-    repeats = f", {history['steadiness']}{settling}" if "frequency" in history else ""
-    if history["peak"] is None:
-        repeats = ": the history is shorter than a cycle"
-    where.print(
-        f"history {_base_words(study, history.get('frequency'))}{_of_starts(starts)}: "
-        f"peak {peak}{whole}, rms {rms} {cycles}{repeats}; "
-        f"{history['impacts']} impacts, {history['regime']['label']}"
-    )
-    for name, channel in history["channels"].items():
-        if channel["largest_of_run"] is None:
-            # a rigid pair has collided: its impulses stand below
-            continue
-        largest, rms = (number(channel[key], channel["unit"], "channels", name, key) for key in ("largest", "rms"))
-        own, at = _quantity(channel["largest_of_run"], channel["unit"]), f"at {_number(channel['time_of_largest'])} s"
-        of_run = _range_words(starts, channel["unit"], "channels", name, "largest_of_run") or own
-        when = f" ({own} {at} of the study's own start)" if starts else f" {at}"
-        parts = (f"largest {largest} and rms {rms} {third}", f"largest of the run {of_run}{when}")
-        where.print(f"{name}: {'; '.join(parts if 'frequency' in history else parts[::-1])}")
-    for name, contact in contacts_of(summary).items():
-        mean, impulse, largest = (
-            number(contact.get(key), unit, "contacts", name, key)
-            for key, unit in (("cycle_mean_force", "N"), ("mean_impulse", "N s"), ("largest_impulse", "N s"))
-        )
-        # an impulse has no force
-        force = (
-            f"largest impulse {largest} of the whole run"
-            if contact["peak_force"] is None
-            else f"peak force {number(contact['peak_force'], 'N', 'contacts', name, 'peak_force')}{whole}"
-        )
-        averaged = "cycle-averaged" if "frequency" in history else "mean"
-        where.print(
-            f"{name} ({contact['law']}): {force}, mean impulse {impulse} and {averaged} force {mean} {third}; "
-            f"{_restitution_words(contact)}"
-        )
-    return mark
-
-
-def _print_sweep_starts(where: Console, summary: Mapping[str, Any]) -> None:
-    """Print medians and ranges of the sweep with balls from several starts."""
-    from femimpact.app.results.results import carried_of
-
-    count, carried = summary["starts_of_sweep"], carried_of(summary)
-    for starts in summary["starts"].values():
-        peak, at, ratio, damping = (
-            _range_words(starts, unit, name) or "none"
-            for name, unit in (("peak_amplitude", "m"), ("peak_frequency", "Hz"), ("amplitude_ratio", "1"),
-                               ("damping_amplitude_ratio", "%"))
-        )  # fmt: skip
-        where.print(
-            f"sweep, {carried}, median and range of {count} starts: peak {peak} at {at}; "
-            f"amplitude ratio without / with {carried}: {ratio}; damping by the drop of the peak {damping}"
-        )
-
-
-def _of_starts(starts: Mapping[str, Any]) -> str:
-    return f", medians and ranges of {starts['count']} starts" if starts else ""
-
-
-def _range_words(starts: Mapping[str, Any], unit: str, *keys: str) -> str:
-    """Median and range of a quantity over several starts, with its unit; nothing where it has none."""
-    from femimpact.app.report.result_conclusions import spread_at
-    from femimpact.app.study.summary import spread_text
-
-    spread = spread_at(starts, *keys)
-    return "" if spread is None else spread_text(spread, unit)
-
-
-def _base_words(study: Study, frequency: float | None) -> str:
-    """Words on the motion that drove a history, which follow its name."""
-    from femimpact.excitation.excitation import words_of
-
-    if study.forces:
-        return f"under {words_of(study.excitation)}"
-    if study.kind == "sine":
-        return f"at {number_text(frequency or 0.0, 5)} Hz"
-    return f"of the {study.kind} motion" if study.record is None else f"of the record {study.record!r}"
-
-
-def _restitution_words(contact: Mapping[str, Any]) -> str:
-    """Restitution of a contact's law, with the step where the method has one, and of the run's impacts."""
-    words = f"restitution {_number(contact['restitution'])} of the law"
-    if contact["achieved_by"] == "step":
-        words += f", {_number(contact['achieved_restitution']['mean'])} with this step"
-    if contact["observed_restitution"] is None:
-        return words
-    return (
-        f"{words}; the run's impacts rebound with {_number(contact['observed_restitution'])} of their approach speed "
-        f"(median; the beam moves meanwhile)"
-    )
-
-
-def _number(value: float | None) -> str:
-    return "none" if value is None else number_text(value)
-
-
-def _quantity(value: float, unit: str, mark: str = "") -> str:
-    """A number with its mark, in the unit that fits."""
-    factor, shown = prefixed(abs(value), unit)
-    return f"{number_text(factor * value)}{mark} {'' if shown == '1' else shown}".rstrip()
-
-
-def _percent(value: float | None, digits: int = 3) -> str:
-    return "none" if value is None else f"{number_text(100 * value, digits)} %"
-
-
 def _print_closing(where: Console, results: StudyResults) -> None:
-    residual = results.summary.get("energy_residual")
-    if residual is not None:
-        where.print(f"energy unaccounted for: {number_text(residual, 2)} of the energy put in")
     for text in results.summary.get("notes", []):
         where.print(f"note: {text}")
     for text in results.summary.get("warnings", []):

@@ -13,7 +13,7 @@ import time
 
 import numpy as np
 import pytest
-from builders import FILES, SMALL_STUDY, UNDRAWN_STUDY, load_study, paper_study_text, read_csv
+from builders import FILES, SMALL_STUDY, UNDRAWN_STUDY, paper_study_text, read_csv
 from command import femimpact, femimpact_process
 
 import femimpact as fi
@@ -92,14 +92,15 @@ def test_summary_has_the_promised_keys_as_plain_numbers(ran):
 
 
 def test_values_of_one_start_have_a_star_on_the_terminal(ran, capsys):
-    from femimpact.cli import _print_results
+    from femimpact.cli import print_results
 
     results, table = fi.load(ran), read_csv(ran / "sweep.csv")
-    _print_results(load_study(ran / "study.toml"), results)
+    print_results(results)
     printed = capsys.readouterr().out
     for case in ("empty", "ball"):
         one = table[f"{case}_steadiness"][np.nanargmax(table[f"{case}_peak"])] != "periodic"
-        peak = f"sweep, {case}: peak {1e3 * results.summary['sweep'][case]['peak_amplitude']:.4g}"
+        words = {"empty": "without", "ball": "with"}[case]
+        peak = f"Largest peak {words} ball: {1e3 * results.summary['sweep'][case]['peak_amplitude']:#.4g}"
         about = results.summary["sweep"][case]
         assert about["peak_is_one_start"] is bool(one and case == "ball")
         # without impacts it is no sample
@@ -108,13 +109,12 @@ def test_values_of_one_start_have_a_star_on_the_terminal(ran, capsys):
     # six seconds from rest are not periodic
     history = results.summary["history"]
     assert history["steadiness"] != "periodic"
-    assert f"peak {1e3 * history['peak']:.4g}* mm" in printed
+    assert f"Peak of the tip: {1e3 * history['peak']:#.4g}* mm" in printed
     force, unit = (results.summary["contact"]["peak_force"], "N")
     force, unit = (force, unit) if force >= 1.0 else (1e3 * force, "mN")
-    assert f"peak force {force:.4g}* {unit}" in printed
-    # a place has one unit, that of the peak
-    assert f"tip: largest {1e3 * history['channels']['tip']['largest']:.4g}* mm" in printed
-    assert f"largest of the run {1e3 * history['channels']['tip']['largest_of_run']:.4g} mm" in printed
+    assert f"Largest force of ball: {force:#.4g}* {unit}" in printed
+    largest = (f"{1e3 * history['channels']['tip'][key]:.4g} mm" for key in ("largest_of_run", "largest"))
+    assert f"tip {' '.join(largest)}" in " ".join(printed.split())
     assert "* one start's value: the motion is not periodic" in printed
 
 
@@ -165,7 +165,7 @@ def test_coarse_step_let_through_leaves_its_warning(tmp_path):
 def test_a_run_shorter_than_a_base_cycle_has_no_amplitude_and_says_so(tmp_path):
     (tmp_path / "short.toml").write_text(UNDRAWN_STUDY.replace("duration = 6.0 ", "duration = 0.05 "), encoding="utf-8")
     printed = femimpact("simulate", "short.toml", "-o", "out", cwd=tmp_path).stdout
-    assert "peak none, rms none over the last third of the cycles: the history is shorter than a cycle;" in printed
+    assert "Peak of the tip: none; the history is shorter than a cycle" in printed
 
 
 def test_a_frequency_of_the_command_line_takes_the_place_of_that_of_the_study(tmp_path):

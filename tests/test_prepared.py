@@ -33,14 +33,14 @@ from builders import (
 import femimpact as fi
 from femimpact.app import demo
 from femimpact.app.study import study as studies
+from femimpact.app.study.findings import read_findings
 from femimpact.app.study.parameter_plan import AxisValues
 from femimpact.app.study.prepared import with_base
 from femimpact.app.study.study import Gravity
 from femimpact.app.study.study_file import LAWS
-from femimpact.app.study.summary import contacts_of
 from femimpact.app.tasks import run as runs
 from femimpact.app.tasks.run import last_cycles
-from femimpact.cli import _print_results as print_results
+from femimpact.cli import print_results
 
 
 @pytest.fixture(scope="module")
@@ -293,7 +293,7 @@ def test_no_block_of_a_summary_is_repeated(study, tmp_path):
     summary = fi.load(tmp_path / "out").summary
     for (one, first), (other, twin) in combinations(blocks(summary), 2):
         assert first != twin, f"{one} is {other}"
-    assert list(contacts_of(summary)) == ["ball", "second"]
+    assert list(read_findings(summary).contacts) == ["ball", "second"]
     assert summary["contact"]["name"] == "ball"
     assert summary["further_contacts"]["second"]["law"] == "kelvin-voigt"
 
@@ -328,18 +328,20 @@ def test_a_summary_has_every_channel_and_what_the_method_does_to_the_restitution
         # sums in another order
         assert channel["rms"] == pytest.approx(float(np.sqrt((size[last] ** 2).mean())), rel=1e-12)
     assert results.summary["contact"]["achieved_by"] == by
-    print_results(changed, results)
+    print_results(results)
     printed = " ".join(capsys.readouterr().out.split())
     for name in asked:
-        # one start of a motion that is not periodic
         scale, unit = {"Pa": (1e-6, "MPa"), "m": (1e3, "mm")}.get(found[name]["unit"], (1.0, found[name]["unit"]))
-        assert f"{name}: largest {scale * found[name]['largest']:.4g}* {unit} and rms" in printed
+        largest, later, rms = (f"{scale * found[name][key]:.4g} {unit}" for key in ("largest_of_run", "largest", "rms"))
+        assert all(number in printed for number in (name, largest, later, rms))
+    # one start of a motion that is not periodic
+    assert "Channels of the history: one start's value" in printed
     assert ("with this step" in printed) == (by == "step")
 
 
 def test_a_study_without_a_contact_has_none_in_its_summary(study):
     empty = dataclasses.replace(study, structure=dataclasses.replace(study.structure, impactors=()))
-    assert contacts_of(summary_of(prepare(empty))) == {}
+    assert read_findings(summary_of(prepare(empty))).contacts == {}
 
 
 def test_one_file_name_has_one_key():
@@ -358,3 +360,15 @@ def test_bodies_are_counted_in_words(study):
     for words, change in others.items():
         line = plan_lines(dataclasses.replace(study, structure=dataclasses.replace(study.structure, **change)))[0]
         assert line.endswith(f"integrated (modal), {words}")
+
+
+@pytest.mark.parametrize(
+    ("damaged", "key"),
+    [({"sweep": []}, "summary.sweep"), ({"history": {"peak": "wide"}}, "summary.history.peak"),
+     ({"warnings": [1]}, "summary.warnings.1"), ({"orbits": {"modes": True}}, "summary.orbits.")],
+)  # fmt: skip
+def test_a_damaged_summary_is_one_line_with_its_key(damaged, key):
+    with pytest.raises(fi.InputError, match=key.replace(".", r"\.")) as caught:
+        read_findings(damaged)
+    assert "the summary is damaged" in str(caught.value)
+    assert len(str(caught.value).splitlines()) == 1

@@ -21,10 +21,11 @@ from femimpact.app.report.result_conclusions import STARTS
 from femimpact.app.report.result_page import add_report
 from femimpact.app.results.result_directory import FILES, new_file, new_results
 from femimpact.app.results.results import StudyResults, load
+from femimpact.app.study.findings import Spread
 from femimpact.app.study.prepared import PreparedStudy, prepare, with_base
 from femimpact.app.study.study import Study, sine_of
 from femimpact.app.study.study_file import load_study
-from femimpact.app.study.summary import Spread, SweepPair, summary_of
+from femimpact.app.study.summary import SweepPair, summary_of
 from femimpact.app.tasks.run import (
     Found,
     Report,
@@ -143,8 +144,7 @@ def run_demo(
         comparison = compare(summary, spreads)
         remarks = remark(summary["restitution"], peaks, spreads)
         _write_comparison(folder, comparison)
-        more = {"remarks": remarks, "sweep": summary["sweep"]}
-        more["sweep"]["ball_from_rest_in_space"] = _sweep_row(sweeps["space"])
+        more = {"remarks": remarks, "ball_from_rest_in_space": _sweep_row(sweeps["space"])}
         more["starts"] = {
             start: {name: dataclasses.asdict(spread) for name, spread in samples_of.items()}
             for start, samples_of in spreads.items()

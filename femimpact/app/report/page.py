@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.resources import files
 from pathlib import Path
@@ -13,6 +13,7 @@ import numpy as np
 
 from femimpact.app.report.markup import Child, Element, element, markup
 from femimpact.files import atomic_write
+from femimpact.sweep import ONE_START
 from femimpact.units import MINUS, NO_NUMBER, typeset_number
 
 MOST_ROWS = 200
@@ -82,6 +83,19 @@ def conclusions_element(conclusions: Iterable[Conclusion]) -> Element:
     marked = any(one.one_sample for one in shown)
     words = element("p.below", "One sample: the motion does not repeat, and another start has another value.")
     return element("div", element("dl.conclusions", *map(_conclusion, shown)), words if marked else None)
+
+
+def conclusion_lines(conclusions: Iterable[Conclusion]) -> Iterator[str]:
+    """The same in lines for a terminal."""
+    marked = False
+    for one in conclusions:
+        value = f"{one.value}{'*' if one.one_sample else ''} {one.unit}".rstrip()
+        beside = f" ({one.scatter})" if one.scatter else ""
+        yield f"{one.label}: {value}{beside}{f'; {one.note}' if one.note else ''}"
+        yield from (f"  {text}" for text in one.details)
+        marked = marked or one.one_sample
+    if marked:
+        yield f"* {ONE_START}"
 
 
 def _conclusion(one: Conclusion) -> Element:

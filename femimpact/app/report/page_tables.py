@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -9,8 +10,9 @@ import numpy as np
 
 from femimpact.app.report.page import Table, table_of
 from femimpact.app.results.branch_file import FollowedBranches
+from femimpact.app.study.findings import Findings, history_words
 from femimpact.figures.study_labels import in_shown_units
-from femimpact.sweep import FrequencyResponse
+from femimpact.sweep import ONE_START, FrequencyResponse
 from femimpact.units import parameter_text, prefixed, unit_text
 
 # ---- response curves -------------------------------------------------------------------------------
@@ -73,6 +75,29 @@ def impact_table(columns: Mapping[str, Any], units: Mapping[str, str], file: str
     known = {name: one for name, one in numbers.items() if one.dtype.kind != "f" or np.any(np.isfinite(one))}
     title = f"The last {ROWS} of {count} impacts" if count > ROWS else f"All {count} impacts"
     return table_of(title, {name: one[max(count - ROWS, 0) :] for name, one in known.items()}, units, file)
+
+
+def channel_table(found: Findings) -> Table | None:
+    """Largest values and rms of every channel of a history, over several starts their medians and ranges."""
+    history, starts = found.history, found.history_starts
+    if history is None:
+        return None
+    names = {"largest_of_run": "largest of the run", "largest": "largest over the last third", "rms": "rms there"}
+    rows = []
+    for name, channel in history.channels.items():
+        # the impulses of a rigid pair that has collided are those of its contact
+        if math.isfinite(channel.largest_of_run):
+            spreads = starts.channels.get(name, {}) if starts is not None else {}
+            cells = (history_words(spreads.get(key), getattr(channel, key), channel.unit) for key in names)
+            own = [unit_text(channel.largest_of_run, channel.unit)] if starts is not None else []
+            rows.append((name, *cells, *own, channel.time_of_largest))
+    title, own = "Channels of the history", list[str]()
+    if starts is not None:
+        title, own = f"{title}: medians and ranges of {starts.count} starts", ["largest of the study's own start"]
+    elif history.peak_is_one_start:
+        title = f"{title}: {ONE_START}"
+    header = ("channel", *names.values(), *own, "time of it (s)")
+    return Table(title, header, tuple(rows)) if rows else None
 
 
 # ---- convergence -----------------------------------------------------------------------------------

@@ -9,22 +9,31 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeGuard, TypeVar
 
 import numpy as np
 
 from femimpact.app.parametric.best_design import MOST_NAMED, BestCase, design_notes, label_of, more_designs, told
 from femimpact.app.report.page import Conclusion
 from femimpact.app.results.picture_data import StructureModes, read_mode_shapes
-from femimpact.app.results.result_directory import FILES, ResultsWarning
-from femimpact.app.results.results import carried_of, read_dataset, read_table
+from femimpact.app.results.result_directory import FILES, SUMMARY, ResultsWarning
+from femimpact.app.results.results import read_dataset, read_table
+from femimpact.app.study.findings import (
+    ContactSummary,
+    CurveSummary,
+    Findings,
+    HistorySummary,
+    Spread,
+    history_words,
+    read_findings,
+    spread_text,
+)
 from femimpact.app.study.study import Study
 from femimpact.app.study.study_file import load_study
-from femimpact.app.study.summary import Spread, contacts_of, spread_text, window_of_peaks
 from femimpact.figures.study_labels import axis_names, axis_words, measure_names, single_samples, value_words
 from femimpact.files import read_units
 from femimpact.orbits.figures import MARKS, kind_words
-from femimpact.units import SHOWN_IN, interval_texts, prefixed, typeset_number, unit_text, unit_words
+from femimpact.units import SHOWN_IN, interval_texts, number_text, prefixed, typeset_number, unit_text, unit_words
 
 if TYPE_CHECKING:
     import xarray
@@ -63,6 +72,11 @@ class ResultReading:
         """The study of the results, as the history."""
         path = self.folder / FILES["study"].name
         return self.attempt(path.name, lambda: load_study(path)) if path.exists() else None
+
+    @cached_property
+    def findings(self) -> Findings:
+        """What the summary says; nothing where it is damaged."""
+        return self.attempt(SUMMARY, lambda: read_findings(self.summary)) or Findings()
 
     @cached_property
     def history(self) -> xarray.Dataset | None:
@@ -104,30 +118,32 @@ def texts_of(values: Any) -> tuple[str, ...]:
 STARTS = {"base": "at rest relative to the base", "space": "at rest in the inertial frame"}
 
 
-def conclusions_of(summary: Mapping[str, Any]) -> tuple[Conclusion, ...]:
+def conclusions_of(found: Findings) -> tuple[Conclusion, ...]:
     """Conclusions of a summary: peaks, damping, regime, stresses, forces, frequencies, energy; what it has of them."""
     return (
-        *_peaks(summary), *_ratio(summary), *_damping(summary), *_history(summary), *_contacts(summary),
-        *_frequencies(summary), *_energy(summary), *_orbits(summary),
-    )  # fmt: skip
+        *_peaks(found),
+        *_ratio(found),
+        *_damping(found),
+        *_history(found),
+        *_contacts(found),
+        *_frequencies(found),
+        *_energy(found),
+        *_orbits(found),
+    )
 
 
-def _orbits(summary: Mapping[str, Any]) -> list[Conclusion]:
+def _orbits(found: Findings) -> list[Conclusion]:
     """How many branches of periodic orbits there are, and where their orbits are stable."""
-    found, branches = _at(summary, "orbits"), _at(summary, "orbits", "branches")
-    if not isinstance(branches, list) or not branches:
+    orbits = found.orbits
+    if orbits is None or not orbits.branches:
         return []
-    stable = sum(1 for branch in branches if _number(branch, "stable_points"))
+    stable = sum(1 for branch in orbits.branches if branch.stable_points)
     # two branches share the point at which they meet
-    places = {
-        (str(_at(each, "kind")), f"{_number(each, 'value') or 0.0:.9g}")
-        for branch in branches
-        for each in _at(branch, "bifurcations") or []
-    }
+    places = {(each.kind, f"{each.value:.9g}") for branch in orbits.branches for each in branch.bifurcations}
     kinds = Counter(kind for kind, _ in places)
     details = tuple(f"{kind_words(kind)}: {kinds[kind]}" for kind in MARKS if kind in kinds)
-    note = f"over {_at(found, 'parameter')}, on {_at(found, 'modes')} modes; {stable} of them with stable orbits"
-    return [Conclusion("Branches of periodic orbits", str(len(branches)), note=note, details=details)]
+    note = f"over {orbits.parameter}, on {orbits.modes} modes; {stable} of them with stable orbits"
+    return [Conclusion("Branches of periodic orbits", str(len(orbits.branches)), note=note, details=details)]
 
 
 def _shown(value: float) -> str:
@@ -144,222 +160,218 @@ def number_conclusion(label: str, value: float, unit: str, **more: Any) -> Concl
 TRANSIENT = "a transient of the start has not died out"
 
 
-def _at(data: Any, *keys: str) -> Any:
-    """A value in tables of tables; None where any of them is something else."""
-    for key in keys:
-        data = data.get(key) if isinstance(data, Mapping) else None
-    return data
+def _known(value: float | None) -> TypeGuard[float]:
+    """Whether a number is known, and finite."""
+    return value is not None and math.isfinite(value)
 
 
-def _number(data: Any, *keys: str) -> float | None:
-    """A finite number in tables of tables."""
-    value = _at(data, *keys)
-    fits = isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
-    return float(value) if fits else None
+def _settling(part: CurveSummary | HistorySummary) -> str:
+    return f"; {TRANSIENT}" if part.peak_is_transient else ""
 
 
-def _peaks(summary: Mapping[str, Any]) -> list[Conclusion]:
-    found = []
-    carried = carried_of(summary)
-    for case, words in (("empty", f"without {carried}"), ("ball", f"with {carried}")):
-        peak, frequency = (_number(summary, "sweep", case, f"peak_{name}") for name in ("amplitude", "frequency"))
-        if peak is None or frequency is None:
+def _peaks(found: Findings) -> Iterator[Conclusion]:
+    for case, words in (("empty", f"without {found.carried}"), ("ball", f"with {found.carried}")):
+        curve = found.sweep.get(case)
+        if curve is None or not (_known(curve.peak_amplitude) and _known(curve.peak_frequency)):
             continue
-        several = _from_starts(summary, "peak_amplitude", f"Largest peak {words}", "m") if case == "ball" else []
+        label = f"Largest peak {words}"
+        several = _from_starts(found, "peak_amplitude", label, "m") if case == "ball" else []
         if several:
-            found += several
+            yield from several
             continue
-        low = _number(summary, "sweep", case, "peak_too_low_at_most")
-        coarse = _at(summary, "sweep", case, "resolved") is False and low is not None
-        settling = f"; {TRANSIENT}" if _at(summary, "sweep", case, "peak_is_transient") else ""
-        found.append(
-            number_conclusion(
-                f"Largest peak {words}", peak, "m",
-                scatter=f"may be read up to {typeset_number(100 * (low or 0.0), 2)} % too low" if coarse else "",
-                one_sample=bool(_at(summary, "sweep", case, "peak_is_one_start")),
-                note=f"at {typeset_number(frequency)} Hz, relative to the base{settling}",
-            )
-        )  # fmt: skip
-    return found
+        coarse = curve.resolved is False and _known(curve.peak_too_low_at_most)
+        yield number_conclusion(
+            label,
+            curve.peak_amplitude,
+            "m",
+            scatter=f"may be read up to {typeset_number(100 * curve.peak_too_low_at_most, 2)} % too low"
+            if coarse
+            else "",
+            one_sample=curve.peak_is_one_start,
+            note=f"at {typeset_number(curve.peak_frequency)} Hz, relative to the base{_settling(curve)}",
+        )
 
 
-def spread_at(data: Any, *keys: str) -> Spread | None:
-    """Median and range in tables of tables; None where something else stands there."""
-    median, lowest, highest = (_number(data, *keys, key) for key in ("median", "lowest", "highest"))
-    if median is None or lowest is None or highest is None:
-        return None
-    return Spread(median, lowest, highest, _number(data, *keys, "resolution") or 0.0)
-
-
-def _of_spread(spread: Spread, label: str, unit: str, words: str, note: str = "") -> Conclusion:
+def _of_spread(spread: Spread, label: str, unit: str, words: str, **more: Any) -> Conclusion:
     """A median with its range in words."""
     text, shown = spread.in_unit_that_fits(unit)
     value, _, scatter = text.partition(" (")
     scatter = f"{scatter.rstrip(')')} over {words}" if scatter else words
-    return Conclusion(label, value, "" if shown == "1" else shown, scatter, note=note)
+    return Conclusion(label, value, "" if shown == "1" else shown, scatter, **more)
 
 
-def _from_starts(summary: Mapping[str, Any], name: str, label: str, unit: str) -> list[Conclusion]:
+def _from_starts(found: Findings, name: str, label: str, unit: str) -> list[Conclusion]:
     """A quantity that was taken over several starts: in the first frame of them, and in the others in words."""
-    count, frames = _number(summary, "starts_of_sweep"), {**STARTS, "static": "in the static position"}
-    spreads = [(words, spread_at(summary, "starts", start, name)) for start, words in frames.items()]
-    known = [(words, spread) for words, spread in spreads if spread is not None]
+    count, frames = found.starts_of_sweep, {**STARTS, "static": "in the static position"}
+    spreads = [(words, found.starts.get(start, {}).get(name)) for start, words in frames.items()]
+    known = [(words, spread) for words, spread in spreads if spread is not None and _known(spread.median)]
     if not known:
         return []
     (words, first), *others = known
     note = "; ".join(f"{words}: {spread_text(spread, unit)}" for words, spread in others)
     # of a run the balls are drawn, and the structure is at rest
-    text = f"starts {words}" if count is None else f"{count:.0f} starts of the {carried_of(summary)}, the beam {words}"
-    return [_of_spread(first, label, unit, text, note)]
+    text = f"starts {words}" if count is None else f"{count} starts of the {found.carried}, the beam {words}"
+    return [_of_spread(first, label, unit, text, note=note)]
 
 
-def _from_history_starts(
-    summary: Mapping[str, Any], keys: tuple[str, ...], label: str, unit: str, note: str = ""
+def _of_history(
+    found: Findings,
+    history: HistorySummary,
+    spread: Spread | None,
+    value: float | None,
+    label: str,
+    unit: str,
+    **more: Any,
 ) -> list[Conclusion]:
-    """A quantity of the history that was taken over several starts."""
-    spread, count = spread_at(summary, "history_starts", *keys), _number(summary, "history_starts", "count")
-    return (
-        []
-        if spread is None
-        else [_of_spread(spread, label, unit, f"{count or 0:.0f} starts of the {carried_of(summary)}", note)]
-    )
+    """A quantity of the history: its median and range over several starts, else its value; none where it has none."""
+    if spread is not None and found.history_starts is not None and _known(spread.median):
+        words = f"{found.history_starts.count} starts of the {found.carried}"
+        return [_of_spread(spread, label, unit, words, **more)]
+    if not _known(value):
+        return []
+    return [number_conclusion(label, value, unit, one_sample=history.peak_is_one_start, **more)]
 
 
-def _ratio(summary: Mapping[str, Any]) -> list[Conclusion]:
-    carried = carried_of(summary)
+def _ratio(found: Findings) -> list[Conclusion]:
+    carried = found.carried
     them = "them" if carried.endswith("s") or " and " in carried else "it"
     label = f"Peak without {carried} over peak with {them}"
-    several = _from_starts(summary, "peak_frequency", f"Frequency of the peak with {carried}", "Hz")
-    several += _from_starts(summary, "amplitude_ratio", label, "1")
-    ratio = _number(summary, "amplitude_ratio")
-    if several or ratio is None:
+    several = _from_starts(found, "peak_frequency", f"Frequency of the peak with {carried}", "Hz")
+    several += _from_starts(found, "amplitude_ratio", label, "1")
+    if several or not _known(found.amplitude_ratio):
         return several
-    sample = any(_at(summary, "sweep", case, "peak_is_one_start") for case in ("empty", "ball"))
-    return [Conclusion(label, _shown(ratio), one_sample=bool(sample))]
+    sample = any(curve.peak_is_one_start for curve in found.sweep.values())
+    return [Conclusion(label, _shown(found.amplitude_ratio), one_sample=sample)]
 
 
 DROP = "Equivalent damping by the drop of the peak"
 """With impacts the width of a peak is no damping."""
 
 
-def _damping(summary: Mapping[str, Any]) -> list[Conclusion]:
-    found, carried = [], carried_of(summary)
-    ratio = _number(summary, "sweep", "empty", "damping_fit")
-    if ratio is not None:
-        interval = _at(summary, "sweep", "empty", "damping_fit_interval")
-        known = isinstance(interval, list) and len(interval) == 2 and all(isinstance(one, float) for one in interval)
-        shown, words = _shown(100 * ratio), ""
-        if known:
-            shown, low, high = interval_texts(100 * ratio, *(100 * one for one in interval))
+def _damping(found: Findings) -> Iterator[Conclusion]:
+    empty, ball = found.sweep.get("empty"), found.sweep.get("ball")
+    if empty is not None and _known(empty.damping_fit):
+        shown, words = _shown(100 * empty.damping_fit), ""
+        if all(map(math.isfinite, empty.damping_fit_interval)):
+            shown, low, high = interval_texts(*(100 * one for one in (empty.damping_fit, *empty.damping_fit_interval)))
             words = f"95 % interval {low} to {high} %"
-        note = "one-pole fit of the curve"
-        found.append(Conclusion(f"Damping ratio without {carried}", shown, "%", words, note=note))
-    several = _from_starts(summary, "damping_amplitude_ratio", DROP, "%")
-    with_ball = _number(summary, "sweep", "ball", "damping_amplitude_ratio")
-    if several or with_ball is None:
-        return found + several
-    sample = bool(_at(summary, "sweep", "ball", "peak_is_one_start"))
-    return [
-        *found,
-        Conclusion(
-            DROP, _shown(100 * with_ball), "%", one_sample=sample, note=f"damping without {carried} times the ratio"
-        ),
-    ]
-
-
-def _history(summary: Mapping[str, Any]) -> list[Conclusion]:
-    history = summary.get("history")
-    if not isinstance(history, Mapping):
-        return []
-    sample = bool(history.get("peak_is_one_start"))
-    frequency = _number(history, "frequency")
-    at = f"of the history at {typeset_number(frequency)} Hz" if frequency is not None else "of the history"
-    found = []
-    label = _at(history, "regime", "label")
-    # without a cycle nothing could repeat
-    if isinstance(label, str) and (frequency is not None or label == "no impacts"):
-        per_cycle = _number(history, "impacts_per_cycle")
-        rate = f"{_shown(per_cycle)} impacts in a cycle" if per_cycle is not None else ""
-        found.append(Conclusion("Kind of motion", label, scatter=rate, note=at))
-    peak = _number(history, "peak")
-    over = f"over the last third of the cycles {at}" if frequency is not None else window_of_peaks(history)
-    over += f"; {TRANSIENT}" if history.get("peak_is_transient") else ""
-    several = _from_history_starts(summary, ("peak",), "Peak of the tip", "m", over)
-    if several:
-        found += several
-    elif peak is not None:
-        found.append(number_conclusion("Peak of the tip", peak, "m", one_sample=sample, note=over))
-    channels = history.get("channels")
-    for name, about in channels.items() if isinstance(channels, Mapping) else ():
-        unit, largest = _at(about, "unit"), _number(about, "largest_of_run")
-        if unit in ("Pa", "N m") and largest is not None:
-            time = _number(about, "time_of_largest")
-            words = "largest of the run" if time is None else f"largest of the run, at {typeset_number(time)} s"
-            keys = ("channels", str(name), "largest_of_run")
-            several = _from_history_starts(summary, keys, str(name), unit, "largest of the run")
-            found += several or [number_conclusion(str(name), largest, unit, one_sample=sample, note=words)]
-    return found
-
-
-def _contacts(summary: Mapping[str, Any]) -> list[Conclusion]:
-    history = summary.get("history")
-    history = history if isinstance(history, Mapping) else {}
-    sample = bool(history.get("peak_is_one_start"))
-    several = _from_starts(summary, "cycle_mean_force", "Cycle-averaged contact force", "N")
-    several += _from_starts(summary, "peak_force", "Largest contact force", "N")
-    if several and "history_starts" not in summary:
-        return several
-    found = []
-    averaged = "Mean" if _number(history, "frequency") is None else "Cycle-averaged"
-    try:
-        contacts = contacts_of(summary)
-    except (TypeError, KeyError, ValueError):
-        return []
-    for name, contact in contacts.items():
-        law, count = _at(contact, "law"), _number(contact, "impacts")
-        if count == 0.0:
-            found.append(Conclusion(f"Impacts of {name}", "none", note="in the run"))
-            continue
-        impacts = f"{count:.0f} impacts of the run" if count is not None else ""
-        # a rigid law has no force
-        key, what, unit, over = (
-            ("largest_impulse", "impulse", "N s", "of the whole run")
-            if _number(contact, "peak_force") is None
-            else ("peak_force", "force", "N", window_of_peaks(history))
-        )
-        for entry, label, of, note in (
-            (key, f"Largest {what} of {name}", unit, f"{over}; law: {law}; {impacts}"),
-            ("cycle_mean_force", f"{averaged} force of {name}", "N", f"over the last third; {impacts}"),
-        ):
-            value = _number(contact, entry)
-            if value is not None:
-                found += _from_history_starts(summary, ("contacts", name, entry), label, of, note) or [
-                    number_conclusion(label, value, of, one_sample=sample, note=note)
-                ]
-    return found
-
-
-def _frequencies(summary: Mapping[str, Any]) -> list[Conclusion]:
-    found, carried = [], carried_of(summary)
-    for case, words in (("empty", f"without {carried}"), ("glued", "with the balls glued on")):
-        values = _at(summary, "natural_frequency", case)
-        if isinstance(values, list) and values and isinstance(values[0], (int, float)):
-            found.append(number_conclusion("First natural frequency", float(values[0]), "Hz", note=words))
-    return found
-
-
-def _energy(summary: Mapping[str, Any]) -> list[Conclusion]:
-    residual = _number(summary, "energy_residual")
-    if residual is None:
-        return []
-    return [
-        Conclusion(
-            "Energy unaccounted for",
-            typeset_number(100 * residual, 2),
+        half, coarse = empty.damping_half_power, " (not resolved)" if empty.resolved is False else ""
+        details = (f"by half-power {typeset_number(100 * half)} %{coarse}",) if _known(half) else ()
+        label = f"Damping ratio without {found.carried}"
+        yield Conclusion(label, shown, "%", words, note="one-pole fit of the curve", details=details)
+    several = _from_starts(found, "damping_amplitude_ratio", DROP, "%")
+    yield from several
+    if not several and ball is not None and _known(ball.damping_amplitude_ratio):
+        yield Conclusion(
+            DROP,
+            _shown(100 * ball.damping_amplitude_ratio),
             "%",
-            note="of the energy put in: a check of the computation",
+            one_sample=ball.peak_is_one_start,
+            note=f"damping without {found.carried} times the ratio",
         )
-    ]
+
+
+def _history(found: Findings) -> Iterator[Conclusion]:
+    history, starts = found.history, found.history_starts
+    if history is None:
+        return
+    cyclic, label = history.frequency is not None, history.regime.label
+    at = (
+        f"of the history at {typeset_number(history.frequency)} Hz"
+        if history.frequency is not None
+        else "of the history"
+    )
+    # without a cycle nothing could repeat
+    if cyclic or label == "no impacts":
+        rate = f"{_shown(history.impacts_per_cycle)} impacts in a cycle" if _known(history.impacts_per_cycle) else ""
+        yield Conclusion("Kind of motion", label, scatter=rate, note=at)
+    over = f"over the last third of the cycles {at}" if cyclic else history.window_of_peaks
+    of_peak, of_rms = (None, None) if starts is None else (starts.peak, starts.rms)
+    rms = history_words(of_rms, history.rms, "m")
+    details = (f"rms {rms} over the last third{f'; the motion is {history.steadiness}' if cyclic else ''}",)
+    yield from _of_history(
+        found,
+        history,
+        of_peak,
+        history.peak,
+        "Peak of the tip",
+        "m",
+        note=over + _settling(history),
+        details=details if rms else (),
+    ) or [Conclusion("Peak of the tip", "none", note="the history is shorter than a cycle")]
+    for name, channel in history.channels.items():
+        if channel.unit in ("Pa", "N m"):
+            spread = None if starts is None else starts.channels.get(name, {}).get("largest_of_run")
+            when = "" if spread else f", at {typeset_number(channel.time_of_largest)} s"
+            yield from _of_history(
+                found, history, spread, channel.largest_of_run, name, channel.unit, note=f"largest of the run{when}"
+            )
+
+
+def _contacts(found: Findings) -> Iterator[Conclusion]:
+    history, starts = found.history, found.history_starts
+    if starts is None:
+        yield from _from_starts(found, "cycle_mean_force", "Cycle-averaged contact force", "N")
+        yield from _from_starts(found, "peak_force", "Largest contact force", "N")
+    if history is None:
+        return
+    averaged = "Mean" if history.frequency is None else "Cycle-averaged"
+    for name, contact in found.contacts.items():
+        if contact.impacts == 0:
+            yield Conclusion(f"Impacts of {name}", "none", note="in the run")
+            continue
+        spreads = starts.contacts.get(name, {}) if starts is not None else {}
+        count, third = f"{contact.impacts} impacts of the run", "over the last third"
+        # a rigid law has no force
+        rigid = not _known(contact.peak_force)
+        key, what, unit = ("largest_impulse", "impulse", "N s") if rigid else ("peak_force", "force", "N")
+        over = "of the whole run" if rigid else history.window_of_peaks
+        impulse = history_words(spreads.get("mean_impulse"), contact.mean_impulse, "N s")
+        details = (*([f"mean impulse {impulse} {third}"] if impulse else []), _restitution(contact))
+        yield from _of_history(
+            found,
+            history,
+            spreads.get(key),
+            getattr(contact, key),
+            f"Largest {what} of {name}",
+            unit,
+            note=f"{over}; law: {contact.law}; {count}",
+            details=details,
+        )
+        yield from _of_history(
+            found,
+            history,
+            spreads.get("cycle_mean_force"),
+            contact.cycle_mean_force,
+            f"{averaged} force of {name}",
+            "N",
+            note=f"{third}; {count}",
+        )
+
+
+def _restitution(contact: ContactSummary) -> str:
+    """Restitution of a contact's law, with the step where the method has one, and of the run's impacts."""
+    words = f"restitution {number_text(contact.restitution)} of the law"
+    if contact.achieved_by == "step":
+        words += f", {number_text(contact.achieved_restitution.mean)} with this step"
+    if not _known(contact.observed_restitution):
+        return words
+    return (
+        f"{words}; the run's impacts rebound with {number_text(contact.observed_restitution)} of their approach speed "
+        f"(median; the beam moves meanwhile)"
+    )
+
+
+def _frequencies(found: Findings) -> Iterator[Conclusion]:
+    for case, words in (("empty", f"without {found.carried}"), ("glued", "with the balls glued on")):
+        for first in found.natural_frequency.get(case, ())[:1]:
+            yield number_conclusion("First natural frequency", first, "Hz", note=words)
+
+
+def _energy(found: Findings) -> Iterator[Conclusion]:
+    if _known(found.energy_residual):
+        note = "of the energy put in: a check of the computation"
+        yield Conclusion("Energy unaccounted for", typeset_number(100 * found.energy_residual, 2), "%", note=note)
 
 
 def convergence_conclusions(

@@ -29,6 +29,7 @@ from femimpact.app.report.page_tables import (
     branch_table,
     case_table,
     cases_of_axis,
+    channel_table,
     dwell_words,
     impact_table,
     summary_table,
@@ -72,6 +73,7 @@ from femimpact.app.results.result_directory import (
     unfinished_state,
 )
 from femimpact.app.results.results import carried_of, read_json, read_summary
+from femimpact.app.study.findings import Findings
 from femimpact.app.study.prepared import in_study_words
 from femimpact.app.study.study import Study, build
 from femimpact.errors import InputError, require, require_path
@@ -161,7 +163,7 @@ def page_of(folder: Path) -> Page:
         drawing = results.attempt(
             "drawing of the structure", lambda: structure_element(placed_structure(*given), varied)
         )  # fmt: skip
-    conclusions = results.attempt("conclusions", lambda: conclusions_of(summary)) or ()
+    conclusions = conclusions_of(results.findings)
     recommended, accuracy = results.table(FILES["convergence_summary"].name), written.get("accuracy")
     conclusions += results.attempt("conclusions", lambda: convergence_conclusions(recommended, accuracy)) or ()
     best, reasons = _best(results)
@@ -185,7 +187,7 @@ def page_of(folder: Path) -> Page:
     return Page(
         title=given_title or title,
         by=by,
-        lead=(*([f"{title}."] if given_title else []), *studied, *_lead(study, summary, written)),
+        lead=(*([f"{title}."] if given_title else []), *studied, *_lead(study, results.findings, written)),
         drawing=drawing,
         conclusions=(*conclusions, *more),
         missing=tuple(results.missing),
@@ -300,29 +302,27 @@ def _head(*given: str) -> tuple[str, str]:
     return title, ", ".join(filter(None, by))
 
 
-def _lead(study: Study | None, summary: Mapping[str, Any], written: Mapping[str, Any]) -> list[str]:
+def _lead(study: Study | None, found: Findings, written: Mapping[str, Any]) -> list[str]:
     """Sentences on what was computed."""
     if study is None:
         return [str(written["problem"])] if "problem" in written else []
-    said = [f"History: {study.history_words}." if "history" in summary else ""]
+    said = [f"History: {study.history_words}." if found.history is not None else ""]
     base = ""
     if study.kind == "sine":
         reached = unit_text(study.sine.amplitude * (2.0 * math.pi * study.sine.frequency) ** 2, "m/s^2")
         base = f" The base moves by {1e3 * study.sine.amplitude:.4g} mm, with {reached} at {study.sine.frequency:g} Hz."
-    if "sweep" in summary and study.sweep is not None:
+    if found.sweep and study.sweep is not None:
         plan = study.sweep
         said.append(
             f"Sweep: {plan.start:g} to {plan.stop:g} Hz at {plan.points} points, {plan.refine} more around each "
             f"resonance; {plan.cycles} cycles at each frequency."
         )
-    followed = summary.get("orbits")
-    if isinstance(followed, Mapping) and study.orbits is not None:
-        low, high = (unit_text(value, str(followed.get("unit", ""))) for value in study.orbits.range)
+    if found.orbits is not None and study.orbits is not None:
+        low, high = (unit_text(value, found.orbits.unit) for value in study.orbits.range)
         drive = words_of(study.excitation)
-        said.append(f"Periodic orbits over {followed.get('parameter')} from {low} to {high}; drive: {drive}.")
+        said.append(f"Periodic orbits over {found.orbits.parameter} from {low} to {high}; drive: {drive}.")
     kept = f"on {study.reduction.modes} modes" if study.reduction is not None else "in physical degrees of freedom"
-    step = summary.get("step")
-    steps = f", step {1e3 * step:.4g} ms" if isinstance(step, float) and step == step else ""
+    steps = f", step {1e3 * found.step:.4g} ms" if found.step is not None else ""
     said.append(f"Method: {study.method.get('name', 'newmark')} {kept}{steps}.{base}")
     return [text for text in said if text]
 
@@ -433,17 +433,17 @@ def _drive(results: ResultReading) -> list[Element]:
 
 
 def _motion(results: ResultReading) -> list[Element]:
-    """By which criterion the motion is what it is, and which channels are not drawn."""
+    """By which criterion the motion is what it is, and the numbers of every channel."""
     if results.history is None:
         return []
-    found = results.summary.get("history")
-    regime = found.get("regime") if isinstance(found, dict) else None
-    if not isinstance(regime, dict):
+    found = results.findings.history
+    if found is None:
         return []
-    label, criterion = (str(regime.get(key, "not known")) for key in ("label", "criterion"))
-    judged = f"Kind of motion over the last third: {label}. Criterion: {criterion}."
-    cycle = "base_frequency_Hz" in results.history.attrs
-    return [element("p", judged if cycle else "The excitation has no cycle: no kind of periodic motion is looked for.")]
+    words = "The excitation has no cycle: no kind of periodic motion is looked for."
+    if found.frequency is not None:
+        words = f"Kind of motion over the last third: {found.regime.label}. Criterion: {found.regime.criterion}."
+    channels = channel_table(results.findings)
+    return [element("p", words), *([] if channels is None else [table_element(channels)])]
 
 
 def _player(results: ResultReading) -> list[Element]:
@@ -476,7 +476,7 @@ def _comparison(results: ResultReading) -> list[Element]:
         rows = tuple(zip(*(_plain_column(values) for values in beside.values()), strict=True))
         title = "The paper beside ours: median and range over starts"
         content.append(table_element(Table(title, header, rows, FILES["comparison"].name)))
-    remarks = texts_of(results.summary.get("remarks"))
+    remarks = results.findings.remarks
     if remarks:
         content.append(element("div.said", element("h3", "Where they differ, and why"), list_element(remarks, "notes")))
     name = FILES["restitution"].name

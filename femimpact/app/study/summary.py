@@ -5,14 +5,24 @@ from __future__ import annotations
 import importlib.metadata
 import math
 import platform
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from femimpact import core
+from femimpact.app.study.findings import (
+    AchievedRestitution,
+    ChannelSummary,
+    CoarseDamping,
+    ContactSummary,
+    CurveSummary,
+    Findings,
+    HistorySummary,
+    Spread,
+    written,
+)
 from femimpact.app.study.prepared import PreparedStudy, finer_grid_words, in_study_words, root_stress_notes
 from femimpact.excitation import Drives
 from femimpact.excitation.excitation import has_cycle, is_force
@@ -26,7 +36,6 @@ from femimpact.sweep import FrequencyResponse, on_grid
 from femimpact.sweep.curve import TAKE_STARTS
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.modes import Modes, first_elastic_frequency
-from femimpact.units import at_place, decimal_place, number_text, prefixed
 
 RESTITUTION_MISSED = 0.1
 """Difference between a law's restitution and the median seen in a run that is warned of."""
@@ -39,47 +48,6 @@ class SweepPair:
     empty: FrequencyResponse
     ball: FrequencyResponse | None  # none where the study has no impactor
     coarse: NDArray[np.float64]  # Hz: the even grid of the study; the other frequencies refine it
-
-
-@dataclass(frozen=True)
-class Spread:
-    """One quantity of a chaotic motion over several starts."""
-
-    median: float
-    lowest: float
-    highest: float
-    resolution: float = 0.0  # what one start's value is exact to, as the step of a grid; 0 where it is rounding
-
-    def text(self, scale: float = 1.0) -> str:
-        """Median and range in words, to two digits of half the range, of at most four that are significant.
-
-        What is exact to the step of a grid has no more digits than the step. The range is rounded outwards, after a
-        quarter of it at each end for the starts that were not run.
-        """
-        low, middle, high, step = (scale * x for x in (self.lowest, self.median, self.highest, self.resolution))
-        largest = max(abs(low), abs(middle), abs(high))
-        if not 0.0 < largest < math.inf:
-            return number_text(middle)
-        beyond = step + (high - low) / 4.0
-        place = max(decimal_place((high - low) / 2.0) - 1, decimal_place(step), decimal_place(largest + beyond) - 3)
-        unit = 10.0**place
-        down, up = math.floor((low - beyond) / unit + 1e-6), math.ceil((high + beyond) / unit - 1e-6)
-        if low >= 0.0:
-            down = max(down, 0)
-        # a median far below the largest value keeps two digits
-        of_middle = min(place, decimal_place(middle) - 1) if middle else place
-        return f"{at_place(middle, of_middle)} ({at_place(down * unit, place)} to {at_place(up * unit, place)})"
-
-    def in_unit_that_fits(self, unit: str) -> tuple[str, str]:
-        """The same words, and the unit with the prefix in which they are; a ratio may be in %."""
-        factor, shown = (100.0, "%") if unit == "%" else prefixed(max(abs(self.lowest), abs(self.highest)), unit)
-        return self.text(factor), shown
-
-
-def spread_text(spread: Spread, unit: str) -> str:
-    """Median and range in words, with the unit that fits."""
-    text, shown = spread.in_unit_that_fits(unit)
-    return text if shown == "1" else f"{text} {shown}"
 
 
 def spread_of(
@@ -109,32 +77,40 @@ def _resolution(curve: FrequencyResponse, fit: DampingEstimate) -> PeakResolutio
     return peak_resolution(np.unique(curve.frequency), fit.frequency, 2.0 * fit.ratio * fit.frequency)
 
 
-def _curve_summary(curve: FrequencyResponse, coarse: NDArray[np.float64], prepared: PreparedStudy) -> dict[str, Any]:
+def _curve_summary(
+    curve: FrequencyResponse,
+    coarse: NDArray[np.float64],
+    prepared: PreparedStudy,
+    empty: FrequencyResponse | None = None,
+) -> CurveSummary:
+    """The summary of a curve; beside that of the empty structure with the damping by the drop of the peak."""
     even = on_grid(curve.frequency, coarse)
     fit, half = _estimates(curve)
     resolution = _resolution(curve, fit)
     grid = (curve.frequency[even], curve.peak[even])
     coarse_fit, coarse_half = (fit, half) if math.isnan(fit.ratio) else (fit_one_pole(*grid), half_power(*grid))
-    return {
-        "peak_frequency": curve.peak_frequency,
-        "peak_amplitude": curve.peak_amplitude,
-        "peak_is_one_start": curve.peak_is_sample,
-        "peak_is_transient": curve.peak_is_transient,
-        "peak_too_low_at_most": resolution.largest_miss if resolution else math.nan,
-        "resolved": resolution.resolved if resolution else None,
-        "damping_fit": fit.ratio,
-        "damping_fit_interval": fit.interval,
-        "damping_fit_frequency": fit.frequency,
-        "damping_half_power": half.ratio,
-        "damping_half_power_interval": half.interval,
-        "coarse_grid": {"damping_fit": coarse_fit.ratio, "damping_half_power": coarse_half.ratio},
-        "start": curve.start,
-        "cycles": curve.cycles,
-        "largest_energy_residual": float(np.nanmax(curve.energy_residual)),
-        "steadiness": {str(k): int(n) for k, n in zip(*np.unique(curve.steadiness, return_counts=True), strict=True)},
-        "warnings": _curve_warnings(curve, fit, half, prepared),
-        "coarse_warnings": _estimate_warnings(coarse_fit, coarse_half),
-    }
+    peaks = () if empty is None else (empty.damping, empty.peak_amplitude, curve.peak_amplitude)
+    return CurveSummary(
+        peak_frequency=curve.peak_frequency,
+        peak_amplitude=curve.peak_amplitude,
+        peak_is_one_start=curve.peak_is_sample,
+        peak_is_transient=curve.peak_is_transient,
+        peak_too_low_at_most=resolution.largest_miss if resolution else math.nan,
+        resolved=resolution.resolved if resolution else None,
+        damping_fit=fit.ratio,
+        damping_fit_interval=fit.interval,
+        damping_fit_frequency=fit.frequency,
+        damping_half_power=half.ratio,
+        damping_half_power_interval=half.interval,
+        coarse_grid=CoarseDamping(coarse_fit.ratio, coarse_half.ratio),
+        start=curve.start,
+        cycles=curve.cycles,
+        largest_energy_residual=float(np.nanmax(curve.energy_residual)),
+        steadiness={str(k): int(n) for k, n in zip(*np.unique(curve.steadiness, return_counts=True), strict=True)},
+        warnings=tuple(_curve_warnings(curve, fit, half, prepared)),
+        coarse_warnings=tuple(_estimate_warnings(coarse_fit, coarse_half)),
+        damping_amplitude_ratio=amplitude_ratio_damping(*peaks).ratio if peaks else None,
+    )
 
 
 def _curve_warnings(
@@ -166,74 +142,75 @@ def summary_of(
     response: Response | None = None,
     sweeps: SweepPair | None = None,
 ) -> dict[str, Any]:
-    """Machine-readable summary: plain numbers in Hz, m, N, N s and 1."""
+    """Machine-readable summary: plain numbers in Hz, m, N, N s and 1, as of `Findings`."""
     study, small, method = prepared.study, prepared.small, prepared.method
     # the page of results has what was said when the beam was assembled
-    unusual = unusual_words(study.structure, first_elastic_frequency(prepared.full))
-    warnings = [*unusual, *prepared.warnings]
-    summary: dict[str, Any] = {
-        "study": str(study.path.name),
-        "versions": library_versions(),
-        "core": core.build_info(),
-        "method": str(study.method.get("name", "newmark")),
-        "step": getattr(method, "dt", math.nan),
-        "carried": prepared.carried,
-    }
+    said = [*unusual_words(study.structure, first_elastic_frequency(prepared.full)), *prepared.warnings]
+    found = Findings(
+        study=str(study.path.name),
+        versions=library_versions(),
+        core=core.build_info(),
+        method=str(study.method.get("name", "newmark")),
+        step=getattr(method, "dt", math.nan),
+        carried=prepared.carried,
+    )
     if modes is not None:
-        empty, glued = modes
-        summary["natural_frequency"] = {"empty": empty.natural_frequency}
-        summary["damping_ratio"] = empty.damping_ratio
-        if glued is not None:
-            summary["natural_frequency"]["glued"] = glued.natural_frequency
-    pairs = [pair for pair in small.contacts if pair.has_walls]
-    if pairs:
-        contacts = {pair.name: _contact_summary(pair, method, response) for pair in pairs}
+        of_case = {name: one for name, one in zip(("empty", "glued"), modes, strict=True) if one is not None}
+        frequencies = {name: tuple(one.natural_frequency.tolist()) for name, one in of_case.items()}
+        ratios = tuple(modes[0].damping_ratio.tolist())
+        found = replace(found, natural_frequency=frequencies, damping_ratio=ratios)
+    contacts = {pair.name: _contact_summary(pair, method, response) for pair in small.contacts if pair.has_walls}
+    if contacts:
         first, *others = contacts
-        summary["restitution"] = contacts[first]["restitution"]
-        summary["contact"] = {"name": first, **contacts[first]}
-        if others:
-            summary["further_contacts"] = {name: contacts[name] for name in others}
-        warnings += _restitution_warnings(contacts)
+        found = replace(
+            found,
+            restitution=contacts[first].restitution,
+            contact=replace(contacts[first], name=first),
+            further_contacts={name: contacts[name] for name in others},
+        )
+        said += _restitution_warnings(contacts)
     if sweeps is not None:
-        summary["sweep"] = {"empty": _curve_summary(sweeps.empty, sweeps.coarse, prepared)}
-        warnings += [f"sweep without {prepared.carried}: {text}" for text in summary["sweep"]["empty"]["warnings"]]
+        curves = {"empty": _curve_summary(sweeps.empty, sweeps.coarse, prepared)}
         if sweeps.ball is not None:
-            summary["sweep"]["ball"] = _curve_summary(sweeps.ball, sweeps.coarse, prepared)
-            ratio = sweeps.empty.peak_amplitude / sweeps.ball.peak_amplitude
-            by_ratio = amplitude_ratio_damping(
-                sweeps.empty.damping, sweeps.empty.peak_amplitude, sweeps.ball.peak_amplitude
-            )
-            summary["amplitude_ratio"] = ratio
-            summary["sweep"]["ball"]["damping_amplitude_ratio"] = by_ratio.ratio
-            warnings += [f"sweep with {prepared.carried}: {text}" for text in summary["sweep"]["ball"]["warnings"]]
+            curves["ball"] = _curve_summary(sweeps.ball, sweeps.coarse, prepared, sweeps.empty)
+            found = replace(found, amplitude_ratio=sweeps.empty.peak_amplitude / sweeps.ball.peak_amplitude)
+        for word, curve in zip(("without", "with"), curves.values(), strict=False):
+            said += [f"sweep {word} {prepared.carried}: {text}" for text in curve.warnings]
+        residual = float(np.nanmax((sweeps.ball or sweeps.empty).energy_residual))
+        found = replace(found, sweep=curves, energy_residual=residual)
     if response is not None:
-        warnings += [f"history: {in_study_words(text)}" for text in response.warnings]
-        summary["history"] = {
-            **({"frequency": response.base.frequency} if has_cycle(response.base) else {}),
-            "peak": peak_of_history(response),
-            **kind_of_peak(response),
-            "rms": response.steady.rms[0],
-            "steadiness": str(response.steady.steadiness[0]),
-            "impacts": len(response.impacts) + response.impacts.dropped,
-            "impacts_per_cycle": response.statistics.impacts_per_cycle,
-            "regime": asdict(response.regime),
-            "channels": channel_summary(response),
-        }
-        summary["energy_residual"] = response.energy.residual if response.energy is not None else math.nan
-        summary |= work_summary(response)
-        about_stress = root_stress_notes(prepared.study.structure, prepared.small)
-        summary["notes"] = [*map(in_study_words, response.notes), *about_stress]
-    elif sweeps is not None:
-        summary["energy_residual"] = float(np.nanmax((sweeps.ball or sweeps.empty).energy_residual))
+        said += [f"history: {in_study_words(text)}" for text in response.warnings]
+        about_stress = root_stress_notes(study.structure, small)
+        found = replace(
+            found,
+            history=_history_summary(response),
+            energy_residual=response.energy.residual if response.energy is not None else math.nan,
+            notes=(*map(in_study_words, response.notes), *about_stress),
+            **_work(response),
+        )
     # a run repeats what is said of its study
-    known = prepared.warnings
     parts = ("history", *(f"sweep {word} {prepared.carried}" for word in ("without", "with")))
-    repeated = {f"{part}: {text}" for part in parts for text in known}
-    summary["warnings"] = [text for text in dict.fromkeys(warnings) if text not in repeated]
-    return summary
+    repeated = {f"{part}: {text}" for part in parts for text in prepared.warnings}
+    warnings = [text for text in dict.fromkeys(said) if text not in repeated]
+    notes = {} if response is None else {"notes": list(found.notes)}
+    return {**written(found), **notes, "warnings": warnings}
 
 
-def work_summary(response: Response) -> dict[str, Any]:
+def _history_summary(response: Response) -> HistorySummary:
+    return HistorySummary(
+        peak=peak_of_history(response),
+        **kind_of_peak(response),
+        rms=response.steady.rms[0],
+        steadiness=str(response.steady.steadiness[0]),
+        impacts=len(response.impacts) + response.impacts.dropped,
+        impacts_per_cycle=response.statistics.impacts_per_cycle,
+        regime=response.regime,
+        channels=channel_summary(response),
+        frequency=response.base.frequency if has_cycle(response.base) else None,
+    )
+
+
+def _work(response: Response) -> dict[str, Any]:
     """Work (J) of all drives and of each of them by its name, at the end of a run; nothing without a ledger."""
     if response.energy is None:
         return {}
@@ -247,7 +224,7 @@ def drive_name(excitation: Any) -> str:
     return Drives(forces=(excitation,)).names[0] if is_force(excitation) else "base"
 
 
-def channel_summary(response: Response) -> dict[str, Any]:
+def channel_summary(response: Response) -> dict[str, ChannelSummary]:
     """Unit of every channel, its largest absolute value and rms over the last third, and the largest of the run.
 
     The first two are of the samples that the history keeps, but for the largest force of a contact, which is exact; the
@@ -269,7 +246,7 @@ def channel_summary(response: Response) -> dict[str, Any]:
             "largest_of_run": abs(largest.value),
             "time_of_largest": largest.time,
         }
-        found[name] = {"unit": unit, **(dict.fromkeys(numbers, math.nan) if name in impulsive else numbers)}
+        found[name] = ChannelSummary(unit, **(dict.fromkeys(numbers, math.nan) if name in impulsive else numbers))
     return found
 
 
@@ -278,11 +255,6 @@ def peak_of_history(response: Response) -> float:
     if has_cycle(response.base):
         return float(response.steady.peak[0])
     return abs(response.largest(response.system.default_place).value)
-
-
-def window_of_peaks(history: Mapping[str, Any]) -> str:
-    """Words for the part of the run of which the peaks in a history's summary are."""
-    return "of the whole run" if history.get("frequency") is None else "over the last third"
 
 
 def kind_of_peak(response: Response) -> dict[str, bool]:
@@ -320,52 +292,46 @@ def _has_struck(response: Response, name: str) -> bool:
     return rigid and name in response.impacts.impactor
 
 
-def contacts_of(summary: Mapping[str, Any]) -> dict[str, Any]:
-    """Entries of a summary on every contact, by name; none where the study has no contact."""
-    first = summary.get("contact")
-    return {} if first is None else {first["name"]: first, **summary.get("further_contacts", {})}
-
-
-def _contact_summary(pair: ContactPair, method: Method, response: Response | None) -> dict[str, Any]:
+def _contact_summary(pair: ContactPair, method: Method, response: Response | None) -> ContactSummary:
     """Law, achieved restitution and statistics of one ball; N, N s, m/s and 1."""
     statistics = response.statistics_of[pair.name] if response is not None else None
     speed = statistics.mean_approach_speed if statistics is not None and statistics.count else 0.1
-    exact = pair.parameters.restitution
-    achieved = {"mean": exact, "lowest": exact, "highest": exact}
-    stepped = method.achieved_restitution(pair, speed)
-    if stepped is not None:
-        achieved = {"mean": stepped.mean, "lowest": stepped.lowest, "highest": stepped.highest}
-    result: dict[str, Any] = {
-        "law": pair.law.name,
-        "restitution": pair.parameters.restitution,
-        "stiffness": pair.parameters.stiffness,
-        "damping": pair.parameters.damping,
-        "contact_time": pair.parameters.contact_time,
-        "effective_mass": pair.effective_mass,
-        "total_clearance": sum(pair.gaps),
-        "achieved_restitution": achieved,
-        "achieved_by": "law" if stepped is None else "step",
-    }
-    if response is not None and statistics is not None:
-        mine = response.impacts.impactor == pair.name
-        fast = mine & (response.impacts.approach_speed >= 0.2 * statistics.mean_approach_speed)
-        result |= {
-            "impacts": int(mine.sum()),
-            # slow touches, in which the motion of the beam counts as rebound, are left out
-            "observed_restitution": float(np.median(response.impacts.restitution[fast])) if fast.any() else math.nan,
-            **contact_forces(response, pair.name),
-            "mean_approach_speed": statistics.mean_approach_speed,
-        }
-    return result
+    exact, stepped = pair.parameters.restitution, method.achieved_restitution(pair, speed)
+    ends = (exact,) * 3 if stepped is None else (stepped.mean, stepped.lowest, stepped.highest)
+    law = ContactSummary(
+        law=pair.law.name,
+        restitution=exact,
+        stiffness=pair.parameters.stiffness,
+        damping=pair.parameters.damping,
+        contact_time=pair.parameters.contact_time,
+        effective_mass=pair.effective_mass,
+        total_clearance=sum(pair.gaps),
+        achieved_restitution=AchievedRestitution(*ends),
+        achieved_by="law" if stepped is None else "step",
+    )
+    if response is None or statistics is None:
+        return law
+    mine = response.impacts.impactor == pair.name
+    fast = mine & (response.impacts.approach_speed >= 0.2 * statistics.mean_approach_speed)
+    forces: Any = contact_forces(response, pair.name)
+    return replace(
+        law,
+        impacts=int(mine.sum()),
+        # slow touches, in which the motion of the beam counts as rebound, are left out
+        observed_restitution=float(np.median(response.impacts.restitution[fast])) if fast.any() else math.nan,
+        mean_approach_speed=statistics.mean_approach_speed,
+        **forces,
+    )
 
 
-def _restitution_warnings(contacts: dict[str, Any]) -> list[str]:
+def _restitution_warnings(contacts: dict[str, ContactSummary]) -> list[str]:
     """Where the beam's higher modes change the rebound that the law was made for."""
     return [
-        f"{name}: impacts rebound with {contact['observed_restitution']:.3g} (median) where the law has "
-        f"{contact['restitution']:.3g}: the law is made for the first mode's mass, and the beam's other modes take part"
+        f"{name}: impacts rebound with {contact.observed_restitution:.3g} (median) where the law has "
+        f"{contact.restitution:.3g}: the law is made for the first mode's mass, and the beam's other modes take part"
         for name, contact in contacts.items()
-        if abs(contact.get("observed_restitution", math.nan) - contact["restitution"]) > RESTITUTION_MISSED
+        if contact.observed_restitution is not None
+        and abs(contact.observed_restitution - contact.restitution) > RESTITUTION_MISSED
     ]
 
 

@@ -16,8 +16,9 @@ from femimpact.app.parametric.definition import ParameterStudy
 from femimpact.app.parametric.runs import drawn_state, unit_draws
 from femimpact.app.parametric.verb import block_cases, run_blocks
 from femimpact.app.results.result_directory import FILES
+from femimpact.app.study.findings import Spread
 from femimpact.app.study.prepared import PreparedStudy
-from femimpact.app.study.summary import Spread, channel_summary, contact_forces, peak_of_history, spread_of
+from femimpact.app.study.summary import channel_summary, contact_forces, peak_of_history, spread_of
 from femimpact.arrays import Array
 from femimpact.errors import DivergenceError
 from femimpact.files import write_csv
@@ -102,7 +103,7 @@ def drawn_histories(prepared: PreparedStudy, report: Report) -> tuple[dict[str, 
         rows.append({
             "peak": peak_of_history(run),
             "rms": run.steady.rms[0],
-            "channels": {name: {key: about[key] for key in OF_CHANNELS} for name, about in channels.items()},
+            "channels": {name: {key: getattr(about, key) for key in OF_CHANNELS} for name, about in channels.items()},
             "contacts": {pair.name: contact_forces(run, pair.name) for pair in small.contacts if pair.has_walls},
         })  # fmt: skip
     _require_some(len(rows), failed)
