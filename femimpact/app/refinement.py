@@ -97,10 +97,6 @@ def refine(
     **more
         Further arguments of `parameter_study`.
 
-    Returns
-    -------
-    Refinement
-
     Raises
     ------
     InputError

@@ -70,10 +70,6 @@ def branch(
     swept : pair of array_like (n,), optional
         Values of the parameter and largest displacements (m) of runs, drawn as dots.
 
-    Returns
-    -------
-    Axes
-
     Raises
     ------
     InputError

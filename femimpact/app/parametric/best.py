@@ -74,10 +74,6 @@ def best_case(
         What the worst value of a measure, of several starts the largest, may be at most; of a measure of which large
         values are better the smallest, at least.
 
-    Returns
-    -------
-    BestCase
-
     Raises
     ------
     InputError

@@ -57,10 +57,6 @@ def run_case(study: ParameterStudy, number: int, start: int = 0, record: Recorde
     record : Recorder, optional
         What is kept.
 
-    Returns
-    -------
-    Response
-
     Raises
     ------
     InputError

@@ -190,10 +190,6 @@ def calibrate(
         Where the grid is kept as a study: the same call goes on from there, and other peaks at the same frequencies are
         calibrated without a run.
 
-    Returns
-    -------
-    Calibration
-
     Raises
     ------
     InputError

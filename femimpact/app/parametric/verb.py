@@ -255,10 +255,6 @@ def load_parameter_study(directory: str | Path) -> xarray.Dataset:
     directory : str or Path
         That of `parameter_study`, which may be at work.
 
-    Returns
-    -------
-    xarray.Dataset
-
     Raises
     ------
     InputError

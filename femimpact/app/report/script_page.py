@@ -149,10 +149,6 @@ def report(
     worst_over : tuple of str, optional
         Paths of the axes of parameter studies over which the worst counts, as of `best_case`.
 
-    Returns
-    -------
-    Path
-
     Raises
     ------
     InputError

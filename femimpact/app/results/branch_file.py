@@ -54,10 +54,6 @@ def load_branch(path: str | Path, *, number: int = 1) -> Branch:
     number : int
         Of the branch in a file of several, as in its tables.
 
-    Returns
-    -------
-    Branch
-
     Raises
     ------
     InputError

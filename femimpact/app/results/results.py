@@ -88,10 +88,6 @@ def load(directory: str | Path) -> StudyResults:
     ----------
     directory : str or Path
 
-    Returns
-    -------
-    StudyResults
-
     Raises
     ------
     InputError

@@ -199,10 +199,6 @@ def axis_from(key: str, given: Any) -> AxisValues | Distribution:
         Key of the study file that faults name.
     given : sequence, mapping, frozen distribution of scipy's, AxisValues or Distribution
 
-    Returns
-    -------
-    AxisValues or Distribution
-
     Raises
     ------
     InputError

@@ -114,10 +114,6 @@ def prepare(study: Study, parts: tuple[str, ...] = PARTS) -> PreparedStudy:
     parts : tuple of str
         Of `PARTS`: which of them will run.
 
-    Returns
-    -------
-    PreparedStudy
-
     Raises
     ------
     InputError

@@ -80,10 +80,6 @@ def load_study(path: str | Path) -> Study:
     ----------
     path : str or Path
 
-    Returns
-    -------
-    Study
-
     Raises
     ------
     InputError

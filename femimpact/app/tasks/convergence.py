@@ -88,10 +88,6 @@ def write_convergence(
     accuracy : float, 1
         Relative error that the recommended numbers are for.
 
-    Returns
-    -------
-    WrittenConvergence
-
     Raises
     ------
     InputError

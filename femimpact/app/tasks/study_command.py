@@ -112,10 +112,6 @@ def write_parameter_study(
     scheduler : str, optional
         Address or scheduler file of a cluster on which the cases run.
 
-    Returns
-    -------
-    xarray.Dataset
-
     Raises
     ------
     InputError
