@@ -106,8 +106,8 @@ def collisions() -> None:
     """Collisions alone, by several methods."""
     soft, _, rigid, _ = systems_with_ball()
     for method in (fi.Newmark(1e-4), fi.HHT(1e-4), fi.Newmark(1e-4, contact="energy-consistent")):
-        fi.achieved_restitution(soft.contacts[0], method, 0.3)
-    fi.achieved_restitution(rigid.contacts[0], fi.MoreauJean(1e-4), 0.3)
+        fi.integrators.achieved_restitution(soft.contacts[0], method, 0.3)
+    fi.integrators.achieved_restitution(rigid.contacts[0], fi.MoreauJean(1e-4), 0.3)
 
 
 def searches() -> None:

@@ -65,7 +65,7 @@ def damper(mass: float, gap: float, restitution: float, modes: int) -> fi.System
 def ring_down(
     mass: float, gap: float, restitution: float, amplitude: float, random: np.random.Generator, *,
     duration: float = 8.0, modes: int = 1,
-) -> fi.Response:  # fmt: skip
+) -> fi.response.Response:  # fmt: skip
     """A decay from a place of the ball in its box that is drawn."""
     system = damper(mass, gap, restitution, modes)
     place = amplitude + 0.9 * gap * random.uniform(-1.0, 1.0)

@@ -59,7 +59,7 @@ def random_case(seed: int) -> tuple[fi.System, fi.Sine | fi.PointForce, bool]:
     return system, fi.Sine(min(amplitude, peak), frequency), rigid
 
 
-def cycles_of(run: fi.Response, gap: float) -> int:
+def cycles_of(run: fi.response.Response, gap: float) -> int:
     """Cycles after which the readings once a cycle repeat, at most 8; 0 where they do not."""
     values = np.array([run.channels[name] for name in run.units])
     for cycles in range(1, 9):
@@ -68,7 +68,7 @@ def cycles_of(run: fi.Response, gap: float) -> int:
     return 0
 
 
-def drift(orbit: fi.PeriodicOrbit) -> float:
+def drift(orbit: fi.orbits.PeriodicOrbit) -> float:
     """By how much, in gaps and gaps times omega, a run of some 1,000 cycles from the orbit's state misses it."""
     record = fi.Recorder(channels=(), ledger=False, impacts=0)
     cycles = orbit.cycles * round(1000 / orbit.cycles)

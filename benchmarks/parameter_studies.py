@@ -24,7 +24,7 @@ AXES = {
 }
 
 
-def rigid_study() -> fi.Study:
+def rigid_study() -> fi.app.Study:
     """The paper's case with rigid impacts on 4 modes, event-driven, on a base of 0.2 mm."""
     paper = paper_study()
     ball = replace(paper.structure.impactors[0], contact=fi.Rigid(0.6))

@@ -61,7 +61,7 @@ def default_record(system: fi.System) -> fi.Recorder:
 def compared(system: fi.System, record: fi.Recorder, sine: fi.Sine, pairs: int) -> str:
     """The medians of some pairs of runs in words."""
 
-    def run(base: fi.Excitation) -> fi.Response:
+    def run(base: fi.Excitation) -> fi.response.Response:
         return fi.integrate(system, base, fi.EventDriven(), DURATION, record)
 
     rows = []

@@ -39,7 +39,7 @@ def law_of(rng: np.random.Generator, rigid: bool, stop: bool) -> Any:
     if kind == "power":
         return fi.HuntCrossley(float(10.0 ** rng.uniform(5.0, 7.0)), restitution=float(rng.uniform(0.3, 0.9)))
     if kind == "switching" and not stop:
-        return fi.SwitchingSpring(float(rng.uniform(0.0, 2.0)), float(rng.uniform(100.0, 2000.0)))
+        return fi.contact.SwitchingSpring(float(rng.uniform(0.0, 2.0)), float(rng.uniform(100.0, 2000.0)))
     if kind == "custom":
         return fi.CustomLaw(stiffening)
     return fi.KelvinVoigt(restitution=float(rng.uniform(0.2, 1.0)), contact_time=float(rng.uniform(1e-3, 4e-3)))

@@ -25,7 +25,7 @@ import numpy as np
 import report
 
 import femimpact as fi
-from femimpact.contact import resolve
+from femimpact.contact.law import resolve
 from femimpact.figures.drawing import COLOURS, GREY, panels
 
 DURATION, FREQUENCY, AMPLITUDE, MODES, RESTITUTION = 0.801, 5.2, 0.2037e-3, 8, 0.7

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import femimpact as fi
+from femimpact.lazy import modules_of
 
 HERE = Path(__file__).parent
 
@@ -64,13 +65,23 @@ def write(folder: Path) -> None:
 # ---- public names ---------------------------------------------------------------------------------
 
 
+def public_modules() -> dict[str, str]:
+    """Module of each public name of `femimpact` and of its folders, by the path of the name below `femimpact`."""
+    top = modules_of(fi.__file__)
+    folders = [name for name, module in top.items() if module == "." and f"femimpact.{name}" not in SUBMODULES]
+    inner = {f"{folder}.{name}": module for folder in folders for name, module in _stub_of(folder).items()}
+    return {name: module for name, module in top.items() if module != "."} | inner
+
+
+def _stub_of(folder: str) -> dict[str, str]:
+    return modules_of(getattr(fi, folder).__file__)
+
+
 def groups() -> dict[str, list[str]]:
-    """Public names of `femimpact` by the folder that holds them; one that has no heading here is an error."""
+    """Public names by the folder that holds them, each by its path below `femimpact`."""
     found: dict[str, list[str]] = {}
-    for name in fi.__all__:
-        if name in ("__version__", "figures"):
-            continue
-        folder = fi._MODULE_OF[name].removeprefix("femimpact.").removeprefix("app.").partition(".")[0]
+    for name, module in sorted(public_modules().items()):
+        folder = module.removeprefix("femimpact.").removeprefix("app.").partition(".")[0]
         found.setdefault(WITH.get(folder, folder), []).append(name)
     return {**{key: found.pop(key) for key in SUBJECTS if key in found}, **found}
 
@@ -78,7 +89,8 @@ def groups() -> dict[str, list[str]]:
 API_HEAD = """Python names
 ============
 
-Everything in the first parts of this page is called as ``import femimpact as fi``, then ``fi.NAME``; the last parts are
+Everything in the first parts of this page is called as ``import femimpact as fi``, then ``fi.NAME``, where a name may
+have its folder before it (``fi.contact.Flores``); the last parts are
 modules. Values are in SI units, and ``frequency`` is in Hz. Each name has a page with its arguments, shapes, units and
 errors, and with the examples that use it.
 

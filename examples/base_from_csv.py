@@ -27,7 +27,7 @@ import femimpact as fi
 FILE = Path(__file__).with_name("base_acceleration.csv")
 
 
-def main(path=FILE) -> dict[str, fi.Response]:
+def main(path=FILE) -> dict[str, fi.response.Response]:
     """The run without and with the ball."""
     base = fi.RecordedBase.from_csv(path)
     box, wall = fi.PointMass("box", at="tip", mass=0.023), fi.KelvinVoigt(restitution=0.6, contact_time=2e-3)

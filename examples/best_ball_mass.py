@@ -25,7 +25,7 @@ import femimpact as fi
 MASSES = 1e-3 * np.array([0.5, 1, 1.5, 2, 3, 4, 6, 8, 12])
 
 
-def main(masses=MASSES, points=51, cycles=300) -> list[fi.FrequencyResponse]:
+def main(masses=MASSES, points=51, cycles=300) -> list[fi.sweep.FrequencyResponse]:
     """The response curve without the ball, and with a ball of each mass (kg)."""
     beam = fi.Beam.uniform(length=0.23, width=0.020, thickness=1e-3, young_modulus=70e9, density=2700)
     box = fi.PointMass("box", at="tip", mass=0.023)

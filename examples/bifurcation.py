@@ -23,7 +23,7 @@ import femimpact as fi
 FREQUENCIES = np.linspace(28.0, 50.0, 221)
 
 
-def main(frequencies=FREQUENCIES, duration=6.0) -> list[fi.Response]:
+def main(frequencies=FREQUENCIES, duration=6.0) -> list[fi.response.Response]:
     """One run at each frequency (Hz)."""
     beam = fi.Beam.uniform(length=0.23, width=0.020, thickness=1e-3, young_modulus=70e9, density=2700)
     damping = fi.Rayleigh(ratio=0.02, modes=(1, 2))

@@ -22,7 +22,7 @@ import numpy as np
 import femimpact as fi
 
 
-def main(points: int = 301, cycles: int = 600) -> dict[str, fi.FrequencyResponse]:
+def main(points: int = 301, cycles: int = 600) -> dict[str, fi.sweep.FrequencyResponse]:
     """Response curves without and with the ball."""
     wall = fi.KelvinVoigt(restitution=0.8, contact_time=2e-3)
     structure = fi.Structure(

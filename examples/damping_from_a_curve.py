@@ -23,13 +23,15 @@ import femimpact as fi
 POINTS = np.array([21, 31, 51, 101, 201, 401])
 
 
-def main(points=POINTS, ratio: float = 0.0029) -> tuple[list[fi.DampingEstimate], list[fi.DampingEstimate]]:
+def main(
+    points=POINTS, ratio: float = 0.0029
+) -> tuple[list[fi.signals.DampingEstimate], list[fi.signals.DampingEstimate]]:
     """Damping by half-power and by the fit, for each number of points from 4 to 6 Hz."""
     estimates = []
     for number in points:
         f = np.linspace(4.0, 6.0, number)
         amplitude = 1e-3 * f**2 / np.hypot(5.3**2 - f**2, 2 * ratio * 5.3 * f)
-        estimates.append((fi.half_power(f, amplitude), fi.fit_one_pole(f, amplitude)))
+        estimates.append((fi.signals.half_power(f, amplitude), fi.fit_one_pole(f, amplitude)))
     half, fit = zip(*estimates, strict=True)
     return list(half), list(fit)
 

@@ -18,7 +18,7 @@ from __future__ import annotations
 import femimpact as fi
 
 
-def main(duration: float = 20.0) -> fi.Response:
+def main(duration: float = 20.0) -> fi.response.Response:
     """One run at the resonance."""
     beam = fi.Beam.uniform(length=0.23, width=0.020, thickness=1e-3, young_modulus=70e9, density=2700)
     wall = fi.KelvinVoigt(restitution=0.6, contact_time=2e-3)

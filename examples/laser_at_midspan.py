@@ -29,7 +29,7 @@ def main(frequencies=FREQUENCIES, cycles=600, laser=LASER):
         for f in frequencies:
             record = fi.Recorder(("tip", "mid"), interval=1e-3, start=2 / 3 * cycles / f)
             run = fi.integrate(one, fi.Sine(0.2037e-3, f), fi.EventDriven(), cycles / f, record)
-            read = fi.extrapolate(one, laser.measure(run, seed=1), "tip")
+            read = fi.signals.extrapolate(one, laser.measure(run, seed=1), "tip")
             found.setdefault(name, []).append([abs(run["tip"]).max(), abs(read.displacement).max(), read.clipped])
     return frequencies, {name: np.array(rows).T for name, rows in found.items()}
 

@@ -19,9 +19,11 @@ import femimpact as fi
 from femimpact.app.demo import paper_study
 
 
-def main(elements: tuple[int, ...] = (1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024, 2000)) -> fi.ConvergenceTable:
+def main(
+    elements: tuple[int, ...] = (1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024, 2000),
+) -> fi.convergence.ConvergenceTable:
     """Natural frequencies of the paper's beam over the mesh."""
-    return fi.converge_elements(paper_study().structure, elements, modes=4)
+    return fi.convergence.converge_elements(paper_study().structure, elements, modes=4)
 
 
 if __name__ == "__main__":

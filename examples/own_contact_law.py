@@ -37,7 +37,7 @@ def structure(contact) -> fi.Structure:
     )
 
 
-def main(duration: float = 30.0) -> dict[str, fi.Response]:
+def main(duration: float = 30.0) -> dict[str, fi.response.Response]:
     """One history at 5.0 Hz with each wall."""
     laws = {
         "felt": fi.CustomLaw(felt, name="felt"),

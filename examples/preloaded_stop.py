@@ -25,7 +25,7 @@ ACCELERATIONS = np.linspace(1.0, 10.0, 19)
 """Amplitudes of the base's acceleration, m/s^2."""
 
 
-def main(accelerations=ACCELERATIONS, frequency=12.0, duration=4.0) -> list[fi.Response]:
+def main(accelerations=ACCELERATIONS, frequency=12.0, duration=4.0) -> list[fi.response.Response]:
     """One run for each amplitude, from the static state."""
     beam = fi.Beam.uniform(length=0.23, width=0.020, thickness=1e-3, young_modulus=70e9, density=2700)
     stop = fi.Stop("stop", at="tip", gap=(math.inf, 4e-3), contact=fi.KelvinVoigt(restitution=0.5, contact_time=5e-3))

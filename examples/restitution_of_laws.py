@@ -21,9 +21,9 @@ import femimpact as fi
 ASKED = np.linspace(0.05, 1.0, 39)
 LAWS = {
     "Hunt and Crossley": fi.HuntCrossley,
-    "Lankarani and Nikravesh": fi.LankaraniNikravesh,
-    "Flores et al.": fi.Flores,
-    "exact (Gonthier et al.)": fi.GonthierCarvalhoMartins,
+    "Lankarani and Nikravesh": fi.contact.LankaraniNikravesh,
+    "Flores et al.": fi.contact.Flores,
+    "exact (Gonthier et al.)": fi.contact.GonthierCarvalhoMartins,
 }
 
 

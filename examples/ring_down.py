@@ -26,7 +26,7 @@ import xarray
 import femimpact as fi
 
 
-def ring_down(system: fi.System, amplitude: float) -> fi.Response:
+def ring_down(system: fi.System, amplitude: float) -> fi.response.Response:
     """The motion of the first mode from a deflection of the tip (m) on, the ball at rest at its place in the box."""
     start = fi.State.of_mode(system, 1, amplitude)
     if system.contacts:
@@ -35,7 +35,7 @@ def ring_down(system: fi.System, amplitude: float) -> fi.Response:
     return fi.integrate(system, still, fi.EventDriven(), 8.0, fi.Recorder(("tip",), interval=2e-3), initial=start)
 
 
-def main(amplitude: float = 0.02, noise: float = 0.01, seed: int = 1) -> dict[str, fi.DecayEstimate]:
+def main(amplitude: float = 0.02, noise: float = 0.01, seed: int = 1) -> dict[str, fi.signals.DecayEstimate]:
     """Damping without and with the ball, each from the file of a sensor."""
     box, wall = fi.PointMass("box", at="tip", mass=0.023), fi.Rigid(restitution=0.6)
     ball = fi.Impactor("ball", at="tip", mass=3.0e-3, gap=3e-3, contact=wall)
@@ -48,7 +48,7 @@ def main(amplitude: float = 0.02, noise: float = 0.01, seed: int = 1) -> dict[st
             run = ring_down(one, amplitude)
             tip = run["tip"] + noise * amplitude * random.standard_normal(run.time.size)
             signal = xarray.Dataset({"tip": ("time", tip, {"units": "m"})}, {"time": run.time})
-            record = fi.read_record(fi.write_record(Path(folder) / "tip.csv", signal))
+            record = fi.read_record(fi.excitation.write_record(Path(folder) / "tip.csv", signal))
             found[name] = fi.identify_decay(record["time"], record["tip"])
     return found
 

@@ -17,7 +17,7 @@ from __future__ import annotations
 import femimpact as fi
 
 
-def main(duration: float = 60.0) -> dict[str, fi.Response]:
+def main(duration: float = 60.0) -> dict[str, fi.response.Response]:
     """The last 2 s of runs at the resonance of the beam alone, without and with the ball."""
     beam = fi.Beam.uniform(length=0.23, width=0.020, thickness=1e-3, young_modulus=70e9, density=2700)
     wall = fi.KelvinVoigt(restitution=0.6, contact_time=2e-3)

@@ -20,7 +20,7 @@ import numpy as np
 import femimpact as fi
 
 
-def main(frequency: float = 12.0, acceleration: float = 14.0, duration: float = 1.0) -> fi.Response:
+def main(frequency: float = 12.0, acceleration: float = 14.0, duration: float = 1.0) -> fi.response.Response:
     """A ball in a stiff box on a base whose acceleration (m/s^2) exceeds that of gravity."""
     beam = fi.Beam.uniform(length=0.05, width=0.020, thickness=1e-2, young_modulus=70e9, density=2700)
     ball = fi.Impactor("ball", at="tip", mass=3.4e-3, gap=4e-3, contact=fi.Rigid(restitution=0.3))

@@ -24,9 +24,9 @@ from femimpact.app.demo import paper_study
 PAPER_STEP = 1.0 / (20.0 * 5.30)
 
 
-def main(stiffness: float = 1e3, duration: float = 60.0) -> dict[str, fi.Response]:
+def main(stiffness: float = 1e3, duration: float = 60.0) -> dict[str, fi.response.Response]:
     """One run of each law at 5.3 Hz, by the law and its step."""
-    structure, spring = paper_study().structure, fi.SwitchingSpring(free_stiffness=0.0, stiffness=stiffness)
+    structure, spring = paper_study().structure, fi.contact.SwitchingSpring(free_stiffness=0.0, stiffness=stiffness)
     cases = {"paper": (spring, PAPER_STEP), "fine step": (spring, None)}
     cases["Kelvin-Voigt"] = (fi.KelvinVoigt(stiffness=stiffness, restitution=0.8), None)
     runs = {}

@@ -18,7 +18,7 @@ from __future__ import annotations
 import femimpact as fi
 
 
-def main(elements: int = 24) -> tuple[fi.Structure, fi.System, fi.Modes]:
+def main(elements: int = 24) -> tuple[fi.Structure, fi.System, fi.system.Modes]:
     """Structure, system and four modes."""
     material = {"young_modulus": 70e9, "density": 2700.0}
     foot = fi.Segment(length=0.08, width=0.025, thickness=1.6e-3, name="foot", **material)

@@ -19,7 +19,7 @@ from __future__ import annotations
 import femimpact as fi
 
 
-def main(duration=30.0) -> fi.Response:
+def main(duration=30.0) -> fi.response.Response:
     """One run at the resonance without balls."""
     boxes = [fi.PointMass("midbox", at="mid", mass=0.01), fi.PointMass("tipbox", at="tip", mass=0.023)]
     wall = fi.KelvinVoigt(restitution=0.6, contact_time=2e-3)

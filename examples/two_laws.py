@@ -29,7 +29,7 @@ def laws() -> tuple[fi.HuntCrossley, fi.KelvinVoigt]:
     return hunt, fi.KelvinVoigt(restitution=alone.restitution, contact_time=alone.contact_time)
 
 
-def main(points=31, cycles=150) -> dict[str, fi.FrequencyResponse]:
+def main(points=31, cycles=150) -> dict[str, fi.sweep.FrequencyResponse]:
     """Response curve with each law, by the law's name."""
     beam = fi.Beam.uniform(length=0.23, width=0.020, thickness=1e-3, young_modulus=70e9, density=2700)
     box = fi.PointMass("box", at="tip", mass=0.023)

@@ -22,7 +22,7 @@ import femimpact as fi
 STARTS = {"base": "at rest relative to the base", "space": "at rest in the inertial frame"}
 
 
-def main(points: int = 61, cycles: int = 300) -> dict[str, fi.FrequencyResponse]:
+def main(points: int = 61, cycles: int = 300) -> dict[str, fi.sweep.FrequencyResponse]:
     """The response curve from each start."""
     beam = fi.Beam.uniform(length=0.23026615, width=0.020, thickness=1e-3, young_modulus=70e9, density=2700)
     wall = fi.KelvinVoigt(restitution=0.78, contact_time=2e-3)

@@ -82,12 +82,12 @@ def oscillator(stiffness: float = 1.0, damping: float = 0.0, **more: object) -> 
 def impact_table(
     frequency: float, time: object, side: object, speed: object, *, impactor: object = "ball",
     to_modes: object = None, dropped: int = 0,
-) -> fi.Impacts:  # fmt: skip
+) -> fi.response.Impacts:  # fmt: skip
     """Impacts in order of time with the columns that decide a regime; phases of a frequency, the others zero."""
     order = np.argsort(time, kind="stable")
     side, speed, impactor = (np.broadcast_to(values, order.shape)[order] for values in (side, speed, impactor))
     time, nothing = np.asarray(time, dtype=float)[order], np.zeros(order.size)
-    return fi.Impacts(
+    return fi.response.Impacts(
         time=time,
         phase=np.mod(2 * np.pi * frequency * time, 2 * np.pi),
         impactor=impactor,
@@ -104,7 +104,7 @@ def impact_table(
     )
 
 
-def short_study(duration: float, points: int = 5, **output: object) -> fi.Study:
+def short_study(duration: float, points: int = 5, **output: object) -> fi.app.Study:
     """The paper's study with a run of some seconds, a coarse sweep, and other output."""
     paper = paper_study()
     return replace(
@@ -115,7 +115,7 @@ def short_study(duration: float, points: int = 5, **output: object) -> fi.Study:
     )
 
 
-def rigid_study(modes: int, elements: int, **changes: object) -> fi.Study:
+def rigid_study(modes: int, elements: int, **changes: object) -> fi.app.Study:
     """The paper's study with rigid impacts, event-driven on a few modes."""
     paper = paper_study()
     return replace(

@@ -42,7 +42,7 @@ def studied(axes: int) -> object:
 
 
 @cache
-def calibrated() -> fi.Calibration:
+def calibrated() -> fi.app.Calibration:
     bounds = {"impactor.ball.gap": (1e-3, 2e-3), "impactor.ball.contact.restitution": (0.4, 0.6)}
     more = {"starts": 2, "cycles": 3, "excitation": fi.Sine(1e-3, 5.0)}
     return fi.calibrate(small(), [5.0, 5.1, 5.2], [1e-3, 2e-3, 1e-3], bounds, **more)
@@ -64,12 +64,12 @@ def studied_directory() -> str:
 
 
 @cache
-def modes() -> fi.Modes:
+def modes() -> fi.system.Modes:
     return fi.solve_modes(system(), 2)
 
 
 @cache
-def drawn_run() -> fi.Response:
+def drawn_run() -> fi.response.Response:
     """A run with all that a figure needs."""
     channels = ("tip", "tip.velocity", "ball", "ball.velocity", "ball.contact_force", "mid")
     return fi.integrate(small(), BASE, fi.Newmark(2e-4), 1.5, fi.Recorder(channels, snapshots=1000))
@@ -96,9 +96,9 @@ def sent(piece: object) -> None:
 
 
 @cache
-def piece_without_snapshots() -> fi.HistoryPiece:
+def piece_without_snapshots() -> fi.response.HistoryPiece:
     kept = piece()
-    return fi.HistoryPiece(kept.time, kept.channels, kept.units, kept.energy, None, kept.base)
+    return fi.response.HistoryPiece(kept.time, kept.channels, kept.units, kept.energy, None, kept.base)
 
 
 def csv_file() -> Path:
@@ -111,7 +111,7 @@ def four_modes() -> fi.System:
 
 
 @cache
-def study() -> fi.Study:
+def study() -> fi.app.Study:
     return short_study(0.1, **NO_PICTURES)
 
 
@@ -204,31 +204,31 @@ CALLS = {
         "path": "page.html", "parts": {"run": drawn_run(), "curve": curve(), "columns": {"a": [1.0, 2.0]}},
         "structure": STRUCTURE, "title": "Title", "notes": ("a note",),
     }),
-    "write_movie": (fi.write_movie, lambda: {
+    "write_movie": (fi.figures.write_movie, lambda: {
         "path": "movie.gif", "response": drawn_run(), "structure": STRUCTURE, "exaggeration": 2.0, "fps": 2, "most": 2,
     }),
     "read_record": (fi.read_record, lambda: {
         "path": recorded_file(), "columns": None, "units": None, "sample_rate": None
     }),
-    "write_record": (fi.write_record, lambda: {
+    "write_record": (fi.excitation.write_record, lambda: {
         "path": "record.csv", "dataset": fi.read_record(recorded_file())
     }),
     "history_writer": (written, lambda: {"path": "history.nc"}),
     "history_writer's sink": (sent, lambda: {"piece": piece_without_snapshots()}),
     "files.read_csv": (read_csv, lambda: {"path": csv_file()}),
     "load": (fi.load, lambda: {"directory": results()}),
-    "load_branch": (fi.load_branch, lambda: {"path": branch_file(), "number": 1}),
-    "load_parameter_study": (fi.load_parameter_study, lambda: {"directory": studied_directory()}),
+    "load_branch": (fi.app.load_branch, lambda: {"path": branch_file(), "number": 1}),
+    "load_parameter_study": (fi.app.load_parameter_study, lambda: {"directory": studied_directory()}),
     "parameter_study": (fi.parameter_study, lambda: {
         **parameter_study(), "directory": "study", "client": None, "threads": 1, "progress": lambda now: None,
     }),
     "load_study": (fi.load_study, lambda: {"path": study_file()}),
     "show_versions": (fi.show_versions, dict),
-    "read_matrix": (fi.read_matrix, lambda: {"path": matrix_file(), "name": "K"}),
+    "read_matrix": (fi.system.read_matrix, lambda: {"path": matrix_file(), "name": "K"}),
     "run_study": (fi.run_study, lambda: {
         "study": study(), "directory": "new", "parts": ("modes",), "force": True, "report": lambda *_: None
     }),
-    "mode_convergence": (fi.mode_convergence, lambda: {
+    "mode_convergence": (fi.convergence.mode_convergence, lambda: {
         "system": four_modes(), "excitation": fi.Sine(1e-4, 24.0), "method": fi.Newmark(2e-4), "duration": 1.1,
         "counts": [1, 2, 3], "at": "tip",
     }),

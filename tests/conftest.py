@@ -90,7 +90,7 @@ def pytest_collection_modifyitems(config, items):
     items[:] = marked
 
 
-def perturbed(modes: fi.Modes, system: fi.System, seed: int) -> fi.Modes:
+def perturbed(modes: fi.system.Modes, system: fi.System, seed: int) -> fi.system.Modes:
     """The modes times 1 + 1e-15 r, r within 1 by seed and index: the same input gives the same output.
 
     `reduce` builds its diagonal matrices from these frequencies and ratios, so that they stay diagonal.

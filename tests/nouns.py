@@ -36,7 +36,7 @@ MOTIONS = {
     "Sum": fi.Sine(1e-3, 5.0) + fi.Sine(1e-3, 6.0),
 }
 """Excitations of which displacement, velocity and acceleration take times."""
-PIECES = fi.PiecewisePolynomial([0.0, 1.0], [[1.0, 2.0]])
+PIECES = fi.excitation.PiecewisePolynomial([0.0, 1.0], [[1.0, 2.0]])
 BASE = fi.Sine(2e-3, 6.0)
 LASER = fi.Laser("tip", range=5e-4, noise=1e-6, sample_rate=900.0, offset=1e-5)
 STATE = fi.State(displacement=[0.0, 1e-4], ball_velocity=[0.1])
@@ -51,8 +51,8 @@ def system() -> fi.System:
 
 
 @cache
-def grid() -> fi.Discretisation:
-    return fi.discretise(STRUCTURE, elements=4)
+def grid() -> fi.fem.Discretisation:
+    return fi.fem.discretise(STRUCTURE, elements=4)
 
 
 @cache
@@ -68,13 +68,13 @@ def oscillators() -> fi.System:
 
 
 @cache
-def response() -> fi.Response:
+def response() -> fi.response.Response:
     method = fi.Newmark(2e-4)
     return fi.integrate(small(), BASE, method, 1.0, fi.Recorder(("tip", "ball"), every=5, snapshots=500))
 
 
 @cache
-def curve() -> fi.FrequencyResponse:
+def curve() -> fi.sweep.FrequencyResponse:
     bare = fi.without_impactors(small())
     return fi.frequency_sweep(bare, 1e-4, np.linspace(5.0, 7.0, 5), fi.Newmark(1e-3, allow_coarse_step=True), 12)
 
@@ -98,28 +98,28 @@ def columns(kind: type, sizes: dict[str | int, int], **given: object) -> object:
 
 
 @cache
-def piece() -> fi.HistoryPiece:
+def piece() -> fi.response.HistoryPiece:
     kept = response()
-    return fi.HistoryPiece(kept.time, kept.channels, kept.units, kept.energy, kept.snapshots, kept.base)
+    return fi.response.HistoryPiece(kept.time, kept.channels, kept.units, kept.energy, kept.snapshots, kept.base)
 
 
-def convergence_table() -> fi.ConvergenceTable:
+def convergence_table() -> fi.convergence.ConvergenceTable:
     sizes = {"cases": 3, "quantities": 4}
     texts = {name: np.array(["a", "b", "c"]) for name in ("label", "failure")}
     texts |= {name: np.array(["a", "b", "c", "d"]) for name in ("name", "unit")}
-    return columns(fi.ConvergenceTable, sizes, axis="mesh", accuracy=1e-3, notes=("note",), **texts)
+    return columns(fi.convergence.ConvergenceTable, sizes, axis="mesh", accuracy=1e-3, notes=("note",), **texts)
 
 
 @cache
-def orbit() -> fi.PeriodicOrbit:
+def orbit() -> fi.orbits.PeriodicOrbit:
     """Two impacts a cycle of a ball in a box."""
     ball = fi.Impactor("ball", "tip", 0.1, 10.0, fi.Rigid(0.8))
     box = fi.System.from_matrices([[1.0]], [[0.02]], [[1.0]], points={"tip": [1.0]}, impactors=[ball])
-    return fi.two_impact_orbits(box, fi.PointForce("tip", fi.Sine(1.0, 1.0 / (2.0 * math.pi))))[0]
+    return fi.orbits.two_impact_orbits(box, fi.PointForce("tip", fi.Sine(1.0, 1.0 / (2.0 * math.pi))))[0]
 
 
 @cache
-def branch() -> fi.Branch:
+def branch() -> fi.orbits.Branch:
     """A fold in it."""
     return fi.continue_orbit(orbit(), "amplitude", to=(0.5, 1.5))
 
@@ -127,27 +127,29 @@ def branch() -> fi.Branch:
 NOUNS = {
     "Bifurcation": lambda: branch().bifurcations[0],
     "Branch": branch,
-    "BendingMoment": lambda: fi.BendingMoment("root", 1, "left"),
-    "ContactStatistics": lambda: fi.ContactStatistics(4, 48, "tip"),
-    "ConvergenceStudy": lambda: fi.ConvergenceStudy({"mesh": convergence_table()}),
+    "BendingMoment": lambda: fi.convergence.BendingMoment("root", 1, "left"),
+    "ContactStatistics": lambda: fi.convergence.ContactStatistics(4, 48, "tip"),
+    "ConvergenceStudy": lambda: fi.convergence.ConvergenceStudy({"mesh": convergence_table()}),
     "ConvergenceTable": convergence_table,
-    "Frequencies": lambda: fi.Frequencies(2),
-    "ModeShapes": lambda: fi.ModeShapes(2),
-    "OverMeshes": lambda: fi.OverMeshes(tuple(fi.uniform_mesh(STRUCTURE, n) for n in (2, 4)), ("coarse", "fine")),
-    "OverModes": lambda: fi.OverModes(fi.uniform_mesh(STRUCTURE, 4), (1, 2, 3)),
-    "OverSteps": lambda: fi.OverSteps(fi.uniform_mesh(STRUCTURE, 4), fi.Newmark(1e-3), 2),
-    "SteadyResponse": lambda: fi.SteadyResponse(("tip", 0.1)),
-    "SupportReaction": lambda: fi.SupportReaction("root.force"),
-    "SurfaceStress": lambda: fi.SurfaceStress("root", 1, "left"),
+    "Frequencies": lambda: fi.convergence.Frequencies(2),
+    "ModeShapes": lambda: fi.convergence.ModeShapes(2),
+    "OverMeshes": lambda: fi.convergence.OverMeshes(
+        tuple(fi.uniform_mesh(STRUCTURE, n) for n in (2, 4)), ("coarse", "fine")
+    ),
+    "OverModes": lambda: fi.convergence.OverModes(fi.uniform_mesh(STRUCTURE, 4), (1, 2, 3)),
+    "OverSteps": lambda: fi.convergence.OverSteps(fi.uniform_mesh(STRUCTURE, 4), fi.Newmark(1e-3), 2),
+    "SteadyResponse": lambda: fi.convergence.SteadyResponse(("tip", 0.1)),
+    "SupportReaction": lambda: fi.convergence.SupportReaction("root.force"),
+    "SurfaceStress": lambda: fi.convergence.SurfaceStress("root", 1, "left"),
     "Absorber": lambda: fi.Absorber("absorber", "mid", 1e-3, 4.0, 0.02),
     "Beam": lambda: STRUCTURE.beam,
     "ContactPair": lambda: system().contacts[0],
     "CustomLaw": lambda: fi.CustomLaw(lambda depth, rate, speed: 1e4 * depth),
     "Discretisation": grid,
     "Dashpot": lambda: fi.Dashpot("dashpot", "mid", 1.0, to=0.05),
-    "DampingEstimate": lambda: fi.DampingEstimate(0.01, 6.0, (0.009, 0.011), "fit", ("warning",)),
+    "DampingEstimate": lambda: fi.signals.DampingEstimate(0.01, 6.0, (0.009, 0.011), "fit", ("warning",)),
     "DecayEstimate": lambda: fi.identify_decay(*DECAY),
-    "DecayMode": lambda: fi.DecayMode(5.0, 0.01, 1e-3, (4.9, 5.1), (0.009, 0.011)),
+    "DecayMode": lambda: fi.signals.DecayMode(5.0, 0.01, 1e-3, (4.9, 5.1), (0.009, 0.011)),
     "EnergyLedger": lambda: response().energy,
     "EventDriven": fi.EventDriven,
     "EventLog": lambda: event_log(np.ones((2, event_width(2, 3))), 3, ("ball", "stop")),
@@ -159,9 +161,9 @@ NOUNS = {
     "ImpactStatistics": lambda: response().statistics,
     "Impacts": lambda: response().impacts,
     "KelvinVoigt": lambda: LAW,
-    "Largest": lambda: fi.Largest(-1.0, 0.5, "m"),
-    "Material": lambda: fi.STEEL,
-    "Mesh": lambda: fi.Mesh([0.0, 0.1, 0.2], {"sensor": 0.1}, {"root half": [0]}),
+    "Largest": lambda: fi.response.Largest(-1.0, 0.5, "m"),
+    "Material": lambda: fi.contact.STEEL,
+    "Mesh": lambda: fi.fem.Mesh([0.0, 0.1, 0.2], {"sensor": 0.1}, {"root half": [0]}),
     "ModalDamping": lambda: fi.ModalDamping((0.01, 0.02)),
     "Modes": lambda: fi.solve_modes(system(), 2),
     "MoreauJean": lambda: fi.MoreauJean(1e-4),
@@ -171,12 +173,12 @@ NOUNS = {
     "PiecewisePolynomial": lambda: PIECES,
     "PointForce": lambda: fi.PointForce("tip", BASE),
     "PointMass": lambda: STRUCTURE.masses[0],
-    "PowerLaw": lambda: fi.Flores(1e7, 0.7),
+    "PowerLaw": lambda: fi.contact.Flores(1e7, 0.7),
     "Rayleigh": lambda: fi.Rayleigh((0.01, 0.02), modes=(1, 2)),
     "Reaction": lambda: system().reactions["root.force"],
     "RecordedBase": lambda: fi.RecordedBase([0.0, 1.0, 0.5], 0.1),
-    "ParameterStudy": lambda: fi.ParameterStudy(**parameter_study()),
-    "StudyProgress": lambda: fi.StudyProgress(cases=8, finished=4, found=0, failed=0, rate=2.0),
+    "ParameterStudy": lambda: fi.app.ParameterStudy(**parameter_study()),
+    "StudyProgress": lambda: fi.app.StudyProgress(cases=8, finished=4, found=0, failed=0, rate=2.0),
     "Recorder": lambda: fi.Recorder(("tip", 0.1)),
     "Response": response,
     "Rigid": lambda: fi.Rigid(0.7),
@@ -191,7 +193,7 @@ NOUNS = {
     "Structure": lambda: STRUCTURE,
     "Study": paper_study,
     "Support": lambda: fi.Support("clamped", "root"),
-    "SwitchingSpring": lambda: fi.SwitchingSpring(1.0, 1e4),
+    "SwitchingSpring": lambda: fi.contact.SwitchingSpring(1.0, 1e4),
     "System": system,
     "WBZ": lambda: fi.WBZ(1e-4),
     # of results and studies, reached through others
@@ -220,61 +222,66 @@ def no_beam(**given: object) -> fi.System:
 
 
 VERBS = {
-    "add_terms": (fi.add_terms, lambda: {
+    "add_terms": (fi.system.add_terms, lambda: {
         "system": system(), "stiffness": np.eye(10), "mass": 1e-3 * np.eye(10), "damping": np.eye(10),
         "load": np.ones(10),
     }),
     "assemble": (fi.assemble, lambda: {"structure": STRUCTURE, "elements": 4}),
     "assemble on a mesh": (fi.assemble, lambda: {"structure": STRUCTURE, "mesh": fi.uniform_mesh(STRUCTURE, 4)}),
-    "discretise": (fi.discretise, lambda: {"structure": STRUCTURE, "elements": 4}),
+    "discretise": (fi.fem.discretise, lambda: {"structure": STRUCTURE, "elements": 4}),
     "Discretisation.at_quadrature": (lambda values: grid().at_quadrature(values), lambda: {"values": np.ones(4)}),
     "Discretisation.position_of": (lambda at: grid().position_of(at), lambda: {"at": 0.1}),
     "Hertz": (fi.Hertz, lambda: {"stiffness": 1e7, "exponent": 1.5, "reference_speed": 0.2}),
     "HuntCrossley": (fi.HuntCrossley, lambda: {"stiffness": 1e7, "restitution": 0.7}),
-    "LankaraniNikravesh": (fi.LankaraniNikravesh, lambda: {"stiffness": 1e7, "restitution": 0.7}),
-    "Flores": (fi.Flores, lambda: {"stiffness": 1e7, "restitution": 0.7}),
-    "GonthierCarvalhoMartins": (fi.GonthierCarvalhoMartins, lambda: {"stiffness": 1e7, "restitution": 0.7}),
+    "LankaraniNikravesh": (fi.contact.LankaraniNikravesh, lambda: {"stiffness": 1e7, "restitution": 0.7}),
+    "Flores": (fi.contact.Flores, lambda: {"stiffness": 1e7, "restitution": 0.7}),
+    "GonthierCarvalhoMartins": (fi.contact.GonthierCarvalhoMartins, lambda: {"stiffness": 1e7, "restitution": 0.7}),
     "collide": (fi.collide, lambda: {"law": LAW, "effective_mass": 3e-3, "approach_speed": 0.2}),
-    "contact_force": (fi.contact_force, lambda: {
+    "contact_force": (fi.contact.contact_force, lambda: {
         "law": LAW, "depth": 1e-4, "rate": 0.1, "approach_speed": 0.2, "effective_mass": 3e-3
     }),
-    "contact_potential": (fi.contact_potential, lambda: {
+    "contact_potential": (fi.contact.contact_potential, lambda: {
         "law": LAW, "depth": 1e-4, "effective_mass": 3e-3, "approach_speed": 0.2
     }),
-    "integrated_collision": (fi.integrated_collision, lambda: {
+    "integrated_collision": (fi.contact.integrated_collision, lambda: {
         "force": lambda depth, rate: 1e4 * depth, "effective_mass": 3e-3, "approach_speed": 0.2
     }),
-    "hertz_stiffness": (fi.hertz_stiffness, lambda: {"radius": 5e-3, "ball": fi.STEEL, "wall": fi.ALUMINIUM}),
-    "converge_elements": (fi.converge_elements, lambda: {"structure": STRUCTURE, "elements": [2, 3, 4], "modes": 1}),
+    "hertz_stiffness": (fi.contact.hertz_stiffness,
+        lambda: {"radius": 5e-3, "ball": fi.contact.STEEL, "wall": fi.contact.ALUMINIUM}),
+    "converge_elements": (fi.convergence.converge_elements,
+        lambda: {"structure": STRUCTURE, "elements": [2, 3, 4], "modes": 1}),
     "convergence_study": (fi.convergence_study, lambda: {
-        "structure": STRUCTURE, "over": fi.OverMeshes.uniform(STRUCTURE, [2, 4, 8]), "watch": fi.SteadyResponse("tip"),
+        "structure": STRUCTURE, "over": fi.convergence.OverMeshes.uniform(STRUCTURE, [2, 4, 8]),
+        "watch": fi.convergence.SteadyResponse("tip"),
         "base": BASE, "modes": 2, "accuracy": 1e-2,
     }),
-    "OverMeshes.uniform": (fi.OverMeshes.uniform, lambda: {"structure": STRUCTURE, "elements": [2, 4, 8]}),
-    "OverMeshes.graded": (fi.OverMeshes.graded, lambda: {
+    "OverMeshes.uniform": (fi.convergence.OverMeshes.uniform, lambda: {"structure": STRUCTURE, "elements": [2, 4, 8]}),
+    "OverMeshes.graded": (fi.convergence.OverMeshes.graded, lambda: {
         "structure": STRUCTURE, "elements": [2, 4, 8], "ratio": 3.0
     }),
-    "OverMeshes.random": (fi.OverMeshes.random, lambda: {"structure": STRUCTURE, "elements": [2, 4, 8], "seed": 1}),
-    "OverMeshes.refinements": (fi.OverMeshes.refinements, lambda: {
+    "OverMeshes.random": (fi.convergence.OverMeshes.random,
+        lambda: {"structure": STRUCTURE, "elements": [2, 4, 8], "seed": 1}),
+    "OverMeshes.refinements": (fi.convergence.OverMeshes.refinements, lambda: {
         "mesh": fi.uniform_mesh(STRUCTURE, 4), "times": 2
     }),
-    "OverMeshes.files": (fi.OverMeshes.files, lambda: {"paths": [Path(__file__).parent / "data" / "stepped.msh"] * 2}),
+    "OverMeshes.files": (fi.convergence.OverMeshes.files,
+        lambda: {"paths": [Path(__file__).parent / "data" / "stepped.msh"] * 2}),
     "ConvergenceTable.index": (lambda name: convergence_table().index(name), lambda: {"name": "b"}),
-    "graded_mesh": (fi.graded_mesh, lambda: {"structure": STRUCTURE, "elements": 4, "ratio": 3.0}),
-    "random_mesh": (fi.random_mesh, lambda: {"structure": STRUCTURE, "elements": 4, "seed": 1}),
+    "graded_mesh": (fi.fem.graded_mesh, lambda: {"structure": STRUCTURE, "elements": 4, "ratio": 3.0}),
+    "random_mesh": (fi.fem.random_mesh, lambda: {"structure": STRUCTURE, "elements": 4, "seed": 1}),
     "Mesh.refined": (lambda times: fi.uniform_mesh(STRUCTURE, 4).refined(times), lambda: {"times": 2}),
-    "converge_step": (fi.converge_step, lambda: {
+    "converge_step": (fi.convergence.converge_step, lambda: {
         "system": replace(small(), contacts=()), "excitation": BASE, "method": fi.Newmark(5e-4), "halvings": 1
     }),
-    "amplitude_ratio_damping": (fi.amplitude_ratio_damping, lambda: {
-        "reference": fi.DampingEstimate(0.01, 6.0, (0.009, 0.011), "fit"), "reference_peak": 2e-3, "peak": 1e-3
+    "amplitude_ratio_damping": (fi.signals.amplitude_ratio_damping, lambda: {
+        "reference": fi.signals.DampingEstimate(0.01, 6.0, (0.009, 0.011), "fit"), "reference_peak": 2e-3, "peak": 1e-3
     }),
     "fit_one_pole": (fi.fit_one_pole, lambda: {
         "frequency": CURVE[0], "amplitude": CURVE[1], "share": 0.2, "misfit_limit": 0.05
     }),
     "identify_decay": (fi.identify_decay, lambda: {"time": DECAY[0], "signal": DECAY[1], "modes": 1}),
-    "half_power": (fi.half_power, lambda: {"frequency": CURVE[0], "amplitude": CURVE[1]}),
-    "achieved_restitution": (fi.achieved_restitution, lambda: {
+    "half_power": (fi.signals.half_power, lambda: {"frequency": CURVE[0], "amplitude": CURVE[1]}),
+    "achieved_restitution": (fi.integrators.achieved_restitution, lambda: {
         "pair": small().contacts[0], "method": fi.Newmark(1e-4), "approach_speed": 0.2, "phases": 4
     }),
     "integrate": (fi.integrate, lambda: {
@@ -284,16 +291,16 @@ VERBS = {
     "find_orbit": (fi.find_orbit, lambda: {
         "system": orbit().system, "excitation": orbit().excitation, "cycles": 1, "guess": orbit()
     }),
-    "find_orbits": (fi.find_orbits, lambda: {
+    "find_orbits": (fi.orbits.find_orbits, lambda: {
         "system": orbit().system, "excitation": orbit().excitation, "guesses": [orbit()], "cycles": 1
     }),
     "continue_orbit": (fi.continue_orbit, lambda: {
         "orbit": orbit(), "parameter": "amplitude", "to": (0.9, 1.1), "points": 3
     }),
-    "switch_branch": (fi.switch_branch, lambda: {
+    "switch_branch": (fi.orbits.switch_branch, lambda: {
         "bifurcation": fi.continue_orbit(orbit(), "impactor.ball.gap", to=(8.0, 10.0)).bifurcations[0]
     }),
-    "two_impact_orbits": (fi.two_impact_orbits, lambda: {
+    "two_impact_orbits": (fi.orbits.two_impact_orbits, lambda: {
         "system": orbit().system, "excitation": orbit().excitation
     }),
     "recommended_step": (fi.recommended_step, lambda: {"system": small(), "refine": 2}),
@@ -302,12 +309,12 @@ VERBS = {
     "static_state": (fi.static_state, lambda: {"system": system(), "stop_displacement": 1e-4}),
     "solve_modes": (fi.solve_modes, lambda: {"system": system(), "count": 2}),
     "reduce": (fi.reduce, lambda: {"system": system(), "modes": 2, "static_correction": True}),
-    "truncation_notes": (fi.truncation_notes, lambda: {"system": small()}),
-    "glue_impactors": (fi.glue_impactors, lambda: {"structure": STRUCTURE}),
+    "truncation_notes": (fi.system.truncation_notes, lambda: {"system": small()}),
+    "glue_impactors": (fi.structure.glue_impactors, lambda: {"structure": STRUCTURE}),
     "tuned_absorber": (fi.tuned_absorber, lambda: {
         "structure": STRUCTURE, "mass": 1e-3, "at": "tip", "name": "absorber", "elements": 2,
     }),
-    "with_damping": (fi.with_damping, lambda: {"system": system(), "damping": fi.ModalDamping((0.01, 0.02))}),
+    "with_damping": (fi.system.with_damping, lambda: {"system": system(), "damping": fi.ModalDamping((0.01, 0.02))}),
     "without_impactors": (fi.without_impactors, lambda: {"system": small()}),
     "frequency_sweep": (fi.frequency_sweep, lambda: {
         "system": fi.without_impactors(small()), "amplitude": 1e-4, "frequencies": [5.0, 6.0],
@@ -338,7 +345,7 @@ VERBS = {
     "parameter_study of a sample": (fi.parameter_study, lambda: {
         **parameter_study(), "axes": {"impactor.ball.gap": {"uniform": [1e-3, 2e-3]}}, "sample": {"points": 2},
     }),
-    "run_case": (fi.run_case, lambda: {
+    "run_case": (fi.app.run_case, lambda: {
         "study": NOUNS["ParameterStudy"](), "number": 1, "start": 1, "record": fi.Recorder(("tip",)),
     }),
     # methods of nouns
@@ -364,7 +371,7 @@ VERBS = {
     "System.deflection_rows": (lambda **given: system().deflection_rows(**given), lambda: {
         "positions": [0.1], "derivative": 1
     }),
-    "to_pyvista": (fi.to_pyvista, lambda: {
+    "vtk.to_pyvista": (fi.vtk.to_pyvista, lambda: {
         "result": fi.solve_modes(system(), 2), "structure": STRUCTURE, "system": system(),
     }),
     "System.curvature_rows": (lambda **given: system().curvature_rows(**given), lambda: {
@@ -378,7 +385,7 @@ VERBS = {
     "System.point_row without a beam": (lambda at: oscillators().point_row(at), lambda: {"at": "first"}),
     "State.at_rest": (fi.State.at_rest, lambda: {"frame": "space"}),
     "Laser.measure": (lambda **given: LASER.measure(**given), lambda: {"response": response(), "seed": 3}),
-    "extrapolate": (fi.extrapolate, lambda: {
+    "extrapolate": (fi.signals.extrapolate, lambda: {
         "system": small(), "measured": LASER.measure(response()), "to": "mid", "mode": 1
     }),
     "State.of_mode": (fi.State.of_mode, lambda: {"system": small(), "mode": 1, "amplitude": 1e-3, "at": "tip"}),
@@ -429,7 +436,7 @@ VERBS = {
 OTHERS = {
     "ALUMINIUM", "STEEL", "AxisMargin", "BestCase", "BestDesign", "ContactLaw", "ContactParameters", "DivergenceError",
     "CalibratedParameter", "Calibration", "Preflight", "PreflightRow", "Refinement",
-    "FemimpactError", "InputError", "InputWarning", "StudyResults", "__version__", "figures", "load_branch",
+    "FemimpactError", "InputError", "InputWarning", "StudyResults", "load_branch",
     "load_parameter_study",
     "ShockResponseSpectrum", "Spectrum", "TransferFunction", "report", "show_versions", "write_movie",
 }  # fmt: skip

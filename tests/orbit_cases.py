@@ -53,7 +53,7 @@ class Model:
             impactors=balls, stops=stops,
         )  # fmt: skip
 
-    def orbit(self) -> fi.PeriodicOrbit:
+    def orbit(self) -> fi.orbits.PeriodicOrbit:
         """The orbit that a run from rest leads to."""
         system, base = self.system(), fi.Sine(self.amplitude, self.frequency)
         run = fi.integrate(system, base, fi.EventDriven(), 400 / self.frequency, fi.Recorder(channels=(), ledger=False))

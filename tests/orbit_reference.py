@@ -150,7 +150,7 @@ def difference(function, scale: list[mp.mpf]) -> mp.matrix:
     return mp.matrix(columns).T
 
 
-def derivatives(orbit: fi.PeriodicOrbit, model: Model) -> dict[str, list]:
+def derivatives(orbit: fi.orbits.PeriodicOrbit, model: Model) -> dict[str, list]:
     """State and monodromy at t = 0, multipliers, times of the events, and derivatives by parameters.
 
     The latter are those of state and phase at the first event.

@@ -138,7 +138,7 @@ def resting_case(seed: int) -> RandomCase:
     return RandomCase(fi.reduce(whole, modes=count), fi.Sine(amplitude, drive), duration, start, f"{seed}: {words}")
 
 
-def _law_words(pair: fi.ContactPair) -> str:
+def _law_words(pair: fi.system.ContactPair) -> str:
     return f"{pair.law.name} e={pair.parameters.restitution:.3g} gaps {pair.gaps[0]:.3g}/{pair.gaps[1]:.3g}"
 
 

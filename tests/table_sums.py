@@ -10,7 +10,7 @@ import femimpact as fi
 from femimpact import core
 
 
-def in_progress(response: fi.Response) -> dict[str, tuple[float, float]]:
+def in_progress(response: fi.response.Response) -> dict[str, tuple[float, float]]:
     """Impulse (N s, positive where the + wall pushes) and loss (J) of event-driven compliant contacts not yet over."""
     held, found = response.final_state.continuation.held, {}
     for j, pair in enumerate(response.system.contacts):
@@ -20,7 +20,7 @@ def in_progress(response: fi.Response) -> dict[str, tuple[float, float]]:
     return found
 
 
-def impulses(response: fi.Response, name: str) -> tuple[float, float]:
+def impulses(response: fi.response.Response, name: str) -> tuple[float, float]:
     """Sum of the impulses (N s) of a pair, signed by the wall and of their sizes: all impacts and sticking phases."""
     impacts, sticking = response.impacts, response.sticking
     own = np.concatenate([
@@ -29,13 +29,13 @@ def impulses(response: fi.Response, name: str) -> tuple[float, float]:
     return float(own.sum()), float(np.abs(own).sum())
 
 
-def loss_left(response: fi.Response) -> float:
+def loss_left(response: fi.response.Response) -> float:
     """Contact loss of the ledger beside that of the table and of contacts in progress, over the energy put in."""
     listed = float(response.impacts.energy_loss.sum()) + sum(loss for _, loss in in_progress(response).values())
     return abs(listed - float(response.energy.contact_loss[-1])) / response.energy.largest_input
 
 
-def momentum_left(response: fi.Response, initial: fi.State, name: str) -> float:
+def momentum_left(response: fi.response.Response, initial: fi.State, name: str) -> float:
     """What a ball's change of momentum leaves of all impulses on it, over the sum of their sizes.
 
     m (y' + ub') = m a t - sum of side x impulse, y' relative to the base, of a ball without a centring spring.

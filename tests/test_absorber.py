@@ -390,7 +390,7 @@ def test_bad_numbers_are_one_line(field):
         (lambda: fi.assemble(fi.Structure(REFERENCE.beam, absorbers=[replace(ABSORBER, at="nose")]), 4), "nose"),
         (lambda: fi.Impactor("b", "tip", 1.0, 1.0, fi.Rigid(0.5), free_damping=-1.0), "free_damping = -1.0 N s/m"),
         (
-            lambda: fi.Impactor("b", "tip", 1.0, 1.0, fi.SwitchingSpring(1.0, 1e3), free_damping=1.0),
+            lambda: fi.Impactor("b", "tip", 1.0, 1.0, fi.contact.SwitchingSpring(1.0, 1e3), free_damping=1.0),
             "free_damping = 1.0 N s/m: must be 0 N s/m with the law switching-spring",
         ),
         (lambda: fi.System.from_matrices(**SYSTEM, absorbers=[replace(ABSORBER, at="nose")]), "nose"),

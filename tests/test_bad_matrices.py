@@ -21,7 +21,7 @@ BANNER = "%%MatrixMarket matrix"
 
 def _refused(path, *words):
     with pytest.raises(fi.InputError) as told:
-        fi.read_matrix(path)
+        fi.system.read_matrix(path)
     assert len(str(told.value).splitlines()) == 1
     assert path.name in str(told.value)
     for word in words:
@@ -48,7 +48,7 @@ def test_what_is_no_decimal_number_is_refused_with_its_line(tmp_path, kind, cell
 def test_a_decimal_number_is_what_python_takes_it_for(tmp_path, number):
     path = tmp_path / "K.mtx"
     path.write_text(f"{BANNER} coordinate real general\n\n2 2 2\n  1  1\t{number} \r\n\n2 2 1\n", encoding="ascii")
-    assert fi.read_matrix(path).toarray().tolist() == [[float(number), 0.0], [0.0, 1.0]]
+    assert fi.system.read_matrix(path).toarray().tolist() == [[float(number), 0.0], [0.0, 1.0]]
 
 
 @pytest.mark.parametrize(
@@ -96,7 +96,7 @@ def test_layouts_and_symmetries_mean_the_same_matrix(tmp_path, monkeypatch, layo
     path.write_text("\n".join([f"{BANNER} {layout} real {symmetry}", sizes, *lines]).replace("np.float64", ""))
     text = path.read_text().replace("(", "").replace(")", "")
     path.write_text(text)
-    assert (fi.read_matrix(path).toarray() == SYMMETRIC).all()
+    assert (fi.system.read_matrix(path).toarray() == SYMMETRIC).all()
 
 
 # ---- archives -------------------------------------------------------------------------------------
@@ -141,7 +141,7 @@ def test_a_compressed_file_of_zeros_is_refused_before_it_is_unpacked(tmp_path, m
 @pytest.mark.parametrize("compressed", [False, True])
 def test_every_format_of_scipy_is_read(tmp_path, kind, compressed):
     sparse.save_npz(tmp_path / "K.npz", sparse.csr_array(SYMMETRIC).asformat(kind), compressed=compressed)
-    assert (fi.read_matrix(tmp_path / "K.npz").toarray() == SYMMETRIC).all()
+    assert (fi.system.read_matrix(tmp_path / "K.npz").toarray() == SYMMETRIC).all()
 
 
 DAMAGE = """
@@ -155,7 +155,7 @@ told = []
 for path in sorted(folder.iterdir()):
     print(path.name, file=sys.stderr, flush=True)
     try:
-        fine = bool((fi.read_matrix(path).toarray() == true).all())
+        fine = bool((fi.system.read_matrix(path).toarray() == true).all())
     except fi.InputError as error:
         fine = len(str(error).splitlines()) == 1
     told.append(fine)
@@ -186,7 +186,9 @@ def test_archives_with_sound_checksums_and_any_indices_do_not_end_the_process(tm
         for _ in range(int(random.integers(1, 4))):
             arrays[name][int(random.integers(arrays[name].size))] = random.choice(wild)
         np.savez(path, **arrays)
-    script = DAMAGE.replace("bool((fi.read_matrix(path).toarray() == true).all())", "fi.read_matrix(path) is not None")
+    script = DAMAGE.replace(
+        "bool((fi.system.read_matrix(path).toarray() == true).all())", "fi.system.read_matrix(path) is not None"
+    )
     assert all(_in_a_child(script, str(tmp_path), "[]"))
 
 

@@ -100,7 +100,7 @@ def test_a_bodys_name_is_its_place_for_everything():
     for pair, same in zip(one.contacts, other.contacts, strict=True):
         np.testing.assert_array_equal(pair.direction, same.direction)
     np.testing.assert_array_equal(other.point_row("midbox"), other.point_row(0.17))
-    glued = fi.assemble(fi.glue_impactors(by_name), elements=7)
+    glued = fi.assemble(fi.structure.glue_impactors(by_name), elements=7)
     assert glued.total_mass == pytest.approx(one.total_mass + 3e-3, rel=1e-12)
     held = replace(by_name, supports=[fi.Support("pinned", "root"), fi.Support("pinned", "midbox")], springs=())
     assert set(fi.assemble(held, elements=7).reactions) == {"root.force", "midbox.force"}

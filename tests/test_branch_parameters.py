@@ -232,7 +232,7 @@ SCALE = {"mu": ("impactor.ball.mass", 1.0), "zeta": ("damping.factor", 100.0)}
 
 
 def branch_over(number, low, high, **changed):
-    orbit, *_ = fi.two_impact_orbits(*box(*(CASE | changed).values()))
+    orbit, *_ = fi.orbits.two_impact_orbits(*box(*(CASE | changed).values()))
     path, scale = SCALE[number]
     return fi.continue_orbit(orbit, path, (scale * low, scale * high))
 
@@ -277,7 +277,7 @@ def test_symmetry_breaking_is_minus_one_of_the_half_map(number, low, high, clear
     assert value == pytest.approx(scale * brentq(at_minus_one, low, high, xtol=1e-15), rel=1e-10)
     # both orbits without the symmetry have the number of their side
     breaking = next(each for each in branch.bifurcations if each.kind == "symmetry-breaking")
-    for orbit in fi.switch_branch(breaking):
+    for orbit in fi.orbits.switch_branch(breaking):
         assert not orbit.is_symmetric
         assert orbit.residual < 1e-10 * max(1.0, abs(orbit.multipliers[0]))
         found = {"mu": orbit.system.contacts[0].mass, "zeta": 0.5 * orbit.system.C.toarray()[0, 0]}

@@ -30,7 +30,7 @@ PATHS = {
 
 def branch_over(number, low, high, **changed):
     """The branch of the faster of the two-impact orbits of the case."""
-    orbit, *_ = fi.two_impact_orbits(*box(*(CASE | changed).values()))
+    orbit, *_ = fi.orbits.two_impact_orbits(*box(*(CASE | changed).values()))
     path, scale = PATHS[number]
     return fi.continue_orbit(orbit, path, (scale * low, scale * high))
 
@@ -59,7 +59,7 @@ def asymmetric(beam):
 
 @pytest.fixture(scope="module")
 def symmetric(beam):
-    (orbit,) = fi.two_impact_orbits(beam, fi.Sine(0.2037e-3, 5.05))
+    (orbit,) = fi.orbits.two_impact_orbits(beam, fi.Sine(0.2037e-3, 5.05))
     return fi.continue_orbit(orbit, "frequency", (4.9, 5.2))
 
 
@@ -256,7 +256,7 @@ def test_no_multiplier_near_the_unit_circle_moves_far_in_a_step(asymmetric):
 def test_two_neimark_sacker_points_in_one_step_are_found_from_every_start(start):
     """Beyond both the number of multipliers outside the unit circle is what it was."""
     beam = reduced(with_ball(REFERENCE, contact=fi.Rigid(0.8), gap=2e-3), 3, elements=40)
-    (orbit,) = fi.two_impact_orbits(beam, fi.Sine(0.2037e-3, start))
+    (orbit,) = fi.orbits.two_impact_orbits(beam, fi.Sine(0.2037e-3, start))
     branch = fi.continue_orbit(orbit, "frequency", (4.9, 5.6))
     low, high, *_ = values_of(branch, "neimark-sacker")
     # of the same beam on a finer mesh they are 5.256771598 and 5.266205630
@@ -370,7 +370,7 @@ def test_a_doubled_orbit_has_branch_points_where_the_single_one_doubles(branches
 def test_twice_an_orbit_has_a_branch_point_where_it_loses_its_symmetry(over_gap):
     """Where the equations are singular: the point is found from others around it."""
     system, force = box(*CASE.values())
-    orbit, *_ = fi.two_impact_orbits(system, force)
+    orbit, *_ = fi.orbits.two_impact_orbits(system, force)
     branch = fi.continue_orbit(fi.find_orbit(system, force, 2, guess=orbit), "impactor.ball.gap", (3.0, 20.0))
     np.testing.assert_allclose(values_of(branch, "branch-point"), values_of(over_gap, "symmetry-breaking"), rtol=1e-10)
 
@@ -458,7 +458,7 @@ def test_every_orbit_is_that_which_find_orbit_finds(branches, name):
 @pytest.fixture(scope="module")
 def undamped():
     """A branch through the natural frequency of an oscillator without damping."""
-    orbit, *_ = fi.two_impact_orbits(*box(*(CASE | {"zeta": 0.0, "ratio": 0.99}).values()))
+    orbit, *_ = fi.orbits.two_impact_orbits(*box(*(CASE | {"zeta": 0.0, "ratio": 0.99}).values()))
     return fi.continue_orbit(orbit, "frequency", (0.157, 0.161))
 
 
@@ -555,7 +555,7 @@ def test_the_figure_has_every_bifurcation_and_two_lines(asymmetric):
     ],
 )
 def test_bad_input_is_one_line(parameter, to, words):
-    orbit, *_ = fi.two_impact_orbits(*box(*CASE.values()))
+    orbit, *_ = fi.orbits.two_impact_orbits(*box(*CASE.values()))
     with pytest.raises(fi.InputError) as caught:
         fi.continue_orbit(orbit, parameter, to)
     assert words in str(caught.value)

@@ -8,8 +8,9 @@ from builders import reduced, with_ball
 from scipy.integrate import quad, solve_ivp
 
 import femimpact as fi
-from femimpact import contact, core
+from femimpact import core
 from femimpact.contact.collision import contact_time_of, damping_ratio_for_restitution, restitution_of_damping_ratio
+from femimpact.contact.law import resolve
 
 pytestmark = pytest.mark.impacts
 
@@ -51,7 +52,7 @@ def test_damping_ratio_for_a_restitution_is_the_inverse(e):
 
 @pytest.mark.parametrize("e", [0.05, 0.3, 0.6, 0.95, 1.0])
 def test_a_law_from_restitution_and_contact_time_has_both(e):
-    numbers = contact.resolve(fi.KelvinVoigt(restitution=e, contact_time=2e-3), effective_mass=3e-3)
+    numbers = resolve(fi.KelvinVoigt(restitution=e, contact_time=2e-3), effective_mass=3e-3)
     assert numbers.contact_time == pytest.approx(2e-3, rel=1e-9)
     assert numbers.restitution == pytest.approx(e, rel=1e-9)
     w0 = math.sqrt(numbers.stiffness / 3e-3)
@@ -63,9 +64,9 @@ def test_a_law_from_restitution_and_contact_time_has_both(e):
 
 
 def test_the_three_complete_pairs_are_one_law():
-    first = contact.resolve(fi.KelvinVoigt(restitution=0.6, contact_time=2e-3), 3e-3)
-    second = contact.resolve(fi.KelvinVoigt(stiffness=first.stiffness, restitution=0.6), 3e-3)
-    third = contact.resolve(fi.KelvinVoigt(stiffness=first.stiffness, damping=first.damping), 3e-3)
+    first = resolve(fi.KelvinVoigt(restitution=0.6, contact_time=2e-3), 3e-3)
+    second = resolve(fi.KelvinVoigt(stiffness=first.stiffness, restitution=0.6), 3e-3)
+    third = resolve(fi.KelvinVoigt(stiffness=first.stiffness, damping=first.damping), 3e-3)
     for other in (second, third):
         # rounding of square roots
         assert other == pytest.approx(first, rel=1e-12)
@@ -74,7 +75,7 @@ def test_the_three_complete_pairs_are_one_law():
 def test_the_wall_never_pulls():
     depth, rate = np.meshgrid(np.linspace(0.0, 1e-3, 11), np.linspace(-1.0, 1.0, 21))
     law, depth, rate = fi.KelvinVoigt(stiffness=1e3, damping=5.0), depth.ravel(), rate.ravel()
-    force = [fi.contact_force(law, d, r, 0.1, 1.0) for d, r in zip(depth, rate, strict=True)]
+    force = [fi.contact.contact_force(law, d, r, 0.1, 1.0) for d, r in zip(depth, rate, strict=True)]
     free = 1e3 * depth + 5.0 * rate
     assert np.any(free < 0)
     np.testing.assert_array_equal(force, np.where((free > 0) & (depth > 0), free, 0.0))
@@ -128,7 +129,9 @@ def with_law(structure, law):
 def test_achieved_restitution_tends_to_the_law_at_second_order_of_the_step_or_better(reference, restitution):
     pair = with_law(reference, fi.KelvinVoigt(restitution=restitution, contact_time=2e-3)).contacts[0]
     steps = 2e-3 / np.array([20, 40, 80, 160, 320])
-    achieved = [fi.achieved_restitution(pair, fi.Newmark(dt), approach_speed=0.1, phases=64) for dt in steps]
+    achieved = [
+        fi.integrators.achieved_restitution(pair, fi.Newmark(dt), approach_speed=0.1, phases=64) for dt in steps
+    ]
     assert achieved[0].exact == pytest.approx(restitution, rel=1e-9)
     error = np.array([abs(a.mean - restitution) for a in achieved])
     spread = np.array([a.highest - a.lowest for a in achieved])

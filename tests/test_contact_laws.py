@@ -12,9 +12,9 @@ from femimpact.figures import OffScreen, collision_history, contact_laws
 MASS, SPEED, STIFFNESS = 3.43e-3, 0.26, 2e9
 LOSSY = {
     "hunt-crossley": fi.HuntCrossley,
-    "lankarani-nikravesh": fi.LankaraniNikravesh,
-    "flores": fi.Flores,
-    "gonthier-carvalho-martins": fi.GonthierCarvalhoMartins,
+    "lankarani-nikravesh": fi.contact.LankaraniNikravesh,
+    "flores": fi.contact.Flores,
+    "gonthier-carvalho-martins": fi.contact.GonthierCarvalhoMartins,
 }
 PUBLISHED_LOSS = {
     "hunt-crossley": lambda e: 3 * (1 - e) / 2,
@@ -23,7 +23,7 @@ PUBLISHED_LOSS = {
 }
 EVERY_LAW = [
     fi.KelvinVoigt(restitution=0.6, contact_time=2e-3),
-    fi.SwitchingSpring(free_stiffness=0.0, stiffness=1e4),
+    fi.contact.SwitchingSpring(free_stiffness=0.0, stiffness=1e4),
     fi.Hertz(STIFFNESS),
     *(make(STIFFNESS, 0.5) for make in LOSSY.values()),
     fi.Rigid(0.6),
@@ -74,8 +74,8 @@ def test_a_collision_is_that_of_the_differential_equation(name, e, exponent):
     if name == "gonthier-carvalho-martins":
         # the loss factor read back from the force itself
         at = 1e-5
-        elastic = fi.contact_force(law, at, 0.0, SPEED, MASS)
-        loss = fi.contact_force(law, at, SPEED, SPEED, MASS) / elastic - 1
+        elastic = fi.contact.contact_force(law, at, 0.0, SPEED, MASS)
+        loss = fi.contact.contact_force(law, at, SPEED, SPEED, MASS) / elastic - 1
     else:
         loss = PUBLISHED_LOSS[name](e)
     restitution, time, peak, depth = thrown(loss, exponent)
@@ -90,7 +90,9 @@ def test_a_collision_is_that_of_the_differential_equation(name, e, exponent):
 @pytest.mark.parametrize("e", [1e-3, 0.05, 0.5, 0.99])
 def test_the_exact_loss_factor_returns_the_restitution_asked_for(e):
     # brentq to 1e-14, there and back
-    assert fi.collide(fi.GonthierCarvalhoMartins(STIFFNESS, e), MASS, SPEED).restitution == pytest.approx(e, rel=1e-9)
+    assert fi.collide(fi.contact.GonthierCarvalhoMartins(STIFFNESS, e), MASS, SPEED).restitution == pytest.approx(
+        e, rel=1e-9
+    )
 
 
 @pytest.mark.parametrize("speed", [0.01, 0.26, 3.0])
@@ -106,7 +108,7 @@ def test_energy_loss_is_what_the_rebound_lacks(law, speed):
 @pytest.mark.parametrize("name", LOSSY)
 def test_a_law_of_ones_own_is_the_built_in_one(name, speed):
     law = LOSSY[name](STIFFNESS, 0.6)
-    own = fi.CustomLaw(lambda depth, rate, at: fi.contact_force(law, depth, rate, at, MASS))
+    own = fi.CustomLaw(lambda depth, rate, at: fi.contact.contact_force(law, depth, rate, at, MASS))
     found, expected = fi.collide(own, MASS, speed), fi.collide(law, MASS, speed)
     # integrated to 1e-10 a step; the end of the contact and the peak are read from the steps themselves
     assert found.restitution == pytest.approx(expected.restitution, rel=1e-6)
@@ -120,28 +122,30 @@ def test_a_law_of_ones_own_is_the_built_in_one(name, speed):
 @pytest.mark.parametrize("law", WITH_FORCE, ids=by_name)
 def test_the_elastic_force_is_the_slope_of_the_potential(law, depth):
     h = 1e-4 * depth
-    slope = (fi.contact_potential(law, depth + h, MASS) - fi.contact_potential(law, depth - h, MASS)) / (2 * h)
+    slope = (
+        fi.contact.contact_potential(law, depth + h, MASS) - fi.contact.contact_potential(law, depth - h, MASS)
+    ) / (2 * h)
     # central difference: h^2 of the curvature, over rounding of 1e-16/1e-4
-    assert slope == pytest.approx(fi.contact_force(law, depth, 0.0, 0.25, MASS), rel=1e-7)
+    assert slope == pytest.approx(fi.contact.contact_force(law, depth, 0.0, 0.25, MASS), rel=1e-7)
 
 
 @pytest.mark.parametrize("law", WITH_FORCE, ids=by_name)
 def test_no_law_acts_or_stores_outside_its_wall(law):
-    assert fi.contact_force(law, -1e-6, 0.3, 0.3, MASS) == 0.0
-    assert fi.contact_potential(law, -1e-6, MASS) == 0.0
+    assert fi.contact.contact_force(law, -1e-6, 0.3, 0.3, MASS) == 0.0
+    assert fi.contact.contact_potential(law, -1e-6, MASS) == 0.0
 
 
 @pytest.mark.parametrize("law", WITH_FORCE, ids=by_name)
 def test_no_law_pulls_however_fast_the_ball_leaves(law):
-    assert fi.contact_force(law, 1e-6, -50.0, 0.25, MASS) >= 0.0
+    assert fi.contact.contact_force(law, 1e-6, -50.0, 0.25, MASS) >= 0.0
 
 
 def test_a_rigid_contact_has_no_force_and_stores_nothing():
     found = fi.collide(fi.Rigid(0.6), MASS, SPEED)
     assert (found.restitution, found.contact_time, found.largest_penetration) == (0.6, 0.0, 0.0)
     assert math.isnan(found.peak_force)
-    assert math.isnan(fi.contact_force(fi.Rigid(0.6), 1e-6, 0.0, SPEED, MASS))
-    assert fi.contact_potential(fi.Rigid(0.6), 1e-6, MASS) == 0.0
+    assert math.isnan(fi.contact.contact_force(fi.Rigid(0.6), 1e-6, 0.0, SPEED, MASS))
+    assert fi.contact.contact_potential(fi.Rigid(0.6), 1e-6, MASS) == 0.0
 
 
 @pytest.mark.parametrize("law", EVERY_LAW)
@@ -160,10 +164,10 @@ def test_a_speed_beyond_numbers_is_named(law):
     [
         fi.KelvinVoigt(restitution=0.6, contact_time=2e-3),
         fi.KelvinVoigt(restitution=0.05, contact_time=2e-3),
-        fi.SwitchingSpring(free_stiffness=0.0, stiffness=1e4),
+        fi.contact.SwitchingSpring(free_stiffness=0.0, stiffness=1e4),
         fi.Hertz(1e9),
-        fi.Flores(1e9, 0.2),
-        fi.GonthierCarvalhoMartins(1e9, 0.9),
+        fi.contact.Flores(1e9, 0.2),
+        fi.contact.GonthierCarvalhoMartins(1e9, 0.9),
     ],
     ids=lambda value: getattr(value, "name", value),
 )

@@ -50,13 +50,14 @@ def shaken_cantilever():
 
 
 WATCHED = [
-    fi.Frequencies(3), fi.ModeShapes(2), fi.SteadyResponse("tip"), fi.BendingMoment(), fi.BendingMoment("root", 2),
-    fi.SurfaceStress(), fi.SupportReaction(), fi.SupportReaction("root.force"),
+    fi.convergence.Frequencies(3), fi.convergence.ModeShapes(2), fi.convergence.SteadyResponse("tip"),
+    fi.convergence.BendingMoment(), fi.convergence.BendingMoment("root", 2),
+    fi.convergence.SurfaceStress(), fi.convergence.SupportReaction(), fi.convergence.SupportReaction("root.force"),
 ]  # fmt: skip
 FAMILIES = {
-    "uniform": lambda s: fi.OverMeshes.uniform(s, [4, 8, 16, 32]),
-    "graded": lambda s: fi.OverMeshes.graded(s, [8, 16, 32, 64], 5.0),
-    "refined random": lambda s: fi.OverMeshes.refinements(fi.random_mesh(s, 6, 2), 3),
+    "uniform": lambda s: fi.convergence.OverMeshes.uniform(s, [4, 8, 16, 32]),
+    "graded": lambda s: fi.convergence.OverMeshes.graded(s, [8, 16, 32, 64], 5.0),
+    "refined random": lambda s: fi.convergence.OverMeshes.refinements(fi.fem.random_mesh(s, 6, 2), 3),
 }
 
 
@@ -75,8 +76,13 @@ def test_every_quantity_converges_with_the_order_derived_for_it(structure, famil
 
 @pytest.mark.parametrize("family", [*FAMILIES, "random"])
 def test_values_and_errors_are_those_of_the_exact_solutions(family):
-    make = FAMILIES.get(family, lambda s: fi.OverMeshes.random(s, [8, 16, 32], 5))
-    watched = [fi.Frequencies(1), fi.SteadyResponse("tip"), fi.SupportReaction(), fi.SupportReaction("root.force")]
+    make = FAMILIES.get(family, lambda s: fi.convergence.OverMeshes.random(s, [8, 16, 32], 5))
+    watched = [
+        fi.convergence.Frequencies(1),
+        fi.convergence.SteadyResponse("tip"),
+        fi.convergence.SupportReaction(),
+        fi.convergence.SupportReaction("root.force"),
+    ]
     table = fi.convergence_study(BARE, make(BARE), watched, BASE)["mesh"]
     tip, moment, force = shaken_cantilever()
     first = 1.8751040687119611**2 / (2 * math.pi * BEAM.length**2) * math.sqrt(EI / RHO_A)
@@ -89,7 +95,9 @@ def test_values_and_errors_are_those_of_the_exact_solutions(family):
 
 
 def test_the_moment_at_a_clamped_root_misses_a_twelfth_of_h_squared_times_the_inertia_of_the_base():
-    table = fi.convergence_study(BARE, fi.OverMeshes.uniform(BARE, [8, 16, 32]), fi.BendingMoment(), BASE)["mesh"]
+    table = fi.convergence_study(
+        BARE, fi.convergence.OverMeshes.uniform(BARE, [8, 16, 32]), fi.convergence.BendingMoment(), BASE
+    )["mesh"]
     moment = shaken_cantilever()[1]
     load = RHO_A * (2 * math.pi * BASE.frequency) ** 2 * BASE.amplitude
     # h^2 EI w''''/12 with EI w'''' = rho A omega^2 ub; the part of order 4 is (h/L)^2 of it
@@ -97,8 +105,8 @@ def test_the_moment_at_a_clamped_root_misses_a_twelfth_of_h_squared_times_the_in
 
 
 def test_the_energy_distance_of_a_shape_is_the_root_of_twice_its_frequencys_error():
-    watched = [fi.Frequencies(2), fi.ModeShapes(2)]
-    table = fi.convergence_study(BARE, fi.OverMeshes.uniform(BARE, [8, 16, 32, 64]), watched)["mesh"]
+    watched = [fi.convergence.Frequencies(2), fi.convergence.ModeShapes(2)]
+    table = fi.convergence_study(BARE, fi.convergence.OverMeshes.uniform(BARE, [8, 16, 32, 64]), watched)["mesh"]
     for i in (1, 2):
         f, shape = (table.error[:, table.index(f"{name} {i}")] for name in ("frequency", "shape"))
         # |u_h - u|_E^2 = lambda |u_h - u|_M^2 + lambda_h - lambda, whose first part is of order 8
@@ -107,12 +115,14 @@ def test_the_energy_distance_of_a_shape_is_the_root_of_twice_its_frequencys_erro
 
 def test_a_recommended_number_gives_the_accuracy_and_not_much_more():
     accuracy = 1e-5
-    axis = fi.OverMeshes.uniform(BARE, [2, 4, 16, 64])
-    table = fi.convergence_study(BARE, axis, [fi.Frequencies(3), fi.SurfaceStress()], BASE, accuracy=accuracy)["mesh"]
+    axis = fi.convergence.OverMeshes.uniform(BARE, [2, 4, 16, 64])
+    table = fi.convergence_study(
+        BARE, axis, [fi.convergence.Frequencies(3), fi.convergence.SurfaceStress()], BASE, accuracy=accuracy
+    )["mesh"]
     for i, number in enumerate(table.recommended):
         counts = [int(number), 128, 256]
-        watched = fi.Frequencies(3) if i < 3 else fi.SurfaceStress()
-        found = fi.convergence_study(BARE, fi.OverMeshes.uniform(BARE, counts), watched, BASE)["mesh"]
+        watched = fi.convergence.Frequencies(3) if i < 3 else fi.convergence.SurfaceStress()
+        found = fi.convergence_study(BARE, fi.convergence.OverMeshes.uniform(BARE, counts), watched, BASE)["mesh"]
         error = found.error[0, i if i < 3 else 0]
         # rounding up to a whole element, and an order fitted to meshes that are coarse
         assert 0.3 * accuracy < error < 1.1 * accuracy
@@ -121,8 +131,8 @@ def test_a_recommended_number_gives_the_accuracy_and_not_much_more():
 
 def test_a_case_that_fails_is_a_row_with_its_reason():
     structure = replace(BARE, masses=(fi.PointMass("collar", 0.1, 0.01),))
-    axis = fi.OverMeshes.uniform(structure, [1, 4, 8])
-    table = fi.convergence_study(structure, axis, fi.Frequencies(1))["mesh"]
+    axis = fi.convergence.OverMeshes.uniform(structure, [1, 4, 8])
+    table = fi.convergence_study(structure, axis, fi.convergence.Frequencies(1))["mesh"]
     assert table.failure.tolist() == [
         "mesh.elements = 1: must be >= 2: one for each stretch between joints and attachments", "", ""
     ]  # fmt: skip
@@ -134,8 +144,8 @@ def test_a_family_of_files_is_sorted_and_a_bad_file_is_a_row(tmp_path):
     bad = tmp_path / "bad.msh"
     bad.write_text("no mesh")
     files = [MESHES / f"graded_{n}.msh" for n in (24, 6, 12, 48)]
-    axis = fi.OverMeshes.files([*files, bad])
-    table = fi.convergence_study(structure, axis, [fi.Frequencies(2), fi.ModeShapes(2)])["mesh"]
+    axis = fi.convergence.OverMeshes.files([*files, bad])
+    table = fi.convergence_study(structure, axis, [fi.convergence.Frequencies(2), fi.convergence.ModeShapes(2)])["mesh"]
     assert table.label.tolist() == ["bad.msh", *(f"graded_{n}.msh" for n in (6, 12, 24, 48))]
     assert "bad.msh': must be a mesh that meshio can read as gmsh: it is not in this format" in table.failure[0]
     # gmsh's geometric lengths keep their ratio only as they get many
@@ -145,8 +155,10 @@ def test_a_family_of_files_is_sorted_and_a_bad_file_is_a_row(tmp_path):
 def test_meshes_that_keep_their_longest_element_have_errors_and_no_order():
     # the half at the root is refined, the other one is one element
     half = BEAM.length / 2
-    local = [fi.Mesh(np.append(np.linspace(0, half, n + 1), BEAM.length)) for n in (2, 4, 8)]
-    table = fi.convergence_study(BARE, fi.OverMeshes(tuple(local)), [fi.Frequencies(2), fi.ModeShapes(1)])["mesh"]
+    local = [fi.fem.Mesh(np.append(np.linspace(0, half, n + 1), BEAM.length)) for n in (2, 4, 8)]
+    table = fi.convergence_study(
+        BARE, fi.convergence.OverMeshes(tuple(local)), [fi.convergence.Frequencies(2), fi.convergence.ModeShapes(1)]
+    )["mesh"]
     assert np.all(np.isnan(table.order))
     assert np.all(np.isnan(table.fitted_order))
     said = "no order is fitted: the longest element of 5 elements, 0.115 m, is no smaller than that of 3 elements; "
@@ -171,8 +183,8 @@ def test_an_order_is_of_sizes_that_fall():
 
 def test_a_place_that_does_not_move_has_no_relative_error():
     pinned = replace(BARE, supports=(fi.Support("pinned", "root"), fi.Support("pinned", "tip")))
-    axis = fi.OverMeshes.uniform(pinned, [2, 4, 8])
-    table = fi.convergence_study(pinned, axis, fi.SteadyResponse(("tip", "mid")), BASE)["mesh"]
+    axis = fi.convergence.OverMeshes.uniform(pinned, [2, 4, 8])
+    table = fi.convergence_study(pinned, axis, fi.convergence.SteadyResponse(("tip", "mid")), BASE)["mesh"]
     np.testing.assert_array_equal(table.value[:, 0], 0.0)
     assert np.all(np.isnan(table.error[:, 0]))
     assert np.all(np.isnan([table.floor[0], table.recommended[0]]))
@@ -184,8 +196,13 @@ def test_a_place_that_does_not_move_has_no_relative_error():
 
 def test_over_steps_every_quantity_is_of_order_two_against_the_one_exact_in_time():
     mesh = fi.uniform_mesh(BOXED, 16)
-    axis = fi.OverSteps(mesh, fi.Newmark(1e-3), 3)
-    watched = [fi.Frequencies(1), fi.SteadyResponse(("tip", "mid")), fi.BendingMoment(), fi.SupportReaction()]
+    axis = fi.convergence.OverSteps(mesh, fi.Newmark(1e-3), 3)
+    watched = [
+        fi.convergence.Frequencies(1),
+        fi.convergence.SteadyResponse(("tip", "mid")),
+        fi.convergence.BendingMoment(),
+        fi.convergence.SupportReaction(),
+    ]
     table = fi.convergence_study(BOXED, axis, watched, BASE)["step"]
     # the next term: (omega dt)^2/10 below 1e-3
     np.testing.assert_allclose(table.fitted_order, 2.0, atol=0.02)
@@ -214,8 +231,13 @@ def test_the_steady_amplitude_of_steps_is_that_of_a_run(method):
 
 
 def test_over_the_modes_a_root_moment_is_of_order_two_a_force_of_one_and_a_tip_of_five():
-    axis = fi.OverModes(fi.uniform_mesh(BARE, 120), (4, 6, 8, 12, 16))
-    watched = [fi.SteadyResponse("tip"), fi.BendingMoment(), fi.SupportReaction(), fi.SupportReaction("root.force")]
+    axis = fi.convergence.OverModes(fi.uniform_mesh(BARE, 120), (4, 6, 8, 12, 16))
+    watched = [
+        fi.convergence.SteadyResponse("tip"),
+        fi.convergence.BendingMoment(),
+        fi.convergence.SupportReaction(),
+        fi.convergence.SupportReaction("root.force"),
+    ]
     table = fi.convergence_study(BARE, axis, watched, BASE)["modes"]
     np.testing.assert_array_equal(table.expected_order, [5, 2, 2, 1])
     # n stands for n + 1/2 or so: at n = 6 that is worth a few per cent of the order
@@ -233,8 +255,8 @@ RATTLING = replace(BOXED, impactors=(BALL,))
 @pytest.mark.impacts
 def test_statistics_of_runs_have_a_scatter_and_equal_meshes_no_difference():
     mesh = fi.uniform_mesh(RATTLING, 4)
-    watched = fi.ContactStatistics(starts=3, cycles=48)
-    axis = fi.OverMeshes((mesh, fi.Mesh(mesh.nodes, mesh.points, mesh.regions)))
+    watched = fi.convergence.ContactStatistics(starts=3, cycles=48)
+    axis = fi.convergence.OverMeshes((mesh, fi.fem.Mesh(mesh.nodes, mesh.points, mesh.regions)))
     table = fi.convergence_study(RATTLING, axis, watched, fi.Sine(2e-4, 5.0), modes=2)["mesh"]
     assert np.all(table.scatter > 0.0)
     np.testing.assert_array_equal(table.error, 0.0)
@@ -245,7 +267,7 @@ def test_statistics_of_runs_have_a_scatter_and_equal_meshes_no_difference():
 
 def test_a_difference_means_something_beyond_three_standard_errors_of_both():
     value, scatter = np.array([[1.5], [1.27], [1.0]]), np.array([[0.08], [0.08], [0.06]])
-    table = fi.ConvergenceTable(
+    table = fi.convergence.ConvergenceTable(
         axis="mesh", label=np.array(["a", "b", "c"]), number=[1.0, 2.0, 4.0], size=[4.0, 2.0, 1.0],
         failure=np.array(["", "", ""]), name=np.array(["rms"]), unit=np.array(["m"]), value=value,
         error=np.abs(value - 1.0), order=np.full((3, 1), np.nan), scatter=scatter, fitted_order=[np.nan],
@@ -296,7 +318,7 @@ def test_rounding_ends_the_rows_that_converge_and_names_its_floor():
 
 
 def test_the_floor_of_the_first_frequency_is_seen_on_fine_meshes():
-    table = fi.convergence_study(BARE, fi.OverMeshes.uniform(BARE, [8, 32, 128, 512, 1024, 2000]))["mesh"]
+    table = fi.convergence_study(BARE, fi.convergence.OverMeshes.uniform(BARE, [8, 32, 128, 512, 1024, 2000]))["mesh"]
     # read from the stiffness factor: eps N^2 at most
     assert 1e-15 < table.floor[0] < 1e-9
     assert any(note.startswith("round-off floor: reached") for note in table.notes)
@@ -309,8 +331,11 @@ def test_the_floor_of_the_first_frequency_is_seen_on_fine_meshes():
 
 @pytest.fixture(scope="module")
 def small_study():
-    axes = [fi.OverMeshes.uniform(BOXED, [2, 4, 8]), fi.OverModes(fi.uniform_mesh(BOXED, 8), (1, 2, 4))]
-    return fi.convergence_study(BOXED, axes, [fi.Frequencies(2), fi.BendingMoment()], BASE)
+    axes = [
+        fi.convergence.OverMeshes.uniform(BOXED, [2, 4, 8]),
+        fi.convergence.OverModes(fi.uniform_mesh(BOXED, 8), (1, 2, 4)),
+    ]
+    return fi.convergence_study(BOXED, axes, [fi.convergence.Frequencies(2), fi.convergence.BendingMoment()], BASE)
 
 
 def test_a_table_goes_to_csv_pandas_and_xarray_and_back(small_study, tmp_path):
@@ -334,8 +359,13 @@ def test_a_printed_table_holds_every_quantity_its_problem_and_the_reasons_of_cas
     bad.write_text("no mesh")
     structure = fi.load_study(MESHES / "stepped_cantilever.toml").structure
     files = [bad, *(MESHES / f"graded_{n}.msh" for n in (6, 12, 24))]
-    watched = [fi.Frequencies(4), fi.ModeShapes(3), fi.SurfaceStress("joint"), fi.SurfaceStress("joint", side="left")]
-    study = fi.convergence_study(structure, fi.OverMeshes.files(files), watched, BASE)
+    watched = [
+        fi.convergence.Frequencies(4),
+        fi.convergence.ModeShapes(3),
+        fi.convergence.SurfaceStress("joint"),
+        fi.convergence.SurfaceStress("joint", side="left"),
+    ]
+    study = fi.convergence_study(structure, fi.convergence.OverMeshes.files(files), watched, BASE)
     table, shown = study["mesh"], repr(study)
     assert shown == repr(table)
     lines = shown.splitlines()
@@ -351,9 +381,9 @@ def test_a_printed_table_holds_every_quantity_its_problem_and_the_reasons_of_cas
 
 
 def test_a_recommended_number_that_the_coarsest_case_has_is_a_bound_in_print_csv_and_xarray(tmp_path):
-    axis = fi.OverModes(fi.uniform_mesh(BOXED, 8), (1, 2, 4))
+    axis = fi.convergence.OverModes(fi.uniform_mesh(BOXED, 8), (1, 2, 4))
     for accuracy in (0.5, 1e-4):
-        table = fi.convergence_study(BOXED, axis, fi.BendingMoment(), BASE, accuracy=accuracy)["modes"]
+        table = fi.convergence_study(BOXED, axis, fi.convergence.BendingMoment(), BASE, accuracy=accuracy)["modes"]
         met = bool(table.error[0, 0] <= accuracy)
         assert table.recommended_is_bound.tolist() == [met]
         assert ("<= 1 " in repr(table)) is met
@@ -363,7 +393,9 @@ def test_a_recommended_number_that_the_coarsest_case_has_is_a_bound_in_print_csv
 
 
 def test_print_says_how_many_of_its_cases_it_shows():
-    table = fi.convergence_study(BARE, fi.OverMeshes.uniform(BARE, range(2, 12)), fi.Frequencies(1))["mesh"]
+    table = fi.convergence_study(
+        BARE, fi.convergence.OverMeshes.uniform(BARE, range(2, 12)), fi.convergence.Frequencies(1)
+    )["mesh"]
     assert repr(table).splitlines()[:2] == [
         "Free vibration of the structure without contacts", "Over the mesh: relative errors, 6 of 10 cases"
     ]  # fmt: skip
@@ -385,15 +417,25 @@ def test_a_figure_has_a_curve_a_quantity_and_a_slope_an_order(small_study, tmp_p
     assert [text.get_text().split(":")[0] for text in only.get_legend().get_texts()] == said
 
 
-HALVES = [fi.Mesh(np.append(np.linspace(0, BEAM.length / 2, n + 1), BEAM.length)) for n in (2, 4, 8)]
-RESPONSE = [fi.SteadyResponse("tip"), fi.BendingMoment(), fi.SupportReaction("root.force")]
+HALVES = [fi.fem.Mesh(np.append(np.linspace(0, BEAM.length / 2, n + 1), BEAM.length)) for n in (2, 4, 8)]
+RESPONSE = [
+    fi.convergence.SteadyResponse("tip"),
+    fi.convergence.BendingMoment(),
+    fi.convergence.SupportReaction("root.force"),
+]
 DRAWN = {
-    "slopes of 2, 4 and 8": (fi.OverMeshes.uniform(BARE, [4, 8, 16]), [fi.Frequencies(2), fi.ModeShapes(2)]),
-    "three meshes": (fi.OverMeshes.uniform(BARE, [2, 3, 4]), fi.Frequencies(1)),
-    "round-off from the coarsest mesh on": (fi.OverMeshes.uniform(BARE, [200, 400, 800, 1600]), fi.Frequencies(3)),
-    "flat curves": (fi.OverMeshes(tuple(HALVES)), fi.Frequencies(2)),
-    "steps": (fi.OverSteps(fi.uniform_mesh(BARE, 8), fi.Newmark(1e-3), 3), RESPONSE),
-    "slopes of 1, 2 and 5 over modes": (fi.OverModes(fi.uniform_mesh(BARE, 60), (4, 6, 8, 12)), RESPONSE),
+    "slopes of 2, 4 and 8": (
+        fi.convergence.OverMeshes.uniform(BARE, [4, 8, 16]),
+        [fi.convergence.Frequencies(2), fi.convergence.ModeShapes(2)],
+    ),
+    "three meshes": (fi.convergence.OverMeshes.uniform(BARE, [2, 3, 4]), fi.convergence.Frequencies(1)),
+    "round-off from the coarsest mesh on": (
+        fi.convergence.OverMeshes.uniform(BARE, [200, 400, 800, 1600]),
+        fi.convergence.Frequencies(3),
+    ),
+    "flat curves": (fi.convergence.OverMeshes(tuple(HALVES)), fi.convergence.Frequencies(2)),
+    "steps": (fi.convergence.OverSteps(fi.uniform_mesh(BARE, 8), fi.Newmark(1e-3), 3), RESPONSE),
+    "slopes of 1, 2 and 5 over modes": (fi.convergence.OverModes(fi.uniform_mesh(BARE, 60), (4, 6, 8, 12)), RESPONSE),
 }
 
 
@@ -414,8 +456,14 @@ def test_no_word_of_a_figure_touches_a_curve(name):
 
 
 def test_panels_hold_every_quantity_once_and_no_two_curves_of_one_look(tmp_path):
-    axis = fi.OverMeshes.uniform(BOXED, [4, 8, 16])
-    watched = [fi.Frequencies(4), fi.ModeShapes(4), fi.SteadyResponse(), fi.SurfaceStress(), fi.SupportReaction()]
+    axis = fi.convergence.OverMeshes.uniform(BOXED, [4, 8, 16])
+    watched = [
+        fi.convergence.Frequencies(4),
+        fi.convergence.ModeShapes(4),
+        fi.convergence.SteadyResponse(),
+        fi.convergence.SurfaceStress(),
+        fi.convergence.SupportReaction(),
+    ]
     table = fi.convergence_study(BOXED, axis, watched, BASE)["mesh"]
     drawn = fi.figures.convergence_panels(table, fi.figures.OffScreen())
     assert [axis.get_title() for axis in drawn] == [
@@ -435,8 +483,8 @@ def test_panels_hold_every_quantity_once_and_no_two_curves_of_one_look(tmp_path)
 
 
 def test_meshes_of_one_longest_element_are_drawn_over_their_number():
-    local = [fi.Mesh(np.append(np.linspace(0, BEAM.length / 2, n + 1), BEAM.length)) for n in (2, 4, 8)]
-    table = fi.convergence_study(BARE, fi.OverMeshes(tuple(local)), fi.Frequencies(1))["mesh"]
+    local = [fi.fem.Mesh(np.append(np.linspace(0, BEAM.length / 2, n + 1), BEAM.length)) for n in (2, 4, 8)]
+    table = fi.convergence_study(BARE, fi.convergence.OverMeshes(tuple(local)), fi.convergence.Frequencies(1))["mesh"]
     axis = fi.figures.convergence(table, ax=fi.figures.OffScreen())
     np.testing.assert_array_equal(axis.lines[0].get_xdata(), [3, 5, 9])
     assert axis.get_xlabel() == "elements"
@@ -489,11 +537,11 @@ def test_converge_watches_the_largeststresses_at_jumps_of_the_section_only(tmp_p
     nodes = np.linspace(0.0, 0.24, 9)
     # single precision puts nodes beside joints
     nodes[1:-1] += shift
-    mesh = fi.Mesh(nodes, {"neck": nodes[2]}, {f"part {i}": [2 * i, 2 * i + 1] for i in range(4)})
+    mesh = fi.fem.Mesh(nodes, {"neck": nodes[2]}, {f"part {i}": [2 * i, 2 * i + 1] for i in range(4)})
     beam = fi.Beam([fi.Segment(0.06, 7e10, 2700, 0.02, b, name=f"part {i}") for i, b in enumerate(thickness)])
     study = replace(fi.load_study(MESHES / "stepped_cantilever.toml"), structure=fi.Structure(beam))
     found = stresses_at_jumps(fi.assemble(study.structure, mesh=mesh), study)
-    assert found == [fi.SurfaceStress("neck"), fi.SurfaceStress(float(nodes[6]), side="left")]
+    assert found == [fi.convergence.SurfaceStress("neck"), fi.convergence.SurfaceStress(float(nodes[6]), side="left")]
 
 
 def test_converge_leaves_out_stresses_whose_surface_is_not_known_with_a_note():
@@ -502,11 +550,11 @@ def test_converge_leaves_out_stresses_whose_surface_is_not_known_with_a_note():
     study = fi.load_study(MESHES / "stepped_cantilever.toml")
     for segments, expected in (
         # the bare one is the thinner, with the larger curvature at the joint
-        ((known, bare), [fi.SurfaceStress("root"), fi.SurfaceStress("mid", side="left")]),
-        ((bare, known), [fi.SurfaceStress("mid")]),
+        ((known, bare), [fi.convergence.SurfaceStress("root"), fi.convergence.SurfaceStress("mid", side="left")]),
+        ((bare, known), [fi.convergence.SurfaceStress("mid")]),
     ):
         changed = replace(study, structure=fi.Structure(fi.Beam(segments)))
         watched = convergence._watched(fi.assemble(changed.structure, elements=8), changed)
-        assert [one for one in watched if isinstance(one, fi.SurfaceStress)] == expected
+        assert [one for one in watched if isinstance(one, fi.convergence.SurfaceStress)] == expected
         (note,) = convergence._without_stress(changed)
         assert "segment 'bare' are left out: each needs outer_fibre (m)" in note

@@ -23,7 +23,7 @@ import femimpact as fi
 from femimpact.app.study.prepared import history_cost, mesh_memory, picture_seconds, sweep_cost
 from femimpact.app.tasks.run import run_modes
 from femimpact.integrators.methods import seconds_of_cycle
-from femimpact.sweep import on_grid
+from femimpact.sweep.curve import on_grid
 
 
 @pytest.fixture(scope="module")

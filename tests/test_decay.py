@@ -402,7 +402,7 @@ def test_command_identifies_and_names_what_it_took(tmp_path):
 @pytest.mark.parametrize("fails", ["save_figure", "decay"])
 def test_a_full_disk_leaves_neither_of_the_files_of_identify(tmp_path, monkeypatch, fails):
     record = xarray.Dataset({"tip": ("time", decay(ONE, noise=0.01))}, {"time": ("time", TIME)})
-    fi.write_record(tmp_path / "ring.csv", record)
+    fi.excitation.write_record(tmp_path / "ring.csv", record)
 
     def full(*_, **__):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))

@@ -42,7 +42,7 @@ HEAVIER = dataclasses.replace(STEPPED, beam=fi.Beam((THICK, dataclasses.replace(
 # one after the other on the same mesh, whose element integrals they share
 @pytest.mark.parametrize("structure", [STEPPED, TAPERED, HEAVIER])
 def test_forms_of_ones_own_have_the_dofs_and_the_values_of_the_system(structure):
-    grid, system = fi.discretise(structure, elements=6), fi.assemble(structure, elements=6)
+    grid, system = fi.fem.discretise(structure, elements=6), fi.assemble(structure, elements=6)
     K = stiffness.assemble(grid.basis, EI=grid.bending_stiffness)
     M = mass.assemble(grid.basis, rhoA=grid.mass_per_length)
     if structure is not TAPERED:
@@ -56,14 +56,14 @@ def test_forms_of_ones_own_have_the_dofs_and_the_values_of_the_system(structure)
 
 
 def test_supports_hold_deflection_or_slope_at_their_nodes():
-    grid = fi.discretise(STEPPED, elements=6)
+    grid = fi.fem.discretise(STEPPED, elements=6)
     node = int(np.argmin(np.abs(grid.mesh.nodes - 0.1)))
     np.testing.assert_array_equal(grid.held, [0, 2 * node + 1, grid.dofs - 2, grid.dofs - 1])
     assert grid.free.size + grid.held.size == grid.dofs == grid.basis.N
 
 
 def test_sections_fill_the_beam():
-    grid = fi.discretise(STEPPED, elements=7)
+    grid = fi.fem.discretise(STEPPED, elements=7)
     lengths, sections = np.diff(grid.mesh.nodes), grid.sections
     assert lengths @ sections.mass_per_length == pytest.approx(STEPPED.beam.mass, rel=1e-14)
     thin = sections.region == "thin"
@@ -76,8 +76,8 @@ def test_sections_fill_the_beam():
 
 
 def test_a_cubic_has_its_exact_energy_on_any_mesh():
-    mesh = fi.Mesh([0.0, 0.02, 0.1, 0.15, 0.3], regions={"thick": [0, 1], "thin": [2, 3]})
-    grid = fi.discretise(STEPPED, mesh=mesh)
+    mesh = fi.fem.Mesh([0.0, 0.02, 0.1, 0.15, 0.3], regions={"thick": [0, 1], "thin": [2, 3]})
+    grid = fi.fem.discretise(STEPPED, mesh=mesh)
     K = stiffness.assemble(grid.basis, EI=grid.at_quadrature(grid.sections.bending_stiffness))
     x = mesh.nodes
     # w = x^3 + 2 x^2, with w'' = 6 x + 4, whose square integrates to 12 x^3 + 24 x^2 + 16 x

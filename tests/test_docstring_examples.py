@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from builders import REFERENCE, reduced
+from public import PATHS, public
 
 import femimpact as fi
 
@@ -20,8 +21,7 @@ MOST_USED = 40
 
 def with_examples():
     """Public names whose docstring has an example."""
-    documented = (name for name in fi.__all__ if name != "figures")
-    return [name for name in documented if ">>>" in (inspect.getdoc(getattr(fi, name)) or "")]
+    return [name for name in PATHS if ">>>" in (inspect.getdoc(public(name)) or "")]
 
 
 def names():
@@ -36,7 +36,7 @@ def names():
 @pytest.mark.parametrize("name", with_examples())
 def test_an_example_runs(name, monkeypatch):
     monkeypatch.chdir(ROOT)
-    text = inspect.getdoc(getattr(fi, name))
+    text = inspect.getdoc(public(name))
     test = doctest.DocTestParser().get_doctest(text, names(), name, None, 0)
     assert doctest.DocTestRunner().run(test).failed == 0
 
@@ -47,8 +47,8 @@ def test_every_name_that_scripts_use_most_has_an_example():
         path.read_text(encoding="utf-8")
         for path in (*ROOT.glob("docs/*.md"), *ROOT.glob("docs/[dhp]*/*.md"), ROOT / "README.md")
     ]
-    used = re.findall(r"\bfi\.([A-Za-z_]+)", "\n".join([*scripts.values(), *pages]))
-    public = set(fi.__all__) - {"figures"}
-    most = sorted(public & set(used), key=lambda name: -used.count(name))[:MOST_USED]
-    shown = set(re.findall(r"\bfi\.([A-Za-z_]+)", "\n".join(scripts.values()))) | set(with_examples())
+    called = r"\bfi\.(?:\w+\.)?([A-Za-z_]+)"
+    used = re.findall(called, "\n".join([*scripts.values(), *pages]))
+    most = sorted(set(PATHS) & set(used), key=lambda name: -used.count(name))[:MOST_USED]
+    shown = set(re.findall(called, "\n".join(scripts.values()))) | set(with_examples())
     assert set(most) <= shown

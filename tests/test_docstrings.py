@@ -10,17 +10,18 @@ import re
 from collections.abc import Iterator
 
 import pytest
+from public import PATHS, public
 
 import femimpact as fi
 from femimpact.errors import InputError, choice, quantity, takes, with_ranges
 
-PAGES = ("figures", "vtk", "response.history_file", "figures.movie", "files")
+PAGES = ("figures", "vtk", "response.history_file", "files")
 """Modules whose functions have pages of their own."""
 
 
 def _nouns() -> dict[str, type]:
     """Public dataclasses with checked fields."""
-    named = ((name, getattr(fi, name)) for name in fi.__all__)
+    named = ((name, public(name)) for name in PATHS)
     kinds = {name: one for name, one in named if isinstance(one, type) and dataclasses.is_dataclass(one)}
     return {name: kind for name, kind in kinds.items() if any(field.metadata for field in dataclasses.fields(kind))}
 
@@ -44,7 +45,7 @@ def test_every_noun_that_checks_its_fields_shows_what_they_must_be():
 
 def _declared_functions() -> Iterator[tuple[str, object, list[str]]]:
     """Public functions and methods below `@takes` that have entries of arguments, with the ranges of these."""
-    functions = [(name, getattr(fi, name)) for name in fi.__all__]
+    functions = [(name, public(name)) for name in PATHS]
     for place in PAGES:
         module = importlib.import_module(f"femimpact.{place}")
         functions += [(f"{place}.{name}", getattr(module, name)) for name in module.__all__]

@@ -15,7 +15,7 @@ SHAKER = '[[force]]\nname = "shaker"\nat = "mid"\nkind = "sine"\nforce = 0.1\nfr
 QUIET = "[output]\nfigures = false\nmovie = false\nparaview = false\n"
 
 
-def ran(folder: Path, *parts: str) -> tuple[fi.StudyResults, str]:
+def ran(folder: Path, *parts: str) -> tuple[fi.app.StudyResults, str]:
     """Results of a study of these tables, and its report."""
     results = run_study(read(*parts, QUIET), folder / "out", parts=("simulate",))
     return results, (folder / "out" / "report.html").read_text(encoding="utf-8")

@@ -116,7 +116,7 @@ def test_a_lossless_system_keeps_its_energy_over_many_impacts(reference):
 
 
 def test_a_switching_spring_is_an_energy_source_and_the_ledger_shows_it(reference):
-    spring = fi.SwitchingSpring(free_stiffness=0.0, stiffness=1e3)
+    spring = fi.contact.SwitchingSpring(free_stiffness=0.0, stiffness=1e3)
     system = reduced(with_ball(reference, contact=spring), 1, 10)
     response = fi.integrate(
         system, STILL, fi.Newmark(1e-4, divergence_limit=1e9), 0.5, initial=fi.State(ball_velocity=[0.1])

@@ -223,7 +223,7 @@ def test_the_logs_of_two_parts_are_that_of_the_whole_also_within_a_contact(name)
         first = fi.integrate(system, SINE, EXACT, cut, record)
         rest = fi.integrate(system, SINE, EXACT, 6.0 - cut, record, whole.kept_state)
         assert first.events.time[-1] < cut < rest.events.time[0]
-        for item in fields(fi.EventLog):
+        for item in fields(fi.response.EventLog):
             if "axes" in item.metadata:
                 joined = np.concatenate([getattr(run.events, item.name) for run in (first, rest)])
                 np.testing.assert_array_equal(joined, getattr(whole.events, item.name))

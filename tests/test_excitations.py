@@ -155,7 +155,7 @@ def test_the_first_ten_impacts_are_those_of_30_digits(name):
             return (2 * mp.pi * slope * mp.cos(phase) - rate * rate * mp.sin(phase)) / 1000
     else:
         parts = [fi.Sine(1e-3 / (n + 1), f, 0.3 * n) for n, f in enumerate((4.1, 5.3, 7.7, 9.2, 13.1))]
-        base = fi.Sum(parts)
+        base = fi.excitation.Sum(parts)
 
         def s(t):
             total = mp.mpf(0)

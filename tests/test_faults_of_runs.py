@@ -26,7 +26,7 @@ COMPLIANT = fi.KelvinVoigt(stiffness=50.0, restitution=0.6)
 
 def test_a_sweep_whose_law_makes_energy_says_so_with_its_numbers():
     """The switching spring as printed is an energy source at any step: the audit shows it."""
-    spring = fi.SwitchingSpring(free_stiffness=0.1, stiffness=50.0)
+    spring = fi.contact.SwitchingSpring(free_stiffness=0.1, stiffness=50.0)
     system = fi.System.from_matrices(
         [[1.0]], [[0.02]], [[1.0]], points={"a": [1.0]},
         impactors=[fi.Impactor("ball", at="a", mass=0.1, gap=0.1, contact=spring)],

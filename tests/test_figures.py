@@ -59,7 +59,7 @@ def curves(small):
 
 @pytest.fixture(scope="module")
 def mesh(reference):
-    return fi.converge_elements(reference, (2, 4, 8), modes=2)
+    return fi.convergence.converge_elements(reference, (2, 4, 8), modes=2)
 
 
 def line(axis, label):

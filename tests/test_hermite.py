@@ -133,7 +133,7 @@ def test_a_stepped_beam_is_the_sum_of_its_segments():
 def test_deflection_rows_read_any_cubic_and_its_derivatives_between_the_nodes():
     nodes = np.array([0.0, 0.02, 0.05, 0.2])
     beam = fi.Beam.uniform(length=0.2, width=0.02, thickness=1e-3, young_modulus=7e10, density=2700)
-    system = fi.assemble(fi.Structure(beam), mesh=fi.Mesh(nodes))
+    system = fi.assemble(fi.Structure(beam), mesh=fi.fem.Mesh(nodes))
     cubic = np.polynomial.Polynomial([0.0, 0.0, 2.0, -3.0])  # clamped at the root
     dofs = np.column_stack([cubic(nodes), cubic.deriv()(nodes)]).ravel()[2:]
     x = np.array([0.0, 0.013, 0.02, 0.0499, 0.11, 0.2])

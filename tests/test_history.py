@@ -344,7 +344,7 @@ def test_event_driven_runs_go_side_by_side_too(reference):
 
 def test_a_sequence_of_one_is_a_tuple_of_one(small):
     (response,) = fi.integrate(small, (BASE,), METHOD, 0.01, initial=START)
-    assert isinstance(response, fi.Response)
+    assert isinstance(response, fi.response.Response)
 
 
 def test_of_several_that_diverge_the_first_is_named_whatever_the_threads(reference):

@@ -43,7 +43,7 @@ def test_neither_order_nor_scale_nor_gaps_matter():
     assert fi.fit_one_pole(np.append(f[shuffle], 5.33333), 1e3 * holes).ratio == pytest.approx(
         reference.ratio, rel=1e-6
     )
-    assert fi.half_power(f[::-1], x[::-1]).ratio == fi.half_power(f, x).ratio
+    assert fi.signals.half_power(f[::-1], x[::-1]).ratio == fi.signals.half_power(f, x).ratio
 
 
 def test_the_95_percent_interval_covers_the_truth_in_about_95_of_100_noisy_trials():
@@ -142,7 +142,7 @@ PAPER_GRID = np.linspace(4.0, 6.0, 21)
 @pytest.mark.parametrize("natural", np.linspace(5.25, 5.35, 11))
 def test_the_papers_grid_reads_two_to_seven_times_the_damping_and_is_warned_of(natural):
     x = curve(PAPER_GRID, natural=natural)
-    estimate = fi.half_power(PAPER_GRID, x)
+    estimate = fi.signals.half_power(PAPER_GRID, x)
     # measured on the exact linear response: 0.0065 to 0.0183 where 0.0029 is true
     assert 0.006 < estimate.ratio < 0.02
     for warned in (estimate, fi.fit_one_pole(PAPER_GRID, x)):
@@ -167,7 +167,7 @@ def test_a_curve_of_two_poles_is_called_one():
 
 def test_a_peak_at_the_edge_has_no_half_power_width():
     f = np.linspace(4.0, 5.28, 40)
-    estimate = fi.half_power(f, curve(f))
+    estimate = fi.signals.half_power(f, curve(f))
     assert np.isnan(estimate.ratio)
     assert any("no half-power point above the peak" in warning for warning in estimate.warnings)
 
@@ -211,4 +211,4 @@ def test_half_power_crossings_lie_on_the_lines_between_points():
     # a triangle of height 1 falls to 1/sqrt(2) at 1 - 1/sqrt(2) of its sides
     side = 1.0 - 1.0 / math.sqrt(2.0)
     exact = ((10.0 + side) ** 2 - (10.0 - side) ** 2) / (4.0 * 10.0**2)
-    assert fi.half_power([9.0, 10.0, 11.0], [0.0, 1.0, 0.0]).ratio == pytest.approx(exact, rel=1e-12)
+    assert fi.signals.half_power([9.0, 10.0, 11.0], [0.0, 1.0, 0.0]).ratio == pytest.approx(exact, rel=1e-12)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import pickle
 import subprocess
 import sys
 
 import pytest
+from public import PATHS, public
 
 import femimpact
 
@@ -26,8 +28,19 @@ def test_light_start_loads_no_heavy_library(statement):
 def test_every_public_name_can_be_loaded():
     for name in femimpact.__all__:
         assert getattr(femimpact, name) is not None
+    for name in PATHS:
+        assert public(name) is not None
 
 
 def test_an_unknown_public_name_is_an_attribute_error():
     with pytest.raises(AttributeError, match="no attribute 'Bean'"):
         _ = femimpact.Bean
+    with pytest.raises(AttributeError, match=r"'femimpact\.contact' has no attribute 'Bean'"):
+        _ = femimpact.contact.Bean
+
+
+def test_a_name_of_a_folder_is_imported_from_it():
+    from femimpact.contact import Flores
+
+    assert Flores is femimpact.contact.Flores
+    assert pickle.loads(pickle.dumps(Flores(1e7, 0.7))) == Flores(1e7, 0.7)

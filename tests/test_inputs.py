@@ -19,6 +19,7 @@ import scipy.sparse as sparse
 from builders import Output
 from calls import CALLS
 from nouns import NOUNS, OTHERS, VERBS
+from public import PATHS, public
 from wrong import NOTHING_SOUND, NUMBERS_AND_WORDS
 
 import femimpact as fi
@@ -77,7 +78,7 @@ ALL = {**{name: made_from(noun) for name, noun in NOUNS.items()}, **VERBS, **CAL
 
 def methods(name: str) -> Iterator[str]:
     """Methods with arguments of a public class."""
-    kind = getattr(fi, name)
+    kind = public(name)
     for method in vars(kind) if inspect.isclass(kind) and is_dataclass(kind) else ():
         found = getattr(kind, method)
         asked = not any(hasattr(protocol, method) for protocol in PROTOCOLS)
@@ -88,11 +89,11 @@ def methods(name: str) -> Iterator[str]:
 
 
 def public_names() -> Iterator[str]:
-    for name in sorted(set(fi.__all__) - OTHERS):
+    for name in sorted(set(PATHS) - OTHERS):
         yield name
         yield from methods(name)
     for name in fi.figures.__all__:
-        if inspect.isfunction(getattr(fi.figures, name)):
+        if inspect.isfunction(getattr(fi.figures, name)) and name not in OTHERS:
             yield f"figures.{name}"
     for name in vtk.__all__:
         yield f"vtk.{name}"
@@ -297,8 +298,8 @@ def test_no_place_channel_measure_or_title_holds_a_control_character():
         Reading.name = measure.__name__ = bad
         calls = (
             lambda bad=bad: fi.System.from_matrices([[1.0]], [[0.1]], [[1e3]], points={bad: [1.0]}),
-            lambda bad=bad: fi.Mesh(np.array([0.0, 1.0]), {bad: 0.5}),
-            lambda bad=bad: fi.Mesh(np.array([0.0, 1.0]), {}, {bad: [0]}),
+            lambda bad=bad: fi.fem.Mesh(np.array([0.0, 1.0]), {bad: 0.5}),
+            lambda bad=bad: fi.fem.Mesh(np.array([0.0, 1.0]), {}, {bad: [0]}),
             lambda: fi.integrate(system, sine, fi.EventDriven(), 1.0, fi.Recorder((Reading(),))),
             lambda: fi.parameter_study(system, {"base.frequency": [4.0, 5.0]}, [measure], excitation=sine),
         )

@@ -313,7 +313,7 @@ def test_the_same_run_has_the_largest_value_at_its_time(excitation, law):
         (fi.KelvinVoigt(restitution=0.6, contact_time=2e-3), fi.Newmark(1e-4)),
         (fi.Hertz(1e6), fi.Newmark(2e-5)),
         (fi.HuntCrossley(1e6, 0.7), fi.HHT(2e-5)),
-        (fi.SwitchingSpring(1.0, 2e3), fi.Newmark(1e-4)),
+        (fi.contact.SwitchingSpring(1.0, 2e3), fi.Newmark(1e-4)),
         (fi.CustomLaw(lambda depth, rate, speed: 2e3 * depth), fi.GeneralizedAlpha(1e-4)),
         (fi.Rigid(0.6), fi.MoreauJean(1e-4)),
     ],

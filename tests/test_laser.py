@@ -62,11 +62,13 @@ def test_between_samples_it_reads_the_spline(run):
 @pytest.mark.parametrize("rate", [None, 400.0])
 def test_where_one_mode_moves_its_shape_carries_the_reading_exactly(bare, run, rate):
     reading = fi.Laser("mid", range=1.0, sample_rate=rate).measure(run)
-    tip = fi.extrapolate(bare, reading, to="tip")
+    tip = fi.signals.extrapolate(bare, reading, to="tip")
     assert tip.at == "tip"
     true = run["tip"] if rate is None else fi.Laser("tip", range=1.0, sample_rate=rate).measure(run).displacement
     np.testing.assert_allclose(tip.displacement, true, rtol=0.0, atol=1e-12)
-    np.testing.assert_allclose(fi.extrapolate(bare, tip, to="mid").displacement, reading.displacement, rtol=1e-12)
+    np.testing.assert_allclose(
+        fi.signals.extrapolate(bare, tip, to="mid").displacement, reading.displacement, rtol=1e-12
+    )
 
 
 @pytest.mark.parametrize(
@@ -78,9 +80,9 @@ def test_where_one_mode_moves_its_shape_carries_the_reading_exactly(bare, run, r
         (lambda r: fi.Laser("root", range=1.0).measure(r), r"at = 'root': was not recorded: run with fi.Recorder\("),
         (lambda r: fi.Laser("mid", range=1.0, sample_rate=5e3).measure(r), r"interval=0\.0002"),
         (lambda r: fi.Laser("mid", range=1.0).measure(5), "response"),
-        (lambda r: fi.extrapolate(r.system, fi.Laser("mid", range=1.0).measure(r), mode=9), "mode = 9"),
-        (lambda r: fi.extrapolate(r.system, fi.Laser("mid", range=1.0).measure(r), to="nowhere"), "nowhere"),
-        (lambda r: fi.extrapolate(r.system, r), "measured"),
+        (lambda r: fi.signals.extrapolate(r.system, fi.Laser("mid", range=1.0).measure(r), mode=9), "mode = 9"),
+        (lambda r: fi.signals.extrapolate(r.system, fi.Laser("mid", range=1.0).measure(r), to="nowhere"), "nowhere"),
+        (lambda r: fi.signals.extrapolate(r.system, r), "measured"),
     ],
 )
 def test_what_cannot_be_is_one_line(run, call, words):

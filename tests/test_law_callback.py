@@ -145,7 +145,7 @@ def test_one_collision_alone_ends_too():
     shallow = fi.CustomLaw(raising, reference_speed=0.1)
     pair = system_of(shallow).contacts[0]
     with pytest.raises(fi.InputError, match=r"^wall.contact.force: raised ValueError"):
-        fi.achieved_restitution(pair, fi.Newmark(1e-4), SPEED)
+        fi.integrators.achieved_restitution(pair, fi.Newmark(1e-4), SPEED)
 
 
 @pytest.mark.parametrize(

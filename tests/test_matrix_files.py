@@ -30,7 +30,7 @@ def test_a_matrix_comes_back_from_its_file(assembled, tmp_path, form):
         arrays = {"K": assembled.K.toarray()} | ({"other": np.zeros(3)} if form == "several.npz" else {})
         np.savez(path, **arrays)
         name = "K" if form == "several.npz" else None
-    found = fi.read_matrix(path, name)
+    found = fi.system.read_matrix(path, name)
     # Matrix Market holds decimal digits
     assert abs(found - assembled.K).max() <= 1e-14 * abs(assembled.K).max()
 
@@ -38,7 +38,7 @@ def test_a_matrix_comes_back_from_its_file(assembled, tmp_path, form):
 def test_the_matrices_of_a_beam_give_the_beam_again(assembled, tmp_path):
     for name in "MCK":
         sparse.save_npz(tmp_path / f"{name}.npz", sparse.csr_array(getattr(assembled, name)))
-    M, C, K = (fi.read_matrix(tmp_path / f"{name}.npz") for name in "MCK")
+    M, C, K = (fi.system.read_matrix(tmp_path / f"{name}.npz") for name in "MCK")
     points = {"tip": assembled.point_row("tip")}
     again = fi.System.from_matrices(
         M, C, K, points=points, base_load=assembled.base_load, nodes=assembled.nodes, expansion=assembled.expansion
@@ -70,7 +70,7 @@ def test_damaged_files_are_one_line(tmp_path, content, name):
     path = tmp_path / name
     path.write_bytes(content)
     with pytest.raises(fi.InputError) as caught:
-        fi.read_matrix(path)
+        fi.system.read_matrix(path)
     assert len(str(caught.value).splitlines()) == 1
     assert name in str(caught.value)
 
@@ -78,4 +78,4 @@ def test_damaged_files_are_one_line(tmp_path, content, name):
 def test_objects_are_not_unpickled(tmp_path):
     np.savez(tmp_path / "K.npz", K=np.array([[{}]], dtype=object))
     with pytest.raises(fi.InputError, match="must be a readable matrix file"):
-        fi.read_matrix(tmp_path / "K.npz")
+        fi.system.read_matrix(tmp_path / "K.npz")

@@ -64,12 +64,12 @@ def test_elements_must_be_a_whole_number(elements):
 @pytest.mark.parametrize("nodes", [[0.0], [0.0, 0.0, 1.0], [1.0, 0.0], [[0.0, 1.0]]])
 def test_nodes_must_increase(nodes):
     with pytest.raises(fi.InputError, match=r"mesh\.nodes"):
-        fi.Mesh(np.array(nodes))
+        fi.fem.Mesh(np.array(nodes))
 
 
 def test_nodes_are_read_only():
     with pytest.raises(ValueError, match="read-only"):
-        fi.Mesh(np.array([0.0, 1.0])).nodes[0] = 2.0
+        fi.fem.Mesh(np.array([0.0, 1.0])).nodes[0] = 2.0
 
 
 def test_a_gmsh_file_gives_sorted_nodes_names_and_regions():
@@ -251,5 +251,5 @@ def test_a_tag_with_the_name_of_a_place_that_lies_elsewhere_is_refused(tmp_path,
 )
 def test_places_and_regions_that_no_beam_has_are_refused(given, words):
     with pytest.raises(fi.InputError) as refused:
-        fi.Mesh(**{"nodes": [0.0, 0.1, 0.2], **given})
+        fi.fem.Mesh(**{"nodes": [0.0, 0.1, 0.2], **given})
     assert str(refused.value).startswith(words)

@@ -26,8 +26,8 @@ NODES = np.array([0.0, 0.02, 0.05, 0.1, 0.18, 0.25])
 
 def meshes():
     return [
-        fi.uniform_mesh(STEPPED, 7), fi.graded_mesh(STEPPED, 7, 5.0), fi.random_mesh(STEPPED, 7, 3),
-        fi.Mesh([0.0, 0.1, 0.25], {"joint": 0.1}, {"thick": [0], "thin": [1]}),
+        fi.uniform_mesh(STEPPED, 7), fi.fem.graded_mesh(STEPPED, 7, 5.0), fi.fem.random_mesh(STEPPED, 7, 3),
+        fi.fem.Mesh([0.0, 0.1, 0.25], {"joint": 0.1}, {"thick": [0], "thin": [1]}),
     ]  # fmt: skip
 
 
@@ -48,21 +48,23 @@ def test_a_refined_mesh_halves_every_element_and_keeps_its_names(mesh):
 
 def test_a_mesh_is_not_refined_without_end():
     with pytest.raises(fi.InputError, match=r"times = 17: gives 262144 elements; must give <= 100000"):
-        fi.Mesh([0.0, 0.1, 0.2]).refined(17)
+        fi.fem.Mesh([0.0, 0.1, 0.2]).refined(17)
 
 
 @pytest.mark.parametrize("ratio", [0.1, 4.0, 30.0])
 def test_element_lengths_of_a_graded_mesh_grow_in_proportion_to_the_stated_line(ratio):
     beam = fi.Structure(fi.Beam.uniform(length=0.2, width=0.02, thickness=1e-3, young_modulus=7e10, density=2700))
-    nodes = fi.graded_mesh(beam, 400, ratio).nodes
+    nodes = fi.fem.graded_mesh(beam, 400, ratio).nodes
     lengths, middles = np.diff(nodes), 0.5 * (nodes[1:] + nodes[:-1])
     line = 1.0 + (ratio - 1.0) * middles / 0.2
     # the length of an element against the line at its middle: the next term is (ln r/400)^2/24
     np.testing.assert_allclose(lengths / line, (lengths / line)[0], rtol=1e-4)
-    np.testing.assert_array_equal(fi.graded_mesh(beam, 10, 1.0).nodes, fi.uniform_mesh(beam, 10).nodes)
+    np.testing.assert_array_equal(fi.fem.graded_mesh(beam, 10, 1.0).nodes, fi.uniform_mesh(beam, 10).nodes)
 
 
-@pytest.mark.parametrize("make", [lambda n: fi.graded_mesh(STEPPED, n, 6.0), lambda n: fi.random_mesh(STEPPED, n, 1)])
+@pytest.mark.parametrize(
+    "make", [lambda n: fi.fem.graded_mesh(STEPPED, n, 6.0), lambda n: fi.fem.random_mesh(STEPPED, n, 1)]
+)
 def test_meshes_made_have_the_joint_and_the_elements_asked_for(make):
     for count in (2, 3, 17):
         mesh = make(count)
@@ -77,12 +79,12 @@ def test_meshes_made_have_the_joint_and_the_elements_asked_for(make):
 
 def test_neighbours_of_a_random_mesh_differ_by_a_factor_of_three_at_most_and_a_seed_is_a_mesh():
     structure = fi.Structure(fi.Beam.uniform(length=0.2, width=0.02, thickness=1e-3, young_modulus=7e10, density=2700))
-    lengths = np.diff(fi.random_mesh(structure, 500, 4).nodes)
+    lengths = np.diff(fi.fem.random_mesh(structure, 500, 4).nodes)
     assert lengths.max() < 3.0 * lengths.min() * (1 + 1e-9)
     # drawn evenly from 0.5 to 1.5: the spread is 1/sqrt(12) of the mean, here of 500 numbers
     assert np.std(lengths) / np.mean(lengths) == pytest.approx(12**-0.5, rel=0.1)
-    np.testing.assert_array_equal(fi.random_mesh(structure, 9, 4).nodes, fi.random_mesh(structure, 9, 4).nodes)
-    assert not np.array_equal(fi.random_mesh(structure, 9, 4).nodes, fi.random_mesh(structure, 9, 5).nodes)
+    np.testing.assert_array_equal(fi.fem.random_mesh(structure, 9, 4).nodes, fi.fem.random_mesh(structure, 9, 4).nodes)
+    assert not np.array_equal(fi.fem.random_mesh(structure, 9, 4).nodes, fi.fem.random_mesh(structure, 9, 5).nodes)
 
 
 # ---- formats --------------------------------------------------------------------------------------
@@ -164,7 +166,7 @@ def test_abaqus_sets_are_regions_and_points(tmp_path):
 
 @pytest.mark.parametrize("family", ["uniform", "graded", "stepped"])
 def test_the_shipped_families_fall_alike_in_all_their_elements(family):
-    axis = fi.OverMeshes.files(sorted(SHIPPED.parent.glob(f"{family}_[0-9]*.msh")))
+    axis = fi.convergence.OverMeshes.files(sorted(SHIPPED.parent.glob(f"{family}_[0-9]*.msh")))
     assert axis.is_family
     for coarse, fine in pairwise(axis.meshes):
         assert fine.elements == 2 * coarse.elements
@@ -191,7 +193,7 @@ def test_frequencies_on_a_mesh_are_those_of_every_format(tmp_path):
     flags = {"thick": [np.array([1, 1, 1, 0, 0])], "thin": [np.array([0, 0, 0, 1, 1])]}
     meshio.write(tmp_path / "beam.vtu", meshio.Mesh(points, [cells[1]], cell_data=flags))
     read = fi.assemble(STEPPED, mesh=fi.read_mesh(tmp_path / "beam.vtu"))
-    made = fi.assemble(STEPPED, mesh=fi.Mesh(NODES, {}, {"thick": [0, 1, 2], "thin": [3, 4]}))
+    made = fi.assemble(STEPPED, mesh=fi.fem.Mesh(NODES, {}, {"thick": [0, 1, 2], "thin": [3, 4]}))
     # the file holds the coordinates in base 64, bit by bit
     np.testing.assert_array_equal(fi.solve_modes(read, 4).natural_frequency, fi.solve_modes(made, 4).natural_frequency)
 
@@ -259,7 +261,7 @@ def test_a_stepped_mesh_under_an_unstepped_beam_is_said():
         fi.assemble(uniform, mesh=mesh)
     # one region, or names that are no pieces of the beam, say nothing of steps
     for regions in ({"all": range(5)}, {"all": range(5), "sensor": [2]}, {"sensor": [2]}):
-        fi.assemble(uniform, mesh=fi.Mesh(mesh.nodes, {}, {k: np.array(v) for k, v in regions.items()}))
+        fi.assemble(uniform, mesh=fi.fem.Mesh(mesh.nodes, {}, {k: np.array(v) for k, v in regions.items()}))
 
 
 def outcome_of(path):
@@ -302,7 +304,7 @@ def test_every_damaged_file_is_a_mesh_or_an_error_in_one_line(tmp_path, capfd):
         path.write_bytes(damaged(text, np.random.default_rng(number)))
     outcomes = [outcome_of(path) for path in paths]
     for path, outcome in zip(paths, outcomes, strict=True):
-        if isinstance(outcome, fi.Mesh):
+        if isinstance(outcome, fi.fem.Mesh):
             assert outcome.elements >= 1
         else:
             assert isinstance(outcome, fi.InputError)
@@ -310,7 +312,7 @@ def test_every_damaged_file_is_a_mesh_or_an_error_in_one_line(tmp_path, capfd):
             assert str(outcome).startswith("mesh.")
             assert path.name in str(outcome) or str(outcome).startswith("mesh.p")
     # the damage is neither harmless nor fatal throughout
-    assert 20 < sum(isinstance(outcome, fi.Mesh) for outcome in outcomes) < 280
+    assert 20 < sum(isinstance(outcome, fi.fem.Mesh) for outcome in outcomes) < 280
     assert capfd.readouterr() == ("", "")
 
 

@@ -369,7 +369,7 @@ def test_a_method_of_ones_own_that_lacks_a_member_is_refused_by_its_name(small):
     for work in (
         lambda method: fi.integrate(small, STILL, method, 1.0),
         lambda method: fi.frequency_sweep(small, 1e-4, [5.0], method, 12),
-        lambda method: fi.achieved_restitution(small.contacts[0], method, 0.1),
+        lambda method: fi.integrators.achieved_restitution(small.contacts[0], method, 0.1),
     ):
         with pytest.raises(fi.InputError, match=r"must be a Newmark, .* or a method of your own .* has run_cases$"):
             work(half)
@@ -399,7 +399,7 @@ def test_a_method_without_a_step_for_a_law_has_no_restitution_of_its_own(small):
     for method in (fi.EventDriven(), fi.MoreauJean(1e-4)):
         assert method.achieved_restitution(pair, 0.1) is None
         with pytest.raises(fi.InputError, match="must be a method with a step for the law kelvin-voigt"):
-            fi.achieved_restitution(pair, method, 0.1)
+            fi.integrators.achieved_restitution(pair, method, 0.1)
 
 
 def test_a_conditionally_stable_step_is_refused_beyond_its_limit():

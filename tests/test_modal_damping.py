@@ -49,7 +49,7 @@ def test_with_the_ratios_of_rayleigh_at_all_modes_it_is_rayleighs_matrix():
     ratios = tuple(fi.solve_modes(rayleigh, rayleigh.dofs).damping_ratio)
     # the last modes of a coarse mesh may be overcritical, which a ratio given by a user may not
     assert max(ratios) < 1.0
-    modal = fi.with_damping(rayleigh, fi.ModalDamping(ratios))
+    modal = fi.system.with_damping(rayleigh, fi.ModalDamping(ratios))
     exact = rayleigh.C.toarray()
     np.testing.assert_allclose(modal.C.toarray(), exact, atol=1e-10 * np.abs(exact).max())
     assert modal.rayleigh is None
@@ -74,14 +74,14 @@ def test_a_damping_is_computed_anew_for_the_modes_of_the_system_as_it_is():
     system = fi.assemble(STRUCTURE, elements=8)
     tip = np.zeros((18, 18))
     tip[-2, -2] = 300.0
-    stiffer = fi.add_terms(system, stiffness=tip)
+    stiffer = fi.system.add_terms(system, stiffness=tip)
     assert abs(fi.solve_modes(stiffer, 1).damping_ratio[0] / RATIOS[0] - 1.0) > 0.1
-    again = fi.with_damping(stiffer, STRUCTURE.damping)
+    again = fi.system.with_damping(stiffer, STRUCTURE.damping)
     np.testing.assert_allclose(fi.solve_modes(again, 3).damping_ratio, RATIOS, rtol=1e-8)
     assert fi.reduce(again, modes=4).dofs == 4
-    rayleigh = fi.with_damping(stiffer, fi.Rayleigh((0.01, 0.02), modes=(1, 2)))
+    rayleigh = fi.system.with_damping(stiffer, fi.Rayleigh((0.01, 0.02), modes=(1, 2)))
     np.testing.assert_allclose(fi.solve_modes(rayleigh, 2).damping_ratio, (0.01, 0.02), rtol=1e-9)
-    undamped = fi.with_damping(rayleigh, None)
+    undamped = fi.system.with_damping(rayleigh, None)
     assert undamped.C.nnz == 0
     assert undamped.rayleigh == (0.0, 0.0)
     assert not np.any(undamped.reactions["root.force"].on_velocity)
@@ -90,6 +90,6 @@ def test_a_damping_is_computed_anew_for_the_modes_of_the_system_as_it_is():
 def test_a_replaced_damping_is_that_of_the_assembled_structure():
     for damping in (fi.Rayleigh(0.01, modes=(1, 2)), fi.ModalDamping((0.01, 0.02))):
         one = fi.assemble(replace(STRUCTURE, damping=damping), elements=6)
-        other = fi.with_damping(fi.assemble(replace(STRUCTURE, damping=None), elements=6), damping)
+        other = fi.system.with_damping(fi.assemble(replace(STRUCTURE, damping=None), elements=6), damping)
         np.testing.assert_array_equal(one.C.toarray(), other.C.toarray())
         assert one.rayleigh == other.rayleigh

@@ -72,7 +72,7 @@ def branch(beam):
 @pytest.fixture(scope="module")
 def asymmetric(branch):
     """Unstable orbits without symmetry: a multiplier of up to some 20."""
-    one, _ = fi.switch_branch(next(each for each in branch.bifurcations if each.kind == "symmetry-breaking"))
+    one, _ = fi.orbits.switch_branch(next(each for each in branch.bifurcations if each.kind == "symmetry-breaking"))
     return fi.continue_orbit(one, "frequency", (4.9, 5.6))
 
 
@@ -85,9 +85,9 @@ def doubled():
     push = fi.PointForce("mass", fi.Sine(0.5 * level, omega / (2 * math.pi)))
     orbit = fi.find_orbit(system, push, guess=fi.State())
     linear = fi.continue_orbit(orbit, "amplitude", (0.1, 0.7))
-    (single,) = fi.switch_branch(next(each for each in linear.bifurcations if each.kind == "grazing"))
+    (single,) = fi.orbits.switch_branch(next(each for each in linear.bifurcations if each.kind == "grazing"))
     single = fi.continue_orbit(single, "amplitude", (0.1, 0.7))
-    return fi.switch_branch(next(each for each in single.bifurcations if each.kind == "period-doubling"))[0]
+    return fi.orbits.switch_branch(next(each for each in single.bifurcations if each.kind == "period-doubling"))[0]
 
 
 def dense_run(orbit, channels, samples=8192):
@@ -569,7 +569,7 @@ def test_a_motion_without_contacts_is_drawn():
 
 
 def test_a_published_unstable_orbit_is_drawn_and_balanced():
-    (orbit, *_) = fi.two_impact_orbits(*box(0.1, 0.8, 0.01, 0.98, 20.0))
+    (orbit, *_) = fi.orbits.two_impact_orbits(*box(0.1, 0.8, 0.01, 0.98, 20.0))
     assert_balanced(orbit)
     ((_, _, plane),) = fi.figures.orbit(orbit, figure=fi.figures.OffScreen())
     assert "unstable" in plane.get_title(loc="left")

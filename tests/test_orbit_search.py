@@ -44,9 +44,9 @@ def test_steps_that_halve_are_no_rounding():
 def test_a_resonance_without_damping_is_refused_as_in_runs():
     words = "frequency = .* Hz: must not be a natural frequency of an undamped mode"
     for search in (
-        lambda: fi.two_impact_orbits(boxed(), force(1.0)),
-        lambda: fi.find_orbit(boxed(), force(1.0), guess=fi.two_impact_orbits(boxed(), force(0.99))[0]),
-        lambda: fi.find_orbits(boxed(), force(1.0), [fi.State()]),
+        lambda: fi.orbits.two_impact_orbits(boxed(), force(1.0)),
+        lambda: fi.find_orbit(boxed(), force(1.0), guess=fi.orbits.two_impact_orbits(boxed(), force(0.99))[0]),
+        lambda: fi.orbits.find_orbits(boxed(), force(1.0), [fi.State()]),
         lambda: fi.integrate(boxed(), force(1.0), fi.EventDriven(), 10.0),
     ):
         with pytest.raises(fi.InputError, match=words):
@@ -101,7 +101,7 @@ def test_an_orbit_of_several_periods_is_one_orbit_from_each_of_them():
         found = fi.find_orbit(system, push, 2, guess=guess)
         assert found.state.displacement == pytest.approx(guess.displacement, abs=1e-8)
         assert found.state.velocity == pytest.approx(guess.velocity, abs=1e-8)
-    assert len(fi.find_orbits(system, push, [orbit, later, orbit.state, run], 2)) == 1
+    assert len(fi.orbits.find_orbits(system, push, [orbit, later, orbit.state, run], 2)) == 1
 
 
 def settled(damping=0.02):
@@ -145,8 +145,8 @@ def test_guesses_that_lead_to_no_orbit_are_left_out_and_faulty_calls_are_refused
         with pytest.raises(fi.InputError, match=words) as caught:
             fi.find_orbit(of, push, guess=guess)
         assert len(str(caught.value).splitlines()) == 1
-        assert fi.find_orbits(of, push, [guess]) == ()
-    assert len(fi.find_orbits(system, push, [beyond, twice, soft, run, orbit])) == 1
+        assert fi.orbits.find_orbits(of, push, [guess]) == ()
+    assert len(fi.orbits.find_orbits(system, push, [beyond, twice, soft, run, orbit])) == 1
     # the state of another motion is a guess of any
     assert fi.find_orbit(system, push, guess=soft.state).impacts.approach_speed == pytest.approx(
         orbit.impacts.approach_speed, rel=1e-10
@@ -160,12 +160,12 @@ def test_guesses_that_lead_to_no_orbit_are_left_out_and_faulty_calls_are_refused
         ),
     ):
         with pytest.raises(fi.InputError, match=words):
-            fi.find_orbits(system, push, [guess])
+            fi.orbits.find_orbits(system, push, [guess])
 
 
 def test_a_sum_of_one_sine_is_a_sine():
     run = settled()
-    one = fi.PointForce("mass", fi.Sum((run.base.history,)))
+    one = fi.PointForce("mass", fi.excitation.Sum((run.base.history,)))
     for guess in (run, fi.integrate(run.system, one, fi.EventDriven(), 400 / FIRST)):
         for push in (run.base, one):
             found = fi.find_orbit(run.system, push, guess=guess)
@@ -183,9 +183,9 @@ def test_many_cycles_are_no_chatter():
 def test_no_solution_of_the_closed_form_vanishes_by_rounding():
     # beside the resonance the steady response is 1e6 gaps, and its rounding above what confirms an orbit
     with pytest.raises(fi.DivergenceError, match=r"not confirmed: its own run misses its start by .* above 1e-10"):
-        fi.two_impact_orbits(boxed(), fi.PointForce("mass", fi.Sine(1.0, 0.159155)))
+        fi.orbits.two_impact_orbits(boxed(), fi.PointForce("mass", fi.Sine(1.0, 0.159155)))
     # a little farther away it is one
-    assert len(fi.two_impact_orbits(boxed(), force(0.99))) >= 1
+    assert len(fi.orbits.two_impact_orbits(boxed(), force(0.99))) >= 1
 
 
 def test_impacts_of_two_pairs_at_one_instant_are_named_from_an_orbit_too():

@@ -180,7 +180,7 @@ def box(mu, e, zeta, ratio, clearance):
 @pytest.mark.parametrize("case", [*TABLE, *OVER_FREQUENCY, *OVER_GAP, *OVER_RESTITUTION])
 def test_two_impacts_meet_the_quadratic(case):
     exact = box_orbits(*case)
-    found = fi.two_impact_orbits(*box(*case))
+    found = fi.orbits.two_impact_orbits(*box(*case))
     assert found
     speeds = [orbit.impacts.approach_speed[0] for orbit in found]
     assert speeds == sorted(speeds, reverse=True)
@@ -193,7 +193,7 @@ def test_two_impacts_meet_the_quadratic(case):
 
 
 def test_the_published_unstable_orbit():
-    (orbit, *_) = fi.two_impact_orbits(*box(0.1, 0.8, 0.01, 0.98, 20.0))
+    (orbit, *_) = fi.orbits.two_impact_orbits(*box(0.1, 0.8, 0.01, 0.98, 20.0))
     assert abs(orbit.half_multipliers[0]) == pytest.approx(1.2605, abs=5e-5)
     assert orbit.is_symmetric
     assert not orbit.is_stable
@@ -208,7 +208,7 @@ def test_the_published_unstable_orbit():
 def test_orbits_of_the_closed_form_are_those_of_runs():
     system, base = reduced(with_ball(REFERENCE, contact=fi.Rigid(0.6), gap=2e-3), 4), fi.Sine(0.2037e-3, 5.3)
     run = fi.integrate(system, base, fi.EventDriven(), 80.0, fi.Recorder(channels=(), ledger=False))
-    settled, (closed, *_) = fi.find_orbit(system, base, guess=run), fi.two_impact_orbits(system, base)
+    settled, (closed, *_) = fi.find_orbit(system, base, guess=run), fi.orbits.two_impact_orbits(system, base)
     assert np.max(np.abs(state_of(settled) - state_of(closed)) / units_of(closed)) < 1e-11
     assert settled.is_stable
     assert settled.is_symmetric
@@ -217,7 +217,7 @@ def test_orbits_of_the_closed_form_are_those_of_runs():
 def test_the_closed_form_holds_at_a_stop_in_space():
     model = MODELS["stop in space"]
     system, base = model.system(), fi.Sine(model.amplitude, model.frequency)
-    (closed, *_) = fi.two_impact_orbits(system, base)
+    (closed, *_) = fi.orbits.two_impact_orbits(system, base)
     assert np.max(np.abs(state_of(model.orbit()) - state_of(closed)) / units_of(closed)) < 1e-11
 
 
@@ -226,7 +226,7 @@ def test_a_stop_in_space_has_a_slow_and_a_fast_orbit():
     system = fi.System.from_matrices(
         np.eye(2), np.diag([0.6, 4.0]), np.diag([900.0, 4e4]), points={"tip": [1.0, 0.8]}, stops=[stop]
     )
-    fast, slow = fi.two_impact_orbits(system, fi.Sine(1e-3, 8.0))
+    fast, slow = fi.orbits.two_impact_orbits(system, fi.Sine(1e-3, 8.0))
     assert fast.impacts.approach_speed[0] > 2 * slow.impacts.approach_speed[0] > 0
     # between them lies the fold that both come from: of the slow one a half multiplier is beyond +1
     assert fast.is_stable
@@ -237,7 +237,7 @@ def test_a_stop_in_space_has_a_slow_and_a_fast_orbit():
 def test_solutions_that_meet_a_wall_once_more_are_no_orbits():
     narrow = (0.1, 0.5, 0.01, 1.0, 2.0)
     assert box_orbits(*narrow)
-    assert fi.two_impact_orbits(*box(*narrow)) == ()
+    assert fi.orbits.two_impact_orbits(*box(*narrow)) == ()
 
 
 def test_the_equations_are_regular_at_grazing():
@@ -444,9 +444,9 @@ def test_several_periods_have_the_power_of_the_multipliers(orbits):
 def test_stable_and_unstable_orbits_from_states():
     # the orbit of the table and the one beside it, which has lost its symmetry
     system, push = box(0.1, 0.8, 0.01, 0.98, 20.0)
-    (unstable, *_) = fi.two_impact_orbits(system, push)
+    (unstable, *_) = fi.orbits.two_impact_orbits(system, push)
     near = replace(unstable.state, velocity=unstable.state.velocity + 1e-4)
-    found = fi.find_orbits(system, push, [near, unstable.state, fi.State(), unstable])
+    found = fi.orbits.find_orbits(system, push, [near, unstable.state, fi.State(), unstable])
     assert any(np.allclose(state_of(orbit), state_of(unstable), atol=1e-9) for orbit in found)
     states = [state_of(orbit) for orbit in found]
     assert all(np.abs(a - b).max() > 1e-5 for i, a in enumerate(states) for b in states[:i])
@@ -486,7 +486,7 @@ def test_a_guess_of_another_system_is_refused(orbits):
         orbits["two balls"].system, orbits["two balls"].excitation, "system = .*guess: 1 dofs", guess=orbits["rigid"]
     )
     with pytest.raises(fi.InputError, match="system = "):
-        fi.find_orbits(orbits["two balls"].system, orbits["rigid"].excitation, [orbits["rigid"]])
+        fi.orbits.find_orbits(orbits["two balls"].system, orbits["rigid"].excitation, [orbits["rigid"]])
     orbit = orbits["gravity"]
     twice = fi.find_orbit(orbit.system, orbit.excitation, cycles=2, guess=orbit)
     refused(orbit.system, orbit.excitation, "guess.cycles = 2: must divide .*, 3", cycles=3, guess=twice)
@@ -501,7 +501,7 @@ def test_motions_that_stick_or_meet_at_one_instant_are_refused():
     boxes = fi.System.from_matrices(
         np.eye(2), 0.02 * np.eye(2), np.eye(2), points={"first": [1.0, 0.0], "second": [0.0, 1.0]}, impactors=balls
     )
-    (one, *_) = fi.two_impact_orbits(*box(0.1, 0.8, 0.01, 1.0, 20.0))
+    (one, *_) = fi.orbits.two_impact_orbits(*box(0.1, 0.8, 0.01, 1.0, 20.0))
     names = ("displacement", "velocity", "ball_displacement", "ball_velocity")
     both = fi.State(**{name: np.repeat(getattr(one.state, name), 2) for name in names})
     base = fi.Sine(1.0, 1 / (2 * math.pi), math.pi)
@@ -523,21 +523,21 @@ def test_a_search_that_ends_elsewhere_says_so(orbits):
     with pytest.raises(fi.DivergenceError, match=r"no periodic orbit found: .*residual of .*; try a run") as caught:
         fi.find_orbit(model.system(), base, guess=start)
     assert len(str(caught.value).splitlines()) == 1
-    assert fi.find_orbits(model.system(), base, [start]) == ()
+    assert fi.orbits.find_orbits(model.system(), base, [start]) == ()
 
 
 def test_the_closed_form_asks_for_its_system(orbits):
     system, push = box(0.1, 0.8, 0.01, 1.0, 20.0)
     with pytest.raises(fi.InputError, match="2 pairs with walls"):
-        fi.two_impact_orbits(orbits["two balls"].system, orbits["two balls"].excitation)
+        fi.orbits.two_impact_orbits(orbits["two balls"].system, orbits["two balls"].excitation)
     with pytest.raises(fi.InputError, match="must be Rigid"):
-        fi.two_impact_orbits(orbits["Kelvin-Voigt"].system, orbits["Kelvin-Voigt"].excitation)
+        fi.orbits.two_impact_orbits(orbits["Kelvin-Voigt"].system, orbits["Kelvin-Voigt"].excitation)
     with pytest.raises(fi.InputError, match="constant forces"):
-        fi.two_impact_orbits(orbits["gravity"].system, orbits["gravity"].excitation)
+        fi.orbits.two_impact_orbits(orbits["gravity"].system, orbits["gravity"].excitation)
     unequal = oscillator(damping=0.02, impactors=[fi.Impactor("ball", "mass", 0.1, (9.0, 10.0), fi.Rigid(0.8))])
     with pytest.raises(fi.InputError, match=r"ball.gap = .*the same on both sides"):
-        fi.two_impact_orbits(unequal, push)
-    assert fi.two_impact_orbits(system, fi.PointForce("mass", fi.Sine(1e-3, 0.1))) == ()
+        fi.orbits.two_impact_orbits(unequal, push)
+    assert fi.orbits.two_impact_orbits(system, fi.PointForce("mass", fi.Sine(1e-3, 0.1))) == ()
 
 
 # ---- the flow ----------------------------------------------------------------------------------------

@@ -100,7 +100,7 @@ def test_the_table_has_the_bifurcations_of_the_functions(out, branch):
 
 def test_a_switched_branch_is_that_of_the_functions(out, branch):
     breaking = [each for each in branch.bifurcations if each.kind == "symmetry-breaking"][-1]
-    one, _ = fi.switch_branch(breaking)
+    one, _ = fi.orbits.switch_branch(breaking)
     first = rows_of(out, 1)
     row = np.argmin(np.abs(first["base.frequency"] - breaking.value))
     assert_rows(rows_of(out, int(first["leads_to"][row])), fi.continue_orbit(one, "frequency", (4.9, 5.6)))
@@ -165,14 +165,14 @@ def test_runs_lie_on_the_stable_branch(out, branch):
 
 
 def test_branches_come_back_from_their_file(out, branch):
-    loaded = fi.load_branch(out / "branches.nc")
+    loaded = fi.app.load_branch(out / "branches.nc")
     for name in ("values", "peak", "first_harmonic"):
         np.testing.assert_allclose(getattr(loaded, name), getattr(branch, name), rtol=1e-9)
     assert loaded.end == branch.end
     assert (loaded.parameter, loaded.unit, loaded.place) == (branch.parameter, branch.unit, branch.place)
     data, table = fi.load(out).branches, read_csv(out / "branches.csv")
     for number in data["branch"].to_numpy().tolist():
-        one, rows = fi.load_branch(out / "branches.nc", number=number), table["branch"] == number
+        one, rows = fi.app.load_branch(out / "branches.nc", number=number), table["branch"] == number
         np.testing.assert_array_equal(one.values, table["base.frequency"][rows])
         np.testing.assert_array_equal(one.peak, table["peak"][rows])
         assert [b.kind for b in one.bifurcations] == rows_of(out, number)["kind"].tolist()
@@ -182,7 +182,7 @@ def test_branches_come_back_from_their_file(out, branch):
 @pytest.mark.parametrize("number", [0, 99, 1.5])
 def test_a_number_of_no_branch_is_one_line(out, number):
     with pytest.raises(fi.InputError, match="number = ") as caught:
-        fi.load_branch(out / "branches.nc", number=number)
+        fi.app.load_branch(out / "branches.nc", number=number)
     assert "\n" not in str(caught.value)
 
 
@@ -206,7 +206,7 @@ def test_a_damaged_file_is_one_line(out, tmp_path, damage):
     shutil.copy(out / "branches.nc", tmp_path / "branches.nc")
     damage(tmp_path / "branches.nc")
     with pytest.raises(fi.InputError, match="is damaged and cannot be read") as caught:
-        fi.load_branch(tmp_path / "branches.nc", number=2)
+        fi.app.load_branch(tmp_path / "branches.nc", number=2)
     assert "\n" not in str(caught.value)
 
 
@@ -246,7 +246,7 @@ def test_an_edited_file_is_one_line(out, tmp_path, change, words):
 
     change(xarray.load_dataset(out / "branches.nc")).to_netcdf(tmp_path / "branches.nc")
     with pytest.raises(fi.InputError, match="is damaged and cannot be read: ") as caught:
-        fi.load_branch(tmp_path / "branches.nc")
+        fi.app.load_branch(tmp_path / "branches.nc")
     assert words in str(caught.value)
     assert "\n" not in str(caught.value)
 

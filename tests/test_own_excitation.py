@@ -9,7 +9,7 @@ import pytest
 from builders import oscillator
 
 import femimpact as fi
-from femimpact.excitation import Excitation, Harmonic
+from femimpact.excitation.excitation import Excitation, Harmonic
 
 FREQUENCY, END = 5.0, 0.4
 

@@ -197,7 +197,7 @@ def test_files_of_a_package_are_found_without_being_loaded(sources, tmp_path):
     (package / "beside.py").write_text("FACTOR = 1\n")
     script = "def measure(response):\n    from own_package.inner import beside\n    return beside.FACTOR\n"
     measure = sources.load(script).script.measure
-    one = plain_study(fi.ParameterStudy(study(), {GAP: [2e-3]}, [measure], cycles=3))["files"]
+    one = plain_study(fi.app.ParameterStudy(study(), {GAP: [2e-3]}, [measure], cycles=3))["files"]
     assert set(one) == {"own_script", "own_package", "own_package.inner", "own_package.beside"}
 
 

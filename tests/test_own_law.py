@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import femimpact as fi
-from femimpact.contact import require_law, resolve
+from femimpact.contact.law import require_law, resolve
 from femimpact.figures import collision_history
 
 pytestmark = pytest.mark.impacts
@@ -54,11 +54,13 @@ class TwoSlopes:
         """One collision in closed form."""
         m, v, k = effective_mass, approach_speed, self.slopes(effective_mass)[0]
         loss = 0.5 * m * v**2 * (1.0 - self.restitution**2)
-        return fi.Collision(self.restitution, self.contact_time, v * math.sqrt(k * m), v * math.sqrt(m / k), loss)
+        return fi.contact.Collision(
+            self.restitution, self.contact_time, v * math.sqrt(k * m), v * math.sqrt(m / k), loss
+        )
 
     def parameters(self, effective_mass):
         """Numbers for the time loop, which calls the function."""
-        return fi.ContactParameters.of_function(self.contact_time, self.restitution)
+        return fi.contact.ContactParameters.of_function(self.contact_time, self.restitution)
 
     def force_function(self, effective_mass):
         """The function that the time loop compiles."""
@@ -79,10 +81,15 @@ def oscillator(law, omega=1.0):
 
 
 def test_a_law_of_ones_own_is_a_contact_law():
-    assert isinstance(LAW, fi.ContactLaw)
-    for law in (fi.Rigid(0.5), fi.Hertz(1e7), fi.KelvinVoigt(stiffness=1e4, damping=1.0), fi.SwitchingSpring(0.0, 1e4)):
-        assert isinstance(law, fi.ContactLaw)
-    assert isinstance(fi.CustomLaw(lambda depth, rate, speed: depth), fi.ContactLaw)
+    assert isinstance(LAW, fi.contact.ContactLaw)
+    for law in (
+        fi.Rigid(0.5),
+        fi.Hertz(1e7),
+        fi.KelvinVoigt(stiffness=1e4, damping=1.0),
+        fi.contact.SwitchingSpring(0.0, 1e4),
+    ):
+        assert isinstance(law, fi.contact.ContactLaw)
+    assert isinstance(fi.CustomLaw(lambda depth, rate, speed: depth), fi.contact.ContactLaw)
 
 
 @pytest.mark.parametrize("contact", ["end", "energy-consistent"])
@@ -113,10 +120,14 @@ def test_a_run_with_a_law_of_ones_own_is_the_exact_one(contact):
 
 def test_one_collision_is_what_the_force_gives():
     exact = fi.collide(LAW, MASS, SPEED)
-    found = fi.integrated_collision(lambda p, rate: fi.contact_force(LAW, p, rate, SPEED, MASS), MASS, SPEED)
+    found = fi.contact.integrated_collision(
+        lambda p, rate: fi.contact.contact_force(LAW, p, rate, SPEED, MASS), MASS, SPEED
+    )
     # the force jumps where the mass turns back: the integration halves its step down to its tolerance there
     assert vars(found) == pytest.approx(vars(exact), rel=1e-6)
-    stepped = fi.achieved_restitution(oscillator(LAW).contacts[0], fi.Newmark(LAW.contact_time / 500), SPEED)
+    stepped = fi.integrators.achieved_restitution(
+        oscillator(LAW).contacts[0], fi.Newmark(LAW.contact_time / 500), SPEED
+    )
     assert stepped.mean == pytest.approx(0.6, rel=3e-3)
 
 

@@ -38,7 +38,7 @@ def slopes(u, v, w):
 
 def matrix(form, structure, elements, coefficient):
     """A form on the structure's basis, its coefficient a number or a function of x."""
-    grid = fi.discretise(structure, elements=elements)
+    grid = fi.fem.discretise(structure, elements=elements)
     values = coefficient(grid.basis.global_coordinates()[0]) if callable(coefficient) else coefficient
     return form.assemble(grid.basis, c=values + grid.basis.zero_w())
 
@@ -52,7 +52,7 @@ def omega(system, count):
 def test_a_uniform_foundation_adds_k_over_rho_a_to_every_square(supports, elements):
     structure, stiffness = fi.Structure(beam=BEAM, supports=supports), 800.0
     bare = fi.assemble(structure, elements=elements)
-    held = fi.add_terms(bare, stiffness=matrix(product, structure, elements, stiffness))
+    held = fi.system.add_terms(bare, stiffness=matrix(product, structure, elements, stiffness))
     # the foundation is in proportion to the mass, so that the modes stay; rounding of the two solves is left
     np.testing.assert_allclose(omega(held, 6) ** 2, omega(bare, 6) ** 2 + stiffness / RHO_A, rtol=1e-9)
 
@@ -67,14 +67,14 @@ def test_the_euler_load_is_met_with_the_fourth_order(ends):
     errors = []
     for elements in (8, 16, 32):
         bare = fi.assemble(structure, elements=elements)
-        unit = fi.add_terms(bare, stiffness=matrix(slopes, structure, elements, 1.0)).K - bare.K
+        unit = fi.system.add_terms(bare, stiffness=matrix(slopes, structure, elements, 1.0)).K - bare.K
         critical = 1.0 / scipy.linalg.eigh(unit.toarray(), bare.K.toarray(), eigvals_only=True)[-1]
         errors.append(critical / exact - 1.0)
         # and there the structure buckles
         below, above = (matrix(slopes, structure, elements, -s * critical) for s in (1.0 - 1e-6, 1.0 + 1e-6))
-        assert fi.add_terms(bare, stiffness=below).first_frequency < 0.01 * bare.first_frequency
+        assert fi.system.add_terms(bare, stiffness=below).first_frequency < 0.01 * bare.first_frequency
         with pytest.raises(fi.InputError, match=r"stiffness: .* has buckled"):
-            fi.add_terms(bare, stiffness=above)
+            fi.system.add_terms(bare, stiffness=above)
     assert min(errors) > 0.0
     np.testing.assert_allclose(np.log2(np.array(errors[:-1]) / errors[1:]), 4.0, atol=0.1)
 
@@ -83,7 +83,7 @@ def test_the_euler_load_is_met_with_the_fourth_order(ends):
 def test_an_axial_force_shifts_the_frequencies_of_a_pinned_beam(share):
     structure, elements = fi.Structure(beam=BEAM, supports=PINNED), 40
     force = share * math.pi**2 * EI / LENGTH**2
-    loaded = fi.add_terms(
+    loaded = fi.system.add_terms(
         fi.assemble(structure, elements=elements), stiffness=matrix(slopes, structure, elements, force)
     )
     n = np.arange(1, 4)
@@ -134,10 +134,10 @@ def test_gravity_along_a_standing_beam_buckles_it_and_a_hanging_one_stiffens(tip
         standing = matrix(slopes, structure, elements, lambda x, g=gravity: -g * weight(x))
         if buckled:
             with pytest.raises(fi.InputError, match="has buckled"):
-                fi.add_terms(bare, stiffness=standing)
+                fi.system.add_terms(bare, stiffness=standing)
         else:
-            assert fi.add_terms(bare, stiffness=standing).first_frequency < 0.02 * bare.first_frequency
-    hanging = fi.add_terms(bare, stiffness=matrix(slopes, structure, elements, lambda x: critical * weight(x)))
+            assert fi.system.add_terms(bare, stiffness=standing).first_frequency < 0.02 * bare.first_frequency
+    hanging = fi.system.add_terms(bare, stiffness=matrix(slopes, structure, elements, lambda x: critical * weight(x)))
     # the least eigenvalue is concave in the load: the square rises by no more than it fell
     assert bare.first_frequency < hanging.first_frequency < math.sqrt(2.0) * bare.first_frequency
     if not tip:
@@ -152,7 +152,7 @@ def test_a_beams_own_rotary_inertia_is_that_of_the_rayleigh_beam():
     structure, elements = fi.Structure(beam=thick, supports=PINNED), 40
     rotary = DENSITY * 0.02 * 0.03**3 / 12.0
     bare = fi.assemble(structure, elements=elements)
-    turning = fi.add_terms(bare, mass=matrix(slopes, structure, elements, rotary))
+    turning = fi.system.add_terms(bare, mass=matrix(slopes, structure, elements, rotary))
     n = np.arange(1, 4)
     k = n * math.pi / 0.4
     section = thick.segments[0]
@@ -179,13 +179,13 @@ def bodies(at):
 @pytest.mark.parametrize("at", ["tip", 0.013], ids=["tip", "beside the root"])
 def test_a_mass_added_as_a_matrix_is_the_body_assembled(at):
     without, whole = bodies(at)
-    mesh = fi.Mesh(np.linspace(0.0, LENGTH, 9))
+    mesh = fi.fem.Mesh(np.linspace(0.0, LENGTH, 9))
     assembled, bare = fi.assemble(whole, mesh=mesh), fi.assemble(without, mesh=mesh)
     place = [LENGTH if at == "tip" else at]
     shape, slope = (hermite_rows(mesh.nodes, place, order).toarray() for order in (0, 1))
     mass = 0.03 * shape.T @ shape + 2e-6 * slope.T @ slope
     rigid = np.tile([1.0, 0.0], mesh.nodes.size)
-    added = fi.add_terms(bare, mass=mass, load=-9.81 * mass @ rigid)
+    added = fi.system.add_terms(bare, mass=mass, load=-9.81 * mass @ rigid)
     for name in ("M", "C", "K"):
         one, other = (getattr(s, name).toarray() for s in (added, assembled))
         np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-14 * np.abs(other).max())
@@ -208,7 +208,7 @@ def test_a_load_bends_as_statics_say():
     system = fi.assemble(structure, elements=8)
     force = np.zeros(18)
     force[-2], force[-1] = 2.0, 0.3
-    loaded = fi.add_terms(system, load=force)
+    loaded = fi.system.add_terms(system, load=force)
     u = solve_stiffness(loaded, loaded.constant_load)
     deflection = 2.0 * LENGTH**3 / (3 * EI) + 0.3 * LENGTH**2 / (2 * EI)
     # cubic elements are exact under forces at nodes
@@ -220,7 +220,7 @@ def test_rayleigh_damping_holds_for_the_sums_and_reduces():
     without, _ = bodies("tip")
     elements = 12
     bare = fi.assemble(without, elements=elements)
-    tense = fi.add_terms(bare, stiffness=matrix(slopes, without, elements, 40.0))
+    tense = fi.system.add_terms(bare, stiffness=matrix(slopes, without, elements, 40.0))
     alpha, beta = bare.rayleigh
     modes = fi.solve_modes(tense, 4)
     w = 2.0 * math.pi * modes.natural_frequency
@@ -233,7 +233,7 @@ def test_damping_of_ones_own_adds_to_rayleighs():
     without, _ = bodies("tip")
     elements, air = 12, 0.05
     bare = fi.assemble(without, elements=elements)
-    damped = fi.add_terms(bare, damping=matrix(product, without, elements, air))
+    damped = fi.system.add_terms(bare, damping=matrix(product, without, elements, air))
     before, after = fi.solve_modes(bare, 3), fi.solve_modes(damped, 3)
     # a viscous force per length in proportion to the mass: c/(2 rho A omega) more
     more = air / (2.0 * RHO_A * 2.0 * math.pi * before.natural_frequency)
@@ -247,7 +247,7 @@ def test_damping_and_load_leave_frequency_and_compliances_what_they_are():
     structure = fi.Structure(beam=BEAM, impactors=[ball], stops=[stop])
     bare, elements = fi.assemble(structure, elements=40), 40
     air = matrix(product, structure, elements, 0.05)
-    for system in (fi.add_terms(bare, damping=air, load=np.ones(2 * elements + 2)), fi.add_terms(bare)):
+    for system in (fi.system.add_terms(bare, damping=air, load=np.ones(2 * elements + 2)), fi.system.add_terms(bare)):
         assert system.first_frequency == bare.first_frequency
         assert [pair.effective_mass for pair in system.contacts] == [pair.effective_mass for pair in bare.contacts]
         assert [pair.flexibility for pair in system.contacts] == [pair.flexibility for pair in bare.contacts]
@@ -259,7 +259,7 @@ def test_a_fine_mesh_keeps_its_digits_under_tension_and_on_a_foundation():
         first = []
         for elements in (coarse, fine):
             system = fi.assemble(structure, elements=elements)
-            held = fi.add_terms(system, stiffness=matrix(form, structure, elements, size))
+            held = fi.system.add_terms(system, stiffness=matrix(form, structure, elements, size))
             first.append(held.first_frequency)
         # the coarse mesh's own error, (k h)^4/720 with kL = 1.875 or more, and what tension adds to it; rounding of an
         # assembled stiffness of 1000 elements would be 1e-4

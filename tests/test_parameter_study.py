@@ -173,7 +173,7 @@ def test_modes_of_a_changed_structure_are_those_of_its_own_assembly(other, path,
     # enough elements that the modes are not found by the dense solver
     given = study(structure=replace(structure, **OTHERS[other](structure)))
     given = replace(given, mesh=replace(given.mesh, elements=40))
-    made = fi.ParameterStudy(given, {path: [value]}, ["peak"], cycles=3)
+    made = fi.app.ParameterStudy(given, {path: [value]}, ["peak"], cycles=3)
     (place,) = made.places
     found = made.systems.of({place: value})
     expected = fi.reduce(fi.assemble(study_with(given, {place: value}).structure, elements=40), 3)
@@ -201,7 +201,7 @@ def test_cases_with_systems_of_their_own_have_the_bits_that_they_have_alone(path
         "beam.thickness": [0.9e-3, 1e-3, 1.1e-3], "mass.box.mass": [0.02, 0.025, 0.03],
     }[path]  # fmt: skip
     measures = ["peak", "loss_per_cycle", "damping", "peak_ratio", "energy_residual", "root.reaction_force"]
-    given = fi.ParameterStudy(study(), {path: values, GAP: [2e-3, 5e-3]}, measures, starts=2, cycles=12)
+    given = fi.app.ParameterStudy(study(), {path: values, GAP: [2e-3, 5e-3]}, measures, starts=2, cycles=12)
     together = evaluated(given, np.arange(6))
     assert not any(together.failures)
     for case in range(6):
@@ -210,19 +210,19 @@ def test_cases_with_systems_of_their_own_have_the_bits_that_they_have_alone(path
 
 
 def test_a_case_can_be_run_alone():
-    given = fi.ParameterStudy(study(), {GAP: [2e-3, 4e-3], "base.phase": [0.0, 1.0]}, ["peak"], starts=2, cycles=12)
+    given = fi.app.ParameterStudy(study(), {GAP: [2e-3, 4e-3], "base.phase": [0.0, 1.0]}, ["peak"], starts=2, cycles=12)
     values = evaluated(given, np.arange(4)).values
     for case in range(4):
         for start in range(2):
-            run = fi.run_case(given, case, start)
+            run = fi.app.run_case(given, case, start)
             # the peak of a run is that of its last third, to the last bits of another way to the same instants
             assert run.steady.peak[0] == pytest.approx(values[case, start, 0], rel=1e-9)
 
 
 def test_measures_of_energy_are_those_of_the_ledger_of_a_run():
-    given = fi.ParameterStudy(study(), {GAP: [2e-3]}, ["loss_per_cycle", "damping", "peak_ratio"], cycles=12)
+    given = fi.app.ParameterStudy(study(), {GAP: [2e-3]}, ["loss_per_cycle", "damping", "peak_ratio"], cycles=12)
     loss, damping, ratio = evaluated(given, np.arange(1)).values[0, 0]
-    run = fi.run_case(given, 0)
+    run = fi.app.run_case(given, 0)
     energy = run.energy
     last = energy.time >= 8.0 / 4.9 - 1e-9
     lost = (energy.structure_loss + energy.contact_loss)[last]
@@ -248,7 +248,7 @@ def test_words_channels_and_functions_of_the_users_own_are_read_from_runs():
         return np.abs(response["tip.velocity"]).max() if "tip.velocity" in response.channels else response.time[-1]
 
     found = small(axes={GAP: [2e-3]}, measures=["regime", "root.surface_stress", largest_speed])
-    run = fi.run_case(fi.ParameterStudy(study(), {GAP: [2e-3]}, ["regime"], cycles=12), 0)
+    run = fi.app.run_case(fi.app.ParameterStudy(study(), {GAP: [2e-3]}, ["regime"], cycles=12), 0)
     assert str(found["regime"][0].item()) == run.regime.label
     assert found["root.surface_stress"].attrs["units"] == "Pa"
     assert float(found["root.surface_stress"][0]) > 0.0
@@ -281,7 +281,7 @@ def test_cases_of_a_method_with_steps_have_side_by_side_the_bits_that_they_have_
     axes = {GAP: [1e-3, 4e-3], RESTITUTION: [0.5, 0.7], "base.amplitude": [2e-4, 3e-4], "base.start": [frame]}
     start = {"start.ball.speed": [0.01, 0.02]} if frame != "static" else {}
     measures = ["peak", "rms", "impacts_per_cycle", "peak_force", "energy_residual", "peak_ratio"]
-    given = fi.ParameterStudy(paper_study(), {**axes, **start}, measures, cycles=6)
+    given = fi.app.ParameterStudy(paper_study(), {**axes, **start}, measures, cycles=6)
     together = evaluated(given, np.arange(given.table.size))
     assert not any(together.failures)
     assert together.values[:, 0, 2].max() > 0.0
@@ -301,7 +301,7 @@ def test_a_case_without_cycles_is_a_run_of_its_whole_history():
 
     measures = ["peak", "rms", "impacts_per_second", "largest_approach_speed", "loss_per_second", "peak_ratio", hits]
     axes = {GAP: [1e-3, 4e-3], "base.acceleration": [0.2, 0.3], RESTITUTION: [0.5]}
-    given = fi.ParameterStudy(chirped(), axes, measures)
+    given = fi.app.ParameterStudy(chirped(), axes, measures)
     found = fi.parameter_study(chirped(), axes, measures)
     for case in (0, 3):
         gap, acceleration = (1e-3, 4e-3)[case // 2], (0.2, 0.3)[case % 2]
@@ -311,7 +311,7 @@ def test_a_case_without_cycles_is_a_run_of_its_whole_history():
         run = fi.integrate(system, base, fi.EventDriven(), 2.5)
         bare = fi.integrate(fi.without_impactors(system), base, fi.EventDriven(), 2.5)
         row = {name: float(found[name].values.reshape(-1)[case]) for name in found.data_vars if name != "failure"}
-        assert row["peak"] == abs(run.largest("tip").value) == abs(fi.run_case(given, case).largest("tip").value)
+        assert row["peak"] == abs(run.largest("tip").value) == abs(fi.app.run_case(given, case).largest("tip").value)
         assert row["rms"] == pytest.approx(np.sqrt(np.mean(run["tip"] ** 2)), rel=1e-12)
         assert row["peak_ratio"] == pytest.approx(row["peak"] / abs(bare.largest("tip").value), rel=1e-12)
         assert row["hits"] == len(run.impacts) > 0
@@ -323,14 +323,14 @@ def test_a_case_without_cycles_is_a_run_of_its_whole_history():
 
 
 def test_starts_of_cases_without_cycles_lie_in_the_gap_and_the_first_state_has_the_name_of_the_study_file():
-    given = fi.ParameterStudy(chirped(), {GAP: [2e-3], "base.initial": ["base", "space"]}, ["peak"], starts=4)
+    given = fi.app.ParameterStudy(chirped(), {GAP: [2e-3], "base.initial": ["base", "space"]}, ["peak"], starts=4)
     values = evaluated(given, np.arange(2)).values
     assert np.unique(values).size == 8
     # of a chirp `start` is its first frequency, as in its study file
     units = {path: place.unit for path, place in given.known.items() if place.owner == "base"}
     assert units["base.start"] == "Hz"
     assert units["base.acceleration"] == "m/s^2"
-    assert fi.ParameterStudy(study(), {"base.start": ["base", "space"]}, ["peak"]).known["base.start"].unit == ""
+    assert fi.app.ParameterStudy(study(), {"base.start": ["base", "space"]}, ["peak"]).known["base.start"].unit == ""
 
 
 @pytest.mark.parametrize(
@@ -353,12 +353,13 @@ def test_what_needs_cycles_is_refused_in_one_line_where_the_base_has_none(given,
 
 def test_fewer_starts_are_the_first_of_more_and_lie_in_the_gap():
     few, many = (
-        fi.ParameterStudy(study(), {GAP: [1e-3, (2e-3, 4e-3)]}, ["peak"], starts=n, seed=3, cycles=3) for n in (3, 7)
+        fi.app.ParameterStudy(study(), {GAP: [1e-3, (2e-3, 4e-3)]}, ["peak"], starts=n, seed=3, cycles=3)
+        for n in (3, 7)
     )
     a, b = (evaluated(given, np.arange(2)).values for given in (few, many))
     np.testing.assert_array_equal(a, b[:, :3])
     for start in range(7):
-        first = fi.run_case(many, 1, start, fi.Recorder(("ball", "ball.velocity")))
+        first = fi.app.run_case(many, 1, start, fi.Recorder(("ball", "ball.velocity")))
         assert -4e-3 <= first["ball"][0] <= 2e-3
         assert abs(first["ball.velocity"][0]) <= 0.2037e-3 * 2 * np.pi * 4.9
 
@@ -369,16 +370,16 @@ def test_starts_from_the_static_state_lie_in_the_gap_of_the_structure_that_sags(
     axes, starts = {GAP: [1e-3, (2e-3, 4e-3)], "impactor.ball.mass": [3e-3, 4e-3]}, 5
     if base == "sine":
         given = study(structure=sagging, start="static")
-        given = fi.ParameterStudy(given, axes, ["peak"], starts=starts, cycles=3)
+        given = fi.app.ParameterStudy(given, axes, ["peak"], starts=starts, cycles=3)
     else:
         still = replace(chirped(structure=sagging), start="static")
-        given = fi.ParameterStudy(still, axes, ["peak"], starts=starts)
+        given = fi.app.ParameterStudy(still, axes, ["peak"], starts=starts)
     assert not any(evaluated(given, np.arange(4)).failures)
     places = set()
     for case in range(4):
         plus, minus = (1e-3, 1e-3) if case < 2 else (2e-3, 4e-3)
         for start in range(starts):
-            run = fi.run_case(given, case, start, fi.Recorder(("ball", "tip")))
+            run = fi.app.run_case(given, case, start, fi.Recorder(("ball", "tip")))
             place = (run["ball"][0] - run["tip"][0] + minus) / (plus + minus)
             assert 0.0 <= place <= 1.0
             places.add(round(float(place), 9))
@@ -400,24 +401,24 @@ def test_a_ball_at_zero_is_at_zero_and_one_without_a_place_lies_where_it_lies(ba
         given = study(structure=sagging, start="static", **more)
     cycles = {} if base == "chirp" else {"cycles": 3}
     places = [0.0, 1e-3, -1e-3]
-    placed = fi.ParameterStudy(given, {position: places}, ["peak"], **cycles)
-    lying = fi.ParameterStudy(given, {"start.ball.speed": [0.0, 1e-3]}, ["peak"], **cycles)
+    placed = fi.app.ParameterStudy(given, {position: places}, ["peak"], **cycles)
+    lying = fi.app.ParameterStudy(given, {"start.ball.speed": [0.0, 1e-3]}, ["peak"], **cycles)
     record = fi.Recorder(("ball", "tip"))
     displacement, balls = fi.static_state(placed.nominal)
     for case, place in enumerate(places):
-        run = fi.run_case(placed, case, record=record)
+        run = fi.app.run_case(placed, case, record=record)
         assert run["ball"][0] == place
         # another basis of the modes rounds otherwise
         assert run["tip"][0] == pytest.approx(float(placed.nominal.point_row("tip") @ displacement), rel=1e-9)
         assert abs(run["tip"][0]) > 1e-4
-    run = fi.run_case(lying, 0, record=record)
+    run = fi.app.run_case(lying, 0, record=record)
     assert run["ball"][0] == pytest.approx(float(balls[0]), rel=1e-9)
     assert abs(run["ball"][0]) > 1e-3
     # one compiled call has what each has alone
     found = evaluated(placed, np.arange(3))
     assert not any(found.failures)
     assert found.values[0, 0, 0] != evaluated(lying, np.arange(1)).values[0, 0, 0]
-    alone = fi.ParameterStudy(given, {position: [0.0]}, ["peak"], **cycles)
+    alone = fi.app.ParameterStudy(given, {position: [0.0]}, ["peak"], **cycles)
     np.testing.assert_array_equal(evaluated(alone, np.arange(1)).values[0], found.values[0])
 
 
@@ -425,10 +426,10 @@ def test_of_two_balls_the_one_without_a_place_lies_where_it_lies():
     two = replace(study().structure, gravity=0.5)
     two = replace(two, impactors=(*two.impactors, replace(two.impactors[0], name="other")))
     given = study(structure=two, start="static")
-    placed = fi.ParameterStudy(given, {"start.other.position": [0.0, 1e-3]}, ["peak"], cycles=3)
+    placed = fi.app.ParameterStudy(given, {"start.other.position": [0.0, 1e-3]}, ["peak"], cycles=3)
     own, other = fi.static_state(placed.nominal)[1]
     for case, place in enumerate([0.0, 1e-3]):
-        run = fi.run_case(placed, case, record=fi.Recorder(("ball", "other")))
+        run = fi.app.run_case(placed, case, record=fi.Recorder(("ball", "other")))
         assert run["ball"][0] == pytest.approx(float(own), rel=1e-9)
         assert run["other"][0] == place != other
     assert not any(evaluated(placed, np.arange(2)).failures)
@@ -491,7 +492,7 @@ def test_two_groups_are_apart_by_a_tenth_of_the_median_with_two_starts_on_each_s
 
 def test_a_case_has_the_same_bits_in_any_block_and_on_any_number_of_threads():
     axes = {GAP: [2e-3, 3e-3, 4e-3], "impactor.ball.mass": [3e-3, 4e-3], RESTITUTION: [0.5, 0.7]}
-    given = fi.ParameterStudy(study(), axes, ["peak", "energy_residual"], starts=3, cycles=24)
+    given = fi.app.ParameterStudy(study(), axes, ["peak", "energy_residual"], starts=3, cycles=24)
     whole = evaluated(given, np.arange(12))
     for cases in (np.array([7]), np.array([11, 2, 5])):
         np.testing.assert_array_equal(evaluated(given, cases).values, whole.values[cases])
@@ -526,7 +527,7 @@ def test_what_was_ended_goes_on_with_the_same_bits(tmp_path, capsys):
     for count in (8, 16):
         with pytest.raises(Ended):
             small(axes=axes, starts=2, directory=tmp_path / "ended", progress=end_after(count))
-        partial = fi.load_parameter_study(tmp_path / "ended")
+        partial = fi.app.load_parameter_study(tmp_path / "ended")
         done = partial["finished"].to_numpy() > 0
         assert count <= done.sum() < 24
         np.testing.assert_array_equal(partial["peak"].to_numpy()[done], whole["peak"].to_numpy()[done])
@@ -556,7 +557,7 @@ def test_a_process_that_is_killed_loses_its_blocks_in_flight_alone(tmp_path, req
     found = {**os.environ, "PYTHONPATH": str(Path(fi.__file__).parent.parent)}
     ended = subprocess.run([sys.executable, script, tmp_path / "ended"], env=found, check=False)
     assert ended.returncode == -9
-    assert fi.load_parameter_study(tmp_path / "ended")["finished"].sum() >= 12
+    assert fi.app.load_parameter_study(tmp_path / "ended")["finished"].sum() >= 12
     assert small(axes=axes, starts=2, directory=tmp_path / "ended").identical(small(axes=axes, starts=2))
 
 
@@ -597,7 +598,7 @@ def test_a_full_disk_is_an_error_that_names_the_file_and_leaves_what_was_finishe
         small(axes=axes, starts=2, directory=tmp_path)
     monkeypatch.undo()
     # the first file says what the study is
-    assert 0 < fi.load_parameter_study(tmp_path)["finished"].sum() < 24
+    assert 0 < fi.app.load_parameter_study(tmp_path)["finished"].sum() < 24
     assert small(axes=axes, starts=2, directory=tmp_path).identical(small(axes=axes, starts=2))
 
 
@@ -735,7 +736,7 @@ def test_an_error_in_a_function_of_the_users_own_is_not_caught():
 
 def test_a_sample_has_the_moments_of_its_distributions():
     axes = {GAP: {"normal": [4e-3, 1e-4]}, RESTITUTION: {"from": 0.4, "to": 0.8}}
-    given = fi.ParameterStudy(study(), axes, ["peak"], sample={"points": 1024, "seed": 2}, cycles=3)
+    given = fi.app.ParameterStudy(study(), axes, ["peak"], sample={"points": 1024, "seed": 2}, cycles=3)
     gap, restitution = (
         np.array(levels)[codes] for levels, codes in zip(given.table.levels, given.table.codes, strict=True)
     )

@@ -166,7 +166,7 @@ def test_arrows_of_a_stop_begin_in_front_of_stop_and_beam():
     stop = fi.Stop("stop", at="tip", gap=(2e-3, math.inf), contact=fi.Rigid(restitution=0.6))
     structure = dataclasses.replace(REFERENCE, impactors=(), stops=(stop,))
     system = fi.assemble(structure, elements=4)
-    grid = fi.to_pyvista(fi.solve_modes(system, 1), structure, system)[0]
+    grid = fi.vtk.to_pyvista(fi.solve_modes(system, 1), structure, system)[0]
     marks = points_of(grid, grid["part"] == CONTACT_POINT)
     hiding = points_of(grid, np.isin(grid["part"], (STOP, BEAM)))
     assert grid.points[marks, 2].min() >= grid.points[hiding, 2].max()

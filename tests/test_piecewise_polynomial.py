@@ -21,7 +21,7 @@ OMEGA, ZETA, MASS, BALL, GAP, RESTITUTION = 10.0 * math.pi, 0.01, 1.0, 0.1, 1e-3
 class Own:
     """A user's class whose closed form is made of polynomials."""
 
-    closed_form: fi.PiecewisePolynomial
+    closed_form: fi.excitation.PiecewisePolynomial
     frequency = 5.0
     phase = math.nan
     amplitude = 1e-3
@@ -52,7 +52,7 @@ def random_pieces(seed=3, count=40):
     """Pieces of degree 5 of many lengths, with jumps between them."""
     rng = np.random.default_rng(seed)
     knots = np.cumsum(np.concatenate([[0.0], rng.uniform(0.02, 0.08, count)]))
-    return fi.PiecewisePolynomial(knots, rng.normal(size=(count, 6)) / 0.05 ** np.arange(6))
+    return fi.excitation.PiecewisePolynomial(knots, rng.normal(size=(count, 6)) / 0.05 ** np.arange(6))
 
 
 def of_ends(pieces):
@@ -117,7 +117,7 @@ def test_pieces_that_are_split_anywhere_are_the_same_motion():
             own = [shifted[i].deriv(n)(part * (b - a)) / math.factorial(n) if n else shifted[i](part * (b - a))
                    for n in range(6)]  # fmt: skip
             rows.append(own)
-    split = fi.PiecewisePolynomial([*knots, whole.knots[-1]], rows)
+    split = fi.excitation.PiecewisePolynomial([*knots, whole.knots[-1]], rows)
     record = fi.Recorder(interval=1e-3, channels=("mass",))
     alone = fi.without_impactors(in_a_box())
     one, other = (fi.integrate(alone, Own(p), fi.EventDriven(), 0.25, record)["mass"] for p in (whole, split))
@@ -165,7 +165,7 @@ def test_no_crossing_is_missed_under_pieces():
 
 
 def test_a_history_that_begins_later_leaves_all_at_rest_until_then():
-    late = fi.PiecewisePolynomial([0.2, 0.3], [[5.0, -3.0, 1.0]])
+    late = fi.excitation.PiecewisePolynomial([0.2, 0.3], [[5.0, -3.0, 1.0]])
     run = fi.integrate(in_a_box(), Own(late), fi.EventDriven(), 0.4, fi.Recorder(interval=1e-2, channels=("mass",)))
     assert np.all(run["mass"][run.time < 0.2] == 0.0)
     assert np.abs(run["mass"][run.time > 0.25]).min() > 0.0
@@ -208,7 +208,7 @@ def test_six_gauss_points_leave_the_error_that_is_promised():
 )
 def test_pieces_that_are_none_are_refused_in_one_line(knots, coefficients, more, words):
     with pytest.raises(fi.InputError, match=words) as refusal:
-        fi.PiecewisePolynomial(knots, coefficients, **more)
+        fi.excitation.PiecewisePolynomial(knots, coefficients, **more)
     assert "\n" not in str(refusal.value)
 
 

@@ -19,13 +19,13 @@ pytestmark = pytest.mark.impacts
 SPACE = fi.State.at_rest("space")
 
 
-def row(found: fi.Preflight, words: str) -> fi.PreflightRow:
+def row(found: fi.app.Preflight, words: str) -> fi.integrators.PreflightRow:
     """The only row whose name has these words."""
     (one,) = (each for each in found.rows if words in each.what)
     return one
 
 
-def words(found: fi.Preflight) -> str:
+def words(found: fi.app.Preflight) -> str:
     """Names of the rows whose limit is passed."""
     return "; ".join(each.what for each in found.passed)
 
@@ -395,7 +395,7 @@ def test_a_coarse_axis_of_frequencies_is_named_as_a_coarse_sweep_is() -> None:
     system, coarse = reduced(REFERENCE, 3), np.linspace(4.5, 6.0, 16)
     axes = {"impactor.ball.gap": [1e-3, 2e-3], "base.frequency": coarse}
     of_sweep = row(fi.preflight(system, frequencies=coarse), "frequency step")
-    plan = fi.ParameterStudy(system, axes, ["peak"], excitation=fi.Sine(1e-4, 5.0))
+    plan = fi.app.ParameterStudy(system, axes, ["peak"], excitation=fi.Sine(1e-4, 5.0))
     of_axis = row(fi.preflight(plan), "frequency step of the axis base.frequency")
     assert (of_axis.value, of_axis.limit, of_axis.instead) == (of_sweep.value, of_sweep.limit, of_sweep.instead)
     assert of_axis.passed
@@ -414,7 +414,7 @@ def test_the_axis_of_a_study_is_beside_its_sweep() -> None:
     names = [each.what for each in fi.preflight(study).passed]
     assert sum("frequency step of the axis base.frequency" in name for name in names) == 1
     # axes given in Python stand for those of the file
-    given = fi.ParameterStudy(study, {"impactor.ball.gap": [1e-3, 2e-3]}, ["peak"])
+    given = fi.app.ParameterStudy(study, {"impactor.ball.gap": [1e-3, 2e-3]}, ["peak"])
     assert "axis base.frequency" not in str(fi.preflight(given))
     bad = replace(study, plan=ParameterPlan(("peak",), {"base.frequency": AxisValues(("a",))}))
     with pytest.raises(fi.InputError, match=r"study\.axes\.base\.frequency"):
@@ -448,10 +448,12 @@ CALM, CALM_FORCE = fi.Sine(1e-5, 4.4), fi.PointForce("tip", fi.Sine(1e-4, 4.4), 
 PLACES = {
     "alone": lambda drive: drive,
     "in a sum": lambda drive: CALM + drive,
-    "beside a force": lambda drive: fi.Drives(drive, [CALM_FORCE]),
+    "beside a force": lambda drive: fi.excitation.Drives(drive, [CALM_FORCE]),
     "as a force": lambda drive: fi.PointForce("tip", drive),
     "in the sum of a force": lambda drive: fi.PointForce("tip", CALM + drive),
-    "as one of several forces": lambda drive: fi.Drives(CALM, [CALM_FORCE, fi.PointForce("mid", drive, name="other")]),
+    "as one of several forces": lambda drive: fi.excitation.Drives(
+        CALM, [CALM_FORCE, fi.PointForce("mid", drive, name="other")]
+    ),
 }
 BAD = {
     "a fast chirp": (fi.Chirp(4.0, 7.0, 4.0, acceleration=1e-2), 4.0, "sweep rate"),
@@ -528,7 +530,7 @@ def test_a_drifting_record_is_named_in_a_run_also_within_a_sum():
     system, at = reduced(REFERENCE, 3), np.arange(0.0, 8.0, 1 / 400.0)
     place = 1e-4 * np.sin(2 * np.pi * 5.0 * at) + 5e-3 * np.sin(2 * np.pi * 0.2 * at)
     record = fi.RecordedBase.from_displacement(place, 1 / 400.0)
-    for excitation in (record, CALM + record, fi.Drives(record, [CALM_FORCE])):
+    for excitation in (record, CALM + record, fi.excitation.Drives(record, [CALM_FORCE])):
         run = fi.integrate(system, excitation, fi.EventDriven(), 7.9, fi.Recorder(channels=()))
         assert any(text.startswith("drift of the record below 2.65 Hz") for text in run.notes)
 
@@ -552,11 +554,11 @@ def test_long_contacts_preloads_and_percentages_are_named_in_runs_and_curves():
 def test_a_coarse_axis_of_a_part_or_a_force_is_named_before_a_study_and_by_it(key):
     study = read_study(DRIVEN, Path("study.toml"))
     values = AxisValues(tuple(np.linspace(5.0, 5.6, 4).tolist()))
-    plan = fi.ParameterStudy(study, {key: list(values.values)}, ["peak"])
+    plan = fi.app.ParameterStudy(study, {key: list(values.values)}, ["peak"])
     found = row(fi.preflight(plan), f"frequency step of the axis {key}")
     assert found.passed
     assert str(found) in fi.parameter_study(study, {key: list(values.values)}, ["peak"]).attrs["warnings"]
-    fine = fi.ParameterStudy(study, {key: {"from": 5.26, "to": 5.34, "points": 21}}, ["peak"])
+    fine = fi.app.ParameterStudy(study, {key: {"from": 5.26, "to": 5.34, "points": 21}}, ["peak"])
     assert not row(fi.preflight(fine), f"frequency step of the axis {key}").passed
 
 
@@ -616,12 +618,18 @@ def test_a_study_says_that_the_beam_bends_far_as_a_run_does():
 @pytest.mark.parametrize(
     ("row", "words"),
     [
-        (fi.PreflightRow("modulus", 7e10, "Pa", 1e6, at_least=True), "modulus: 70 GPa (limit: at least 1 MPa)"),
-        (fi.PreflightRow("gap", 0.0002037, "m", 0.012), "gap: 0.2037 mm (limit: at most 12 mm)"),
-        (fi.PreflightRow("contact", 0.002, "s"), "contact: 2 ms"),
-        (fi.PreflightRow("step", 0.003153, "Hz"), "step: 0.003153 Hz"),
-        (fi.PreflightRow("level", 0.0201, "g"), "level: 0.0201 g"),
-        (fi.PreflightRow("share", 0.28, "1", 0.03, instead="wait"), "share: 0.28 (limit: at most 0.03); wait"),
+        (
+            fi.integrators.PreflightRow("modulus", 7e10, "Pa", 1e6, at_least=True),
+            "modulus: 70 GPa (limit: at least 1 MPa)",
+        ),
+        (fi.integrators.PreflightRow("gap", 0.0002037, "m", 0.012), "gap: 0.2037 mm (limit: at most 12 mm)"),
+        (fi.integrators.PreflightRow("contact", 0.002, "s"), "contact: 2 ms"),
+        (fi.integrators.PreflightRow("step", 0.003153, "Hz"), "step: 0.003153 Hz"),
+        (fi.integrators.PreflightRow("level", 0.0201, "g"), "level: 0.0201 g"),
+        (
+            fi.integrators.PreflightRow("share", 0.28, "1", 0.03, instead="wait"),
+            "share: 0.28 (limit: at most 0.03); wait",
+        ),
     ],
 )
 def test_a_row_is_written_in_the_unit_that_fits(row, words):

@@ -72,7 +72,7 @@ def assembled(monkeypatch):
 def test_a_run_assembles_the_structure_once_and_the_glued_one_once(study, assembled, tmp_path):
     run_study(study, tmp_path / "out")
     assert sorted(map(len, ([s.impactors for s in assembled]))) == [0, 1]
-    assert assembled == [study.structure, fi.glue_impactors(study.structure)]
+    assert assembled == [study.structure, fi.structure.glue_impactors(study.structure)]
 
 
 @pytest.mark.usefixtures("undrawn")
@@ -91,7 +91,7 @@ def test_the_demo_assembles_once(study, assembled, tmp_path, monkeypatch):
     short = dataclasses.replace(study, output=dataclasses.replace(study.output, figures=False))
     monkeypatch.setattr(demo, "paper_study", lambda: short)
     demo.run_demo(tmp_path / "out", scan=demo.ScanPlan((0.7,), points=4, cycles=24, starts=1))
-    assert assembled == [short.structure, fi.glue_impactors(short.structure)]
+    assert assembled == [short.structure, fi.structure.glue_impactors(short.structure)]
 
 
 @pytest.mark.parametrize("method", [{"name": "event-driven"}, {"name": "newmark"}])
@@ -170,12 +170,12 @@ def test_the_last_cycles_cost_no_more_than_they_take(study, method, cycles, monk
 
 LAW_OF = {
     "kelvin-voigt": fi.KelvinVoigt(stiffness=1.0 / 3.0 * 1e4, damping=0.0),
-    "switching-spring": fi.SwitchingSpring(0.0, 1e4),
+    "switching-spring": fi.contact.SwitchingSpring(0.0, 1e4),
     "hertz": fi.Hertz(1e7, exponent=1.7),
     "hunt-crossley": fi.HuntCrossley(1e7, 0.9),
-    "lankarani-nikravesh": fi.LankaraniNikravesh(1e7, 0.9),
-    "flores": fi.Flores(1e7, 0.1, reference_speed=0.1),
-    "gonthier-carvalho-martins": fi.GonthierCarvalhoMartins(1e7, 1.0),
+    "lankarani-nikravesh": fi.contact.LankaraniNikravesh(1e7, 0.9),
+    "flores": fi.contact.Flores(1e7, 0.1, reference_speed=0.1),
+    "gonthier-carvalho-martins": fi.contact.GonthierCarvalhoMartins(1e7, 1.0),
     "rigid": fi.Rigid(0.0),
 }
 

@@ -41,7 +41,7 @@ def test_reprs_are_short_and_say_what_a_value_is():
     assert "box at tip" in repr(structure)
     assert repr(run.regime) == "Regime: no impacts"
     assert repr(run.steady).splitlines()[0] == "SteadyMotion: 1 case"
-    estimate = fi.DampingEstimate(0.01, 5.0, (0.009, 0.011), "half-power")
+    estimate = fi.signals.DampingEstimate(0.01, 5.0, (0.009, 0.011), "half-power")
     assert repr(estimate) == "DampingEstimate: 0.0100 (0.0090 to 0.0110) at 5 Hz by half-power"
 
 

@@ -293,7 +293,7 @@ def test_closed_forms_of_systems_together_have_the_bits_of_each_alone(seed):
     drive = drive_of(case.system, case.excitation)
     variants = []
     for _ in range(7):
-        damped = fi.with_damping(
+        damped = fi.system.with_damping(
             case.system, fi.Rayleigh(frequencies=(1.0, 50.0), ratio=10.0 ** rng.uniform(-3.0, 0.0))
         )
         pairs = [

@@ -86,7 +86,7 @@ def test_reactions_are_the_sum_of_inertia_and_all_other_forces(supports, contact
         supports=SUPPORTS[supports],
         impactors=[replace(CANTILEVER.impactors[0], at=contact)],
     )
-    mesh = fi.Mesh(np.array([0.0, 0.05, 0.13, 0.2, 0.22, 0.26, 0.3]))
+    mesh = fi.fem.Mesh(np.array([0.0, 0.05, 0.13, 0.2, 0.22, 0.26, 0.3]))
     system = fi.assemble(structure, mesh=mesh)
     alpha = system.rayleigh[0]
     weight = -9.81 * system.total_mass
@@ -106,7 +106,7 @@ def test_reactions_are_the_sum_of_inertia_and_all_other_forces(supports, contact
 def test_moments_about_the_root_balance_too(supports):
     structure = replace(CANTILEVER, supports=SUPPORTS[supports], damping=None)
     system = fi.assemble(structure, elements=9)
-    grid = fi.discretise(structure, elements=9)
+    grid = fi.fem.discretise(structure, elements=9)
     # a rigid rotation about the root: w = x, w' = 1
     turned = np.column_stack([grid.mesh.nodes, np.ones(grid.mesh.nodes.size)]).ravel()
     u, v, a, base, forces = moving(system, 3)
@@ -125,7 +125,7 @@ def test_reduced_to_all_modes_the_reactions_are_the_same(supports):
     structure = replace(CANTILEVER, supports=SUPPORTS[supports])
     system = fi.assemble(structure, elements=7)
     small = fi.reduce(system, modes=system.dofs)
-    phi = small.expansion[fi.discretise(structure, elements=7).free]
+    phi = small.expansion[fi.fem.discretise(structure, elements=7).free]
     rng = np.random.default_rng(5)
     q, p, b = rng.normal(size=(3, system.dofs))
     forces = rng.normal(size=2)

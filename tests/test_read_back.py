@@ -43,7 +43,7 @@ def loaded(directory):
     """The dataset in a directory, and what is warned of."""
     with warnings.catch_warnings(record=True) as found:
         warnings.simplefilter("always")
-        dataset = fi.load_parameter_study(directory)
+        dataset = fi.app.load_parameter_study(directory)
     return dataset, [str(one.message) for one in found]
 
 
@@ -94,7 +94,7 @@ def test_a_study_file_that_is_none_is_named_and_written_again(copied, capfd):
     for text in TEXTS:
         manifest.write_bytes(text)
         with pytest.raises(fi.InputError) as caught:
-            fi.load_parameter_study(directory)
+            fi.app.load_parameter_study(directory)
         (line,) = str(caught.value).splitlines()
         assert f"directory = {str(directory)!r}: holds a {BLOCKS}/{MANIFEST} that is damaged (" in line, text
     capfd.readouterr()
@@ -114,7 +114,7 @@ def test_a_digit_changed_in_the_table_of_an_axis_is_found(copied):
     manifest.write_bytes(content[:at] + b"0.003" + content[at + 5 :])
     words = r"study.json that is damaged \(its checksum is that of another content\): run the same study again"
     with pytest.raises(fi.InputError, match=words):
-        fi.load_parameter_study(directory)
+        fi.app.load_parameter_study(directory)
     assert run(directory, axes).identical(dataset)
     assert manifest.read_bytes() == content
 
@@ -128,7 +128,7 @@ def test_every_flipped_bit_of_the_study_file_is_found_or_changes_nothing(copied)
         flipped[place] ^= 1 << bit
         manifest.write_bytes(flipped)
         try:
-            found = fi.load_parameter_study(directory)
+            found = fi.app.load_parameter_study(directory)
         except fi.InputError:
             continue
         assert found.identical(dataset), place

@@ -41,12 +41,14 @@ STRUCTURES = {
     "widening": fi.Structure(beam(thickness=1.5e-3, end_thickness=3e-3)),
 }
 MESHES = {
-    "uniform": (fi.OverMeshes.uniform, fi.uniform_mesh, ()),
-    "graded": (fi.OverMeshes.graded, fi.graded_mesh, (4.0,)),
+    "uniform": (fi.convergence.OverMeshes.uniform, fi.uniform_mesh, ()),
+    "graded": (fi.convergence.OverMeshes.graded, fi.fem.graded_mesh, (4.0,)),
 }
 WATCHED = (
-    fi.Frequencies(3), fi.SteadyResponse(("tip", "mid")), fi.SurfaceStress("root"), fi.SurfaceStress("mid"),
-    fi.SurfaceStress("root", 2), fi.SupportReaction(), fi.SupportReaction("root.force"),
+    fi.convergence.Frequencies(3), fi.convergence.SteadyResponse(("tip", "mid")), fi.convergence.SurfaceStress("root"),
+    fi.convergence.SurfaceStress("mid"),
+    fi.convergence.SurfaceStress("root", 2), fi.convergence.SupportReaction(),
+    fi.convergence.SupportReaction("root.force"),
 )  # fmt: skip
 
 
@@ -96,7 +98,7 @@ def test_the_mesh_of_a_recommended_number_has_the_accuracy(name, family):
 
 def test_an_order_that_is_not_the_expected_one_leaves_bounds_or_nothing_and_says_why():
     # the middle is no node of these meshes
-    meshes = fi.OverMeshes.graded(STRUCTURES["linear taper"], [5, 10, 20], 4.0)
+    meshes = fi.convergence.OverMeshes.graded(STRUCTURES["linear taper"], [5, 10, 20], 4.0)
     for accuracy in ACCURACIES:
         table = fi.convergence_study(
             STRUCTURES["linear taper"], meshes, WATCHED, base_of("linear taper"), accuracy=accuracy
@@ -118,7 +120,7 @@ def test_steps_and_modes_of_a_recommended_number_have_the_accuracy(name):
     full = fi.assemble(structure, mesh=mesh)
     first = fi.solve_modes(full, 1).natural_frequency[0]
     coarse = fi.Newmark(1.0 / (20.0 * base.frequency), allow_coarse_step=True)
-    for axis in (fi.OverSteps(mesh, coarse, 4), fi.OverModes(mesh, (1, 2, 4, 8, 16, 32))):
+    for axis in (fi.convergence.OverSteps(mesh, coarse, 4), fi.convergence.OverModes(mesh, (1, 2, 4, 8, 16, 32))):
         watched = WATCHED[1:4]
         exact = Case(axis.name, full, full, base)
         truth = np.array([reading.value for one in watched for reading in one.read(exact, exact)])

@@ -85,7 +85,7 @@ def test_pipe_device_folder_and_nothing_are_refused(tmp_path):
 @pytest.mark.parametrize("name", ["record.csv", "record.uff"])
 def test_what_is_written_is_read(tmp_path, name):
     record = fi.read_record(written(tmp_path, "time,tip,force\ns,mm,N\n" + ROWS.replace("\n", ",1.5\n"), "in.csv"))
-    found = fi.read_record(fi.write_record(tmp_path / name, record))
+    found = fi.read_record(fi.excitation.write_record(tmp_path / name, record))
     assert list(found.data_vars) == list(record.data_vars)
     for each in record.data_vars:
         # UFF has 12 digits
@@ -96,7 +96,9 @@ def test_what_is_written_is_read(tmp_path, name):
 
 @pytest.mark.parametrize(("unit", "seconds"), [("ms", 1e-3), ("NONE", 1.0), ("SEC", 1.0), ("mm", None), ("days", None)])
 def test_the_unit_of_the_time_of_a_uff_file_is_applied_and_said(tmp_path, unit, seconds):
-    text = fi.write_record(tmp_path / "s.uff", fi.read_record(written(tmp_path, "time,tip\ns,mm\n" + ROWS))).read_text()
+    text = fi.excitation.write_record(
+        tmp_path / "s.uff", fi.read_record(written(tmp_path, "time,tip\ns,mm\n" + ROWS))
+    ).read_text()
     path = written(
         tmp_path, text.replace(" NONE                 s   ", f" NONE                 {unit:4}", 1), "other.uff"
     )
@@ -117,7 +119,7 @@ def test_what_is_written_is_what_was_there_or_is_refused(tmp_path, name):
         return xarray.Dataset({signal: ("time", values, {"units": unit})}, {"time": ("time", time, {"units": of_time})})
 
     time, path = 0.01 * np.arange(20), tmp_path / name
-    found = fi.read_record(fi.write_record(path, dataset(1e3 * time, VALUES, of_time="ms")))
+    found = fi.read_record(fi.excitation.write_record(path, dataset(1e3 * time, VALUES, of_time="ms")))
     np.testing.assert_allclose(found["time"], time, rtol=1e-12)
     refused = [dataset(time, np.where(time == 0.05, np.nan, VALUES)), dataset(time, VALUES, of_time="m")]
     refused += [dataset(time**1.5, VALUES), dataset(time[::-1], VALUES), dataset(time[:1], VALUES[:1])]
@@ -126,14 +128,16 @@ def test_what_is_written_is_what_was_there_or_is_refused(tmp_path, name):
     for one in refused:
         path.unlink(missing_ok=True)
         with pytest.raises(fi.InputError, match=r"must (h|b)"):
-            fi.write_record(path, one)
+            fi.excitation.write_record(path, one)
         assert not path.exists()
     for unit in ("m8[ns]", "m8[ms]"):
-        found = fi.read_record(fi.write_record(path, dataset((1e9 * time).astype("m8[ns]").astype(unit), VALUES)))
+        found = fi.read_record(
+            fi.excitation.write_record(path, dataset((1e9 * time).astype("m8[ns]").astype(unit), VALUES))
+        )
         np.testing.assert_allclose(found["time"], time, rtol=1e-12)
     # a name that is no text, and marks in names and units
-    assert "0" in fi.read_record(fi.write_record(path, dataset(time, VALUES, signal=0)))
-    found = fi.read_record(fi.write_record(path, dataset(time, VALUES, unit="m,\nor so", signal="a\nb")))
+    assert "0" in fi.read_record(fi.excitation.write_record(path, dataset(time, VALUES, signal=0)))
+    found = fi.read_record(fi.excitation.write_record(path, dataset(time, VALUES, unit="m,\nor so", signal="a\nb")))
     np.testing.assert_allclose(found["a b"], VALUES, rtol=1e-11)
     assert found["a b"].attrs["units"] == "m, or so"
 
@@ -152,7 +156,7 @@ def test_names_that_are_written_are_read_back_or_refused(tmp_path, ending):
             record = xarray.Dataset(signals, {"time": ("time", 0.01 * np.arange(20))})
             path = tmp_path / f"signals{ending}"
             with suppress(fi.InputError):
-                fi.write_record(path, record)
+                fi.excitation.write_record(path, record)
             if not path.exists():
                 continue
             found = fi.read_record(path)
@@ -388,7 +392,7 @@ def test_a_peer_file_has_five_values_a_row_and_no_times(tmp_path, factor, line):
 def uff_text(tmp_path, unit="mm"):
     record = fi.read_record(written(tmp_path, "time,tip\n" + ROWS))
     record["tip"].attrs["units"] = unit
-    return fi.write_record(tmp_path / "whole.uff", record).read_text()
+    return fi.excitation.write_record(tmp_path / "whole.uff", record).read_text()
 
 
 def binary_uff(tmp_path, kind="<f8", end=b"\n", line=b"\n"):
@@ -501,7 +505,7 @@ def test_a_reader_that_shares_no_code_finds_what_is_written_in_a_uff_file(tmp_pa
 
 def test_damaged_uff_files_are_refused(tmp_path):
     record = fi.read_record(written(tmp_path, "time,tip,force\ns,mm,N\n" + ROWS.replace("\n", ",1.5\n"), "in.csv"))
-    text = fi.write_record(tmp_path / "whole.uff", record).read_text()
+    text = fi.excitation.write_record(tmp_path / "whole.uff", record).read_text()
     half = len(text) // 2
     damaged = {
         "no dataset": "", "no dataset ": ROWS, "in the header": text[: half // 3], "cut off": text[: half + half // 2],

@@ -19,9 +19,9 @@ WAYS = {
     "newmark energy-consistent": (fi.Newmark(1e-4, contact="energy-consistent"), SOFT),
     "newmark refined": (fi.Newmark(2e-4, refine=4), SOFT),
     "hht hunt-crossley": (fi.HHT(2e-5), fi.HuntCrossley(1e6, 0.7)),
-    "wbz flores": (fi.WBZ(2e-5), fi.Flores(1e6, 0.7)),
+    "wbz flores": (fi.WBZ(2e-5), fi.contact.Flores(1e6, 0.7)),
     "generalised alpha custom": (fi.GeneralizedAlpha(1e-4), fi.CustomLaw(lambda depth, rate, speed: 2e3 * depth)),
-    "newmark switching spring": (fi.Newmark(1e-4), fi.SwitchingSpring(1.0, 2e3)),
+    "newmark switching spring": (fi.Newmark(1e-4), fi.contact.SwitchingSpring(1.0, 2e3)),
     "moreau-jean rigid": (fi.MoreauJean(1e-4), fi.Rigid(0.6)),
 }
 """Methods, each with laws that it takes."""

@@ -28,7 +28,7 @@ def relative_peak(natural: float, frequency: float) -> float:
     return LEVEL * r**2 / abs(1.0 - r**2 + 2j * RATIO * r)
 
 
-def search(bounds: tuple[float, float] = (4.1, 5.9), **more: object) -> fi.Refinement:
+def search(bounds: tuple[float, float] = (4.1, 5.9), **more: object) -> fi.app.Refinement:
     """The natural frequency whose worst peak under two frequencies of the base is smallest."""
     return fi.refine(mass_on, "peak", {"natural": bounds, "base.frequency": FREQUENCIES}, **{**DRIVE, **more})
 

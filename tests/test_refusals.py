@@ -19,7 +19,7 @@ from femimpact import vtk
 BEAM, SECTION = STRUCTURE.beam, STRUCTURE.beam.segments[0]
 EXACT, STEPPED, SINE = fi.EventDriven(), fi.Newmark(2e-4), fi.Sine(1e-4, 5.0)
 BALL, RIGID = STRUCTURE.impactors[0], fi.Rigid(0.8)
-MESH = fi.Mesh(np.linspace(0.0, 0.2, 5))
+MESH = fi.fem.Mesh(np.linspace(0.0, 0.2, 5))
 BARE = fi.Structure(BEAM)
 MATERIAL = {"young_modulus": 70e9, "density": 2700.0}
 MORE_NOUNS = {
@@ -271,7 +271,7 @@ CALLS = [
     # systems
     ("give either elements", lambda: fi.assemble(BARE)),
     ("give either elements", lambda: fi.assemble(BARE, elements=4, mesh=MESH)),
-    ("give either elements", lambda: fi.discretise(BARE)),
+    ("give either elements", lambda: fi.fem.discretise(BARE)),
     (
         r"damping\.modes = \(1, 5\): must be at most 4, .*more elements",
         lambda: fi.assemble(fi.Structure(BEAM, damping=fi.Rayleigh(0.01, modes=(1, 5))), elements=2),
@@ -301,12 +301,12 @@ CALLS = [
     ),
     (
         "basis: must be the Hermite basis on the nodes",
-        lambda: replace(grid(), basis=fi.discretise(STRUCTURE, elements=7).basis),
+        lambda: replace(grid(), basis=fi.fem.discretise(STRUCTURE, elements=7).basis),
     ),
-    ("sections", lambda: replace(grid(), sections=fi.discretise(STRUCTURE, elements=7).sections)),
+    ("sections", lambda: replace(grid(), sections=fi.fem.discretise(STRUCTURE, elements=7).sections)),
     ("free: must be increasing numbers of dofs", lambda: replace(grid(), free=np.array([1, 1]))),
     *(
-        (words, lambda terms=terms: fi.add_terms(placed(), **terms))
+        (words, lambda terms=terms: fi.system.add_terms(placed(), **terms))
         for terms, words in (
             ({"stiffness": np.eye(7)}, r"stiffness = \(7, 7\): must have the shape \(10, 10\)"),
             ({"mass": np.triu(np.ones((10, 10)))}, "mass = 1.0: must be symmetric"),
@@ -316,12 +316,12 @@ CALLS = [
         )
     ),
     *(
-        ("add terms before reduce", lambda of=of: fi.add_terms(of(), load=np.ones(10)))
+        ("add terms before reduce", lambda of=of: fi.system.add_terms(of(), load=np.ones(10)))
         for of in (small, lambda: oscillator(4.0))
     ),
     (
         r"^mesh\.regions\.thick = '2 elements': must be one row of neighbouring",
-        lambda: fi.discretise(
+        lambda: fi.fem.discretise(
             fi.Structure(
                 fi.Beam(
                     (
@@ -330,7 +330,7 @@ CALLS = [
                     )
                 )
             ),
-            mesh=fi.Mesh(np.linspace(0.0, 0.2, 6), regions={"thick": [0, 3], "thin": [1, 2, 4]}),
+            mesh=fi.fem.Mesh(np.linspace(0.0, 0.2, 6), regions={"thick": [0, 3], "thin": [1, 2, 4]}),
         ),
     ),
     # contacts
@@ -354,12 +354,15 @@ CALLS = [
             lambda time=time, call=call: call(fi.KelvinVoigt(restitution=0.6, contact_time=time)),
         )
         for time in (1e29, 1e-29)
-        for call in (lambda law: fi.collide(law, 3e-3, 0.2), lambda law: fi.contact_force(law, 1e-4, 0.0, 0.2, 3e-3))
+        for call in (
+            lambda law: fi.collide(law, 3e-3, 0.2),
+            lambda law: fi.contact.contact_force(law, 1e-4, 0.0, 0.2, 3e-3),
+        )
     ),
     # half a period of 3 g on a spring of 100 N/m is 18 ms; 10^7 steps of 1 ns are 10 ms
     (
         r"method\.dt = 1e-09 s: must let a collision of .* end",
-        lambda: fi.achieved_restitution(
+        lambda: fi.integrators.achieved_restitution(
             placed(impactors=[replace(BALL, contact=fi.KelvinVoigt(stiffness=100.0, damping=0.0))]).contacts[0],
             fi.Newmark(1e-9),
             0.1,
@@ -368,12 +371,13 @@ CALLS = [
     ),
     (
         "contact = 'switching-spring': must be another law for a preloaded stop",
-        lambda: fi.Stop("wall", "tip", (-1e-4, 1.0), fi.SwitchingSpring(1.0, 1e4)),
+        lambda: fi.Stop("wall", "tip", (-1e-4, 1.0), fi.contact.SwitchingSpring(1.0, 1e4)),
     ),
     (
         "contact = 'switching-spring': must be another law for a preloaded stop",
         lambda: replace(
-            placed(stops=[fi.Stop("wall", "tip", 1e-3, fi.SwitchingSpring(1.0, 1e4))]).contacts[0], gaps=(-1e-4, 1.0)
+            placed(stops=[fi.Stop("wall", "tip", 1e-3, fi.contact.SwitchingSpring(1.0, 1e4))]).contacts[0],
+            gaps=(-1e-4, 1.0),
         ),
     ),
     (r"gaps = .*: must be two numbers >= 0", lambda: replace(system().contacts[0], gaps=(-1e-4, 1e-3))),
@@ -482,7 +486,7 @@ CALLS = [
     ),
     *(
         (words, partial(estimator, frequency, amplitude))
-        for estimator in (fi.fit_one_pole, fi.half_power)
+        for estimator in (fi.fit_one_pole, fi.signals.half_power)
         for frequency, amplitude, words in (
             ([5.0, 5.1], [1.0, 2.0], "must hold at least"),
             ([5.0, 5.1, 5.2, 5.3, np.nan], [1.0, np.nan, np.inf, 1.0, 1.0], "must hold at least"),
@@ -498,26 +502,26 @@ CALLS = [
     ),
     (
         r"^structure = 'Study': must be a Structure: pass its \.structure$",
-        lambda: fi.convergence_study(study(), fi.OverMeshes.uniform(BARE, [2, 4, 8])),
+        lambda: fi.convergence_study(study(), fi.convergence.OverMeshes.uniform(BARE, [2, 4, 8])),
     ),
     *(
         (words, lambda axis=axis, more=more: fi.convergence_study(BARE, axis(), *more))
         for words, axis, more in (
-            (r"^base: must be a Sine", NOUNS["OverMeshes"], [fi.SteadyResponse()]),
+            (r"^base: must be a Sine", NOUNS["OverMeshes"], [fi.convergence.SteadyResponse()]),
             (
                 r"must be a reaction of the system: root\.force, root\.moment",
                 NOUNS["OverMeshes"],
-                [fi.SupportReaction("tip.moment"), BASE],
+                [fi.convergence.SupportReaction("tip.moment"), BASE],
             ),
             (
                 r"watch: must hold a quantity that depends on the modes",
                 NOUNS["OverModes"],
-                [fi.Frequencies()],
+                [fi.convergence.Frequencies()],
             ),
         )
     ),
     *(
-        (words, lambda of=of, rest=rest: fi.mode_convergence(of(), SINE, EXACT, *rest))
+        (words, lambda of=of, rest=rest: fi.convergence.mode_convergence(of(), SINE, EXACT, *rest))
         for words, of, rest in (
             ("counts", system, (6.0, [2, 1, 3])),
             ("duration", system, (1.0, [1, 2, 3])),
@@ -542,7 +546,7 @@ CALLS = [
             (0.5, 1.5),
         ),
     ),
-    ("is missing", lambda: fi.load_branch("none.nc")),
+    ("is missing", lambda: fi.app.load_branch("none.nc")),
     # files
     *(
         (
@@ -559,7 +563,7 @@ CALLS = [
     ),
     ("snapshots=STRIDE", lambda: vtk.write_deflection("a.pvd", replace(response(), snapshots=None), STRUCTURE)),
     *(
-        (words, lambda result=result, of=of: fi.to_pyvista(result(), STRUCTURE, *of()))
+        (words, lambda result=result, of=of: fi.vtk.to_pyvista(result(), STRUCTURE, *of()))
         for words, result, of in (
             ("must be the system whose modes they are", lambda: fi.solve_modes(system(), 1), lambda: ()),
             ("must be Modes or a Response", lambda: "modes", lambda: ()),
@@ -595,15 +599,21 @@ CALLS = [
             (lambda: fi.Hertz(0.0), "stiffness = 0.0 N/m^1.5: must be a finite number > 0 N/m^1.5"),
             (lambda: fi.Hertz(1e9, exponent=0.5), "exponent = 0.5: must be a finite number >= 1 and <= 5"),
             (lambda: fi.Hertz(1e9, reference_speed=0.0), "reference_speed = 0.0 m/s: must be a finite number > 0 m/s"),
-            (lambda: fi.Flores(1e9, 0.0), "restitution = 0.0: must be a finite number > 0 and <= 1"),
+            (lambda: fi.contact.Flores(1e9, 0.0), "restitution = 0.0: must be a finite number > 0 and <= 1"),
             (lambda: fi.HuntCrossley(1e9, 1.1), "restitution = 1.1: must be a finite number > 0 and <= 1"),
-            (lambda: fi.PowerLaw(1e9, 0.5), "restitution = 0.5: must be 1 for Hertz: the elastic law loses nothing"),
-            (lambda: fi.PowerLaw(1e9, 0.5, "florez"), "loss = 'florez': must be 'none' or 'hunt-crossley' or"),
+            (
+                lambda: fi.contact.PowerLaw(1e9, 0.5),
+                "restitution = 0.5: must be 1 for Hertz: the elastic law loses nothing",
+            ),
+            (lambda: fi.contact.PowerLaw(1e9, 0.5, "florez"), "loss = 'florez': must be 'none' or 'hunt-crossley' or"),
             (lambda: fi.Rigid(1.2), "restitution = 1.2: must be a finite number >= 0 and <= 1"),
             (lambda: fi.CustomLaw(3.0), "force = 3.0: must be a function of depth, rate, approach_speed"),
-            (lambda: fi.Material(0.0, 0.3), "young_modulus = 0.0 Pa: must be a finite number > 0 Pa"),
-            (lambda: fi.Material(1e9, 0.6), "poisson_ratio = 0.6: must be a finite number > -1 and <= 0.5"),
-            (lambda: fi.hertz_stiffness(0.0, fi.STEEL, fi.STEEL), "radius = 0.0 m: must be a finite number > 0 m"),
+            (lambda: fi.contact.Material(0.0, 0.3), "young_modulus = 0.0 Pa: must be a finite number > 0 Pa"),
+            (lambda: fi.contact.Material(1e9, 0.6), "poisson_ratio = 0.6: must be a finite number > -1 and <= 0.5"),
+            (
+                lambda: fi.contact.hertz_stiffness(0.0, fi.contact.STEEL, fi.contact.STEEL),
+                "radius = 0.0 m: must be a finite number > 0 m",
+            ),
             (
                 lambda: fi.collide(fi.Hertz(1e9), 0.0, 1.0),
                 "effective_mass = 0.0 kg: must be a finite number > 0 and <= 1e+15 kg",
@@ -644,8 +654,11 @@ CALLS = [
             (lambda: fi.RandomBase([(5.0, 1.0), (5.1, 1.0)], 1e-3), r"duration.*must hold 1 to"),
             (lambda: fi.RandomBase([(5.0, 1.0), (9.0, 1.0)], 9.0, amplitudes="rayleigh"), r"amplitudes = 'rayleigh'"),
             (lambda: fi.Shock("bump", acceleration=1.0, duration=1.0), r"kind = 'bump'"),
-            (lambda: fi.Sum(()), r"parts.*must be one or more"),
-            (lambda: fi.Sum((fi.PointForce("tip", CHIRP),)), r"parts = 'PointForce'.*a force acts elsewhere"),
+            (lambda: fi.excitation.Sum(()), r"parts.*must be one or more"),
+            (
+                lambda: fi.excitation.Sum((fi.PointForce("tip", CHIRP),)),
+                r"parts = 'PointForce'.*a force acts elsewhere",
+            ),
             (lambda: fi.RecordedBase.from_velocity([1.0, 2.0, 1.0, 0.0], 0.1, high_pass=6.0), r"high_pass = 6.*< 5 Hz"),
         )
     ),

@@ -23,7 +23,7 @@ from femimpact.regular_file import check_regular, open_regular, read_regular
 pytestmark = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes on this system")
 
 READERS = {".csv": "RecordedBase.from_csv", ".toml": "load_study", ".msh": "read_mesh"} | dict.fromkeys(
-    (".mtx", ".mtx.gz", ".npz"), "read_matrix"
+    (".mtx", ".mtx.gz", ".npz"), "system.read_matrix"
 )
 """By the suffix of the file that each function takes."""
 
@@ -140,7 +140,11 @@ def test_what_is_no_regular_file_is_not_replaced_by_one(tmp_path, kind):
     KINDS[kind](path)
     before = os.lstat(path)
     record = xarray.Dataset({"tip": ("time", np.arange(3.0))}, {"time": ("time", np.arange(3.0))})
-    writers = [lambda: fi.write_record(path, record), lambda: atomic_write(path, "text"), lambda: save_nothing(path)]
+    writers = [
+        lambda: fi.excitation.write_record(path, record),
+        lambda: atomic_write(path, "text"),
+        lambda: save_nothing(path),
+    ]
     for write in writers:
         with pytest.raises(fi.InputError, match=f"must be a file: this is {kind}"):
             write()
@@ -169,7 +173,7 @@ def test_a_link_to_an_open_file_as_that_of_the_output_is_not_replaced(tmp_path):
 def test_a_file_of_branches_is_read_within_its_size_and_no_more_of_it_than_a_branch_has(tmp_path):
     h5py = pytest.importorskip("h5py")
     whole = branch_file(tmp_path / "branch.nc")
-    count = len(fi.load_branch(whole))
+    count = len(fi.app.load_branch(whole))
     for name in ("junk", "peak", "value"):
         path = shutil.copy(whole, tmp_path / f"{name}.nc")
         with h5py.File(path, "a") as file:
@@ -178,10 +182,10 @@ def test_a_file_of_branches_is_read_within_its_size_and_no_more_of_it_than_a_bra
             big = file.create_dataset(name, shape=(500_000_000,), dtype="f8", chunks=(1 << 20,), compression="gzip")
             big.make_scale(name)
         if name == "junk":
-            assert len(fi.load_branch(path)) == count
+            assert len(fi.app.load_branch(path)) == count
         else:
             with pytest.raises(fi.InputError, match=r"numbers = 40000.* bytes: must be <= 200 in a byte of the file"):
-                fi.load_branch(path)
+                fi.app.load_branch(path)
     (tmp_path / "text.nc").write_text("no numbers")
     with pytest.raises(fi.InputError, match="must be netCDF"):
-        fi.load_branch(tmp_path / "text.nc")
+        fi.app.load_branch(tmp_path / "text.nc")

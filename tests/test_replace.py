@@ -39,7 +39,7 @@ CHANGES = {
     "directions": lambda s: {"directions": {"tip": np.ones(s.dofs)}},
     "constant_resultant": lambda s: {"constant_resultant": s.constant_resultant + 1.0},
     "reactions": lambda s: {"reactions": {"other": system().reactions["root.force"]}},
-    "sections": lambda s: {"sections": fi.discretise(STRUCTURE, elements=4).sections},
+    "sections": lambda s: {"sections": fi.fem.discretise(STRUCTURE, elements=4).sections},
     "first_left_out": lambda s: {"first_left_out": 1.0},
     "unreduced": lambda s: {"unreduced": fi.assemble(STRUCTURE, elements=2)},
 }

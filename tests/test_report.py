@@ -354,7 +354,7 @@ def test_every_impact_within_the_snapshots_has_a_frame_with_the_ball_on_its_wall
 def test_between_snapshots_the_beam_moves_as_it_did():
     # a free swing of one mode has a closed form: u = cos(w t)
     system = fi.without_impactors(reduced(REFERENCE, 1, 6))
-    system = fi.with_damping(system, fi.ModalDamping((0.0,)))
+    system = fi.system.with_damping(system, fi.ModalDamping((0.0,)))
     start = fi.State(displacement=np.array([1e-4]))
     fine = fi.integrate(system, fi.Sine(1e-12, 5.0), fi.EventDriven(), 0.4, fi.Recorder(snapshots=1), start)
     coarse = fi.integrate(system, fi.Sine(1e-12, 5.0), fi.EventDriven(), 0.4, fi.Recorder(snapshots=4), start)
@@ -409,7 +409,9 @@ def test_a_script_writes_responses_curves_tables_and_maps(run, tmp_path):
     system = reduced(REFERENCE, 4, 10)
     curve = fi.frequency_sweep(system, 0.2e-3, [4.8, 5.0, 5.2], fi.EventDriven(), cycles=30)
     bare = replace(REFERENCE, impactors=())
-    study = fi.convergence_study(bare, fi.OverMeshes.uniform(bare, [2, 4, 8]), fi.Frequencies(2))
+    study = fi.convergence_study(
+        bare, fi.convergence.OverMeshes.uniform(bare, [2, 4, 8]), fi.convergence.Frequencies(2)
+    )
     maps = xarray.Dataset(
         {"peak": (("gap", "e"), np.arange(12.0).reshape(3, 4), {"units": "m"})}, {"gap": [1.0, 2.0, 4.0]}
     )

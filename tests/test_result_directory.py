@@ -341,7 +341,7 @@ def test_a_limit_on_the_size_of_a_file_is_one_error_and_no_crash(tmp_path):
         import numpy as np, xarray
         from femimpact.response.history_file import history_writer
         from femimpact.files import write_netcdf
-        from femimpact.excitation import Sine
+        from femimpact.excitation.harmonic import Sine
         from femimpact.response.history import HistoryPiece
         data = xarray.Dataset({"a": ("t", np.random.default_rng(1).random(100_000))})
         _, hard = resource.getrlimit(resource.RLIMIT_FSIZE)

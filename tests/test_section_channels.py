@@ -188,9 +188,9 @@ def test_without_an_outer_fibre_stress_and_strain_are_refused(name):
 def test_without_an_outer_fibre_moments_are_read_and_no_stress_is_watched():
     system = fi.reduce(fi.assemble(BARE, elements=4), 2)
     assert run(system, fi.EventDriven(), ("root.bending_moment",))["root.bending_moment"].any()
-    over, sine = [fi.OverMeshes([fi.uniform_mesh(BARE, n) for n in (2, 4)])], fi.Sine(1e-4, 5.0)
+    over, sine = [fi.convergence.OverMeshes([fi.uniform_mesh(BARE, n) for n in (2, 4)])], fi.Sine(1e-4, 5.0)
     with pytest.raises(fi.InputError, match=f"SurfaceStress: {NEEDED}"):
-        fi.convergence_study(BARE, over, [fi.SurfaceStress("root")], sine)
+        fi.convergence_study(BARE, over, [fi.convergence.SurfaceStress("root")], sine)
 
 
 @pytest.mark.parametrize("key", METHODS)
@@ -339,7 +339,7 @@ def test_gravity_reads_as_a_base_acceleration_of_the_opposite_sign(modes, own):
     whole = fi.assemble(structure(stops=[]), elements=4)
     if own:
         more, up = 0.7 * np.eye(10), np.tile([1.0, 0.0], 5)
-        whole = fi.add_terms(whole, mass=more, load=-9.81 * more @ up)
+        whole = fi.system.add_terms(whole, mass=more, load=-9.81 * more @ up)
     system = fi.reduce(whole, modes)
     names = ("shaker_force", "root.reaction_force", "root.reaction_moment", "tip.acceleration", "mid.bending_moment")
     channels = resolve_channels(system, names)

@@ -76,7 +76,7 @@ def test_the_linear_motion_is_the_sum_of_the_motions_under_each_drive(name):
 def forms_until(drive, end):
     """Closed forms of several drives, or of a sum, up to a time (s)."""
     drive = drive.until(end)
-    return drive.closed_forms if isinstance(drive, fi.Drives) else (drive.closed_form,)
+    return drive.closed_forms if isinstance(drive, fi.excitation.Drives) else (drive.closed_form,)
 
 
 @pytest.mark.parametrize("name", TWO_GRIDS)
@@ -86,7 +86,7 @@ def test_pieces_between_near_knots_change_no_faster_than_those_of_a_drive_alone(
     forms = forms_until(drive, 60.0)
     shortest = np.diff(forms[0].knots).min()
     assert shortest < 0.05 * np.median(np.diff(forms[0].knots))
-    alone = drive.drives if isinstance(drive, fi.Drives) else drive.parts
+    alone = drive.drives if isinstance(drive, fi.excitation.Drives) else drive.parts
     own = [drive_of(system, each) for each in alone]
     # of a sine in pieces, 47 in a cycle; a straight record beside polynomials counts by its slope
     sizes = [load.closed_form.omega if load.is_sine else load.pieces.rate for load in own]
@@ -170,7 +170,10 @@ def test_one_of_drives_alone_has_the_bits_of_that_drive():
     system = reduced(structure(fi.Rigid(0.6)), 3)
     for drive in (BASE, CHIRP, BLOW, RECORD):
         force = getattr(drive, "at", None) is not None
-        one, other = run(system, drive), run(system, fi.Drives(forces=[drive]) if force else fi.Drives(drive))
+        one, other = (
+            run(system, drive),
+            run(system, fi.excitation.Drives(forces=[drive]) if force else fi.excitation.Drives(drive)),
+        )
         np.testing.assert_array_equal(one["tip"], other["tip"])
         np.testing.assert_array_equal(one.energy.work, other.energy.work)
         assert other.energy.work_of == {}
@@ -269,18 +272,18 @@ def test_an_own_motion_and_an_own_force_are_drives():
             return 0.01 * np.asarray(time)
 
     system = reduced(structure(), 2)
-    both = run(system, fi.Drives(Ramp(), [Push(), BLOW]), 0.5, fi.Newmark(1e-4), record=fi.Recorder("tip"))
+    both = run(system, fi.excitation.Drives(Ramp(), [Push(), BLOW]), 0.5, fi.Newmark(1e-4), record=fi.Recorder("tip"))
     alone = [run(system, each, 0.5, fi.Newmark(1e-4), record=fi.Recorder("tip")) for each in (Ramp(), Push(), BLOW)]
     np.testing.assert_allclose(both["tip"], sum(each["tip"] for each in alone), rtol=0.0, atol=1e-15)
     assert tuple(both.energy.work_of) == ("base", "force 1", "force 2")
     with pytest.raises(fi.InputError, match="must have a closed_form for EventDriven"):
-        run(system, fi.Drives(Ramp(), [Push()]), 0.5)
+        run(system, fi.excitation.Drives(Ramp(), [Push()]), 0.5)
 
 
 def test_sines_at_one_place_have_the_phase_of_their_sum():
     """The phases of impacts and of once-per-cycle readings are those under the one force that they are together."""
     sizes, phases = (0.02, 0.013), (0.4, 2.1)
-    several = fi.Drives(
+    several = fi.excitation.Drives(
         forces=[fi.PointForce("tip", fi.Sine(size, 5.0, phase)) for size, phase in zip(sizes, phases, strict=True)]
     )
     phasor = sum(size * np.exp(1j * phase) for size, phase in zip(sizes, phases, strict=True))
@@ -289,7 +292,7 @@ def test_sines_at_one_place_have_the_phase_of_their_sum():
     # a base has the phase, where there is one
     assert (BASE + several).phase == BASE.phase
     # forces elsewhere have no part in it
-    elsewhere = fi.Drives(forces=[*several.forces, fi.PointForce("mid", fi.Sine(0.01, 5.0, -1.0))])
+    elsewhere = fi.excitation.Drives(forces=[*several.forces, fi.PointForce("mid", fi.Sine(0.01, 5.0, -1.0))])
     assert elsewhere.phase == pytest.approx(several.phase, rel=1e-12)
     system = reduced(structure(fi.Rigid(0.6)), 2)
     runs = [run(system, drive, 1.0, record=fi.Recorder(("tip",))) for drive in (several, one)]
@@ -311,20 +314,21 @@ NAMED = fi.HammerBlow("tip", 0.1, 1e-3, name="hammer")
         (lambda: dataclasses.replace(NAMED, name="force 2") + BLOW, r"forces without one have.*\"force 2\""),
         (lambda: BASE + dataclasses.replace(NAMED, name="constant forces"), r"forces.name = 'constant forces'"),
         (lambda: dataclasses.replace(NAMED, name="a/b"), r"name = 'a/b'.*or a slash"),
-        (lambda: fi.Drives(BASE + NAMED, [BLOW]), r"base = 'Drives'.*adds to several drives"),
-        (lambda: fi.Drives(BASE, [BASE + NAMED]), r"forces = 'Drives'"),
-        (lambda: fi.Sum((BASE + NAMED, fi.Sine(1e-4, 6.0))), r"parts = 'Drives'.*adds to several drives"),
+        (lambda: fi.excitation.Drives(BASE + NAMED, [BLOW]), r"base = 'Drives'.*adds to several drives"),
+        (lambda: fi.excitation.Drives(BASE, [BASE + NAMED]), r"forces = 'Drives'"),
+        (lambda: fi.excitation.Sum((BASE + NAMED, fi.Sine(1e-4, 6.0))), r"parts = 'Drives'.*adds to several drives"),
         (lambda: fi.PointForce("tip", BASE + NAMED), r"history = 'Drives'.*must be a Sine"),
-        (lambda: fi.Sum(BASE), r"parts.*a list or a tuple of motions of the base"),
+        (lambda: fi.excitation.Sum(BASE), r"parts.*a list or a tuple of motions of the base"),
         (lambda: dataclasses.replace(NAMED, name="a.b"), r"name = 'a.b'.*without a dot"),
         (lambda: fi.PointForce("tip", BASE, name=""), r"name"),
         (lambda: fi.PointForce("tip", BASE, name=3), r"name"),
-        (fi.Drives, r"forces.*must be one or more"),
-        (lambda: fi.Drives(NAMED), r"base = .*is one of forces"),
-        (lambda: fi.Drives(BASE, [BASE]), r"forces = .*is the base"),
-        (lambda: fi.Drives(BASE, [3.0]), r"forces"),
-        (lambda: fi.Drives(3.0), r"base"),
-        (lambda: fi.Drives(BASE, NAMED), r"forces.*a list or a tuple of PointForce, HammerBlow and other forces"),
+        (fi.excitation.Drives, r"forces.*must be one or more"),
+        (lambda: fi.excitation.Drives(NAMED), r"base = .*is one of forces"),
+        (lambda: fi.excitation.Drives(BASE, [BASE]), r"forces = .*is the base"),
+        (lambda: fi.excitation.Drives(BASE, [3.0]), r"forces"),
+        (lambda: fi.excitation.Drives(3.0), r"base"),
+        (lambda: fi.excitation.Drives(BASE, NAMED),
+            r"forces.*a list or a tuple of PointForce, HammerBlow and other forces"),
     ],
 )  # fmt: skip
 def test_what_drives_cannot_be_is_refused_in_one_line(make, words):

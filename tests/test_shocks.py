@@ -116,7 +116,9 @@ def test_compensated_pulses_end_at_rest_in_place_each(kind: str, side: str) -> N
 
 def test_todays_pulses_keep_their_bits() -> None:
     length = COMPENSATION * D
-    pulse = fi.PiecewisePolynomial([0.0, 0.1 * D, 0.9 * D, D], [[0.0, A / (0.1 * D)], [A, 0.0], [A, -A / (0.1 * D)]])
+    pulse = fi.excitation.PiecewisePolynomial(
+        [0.0, 0.1 * D, 0.9 * D, D], [[0.0, A / (0.1 * D)], [A, 0.0], [A, -A / (0.1 * D)]]
+    )
     place, speed = pulse.starts[-1]
     found = fi.Shock("trapezoid", A, D, True).closed_form
     right = [-speed / length, -place / length**2 - speed / length]

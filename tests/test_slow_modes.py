@@ -229,7 +229,7 @@ def test_a_nearly_free_mass_in_a_box_loses_its_symmetry_where_a_free_one_does(st
     for frequency in (0.5 / math.pi, 1.0):
         stop = fi.Stop("walls", at="m", gap=1.35, contact=fi.Rigid(0.9))
         box = fi.System.from_matrices([[1.0]], [[0.0]], [[stiffness]], points={"m": [1.0]}, stops=[stop])
-        orbit = fi.two_impact_orbits(box, fi.Sine(1.0, frequency))[0]
+        orbit = fi.orbits.two_impact_orbits(box, fi.Sine(1.0, frequency))[0]
         branch = fi.continue_orbit(orbit, "stop.walls.gap", to=(1.35, 1.55))
         (value,) = [each.value for each in branch.bifurcations if each.kind == "symmetry-breaking"]
         exact = (math.pi**2 - 4.0) / (2.0 * math.hypot(2.0, math.pi * 0.1 / 1.9))

@@ -28,12 +28,14 @@ def oscillator(ratio: float = RATIO, *, ball: bool = False) -> fi.System:
 NAMES = ("tip", "tip.velocity", "tip.acceleration", "tip.absolute_acceleration")
 
 
-def run_of(system: fi.System, drive: object, duration: float, interval: float = 4e-3, names=NAMES) -> fi.Response:
+def run_of(
+    system: fi.System, drive: object, duration: float, interval: float = 4e-3, names=NAMES
+) -> fi.response.Response:
     return fi.integrate(system, drive, fi.EventDriven(), duration, fi.Recorder(names, interval=interval))
 
 
 @cache
-def random_run(*, ball: bool = False, interval: float = 4e-3) -> fi.Response:
+def random_run(*, ball: bool = False, interval: float = 4e-3) -> fi.response.Response:
     base = fi.RandomBase([(1.0, 0.5), (40.0, 0.5)], 60.0, seed=3, amplitudes="random")
     return run_of(oscillator(ball=ball), base, 60.0, interval)
 
@@ -267,7 +269,7 @@ def test_a_blow_transformed_whole_is_the_closed_form():
     assert np.abs(found["tip"] - exact).max() < 1e-3 * np.abs(exact).max()
 
 
-def error_of(run: fi.Response, to: str, of: str | None = None, **given: str) -> np.ndarray:
+def error_of(run: fi.response.Response, to: str, of: str | None = None, **given: str) -> np.ndarray:
     """Relative error of a measured transfer function at its lines."""
     found = fi.measured_transfer(run, to, of)
     system = run.system

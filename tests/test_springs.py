@@ -46,7 +46,7 @@ def test_a_spring_between_two_places_carries_what_the_two_places_part():
     stiffness, first, second = 300.0, 0.15, LENGTH
     structure = fi.Structure(beam=BEAM, springs=[fi.Spring("tie", first, stiffness, to="tip")])
     # a node where the spring is, so that statics are exact
-    mesh = fi.Mesh(np.array([0.0, 0.08, 0.15, 0.3, 0.4]))
+    mesh = fi.fem.Mesh(np.array([0.0, 0.08, 0.15, 0.3, 0.4]))
     system = fi.assemble(structure, mesh=mesh)
     u = solve_stiffness(system, system.point_row("tip"))
     own = bending(first, first) + bending(second, second) - 2.0 * bending(first, second)
@@ -68,7 +68,7 @@ def test_a_spring_stays_at_its_place_between_nodes():
         assert mesh.elements == elements
         assert not np.any(np.isclose(mesh.nodes, place, rtol=1e-6))
         frequencies.append(fi.assemble(structure, mesh=mesh).first_frequency)
-    fitted = fi.Mesh(np.sort(np.append(np.linspace(0.0, LENGTH, 80), place)))
+    fitted = fi.fem.Mesh(np.sort(np.append(np.linspace(0.0, LENGTH, 80), place)))
     exact = fi.assemble(structure, mesh=fitted).first_frequency
     errors = np.array(frequencies) / exact - 1.0
     # from above, for the trial functions are a subset; of third order, times where in its element the spring is, for
@@ -135,7 +135,7 @@ def test_dashpots_stand_beside_rayleigh_damping_and_reactions_balance():
     structure = fi.Structure(
         beam=BEAM, damping=damping, springs=[fi.Spring("k", 0.2, 50.0)], dashpots=[fi.Dashpot("c", 0.031, 0.3)]
     )
-    mesh = fi.Mesh(np.linspace(0.0, LENGTH, 6))
+    mesh = fi.fem.Mesh(np.linspace(0.0, LENGTH, 6))
     system = fi.assemble(structure, mesh=mesh)
     alpha = fi.assemble(replace(structure, dashpots=()), mesh=mesh).rayleigh[0]
     assert system.rayleigh is None

@@ -20,10 +20,10 @@ LAWS = {
     "kelvin-voigt": SOFT,
     "hertz": fi.Hertz(1e6),
     "hunt-crossley": fi.HuntCrossley(1e6, 0.7),
-    "lankarani-nikravesh": fi.LankaraniNikravesh(1e6, 0.7),
-    "flores": fi.Flores(1e6, 0.7),
-    "gonthier": fi.GonthierCarvalhoMartins(1e6, 0.7),
-    "switching spring": fi.SwitchingSpring(1.0, 1e3),
+    "lankarani-nikravesh": fi.contact.LankaraniNikravesh(1e6, 0.7),
+    "flores": fi.contact.Flores(1e6, 0.7),
+    "gonthier": fi.contact.GonthierCarvalhoMartins(1e6, 0.7),
+    "switching spring": fi.contact.SwitchingSpring(1.0, 1e3),
     "custom": fi.CustomLaw(lambda depth, rate, speed: 1e3 * depth * (1.0 + 0.2 * rate / speed)),
 }
 
@@ -125,16 +125,16 @@ def test_the_ledger_closes_from_a_compressed_wall_on(law, method, rate):
     pair, energy = system.contacts[0], run.energy
     speed = math.sqrt(rate**2 + 2 * law.potential(depth, pair.effective_mass, abs(rate) or 1.0) / pair.effective_mass)
     force = law.normal_force(depth, rate, speed, pair.effective_mass)
-    if isinstance(law, fi.SwitchingSpring):
+    if isinstance(law, fi.contact.SwitchingSpring):
         # from the centre on
         force = law.stiffness * (1e-3 + depth)
     # a method with a mean force has none at its start
     assert -run["contact_force"][0] == pytest.approx(force, rel=1e-9)
-    if not isinstance(law, fi.SwitchingSpring):
+    if not isinstance(law, fi.contact.SwitchingSpring):
         stored = law.potential(depth, pair.effective_mass, speed)
         assert energy.contact[0] == pytest.approx(stored, rel=1e-6)
     # to the step squared in the contact's period of some ms, and to the step where the force jumps
-    assert energy.residual < (0.3 if isinstance(law, fi.SwitchingSpring) else 2e-2)
+    assert energy.residual < (0.3 if isinstance(law, fi.contact.SwitchingSpring) else 2e-2)
     assert len(run.impacts) >= 1
 
 

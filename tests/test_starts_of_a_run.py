@@ -107,7 +107,7 @@ def test_the_median_of_one_start_is_that_run():
 
 def test_starts_are_in_no_key_of_a_study_and_check_prints_the_time_of_all():
     axes = {"impactor.ball.gap": [3e-3, 4e-3]}
-    keys = {study_key(plain_study(fi.ParameterStudy(study(n), axes, ["peak"]))) for n in (1, 5)}
+    keys = {study_key(plain_study(fi.app.ParameterStudy(study(n), axes, ["peak"]))) for n in (1, 5)}
     assert len(keys) == 1
     one, five = plan_lines(study(1)), plan_lines(study(5))
     for name in ("history: ", "sweep: "):

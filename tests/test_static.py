@@ -96,7 +96,7 @@ def test_a_ball_that_nothing_holds_sits_in_the_middle():
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
 @pytest.mark.parametrize("place", [0.5 * LENGTH, LENGTH])
-@pytest.mark.parametrize("law", [STIFF, SOFT, fi.Hertz(1e7), fi.PowerLaw(1e7, exponent=2.0)])
+@pytest.mark.parametrize("law", [STIFF, SOFT, fi.Hertz(1e7), fi.contact.PowerLaw(1e7, exponent=2.0)])
 def test_a_preloaded_stop_pushes_with_the_force_of_beam_theory(law, place, side):
     preload = 2e-4
     gap = (-preload, math.inf) if side > 0 else (3e-4, -preload)
@@ -141,7 +141,7 @@ def test_a_stop_in_space_is_where_the_base_has_left_it():
 
 LAWS = [
     STIFF, fi.KelvinVoigt(stiffness=50.0, damping=0.0), fi.KelvinVoigt(stiffness=1e5, damping=3.0), fi.Hertz(1e5),
-    fi.PowerLaw(3e3, exponent=1.2),
+    fi.contact.PowerLaw(3e3, exponent=1.2),
 ]  # fmt: skip
 
 
@@ -336,12 +336,17 @@ def test_a_stop_that_leaves_no_place_is_refused(gap):
 
 
 @pytest.mark.parametrize(
-    "law", [fi.Flores(1e7, 0.7), fi.CustomLaw(lambda depth, rate, speed: 1e4 * depth), fi.SwitchingSpring(1.0, 1e4)]
+    "law",
+    [
+        fi.contact.Flores(1e7, 0.7),
+        fi.CustomLaw(lambda depth, rate, speed: 1e4 * depth),
+        fi.contact.SwitchingSpring(1.0, 1e4),
+    ],
 )
 def test_a_law_without_a_force_at_rest_is_refused_by_name_where_it_is_pressed(law):
     words = f"wall.contact = '{law.name}': must be Rigid, KelvinVoigt or a power law without loss for a static state"
     # the switching spring has no preload: gravity presses it
-    gap = (0.0, 0.0) if isinstance(law, fi.SwitchingSpring) else (1.0, -1e-4)
+    gap = (0.0, 0.0) if isinstance(law, fi.contact.SwitchingSpring) else (1.0, -1e-4)
     pressed = beam(stops=(fi.Stop("wall", "tip", gap, law),), gravity=GRAVITY)
     with pytest.raises(fi.InputError, match=words):
         fi.static_state(pressed)

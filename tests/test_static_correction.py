@@ -65,7 +65,7 @@ def test_notes_name_both_frequencies_of_a_short_contact():
     highest = math.sqrt(system.K.diagonal().max()) / (2 * math.pi)
     contact = 1.0 / system.contacts[0].parameters.contact_time
     assert highest < contact
-    first, last = fi.truncation_notes(system)
+    first, last = fi.system.truncation_notes(system)
     assert f"{highest:.4g} Hz" in first
     assert f"{contact:.4g} Hz" in first
     assert last.startswith("4 modes kept: the peak force")
@@ -74,28 +74,28 @@ def test_notes_name_both_frequencies_of_a_short_contact():
 def test_notes_name_both_flexibilities():
     full = cantilever(SOFT, places=(0.1,))
     system = fi.reduce(full, 1)
-    missing = [note for note in fi.truncation_notes(system) if "m/N" in note]
+    missing = [note for note in fi.system.truncation_notes(system) if "m/N" in note]
     assert len(missing) == 1
     assert f"{static_flexibility(system)[0]:.4g} m/N" in missing[0]
     assert f"{full.contacts[0].flexibility:.4g} m/N" in missing[0]
-    corrected = fi.truncation_notes(fi.reduce(full, 1, static_correction=True))
+    corrected = fi.system.truncation_notes(fi.reduce(full, 1, static_correction=True))
     assert not any("m/N" in note for note in corrected)
 
 
 def test_a_rigid_contact_has_one_note_with_the_modes_and_the_mass_that_is_felt():
     system = fi.reduce(cantilever(places=("tip", "tip")), 6)
-    (note,) = fi.truncation_notes(system)
+    (note,) = fi.system.truncation_notes(system)
     assert note.startswith("6 modes kept")
     felt = 1.0 / float(system.contacts[0].direction @ system.contacts[0].direction)
     assert f"ball 0 {felt:.4g} kg, ball 1 {felt:.4g} kg" in note
 
 
 def test_nothing_is_noted_where_nothing_is_cut():
-    assert fi.truncation_notes(fi.reduce(cantilever(SOFT), 4)) == ()
-    assert fi.truncation_notes(cantilever()) == ()
-    assert fi.truncation_notes(fi.reduce(cantilever(places=()), 2)) == ()
+    assert fi.system.truncation_notes(fi.reduce(cantilever(SOFT), 4)) == ()
+    assert fi.system.truncation_notes(cantilever()) == ()
+    assert fi.system.truncation_notes(fi.reduce(cantilever(places=()), 2)) == ()
     # one mass on one spring is diagonal, and whole
     oscillator = fi.System.from_matrices(
         [[1.0]], [[0.1]], [[1.0]], points={"mass": [1.0]}, impactors=[fi.Impactor("ball", "mass", 0.1, 1.0, STEEL)]
     )
-    assert fi.truncation_notes(oscillator) == ()
+    assert fi.system.truncation_notes(oscillator) == ()

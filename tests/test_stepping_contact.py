@@ -78,7 +78,7 @@ def test_an_energy_consistent_contact_keeps_energy_at_any_step(name, shift):
 
 LOSSY = {
     "linear": fi.KelvinVoigt(restitution=0.5, contact_time=CONTACT_TIME),
-    "power": fi.GonthierCarvalhoMartins(stiffness=2.5e5, restitution=0.5, reference_speed=0.1),
+    "power": fi.contact.GonthierCarvalhoMartins(stiffness=2.5e5, restitution=0.5, reference_speed=0.1),
     "own": fi.CustomLaw(lambda depth, rate, speed: 2.5e5 * depth**1.5 * (1.0 + 0.6 * rate / speed)),
 }
 
@@ -138,9 +138,9 @@ def test_contacts_at_one_place_make_no_energy_at_any_step(seed):
 
 LAWS = {
     "hertz": fi.Hertz(stiffness=2.5e5, reference_speed=0.1),
-    "exact": fi.GonthierCarvalhoMartins(stiffness=2.5e5, restitution=0.6, reference_speed=0.1),
+    "exact": fi.contact.GonthierCarvalhoMartins(stiffness=2.5e5, restitution=0.6, reference_speed=0.1),
     "hunt-crossley": fi.HuntCrossley(stiffness=2.5e5, restitution=0.6, reference_speed=0.1),
-    "square": fi.Flores(stiffness=2e7, restitution=0.7, exponent=2.0, reference_speed=0.1),
+    "square": fi.contact.Flores(stiffness=2e7, restitution=0.7, exponent=2.0, reference_speed=0.1),
     "own": fi.CustomLaw(
         lambda depth, rate, speed: 3e3 * depth + 1e8 * depth**3 * (1 + 0.2 * rate), reference_speed=0.1
     ),
@@ -166,7 +166,7 @@ def test_every_law_with_every_method_tends_to_its_collision(name, method):
     steps = exact.contact_time / np.array([20, 80])
     errors = []
     for dt in steps:
-        achieved = fi.achieved_restitution(pair, replace(method, dt=float(dt)), 0.1)
+        achieved = fi.integrators.achieved_restitution(pair, replace(method, dt=float(dt)), 0.1)
         errors.append(max(abs(achieved.highest - exact.restitution), abs(achieved.lowest - exact.restitution)))
     # no force jumps at touch: second order, at worst n = 1.5 for the kink of the force
     assert errors[0] < 0.03

@@ -40,7 +40,7 @@ METHODS = [
     (KELVIN, fi.Newmark(2e-4, contact="energy-consistent")),
     (KELVIN, fi.Newmark(1e-3, refine=10, contact="energy-consistent")),
     (KELVIN, fi.GeneralizedAlpha(2e-4)),
-    (fi.Flores(4e5, 0.7), fi.Newmark(2e-4, contact="energy-consistent")),
+    (fi.contact.Flores(4e5, 0.7), fi.Newmark(2e-4, contact="energy-consistent")),
     (RIGID, fi.MoreauJean(2e-4)),
 ]
 

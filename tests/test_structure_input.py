@@ -44,7 +44,7 @@ def test_lists_become_tuples_and_nouns_are_values(reference):
 
 
 def test_a_glued_ball_is_a_point_mass_at_its_place(reference):
-    glued = fi.glue_impactors(reference)
+    glued = fi.structure.glue_impactors(reference)
     assert glued.impactors == ()
     assert glued.masses == (*reference.masses, fi.PointMass("ball", "tip", 3.43e-3))
     heavier = fi.assemble(glued, elements=4).total_mass - fi.assemble(reference, elements=4).total_mass

@@ -29,7 +29,7 @@ def small(directory=None, axes=None, measures=("peak",), **more):
 
 def key_of(measure, axes=None):
     """The key of the study of a measure."""
-    return study_key(plain_study(fi.ParameterStudy(study(), axes or {GAP: [2e-3]}, [measure], cycles=3)))
+    return study_key(plain_study(fi.app.ParameterStudy(study(), axes or {GAP: [2e-3]}, [measure], cycles=3)))
 
 
 def test_axes_in_another_order_are_another_study_for_its_cases_are_counted_otherwise(tmp_path):
@@ -43,10 +43,10 @@ def test_a_block_under_the_name_of_another_studys_is_run_again(tmp_path):
         small(tmp_path / name, axes={**AXES, "base.amplitude": amplitudes})
     # one block each, of the same cases
     (one,), (other,) = (list((tmp_path / name / BLOCKS).glob("*.block")) for name in ("one", "other"))
-    expected = fi.load_parameter_study(tmp_path / "other")["peak"].to_numpy()
+    expected = fi.app.load_parameter_study(tmp_path / "other")["peak"].to_numpy()
     other.write_bytes(one.read_bytes())
     with pytest.warns(fi.InputWarning, match=r"block is damaged \(its checksum is that of another content\)"):
-        assert not fi.load_parameter_study(tmp_path / "other")["finished"].any()
+        assert not fi.app.load_parameter_study(tmp_path / "other")["finished"].any()
     again = small(tmp_path / "other", axes={**AXES, "base.amplitude": [2e-4]})
     np.testing.assert_array_equal(again["peak"], expected)
 
@@ -71,7 +71,7 @@ def test_a_directory_with_results_of_another_kind_is_refused_and_left_as_it_is(t
 
 
 def test_a_field_at_its_default_is_not_in_the_key_and_another_value_is_told_as_such(tmp_path):
-    plain = plain_study(fi.ParameterStudy(study(), AXES, ["peak"], cycles=3))
+    plain = plain_study(fi.app.ParameterStudy(study(), AXES, ["peak"], cycles=3))
     assert plain["study"]["structure"]["impactors"][0]["contact"] == {"noun": "Rigid", "restitution": 0.6}
     small(tmp_path)
     other = replace(study(), base=replace(study().base, phase=0.5))
@@ -87,7 +87,7 @@ def test_whatever_an_axis_is_given_is_taken_or_refused_in_one_line(label):
     value = {**NUMBERS_AND_WORDS, **NOTHING_SOUND}[label]
     for axes in ({GAP: value}, {GAP: [2e-3, value]}, {GAP: {"from": value, "to": 1.0, "points": 3}}, [{GAP: value}]):
         try:
-            fi.ParameterStudy(study(), axes, ["peak"], cycles=3)
+            fi.app.ParameterStudy(study(), axes, ["peak"], cycles=3)
         except fi.InputError as error:
             (line,) = str(error).splitlines()
             # what is large is cut, and so is what has no end

@@ -52,13 +52,13 @@ KINDS = {
     'kind = "shock"\npulse = "half-sine"\nforce = 2.0\nduration = 0.01': fi.Shock("half-sine", 2.0, 0.01),
     'kind = "stepped-sine"\nfrequencies = [4, 5]\ncycles = 3\nforce = 0.1': fi.SteppedSine([4, 5], 3, amplitude=0.1),
 }
-DRIVES = fi.Drives(
+DRIVES = fi.excitation.Drives(
     fi.Sine(1e-3, 5.0),
     [fi.HammerBlow("tip", 0.002, 0.003, 0.3, name="hammer"), fi.PointForce(0.1, fi.Sine(0.01, 5.0, 0.4), "coil")],
 )
 
 
-def read(*parts: str) -> fi.Study:
+def read(*parts: str) -> fi.app.Study:
     """A study of these tables."""
     text = HEAD + "\n".join(parts)
     jsonschema.Draft202012Validator(study_schema()).validate(tomllib.loads(text))
@@ -78,7 +78,7 @@ def test_one_force_beside_a_base_at_rest_stays_itself():
     study = read(REST, HAMMER)
     assert study.excitation == DRIVES.forces[0]
     assert study.initial.equilibrium
-    assert read(REST, HAMMER, COIL).excitation == fi.Drives(forces=DRIVES.forces)
+    assert read(REST, HAMMER, COIL).excitation == fi.excitation.Drives(forces=DRIVES.forces)
     other = replace(study, output=replace(study.output, frames=10))
     assert same_study(read_study(study_text(other), study.path), other)
 
@@ -226,7 +226,7 @@ def test_a_sum_of_motions_of_the_base_is_read_written_and_run():
     assert same_study(read_study(study_text(other), study.path), other)
     # without a history the longest of the parts that have a duration
     assert read(SUM.replace("history = 2.0", "")).history_duration == 1.5
-    assert read(SUM, HAMMER).excitation == fi.Drives(study.excitation, DRIVES.forces[:1])
+    assert read(SUM, HAMMER).excitation == fi.excitation.Drives(study.excitation, DRIVES.forces[:1])
     assert "up to 9 Hz" in study.history_words
 
 

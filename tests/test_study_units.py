@@ -50,11 +50,11 @@ impactor.ball.mass = {{ from = {2}, to = {3}, points = 2 }}
 """
 
 
-def read(text: str) -> fi.Study:
+def read(text: str) -> fi.app.Study:
     return read_study(text, Path("study.toml"))
 
 
-def pair(more: str = "", others: str = "") -> tuple[fi.Study, fi.Study]:
+def pair(more: str = "", others: str = "") -> tuple[fi.app.Study, fi.app.Study]:
     """The paper's study in numbers, and with units."""
     plain = paper_study_text().replace('name = "newmark"', 'name = "event-driven"')
     text = plain
@@ -230,7 +230,7 @@ def chirp_base(acceleration: str) -> str:
     )
 
 
-def levels_of(study: fi.Study) -> Any:
+def levels_of(study: fi.app.Study) -> Any:
     return study.excitation.level
 
 

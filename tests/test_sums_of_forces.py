@@ -16,7 +16,7 @@ from femimpact.excitation.excitation import words_of
 
 END, INTERVAL, DT = 0.4, 2e-3, 2e-4
 SINE = fi.Sine(0.05, 5.0)
-LATE = Own(fi.PiecewisePolynomial([0.1003, 0.15, 0.2507], [[0.0, 1.0, 0.0], [0.05, -1.0, 4.0]]))
+LATE = Own(fi.excitation.PiecewisePolynomial([0.1003, 0.15, 0.2507], [[0.0, 1.0, 0.0], [0.05, -1.0, 4.0]]))
 """Begins late and ends early."""
 RECORD = fi.RecordedBase(0.1 * np.random.default_rng(1).standard_normal(40), 0.0077, 0.2)
 KINDS = {
@@ -34,8 +34,8 @@ KINDS = {
     "record": RECORD,
     "late": LATE,
     "sum": fi.Sine(0.02, 3.1) + fi.Sine(0.02, 11.0, 0.3),
-    "sum with an end": fi.Sum((fi.Sine(0.02, 6.1), RECORD), end=0.05),
-    "sum of a sum": fi.Sum((fi.Sum((SINE, fi.Sine(0.01, 12.0))), LATE)),
+    "sum with an end": fi.excitation.Sum((fi.Sine(0.02, 6.1), RECORD), end=0.05),
+    "sum of a sum": fi.excitation.Sum((fi.excitation.Sum((SINE, fi.Sine(0.01, 12.0))), LATE)),
 }  # fmt: skip
 BY_AMPLITUDE = ("sine", "sine of its frequency", "sine of another", "chirp", "stepped", "sum")
 PAIRS = list(itertools.combinations_with_replacement(KINDS, 2))
@@ -91,10 +91,10 @@ def test_the_force_of_a_sum_is_the_sum_of_the_forces(beam, pair):
     first, second = (KINDS[name] for name in pair)
     t = np.random.default_rng(0).uniform(-0.1, 1.0, 200)
     parts = push(first).force(t) + push(second).force(t)
-    for whole in (fi.Sum((first, second)), fi.Sum((second, first), end=0.02)):
+    for whole in (fi.excitation.Sum((first, second)), fi.excitation.Sum((second, first), end=0.02)):
         np.testing.assert_allclose(push(whole).force(t), parts, rtol=0.0, atol=1e-14)
     # without contacts all is linear; pieces meet each force to 1e-9
-    found, alone = runs(beam, fi.Sum((first, second))), [runs_alone(beam, name) for name in pair]
+    found, alone = runs(beam, fi.excitation.Sum((first, second))), [runs_alone(beam, name) for name in pair]
     for values, one, other in zip(found, *alone, strict=True):
         size = np.abs(one).max() + np.abs(other).max()
         assert np.abs(values - one - other).max() < 1e-8 * size
@@ -119,7 +119,7 @@ def test_sines_last_until_the_last_reading(beam):
 
 
 def test_sums_in_sums_move_the_base(beam):
-    nested, flat = fi.Sum((KINDS["sum"], SINE)), KINDS["sum"] + SINE
+    nested, flat = fi.excitation.Sum((KINDS["sum"], SINE)), KINDS["sum"] + SINE
     found = [
         fi.integrate(beam, base, fi.EventDriven(), END, fi.Recorder("tip", interval=INTERVAL))["tip"]
         for base in (nested, flat)
@@ -130,15 +130,17 @@ def test_sums_in_sums_move_the_base(beam):
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda: push(fi.Sum((SINE, Polynomial(1.0)))), r"history = 'Polynomial'.*must have a closed form"),
-        (lambda: push(fi.Sum((fi.Sum((SINE, Polynomial(1.0))), SINE))), r"history = 'Polynomial'.*closed form"),
+        (lambda: push(fi.excitation.Sum((SINE, Polynomial(1.0)))), r"history = 'Polynomial'.*must have a closed form"),
+        (lambda: push(fi.excitation.Sum((fi.excitation.Sum((SINE, Polynomial(1.0))), SINE))),
+            r"history = 'Polynomial'.*closed form"),
         (lambda: push(SimpleNamespace(frequency=5.0, phase=0.0, amplitude=1.0)), r"history = 'SimpleNamespace'"),
-        (lambda: fi.Sum((SINE, fi.HammerBlow("tip", 0.1, 1e-3))), r"parts = 'HammerBlow'.*a force acts elsewhere"),
-        (lambda: fi.Sum((push(SINE), SINE)), r"parts = 'PointForce'.*PointForce\(at, a \+ b\)"),
-        (lambda: push(fi.Sum), r"history"),
+        (lambda: fi.excitation.Sum((SINE, fi.HammerBlow("tip", 0.1, 1e-3))),
+            r"parts = 'HammerBlow'.*a force acts elsewhere"),
+        (lambda: fi.excitation.Sum((push(SINE), SINE)), r"parts = 'PointForce'.*PointForce\(at, a \+ b\)"),
+        (lambda: push(fi.excitation.Sum), r"history"),
         (lambda: push([SINE, SINE]), r"history"),
-        (lambda: fi.Sum((SINE, 3.0)), r"parts = 'float'"),
-        (lambda: fi.Sum((SINE,), end=0.0), r"end = 0"),
+        (lambda: fi.excitation.Sum((SINE, 3.0)), r"parts = 'float'"),
+        (lambda: fi.excitation.Sum((SINE,), end=0.0), r"end = 0"),
     ],
 )  # fmt: skip
 def test_what_a_sum_cannot_be_is_refused_when_it_is_made(make, words):

@@ -7,7 +7,7 @@ import pytest
 from builders import reduced, with_ball
 
 import femimpact as fi
-from femimpact.sweep import SWEEP_UNITS
+from femimpact.sweep.curve import SWEEP_UNITS
 
 pytestmark = pytest.mark.impacts
 
@@ -187,7 +187,7 @@ def test_progress_runs_to_one(empty):
 
 
 def switching(reference, stiffness):
-    spring = fi.SwitchingSpring(free_stiffness=0.0, stiffness=stiffness)
+    spring = fi.contact.SwitchingSpring(free_stiffness=0.0, stiffness=stiffness)
     return reduced(with_ball(reference, contact=spring), 2, 10)
 
 

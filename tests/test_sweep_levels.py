@@ -36,7 +36,7 @@ def test_each_frequency_has_its_level() -> None:
     assert one.peak[0] == pytest.approx(curve.peak[2], rel=1e-12)
 
 
-def study(tmp_path: Path, acceleration: str) -> fi.Study:
+def study(tmp_path: Path, acceleration: str) -> fi.app.Study:
     text = Path(__file__).parent.parent.joinpath("femimpact/app/paper.toml").read_text(encoding="utf-8")
     text = text.replace('name = "newmark"', 'name = "event-driven"').replace("elements = 40", "elements = 8")
     text = (

@@ -53,14 +53,14 @@ def beam():
 
 @pytest.fixture(scope="module")
 def symmetric(beam):
-    (orbit,) = fi.two_impact_orbits(beam, fi.Sine(0.2037e-3, 5.05))
+    (orbit,) = fi.orbits.two_impact_orbits(beam, fi.Sine(0.2037e-3, 5.05))
     return fi.continue_orbit(orbit, "frequency", (4.9, 5.2))
 
 
 @pytest.mark.parametrize("number", [0, 1])
 def test_the_asymmetric_pair_are_mirror_images(symmetric, number):
     breaking = [each for each in symmetric.bifurcations if each.kind == "symmetry-breaking"][number]
-    one, other = fi.switch_branch(breaking)
+    one, other = fi.orbits.switch_branch(breaking)
     assert one.excitation.frequency == pytest.approx(other.excitation.frequency, rel=1e-11)
     assert one.excitation.frequency != pytest.approx(breaking.value, rel=1e-6)
     assert not one.is_symmetric
@@ -75,7 +75,7 @@ def test_the_asymmetric_pair_are_mirror_images(symmetric, number):
 def test_the_asymmetric_pair_is_where_runs_settle(beam, symmetric):
     """Where the symmetric orbit is unstable and the pair is stable."""
     breaking = [each for each in symmetric.bifurcations if each.kind == "symmetry-breaking"][1]
-    pair = fi.switch_branch(breaking)
+    pair = fi.orbits.switch_branch(breaking)
     frequency = pair[0].excitation.frequency
     (between,) = symmetric.at(frequency)
     assert not between.is_stable
@@ -88,7 +88,7 @@ def test_the_asymmetric_pair_is_where_runs_settle(beam, symmetric):
 
 def test_the_pair_is_the_same_from_the_branch_that_joins(beam, symmetric):
     asymmetric = fi.continue_orbit(settled(beam, 5.1), "frequency", (4.9, 5.2))
-    pair = fi.switch_branch(asymmetric.bifurcations[-1])
+    pair = fi.orbits.switch_branch(asymmetric.bifurcations[-1])
     assert asymmetric.bifurcations[-1].kind == "symmetry-breaking"
     assert not any(orbit.is_symmetric for orbit in pair)
     # the branch has one of the two, its mirror image the other
@@ -99,7 +99,7 @@ def test_the_pair_is_the_same_from_the_branch_that_joins(beam, symmetric):
 
 def test_a_compliant_pair_is_mirrored_too():
     branch = fi.continue_orbit(MODELS["Kelvin-Voigt"].orbit(), "frequency", (4.5, 5.3))
-    one, other = fi.switch_branch(first(branch, "symmetry-breaking"))
+    one, other = fi.orbits.switch_branch(first(branch, "symmetry-breaking"))
     assert np.max(np.abs(-half_a_period_later(one) - state_of(other)) / units_of(one)) < 1e-8
     assert apart(one, other) > 1e-3
 
@@ -111,7 +111,7 @@ def test_a_compliant_pair_is_mirrored_too():
 def single(request):
     """One impact a cycle on one stop, from its grazing on: it doubles between 0.37 and 0.6 N."""
     law = fi.Rigid(0.8) if request.param == "rigid" else fi.KelvinVoigt(stiffness=50.0, damping=1.0)
-    (orbit,) = fi.switch_branch(first(linear(0.8, law), "grazing"))
+    (orbit,) = fi.orbits.switch_branch(first(linear(0.8, law), "grazing"))
     return fi.continue_orbit(orbit, "amplitude", (0.0, 0.7))
 
 
@@ -119,7 +119,7 @@ def test_a_doubled_orbit_repeats_after_two_cycles(single):
     for doubling in single.bifurcations:
         if doubling.kind != "period-doubling":
             continue
-        (orbit,) = fi.switch_branch(doubling)
+        (orbit,) = fi.orbits.switch_branch(doubling)
         assert orbit.cycles == 2
         assert orbit.period == pytest.approx(2.0 / orbit.excitation.frequency)
         assert np.max(np.abs(one_cycle_later(orbit) - state_of(orbit)) / units_of(orbit)) > 1e-5
@@ -135,13 +135,13 @@ def test_a_branch_of_doubled_orbits_joins_that_of_half_its_period(single):
     for doubling in single.bifurcations:
         if doubling.kind != "period-doubling":
             continue
-        (orbit,) = fi.switch_branch(doubling)
+        (orbit,) = fi.orbits.switch_branch(doubling)
         branch = fi.continue_orbit(orbit, "amplitude", (0.0, 0.7))
         joined = min(branch.bifurcations, key=lambda each: abs(each.value - doubling.value))
         assert joined.kind == "period-doubling"
         assert any("joins the branch of half its period" in end for end in branch.end)
         assert joined.value == pytest.approx(doubling.value, rel=1e-10)
-        (again,) = fi.switch_branch(joined)
+        (again,) = fi.orbits.switch_branch(joined)
         assert again.cycles == 2
 
 
@@ -150,7 +150,7 @@ def test_the_orbits_at_a_branch_point_are_one_a_cycle_apart():
     model = MODELS["gravity"]
     orbit = model.orbit()
     twice = fi.find_orbit(orbit.system, orbit.excitation, cycles=2, guess=orbit)
-    one, other = fi.switch_branch(first(fi.continue_orbit(twice, "frequency", (4.5, 6.5)), "branch-point"))
+    one, other = fi.orbits.switch_branch(first(fi.continue_orbit(twice, "frequency", (4.5, 6.5)), "branch-point"))
     assert apart(one, other) > 1e-3
     assert np.max(np.abs(one_cycle_later(one) - state_of(other)) / units_of(one)) < 1e-8
 
@@ -174,7 +174,7 @@ def test_the_impact_added_at_grazing_is_on_the_side_of_the_closed_form(ratio):
     grazing = first(linear(ratio, fi.Rigid(RESTITUTION)), "grazing")
     x, _, amplitude = stop_coefficients(DAMPING, RESTITUTION, ratio)
     assert grazing.value == pytest.approx(1.0 / amplitude, rel=1e-10)
-    (orbit,) = fi.switch_branch(grazing)
+    (orbit,) = fi.orbits.switch_branch(grazing)
     force = orbit.excitation.history.amplitude
     # at v = 0 dF/dv = -x/A: one frequency has the orbit above the grazing force, another one below
     assert math.copysign(1.0, force - grazing.value) == -math.copysign(1.0, x)
@@ -201,9 +201,9 @@ LAWS = {
 @pytest.mark.parametrize("ratio", [0.8, 1.3])
 def test_an_impact_taken_away_leads_back_to_the_linear_motion(ratio, law):
     without = linear(ratio, law)
-    (orbit,) = fi.switch_branch(first(without, "grazing"))
+    (orbit,) = fi.orbits.switch_branch(first(without, "grazing"))
     branch = fi.continue_orbit(orbit, "amplitude", (0.0, 1.0))
-    (back,) = fi.switch_branch(first(branch, "grazing"))
+    (back,) = fi.orbits.switch_branch(first(branch, "grazing"))
     assert len(back.events) == 0
     force = back.excitation.history.amplitude
     # beyond the grazing force the linear motion is in the wall
@@ -216,7 +216,7 @@ def test_a_symmetric_motion_grazes_both_walls_at_once():
     model = MODELS["Kelvin-Voigt stop in space"]
     system = model.system()
     branch = fi.continue_orbit(fi.find_orbit(system, fi.Sine(1e-4, 5.6), guess=fi.State()), "amplitude", (0.0, 2e-3))
-    (orbit,) = fi.switch_branch(first(branch, "grazing"))
+    (orbit,) = fi.orbits.switch_branch(first(branch, "grazing"))
     assert orbit.is_symmetric
     assert sorted(orbit.events.side) == [-1, -1, -1, 1, 1, 1]
     # it begins at the grazing of the motion without contact
@@ -228,7 +228,7 @@ def test_two_impacts_more_at_the_grazing_of_an_orbit_with_impacts():
     branch = branch_over("clearance", 1.0, 20.0)
     grazing = first(branch, "grazing")
     assert "extra contact" in branch.end[0]
-    (orbit,) = fi.switch_branch(grazing)
+    (orbit,) = fi.orbits.switch_branch(grazing)
     assert len(orbit.impacts) == 4
     assert orbit.is_symmetric
     slow, fast = np.sort(orbit.impacts.approach_speed)[1:3]
@@ -277,7 +277,7 @@ def test_a_release_within_a_contact_is_added_or_taken_away(name, end, words, add
     grazing = branch.bifurcations[end]
     assert grazing.kind == "grazing"
     assert branch.end[end].startswith(words)
-    (orbit,) = fi.switch_branch(grazing)
+    (orbit,) = fi.orbits.switch_branch(grazing)
     met, before = (Counter(each.events.kind.tolist()) for each in (orbit, grazing.orbit))
     assert {kind: met[kind] - before[kind] for kind in met | before if met[kind] != before[kind]} == added
     value = orbit.excitation.frequency
@@ -286,14 +286,14 @@ def test_a_release_within_a_contact_is_added_or_taken_away(name, end, words, add
     back = min(other.bifurcations, key=lambda each: abs(each.value - grazing.value))
     assert back.kind == "grazing"
     assert back.value == pytest.approx(grazing.value, rel=1e-10)
-    (again,) = fi.switch_branch(back)
+    (again,) = fi.orbits.switch_branch(back)
     assert Counter(again.events.kind.tolist()) == before
 
 
 def test_multipliers_go_on_through_an_extra_release():
     """The force is zero on both sides of its events, where the rates are one: no saltation, no jump."""
     grazing = shaken("release").bifurcations[0]
-    (orbit,) = fi.switch_branch(grazing)
+    (orbit,) = fi.orbits.switch_branch(grazing)
     # a release of 0.02 rad changes them by a share of it; at an impact without speed they are infinite
     np.testing.assert_allclose(np.abs(orbit.multipliers), np.abs(grazing.orbit.multipliers), atol=0.02)
 
@@ -312,7 +312,7 @@ def test_multipliers_go_on_through_an_extra_release():
 def test_bifurcations_without_another_branch_are_refused(kind, words):
     branch = branch_over("clearance", 6.0, 400.0)
     with pytest.raises(fi.InputError) as caught:
-        fi.switch_branch(first(branch, kind))
+        fi.orbits.switch_branch(first(branch, kind))
     assert words in str(caught.value)
     assert "\n" not in str(caught.value)
 
@@ -325,7 +325,7 @@ def test_a_branch_comes_back_from_its_file(tmp_path, engine):
     """In the format that `to_netcdf` of some versions writes, too."""
     branch, path = branch_over("clearance", 6.0, 400.0), tmp_path / "branch.nc"
     branch.to_xarray().to_netcdf(path, engine=engine)
-    loaded = fi.load_branch(path)
+    loaded = fi.app.load_branch(path)
     for name in ("values", "multipliers", "peak", "first_harmonic", "is_stable", "bifurcation_points"):
         np.testing.assert_array_equal(getattr(loaded, name), getattr(branch, name))
     assert (loaded.parameter, loaded.unit, loaded.place, loaded.end) == (
@@ -341,7 +341,7 @@ def test_a_branch_comes_back_from_its_file(tmp_path, engine):
         lambda: loaded.orbits,
         lambda: loaded.at(10.0),
         lambda: loaded.bifurcations[0].orbit,
-        lambda: fi.switch_branch(first(loaded, "symmetry-breaking")),
+        lambda: fi.orbits.switch_branch(first(loaded, "symmetry-breaking")),
     ):
         with pytest.raises(fi.InputError, match="one read from a file has no orbits"):
             call()
@@ -378,7 +378,7 @@ def test_a_damaged_file_is_one_line(tmp_path, damage, words):
     path = tmp_path / "branch.nc"
     damage(path, branch_over("e", 0.75, 0.85).to_xarray())
     with pytest.raises(fi.InputError) as caught:
-        fi.load_branch(path)
+        fi.app.load_branch(path)
     assert "is damaged and cannot be read" in str(caught.value)
     assert words in str(caught.value)
     assert "\n" not in str(caught.value)

@@ -106,7 +106,7 @@ def test_matrices_of_an_element_are_the_integrals_of_polynomials(tapers):
     ]
     (w0, w1), (t0, t1) = ends
     segment = fi.Segment(LENGTH, **MATERIAL, width=w0, thickness=t0, end_width=w1, end_thickness=t1)
-    grid = fi.discretise(fi.Structure(fi.Beam((segment,))), elements=1)
+    grid = fi.fem.discretise(fi.Structure(fi.Beam((segment,))), elements=1)
     width, thickness = Polynomial([w0, w1 - w0]), Polynomial([t0, t1 - t0])
     s = np.linspace(0.0, 1.0, 4)
     fits = [np.polynomial.polynomial.polyfit(s, values, 3) for values in shape_functions(s)]
@@ -136,7 +136,7 @@ def test_a_segment_cut_in_two_is_the_segment():
     near = dataclasses.replace(whole, length=0.1, end_width=width, end_thickness=thickness, name="near")
     far = dataclasses.replace(whole, length=0.2, width=width, thickness=thickness, name="far")
     cut = fi.assemble(fi.Structure(fi.Beam((near, far))), elements=9)
-    one = fi.assemble(fi.Structure(fi.Beam((whole,))), mesh=fi.Mesh(cut.nodes))
+    one = fi.assemble(fi.Structure(fi.Beam((whole,))), mesh=fi.fem.Mesh(cut.nodes))
     for name in ("K", "M", "stiffness_factor"):
         a, b = (getattr(system, name).toarray() for system in (one, cut))
         np.testing.assert_allclose(a, b, atol=1e-13 * np.abs(b).max())
@@ -239,11 +239,12 @@ def test_a_convergence_study_expects_the_orders_that_a_taper_has():
     thick = fi.Segment(0.1, **MATERIAL, width=WIDTH, thickness=THICKNESS, name="thick")
     thin = fi.Segment(0.2, **MATERIAL, width=WIDTH, thickness=THICKNESS, end_thickness=1e-3, name="thin")
     watched = (
-        fi.Frequencies(2), fi.ModeShapes(1), fi.BendingMoment(mode=1), fi.SurfaceStress(), fi.SteadyResponse("tip"),
-        fi.SupportReaction(),
+        fi.convergence.Frequencies(2), fi.convergence.ModeShapes(1), fi.convergence.BendingMoment(mode=1),
+        fi.convergence.SurfaceStress(), fi.convergence.SteadyResponse("tip"),
+        fi.convergence.SupportReaction(),
     )  # fmt: skip
     for structure, moment in ((WEDGE, 2.0), (fi.Structure(fi.Beam((thick, thin))), 4.0)):
-        over = fi.OverMeshes.uniform(structure, [24, 48, 96, 192])
+        over = fi.convergence.OverMeshes.uniform(structure, [24, 48, 96, 192])
         table = fi.convergence_study(structure, over, watched, fi.Sine(1e-4, 5.0))["mesh"]
         expected = [4.0, 4.0, 2.0, 8.0, moment, 2.0, 4.0, 4.0]
         np.testing.assert_array_equal(table.expected_order, expected)
@@ -259,14 +260,16 @@ def test_a_mesh_file_with_named_regions_takes_tapers():
     thick = fi.Segment(0.15, **MATERIAL, width=0.02, thickness=2e-3, end_thickness=1e-3, name="thick")
     thin = fi.Segment(0.10, **MATERIAL, width=0.02, thickness=1e-3, end_width=0.01, name="thin")
     structure = fi.Structure(fi.Beam((thick, thin)))
-    read, made = (fi.discretise(structure, mesh=m).sections for m in (mesh, fi.Mesh(mesh.nodes, regions=mesh.regions)))
+    read, made = (
+        fi.fem.discretise(structure, mesh=m).sections for m in (mesh, fi.fem.Mesh(mesh.nodes, regions=mesh.regions))
+    )
     x = 0.5 * (mesh.nodes[1:] + mesh.nodes[:-1])
     expected = [structure.beam.drawn_at(float(at)) for at in x]
     np.testing.assert_allclose(2.0 * read.half_height, [t for _, t in expected], rtol=1e-9)
     np.testing.assert_allclose(read.mass_per_length, [2700.0 * w * t for w, t in expected], rtol=1e-9)
     np.testing.assert_array_equal(read.width_taper, made.width_taper)
     # the mesh halved is the same beam
-    finer = fi.discretise(structure, mesh=mesh.refined()).sections
+    finer = fi.fem.discretise(structure, mesh=mesh.refined()).sections
     for s, number in ((0.25, 0), (0.75, 1)):
         every = np.arange(mesh.elements)
         np.testing.assert_allclose(read.bending_stiffness_at(every, s), finer.bending_stiffness[number::2], rtol=1e-12)
@@ -311,7 +314,9 @@ def solid(tmp_path_factory):
     system = fi.assemble(STEP, elements=40)
     shape = under_tip_force(system)
     number, tip = np.array([1.0]), float(system.point_row("tip") @ shape)
-    one = fi.Modes(natural_frequency=number, damping_ratio=number, participation_factor=number, vectors=shape[:, None])
+    one = fi.system.Modes(
+        natural_frequency=number, damping_ratio=number, participation_factor=number, vectors=shape[:, None]
+    )
     path = write_modes(tmp_path_factory.mktemp("taper") / "static.pvd", system, one, STEP, scale=tip)
     grid = pyvista.get_reader(path).read()[0]
     return tip, grid, grid.extract_cells(np.flatnonzero(grid["part"] == BEAM))

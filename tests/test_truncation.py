@@ -13,7 +13,9 @@ pytestmark = pytest.mark.impacts
 
 @pytest.fixture(scope="module")
 def study():
-    return fi.mode_convergence(cantilever(), fi.Sine(0.2037e-3, 5.0), fi.EventDriven(), 24.0, [1, 2, 4, 8, 16])
+    return fi.convergence.mode_convergence(
+        cantilever(), fi.Sine(0.2037e-3, 5.0), fi.EventDriven(), 24.0, [1, 2, 4, 8, 16]
+    )
 
 
 def both(table, name, field="value"):
@@ -58,7 +60,7 @@ def test_equivalent_damping_is_the_modes_own_where_nothing_touches():
     full = cantilever(damping=0.02)
     f1 = full.first_frequency
     # phase: the ball starts at rest in the inertial frame, and stays
-    quiet = fi.mode_convergence(full, fi.Sine(1e-5, f1, math.pi / 2), fi.EventDriven(), 150.0, [1, 2, 3])
+    quiet = fi.convergence.mode_convergence(full, fi.Sine(1e-5, f1, math.pi / 2), fi.EventDriven(), 150.0, [1, 2, 3])
     assert np.all(both(quiet, "contact loss") == 0.0)
     assert np.all(np.isnan(both(quiet, "mean impulse")))
     np.testing.assert_allclose(both(quiet, "damping")[0, 0], 0.02, rtol=1e-6)
@@ -68,7 +70,9 @@ def test_equivalent_damping_is_the_modes_own_where_nothing_touches():
 
 def test_without_a_body_at_the_contact_the_loss_goes_to_the_structure():
     full = cantilever(box=0.0)
-    bare = fi.mode_convergence(full, fi.Sine(0.2e-3, full.first_frequency), fi.EventDriven(), 2.0, [1, 4, 12])
+    bare = fi.convergence.mode_convergence(
+        full, fi.Sine(0.2e-3, full.first_frequency), fi.EventDriven(), 2.0, [1, 4, 12]
+    )
     assert both(bare, "first loss")[-1, 0] < 0.5 * both(bare, "first loss")[0, 0]
     assert both(bare, "first displacement", "error")[-1, 0] < 1e-2
     assert any("at a rigid contact without a body" in note for note in bare.notes)
@@ -76,7 +80,9 @@ def test_without_a_body_at_the_contact_the_loss_goes_to_the_structure():
 
 def test_a_compliant_contact_has_its_peak_force_in_a_column_and_in_a_note():
     full = cantilever(fi.KelvinVoigt(stiffness=2e3, restitution=0.6), elements=10)
-    result = fi.mode_convergence(full, fi.Sine(0.2037e-3, 5.0), fi.Newmark(fi.recommended_step(full)), 6.0, [1, 2, 4])
+    result = fi.convergence.mode_convergence(
+        full, fi.Sine(0.2037e-3, 5.0), fi.Newmark(fi.recommended_step(full)), 6.0, [1, 2, 4]
+    )
     assert np.all(both(result, "peak force") > 0.0)
     assert any("peak force (kelvin-voigt)" in note for note in result.notes)
     assert np.all(np.diff(both(result, "first displacement", "error")[:, 0]) < 0.0)
@@ -84,7 +90,7 @@ def test_a_compliant_contact_has_its_peak_force_in_a_column_and_in_a_note():
 
 def test_a_stop_is_met_in_the_first_mode():
     full = cantilever(places=(), stops=("tip",))
-    result = fi.mode_convergence(full, fi.Sine(0.2037e-3, 5.0), fi.EventDriven(), 6.0, [1, 2, 4])
+    result = fi.convergence.mode_convergence(full, fi.Sine(0.2037e-3, 5.0), fi.EventDriven(), 6.0, [1, 2, 4])
     assert np.all(both(result, "first loss") > 0.0)
     error = both(result, "first displacement", "error")
     assert error[1, 0] < error[0, 0]

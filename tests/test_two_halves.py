@@ -12,7 +12,7 @@ import femimpact as fi
 pytestmark = pytest.mark.impacts
 
 INTERVAL, DT, END = 2e-3, 1e-4, 0.25
-LATE = Own(fi.PiecewisePolynomial([0.05, 0.06, 0.08], [[0.0, 2e3, 0.0], [20.0, -1e3, 0.0]]))
+LATE = Own(fi.excitation.PiecewisePolynomial([0.05, 0.06, 0.08], [[0.0, 2e3, 0.0], [20.0, -1e3, 0.0]]))
 """From 0.05 to 0.08 s, with a jump at its end."""
 RECORD = fi.RecordedBase([5.0, 8.0, -3.0, 12.0, -9.0], 0.02)
 SHORT = {
@@ -25,9 +25,9 @@ SHORT = {
     "compensated": fi.Shock("trapezoid", acceleration=40.0, duration=0.004, compensated=True),
     "record": RECORD,
     "late": LATE,
-    "late and early": fi.Sum((LATE, fi.Shock("half-sine", acceleration=5.0, duration=0.03))),
-    "late and sines": fi.Sum((LATE, fi.Sine(1e-3, 5.0), fi.Sine(2e-3, 7.0, 0.3))),
-    "sum of a sum": fi.Sum((fi.Sum((fi.Sine(3e-3, 7.0), RECORD)), LATE)),
+    "late and early": fi.excitation.Sum((LATE, fi.Shock("half-sine", acceleration=5.0, duration=0.03))),
+    "late and sines": fi.excitation.Sum((LATE, fi.Sine(1e-3, 5.0), fi.Sine(2e-3, 7.0, 0.3))),
+    "sum of a sum": fi.excitation.Sum((fi.excitation.Sum((fi.Sine(3e-3, 7.0), RECORD)), LATE)),
 }  # fmt: skip
 DRIVES = {
     **SHORT,
@@ -71,13 +71,13 @@ def test_parts_are_the_whole_wherever_they_are_cut(name, law, method):
 KINDS = {
     "sine": fi.Sine(0.4e-3, 4.0, 0.5), "slow sine": fi.Sine(0.08, 0.3),
     **{name: SHORT[name] for name in ("chirp", "stepped", "half-sine", "record", "late")},
-    "last": Own(fi.PiecewisePolynomial([0.14, 0.144, 0.148], [[0.0, 0.0, 3e6], [48.0, -12e3, 0.0]])),
+    "last": Own(fi.excitation.PiecewisePolynomial([0.14, 0.144, 0.148], [[0.0, 0.0, 3e6], [48.0, -12e3, 0.0]])),
 }  # fmt: skip
 WAYS = {
-    "base": lambda a, b: fi.Sum((a, b)),
-    "force": lambda a, b: fi.PointForce("mass", fi.Sum((a, b))),
+    "base": lambda a, b: fi.excitation.Sum((a, b)),
+    "force": lambda a, b: fi.PointForce("mass", fi.excitation.Sum((a, b))),
     "base and force": lambda a, b: a + fi.PointForce("mass", b),
-    "base and blow": lambda a, b: fi.Sum((a, b)) + fi.HammerBlow("mass", 0.2, 0.01, begin=0.13),
+    "base and blow": lambda a, b: fi.excitation.Sum((a, b)) + fi.HammerBlow("mass", 0.2, 0.01, begin=0.13),
 }  # fmt: skip
 
 

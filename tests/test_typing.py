@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from public import FOLDERS
 
 import femimpact as fi
 
@@ -30,15 +31,18 @@ def test_a_strict_checker_knows_the_names_of_a_script(tmp_path):
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-def test_names_for_the_checker_are_the_public_ones():
-    tree = ast.parse((ROOT / "femimpact" / "__init__.pyi").read_text(encoding="utf-8"))
+@pytest.mark.parametrize("folder", ["", *sorted({*FOLDERS} - {"vtk"})])
+def test_names_for_the_checker_are_the_public_ones(folder):
+    face = getattr(fi, folder) if folder else fi
+    tree = ast.parse((ROOT / "femimpact" / folder / "__init__.pyi").read_text(encoding="utf-8"))
     imports = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
     # `X as X` is what makes an imported name public to a checker
     given = {alias.asname: (node.module, alias.name) for node in imports for alias in node.names}
-    assert sorted([*given, "__version__"]) == sorted(fi.__all__)
+    assert sorted([*given, *([] if folder else ["__version__"])]) == sorted(face.__all__)
+    assert dir(face) == sorted(face.__all__)
     for name, (module, original) in given.items():
         assert name == original
-        assert getattr(fi, name) is getattr(sys.modules[module or "femimpact"], original)
+        assert getattr(face, name) is getattr(sys.modules[module or "femimpact"], original)
 
 
 def test_completion_offers_the_public_names_only():

@@ -23,7 +23,9 @@ FORCE = 0.7
 def one_shape(system, shape):
     """A deflection (dofs,) in the place of a mode."""
     number = np.array([1.0])
-    return fi.Modes(natural_frequency=number, damping_ratio=number, participation_factor=number, vectors=shape[:, None])
+    return fi.system.Modes(
+        natural_frequency=number, damping_ratio=number, participation_factor=number, vectors=shape[:, None]
+    )
 
 
 @pytest.fixture(scope="module")

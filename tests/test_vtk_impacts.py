@@ -129,7 +129,7 @@ def test_an_accumulation_has_a_frame_at_its_start_and_one_at_its_end(tmp_path):
 
 def test_other_methods_and_laws_are_met_to_their_own_error():
     """A step method's motion differs from the exact one by O(dt^2) between two snapshots."""
-    structure = with_ball(REFERENCE, contact=fi.Flores(restitution=0.6, stiffness=1e7))
+    structure = with_ball(REFERENCE, contact=fi.contact.Flores(restitution=0.6, stiffness=1e7))
     system = reduced(structure, modes=4)
     found = []
     for dt in (4e-5, 2e-5):

@@ -97,7 +97,7 @@ def test_a_failed_write_leaves_no_file(tmp_path, response, monkeypatch):
 
 
 def test_grids_for_notebooks_are_those_of_the_files(tmp_path, response):
-    blocks = fi.to_pyvista(response, REFERENCE, exaggeration=2.0)
+    blocks = fi.vtk.to_pyvista(response, REFERENCE, exaggeration=2.0)
     path = write_deflection(tmp_path / "a.pvd", response, REFERENCE, exaggeration=2.0)
     frames = list(zip(*read_series(path), strict=True))
     assert len(blocks) == len(frames)
@@ -109,7 +109,7 @@ def test_grids_for_notebooks_are_those_of_the_files(tmp_path, response):
 
 def test_modes_as_grids_can_be_warped(system, reference):
     modes = fi.solve_modes(system, 2)
-    blocks = fi.to_pyvista(modes, reference, system, scale=0.01)
+    blocks = fi.vtk.to_pyvista(modes, reference, system, scale=0.01)
     assert blocks.keys() == [f"mode {i + 1}, {modes.natural_frequency[i]:.6g} Hz" for i in range(2)]
     warped = blocks[1].warp_by_vector("displacement")
     np.testing.assert_array_equal(warped.points, blocks[1].points + blocks[1]["displacement"])

@@ -117,7 +117,7 @@ def test_a_study_with_several_starts_is_not_told_to_take_them(starts):
     curve = SimpleNamespace(
         warnings=(f"not steady at 1 of 9 frequencies (5 Hz): the motion never repeats; {TAKE_STARTS}",)
     )
-    none = fi.DampingEstimate(np.nan, np.nan, (np.nan, np.nan), "none")
+    none = fi.signals.DampingEstimate(np.nan, np.nan, (np.nan, np.nan), "none")
     prepared = SimpleNamespace(study=SimpleNamespace(sweep=SimpleNamespace(starts=starts)))
     (text,) = _curve_warnings(curve, none, none, prepared)
     assert (TAKE_STARTS in text) == (starts == 1)

@@ -111,6 +111,6 @@ NOTHING_SOUND = {
     "deep": deep(100),
     "the same twice, 60 levels deep": deep(60, times=2),
     "the same twice, 28 levels deep": deep(28, times=2),
-    "another noun": fi.Material(70e9, 0.3),
+    "another noun": fi.contact.Material(70e9, 0.3),
 }
 """What next to no argument may be."""

@@ -27,7 +27,7 @@ from matplotlib import pyplot as plt
 
 import femimpact as fi
 from femimpact.app.demo import RESTITUTION, misfit
-from femimpact.contact import resolve
+from femimpact.contact.law import resolve
 
 AMPLITUDE = 0.2037e-3
 PUBLISHED = {"peak_frequency": 4.95, "amplitude_ratio": 5.0}
@@ -160,7 +160,7 @@ class Compared:
 
     method: str
     contact_time: float
-    curve: fi.FrequencyResponse
+    curve: fi.sweep.FrequencyResponse
 
 
 def compare(

@@ -40,11 +40,11 @@ from femimpact.app.tasks.run import (
 )
 from femimpact.app.tasks.starts import OF_CURVES, StartCurves, spreads_of, write_curves
 from femimpact.errors import Fault, InputError
-from femimpact.excitation import Sine
+from femimpact.excitation.harmonic import Sine
 from femimpact.figures.drawing import panels
 from femimpact.files import write_csv
 from femimpact.integrators.event_driven import EventDriven
-from femimpact.sweep import frequency_sweep
+from femimpact.sweep.sweep import frequency_sweep
 from femimpact.system.state import State
 
 if TYPE_CHECKING:

@@ -1,21 +1,5 @@
 """Convergence of results with the mesh, the step and the number of kept modes."""
 
-from femimpact.convergence.cases import OverMeshes, OverModes, OverSteps
-from femimpact.convergence.mesh_and_step import converge_elements, converge_step
-from femimpact.convergence.over_modes import ContactStatistics, mode_convergence
-from femimpact.convergence.quantities import (
-    BendingMoment,
-    Frequencies,
-    ModeShapes,
-    SteadyResponse,
-    SupportReaction,
-    SurfaceStress,
-)
-from femimpact.convergence.study import convergence_study
-from femimpact.convergence.table import ConvergenceStudy, ConvergenceTable
+from femimpact.lazy import face
 
-__all__ = [
-    "BendingMoment", "ContactStatistics", "ConvergenceStudy", "ConvergenceTable", "Frequencies", "ModeShapes",
-    "OverMeshes", "OverModes", "OverSteps", "SteadyResponse", "SupportReaction", "SurfaceStress", "converge_elements",
-    "converge_step", "convergence_study", "mode_convergence",
-]  # fmt: skip
+__getattr__, __dir__, __all__ = face(__name__, __file__)

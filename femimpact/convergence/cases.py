@@ -26,7 +26,7 @@ from femimpact.errors import (
     require_type,
     rising_numbers,
 )  # fmt: skip
-from femimpact.excitation import Sine
+from femimpact.excitation.harmonic import Sine
 from femimpact.fem.assembly import assemble
 from femimpact.fem.mesh import MOST_ELEMENTS, Mesh, graded_mesh, random_mesh, uniform_mesh
 from femimpact.fem.mesh_files import read_mesh
@@ -200,7 +200,8 @@ class OverMeshes:
     Examples
     --------
     >>> import femimpact as fi
-    >>> study = fi.convergence_study(bare, fi.OverMeshes.uniform(bare, [4, 8, 16]), fi.Frequencies(1))
+    >>> over = fi.convergence.OverMeshes.uniform(bare, [4, 8, 16])
+    >>> study = fi.convergence_study(bare, over, fi.convergence.Frequencies(1))
     """
 
     meshes: tuple[Mesh | InputError, ...] = field(metadata=items(Mesh, InputError))

@@ -25,7 +25,7 @@ from femimpact.convergence.table import (
     table_of,
 )
 from femimpact.errors import checked, quantity, require_type
-from femimpact.excitation import Sine
+from femimpact.excitation.harmonic import Sine
 from femimpact.integrators.runs import integrate
 from femimpact.integrators.stepping.newmark import Newmark
 from femimpact.response.response import Recorder

@@ -34,13 +34,13 @@ from femimpact.errors import (
     require_type,
     rising_numbers,
 )  # fmt: skip
-from femimpact.excitation import Sine
+from femimpact.excitation.harmonic import Sine
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.methods import Method, read_at_least, require_method, stride_of
 from femimpact.integrators.runs import integrate
 from femimpact.response.response import Recorder, Response
 from femimpact.structure.structure import Position
-from femimpact.sweep import frequency_sweep
+from femimpact.sweep.sweep import frequency_sweep
 from femimpact.system.reduction import reduce
 from femimpact.system.state import State
 from femimpact.system.system import System
@@ -242,7 +242,7 @@ def mode_convergence(
     --------
     >>> import femimpact as fi
     >>> full, base = fi.assemble(structure, elements=10), fi.Sine(amplitude=0.2e-3, frequency=5.0)
-    >>> found = fi.mode_convergence(full, base, fi.Newmark(dt=1e-4), duration=5.0, counts=[2, 4, 8])
+    >>> found = fi.convergence.mode_convergence(full, base, fi.Newmark(dt=1e-4), duration=5.0, counts=[2, 4, 8])
     >>> found.value[:, found.index("first displacement corrected")].shape
     (3,)
     """

@@ -240,8 +240,8 @@ class SurfaceStress:
     Examples
     --------
     >>> import femimpact as fi
-    >>> watch, base = [fi.Frequencies(1), fi.SurfaceStress("root")], fi.Sine(1e-4, 4.0)
-    >>> study = fi.convergence_study(bare, fi.OverMeshes.uniform(bare, [4, 8, 16]), watch, base)
+    >>> watch, base = [fi.convergence.Frequencies(1), fi.convergence.SurfaceStress("root")], fi.Sine(1e-4, 4.0)
+    >>> study = fi.convergence_study(bare, fi.convergence.OverMeshes.uniform(bare, [4, 8, 16]), watch, base)
     """
 
     at: Position = field(default="root", metadata=place())

@@ -31,7 +31,7 @@ from femimpact.convergence.table import (
     usable_rows,
 )
 from femimpact.errors import FemimpactError, checked, optional, quantity, require, require_type
-from femimpact.excitation import Sine
+from femimpact.excitation.harmonic import Sine
 from femimpact.progress import Progress, check_progress, draws_progress
 from femimpact.structure.structure import Structure
 
@@ -182,8 +182,8 @@ ContactStatistics, a user's class, or a sequence of them
     Examples
     --------
     >>> import femimpact as fi
-    >>> meshes = fi.OverMeshes.uniform(bare, [4, 8, 16])
-    >>> study = fi.convergence_study(bare, meshes, fi.Frequencies(1))
+    >>> meshes = fi.convergence.OverMeshes.uniform(bare, [4, 8, 16])
+    >>> study = fi.convergence_study(bare, meshes, fi.convergence.Frequencies(1))
     >>> table = study.tables["mesh"]
     >>> round(float(table.order.ravel()[-1]), 1)
     4.0

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from femimpact.excitation import Chirp
+from femimpact.excitation.chirp import Chirp
 from femimpact.excitation.excitation import is_force, words_of
 from femimpact.units import typeset_number, unit_text
 

@@ -182,7 +182,7 @@ def discretise(structure: Structure, elements: int | None = None, mesh: Mesh | N
     Examples
     --------
     >>> import femimpact as fi
-    >>> int(fi.discretise(structure, elements=4).basis.N)
+    >>> int(fi.fem.discretise(structure, elements=4).basis.N)
     10
     """
     require_type(structure, Structure, "structure")

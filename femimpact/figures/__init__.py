@@ -6,23 +6,6 @@ place gives a figure that is not shown, for a file. matplotlib is loaded by the 
 in the same style there are `STYLE`, which `matplotlib.rc_context` takes, and `COLOURS`.
 """
 
-from __future__ import annotations
+from femimpact.lazy import face
 
-from typing import Any
-
-from femimpact.lazy import loaded, modules_of
-
-_MODULE_OF = modules_of(__file__)
-
-__all__ = sorted(_MODULE_OF)
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _MODULE_OF:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = globals()[name] = loaded(__name__, _MODULE_OF[name], name)
-    return value
-
-
-def __dir__() -> list[str]:
-    return sorted(__all__)
+__getattr__, __dir__, __all__ = face(__name__, __file__)

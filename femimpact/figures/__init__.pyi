@@ -15,6 +15,7 @@ from femimpact.figures.drawing import save_figure as save_figure
 from femimpact.figures.histories import contact_force as contact_force
 from femimpact.figures.histories import cycle_averaged_force as cycle_averaged_force
 from femimpact.figures.histories import energies as energies
+from femimpact.figures.movie import write_movie as write_movie
 from femimpact.figures.orders import convergence as convergence
 from femimpact.figures.orders import convergence_panels as convergence_panels
 from femimpact.figures.portraits import bifurcation as bifurcation

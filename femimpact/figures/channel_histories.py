@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from femimpact.arrays import Array, thinned_line
 from femimpact.errors import instance, optional, quantity, takes
-from femimpact.excitation import PiecewisePolynomial, RandomBase
 from femimpact.excitation.excitation import has_cycle, is_force, require_excitation
+from femimpact.excitation.piecewise_polynomial import PiecewisePolynomial
+from femimpact.excitation.random_base import RandomBase
 from femimpact.figures.drawing import (
     BLUE,
     COLOURS,

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.arrays import Array
-from femimpact.contact import ContactLaw, a_law, collide, contact_force, resolve
 from femimpact.contact.collision import EFFECTIVE_MASS
+from femimpact.contact.law import ContactLaw, a_law, collide, contact_force, resolve
 from femimpact.errors import instance, quantity, require, takes, text
 from femimpact.excitation.excitation import words_of
 from femimpact.figures.drawing import (

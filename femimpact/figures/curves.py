@@ -24,7 +24,7 @@ from femimpact.figures.drawing import (
     rows_of,
 )
 from femimpact.signals.decay import DecayEstimate
-from femimpact.sweep import ONE_START, FrequencyResponse, on_grid
+from femimpact.sweep.curve import ONE_START, FrequencyResponse, on_grid
 from femimpact.units import number_text, prefixed
 
 if TYPE_CHECKING:

@@ -72,7 +72,7 @@ def write_movie(
     >>> import femimpact as fi
     >>> record = fi.Recorder(channels=("tip",), snapshots=4)
     >>> run = fi.integrate(system, fi.Sine(1e-4, 5.0), fi.Newmark(1e-4), 0.1, record)
-    >>> fi.write_movie("run.gif", run, structure)  # doctest: +SKIP
+    >>> fi.figures.write_movie("run.gif", run, structure)  # doctest: +SKIP
     """
     file = target_path(path)
     film = _film(response, structure, exaggeration, fps, most)

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.convergence import ConvergenceTable
-from femimpact.convergence.table import is_finer
+from femimpact.convergence.table import ConvergenceTable, is_finer
 from femimpact.errors import column, instance, optional, takes
 from femimpact.figures.drawing import COLOURS, GREY, OffScreen, label_axes, panel, panels, plain_log_ticks
 

@@ -24,7 +24,7 @@ from femimpact.figures.study_labels import (
     unsure_cells,
     value_words,
 )
-from femimpact.sweep import ONE_START
+from femimpact.sweep.curve import ONE_START
 from femimpact.units import number_text, prefixed
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from femimpact.arrays import Array, own
 from femimpact.errors import in_range, made, quantity, require
-from femimpact.excitation import Excitation
+from femimpact.excitation.excitation import Excitation
 from femimpact.integrators.channel_rows import ChannelRows, Drive, channel_rows, mode_notes, named_work
 from femimpact.response.channels import Channel
 from femimpact.response.cycles import CycleStatistics, LargestValues, SteadyMotion, no_steady_motion, steady_motion

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.arrays import Array
-from femimpact.contact import ContactLaw
+from femimpact.contact.law import ContactLaw
 from femimpact.errors import check_fields, in_range, quantity, require
 from femimpact.progress import Progress
 from femimpact.response.cycles import SteadyMotion

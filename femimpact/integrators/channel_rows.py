@@ -13,10 +13,9 @@ from numpy.typing import ArrayLike
 
 from femimpact.arrays import Array, own
 from femimpact.errors import real_array, require
-from femimpact.excitation import BrokenLine, Drives, Excitation, Harmonic, PiecewisePolynomial, require_excitation
-from femimpact.excitation.drives import CONSTANT_FORCES
-from femimpact.excitation.excitation import AT_SAMPLE
-from femimpact.excitation.piecewise_polynomial import pieces_of
+from femimpact.excitation.drives import CONSTANT_FORCES, Drives
+from femimpact.excitation.excitation import AT_SAMPLE, BrokenLine, Excitation, Harmonic, require_excitation
+from femimpact.excitation.piecewise_polynomial import PiecewisePolynomial, pieces_of
 from femimpact.excitation.sums import one_sine
 from femimpact.response.channels import Channel, ContactReading, Reading, ShakerForce, zero_reading
 from femimpact.structure.structure import Position

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.errors import kind_of, require
-from femimpact.excitation import Excitation
+from femimpact.excitation.excitation import Excitation
 from femimpact.integrators.assembly import MethodRun
 from femimpact.integrators.cases import AchievedRestitution, SineCases, SineDwellResults
 from femimpact.integrators.event_driven import EventDriven

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from femimpact.arrays import Array, own
 from femimpact.errors import DivergenceError, changed, require
-from femimpact.excitation import Excitation, Sine
+from femimpact.excitation.excitation import Excitation
+from femimpact.excitation.harmonic import Sine
 from femimpact.integrators.assembly import MethodRun, Readings, cycles_of_table, impacts_of
 from femimpact.integrators.cases import SineCases, SineDwellResults, first_steps, in_blocks, start_of, with_contacts_of
 from femimpact.integrators.channel_rows import drive_of

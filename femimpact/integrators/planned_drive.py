@@ -12,10 +12,12 @@ from numpy.typing import NDArray
 
 from femimpact.arrays import Array
 from femimpact.errors import InputError
-from femimpact.excitation import Chirp, Drives, Excitation, RandomBase, Sine, SteppedSine
-from femimpact.excitation.drives import named_parts
-from femimpact.excitation.excitation import BrokenLine, Harmonic, is_force
+from femimpact.excitation.chirp import Chirp
+from femimpact.excitation.drives import Drives, named_parts
+from femimpact.excitation.excitation import BrokenLine, Excitation, Harmonic, is_force
+from femimpact.excitation.harmonic import Sine, SteppedSine
 from femimpact.excitation.piecewise_polynomial import PiecewisePolynomial, pieces_of
+from femimpact.excitation.random_base import RandomBase
 from femimpact.excitation.remarks import FAR, drives_above_modes, is_pulse, late_drives, motion_warnings
 from femimpact.excitation.sums import force_form_of
 from femimpact.integrators.record_reading import DIFFERENCE, record_coarseness, record_warnings

@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 
 from femimpact.arrays import Array
 from femimpact.errors import InputError
-from femimpact.excitation import BrokenLine, Excitation
 from femimpact.excitation.drives import parts_in
-from femimpact.excitation.excitation import holds_drives
+from femimpact.excitation.excitation import BrokenLine, Excitation, holds_drives
 from femimpact.integrators.channel_rows import Drive, drive_of
 from femimpact.system.modes import solve_modes
 from femimpact.system.system import System

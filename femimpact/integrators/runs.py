@@ -12,9 +12,8 @@ import numpy as np
 
 from femimpact.arrays import Array
 from femimpact.errors import changed, checked, in_range, made, quantity, require, require_type
-from femimpact.excitation import Excitation, require_excitation
 from femimpact.excitation.drives import alone, until
-from femimpact.excitation.excitation import has_cycle
+from femimpact.excitation.excitation import Excitation, has_cycle, require_excitation
 from femimpact.excitation.remarks import motion_notes
 from femimpact.integrators.assembly import MethodRun
 from femimpact.integrators.cases import AchievedRestitution, run_each, workers_of

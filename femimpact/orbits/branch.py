@@ -338,12 +338,12 @@ def continue_orbit(orbit: PeriodicOrbit, parameter: str, to: tuple[float, float]
     >>> import femimpact as fi
     >>> ball = fi.Impactor("ball", "tip", mass=0.1, gap=10.0, contact=fi.Rigid(0.8))
     >>> box = fi.System.from_matrices([[1.0]], [[0.02]], [[1.0]], points={"tip": [1.0]}, impactors=[ball])
-    >>> orbit, *_ = fi.two_impact_orbits(box, fi.PointForce("tip", fi.Sine(1.0, frequency=0.16)))
+    >>> orbit, *_ = fi.orbits.two_impact_orbits(box, fi.PointForce("tip", fi.Sine(1.0, frequency=0.16)))
     >>> branch = fi.continue_orbit(orbit, "impactor.ball.gap", to=(6.0, 12.0))
     >>> breaking = branch.bifurcations[0]
     >>> print(f"{breaking.kind} at {breaking.value:.4f} m")
     symmetry-breaking at 7.7302 m
-    >>> one, other = fi.switch_branch(breaking)
+    >>> one, other = fi.orbits.switch_branch(breaking)
     >>> one.is_symmetric
     False
     """

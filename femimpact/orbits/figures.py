@@ -26,8 +26,8 @@ from femimpact.figures.drawing import (
     panels,
 )
 from femimpact.figures.portraits import ContactRow, phase_portrait
-from femimpact.orbits import Branch, PeriodicOrbit
-from femimpact.orbits.orbit import period_of
+from femimpact.orbits.branch import Branch
+from femimpact.orbits.orbit import PeriodicOrbit, period_of
 from femimpact.units import prefixed
 
 if TYPE_CHECKING:

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from femimpact.arrays import Array
 from femimpact.errors import Fault, InputError
-from femimpact.excitation import Excitation
+from femimpact.excitation.excitation import Excitation
 from femimpact.integrators.channel_rows import drive_of
 from femimpact.integrators.event_driven.block import RESONANCE
 from femimpact.integrators.event_driven.complex_modes import SLOW

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from femimpact.arrays import Array, Complex
 from femimpact.errors import changed, check_fields, column, having, instance, optional, quantity
-from femimpact.excitation import Excitation
-from femimpact.excitation.excitation import MEMBERS
+from femimpact.excitation.excitation import MEMBERS, Excitation
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.runs import integrate
 from femimpact.orbits.equations import IMPACT, TOUCH, Intervals, multipliers_of

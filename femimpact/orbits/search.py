@@ -24,8 +24,11 @@ from femimpact.errors import (
     require,
     takes,
 )
-from femimpact.excitation import Excitation, PointForce, Sine, Sum
 from femimpact.excitation.drives import alone
+from femimpact.excitation.excitation import Excitation
+from femimpact.excitation.forces import PointForce
+from femimpact.excitation.harmonic import Sine
+from femimpact.excitation.sums import Sum
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.event_driven.loop_data import CONTACT, FREE, SEPARATING, check_events
 from femimpact.integrators.runs import integrate

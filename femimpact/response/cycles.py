@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from femimpact.arrays import Array
 from femimpact.errors import check_fields, checked, column, made, quantity, real_array, require, require_type, text
-from femimpact.excitation import Excitation
+from femimpact.excitation.excitation import Excitation
 from femimpact.response.channels import Channel
 from femimpact.table import Head, column_units, head_of_columns, short_repr
 from femimpact.units import number_text

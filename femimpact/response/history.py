@@ -27,8 +27,7 @@ from femimpact.errors import (
     require_name,
     require_type,
 )
-from femimpact.excitation import Excitation
-from femimpact.excitation.excitation import MEMBERS, has_cycle
+from femimpact.excitation.excitation import MEMBERS, Excitation, has_cycle
 from femimpact.response.channels import channel_key
 from femimpact.response.energy import EnergyLedger
 from femimpact.structure.structure import Position

@@ -28,8 +28,7 @@ from femimpact.errors import (
     text,
     truth,
 )
-from femimpact.excitation import Excitation
-from femimpact.excitation.excitation import MEMBERS, has_cycle
+from femimpact.excitation.excitation import MEMBERS, Excitation, has_cycle
 from femimpact.response.channels import Channel, Motion, channel_key, channel_of, resolve_channels
 from femimpact.response.cycles import Largest, LargestValues, SteadyMotion
 from femimpact.response.energy import EnergyLedger

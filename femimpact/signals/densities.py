@@ -21,8 +21,8 @@ from femimpact.errors import (
     require_name,
     takes,
 )
-from femimpact.excitation import RandomBase
 from femimpact.excitation.excitation import has_cycle, is_force
+from femimpact.excitation.random_base import RandomBase
 from femimpact.response.channels import Motion, ShakerForce, SupportReaction, channel_key, channel_of
 from femimpact.response.response import Response
 from femimpact.structure.structure import Position

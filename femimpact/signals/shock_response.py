@@ -11,11 +11,12 @@ from numpy.typing import ArrayLike
 
 from femimpact.arrays import Array
 from femimpact.errors import column, kind_of, optional, quantity, require, takes
-from femimpact.excitation import BrokenLine, PiecewisePolynomial, RecordedBase, Shock, require_excitation
 from femimpact.excitation.drives import until
-from femimpact.excitation.excitation import is_force, words_of
+from femimpact.excitation.excitation import BrokenLine, is_force, require_excitation, words_of
 from femimpact.excitation.harmonic import PiecewiseMotion
-from femimpact.excitation.piecewise_polynomial import half_sine, pieces_of
+from femimpact.excitation.piecewise_polynomial import PiecewisePolynomial, half_sine, pieces_of
+from femimpact.excitation.records import RecordedBase
+from femimpact.excitation.shock import Shock
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.event_driven.run import find_extremes
 from femimpact.response.channels import Motion

@@ -1,6 +1,5 @@
 """The thing on the shaker: beam, bodies, stops, supports, damping."""
 
-from femimpact.structure.beam import Beam, Segment
-from femimpact.structure.structure import Impactor, PointMass, Stop, Structure, Support, glue_impactors
+from femimpact.lazy import face
 
-__all__ = ["Beam", "Impactor", "PointMass", "Segment", "Stop", "Structure", "Support", "glue_impactors"]
+__getattr__, __dir__, __all__ = face(__name__, __file__)

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from femimpact.contact import ContactLaw, require_law
+from femimpact.contact.law import ContactLaw, require_law
 from femimpact.contact.laws import NoWalls
 from femimpact.errors import (
     LARGEST,
@@ -486,7 +486,7 @@ def glue_impactors(structure: Structure) -> Structure:
     Examples
     --------
     >>> import femimpact as fi
-    >>> glued = fi.glue_impactors(structure)
+    >>> glued = fi.structure.glue_impactors(structure)
     >>> glued.impactors, glued.masses[-1].mass == structure.impactors[0].mass
     ((), True)
     """

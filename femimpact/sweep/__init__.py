@@ -1,6 +1,5 @@
 """Stepped-sine sweeps."""
 
-from femimpact.sweep.curve import ONE_START, SWEEP_UNITS, FrequencyResponse, on_grid
-from femimpact.sweep.sweep import frequency_sweep
+from femimpact.lazy import face
 
-__all__ = ["ONE_START", "SWEEP_UNITS", "FrequencyResponse", "frequency_sweep", "on_grid"]
+__getattr__, __dir__, __all__ = face(__name__, __file__)

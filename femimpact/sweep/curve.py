@@ -24,7 +24,7 @@ from femimpact.errors import (
     require,
     text,
 )
-from femimpact.excitation import Sine
+from femimpact.excitation.harmonic import Sine
 from femimpact.excitation.levels import Level, level_at
 from femimpact.excitation.remarks import frequency_warnings, motion_warnings
 from femimpact.integrators.cases import SineCases, SineDwellResults

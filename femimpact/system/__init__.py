@@ -1,7 +1,5 @@
 """The equations of motion: matrices, contacts, states, modes, reduction."""
 
-from femimpact.system.contact_pair import ContactPair
-from femimpact.system.state import State
-from femimpact.system.system import System, without_impactors
+from femimpact.lazy import face
 
-__all__ = ["ContactPair", "State", "System", "without_impactors"]
+__getattr__, __dir__, __all__ = face(__name__, __file__)

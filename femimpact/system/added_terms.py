@@ -70,7 +70,7 @@ def add_terms(
     >>> full = fi.assemble(structure, elements=4)
     >>> mass = np.zeros((10, 10))
     >>> mass[8, 8] = 1e-3
-    >>> heavier = fi.add_terms(full, mass=mass)
+    >>> heavier = fi.system.add_terms(full, mass=mass)
     """
     require_type(system, System, "system")
     must = "must be a system as assemble gives it: add terms before reduce, and to the matrices of System.from_matrices"

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from femimpact.arrays import Array
-from femimpact.contact import ContactLaw, require_law, resolve
+from femimpact.contact.law import ContactLaw, require_law, resolve
 from femimpact.contact.laws import ContactParameters
 from femimpact.errors import check_fields, choice, column, name_text, quantity, require, require_type
 from femimpact.structure.structure import Absorber, Impactor, Stop, require_free_damping, require_preload, sound_gaps

@@ -24,8 +24,7 @@ from femimpact.errors import (
     takes,
     truth,
 )
-from femimpact.excitation import Excitation
-from femimpact.excitation.excitation import MEMBERS
+from femimpact.excitation.excitation import MEMBERS, Excitation
 from femimpact.structure.structure import Position
 from femimpact.system.matrices import rigid_motions
 from femimpact.system.modes import mode_count, solve_modes, solve_stiffness

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.contact.laws import Rigid
-from femimpact.excitation import Sine
+from femimpact.excitation.harmonic import Sine
 from femimpact.fem.assembly import assemble
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.runs import integrate

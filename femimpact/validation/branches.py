@@ -11,10 +11,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from femimpact.contact.laws import KelvinVoigt, Rigid
-from femimpact.excitation import PointForce, Sine
+from femimpact.excitation.forces import PointForce
+from femimpact.excitation.harmonic import Sine
 from femimpact.fem.assembly import assemble
-from femimpact.orbits import Branch, PeriodicOrbit, continue_orbit, find_orbit, switch_branch, two_impact_orbits
-from femimpact.orbits.orbit import state_vector
+from femimpact.orbits.branch import Branch, continue_orbit
+from femimpact.orbits.orbit import PeriodicOrbit, state_vector
+from femimpact.orbits.search import find_orbit, two_impact_orbits
+from femimpact.orbits.switching import switch_branch
 from femimpact.structure.beam import Beam
 from femimpact.structure.damping import Rayleigh
 from femimpact.structure.structure import Impactor, PointMass, Stop, Structure

@@ -9,8 +9,11 @@ from functools import partial
 
 import numpy as np
 
-from femimpact.contact import STEEL, Collision, ContactLaw, CustomLaw, collide, contact_force, hertz_stiffness
+from femimpact.contact.collision import Collision
+from femimpact.contact.custom_law import CustomLaw
+from femimpact.contact.law import ContactLaw, collide, contact_force
 from femimpact.contact.laws import (
+    STEEL,
     Flores,
     GonthierCarvalhoMartins,
     Hertz,
@@ -19,8 +22,9 @@ from femimpact.contact.laws import (
     LankaraniNikravesh,
     PowerLaw,
     Rigid,
+    hertz_stiffness,
 )
-from femimpact.excitation import Sine
+from femimpact.excitation.harmonic import Sine
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.runs import integrate
 from femimpact.integrators.stepping.newmark import Newmark

@@ -11,9 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.contact import ContactLaw
+from femimpact.contact.law import ContactLaw
 from femimpact.contact.laws import KelvinVoigt, Rigid
-from femimpact.excitation import HammerBlow, PointForce, RecordedBase, Sine
+from femimpact.excitation.forces import HammerBlow, PointForce
+from femimpact.excitation.harmonic import Sine
+from femimpact.excitation.records import RecordedBase
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.methods import Method
 from femimpact.integrators.runs import integrate
@@ -24,7 +26,8 @@ from femimpact.signals.bandwidth import DampingEstimate, amplitude_ratio_damping
 from femimpact.signals.laser import Laser
 from femimpact.signals.one_pole import fit_one_pole
 from femimpact.structure.structure import Impactor
-from femimpact.sweep import FrequencyResponse, frequency_sweep
+from femimpact.sweep.curve import FrequencyResponse
+from femimpact.sweep.sweep import frequency_sweep
 from femimpact.system.state import State
 from femimpact.system.system import System
 from femimpact.validation.case import Case

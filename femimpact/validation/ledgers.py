@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.contact import ContactLaw, collide, contact_potential
+from femimpact.contact.law import ContactLaw, collide, contact_potential
 from femimpact.contact.laws import Hertz, KelvinVoigt, PowerLaw, Rigid, SwitchingSpring
-from femimpact.excitation import Sine
+from femimpact.excitation.harmonic import Sine
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.methods import Method
 from femimpact.integrators.runs import integrate

@@ -11,10 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.contact.laws import Rigid
-from femimpact.excitation import Drives, PointForce, Sine
+from femimpact.excitation.drives import Drives
+from femimpact.excitation.forces import PointForce
+from femimpact.excitation.harmonic import Sine
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.runs import integrate
-from femimpact.orbits import PeriodicOrbit, two_impact_orbits
+from femimpact.orbits.orbit import PeriodicOrbit
+from femimpact.orbits.search import two_impact_orbits
 from femimpact.structure.structure import Impactor, Stop
 from femimpact.system.state import State
 from femimpact.system.system import System

@@ -14,7 +14,7 @@ from femimpact.app.parametric.measured_peaks import calibration_of
 from femimpact.app.parametric.runs import unit_draws
 from femimpact.app.parametric.verb import parameter_study
 from femimpact.app.report.result_conclusions import study_conclusions
-from femimpact.excitation import Sine
+from femimpact.excitation.harmonic import Sine
 from femimpact.response.response import Response
 from femimpact.signals.decay import identify_decay
 from femimpact.validation.case import Case

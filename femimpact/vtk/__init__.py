@@ -21,7 +21,7 @@ from femimpact.vtk.formats import Series, checked_path, write_pvd, write_vtkhdf
 from femimpact.vtk.modes import mode_motion_series, mode_series
 from femimpact.vtk.script import DEFLECTION, MODE, MODES, SeriesSummary, View, write_script
 
-__all__ = ["write_deflection", "write_mode", "write_modes"]
+__all__ = ["to_pyvista", "write_deflection", "write_mode", "write_modes"]
 
 SYSTEM, MODES_OF, STRUCTURE = instance(System), instance(Modes), instance(Structure)
 
@@ -219,7 +219,7 @@ def to_pyvista(
     --------
     >>> import femimpact as fi
     >>> full = fi.assemble(structure, elements=10)
-    >>> blocks = fi.to_pyvista(fi.solve_modes(full, count=2), structure, full)
+    >>> blocks = fi.vtk.to_pyvista(fi.solve_modes(full, count=2), structure, full)
     >>> blocks[1].active_scalars_name
     'relative_stress'
     """

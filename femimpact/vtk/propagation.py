@@ -18,7 +18,7 @@ import numpy as np
 import scipy.linalg
 
 from femimpact.arrays import Array
-from femimpact.contact import contact_force
+from femimpact.contact.law import contact_force
 from femimpact.contact.laws import KELVIN_VOIGT
 from femimpact.integrators.channel_rows import Drive, drive_of
 from femimpact.response.response import Response

@@ -27,7 +27,7 @@ from femimpact.app.study.parameter_plan import MOST_STARTS, AxisValues, Distribu
 from femimpact.app.study.study import Study
 from femimpact.arrays import Integers
 from femimpact.errors import Fault, InputError, check_fields, checked, kind_of, optional, quantity, require
-from femimpact.excitation import Sine
+from femimpact.excitation.harmonic import Sine
 from femimpact.integrators.methods import Method, require_method
 from femimpact.structure.structure import Position
 from femimpact.system.system import System

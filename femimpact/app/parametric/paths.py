@@ -28,7 +28,7 @@ from femimpact.app.study.study import (
     read_mesh_of,
 )
 from femimpact.errors import Fault, InputError, checked, in_range, quantity, require, suggestion
-from femimpact.excitation import Sine
+from femimpact.excitation.harmonic import Sine
 from femimpact.fem.assembly import assemble, assembled_with_modes
 from femimpact.fem.mesh import Mesh
 from femimpact.integrators.event_driven import EventDriven

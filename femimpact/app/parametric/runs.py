@@ -18,10 +18,11 @@ from femimpact.app.parametric.definition import ParameterStudy
 from femimpact.app.parametric.paths import Place, Stage, study_with
 from femimpact.app.study.study import Study
 from femimpact.arrays import Array, Integers
-from femimpact.contact import ContactLaw
+from femimpact.contact.law import ContactLaw
 from femimpact.errors import FemimpactError
-from femimpact.excitation import Excitation, Sine
 from femimpact.excitation.drives import until
+from femimpact.excitation.excitation import Excitation
+from femimpact.excitation.harmonic import Sine
 from femimpact.integrators.cases import SineCases, start_of, with_balls, with_contacts_of
 from femimpact.integrators.methods import Method, step_of
 from femimpact.integrators.runs import response_by

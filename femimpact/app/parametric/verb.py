@@ -32,7 +32,7 @@ from femimpact.app.study.parameter_plan import SamplePlan
 from femimpact.app.study.study import Study
 from femimpact.arrays import Integers
 from femimpact.errors import Fault, InputError, InputWarning, check_fields, kind_of, quantity, require, require_path
-from femimpact.excitation import Sine
+from femimpact.excitation.harmonic import Sine
 from femimpact.files import write_netcdf
 from femimpact.integrators.cases import workers_of
 from femimpact.integrators.methods import Method

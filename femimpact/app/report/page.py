@@ -13,7 +13,7 @@ import numpy as np
 
 from femimpact.app.report.markup import Child, Element, element, markup
 from femimpact.files import atomic_write
-from femimpact.sweep import ONE_START
+from femimpact.sweep.curve import ONE_START
 from femimpact.units import MINUS, NO_NUMBER, typeset_number
 
 MOST_ROWS = 200

@@ -12,7 +12,7 @@ from femimpact.app.report.page import Table, table_of
 from femimpact.app.results.branch_file import FollowedBranches
 from femimpact.app.study.findings import Findings, history_words
 from femimpact.figures.study_labels import in_shown_units
-from femimpact.sweep import ONE_START, FrequencyResponse
+from femimpact.sweep.curve import ONE_START, FrequencyResponse
 from femimpact.units import parameter_text, prefixed, unit_text
 
 # ---- response curves -------------------------------------------------------------------------------

@@ -77,9 +77,9 @@ from femimpact.app.study.findings import Findings
 from femimpact.app.study.prepared import in_study_words
 from femimpact.app.study.study import Study, build
 from femimpact.errors import InputError, require, require_path
-from femimpact.excitation import SteppedSine
 from femimpact.excitation.drive_words import drive_words
 from femimpact.excitation.excitation import has_cycle, words_of
+from femimpact.excitation.harmonic import SteppedSine
 from femimpact.figures.study_labels import in_shown_units
 from femimpact.orbits.figures import kind_words
 from femimpact.scene.placed import DrawnSystem, drawn_system, placed_structure

@@ -47,7 +47,7 @@ from femimpact.app.report.structure_drawing import structure_element
 from femimpact.app.report.views import measures_of, sections_of, spectra_of
 from femimpact.app.results.picture_data import Run, SweptCurves
 from femimpact.app.study.summary import kind_of_peak, peak_of_history
-from femimpact.convergence import ConvergenceStudy, ConvergenceTable
+from femimpact.convergence.table import ConvergenceStudy, ConvergenceTable
 from femimpact.errors import Fault, InputError, instance, optional, require, require_type, suggestion, takes, text
 from femimpact.excitation.drive_words import drive_words
 from femimpact.excitation.excitation import has_cycle
@@ -58,7 +58,7 @@ from femimpact.response.response import Response
 from femimpact.scene.placed import drawn_system, placed_structure
 from femimpact.signals.decay import DecayEstimate
 from femimpact.structure.structure import Structure
-from femimpact.sweep import FrequencyResponse
+from femimpact.sweep.curve import FrequencyResponse
 from femimpact.table import column_units
 from femimpact.units import typeset_number
 

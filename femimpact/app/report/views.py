@@ -18,9 +18,14 @@ from femimpact.app.results.branch_file import FollowedBranches
 from femimpact.app.results.picture_data import Run, StructureModes, SweptCurves
 from femimpact.app.results.result_directory import FILES, new_file
 from femimpact.contact.laws import Rigid
-from femimpact.convergence import ConvergenceTable
+from femimpact.convergence.table import ConvergenceTable
 from femimpact.errors import InputError
-from femimpact.excitation import Chirp, Drives, HammerBlow, RandomBase, Shock, SteppedSine
+from femimpact.excitation.chirp import Chirp
+from femimpact.excitation.drives import Drives
+from femimpact.excitation.forces import HammerBlow
+from femimpact.excitation.harmonic import SteppedSine
+from femimpact.excitation.random_base import RandomBase
+from femimpact.excitation.shock import Shock
 from femimpact.figures.channel_histories import MOST_LINES, drawn_channels
 from femimpact.figures.studies import mark_best
 from femimpact.figures.study_labels import BestMarks, axis_words, measure_names

@@ -13,7 +13,7 @@ from femimpact.app.results.result_directory import FILES
 from femimpact.app.results.results import load_dataset, read_dataset, undamaged
 from femimpact.arrays import Array
 from femimpact.errors import faults_of, quantity, require, require_path, takes
-from femimpact.orbits import Bifurcation, Branch
+from femimpact.orbits.branch import Bifurcation, Branch
 from femimpact.orbits.parameter import NUMBERS
 
 if TYPE_CHECKING:
@@ -62,7 +62,7 @@ def load_branch(path: str | Path, *, number: int = 1) -> Branch:
     Examples
     --------
     >>> import femimpact as fi
-    >>> branch = fi.load_branch("study-orbits/branches.nc", number=2)  # doctest: +SKIP
+    >>> branch = fi.app.load_branch("study-orbits/branches.nc", number=2)  # doctest: +SKIP
     >>> branch.bifurcations[0].value  # doctest: +SKIP
     """
     require_path(path, "path", "a file")

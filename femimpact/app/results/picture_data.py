@@ -16,9 +16,13 @@ from femimpact.app.results.result_directory import FILES
 from femimpact.app.results.results import carried_of, read_dataset, read_table
 from femimpact.app.study.drives import PARTS, force_of, force_table, made_of, table_of
 from femimpact.arrays import Array
-from femimpact.convergence import ConvergenceTable
+from femimpact.convergence.table import ConvergenceTable
 from femimpact.errors import require
-from femimpact.excitation import Drives, Excitation, HammerBlow, PointForce, RecordedBase, Sum
+from femimpact.excitation.drives import Drives
+from femimpact.excitation.excitation import Excitation
+from femimpact.excitation.forces import HammerBlow, PointForce
+from femimpact.excitation.records import RecordedBase
+from femimpact.excitation.sums import Sum
 from femimpact.files import plain as plain_data
 from femimpact.files import write_netcdf
 from femimpact.response.cycles import no_steady_motion
@@ -29,7 +33,7 @@ from femimpact.response.response import Response
 from femimpact.scene.placed import DrawnContact, DrawnSystem
 from femimpact.structure.beam import Beam, Segment
 from femimpact.structure.structure import Dashpot, PointMass, Spring, Structure, Support
-from femimpact.sweep import SWEEP_UNITS, FrequencyResponse
+from femimpact.sweep.curve import SWEEP_UNITS, FrequencyResponse
 from femimpact.system.modes import Modes
 from femimpact.system.system import System
 

@@ -22,20 +22,16 @@ from femimpact.errors import (
     suggestion,
     text,
 )
-from femimpact.excitation import (
-    Chirp,
-    Drives,
-    HammerBlow,
-    PointForce,
-    RandomBase,
-    RecordedBase,
-    Shock,
-    Sine,
-    SteppedSine,
-    Sum,
-)
+from femimpact.excitation.chirp import Chirp
 from femimpact.excitation.columns import record_text
+from femimpact.excitation.drives import Drives
 from femimpact.excitation.excitation import words_of
+from femimpact.excitation.forces import HammerBlow, PointForce
+from femimpact.excitation.harmonic import Sine, SteppedSine
+from femimpact.excitation.random_base import RandomBase
+from femimpact.excitation.records import RecordedBase
+from femimpact.excitation.shock import Shock
+from femimpact.excitation.sums import Sum
 
 MEANT: Mapping[str, str] = {
     "dwell": "stepped-sine", "sine-dwell": "stepped-sine", "stepped": "stepped-sine", "sine-sweep": "chirp",
@@ -275,7 +271,7 @@ def _part(number: int, values: dict[str, Any]) -> Any:
     """A part of a sum by its kind and keys."""
     kind = values.pop("kind", "sine")
     if kind == "record" or "record" in values:
-        allowed = "is no part of a sum in a study file; in Python RecordedBase is one of fi.Sum"
+        allowed = "is no part of a sum in a study file; in Python RecordedBase is one of fi.excitation.Sum"
         raise InputError([Fault(f"parts.{number}.record", None, "", allowed)])
     if not isinstance(kind, str) or kind not in PARTS:
         raise InputError([kind_fault(f"parts.{number}.kind", kind, PARTS)])

@@ -13,8 +13,10 @@ from numpy.typing import NDArray
 from femimpact import core
 from femimpact.app.study.study import Study, SweepPlan, build_systems, check_method, method_for, read_mesh_of
 from femimpact.errors import InputError, require
-from femimpact.excitation import Excitation, PiecewisePolynomial, Sine
 from femimpact.excitation.drives import until
+from femimpact.excitation.excitation import Excitation
+from femimpact.excitation.harmonic import Sine
+from femimpact.excitation.piecewise_polynomial import PiecewisePolynomial
 from femimpact.excitation.remarks import frequency_warnings, motion_notes, motion_warnings
 from femimpact.fem.mesh import Mesh
 from femimpact.integrators.cases import check_memory, memory_needed, workers_of

@@ -36,21 +36,16 @@ from femimpact.errors import (
     text,
     truth,
 )
-from femimpact.excitation import (
-    Chirp,
-    Drives,
-    Excitation,
-    HammerBlow,
-    PointForce,
-    RandomBase,
-    RecordedBase,
-    Shock,
-    Sine,
-    SteppedSine,
-    Sum,
-)
-from femimpact.excitation.drives import alone, until
+from femimpact.excitation.chirp import Chirp
+from femimpact.excitation.drives import Drives, alone, until
+from femimpact.excitation.excitation import Excitation
+from femimpact.excitation.forces import HammerBlow, PointForce
+from femimpact.excitation.harmonic import Sine, SteppedSine
 from femimpact.excitation.levels import Level, require_reach
+from femimpact.excitation.random_base import RandomBase
+from femimpact.excitation.records import RecordedBase
+from femimpact.excitation.shock import Shock
+from femimpact.excitation.sums import Sum
 from femimpact.fem.assembly import assemble
 from femimpact.fem.mesh import Mesh
 from femimpact.fem.mesh_files import read_mesh

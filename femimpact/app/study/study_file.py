@@ -39,10 +39,10 @@ from femimpact.app.study.schema import (
     plan_schema,
 )
 from femimpact.app.study.study import Gravity, MeshChoice, OrbitsPlan, Output, Reduction, Study, SweepPlan
-from femimpact.contact import ContactLaw
+from femimpact.contact.law import ContactLaw
 from femimpact.contact.laws import LAWS
 from femimpact.errors import Fault, InputError, require_path, suggestion
-from femimpact.excitation import HammerBlow, PointForce
+from femimpact.excitation.forces import HammerBlow, PointForce
 from femimpact.fem.mesh import uniform_mesh
 from femimpact.integrators.methods import METHODS
 from femimpact.regular_file import read_regular

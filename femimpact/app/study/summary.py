@@ -24,7 +24,7 @@ from femimpact.app.study.findings import (
     written,
 )
 from femimpact.app.study.prepared import PreparedStudy, finer_grid_words, in_study_words, root_stress_notes
-from femimpact.excitation import Drives
+from femimpact.excitation.drives import Drives
 from femimpact.excitation.excitation import has_cycle, is_force
 from femimpact.fem.assembly import unusual_words
 from femimpact.integrators.methods import Method
@@ -32,8 +32,7 @@ from femimpact.response.resolution import UNRESOLVED, PeakResolution, peak_resol
 from femimpact.response.response import Response
 from femimpact.signals.bandwidth import DampingEstimate, amplitude_ratio_damping, half_power
 from femimpact.signals.one_pole import fit_one_pole
-from femimpact.sweep import FrequencyResponse, on_grid
-from femimpact.sweep.curve import TAKE_STARTS
+from femimpact.sweep.curve import TAKE_STARTS, FrequencyResponse, on_grid
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.modes import Modes, first_elastic_frequency
 

@@ -22,19 +22,21 @@ from femimpact.app.study.summary import summary_of
 from femimpact.app.tasks.run import Found, Report, keep_pictures, keep_study
 from femimpact.arrays import Array
 from femimpact.errors import DivergenceError, Fault, FemimpactError, InputError, checked, require
-from femimpact.excitation import PointForce, Sine
 from femimpact.excitation.excitation import words_of
+from femimpact.excitation.forces import PointForce
+from femimpact.excitation.harmonic import Sine
 from femimpact.files import write_csv, write_netcdf
 from femimpact.integrators.cases import memory_needed
 from femimpact.integrators.methods import seconds_of_cycle
 from femimpact.integrators.runs import integrate
-from femimpact.orbits import Branch, PeriodicOrbit, continue_orbit, find_orbit, switch_branch
-from femimpact.orbits.branch import UNEXPLAINED, known
+from femimpact.orbits.branch import UNEXPLAINED, Branch, continue_orbit, known
 from femimpact.orbits.figures import kind_words
+from femimpact.orbits.orbit import PeriodicOrbit
 from femimpact.orbits.parameter import Parameter, parameter_of
-from femimpact.orbits.search import TRY, one_sine
+from femimpact.orbits.search import TRY, find_orbit, one_sine
+from femimpact.orbits.switching import switch_branch
 from femimpact.response.response import Recorder
-from femimpact.sweep import frequency_sweep
+from femimpact.sweep.sweep import frequency_sweep
 from femimpact.units import number_text, parameter_text
 
 SAME = 1e-6

@@ -19,23 +19,19 @@ from femimpact.app.results.result_directory import FILES, new_results
 from femimpact.app.study.study import Study, build_systems, check_method, method_for, read_mesh_of, sine_of
 from femimpact.app.study.summary import library_versions
 from femimpact.app.tasks.run import Report
-from femimpact.convergence import (
-    ContactStatistics,
-    ConvergenceTable,
+from femimpact.convergence.cases import Axis, Case, OverMeshes, OverModes, OverSteps
+from femimpact.convergence.mesh_and_step import converge_step
+from femimpact.convergence.over_modes import ContactStatistics
+from femimpact.convergence.quantities import (
     Frequencies,
     ModeShapes,
-    OverMeshes,
-    OverModes,
-    OverSteps,
     SteadyResponse,
     SupportReaction,
     SurfaceStress,
-    converge_step,
-    convergence_study,
+    Watched,
 )
-from femimpact.convergence.cases import Axis, Case
-from femimpact.convergence.quantities import Watched
-from femimpact.convergence.table import note_lines, table_lines
+from femimpact.convergence.study import convergence_study
+from femimpact.convergence.table import ConvergenceTable, note_lines, table_lines
 from femimpact.errors import FemimpactError, InputError
 from femimpact.fem.mesh import SAME_PLACE, Mesh, uniform_mesh
 from femimpact.files import write_csv, write_json

@@ -30,7 +30,7 @@ from femimpact.app.study.study_file import study_text, with_record
 from femimpact.app.study.summary import SweepPair, summary_of
 from femimpact.app.tasks.starts import drawn_curves, drawn_histories, spreads_of, write_curves
 from femimpact.errors import checked, kind_of, require, require_name, require_path, require_type, truth
-from femimpact.excitation import Sine
+from femimpact.excitation.harmonic import Sine
 from femimpact.files import atomic_write, write_csv, write_netcdf
 from femimpact.integrators.cases import first_steps
 from femimpact.integrators.methods import Method, read_at_least
@@ -39,8 +39,8 @@ from femimpact.integrators.stepping.operators import shortest_contact
 from femimpact.response.impacts import DRAWN_IN_CONTACT, STICKING_UNITS, impact_columns
 from femimpact.response.response import Recorder, Response
 from femimpact.structure.structure import glue_impactors
-from femimpact.sweep import SWEEP_UNITS, frequency_sweep, on_grid
-from femimpact.sweep.curve import IMPACT_NAMES
+from femimpact.sweep.curve import IMPACT_NAMES, SWEEP_UNITS, on_grid
+from femimpact.sweep.sweep import frequency_sweep
 from femimpact.system.modes import Modes, solve_modes
 from femimpact.system.state import State
 

@@ -24,7 +24,7 @@ from femimpact.errors import DivergenceError
 from femimpact.files import write_csv
 from femimpact.integrators.cases import workers_of
 from femimpact.integrators.runs import integrate
-from femimpact.sweep import FrequencyResponse
+from femimpact.sweep.curve import FrequencyResponse
 
 SEED = 0
 """Of the starts of a run."""

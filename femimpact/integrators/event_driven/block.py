@@ -16,8 +16,8 @@ from femimpact import core
 from femimpact.arrays import Array, Complex
 from femimpact.core.structs import zeros
 from femimpact.errors import require
-from femimpact.excitation import Harmonic, PiecewisePolynomial
-from femimpact.excitation.piecewise_polynomial import ORDERS, motion_at, piece_at
+from femimpact.excitation.excitation import Harmonic
+from femimpact.excitation.piecewise_polynomial import ORDERS, PiecewisePolynomial, motion_at, piece_at
 from femimpact.integrators.channel_rows import Drive
 from femimpact.integrators.event_driven.closed_form import steady_entries
 from femimpact.integrators.event_driven.complex_modes import SLOW

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from femimpact import core
 from femimpact.arrays import Array
-from femimpact.contact import resolve
+from femimpact.contact.law import resolve
 from femimpact.contact.laws import RIGID, ContactParameters
 from femimpact.errors import require
-from femimpact.excitation import Sine
+from femimpact.excitation.harmonic import Sine
 from femimpact.integrators.assembly import cycles_of_table
 from femimpact.integrators.cases import SineCases, SineDwellResults, in_blocks, start_of, with_contacts_of
 from femimpact.integrators.channel_rows import drive_of

@@ -17,8 +17,10 @@ from femimpact import core
 from femimpact.arrays import Array, Complex
 from femimpact.contact.laws import KELVIN_VOIGT, RIGID
 from femimpact.errors import require
-from femimpact.excitation import Chirp, Excitation, Sine, SteppedSine
+from femimpact.excitation.chirp import Chirp
 from femimpact.excitation.drives import parts_in
+from femimpact.excitation.excitation import Excitation
+from femimpact.excitation.harmonic import Sine, SteppedSine
 from femimpact.integrators.channel_rows import drive_of
 from femimpact.response.response import Recorder
 from femimpact.system.state import State

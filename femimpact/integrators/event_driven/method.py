@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.errors import check_fields, quantity
-from femimpact.excitation import Excitation
+from femimpact.excitation.excitation import Excitation
 from femimpact.integrators.cases import AchievedRestitution
 from femimpact.integrators.event_driven.dwells import event_driven_cases
 from femimpact.integrators.event_driven.loop_data import check_events, reading_grid

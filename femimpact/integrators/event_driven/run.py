@@ -15,7 +15,7 @@ from femimpact.arrays import Array, own, read_only
 from femimpact.contact.laws import RIGID
 from femimpact.core.structs import zeros
 from femimpact.errors import DivergenceError, require
-from femimpact.excitation import Excitation
+from femimpact.excitation.excitation import Excitation
 from femimpact.integrators.assembly import (
     MethodRun,
     Readings,

@@ -20,7 +20,7 @@ from femimpact.arrays import Array
 from femimpact.contact.custom_law import ForcePointer, force_pointer
 from femimpact.contact.laws import KELVIN_VOIGT, RIGID, SWITCHING_SPRING
 from femimpact.core.structs import zeros
-from femimpact.excitation import Excitation
+from femimpact.excitation.excitation import Excitation
 from femimpact.integrators.channel_rows import Drive
 from femimpact.integrators.stepping.operators import SteppingMethod, scheme_of
 from femimpact.response.impacts import CYCLE_COLUMNS, ENERGY_COLUMNS, IMPACT_COLUMNS, MAXIMUM, MINIMUM

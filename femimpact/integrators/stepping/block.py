@@ -15,7 +15,7 @@ from femimpact.arrays import Array, own, read_only
 from femimpact.contact.custom_law import ForcePointer, law_error
 from femimpact.contact.laws import RIGID
 from femimpact.errors import require
-from femimpact.excitation import Excitation
+from femimpact.excitation.excitation import Excitation
 from femimpact.integrators.assembly import Readings, cycles_of_table, snapshots_of
 from femimpact.integrators.cases import check_memory, first_steps, kept_rows, modes_kept
 from femimpact.integrators.channel_rows import ChannelRows, Drive, drive_of

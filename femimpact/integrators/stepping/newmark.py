@@ -16,7 +16,7 @@ from femimpact import core
 from femimpact.contact.custom_law import force_pointer, law_error
 from femimpact.contact.laws import RIGID
 from femimpact.errors import check_fields, choice, quantity, require, truth
-from femimpact.excitation import Excitation
+from femimpact.excitation.excitation import Excitation
 from femimpact.integrators.cases import AchievedRestitution
 from femimpact.integrators.stepping.block import check_recorder
 from femimpact.integrators.stepping.operators import (

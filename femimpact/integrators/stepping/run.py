@@ -16,8 +16,9 @@ from femimpact.arrays import Array
 from femimpact.contact.custom_law import speed_note
 from femimpact.contact.laws import RIGID
 from femimpact.errors import DivergenceError, require
-from femimpact.excitation import Excitation, Sine
 from femimpact.excitation.drives import until
+from femimpact.excitation.excitation import Excitation
+from femimpact.excitation.harmonic import Sine
 from femimpact.integrators.assembly import MethodRun, Readings, impacts_of, sticking_of, whole_number_of
 from femimpact.integrators.cases import (
     SineCases,

@@ -1,0 +1,14 @@
+from femimpact.app.parametric.best_design import AxisMargin as AxisMargin
+from femimpact.app.parametric.best_design import BestCase as BestCase
+from femimpact.app.parametric.best_design import BestDesign as BestDesign
+from femimpact.app.parametric.definition import ParameterStudy as ParameterStudy
+from femimpact.app.parametric.evaluation import run_case as run_case
+from femimpact.app.parametric.measured_peaks import CalibratedParameter as CalibratedParameter
+from femimpact.app.parametric.measured_peaks import Calibration as Calibration
+from femimpact.app.parametric.verb import StudyProgress as StudyProgress
+from femimpact.app.parametric.verb import load_parameter_study as load_parameter_study
+from femimpact.app.planned_test import Preflight as Preflight
+from femimpact.app.refinement import Refinement as Refinement
+from femimpact.app.results.branch_file import load_branch as load_branch
+from femimpact.app.results.results import StudyResults as StudyResults
+from femimpact.app.study.study import Study as Study

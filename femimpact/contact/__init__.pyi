@@ -1,0 +1,15 @@
+from femimpact.contact.collision import Collision as Collision
+from femimpact.contact.collision import integrated_collision as integrated_collision
+from femimpact.contact.law import ContactLaw as ContactLaw
+from femimpact.contact.law import contact_force as contact_force
+from femimpact.contact.law import contact_potential as contact_potential
+from femimpact.contact.laws import ALUMINIUM as ALUMINIUM
+from femimpact.contact.laws import STEEL as STEEL
+from femimpact.contact.laws import ContactParameters as ContactParameters
+from femimpact.contact.laws import Flores as Flores
+from femimpact.contact.laws import GonthierCarvalhoMartins as GonthierCarvalhoMartins
+from femimpact.contact.laws import LankaraniNikravesh as LankaraniNikravesh
+from femimpact.contact.laws import Material as Material
+from femimpact.contact.laws import PowerLaw as PowerLaw
+from femimpact.contact.laws import SwitchingSpring as SwitchingSpring
+from femimpact.contact.laws import hertz_stiffness as hertz_stiffness

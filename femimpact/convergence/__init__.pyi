@@ -1,0 +1,15 @@
+from femimpact.convergence.cases import OverMeshes as OverMeshes
+from femimpact.convergence.cases import OverModes as OverModes
+from femimpact.convergence.cases import OverSteps as OverSteps
+from femimpact.convergence.mesh_and_step import converge_elements as converge_elements
+from femimpact.convergence.mesh_and_step import converge_step as converge_step
+from femimpact.convergence.over_modes import ContactStatistics as ContactStatistics
+from femimpact.convergence.over_modes import mode_convergence as mode_convergence
+from femimpact.convergence.quantities import BendingMoment as BendingMoment
+from femimpact.convergence.quantities import Frequencies as Frequencies
+from femimpact.convergence.quantities import ModeShapes as ModeShapes
+from femimpact.convergence.quantities import SteadyResponse as SteadyResponse
+from femimpact.convergence.quantities import SupportReaction as SupportReaction
+from femimpact.convergence.quantities import SurfaceStress as SurfaceStress
+from femimpact.convergence.table import ConvergenceStudy as ConvergenceStudy
+from femimpact.convergence.table import ConvergenceTable as ConvergenceTable

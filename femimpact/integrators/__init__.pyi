@@ -1,0 +1,2 @@
+from femimpact.integrators.planned_drive import PreflightRow as PreflightRow
+from femimpact.integrators.runs import achieved_restitution as achieved_restitution

@@ -1,0 +1,1 @@
+from femimpact.structure.structure import glue_impactors as glue_impactors

@@ -1,0 +1,1 @@
+from femimpact.sweep.curve import FrequencyResponse as FrequencyResponse
