@@ -112,7 +112,7 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
             "if quiet:\n        pass\n    else:",
         ),
         Mutation("init_over_a_file", 'require(force or not file.exists(), "file"', 'require(True, "file"'),
-        Mutation("no_star", '"*" if curve.get("peak_is_one_start") else ""', '""'),
+        Mutation("no_star", "one_sample=curve.peak_is_one_start", "one_sample=False"),
         Mutation(
             "frequency_left_out",
             "    if frequency is not None:\n        study = replace(",
@@ -123,7 +123,7 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
     "test_starts_of_a_run.py": (
         Mutation(
             "peak_of_the_run_under_a_force",
-            'return "of the whole run" if history.get("frequency") is None else "over the last third"',
+            'return "of the whole run" if self.frequency is None else "over the last third"',
             'return "of the whole run"',
         ),
         Mutation(
