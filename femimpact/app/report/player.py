@@ -271,10 +271,12 @@ def _history(response: Response, frames: Frames, key: str) -> Element:
     axis.set_xlim(time[0], time[-1])
     label_axes(axis, "time (s)", "relative to the base (mm)")
     legend_above(axis)
-    drawn = svg_element(axis, key, "Displacements over the time that is shown")
+    title = "Displacements over the time that is shown"
+    drawn = svg_element(axis, key, title)
     box = axis.get_position()
     place = f"left:{box.x0:.4%};width:{box.width:.4%};top:{1.0 - box.y1:.4%};height:{box.height:.4%}"
     return element(
         "div.frame",
         element("div.timeline", drawn, element("div.plot", style=place), style=f"max-width:{72.0 * WIDTH:g}pt"),
-    )
+        tabindex="0", role="region", aria_label=title,
+    )  # fmt: skip
