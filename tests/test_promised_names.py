@@ -56,7 +56,7 @@ NAMES = """
     RecordedBase: acceleration amplitude displacement frequency initial_velocity interval phase samples velocity
     Recorder: channels every impacts ledger memory_limit piece_samples residual_limit sink snapshots
         snapshots_start start
-    response.Response: absolute base channels energy impacts notes regime riding snapshots statistics statistics_of
+    response.Response: absolute base channels energy impacts notes regime snapshots statistics statistics_of
         steady sticking streamed_to system time to_xarray units warnings window
     Rigid: name restitution
     contact.STEEL

@@ -289,11 +289,6 @@ class Response:
         return self.channels[key]
 
     @property
-    def riding(self) -> StickingPhases:
-        """The earlier name of `sticking`."""
-        return self.sticking
-
-    @property
     def window(self) -> tuple[float, float]:
         """Start and end (s) of the last third of the run, over which statistics and regime are taken."""
         # a run whose only sample is its first has an empty window, which is still one

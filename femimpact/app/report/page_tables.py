@@ -96,7 +96,7 @@ def channel_table(found: Findings) -> Table | None:
         title, own = f"{title}: medians and ranges of {starts.count} starts", ["largest of the study's own start"]
     elif history.peak_is_one_start:
         title = f"{title}: {ONE_START}"
-    header = ("channel", *names.values(), *own, "time of it (s)")
+    header = ("channel", *names.values(), *own, "at (s)")
     return Table(title, header, tuple(rows)) if rows else None
 
 
