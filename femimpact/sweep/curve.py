@@ -187,10 +187,10 @@ class FrequencyResponse:
 
     def __post_init__(self) -> None:
         check_fields(self)
-        one = (self.cycles is None) != (self.duration is None)
-        require(one, "cycles", self.cycles, "", "must be given, or a duration (s) instead")
-        one = (self.amplitude is None) != (self.acceleration is None)
-        require(one, "amplitude", self.amplitude, "m", "must be given, or an acceleration (m/s^2) instead")
+        exclusive = (self.cycles is None) != (self.duration is None)
+        require(exclusive, "cycles", self.cycles, "", "must be given, or a duration (s) instead")
+        exclusive = (self.amplitude is None) != (self.acceleration is None)
+        require(exclusive, "amplitude", self.amplitude, "m", "must be given, or an acceleration (m/s^2) instead")
         fits = self.window is None or (self.duration is not None and self.window <= self.duration)
         require(fits, "window", self.window, "s", "must be at most the duration, which it goes with")
 
@@ -211,10 +211,10 @@ class FrequencyResponse:
     def _head(self) -> Head:
         size = self.frequency.size
         span = f" at {self.frequency.min():.5g} to {self.frequency.max():.5g} Hz" if size else ""
-        found = bool(np.any(np.isfinite(self.peak)))
-        star = "*" if found and self.peak_is_sample else ""
-        highest = f", peak {self.peak_amplitude:.5g}{star} {self.unit} at {self.peak_frequency:.5g} Hz" if found else ""
-        settling = " (transient)" if found and self.peak_is_transient else ""
+        known = bool(np.any(np.isfinite(self.peak)))
+        star = "*" if known and self.peak_is_sample else ""
+        highest = f", peak {self.peak_amplitude:.5g}{star} {self.unit} at {self.peak_frequency:.5g} Hz" if known else ""
+        settling = " (transient)" if known and self.peak_is_transient else ""
         title = f"FrequencyResponse: {size}{span}{highest}{settling}, {len(self.warnings)} warnings"
         columns, units = flat_columns(self)
         units = self._units_of(units)
@@ -274,18 +274,18 @@ class FrequencyResponse:
     @property
     def _level(self) -> dict[str, Any]:
         rows = self.acceleration
-        given: dict[str, Any] = {
+        levels: dict[str, Any] = {
             "base_amplitude_m": self.amplitude,
             # of rows one after the other: frequency, acceleration, frequency, ...
             "base_acceleration_m_s2": rows if isinstance(rows, float) or rows is None else np.ravel(rows),
             "direction": self.direction,
         }
-        return {name: value for name, value in given.items() if value is not None}
+        return {name: value for name, value in levels.items() if value is not None}
 
     @property
     def _dwell(self) -> dict[str, float]:
-        given = {"cycles": self.cycles, "duration_s": self.duration, "window_s": self.window}
-        return {name: value for name, value in given.items() if value is not None}
+        lengths = {"cycles": self.cycles, "duration_s": self.duration, "window_s": self.window}
+        return {name: value for name, value in lengths.items() if value is not None}
 
     def to_pandas(self) -> pandas.DataFrame:
         """The curve over frequency, with the base's amplitude; units in `attrs["units"]`."""
@@ -325,23 +325,23 @@ def empty_columns(count: int) -> Columns:
     return columns
 
 
-def columns_of_dwells(found: SineDwellResults, f: Array, ledger: bool) -> tuple[Columns, list[str]]:
+def columns_of_dwells(dwells: SineDwellResults, f: Array, ledger: bool) -> tuple[Columns, list[str]]:
     """Columns of dwells, and their warnings, with one for each dwell that failed.
 
     Raises `DivergenceError` if all have.
     """
     columns = empty_columns(f.size)
-    statistics = statistics_of_cases(found.totals, found.duration, f)
-    completed = np.array([not failure for failure in found.failures])
+    statistics = statistics_of_cases(dwells.totals, dwells.duration, f)
+    completed = np.array([not failure for failure in dwells.failures])
     for name in MOTION_UNITS:
-        columns[name][completed] = getattr(found.motion, name)[completed]
+        columns[name][completed] = getattr(dwells.motion, name)[completed]
     for name in IMPACT_NAMES:
         columns[name][completed] = statistics[name][completed]
-    columns["energy_residual"][completed] = found.residual[completed]
-    warnings = [*found.warnings, *_failures(found.failures)]
+    columns["energy_residual"][completed] = dwells.residual[completed]
+    warnings = [*dwells.warnings, *_failures(dwells.failures)]
     if ledger:
         # a dwell that failed has a warning already
-        warnings += residual_warnings(f, np.where(completed, found.residual, 0.0), found.bound)
+        warnings += residual_warnings(f, np.where(completed, dwells.residual, 0.0), dwells.bound)
     return columns, warnings
 
 
@@ -353,11 +353,11 @@ def _failures(failures: Sequence[str]) -> list[str]:
 
 
 def curve_of(
-    system: System, method: Method, cases: SineCases, found: tuple[Columns, list[str]],
+    system: System, method: Method, cases: SineCases, columns_and_warnings: tuple[Columns, list[str]],
     about: Mapping[str, Any],
 ) -> FrequencyResponse:  # fmt: skip
     """The curve of columns, with its warnings and notes."""
-    columns, warnings = found
+    columns, warnings = columns_and_warnings
     f = cases.frequency
     values: dict[str, Any] = {name: _read_only(column) for name, column in columns.items()}
     warnings = warnings + _steadiness_warnings(system, cases, columns) + _dwell_warnings(system, cases)
@@ -431,8 +431,8 @@ def _shortest_begin(cases: SineCases) -> float:
 
 def _grid_warnings(system: System, f: Array) -> list[str]:
     """A warning where the grid is too coarse for the first resonance of a structure without contacts."""
-    found = None if system.contacts else grid_resolution(system, f)
-    return [] if found is None else list(resolution_warnings(found))
+    resolution = None if system.contacts else grid_resolution(system, f)
+    return [] if resolution is None else list(resolution_warnings(resolution))
 
 
 def _read_only(array: NDArray[Any]) -> NDArray[Any]:

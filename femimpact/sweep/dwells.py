@@ -47,8 +47,8 @@ def dwell_cycles(
     f = np.atleast_1d(real_array("frequencies", frequencies, "Hz", allowed))
     fine = f.ndim == 1 and f.size > 0 and bool(np.all(f > 0))
     require(fine, "frequencies", None, "Hz", allowed)
-    one = (cycles is None) != (duration is None)
-    require(one, "cycles", cycles, "", "give either cycles (a whole number) or a duration (s)")
+    exclusive = (cycles is None) != (duration is None)
+    require(exclusive, "cycles", cycles, "", "give either cycles (a whole number) or a duration (s)")
     if duration is None:
         require(window is None, "window", window, "s", "goes with a duration, not with cycles")
         count = checked("cycles", cycles, quantity("1", at_least=LEAST_CYCLES, at_most=MOST_CYCLES, integer=True))
@@ -116,11 +116,11 @@ def dwell_chain(
 
     Raises `InputError` if a dwell cannot be run at all.
     """
-    state, found = cases.initial, list[SineDwellResults]()
+    state, dwells = cases.initial, list[SineDwellResults]()
     default = channel == channel_of(system, system.default_place)
     for case in order:
-        one, state = dwell(method, system, cases, case, state, None if default else channel, ledger)
-        found.append(one)
+        result_of_case, state = dwell(method, system, cases, case, state, None if default else channel, ledger)
+        dwells.append(result_of_case)
         if progress is not None:
-            progress(len(found) / len(order))
-    return found
+            progress(len(dwells) / len(order))
+    return dwells
