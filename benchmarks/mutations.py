@@ -260,7 +260,7 @@ MUTATIONS = (
         "np.abs(np.maximum(maximum, -minimum).max(axis=0))",
         "np.abs(np.maximum(maximum, -minimum).mean(axis=0))",
     ),
-    Mutation("mean_impulse", '"mean_impulse": totals[3].sum(axis=0) * each', '"mean_impulse": totals[3].sum(axis=0)'),
+    Mutation("mean_impulse", '"mean_impulse": totals[3].sum(axis=0) * share', '"mean_impulse": totals[3].sum(axis=0)'),
     Mutation("cycle_mean_force", "totals[5].sum(axis=0) / duration", "totals[5].sum(axis=0) / duration * frequency"),
     Mutation(
         "one_pole_fit",
@@ -273,8 +273,8 @@ MUTATIONS = (
     ),
     Mutation(
         "mesh_order",
-        "found = fitted_order(h, e, 3.0 * bottom)",
-        "found = fitted_order(h**2, e, 3.0 * bottom)",
+        "fitted = fitted_order(h, e, 3.0 * bottom)",
+        "fitted = fitted_order(h**2, e, 3.0 * bottom)",
     ),
     Mutation(
         "laser_offset",

@@ -265,7 +265,7 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
         Mutation("offsets_of_frames", "size * np.arange(count, dtype=np.int64)", "np.arange(count, dtype=np.int64)"),
     ),
     "test_movie.py": (
-        Mutation("slow_motion", "(chosen.size - 1) / fps / shown", "(chosen.size - 1) * fps / shown"),
+        Mutation("slow_motion", "(chosen.size - 1) / fps / span", "(chosen.size - 1) * fps / span"),
         Mutation("impact_between_frames", "chosen[:1], chosen[:1], chosen])[:-2]", "chosen[:1], chosen])[:-1]"),
     ),
     "test_figures.py": (
@@ -338,7 +338,7 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
         Mutation("numbers_of_a_file", "stated <= PACKED * size", "stated <= PACKED**9 * size"),
     ),
     "test_decay.py": (
-        Mutation("unsquared_weights_of_a_slope", "_SLOPE**2 @ one.spread**2", "np.abs(_SLOPE) @ one.spread**2"),
+        Mutation("unsquared_weights_of_a_slope", "_SLOPE**2 @ window.spread**2", "np.abs(_SLOPE) @ window.spread**2"),
         Mutation("maxima_of_five_cycles", "(2.0 * math.pi * (CYCLES - 1))", "(2.0 * math.pi * CYCLES)"),
         Mutation("rest_before_release", "still < max(stroke, 2)", "still < 99 * max(stroke, 2)"),
         Mutation("clipped_beginning", "begin += last + 1", "begin += last // 2"),

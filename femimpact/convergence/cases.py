@@ -60,7 +60,7 @@ def newmark_frequency(frequency: NDArray[np.float64], step: Newmark) -> NDArray[
     Omega = omega dt; its frequency is arg(z)/(2 pi dt). For gamma = 1/2 and small steps the relative error is
     -(12 beta - 1)/24 Omega^2, which is -Omega^2/12 at beta = 1/4.
     """
-    found = []
+    frequencies = []
     for omega in 2.0 * math.pi * np.asarray(frequency):
         square = (omega * step.dt) ** 2
         roots = np.roots([
@@ -68,8 +68,8 @@ def newmark_frequency(frequency: NDArray[np.float64], step: Newmark) -> NDArray[
             -2.0 + square * (0.5 + step.gamma - 2.0 * step.beta),
             1.0 + square * (0.5 - step.gamma + step.beta),
         ])  # fmt: skip
-        found.append(abs(np.angle(roots[0])) / (2.0 * math.pi * step.dt))
-    return np.array(found)
+        frequencies.append(abs(np.angle(roots[0])) / (2.0 * math.pi * step.dt))
+    return np.array(frequencies)
 
 
 def steady_amplitude(system: System, base: Sine, step: Newmark | None = None) -> NDArray[np.complex128]:
@@ -101,8 +101,8 @@ class Case:
         key, known = ("convergence modes", count), self.system.derived
         if key not in known:
             known[key] = solve_modes(self.system, count)
-        found: Modes = known[key]
-        return found
+        modes: Modes = known[key]
+        return modes
 
 
 Made = TypeVar("Made")
@@ -287,14 +287,14 @@ class OverMeshes:
         """
         fine = isinstance(paths, (list, tuple)) and all(isinstance(path, (str, Path)) for path in paths)
         require(fine, "paths", paths, "", "must be a list of paths of mesh files")
-        found = [(Path(path), attempted(partial(read_mesh, path), InputError)) for path in paths]
-        found.sort(key=lambda pair: pair[1].elements if isinstance(pair[1], Mesh) else 0)
-        return cls(tuple(mesh for _, mesh in found), tuple(path.name for path, _ in found))
+        meshes = [(Path(path), attempted(partial(read_mesh, path), InputError)) for path in paths]
+        meshes.sort(key=lambda pair: pair[1].elements if isinstance(pair[1], Mesh) else 0)
+        return cls(tuple(mesh for _, mesh in meshes), tuple(path.name for path, _ in meshes))
 
     @classmethod
     def _of(cls, make: Callable[[int], Mesh], counts: NDArray[np.int64]) -> OverMeshes:
-        made = tuple(attempted(partial(make, int(n)), InputError) for n in counts)
-        return cls(made, tuple(f"{n} elements" for n in counts), make)
+        meshes = tuple(attempted(partial(make, int(n)), InputError) for n in counts)
+        return cls(meshes, tuple(f"{n} elements" for n in counts), make)
 
     def rows(self, plan: Plan) -> Iterator[Row]:
         """A system on each mesh."""
@@ -309,7 +309,7 @@ class OverMeshes:
         """True where all element lengths fall by one factor from mesh to mesh: the rows can then be extrapolated."""
         known = [np.diff(mesh.nodes) for mesh in self.meshes if isinstance(mesh, Mesh)]
         falls = [(b.max() / a.max(), b.mean() / a.mean()) for a, b in pairwise(known)]
-        return all(abs(one / other - 1.0) <= SIMILAR and one < 1.0 for one, other in falls)
+        return all(abs(fall / other - 1.0) <= SIMILAR and fall < 1.0 for fall, other in falls)
 
     def limit(self, plan: Plan, finest: Case) -> Case:
         """The refinement of the finest mesh: a value extrapolated from it does not impose an order on the rows."""

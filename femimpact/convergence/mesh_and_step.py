@@ -95,10 +95,10 @@ def converge_step(
     InputError
         If an argument is of the wrong kind or out of range.
     """
-    given: tuple[tuple[str, Any, Any], ...] = (
+    arguments: tuple[tuple[str, Any, Any], ...] = (
         ("system", system, System), ("excitation", excitation, Sine), ("method", method, Newmark)
     )  # fmt: skip
-    for key, value, kind in given:
+    for key, value, kind in arguments:
         require_type(value, kind, key)
     halvings = checked("halvings", halvings, quantity("1", at_least=1, at_most=20, integer=True))
     accuracy = checked("accuracy", accuracy, quantity("1", above=0.0, below=1.0))

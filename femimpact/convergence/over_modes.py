@@ -381,14 +381,14 @@ class ContactStatistics:
         assert base is not None
         at = system.default_place if self.at is None else self.at
         window = PARTS * (self.cycles // (3 * PARTS))
-        found: dict[str, list[float]] = {name: [] for name in STATISTICS}
+        series: dict[str, list[float]] = {name: [] for name in STATISTICS}
         for k in range(self.starts):
             begun = replace(base, phase=base.phase + 2.0 * math.pi * k / self.starts)
             method = case.step or EventDriven()
             values, _ = run_statistics(system, begun, method, self.cycles / base.frequency, at, window)
-            for name, kept in found.items():
-                kept.append(values[name])
-        return tuple(self._reading(name, np.array(values)) for name, values in found.items())
+            for name, column in series.items():
+                column.append(values[name])
+        return tuple(self._reading(name, np.array(values)) for name, values in series.items())
 
     def _reading(self, name: str, values: NDArray[np.float64]) -> Reading:
         known = values[np.isfinite(values)]

@@ -65,8 +65,8 @@ class Frequencies:
         if case.axis == "modes":
             return ()
         most = min(self.count, finest.system.dofs)
-        found = case.modes(min(most, case.system.dofs)).natural_frequency
-        values = found if case.step is None else newmark_frequency(found, case.step)
+        natural = case.modes(min(most, case.system.dofs)).natural_frequency
+        values = natural if case.step is None else newmark_frequency(natural, case.step)
         order = {"mesh": 4.0, "step": 2.0}[case.axis]
         padded = np.append(values, np.full(most - values.size, np.nan))
         return tuple(Reading(f"frequency {i + 1}", "Hz", float(f), order) for i, f in enumerate(padded))
@@ -159,18 +159,18 @@ class SteadyResponse:
     at: tuple[Position, ...] = ("tip", "mid")
 
     def __post_init__(self) -> None:
-        given = (self.at,) if isinstance(self.at, (str, int, float)) else self.at
-        require(isinstance(given, (tuple, list)) and len(given) > 0, "at", given, "", "must be places of the beam")
-        object.__setattr__(self, "at", tuple(checked("at", one, place()) for one in given))
+        places = (self.at,) if isinstance(self.at, (str, int, float)) else self.at
+        require(isinstance(places, (tuple, list)) and len(places) > 0, "at", places, "", "must be places of the beam")
+        object.__setattr__(self, "at", tuple(checked("at", position, place()) for position in places))
 
     def read(self, case: Case, finest: Case) -> tuple[Reading, ...]:
         """A reading for each place."""
-        found = []
+        readings = []
         for at in self.at:
             order = {"mesh": 4.0, "step": 2.0, "modes": 6.0 if _carries_mass(finest, at) else 5.0}[case.axis]
             value = abs(complex(case.system.point_row(at) @ case.steady))
-            found.append(Reading(f"steady {at}" if isinstance(at, str) else f"steady {at:g} m", "m", value, order))
-        return tuple(found)
+            readings.append(Reading(f"steady {at}" if isinstance(at, str) else f"steady {at:g} m", "m", value, order))
+        return tuple(readings)
 
 
 def _carries_mass(finest: Case, at: Position) -> bool:

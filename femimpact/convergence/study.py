@@ -50,7 +50,7 @@ def measured_of(case: Case | FemimpactError, finest: Case, watched: Sequence[Wat
     if isinstance(case, FemimpactError):
         return case
     try:
-        return tuple(one.read(case, finest) for one in watched)
+        return tuple(kind.read(case, finest) for kind in watched)
     except FemimpactError as error:
         return error
     # what a factorisation or a memory does not manage is a row with its reason, too
@@ -91,11 +91,11 @@ class Trial(NamedTuple):
             finest = twice
         if not isinstance(case, Case):
             return None if case is None else math.inf
-        found = measured_of(case, finest, [watched])
+        measured = measured_of(case, finest, [watched])
         exact = measured_of(finest, finest, [watched]) if beyond else None
-        if isinstance(found, FemimpactError) or isinstance(exact, FemimpactError):
+        if isinstance(measured, FemimpactError) or isinstance(exact, FemimpactError):
             return math.inf
-        reading = found[0][part]
+        reading = measured[0][part]
         order = reading.order - LOSS
         if reading.is_distance:
             return math.hypot(reading.value, reading.value / math.sqrt(4.0**order - 1.0) if beyond else reference_error)
@@ -117,8 +117,8 @@ def number_tried(
     known = number[np.isfinite(column["error"])]
     unit = 1.0 if math.isinf(trial.axis.ratio) else float(known[min(1, known.size - 1)])
 
-    def admitted(found: float) -> float:
-        return unit * math.ceil(found / unit) if found > trial.most else found
+    def admitted(number: float) -> float:
+        return unit * math.ceil(number / unit) if number > trial.most else number
 
     wanted = admitted(column["recommended"])
     enough = number[(number >= wanted) & (column["error"] <= trial.accuracy)]
@@ -194,27 +194,27 @@ ContactStatistics, a user's class, or a sequence of them
     if base is not None:
         require_type(base, Sine, "base")
         require(base.amplitude > 0.0, "base.amplitude", base.amplitude, "m", "must be > 0 m")
-    kept = checked("modes", modes, optional(quantity("1", at_least=1, integer=True)))
+    mode_count = checked("modes", modes, optional(quantity("1", at_least=1, integer=True)))
     accuracy = checked("accuracy", accuracy, quantity("1", above=0.0, below=1.0))
     report = check_progress(progress)
     names = [axis.name for axis in axes]
     require(len(set(names)) == len(names), "over", names, "", "must be one of each kind")
-    plan, tables = Plan(structure, base, kept), {}
+    plan, tables = Plan(structure, base, mode_count), {}
     for i, axis in enumerate(axes):
 
-        def told(share: float, done: int = i) -> None:
+        def report_share(share: float, done: int = i) -> None:
             if report is not None:
                 report((done + share) / len(axes))
 
-        tables[axis.name] = _table(axis, plan, watched, accuracy, told)
+        tables[axis.name] = _table(axis, plan, watched, accuracy, report_share)
     return ConvergenceStudy(tables)
 
 
-def _several(key: str, given: Any, kind: Any, words: str) -> list[Any]:
-    found = list(given) if isinstance(given, (list, tuple)) else [given]
-    fine = len(found) > 0 and all(isinstance(one, kind) and not isinstance(one, type) for one in found)
-    require(fine, key, given if not fine else None, "", f"must be one of, or a list of, {words}")
-    return found
+def _several(key: str, argument: Any, kind: Any, words: str) -> list[Any]:
+    members = list(argument) if isinstance(argument, (list, tuple)) else [argument]
+    fine = len(members) > 0 and all(isinstance(member, kind) and not isinstance(member, type) for member in members)
+    require(fine, key, argument if not fine else None, "", f"must be one of, or a list of, {words}")
+    return members
 
 
 def _table(
@@ -231,11 +231,11 @@ def _table(
     for i, row in enumerate(rows):
         measured.append(measured_of(row.case, finest, watched))
         progress((i + 1) / len(rows))
-    found = next((one for one in reversed(measured) if not isinstance(one, FemimpactError)), None)
-    if found is None:
-        raise next(one for one in measured if isinstance(one, FemimpactError))
-    heads = _flat(found)
-    independent = [type(one).__name__ for one, readings in zip(watched, found, strict=True) if not readings]
+    readings_of = next((row for row in reversed(measured) if not isinstance(row, FemimpactError)), None)
+    if readings_of is None:
+        raise next(row for row in measured if isinstance(row, FemimpactError))
+    heads = _flat(readings_of)
+    independent = [type(kind).__name__ for kind, readings in zip(watched, readings_of, strict=True) if not readings]
     require(len(heads) > 0, "watch", None, "", f"must hold a quantity that depends on the {axis.name}")
     value, scatter = _values([*measured, measured_of(limit, finest, watched)], len(heads))
     value, limits, scatter = value[:-1], value[-1], scatter[:-1]
@@ -245,14 +245,14 @@ def _table(
         for j, head in enumerate(heads)
     ]
     trial = Trial(axis, plan, finest, float(np.nanmax(number)), accuracy, {})
-    parts = [(one, i) for one, readings in zip(watched, found, strict=True) for i in range(len(readings))]
-    for column, (one, i) in zip(columns, parts, strict=True):
+    parts = [(kind, i) for kind, readings in zip(watched, readings_of, strict=True) for i in range(len(readings))]
+    for column, (kind, i) in zip(columns, parts, strict=True):
         reference_error = column.pop("reference_error")
         if math.isfinite(reference_error):
-            column["recommended"] = number_tried(trial, one, i, column, reference_error, number)
+            column["recommended"] = number_tried(trial, kind, i, column, reference_error, number)
     return table_of(
         axis.name, [row.label for row in rows], number, size, columns,
-        [" ".join(str(one).split()) if isinstance(one, Exception) else "" for one in measured],
+        [" ".join(str(row).split()) if isinstance(row, Exception) else "" for row in measured],
         accuracy=accuracy,
         notes=(*_not_finer(axis, rows, value), *_notes(axis, plan, heads, columns, independent, accuracy)),
         problem=_problem(plan, scatter),
@@ -262,14 +262,14 @@ def _table(
 def _values(measured: Sequence[Measured], count: int) -> tuple[Array, Array]:
     """Values and their scatter, (cases, quantities) each; not numbers of a case without readings."""
     value, scatter = np.full((2, len(measured), count), np.nan)
-    for i, found in enumerate(measured):
-        if not isinstance(found, FemimpactError):
-            value[i], scatter[i] = [one.value for one in _flat(found)], [one.scatter for one in _flat(found)]
+    for i, groups in enumerate(measured):
+        if not isinstance(groups, FemimpactError):
+            value[i], scatter[i] = [r.value for r in _flat(groups)], [r.scatter for r in _flat(groups)]
     return value, scatter
 
 
-def _flat(found: tuple[tuple[Reading, ...], ...]) -> tuple[Reading, ...]:
-    return tuple(reading for readings in found for reading in readings)
+def _flat(groups: tuple[tuple[Reading, ...], ...]) -> tuple[Reading, ...]:
+    return tuple(reading for readings in groups for reading in readings)
 
 
 def _column(
@@ -301,12 +301,12 @@ def _column(
         bottom = 1e-22
     error[known] = e
     column["order"][known] = local_orders(h, e, bottom)
-    found = fitted_order(h, e, 3.0 * bottom)
+    fitted = fitted_order(h, e, 3.0 * bottom)
     wanted = number_of_case(number[known], e, reference_error, accuracy)
-    if agrees(found, order) and wanted != number[known[0]]:
-        wanted = number_for(number[known], e, found, accuracy, 0.0 if math.isnan(floor) else floor)
+    if agrees(fitted, order) and wanted != number[known[0]]:
+        wanted = number_for(number[known], e, fitted, accuracy, 0.0 if math.isnan(floor) else floor)
     return column | {
-        "fitted_order": found, "reference": reference, "floor": floor, "recommended": wanted,
+        "fitted_order": fitted, "reference": reference, "floor": floor, "recommended": wanted,
         "reference_error": reference_error,
     }  # fmt: skip
 
@@ -327,9 +327,9 @@ def _reference(size: Array, value: Array, order: float, axis: Axis, limit: float
     usable = usable_rows(size, value, expected)
     floor = rounding_floor(value, usable) if usable < value.size and np.any(value) else math.nan
     h, v = size[:usable], value[:usable]
-    found = observed_order(h, v)
-    if math.isfinite(found) and abs(found - expected) > AS_EXPECTED:
-        expected = found
+    observed = observed_order(h, v)
+    if math.isfinite(observed) and abs(observed - expected) > AS_EXPECTED:
+        expected = observed
     return extrapolated(v[-2], v[-1], h[-2] / h[-1], expected), floor
 
 
@@ -395,7 +395,7 @@ def _notes(
             "More than one term of the error is seen: the number recommended is that of a case with the accuracy, "
             "a bound"
         )
-    absent = [head.name for head, one in pairs if math.isnan(one["recommended"]) and np.any(one["error"] > 0.0)]
+    absent = [head.name for head, row in pairs if math.isnan(row["recommended"]) and np.any(row["error"] > 0.0)]
     if absent:
         why = "no case is known to have the accuracy" + (", and none follows from such an order" if unlike else "")
         notes.append(f"no number is recommended for {', '.join(absent)}: {why}; take finer cases")

@@ -39,9 +39,9 @@ ABOVE_FLOOR = 10.0
 """Times the floor that an error must be for an order to be read of it."""
 
 
-def agrees(found: float, expected: float) -> bool:
+def agrees(fitted: float, expected: float) -> bool:
     """True if a found order is the expected one, so that errors between the rows and beyond follow from it."""
-    return bool(abs(found - expected) <= AGREED)
+    return bool(abs(fitted - expected) <= AGREED)
 
 
 def extrapolated(coarse: float, fine: float, ratio: float, order: float) -> float:
@@ -98,12 +98,12 @@ def local_orders(size: Array, error: Array, floor: float) -> Array:
 
     Not a number at the first, where the floor decides, and where the size does not fall.
     """
-    found = np.full(error.size, np.nan)
+    orders = np.full(error.size, np.nan)
     rows = np.flatnonzero(np.isfinite(error) & (error > 0.0))
     for before, row in pairwise(rows):
         if min(error[before], error[row]) > ABOVE_FLOOR * floor and is_finer(size[[before, row]])[0]:
-            found[row] = math.log(error[before] / error[row]) / math.log(size[before] / size[row])
-    return found
+            orders[row] = math.log(error[before] / error[row]) / math.log(size[before] / size[row])
+    return orders
 
 
 def fitted_order(size: Array, error: Array, floor: float) -> float:
@@ -148,8 +148,8 @@ def number_for(number: Array, error: Array, order: float, accuracy: float, floor
     if after.size and error[after[0]] > 0.0 and enough > number[last]:
         between = math.log(error[last] / error[after[0]]) / math.log(enough / float(number[last]))
         order = min(order, between) if order > 0.0 else order
-    found = math.ceil(float(number[last]) * (error[last] / accuracy) ** (1.0 / order)) if order > 0.0 else math.inf
-    best = min(enough, float(found))
+    predicted = math.ceil(float(number[last]) * (error[last] / accuracy) ** (1.0 / order)) if order > 0.0 else math.inf
+    best = min(enough, float(predicted))
     return best if math.isfinite(best) else math.nan
 
 
@@ -232,26 +232,26 @@ def _errors(table: ConvergenceTable, width: int) -> list[str]:
     # cases that have values, thinned evenly to those that fit
     known = np.flatnonzero(np.any(np.isfinite(table.value), axis=1))
     most = min((WIDTH - width) // CELL, known.size)
-    shown = known[np.unique(np.linspace(0, known.size - 1, most).round().astype(int))].tolist()
+    cases = known[np.unique(np.linspace(0, known.size - 1, most).round().astype(int))].tolist()
     statistics = bool(np.all(table.is_statistic))
     title = f"Over the {table.axis}: " + ("differences from the finest" if statistics else "relative errors")
-    if len(shown) < known.size:
-        title += f", {len(shown)} of {known.size} cases"
+    if len(cases) < known.size:
+        title += f", {len(cases)} of {known.size} cases"
     if np.any(table.is_statistic):
         title += " (* beyond the scatter)"
-    lines = [title, row_line(COUNTED[table.axis][:NAME], [f"{table.number[i]:.4g}" for i in shown], width)]
+    lines = [title, row_line(COUNTED[table.axis][:NAME], [f"{table.number[i]:.4g}" for i in cases], width)]
     meaningful = table.meaningful
     for j, name in enumerate(table.name):
-        marks = ["*" if table.is_statistic[j] and meaningful[i, j] else "" for i in shown]
-        cells = [cell(table.error[i, j]) + mark for i, mark in zip(shown, marks, strict=True)]
+        marks = ["*" if table.is_statistic[j] and meaningful[i, j] else "" for i in cases]
+        cells = [cell(table.error[i, j]) + mark for i, mark in zip(cases, marks, strict=True)]
         lines.append(row_line(str(name), cells, width))
     return lines
 
 
 def _orders(table: ConvergenceTable, width: int) -> list[str]:
     """Orders, floors, recommended numbers and limits of what does not scatter."""
-    shown = np.flatnonzero(~table.is_statistic)
-    if shown.size == 0:
+    drawn = np.flatnonzero(~table.is_statistic)
+    if drawn.size == 0:
         return []
 
     def line(name: str, cells: Sequence[str], end: str) -> str:
@@ -259,7 +259,7 @@ def _orders(table: ConvergenceTable, width: int) -> list[str]:
         return f"{name:<{width - 2}}{columns}{end}"[:WIDTH].rstrip()
 
     lines = [line("", ["order", "expected", "floor", f"for {100.0 * table.accuracy:g} %"], "  limit")]
-    for j in shown:
+    for j in drawn:
         orders = [cell(table.fitted_order[j], ".2f"), cell(table.expected_order[j], "g")]
         number = ("<= " if table.recommended_is_bound[j] else "") + cell(table.recommended[j], ".5g")
         unit = "" if table.unit[j] == "1" else f" {table.unit[j]}"
@@ -432,8 +432,8 @@ class ConvergenceTable:
 
         both = ("value", "error", "order", "scatter")
         data: dict[str, Any] = {name: (("case", "quantity"), np.array(getattr(self, name))) for name in both}
-        one = ("unit", "fitted_order", "expected_order", "reference", "floor", "recommended", "recommended_is_bound")
-        data |= {name: (("quantity",), np.array(getattr(self, name))) for name in one}
+        names = ("unit", "fitted_order", "expected_order", "reference", "floor", "recommended", "recommended_is_bound")
+        data |= {name: (("quantity",), np.array(getattr(self, name))) for name in names}
         data |= {name: (("case",), np.array(getattr(self, name))) for name in ("number", "size", "failure")}
         coords = {"case": np.array(self.label), "quantity": np.array(self.name)}
         attributes = {

@@ -146,7 +146,7 @@ class Chirp(PiecewiseMotion):
         time = knots[(knots >= self.fade) & (knots < (self.duration - self.fade) * (1.0 - ROUNDING))]
         frequency = self.frequency_at(time)
         near = (self.frequency_at(np.clip(time + way / frequency, 0.0, self.duration)) for way in (-1.0, 0.0, 1.0))
-        level = np.max([level_at(self.level, one) for one in near], axis=0)
+        level = np.max([level_at(self.level, f) for f in near], axis=0)
         share = np.abs(self.acceleration(time) - self._level_times_sine(time)) / level
         most = int(share.argmax())
         return float(share[most]), float(frequency[most])

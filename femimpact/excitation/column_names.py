@@ -56,7 +56,7 @@ def in_si(name: str, unit: str, among: Iterable[str] = tuple(UNITS)) -> tuple[st
     if known is not None:
         return *known, f"{name!r} is in {unit}" + f", taken as {known[1]:.6g} {known[0]}" * (known[1] != 1.0)
     last = AFTER_NAME.split(name)[-1]
-    meant = None if unit or last == "t" else unit_of(last, [one for one in among if one not in NO_SUFFIX])
+    meant = None if unit or last == "t" else unit_of(last, [u for u in among if u not in NO_SUFFIX])
     words = f"the unit {unit!r} is not known" if unit else "no unit is there"
     words += f"; is it in {last}?" if meant is not None and meant[1] != 1.0 else ""
     return unit, 1.0, f"{name!r} is left as it is: {words}"
@@ -65,10 +65,10 @@ def in_si(name: str, unit: str, among: Iterable[str] = tuple(UNITS)) -> tuple[st
 def unit_of(word: str, among: Iterable[str] = tuple(UNITS)) -> tuple[str, float] | None:
     """What `read_unit` finds, in capitals alone too; words for times are read in any."""
     time = word.isalpha() and len(word) > 2 and "s" in among
-    found = (read_unit(word.lower(), ("s",)) if time else None) or read_unit(word, among)
+    unit = (read_unit(word.lower(), ("s",)) if time else None) or read_unit(word, among)
     # one capital is a name: T, M, F
     capitals = word.isupper() and (len(word) > 1 or word == "S")
-    return found or (read_unit(word.lower(), among) if capitals else None)
+    return unit or (read_unit(word.lower(), among) if capitals else None)
 
 
 def names_and_units(
@@ -88,11 +88,11 @@ def names_and_units(
         row, has_row = fitting[-2] if len(fitting) > 1 else [], True
     elif len(fitting) > 1 and unit_of(fitting[-2][places[0]], ("s",)) and all(unit_of(fitting[-2][p]) for p in places):
         units, has_row = {p: fitting[-2][p] for p in places}, True
-    found = {p: name_and_unit(row[p]) for p in places} if row else {}
-    for p, (_, unit) in found.items():
+    columns = {p: name_and_unit(row[p]) for p in places} if row else {}
+    for p, (_, unit) in columns.items():
         if unit not in ("", "-"):
             units.setdefault(p, unit)
-    time = next((p for p, (name, _) in found.items() if TIMES.fullmatch(name)), places[0])
+    time = next((p for p, (name, _) in columns.items() if TIMES.fullmatch(name)), places[0])
     signals = [p for p in places if p != time or len(places) == 1]
     for p, unit in _stated_units(stated, time, signals):
         has_row = True
@@ -134,8 +134,8 @@ def _cells_of_names(line: str, width: int) -> list[str]:
 def _stated_units(lines: Sequence[list[str]], time: int, signals: Sequence[int]) -> Iterator[tuple[int, str]]:
     """Places and units of lines of units."""
     for first, *others in lines:
-        found = UNIT_LINE.fullmatch(first)
-        of_time, _, of_time_too, behind = found.groups("") if found else [""] * 4
+        statement = UNIT_LINE.fullmatch(first)
+        of_time, _, of_time_too, behind = statement.groups("") if statement else [""] * 4
         cells = [cell.strip(AROUND) for cell in ([behind] if behind else []) + others if cell not in ("=", ":")]
         while cells and not cells[-1]:
             del cells[-1]
@@ -152,14 +152,14 @@ def _stated_units(lines: Sequence[list[str]], time: int, signals: Sequence[int])
 
 def _suffixes(row: Sequence[str], places: Sequence[int]) -> dict[int, tuple[str, str]]:
     """Names and units of cells that end with a unit, as "acc_g"."""
-    found = {}
+    columns = {}
     for p in places:
         *name, last = AFTER_NAME.split(row[p])
-        known = unit_of(last, [one for one in UNITS if one not in NO_SUFFIX]) if name and last != "t" else None
+        known = unit_of(last, [unit for unit in UNITS if unit not in NO_SUFFIX]) if name and last != "t" else None
         # "acc_N" may be north, and "x_m" the mean
         if known is not None and (known[1] != 1.0 or len(last) > 1):
-            found[p] = AFTER_NAME.sub(" ", row[p][: -len(last)]).strip(), last
-    return found
+            columns[p] = AFTER_NAME.sub(" ", row[p][: -len(last)]).strip(), last
+    return columns
 
 
 def _is_of_types(cells: list[str]) -> bool:
@@ -191,15 +191,15 @@ def name_and_unit(cell: str) -> tuple[str, str]:
         known = None if inner[1] == "t" else unit_of(inner[1].strip())
         if known is not None and known[0] != "1" and inner.end() < len(cell):
             return f"{cell[: inner.start()]}{cell[inner.end() :]}".strip(), inner[1].strip()
-    if found := BRACKETED.fullmatch(cell):
+    if parts := BRACKETED.fullmatch(cell):
         # "a(t)" is no column in tonnes
-        if found[2] == "t":
+        if parts[2] == "t":
             return cell, ""
-        name, unit = name_and_unit(found[1]) if unit_of(found[2].strip("$ ")) is None else ("", "")
+        name, unit = name_and_unit(parts[1]) if unit_of(parts[2].strip("$ ")) is None else ("", "")
         # "Weg / mm (laser)" has its unit before the brackets
-        return (f"{name} ({found[2]})", unit) if unit else (found[1] or cell, found[2].strip("$ "))
-    if (found := TIMES.fullmatch(cell)) and unit_of(found[2] or "", ("s",)):
-        return found[1], found[2]
+        return (f"{name} ({parts[2]})", unit) if unit else (parts[1] or cell, parts[2].strip("$ "))
+    if (parts := TIMES.fullmatch(cell)) and unit_of(parts[2] or "", ("s",)):
+        return parts[1], parts[2]
     if GS.match(cell):
         return cell, "g"
     if unit_of(cell) is not None:

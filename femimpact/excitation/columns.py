@@ -118,13 +118,13 @@ def in_columns(text: str, path: str | Path) -> str:
     Raises `InputError` if there are not as many samples as the file says.
     """
     head = text[:MODEL_LETTERS]
-    if not (found := SERIES.search(head)):
+    if not (series := SERIES.search(head)):
         return text
-    count, step = int(found[1] or found[3]), float(found[2] or found[4])
+    count, step = int(series[1] or series[3]), float(series[2] or series[4])
     require(
         count >= 2 and step > 0.0, "path", str(path), "", f"has NPTS = {count} and DT = {step:g} s: must be samples"
     )
-    samples = text[found.end() :].split()
+    samples = text[series.end() :].split()
     if len(samples) > count and len(samples) % count == 0:
         # columns below such a line
         return text
@@ -132,7 +132,7 @@ def in_columns(text: str, path: str | Path) -> str:
     require(len(samples) == count, "path", str(path), "", allowed)
     bad = next((i for i, sample in enumerate(samples) if decimal_number(sample) is None), -1)
     require(bad < 0, "path", str(path), "", f"sample {bad + 1} is no finite number")
-    name, unit = quantity.groups() if (quantity := QUANTITY.search(head, 0, found.start())) else ("value", "")
+    name, unit = quantity.groups() if (quantity := QUANTITY.search(head, 0, series.start())) else ("value", "")
     rows = "\n".join(f"{i * step!r},{sample}" for i, sample in enumerate(samples))
     return f"time [s],{name.lower()} [{unit}]\n{rows}\n"
 
@@ -145,16 +145,16 @@ def is_column(value: object) -> bool:
 def read_columns(text: str, places: tuple[int, ...], first: int, path: Path) -> tuple[Array, ...]:
     """Columns of numbers at some places, from a line on; lines that are empty or begin with # are left out."""
     # arrays that grow where they are
-    found, width = tuple(array("d") for _ in places), 0
+    columns, width = tuple(array("d") for _ in places), 0
     for number, lines in _blocks(text):
         rows = lines[max(first - number, 0) :]
         width = width or next((len(fields) for _, fields in cells_of(rows, number)), 0)
         values = _plain_values(rows, places, width)
         if values is None:
             values = _values(cells_of(rows, max(first, number)), places, width, path)
-        for column, part in zip(found, values.T, strict=True):
+        for column, part in zip(columns, values.T, strict=True):
             column.frombytes(part.tobytes())
-    return tuple(map(np.frombuffer, found))
+    return tuple(map(np.frombuffer, columns))
 
 
 COUNTS = re.compile(r"(samples?|index|idx|no|nr|num|number|nummer|sequence|scan|count)\W*", re.IGNORECASE)
@@ -197,11 +197,11 @@ class RecordHeader:
 
     def place(self, column: int | str, path: Path) -> int:
         """Place of a column by its number or its name, with or without a unit."""
-        found = self._by_name.get(column, -1) if isinstance(column, str) else column
-        if found not in self.places:
-            shown = f"{path.name}, which are from line {self.first} on: {[self.name(p) for p in self.places]}"
-            raise InputError([Fault("columns", column, "", f"must be one of the columns of numbers of {shown}")])
-        return found
+        number = self._by_name.get(column, -1) if isinstance(column, str) else column
+        if number not in self.places:
+            choices = f"{path.name}, which are from line {self.first} on: {[self.name(p) for p in self.places]}"
+            raise InputError([Fault("columns", column, "", f"must be one of the columns of numbers of {choices}")])
+        return number
 
 
 def record_header(text: str, path: Path) -> RecordHeader:
@@ -227,8 +227,8 @@ def record_header(text: str, path: Path) -> RecordHeader:
     if 0 < len(bad) < len(cells) and (bad[0] > 0 or all(cells[i].lower() in EMPTY for i in bad)):
         words = f"line {last}, column {places[bad[0]]}: {_kind(cells, bad[0])} is no finite number"
     if mark_of("".join(tail[-1:])) == ",":
-        found = [cell for row in head for cell in row]
-        parts = any(map(SPLIT.fullmatch, found)) and not any("." in cell for cell in found)
+        head_cells = [cell for row in head for cell in row]
+        parts = any(map(SPLIT.fullmatch, head_cells)) and not any("." in cell for cell in head_cells)
         if parts or 2 <= len(fields) <= max(places):
             words = f"line {first}: more numbers than names, or parts of numbers: is a comma a decimal one? "
             words += "put semicolons between"
@@ -255,8 +255,8 @@ def _begin(text: str) -> str:
 
 def _is_row(fields: list[str], places: tuple[int, ...]) -> bool:
     """True if a line has a number in the first of some places, and numbers or nothing in the others."""
-    whole = len(places) > 0 and len(fields) > max(places) and is_number(fields[places[0]])
-    return whole and all(is_number(fields[p]) or fields[p].lower() in EMPTY for p in places)
+    has_first = len(places) > 0 and len(fields) > max(places) and is_number(fields[places[0]])
+    return has_first and all(is_number(fields[p]) or fields[p].lower() in EMPTY for p in places)
 
 
 def first_lines(text: str) -> Iterator[tuple[int, str]]:
@@ -296,8 +296,8 @@ def interval_of(time: Array, path: str | Path, line: Callable[[int], str]) -> fl
 def has_decimal_commas(text: str, header: RecordHeader) -> bool:
     """True where a line of commas has digits alone in every second cell, as decimal commas leave them."""
     lines = itertools.islice((fields for i, fields in _rows(text) if i >= header.first), MODEL_LINES)
-    whole = all(len(fields) % 2 == 0 and all(cell.isdigit() for cell in fields[1::2]) for fields in lines)
-    return mark_of(text[:MODEL_LETTERS]) == "," and whole
+    are_digits = all(len(fields) % 2 == 0 and all(cell.isdigit() for cell in fields[1::2]) for fields in lines)
+    return mark_of(text[:MODEL_LETTERS]) == "," and are_digits
 
 
 def _blocks(text: str) -> Iterator[tuple[int, list[str]]]:

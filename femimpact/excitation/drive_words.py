@@ -19,8 +19,8 @@ def drive_words(excitation: Any) -> list[str]:
     lines = []
     drives = getattr(excitation, "drives", (excitation,))
     for name, drive in zip(getattr(excitation, "names", ("",)), drives, strict=True):
-        said = ", ".join(_numbers(getattr(drive, "history", drive), "N" if is_force(drive) else "m/s^2"))
-        lines.append(f"{f'{name}, ' * (name not in ('', 'base'))}{words_of(drive)}{'; ' * bool(said)}{said}")
+        numbers = ", ".join(_numbers(getattr(drive, "history", drive), "N" if is_force(drive) else "m/s^2"))
+        lines.append(f"{f'{name}, ' * (name not in ('', 'base'))}{words_of(drive)}{'; ' * bool(numbers)}{numbers}")
     return lines
 
 

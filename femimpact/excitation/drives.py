@@ -94,8 +94,8 @@ class Drives:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the drives in their order."""
-        given = [getattr(force, "name", None) for force in self.forces]
-        of_forces = [name or f"force {number}" for number, name in enumerate(given, start=1)]
+        names = [getattr(force, "name", None) for force in self.forces]
+        of_forces = [name or f"force {number}" for number, name in enumerate(names, start=1)]
         return (*(() if self.base is None else (BASE,)), *of_forces)
 
     @property

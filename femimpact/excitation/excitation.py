@@ -186,6 +186,6 @@ def require_excitation(value: object, key: str = "excitation") -> None:
 def times(time: ArrayLike) -> Array:
     """Times (s) as an array of float."""
     allowed = f"must be finite numbers from {-LATEST:g} to {LATEST:g} s"
-    found = real_array("time", time, "s", allowed)
-    require(bool(np.all(np.abs(found) <= LATEST)), "time", time, "s", allowed)
-    return found
+    t = real_array("time", time, "s", allowed)
+    require(bool(np.all(np.abs(t) <= LATEST)), "time", time, "s", allowed)
+    return t

@@ -28,18 +28,18 @@ def level_of(amplitude: float | None, acceleration: Any, level: Any, by: str | N
 
     Raises `InputError` if both or none of them are given.
     """
-    given = {"amplitude": amplitude, "acceleration": acceleration}
-    named = [name for name, value in given.items() if value is not None]
+    levels = {"amplitude": amplitude, "acceleration": acceleration}
+    named = [name for name, value in levels.items() if value is not None]
     if not named and (level is not None or by is not None):
         require(level is not None, "level", level, "m or m/s^2", "must be a finite number >= 0")
         return level, by
     allowed = "must be given alone: one of amplitude (m) and acceleration (m/s^2)"
     require(len(named) == 1, "amplitude", "both" if named else None, "", allowed)
-    if hasattr(given[named[0]], "__len__"):
+    if hasattr(levels[named[0]], "__len__"):
         allowed = "must be a number: a level over frequency is an acceleration, (2 pi f)^2 times the amplitude"
         require(named[0] == "acceleration", "amplitude", amplitude, "m", allowed)
         return checked("acceleration", acceleration, TABLE), "acceleration"
-    return given[named[0]], named[0]
+    return levels[named[0]], named[0]
 
 
 def set_fields(frozen: Any, **values: Any) -> None:
@@ -241,9 +241,9 @@ class SteppedSine(PiecewiseMotion):
         values = real_array("frequencies", frequencies, "Hz", allowed)
         good = values.ndim == 1 and values.size > 0 and bool(np.all(values > 0.0))
         require(good, "frequencies", f"array of shape {values.shape}", "Hz", allowed)
-        given = tuple(values.tolist())
+        rising = tuple(values.tolist())
         set_fields(
-            self, frequencies=given, cycles=cycles, direction=direction, level=level, by=by, seconds=seconds, fade=fade
+            self, frequencies=rising, cycles=cycles, direction=direction, level=level, by=by, seconds=seconds, fade=fade
         )
         allowed = "must be given alone: one of cycles and seconds"
         require((cycles is None) != (seconds is None), "cycles", cycles, "", allowed)

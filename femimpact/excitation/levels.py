@@ -64,11 +64,11 @@ def knots_with_breaks(knots: Array, breaks: Array, turned: Callable[[Array], Arr
     """Knots such that a history bends at some of them, in pieces of `PHASE_OF_PIECE` of what has turned (rad)."""
     ends = with_breaks(knots[[0, -1]], breaks)
     grid = with_breaks(knots, ends)
-    found = turned(grid)
-    angle = np.interp(ends, grid, found)
+    angles = turned(grid)
+    angle = np.interp(ends, grid, angles)
     counts = np.maximum(np.ceil(np.diff(angle) / PHASE_OF_PIECE), 1.0).astype(int)
     first = np.concatenate([[0], np.cumsum(counts)])
-    new = np.interp(np.interp(np.arange(first[-1] + 1), first, angle), found, grid)
+    new = np.interp(np.interp(np.arange(first[-1] + 1), first, angle), angles, grid)
     new[first] = ends
     return np.asarray(new)
 
@@ -107,8 +107,8 @@ def nodes_beside(knots: Array, bends: Array, sizes: Array, frequency: Array) -> 
     i = np.searchsorted(bends, knots)
     step = np.minimum(np.append(np.inf, before)[i] + GROWTH * knots, np.append(after, np.inf)[i] - GROWTH * knots)
     counted = np.concatenate([[0.0], np.cumsum(np.diff(knots) / np.minimum(step[1:], step[:-1]))])
-    whole = np.linspace(0.0, counted[-1], max(int(np.ceil(counted[-1])), 1) + 1)
-    return np.unique(np.append(np.searchsorted(counted, whole[:-1]), knots.size - 1))
+    integers = np.linspace(0.0, counted[-1], max(int(np.ceil(counted[-1])), 1) + 1)
+    return np.unique(np.append(np.searchsorted(counted, integers[:-1]), knots.size - 1))
 
 
 def without_drift(

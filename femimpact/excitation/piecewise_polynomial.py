@@ -95,9 +95,9 @@ class PiecewisePolynomial:
         faster, moved = np.zeros_like(h), np.zeros_like(h)
         # Horner's scheme, from the highest power down
         for n in range(self.degree, -1, -1):
-            given = self.coefficients[:, n]
-            faster = faster * h + given / (n + 1.0)
-            moved = moved * h + given / ((n + 1.0) * (n + 2.0))
+            c = self.coefficients[:, n]
+            faster = faster * h + c / (n + 1.0)
+            moved = moved * h + c / ((n + 1.0) * (n + 2.0))
         speed = self.initial_velocity + np.concatenate([[0.0], np.cumsum(h * faster)])
         place = self.initial_displacement + np.concatenate([[0.0], np.cumsum(h * (speed[:-1] + h * moved))])
         return np.column_stack([place, speed])
@@ -107,10 +107,10 @@ class PiecewisePolynomial:
         starts = real_array("starts", self.starts, "m and m/s", allowed)
         require(starts.shape == sums.shape, "starts", f"array of shape {starts.shape}", "m and m/s", allowed)
         # from the start of each piece to that of the next one
-        changes, given = np.diff(sums, axis=0), np.diff(starts, axis=0)
+        changes, steps = np.diff(sums, axis=0), np.diff(starts, axis=0)
         changes[:, 0] += np.diff(self.knots) * (starts[:-1, 1] - sums[:-1, 1])
         size = np.abs(starts).max(axis=0) + np.abs(sums).max(axis=0)
-        close = bool(np.all(np.abs(given - changes) <= CONTINUOUS * size))
+        close = bool(np.all(np.abs(steps - changes) <= CONTINUOUS * size))
         allowed = "must be the integrals of the pieces: displacement and velocity do not jump"
         require(close, "starts", f"array of shape {starts.shape}", "m and m/s", allowed)
         return starts
@@ -155,8 +155,8 @@ class PiecewisePolynomial:
         later, outside = t - self.knots[piece], t < self.knots[0]
         total = np.zeros(np.shape(t))
         for i in range(ORDERS - 1, order - 1, -1):
-            given = self.table[piece, i]
-            total = np.where(outside & (i >= 2), 0.0, given) + total * later / (i - order + 1.0)
+            coefficient = self.table[piece, i]
+            total = np.where(outside & (i >= 2), 0.0, coefficient) + total * later / (i - order + 1.0)
         return total
 
     def displacement(self, time: ArrayLike) -> Array:
@@ -175,10 +175,10 @@ class PiecewisePolynomial:
 def piece_at(pieces: PiecewisePolynomial, time: float) -> int:
     """Number of the piece at a time (s), n beyond the last knot; rounding does not put a time before a knot."""
     knots: Array = pieces.knots
-    found = min(max(int(np.searchsorted(knots, time, side="right")) - 1, 0), knots.size - 1)
-    if found + 1 < knots.size and knots[found + 1] - time <= AT_SAMPLE * (knots[found + 1] - knots[found]):
-        return found + 1
-    return found
+    piece = min(max(int(np.searchsorted(knots, time, side="right")) - 1, 0), knots.size - 1)
+    if piece + 1 < knots.size and knots[piece + 1] - time <= AT_SAMPLE * (knots[piece + 1] - knots[piece]):
+        return piece + 1
+    return piece
 
 
 def motion_at(pieces: PiecewisePolynomial, time: float) -> Array:
@@ -218,14 +218,14 @@ def _of_short_pieces(values: Array, lengths: Array) -> Array:
     A piece of a thousandth of its neighbour's length has a thousandth to the fifth power of its fifth difference, which
     is less than the rounding of the values.
     """
-    found, longer = coefficients_through(values, lengths), lengths.copy()
+    coefficients, longer = coefficients_through(values, lengths), lengths.copy()
     longer[1:], longer[:-1] = np.maximum(longer[1:], lengths[:-1]), np.maximum(longer[:-1], lengths[1:])
     powers = np.arange(HIGHEST_DEGREE + 1)
     for i in np.flatnonzero((lengths / longer) ** HIGHEST_DEGREE < ROUNDED):
         size = np.abs(values[max(i - 1, 0) : i + 2]).max()
         hidden = (lengths[i] / longer[i]) ** powers < ROUNDED
-        found[i, hidden & (np.abs(found[i]) * lengths[i] ** powers <= ROUNDED * size)] = 0.0
-    return found
+        coefficients[i, hidden & (np.abs(coefficients[i]) * lengths[i] ** powers <= ROUNDED * size)] = 0.0
+    return coefficients
 
 
 PIECES_OF_HALF_SINE = 12
@@ -244,11 +244,11 @@ def coefficients_through(values: Array, lengths: Array) -> Array:
     """Coefficients (n, 6) of the polynomials with given values at the Gauss points of pieces of these lengths (s)."""
     inverse = np.linalg.inv(np.vander(0.5 * (1.0 + NODES), increasing=True))
     # rows of points: columns of 6 are multiplied four times as slowly
-    found, power = (inverse @ values.T).T, np.ones_like(lengths)
+    coefficients, power = (inverse @ values.T).T, np.ones_like(lengths)
     for n in range(1, HIGHEST_DEGREE + 1):
         power = power * lengths
-        found[:, n] /= power
-    return np.asarray(found)
+        coefficients[:, n] /= power
+    return np.asarray(coefficients)
 
 
 def pieces_of(line: BrokenLine | PiecewisePolynomial) -> PiecewisePolynomial:

@@ -96,8 +96,8 @@ class RandomBase(PiecewiseMotion):
         psd = real_array("psd", self.psd, "", allowed)
         good = psd.ndim == 2 and psd.shape[0] >= 2 and psd.shape[1] == 2 and bool(np.all(psd > 0.0))
         low = psd[psd <= 0.0]
-        shown = f"{low[0]:g} among its values" if low.size and psd.ndim == 2 else f"array of shape {psd.shape}"
-        require(good, "psd", shown, "", allowed)
+        wrong = f"{low[0]:g} among its values" if low.size and psd.ndim == 2 else f"array of shape {psd.shape}"
+        require(good, "psd", wrong, "", allowed)
         falling = np.flatnonzero(np.diff(psd[:, 0]) <= 0.0)
         if falling.size:
             which = f"{psd[falling[0], 0]:.6g} and then {psd[falling[0] + 1, 0]:.6g}"

@@ -76,7 +76,7 @@ def read_record(
         sound = isinstance(columns, (list, tuple)) and len(columns) > 0 and all(map(is_column, columns))
         require(sound, "columns", columns, "", "must be numbers from 0 or names of the header")
     if units is not None:
-        sound = isinstance(units, (list, tuple)) and len(units) > 0 and all(isinstance(one, str) for one in units)
+        sound = isinstance(units, (list, tuple)) and len(units) > 0 and all(isinstance(unit, str) for unit in units)
         require(sound, "units", units, "", 'must be texts, one for each column, as ("s", "mm")')
     return _reader(path)(path, columns, units, rate, lambda names: range(len(names)))
 
@@ -94,24 +94,24 @@ def _read_text(
 ) -> xarray.Dataset:
     """Columns of a text; where none are given, some of the signals."""
     text, file = in_columns(record_text(path), path), Path(path)
-    found = record_header(text, file)
+    header = record_header(text, file)
     if columns is None:
-        places, notes = _places(found, file, rate, pick)
+        places, notes = _places(header, file, rate, pick)
     else:
-        places, notes = [found.place(column, file) for column in columns], list[str]()
+        places, notes = [header.place(column, file) for column in columns], list[str]()
     needed = ("a signal", "") if rate is not None else ("time and a signal", "; or give sample_rate")
-    left = "".join(f"; {name!r} has numbers in few of its rows, or in none" for name in found.left)
+    left = "".join(f"; {name!r} has numbers in few of its rows, or in none" for name in header.left)
     allowed = f"{file.name}: must be {needed[0]} or more{needed[1]}{left}"
-    require(len(places) >= 1 + (rate is None), "columns", [found.name(p) for p in places], "", allowed)
-    commas = rate is not None and not found.names and has_decimal_commas(text, found)
+    require(len(places) >= 1 + (rate is None), "columns", [header.name(p) for p in places], "", allowed)
+    commas = rate is not None and not header.names and has_decimal_commas(text, header)
     require(not commas, "path", str(path), "", "has commas between digits alone: decimal ones? put semicolons between")
-    values = read_columns(text, tuple(places), found.first, file)
-    names, stated = _given_units(units, [found.name(p) for p in places], [found.units.get(p, "") for p in places])
+    values = read_columns(text, tuple(places), header.first, file)
+    names, stated = _given_units(units, [header.name(p) for p in places], [header.units.get(p, "") for p in places])
     if rate is None:
         unit, factor, _ = in_si(names[0], stated[0], ("s",))
         require(unit in ("", "s"), "units", unit, "", f"{file.name}: {names[0]!r} must be a time, in a unit of s")
         seconds = factor * values[0]
-        interval = interval_of(seconds, path, lambda row: line_of_row(text, found, row))
+        interval = interval_of(seconds, path, lambda row: line_of_row(text, header, row))
         # a unit of all times says nothing of a column without a name
         unsure = not unit or names[0] == f"column {places[0]}"
         counts = ", and it counts by 1: are these samples?" * (unsure and interval == factor)
@@ -121,41 +121,41 @@ def _read_text(
         seconds = np.arange(values[0].size) / rate
         notes.insert(0, f"no column of time: {rate:g} samples in a second")
     require(len({*names}) == len(names), "columns", names, "", f"{file.name}: must have different names: give numbers")
-    columns_in_si = (_scaled(*one, notes) for one in zip(names, values, stated, strict=True))
+    columns_in_si = (_scaled(*series, notes) for series in zip(names, values, stated, strict=True))
     return _dataset(seconds, dict(zip(names, columns_in_si, strict=True)), notes, path)
 
 
-def _places(found: RecordHeader, file: Path, rate: float | None, pick: Pick) -> tuple[list[int], list[str]]:
+def _places(header: RecordHeader, file: Path, rate: float | None, pick: Pick) -> tuple[list[int], list[str]]:
     """Places of time and signals, and notes on the columns that are left out."""
-    of_time = [p for p in found.places if unit_of(found.units.get(p, ""), ("s",))]
-    named = [p for p in found.places if TIMES.fullmatch(found.names.get(p, ""))]
+    of_time = [p for p in header.places if unit_of(header.units.get(p, ""), ("s",))]
+    named = [p for p in header.places if TIMES.fullmatch(header.names.get(p, ""))]
     time = (of_time or named)[:1]
-    first = found.places[0]
-    counts = f"must have a column of time: {found.name(first)!r} counts samples; give sample_rate"
-    require(bool(time) or rate is not None or first not in found.counted, "path", str(file), "", counts)
+    first = header.places[0]
+    counts = f"must have a column of time: {header.name(first)!r} counts samples; give sample_rate"
+    require(bool(time) or rate is not None or first not in header.counted, "path", str(file), "", counts)
     time = time or [first][rate is not None :]
-    counted = found.counted
+    counted = header.counted
     # "T [°C]" beside a time is a temperature
-    further = {*of_time, *(p for p in named if not found.units.get(p))} - {*time, *counted}
+    further = {*of_time, *(p for p in named if not header.units.get(p))} - {*time, *counted}
     left_out = {*time, *counted, *further}
-    signals = [p for p in found.places if p not in left_out]
-    notes = [f"{found.name(p)!r} is left out: it counts samples" for p in counted]
-    notes += [f"column {p}, {found.name(p)!r}, is left out: a further time" for p in sorted(further)]
-    notes += [f"{name!r} is left out: few of its rows have numbers, or none" for name in found.left]
+    signals = [p for p in header.places if p not in left_out]
+    notes = [f"{header.name(p)!r} is left out: it counts samples" for p in counted]
+    notes += [f"column {p}, {header.name(p)!r}, is left out: a further time" for p in sorted(further)]
+    notes += [f"{name!r} is left out: few of its rows have numbers, or none" for name in header.left]
     if rate is not None and time:
-        notes.append(f"the column of time {found.name(time[0])!r} is not used: the sample rate is given")
+        notes.append(f"the column of time {header.name(time[0])!r} is not used: the sample rate is given")
         time = []
-    return [*time, *(signals[i] for i in pick([found.name(p) for p in signals]))], notes
+    return [*time, *(signals[i] for i in pick([header.name(p) for p in signals]))], notes
 
 
 def columns_in(text: str) -> list[tuple[str, str]]:
     """Names and units of the signals that `read_record` finds in a text of columns; none where it finds no record."""
     try:
-        found = record_header(text, Path("text"))
-        places, _ = _places(found, Path("text"), None, lambda names: range(len(names)))
+        header = record_header(text, Path("text"))
+        places, _ = _places(header, Path("text"), None, lambda names: range(len(names)))
     except InputError:
         return []
-    return [(found.names.get(p, ""), found.units.get(p, "")) for p in places[1:]]
+    return [(header.names.get(p, ""), header.units.get(p, "")) for p in places[1:]]
 
 
 def _given_units(units: Sequence[str] | None, names: list[str], stated: list[str]) -> tuple[list[str], list[str]]:
@@ -163,10 +163,10 @@ def _given_units(units: Sequence[str] | None, names: list[str], stated: list[str
     if units is None:
         return names, stated
     require(len(units) == len(names), "units", list(units), "", f"must be one for each of the columns {names}")
-    for name, one, other in zip(names, units, stated, strict=True):
-        if other and unit_of(one) != unit_of(other):
+    for name, unit, other in zip(names, units, stated, strict=True):
+        if other and unit_of(unit) != unit_of(other):
             warnings.warn(
-                f"units of {name!r}: {one!r} is given, and the file has {other!r}", InputWarning, stacklevel=4
+                f"units of {name!r}: {unit!r} is given, and the file has {other!r}", InputWarning, stacklevel=4
             )
     return names, list(units)
 
@@ -217,7 +217,7 @@ def _read_uff(
     """Datasets 58 of a UFF file, of one number of samples and one interval."""
     require(rate is None, "sample_rate", rate, "Hz", "must not be given with a UFF file, which has its own")
     sets = read_uff(path)
-    names = _different([one.name for one in sets])
+    names = _different([signal.name for signal in sets])
     chosen = pick(names)
     if columns is not None:
         missing = [c for c in columns if (c not in names if isinstance(c, str) else c >= len(sets))]
@@ -225,12 +225,12 @@ def _read_uff(
         chosen = [names.index(c) if isinstance(c, str) else c for c in columns]
     sets, names = [sets[i] for i in chosen], [names[i] for i in chosen]
     notes, signals, times = list[str](), {}, []
-    for name, unit, one in zip(*_given_units(units, names, [one.unit for one in sets]), sets, strict=True):
-        signals[name] = _scaled(name, one.values, unit, notes)
-        of_time, factor, _ = in_si("time", one.unit_of_time, ("s",))
+    for name, unit, signal in zip(*_given_units(units, names, [signal.unit for signal in sets]), sets, strict=True):
+        signals[name] = _scaled(name, signal.values, unit, notes)
+        of_time, factor, _ = in_si("time", signal.unit_of_time, ("s",))
         allowed = f"the time of {name!r} is in {of_time!r}: must be in a unit of s"
         require(of_time in ("", "s"), "path", str(path), "", allowed)
-        times.append(one.time * factor)
+        times.append(signal.time * factor)
     notes.insert(0, f"the time is in {sets[-1].unit_of_time or 's: no unit is there'}")
     same = all(x.shape == times[0].shape and np.allclose(x, times[0], rtol=1e-9, atol=0.0) for x in times)
     require(same, "columns", names, "", "must be datasets over the same times: choose some by columns")

@@ -41,11 +41,11 @@ def write_record(path: str | Path, dataset: xarray.Dataset) -> Path:
     """
     file = Path(checked("path", path, instance(str, Path)))
     sound = hasattr(dataset, "data_vars") and "time" in dataset.coords and len(dataset.data_vars) > 0
-    sound = sound and all(one.dims == ("time",) and one.dtype.kind in "iuf" for one in dataset.data_vars.values())
+    sound = sound and all(array.dims == ("time",) and array.dtype.kind in "iuf" for array in dataset.data_vars.values())
     require(sound, "dataset", type(dataset).__name__, "", "must be an xarray.Dataset of numbers over the axis time")
     time = _seconds(dataset["time"])
-    held = [(_line(name), _line(one.attrs.get("units", "")), np.asarray(one, dtype=float))
-            for name, one in dataset.data_vars.items()]  # fmt: skip
+    held = [(_line(name), _line(array.attrs.get("units", "")), np.asarray(array, dtype=float))
+            for name, array in dataset.data_vars.items()]  # fmt: skip
     for name, values in (("time", time), *((name, values) for name, _, values in held)):
         require(bool(np.isfinite(values).all()), "dataset", name, "", "must hold finite numbers")
     require(time.size >= 2, "dataset", time.size, "samples", "must have 2 or more")
@@ -54,17 +54,17 @@ def write_record(path: str | Path, dataset: xarray.Dataset) -> Path:
     is_uff = file.suffix.lower() in UFF
     text = "" if is_uff else _header(held)
     # what stands for the rows
-    found = names_in_uff(held) if is_uff else columns_in(text + "".join(f"{k}{',0' * len(held)}\n" for k in (0, 1)))
-    for (name, unit, _), other in itertools.zip_longest(held, found, fillvalue=("", "", None)):
+    read_back = names_in_uff(held) if is_uff else columns_in(text + "".join(f"{k}{',0' * len(held)}\n" for k in (0, 1)))
+    for (name, unit, _), other in itertools.zip_longest(held, read_back, fillvalue=("", "", None)):
         back = f"as {other[0]!r}{f' in {other[1]}' if other[1] else ''}" if other[0] else "as no signal"
         same = bool(name) and (name, unit) == tuple(other[:2])
         require(same, "dataset", name, unit, f"would be read back {back}: choose another name or unit")
-    with atomic_path(file) as made:
+    with atomic_path(file) as unfinished:
         if is_uff:
-            write_uff(made, float(time[0]), step, held)
+            write_uff(unfinished, float(time[0]), step, held)
         else:
             table = np.column_stack([time, *(values for _, _, values in held)])
-            np.savetxt(made, table, fmt="%.17g", delimiter=",", header=text[:-1], comments="", encoding="utf-8")
+            np.savetxt(unfinished, table, fmt="%.17g", delimiter=",", header=text[:-1], comments="", encoding="utf-8")
     return file
 
 

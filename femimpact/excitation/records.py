@@ -85,27 +85,27 @@ def _factors(
     """What times and accelerations are multiplied by for s and m/s^2, and a note where the header's units say so."""
     allowed = f"must be a column of time: {header.name(places[0])!r} counts samples"
     require(places[0] not in header.counted, "columns", places[0], "", allowed)
-    factors, said, assumed = [1.0, 1.0 if scale is None else scale], list[str](), list[str]()
+    factors, stated, assumed = [1.0, 1.0 if scale is None else scale], list[str](), list[str]()
     for i, (place, si) in enumerate(zip(places, ("s", "m/s^2"), strict=True)):
         unit = header.units.get(place, "")
-        (found, factor, note), known = in_si(header.name(place), unit, (si,)), unit_of(unit)
+        (unit_in_si, factor, note), known = in_si(header.name(place), unit, (si,)), unit_of(unit)
         named = header.has_row or (known is not None and known[0] != "1")
         if scale is not None and i == 1:
-            if known is not None and named and (found != si or abs(abs(scale) / factor - 1.0) > SAME):
+            if known is not None and named and (unit_in_si != si or abs(abs(scale) / factor - 1.0) > SAME):
                 _warn(path, f"column {place}: {unit!r} in the header, taken as {scale:g} m/s^2 by scale")
-        elif found == si:
+        elif unit_in_si == si:
             factors[i] = factor
-            said += [note] * (factor != 1.0)
+            stated += [note] * (factor != 1.0)
         elif unit and named:
             allowed = f"column {place} is in {unit} by its header: must be in a unit of {si}{'; or give scale' * i}"
             raise InputError([Fault("path", str(path), "", allowed)])
         elif unit or note.endswith("?"):
             _warn(path, f"column {place}: {note} (taken as {si}{'; scale = 1 says so' * i})")
-        if found != si and not (scale is not None and i == 1):
+        if unit_in_si != si and not (scale is not None and i == 1):
             assumed.append(
                 f"{header.name(place)!r} is taken as {si}: {'its unit is not known' if unit else 'no unit is there'}"
             )
-    parts = [f"{', '.join(said)}, by its header"] * bool(said) + assumed
+    parts = [f"{', '.join(stated)}, by its header"] * bool(stated) + assumed
     return factors[0], factors[1], f"{Path(path).name}: {'; '.join(parts)}" if parts else ""
 
 

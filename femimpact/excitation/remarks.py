@@ -69,9 +69,9 @@ def motion_warnings(
     if holds_drives(excitation):
         return tuple(text for drive in excitation.drives for text in motion_warnings(drive, length))  # type: ignore[attr-defined]
     if isinstance(excitation, Sum):
-        found = [text for part in excitation.parts for text in motion_warnings(part, length)]
-        if found:
-            return tuple(dict.fromkeys(found))
+        of_parts = [text for part in excitation.parts for text in motion_warnings(part, length)]
+        if of_parts:
+            return tuple(dict.fromkeys(of_parts))
     line, far = getattr(excitation, "closed_form", None), _distance(excitation)
     if isinstance(line, BrokenLine) and getattr(excitation, "at", None) is None:
         removed = _removed_of_pulse(line)
@@ -133,8 +133,8 @@ def motion_notes(
     """Notes where a run ends (s) before a drive begins or after the record, and where a pulse moves the base away."""
     notes = [text for *_, text in late_drives(excitation, end)]
     for which, drive, part in named_parts(excitation):
-        given = str(getattr(part, "note", ""))
-        notes += [*([given] if given else ()), *_of_clipping(part)]
+        note = str(getattr(part, "note", ""))
+        notes += [*([note] if note else ()), *_of_clipping(part)]
         notes += [] if is_force(drive) else [*_of_level(part), *_of_pulse(part, length)]
         if is_force(drive) or part is not drive:
             notes += _after_its_end(which or "the force", part, end)

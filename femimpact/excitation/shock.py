@@ -110,8 +110,8 @@ class Shock(PiecewiseMotion):
     @property
     def _form(self) -> PiecewisePolynomial:
         """Acceleration of the base, m/s^2."""
-        one = self._compensated(self._pulse) if self.compensated else self._pulse
-        return one if self.pulses == 1 and self.delay == 0.0 else self._repeated(one)
+        pulse = self._compensated(self._pulse) if self.compensated else self._pulse
+        return pulse if self.pulses == 1 and self.delay == 0.0 else self._repeated(pulse)
 
     @property
     def _pulse(self) -> PiecewisePolynomial:
@@ -149,12 +149,12 @@ class Shock(PiecewiseMotion):
             return PiecewisePolynomial([0.0, *(length + pulse.knots)], np.vstack([more, pieces]))
         return PiecewisePolynomial([*pulse.knots, self.duration + length], np.vstack([pieces, more]))
 
-    def _repeated(self, one: PiecewisePolynomial) -> PiecewisePolynomial:
+    def _repeated(self, pulse: PiecewisePolynomial) -> PiecewisePolynomial:
         """So many of them one after the other after the delay, each followed by rest up to the next."""
         begin = self.delay + (self.period or 0.0) * np.arange(self.pulses)[:, None]
-        rows, degree = one.coefficients.shape
-        rest = self.pulses > 1 and self.period is not None and self.period > one.duration
-        knots = (begin + one.knots[: rows + rest]).ravel()
-        pieces = np.tile(np.vstack([one.coefficients, np.zeros((int(rest), degree))]), (self.pulses, 1))
-        last = self.delay + (self.period or 0.0) * (self.pulses - 1) + one.knots[-1]
+        rows, degree = pulse.coefficients.shape
+        rest = self.pulses > 1 and self.period is not None and self.period > pulse.duration
+        knots = (begin + pulse.knots[: rows + rest]).ravel()
+        pieces = np.tile(np.vstack([pulse.coefficients, np.zeros((int(rest), degree))]), (self.pulses, 1))
+        last = self.delay + (self.period or 0.0) * (self.pulses - 1) + pulse.knots[-1]
         return PiecewisePolynomial([*knots[: knots.size - rest], last], pieces[: len(pieces) - rest])

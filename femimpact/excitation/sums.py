@@ -125,8 +125,8 @@ class Sum:
         return self._sum_of([force_form_of(part) for part in parts_of(self)])
 
     def _sum_of(self, forms: Sequence[Form | None], starts: Callable[[Array], Array] | None = None) -> Form | None:
-        found = forms_together([forms], self.end, starts)
-        return None if found is None else found[0]
+        forms_of_groups = forms_together([forms], self.end, starts)
+        return None if forms_of_groups is None else forms_of_groups[0]
 
     def __add__(self, other: Any) -> Any:
         return added(self, other)
@@ -194,27 +194,27 @@ def forms_together(
             return None
         of_sines = np.asarray(length * np.arange(math.ceil(end / length) + BEYOND + 1))
     in_pieces = [_in_pieces(group, of_sines) for group in groups]
-    knots = _distinct(np.concatenate([pieces.knots for each in in_pieces for pieces in each]))
+    knots = _distinct(np.concatenate([pieces.knots for pieces in itertools.chain(*in_pieces)]))
     if of_sines is not None:
         # beyond their last piece the others are too long for a sine
         knots = knots[knots <= of_sines[-1]]
-    degree = max(pieces.degree for each in in_pieces for pieces in each)
-    sums = [sum(_coefficients_between(pieces, knots, degree) for pieces in each) for each in in_pieces]
-    given = [None if starts is None else starts(knots), *[None] * (len(groups) - 1)]
-    return tuple(PiecewisePolynomial(knots, each, starts=start) for each, start in zip(sums, given, strict=True))
+    degree = max(pieces.degree for pieces in itertools.chain(*in_pieces))
+    sums = [sum(_coefficients_between(pieces, knots, degree) for pieces in group) for group in in_pieces]
+    begins = [None if starts is None else starts(knots), *[None] * (len(groups) - 1)]
+    return tuple(PiecewisePolynomial(knots, c, starts=start) for c, start in zip(sums, begins, strict=True))
 
 
 def _in_pieces(forms: Sequence[Form | None], of_sines: Array | None) -> list[PiecewisePolynomial]:
     """Closed forms as polynomials, those of sines as one sum between their knots (s)."""
-    found = [pieces_of(form) for form in forms if isinstance(form, BrokenLine | PiecewisePolynomial)]
+    polynomials = [pieces_of(form) for form in forms if isinstance(form, BrokenLine | PiecewisePolynomial)]
     sines = [form for form in forms if isinstance(form, Harmonic)]
     if not sines:
-        return found
+        return polynomials
 
     def history(time: Array) -> Array:
         return sum((form.amplitude * np.sin(form.omega * time + form.phase) for form in sines), np.zeros(time.shape))
 
-    return [*found, fitted(history, cast(Array, of_sines))]
+    return [*polynomials, fitted(history, cast(Array, of_sines))]
 
 
 def _coefficients_between(pieces: PiecewisePolynomial, knots: Array, degree: int) -> Array:
@@ -226,13 +226,13 @@ def _coefficients_between(pieces: PiecewisePolynomial, knots: Array, degree: int
     acts = (number >= 0) & (number < pieces.knots.size - 1)
     number = np.where(acts, number, 0)
     later = knots[:-1] - pieces.knots[number]
-    found = np.zeros((number.size, degree + 1))
-    found[:, : pieces.degree + 1] = np.where(acts[:, None], pieces.coefficients[number], 0.0)
+    coefficients = np.zeros((number.size, degree + 1))
+    coefficients[:, : pieces.degree + 1] = np.where(acts[:, None], pieces.coefficients[number], 0.0)
     # Horner's scheme, once for each coefficient
     for lowest in range(pieces.degree):
         for n in range(pieces.degree - 1, lowest - 1, -1):
-            found[:, n] += later * found[:, n + 1]
-    return found
+            coefficients[:, n] += later * coefficients[:, n + 1]
+    return coefficients
 
 
 def _distinct(knots: Array) -> Array:

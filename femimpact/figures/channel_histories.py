@@ -81,21 +81,21 @@ def channels(
     axes = panels(figure, 11.0, 2.6 * len(rows) + 0.4, len(rows), 2, sharex="col", width_ratios=(1.3, 1.0))
     time = response.time
     late = time >= time[-1] - LAST_PART * (time[-1] - time[0])
-    for (whole, close), (words, names) in zip(axes, rows, strict=True):
+    for (full, close), (words, names) in zip(axes, rows, strict=True):
         lines = {name: (time, response.channels[name]) for name in names}
         last = {name: (time[late], values[late]) for name, (_, values) in lines.items()}
         if end is not None:
             last |= {name: (end.time, end.channels[name]) for name in names if name in end.channels}
         unit = response.units[names[0]]
         largest = max(float(np.nanmax(np.abs(values), initial=0.0)) for _, values in (*lines.values(), *last.values()))
-        factor, shown = prefixed(largest, unit)
-        _over_time(whole, lines, factor)
+        factor, label_unit = prefixed(largest, unit)
+        _over_time(full, lines, factor)
         _over_time(close, last, factor)
         label = names[0] if len(names) == 1 else words
-        label_axes(whole, "", f"{label}\n({shown})" if shown != "1" else label)
+        label_axes(full, "", f"{label}\n({label_unit})" if label_unit != "1" else label)
         if unit == "m/s^2":
             close.set_title(f"largest {unit_text(largest, unit)}", loc="left")
-        legend_above(whole)
+        legend_above(full)
     axes[-1, 0].set_xlabel("time (s)")
     axes[-1, 1].set_xlabel(f"time (s), {'end of the run' if end is None else 'last cycles'}")
     return axes
@@ -135,9 +135,9 @@ def _over_time(axis: Axes, lines: Mapping[str, tuple[Array, Array]], factor: flo
     colours = dict(zip(lines, COLOURS, strict=False))
     for name in sorted(lines, key=lambda name: -float(np.nan_to_num(np.abs(lines[name][1])).mean())):
         time, values = lines[name]
-        kept = thinned_line(values, MOST_POINTS)
+        chosen = thinned_line(values, MOST_POINTS)
         width = 0.9 if values.size > 4 * MOST_POINTS else 1.4
-        axis.plot(time[kept], factor * values[kept], color=colours[name], linewidth=width, label=name)
+        axis.plot(time[chosen], factor * values[chosen], color=colours[name], linewidth=width, label=name)
     time = next(iter(lines.values()))[0]
     axis.set_xlim(time[0], max(time[-1], time[0] + 1e-9))
 
@@ -164,40 +164,40 @@ def drive(excitation: Any, end: float, figure: FigureBase | OffScreen | None = N
     drives = getattr(excitation, "drives", (excitation,))
     names = getattr(excitation, "names", ("",))
     axes = panels(figure, 8.0, 3.2 * len(drives), len(drives), 1)[:, 0]
-    for axis, name, one in zip(axes, names, drives, strict=True):
-        unit, what = ("N", "force") if is_force(one) else ("m/s^2", "acceleration of the base")
+    for axis, name, source in zip(axes, names, drives, strict=True):
+        unit, what = ("N", "force") if is_force(source) else ("m/s^2", "acceleration of the base")
         title = f"{name}: {what}" if name not in ("", "base") else what
-        history = getattr(one, "history", one)
+        history = getattr(source, "history", source)
         if isinstance(history, RandomBase):
             _density(axis, history, title, unit)
         else:
-            _drive_over_time(axis, one, end, title, unit)
+            _drive_over_time(axis, source, end, title, unit)
     return axes
 
 
 def _density(axis: Axes, motion: RandomBase, title: str, unit: str) -> None:
     f, density = np.array(motion.psd).T
-    factor, shown = (1.0, "N²/Hz") if unit == "N" else (GRAVITY**-2, "g²/Hz")
+    factor, label_unit = (1.0, "N²/Hz") if unit == "N" else (GRAVITY**-2, "g²/Hz")
     axis.loglog(f, factor * density, color=BLUE)
     plain_log_ticks(axis.xaxis)
     words = f"{title}: root mean square {unit_text(motion.rms, unit)}"
-    label_axes(axis, "frequency (Hz)", f"spectral density ({shown})", words)
+    label_axes(axis, "frequency (Hz)", f"spectral density ({label_unit})", words)
 
 
-def _drive_over_time(axis: Axes, one: Any, end: float, title: str, unit: str) -> None:
+def _drive_over_time(axis: Axes, source: Any, end: float, title: str, unit: str) -> None:
     """The force (N) or acceleration (m/s^2) while the drive acts."""
-    form, begin = getattr(one, "closed_form", None), 0.0
-    last = SHOWN_CYCLES / one.frequency if has_cycle(one) else end
+    form, begin = getattr(source, "closed_form", None), 0.0
+    last = SHOWN_CYCLES / source.frequency if has_cycle(source) else end
     if isinstance(form, PiecewisePolynomial):
         begin, last = float(form.knots[0]), float(form.knots[-1])
     margin = 0.05 * (last - begin)
     begin, last = max(begin - margin, 0.0), min(last + margin, end)
     begin = min(begin, last)
-    cycles = one.frequency * (last - begin)
+    cycles = source.frequency * (last - begin)
     time = np.linspace(begin, last, min(max(READINGS * math.ceil(cycles), 2000), MOST_READINGS))
-    values = (one.force if unit == "N" else one.acceleration)(time)
-    largest, kept = float(np.abs(values).max()), thinned_line(values, MOST_POINTS)
-    factor, shown = prefixed(largest, unit) if unit == "N" else (1.0, unit)
-    axis.plot(time[kept], factor * values[kept], color=BLUE, linewidth=0.9 if cycles > 60.0 else 1.4)
+    values = (source.force if unit == "N" else source.acceleration)(time)
+    largest, chosen = float(np.abs(values).max()), thinned_line(values, MOST_POINTS)
+    factor, label_unit = prefixed(largest, unit) if unit == "N" else (1.0, unit)
+    axis.plot(time[chosen], factor * values[chosen], color=BLUE, linewidth=0.9 if cycles > 60.0 else 1.4)
     quantity_of = "force" if unit == "N" else "acceleration"
-    label_axes(axis, "time (s)", f"{quantity_of} ({shown})", f"{title}: largest {unit_text(largest, unit)}")
+    label_axes(axis, "time (s)", f"{quantity_of} ({label_unit})", f"{title}: largest {unit_text(largest, unit)}")

@@ -98,9 +98,9 @@ def response_curve(
         _peaks(axis, curve, colour, f"{prefix}peak", join_all)
         if _has_rms(named, curve):
             axis.plot(curve.frequency, _scale(curve)[0] * curve.rms, color=colour, linestyle=":", label=f"{prefix}rms")
-            one = curve.is_sample
+            samples = curve.is_sample
             dots: Any = {"color": colour, "markersize": 6.0, "alpha": 0.7, "markeredgewidth": 0.0, "linestyle": "none"}
-            axis.plot(curve.frequency[one], _scale(curve)[0] * curve.rms[one], ".", **dots)
+            axis.plot(curve.frequency[samples], _scale(curve)[0] * curve.rms[samples], ".", **dots)
         if coarse is not None:
             seen = on_grid(curve.frequency, coarse)
             axis.plot(curve.frequency[seen], _scale(curve)[0] * curve.peak[seen], "o", color=colour, **RINGS)
@@ -156,19 +156,19 @@ def response_columns(
     rows = -(-len(drawn) // 2)
     axes = panels(figure, 8.0 if len(drawn) == 1 else 11.0, 3.2 * rows, rows, min(len(drawn), 2)).ravel()
     for axis, (name, words, unit) in zip(axes, drawn, strict=False):
-        factor, shown = (1.0, unit) if unit == "rad" else prefixed(largest[name], unit)
+        factor, label_unit = (1.0, unit) if unit == "rad" else prefixed(largest[name], unit)
         for colour, (label, curve) in zip(cycle(COLOURS), named.items(), strict=False):
             order = np.argsort(curve.frequency, kind="stable")
             x, y = curve.frequency[order], factor * curve[name][order]
-            one = curve.is_sample[order]
-            axis.plot(x[one], y[one], ".", color=colour, markersize=5.0)
+            samples = curve.is_sample[order]
+            axis.plot(x[samples], y[samples], ".", color=colour, markersize=5.0)
             if name == "phase":
                 # a gap wherever it goes on at the other end of its range
                 turns = 1 + np.flatnonzero(np.abs(np.diff(y)) > np.pi)
                 x, y = np.insert(x, turns, np.nan), np.insert(y, turns, np.nan)
             if name == "phase" or np.nansum(np.abs(y)) > 0.0:
                 axis.plot(x, y, color=colour, linewidth=1.2, label=label or None)
-        label_axes(axis, "base frequency (Hz)", f"{words} ({shown})" if shown != "1" else words)
+        label_axes(axis, "base frequency (Hz)", f"{words} ({label_unit})" if label_unit != "1" else words)
         if len(named) > 1:
             legend_above(axis)
     for axis in axes[len(drawn) :]:
@@ -252,10 +252,10 @@ def _peaks(axis: Any, curve: FrequencyResponse, colour: str, label: str, join_al
         # between two samples that scatter a line would have no length
         alone = ~scatter & np.append(True, scatter[:-1]) & np.append(scatter[1:], True) & (scatter.size > 1)
         axis.plot(frequency[alone], joined[alone], "_", color=colour, markersize=7.0)
-    one = curve.is_sample
-    if one.any():
+    samples = curve.is_sample
+    if samples.any():
         dots: Any = {"color": colour, "markersize": 7.0, "alpha": 0.7, "markeredgewidth": 0.0, "linestyle": "none"}
-        axis.plot(frequency[one], peak[one], ".", label=f"{label}, {ONE_START}", **dots)
+        axis.plot(frequency[samples], peak[samples], ".", label=f"{label}, {ONE_START}", **dots)
 
 
 def _scatter(curve: FrequencyResponse, join_all: bool) -> NDArray[np.bool_]:
@@ -348,16 +348,16 @@ def value_map(
     InputError
         If the shapes do not fit, or there is no finite value.
     """
-    columns, rows, shown = np.asarray(x), np.asarray(y), np.asarray(values)
-    require(bool(np.any(np.isfinite(shown))), "values", "none", "", "must have one that is finite")
-    marked = np.zeros(shown.shape, dtype=bool) if samples is None else np.asarray(samples)
+    columns, rows, cells = np.asarray(x), np.asarray(y), np.asarray(values)
+    require(bool(np.any(np.isfinite(cells))), "values", "none", "", "must have one that is finite")
+    marked = np.zeros(cells.shape, dtype=bool) if samples is None else np.asarray(samples)
     axis = panel(ax, 8.0, 5.6)
-    low, high = np.nanmin(shown), np.nanmax(shown)
-    axis.imshow(shown, cmap="cividis", origin="lower", aspect="auto", vmin=low, vmax=high)
+    low, high = np.nanmin(cells), np.nanmax(cells)
+    axis.imshow(cells, cmap="cividis", origin="lower", aspect="auto", vmin=low, vmax=high)
     axis.grid(False)
     axis.set_xticks(np.arange(columns.size), [f"{number_text(value, 3)}" for value in columns])
     axis.set_yticks(np.arange(rows.size), [f"{number_text(value, 3)}" for value in rows])
-    for (i, j), value in np.ndenumerate(shown):
+    for (i, j), value in np.ndenumerate(cells):
         colour = "white" if value < 0.5 * (low + high) else "black"
         axis.annotate(
             f"{number_text(value, 2)}{'*' if marked[i, j] else ''}",

@@ -80,8 +80,8 @@ def last_cycles(response: Response, cycles: float) -> tuple[float, str]:
     start = max(last - cycles / frequency, first)
     if math.isnan(base.phase):
         return start, f"last {number_text(last - start, 3)} s"
-    shown = cycles if start > first else (last - first) * frequency
-    return start, f"last {shown:.4g} cycles at {frequency:.4g} Hz"
+    cycles_in_run = cycles if start > first else (last - first) * frequency
+    return start, f"last {cycles_in_run:.4g} cycles at {frequency:.4g} Hz"
 
 
 # ---- where a figure is drawn ----------------------------------------------------------------------
@@ -93,8 +93,8 @@ def panel(ax: Axes | OffScreen | None, width: float, height: float) -> Axes:
     Raises `InputError` if `ax` is neither axes, nor `OffScreen`, nor None.
     """
     if ax is None or isinstance(ax, OffScreen):
-        made: Axes = panels(ax, width, height)[0, 0]
-        return made
+        axes: Axes = panels(ax, width, height)[0, 0]
+        return axes
     from matplotlib.axes import Axes
 
     require_type(ax, Axes, "ax")
@@ -257,8 +257,8 @@ def _columns(labels: Sequence[str], width: float) -> int:
 
 def scaled(values: Any, unit: str) -> tuple[Any, str]:
     """Values and unit with the prefix of the largest."""
-    factor, shown = prefixed(float(np.abs(values).max(initial=0.0)), unit)
-    return factor * values, shown
+    factor, label_unit = prefixed(float(np.abs(values).max(initial=0.0)), unit)
+    return factor * values, label_unit
 
 
 # ---- what is read of a response -------------------------------------------------------------------
@@ -278,27 +278,27 @@ def channel_name(response: Response, channel: Position | None) -> str:
     return name
 
 
-def by_label(key: str, given: Any, kind: type[Kind], words: str) -> Mapping[str, Kind]:
+def by_label(key: str, argument: Any, kind: type[Kind], words: str) -> Mapping[str, Kind]:
     """One or more things of a kind by their labels; a single one has none.
 
     Raises `InputError` if there is none, or something else.
     """
-    named = {"": given} if isinstance(given, kind) else given
+    named = {"": argument} if isinstance(argument, kind) else argument
     require_type(named, Mapping, key)
     require(len(named) > 0, key, "none", "", f"must be one or more {words}")
-    for label, one in named.items():
-        require_type(one, kind, f"{key}.{label}")
+    for label, member in named.items():
+        require_type(member, kind, f"{key}.{label}")
     return cast(Mapping[str, Kind], named)
 
 
-def rows_of(key: str, given: object, **metadata: Mapping[str, Any]) -> list[tuple[Any, ...]]:
+def rows_of(key: str, argument: object, **metadata: Mapping[str, Any]) -> list[tuple[Any, ...]]:
     """Rows of an argument that is a list of tuples, each entry in the type that its metadata allows.
 
     Raises `InputError` if it is no list, or an entry is not what it must be, which is named.
     """
     allowed = f"must be a list of ({', '.join(metadata)})"
-    require(isinstance(given, (list, tuple)), key, given, "", allowed)
-    rows: Any = given
+    require(isinstance(argument, (list, tuple)), key, argument, "", allowed)
+    rows: Any = argument
     for i, row in enumerate(rows):
         fits = isinstance(row, (list, tuple)) and len(row) == len(metadata)
         require(fits, f"{key}[{i}]", row, "", f"must be ({', '.join(metadata)})")

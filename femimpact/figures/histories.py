@@ -175,7 +175,7 @@ def contact_force(
     rigid = len(impacts) > 0 and not np.isfinite(impacts.peak_force).any()
     sizes, size, unit = (impacts.impulse, "impulse", "N s") if rigid else (impacts.peak_force, "peak force", "N")
     largest = float(np.nanmax(np.abs(sizes), initial=0.0))
-    factor, shown = prefixed(largest, unit)
+    factor, label_unit = prefixed(largest, unit)
     for side, colour, _, label in WALLS:
         chosen = impacts.side == side
         axes[1].plot(
@@ -191,7 +191,7 @@ def contact_force(
         mean = "cycle-averaged" if cyclic else "mean"
         title += f"{'' if rigid else 'dashed: '}{mean} force {quantity_text(statistics.cycle_mean_force, 'N', 3)};\n"
     title += f"mean impulse {quantity_text(statistics.mean_impulse, 'N s', 3)}"
-    label_axes(axes[1], "time (s)", f"{size} ({shown})", title)
+    label_axes(axes[1], "time (s)", f"{size} ({label_unit})", title)
     axes[1].set_ylim(0.0, 1.05 * (factor * largest or 1.0))
     legend_above(axes[1])
     return axes
@@ -230,9 +230,9 @@ def _within_contacts(response: Response, names: list[str], start: float) -> tupl
 
 def _averages(axis: Any, response: Response) -> None:
     time, force = cycle_averaged_force(response)
-    shown, unit = scaled(force, "N")
+    mean_force, unit = scaled(force, "N")
     mean, mean_unit = scaled(response.statistics.cycle_mean_force, "N")
-    axis.plot(time, shown, color=BLUE, linewidth=1.0, marker=".", markersize=4.0)
-    axis.set_ylim(0.0, 1.15 * (shown.max(initial=0.0) or 1.0))
+    axis.plot(time, mean_force, color=BLUE, linewidth=1.0, marker=".", markersize=4.0)
+    axis.set_ylim(0.0, 1.15 * (mean_force.max(initial=0.0) or 1.0))
     title = f"normal force averaged over each base cycle; over the last third {number_text(mean, 3)} {mean_unit}"
     label_axes(axis, "time (s)", f"average force ({unit})", title)

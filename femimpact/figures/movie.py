@@ -86,8 +86,8 @@ def _film(response: Response, structure: Structure, exaggeration: float | None, 
         hung = snapshots.ball_displacement[:, [not pair.has_walls for pair in balls]]
         exaggeration = chosen_exaggeration(np.hstack([snapshots.displacement[:, 0::2], hung]), structure, balls)
     chosen = thinned(snapshots.time.size, most)
-    shown = float(snapshots.time[chosen[-1]] - snapshots.time[chosen[0]])
-    slow = f"   Slowed {number_text((chosen.size - 1) / fps / shown, 2)} times." if shown > 0.0 else ""
+    span = float(snapshots.time[chosen[-1]] - snapshots.time[chosen[0]])
+    slow = f"   Slowed {number_text((chosen.size - 1) / fps / span, 2)} times." if span > 0.0 else ""
     words = words_of(response.base)
     is_sine = math.isfinite(response.base.phase) and response.base.amplitude > 0.0
     moved = f", {1e3 * response.base.amplitude:.4g} mm" if is_sine else ""
@@ -107,8 +107,8 @@ def _touched(response: Response, snapshots: Snapshots, chosen: NDArray[np.int64]
     touched = np.sign(snapshots.contact_force[chosen]).astype(int)
     times, earlier = snapshots.time[chosen], snapshots.time[np.concatenate([chosen[:1], chosen[:1], chosen])[:-2]]
     for j, pair in enumerate(response.system.contacts):
-        mine = response.impacts.impactor == pair.name
-        start, side = response.impacts.time[mine], response.impacts.side[mine]
+        of_pair = response.impacts.impactor == pair.name
+        start, side = response.impacts.time[of_pair], response.impacts.side[of_pair]
         last = np.searchsorted(start, times, side="right")
         recent = last > np.searchsorted(start, earlier, side="right")
         touched[recent, j] = side[last[recent] - 1]

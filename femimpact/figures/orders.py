@@ -133,9 +133,9 @@ def _slope(axis: Any, x: Any, error: Any, order: float, sense: float, number: in
     known = np.flatnonzero(np.isfinite(error) & (error > 0.0))
     first = known[np.argmax(error[known])]
     line = 0.5 * error[first] * (x / x[first]) ** (sense * order)
-    kept = line >= max(0.1 * error[known].min(), LOWEST)
-    if np.count_nonzero(kept) < 2:
+    drawn = line >= max(0.1 * error[known].min(), LOWEST)
+    if np.count_nonzero(drawn) < 2:
         return
     # its name is in the legend, where it lies on no curve
     dashes = (0, SLOPE_DASHES[int(number) % len(SLOPE_DASHES)])
-    axis.loglog(x[kept], line[kept], linestyle=dashes, color=GREY, linewidth=1.2, label=f"reference: order {order:g}")
+    axis.loglog(x[drawn], line[drawn], linestyle=dashes, color=GREY, linewidth=1.2, label=f"reference: order {order:g}")

@@ -57,14 +57,14 @@ def corners_of(
     Returns (n,): in the order of time.
     """
     impacts = response.impacts
-    (contact,) = [one for one in response.system.contacts if one.name == pair]
-    mine = np.flatnonzero(impacts.impactor == pair)
-    mine = mine[np.argsort(impacts.time[mine], kind="stable")]
-    side = impacts.side[mine].astype(float)
+    (contact,) = [contact_of_system for contact_of_system in response.system.contacts if contact_of_system.name == pair]
+    of_pair = np.flatnonzero(impacts.impactor == pair)
+    of_pair = of_pair[np.argsort(impacts.time[of_pair], kind="stable")]
+    side = impacts.side[of_pair].astype(float)
     wall = np.where(side > 0, contact.gaps[0], contact.gaps[1])
-    approach, rebound = impacts.approach_speed[mine], impacts.rebound_speed[mine]
-    after = np.where(impacts.duration[mine] > 0.0, approach, -rebound)
-    return impacts.time[mine], side * wall, side * approach, side * after
+    approach, rebound = impacts.approach_speed[of_pair], impacts.rebound_speed[of_pair]
+    after = np.where(impacts.duration[of_pair] > 0.0, approach, -rebound)
+    return impacts.time[of_pair], side * wall, side * approach, side * after
 
 
 def changes_of_contact(response: Response) -> Array:
@@ -118,10 +118,10 @@ def _with_corners(
     inside = (at >= time[0]) & (at <= time[-1])
     at, place, before, after = at[inside], place[inside], before[inside], after[inside]
     # a sample at the instant of an impact is on one side of it only
-    kept = ~np.isin(time, at)
-    times = np.concatenate([time[kept], np.repeat(at, 2)])
-    values = np.concatenate([value[kept], np.repeat(place, 2)])
-    rates = np.concatenate([rate[kept], np.stack([before, after], axis=1).ravel()])
+    between = ~np.isin(time, at)
+    times = np.concatenate([time[between], np.repeat(at, 2)])
+    values = np.concatenate([value[between], np.repeat(place, 2)])
+    rates = np.concatenate([rate[between], np.stack([before, after], axis=1).ravel()])
     order = np.argsort(times, kind="stable")
     return times[order], values[order], rates[order], changes[~np.isin(changes, at)]
 
@@ -286,7 +286,7 @@ def phase_portrait(
     """
     require_history(response)
     pair, names, minus = _drawn_channels(response, None if of is None else channel_key(of, "of"))
-    start, shown = last_cycles(response, cycles)
+    start, window = last_cycles(response, cycles)
     x, rate = _curve(response, start, names, minus, None if pair is None else pair.name)
     drawn = phase if np.isfinite(response.base.phase) else None
     axis = panel(ax, 6.4, 5.6)
@@ -300,12 +300,12 @@ def phase_portrait(
         label = f"once per cycle, base at {math.degrees(section.phase):.4g} degrees"
         axis.plot(*points, "o", color=ORANGE, markersize=4.5, linestyle="none", label=label)
     if pair is None:
-        title, to = f"{names[0]}, {shown}", "the base"
+        title, to = f"{names[0]}, {window}", "the base"
     elif pair.has_walls:
         _walls(axis, pair, x)
-        title, to = f"{pair.name} in its box, {shown}; grey: inside the walls", "the box"
+        title, to = f"{pair.name} in its box, {window}; grey: inside the walls", "the box"
     else:
-        title, to = f"{pair.name}, {shown}", "the beam"
+        title, to = f"{pair.name}, {window}", "the beam"
     moving = "ball" if pair is not None and pair.has_walls else names[0]
     label_axes(axis, f"{moving} relative to {to} (mm)", f"velocity relative to {to} (mm/s)", title)
     legend_above(axis)

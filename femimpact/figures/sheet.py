@@ -90,8 +90,8 @@ class Film:
         """Largest exaggerated |y| (m) of anything drawn but stops, which may be far from the beam."""
         scene = self.scene
         kinds = np.repeat(scene.part, np.diff(scene.offsets, prepend=0))
-        shown = np.unique(scene.connectivity[(kinds != STOP) & (kinds != CONTACT_POINT)])
-        return max(float(np.abs(self.moved(i)[shown, 1]).max()) for i in range(self.chosen.size))
+        moving = np.unique(scene.connectivity[(kinds != STOP) & (kinds != CONTACT_POINT)])
+        return max(float(np.abs(self.moved(i)[moving, 1]).max()) for i in range(self.chosen.size))
 
 
 def sheets(film: Film) -> Callable[[int], NDArray[np.uint8]]:

@@ -75,57 +75,55 @@ def spectrum(
     """
     if isinstance(response, Spectrum):
         require(channel is None, "channel", channel, "", "must be left out: a spectrum is of one")
-        found, base = response, None
+        psd, base = response, None
     else:
         require_history(response)
-        found, base = spectrum_of(response, channel), response.base
+        psd, base = spectrum_of(response, channel), response.base
     axis = panel(ax, 8.0, 4.4)
-    if found.kind == "amplitude":
-        return _amplitudes(axis, found, base, highest)
+    if psd.kind == "amplitude":
+        return _amplitudes(axis, psd, base, highest)
     if highest is None:
-        highest = found.frequency[-1] if base is None else min(1.5 * base.frequency, found.frequency[-1])
-    found = found.in_gravity()
-    shown = (found.frequency > 0.0) & (found.frequency <= highest)
-    require(bool(shown.any()), "highest", highest, "Hz", f"must be the lowest line or more, {found.resolution:.4g} Hz")
-    root = found.unit.removesuffix("^2/Hz").strip("()")
-    label = f"{found.channel}, rms {np.sqrt(found.mean_square):.4g} {root}"
+        highest = psd.frequency[-1] if base is None else min(1.5 * base.frequency, psd.frequency[-1])
+    psd = psd.in_gravity()
+    band = (psd.frequency > 0.0) & (psd.frequency <= highest)
+    require(bool(band.any()), "highest", highest, "Hz", f"must be the lowest line or more, {psd.resolution:.4g} Hz")
+    root = psd.unit.removesuffix("^2/Hz").strip("()")
+    label = f"{psd.channel}, rms {np.sqrt(psd.mean_square):.4g} {root}"
     colour = COLOURS[len(axis.get_lines()) % len(COLOURS)]
-    f, low, high = found.frequency[shown], found.low[shown], found.high[shown]
+    f, low, high = psd.frequency[band], psd.low[band], psd.high[band]
     axis.fill_between(f, low, high, color=colour, alpha=0.2, linewidth=0.0)
-    axis.plot(f, found.values[shown], color=colour, linewidth=1.2, label=label)
+    axis.plot(f, psd.values[band], color=colour, linewidth=1.2, label=label)
     axis.set(xscale="log", xlim=(f[0], highest))
     if high.max() > 0.0:
         # of a channel at rest there is no logarithm
         axis.set(yscale="log", ylim=(max(0.5 * float(low.min()), DECADES * float(high.max())), None))
     plain_log_ticks(axis.xaxis)
-    title = (
-        f"lines {number_text(found.resolution, 3)} Hz apart, Hann windows, band: {100 * found.confidence:g} % interval"
-    )
-    label = f"spectral density of {found.channel.replace('_', ' ')}, {found.unit.replace('^2', '²')}"
+    title = f"lines {number_text(psd.resolution, 3)} Hz apart, Hann windows, band: {100 * psd.confidence:g} % interval"
+    label = f"spectral density of {psd.channel.replace('_', ' ')}, {psd.unit.replace('^2', '²')}"
     label_axes(axis, "frequency (Hz)", label, title)
     legend_above(axis)
     return axis
 
 
-def _amplitudes(axis: Axes, found: Spectrum, base: Any, highest: float | None) -> Axes:
-    top = found.frequency[-1] if base is None else min(20.0 * base.frequency, found.frequency[-1])
+def _amplitudes(axis: Axes, lines: Spectrum, base: Any, highest: float | None) -> Axes:
+    top = lines.frequency[-1] if base is None else min(20.0 * base.frequency, lines.frequency[-1])
     top = top if highest is None else highest
-    shown = found.frequency <= top
-    values = found.values[shown]
-    factor, unit = prefixed(float(values.max()), found.unit)
-    title = f"lines {number_text(found.resolution, 3)} Hz apart, Hann window"
+    band = lines.frequency <= top
+    values = lines.values[band]
+    factor, unit = prefixed(float(values.max()), lines.unit)
+    title = f"lines {number_text(lines.resolution, 3)} Hz apart, Hann window"
     if base is not None:
         driven = "drives" if hasattr(base, "drives") else "force" if is_force(base) else "base"
         axis.axvline(
             base.frequency, color=GREY, linestyle="--", linewidth=1.2, label=f"{driven}, {base.frequency:.4g} Hz"
         )
-        title = f"last {round(base.frequency / found.resolution)} cycles, {title}"
-    axis.plot(found.frequency[shown], factor * values, color=BLUE, linewidth=1.2, label=found.channel)
+        title = f"last {round(base.frequency / lines.resolution)} cycles, {title}"
+    axis.plot(lines.frequency[band], factor * values, color=BLUE, linewidth=1.2, label=lines.channel)
     if values.any():
         # of a channel at rest there is no logarithm
         axis.set(yscale="log", ylim=(factor * max(float(values.max()) * DECADES, float(values.min())), None))
     axis.set_xlim(0.0, top)
-    label_axes(axis, "frequency (Hz)", f"amplitude of {found.channel.replace('_', ' ')} ({unit})", title)
+    label_axes(axis, "frequency (Hz)", f"amplitude of {lines.channel.replace('_', ' ')} ({unit})", title)
     legend_above(axis)
     return axis
 
@@ -159,23 +157,23 @@ def transfer_function(
     first = next(iter(named.values()))
     name = next(iter(first.values)) if channel is None else channel_key(channel)
     unit = first.units.get(name)
-    for label, one in named.items():
-        require(name in one.values, "channel", name, "", suggestion(name, one.values))
-        same = one.of == first.of and one.units[name] == unit
+    for label, transfer in named.items():
+        require(name in transfer.values, "channel", name, "", suggestion(name, transfer.values))
+        same = transfer.of == first.of and transfer.units[name] == unit
         allowed = f"must be over {first.of} in {unit}, as the first one: they share an axis"
-        require(same, f"transfers.{label}", f"over {one.of}", one.units[name], allowed)
-    coherent = any(np.any(np.isfinite(one.coherence.get(name, np.nan))) for one in named.values())
+        require(same, f"transfers.{label}", f"over {transfer.of}", transfer.units[name], allowed)
+    coherent = any(np.any(np.isfinite(transfer.coherence.get(name, np.nan))) for transfer in named.values())
     axes = panels(figure, 8.0, 7.0 if coherent else 5.6, 3 if coherent else 2, 1, sharex=True)[:, 0]
-    for drawn, (label, one) in zip(cycle(STYLES), named.items(), strict=False):
+    for drawn, (label, transfer) in zip(cycle(STYLES), named.items(), strict=False):
         # the dwells of a sweep up and down stand in their order in time
-        order = np.argsort(one.frequency, kind="stable")
-        f, values = one.frequency[order], one.values[name][order]
+        order = np.argsort(transfer.frequency, kind="stable")
+        f, values = transfer.frequency[order], transfer.values[name][order]
         style: Any = {**drawn, "linewidth": 1.2, "marker": "." if f.size < 60 else None}
         with np.errstate(divide="ignore"):
             axes[0].semilogx(f, 20.0 * np.log10(np.abs(values)), label=label or name, **style)
         axes[1].semilogx(f, np.degrees(np.angle(values)), **style)
-        if coherent and name in one.coherence:
-            axes[2].semilogx(f, one.coherence[name][order], **style)
+        if coherent and name in transfer.coherence:
+            axes[2].semilogx(f, transfer.coherence[name][order], **style)
     # in two rows: a unit of both is longer than the panel
     magnitude = "magnitude (dB re 1)" if unit == "1" else f"magnitude\n(dB re 1 {unit})"
     label_axes(axes[0], "", magnitude, f"{name} over {first.of}")
@@ -215,13 +213,13 @@ def shock_response_spectrum(
     named = by_label("spectra", spectra, ShockResponseSpectrum, "shock response spectra")
     axis = panel(ax, 8.0, 4.8)
     read, factor, unit = ("pseudo_velocity", 1.0, "m/s") if pseudo_velocity else ("acceleration", 1.0 / GRAVITY, "g")
-    for drawn, (label, one) in zip(cycle(STYLES), named.items(), strict=False):
-        axis.loglog(one.frequency, factor * getattr(one, read), **drawn, label=label or "maxi-max")
+    for drawn, (label, srs) in zip(cycle(STYLES), named.items(), strict=False):
+        axis.loglog(srs.frequency, factor * getattr(srs, read), **drawn, label=label or "maxi-max")
         if len(named) == 1:
             for side, style in (("positive", "--"), ("negative", ":")):
-                values = factor * getattr(one, f"{side}_{read}")
-                axis.loglog(one.frequency, np.where(values > 0.0, values, np.nan), style, color=GREY, label=side)
-    ratios = sorted({one.ratio for one in named.values()})
+                values = factor * getattr(srs, f"{side}_{read}")
+                axis.loglog(srs.frequency, np.where(values > 0.0, values, np.nan), style, color=GREY, label=side)
+    ratios = sorted({srs.ratio for srs in named.values()})
     title = f"shock response, damping ratio {', '.join(f'{ratio:g}' for ratio in ratios)}"
     quantity_of = "pseudo velocity" if pseudo_velocity else "absolute acceleration"
     label_axes(axis, "natural frequency (Hz)", f"{quantity_of} ({unit})", title)

@@ -72,20 +72,20 @@ def study_lines(
     factor, unit = _scale(dataset, measure, values)
     axis = panel(ax, 8.0, 5.0)
     entries: list[Any] = []
-    for low, high, alpha, told in (
+    for low, high, alpha, meaning in (
         ("_low", "_high", 0.18, "smallest to largest of the starts"),
         ("_median_low", "_median_high", 0.4, "90 % interval of the median"),
     ):
         if f"{measure}{low}" in dataset:
             below, above = (factor * dataset[f"{measure}{end}"].to_numpy() for end in (low, high))
-            entries.append(axis.fill_between(x, below, above, color=BLUE, alpha=alpha, linewidth=0.0, label=told))
+            entries.append(axis.fill_between(x, below, above, color=BLUE, alpha=alpha, linewidth=0.0, label=meaning))
     starts = int(dataset.attrs.get("starts", 1))
     entries.insert(0, axis.plot(x, factor * values, "o-", color=BLUE, markersize=4.0,
                                 label="value" if starts == 1 else f"median of {starts} starts")[0])  # fmt: skip
-    one = single_samples(dataset)
-    if one.any():
-        told = ONE_START if starts == 1 else f"not periodic: median of {starts} starts"
-        entries.append(axis.plot(x[one], factor * values[one], "*", color=DARK, markersize=9.0, label=told)[0])
+    single = single_samples(dataset)
+    if single.any():
+        meaning = ONE_START if starts == 1 else f"not periodic: median of {starts} starts"
+        entries.append(axis.plot(x[single], factor * values[single], "*", color=DARK, markersize=9.0, label=meaning)[0])
     if words is not None:
         axis.set_xticks(x, words)
     axis.set(xlabel=label, ylabel=_label(dataset[measure].attrs.get("long_name", measure), unit, starts))
@@ -99,9 +99,9 @@ def mark_best(axis: Axes, dataset: xarray.Dataset, measure: str, marks: BestMark
     factor, _ = _scale(dataset, measure, _values(dataset, measure, 1))
     (name,) = (str(dim) for dim in dataset[measure].dims)
     x, _, words = _axis_values(dataset, name)
-    for told, level in marks.levels:
+    for label, level in marks.levels:
         axis.axhline(factor * level, color=DARK, linewidth=0.8, linestyle="--")
-        axis.annotate(told, (0.01, factor * level), xycoords=("axes fraction", "data"), ha="left", va="bottom",
+        axis.annotate(label, (0.01, factor * level), xycoords=("axes fraction", "data"), ha="left", va="bottom",
                       fontsize=9.0)  # fmt: skip
     if words is None and name in marks.spans:
         scale = x[np.argmax(np.abs(x))] / dataset[name].to_numpy()[np.argmax(np.abs(x))]
@@ -187,7 +187,7 @@ def study_maps(
     require(len(names) >= 3, "dataset", f"{len(names)} axes", "", "must have three axes or more")
     require(bool(np.any(np.isfinite(values))), "dataset", measure, "", "must have a finite value of the measure")
     chosen, middle = map_panels(dataset, names, MOST_PANELS_EACH_WAY, MOST_PANELS_EACH_WAY)
-    shown, (across, *_) = dataset.isel(middle), chosen
+    at_middle, (across, *_) = dataset.isel(middle), chosen
     down = names[3] if len(names) > 3 else None
     columns, rows = chosen[across], chosen[down] if down else [0]
     factor, unit = _scale(dataset, measure, values)
@@ -197,23 +197,23 @@ def study_maps(
     image, maps = None, []
     for i, row in enumerate(rows):
         for j, column in enumerate(columns):
-            cells = shown.isel({across: column} | ({down: row} if down else {}))
+            cells = at_middle.isel({across: column} | ({down: row} if down else {}))
             maps.append(cells)
             image = _cells(axes[i, j], cells, measure, factor, norm, numbers=False)
-            told = [_told(dataset, across, column)] + ([_told(dataset, down, row)] if down else [])
-            axes[i, j].set_title("\n".join(told), loc="left", fontsize=9.0)
+            lines = [_told(dataset, across, column)] + ([_told(dataset, down, row)] if down else [])
+            axes[i, j].set_title("\n".join(lines), loc="left", fontsize=9.0)
             if i < len(rows) - 1:
                 axes[i, j].set_xlabel("")
             if j:
                 axes[i, j].set_ylabel("")
     bar = axes[0, 0].figure.colorbar(image, ax=axes, format="%g")
     bar.set_label(_label(dataset[measure].attrs.get("long_name", measure), unit, int(dataset.attrs.get("starts", 1))))
-    told = [f"at {', '.join(_told(dataset, name, index) for name, index in middle.items())}"] if middle else []
+    lines = [f"at {', '.join(_told(dataset, name, index) for name, index in middle.items())}"] if middle else []
     # of what is drawn: a map has fewer neighbours than the dataset
-    told += [f"corner marked: {UNSURE}"] if any(unsure_cells(cells, measure).any() for cells in maps) else []
-    told += [f"*: {ONE_START}"] if any(single_samples(cells).any() for cells in maps) else []
-    if told:
-        axes[0, 0].figure.suptitle("\n".join(told), fontsize=10.0)
+    lines += [f"corner marked: {UNSURE}"] if any(unsure_cells(cells, measure).any() for cells in maps) else []
+    lines += [f"*: {ONE_START}"] if any(single_samples(cells).any() for cells in maps) else []
+    if lines:
+        axes[0, 0].figure.suptitle("\n".join(lines), fontsize=10.0)
     return axes
 
 
@@ -305,8 +305,8 @@ def _axis_values(dataset: xarray.Dataset, name: str) -> tuple[Array, str, list[s
     unit = str(coordinate.attrs.get("units", ""))
     if unit in ("", "1"):
         return values.astype(float), words, None
-    factor, shown = prefixed(float(np.max(np.abs(values))), unit)
-    return factor * values, f"{words} ({shown})", None
+    factor, label_unit = prefixed(float(np.max(np.abs(values))), unit)
+    return factor * values, f"{words} ({label_unit})", None
 
 
 def _told(dataset: xarray.Dataset, name: str, index: int) -> str:
@@ -339,8 +339,8 @@ def _cells(
     from matplotlib.patches import PathPatch, Rectangle
 
     first, second = (str(name) for name in dataset[measure].dims)
-    shown = factor * dataset[measure].to_numpy().T
-    image = axis.imshow(shown, cmap="cividis", origin="lower", aspect="auto", norm=norm)
+    table = factor * dataset[measure].to_numpy().T
+    image = axis.imshow(table, cmap="cividis", origin="lower", aspect="auto", norm=norm)
     axis.grid(False)
     for name, set_ticks, set_label in (
         (first, axis.set_xticks, axis.set_xlabel), (second, axis.set_yticks, axis.set_ylabel),
@@ -353,18 +353,18 @@ def _cells(
         for i, j in np.argwhere(dataset["is_best"].to_numpy().T):
             axis.add_patch(Rectangle((j - 0.5, i - 0.5), 1.0, 1.0, fill=False, edgecolor=OUTLINE, linewidth=2.0))
     # of a cell without a value the colour is not read
-    unsure, bright = unsure_cells(dataset, measure).T, np.ma.filled(norm(np.ma.masked_invalid(shown)), 0.0) >= 0.5
+    unsure, bright = unsure_cells(dataset, measure).T, np.ma.filled(norm(np.ma.masked_invalid(table)), 0.0) >= 0.5
     for side, colour in ((False, "white"), (True, "black")):
         cells = np.argwhere(unsure & (bright == side))
         if len(cells):
             axis.add_patch(PathPatch(_corners(cells), facecolor=colour, linewidth=0.0))
-    samples = single_samples(dataset).T & np.isfinite(shown)
-    if shown.size <= MOST_NUMBERS and numbers:
-        _write_numbers(axis, shown, bright, samples)
+    samples = single_samples(dataset).T & np.isfinite(table)
+    if table.size <= MOST_NUMBERS and numbers:
+        _write_numbers(axis, table, bright, samples)
     else:
         for side, colour in ((False, "white"), (True, "black")):
             cells = np.argwhere(samples & (bright == side))
-            axis.plot(cells[:, 1], cells[:, 0], linestyle="none", marker="$*$", markersize=_star(axis, shown.shape),
+            axis.plot(cells[:, 1], cells[:, 0], linestyle="none", marker="$*$", markersize=_star(axis, table.shape),
                       color=colour)  # fmt: skip
     return image
 
@@ -384,9 +384,9 @@ def _corners(cells: NDArray[np.int64]) -> Any:
     return Path((cells[:, None, ::-1] + corner).reshape(-1, 2), np.tile(codes, len(cells)))
 
 
-def _write_numbers(axis: Axes, shown: Array, bright: NDArray[np.bool_], samples: NDArray[np.bool_]) -> None:
+def _write_numbers(axis: Axes, table: Array, bright: NDArray[np.bool_], samples: NDArray[np.bool_]) -> None:
     """The number of each cell, with a star where it is a sample."""
-    for (i, j), value in np.ndenumerate(shown):
+    for (i, j), value in np.ndenumerate(table):
         if np.isfinite(value):
             words = f"{number_text(value, 3)}{'*' if samples[i, j] else ''}"
             axis.annotate(words, (j, i), ha="center", va="center", fontsize=9.0,
@@ -440,28 +440,28 @@ def calibration(result: Any, *, title: str = "", figure: FigureBase | OffScreen 
     plain_log_ticks(axis.yaxis)
     axis.set(xlabel="base frequency (Hz)", ylabel="peak (mm)")
     axes[0].set_title(title, loc="left")
-    for each in axes:
-        legend_above(each)
+    for panel_axes in axes:
+        legend_above(panel_axes)
     return axes
 
 
 def _posterior(axis: Axes, result: Any) -> None:
     """Density of one parameter as a line, of two as a map, with median and intervals."""
-    density, found = result.posterior, result.parameters
-    scales = [prefixed(float(np.abs(density[one.path]).max()), one.unit) for one in found]
+    density, parameters = result.posterior, result.parameters
+    scales = [prefixed(float(np.abs(density[p.path]).max()), p.unit) for p in parameters]
     labels = [
-        _label(str(density[one.path].attrs["long_name"]), unit, 1) for one, (_, unit) in zip(found, scales, strict=True)
+        _label(str(density[p.path].attrs["long_name"]), u, 1) for p, (_, u) in zip(parameters, scales, strict=True)
     ]
-    medians = [factor * one.median for one, (factor, _) in zip(found, scales, strict=True)]
-    x = scales[0][0] * density[found[0].path].to_numpy()
-    ends = [(factor * one.low, factor * one.high) for one, (factor, _) in zip(found, scales, strict=True)]
-    if len(found) == 1:
+    medians = [factor * p.median for p, (factor, _) in zip(parameters, scales, strict=True)]
+    x = scales[0][0] * density[parameters[0].path].to_numpy()
+    ends = [(factor * p.low, factor * p.high) for p, (factor, _) in zip(parameters, scales, strict=True)]
+    if len(parameters) == 1:
         axis.plot(x, density.to_numpy() / scales[0][0], color=BLUE, label="posterior")
         axis.axvspan(*ends[0], color=BLUE, alpha=0.18, label="90 % interval")
         axis.axvline(medians[0], color=DARK, label="median")
         axis.set(xlabel=labels[0], ylabel=f"density (1/{scales[0][1]})" if scales[0][1] != "1" else "density")
         return
-    y = scales[1][0] * density[found[1].path].to_numpy()
+    y = scales[1][0] * density[parameters[1].path].to_numpy()
     axis.pcolormesh(x, y, density.to_numpy().T, cmap="cividis", shading="nearest", rasterized=True)
     off = [np.array([[middle - low], [high - middle]]) for middle, (low, high) in zip(medians, ends, strict=True)]
     axis.errorbar(

@@ -88,14 +88,14 @@ def axis_value(dataset: xarray.Dataset, axis: str, index: int) -> tuple[str, str
 
 def in_shown_units(columns: Mapping[str, Any], units: Mapping[str, str]) -> tuple[dict[str, Any], dict[str, str]]:
     """Columns of numbers in the units in which they are shown, and these units."""
-    shown = {name: SHOWN_IN.get(unit, (1.0, unit)) for name, unit in units.items()}
+    factors_and_units = {name: SHOWN_IN.get(unit, (1.0, unit)) for name, unit in units.items()}
     scaled = {
-        name: shown[name][0] * np.asarray(values)
-        if name in shown and np.asarray(values).dtype.kind in "iuf"
+        name: factors_and_units[name][0] * np.asarray(values)
+        if name in factors_and_units and np.asarray(values).dtype.kind in "iuf"
         else values
         for name, values in columns.items()
     }
-    return scaled, {name: unit for name, (_, unit) in shown.items()}
+    return scaled, {name: unit for name, (_, unit) in factors_and_units.items()}
 
 
 def case_columns(
@@ -128,8 +128,8 @@ def map_panels(
 ) -> tuple[dict[str, list[int]], dict[str, int]]:
     """Numbers of the values of the third axis and the fourth that have a map, and of the others the middle one."""
     further = axes[2:4]
-    shown = {name: thinned(dataset.sizes[name], most if len(further) < 2 else most_each).tolist() for name in further}
-    return shown, {name: dataset.sizes[name] // 2 for name in axes[4:]}
+    drawn = {name: thinned(dataset.sizes[name], most if len(further) < 2 else most_each).tolist() for name in further}
+    return drawn, {name: dataset.sizes[name] // 2 for name in axes[4:]}
 
 
 def single_samples(dataset: xarray.Dataset) -> NDArray[np.bool_]:

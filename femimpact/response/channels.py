@@ -363,9 +363,9 @@ class ShakerForce:
     def reading(self, system: System) -> Reading:
         """Momentum of structure and balls, and what else acts on them."""
         balls = np.array([0.0 if pair.is_stop else pair.mass for pair in system.contacts])
-        given = sum(mass * pair.acceleration for mass, pair in zip(balls, system.contacts, strict=True))
+        ball_weights = sum(mass * pair.acceleration for mass, pair in zip(balls, system.contacts, strict=True))
         held = sum(item.constant for item in system.reactions.values() if item.unit == "N")
-        constant = system.constant_resultant + held + given
+        constant = system.constant_resultant + held + ball_weights
         # a stop's direction points against w
         in_space = np.array([1.0 if pair.is_stop and pair.fixed_to == "space" else 0.0 for pair in system.contacts])
         return changed(
@@ -418,11 +418,11 @@ QUANTITIES: Mapping[str, Quantity] = {
 """Quantities by the part of a name behind its dot; without a dot a place or a ball gives its relative displacement."""
 
 
-def _kind(shown: Any, stem: str) -> str | None:
+def _kind(system: Any, stem: str) -> str | None:
     """The kind of thing with a name, or at metres from the root: "place", "ball" or "stop"; None if unknown."""
-    if stem in shown.points or _metres(stem) is not None:
+    if stem in system.points or _metres(stem) is not None:
         return "place"
-    return next(("stop" if pair.is_stop else "ball" for pair in shown.contacts if pair.name == stem), None)
+    return next(("stop" if pair.is_stop else "ball" for pair in system.contacts if pair.name == stem), None)
 
 
 def _metres(text: str) -> float | None:
@@ -431,7 +431,7 @@ def _metres(text: str) -> float | None:
 
 
 def channel_of(
-    shown: Any,  # or what else has `points` and `contacts`
+    system: Any,  # or what else has `points` and `contacts`
     # a place ("tip", a point of the mesh, metres from the root) or a ball, with what is read of it behind a dot (see
     # `QUANTITIES`); "gap" and "contact_force" alone belong to the only contact; "shaker_force" is the force that moves
     # the base
@@ -447,13 +447,13 @@ def channel_of(
         return Motion(channel)
     if channel == "shaker_force":
         return ShakerForce()
-    if channel in ("gap", "contact_force") and len(shown.contacts) == 1:
+    if channel in ("gap", "contact_force") and len(system.contacts) == 1:
         return QUANTITIES[channel].make(None)
-    stem, _, read = (channel, "", "displacement") if _kind(shown, channel) else channel.rpartition(".")
-    kind = _kind(shown, stem)
+    stem, _, read = (channel, "", "displacement") if _kind(system, channel) else channel.rpartition(".")
+    kind = _kind(system, stem)
     if kind is None:
-        alone = ["gap", "contact_force"] if len(shown.contacts) == 1 else []
-        known = [*shown.points, *(pair.name for pair in shown.contacts), *alone, "shaker_force"]
+        alone = ["gap", "contact_force"] if len(system.contacts) == 1 else []
+        known = [*system.points, *(pair.name for pair in system.contacts), *alone, "shaker_force"]
         behind = ", ".join(f".{name}" for name in QUANTITIES)
         words = suggestion(stem if read in QUANTITIES else channel, known)
         allowed = f"{words}, metres from the root, or one of these with one of {behind}"
@@ -463,7 +463,7 @@ def channel_of(
     require(moving, "channels", channel, "", "is a stop, which does not move: take its .gap or .contact_force")
     if f"{stem}.{read}" not in fitting:
         require(False, "channels", channel, "", suggestion(channel, fitting))
-    return QUANTITIES[read].make(stem if stem in shown.points or kind != "place" else _metres(stem))
+    return QUANTITIES[read].make(stem if stem in system.points or kind != "place" else _metres(stem))
 
 
 def resolve_channels(system: System, channels: Sequence[Position | Channel] | None) -> tuple[Channel, ...]:
@@ -479,12 +479,12 @@ def resolve_channels(system: System, channels: Sequence[Position | Channel] | No
         alone = len(pairs) == len(system.contacts) == 1
         forces = ["contact_force"] if alone else [f"{pair}.contact_force" for pair in pairs]
         channels = (system.default_place, *(pair.name for pair in system.balls), *forces)
-    found = tuple(channel_of(system, channel) for channel in channels)
+    resolved = tuple(channel_of(system, channel) for channel in channels)
     names: dict[str, Channel] = {}
-    for channel in found:
+    for channel in resolved:
         # a user's channel may have anything for a name and a unit
         checked("channels", channel.name, name_text())
         require_type(channel.unit, str, f"units.{channel.name}")
         same = names.setdefault(channel.name, channel)
         require(same == channel, "channels", channel.name, "", "must be the name of one channel, not of two")
-    return found
+    return resolved

@@ -202,7 +202,7 @@ def _total(values: Array) -> Array:
 def _repeats(maximum: Array, in_window: NDArray[np.bool_], tolerance: float, longest_period: int) -> NDArray[np.bool_]:
     """True for cases that repeat their maxima after a few cycles; rows lead back from the end."""
     scale = tolerance * np.max(np.abs(maximum), axis=0)
-    found = np.zeros(maximum.shape[1], dtype=bool)
+    repeats = np.zeros(maximum.shape[1], dtype=bool)
     for period in range(1, min(longest_period, maximum.shape[0] // 2) + 1):
         both = in_window[period:]
         change = np.max(np.abs(maximum[period:] - maximum[:-period]), axis=0, where=both, initial=0.0)
@@ -210,8 +210,8 @@ def _repeats(maximum: Array, in_window: NDArray[np.bool_], tolerance: float, lon
         strobed, counts = maximum[::period], in_window[::period]
         high = np.max(strobed, axis=0, where=counts, initial=-np.inf)
         low = np.min(strobed, axis=0, where=counts, initial=np.inf)
-        found |= (in_window.sum(axis=0) >= 2 * period) & (change <= scale) & (high - low <= scale)
-    return found
+        repeats |= (in_window.sum(axis=0) >= 2 * period) & (change <= scale) & (high - low <= scale)
+    return repeats
 
 
 def _halves_agree(
@@ -225,9 +225,9 @@ def _halves_agree(
     inside = [(part == i) & (place >= 0) for i in range(PARTS)]
     if np.all(length == length[:1]) and length.size and length[0] >= PARTS:
         # of one length: zeros beside a part add nothing
-        parts = np.array([_total(mean_square[one[:, 0]]) / np.count_nonzero(one[:, 0]) for one in inside])
+        parts = np.array([_total(mean_square[rows[:, 0]]) / np.count_nonzero(rows[:, 0]) for rows in inside])
     else:
-        parts = np.array([_total(np.where(one, mean_square, 0.0)) / np.maximum(one.sum(axis=0), 1) for one in inside])
+        parts = np.array([_total(np.where(p, mean_square, 0.0)) / np.maximum(p.sum(axis=0), 1) for p in inside])
     first, second = parts[: PARTS // 2], parts[PARTS // 2 :]
     low, high = np.sort(np.sqrt([first.mean(axis=0), second.mean(axis=0)]), axis=0)
     error = np.sqrt((first.var(axis=0, ddof=1) + second.var(axis=0, ddof=1)) / (PARTS // 2))
@@ -295,11 +295,11 @@ class LargestValues:
         left = tuple(channel for channel in channels if self._known(channel) is None)
         if left:
             self.known.extend(zip(left, self.find(left), strict=True))
-        found = (self._known(channel) for channel in channels)
-        return tuple(one for one in found if one is not None)
+        values = (self._known(channel) for channel in channels)
+        return tuple(largest for largest in values if largest is not None)
 
     def _known(self, channel: Channel) -> Largest | None:
-        return next((found for other, found in self.known if other is channel or other == channel), None)
+        return next((largest for other, largest in self.known if other is channel or other == channel), None)
 
 
 LARGE = 0.1

@@ -98,26 +98,26 @@ class HistoryPiece:
         return history_dataset(self.time, self.channels, self.units, self.energy, self.base)
 
 
-def check_histories(kept: Any) -> None:
+def check_histories(record: Any) -> None:
     """Refuse channels of a history that are not as long as its time, or whose unit is not named.
 
     A history that went to a sink has units only, and a ledger of few samples.
     """
     for key in ("channels", "units"):
-        require_type(getattr(kept, key), Mapping, key)
-    for name, values in kept.channels.items():
-        series = checked(f"channels.{name}", values, column(str(kept.units.get(name, "")), "samples"))
-        fits = series.shape == kept.time.shape
+        require_type(getattr(record, key), Mapping, key)
+    for name, values in record.channels.items():
+        series = checked(f"channels.{name}", values, column(str(record.units.get(name, "")), "samples"))
+        fits = series.shape == record.time.shape
         require(
-            fits, f"channels.{name}", f"{series.size} samples", "", f"must have {kept.time.size} samples, as time has"
+            fits, f"channels.{name}", f"{series.size} samples", "", f"must have {record.time.size} samples, as time has"
         )
-        require(name in kept.units, "units", sorted(kept.units), "", f"must name the unit of {name!r}")
-    for name, unit in kept.units.items():
+        require(name in record.units, "units", sorted(record.units), "", f"must name the unit of {name!r}")
+    for name, unit in record.units.items():
         require_type(unit, str, f"units.{name}")
-    if kept.channels:
-        same = set(kept.units) == set(kept.channels)
-        require(same, "units", sorted(kept.units), "", f"must be of the channels, {sorted(kept.channels)}")
-        same = kept.energy is None or np.array_equal(kept.energy.time, kept.time)
+    if record.channels:
+        same = set(record.units) == set(record.channels)
+        require(same, "units", sorted(record.units), "", f"must be of the channels, {sorted(record.channels)}")
+        same = record.energy is None or np.array_equal(record.energy.time, record.time)
         require(same, "energy", None, "", "must be at the times of the channels")
 
 
@@ -184,13 +184,13 @@ def _each_column(change: Callable[..., Array], *ledgers: EnergyLedger) -> Energy
     """A ledger of what a function makes of each column of ledgers, read-only."""
 
     def changed_column(*columns: Array) -> Array:
-        found = change(*columns)
-        found.setflags(write=False)
-        return found
+        changed_rows = change(*columns)
+        changed_rows.setflags(write=False)
+        return changed_rows
 
     names = [item.name for item in dataclasses.fields(EnergyLedger) if item.metadata]
-    work_of = {name: changed_column(*(each.work_of[name] for each in ledgers)) for name in ledgers[0].work_of}
-    columns = {name: changed_column(*(getattr(each, name) for each in ledgers)) for name in names}
+    work_of = {name: changed_column(*(ledger.work_of[name] for ledger in ledgers)) for name in ledgers[0].work_of}
+    columns = {name: changed_column(*(getattr(ledger, name) for ledger in ledgers)) for name in names}
     return made(EnergyLedger, work_of=work_of, **columns)
 
 
@@ -211,23 +211,23 @@ class Stream:
         """Give the sink, if there is one, what has come together in the run, and free the arrays there."""
         if self.sink is None:
             return
-        found = self.read(self.samples, self.snapshots)
-        shown = 0 if found.snapshots is None else found.snapshots.time.size
-        self.samples, self.snapshots = self.samples + found.time.size, self.snapshots + shown
+        piece = self.read(self.samples, self.snapshots)
+        snapshots = 0 if piece.snapshots is None else piece.snapshots.time.size
+        self.samples, self.snapshots = self.samples + piece.time.size, self.snapshots + snapshots
         self.clear()
-        if found.time.size + shown == 0:
+        if piece.time.size + snapshots == 0:
             return
-        if found.time.size:
-            self.streamed_to = float(found.time[-1])
-            self.deciding = None if found.energy is None else deciding_rows(self.deciding, found.energy)
-        self.sink(found)
+        if piece.time.size:
+            self.streamed_to = float(piece.time[-1])
+            self.deciding = None if piece.energy is None else deciding_rows(self.deciding, piece.energy)
+        self.sink(piece)
 
     def left(self) -> HistoryPiece:
         """The history for the response: all of it, or, with a sink, units and the rows that decide the residual."""
-        found = self.read(self.samples, self.snapshots)
+        piece = self.read(self.samples, self.snapshots)
         if self.sink is None:
-            return found
-        return changed(found, channels={}, energy=self.deciding, snapshots=None)
+            return piece
+        return changed(piece, channels={}, energy=self.deciding, snapshots=None)
 
 
 SAME_INSTANT = 1e-9
@@ -261,8 +261,8 @@ class StroboscopicSection:
 
     def __post_init__(self) -> None:
         check_fields(self)
-        for key, given in (("channels", self.channels), ("units", self.units)):
-            require_type(given, Mapping, key)
+        for key, mapping in (("channels", self.channels), ("units", self.units)):
+            require_type(mapping, Mapping, key)
         known = set(self.channels) <= set(self.units)
         require(known, "units", list(self.units), "", f"must be those of the channels, {list(self.channels)}")
         for name, values in self.channels.items():

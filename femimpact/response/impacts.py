@@ -126,10 +126,10 @@ class Impacts:
         lost = f", {self.dropped} more not kept" if self.dropped else ""
         laws = ", ".join(f"{name}: {law}" for name, law in self.law.items())
         # what no impact has, as a phase without a sine, is left out
-        shown = [name for name in IMPACT_UNITS if name not in ("contact_law", "energy_to_higher_modes")]
-        shown = [name for name in shown if not len(self) or not np.all(self[name] != self[name])]
+        names = [name for name in IMPACT_UNITS if name not in ("contact_law", "energy_to_higher_modes")]
+        names = [name for name in names if not len(self) or not np.all(self[name] != self[name])]
         title = f"Impacts: {len(self)}{lost}" + (f" (contact law of {laws})" if laws else "")
-        return head_of_columns(title, {name: self[name] for name in shown}, IMPACT_UNITS)
+        return head_of_columns(title, {name: self[name] for name in names}, IMPACT_UNITS)
 
     @property
     def contact_law(self) -> NDArray[np.str_]:
@@ -144,8 +144,8 @@ class Impacts:
 
         Not a number where the energies of the modes were not kept: nothing is known, which is not zero.
         """
-        kept = self.energy_to_modes.shape[1] > 0
-        energy = self.energy_to_modes[:, 1:].sum(axis=1) if kept else np.full(len(self), np.nan)
+        has_modes = self.energy_to_modes.shape[1] > 0
+        energy = self.energy_to_modes[:, 1:].sum(axis=1) if has_modes else np.full(len(self), np.nan)
         energy.setflags(write=False)
         return np.asarray(energy)
 
@@ -350,25 +350,25 @@ def event_width(pairs: int, coordinates: int) -> int:
 
 def event_log(
     rows: Array,  # (l, event_width): the compiled log of one case; only those that were written are read
-    found: int,  # events in all
+    count: int,  # events in all
     contacts: tuple[str, ...],
 ) -> EventLog:
     """The log of a case from the rows that the compiled loop has written."""
     first, pairs = len(EVENT_COLUMNS), len(contacts)
-    kept = rows[: min(found, rows.shape[0])]
-    columns = dict(zip(EVENT_COLUMNS, kept.T[:first], strict=True))
-    position, rate = np.split(kept[:, first + pairs :], 2, axis=1)
+    logged = rows[: min(count, rows.shape[0])]
+    columns = dict(zip(EVENT_COLUMNS, logged.T[:first], strict=True))
+    position, rate = np.split(logged[:, first + pairs :], 2, axis=1)
     values: dict[str, NDArray[Any]] = {
         **{name: columns[name].astype(np.int64) for name in ("pair", "side", "impacts")},
         "time": columns["time"].copy(),
         "kind": np.array(EVENT_KINDS)[columns["kind"].astype(int)],
-        "contact_state": kept[:, first : first + pairs].astype(np.int64),
+        "contact_state": logged[:, first : first + pairs].astype(np.int64),
         "displacement": position.copy(),
         "velocity": rate.copy(),
     }
     for array in values.values():
         array.setflags(write=False)
-    return made(EventLog, contacts=contacts, dropped=found - kept.shape[0], **values)
+    return made(EventLog, contacts=contacts, dropped=count - logged.shape[0], **values)
 
 
 @dataclass(frozen=True)
@@ -430,12 +430,12 @@ def statistics_of_cases(
 ) -> dict[str, Array]:  # (cases,)
     """The same of many cases: columns (cases,) by the names of `ImpactStatistics`."""
     count = totals[0].sum(axis=0)
-    each = 1.0 / np.maximum(count, 1.0)
+    share = 1.0 / np.maximum(count, 1.0)
     return {
         "impacts_per_cycle": count / (duration * frequency),
-        "mean_approach_speed": totals[1].sum(axis=0) * each,
+        "mean_approach_speed": totals[1].sum(axis=0) * share,
         "largest_approach_speed": totals[2].max(axis=0, initial=0.0),
-        "mean_impulse": totals[3].sum(axis=0) * each,
+        "mean_impulse": totals[3].sum(axis=0) * share,
         "peak_force": totals[4].max(axis=0, initial=0.0),
         "cycle_mean_force": totals[5].sum(axis=0) / duration,
     }

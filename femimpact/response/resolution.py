@@ -67,15 +67,15 @@ def peak_resolution(
     return PeakResolution(float(f[top]), float(np.max(np.diff(f[max(top - 1, 0) : top + 2]))), width)
 
 
-def resolution_warnings(found: PeakResolution, *, of_peak: bool = True) -> tuple[str, ...]:
+def resolution_warnings(peak: PeakResolution, *, of_peak: bool = True) -> tuple[str, ...]:
     """A warning where a grid is too coarse for a resonance; `of_peak` says too how low the peak may be read."""
-    if found.resolved:
+    if peak.resolved:
         return ()
-    miss = number_text(100 * found.largest_miss, 2)
+    miss = number_text(100 * peak.largest_miss, 2)
     low = f"the peak may be read up to {miss} % too low (1 - 1/sqrt(1 + (step/width)^2)); "
     return (
-        f"the frequency step of {number_text(found.step, 3)} Hz {UNRESOLVED} of {number_text(found.width, 3)} Hz "
+        f"the frequency step of {number_text(peak.step, 3)} Hz {UNRESOLVED} of {number_text(peak.width, 3)} Hz "
         f"(at least {RESOLVED:g} steps are needed): {low if of_peak else ''}"
-        f"take frequencies at most {number_text(_rounded_down(found.step_needed), 2)} Hz apart around "
-        f"{found.frequency:.4g} Hz",
+        f"take frequencies at most {number_text(_rounded_down(peak.step_needed), 2)} Hz apart around "
+        f"{peak.frequency:.4g} Hz",
     )

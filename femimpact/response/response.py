@@ -132,7 +132,7 @@ class Recorder:
         faults = []
         if self.channels is not None and not (
             isinstance(self.channels, tuple)
-            and all(isinstance(one, (str, Channel)) or in_range(one, quantity("m")) for one in self.channels)
+            and all(isinstance(entry, (str, Channel)) or in_range(entry, quantity("m")) for entry in self.channels)
         ):
             allowed = "must be names of places or balls, metres from the root, or channels with name, unit and reading"
             faults.append(Fault("channels", self.channels, "", allowed))
@@ -142,8 +142,8 @@ class Recorder:
         if self.channels is not None:
             # numpy's texts and numbers become Python's
             plain = (
-                one if isinstance(one, Channel) else str(one) if isinstance(one, str) else float(one)
-                for one in self.channels
+                entry if isinstance(entry, Channel) else str(entry) if isinstance(entry, str) else float(entry)
+                for entry in self.channels
             )
             object.__setattr__(self, "channels", tuple(plain))
 
@@ -266,7 +266,7 @@ class Response:
     @property
     def _head(self) -> Head:
         span = f"{self.time[0]:.5g} to {self.time[-1]:.5g} s, " if self.time.size else ""
-        kept = (
+        extent = (
             f"{span}{self.time.size} samples" if self.streamed_to is None else f"streamed to {self.streamed_to:.5g} s"
         )
         statistics = self.statistics
@@ -280,7 +280,7 @@ class Response:
             values["energy residual"] = f"{self.energy.residual:.5g} of the energy put in"
         for name, texts in (("warnings", self.warnings), ("notes", self.notes)):
             values[name] = f"{len(texts)}{f': {texts[0]}' if texts else ''}"
-        return head_of_values(f"Response: {kept}", values)
+        return head_of_values(f"Response: {extent}", values)
 
     def __getitem__(self, name: Position) -> Array:
         key = channel_key(name)
@@ -353,10 +353,10 @@ class Response:
             As of `largest`.
         """
         allowed = "must be a response of `integrate`: what was read from files has samples only"
-        found = self.largest_values
-        if found is None:
+        largest_values = self.largest_values
+        if largest_values is None:
             raise InputError([Fault("largest", None, "", allowed)])
-        return found.of(resolve_channels(self.system, Recorder(channels).channels))
+        return largest_values.of(resolve_channels(self.system, Recorder(channels).channels))
 
     def to_pandas(self) -> pandas.DataFrame:
         """All channels over time; units in `attrs["units"]`.

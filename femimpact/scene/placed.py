@@ -111,10 +111,10 @@ def drawn_system(
     length = structure.beam.length
     system = DrawnSystem(np.zeros(0), {"root": 0.0, "tip": length, "mid": 0.5 * length, **points})
 
-    def drawn(one: Impactor | Absorber | Stop, mass: float, fixed_to: str = "base") -> DrawnContact:
-        place = system.position_of(structure.place_of(one.at))
-        hung = (one.stiffness, one.damping) if isinstance(one, Absorber) else ()
-        return DrawnContact(one.name, place, mass, one.gaps, fixed_to, one.contact.name, *hung)
+    def drawn(part: Impactor | Absorber | Stop, mass: float, fixed_to: str = "base") -> DrawnContact:
+        place = system.position_of(structure.place_of(part.at))
+        hung = (part.stiffness, part.damping) if isinstance(part, Absorber) else ()
+        return DrawnContact(part.name, place, mass, part.gaps, fixed_to, part.contact.name, *hung)
 
     balls = [drawn(ball, ball.mass) for ball in structure.impactors]
     balls += [drawn(body, body.mass) for body in structure.absorbers]
@@ -159,13 +159,13 @@ class PlacedStructure:
         near = SAME * self.length
         tops = [0.5 * self.structure.beam.drawn_at(min(max(x, 0.0), self.length))[1]]
         tops += [0.5 * body_side(body.mass) for body, place in self.blocks if abs(place - x) <= near]
-        boxed = [one for one in self.contacts if one.has_walls and not one.is_stop and abs(one.position - x) <= near]
-        return max(tops + [exaggeration * one.gaps[0] + 1.3 * ball_radius(one.mass) for one in boxed])
+        boxed = [c for c in self.contacts if c.has_walls and not c.is_stop and abs(c.position - x) <= near]
+        return max(tops + [exaggeration * pair.gaps[0] + 1.3 * ball_radius(pair.mass) for pair in boxed])
 
     @property
     def blocks(self) -> list[tuple[PointMass, float]]:
         """Bodies that are drawn as cubes, with their places: those with a mass that are no ball's box."""
-        boxes = [self.box_of(one) for one in self.contacts]
+        boxes = [self.box_of(contact) for contact in self.contacts]
         return [(body, x) for body, x in self.bodies if body.mass > 0.0 and all(body is not box for box in boxes)]
 
 

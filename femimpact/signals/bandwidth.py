@@ -52,11 +52,11 @@ class DampingEstimate:
 
     def __str__(self) -> str:
         low, high = self.interval
-        shown, interval = number_text(self.ratio), "no interval"
+        percent, interval = number_text(self.ratio), "no interval"
         if math.isfinite(low + high):
-            shown, least, most = interval_texts(self.ratio, low, high)
+            percent, least, most = interval_texts(self.ratio, low, high)
             interval = f"{least} to {most}"
-        ratio = f"{shown} ({interval})" if math.isfinite(self.ratio) else "no damping ratio"
+        ratio = f"{percent} ({interval})" if math.isfinite(self.ratio) else "no damping ratio"
         text = f"{ratio} at {self.frequency:.6g} Hz by {self.method}"
         return text + "".join(f"\n  warning: {warning}" for warning in self.warnings)
 

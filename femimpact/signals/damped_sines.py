@@ -90,10 +90,10 @@ class DampedSines:
         terms, u = dict[str, Array](), self.time[:, None] / self.time[-1]
         for k, pole in enumerate(self.poles):
             pair = self.basis[:, 2 * k : 2 * k + 2]
-            shown = f"{pole.imag / (2.0 * math.pi):.4g} Hz"
-            terms[f"a damping and a frequency of {shown} that change"] = np.hstack([pair * u**2, pair * u**3])
+            frequency = f"{pole.imag / (2.0 * math.pi):.4g} Hz"
+            terms[f"a damping and a frequency of {frequency} that change"] = np.hstack([pair * u**2, pair * u**3])
             turned = [np.exp((pole.real + 1j * n * pole.imag) * self.time) for n in (2, 3)]
-            terms[f"harmonics of {shown}"] = np.column_stack([part for z in turned for part in (z.real, z.imag)])
+            terms[f"harmonics of {frequency}"] = np.column_stack([part for z in turned for part in (z.real, z.imag)])
         return terms
 
 
@@ -132,31 +132,31 @@ class DecayFit:
         # points are never known better than to the last bits
         covariance = (fit.variance + 1e-20) * np.linalg.pinv(fit.jac.T @ fit.jac, hermitian=True)
         width = float(stdtrit(max(fit.time.size - 4 * count - 2, 1), 0.5 + 0.5 * level))
-        found = []
+        rows = []
         for k, pole in enumerate(fit.poles):
             omega = abs(pole)
             # derivatives of frequency and ratio by the real and the imaginary part of the pole
             by = np.array([[pole.real, pole.imag], [-(pole.imag**2) / omega, pole.real * pole.imag / omega]])
             by /= np.array([[2.0 * math.pi * omega], [omega**2]])
             half = width * np.sqrt(np.diag(by @ covariance[np.ix_([k, count + k], [k, count + k])] @ by.T))
-            found.append([float(omega) / (2.0 * math.pi), float(-pole.real / omega), *half.tolist()])
-        return found
+            rows.append([float(omega) / (2.0 * math.pi), float(-pole.real / omega), *half.tolist()])
+        return rows
 
     def reason_against(self, x: Array, interval: float) -> tuple[str, bool]:
         """Words where the misfit is no noise of one size, else none; and whether a further mode leaves noise alone."""
         size = math.sqrt(self.means.squares / self.means.time.size)
-        found = "" if size <= NEGLIGIBLE else self.means.pattern or self._uneven()
-        if not found:
+        pattern = "" if size <= NEGLIGIBLE else self.means.pattern or self._uneven()
+        if not pattern:
             return "", False
         share = f"{number_text(100.0 * size, 2)} % of the largest value"
-        words = f"no linear decay, and no interval: the misfit of {share} is no noise: {found}"
+        words = f"no linear decay, and no interval: the misfit of {share} is no noise: {pattern}"
         count = self.means.poles.size + 1
         other = seen_fit(x, interval, count) if count <= 3 else None
         if other is not None:
             poles, end = other.means.poles, other.means.time[-1]
             if float(np.min(np.diff(poles.imag))) * end > 2.0 * math.pi and not other.means.pattern:
-                shown = " and ".join(f"{p.imag / (2.0 * math.pi):.4g}" for p in poles)
-                words += f". {count} modes, of {shown} Hz, leave noise alone: modes={count}"
+                frequencies = " and ".join(f"{p.imag / (2.0 * math.pi):.4g}" for p in poles)
+                words += f". {count} modes, of {frequencies} Hz, leave noise alone: modes={count}"
                 return f"{words}; with fewer there is no interval over the amplitude either", True
         return f"{words}. Read the ratio over the amplitude", False
 
@@ -216,7 +216,7 @@ def _fitted(x: Array, interval: float, modes: int, fastest: float) -> DecayFit |
     best: tuple[float, NDArray[Any]] | None = None
     for start in _starts(points, step, modes, max(fastest, _fastest(points, step))):
         unit = abs(start.imag).max()
-        given = np.concatenate([start.real, start.imag]) / unit
+        parameters = np.concatenate([start.real, start.imag]) / unit
 
         def parts(p: Array, unit: float = unit) -> DampedSines:
             return _projected(unit * (p[:modes] + 1j * p[modes:]), along, points)
@@ -229,7 +229,7 @@ def _fitted(x: Array, interval: float, modes: int, fastest: float) -> DecayFit |
 
         try:
             p, _, about, *_ = leastsq(
-                misfit, given, Dfun=tangents, full_output=True, maxfev=200, xtol=1e-13, ftol=1e-13
+                misfit, parameters, Dfun=tangents, full_output=True, maxfev=200, xtol=1e-13, ftol=1e-13
             )
         except np.linalg.LinAlgError:
             # it ran away from this start
@@ -301,7 +301,7 @@ def _starts(points: Array, step: float, modes: int, fastest: float) -> list[NDAr
     size = count // 2
     hankel = np.lib.stride_tricks.sliding_window_view(x, size)
     _, _, rows = np.linalg.svd(hankel - x.mean(), full_matrices=False)
-    found = list[NDArray[Any]]()
+    starts = list[NDArray[Any]]()
     for order in sorted({min(order, size - 1) for order in (2 * modes + 2, 4 * modes + 8)}):
         shape = rows[:order].T
         z = np.linalg.eigvals(np.linalg.lstsq(shape[:-1], shape[1:], rcond=None)[0])
@@ -310,9 +310,9 @@ def _starts(points: Array, step: float, modes: int, fastest: float) -> list[NDAr
         usual = s[np.abs(s.real) < USUAL_RATIO * s.imag]
         s = usual if usual.size >= modes else s[np.abs(s.real) < LARGEST_RATIO * np.abs(s)]
         if s.size >= modes:
-            found.append(np.asarray(s[_projected(s, h * np.arange(count), x).by_energy[:modes]]))
+            starts.append(np.asarray(s[_projected(s, h * np.arange(count), x).by_energy[:modes]]))
     lines = np.abs(np.fft.rfft((points - points.mean()) * np.hanning(points.size)))
     top = 2.0 * math.pi * max(int(np.argmax(lines)), 1) / (points.size * step)
     apart = 2.0 * math.pi / (points.size * step) * np.arange(modes)
-    found.append((-0.005 + 1j) * (top + apart))
-    return found
+    starts.append((-0.005 + 1j) * (top + apart))
+    return starts

@@ -86,7 +86,7 @@ class DecayMode:
     def __str__(self) -> str:
         if math.isnan(self.frequency):
             return "no mode that can be told from noise"
-        shown = []
+        texts = []
         for value, (low, high), unit in (
             (self.frequency, self.frequency_interval, " Hz"),
             (100.0 * self.damping_ratio, 100.0 * np.array(self.damping_ratio_interval), " %"),
@@ -94,8 +94,8 @@ class DecayMode:
             known = math.isfinite(low + high)
             text, least, most = interval_texts(value, low, high)
             interval = f"{LEVEL:.0%} interval {least} to {most}" if known else "no interval"
-            shown.append(f"{text}{unit} ({interval})")
-        return f"{shown[0]}, damping ratio {shown[1]}, amplitude {number_text(self.amplitude)}"
+            texts.append(f"{text}{unit} ({interval})")
+        return f"{texts[0]}, damping ratio {texts[1]}, amplitude {number_text(self.amplitude)}"
 
 
 @short_repr
@@ -156,10 +156,10 @@ class DecayEstimate:
 
     @property
     def _head(self) -> Head:
-        said = (
+        summary = (
             f"{len(self.modes)} mode{'s' * (len(self.modes) > 1)}, {len(self)} windows, {len(self.warnings)} warnings"
         )
-        return head_of_columns(f"DecayEstimate: {said}", *self.columns())
+        return head_of_columns(f"DecayEstimate: {summary}", *self.columns())
 
     def columns(self) -> tuple[dict[str, NDArray[Any]], dict[str, str]]:
         """Columns of the table over the amplitude, and their units."""
@@ -169,8 +169,8 @@ class DecayEstimate:
     def __str__(self) -> str:
         lines = [
             *map(str, self.modes),
-            *(f"warning: {one}" for one in self.warnings),
-            *(f"note: {one}" for one in self.notes),
+            *(f"warning: {remark}" for remark in self.warnings),
+            *(f"note: {remark}" for remark in self.notes),
         ]
         return "\n".join(lines)
 
@@ -229,14 +229,14 @@ def identify_decay(time: ArrayLike, signal: ArrayLike, *, modes: int = 1) -> Dec
     largest, frequency = (x - fit.beside_main, fit.main.imag / (2.0 * math.pi)) if fit else (x, math.nan)
     noise = noise_of(largest, interval, frequency)
     table, changes, notes = windows(t, largest, interval, frequency, noise, LEVEL)
-    found = _modes(fit, scale) if fit else ()
-    warnings = _unfit(fit, found, t, y, interval) if fit else [f"no decay can be told from noise in {t.size} samples"]
-    bare, missing = bool(warnings), modes - len(found)
+    real = _modes(fit, scale) if fit else ()
+    warnings = _unfit(fit, real, t, y, interval) if fit else [f"no decay can be told from noise in {t.size} samples"]
+    bare, missing = bool(warnings), modes - len(real)
     if fit and missing:
-        warnings.append(f"{modes} modes were asked for, and {len(found)} can be told from noise")
+        warnings.append(f"{modes} modes were asked for, and {len(real)} can be told from noise")
     reason, further = fit.reason_against(x, interval) if fit and not bare else ("", False)
     if bare or reason:
-        found = tuple(replace(one, frequency_interval=NONE, damping_ratio_interval=NONE) for one in found)
+        real = tuple(replace(one, frequency_interval=NONE, damping_ratio_interval=NONE) for one in real)
     swept = "" if further or (fit and not reason) else _swept(x, interval)
     warnings += [one for one in (*left_out, swept or reason) if one]
     beats = bool(reason) and not swept and fit is not None and fit.beats(x, interval)
@@ -246,7 +246,7 @@ def identify_decay(time: ArrayLike, signal: ArrayLike, *, modes: int = 1) -> Dec
         table |= dict.fromkeys(("low", "high"), np.full(table["time"].size, math.nan))
     table["amplitude"] *= scale
     return DecayEstimate(
-        modes=(*found, *(DecayMode(math.nan, math.nan, math.nan, NONE, NONE),) * missing), **table, noise=noise * scale,
+        modes=(*real, *(DecayMode(math.nan, math.nan, math.nan, NONE, NONE),) * missing), **table, noise=noise * scale,
         unit=str(getattr(signal, "attrs", {}).get("units", "")), notes=tuple(notes),
         warnings=(*warnings, *(() if bare else changes)),
     )  # fmt: skip
@@ -316,7 +316,7 @@ def _modes(fit: DecayFit, scale: float) -> tuple[DecayMode, ...]:
     )
 
 
-def _unfit(fit: DecayFit, found: tuple[DecayMode, ...], t: Array, y: Array, interval: float) -> list[str]:
+def _unfit(fit: DecayFit, real: tuple[DecayMode, ...], t: Array, y: Array, interval: float) -> list[str]:
     """Warnings of a record that bears no interval."""
     own = fit.means.poles.imag / (2.0 * math.pi)
     slowest, fastest, near = float(own[0]), float(own[-1]), float(np.min(np.diff(own), initial=math.inf))
@@ -334,7 +334,7 @@ def _unfit(fit: DecayFit, found: tuple[DecayMode, ...], t: Array, y: Array, inte
         f"the amplitude of {one.frequency:.4g} Hz grows, by a damping ratio of "
         f"{number_text(100.0 * one.damping_ratio, 3)} %: "
         "no free decay"
-        for one in found
+        for one in real
         if one.damping_ratio_interval[1] < 0.0
     ]
     if near * duration < 1.0:
@@ -360,14 +360,14 @@ def _rounded_or_clipped(y: Array) -> list[str]:
     """Words on a record of few steps, or a clipped one."""
     values = np.unique(y)
     step, half = float(np.min(np.diff(values))), 0.5 * float(values[-1] - values[0])
-    found = []
+    faults = []
     if half < FEWEST_STEPS * step:
-        found.append(
+        faults.append(
             f"the record is rounded to steps of {number_text(step, 3)}, of which its largest value has "
             f"{number_text(half / step, 2)} "
             f"(at least {FEWEST_STEPS:g})"
         )
-    return [*found, *([words] if (words := _clipped(y)[0]) else [])]
+    return [*faults, *([words] if (words := _clipped(y)[0]) else [])]
 
 
 def _clipped(y: Array) -> tuple[str, int]:

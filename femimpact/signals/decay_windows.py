@@ -119,8 +119,8 @@ def _window(x: Array, begin: int, interval: float, frequency: float) -> Window |
     logarithms = np.log(np.hypot(a, b))
     spread = math.sqrt(2.0 * CYCLES / size) / np.exp(logarithms)
     flat = part - basis[:, -2:] @ factors[-2:]
-    one = round(size / CYCLES)
-    first, last = float(flat[:one].max()), float(flat[-one:].max())
+    cycle_samples = round(size / CYCLES)
+    first, last = float(flat[:cycle_samples].max()), float(flat[-cycle_samples:].max())
     maxima = math.log(first / last) / (2.0 * math.pi * (CYCLES - 1)) if first > 0.0 and last > 0.0 else math.nan
     return Window(begin, size, frequency, logarithms, left, spread, maxima)
 
@@ -131,21 +131,21 @@ def windows(
     """Columns of the table over the amplitude by name, warnings, and notes."""
     from scipy.special import stdtrit
 
-    found, unread = _read(x, interval, frequency, noise)
-    width, freedom = _wider(found, noise)
-    kept = [one for one in found if one.amplitude >= ABOVE_NOISE * noise * width]
+    all_windows, unread = _read(x, interval, frequency, noise)
+    width, freedom = _wider(all_windows, noise)
+    above_noise = [window for window in all_windows if window.amplitude >= ABOVE_NOISE * noise * width]
     rows, changes = list[tuple[float, ...]](), list[float]()
-    for one in kept:
-        ratio, amplitude = -one.slope / (2.0 * math.pi), one.amplitude
-        other = math.sqrt(max(one.left**2 - noise**2, 0.0)) / amplitude
-        random = noise * width * math.sqrt(float(_SLOPE**2 @ one.spread**2)) / (2.0 * math.pi)
+    for window in above_noise:
+        ratio, amplitude = -window.slope / (2.0 * math.pi), window.amplitude
+        other = math.sqrt(max(window.left**2 - noise**2, 0.0)) / amplitude
+        random = noise * width * math.sqrt(float(_SLOPE**2 @ window.spread**2)) / (2.0 * math.pi)
         half = float(stdtrit(freedom, 0.5 + 0.5 * level)) * math.hypot(random, RIPPLE * other)
-        change, spread = one.change
-        if change - SURE * noise * width * spread > CHANGES * abs(one.slope):
-            changes.append(100.0 * change / max(abs(one.slope), 1e-300))
+        change, spread = window.change
+        if change - SURE * noise * width * spread > CHANGES * abs(window.slope):
+            changes.append(100.0 * change / max(abs(window.slope), 1e-300))
             half = math.nan
-        middle = time[one.begin] + 0.5 * (one.size - 1) * interval
-        rows.append((middle, amplitude, one.frequency, ratio, ratio - half, ratio + half, one.from_maxima))
+        middle = time[window.begin] + 0.5 * (window.size - 1) * interval
+        rows.append((middle, amplitude, window.frequency, ratio, ratio - half, ratio + half, window.from_maxima))
     warnings, notes = [], []
     if changes:
         warnings.append(
@@ -158,8 +158,8 @@ def windows(
             "frequency: the "
             "amplitudes of cycles scatter so much at the end of the record"
         )
-    if len(found) > len(kept):
-        small = f"{len(found) - len(kept)} windows whose amplitude is below"
+    if len(all_windows) > len(above_noise):
+        small = f"{len(all_windows) - len(above_noise)} windows whose amplitude is below"
         notes.append(f"{small} {number_text(ABOVE_NOISE * width, 3)} times the noise are left out")
     if unread:
         notes.append(f"{unread} windows without a motion of about {frequency:.4g} Hz are left out")
@@ -170,19 +170,19 @@ def windows(
 
 def _read(x: Array, interval: float, frequency: float, noise: float) -> tuple[list[Window], int]:
     """Windows one behind the other, and how many have no motion of about a frequency (Hz)."""
-    found, unread, begin, cycle = list[Window](), 0, 0, frequency
+    read_windows, unread, begin, cycle = list[Window](), 0, 0, frequency
     while math.isfinite(cycle) and round(CYCLES / (cycle * interval)) <= x.size - begin:
-        one = _window(x, begin, interval, cycle)
-        begin += one.size if one else round(CYCLES / (cycle * interval))
-        if one is None or not abs(one.frequency / frequency - 1.0) < 0.2:
+        window = _window(x, begin, interval, cycle)
+        begin += window.size if window else round(CYCLES / (cycle * interval))
+        if window is None or not abs(window.frequency / frequency - 1.0) < 0.2:
             unread += 1
             continue
-        cycle = one.frequency if one.amplitude >= ABOVE_NOISE * noise else cycle
-        found.append(one)
-    return found, unread
+        cycle = window.frequency if window.amplitude >= ABOVE_NOISE * noise else cycle
+        read_windows.append(window)
+    return read_windows, unread
 
 
-def _wider(found: list[Window], noise: float) -> tuple[float, float]:
+def _wider(all_windows: list[Window], noise: float) -> tuple[float, float]:
     """How many times as wide as by the noise intervals are, and the degrees of freedom of that.
 
     Noise that is stronger about the frequency than above 10 times of it shows in how the amplitudes of cycles scatter
@@ -190,6 +190,6 @@ def _wider(found: list[Window], noise: float) -> tuple[float, float]:
     """
     from scipy.special import chdtri
 
-    late = [(one.scatter / max(noise, 1e-300)) ** 2 for one in found[2 * len(found) // 3 :]]
+    late = [(window.scatter / max(noise, 1e-300)) ** 2 for window in all_windows[2 * len(all_windows) // 3 :]]
     seldom = bool(late) and sum(late) > float(chdtri(len(late), SELDOM))
     return (math.sqrt(sum(late) / len(late)), len(late)) if seldom else (1.0, 1e9)

@@ -54,9 +54,9 @@ CONFIDENCE = 0.95
 """Probability that the interval of a line holds the density, unless it is given."""
 
 
-def remarks(found: Any) -> dict[str, str]:
+def remarks(estimate: Any) -> dict[str, str]:
     """Notes and warnings of what was read off a run, as texts by name."""
-    return {name: "; ".join(getattr(found, name)) for name in ("notes", "warnings")}
+    return {name: "; ".join(getattr(estimate, name)) for name in ("notes", "warnings")}
 
 
 @short_repr
@@ -115,7 +115,7 @@ class Spectrum:
 
         if self.unit != "(m/s^2)^2/Hz":
             return self
-        low, values, high = (one / g**2 for one in (self.low, self.values, self.high))
+        low, values, high = (density / g**2 for density in (self.low, self.values, self.high))
         return replace(self, low=low, values=values, high=high, unit="g^2/Hz")
 
     @property
@@ -240,8 +240,8 @@ def spectrum(
     kind = kind or ("amplitude" if is_steady(response.base) else "density")
     record = record_of(response, channel, start, amplitudes=kind == "amplitude")
     if kind == "amplitude":
-        for name, given, unit in (("resolution", resolution, "Hz"), ("confidence", confidence, "")):
-            require(given is None, name, given, unit, 'must be left out: it belongs to kind="density"')
+        for name, argument, unit in (("resolution", resolution, "Hz"), ("confidence", confidence, "")):
+            require(argument is None, name, argument, unit, 'must be left out: it belongs to kind="density"')
         return _amplitudes(response, record, start)
     confidence = CONFIDENCE if confidence is None else confidence
     from scipy.signal import welch
@@ -263,8 +263,8 @@ def spectrum(
     freedom = degrees_of_freedom(window, segments)
     # the mean and the last line of an even count have half as many
     single = (f == 0.0) | ((np.arange(f.size) == f.size - 1) & (window % 2 == 0))
-    each = np.where(single, 0.5 * freedom, freedom)
-    below, above = (each * values / chi2.ppf(0.5 * (1.0 + side * confidence), each) for side in (1.0, -1.0))
+    of_line = np.where(single, 0.5 * freedom, freedom)
+    below, above = (of_line * values / chi2.ppf(0.5 * (1.0 + side * confidence), of_line) for side in (1.0, -1.0))
     fixed = isinstance(drive_history(response), RandomBase) and drive_history(response).amplitudes == "fixed"
     notes += ("the lines of the drive have fixed amplitudes: runs scatter by less than the interval",) if fixed else ()
     # brackets only where the square would be read as that of a part of the unit
@@ -330,9 +330,9 @@ def record_of(
     require(bool(response.channels), "response.channels", "none", "", "must be one or more")
     name = next(iter(response.channels)) if channel is None else channel_key(channel, key)
     require_name(name, response.channels, key)
-    kept = response.time >= (response.time[0] if start is None else start)
-    time = response.time[kept]
-    count = int(np.count_nonzero(kept))
+    inside = response.time >= (response.time[0] if start is None else start)
+    time = response.time[inside]
+    count = int(np.count_nonzero(inside))
     require(count >= LEAST_WINDOWS, "response.time", count, "samples", f"must be {LEAST_WINDOWS} or more")
     interval = float(time[-1] - time[0]) / (count - 1)
     even = float(np.abs(np.diff(time) - interval).max()) <= EVEN * interval
@@ -352,9 +352,9 @@ def record_of(
     apart = whole and not (getattr(read, "absolute", False) and not is_force(response.base))
     of_forces = isinstance(read, ShakerForce | SupportReaction)
     for slower in range(order) if apart else (1,) if impacts and order == 2 else ():
-        found = _motion(response, read, slower)
-        if found is not None:
-            values, derivatives = found, order - slower
+        motion = _motion(response, read, slower)
+        if motion is not None:
+            values, derivatives = motion, order - slower
             break
     if impacts and order == 2:
         allowed = f"must be a recorded channel too: {lacks}, which the velocity has"
@@ -363,7 +363,7 @@ def record_of(
     elif impacts and (of_forces or name.rpartition(".")[2] == "contact_force"):
         warnings += (f"{lacks}: its spectrum is that of what acts between them",)
     holds = of_forces or (apart and order == 2 and derivatives == 0)
-    return Record(name, response.units[name], time, values[kept], interval, derivatives, holds, notes, warnings)
+    return Record(name, response.units[name], time, values[inside], interval, derivatives, holds, notes, warnings)
 
 
 def _channel(response: Response, name: str) -> Any:
@@ -425,16 +425,16 @@ def modes_of(system: Any, most: int) -> tuple[Array, Array]:
     """Natural frequencies (Hz) and damping ratios of the kept modes, or of the lowest ones of a system on its dofs."""
     if not isinstance(system, System):
         # as results hold them
-        found: tuple[Array, Array] = getattr(system, "modes", (np.zeros(0), np.zeros(0)))
-        return found
+        modes: tuple[Array, Array] = getattr(system, "modes", (np.zeros(0), np.zeros(0)))
+        return modes
     if not system.is_diagonal:
         solved = solve_modes(system, min(most, system.dofs))
         return solved.natural_frequency, solved.damping_ratio
     M, C, K = (matrix.diagonal() for matrix in (system.M, system.C, system.K))
     omega = np.sqrt(K / M)
     # attachment vectors of a static correction are no modes
-    kept = (omega > 0.0) & (omega <= 2.0 * np.pi * system.first_left_out)
-    return omega[kept] / (2.0 * np.pi), 0.5 * (C / M)[kept] / omega[kept]
+    known = (omega > 0.0) & (omega <= 2.0 * np.pi * system.first_left_out)
+    return omega[known] / (2.0 * np.pi), 0.5 * (C / M)[known] / omega[known]
 
 
 def too_coarse(response: Response, interval: float) -> str:
@@ -479,7 +479,7 @@ def degrees_of_freedom(window: int, segments: int) -> float:
         (float(weights[: window - k * step] @ weights[k * step :]) / float(weights @ weights)) ** 2
         for k in range(1, min(segments, -(-window // step)))
     ]
-    return 2.0 * segments**2 / (segments + 2.0 * sum((segments - k) * one for k, one in enumerate(shared, 1)))
+    return 2.0 * segments**2 / (segments + 2.0 * sum((segments - k) * squared for k, squared in enumerate(shared, 1)))
 
 
 def resolution_bias(width: float, resolution: float) -> float:

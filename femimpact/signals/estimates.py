@@ -112,21 +112,21 @@ def measured_transfer(
     allowed = "must be left out: it belongs to averages over windows, as of a random drive"
     require(resolution is None or not (dwells or whole), "resolution", resolution, "Hz", allowed)
     output = record_of(response, to, key="to", whole=whole)
-    given = _input(response, of, whole)
+    drive = _input(response, of, whole)
     notes: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     if dwells:
-        f, h1, coherence, warnings = _by_dwells(response, output, given.values(output.time))
+        f, h1, coherence, warnings = _by_dwells(response, output, drive.values(output.time))
         h2 = h1
     elif whole:
-        f, h1, notes = _by_one_transform(response, output, given)
+        f, h1, notes = _by_one_transform(response, output, drive)
         h2, coherence = h1, np.full(f.size, np.nan)
     else:
-        f, h1, h2, coherence, warnings = _by_averages(response, output, given.values(output.time), resolution)
-    factor = (2j * np.pi * f) ** (output.derivatives + given.integrals)
+        f, h1, h2, coherence, warnings = _by_averages(response, output, drive.values(output.time), resolution)
+    factor = (2j * np.pi * f) ** (output.derivatives + drive.integrals)
     name = output.name
     return TransferFunction(
-        f, {name: h1 * factor}, {name: unit_over(output.unit, given.unit)}, given.name, {name: h2 * factor},
+        f, {name: h1 * factor}, {name: unit_over(output.unit, drive.unit)}, drive.name, {name: h2 * factor},
         {name: coherence}, (*output.notes, *notes), (*output.warnings, *warnings),
     )  # fmt: skip
 
@@ -176,53 +176,53 @@ def _input(response: Response, of: Position | None, whole: bool) -> Input:
 Found = tuple[Array, Complex, Complex, Array, tuple[str, ...]]
 
 
-def _by_averages(response: Response, output: Record, given: Array, resolution: float | None) -> Found:
+def _by_averages(response: Response, output: Record, drive: Array, resolution: float | None) -> Found:
     from scipy.signal import csd
 
     window, segments = windows_of(output, resolution)
     require(segments >= 2, "resolution", resolution, "Hz", "must leave two windows or more, for a coherence")
     rate = 1.0 / output.interval
     # the mean of all, for that of each window would be seen at the lowest lines
-    x, y = given - given.mean(), output.values - output.values.mean()
+    x, y = drive - drive.mean(), output.values - output.values.mean()
     f, across = csd(x, y, rate, nperseg=window, detrend=False)
-    own, other = (csd(one, one, rate, nperseg=window, detrend=False)[1].real for one in (x, y))
-    kept = (f > 0.0) & (own > CONTENT * own.max())
+    own, other = (csd(signal, signal, rate, nperseg=window, detrend=False)[1].real for signal in (x, y))
+    has_content = (f > 0.0) & (own > CONTENT * own.max())
     history = drive_history(response)
     if isinstance(history, RandomBase):
-        kept &= (f >= history.psd[0][0]) & (f <= history.psd[-1][0])
-    require(bool(np.any(kept)), "of", None, "", "must not be zero all the time")
+        has_content &= (f >= history.psd[0][0]) & (f <= history.psd[-1][0])
+    require(bool(np.any(has_content)), "of", None, "", "must not be zero all the time")
     # of an output that is zero there is no second estimate
     with np.errstate(divide="ignore", invalid="ignore"):
         h1, h2 = across / own, other / np.conj(across)
         coherence = np.abs(across) ** 2 / (own * other)
-    warnings = width_warnings(response, float(f[1]), float(f[kept][-1]))
-    return f[kept], h1[kept], h2[kept], coherence[kept], warnings
+    warnings = width_warnings(response, float(f[1]), float(f[has_content][-1]))
+    return f[has_content], h1[has_content], h2[has_content], coherence[has_content], warnings
 
 
-def _by_one_transform(response: Response, output: Record, given: Input) -> tuple[Array, Complex, tuple[str, ...]]:
-    history, time, h, pieces = drive_history(response), output.time, output.interval, given.pieces
+def _by_one_transform(response: Response, output: Record, drive: Input) -> tuple[Array, Complex, tuple[str, ...]]:
+    history, time, h, pieces = drive_history(response), output.time, output.interval, drive.pieces
     level = output.values - output.values[-max(time.size // 50, 2) :].mean()
     _require_whole(
-        response, {output.name: level} | ({} if pieces else {given.name: given.values(time)}), output, pieces
+        response, {output.name: level} | ({} if pieces else {drive.name: drive.values(time)}), output, pieces
     )
     f = np.asarray(np.fft.rfftfreq(time.size, h), dtype=float)
     y, chirp = np.fft.rfft(level) * h, isinstance(history, Chirp)
     if pieces is None or chirp:
         finer = 1 if pieces is None else max(min(FINER, MOST_FINE // time.size), 1)
-        x = np.fft.rfft(given.values(time[0] + h / finer * np.arange(time.size * finer)))[: f.size] * h / finer
+        x = np.fft.rfft(drive.values(time[0] + h / finer * np.arange(time.size * finer)))[: f.size] * h / finer
     else:
         # above a quarter of the rate no line is kept
         x, low_lines = np.zeros(f.size, dtype=complex), f <= 0.25 / h
         x[low_lines] = _transform_of(pieces, f[low_lines], float(time[0]))
     # of an input that is read from its integral, the content is its own
-    content = (np.abs(x) * f ** max(-given.integrals, 0)) ** 2
-    kept = (f > 0.0) & (content > CONTENT * content.max())
+    content = (np.abs(x) * f ** max(-drive.integrals, 0)) ** 2
+    has_content = (f > 0.0) & (content > CONTENT * content.max())
     if chirp:
         low, high = sorted((history.start, history.stop))
         # above the second limit the end of the chirp has aliases
-        kept &= (f >= low) & (f <= min(high, 1.0 / h - high))
-    require(bool(np.any(kept)), "of", None, "", "must not be zero all the time")
-    clean = kept & (chirp | (f <= 0.25 / h))
+        has_content &= (f >= low) & (f <= min(high, 1.0 / h - high))
+    require(bool(np.any(has_content)), "of", None, "", "must not be zero all the time")
+    clean = has_content & (chirp | (f <= 0.25 / h))
     for lines in () if chirp else (y, x) if pieces is None else (y,):
         # every second sample alone would add the line mirrored at a quarter of the rate; one of them may be zero
         beyond = np.maximum.accumulate(np.abs(lines[::-1]))[::-1]
@@ -232,7 +232,7 @@ def _by_one_transform(response: Response, output: Record, given: Input) -> tuple
         clean &= above + below <= ALIASED * np.abs(x)
     allowed = "must be finer, or the displacement recorded beside an acceleration: aliases spoil all lines"
     require(bool(np.any(clean)), "interval of response.time", h, "s", allowed)
-    left_out = np.count_nonzero(kept & ~clean)
+    left_out = np.count_nonzero(has_content & ~clean)
     notes = (f"{left_out} lines to {0.25 / h:.4g} Hz are left out for aliases: read finer",) if left_out else ()
     return f[clean], y[clean] / x[clean], notes
 
@@ -264,11 +264,11 @@ def _require_whole(
     allowed = f"must begin with the run, at {begin:g} s: leave Recorder.start out"
     require(time[0] - begin <= EVEN * output.interval, "response.time", float(time[0]), "s", allowed)
     if pieces is not None:
-        whole = pieces.knots[0] >= begin - EVEN * output.interval and pieces.duration <= time[-1]
+        is_complete = pieces.knots[0] >= begin - EVEN * output.interval and pieces.duration <= time[-1]
         allowed = (
             f"must hold all of the drive, {pieces.knots[0]:.4g} to {pieces.duration:.4g} s, and the decay after it"
         )
-        require(whole, "response.time", f"{time[0]:.4g} to {time[-1]:.4g}", "s", allowed)
+        require(is_complete, "response.time", f"{time[0]:.4g} to {time[-1]:.4g}", "s", allowed)
     # of energies the share is squared
     energy = None if response.energy is None else np.sqrt(np.abs(response.energy.kinetic))
     for name, values in (*histories.items(), *(() if energy is None else (("the velocity", energy),))):
@@ -305,7 +305,7 @@ def _transform_of(
     return total
 
 
-def _by_dwells(response: Response, output: Record, given: Array) -> tuple[Array, Complex, Array, tuple[str, ...]]:
+def _by_dwells(response: Response, output: Record, drive: Array) -> tuple[Array, Complex, Array, tuple[str, ...]]:
     history, time = drive_history(response), output.time
     if isinstance(history, SteppedSine):
         ends = np.cumsum(history.cycles_of_steps / history.steps)
@@ -315,7 +315,7 @@ def _by_dwells(response: Response, output: Record, given: Array) -> tuple[Array,
         steps, ends = np.array([response.base.frequency]), np.array([time[-1]])
         cycles = np.floor((ends - max(response.window[0], float(time[0]))) * steps + 1e-9).astype(int)
     near = 1e-6 * output.interval
-    found, unsteady = [], 0
+    dwells, unsteady = [], 0
     for f, end, many in zip(steps, ends, cycles, strict=True):
         begin = end - many / f
         if many < 1 or begin < time[0] - near or end > time[-1] + output.interval:
@@ -323,17 +323,17 @@ def _by_dwells(response: Response, output: Record, given: Array) -> tuple[Array,
         inside = (time >= begin - near) & (time < end - near)
         require(int(np.count_nonzero(inside)) >= 8, "interval of response.time", output.interval, "s",
                 f"must leave 8 readings or more in a dwell at {f:.4g} Hz")  # fmt: skip
-        y, x = (_harmonic(time[inside], values[inside], f) for values in (output.values, given))
+        y, x = (_harmonic(time[inside], values[inside], f) for values in (output.values, drive))
         require(x[0] != 0.0, "of", None, "", f"must not be zero at {f:.4g} Hz")
-        found.append((f, y[0] / x[0], y[1]))
+        dwells.append((f, y[0] / x[0], y[1]))
         middle = begin + (many // 2) / f
         early, late = (inside & (time < middle - near)), (inside & (time >= middle - near))
         if many > 1 and min(np.count_nonzero(early), np.count_nonzero(late)) >= 8:
             first, second = (_harmonic(time[half], output.values[half], f)[0] for half in (early, late))
             unsteady += abs(first - second) > STEADY * abs(second)
-    require(bool(found), "response.time", float(time[-1]), "s", "must hold a complete dwell")
-    warnings = (f"{unsteady} of {len(found)} dwells are not steady to {100 * STEADY:g} %: take more cycles",)
-    columns = [np.array(column) for column in zip(*found, strict=True)]
+    require(bool(dwells), "response.time", float(time[-1]), "s", "must hold a complete dwell")
+    warnings = (f"{unsteady} of {len(dwells)} dwells are not steady to {100 * STEADY:g} %: take more cycles",)
+    columns = [np.array(column) for column in zip(*dwells, strict=True)]
     return columns[0], columns[1], columns[2], warnings if unsteady else ()
 
 
@@ -341,7 +341,7 @@ def _harmonic(time: Array, values: Array, frequency: float) -> tuple[complex, fl
     """Complex amplitude at a frequency (Hz) beside a constant, and its share in the mean square."""
     angle = 2.0 * np.pi * frequency * time
     design = np.column_stack([np.cos(angle), np.sin(angle), np.ones_like(angle)])
-    found = np.linalg.lstsq(design, values)[0]
-    rest, whole = values - design @ found, values - values.mean()
-    total = float(whole @ whole)
-    return complex(found[0], -found[1]), 1.0 - float(rest @ rest) / total if total > 0.0 else 1.0
+    parts = np.linalg.lstsq(design, values)[0]
+    rest, swing = values - design @ parts, values - values.mean()
+    total = float(swing @ swing)
+    return complex(parts[0], -parts[1]), 1.0 - float(rest @ rest) / total if total > 0.0 else 1.0

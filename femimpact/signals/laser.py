@@ -101,10 +101,10 @@ class Laser:
             If the place was not recorded, or too coarsely.
         """
         name, rate = channel_key(self.at), self.sample_rate
-        kept = response.streamed_to is None and name in response.channels
+        has_history = response.streamed_to is None and name in response.channels
         wanted = "" if rate is None else f", interval={1.0 / rate:g}"
         allowed = f"was not recorded: run with fi.Recorder(channels=({name!r},){wanted})"
-        require(kept and response.time.size > 1, "at", self.at, "", allowed)
+        require(has_history and response.time.size > 1, "at", self.at, "", allowed)
         time, moved = response.time, response.channels[name]
         if rate is not None:
             spacing = float(np.diff(time).max())

@@ -56,12 +56,12 @@ def pattern_in(
         correlations, shares, _ = _read(noise - tangent_basis @ (tangent_basis.T @ noise), bases)
         counts += np.sum(correlations >= correlation), np.sum(shares >= share)
     seldom = (1.0 + counts) / (1.0 + DRAWS) <= LEVEL
-    found = []
+    patterns = []
     if seldom[0]:
-        found.append(f"neighbouring misfits are alike (correlation {correlation:.2f})")
+        patterns.append(f"neighbouring misfits are alike (correlation {correlation:.2f})")
     if seldom[1]:
-        found.append(f"{list(shapes)[int(which)]} beside the first would take {100.0 * share:.0f} % of their square")
-    return " and ".join(found)
+        patterns.append(f"{list(shapes)[int(which)]} beside the first would take {100.0 * share:.0f} % of their square")
+    return " and ".join(patterns)
 
 
 def _beyond(tangent_basis: Array, shape: Array) -> Array:
@@ -206,8 +206,8 @@ def fit_one_pole(
     # MINPACK's search finds the same minima in a quarter of the time of the one that scipy has by default, and without
     # that one's interface before it in two thirds of this quarter
     options: Any = {"xtol": 1e-14, "ftol": 1e-14, "gtol": 1e-8, "maxfev": 300, "diag": (1.0, 1e2, 1.0)}
-    found = [leastsq(misfit_of, start, Dfun=tangents, full_output=True, **options) for start in starts]
-    trials = [_Fit(p, about["fvec"], tangents(p)) for p, _, about, *_ in found]
+    optima = [leastsq(misfit_of, start, Dfun=tangents, full_output=True, **options) for start in starts]
+    trials = [_Fit(p, about["fvec"], tangents(p)) for p, _, about, *_ in optima]
     best = min(trials, key=lambda trial: trial.squares)
     # the curve is that of the frequency's square
     best.x[1] = abs(best.x[1])
@@ -293,5 +293,5 @@ def _further_terms(f: Array, pole: Array, at: float) -> dict[str, Array]:
     first, width = response(pole[1]), 2.0 * ratio * pole[1]
     low, high = max(f[0] - 2.0 * width, 0.5 * f[0]), f[-1] + 2.0 * width
     count = int(np.clip((high - low) / width, FEWEST_POLES, MOST_POLES)) + 1
-    poles = {f"a second pole at {at * one:.4g} Hz": added(response(one)) for one in np.linspace(low, high, count)}
+    poles = {f"a second pole at {at * share:.4g} Hz": added(response(share)) for share in np.linspace(low, high, count)}
     return {"a constant": added(np.ones(f.size, dtype=complex)), **poles}

@@ -185,7 +185,7 @@ def shock_response_spectrum(
     # each alone: 100 oscillators of 5 to 2000 Hz in one system take 1.9 s for both extremes of both quantities, where
     # each is read as finely and as long as any of them needs, and agree to 2e-10; one by one they take 0.5 s
     periods = later * min(1.0 / math.sqrt(1.0 - ratio**2), LONGEST_RESIDUAL)
-    sizes = [_extremes(base, float(one), ratio, end + periods / one, pieces is not None) for one in f]
+    sizes = [_extremes(base, float(fn), ratio, end + periods / fn, pieces is not None) for fn in f]
     up, down, faster, slower = np.array(sizes).T
     return ShockResponseSpectrum(f, up, down, faster, slower, ratio, words, warnings=warnings)
 
@@ -195,15 +195,15 @@ def _extremes(
 ) -> tuple[float, float, float, float]:
     """Both sizes of the absolute acceleration (m/s^2) and of the pseudo velocity (m/s) of one oscillator."""
     omega = 2.0 * math.pi * frequency
-    given = [[1.0]], [[2.0 * ratio * omega]], [[omega**2]]
-    system = System.from_matrices(*given, points={"mass": [1.0]})
+    matrices = [[1.0]], [[2.0 * ratio * omega]], [[omega**2]]
+    system = System.from_matrices(*matrices, points={"mass": [1.0]})
     recorder = Recorder("mass", interval=end / READINGS if in_pieces else None)
-    found: list[float] = []
+    sizes: list[float] = []
     for read, factor in ((Motion("mass", 2, True), 1.0), (Motion("mass"), -omega)):
         extremes = find_extremes(system, base, EventDriven(), end, recorder, State(), read)
-        values = [factor * one.value for one in extremes]
-        found += [max(*values, 0.0), max(-min(values), 0.0)]
-    return found[0], found[1], found[2], found[3]
+        values = [factor * extreme.value for extreme in extremes]
+        sizes += [max(*values, 0.0), max(-min(values), 0.0)]
+    return sizes[0], sizes[1], sizes[2], sizes[3]
 
 
 class _Motion(PiecewiseMotion):

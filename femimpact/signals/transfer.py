@@ -143,10 +143,10 @@ def transfer_function(
     True
     """
     f = checked_frequencies(frequency)
-    given = f"{system.default_place}.absolute_acceleration" if to is None else to
+    outputs = f"{system.default_place}.absolute_acceleration" if to is None else to
     with faults_of("to"):
-        channels = resolve_channels(system, Recorder(given).channels)  # type: ignore[arg-type]
-    require(len(channels) > 0, "to", given, "", "must name an output")
+        channels = resolve_channels(system, Recorder(outputs).channels)  # type: ignore[arg-type]
+    require(len(channels) > 0, "to", outputs, "", "must name an output")
     require(of is None or force_at is None, "of", of, "", "must be left out: the force is the input")
     if force_at is None:
         of = of or "base.acceleration"
@@ -156,15 +156,15 @@ def transfer_function(
             drive, share = Drive(system.point_row(force_at), 0.0, 1.0, np.zeros_like, None, force_at), 0.0
         name = force_name(force_at)
     rows = channel_rows(system, drive, channels, springs_apart=True)
-    found = np.empty((f.size, len(channels)), dtype=complex)
-    for i, one in enumerate(f):
-        rate = 2j * math.pi * one
-        u, y = harmonic_amplitudes(system, drive.load, share, one, rate, rate**2)
+    spectra = np.empty((f.size, len(channels)), dtype=complex)
+    for i, frequency_hz in enumerate(f):
+        rate = 2j * math.pi * frequency_hz
+        u, y = harmonic_amplitudes(system, drive.load, share, frequency_hz, rate, rate**2)
         read = (rows.displacement + rate * rows.velocity) @ u + (rows.ball_displacement + rate * rows.ball_velocity) @ y
-        found[i] = read + share * (rows.base @ [1.0 / rate**2, 1.0 / rate, 1.0]) + rows.drive[:, 0]
+        spectra[i] = read + share * (rows.base @ [1.0 / rate**2, 1.0 / rate, 1.0]) + rows.drive[:, 0]
     unit, integrals = INPUTS[of] if of else ("N", 0)
-    found *= (2j * math.pi * f[:, None]) ** integrals
-    values = {channel.name: found[:, i] for i, channel in enumerate(channels)}
+    spectra *= (2j * math.pi * f[:, None]) ** integrals
+    values = {channel.name: spectra[:, i] for i, channel in enumerate(channels)}
     units = {channel.name: unit_over(channel.unit, unit) for channel in channels}
     pressed = ", ".join(pair.name for pair in system.contacts if pair.is_preloaded)
     warnings = (f"in contact at rest, and open here: {pressed}",) if pressed else ()
@@ -221,12 +221,12 @@ def harmonic_amplitudes(
     except RuntimeError:
         allowed = "must not be a natural frequency of a system without damping"
         raise InputError([Fault("frequency", frequency, "Hz", allowed)]) from None
-    found = solver.solve(right)
+    unknowns = solver.solve(right)
     # one refinement: without it 256 elements leave 1e-9, with it 1024 leave 1e-10
-    found = found + solver.solve(right - matrix @ found)
+    unknowns = unknowns + solver.solve(right - matrix @ unknowns)
     first, last = factor.shape[0], factor.shape[0] + system.dofs
-    y[held] = found[last:]
-    return np.asarray(found[first:last]), y
+    y[held] = unknowns[last:]
+    return np.asarray(unknowns[first:last]), y
 
 
 LOWEST, HIGHEST = 1e-6, 1e9

@@ -192,19 +192,19 @@ def frequency_sweep(
     size = 1.0 if row is None else max(float(np.max(np.abs(row))), 1e-300)
     scale = 1.0 if measured.unit == "m" or row is None else 2.0 ** math.ceil(math.log2(size))
     if row is None:
-        found = run_cases_apart(method, system, cases, measured, int(ledger), workers, report)
+        measured_dwells = run_cases_apart(method, system, cases, measured, int(ledger), workers, report)
     else:
-        found = method.run_cases(system, cases, row / scale, int(ledger), workers, report)
-    columns, warnings = columns_of_dwells(found, cases.frequency, ledger)
+        measured_dwells = method.run_cases(system, cases, row / scale, int(ledger), workers, report)
+    columns, warnings = columns_of_dwells(measured_dwells, cases.frequency, ledger)
     columns |= {name: scale * columns[name] for name in OF_THE_CHANNEL}
     return curve_of(system, method, cases, (columns, warnings), about)
 
 
 def _checked_level(amplitude: Any, acceleration: Any, frequency: Array) -> tuple[float | None, Level | None]:
     """Amplitude (m) or acceleration (m/s^2) of the base, one of which is given; rows reach over frequencies (Hz)."""
-    one = (amplitude is None) != (acceleration is None)
-    given = None if amplitude is None else "both"
-    require(one, "amplitude", given, "", "must be given alone: one of amplitude (m) and acceleration (m/s^2)")
+    exclusive = (amplitude is None) != (acceleration is None)
+    wrong = None if amplitude is None else "both"
+    require(exclusive, "amplitude", wrong, "", "must be given alone: one of amplitude (m) and acceleration (m/s^2)")
     if amplitude is None:
         level: Level = checked("acceleration", acceleration, level_rows("m/s^2"))
         require_reach(level, float(frequency.min()), float(frequency.max()))
@@ -235,8 +235,8 @@ def _chained_curves(
             progress(len(runs) / len(chain))
     for i, way in enumerate(ways):
         part = runs[i * count : (i + 1) * count]
-        found = joined(part if way == "up" else part[::-1], np.arange(count))
-        columns = columns_of_dwells(found, cases.frequency, ledger)
+        dwells = joined(part if way == "up" else part[::-1], np.arange(count))
+        columns = columns_of_dwells(dwells, cases.frequency, ledger)
         curves[way] = curve_of(system, method, cases, columns, {**about, "direction": way})
     return curves
 

@@ -30,9 +30,9 @@ def run_validation(progress: Callable[[str, float], None] | None = None) -> tupl
     tuple of Case
         In the order of the table; a failed one is among them.
     """
-    found = []
+    comparisons = []
     for i, case in enumerate(REFERENCE_CASES):
-        found.append(case())
+        comparisons.append(case())
         if progress is not None:
             progress("validation", (i + 1) / len(REFERENCE_CASES))
-    return tuple(found)
+    return tuple(comparisons)

@@ -258,10 +258,10 @@ class TaperedCantilever:
 def tapered_mode(name: str, beam: TaperedCantilever, mode: int) -> Case:
     """A natural frequency of a cantilever that tapers."""
     k = float(beam.wavenumbers(mode)[-1])
-    found = solve_modes(assemble(beam.structure, ELEMENTS), mode).natural_frequency[mode - 1]
+    computed = solve_modes(assemble(beam.structure, ELEMENTS), mode).natural_frequency[mode - 1]
     return Case(
         f"{name}, mode {mode}", "derived here (determinant of Bessel functions)", "frequency", "Hz",
-        beam.frequency(k), float(found), 1.1 * beam.mesh_error(k, ELEMENTS) + 1e-9,
+        beam.frequency(k), float(computed), 1.1 * beam.mesh_error(k, ELEMENTS) + 1e-9,
         f"h^4/1440 int EI w''''^2/int EI w''^2 of {ELEMENTS} cubic elements, and 1e-9 of rounding",
     )  # fmt: skip
 
@@ -270,10 +270,10 @@ def published_mode(mode: int) -> Case:
     """Frequency of a pyramid of 4 to 1, as omega L^2/h sqrt(12 rho/E) with the thickness h of the tip."""
     beam = TaperedCantilever(0.25, both=True)
     speed = math.sqrt(YOUNG_MODULUS / (12.0 * DENSITY)) * beam.ratio * ROOT_THICKNESS / LENGTH**2
-    found = solve_modes(assemble(beam.structure, ELEMENTS), mode).natural_frequency[mode - 1]
+    computed = solve_modes(assemble(beam.structure, ELEMENTS), mode).natural_frequency[mode - 1]
     return Case(
         f"cantilever with both dimensions 4 to 1, mode {mode}", "Mabie and Rogers (1972)", "omega L^2/h sqrt(12 rho/E)",
-        "1", PYRAMID[mode - 1], 2.0 * math.pi * float(found) / speed, 5e-4,
+        "1", PYRAMID[mode - 1], 2.0 * math.pi * float(computed) / speed, 5e-4,
         "the digits of the source, which integrates numerically; the mesh leaves 1e-6",
     )  # fmt: skip
 

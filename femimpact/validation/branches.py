@@ -53,11 +53,11 @@ class Compared:
 @cache
 def _beside(compared: Compared) -> tuple[tuple[PeriodicOrbit, ClosedForm], ...]:
     """Each orbit of the branch with that of the closed form, by their speeds."""
-    branch, found = compared.branch(), list[tuple[PeriodicOrbit, ClosedForm]]()
+    branch, pairs = compared.branch(), list[tuple[PeriodicOrbit, ClosedForm]]()
     for value in compared.values:
         orbits = sorted(branch.at(value), key=lambda orbit: float(orbit.impacts.approach_speed[0]))
-        found.extend(zip(orbits, compared.exact(value), strict=True))
-    return tuple(found)
+        pairs.extend(zip(orbits, compared.exact(value), strict=True))
+    return tuple(pairs)
 
 
 def _worst(pairs: Iterable[tuple[float, float]]) -> tuple[float, float]:
@@ -65,18 +65,16 @@ def _worst(pairs: Iterable[tuple[float, float]]) -> tuple[float, float]:
     return max(pairs, key=lambda pair: abs(pair[1] / pair[0] - 1.0))
 
 
-def _apart(found: ArrayLike, exact: ArrayLike) -> float:
+def _apart(computed: ArrayLike, exact: ArrayLike) -> float:
     """Largest distance of a multiplier from the nearest one of the other set, over the largest modulus or 1."""
-    distance = np.abs(np.asarray(found)[:, None] - np.asarray(exact))
+    distance = np.abs(np.asarray(computed)[:, None] - np.asarray(exact))
     size = max(1.0, float(np.abs(exact).max()))
     return float(max(distance.min(axis=0).max(), distance.min(axis=1).max())) / size
 
 
 def speed(compared: Compared) -> Case:
     """Approach speed of the impacts, over all values."""
-    pairs = [
-        (exact, float(found)) for orbit, (exact, *_) in _beside(compared) for found in orbit.impacts.approach_speed
-    ]
+    pairs = [(exact, float(rate)) for orbit, (exact, *_) in _beside(compared) for rate in orbit.impacts.approach_speed]
     return Case(
         f"{compared.name}: speed", compared.source, f"approach speed, worst of {len(pairs)}", "m/s", *_worst(pairs),
         1e-9, DIGITS,
@@ -112,8 +110,8 @@ def bifurcation(
 ) -> Case:
     """The value of a branch at a bifurcation: the nearest one of its kind."""
     value = exact()
-    found = [each.value for each in branch().bifurcations if each.kind == kind]
-    nearest = min(found, key=lambda each: abs(each - value), default=math.nan)
+    computed = [point.value for point in branch().bifurcations if point.kind == kind]
+    nearest = min(computed, key=lambda point: abs(point - value), default=math.nan)
     return Case(f"{name}: {kind}", source, "value of the parameter", unit, value, nearest, 1e-10, LOCATED)
 
 
@@ -221,7 +219,7 @@ def before_the_stop() -> Branch:
 @cache
 def impact_branch() -> Branch:
     """The branch with one impact in each cycle that begins where the one without impacts ends."""
-    grazing = next(each for each in before_the_stop().bifurcations if each.kind == "grazing")
+    grazing = next(point for point in before_the_stop().bifurcations if point.kind == "grazing")
     (orbit,) = switch_branch(grazing)
     return continue_orbit(orbit, FREQUENCY, (0.15, 0.2))
 
@@ -381,10 +379,10 @@ def beam_response() -> Case:
     """Amplitude at the tip of all points of the branch."""
     branch, (system, (M, C, K)) = beam_branch(), _dense()
     pairs = []
-    for frequency, found in zip(branch.values.tolist(), branch.first_harmonic.tolist(), strict=True):
+    for frequency, computed in zip(branch.values.tolist(), branch.first_harmonic.tolist(), strict=True):
         omega = 2 * math.pi * frequency
         moved = np.linalg.solve(K - omega**2 * M + 1j * omega * C, SHAKEN * omega**2 * system.base_load)
-        pairs.append((abs(complex(system.point_row("tip") @ moved)), found))
+        pairs.append((abs(complex(system.point_row("tip") @ moved)), computed))
     return Case(
         "beam over the frequency: response", DENSE, f"amplitude at the tip, worst of {len(pairs)}", "m",
         *_worst(pairs), 1e-9, "rounding of modes and of matrices with squares of frequencies over six decades",
@@ -398,8 +396,8 @@ def beam_multipliers() -> Case:
         np.block([[np.zeros_like(M), np.eye(len(M))], [-np.linalg.solve(M, K), -np.linalg.solve(M, C)]])
     )
     far = [
-        _apart(found, np.exp(rates / frequency))
-        for frequency, found in zip(branch.values.tolist(), branch.multipliers, strict=True)
+        _apart(computed, np.exp(rates / frequency))
+        for frequency, computed in zip(branch.values.tolist(), branch.multipliers, strict=True)
     ]
     return Case(
         "beam over the frequency: multipliers", DENSE, f"largest difference of {len(far)} sets", "1", 0.0, max(far),
@@ -434,10 +432,10 @@ def box_on_a_beam() -> Branch:
 
 def neimark_sacker(number: int) -> Case:
     """The first or the second of two points within one step."""
-    found = [each.value for each in box_on_a_beam().bifurcations if each.kind == "neimark-sacker"]
+    computed = [point.value for point in box_on_a_beam().bifurcations if point.kind == "neimark-sacker"]
     return Case(
         f"two impacts on a beam: Neimark-Sacker point {number + 1} of 2", "derived here (half-cycle map)",
-        "frequency", "Hz", NEIMARK_SACKER[number], (*found, math.nan, math.nan)[number], 1e-7,
+        "frequency", "Hz", NEIMARK_SACKER[number], (*computed, math.nan, math.nan)[number], 1e-7,
         "the mesh of 80 elements",
     )  # fmt: skip
 

@@ -30,13 +30,13 @@ def stop_orbits(
 ) -> list[ClosedForm]:
     """The solutions with a positive speed, the slower one first."""
     x, tail, amplitude = stop_coefficients(damping, restitution, omega, cycles)
-    found = []
+    orbits = []
     for speed in _positive([x**2 + tail**2, -2 * stop * x, stop**2 - (force * amplitude) ** 2]):
         # forced motion A sin(omega t + psi): P = A sin(psi), Q = A omega cos(psi); the force leads it
         psi = math.atan2(stop - speed * x, -speed * tail)
         phase = psi + math.atan2(2 * damping * omega, 1 - omega**2)
-        found.append((speed, phase, stop_map(damping, restitution, omega, stop, speed, cycles)))
-    return found
+        orbits.append((speed, phase, stop_map(damping, restitution, omega, stop, speed, cycles)))
+    return orbits
 
 
 def stop_harmonic(
@@ -91,11 +91,11 @@ def box_coefficients(mu: float, e: float, zeta: float, omega: float) -> tuple[fl
 def box_orbits(mu: float, e: float, zeta: float, omega: float, clearance: float) -> list[ClosedForm]:
     """The solutions with a positive speed, the slower one first; the map is that over half a cycle, its sign turned."""
     p, r, amplitude = box_coefficients(mu, e, zeta, omega)
-    lead, found = math.atan2(2 * zeta * omega, 1 - omega**2), list[ClosedForm]()
+    lead, orbits = math.atan2(2 * zeta * omega, 1 - omega**2), list[ClosedForm]()
     for u in _positive([p * p + r * r, -p * clearance, 0.25 * clearance**2 - amplitude**2]):
         phase = math.atan2(p * u - 0.5 * clearance, r * u) + lead
-        found.append((2 * u * (1 + mu) / (1 + e), phase, _half_map(mu, e, zeta, omega, clearance, u, phase)))
-    return found
+        orbits.append((2 * u * (1 + mu) / (1 + e), phase, _half_map(mu, e, zeta, omega, clearance, u, phase)))
+    return orbits
 
 
 def box_fold(mu: float, e: float, zeta: float, omega: float) -> float:

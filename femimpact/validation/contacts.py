@@ -83,11 +83,11 @@ def _steel_stiffness() -> float:
 
 def hertz_time() -> Case:
     """Contact time of a Hertz contact: 2.9432 times the largest depth over the speed."""
-    found = collide(_steel(), MASS, SPEED)
+    impact = collide(_steel(), MASS, SPEED)
     return Case(
         "Hertz contact: time", "Johnson (1985), rounded to 2.94 there", "contact time v/p_max", "1",
         0.8 * math.gamma(0.4) * math.sqrt(math.pi) / math.gamma(0.9),
-        found.contact_time * SPEED / found.largest_penetration, 1e-9, "quadrature of a smooth integrand, 60 points",
+        impact.contact_time * SPEED / impact.largest_penetration, 1e-9, "quadrature of a smooth integrand, 60 points",
     )  # fmt: skip
 
 
@@ -95,10 +95,10 @@ def hertz_peak(integrated: bool) -> Case:
     """Peak force of a steel ball on steel, k p^1.5 with (2/5) k p^2.5 = m v^2/2."""
     stiffness = _steel_stiffness()
     depth = (5 * MASS * SPEED**2 / (4 * stiffness)) ** 0.4
-    found = _integrated(_steel()) if integrated else collide(_steel(), MASS, SPEED)
+    impact = _integrated(_steel()) if integrated else collide(_steel(), MASS, SPEED)
     return Case(
         f"Hertz contact of steel: peak force, {'integrated' if integrated else 'closed form'}",
-        "derived here (energy; Hertz, 1882)", "peak force", "N", stiffness * depth**1.5, found.peak_force,
+        "derived here (energy; Hertz, 1882)", "peak force", "N", stiffness * depth**1.5, impact.peak_force,
         1e-3 if integrated else 1e-12, "largest of the integrator's own steps" if integrated else "rounding",
     )  # fmt: skip
 
@@ -235,10 +235,10 @@ def row_of_bodies(gap: float, final: tuple[float, ...]) -> Case:
     """
     count = len(final)
     run = _collision_run([1.0] * count, 1.0, gap)
-    found = np.array([run[f"mass {i}.velocity"][-1] for i in range(count)])
+    velocities = np.array([run[f"mass {i}.velocity"][-1] for i in range(count)])
     return Case(
         "Newton's cradle of five" if gap else f"row of {count} bodies in touch", "derived here (momentum and energy)",
-        "largest error of the velocities", "m/s", 0.0, float(np.max(np.abs(found - final))), 1e-12, "rounding",
+        "largest error of the velocities", "m/s", 0.0, float(np.max(np.abs(velocities - final))), 1e-12, "rounding",
     )  # fmt: skip
 
 
@@ -255,10 +255,10 @@ def at_one_instant(restitutions: tuple[float, ...]) -> Case:
     run = integrate(system, Sine(0.0, 1.0), EventDriven(), 1.5, Recorder(channels), start)
     wall = (count + sum(restitutions)) / (1 + count)
     exact = np.array([wall, *(wall - e for e in restitutions)])
-    found = np.array([run[channel][-1] for channel in channels])
+    velocities = np.array([run[channel][-1] for channel in channels])
     # each loses 1/2 (1 - e) p u
     lost = 0.5 * np.sum((1 - np.array(restitutions)) * (1 - exact[1:]))
-    off = [*np.abs(found - exact), abs(run.impacts.energy_loss.sum() - lost)]
+    off = [*np.abs(velocities - exact), abs(run.impacts.energy_loss.sum() - lost)]
     return Case(
         f"{count} balls meet a wall at one instant, e = {', '.join(f'{e:g}' for e in restitutions)}", "Moreau (1988)",
         "largest error of the velocities and of the loss (J)", "m/s", 0.0, float(np.max(off)), 1e-12, "rounding",
@@ -272,9 +272,9 @@ def ball_comes_to_rest(restitution: float) -> Case:
     rest = speed / GRAVITY + 2 * restitution * speed / (GRAVITY * (1 - restitution))
     system = shaken_floor(restitution, (1.0, height), -GRAVITY)
     run = integrate(system, Sine(0.0, 5.0), EventDriven(), rest + 0.1, Recorder(("ball",)))
-    found = float(run.sticking.start[0]) if run.sticking.start.size == 1 else math.nan
+    computed = float(run.sticking.start[0]) if run.sticking.start.size == 1 else math.nan
     return Case(
-        f"bouncing ball, e = {restitution:g}", "derived here (geometric series)", "time to rest", "s", rest, found,
+        f"bouncing ball, e = {restitution:g}", "derived here (geometric series)", "time to rest", "s", rest, computed,
         1e-12, "rounding; bounces below the closure of 1e-12 m are summed in closed form",
     )  # fmt: skip
 

@@ -44,13 +44,13 @@ def subharmonic(column: str) -> Case:
     sine, cosine = (wave(angle).reshape(cycles, samples) for wave in (np.sin, np.cos))
     sums = (motion.max(axis=1), motion.min(axis=1), *((motion * by).sum(axis=1) for by in (motion, sine, cosine)))
     columns = [values[:, None] for values in (*sums, np.full(cycles, float(samples)))]
-    found = steady_motion(CycleStatistics(*columns), np.array([8]))
+    of_window = steady_motion(CycleStatistics(*columns), np.array([8]))
     reference = {
         "peak": float(np.max(np.abs(motion))), "rms": math.sqrt(0.2**2 + 0.5 * (1 + 0.4**2)), "first_harmonic": 1.0,
     }[column]  # fmt: skip
     return Case(
         f"motion that repeats after two cycles: {column.replace('_', ' ')}", "derived here (orthogonal sines)",
-        column.replace("_", " "), "m", reference, float(getattr(found, column)[0]), 1e-12,
+        column.replace("_", " "), "m", reference, float(getattr(of_window, column)[0]), 1e-12,
         "sums over equal samples are exact for sines: rounding only",
     )  # fmt: skip
 
@@ -72,10 +72,10 @@ def _bouncing(restitution: float) -> Response:
 
 def impulse_of_a_cycle() -> Case:
     """One impact in each cycle turns g T of speed."""
-    found = _bouncing(0.5).statistics.mean_impulse
+    computed = _bouncing(0.5).statistics.mean_impulse
     return Case(
         "ball on a vibrating table, once a cycle: impulse", "derived here (momentum of a cycle)", "mean impulse", "N s",
-        GRAVITY / FREQUENCY, found, 1e-9, "rounding",
+        GRAVITY / FREQUENCY, computed, 1e-9, "rounding",
     )  # fmt: skip
 
 

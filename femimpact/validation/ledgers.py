@@ -75,10 +75,10 @@ UNITS = {"restitution": "1", "contact time": "s", "peak force": "N", "energy los
 
 def linear_collision(quantity: str) -> Case:
     """The closed form of a linear contact."""
-    found = collide(COMPLIANT, MASS, SPEED)
+    impact = collide(COMPLIANT, MASS, SPEED)
     computed = {
-        "restitution": found.restitution, "contact time": found.contact_time, "peak force": found.peak_force,
-        "energy loss": found.energy_loss,
+        "restitution": impact.restitution, "contact time": impact.contact_time, "peak force": impact.peak_force,
+        "energy loss": impact.energy_loss,
     }[quantity]  # fmt: skip
     return Case(
         f"Kelvin-Voigt, closed form: {quantity}", "integrated here (scipy, DOP853)", quantity, UNITS[quantity],

@@ -115,8 +115,8 @@ def _root(method: Method) -> tuple[complex, complex]:
     u = _free_vibration(method.make(1 / STEPS), 10)["tip"][100:]
     # two principal roots: u[n+2] = p u[n+1] + q u[n]
     p, q = np.linalg.lstsq(np.column_stack([u[1:-1], u[:-2]]), u[2:])[0]
-    found = complex(max(np.roots([1.0, -p, -q]), key=lambda root: root.imag))
-    return complex(exact.real, abs(exact.imag)), found
+    computed = complex(max(np.roots([1.0, -p, -q]), key=lambda root: root.imag))
+    return complex(exact.real, abs(exact.imag)), computed
 
 
 def _period(root: complex) -> float:
@@ -129,23 +129,23 @@ def _damping(root: complex) -> float:
 
 def period_elongation(method: Method) -> Case:
     """Relative error of the period of a free vibration."""
-    exact, found = _root(method)
+    exact, computed = _root(method)
     return Case(
         f"{method.name}: period, {STEPS} steps a period", f"{method.source}, amplification matrix",
-        "period elongation", "1", _period(exact) - 1, _period(found) - 1, 1e-9,
+        "period elongation", "1", _period(exact) - 1, _period(computed) - 1, 1e-9,
         "200 steps of rounding over an elongation of 1 %",
     )  # fmt: skip
 
 
 def numerical_damping(method: Method) -> Case:
     """Damping ratio that the method adds."""
-    exact, found = _root(method)
+    exact, computed = _root(method)
     reference = _damping(exact)
     # the average acceleration has none: its root lies on the unit circle, to rounding
     reference = 0.0 if abs(reference) < 1e-14 else reference
     return Case(
         f"{method.name}: damping, {STEPS} steps a period", f"{method.source}, amplification matrix",
-        "numerical damping ratio", "1", reference, _damping(found), 1e-10, "200 steps of rounding",
+        "numerical damping ratio", "1", reference, _damping(computed), 1e-10, "200 steps of rounding",
     )  # fmt: skip
 
 
@@ -308,11 +308,11 @@ def effective_mass(mode: int) -> Case:
     """Effective mass of a mode under a motion of the base: (phi^T M r)^2/(phi^T M phi)."""
     mass = 0.5
     structure = Structure(uniform_beam(), masses=(PointMass("box", "tip", mass * BEAM_MASS),))
-    found = float(solve_modes(assemble(structure, ELEMENTS), mode).effective_mass[mode - 1])
+    computed = float(solve_modes(assemble(structure, ELEMENTS), mode).effective_mass[mode - 1])
     return Case(
         f"cantilever with a tip mass of 0.5 beam masses, mode {mode}: effective mass",
         "derived here (quadrature of the closed form)", "effective mass", "kg",
-        _closed_mode(mode, mass)[0] * BEAM_MASS, found, 1e-7,
+        _closed_mode(mode, mass)[0] * BEAM_MASS, computed, 1e-7,
         f"(beta h)^4 of {ELEMENTS} cubic elements over some hundred",
     )  # fmt: skip
 
@@ -342,10 +342,10 @@ def _rayleigh_ratio(square: float) -> float:
 def damping_of_mode_3() -> Case:
     """Rayleigh damping given at two modes, at the third."""
     structure = Structure(uniform_beam(), damping=DAMPING)
-    found = float(solve_modes(assemble(structure, ELEMENTS), 3).damping_ratio[2])
+    computed = float(solve_modes(assemble(structure, ELEMENTS), 3).damping_ratio[2])
     return Case(
         "cantilever, 2 % and 3 % in modes 1 and 2", "derived here (two linear equations)", "damping ratio of mode 3",
-        "1", _rayleigh_ratio(ROOTS[2] ** 2), found, 1e-7, "the mesh and the 8 decimals of the roots",
+        "1", _rayleigh_ratio(ROOTS[2] ** 2), computed, 1e-7, "the mesh and the 8 decimals of the roots",
     )  # fmt: skip
 
 
@@ -403,10 +403,10 @@ def residual_root(quantity: str) -> Case:
 def mesh_order() -> Case:
     """Frequencies of cubic elements converge with the fourth power of their length."""
     counts: Sequence[int] = (4, 8, 16)
-    found = float(converge_elements(Structure(uniform_beam()), counts, modes=1).fitted_order[0])
+    computed = float(converge_elements(Structure(uniform_beam()), counts, modes=1).fitted_order[0])
     return Case(
         "cantilever, mode 1 over 4, 8 and 16 elements", "Strang and Fix (1973)", "order of convergence", "1", 4.0,
-        found, 9e-3, "the next term of the error, (beta h)^6, on 4 elements",
+        computed, 9e-3, "the next term of the error, (beta h)^6, on 4 elements",
     )  # fmt: skip
 
 

@@ -103,17 +103,17 @@ def _of_decay() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     freedom, misfit = time.size - r.shape[0], noise - q @ (q.T @ noise)
     exact = np.linalg.norm(np.linalg.inv(r), axis=1)[2:4] * np.linalg.norm(misfit) / math.sqrt(freedom)
     (mode,) = identify_decay(time, decay(*MODE) + noise).modes
-    found = 0.5 * np.ptp([mode.frequency_interval, mode.damping_ratio_interval], axis=1)
-    return exact * stdtrit(freedom, 0.95), found
+    half_widths = 0.5 * np.ptp([mode.frequency_interval, mode.damping_ratio_interval], axis=1)
+    return exact * stdtrit(freedom, 0.95), half_widths
 
 
 def interval_of_a_mode(which: int) -> Case:
     """Half the width of the interval of the frequency or of the ratio of a mode in a record with white noise."""
-    exact, found = _of_decay()
+    exact, half_widths = _of_decay()
     return Case(
         f"free decay with white noise: interval of the {('frequency', 'damping ratio')[which]}",
         "derived here (Cramer-Rao bound)", "half its width", ("Hz", "1")[which], float(exact[which]),
-        float(found[which]), 1e-3, "the misfit is bent within the noise of 1 %",
+        float(half_widths[which]), 1e-3, "the misfit is bent within the noise of 1 %",
     )  # fmt: skip
 
 
@@ -139,8 +139,8 @@ def calibrated(end: str) -> Case:
         "peak_groups": np.ones_like(peaks),
         "failure": np.full(peaks.shape, ""),
     }
-    cases = xarray.Dataset({name: (tuple(grid), each) for name, each in values.items()}, grid, {"starts": starts})
-    (found,) = calibration_of(cases, ["ratio"], grid["base.frequency"], np.exp(measured), np.arange(3), 0.02).parameters
+    cases = xarray.Dataset({name: (tuple(grid), column) for name, column in values.items()}, grid, {"starts": starts})
+    (fit,) = calibration_of(cases, ["ratio"], grid["base.frequency"], np.exp(measured), np.arange(3), 0.02).parameters
     sigma = math.sqrt((1 + math.pi / (2 * starts)) * spread**2 + 0.02**2 + 0.03**2)
 
     ratio = np.linspace(*BETWEEN, 100_001)
@@ -148,7 +148,7 @@ def calibrated(end: str) -> Case:
     exact = float(np.interp(0.05 if end == "low" else 0.95, share / share[-1], ratio))
     return Case(
         f"calibration from the scatter of {starts} starts: {'lower' if end == 'low' else 'upper'} end of its interval",
-        "derived here (integrals of Student's t)", "parameter", "1", exact, getattr(found, end), 2e-3,
+        "derived here (integrals of Student's t)", "parameter", "1", exact, getattr(fit, end), 2e-3,
         "trapezoids of 1/120 of the bounds",
     )  # fmt: skip
 

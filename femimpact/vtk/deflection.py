@@ -71,11 +71,11 @@ class ContactRecord:
         begins, last = np.array(sticking.start)[self.phases], self.rows[impacts.rebound_speed[self.rows] == 0.0]
         for k, phase in enumerate(self.phases):
             name, side, start = (column[phase] for column in (sticking.impactor, sticking.side, sticking.start))
-            mine = last[(impacts.impactor[last] == name) & (impacts.side[last] == side) & (impacts.time[last] <= start)]
+            own = last[(impacts.impactor[last] == name) & (impacts.side[last] == side) & (impacts.time[last] <= start)]
             # one of an earlier phase captured the pair for that one
             ended = sticking.end[self.phases][(sticking.impactor[self.phases] == name)]
             before = ended[ended <= start].max(initial=-math.inf)
-            begins[k] = impacts.time[mine][impacts.time[mine] > before].max(initial=-math.inf)
+            begins[k] = impacts.time[own][impacts.time[own] > before].max(initial=-math.inf)
             begins[k] = begins[k] if math.isfinite(begins[k]) else start
         return np.asarray(begins)
 
@@ -85,8 +85,8 @@ class ContactRecord:
         impacts, sticking = self.response.impacts, self.response.sticking
         touch = impacts.time[self.rows]
         times = [touch, touch + impacts.duration[self.rows], self.begins, sticking.end[self.phases]]
-        found = np.unique(np.concatenate(times))
-        return np.asarray(found[np.isfinite(found)])
+        instants = np.unique(np.concatenate(times))
+        return np.asarray(instants[np.isfinite(instants)])
 
     def between(self, start: float, end: float) -> list[float]:
         """Changes of contact within two times."""
@@ -124,29 +124,29 @@ class ContactRecord:
         An accumulation is the row of impacts of one pair on one side, at ever shorter intervals, that ends in a
         sticking phase (`StickingPhases.start`).
         """
-        impacts, sticking, found, left_out = self.response.impacts, self.response.sticking, list[Instant](), set[int]()
+        impacts, sticking, events, left_out = self.response.impacts, self.response.sticking, list[Instant](), set[int]()
         for phase in self.phases:
             name, side, end = str(sticking.impactor[phase]), sticking.side[phase], float(sticking.start[phase])
             rows = self._accumulation(name, int(side), end)
             left_out.update(rows[1:])
             what = f"{name} sticks to the {_sign(side)} wall: end of an accumulation of {len(rows)} impacts"
-            found.append(Instant(end, what, self.names.index(name)))
+            events.append(Instant(end, what, self.names.index(name)))
         for i in self.rows:
             if int(i) not in left_out:
                 name, side, pair = str(impacts.impactor[i]), impacts.side[i], self.names.index(str(impacts.impactor[i]))
                 what = f"{name} meets the {_sign(side)} wall at {impacts.approach_speed[i]:.4g} m/s"
                 impulse = self.on_beam(pair) * float(side * impacts.impulse[i])
-                found.append(Instant(float(impacts.time[i]), what, pair, impulse))
-        shown = (item for item in found if self.start <= item.time <= self.end)
-        return sorted(shown, key=lambda item: item.time)
+                events.append(Instant(float(impacts.time[i]), what, pair, impulse))
+        in_window = (item for item in events if self.start <= item.time <= self.end)
+        return sorted(in_window, key=lambda item: item.time)
 
     def _accumulation(self, name: str, side: int, end: float) -> list[int]:
         """Rows of the table of impacts that lead to a sticking phase, in the order of time."""
         impacts = self.response.impacts
-        mine = np.flatnonzero((impacts.impactor == name) & (impacts.time <= end))
-        mine = mine[np.argsort(impacts.time[mine], kind="stable")]
+        of_pair = np.flatnonzero((impacts.impactor == name) & (impacts.time <= end))
+        of_pair = of_pair[np.argsort(impacts.time[of_pair], kind="stable")]
         rows, wait = list[int](), 0.0
-        for i in reversed(mine):
+        for i in reversed(of_pair):
             between = float(impacts.time[rows[-1]] - impacts.time[i]) if rows else 0.0
             if int(impacts.side[i]) != side or between < wait:
                 break
@@ -238,15 +238,15 @@ def _states(record: ContactRecord, grid: Snapshots, instants: list[Instant]) -> 
     transition = Transition(response) if instants else None
     states, worst, lost = list[_State](), 0.0, 0
     for k in np.unique(before):
-        mine = [item for item, at in zip(instants, before, strict=True) if at == k]
-        on_grid = [item for item in mine if item.time - grid.time[k] <= slack]
+        of_interval = [item for item, at in zip(instants, before, strict=True) if at == k]
+        on_grid = [item for item in of_interval if item.time - grid.time[k] <= slack]
         states += [_recorded(grid, int(k), item) for item in on_grid]
-        rest = [item for item in mine if item.time - grid.time[k] > slack]
+        rest = [item for item in of_interval if item.time - grid.time[k] > slack]
         if not rest or transition is None or k + 1 >= grid.time.size:
             continue
-        found, mismatch = _between(transition, record, grid, int(k), rest)
+        between, mismatch = _between(transition, record, grid, int(k), rest)
         if mismatch <= LARGEST_MISMATCH:
-            states, worst = states + found, max(worst, mismatch)
+            states, worst = states + between, max(worst, mismatch)
         else:
             lost += len(rest)
     if lost:
@@ -267,7 +267,7 @@ def _between(
     names = ("displacement", "velocity", "ball_displacement", "ball_velocity")
     state = transition.state(*(getattr(grid, name)[k] for name in names))
     time, end = float(grid.time[k]), float(grid.time[k + 1])
-    found = list[_State]()
+    states = list[_State]()
     stops = sorted({*record.between(time, end), *(item.time for item in instants), end})
     due = sorted(instants, key=lambda item: item.time)
     for stop in stops:
@@ -281,7 +281,7 @@ def _between(
             forces = np.zeros(len(record.names))
             for touch in (*touching, *begun):
                 forces[touch.pair] = record.on_beam(touch.pair) * transition.force(state, touch, stop)
-            found.append(_State(item, *transition.nodal(state), forces))
+            states.append(_State(item, *transition.nodal(state), forces))
         state = _through(transition, record, state, stop, sticking)
     reached = transition.nodal(state)
     wanted = [getattr(grid, name)[k + 1] for name in names]
@@ -289,7 +289,7 @@ def _between(
     missed = max(
         float(np.abs(reached[0] - wanted[0])[0::2].max()), float(np.abs(reached[2] - wanted[2]).max(initial=0.0))
     )
-    return found, missed / largest if largest > 0.0 else 0.0
+    return states, missed / largest if largest > 0.0 else 0.0
 
 
 def _through(

@@ -98,13 +98,13 @@ def beam_fields(
         right, left = (sparse.diags_array(weight * factor) @ row for weight, factor, row in parts)
         return sparse.csr_array(right + left)
 
-    stiffness, slope = ([each[i] for each in constants] for i in (0, 2))
+    stiffness, slope = ([constant[i] for constant in constants] for i in (0, 2))
     begins, ends = (np.delete(np.arange(x.size), gone) for gone in (last, first))
     segments = [sections_along(structure, stations)[0] for stations in scene.stretches]
     outlines, steps = [outline_of(segment) for segment in segments], np.array(sizes) - 1
-    section = np.repeat(np.arange(x.size), np.repeat([len(one.points) for one in outlines], sizes))
-    step = np.repeat(np.arange(begins.size), np.repeat([len(one.cells) for one in outlines], steps))
-    dense = np.concatenate([np.tile(one.share / one.area, n) for one, n in zip(outlines, steps, strict=True)])
+    section = np.repeat(np.arange(x.size), np.repeat([len(face.points) for face in outlines], sizes))
+    step = np.repeat(np.arange(begins.size), np.repeat([len(face.cells) for face in outlines], steps))
+    dense = np.concatenate([np.tile(face.share / face.area, n) for face, n in zip(outlines, steps, strict=True)])
     energy = _cell_energy(scene, structure, system, x[begins], x[ends], middle[begins])
     outer = [(segment.half_height or math.nan) / (0.5 * segment.drawn_at(0.0)[1]) for segment in segments]
     return BeamFields(
@@ -132,7 +132,7 @@ def _constants(structure: Structure, system: System, x: Array, middle: Array, si
         slope = system.sections.bending_stiffness_at(element, s, 1) / np.diff(system.nodes)[element]
         return system.sections.bending_stiffness_at(element, s), system.sections.young_modulus[element], slope
     beam = structure.beam
-    found = []
+    rows = []
     for at, within in zip(x, middle, strict=True):
         i = beam.segment_index_at(float(within))
         segment = beam.segments[i]
@@ -143,8 +143,8 @@ def _constants(structure: Structure, system: System, x: Array, middle: Array, si
         )
         stiffness = segment.young_modulus * width * thickness**3 / 12.0
         growth = (end[0] - start[0]) / width + 3.0 * (end[1] - start[1]) / thickness
-        found.append((stiffness, segment.young_modulus, stiffness * growth / segment.length))
-    return tuple(np.array(found).T)
+        rows.append((stiffness, segment.young_modulus, stiffness * growth / segment.length))
+    return tuple(np.array(rows).T)
 
 
 def _cell_energy(scene: Scene, structure: Structure, system: System, begin: Array, end: Array, middle: Array) -> Array:
@@ -160,7 +160,7 @@ def _cell_energy(scene: Scene, structure: Structure, system: System, begin: Arra
     stiffness = _constants(structure, system, x.ravel(), np.repeat(middle, share.size), "right")[0].reshape(x.shape)
     products = np.stack([(1.0 - share) ** 2, 2.0 * share * (1.0 - share), share**2], axis=1)
     section = [sections_along(structure, stations)[1] for stations in scene.stretches]
-    (w, t), (u, v) = (np.concatenate([each[cut] for each in section]).T for cut in (slice(-1), slice(1, None)))
+    (w, t), (u, v) = (np.concatenate([sizes[cut] for sizes in section]).T for cut in (slice(-1), slice(1, None)))
     area = (w * t + u * v) / 3.0 + (w * v + u * t) / 6.0
     return np.asarray(0.25 * (stiffness * weights) @ products / area[:, None])
 

@@ -329,11 +329,11 @@ class SeriesSummary:
         sizes = np.diff(series.offsets, prepend=0)
 
         def frame(k: int) -> Frame:
-            found = series.frame(k)
-            moved = series.points + found.points["displacement"]
+            fields = series.frame(k)
+            moved = series.points + fields.points["displacement"]
             self.all.add(moved)
-            pairs = found.cells["contact_pair"]
-            pair_of_entry, part_of_entry = np.repeat(pairs, sizes), np.repeat(found.cells["part"], sizes)
+            pairs = fields.cells["contact_pair"]
+            pair_of_entry, part_of_entry = np.repeat(pairs, sizes), np.repeat(fields.cells["part"], sizes)
             for pair in np.unique(pairs[pairs >= 0]):
                 of_pair = series.connectivity[pair_of_entry == pair]
                 self.contacts.setdefault(int(pair), Space()).add(moved[of_pair])
@@ -342,9 +342,9 @@ class SeriesSummary:
                 if marks.size:
                     reach = moved[of_pair, 0].max() - moved[marks, 0].min()
                     self.half_width = max(self.half_width, float(reach))
-            self.parts = [int(part) for part in np.unique(found.cells["part"])]
-            self.frames[k] = _summary_of(series, found, k, pair_of_entry)
-            return found
+            self.parts = [int(part) for part in np.unique(fields.cells["part"])]
+            self.frames[k] = _summary_of(series, fields, k, pair_of_entry)
+            return fields
 
         return replace(series, frame=frame)
 
@@ -461,10 +461,10 @@ def _arrows(summary: SeriesSummary, size: float) -> list[tuple[Any, ...]]:
 
     They stand on the right of the widest box, so that the ball in its gap is seen.
     """
-    shown = [(name, share, colour) for name, (_, _, share, colour) in ARROWS.items() if summary.peak(name) > 0.0]
+    arrows = [(name, share, colour) for name, (_, _, share, colour) in ARROWS.items() if summary.peak(name) > 0.0]
     return [
         (name, share * size / summary.peak(name), summary.half_width + (1 + i) * BESIDE * size, colour)
-        for i, (name, share, colour) in enumerate(shown)
+        for i, (name, share, colour) in enumerate(arrows)
     ]
 
 
