@@ -20,8 +20,16 @@ import numpy as np
 
 from femimpact.arrays import Array, even_interval
 from femimpact.errors import Fault, InputError, require, require_path
-from femimpact.excitation.cells import MARKS, QUOTES, cells_in, is_number, mark_of, number_in
-from femimpact.excitation.column_names import name_and_unit, names_and_units
+from femimpact.excitation.column_names import (
+    MARKS,
+    QUOTES,
+    cells_in,
+    is_number,
+    mark_of,
+    name_and_unit,
+    names_and_units,
+    number_in,
+)
 from femimpact.regular_file import decimal_number, open_regular
 
 MOST_LINES = 10_001_000

@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from femimpact.arrays import Array, even_interval
 from femimpact.errors import check_fields, checked, column, items, quantity, real_array, require, text
-from femimpact.signals.damped_sines import DecayFit, seen_modes
-from femimpact.signals.decay_windows import noise_of, windows
+from femimpact.signals.damped_sines import DecayFit, noise_of, seen_modes, windows
 from femimpact.table import Head, flat_columns, frame_of, head_of_columns, named_column, short_repr
 from femimpact.units import interval_texts, number_text
 

@@ -34,8 +34,7 @@ from femimpact.response.cycles import SteadyMotion, deflection_warnings
 from femimpact.response.energy import residual_warnings
 from femimpact.response.impacts import statistics_of_cases
 from femimpact.response.resolution import resolution_warnings
-from femimpact.signals.bandwidth import DampingEstimate, half_power
-from femimpact.signals.one_pole import fit_one_pole
+from femimpact.signals.one_pole import DampingEstimate, fit_one_pole, half_power
 from femimpact.structure.structure import Position
 from femimpact.system.modes import first_elastic_frequency
 from femimpact.system.state import State
