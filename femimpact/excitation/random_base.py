@@ -11,8 +11,7 @@ import numpy as np
 
 from femimpact.arrays import Array
 from femimpact.errors import check_fields, choice, optional, quantity, real_array, require
-from femimpact.excitation.harmonic import FADE, PiecewiseMotion, check_fade
-from femimpact.excitation.levels import level_at
+from femimpact.excitation.harmonic import FADE, PiecewiseMotion, check_fade, level_at
 from femimpact.excitation.piecewise_polynomial import (
     NODES,
     PiecewisePolynomial,

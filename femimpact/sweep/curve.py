@@ -24,8 +24,7 @@ from femimpact.errors import (
     require,
     text,
 )
-from femimpact.excitation.harmonic import Sine
-from femimpact.excitation.levels import Level, level_at
+from femimpact.excitation.harmonic import Level, Sine, level_at
 from femimpact.excitation.remarks import frequency_warnings, motion_warnings
 from femimpact.integrators.cases import SineCases, SineDwellResults
 from femimpact.integrators.methods import Method
