@@ -15,17 +15,7 @@ import numpy as np
 from femimpact.arrays import Array, even_interval
 from femimpact.errors import InputError, InputWarning, checked, instance, optional, quantity, require
 from femimpact.excitation.column_names import TIMES, in_si, unit_of
-from femimpact.excitation.columns import (
-    RecordHeader,
-    has_decimal_commas,
-    in_columns,
-    interval_of,
-    is_column,
-    line_of_row,
-    read_columns,
-    record_header,
-    record_text,
-)
+from femimpact.excitation.columns import TextTable, interval_of, is_column, record_text, text_table
 from femimpact.excitation.uff import UFF, names_in_uff, read_uff, write_uff
 from femimpact.files import atomic_path
 from femimpact.units import read_unit
@@ -98,25 +88,24 @@ def _read_text(
     path: str | Path, columns: Sequence[int | str] | None, units: Sequence[str] | None, rate: float | None, pick: Pick
 ) -> xarray.Dataset:
     """Columns of a text; where none are given, some of the signals."""
-    text, file = in_columns(record_text(path), path), Path(path)
-    header = record_header(text, file)
+    table, file = text_table(record_text(path), path), Path(path)
     if columns is None:
-        places, notes = _places(header, file, rate, pick)
+        places, notes = _places(table, rate, pick)
     else:
-        places, notes = [header.place(column, file) for column in columns], list[str]()
+        places, notes = [table.place(column) for column in columns], list[str]()
     needed = ("a signal", "") if rate is not None else ("time and a signal", "; or give sample_rate")
-    left = "".join(f"; {name!r} has numbers in few of its rows, or in none" for name in header.left)
+    left = "".join(f"; {name!r} has numbers in few of its rows, or in none" for name in table.left)
     allowed = f"{file.name}: must be {needed[0]} or more{needed[1]}{left}"
-    require(len(places) >= 1 + (rate is None), "columns", [header.name(p) for p in places], "", allowed)
-    commas = rate is not None and not header.names and has_decimal_commas(text, header)
+    require(len(places) >= 1 + (rate is None), "columns", [table.name(p) for p in places], "", allowed)
+    commas = rate is not None and not table.names and table.has_decimal_commas
     require(not commas, "path", str(path), "", "has commas between digits alone: decimal ones? put semicolons between")
-    values = read_columns(text, tuple(places), header.first, file)
-    names, stated = _given_units(units, [header.name(p) for p in places], [header.units.get(p, "") for p in places])
+    values = table.read(places)
+    names, stated = _given_units(units, [table.name(p) for p in places], [table.units.get(p, "") for p in places])
     if rate is None:
         unit, factor, _ = in_si(names[0], stated[0], ("s",))
         require(unit in ("", "s"), "units", unit, "", f"{file.name}: {names[0]!r} must be a time, in a unit of s")
         seconds = factor * values[0]
-        interval = interval_of(seconds, path, lambda row: line_of_row(text, header, row))
+        interval = table.interval(seconds)
         # a unit of all times says nothing of a column without a name
         unsure = not unit or names[0] == f"column {places[0]}"
         counts = ", and it counts by 1: are these samples?" * (unsure and interval == factor)
@@ -130,37 +119,37 @@ def _read_text(
     return _dataset(seconds, dict(zip(names, columns_in_si, strict=True)), notes, path)
 
 
-def _places(header: RecordHeader, file: Path, rate: float | None, pick: Pick) -> tuple[list[int], list[str]]:
+def _places(table: TextTable, rate: float | None, pick: Pick) -> tuple[list[int], list[str]]:
     """Places of time and signals, and notes on the columns that are left out."""
-    of_time = [p for p in header.places if unit_of(header.units.get(p, ""), ("s",))]
-    named = [p for p in header.places if TIMES.fullmatch(header.names.get(p, ""))]
+    of_time = [p for p in table.places if unit_of(table.units.get(p, ""), ("s",))]
+    named = [p for p in table.places if TIMES.fullmatch(table.names.get(p, ""))]
     time = (of_time or named)[:1]
-    first = header.places[0]
-    counts = f"must have a column of time: {header.name(first)!r} counts samples; give sample_rate"
-    require(bool(time) or rate is not None or first not in header.counted, "path", str(file), "", counts)
+    first = table.places[0]
+    counts = f"must have a column of time: {table.name(first)!r} counts samples; give sample_rate"
+    require(bool(time) or rate is not None or first not in table.counted, "path", str(table.path), "", counts)
     time = time or [first][rate is not None :]
-    counted = header.counted
+    counted = table.counted
     # "T [°C]" beside a time is a temperature
-    further = {*of_time, *(p for p in named if not header.units.get(p))} - {*time, *counted}
+    further = {*of_time, *(p for p in named if not table.units.get(p))} - {*time, *counted}
     left_out = {*time, *counted, *further}
-    signals = [p for p in header.places if p not in left_out]
-    notes = [f"{header.name(p)!r} is left out: it counts samples" for p in counted]
-    notes += [f"column {p}, {header.name(p)!r}, is left out: a further time" for p in sorted(further)]
-    notes += [f"{name!r} is left out: few of its rows have numbers, or none" for name in header.left]
+    signals = [p for p in table.places if p not in left_out]
+    notes = [f"{table.name(p)!r} is left out: it counts samples" for p in counted]
+    notes += [f"column {p}, {table.name(p)!r}, is left out: a further time" for p in sorted(further)]
+    notes += [f"{name!r} is left out: few of its rows have numbers, or none" for name in table.left]
     if rate is not None and time:
-        notes.append(f"the column of time {header.name(time[0])!r} is not used: the sample rate is given")
+        notes.append(f"the column of time {table.name(time[0])!r} is not used: the sample rate is given")
         time = []
-    return [*time, *(signals[i] for i in pick([header.name(p) for p in signals]))], notes
+    return [*time, *(signals[i] for i in pick([table.name(p) for p in signals]))], notes
 
 
 def columns_in(text: str) -> list[tuple[str, str]]:
     """Names and units of the signals that `read_record` finds in a text of columns; none where it finds no record."""
     try:
-        header = record_header(text, Path("text"))
-        places, _ = _places(header, Path("text"), None, lambda names: range(len(names)))
+        table = text_table(text, "text")
+        places, _ = _places(table, None, lambda names: range(len(names)))
     except InputError:
         return []
-    return [(header.names.get(p, ""), header.units.get(p, "")) for p in places[1:]]
+    return [(table.names.get(p, ""), table.units.get(p, "")) for p in places[1:]]
 
 
 def _given_units(units: Sequence[str] | None, names: list[str], stated: list[str]) -> tuple[list[str], list[str]]:
@@ -239,7 +228,7 @@ def _read_uff(
     notes.insert(0, f"the time is in {sets[-1].unit_of_time or 's: no unit is there'}")
     same = all(x.shape == times[0].shape and np.allclose(x, times[0], rtol=1e-9, atol=0.0) for x in times)
     require(same, "columns", names, "", "must be datasets over the same times: choose some by columns")
-    interval_of(times[0], path, lambda row: f"sample {row + 1}")
+    interval_of(times[0], Path(path), lambda row: f"sample {row + 1}")
     return _dataset(times[0], signals, notes, path)
 
 
