@@ -135,11 +135,6 @@ class KelvinVoigt(CompiledLaw):
         Rebound over approach speed of the ball against the effective mass of the pair.
     contact_time : float, s
         From touch to zero force.
-
-    Raises
-    ------
-    InputError
-        If the pair given is not one of the three.
     """
 
     stiffness: float | None = field(default=None, metadata=quantity("N/m", above=0.0))
@@ -518,10 +513,6 @@ def hertz_stiffness(radius: float, ball: Material, wall: Material) -> float:
     ----------
     radius : float, m
         Of the ball.
-
-    Returns
-    -------
-    float, N/m^1.5
 
     Notes
     -----

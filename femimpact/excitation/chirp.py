@@ -81,12 +81,6 @@ class Chirp(PiecewiseMotion):
         What amplitude or acceleration was given as.
     by : {"amplitude", "acceleration"}
         Which of them was given.
-
-    Raises
-    ------
-    InputError
-        If both or none of amplitude and acceleration, or of duration and octaves per minute, are given, a linear chirp
-        has octaves per minute, or rows do not rise or reach from start to stop.
     """
 
     start: float = field(metadata=FREQUENCY)

@@ -216,12 +216,6 @@ class Drives:
         Up to when sines among others have a closed form; `integrate` sets it to the end of the run. It is no part of
         what the drives are.
 
-    Raises
-    ------
-    InputError
-        If there is no drive, the base is a force or several drives, a force is none, two drives have one name, or one
-        has that of the constant forces.
-
     Examples
     --------
     >>> import femimpact as fi

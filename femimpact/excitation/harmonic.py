@@ -234,12 +234,6 @@ class SteppedSine(PiecewiseMotion):
     fade : float, s
         How long the motion takes to come, and to go at its end: the displacement is multiplied by
         sin^2(pi t/(2 fade)).
-
-    Raises
-    ------
-    InputError
-        If there is no frequency, both or none of amplitude and acceleration or of cycles and seconds are given, or rows
-        do not rise or reach over all frequencies.
     """
 
     frequencies: Any

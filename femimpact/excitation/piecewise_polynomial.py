@@ -48,12 +48,6 @@ class PiecewisePolynomial:
     starts : array_like (n + 1, 2), optional
         Displacement (m) and velocity (m/s) of the base at the knots, where they are known better than as the sums of
         the integrals of the pieces.
-
-    Raises
-    ------
-    InputError
-        If knots do not rise, a value is not finite, the shapes do not fit, the degree is above 5, or the starts are not
-        the integrals of the pieces.
     """
 
     knots: Any

@@ -63,7 +63,7 @@ class RandomBase(PiecewiseMotion):
     Parameters
     ----------
     psd : array_like (n, 2), Hz and (m/s^2)^2/Hz
-        One-sided, straight in a plot of its logarithms; n >= 2.
+        One-sided, its frequencies rising, straight in a plot of its logarithms; n >= 2.
     duration : float, s
         Of the motion, and its period.
     seed : int
@@ -75,11 +75,6 @@ class RandomBase(PiecewiseMotion):
     fade : float, s
         How long the motion takes to come, and to go at its end: the displacement is multiplied by
         sin^2(pi t/(2 fade)).
-
-    Raises
-    ------
-    InputError
-        If frequencies do not rise from above zero, a level is not above zero, or no line or too many lie between them.
     """
 
     psd: Any

@@ -53,12 +53,6 @@ def read_record(
         Signals over `time` (s), each with its unit in `attrs["units"]`: in SI where the unit is known. The texts in
         `attrs["notes"]` say what was taken for what.
 
-    Raises
-    ------
-    InputError
-        If the file cannot be read, is too large, lacks a column, holds what is no finite number, or its times are not
-        evenly spaced, with the line where that is.
-
     Examples
     --------
     >>> import femimpact as fi

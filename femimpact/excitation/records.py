@@ -106,11 +106,6 @@ class RecordedBase:
         What a file's units were taken for.
     source : mapping, optional
         Keys of [base] that a study file gives the record by, and the text of its file.
-
-    Raises
-    ------
-    InputError
-        If samples are fewer than two or not finite, the interval is not above zero, or the base moves beyond numbers.
     """
 
     samples: Any
@@ -150,12 +145,6 @@ class RecordedBase:
             Time and acceleration, by their numbers from 0 or their names in the header.
         high_pass : float, Hz, optional
             What is slower is taken out after that, as of `from_velocity`, and the base comes back to its place.
-
-        Raises
-        ------
-        InputError
-            If the file cannot be read or is too large, lacks a column, holds what is no finite number, its times are
-            not evenly spaced, or its header has a unit that is none of acceleration and `scale` is not given.
         """
         return cls.from_text(record_text(path), scale, detrend, columns, path, high_pass)
 
@@ -210,11 +199,6 @@ class RecordedBase:
         high_pass : float, Hz, optional
             What is slower is taken out, by a Butterworth filter of order 4 forwards and backwards, which leaves no
             delay: half of the amplitude is left at this frequency.
-
-        Raises
-        ------
-        InputError
-            If samples are fewer than four or not finite, or the interval or the frequency is out of range.
         """
         spline = _spline(samples, interval, high_pass, "m/s")
         return cls(spline(spline.x, 1), interval, initial_velocity=float(spline(0.0)))
@@ -232,11 +216,6 @@ class RecordedBase:
             n >= 4, the first at t = 0.
         interval : float, s
         high_pass : float, Hz, optional
-            As of `from_velocity`.
-
-        Raises
-        ------
-        InputError
             As of `from_velocity`.
         """
         spline = _spline(samples, interval, high_pass, "m")

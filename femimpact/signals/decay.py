@@ -202,12 +202,6 @@ def identify_decay(time: ArrayLike, signal: ArrayLike, *, modes: int = 1) -> Dec
         has few bits, its times wander, the record is shorter than 3 cycles, a cycle has fewer than 8 samples, or the
         misfit of the damped sines is no noise; of a window, where its decrement changes by more than half.
 
-    Raises
-    ------
-    InputError
-        If time and signal are not finite or not of one length, the times are not evenly spaced, there are fewer than
-        16 samples, the signal is constant, or the number of modes is out of range.
-
     Examples
     --------
     >>> import numpy as np

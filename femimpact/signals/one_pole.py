@@ -109,11 +109,6 @@ def amplitude_ratio_damping(reference: DampingEstimate, reference_peak: float, p
         Of the structure without balls.
     reference_peak, peak : float, m
         Largest peaks without and with balls.
-
-    Returns
-    -------
-    DampingEstimate
-        At the reference's frequency; the interval scales with the reference's.
     """
     require_type(reference, DampingEstimate, "reference")
     reference_peak = checked("reference_peak", reference_peak, quantity("m", above=0.0))
