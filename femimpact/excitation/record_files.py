@@ -6,7 +6,7 @@ import csv
 import io
 import itertools
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -109,8 +109,7 @@ def _read_text(
         seconds = np.arange(values[0].size) / rate
         notes.insert(0, f"no column of time: {rate:g} samples in a second")
     require(len({*names}) == len(names), "columns", names, "", f"{file.name}: must have different names: give numbers")
-    columns_in_si = (_scaled(*series, notes) for series in zip(names, values, stated, strict=True))
-    return _dataset(seconds, dict(zip(names, columns_in_si, strict=True)), notes, path)
+    return _dataset(seconds, zip(names, values, stated, strict=True), notes, path)
 
 
 def _places(table: TextTable, rate: float | None, pick: Pick) -> tuple[list[int], list[str]]:
@@ -159,23 +158,24 @@ def _given_units(units: Sequence[str] | None, names: list[str], stated: list[str
     return names, list(units)
 
 
-def _scaled(name: str, values: Array, unit: str, notes: list[str]) -> tuple[Array, str]:
-    """Values in SI and their unit, with a note on what was taken for what."""
-    unit, factor, note = in_si(name, unit)
-    notes.append(note)
-    return factor * values, unit
-
-
 def _dataset(
-    time: Array, signals: dict[str, tuple[Array, str]], notes: Sequence[str], path: str | Path
+    time: Array,  # s
+    signals: Iterable[tuple[str, Array, str]],  # name, values and unit as it is written
+    notes: Sequence[str],
+    path: str | Path,
 ) -> xarray.Dataset:
+    """Signals in SI, with notes on what was taken for what."""
     import xarray
 
+    in_units, all_notes = dict[str, tuple[str, Array, dict[str, str]]](), [*notes]
+    for name, values, unit in signals:
+        si, factor, note = in_si(name, unit)
+        in_units[name] = ("time", factor * values, {"units": si})
+        all_notes.append(note)
     allowed = f"{Path(path).name}: must be signals, and none of the name of the time"
-    require("time" not in signals, "columns", list(signals), "", allowed)
-    held = {name: ("time", values, {"units": unit}) for name, (values, unit) in signals.items()}
+    require("time" not in in_units, "columns", list(in_units), "", allowed)
     coords = {"time": ("time", time, {"units": "s"})}
-    return xarray.Dataset(held, coords, {"source": Path(path).name, "notes": tuple(notes)})
+    return xarray.Dataset(in_units, coords, {"source": Path(path).name, "notes": tuple(all_notes)})
 
 
 def one_signal(
@@ -212,18 +212,18 @@ def _read_uff(
         require(not missing, "columns", missing, "", f"must be among {names}, or their numbers from 0")
         chosen = [names.index(c) if isinstance(c, str) else c for c in columns]
     sets, names = [sets[i] for i in chosen], [names[i] for i in chosen]
-    notes, signals, times = list[str](), {}, []
-    for name, unit, signal in zip(*_given_units(units, names, [signal.unit for signal in sets]), sets, strict=True):
-        signals[name] = _scaled(name, signal.values, unit, notes)
+    names, stated = _given_units(units, names, [signal.unit for signal in sets])
+    times = []
+    for name, signal in zip(names, sets, strict=True):
         of_time, factor, _ = in_si("time", signal.unit_of_time, ("s",))
         allowed = f"the time of {name!r} is in {of_time!r}: must be in a unit of s"
         require(of_time in ("", "s"), "path", str(path), "", allowed)
         times.append(signal.time * factor)
-    notes.insert(0, f"the time is in {sets[-1].unit_of_time or 's: no unit is there'}")
+    notes = [f"the time is in {sets[-1].unit_of_time or 's: no unit is there'}"]
     same = all(x.shape == times[0].shape and np.allclose(x, times[0], rtol=1e-9, atol=0.0) for x in times)
     require(same, "columns", names, "", "must be datasets over the same times: choose some by columns")
     interval_of(times[0], Path(path), lambda row: f"sample {row + 1}")
-    return _dataset(times[0], signals, notes, path)
+    return _dataset(times[0], zip(names, (signal.values for signal in sets), stated, strict=True), notes, path)
 
 
 def _different(names: Sequence[str]) -> list[str]:
@@ -258,26 +258,29 @@ def write_record(path: str | Path, dataset: xarray.Dataset) -> Path:
     sound = sound and all(array.dims == ("time",) and array.dtype.kind in "iuf" for array in dataset.data_vars.values())
     require(sound, "dataset", type(dataset).__name__, "", "must be an xarray.Dataset of numbers over the axis time")
     time = _seconds(dataset["time"])
-    held = [(_line(name), _line(array.attrs.get("units", "")), np.asarray(array, dtype=float))
-            for name, array in dataset.data_vars.items()]  # fmt: skip
-    for name, values in (("time", time), *((name, values) for name, _, values in held)):
+    signals = []
+    for key, array in dataset.data_vars.items():
+        # without the ends of lines
+        name, unit = (" ".join(str(word).split()) for word in (key, array.attrs.get("units", "")))
+        signals.append((name, unit, np.asarray(array, dtype=float)))
+    for name, values in (("time", time), *((name, values) for name, _, values in signals)):
         require(bool(np.isfinite(values).all()), "dataset", name, "", "must hold finite numbers")
     require(time.size >= 2, "dataset", time.size, "samples", "must have 2 or more")
     step, bad = even_interval(time)
     require(bad < 0, "dataset", time[max(bad, 0)], "s", "must have evenly spaced times that rise: this one is off")
     is_uff = file.suffix.lower() in UFF
-    text = "" if is_uff else _header(held)
-    # what stands for the rows
-    read_back = names_in_uff(held) if is_uff else columns_in(text + "".join(f"{k}{',0' * len(held)}\n" for k in (0, 1)))
-    for (name, unit, _), other in itertools.zip_longest(held, read_back, fillvalue=("", "", None)):
+    text = "" if is_uff else _header(signals)
+    two_rows = "".join(f"{k}{',0' * len(signals)}\n" for k in (0, 1))
+    read_back = names_in_uff(signals) if is_uff else columns_in(text + two_rows)
+    for (name, unit, _), other in itertools.zip_longest(signals, read_back, fillvalue=("", "", None)):
         back = f"as {other[0]!r}{f' in {other[1]}' if other[1] else ''}" if other[0] else "as no signal"
         same = bool(name) and (name, unit) == tuple(other[:2])
         require(same, "dataset", name, unit, f"would be read back {back}: choose another name or unit")
     with atomic_path(file) as unfinished:
         if is_uff:
-            write_uff(unfinished, float(time[0]), step, held)
+            write_uff(unfinished, float(time[0]), step, signals)
         else:
-            table = np.column_stack([time, *(values for _, _, values in held)])
+            table = np.column_stack([time, *(values for _, _, values in signals)])
             np.savetxt(unfinished, table, fmt="%.17g", delimiter=",", header=text[:-1], comments="", encoding="utf-8")
     return file
 
@@ -294,15 +297,10 @@ def _seconds(time: xarray.DataArray) -> Array:
     return np.asarray(time, dtype=float) * (known[1] if known else 1.0)
 
 
-def _line(word: object) -> str:
-    """A name or a unit without the ends of lines."""
-    return " ".join(str(word).split())
-
-
-def _header(held: Sequence[tuple[str, str, Array]]) -> str:
+def _header(signals: Sequence[tuple[str, str, Array]]) -> str:
     """Rows of names and of units."""
     text = io.StringIO()
     rows = csv.writer(text, lineterminator="\n")
-    rows.writerow(["time", *(name for name, _, _ in held)])
-    rows.writerow(["s", *(unit or "-" for _, unit, _ in held)])
+    rows.writerow(["time", *(name for name, _, _ in signals)])
+    rows.writerow(["s", *(unit or "-" for _, unit, _ in signals)])
     return text.getvalue()
