@@ -239,9 +239,8 @@ class RecordedBase:
         object.__setattr__(self, "samples", samples)
         with np.errstate(over="ignore", invalid="ignore"):
             bounded = bool(np.isfinite(self.amplitude))
-        require(
-            bounded, "samples", f"array of shape {samples.shape}", "m/s^2", "must move the base by a finite distance"
-        )
+        allowed = "must move the base by a finite distance"
+        require(bounded, "samples", f"array of shape {samples.shape}", "m/s^2", allowed)
 
     @cached_property
     def _knots(self) -> tuple[Array, Array]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, cast
 
@@ -62,10 +62,6 @@ class Sum:
             require(not is_force(part), "parts", type(part).__name__, "", allowed)
             allowed = "must be motions of the base: a + b adds to several drives, and keeps their forces"
             require(not holds_drives(part), "parts", type(part).__name__, "", allowed)
-
-    def until(self, end: float) -> Sum:
-        """The same with a closed form up to a time (s)."""
-        return self if isinstance(end, float) and end == self.end else replace(self, end=end)
 
     @property
     def _harmonic(self) -> Harmonic | None:
