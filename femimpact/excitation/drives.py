@@ -298,12 +298,7 @@ class Drives:
     @cached_property
     def closed_forms(self) -> tuple[Form, ...] | None:
         """Of every drive, m/s^2 or N, between the same knots; None where one has none."""
-
-        def starts(knots: Array) -> Array:
-            return np.column_stack([self.displacement(knots), self.velocity(knots)])
-
-        groups = [_forms_of(drive) for drive in self.drives]
-        return forms_together(groups, self.end, None if self.base is None else starts)
+        return forms_together([_forms_of(drive) for drive in self.drives], self.end, self.base)
 
     __add__ = added
     __radd__ = added

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from femimpact.arrays import Array
 from femimpact.errors import check_fields, column, in_range, quantity, real_array, require, require_type
-from femimpact.structure.damping import ModalDamping, Rayleigh, rayleigh_coefficients, realised_damping_ratio
+from femimpact.structure.beam import ModalDamping, Rayleigh, rayleigh_coefficients, realised_damping_ratio
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.hermite import damped_reactions
 from femimpact.system.matrices import FINITE, diagonal_matrix, frozen_row, rigid_motions, stiffness_solver

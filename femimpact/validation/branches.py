@@ -18,8 +18,7 @@ from femimpact.orbits.branch import Branch, continue_orbit
 from femimpact.orbits.orbit import PeriodicOrbit, state_vector
 from femimpact.orbits.search import find_orbit, two_impact_orbits
 from femimpact.orbits.switching import switch_branch
-from femimpact.structure.beam import Beam
-from femimpact.structure.damping import Rayleigh
+from femimpact.structure.beam import Beam, Rayleigh
 from femimpact.structure.structure import Impactor, PointMass, Stop, Structure
 from femimpact.system.reduction import reduce
 from femimpact.system.state import State

@@ -34,7 +34,7 @@ from femimpact.fem.mesh import Mesh
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.methods import METHODS, Method
 from femimpact.integrators.stepping.newmark import Newmark
-from femimpact.structure.damping import ModalDamping, Rayleigh
+from femimpact.structure.beam import ModalDamping, Rayleigh
 from femimpact.structure.structure import Structure
 from femimpact.system.modes import rayleigh_of, with_checked_pairs, with_damping, with_modal_damping
 from femimpact.system.reduction import reduce, reduced_on

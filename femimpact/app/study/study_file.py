@@ -46,8 +46,7 @@ from femimpact.excitation.drives import HammerBlow, PointForce
 from femimpact.fem.mesh import uniform_mesh
 from femimpact.integrators.methods import METHODS
 from femimpact.regular_file import read_regular
-from femimpact.structure.beam import Beam, Segment, require_single
-from femimpact.structure.damping import ModalDamping, Rayleigh
+from femimpact.structure.beam import Beam, ModalDamping, Rayleigh, Segment, require_single
 from femimpact.structure.structure import Absorber, Dashpot, Impactor, PointMass, Spring, Stop, Structure, Support
 from femimpact.units import in_si
 
