@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from femimpact.arrays import Array
-from femimpact.errors import check_fields, instance, quantity, real_array, require, takes, text
+from femimpact.errors import check_fields, quantity, real_array, require, require_type, takes, text
 from femimpact.response.resolution import peak_resolution, resolution_warnings
 from femimpact.units import interval_texts, number_text
 
@@ -100,7 +100,7 @@ def _no_estimate(method: str, frequency: float, why: str) -> DampingEstimate:
     return DampingEstimate(math.nan, float(frequency), (math.nan, math.nan), method, (why,))
 
 
-@takes(reference=instance(DampingEstimate), reference_peak=quantity("m", above=0.0), peak=quantity("m", above=0.0))
+@takes(reference_peak=quantity("m", above=0.0), peak=quantity("m", above=0.0))
 def amplitude_ratio_damping(reference: DampingEstimate, reference_peak: float, peak: float) -> DampingEstimate:
     """Equivalent damping from the drop of the largest peak: zeta_eq = zeta_ref X_ref/X.
 
@@ -111,6 +111,7 @@ def amplitude_ratio_damping(reference: DampingEstimate, reference_peak: float, p
     reference_peak, peak : float, m
         Largest peaks without and with balls.
     """
+    require_type(reference, DampingEstimate, "reference")
     drop = reference_peak / peak
     low, high = reference.interval
     return DampingEstimate(
