@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from femimpact import core
 from femimpact.arrays import Array
 from femimpact.errors import DivergenceError, InputError, made
-from femimpact.excitation.forces import PointForce
+from femimpact.excitation.drives import PointForce
 from femimpact.excitation.harmonic import Sine
 from femimpact.integrators.channel_rows import drive_of
 from femimpact.integrators.event_driven import EventDriven

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from femimpact.contact.laws import KelvinVoigt, Rigid
-from femimpact.excitation.forces import PointForce
+from femimpact.excitation.drives import PointForce
 from femimpact.excitation.harmonic import Sine
 from femimpact.fem.assembly import assemble
 from femimpact.orbits.branch import Branch, continue_orbit

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.contact.laws import Rigid
-from femimpact.excitation.drives import Drives
-from femimpact.excitation.forces import PointForce
+from femimpact.excitation.drives import Drives, PointForce
 from femimpact.excitation.harmonic import Sine
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.runs import integrate

@@ -42,7 +42,7 @@ from femimpact.app.study.study import Gravity, MeshChoice, OrbitsPlan, Output, R
 from femimpact.contact.law import ContactLaw
 from femimpact.contact.laws import LAWS
 from femimpact.errors import Fault, InputError, require_path, suggestion
-from femimpact.excitation.forces import HammerBlow, PointForce
+from femimpact.excitation.drives import HammerBlow, PointForce
 from femimpact.fem.mesh import uniform_mesh
 from femimpact.integrators.methods import METHODS
 from femimpact.regular_file import read_regular
