@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from femimpact.arrays import Array
 from femimpact.contact.laws import Rigid
-from femimpact.convergence.mesh_and_step import converge_elements
+from femimpact.convergence.study import converge_elements
 from femimpact.excitation.harmonic import Sine
 from femimpact.fem.assembly import assemble
 from femimpact.integrators import methods
