@@ -363,7 +363,7 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
         Mutation("repeats", "window.cycles // (rules.repeats + 1)", "window.cycles // rules.repeats"),
         Mutation("phase_that_wraps", "    turn -= 2.0 * np.pi * np.round(turn / (2.0 * np.pi))", "    turn += 0.0"),
     ),
-    "test_orbits.py": (Mutation("third_rate_of_a_gap", "omega * driven)[:, d:]", "0.9 * omega * driven)[:, d:]"),),
+    "test_orbits.py": (Mutation("third_rate_of_a_gap", "self.omega * driven)", "0.9 * self.omega * driven)"),),
     "test_switching.py": (Mutation("dashpot_of_a_condition", "depth[:-1] += float(", "depth[:-1] -= float("),),
     "test_branches.py": (
         Mutation(
