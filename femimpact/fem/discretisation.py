@@ -6,7 +6,7 @@ import math
 import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from functools import lru_cache, partial
+from functools import cached_property, lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -24,6 +24,7 @@ from femimpact.errors import (
     checked,
     column,
     instance,
+    made,
     quantity,
     real_array,
     require,
@@ -62,7 +63,8 @@ class ElementLineHermiteReference(ElementLineHermite):  # type: ignore[misc]
         if s.ndim == 1:
             s = np.broadcast_to(s, (t.shape[1], s.shape[0]))
         scale = length if i % 2 else 1.0
-        value, slope, curvature, third = (scale * shape_functions(s, order)[i] / length**order for order in range(4))
+        orders = enumerate(shape_functions(s))
+        value, slope, curvature, third = (scale * functions[i] / length**order for order, functions in orders)
         field = DiscreteField(value=value, grad=slope[None], hess=curvature[None, None], grad3=third[None, None, None])
         return (field,)
 
@@ -112,7 +114,7 @@ class Discretisation:
         fits = self.sections.bending_stiffness.size == self.mesh.elements
         require(fits, "sections", self.sections.region.size, "", f"must be those of {self.mesh.elements} elements")
 
-    @property
+    @cached_property
     def dofs(self) -> int:
         """Number of dofs of the basis, those held by supports included."""
         return 2 * self.mesh.nodes.size
@@ -201,10 +203,12 @@ def discretise(structure: Structure, elements: int | None = None, mesh: Mesh | N
         require(item.name not in mesh.points, key, item.name, "", allowed)
     # what is refused, before what is warned of
     free = np.delete(np.arange(2 * mesh.nodes.size), _held_dofs(structure, mesh))
+    free.setflags(write=False)
     sections = _sections(structure.beam, mesh)
     # the product of two cubics, and rho A of degree 2 where width and thickness taper
     degree = 8 if sections.is_tapered.any() else 6
-    return Discretisation(structure, mesh, _basis(mesh.nodes.tobytes(), degree), free, sections)
+    basis = _basis(mesh.nodes.tobytes(), degree)
+    return made(Discretisation, structure=structure, mesh=mesh, basis=basis, free=free, sections=sections)
 
 
 @lru_cache(maxsize=4)
@@ -234,8 +238,7 @@ def _sections(beam: Beam, mesh: Mesh) -> SectionFields:
             values[5:, members] = 0.0
         region[members] = segment.name
     values.setflags(write=False)
-    stiffness, mass, inertia, moduli, half, width_taper, thickness_taper = values
-    return SectionFields(stiffness, mass, inertia, moduli, half, region.astype(str), width_taper, thickness_taper)
+    return SectionFields(*values[:5], region.astype(str), *values[5:])
 
 
 def _taper(segment: Segment, mesh: Mesh, members: NDArray[np.int64]) -> tuple[Array, Array]:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import operator
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -286,9 +285,9 @@ class Output:
 
 
 class AsRead(NamedTuple):
-    """What a study file was read as: a study with the same parts has the text of its file."""
+    """What a study file was read as: an equal study has the text of its file."""
 
-    parts: tuple[Any, ...]
+    study: Study
     tables: Mapping[str, Any]  # with numbers in SI
     quantities: tuple[tuple[str, str, Any, str], ...]  # texts with a unit: key, text, number and unit in SI
 
@@ -356,16 +355,6 @@ class Study:
         if self.sweep is not None:
             sine_of(self, "sweep", instead="; remove [sweep], or give [base] an amplitude and a frequency")
 
-    @property
-    def parts(self) -> tuple[Any, ...]:
-        """The fields that decide the text of a study file, and that text."""
-        return tuple(getattr(self, item.name) for item in fields(self) if item.name not in ("path", "as_read"))
-
-    @property
-    def is_as_read(self) -> bool:
-        """True where nothing was replaced since the study was read from its file, but for the path."""
-        return self.as_read is not None and all(map(operator.is_, self.parts, self.as_read.parts))
-
     @cached_property
     def excitation(self) -> Excitation:
         """Drives of the simulated history: the motion of the base, a force, or several of them as `Drives`."""
@@ -373,7 +362,7 @@ class Study:
         excitation: Excitation = until(drives, self.history_duration)
         return excitation
 
-    @property
+    @cached_property
     def history_duration(self) -> float:
         """Time (s) that the history takes."""
         return float(history_duration(self.base, self.duration) or 0.0)
@@ -398,7 +387,7 @@ class Study:
         """Path of the record of the base, from the folder of the study file; None without one."""
         return self.source.get("record")
 
-    @property
+    @cached_property
     def shown_frequency(self) -> float:
         """Frequency (Hz) of the cycles that pictures show: of the base where it moves, and not of forces beside it."""
         return float((self.base or self.excitation).frequency)
