@@ -30,7 +30,7 @@ from femimpact.structure.structure import (
 )
 from femimpact.system.added_terms import add_terms
 from femimpact.system.contact_pair import ContactPair, contact_pair
-from femimpact.system.hermite import Reaction, computed_reaction, hermite_rows
+from femimpact.system.hermite import Reaction, hermite_rows
 from femimpact.system.matrices import Matrix
 from femimpact.system.modes import (
     Modes,
@@ -336,7 +336,7 @@ def _reactions(grid: Discretisation, M: Entries, K: Entries, momentum: Array) ->
             held.setdefault(*((2 * node, f"{at}.force") if kind == "w" else (2 * node + 1, f"{at}.moment")))
     still = np.zeros(grid.free.size)
     return {
-        name: computed_reaction(
+        name: Reaction(
             dof=dof,
             unit="N m" if dof % 2 else "N",
             on_acceleration=M.row_of(dof, momentum.size)[grid.free],
@@ -358,7 +358,7 @@ def _forces_to_base(grid: Discretisation, items: Sequence[Spring | Dashpot], kin
     forces = {}
     for item, row in zip(to_base, _connection_rows(grid, to_base, kind)[:, grid.free].toarray(), strict=True):
         pulls = (-item.damping * row, still) if isinstance(item, Dashpot) else (still, -item.stiffness * row)
-        forces[f"{item.name}.force"] = computed_reaction(None, "N", still, *pulls, 0.0)
+        forces[f"{item.name}.force"] = Reaction(None, "N", still, *pulls, 0.0)
     return forces
 
 

@@ -170,9 +170,9 @@ def _with_terms(
     damped = alpha * added["mass"] + beta * added["stiffness"] + added["damping"]
     return replace(
         item,
-        on_acceleration=own(item.on_acceleration + added["mass"]),
-        on_velocity=own(item.on_velocity + damped),
-        on_displacement=own(item.on_displacement + added["stiffness"]),
+        on_acceleration=item.on_acceleration + added["mass"],
+        on_velocity=item.on_velocity + damped,
+        on_displacement=item.on_displacement + added["stiffness"],
         on_base_acceleration=item.on_base_acceleration + float(momentum[item.dof]),
         constant=item.constant + float(force[item.dof]),
     )

@@ -107,14 +107,6 @@ class ContactPair:
         """The law's numbers for this pair's effective mass."""
         return resolve(self.law, self.effective_mass)
 
-    def along(self, direction: Array) -> ContactPair:
-        """The same pair in other coordinates of the structure, (dofs,); law and effective mass stay."""
-        direction.setflags(write=False)
-        moved = changed(self, direction=direction)
-        # a user's law takes a while to integrate
-        moved.__dict__["parameters"] = self.parameters
-        return moved
-
     def shares_place(self, other: ContactPair) -> bool:
         """True if both pairs are at one place: the same direction object, position, first mode and flexibility."""
         require_type(other, ContactPair, "other")
@@ -163,3 +155,12 @@ def contact_pair(
     # a law that has no numbers for this mass is refused here, not in the middle of a run
     require_type(pair.parameters, ContactParameters, "parameters")
     return pair
+
+
+def pair_along(pair: ContactPair, direction: Array) -> ContactPair:
+    """The same pair in other coordinates of the structure, (dofs,); law and effective mass stay."""
+    direction.setflags(write=False)
+    moved = changed(pair, direction=direction)
+    # a user's law takes a while to integrate
+    moved.__dict__["parameters"] = pair.parameters
+    return moved

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,7 +26,7 @@ from femimpact.errors import (
 )
 from femimpact.structure.damping import ModalDamping, Rayleigh, rayleigh_coefficients, realised_damping_ratio
 from femimpact.system.contact_pair import ContactPair
-from femimpact.system.hermite import damped_reactions, with_rows
+from femimpact.system.hermite import damped_reactions
 from femimpact.system.matrices import FINITE, diagonal_matrix, rigid_motions, stiffness_solver
 from femimpact.system.static import TOGETHER, SystemOrigin
 from femimpact.system.system import System
@@ -419,6 +419,6 @@ def _by_modes(system: System, modes: Modes, ratio: NDArray[np.float64]) -> Syste
     reactions = {}
     for name, item in system.reactions.items():
         row = beta * item.on_displacement + ((item.on_acceleration @ vectors) * size) @ momentum.T
-        reactions[name] = with_rows(item, on_velocity=row)
+        reactions[name] = replace(item, on_velocity=row)
     C = sparse.csr_array(beta * system.K + sparse.csr_array(0.5 * (full + full.T)))
     return with_checked_fields(system, C=C, rayleigh=None, reactions=reactions)

@@ -9,7 +9,7 @@ import scipy.linalg
 
 from femimpact.arrays import Array
 from femimpact.errors import checked, require, require_type, truth
-from femimpact.system.contact_pair import ContactPair
+from femimpact.system.contact_pair import ContactPair, pair_along
 from femimpact.system.hermite import reduced_reactions
 from femimpact.system.matrices import diagonal_matrix
 from femimpact.system.modes import Modes, damping_ratios, lowest_modes, mode_count, solve_stiffness, with_checked_fields
@@ -86,7 +86,7 @@ def _on_modes(system: System, modes_and_next: Modes, ratio: Array, count: int, s
         _check_decoupled(system, phi)
     # of rigid motions, which may be damped, though they have no ratio
     damping_of_rigid = np.einsum("ij,ij->j", phi, system.C @ phi) if system.rayleigh is None else system.rayleigh[0]
-    contacts = tuple(pair.along(pair.direction @ phi) for pair in system.contacts)
+    contacts = tuple(pair_along(pair, pair.direction @ phi) for pair in system.contacts)
     return with_checked_fields(
         system,
         M=diagonal_matrix(np.ones(omega.size)),

@@ -346,7 +346,7 @@ class Study:
     forces: tuple[PointForce | HammerBlow, ...] = field(default=(), metadata=items(PointForce, HammerBlow))
     duration: float | None = field(default=None, metadata=optional(SECONDS))
     start: str = field(default="base", metadata=START)
-    as_read: AsRead | None = field(default=None, repr=False)
+    as_read: AsRead | None = field(default=None, repr=False, metadata=optional(instance(AsRead)))
 
     def __post_init__(self) -> None:
         check_fields(self)
