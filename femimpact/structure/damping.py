@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from femimpact.errors import check_fields, checked, quantity, real_array, require
+from femimpact.arrays import Array
+from femimpact.errors import Fault, InputError, check_fields, quantity, require
 from femimpact.units import number_text
 
 
@@ -89,34 +89,24 @@ def rayleigh_coefficients(
     Raises `InputError` if the targets need a negative coefficient, which would feed energy in elsewhere, or the two
     frequencies are one.
     """
-    w1, w2 = _two("omega", omega, quantity("rad/s", above=0.0, several=True))
-    z1, z2 = _two("damping.ratio", ratio, quantity("1", several=True))
+    (w1, w2), (z1, z2) = omega, ratio
     require(w1 != w2, "omega", omega, "rad/s", "must be two different values")
     alpha = 2.0 * w1 * w2 * (z1 * w2 - z2 * w1) / (w2**2 - w1**2)
     beta = 2.0 * (z2 * w2 - z1 * w1) / (w2**2 - w1**2)
-    require(
-        alpha >= 0.0 and beta >= 0.0,
-        "damping.ratio",
-        ratio,
-        "1",
-        f"needs alpha = {number_text(alpha, 3)} 1/s and beta = {number_text(beta, 3)} s; a negative one feeds energy "
-        "in: "
-        "bring the two ratios closer together",
-    )
+    if min(alpha, beta) < 0.0:
+        allowed = (
+            f"needs alpha = {number_text(alpha, 3)} 1/s and beta = {number_text(beta, 3)} s; a negative one feeds "
+            "energy in: bring the two ratios closer together"
+        )
+        raise InputError([Fault("damping.ratio", ratio, "1", allowed)])
     return alpha, beta
 
 
-def _two(key: str, values: Any, metadata: dict[str, Any]) -> tuple[float, float]:
-    pair = checked(key, values, metadata)
-    require(isinstance(pair, tuple) and len(pair) == 2, key, values, metadata["unit"], "must be two numbers")
-    return pair[0], pair[1]
-
-
-def realised_damping_ratio(alpha: float, beta: float, omega: ArrayLike) -> NDArray[np.float64]:
-    """Damping ratio alpha/(2 omega) + beta omega/2 that Rayleigh damping gives at omega (rad/s)."""
-    a = checked("alpha", alpha, quantity("1/s", at_least=0.0))
-    b = checked("beta", beta, quantity("s", at_least=0.0))
-    allowed = "must be finite numbers > 0"
-    w = real_array("omega", omega, "rad/s", allowed)
-    require(bool(np.all(w > 0.0)), "omega", omega, "rad/s", allowed)
-    return np.asarray(0.5 * (a / w + b * w))
+def realised_damping_ratio(
+    alpha: float,  # 1/s
+    beta: float,  # s
+    omega: ArrayLike,  # rad/s, > 0
+) -> Array:
+    """Damping ratio alpha/(2 omega) + beta omega/2 that Rayleigh damping gives."""
+    w = np.asarray(omega, dtype=float)
+    return np.asarray(0.5 * (alpha / w + beta * w))
