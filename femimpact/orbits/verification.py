@@ -19,9 +19,8 @@ from femimpact.excitation.harmonic import Sine
 from femimpact.integrators.channel_rows import drive_of
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.event_driven.block import Inputs, new_block, no_cycles, run_block
-from femimpact.integrators.event_driven.equations import equations_of
 from femimpact.integrators.event_driven.loop_data import FREE
-from femimpact.integrators.event_driven.store import FormStore, Outputs, Source, outputs_of
+from femimpact.integrators.event_driven.store import FormStore, Outputs, outputs_of
 from femimpact.integrators.runs import integrate
 from femimpact.orbits.curve import Point
 from femimpact.orbits.equations import (
@@ -333,11 +332,8 @@ def own_runs(system: System, points: Sequence[Point]) -> list[OwnRun]:
     # where the parameter is in the matrices, the closed forms of each differ
     systems = [curve.parameter.at(point.value)[0] for point in points] if curve.parameter.of_matrices else [system]
     excitation = curve.parameter.at(curve.parameter.value)[1]
-    equations = [equations_of(each, drive_of(each, excitation)) for each in systems]
-    d, rigid = hybrids[0].mass.size, np.array([pair.parameters.is_rigid for pair in system.contacts], dtype=bool)
-    outputs = _outputs(system, d)
-    sources = [Source(of, outputs, each.derived) for each, of in zip(systems, equations, strict=True)]
-    store = FormStore(sources, rigid, rate=None)
+    d, drives = hybrids[0].mass.size, [drive_of(each, excitation) for each in systems]
+    store = FormStore(systems, drives, [_outputs(system, d)] * len(systems))
     inputs = Inputs(
         omega=np.array([hybrid.omega for hybrid in hybrids]),
         amplitude=np.array([[hybrid.drive] for hybrid in hybrids], dtype=complex),
@@ -354,7 +350,7 @@ def own_runs(system: System, points: Sequence[Point]) -> list[OwnRun]:
     )
     kept = len(curve.sequence.kind) + MORE_EVENTS
     system_of = np.arange(count) if len(systems) > 1 else None
-    block = new_block(systems, store, inputs, method, None, most_events=kept, system_of=system_of)
+    block = new_block(store, inputs, method, None, most_events=kept, system_of=system_of)
     samples, cycles = curve.sequence.cycles * method.samples_per_cycle, curve.sequence.cycles
     block.grid = block.grid._replace(cycles=no_cycles(count, cycles), values=np.zeros((count, samples, 1 + 2 * d)))
     begin, end = np.zeros(count, dtype=np.int64), np.full(count, samples)

@@ -121,8 +121,8 @@ class Block:
 
 
 def new_block(
-    systems: Sequence[System], store: FormStore, inputs: Inputs, method: EventSettings, ledger: bool | None,
-    most_rows: int = 0, most_events: int = 0, system_of: NDArray[np.int64] | None = None,
+    store: FormStore, inputs: Inputs, method: EventSettings, ledger: bool | None, most_rows: int = 0,
+    most_events: int = 0, system_of: NDArray[np.int64] | None = None,
 ) -> Block:  # fmt: skip
     """Cases at their start.
 
@@ -130,12 +130,12 @@ def new_block(
     them, None for no energy. `most_rows` is of the tables of impacts and sticking phases, of a case alone,
     `most_events` of the log of events of each case; `system_of` (C,) says which of the store's systems a case has.
     """
-    equations, n, count = store.equations, systems[0].dofs, inputs.omega.size
+    equations, n, count = store.equations[0], store.systems[0].dofs, inputs.omega.size
     period, system_of = 2.0 * np.pi / inputs.omega, np.zeros(count, dtype=np.int64) if system_of is None else system_of
     of_systems = {
         number: (
-            _pairs(store.sources[number].equations, store, method),
-            _of_equations(systems[number], store.sources[number].equations),
+            _pairs(store.equations[number], method),
+            _of_equations(store.systems[number], store.equations[number]),
         )
         for number in np.unique(system_of).tolist()
     }
@@ -146,7 +146,7 @@ def new_block(
         cases=_new_cases(store, inputs, n if most_rows else 0),
         grid=zeros(
             core.events.Grid,
-            dict.fromkeys("yxkew", 0) | {"C": count, "O": store.outputs.force.shape[0], "n": n, "D": 0},
+            dict.fromkeys("yxkew", 0) | {"C": count, "O": store.outputs[0].constant.size, "n": n, "D": 0},
             start=np.full(count, inputs.start),
             interval=period / method.samples_per_cycle,
             per_cycle=float(method.samples_per_cycle),
@@ -156,7 +156,7 @@ def new_block(
             np.empty((most_rows, len(IMPACT_COLUMNS) + n)),
             np.empty((most_rows, 5)),
             np.zeros(2, dtype=np.int64),
-            np.empty((count, most_events, event_width(store.rigid.size, equations.M.shape[0]))),
+            np.empty((count, most_events, event_width(equations.rigid.size, equations.M.shape[0]))),
             np.zeros(count, dtype=np.int64),
         ),
         ledger=None if ledger is None else _new_ledger(fields, n, equations, count, ledger),
@@ -166,18 +166,18 @@ def new_block(
     )
 
 
-def _pairs(equations: Equations, store: FormStore, method: EventSettings) -> core.events.Pairs:
+def _pairs(equations: Equations, method: EventSettings) -> core.events.Pairs:
     return core.events.Pairs(
         direction=np.ascontiguousarray(equations.force.T),
         in_space=equations.in_space,
-        rigid=store.rigid,
+        rigid=equations.rigid,
         mobility=-equations.force.T @ np.linalg.solve(equations.M, equations.force),
         closure=method.closure,
     )
 
 
 def _new_cases(store: FormStore, inputs: Inputs, modes: int) -> core.events.Cases:
-    pairs, d = store.rigid.size, store.equations.M.shape[0]
+    d, pairs = store.equations[0].force.shape
     count, pieces, loads = inputs.omega.size, inputs.pieces, inputs.amplitude.shape[1]
     drive, piece, knots, table = np.zeros((count, ORDERS * loads)), 0, np.zeros(0), np.zeros((0, ORDERS * loads))
     if pieces:
@@ -185,7 +185,7 @@ def _new_cases(store: FormStore, inputs: Inputs, modes: int) -> core.events.Case
         drive[:] = np.concatenate([motion_at(each, inputs.start) for each in pieces])
         piece = piece_at(pieces[0], inputs.start)
     # with closed forms its arrays grow; see `_fitted`
-    lengths = {"C": count, "R": pairs, "O": store.outputs.force.shape[0], "d": d, "m": modes, "K": 1, "P": 1, "N": 1}
+    lengths = {"C": count, "R": pairs, "O": store.outputs[0].constant.size, "d": d, "m": modes, "K": 1, "P": 1, "N": 1}
     cases = zeros(
         core.events.Cases,
         lengths,
@@ -197,8 +197,8 @@ def _new_cases(store: FormStore, inputs: Inputs, modes: int) -> core.events.Case
         longest=LONGEST_SERIES / max(store.rate or 0.0, SLOW),
         gap_plus=inputs.gaps[:, :, 0].copy(),
         gap_minus=inputs.gaps[:, :, 1].copy(),
-        stiffness=np.where(store.rigid, 0.0, inputs.stiffness),
-        damping=np.where(store.rigid, 0.0, inputs.damping),
+        stiffness=np.where(store.equations[0].rigid, 0.0, inputs.stiffness),
+        damping=np.where(store.equations[0].rigid, 0.0, inputs.damping),
         restitution=inputs.restitution.copy(),
         form=np.full((count, 2), -1, dtype=np.int64),
         clock=np.stack([np.full(count, inputs.start), inputs.phase], axis=1),
@@ -301,7 +301,7 @@ def work_apart(block: Block, drive: Drive, start: float) -> None:
     if pieces:
         knots, of_all = pieces_from(pieces, start)
         table = np.ascontiguousarray(of_all.reshape(knots.size, -1, ORDERS)[:, :, 2:].reshape(knots.size, -1))
-    load = block.store.equations.drive
+    load = block.store.equations[0].drive
     block.ledger = block.ledger._replace(
         drive_load=np.array([load[part.place] for part in drive.parts]),
         drive_amplitude=np.array([relative_amplitude(part.sine, drive.sine) for part in drive.parts]),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import Any, cast
 
 import numpy as np
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 from femimpact import core
 from femimpact.arrays import Array
 from femimpact.contact.law import resolve
-from femimpact.contact.laws import RIGID, ContactParameters
+from femimpact.contact.laws import ContactParameters
 from femimpact.errors import require
 from femimpact.excitation.harmonic import Sine
 from femimpact.integrators.assembly import cycles_of_table
@@ -26,10 +25,9 @@ from femimpact.integrators.event_driven.block import (
     no_cycles,
     run_block,
 )
-from femimpact.integrators.event_driven.equations import equations_of
 from femimpact.integrators.event_driven.loop_data import EventSettings, check_events
 from femimpact.integrators.event_driven.run import not_finite, peaks_of_forces, unending
-from femimpact.integrators.event_driven.store import FormStore, Source, outputs_of
+from femimpact.integrators.event_driven.store import FormStore, outputs_of
 from femimpact.progress import Progress
 from femimpact.response.cycles import steady_motion
 from femimpact.response.energy import BALANCED, CLOSED, energy_residual, largest_input, unbalanced
@@ -45,15 +43,14 @@ BLOCKS = 8
 
 
 def _run_block(
-    store: FormStore, systems: Sequence[System], cases: SineCases, inputs: Inputs, members: NDArray[np.intp],
-    method: EventSettings, instants: int,
+    store: FormStore, cases: SineCases, inputs: Inputs, members: NDArray[np.intp], method: EventSettings,
+    instants: int,
 ) -> SineDwellResults:  # fmt: skip
     """Results of some of the cases, over the measured cycles of their dwells."""
     per_cycle, count = method.samples_per_cycle, members.size
     cycles, measured, most_measured = cases.cycles[members], cases.measured[members], int(cases.measured.max())
     block = new_block(
-        systems, store, inputs.of(members), method, True if instants else None,
-        system_of=cases.numbers_of_systems[members],
+        store, inputs.of(members), method, True if instants else None, system_of=cases.numbers_of_systems[members]
     )  # fmt: skip
     # every case needs one: they are made together
     add_forms(np.arange(count), block.cases, store, block.system_of)
@@ -84,7 +81,7 @@ def _run_block(
     f = cases.frequency[members]
     return SineDwellResults(
         motion,
-        totals=peaks_of_forces(np.moveaxis(block.cases.totals, 0, 2), store.rigid),
+        totals=peaks_of_forces(np.moveaxis(block.cases.totals, 0, 2), block.pairs.rigid),
         duration=measured / f,
         residual=residual,
         bound=bound,
@@ -120,16 +117,12 @@ def event_driven_cases(
     """Results of cases, event-driven."""
     check_events(system)
     first = Sine(float(cases.amplitude[0]), float(cases.frequency[0]), float(cases.phase[0]))
-    sources = [
-        Source(equations_of(own, drive_of(own, first)), outputs_of(own, row), own.derived)
-        for own, row in cases.systems or ((system, observed),)
-    ]
-    rigid = np.array([pair.parameters.kind == RIGID for pair in system.contacts], dtype=bool)
-    store = FormStore(sources, rigid, rate=None)
-    inputs, systems = _inputs(system, cases), [own for own, _ in cases.systems] or [system]
+    systems, rows = zip(*(cases.systems or ((system, observed),)), strict=True)
+    store = FormStore(systems, [drive_of(own, first) for own in systems], list(map(outputs_of, systems, rows)))
+    inputs = _inputs(system, cases)
 
     def run(members: NDArray[np.intp], share: Progress | None) -> SineDwellResults:
-        part = _run_block(store, systems, cases, inputs, members, method, instants)
+        part = _run_block(store, cases, inputs, members, method, instants)
         if share is not None:
             share(1.0)
         return part

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from femimpact import core
 from femimpact.arrays import Array, own, read_only
-from femimpact.contact.laws import RIGID
 from femimpact.core.structs import zeros
 from femimpact.errors import DivergenceError, require
 from femimpact.excitation.excitation import Excitation
@@ -36,7 +35,7 @@ from femimpact.integrators.event_driven.block import (
     run_block,
     work_apart,
 )
-from femimpact.integrators.event_driven.equations import equations_of, require_met
+from femimpact.integrators.event_driven.equations import require_met
 from femimpact.integrators.event_driven.loop_data import (
     CONTACT,
     FREE,
@@ -50,7 +49,7 @@ from femimpact.integrators.event_driven.loop_data import (
     reading_grid,
     sampling_from,
 )
-from femimpact.integrators.event_driven.store import FormStore, Outputs, Source, outputs_alone, outputs_of
+from femimpact.integrators.event_driven.store import FormStore, Outputs, outputs_alone, outputs_of
 from femimpact.progress import Progress
 from femimpact.response.channels import Channel, resolve_channels
 from femimpact.response.cycles import Largest, LargestValues
@@ -91,8 +90,7 @@ def block_alone(
 
     Raises `InputError` if the start is so late that rounding may exchange the instants.
     """
-    rigid = np.array([pair.parameters.kind == RIGID for pair in system.contacts], dtype=bool)
-    store = FormStore([Source(equations_of(system, drive), outputs, system.derived)], rigid, drive.rate)
+    store = FormStore([system], [drive], [outputs])
     u, v, y, y_rate = initial.relative_to_base(system, excitation)
     latest = grid.interval / LEAST_INTERVAL
     allowed = f"must be at most {latest:.3g} s in size where a run is read every {grid.interval:.4g} s"
@@ -107,7 +105,7 @@ def block_alone(
         start=initial.time,
         held=held,
     )
-    block = new_block([system], store, inputs, method, ledger, most_rows, most_events)
+    block = new_block(store, inputs, method, ledger, most_rows, most_events)
     work_apart(block, drive, initial.time)
     sampling = sampling_from(held, initial.time, grid.interval)
     block.grid = block.grid._replace(
@@ -344,7 +342,7 @@ def _read_start(run: _Run) -> None:
 
     All but the contact forces is taken from what was given: a start at rest is at rest to the last bit.
     """
-    block, keep, outputs = run.block, run.keep, run.block.store.outputs
+    block, keep, (outputs,) = run.block, run.keep, run.block.store.outputs
     position, velocity = block.cases.coordinates[0].copy()
     has_row, has_snapshot = bool(keep.every and keep.first == 0), bool(keep.snapshots and keep.first_snapshot == 0)
     if not (has_row or has_snapshot):
@@ -406,7 +404,7 @@ def _call(run: _Run, done: int, count: int, rows: tuple[int, int] | None = None)
     block.grid = grid._replace(cycles=cycles)
     if block.stopped[0] == core.events.UNENDING:
         # walls that hold the structure between them are another fault than too many events
-        require_met(block.store.equations, np.flatnonzero(block.cases.released[0]))
+        require_met(block.store.equations[0], np.flatnonzero(block.cases.released[0]))
         raise DivergenceError(unending(float(block.cases.clock[0, 0]), run.method))
     if not np.all(np.isfinite(grid.values)):
         raise DivergenceError(not_finite(f" before t = {float(run.sampling.time(done + count)):.4g} s"))
