@@ -15,7 +15,6 @@ from femimpact import core
 from femimpact.arrays import Array, Complex
 from femimpact.core.structs import zeros, zeros_together
 from femimpact.errors import require
-from femimpact.excitation.excitation import Harmonic
 from femimpact.excitation.piecewise_polynomial import ORDERS, PiecewisePolynomial, motion_at, piece_at
 from femimpact.integrators.channel_rows import Drive
 from femimpact.integrators.event_driven.closed_form import steady_entries
@@ -82,7 +81,7 @@ def inputs_of(
 
     return Inputs(
         omega=np.array([drive.omega for drive in drives]),
-        amplitude=np.array([[relative_amplitude(load.sine, drive.sine) for load in drive.loads] for drive in drives]),
+        amplitude=np.array([relative_amplitudes(drive.loads, drive) for drive in drives]),
         phase=np.array([drive.sine.phase for drive in drives]),
         pieces=tuple(load.pieces for load in drives[0].loads if load.pieces is not None),
         gaps=np.array([[pair.gaps for pair in row] for row in contacts], dtype=float).reshape(count, pairs, 2),
@@ -98,9 +97,9 @@ def inputs_of(
     )
 
 
-def relative_amplitude(sine: Harmonic, first: Harmonic) -> complex:
-    """Amplitude of a sine beside the phase of another of its frequency: real where the phases are equal."""
-    return complex(sine.amplitude * np.exp(1j * (sine.phase - first.phase)))
+def relative_amplitudes(loads: Sequence[Drive], first: Drive) -> list[complex]:
+    """Amplitudes of sines beside the phase of another one of their frequency: real where the phases are equal."""
+    return [complex(load.sine.amplitude * np.exp(1j * (load.sine.phase - first.sine.phase))) for load in loads]
 
 
 @dataclass(eq=False)
@@ -140,13 +139,16 @@ def new_block(
         for number in np.unique(system_of).tolist()
     }
     pairs, fields = of_systems[int(system_of[0])]
+    lengths = dict.fromkeys("yxkewDg", 0) | {
+        "C": count, "O": store.outputs[0].constant.size, "n": n, "d": equations.M.shape[0]
+    }  # fmt: skip
     return Block(
         store=store,
         pairs=pairs,
         cases=_new_cases(store, inputs, n if most_rows else 0),
         grid=zeros(
             core.events.Grid,
-            dict.fromkeys("yxkew", 0) | {"C": count, "O": store.outputs[0].constant.size, "n": n, "D": 0},
+            lengths,
             start=np.full(count, inputs.start),
             interval=period / method.samples_per_cycle,
             per_cycle=float(method.samples_per_cycle),
@@ -159,7 +161,7 @@ def new_block(
             np.empty((count, most_events, event_width(equations.rigid.size, equations.M.shape[0]))),
             np.zeros(count, dtype=np.int64),
         ),
-        ledger=None if ledger is None else _new_ledger(fields, n, equations, count, ledger),
+        ledger=None if ledger is None else zeros(core.events.Ledger, lengths, **fields, everywhere=ledger),
         stopped=np.zeros(count, dtype=np.int64),
         system_of=system_of,
         systems=of_systems,
@@ -267,19 +269,6 @@ def no_cycles(cases: int, cycles: int) -> Array:
     return table
 
 
-def no_snapshots(block: Block) -> core.events.Snapshots:
-    """Snapshots of a run that keeps none."""
-    d, pairs = block.cases.coordinates.shape[2], block.pairs.rigid.size
-    return zeros(core.events.Snapshots, {"s": 0, "f": 0, "d": d, "R": pairs})
-
-
-def _new_ledger(
-    fields: dict[str, Any], modes: int, equations: Equations, count: int, everywhere: bool
-) -> core.events.Ledger:  # fmt: skip
-    lengths = {"C": count, "n": modes, "d": equations.M.shape[0], "D": 0, "g": 0}
-    return zeros(core.events.Ledger, lengths, **fields, everywhere=everywhere)
-
-
 def _of_equations(system: System, equations: Equations) -> dict[str, Any]:
     """Fields of the ledger that the equations give; springs and dashpots of balls stand apart."""
     n, d = system.dofs, equations.M.shape[0]
@@ -304,7 +293,7 @@ def work_apart(block: Block, drive: Drive, start: float) -> None:
     load = block.store.equations[0].drive
     block.ledger = block.ledger._replace(
         drive_load=np.array([load[part.place] for part in drive.parts]),
-        drive_amplitude=np.array([relative_amplitude(part.sine, drive.sine) for part in drive.parts]),
+        drive_amplitude=np.array(relative_amplitudes(drive.parts, drive)),
         drive_pieces=table,
         work_of=np.zeros((1, len(drive.parts) + 1)),
     )
@@ -321,8 +310,10 @@ def run_block(
 
     Raises `InputError` if a drive is a resonance without damping, whose steady motion is unbounded.
     """
-    store, snapshots = block.store, no_snapshots(block) if snapshots is None else snapshots
-    members = np.arange(block.stopped.size)
+    store, members = block.store, np.arange(block.stopped.size)
+    if snapshots is None:
+        lengths = {"s": 0, "f": 0, "d": block.cases.coordinates.shape[2], "R": block.pairs.rigid.size}
+        snapshots = zeros(core.events.Snapshots, lengths)
     block.cases.events[:, 0] = 0
     while members.size:
         forms = store.snapshot()

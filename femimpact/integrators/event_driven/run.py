@@ -54,7 +54,7 @@ from femimpact.response.channels import Channel, resolve_channels
 from femimpact.response.cycles import Largest, LargestValues
 from femimpact.response.energy import BALANCED, CLOSED, EnergyLedger, unbalanced
 from femimpact.response.history import HistoryPiece, Stream
-from femimpact.response.impacts import COUNT, MAXIMUM, MINIMUM, PEAK_FORCE, EventLog, StickingPhases, event_log
+from femimpact.response.impacts import COUNT, MAXIMUM, MINIMUM, PEAK_FORCE, StickingPhases, event_log
 from femimpact.response.response import Recorder
 from femimpact.system.state import Continuation, State
 from femimpact.system.system import System
@@ -273,7 +273,11 @@ def run_events(
     history = stream.left()
     # an event at the very end is found by this, and belongs to the tables
     final_state = _state(run, samples)
-    block, tables, log = run.block, run.block.tables, _events(run)
+    block, tables, log, dropped = run.block, run.block.tables, None, list[str]()
+    if tables.events.shape[1]:
+        log = event_log(tables.events[0], int(tables.logged[0]), tuple(pair.name for pair in system.contacts))
+        if log.dropped:
+            dropped = [f"{log.dropped} events beyond the first {len(log)} are not in the log (Recorder.events)"]
     count, arguments = int(tables.number[0]), (system, excitation, method, duration, asked, initial)
     return MethodRun(
         history=history,
@@ -288,7 +292,7 @@ def run_events(
         streamed_to=stream.streamed_to,
         going_on=contacts_in_progress(held_by(initial, system, excitation), system),
         warnings=() if history.energy is None else _balance_warnings(block, history.energy),
-        notes=(*run.readings.notes, *_open_contacts(run), *_events_dropped(log), *grid.chosen),
+        notes=(*run.readings.notes, *_open_contacts(run), *dropped, *grid.chosen),
         largest=LargestValues(partial(find_largest, *arguments), partial(reread, *arguments)),
     )
 
@@ -450,21 +454,6 @@ def _balance_warnings(block: Block, energy: EnergyLedger) -> tuple[str, ...]:
         "event-driven run "
         "closes to rounding unless its modes span too many decades; keep fewer",
     )
-
-
-def _events(run: _Run) -> EventLog | None:
-    """The log of events, where one is kept."""
-    tables = run.block.tables
-    if not tables.events.shape[1]:
-        return None
-    names = tuple(contact.name for contact in run.readings.system.contacts)
-    return event_log(tables.events[0], int(tables.logged[0]), names)
-
-
-def _events_dropped(log: EventLog | None) -> tuple[str, ...]:
-    if log is None or not log.dropped:
-        return ()
-    return (f"{log.dropped} events beyond the first {len(log)} are not in the log (Recorder.events)",)
 
 
 def _sticking(run: _Run) -> StickingPhases:

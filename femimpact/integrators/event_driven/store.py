@@ -69,11 +69,6 @@ class Outputs:
     constant: Array  # (O,)
 
 
-def _stacked_outputs(items: Sequence[Outputs]) -> Outputs:
-    """Outputs of several systems in one, with an axis before the others."""
-    return Outputs(*(stack([getattr(each, item.name) for each in items]) for item in fields(Outputs)))
-
-
 def outputs_of(
     system: System,
     observed: Array,  # (dofs,)
@@ -204,39 +199,36 @@ class FormStore:
         """Write closed forms with as many entries behind those that are there."""
         count, modes, first = len(items), forms.modes, self.count
         self._enlarge((modes.exponent.shape[1], forms.rigid_body_drive.shape[2], len(modes.blocks)), count)
-        outputs = _stacked_outputs([self.outputs[item.system] for item in items])
-        rows = _stacked_rows(
-            gap_rows(equations, forms.position, OF_DISPLACEMENT),
-            forms.contact_force,
-            _output_rows(outputs, forms, active),
-        )
+        of_items = [self.outputs[item.system] for item in items]
+        outputs = Outputs(*(stack([getattr(each, item.name) for each in of_items]) for item in fields(Outputs)))
+        gaps = gap_rows(equations, forms.position, OF_DISPLACEMENT)
+        parts = (each.by_rows for each in (gaps, forms.contact_force, _output_rows(outputs, forms, active)))
+        rows = from_rows(np.concatenate(arrays, axis=1) for arrays in zip(*parts, strict=True))
         driven = driven_entries(modes, self.rate)
         follow, position, velocity = (
             followed(each, modes, forms.load, driven) for each in (rows, forms.position, forms.velocity)
         )
         earlier = [self.last.get(item.parameters, (-1, -1)) for item in items]
+        # dashpots of balls couple coordinates, whose relative speeds the ledger reads
+        coupled = np.any(active & ~equations.rigid) or np.any(equations.C * ~np.eye(equations.C.shape[-1], dtype=bool))
         values: dict[str, Any] = {
             "key": np.full(count, items[0].key), "following": np.full(count, -1),
             "number": np.array([number for _, number in earlier]) + 1,
             "entries": np.full(count, modes.exponent.shape[1]),
-            "rigid_bodies": np.full(count, forms.rigid_body_drive.shape[2]), "exponent": modes.exponent,
-            "coupling": modes.coupling, "blocks": np.broadcast_to(modes.blocks, (count, *modes.blocks.shape)),
-            "size": modes.size, "rigid_body_given": forms.rigid_body_given,
-            "rigid_body_drive": forms.rigid_body_drive, "weight": rows.weight, "weight_size": np.abs(rows.weight),
-            "rigid_body_weight": rows.rigid_body, "rigid_body_rate_weight": rows.rigid_body_rate,
-            "constant": settled(rows, modes, forms.given), "through": rows.through, "follow": follow,
-            "driven": driven, "slow": modes.slow,
-            "shape": forms.position.weight, "shape_rate": forms.velocity.weight,
-            "rigid_body_shape": forms.rigid_body_shape, "static": settled(forms.position, modes, forms.given),
+            "rigid_bodies": np.full(count, forms.rigid_body_drive.shape[2]),
+            "blocks": np.broadcast_to(modes.blocks, (count, *modes.blocks.shape)), "weight": rows.weight,
+            "weight_size": np.abs(rows.weight), "rigid_body_weight": rows.rigid_body,
+            "rigid_body_rate_weight": rows.rigid_body_rate, "constant": settled(rows, modes, forms.given),
+            "through": rows.through, "follow": follow, "driven": driven, "shape": forms.position.weight,
+            "shape_rate": forms.velocity.weight, "static": settled(forms.position, modes, forms.given),
             "static_rate": settled(forms.velocity, modes, forms.given),
             "position_through": forms.position.through[:, 2], "position_follow": position, "velocity_follow": velocity,
-            "load": forms.load, "given": forms.given, "to_entry_u": forms.to_entry_u, "to_entry_v": forms.to_entry_v,
-            "to_rigid_body": forms.to_rigid_body, "impulse_entry": forms.impulse_entry,
-            "impulse_rigid_body": forms.impulse_rigid_body,
-            **_uses_of_entries(forms, bool(np.any(active & ~equations.rigid)) or _is_coupled(equations.C)),
+            **_uses_of_entries(forms, bool(coupled)),
         }  # fmt: skip
-        for name, value in values.items():
-            target = getattr(self.forms, name)
+        for name, target in zip(self.forms._fields[1:], self.forms[1:], strict=True):
+            # the others have their names in the closed forms, or in their modes
+            home = forms if hasattr(forms, name) else modes
+            value = values[name] if name in values else getattr(home, name)
             target[(slice(first, first + count), *(slice(0, length) for length in value.shape[1:]))] = value
         # known from here on, also to a thread that runs with these arrays
         for f, (item, (previous, number)) in enumerate(zip(items, earlier, strict=True), start=first):
@@ -260,11 +252,6 @@ def _uses_of_entries(forms: ClosedForms, all_together: bool) -> dict[str, NDArra
     members[form, np.arange(form.size) - before[form]] = entry
     first = np.concatenate([np.zeros((count, 1), dtype=np.int64), ends], axis=1)
     return {"together": together | all_together, "first": first, "members": members}
-
-
-def _is_coupled(damping: Array) -> bool:
-    """Whether dashpots of balls couple coordinates, whose relative speeds the ledger reads."""
-    return bool(np.any(damping * ~np.eye(damping.shape[-1], dtype=bool)))
 
 
 def _output_rows(out: Outputs, forms: ClosedForms, active: NDArray[np.bool_]) -> Rows:
@@ -291,8 +278,3 @@ def _output_rows(out: Outputs, forms: ClosedForms, active: NDArray[np.bool_]) ->
         for here, there in zip(rows.by_rows, force.by_rows, strict=True):
             here[:, o] += weight * there[:, j]
     return rows
-
-
-def _stacked_rows(*parts: Rows) -> Rows:
-    """All rows in one."""
-    return from_rows(np.concatenate(arrays, axis=1) for arrays in zip(*(rows.by_rows for rows in parts), strict=True))
