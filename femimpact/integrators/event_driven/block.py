@@ -179,7 +179,7 @@ def _pairs(equations: Equations, method: EventSettings) -> core.events.Pairs:
 
 
 def _new_cases(store: FormStore, inputs: Inputs, modes: int) -> core.events.Cases:
-    d, pairs = store.equations[0].force.shape
+    rigid, (d, pairs) = store.equations[0].rigid, store.equations[0].force.shape
     count, pieces, loads = inputs.omega.size, inputs.pieces, inputs.amplitude.shape[1]
     drive, piece, knots, table = np.zeros((count, ORDERS * loads)), 0, np.zeros(0), np.zeros((0, ORDERS * loads))
     if pieces:
@@ -199,8 +199,8 @@ def _new_cases(store: FormStore, inputs: Inputs, modes: int) -> core.events.Case
         longest=LONGEST_SERIES / max(store.rate or 0.0, SLOW),
         gap_plus=inputs.gaps[:, :, 0].copy(),
         gap_minus=inputs.gaps[:, :, 1].copy(),
-        stiffness=np.where(store.equations[0].rigid, 0.0, inputs.stiffness),
-        damping=np.where(store.equations[0].rigid, 0.0, inputs.damping),
+        stiffness=np.where(rigid, 0.0, inputs.stiffness),
+        damping=np.where(rigid, 0.0, inputs.damping),
         restitution=inputs.restitution.copy(),
         form=np.full((count, 2), -1, dtype=np.int64),
         clock=np.stack([np.full(count, inputs.start), inputs.phase], axis=1),
