@@ -139,9 +139,8 @@ def new_block(
         for number in np.unique(system_of).tolist()
     }
     pairs, fields = of_systems[int(system_of[0])]
-    lengths = dict.fromkeys("yxkewDg", 0) | {
-        "C": count, "O": store.outputs[0].constant.size, "n": n, "d": equations.M.shape[0]
-    }  # fmt: skip
+    lengths = dict.fromkeys("yxkewDg", 0) | {"C": count, "O": store.outputs[0].constant.size, "n": n}
+    lengths["d"] = equations.M.shape[0]
     return Block(
         store=store,
         pairs=pairs,
