@@ -55,8 +55,8 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
         ),
         Mutation(
             "reaction_under_the_first_drive",
-            "    for load in drive.loads:\n        rows =",
-            "    for load in drive.loads[:1]:\n        rows =",
+            "for h, load in enumerate(drive.loads):",
+            "for h, load in enumerate(drive.loads[:1]):",
         ),
     ),
     "test_spectra.py": (
