@@ -94,10 +94,7 @@ class Drive:
         return -self.share * self.sine.amplitude / self.omega**2
 
     def value(self, time: Array) -> Array:
-        """s(t) at times in s.
-
-        Raises `InputError` if the history of a user's excitation is not of finite numbers, one for each time.
-        """
+        """s(t) at times in s."""
         if self.is_sine:
             wave = self.sine
             return np.asarray(wave.amplitude * np.sin(wave.omega * time + wave.phase))
@@ -157,10 +154,7 @@ class Drive:
 
 
 def drive_of(system: System, excitation: Excitation) -> Drive:
-    """The right-hand side of an excitation on a system.
-
-    Raises `InputError` if the place of a force is unknown, or the value is no excitation.
-    """
+    """The right-hand side of an excitation on a system."""
     require_excitation(excitation)
     if isinstance(excitation, Drives):
         return _several(system, excitation)

@@ -305,10 +305,7 @@ def run_block(
     most: Array,  # (C,) events beyond which a case is given up
     snapshots: core.events.Snapshots | None = None,
 ) -> None:
-    """Take all cases to their sample `end`, reading those after `begin`.
-
-    Raises `InputError` if a drive is a resonance without damping, whose steady motion is unbounded.
-    """
+    """Take all cases to their sample `end`, reading those after `begin`."""
     store, members = block.store, np.arange(block.stopped.size)
     if snapshots is None:
         lengths = {"s": 0, "f": 0, "d": block.cases.coordinates.shape[2], "R": block.pairs.rigid.size}

@@ -100,10 +100,7 @@ def require_met(
     equations: Equations,
     sticking: NDArray[np.intp],  # numbers of the pairs that stick. A ball always can: it is a coordinate by itself.
 ) -> None:
-    """Refuse rigid stops that the modes kept cannot meet at once.
-
-    Raises `InputError` naming the stop that the others leave no motion.
-    """
+    """Refuse rigid stops that the modes kept cannot meet at once."""
     if not np.any(equations.stop[sticking]):
         return
     n, met = equations.dofs, list[int]()

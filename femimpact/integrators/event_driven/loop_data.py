@@ -50,11 +50,7 @@ class EventSettings(Protocol):
 
 
 def check_events(system: System) -> None:
-    """Refuse what the method cannot compute exactly, and say what does.
-
-    Raises `InputError` if the system is not on its modes, or a contact is neither rigid nor Kelvin-Voigt, or leaves
-    no clearance.
-    """
+    """Refuse what the method cannot compute exactly, and say what does."""
     allowed = "must be on its normal modes for EventDriven: use reduce(system, modes=n)"
     require(system.is_diagonal, "system", f"{system.dofs} coupled dofs", "", allowed)
     allowed = f"must be at most {MOST_PAIRS} contacts for EventDriven; Newmark takes any number"
@@ -109,8 +105,6 @@ def reading_grid(
     Without an interval of the recorder there are `samples_per_cycle` in a cycle of a sine, and in the shortest cycle of
     a chirp, a stepped sine, and sums of these and sines. Another drive by samples is read at their interval, or at 1/20
     of the period of the highest kept mode if that is less. There are no more than 10^6 instants.
-
-    Raises `InputError` if the interval of the recorder leaves fewer than 8 readings in a cycle of a sine.
     """
     drive, chosen = drive_of(system, excitation), tuple[str, ...]()
     if not drive.in_pieces and recorder.interval is None:

@@ -71,10 +71,7 @@ LEAST_INTERVAL = 1e-14
 
 
 def closed_drive(system: System, excitation: Excitation) -> Drive:
-    """The right-hand side of an excitation that has a closed form.
-
-    Raises `InputError` if it has none.
-    """
+    """The right-hand side of an excitation that has a closed form."""
     drive = drive_of(system, excitation)
     allowed = "must have a closed_form for EventDriven: sample it into a RecordedBase, or take Newmark"
     require(drive.closed_form is not None, "excitation", type(excitation).__name__, "", allowed)
@@ -85,10 +82,7 @@ def block_alone(
     system: System, excitation: Excitation, drive: Drive, method: EventSettings, outputs: Outputs, initial: State,
     grid: ReadingGrid, begin: float, ledger: bool | None, most_rows: int, most_events: int = 0,
 ) -> tuple[Block, ReadingGrid]:  # fmt: skip
-    """Arrays of one case at its start, and its instants from there on; impacts are counted from `begin` (s) on.
-
-    Raises `InputError` if the start is so late that rounding may exchange the instants.
-    """
+    """Arrays of one case at its start, and its instants from there on; impacts are counted from `begin` (s) on."""
     store = FormStore([system], [drive], [outputs])
     u, v, y, y_rate = initial.relative_to_base(system, excitation)
     latest = grid.interval / LEAST_INTERVAL
@@ -251,10 +245,7 @@ def run_events(
     initial: State,
     progress: Progress | None = None,
 ) -> MethodRun:
-    """Event-driven motion of structure and balls, on a system that the method takes; see `integrate`.
-
-    Raises `DivergenceError` if events do not end.
-    """
+    """Event-driven motion of structure and balls, on a system that the method takes; see `integrate`."""
     asked, grid = recorder, reading_grid(system, excitation, method, duration, recorder)
     samples = whole_number_of(duration, grid.interval, "sample")
     channels, recorder = resolve_channels(system, recorder.channels), recorder.seen_from(initial.time)

@@ -180,10 +180,7 @@ def _go_on(inputs: Inputs, motion: core.steps.Motion, cycles: core.steps.Cycles)
 
 
 def check_laws(block: Block) -> None:
-    """Raise what a custom law has raised, or that its force was no finite number.
-
-    Raises `InputError` with the name of the pair, and what the law was given.
-    """
+    """Raise what a custom law has raised, or that its force was no finite number."""
     refused = block.arrays.pairs.refused
     for j in np.flatnonzero(refused[:, 0]):
         force = block.forces[j]
@@ -249,10 +246,7 @@ def history_of(
     samples_before: int,  # what was taken out of the record earlier
     snapshots_before: int,
 ) -> HistoryPiece:
-    """All samples and snapshots that the record of a block holds now.
-
-    Returns: of copies where the record is filled again, otherwise of its arrays.
-    """
+    """All samples and snapshots that the record of a block holds now."""
     record, dt, origin, system = block.arrays.record, block.stepped.scheme.dt, block.inputs.origin, readings.system
     samples, count = int(record.tally[1]), int(record.tally[2])
     every, first, stride, first_field = (int(value) for value in record.stride)

@@ -66,11 +66,7 @@ def run_steps(
     initial: State,
     progress: Progress | None = None,
 ) -> MethodRun:
-    """Stepped motion of structure and balls, with a step that resolves contact and drive; see `integrate`.
-
-    Raises `InputError` if the run would keep too much, and `DivergenceError` if the motion is not finite or grows
-    without bound.
-    """
+    """Stepped motion of structure and balls, with a step that resolves contact and drive; see `integrate`."""
     check_recorder(recorder)
     steps = whole_number_of(duration, method.dt, "step")
     # the sines of a sum go on behind the last step, which may be half a step after the end
