@@ -156,8 +156,7 @@ def player_element(
         return None
     placed = placed_structure(structure, response.system)
     balls = list(response.system.balls)
-    hung = frames.balls[:, [not pair.has_walls for pair in balls]]
-    larger = exaggeration or max(chosen_exaggeration(np.hstack([frames.deflection, hung]), structure, balls), 1e-3)
+    larger = exaggeration or max(chosen_exaggeration(frames.deflection, frames.balls, structure, balls), 1e-3)
     span = float(frames.time[-1] - frames.time[0])
     speed = min(SPEEDS, key=lambda share: abs(math.log(span / share / WANTED)))
     data = _data(frames, placed, larger) | {"larger": larger, "speed": speed}
