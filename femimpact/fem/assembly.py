@@ -34,14 +34,12 @@ from femimpact.system.hermite import Reaction, hermite_rows
 from femimpact.system.matrices import Matrix, frozen_row
 from femimpact.system.modes import (
     Modes,
-    computed_system,
     damped_with_modes,
     first_elastic_frequency,
     first_mode_at,
     flexibility,
-    with_checked_fields,
 )
-from femimpact.system.system import System
+from femimpact.system.system import System, computed_system, with_checked_fields
 
 
 @BilinearForm  # type: ignore[untyped-decorator]
@@ -250,15 +248,10 @@ def _undamped(grid: Discretisation) -> System:
         points=_points(grid),
         total_mass=float(rigid @ momentum),
         first_frequency=math.nan,
-        contacts=(),
         rayleigh=(0.0, 0.0),
-        directions={},
         constant_load=load,
-        constant_resultant=float(rigid[free] @ load),
         reactions={**_forces_to_base(grid, springs, "spring"), **_reactions(grid, M, K, momentum)},
         sections=grid.sections,
-        first_left_out=math.inf,
-        unreduced=None,
     )
 
 

@@ -22,8 +22,7 @@ from femimpact.excitation.harmonic import Sine
 from femimpact.orbits.flow import HybridSystem, Numbers, hybrid_system
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.matrices import frozen_row
-from femimpact.system.modes import with_checked_fields, with_checked_pairs
-from femimpact.system.system import System
+from femimpact.system.system import System, with_checked_fields, with_checked_pairs
 
 SHORT = {"frequency": "base.frequency", "amplitude": "base.amplitude"}
 """Short forms of paths. Of a force, too, these are frequency and amplitude."""

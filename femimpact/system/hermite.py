@@ -24,7 +24,6 @@ from femimpact.errors import (
     quantity,
     real_array,
     require,
-    require_type,
     text,
 )
 from femimpact.system.matrices import Matrix, frozen_row
@@ -320,13 +319,3 @@ def reduced_reactions(reactions: Mapping[str, Reaction], phi: Array) -> dict[str
 def unloaded_reactions(reactions: Mapping[str, Reaction]) -> dict[str, Reaction]:
     """The same reactions without a constant load on the held dofs."""
     return {name: replace(item, constant=0.0) for name, item in reactions.items()}
-
-
-def check_reactions(reactions: Any, dofs: int) -> None:
-    """Refuse what is no mapping of names to reactions with rows of this many dofs."""
-    require_type(reactions, Mapping, "reactions")
-    for name, item in reactions.items():
-        require_type(name, str, "reactions")
-        require_type(item, Reaction, f"reactions.{name}")
-        allowed = f"must have rows of {dofs} entries, one for each dof"
-        require(item.on_displacement.size == dofs, f"reactions.{name}", item.on_displacement.size, "", allowed)

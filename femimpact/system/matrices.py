@@ -335,3 +335,19 @@ def diagonal_matrix(values: Array) -> Matrix:
     entries = np.flatnonzero(values)
     first = np.searchsorted(entries, np.arange(values.size + 1))
     return sparse.csr_array((values[entries], entries, first), shape=(values.size, values.size))
+
+
+def check_damping(system: Any) -> None:
+    """Refuse a damping matrix that is not the one of its coefficients, or that feeds energy in."""
+    shape = getattr(system.C, "shape", None)
+    fits = sparse.issparse(system.C) and shape == system.M.shape
+    require(fits, "C", shape or type(system.C).__name__, "", f"must be a sparse matrix of shape {system.M.shape}")
+    if system.rayleigh is None:
+        check_semidefinite("C", checked_matrix("C", system.C))
+        return
+    pair = isinstance(system.rayleigh, tuple) and len(system.rayleigh) == 2
+    require(pair, "rayleigh", system.rayleigh, "", "must be two numbers, alpha (1/s) and beta (s), or None")
+    alpha, beta = system.rayleigh
+    fits = same_product(system.C, lambda x: alpha * (system.M @ x) + beta * (system.K @ x))
+    allowed = "must be alpha and beta of C = alpha M + beta K: replace both, or give rayleigh=None for another damping"
+    require(fits, "rayleigh", system.rayleigh, "", allowed)

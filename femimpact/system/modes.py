@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass, field, fields, replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.linalg
@@ -15,47 +14,13 @@ from numpy.typing import NDArray
 from femimpact.arrays import Array
 from femimpact.errors import check_fields, column, in_range, quantity, real_array, require, require_type
 from femimpact.structure.damping import ModalDamping, Rayleigh, rayleigh_coefficients, realised_damping_ratio
-from femimpact.system.contact_pair import ContactPair
 from femimpact.system.hermite import damped_reactions
-from femimpact.system.matrices import FINITE, diagonal_matrix, frozen_row, rigid_motions, stiffness_solver
-from femimpact.system.static import TOGETHER, SystemOrigin
-from femimpact.system.system import System
+from femimpact.system.matrices import diagonal_matrix, frozen_row, rigid_motions, stiffness_solver
+from femimpact.system.system import System, with_checked_fields
 from femimpact.table import Head, frame_of, head_of_columns, short_repr
 
 if TYPE_CHECKING:
     import pandas
-
-FIELDS = tuple(item.name for item in fields(System))
-
-UNDAMPED = ("M", "K", "stiffness_factor", "nodes", "expansion", "sections")
-"""Fields that `System.derived_undamped` follows from."""
-
-
-def computed_system(**values: Any) -> System:
-    """The system with these fields, all but `computed_together`, as they follow from sound input.
-
-    Raises `InputError` if a number is infinite.
-    """
-    system = object.__new__(System)
-    system.__dict__.update(values)
-    check_fields(system)
-    _require_finite(values.items())
-    return _together(system, values["contacts"])
-
-
-def with_checked_fields(system: System, **changes: Any) -> System:
-    """The same system with other fields that were computed together.
-
-    Raises `InputError` if a number is infinite.
-    """
-    _require_finite(changes.items())
-    origin = system.computed_together
-    return _together(_copy(system, **changes), changes.get("contacts", origin.contacts if origin else ()))
-
-
-def with_checked_pairs(system: System, contacts: tuple[ContactPair, ...]) -> System:
-    """The same system with other numbers of its pairs, which were checked when they were made: no more is checked."""
-    return _copy(system, contacts=contacts)
 
 
 def with_modal_damping(system: System, alpha: float, beta: float) -> System:
@@ -63,31 +28,6 @@ def with_modal_damping(system: System, alpha: float, beta: float) -> System:
     C = diagonal_matrix(alpha * system.M.diagonal() + beta * system.K.diagonal())
     reactions = damped_reactions(system.reactions, alpha, beta)
     return with_checked_fields(system, C=C, rayleigh=(alpha, beta), reactions=reactions)
-
-
-def _require_finite(values: Iterable[tuple[str, Any]]) -> None:
-    for name, value in values:
-        numbers: Any = value.data if sparse.issparse(value) else value  # type: ignore[attr-defined]
-        sound = not isinstance(numbers, np.ndarray) or numbers.dtype.kind != "f" or bool(np.isfinite(numbers).all())
-        require(sound, name, None, "", FINITE)
-
-
-def _together(system: System, contacts: tuple[ContactPair, ...]) -> System:
-    """The system, whose fields are from now on those that were computed together, with contacts at these places."""
-    fields = tuple(system.__dict__[name] for name in TOGETHER)
-    system.__dict__["computed_together"] = SystemOrigin(fields, contacts, system.constant_load)
-    return system
-
-
-def _copy(system: System, **changes: Any) -> System:
-    copied = object.__new__(System)
-    copied.__dict__.update({name: system.__dict__[name] for name in FIELDS} | changes)
-    if system.__dict__.get("is_diagonal"):
-        # diagonal matrices stay so
-        copied.__dict__["is_diagonal"] = True
-    if changes.keys().isdisjoint(UNDAMPED):
-        copied.__dict__["derived_undamped"] = system.derived_undamped
-    return copied
 
 
 STILL = 1e-9

@@ -12,8 +12,8 @@ from femimpact.errors import checked, require, require_type, truth
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.hermite import reduced_reactions
 from femimpact.system.matrices import diagonal_matrix, frozen_row
-from femimpact.system.modes import Modes, damping_ratios, mode_count, solve_modes, solve_stiffness, with_checked_fields
-from femimpact.system.system import System
+from femimpact.system.modes import Modes, damping_ratios, mode_count, solve_modes, solve_stiffness
+from femimpact.system.system import System, with_checked_fields
 
 NEGLIGIBLE = 1e-12
 """Share of a direction's static flexibility below which a residual adds nothing but rounding."""
