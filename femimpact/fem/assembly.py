@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from skfem import BilinearForm
 from skfem.helpers import dd, ddot
 
-from femimpact.arrays import Array
+from femimpact.arrays import Array, own
 from femimpact.errors import InputWarning
 from femimpact.fem.discretisation import Discretisation, discretise, kind_of
 from femimpact.fem.mesh import Mesh
@@ -31,7 +31,7 @@ from femimpact.structure.structure import (
 from femimpact.system.added_terms import add_terms
 from femimpact.system.contact_pair import ContactPair, contact_pair
 from femimpact.system.hermite import Reaction, hermite_rows
-from femimpact.system.matrices import Matrix, frozen_row
+from femimpact.system.matrices import Matrix
 from femimpact.system.modes import (
     Modes,
     damped_with_modes,
@@ -235,14 +235,14 @@ def _undamped(grid: Discretisation) -> System:
     free, rigid = grid.free, np.zeros(grid.dofs)
     rigid[0::2] = 1.0
     momentum = M.times(rigid)
-    load = frozen_row(grid.structure.gravity * momentum[free])
+    load = own(grid.structure.gravity * momentum[free])
     return computed_system(
         M=M.on(free, grid.dofs),
         C=sparse.csr_array((free.size, free.size)),
         K=K.on(free, grid.dofs),
         stiffness_factor=factor[:, free],
-        base_load=frozen_row(momentum[free]),
-        rigid_translation=frozen_row(rigid[free]),
+        base_load=own(momentum[free]),
+        rigid_translation=own(rigid[free]),
         nodes=grid.mesh.nodes,
         expansion=_expansion(grid),
         points=_points(grid),
@@ -327,14 +327,14 @@ def _reactions(grid: Discretisation, M: Entries, K: Entries, momentum: Array) ->
         node = grid.node_of(support)
         for kind in SUPPORTS[support.kind]:
             held.setdefault(*((2 * node, f"{at}.force") if kind == "w" else (2 * node + 1, f"{at}.moment")))
-    still = frozen_row(np.zeros(grid.free.size))
+    still = own(np.zeros(grid.free.size))
     return {
         name: Reaction(
             dof=dof,
             unit="N m" if dof % 2 else "N",
-            on_acceleration=frozen_row(M.row_of(dof, grid.dofs)[grid.free]),
+            on_acceleration=own(M.row_of(dof, grid.dofs)[grid.free]),
             on_velocity=still,
-            on_displacement=frozen_row(K.row_of(dof, grid.dofs)[grid.free]),
+            on_displacement=own(K.row_of(dof, grid.dofs)[grid.free]),
             on_base_acceleration=float(momentum[dof]),
             constant=float(grid.structure.gravity * momentum[dof]),
         )
@@ -347,13 +347,13 @@ def _forces_to_base(grid: Discretisation, items: Sequence[Spring | Dashpot], kin
     to_base = [item for item in items if item.to is None]
     if not to_base:
         return {}
-    still = frozen_row(np.zeros(grid.free.size))
+    still = own(np.zeros(grid.free.size))
     forces = {}
     for item, row in zip(to_base, _connection_rows(grid, to_base, kind)[:, grid.free].toarray(), strict=True):
         if isinstance(item, Dashpot):
-            on_velocity, on_displacement = frozen_row(-item.damping * row), still
+            on_velocity, on_displacement = own(-item.damping * row), still
         else:
-            on_velocity, on_displacement = still, frozen_row(-item.stiffness * row)
+            on_velocity, on_displacement = still, own(-item.stiffness * row)
         forces[f"{item.name}.force"] = Reaction(None, "N", still, on_velocity, on_displacement, 0.0)
     return forces
 

@@ -6,12 +6,11 @@ import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
-from femimpact.arrays import Array
+from femimpact.arrays import Array, own
 from femimpact.contact.law import ContactLaw, require_law, resolve
 from femimpact.contact.laws import ContactParameters
 from femimpact.errors import check_fields, choice, column, name_text, quantity, require, require_type
 from femimpact.structure.structure import Absorber, Impactor, Stop, require_free_damping, require_preload, sound_gaps
-from femimpact.system.matrices import frozen_row
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,7 +146,7 @@ def contact_pair(
         stiffness, damping, acceleration = 0.0, 0.0, 0.0
     pair = ContactPair(
         name=item.name,
-        direction=frozen_row(-row if stop else row),
+        direction=own(-row if stop else row),
         position=position,
         mass=math.inf if isinstance(item, Stop) else item.mass,
         gaps=item.gaps,

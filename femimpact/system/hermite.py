@@ -4,29 +4,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import ArrayLike, NDArray
 
-from femimpact.arrays import Array
+from femimpact.arrays import Array, own
 from femimpact.errors import (
     Fault,
     InputError,
-    changed,
-    check_fields,
     checked,
     choice,
-    column,
-    optional,
     quantity,
     real_array,
     require,
-    text,
 )
-from femimpact.system.matrices import Matrix, frozen_row
+from femimpact.system.matrices import Matrix
 
 OFF_BEAM = 1e-6
 """Share of the length by which a position in single precision may lie off the beam."""
@@ -117,16 +111,12 @@ def hermite_rows(
 class Section:
     """The section at one position of a beam."""
 
-    # N m^2: E I: a bending moment is this times the curvature w''
-    bending_stiffness: float = field(metadata=quantity("N m^2", above=0.0))
+    bending_stiffness: float  # N m^2: E I: a bending moment is this times the curvature w''
     # m: from the neutral axis to the surface: a surface strain is -+ this times the curvature. None where area and
     # second moment alone are given
-    half_height: float | None = field(metadata=optional(quantity("m", above=0.0)))
-    young_modulus: float = field(metadata=quantity("Pa", above=0.0))  # Pa: a stress is this times the strain
-    region: str = field(metadata=text())  # name of the segment
-
-    def __post_init__(self) -> None:
-        check_fields(self)
+    half_height: float | None
+    young_modulus: float  # Pa: a stress is this times the strain
+    region: str  # name of the segment
 
     def known_half_height(self, key: str) -> float:
         """The half height (m), for what is asked for under a key.
@@ -165,37 +155,17 @@ class SectionFields:
     region : ndarray (elements,) of str
         Name of the segment.
     width_taper, thickness_taper : ndarray (elements,), 1
-        Difference of width and of thickness between the two ends of each element, over the value in its middle. None
-        is 0 everywhere, a section that is constant in every element.
-
-    Raises
-    ------
-    InputError
-        If a taper ends in nothing.
+        Difference of width and of thickness between the two ends of each element, over the value in its middle.
     """
 
-    bending_stiffness: Array = field(metadata=column("N m^2", "elements", finite=True))
-    mass_per_length: Array = field(metadata=column("kg/m", "elements", finite=True))
-    rotary_inertia: Array = field(metadata=column("kg m", "elements", finite=True))
-    young_modulus: Array = field(metadata=column("Pa", "elements", finite=True))
-    half_height: Array = field(metadata=column("m", "elements"))
-    region: NDArray[np.str_] = field(metadata=column("", "elements", of="text"))
-    width_taper: Any = field(default=None, metadata=column("1", "elements", finite=True))
-    thickness_taper: Any = field(default=None, metadata=column("1", "elements", finite=True))
-
-    def __post_init__(self) -> None:
-        check_fields(self)
-        for name in ("bending_stiffness", "mass_per_length", "rotary_inertia", "young_modulus", "half_height"):
-            values = getattr(self, name)
-            unknown = np.isnan(values) & (name == "half_height")
-            require(bool(((values > 0.0) & (values < np.inf) | unknown).all()), name, None, "", "must hold numbers > 0")
-        for name in ("width_taper", "thickness_taper"):
-            if getattr(self, name) is None:
-                none = np.zeros(self.region.size)
-                none.setflags(write=False)
-                object.__setattr__(self, name, none)
-            within = bool((np.abs(getattr(self, name)) < 2.0).all())
-            require(within, name, None, "1", "must hold numbers > -2 and < 2, so that both ends have a section")
+    bending_stiffness: Array
+    mass_per_length: Array
+    rotary_inertia: Array
+    young_modulus: Array
+    half_height: Array
+    region: NDArray[np.str_]
+    width_taper: Array
+    thickness_taper: Array
 
     @property
     def is_tapered(self) -> NDArray[np.bool_]:
@@ -283,22 +253,19 @@ class Reaction:
         Constant load on the held dof (a force: N; a moment: N m).
     """
 
-    dof: int | None = field(metadata=optional(quantity("", at_least=0, integer=True)))
-    unit: str = field(metadata=choice("N", "N m"))
-    on_acceleration: Array = field(metadata=column("kg", "dofs", finite=True))
-    on_velocity: Array = field(metadata=column("N s/m", "dofs", finite=True))
-    on_displacement: Array = field(metadata=column("N/m", "dofs", finite=True))
-    on_base_acceleration: float = field(metadata=quantity("kg"))
-    constant: float = field(default=0.0, metadata=quantity("N"))
-
-    def __post_init__(self) -> None:
-        check_fields(self)
+    dof: int | None
+    unit: str
+    on_acceleration: Array
+    on_velocity: Array
+    on_displacement: Array
+    on_base_acceleration: float
+    constant: float = 0.0
 
 
 def damped_reactions(reactions: Mapping[str, Reaction], alpha: float, beta: float) -> dict[str, Reaction]:
     """The same reactions with C = alpha M + beta K (1/s, s), whose rows at held dofs follow from those of M and K."""
     return {
-        name: changed(item, on_velocity=frozen_row(alpha * item.on_acceleration + beta * item.on_displacement))
+        name: replace(item, on_velocity=own(alpha * item.on_acceleration + beta * item.on_displacement))
         for name, item in reactions.items()
     }
 
@@ -308,9 +275,9 @@ def reduced_reactions(reactions: Mapping[str, Reaction], phi: Array) -> dict[str
     return {
         name: replace(
             item,
-            on_acceleration=frozen_row(item.on_acceleration @ phi),
-            on_velocity=frozen_row(item.on_velocity @ phi),
-            on_displacement=frozen_row(item.on_displacement @ phi),
+            on_acceleration=own(item.on_acceleration @ phi),
+            on_velocity=own(item.on_velocity @ phi),
+            on_displacement=own(item.on_displacement @ phi),
         )
         for name, item in reactions.items()
     }

@@ -11,11 +11,11 @@ import scipy.linalg
 import scipy.sparse as sparse
 from numpy.typing import NDArray
 
-from femimpact.arrays import Array
+from femimpact.arrays import Array, own
 from femimpact.errors import check_fields, column, in_range, quantity, real_array, require, require_type
 from femimpact.structure.damping import ModalDamping, Rayleigh, rayleigh_coefficients, realised_damping_ratio
 from femimpact.system.hermite import damped_reactions
-from femimpact.system.matrices import diagonal_matrix, frozen_row, rigid_motions, stiffness_solver
+from femimpact.system.matrices import diagonal_matrix, rigid_motions, stiffness_solver
 from femimpact.system.system import System, with_checked_fields
 from femimpact.table import Head, frame_of, head_of_columns, short_repr
 
@@ -85,9 +85,7 @@ class Modes:
     @property
     def effective_mass(self) -> Array:
         """Square of the participation factor, (count,) in kg; all of them sum to the moving mass."""
-        mass = self.participation_factor**2
-        mass.setflags(write=False)
-        return mass
+        return own(self.participation_factor**2)
 
 
 def require_modes_of(dofs: int, modes: Modes) -> None:
@@ -343,6 +341,6 @@ def _by_modes(system: System, modes: Modes, ratio: NDArray[np.float64]) -> Syste
     reactions = {}
     for name, item in system.reactions.items():
         row = beta * item.on_displacement + ((item.on_acceleration @ vectors) * size) @ momentum.T
-        reactions[name] = replace(item, on_velocity=frozen_row(row))
+        reactions[name] = replace(item, on_velocity=own(row))
     C = sparse.csr_array(beta * system.K + sparse.csr_array(0.5 * (full + full.T)))
     return with_checked_fields(system, C=C, rayleigh=None, reactions=reactions)

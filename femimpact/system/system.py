@@ -18,7 +18,7 @@ import scipy.linalg
 import scipy.sparse as sparse
 from numpy.typing import ArrayLike, NDArray
 
-from femimpact.arrays import Array
+from femimpact.arrays import Array, own
 from femimpact.errors import (
     Fault,
     InputError,
@@ -57,7 +57,6 @@ from femimpact.system.matrices import (
     checked_row,
     checked_shapes,
     definite_factor,
-    frozen_row,
 )
 from femimpact.table import Head, head_of_values, short_repr
 
@@ -199,7 +198,7 @@ class System:
         origin = self.computed_together
         require(isinstance(origin, SystemOrigin), "computed_together", kind_of(origin), "", allowed)
         if self.constant_load is None:
-            object.__setattr__(self, "constant_load", frozen_row(np.zeros(self.dofs)))
+            object.__setattr__(self, "constant_load", own(np.zeros(self.dofs)))
         if check_unchanged(self, origin):
             check_damping(self)
             self._set_reactions(damped_reactions(self.reactions, *self.rayleigh) if self.rayleigh else {})
@@ -278,8 +277,8 @@ class System:
             C=matrices["C"],
             K=matrices["K"],
             stiffness_factor=sparse.csr_array(factor),
-            base_load=frozen_row(load),
-            rigid_translation=frozen_row(rigid),
+            base_load=own(load),
+            rigid_translation=own(rigid),
             nodes=places,
             expansion=shapes,
             points={name: _place_of_row(row, places, shapes) for name, row in rows.items()},
@@ -488,8 +487,7 @@ class System:
         if self.reactions:
             for j, pair in enumerate(self.contacts):
                 shares[:, j] = (-1.0 if pair.is_stop else 1.0) * self.held_shares(pair.position)
-        shares.setflags(write=False)
-        return shares
+        return own(shares)
 
     def point_row(self, at: Position) -> Array:
         """Row (dofs,) that reads the deflection at a named place, or at metres from the root.
@@ -505,9 +503,7 @@ class System:
             return self.directions[str(at)]
         position, rows = self.position_of(at), self.derived_undamped.setdefault("rows", {})
         if position not in rows:
-            row = np.asarray(self.deflection_rows([position])[0])
-            row.setflags(write=False)
-            rows[position] = row
+            rows[position] = own(self.deflection_rows([position])[0])
         row_there: Array = rows[position]
         return row_there
 
@@ -621,7 +617,7 @@ def computed_system(**values: Any) -> System:
          "first_left_out": math.inf, "unreduced": None, **values}
     )  # fmt: skip
     load = values["constant_load"]
-    system.__dict__["constant_load"] = frozen_row(np.zeros(system.dofs)) if load is None else load
+    system.__dict__["constant_load"] = own(np.zeros(system.dofs)) if load is None else load
     system.__dict__["constant_resultant"] = float(system.rigid_translation @ system.constant_load)
     check_fields(system)
     _require_finite(values.items())
