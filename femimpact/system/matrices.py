@@ -429,7 +429,8 @@ def _of_market(path: Path) -> Any:
 
 def _of_archive(path: Path, name: str | None) -> Any:
     """An array of an .npz file, or the sparse matrix that scipy saved there."""
-    with np.load(path) as arrays:
+    # numpy leaves a path open where the file is damaged
+    with path.open("rb") as file, np.load(file) as arrays:
         names = list(arrays)
         if name is None and {"format", "shape", "data"} <= set(names):
             return sparse.load_npz(path)
