@@ -18,6 +18,7 @@ from femimpact.response.channels import SectionReading
 from femimpact.scene.scene import BEAM, build_scene
 from femimpact.system.hermite import shape_functions
 from femimpact.system.modes import solve_stiffness
+from femimpact.system.system import with_checked_fields
 from femimpact.validation.beams import TaperedCantilever
 from femimpact.vtk import write_modes
 from femimpact.vtk.modes import beam_fields
@@ -366,7 +367,7 @@ def test_drawn_shear_force_at_nodes_has_order_2():
 
 def test_a_system_without_sections_is_drawn_with_those_of_the_structure():
     known = fi.assemble(STEP, elements=7)
-    unknown = dataclasses.replace(known, sections=None, computed_together=None)
+    unknown = with_checked_fields(known, sections=None)
     scene = build_scene(STEP, known)
     one, other = (beam_fields(scene, STEP, system) for system in (known, unknown))
     for name in ("moment", "shear"):

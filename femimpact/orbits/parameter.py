@@ -14,15 +14,15 @@ from typing import Any
 import numpy as np
 import scipy.special
 
+from femimpact.arrays import own
 from femimpact.contact.collision import damping_ratio_for_restitution, linear_angle
 from femimpact.contact.laws import KelvinVoigt, Rigid
-from femimpact.errors import quantity, require, require_type, suggestion
+from femimpact.errors import changed, quantity, require, require_type, suggestion
 from femimpact.excitation.drives import PointForce
 from femimpact.excitation.harmonic import Sine
 from femimpact.orbits.motion import HybridSystem, Numbers, hybrid_system
 from femimpact.system.contact_pair import ContactPair
-from femimpact.system.modes import with_checked_fields, with_checked_pairs
-from femimpact.system.system import System
+from femimpact.system.system import System, with_checked_fields, with_checked_pairs
 
 SHORT = {"frequency": "base.frequency", "amplitude": "base.amplitude"}
 """Short forms of paths. Of a force, too, these are frequency and amplitude."""
@@ -284,7 +284,9 @@ def _with_mass(pair: ContactPair, value: float) -> ContactPair:
 
 def _with_factor(system: System, excitation: Any, value: float) -> tuple[System, Any]:
     """The system with all of its damping multiplied: of the structure, and of the dashpots that hold balls."""
-    reactions = {name: replace(item, on_velocity=value * item.on_velocity) for name, item in system.reactions.items()}
+    reactions = {
+        name: changed(item, on_velocity=own(value * item.on_velocity)) for name, item in system.reactions.items()
+    }
     contacts = [
         replace(pair, free_damping=value * pair.free_damping) if pair.free_damping else pair for pair in system.contacts
     ]

@@ -36,9 +36,9 @@ from femimpact.integrators.methods import METHODS, Method
 from femimpact.integrators.stepping.newmark import Newmark
 from femimpact.structure.beam import ModalDamping, Rayleigh
 from femimpact.structure.structure import Structure
-from femimpact.system.modes import rayleigh_of, with_checked_pairs, with_damping, with_modal_damping
+from femimpact.system.modes import rayleigh_of, with_damping, with_modal_damping
 from femimpact.system.reduction import reduce, reduced_on
-from femimpact.system.system import System
+from femimpact.system.system import System, with_checked_pairs
 
 
 class Stage(IntEnum):

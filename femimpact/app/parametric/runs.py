@@ -27,9 +27,8 @@ from femimpact.integrators.cases import SineCases, start_of, with_balls, with_co
 from femimpact.integrators.methods import Method, step_of
 from femimpact.integrators.runs import response_by
 from femimpact.response.response import Recorder, Response
-from femimpact.system.modes import with_checked_pairs
 from femimpact.system.state import State
-from femimpact.system.system import System, without_impactors
+from femimpact.system.system import System, with_checked_pairs, without_impactors
 
 HISTORY_INSTANTS = 4096
 """Of a motion at which its largest speed is looked for, which scales the speeds of starts."""
