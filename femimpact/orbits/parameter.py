@@ -213,8 +213,8 @@ def _of_pair(
     for name, item in NUMBERS.items() if isinstance(pair.law, KelvinVoigt) else ():
         law = _law_that_has(pair, name)
         if law is not None:
-            ways = (partial(way, law=law, name=name) for way in (at_law, with_law))
-            yield parameter(f"contact.{name}", getattr(law, name), dict(item.metadata), *ways)
+            hybrid_at, pair_at = partial(at_law, law=law, name=name), partial(with_law, law=law, name=name)
+            yield parameter(f"contact.{name}", getattr(law, name), dict(item.metadata), hybrid_at, pair_at)
     if not pair.is_stop:
         yield parameter(
             "mass", pair.mass, quantity("kg", above=0.0), at_mass, lambda value: replace(pair, mass=value), True

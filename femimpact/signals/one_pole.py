@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from femimpact.arrays import Array
 from femimpact.errors import checked, quantity, real_array
-from femimpact.response.resolution import peak_resolution, resolution_warnings
+from femimpact.response.cycles import peak_resolution, resolution_warnings
 from femimpact.signals.bandwidth import DampingEstimate, checked_curve
 from femimpact.units import number_text
 
