@@ -29,10 +29,9 @@ from femimpact.excitation.remarks import frequency_warnings, motion_warnings
 from femimpact.integrators.cases import SineCases, SineDwellResults
 from femimpact.integrators.methods import Method
 from femimpact.integrators.planned_drive import TRANSIENT_LEFT, contact_notes, grid_resolution, transient_left
-from femimpact.response.cycles import SteadyMotion, deflection_warnings
+from femimpact.response.cycles import SteadyMotion, deflection_warnings, resolution_warnings
 from femimpact.response.energy import residual_warnings
 from femimpact.response.impacts import statistics_of_cases
-from femimpact.response.resolution import resolution_warnings
 from femimpact.signals.one_pole import DampingEstimate, fit_one_pole, half_power
 from femimpact.structure.structure import Position
 from femimpact.system.modes import first_elastic_frequency

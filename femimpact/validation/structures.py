@@ -19,7 +19,7 @@ from femimpact.fem.assembly import assemble
 from femimpact.integrators import methods
 from femimpact.integrators.runs import integrate
 from femimpact.integrators.stepping.newmark import HHT, WBZ, GeneralizedAlpha, MoreauJean, Newmark
-from femimpact.response.channels import SectionReading
+from femimpact.response.channels import QuantityAt
 from femimpact.response.response import Response
 from femimpact.structure.beam import Beam, Rayleigh, Segment
 from femimpact.structure.structure import Impactor, PointMass, Structure, Support, glue_impactors
@@ -267,7 +267,7 @@ def stress_of_tube() -> Iterator[Case]:
     beam = Beam.tube(length=LENGTH, diameter=diameter, wall=wall, young_modulus=210e9, density=7850.0)
     system = assemble(Structure(beam), 4)
     bent = np.linalg.solve(system.K.toarray(), force * system.point_row("tip"))
-    stress = SectionReading("root", "surface_stress").reading(system).displacement @ bent
+    stress = QuantityAt("surface_stress", "root").reading(system).displacement @ bent
     modulus = math.pi * (diameter**4 - (diameter - 2.0 * wall) ** 4) / (32.0 * diameter)
     yield Case(
         "clamped tube under a force at its tip", "derived here (pi (D^4 - d^4)/(32 D))", "stress at the root", "Pa",
