@@ -21,12 +21,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from femimpact import core
-from femimpact.app.parametric.block_files import BLOCKS, BlockFolder, block_folder, read_manifest
+from femimpact.app.parametric.dataset import (
+    BLOCKS,
+    BlockFolder,
+    Columns,
+    block_folder,
+    dataset_of,
+    labels_of,
+    read_manifest,
+)
 from femimpact.app.parametric.definition import ParameterStudy
-from femimpact.app.parametric.evaluation import evaluated
 from femimpact.app.parametric.identity import plain_study, study_key, versions
-from femimpact.app.parametric.labelled import Columns, dataset_of, labels_of
-from femimpact.app.parametric.runs import BlockValues
+from femimpact.app.parametric.runs import BlockValues, evaluated
 from femimpact.app.results.result_directory import FILES, Lock
 from femimpact.app.study.parameter_plan import SamplePlan
 from femimpact.app.study.study import Study
