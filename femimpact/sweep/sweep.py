@@ -197,7 +197,7 @@ def frequency_sweep(
         measured_dwells = method.run_cases(system, cases, row / scale, int(ledger), workers, report)
     columns, warnings = columns_of_dwells(measured_dwells, cases.frequency, ledger)
     columns |= {name: scale * columns[name] for name in OF_THE_CHANNEL}
-    return curve_of(system, method, cases, (columns, warnings), about)
+    return curve_of(system, method, cases, columns, warnings, about)
 
 
 def _checked_level(amplitude: Any, acceleration: Any, frequency: Array) -> tuple[float | None, Level | None]:
@@ -236,8 +236,8 @@ def _chained_curves(
     for i, way in enumerate(ways):
         part = runs[i * count : (i + 1) * count]
         dwells = joined(part if way == "up" else part[::-1], np.arange(count))
-        columns = columns_of_dwells(dwells, cases.frequency, ledger)
-        curves[way] = curve_of(system, method, cases, columns, {**about, "direction": way})
+        columns, warnings = columns_of_dwells(dwells, cases.frequency, ledger)
+        curves[way] = curve_of(system, method, cases, columns, warnings, {**about, "direction": way})
     return curves
 
 

@@ -513,7 +513,7 @@ def _enter_dwells(
     block.periodic.reshape(-1)[runs] = completed & ((found.motion.steadiness == "periodic") | without_impacts)
     values = block.values.reshape(-1, len(study.chosen))
     for m, item in enumerate(study.chosen):
-        if item.name in columns:
+        if item.function is None and item.name in columns:
             values[runs[completed], m] = columns[item.name][completed]
     for run, failure, reason in zip(runs.tolist(), found.failures, reasons, strict=True):
         if failure or reason:
