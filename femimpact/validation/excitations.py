@@ -121,32 +121,27 @@ RATIO, NATURAL = 0.0029, 5.3
 """The paper's damping ratio and natural frequency (Hz) without the ball."""
 
 
-def one_pole() -> Iterator[Case]:
-    """The fit finds the ratio of an exact curve of one pole."""
+def damping() -> Iterator[Case]:
+    """Readings of an exact curve of one pole: its fit, the half-power width by a quadratic, the drop of the peak."""
+
+    def curve(f: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.abs(f**2 / (NATURAL**2 - f**2 + 2j * RATIO * NATURAL * f))
+
     f = np.linspace(5.2, 5.4, 41)
-    curve = np.abs(f**2 / (NATURAL**2 - f**2 + 2j * RATIO * NATURAL * f))
     yield Case(
         "one-pole fit of an exact curve", "derived here (transfer function)", "damping ratio", "1", RATIO,
-        fit_one_pole(f, curve).ratio, 1e-8, "tolerance of the least-squares solver",
+        fit_one_pole(f, curve(f)).ratio, 1e-8, "tolerance of the least-squares solver",
     )  # fmt: skip
-
-
-def bandwidth() -> Iterator[Case]:
-    """Half-power points of an exact curve: roots of a quadratic in the square of the frequency ratio."""
     # r^4/((1 - r^2)^2 + (2 z r)^2) is half its largest value 1/(4 z^2 (1 - z^2)), at r^2 = 1/(1 - 2 z^2)
     half = 0.5 / (4 * RATIO**2 * (1 - RATIO**2))
     low, high = np.sort(np.roots([1 - 1 / half, -2 + 4 * RATIO**2, 1.0]).real)
     f = NATURAL * np.linspace(0.985, 1.015, 20_001)
-    curve = np.abs(f**2 / (NATURAL**2 - f**2 + 2j * RATIO * NATURAL * f))
     yield Case(
         "half-power width of an exact curve", "derived here (roots of a quadratic)", "damping ratio", "1",
-        float(high - low) / 4 * (1 - 2 * RATIO**2), half_power(f, curve).ratio, 3e-6,
+        float(high - low) / 4 * (1 - 2 * RATIO**2), half_power(f, curve(f)).ratio, 3e-6,
         "20,001 points: the peak lies within 1.5e-6 f0 / 2 of one, crossings by straight lines",
     )  # fmt: skip
-
-
-def drop_of_the_peak() -> Iterator[Case]:
-    """Five times less amplitude is five times the damping: the paper's estimate."""
+    # five times less amplitude is five times the damping: the paper's estimate
     empty = DampingEstimate(RATIO, NATURAL, (RATIO, RATIO), "given")
     yield Case(
         "amplitude ratio of 5", "derived here (peak of one pole)", "damping ratio", "1", 5 * RATIO,
@@ -446,9 +441,7 @@ READING_CASES = (
     impacts_of_a_cycle,
     force_across_a_window,
     laser_end,
-    one_pole,
-    bandwidth,
-    drop_of_the_peak,
+    damping,
     starts_of_a_ball,
     intervals_of_a_mode,
     calibrated,
