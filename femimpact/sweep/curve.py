@@ -75,10 +75,7 @@ def on_grid(
     frequency: ArrayLike,  # (n,) Hz
     grid: ArrayLike,  # (m,) Hz
 ) -> NDArray[np.bool_]:
-    """True for the frequencies that are points of a grid, (n,).
-
-    Raises `InputError` if one of them holds anything but finite numbers.
-    """
+    """True for the frequencies that are points of a grid, (n,)."""
     wanted, points = (
         real_array(key, values, "Hz", "must be finite numbers")
         for key, values in (("frequency", frequency), ("grid", grid))
@@ -139,12 +136,6 @@ class FrequencyResponse:
         None of a sweep at constant displacement.
     direction : "up", "down" or None
         The way in which each frequency began with the end of the one before it; None where each is a separate run.
-
-    Raises
-    ------
-    InputError
-        If not exactly one of `cycles` and `duration` or of `amplitude` and `acceleration` is given, or the window is
-        longer than the duration.
     """
 
     _figure: ClassVar[str] = "fi.figures.response_curve(curve)"

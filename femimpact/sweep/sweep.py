@@ -150,9 +150,6 @@ def frequency_sweep(
 
     Raises
     ------
-    InputError
-        If an argument is out of range, not exactly one of amplitude and acceleration is given, or the step does not
-        resolve the contact.
     DivergenceError
         If every frequency diverged.
     """
@@ -219,8 +216,6 @@ def _chained_curves(
     """Curves by their direction, of one chain of dwells: each begins where the last one that has not failed ended.
 
     The base is at zero where the frequency changes: its displacement is continuous, and the motion relative to it.
-
-    Raises `InputError` if a dwell cannot be run at all.
     """
     ways = ["up", "down"] if direction == "both" else [direction]
     count = cases.frequency.size
@@ -257,8 +252,6 @@ def dwell_cycles(
     """Frequencies of dwells and their base cycles, all and measured, from a number of cycles or from a duration.
 
     Of a duration all complete cycles from t = 0 are run; measured are those that lie within the window at its end.
-
-    Raises `InputError` if neither or both ways are taken, or less than one whole cycle would be measured.
     """
     allowed = "must be one or more numbers > 0"
     f = np.atleast_1d(real_array("frequencies", frequencies, "Hz", allowed))

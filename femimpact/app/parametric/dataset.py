@@ -369,10 +369,7 @@ class BlockFolder:
     damaged: Callable[[str, str], None]
 
     def blocks(self) -> Iterator[BlockValues]:
-        """All blocks on disk.
-
-        Raises `InputError` if the folder cannot be listed.
-        """
+        """All blocks on disk."""
         for name in _names(self.folder):
             if keys_of([name]) == {self.key[:16]}:
                 try:
@@ -489,10 +486,7 @@ def block_folder(
 
 
 def read_manifest(directory: Path) -> dict[str, Any]:
-    """The manifest of the study in a directory: `key`, `study` and `table`.
-
-    Raises `InputError` if there is none, or it is damaged.
-    """
+    """The manifest of the study in a directory: `key`, `study` and `table`."""
     try:
         return _manifest(directory / BLOCKS / MANIFEST)
     except FileNotFoundError:

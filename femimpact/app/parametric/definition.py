@@ -74,11 +74,6 @@ class ParameterStudy:
         Of the structures that a function returns.
     version : str, optional
         Of the functions given, in place of their code.
-
-    Raises
-    ------
-    InputError
-        If a path or a measure is unknown.
     """
 
     study: Study | System | Callable[..., Any]
@@ -379,10 +374,7 @@ class CaseTable:
 
 
 def full_grid(places: Sequence[Place], axes: Mapping[str, AxisValues | Distribution]) -> CaseTable:
-    """Every value of every axis with every value of the others.
-
-    Raises `InputError` if an axis is a distribution, or there are more cases than anyone means.
-    """
+    """Every value of every axis with every value of the others."""
     levels = []
     for path, axis in axes.items():
         if isinstance(axis, Distribution):
@@ -398,10 +390,7 @@ def full_grid(places: Sequence[Place], axes: Mapping[str, AxisValues | Distribut
 def sampled_cases(
     places: Sequence[Place], axes: Mapping[str, AxisValues | Distribution], plan: SamplePlan
 ) -> CaseTable:  # fmt: skip
-    """Cases from the distributions of the axes.
-
-    Raises `InputError` if an axis has values in place of a distribution.
-    """
+    """Cases from the distributions of the axes."""
     from scipy.stats import qmc
 
     distributions = []

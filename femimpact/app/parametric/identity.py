@@ -264,10 +264,7 @@ def study_key(plain: Mapping[str, Any]) -> str:
 
 
 def plain_study(study: ParameterStudy) -> dict[str, Any]:
-    """The study as plain data: two that are equal give the same results with the same code.
-
-    Raises `InputError` if a value is no plain data, and there is no version.
-    """
+    """The study as plain data: two that are equal give the same results with the same code."""
     given: Any = study.study
     walk = _Walk(study.version)
     axes = {

@@ -82,10 +82,7 @@ def measures_of(
     system: System,
     without_cycle: str = "",  # the motion of the base where it has no cycle; empty where it has
 ) -> tuple[Measure, ...]:
-    """The measures asked for: by their names, by a channel whose largest value is meant, or functions of a response.
-
-    Raises `InputError` if a measure is unknown, asked for twice, or needs a cycle where there is none.
-    """
+    """The measures asked for: by their names, by a channel whose largest value is meant, or functions of a response."""
     found = tuple(_measure(item, system) for item in given)
     names = [item.name for item in found]
     for i, name in enumerate(names):

@@ -180,10 +180,7 @@ def _law_of(owner: str, part: str, law: Any) -> Iterator[Place]:
 
 
 def study_with(study: Study, values: Mapping[Place, Any]) -> Study:
-    """The study with some of its values changed; those of the start of the balls stay what they were.
-
-    Raises `InputError` if a value is out of range, or does not fit the others.
-    """
+    """The study with some of its values changed; those of the start of the balls stay what they were."""
     for place, value in values.items():
         try:
             changed = _changed(study, place, value)
@@ -292,10 +289,7 @@ class CaseSystems:
         return CaseSystems, (self.given, self.method, self.elements, self.modes, self.mesh)
 
     def of(self, values: Values) -> System:
-        """The system of a case, for its values before `Stage.METHOD`.
-
-        Raises `InputError` if there is no such system.
-        """
+        """The system of a case, for its values before `Stage.METHOD`."""
         # one thread at a time: several at so many small calls would take longer than one after the other
         with self.lock:
             return self._kept(tuple((place, value) for place, value in values.items() if place.stage < Stage.METHOD))
@@ -332,8 +326,6 @@ class CaseSystems:
         """The method for a system with the contacts of a case.
 
         Of a system or a function it is by default event-driven, or Newmark's where that does not take the system.
-
-        Raises `InputError` if it does not take the system.
         """
         if self.method is not None:
             self.method.check(system)

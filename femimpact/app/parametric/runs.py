@@ -164,8 +164,6 @@ def equations_of_case(study: ParameterStudy, case: int, of_system: dict[Any, Met
     """System, laws and method of a case.
 
     A method without a step does not depend on the laws: `of_system` keeps it for other cases of a system.
-
-    Raises `FemimpactError` where there are none.
     """
     values = study.table.values(case)
     system = study.systems.of(values)
@@ -386,10 +384,7 @@ def _largest_speed(base: Excitation, duration: float) -> Array:
 def history_of_case(
     study: ParameterStudy, case: int, start: int, record: Recorder, without_balls: bool = False
 ) -> Response:  # fmt: skip
-    """The run of one start of a case whose base has no cycle.
-
-    Raises `InputError` if the case cannot be run.
-    """
+    """The run of one start of a case whose base has no cycle."""
     values = study.table.values(case)
     given: Any = study.study
     changed = study_with(given, {place: value for place, value in values.items() if place.stage is Stage.CASE})
@@ -452,11 +447,6 @@ def run_case(study: ParameterStudy, number: int, start: int = 0, record: Recorde
         Of its starts, from 0.
     record : Recorder, optional
         What is kept.
-
-    Raises
-    ------
-    InputError
-        If there is no such case or start, or the case cannot be run.
     """
     require_type(study, ParameterStudy, "study")
     for key, value, most in (("number", number, study.table.size), ("start", start, study.starts)):
