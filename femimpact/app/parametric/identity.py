@@ -7,7 +7,6 @@ read. Code is read, not run. Whatever is none of this is refused: it needs a ver
 
 from __future__ import annotations
 
-import ast
 import dataclasses
 import dis
 import hashlib
@@ -17,7 +16,7 @@ import os
 import sys
 import sysconfig
 import types
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property, partial
 from importlib.machinery import ModuleSpec
@@ -134,7 +133,7 @@ def add_source_files(
     names: Mapping[str, Any],  # those of a module of the user
     files: dict[str, str],  # hashes by the names of modules, to which those of the module are added
 ) -> None:
-    """Add the file of a module and of all modules of the user that it imports, by the syntax of their texts.
+    """Add the file of a module and of all modules of the user that it imports, by the code of their texts.
 
     Raises `NotComparableError` if one of them is not in Python.
     """
@@ -147,54 +146,36 @@ def add_source_files(
             continue
         try:
             content = Path(file).read_bytes()
-            tree = ast.parse(content)
+            code = compile(content, file, "exec", dont_inherit=True)
         except (OSError, SyntaxError, ValueError):
             raise NotComparableError(f"the module {name}, which has no text in Python") from None
         files[name] = hashlib.sha256(content).hexdigest()
-        for other in _imported(tree, name if is_package else name.rpartition(".")[0]):
+        for other in sorted(imported_by(code, name if is_package else name.rpartition(".")[0])):
             found = _spec(other)
             if found is not None and found.has_location and not is_library_file(str(found.origin)):
                 left.append((other, str(found.origin), found.submodule_search_locations is not None))
-
-
-def _imported(tree: ast.Module, package: str) -> Iterator[str]:
-    """Names of all modules that a text may import."""
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Import):
-            for item in node.names:
-                yield from _module_names(item.name, 0, (), package)
-        elif isinstance(node, ast.ImportFrom):
-            yield from _module_names(node.module or "", node.level, [item.name for item in node.names], package)
 
 
 def imported_by(
     code: types.CodeType,
     package: str,  # of the module in which the code stands
 ) -> set[str]:
-    """Names of all modules that code may import when it runs."""
-    found = set[str]()
+    """Names of all modules that code may import: those that it names, those above, and what it takes of them."""
+    names = set[str]()
     for part in _codes(code):
-        steps = list(dis.get_instructions(part))
+        # a large number of a name stands in an instruction before it
+        steps = [step for step in dis.get_instructions(part) if step.opname != "EXTENDED_ARG"]
         for level, taken, step in zip(steps, steps[1:], steps[2:], strict=False):
-            if step.opname == "IMPORT_NAME":
-                found |= {*_module_names(str(step.argval), level.argval, taken.argval or (), package)}
-    return found
-
-
-def _module_names(
-    name: str,
-    level: int,  # dots before the name
-    taken: Iterable[str],  # what is imported from there, which may be modules
-    package: str,
-) -> Iterator[str]:
-    """Names of the modules that an import statement may load: the one it names, those above and within it."""
-    try:
-        full = resolve_name("." * level + name, package)
-    except ImportError:
-        return
-    parts = full.split(".")
-    yield from (".".join(parts[: i + 1]) for i in range(len(parts)))
-    yield from (f"{full}.{item}" for item in taken)
+            if step.opname != "IMPORT_NAME":
+                continue
+            try:
+                full = resolve_name("." * level.argval + str(step.argval), package)
+            except ImportError:
+                continue
+            above = full.split(".")
+            names |= {".".join(above[: i + 1]) for i in range(len(above))}
+            names |= {f"{full}.{item}" for item in taken.argval or ()}
+    return names
 
 
 def _spec(name: str) -> ModuleSpec | None:
