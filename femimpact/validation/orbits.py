@@ -545,7 +545,7 @@ def compliant_walls() -> Iterator[Case]:
     )  # fmt: skip
 
 
-CASES = (
+CASES: tuple[Callable[[], Iterator[Case]], ...] = (
     stop_once_a_cycle, several_forces, ball_in_a_box, light_ball,
     *(partial(beside, compared) for compared in (*BOX, ONE_IMPACT, SPACE, SECOND_CYCLES)),
     space_clearance, second_harmonic, bifurcations_of_the_box, bifurcations_at_the_stop, neimark_sacker, of_a_beam,
