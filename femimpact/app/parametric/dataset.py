@@ -43,7 +43,6 @@ from femimpact.excitation.drive_words import drive_words
 from femimpact.figures.study_labels import PAIRED, STATISTICS
 from femimpact.files import atomic_write, to_disk
 from femimpact.integrators.planned_drive import PreflightRow, contact_notes, step_rows
-from femimpact.regular_file import read_regular
 from femimpact.response.cycles import deflection_warnings
 from femimpact.system.system import System, without_impactors
 from femimpact.units import unit_text
@@ -339,9 +338,11 @@ REWRITTEN = frozenset(
 """Files beside the blocks that every call writes anew."""
 
 NAME = re.compile(r"([0-9a-f]{16})-\d+\.block")
-UNFINISHED = re.compile(r"\.(study|[0-9a-f]{16}-\d+)-\w{8}\.(json|block)")
-UNFINISHED_RESULT = re.compile(r"\.(study(_[\w-]+)?|report)-\w{8}\.(nc|csv|toml|png|html)")
-MOST_BYTES = 2_000_000_000
+UNFINISHED = re.compile(r"\.(study(_[\w-]+)?|report|[0-9a-f]{16}-\d+)-\w{8}\.\w+")
+"""Names of temporary files of a study."""
+
+
+OTHER_CONTENT = "its checksum is that of another content"
 
 
 class DamagedFileError(Exception):
@@ -353,73 +354,56 @@ class DamagedFileError(Exception):
 
 @dataclass(frozen=True)
 class BlockFolder:
-    """The finished blocks of one study.
-
-    Parameters
-    ----------
-    folder : Path
-    key : str
-        Of the study and the code.
-    damaged : callable
-        Called with the name of each damaged file and the reason.
-    """
+    """The finished blocks of one study."""
 
     folder: Path
-    key: str
-    damaged: Callable[[str, str], None]
+    key: str  # of the study and the code
+    damaged: Callable[[str, str], None]  # called with the name of each damaged file and the reason
 
     def blocks(self) -> Iterator[BlockValues]:
         """All blocks on disk."""
         for name in _names(self.folder):
             if keys_of([name]) == {self.key[:16]}:
                 try:
-                    yield _block_of(_bytes_of(self.folder / name), self._checked_by(name))
+                    yield self._read(name)
                 except FileNotFoundError:
                     continue
                 except DamagedFileError as error:
                     self.damaged(name, str(error))
 
+    def _read(self, name: str) -> BlockValues:
+        digest, _, payload = _bytes_of(self.folder / name).partition(b"\n")
+        if digest != self._checksum_of(name, payload):
+            raise DamagedFileError(OTHER_CONTENT)
+        with np.load(io.BytesIO(payload)) as arrays:
+            failures, words = json.loads(arrays["texts"].tobytes())
+            return BlockValues(arrays["cases"], arrays["values"], arrays["periodic"], failures, words)
+
     def write(self, block: BlockValues) -> None:
         """Write a block to disk."""
-        name = f"{self.key[:16]}-{int(block.cases[0]):08d}.block"
-        atomic_write(self.folder / name, _content_of(block, self._checked_by(name)))
+        name, payload = f"{self.key[:16]}-{int(block.cases[0]):08d}.block", io.BytesIO()
+        text = np.frombuffer(json.dumps([block.failures, block.words]).encode(), dtype=np.uint8)
+        np.savez(payload, cases=block.cases, values=block.values, periodic=block.periodic, texts=text)
+        content = payload.getvalue()
+        atomic_write(self.folder / name, self._checksum_of(name, content) + b"\n" + content)
         to_disk(self.folder)
 
     def remove_unfinished(self) -> None:
         """Remove the temporary files of a process that was ended while it wrote."""
-        for folder, pattern in ((self.folder, UNFINISHED), (self.folder.parent, UNFINISHED_RESULT)):
-            for name in os.listdir(folder):
-                if pattern.fullmatch(name):
-                    (folder / name).unlink(missing_ok=True)
+        for folder in (self.folder, self.folder.parent):
+            for path in folder.iterdir():
+                if UNFINISHED.fullmatch(path.name):
+                    path.unlink(missing_ok=True)
 
-    def _checked_by(self, name: str) -> bytes:
-        """What the checksum of a file holds beside its content: under another name it is damaged."""
-        return f"{self.key} {name}".encode()
-
-
-def _content_of(block: BlockValues, place: bytes) -> bytes:
-    """A block as bytes with their checksum."""
-    payload = io.BytesIO()
-    text = np.frombuffer(json.dumps([block.failures, block.words]).encode(), dtype=np.uint8)
-    np.savez(payload, cases=block.cases, values=block.values, periodic=block.periodic, texts=text)
-    content = payload.getvalue()
-    return hashlib.sha256(place + content).hexdigest().encode() + b"\n" + content
-
-
-def _block_of(content: bytes, place: bytes) -> BlockValues:
-    """The block in a file."""
-    digest, _, payload = content.partition(b"\n")
-    if hashlib.sha256(place + payload).hexdigest().encode() != digest:
-        raise DamagedFileError("its checksum is that of another content")
-    with np.load(io.BytesIO(payload)) as arrays:
-        failures, words = json.loads(arrays["texts"].tobytes())
-        return BlockValues(arrays["cases"], arrays["values"], arrays["periodic"], failures, words)
+    def _checksum_of(self, name: str, payload: bytes) -> bytes:
+        """Of the content of a file and of what it is: under another name it is damaged."""
+        return hashlib.sha256(f"{self.key} {name}".encode() + payload).hexdigest().encode()
 
 
 def _bytes_of(path: Path) -> bytes:
     """Bytes of a file; one that cannot be read is damaged."""
     try:
-        return read_regular(path, MOST_BYTES)
+        return path.read_bytes()
     except FileNotFoundError:
         raise
     except OSError as error:
@@ -430,10 +414,8 @@ def _names(folder: Path) -> list[str]:
     """Names of the files in the folder of blocks, sorted; none where there is no folder."""
     try:
         return sorted(os.listdir(folder))
-    except (FileNotFoundError, NotADirectoryError):
+    except FileNotFoundError:
         return []
-    except OSError as error:
-        raise InputError([Fault("directory", str(folder), "", f"must be readable: {error.strerror}")]) from None
 
 
 def keys_of(names: list[str]) -> set[str]:
@@ -508,7 +490,7 @@ def _manifest(path: Path) -> dict[str, Any]:
     except (ValueError, RecursionError, AttributeError, TypeError):
         raise DamagedFileError("it is no table in JSON") from None
     if not same:
-        raise DamagedFileError("its checksum is that of another content")
+        raise DamagedFileError(OTHER_CONTENT)
     return found
 
 
