@@ -130,7 +130,8 @@ def _group_of(study: ParameterStudy, block: BlockValues, parts: Sequence[tuple[_
     )
     runs = _runs(study, first, block.cases[members], tuple(laws.values()), law_of)
     if len(systems) > 1:
-        runs = _with_systems(study, tuple(systems.values()), system_of, runs)
+        both = tuple((system, system.point_row(study.observed)) for system in systems.values())
+        runs = replace(runs, systems=both, system_of=np.repeat(system_of, study.starts))
     return CaseGroup(first.values, first.system, first.method, members, _with_placed_balls(runs, first.system, study))
 
 
@@ -214,19 +215,6 @@ def _key(noun: Any) -> Any:
     except TypeError:
         return id(noun)
     return noun
-
-
-def _with_systems(
-    study: ParameterStudy, systems: tuple[System, ...], system_of: Integers, runs: SineCases
-) -> SineCases:  # fmt: skip
-    """The runs, each with the system of its case."""
-    rows: dict[int, Array] = {}
-    for system in systems:
-        # of one expansion all places have the same rows
-        if id(system.expansion) not in rows:
-            rows[id(system.expansion)] = system.point_row(study.observed)
-    both = tuple((system, rows[id(system.expansion)]) for system in systems)
-    return replace(runs, systems=both, system_of=np.repeat(system_of, study.starts))
 
 
 # ---- runs ----------------------------------------------------------------------------------------------
@@ -544,15 +532,10 @@ def _systems_without_balls(rows: SineCases) -> tuple[tuple[tuple[System, Array],
     """The systems of runs without their balls, those with the same matrices once, and which of them each run has."""
     if rows.system_of is None:
         return (), np.zeros(rows.frequency.size, dtype=np.int64)
-    number = dict[int, int]()
-    found: dict[tuple[int, ...], tuple[int, tuple[System, Array]]] = {}
-    for one in np.unique(rows.system_of).tolist():
-        system, row = rows.systems[one]
-        matrices = tuple(id(getattr(system, name)) for name in ("M", "C", "K", "expansion"))
-        if matrices not in found:
-            found[matrices] = len(found), (without_impactors(system), row)
-        number[one] = found[matrices][0]
-    return tuple(entry for _, entry in found.values()), np.array([number[one] for one in rows.system_of.tolist()])
+    matrices = [tuple(id(getattr(system, name)) for name in ("M", "C", "K", "expansion")) for system, _ in rows.systems]
+    bare = {key: (without_impactors(system), row) for key, (system, row) in zip(matrices, rows.systems, strict=True)}
+    numbers = {key: number for number, key in enumerate(bare)}
+    return tuple(bare.values()), np.array([numbers[key] for key in matrices])[rows.system_of]
 
 
 # ---- separate runs -----------------------------------------------------------------------------------
@@ -571,10 +554,14 @@ def _enter_separate_runs(
         return
     measured = study.dwell // 3
     values = block.values.reshape(-1, len(study.chosen))
+    # a function of the user may read anything of a run, from its start on
+    whole = any(item.function is not None for _, item in asked)
+    ledger = whole or any(item.source is Source.LEDGER for _, item in asked)
+    record = Recorder(channels=_channels([item for _, item in asked], group.system), ledger=ledger)
     for run, member in zip(runs.tolist(), part.tolist(), strict=True):
         begin = (study.dwell - measured) / float(group.runs.frequency[member])
         try:
-            response = group.response(member, _record([item for _, item in asked], begin, group.system))
+            response = group.response(member, record if whole else replace(record, start=begin))
             for m, item in asked:
                 value = of_response(item, response, begin, measured)
                 if isinstance(value, str):
@@ -585,27 +572,18 @@ def _enter_separate_runs(
             block.fail(np.array([run]), str(error))
 
 
-def _record(asked: Sequence[Measure], begin: float, system: System) -> Recorder:
-    """The recorder of a run for its measures; a function of the user may read anything of it from its start on."""
-    channels = [item.channel for item in asked if item.channel]
-    if any(item.function is not None for item in asked):
-        return Recorder(channels=_with_default_channels(system, channels))
-    ledger = any(item.source is Source.LEDGER for item in asked)
-    return Recorder(channels=tuple(dict.fromkeys(channels)), start=begin, ledger=ledger)
-
-
-def _with_default_channels(system: System, channels: Sequence[str]) -> tuple[str, ...]:
-    return tuple(dict.fromkeys([*(channel.name for channel in resolve_channels(system, None)), *channels]))
+def _channels(asked: Sequence[Measure], system: System, *others: str) -> tuple[str, ...]:
+    """The channels of measures and others; a function of the user may read the default ones, too."""
+    of_functions = resolve_channels(system, None) if any(item.function is not None for item in asked) else ()
+    of_measures = [item.channel for item in asked if item.channel]
+    return tuple(dict.fromkeys([*(channel.name for channel in of_functions), *others, *of_measures]))
 
 
 def _run_histories(study: ParameterStudy, block: BlockValues) -> None:
     """Enter the measures of cases whose base has no cycle: of a run of each start over the complete history."""
     ratio = any(item.name == "peak_ratio" for item in study.chosen)
     observed = str(study.observed)
-    channels: Sequence[str] = [observed, *(item.channel for item in study.chosen if item.channel)]
-    if any(item.function is not None for item in study.chosen):
-        channels = _with_default_channels(study.nominal, channels)
-    record = Recorder(channels=tuple(dict.fromkeys(channels)))
+    record = Recorder(channels=_channels(study.chosen, study.nominal, observed))
     of_place = Recorder(channels=(observed,), ledger=False)
     for i, case in enumerate(block.cases.tolist()):
         for start in range(study.starts):
