@@ -124,15 +124,11 @@ def test_a_mutation_is_put_where_its_text_stands_once(mutations, tmp_path):
             mutations.mutate(mutations.Mutation(name, text, ""), tmp_path)
 
 
-def test_mutations_are_distinct_and_change_something(mutations):
-    names = [mutation.name for mutation in mutations.MUTATIONS]
-    assert len(set(names)) == len(names) >= 20
-    assert all(mutation.old != mutation.new for mutation in mutations.MUTATIONS)
-
-
-def test_mutations_of_what_no_case_reaches_are_distinct_and_name_files_of_tests(scripts):
+def test_each_mutation_has_its_own_name_changes_something_and_names_one_place(scripts):
     by_tests = scripts["mutations_by_tests"].MUTATIONS
-    every = [mutation for several in by_tests.values() for mutation in several]
-    assert len({mutation.name for mutation in every}) == len(every) >= 40
-    assert all(mutation.old != mutation.new for mutation in every)
     assert [name for name in by_tests if not (TESTS / name).is_file()] == []
+    mutations = [*scripts["mutations"].MUTATIONS, *(one for several in by_tests.values() for one in several)]
+    assert len({mutation.name for mutation in mutations}) == len(mutations) >= 60
+    assert all(mutation.old != mutation.new for mutation in mutations)
+    package = scripts["mutations"].PACKAGE
+    assert all(scripts["mutations"].place_of(mutation, package).is_file() for mutation in mutations)

@@ -31,7 +31,7 @@ from femimpact.structure.structure import (
 from femimpact.system.added_terms import add_terms
 from femimpact.system.contact_pair import ContactPair, contact_pair
 from femimpact.system.hermite import Reaction, hermite_rows
-from femimpact.system.matrices import Matrix, frozen_row
+from femimpact.system.matrices import Matrix
 from femimpact.system.modes import (
     Modes,
     computed_system,
@@ -216,7 +216,7 @@ def assembled_with_modes(
     """The system of `assemble`, and so many of its undamped modes or as many as its damping refers to."""
     grid = discretise(structure, elements, mesh)
     bare = _undamped(grid)
-    damped, modes = damped_with_modes(bare, structure.damping, min(least, bare.dofs))
+    damped, modes = damped_with_modes(bare, structure.beam, min(least, bare.dofs))
     contacts = _contacts(damped, grid, modes)
     complete = with_checked_fields(damped, first_frequency=float(modes.natural_frequency[0]), contacts=contacts)
     for words in unusual_words(structure, first_elastic_frequency(complete)):
@@ -237,14 +237,14 @@ def _undamped(grid: Discretisation) -> System:
     free, rigid = grid.free, np.zeros(grid.dofs)
     rigid[0::2] = 1.0
     momentum = M.times(rigid)
-    load = frozen_row(grid.structure.gravity * momentum[free])
+    load = grid.structure.gravity * momentum[free]
     return computed_system(
         M=M.on(free, grid.dofs),
         C=sparse.csr_array((free.size, free.size)),
         K=K.on(free, grid.dofs),
         stiffness_factor=factor[:, free],
-        base_load=frozen_row(momentum[free]),
-        rigid_translation=frozen_row(rigid[free]),
+        base_load=momentum[free],
+        rigid_translation=rigid[free],
         nodes=grid.mesh.nodes,
         expansion=_expansion(grid),
         points=_points(grid),
@@ -334,14 +334,14 @@ def _reactions(grid: Discretisation, M: Entries, K: Entries, momentum: Array) ->
         node = grid.node_of(support)
         for kind in SUPPORTS[support.kind]:
             held.setdefault(*((2 * node, f"{at}.force") if kind == "w" else (2 * node + 1, f"{at}.moment")))
-    still = frozen_row(np.zeros(grid.free.size))
+    still = np.zeros(grid.free.size)
     return {
         name: Reaction(
             dof=dof,
             unit="N m" if dof % 2 else "N",
-            on_acceleration=frozen_row(M.row_of(dof, grid.dofs)[grid.free]),
+            on_acceleration=M.row_of(dof, momentum.size)[grid.free],
             on_velocity=still,
-            on_displacement=frozen_row(K.row_of(dof, grid.dofs)[grid.free]),
+            on_displacement=K.row_of(dof, momentum.size)[grid.free],
             on_base_acceleration=float(momentum[dof]),
             constant=float(grid.structure.gravity * momentum[dof]),
         )
@@ -354,14 +354,11 @@ def _forces_to_base(grid: Discretisation, items: Sequence[Spring | Dashpot], kin
     to_base = [item for item in items if item.to is None]
     if not to_base:
         return {}
-    still = frozen_row(np.zeros(grid.free.size))
+    still = np.zeros(grid.free.size)
     forces = {}
     for item, row in zip(to_base, _connection_rows(grid, to_base, kind)[:, grid.free].toarray(), strict=True):
-        if isinstance(item, Dashpot):
-            on_velocity, on_displacement = frozen_row(-item.damping * row), still
-        else:
-            on_velocity, on_displacement = still, frozen_row(-item.stiffness * row)
-        forces[f"{item.name}.force"] = Reaction(None, "N", still, on_velocity, on_displacement, 0.0)
+        pulls = (-item.damping * row, still) if isinstance(item, Dashpot) else (still, -item.stiffness * row)
+        forces[f"{item.name}.force"] = Reaction(None, "N", still, *pulls, 0.0)
     return forces
 
 

@@ -16,12 +16,11 @@ import scipy.special
 
 from femimpact.contact.collision import damping_ratio_for_restitution, linear_angle
 from femimpact.contact.laws import KelvinVoigt, Rigid
-from femimpact.errors import changed, quantity, require, require_type, suggestion
-from femimpact.excitation.forces import PointForce
+from femimpact.errors import quantity, require, require_type, suggestion
+from femimpact.excitation.drives import PointForce
 from femimpact.excitation.harmonic import Sine
-from femimpact.orbits.flow import HybridSystem, Numbers, hybrid_system
+from femimpact.orbits.motion import HybridSystem, Numbers, hybrid_system
 from femimpact.system.contact_pair import ContactPair
-from femimpact.system.matrices import frozen_row
 from femimpact.system.modes import with_checked_fields, with_checked_pairs
 from femimpact.system.system import System
 
@@ -285,9 +284,7 @@ def _with_mass(pair: ContactPair, value: float) -> ContactPair:
 
 def _with_factor(system: System, excitation: Any, value: float) -> tuple[System, Any]:
     """The system with all of its damping multiplied: of the structure, and of the dashpots that hold balls."""
-    reactions = {
-        name: changed(item, on_velocity=frozen_row(value * item.on_velocity)) for name, item in system.reactions.items()
-    }
+    reactions = {name: replace(item, on_velocity=value * item.on_velocity) for name, item in system.reactions.items()}
     contacts = [
         replace(pair, free_damping=value * pair.free_damping) if pair.free_damping else pair for pair in system.contacts
     ]

@@ -10,10 +10,11 @@ import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import ArrayLike, NDArray
 
+from femimpact.arrays import own
 from femimpact.errors import Fault, InputError, require, require_type
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.hermite import Reaction
-from femimpact.system.matrices import Matrix, banded_factor, checked_matrix, checked_row, frozen_row
+from femimpact.system.matrices import Matrix, banded_factor, checked_matrix, checked_row
 from femimpact.system.modes import first_mode_at, flexibility, solve_modes
 from femimpact.system.system import System
 
@@ -86,7 +87,7 @@ def add_terms(
     momentum = on_basis["mass"] @ rigid
     loaded: dict[str, Any] = {
         "rayleigh": system.rayleigh if damping is None else None,
-        "constant_load": frozen_row(system.constant_load + expansion.T @ force),
+        "constant_load": own(system.constant_load + expansion.T @ force),
         "constant_resultant": None,
         "reactions": {
             name: _with_terms(item, system.rayleigh, on_basis, momentum, force, expansion)
@@ -121,7 +122,7 @@ def _with_new_matrices(
         C=sparse.csr_array(C),
         K=K,
         stiffness_factor=_stiffness_factor(system, free["stiffness"], K),
-        base_load=frozen_row(system.base_load + base_load),
+        base_load=own(system.base_load + base_load),
         total_mass=system.total_mass + total_mass,
         first_frequency=math.nan,
         contacts=(),
@@ -169,9 +170,9 @@ def _with_terms(
     damped = alpha * added["mass"] + beta * added["stiffness"] + added["damping"]
     return replace(
         item,
-        on_acceleration=frozen_row(item.on_acceleration + added["mass"]),
-        on_velocity=frozen_row(item.on_velocity + damped),
-        on_displacement=frozen_row(item.on_displacement + added["stiffness"]),
+        on_acceleration=item.on_acceleration + added["mass"],
+        on_velocity=item.on_velocity + damped,
+        on_displacement=item.on_displacement + added["stiffness"],
         on_base_acceleration=item.on_base_acceleration + float(momentum[item.dof]),
         constant=item.constant + float(force[item.dof]),
     )

@@ -169,13 +169,6 @@ def checked_row(key: str, value: ArrayLike, dofs: int) -> Array:
     return row
 
 
-def frozen_row(values: ArrayLike) -> Array:
-    """A read-only copy of numbers."""
-    array = np.array(values, dtype=float)
-    array.setflags(write=False)
-    return array
-
-
 def checked_shapes(nodes: ArrayLike | None, expansion: Any, dofs: int) -> tuple[Array, Matrix]:
     """Nodes (n,) and the matrix (2 n, dofs) that reads w and w' there; none of either where none is given.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any
 
@@ -13,11 +13,21 @@ import scipy.sparse as sparse
 from numpy.typing import NDArray
 
 from femimpact.arrays import Array
-from femimpact.errors import check_fields, column, in_range, quantity, real_array, require, require_type
-from femimpact.structure.damping import ModalDamping, Rayleigh, rayleigh_coefficients, realised_damping_ratio
+from femimpact.errors import (
+    Fault,
+    InputError,
+    check_fields,
+    column,
+    in_range,
+    made,
+    quantity,
+    require,
+    require_type,
+)
+from femimpact.structure.beam import ModalDamping, Rayleigh, rayleigh_coefficients, realised_damping_ratio
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.hermite import damped_reactions
-from femimpact.system.matrices import FINITE, diagonal_matrix, frozen_row, rigid_motions, stiffness_solver
+from femimpact.system.matrices import FINITE, diagonal_matrix, rigid_motions, stiffness_solver
 from femimpact.system.static import TOGETHER, SystemOrigin
 from femimpact.system.system import System
 from femimpact.table import Head, frame_of, head_of_columns, short_repr
@@ -37,9 +47,7 @@ def computed_system(**values: Any) -> System:
     Raises `InputError` if a number is infinite.
     """
     system = object.__new__(System)
-    system.__dict__.update(values)
-    check_fields(system)
-    _require_finite(values.items())
+    system.__dict__.update(_frozen(values))
     return _together(system, values["contacts"])
 
 
@@ -48,9 +56,8 @@ def with_checked_fields(system: System, **changes: Any) -> System:
 
     Raises `InputError` if a number is infinite.
     """
-    _require_finite(changes.items())
     origin = system.computed_together
-    return _together(_copy(system, **changes), changes.get("contacts", origin.contacts if origin else ()))
+    return _together(_copy(system, **_frozen(changes)), changes.get("contacts", origin.contacts if origin else ()))
 
 
 def with_checked_pairs(system: System, contacts: tuple[ContactPair, ...]) -> System:
@@ -65,11 +72,19 @@ def with_modal_damping(system: System, alpha: float, beta: float) -> System:
     return with_checked_fields(system, C=C, rayleigh=(alpha, beta), reactions=reactions)
 
 
-def _require_finite(values: Iterable[tuple[str, Any]]) -> None:
-    for name, value in values:
+def _frozen(values: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The same fields with their arrays read-only.
+
+    Raises `InputError` if a number is infinite.
+    """
+    for name, value in values.items():
         numbers: Any = value.data if sparse.issparse(value) else value  # type: ignore[attr-defined]
-        sound = not isinstance(numbers, np.ndarray) or numbers.dtype.kind != "f" or bool(np.isfinite(numbers).all())
-        require(sound, name, None, "", FINITE)
+        if isinstance(numbers, np.ndarray) and numbers.dtype.kind == "f" and not np.isfinite(numbers).all():
+            raise InputError([Fault(name, None, "", FINITE)])
+        for array in value.values() if isinstance(value, dict) else (value,):
+            if isinstance(array, np.ndarray):
+                array.setflags(write=False)
+    return values
 
 
 def _together(system: System, contacts: tuple[ContactPair, ...]) -> System:
@@ -184,7 +199,11 @@ def solve_modes(system: System, count: int) -> Modes:
     factor G, K = G^T G, whose condition number is the root of K's, and the frequency is read
     from the Rayleigh quotient |G phi|^2.
     """
-    count = mode_count(system, count)
+    return lowest_modes(system, mode_count(system, count))
+
+
+def lowest_modes(system: System, count: int) -> Modes:
+    """The same of a number of modes that the system has."""
     rigid = rigid_motions(system)[:, :count]
     rigid_count = rigid.shape[1]
     vectors, omega = _vectors(system, count, rigid)
@@ -193,10 +212,12 @@ def solve_modes(system: System, count: int) -> Modes:
     vectors, omega = vectors[:, order], omega[order]
     ratio = damping_ratios(system, vectors, omega)
     participation = vectors.T @ system.base_load
-    arrays = (omega / (2 * math.pi), ratio, participation, vectors)
-    for array in arrays:
+    natural = omega / (2 * math.pi)
+    for array in (natural, ratio, participation, vectors):
         array.setflags(write=False)
-    return Modes(*arrays)
+    return made(
+        Modes, natural_frequency=natural, damping_ratio=ratio, participation_factor=participation, vectors=vectors
+    )
 
 
 def damping_ratios(system: System, vectors: Array, omega: Array) -> Array:
@@ -254,12 +275,7 @@ def solve_stiffness(
     K x = f is solved as the stable mixed problem [s I, G; G^T, 0] [-G x / s; x] = [0; f] / s
     (the augmented system of Bjoerck, 1967): its rounding grows like the condition of G, the root of K's.
     """
-    require_type(system, System, "system")
-    allowed = f"must hold finite numbers, {system.dofs} for each load"
-    forces = real_array("loads", loads, "N", allowed)
-    fits = forces.ndim in (1, 2) and forces.shape[0] == system.dofs
-    require(fits, "loads", f"array of shape {forces.shape}", "N", allowed)
-    return stiffness_solver(system)(forces)
+    return stiffness_solver(system)(loads)
 
 
 def first_elastic_frequency(system: System) -> float:
@@ -269,12 +285,12 @@ def first_elastic_frequency(system: System) -> float:
     rigid_count = rigid_motions(system).shape[1]
     if rigid_count in (0, system.dofs):
         return system.first_frequency
-    return float(solve_modes(system, rigid_count + 1).natural_frequency[rigid_count])
+    return float(lowest_modes(system, rigid_count + 1).natural_frequency[rigid_count])
 
 
 def first_resonance(system: System) -> tuple[float, float]:
     """Natural frequency (Hz) and damping ratio (1) of the lowest mode that is no rigid motion, or of the last one."""
-    modes = solve_modes(system, min(rigid_motions(system).shape[1] + 1, system.dofs))
+    modes = lowest_modes(system, min(rigid_motions(system).shape[1] + 1, system.dofs))
     return float(modes.natural_frequency[-1]), float(modes.damping_ratio[-1])
 
 
@@ -290,7 +306,7 @@ def first_mode_at(system: System, modes: Modes, row: Array) -> float:
     moved = float(np.linalg.norm(row @ rigid))
     if moved > STILL * float(np.abs(row) @ np.abs(rigid).max(axis=1)):
         return moved
-    return float(row @ solve_modes(system, rigid.shape[1] + 1).vectors[:, -1])
+    return float(row @ lowest_modes(system, rigid.shape[1] + 1).vectors[:, -1])
 
 
 def flexibility(system: System, rows: Array) -> Array:
@@ -363,7 +379,7 @@ def damped_with_modes(
         count, value = max(damping.modes), damping.modes
     allowed = f"must be at most {system.dofs}, the dofs of this mesh: use more elements"
     require(count <= system.dofs, key, value, "", allowed)
-    modes = solve_modes(system, max(count, least))
+    modes = lowest_modes(system, max(count, least))
     if isinstance(damping, ModalDamping):
         return _by_modes(system, modes, np.array(damping.each)), modes
     alpha, beta = (0.0, 0.0) if damping is None else rayleigh_of(damping, 2.0 * math.pi * modes.natural_frequency)
@@ -403,6 +419,6 @@ def _by_modes(system: System, modes: Modes, ratio: NDArray[np.float64]) -> Syste
     reactions = {}
     for name, item in system.reactions.items():
         row = beta * item.on_displacement + ((item.on_acceleration @ vectors) * size) @ momentum.T
-        reactions[name] = replace(item, on_velocity=frozen_row(row))
+        reactions[name] = replace(item, on_velocity=row)
     C = sparse.csr_array(beta * system.K + sparse.csr_array(0.5 * (full + full.T)))
     return with_checked_fields(system, C=C, rayleigh=None, reactions=reactions)

@@ -15,8 +15,8 @@ from femimpact.app.parametric.verb import parameter_study
 from femimpact.app.report.result_conclusions import study_conclusions
 from femimpact.contact.law import ContactLaw
 from femimpact.contact.laws import KelvinVoigt, Rigid
+from femimpact.excitation.drives import HammerBlow, PointForce
 from femimpact.excitation.excitation import Excitation
-from femimpact.excitation.forces import HammerBlow, PointForce
 from femimpact.excitation.harmonic import Sine
 from femimpact.excitation.records import RecordedBase
 from femimpact.integrators.event_driven import EventDriven
@@ -25,10 +25,9 @@ from femimpact.integrators.runs import integrate
 from femimpact.integrators.stepping.newmark import GeneralizedAlpha, Newmark
 from femimpact.response.cycles import CycleStatistics, steady_motion
 from femimpact.response.response import Recorder, Response
-from femimpact.signals.bandwidth import DampingEstimate, amplitude_ratio_damping, half_power
 from femimpact.signals.decay import identify_decay
 from femimpact.signals.laser import Laser
-from femimpact.signals.one_pole import fit_one_pole
+from femimpact.signals.one_pole import DampingEstimate, amplitude_ratio_damping, fit_one_pole, half_power
 from femimpact.structure.structure import Impactor
 from femimpact.sweep.sweep import frequency_sweep
 from femimpact.system.state import State

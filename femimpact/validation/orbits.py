@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from femimpact.contact.laws import KelvinVoigt, Rigid
-from femimpact.excitation.drives import Drives
-from femimpact.excitation.forces import PointForce
+from femimpact.excitation.drives import Drives, PointForce
 from femimpact.excitation.harmonic import Sine
 from femimpact.fem.assembly import assemble
 from femimpact.integrators.event_driven import EventDriven
@@ -23,8 +22,7 @@ from femimpact.orbits.orbit import PeriodicOrbit, state_vector
 from femimpact.orbits.search import find_orbit, two_impact_orbits
 from femimpact.orbits.switching import switch_branch
 from femimpact.response.response import Response
-from femimpact.structure.beam import Beam
-from femimpact.structure.damping import Rayleigh
+from femimpact.structure.beam import Beam, Rayleigh
 from femimpact.structure.structure import Impactor, PointMass, Stop, Structure
 from femimpact.system.reduction import reduce
 from femimpact.system.state import State

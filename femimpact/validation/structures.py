@@ -21,8 +21,7 @@ from femimpact.integrators.runs import integrate
 from femimpact.integrators.stepping.newmark import HHT, WBZ, GeneralizedAlpha, MoreauJean, Newmark
 from femimpact.response.channels import SectionReading
 from femimpact.response.response import Response
-from femimpact.structure.beam import Beam, Segment
-from femimpact.structure.damping import Rayleigh
+from femimpact.structure.beam import Beam, Rayleigh, Segment
 from femimpact.structure.structure import Impactor, PointMass, Structure, Support, glue_impactors
 from femimpact.system.reduction import reduce
 from femimpact.system.state import State
