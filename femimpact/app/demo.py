@@ -149,9 +149,9 @@ def run_demo(
             start: {name: dataclasses.asdict(spread) for name, spread in samples_of.items()}
             for start, samples_of in spreads.items()
         }
-        keep_pictures(folder, directory, prepared, found, report, more)
+        drawn = keep_pictures(folder, directory, prepared, found, report, more)
     if prepared.study.output.report:
-        add_report(directory, report)
+        add_report(directory, report, prepared.study, drawn)
     restitution = float(summary["restitution"])
     return Demo(load(directory), comparison, peaks, _scan_rows(peaks), restitution, remarks)
 

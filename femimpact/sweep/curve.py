@@ -32,7 +32,6 @@ from femimpact.integrators.planned_drive import TRANSIENT_LEFT, contact_notes, g
 from femimpact.response.cycles import SteadyMotion, deflection_warnings, resolution_warnings
 from femimpact.response.energy import residual_warnings
 from femimpact.response.impacts import ImpactStatistics, statistics_of_cases
-from femimpact.response.resolution import resolution_warnings
 from femimpact.signals.one_pole import DampingEstimate, fit_one_pole, half_power
 from femimpact.structure.structure import Position
 from femimpact.system.modes import first_elastic_frequency

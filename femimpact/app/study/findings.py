@@ -233,6 +233,7 @@ class Findings:
     starts_of_sweep: int | None = None
     history_starts: HistoryStarts | None = None
     orbits: OrbitsSummary | None = None
+    points: Mapping[str, float] = field(default_factory=dict)  # m: places that a mesh file names
 
     @property
     def contacts(self) -> dict[str, ContactSummary]:

@@ -151,6 +151,7 @@ def summary_of(
         method=str(study.method.get("name", "newmark")),
         step=getattr(method, "dt", math.nan),
         carried=prepared.carried,
+        points=dict(prepared.full.points) if study.mesh.file else {},
     )
     if modes is not None:
         of_case = {name: one for name, one in zip(("empty", "glued"), modes, strict=True) if one is not None}

@@ -366,9 +366,9 @@ def write_orbits(study: Study, directory: Path, force: bool, report: Report) -> 
         more = _summary(found, followed, notes)
         # so that the branches stay, should drawing end the run
         write_summary(folder, summary_of(found.prepared) | more)
-        keep_pictures(folder, directory, found.prepared, Found(), report, more)
+        drawn = keep_pictures(folder, directory, found.prepared, Found(), report, more)
     if study.output.report:
-        add_report(directory, report)
+        add_report(directory, report, study, drawn)
     return load(directory)
 
 

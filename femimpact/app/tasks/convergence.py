@@ -12,13 +12,13 @@ from typing import Any, cast
 import numpy as np
 
 from femimpact import core
+from femimpact.app.report.markup import Element
 from femimpact.app.report.result_page import add_report
 from femimpact.app.report.views import save_pictures
-from femimpact.app.results.picture_data import structure_parts
 from femimpact.app.results.result_directory import FILES, new_results
 from femimpact.app.study.study import Study, build_systems, check_method, method_for, read_mesh_of, sine_of
 from femimpact.app.study.summary import library_versions
-from femimpact.app.tasks.run import Report
+from femimpact.app.tasks.run import Report, keep_study
 from femimpact.convergence.cases import Axis, Case, OverMeshes, OverModes, OverSteps
 from femimpact.convergence.quantities import (
     Frequencies,
@@ -103,6 +103,7 @@ def write_convergence(
     else:
         notes.append("over the step: Newmark's method only; the study's is another")
     with new_results(directory, force) as folder:
+        keep_study(folder, study)
         quantities = convergence_study(
             study.structure, axes, _watched(full, study), study.sine, accuracy=accuracy,
             progress=lambda share: report("quantities", share),
@@ -110,20 +111,20 @@ def write_convergence(
         found = {f"quantities_over_{axis}": table for axis, table in quantities.tables.items()}
         written = list(quantities.tables.values())
         write_csv(folder / FILES["convergence_summary"].name, *_summary(written))
-        _write(folder, found)
+        drawn = _write(folder, found)
         statistics, why = _statistics(study, meshes, _moving(full)[0], accuracy, report)
         if statistics is not None:
-            _write(folder, {"statistics_over_mesh": statistics})
+            drawn |= _write(folder, {"statistics_over_mesh": statistics})
             found["statistics_over_mesh"] = statistics
         if in_steps:
             report("steps", 0.0)
             found["runs_over_step"] = converge_step(small, study.sine, cast(Newmark, method), accuracy=accuracy)
             report("steps", 1.0)
-            _write(folder, {"runs_over_step": found["runs_over_step"]})
+            drawn |= _write(folder, {"runs_over_step": found["runs_over_step"]})
         done = WrittenConvergence(found, (*notes, *why), directory)
         write_json(folder / FILES["convergence_notes"].name, _about(study, full, done, accuracy))
     if study.output.report:
-        add_report(directory, report)
+        add_report(directory, report, study, drawn)
     return done
 
 
@@ -230,25 +231,24 @@ def _statistics(
 
 
 def _about(study: Study, system: System, found: WrittenConvergence, accuracy: float) -> dict[str, Any]:
-    """The structure, the problem, notes and versions, for the report of the tables."""
+    """The problem, notes and versions, for the report of the tables."""
     studied = found.tables.values()
     return {
         "study": study.path.name,
-        **{name: getattr(study.output, name) for name in ("title", "author", "date")},
         "problem": next((table.problem for table in studied), ""),
         "accuracy": accuracy,
         "notes": list(dict.fromkeys([*(note for table in studied for note in table.notes), *found.notes])),
         "versions": library_versions(),
         "core": core.build_info(),
-        "structure": structure_parts(study.structure, system),
+        "points": dict(system.points) if study.mesh.file else {},
     }
 
 
-def _write(folder: Path, found: Mapping[str, ConvergenceTable]) -> None:
-    """Write tables and their figures, by the names of their files."""
+def _write(folder: Path, found: Mapping[str, ConvergenceTable]) -> dict[str, Element]:
+    """Write tables and their figures, by the names of their files; the figures, for a page."""
     for name, table in found.items():
         write_csv(folder / FILES[name].name, *table.columns())
-    save_pictures(found.values(), folder)
+    return save_pictures(found.values(), folder)[0]
 
 
 def _summary(found: Sequence[ConvergenceTable]) -> tuple[dict[str, Any], dict[str, str]]:

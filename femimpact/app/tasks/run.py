@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from femimpact.app.report.markup import Element
 from femimpact.app.report.pictures import draw_kinds, with_pictures
 from femimpact.app.report.result_page import add_report
 from femimpact.app.results.picture_data import write_last_cycles, write_mode_shapes, write_snapshots
@@ -225,9 +226,9 @@ def run_study(
             found = replace(found, sweeps=run_sweep(prepared, report))
             keep_sweeps(folder, prepared, found)
             found = _with_sweep_starts(folder, prepared, found, report)
-        keep_pictures(folder, directory, prepared, found, report)
+        drawn = keep_pictures(folder, directory, prepared, found, report)
     if study.output.report:
-        add_report(directory, report)
+        add_report(directory, report, study, drawn)
     return load(directory)
 
 
@@ -296,7 +297,7 @@ def keep_modes(folder: Path, prepared: PreparedStudy, found: Found, left: Sequen
     if glued is not None:
         columns["natural_frequency_glued"], units["natural_frequency_glued"] = glued.natural_frequency, "Hz"
     write_csv(folder / FILES["modes"].name, columns, units)
-    write_mode_shapes(folder / FILES["mode_shapes"].name, full, modes, study.structure)
+    write_mode_shapes(folder / FILES["mode_shapes"].name, full, modes)
     if study.output.paraview:
         from femimpact import vtk
 
@@ -360,27 +361,29 @@ def keep_pictures(
     found: Found,
     report: Report = _silent,
     more: Mapping[str, Any] | None = None,  # what the summary says besides
-) -> None:
-    """Write what the figures show besides, draw, and write the summary of it all."""
-    study, output = prepared.study, prepared.study.output
-    summary = _summary(prepared, found) | dict(more or {})
+) -> dict[str, Element]:
+    """Write what the figures show besides, draw, and write the summary of it all; the figures, for a page."""
+    output, summary = prepared.study.output, _summary(prepared, found) | dict(more or {})
     touched = found.response is not None and bool(found.response.system.contacts)
     if output.figures and found.response is not None and touched:
         report("last cycles, for figures", 0.0)
         end = last_cycles(prepared, found.response)
-        write_last_cycles(folder / FILES["last_cycles"].name, study.structure, found.response, end)
+        write_last_cycles(folder / FILES["last_cycles"].name, found.response, end)
         report("last cycles, for figures", 1.0)
     filmed = found.response is not None and found.response.snapshots is not None
     # a history without contacts has no figure
     beside = found.modes is not None or found.sweeps is not None or found.response is None
     figured = output.figures and (touched or beside)
     kinds = [*(["figures"] if figured else []), *(["movie"] if output.movie and filmed else [])]
+    drawn = dict[str, Element]()
     if kinds:
         ended = dict.fromkeys(kinds, "the run was ended before")
         # what they are drawn from stays with the results, should the run end now
         write_summary(folder, with_pictures(summary, ended, directory))
-        summary = with_pictures(summary, draw_kinds(folder, kinds, report), directory)
+        failures, drawn = draw_kinds(folder, kinds, report, prepared.study)
+        summary = with_pictures(summary, failures, directory)
     write_summary(folder, summary)
+    return drawn
 
 
 def _finish(folder: Path, prepared: PreparedStudy, found: Found, left: Sequence[str]) -> None:
@@ -398,12 +401,11 @@ def _write_history(study: Study, folder: Path, response: Response) -> None:
     _write_impacts(folder, response)
     if response.snapshots is None:
         return
-    exaggeration = study.output.exaggeration
-    write_snapshots(folder / FILES["snapshots"].name, study.structure, response, exaggeration)
+    write_snapshots(folder / FILES["snapshots"].name, response)
     for scene in _deflection_scenes(study):
         from femimpact import vtk
 
-        vtk.write_deflection(new_file(folder, scene), response, study.structure, exaggeration or 1.0)
+        vtk.write_deflection(new_file(folder, scene), response, study.structure, study.output.exaggeration or 1.0)
 
 
 def _deflection_scenes(study: Study) -> list[str]:
