@@ -15,10 +15,10 @@ import numpy as np
 
 from femimpact.app.parametric.best import best_cases
 from femimpact.app.parametric.best_design import MOST_NAMED, BestCase, design_notes, label_of, more_designs, told
-from femimpact.app.report.page import Conclusion, conclusion_lines
+from femimpact.app.report.page import Conclusion
 from femimpact.app.results.picture_data import StructureModes, read_mode_shapes
 from femimpact.app.results.result_directory import FILES, SUMMARY, ResultsWarning, unfinished_state
-from femimpact.app.results.results import read_dataset, read_json, read_summary, read_table
+from femimpact.app.results.results import read_dataset, read_summary, read_table
 from femimpact.app.study.findings import (
     ContactSummary,
     CurveSummary,
@@ -100,12 +100,6 @@ class ResultReading:
         return self.attempt(name, lambda: best_cases(data, chosen)) or ({}, {})
 
     @cached_property
-    def convergence(self) -> dict[str, Any]:
-        """What was studied by a convergence study, with versions and notes; empty of other results."""
-        name = FILES["convergence_notes"].name
-        return self.attempt(name, lambda: read_json(self.folder / name)) or {}
-
-    @cached_property
     def modes(self) -> StructureModes | None:
         """The mode shapes, as the history."""
         return self.attempt(FILES["mode_shapes"].name, lambda: read_mode_shapes(self.folder, self.summary))
@@ -145,7 +139,7 @@ def read_results(folder: Path) -> ResultReading:
 def result_conclusions(results: ResultReading) -> tuple[Conclusion, ...]:
     """What is concluded from a directory of results, on its page and on the terminal alike."""
     columns, data = results.table(FILES["convergence_summary"].name), results.parameter_study
-    accuracy, name = results.convergence.get("accuracy"), FILES["parameter_study"].name
+    accuracy, name = results.findings.accuracy, FILES["parameter_study"].name
     return (
         *conclusions_of(results.findings),
         *(results.attempt("conclusions", lambda: convergence_conclusions(columns, accuracy)) or ()),
@@ -153,9 +147,11 @@ def result_conclusions(results: ResultReading) -> tuple[Conclusion, ...]:
     )
 
 
-def result_lines(directory: Path) -> list[str]:
-    """What is concluded from a directory of results of any command, in lines for a terminal."""
-    return list(conclusion_lines(result_conclusions(read_results(directory))))
+def result_warnings(results: ResultReading) -> tuple[str, ...]:
+    """What is warned of in a directory of results, on its page and on the terminal alike."""
+    data, name = results.parameter_study, FILES["parameter_study"].name
+    failures = () if data is None else results.attempt(name, lambda: study_failures(data)) or ()
+    return (*texts_of(results.summary.get("warnings")), *failures)
 
 
 STARTS = {"base": "at rest relative to the base", "space": "at rest in the inertial frame"}
@@ -599,12 +595,13 @@ def study_missing(data: xarray.Dataset) -> tuple[str, ...]:
 
 
 def study_failures(data: xarray.Dataset) -> tuple[str, ...]:
-    """A line on the cases with failed starts, and the reason of the first; none where no start failed."""
-    failed = data["failed_starts"].to_numpy()
-    if not failed.any():
-        return ()
-    first = next((str(reason) for reason in data["failure"].to_numpy().ravel() if reason), "not known")
-    return (f"{int(np.count_nonzero(failed))} of {failed.size} cases have starts that failed, the first: {first}",)
+    """A line on the cases with failed starts, and the reason of the first; and what the study warns of."""
+    failed, lines = data["failed_starts"].to_numpy(), list[str]()
+    if failed.any():
+        first = next((str(reason) for reason in data["failure"].to_numpy().ravel() if reason), "not known")
+        count = int(np.count_nonzero(failed))
+        lines.append(f"{count} of {failed.size} cases have starts that failed, the first: {first}")
+    return (*lines, *filter(None, [data.attrs.get("warnings")]))
 
 
 def study_versions(data: xarray.Dataset) -> dict[str, Any]:
