@@ -21,7 +21,7 @@ from femimpact.app.study.findings import summary_of as summary_of_findings
 from femimpact.app.study.parameter_plan import ParameterPlan
 from femimpact.app.study.prepared import plan_lines, prepare
 from femimpact.app.study.study import MeshChoice, OrbitsPlan, Output, Reduction, SweepPlan, build
-from femimpact.app.study.study_file import TABLES, load_study, read_study, same_study, study_schema, study_text
+from femimpact.app.study.study_file import TABLES, load_study, read_study, study_lines, study_schema, study_text
 from femimpact.app.study.summary import findings_of, findings_of_history, findings_of_modes, findings_of_sweeps
 from femimpact.app.tasks.run import run_simulation, run_study
 from femimpact.app.tasks.study_command import write_parameter_study
@@ -52,6 +52,11 @@ def summary_of(prepared: object, modes: object = None, response: object = None, 
     if sweeps is not None:
         findings = joined(findings, findings_of_sweeps(prepared, sweeps))
     return summary_of_findings(findings)
+
+
+def same_study(one: fi.app.Study, other: fi.app.Study) -> bool:
+    """True where two studies are equal, whatever their paths and texts are."""
+    return one.source.get("content") == other.source.get("content") and [*study_lines(one)] == [*study_lines(other)]
 
 
 def with_ball(structure: fi.Structure, **changes: object) -> fi.Structure:

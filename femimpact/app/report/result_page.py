@@ -72,7 +72,7 @@ from femimpact.app.study.findings import Findings
 from femimpact.app.study.prepared import in_study_words
 from femimpact.app.study.study import Study, build
 from femimpact.errors import InputError, require, require_path
-from femimpact.excitation.drive_words import drive_words
+from femimpact.excitation.drives import drive_words
 from femimpact.excitation.excitation import has_cycle, words_of
 from femimpact.excitation.harmonic import SteppedSine
 from femimpact.figures.study_labels import in_shown_units

@@ -22,8 +22,8 @@ from femimpact.app.study.summary import findings_of
 from femimpact.app.tasks.task import Finished, Report, Task, run_task
 from femimpact.arrays import Array
 from femimpact.errors import DivergenceError, Fault, FemimpactError, InputError, checked, require
+from femimpact.excitation.drives import PointForce
 from femimpact.excitation.excitation import words_of
-from femimpact.excitation.forces import PointForce
 from femimpact.excitation.harmonic import Sine
 from femimpact.integrators.cases import memory_needed
 from femimpact.integrators.methods import seconds_of_cycle

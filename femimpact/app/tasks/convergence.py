@@ -17,8 +17,6 @@ from femimpact.app.study.study import Study, build_systems, check_method, method
 from femimpact.app.study.summary import findings_of_study
 from femimpact.app.tasks.task import Finished, Report, Task, run_task
 from femimpact.convergence.cases import Axis, Case, OverMeshes, OverModes, OverSteps
-from femimpact.convergence.mesh_and_step import converge_step
-from femimpact.convergence.over_modes import ContactStatistics
 from femimpact.convergence.quantities import (
     Frequencies,
     ModeShapes,
@@ -27,6 +25,7 @@ from femimpact.convergence.quantities import (
     SurfaceStress,
     Watched,
 )
+from femimpact.convergence.runs import ContactStatistics, converge_step
 from femimpact.convergence.study import convergence_study
 from femimpact.convergence.table import ConvergenceTable
 from femimpact.errors import FemimpactError, InputError
