@@ -575,8 +575,9 @@ def _draw_again(directory: Path, kind: str, quiet: bool) -> None:
 def print_results(directory: Path, quiet: bool = False) -> None:
     """Print what the page says of results: tables, conclusions, notes, warnings, and where they are."""
     from femimpact.app.report.page import conclusion_lines
-    from femimpact.app.report.result_conclusions import read_results, result_conclusions, result_warnings
+    from femimpact.app.report.result_conclusions import best_of, result_conclusions, result_warnings
     from femimpact.app.report.result_page import tables_of
+    from femimpact.app.results.picture_data import read_results
     from femimpact.app.results.result_directory import FILES, REPORT
 
     results = read_results(directory)
@@ -592,7 +593,7 @@ def print_results(directory: Path, quiet: bool = False) -> None:
         print_table(where, table.header, table.rows, table.title, table.digits)
     for line in (
         *(f"{problem}." for problem in findings.problems),
-        *conclusion_lines(result_conclusions(results)),
+        *conclusion_lines(result_conclusions(results, best_of(results))),
         *(f"- {text}" for text in findings.remarks),
         *(f"note: {text}" for text in findings.notes),
     ):

@@ -102,7 +102,7 @@ def test_without_report_a_study_leaves_none(tmp_path):
 
 
 def test_a_report_that_fails_is_a_warning_and_the_study_stands(tmp_path, monkeypatch):
-    def fails(_folder):
+    def fails(*_):
         raise RuntimeError("no page")
 
     monkeypatch.setattr("femimpact.app.report.result_page.page_of", fails)

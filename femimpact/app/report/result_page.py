@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -35,8 +34,7 @@ from femimpact.app.report.page_tables import (
 from femimpact.app.report.player import player_element
 from femimpact.app.report.result_conclusions import (
     STARTS,
-    ResultReading,
-    read_results,
+    best_of,
     result_conclusions,
     result_warnings,
     study_lead,
@@ -45,17 +43,8 @@ from femimpact.app.report.result_conclusions import (
     texts_of,
 )
 from femimpact.app.report.structure_drawing import structure_element, structure_words
-from femimpact.app.report.views import SECTIONS, Measure, measures_of, sections_of, spectra_of
-from femimpact.app.results.branch_file import read_followed
-from femimpact.app.results.picture_data import (
-    Run,
-    read_convergence,
-    read_curves,
-    read_film,
-    read_last_cycles,
-    read_run,
-    read_run_parts,
-)
+from femimpact.app.report.views import NOT_DRAWN, SECTIONS, Measure, measures_of, sections_of, spectra_of
+from femimpact.app.results.picture_data import ResultReading, read_convergence, read_results
 from femimpact.app.results.result_directory import (
     FILES,
     REPORT,
@@ -70,18 +59,15 @@ from femimpact.app.results.result_directory import (
 from femimpact.app.results.results import carried_of, read_json
 from femimpact.app.study.findings import Findings
 from femimpact.app.study.prepared import in_study_words
-from femimpact.app.study.study import Study, build
+from femimpact.app.study.study import Study
 from femimpact.errors import InputError, require, require_path
 from femimpact.excitation.drives import drive_words
-from femimpact.excitation.excitation import has_cycle, words_of
+from femimpact.excitation.excitation import words_of
 from femimpact.excitation.harmonic import SteppedSine
 from femimpact.figures.study_labels import in_shown_units
 from femimpact.orbits.figures import kind_words
-from femimpact.scene.placed import DrawnSystem, drawn_system, placed_structure
-from femimpact.signals.densities import MODES, modes_of
-from femimpact.structure.structure import Structure
+from femimpact.scene.placed import placed_structure
 from femimpact.system.modes import Modes
-from femimpact.system.system import System
 from femimpact.units import PARAMETER_DIGITS, unit_text
 
 if TYPE_CHECKING:
@@ -103,7 +89,7 @@ def write_report(
     with added_results(folder):
         words = "none of their files is there, or what has their names was not written by femimpact"
         require(_holds_results(folder), "directory", str(folder), "", f"must hold results of a study: {words}")
-        return write_page(folder / REPORT if path is None else Path(path), page_of(folder))
+        return write_page(folder / REPORT if path is None else Path(path), page_of(read_results(folder)))
 
 
 OF_SUMMARY = frozenset({"study", "versions", "core", "natural_frequency", "sweep", "history", "warnings"})
@@ -123,11 +109,18 @@ def _holds_results(directory: Path) -> bool:
         return False
 
 
-def add_report(directory: str | Path, report: Callable[[str, float], None]) -> None:
+def add_report(
+    directory: str | Path,
+    report: Callable[[str, float], None],
+    study: Study,  # that was run
+    drawn: Mapping[str, Element] = NOT_DRAWN,  # its pictures
+) -> None:
     """Write the report of a run that is done; what keeps it from being written is a warning, and the results stand."""
     report("report", 0.0)
     try:
-        write_report(directory)
+        folder = Path(directory)
+        with added_results(folder):
+            write_page(folder / REPORT, page_of(read_results(folder, study), drawn))
     # no result hangs on it
     except Exception as error:
         words = " ".join(str(error).split()) or type(error).__name__
@@ -136,33 +129,34 @@ def add_report(directory: str | Path, report: Callable[[str, float], None]) -> N
     report("report", 1.0)
 
 
-def page_of(folder: Path) -> Page:
+def page_of(results: ResultReading, drawn: Mapping[str, Element] = NOT_DRAWN) -> Page:
     """The report of a directory of results."""
-    results = read_results(folder)
     summary, study = results.summary, results.study
-    name, structure, system = _structure(results, study)
+    structure, system = (None, None) if study is None else (study.structure, results.system)
     drawing = None
     if structure is not None and system is not None:
-        given = structure, system
         varied = {} if study is None or results.parameter_study is None else _varied(study)
         drawing = results.attempt(
-            "drawing of the structure", lambda: structure_element(placed_structure(*given), varied)
-        )  # fmt: skip
-    conclusions = result_conclusions(results)
+            "drawing of the structure", lambda: structure_element(placed_structure(structure, system), varied)
+        )
+    best = best_of(results)
+    conclusions = result_conclusions(results, best)
     studied, about = _of_parameter_study(results)
-    records, refused = records_of(results)
+    records, refused = records_of(results, best[0])
     beside = beside_of(results) | {"spectra": [element("p", text) for text in refused]}
-    made = sections_of(records, beside, folder=True, miss=results.miss)
+    made = sections_of(records, beside, miss=results.miss, drawn=drawn)
     first = [section for section in made if section.key == "best"]
     sections = [section for section in made if section.key != "best"]
     data = results.parameter_study
     many_starts = data is not None and int(data.attrs.get("starts", 1)) > 1
     sections.append(about_section(summary or about, None if many_starts else study))
-    listed = results.attempt("list of files", lambda: files_section(folder, summary))
+    listed = results.attempt("list of files", lambda: files_section(results.folder, summary))
     if listed is not None:
         section, lost = listed
         sections.append(section)
         results.missing.extend(text for text in lost if text not in results.missing)
+    named, unnamed = summary.get("study"), "study" if data is None else "parameter study"
+    name = str(named).removesuffix(".toml") if named else unnamed
     title = name if structure is None else f"{name}: {structure_words(structure, system.contacts if system else ())}"
     head = ("", "", "") if study is None else (study.output.title, study.output.author, study.output.date)
     given_title, by = _head(*head)
@@ -176,38 +170,11 @@ def page_of(folder: Path) -> Page:
         warnings=result_warnings(results),
         notes=texts_of(summary.get("notes")),
         sections=tuple(sections),
-        first=(*first, *_next_step(folder)),
+        first=(*first, *_next_step(results.folder)),
     )
 
 
 # ---- what was computed ----------------------------------------------------------------------------
-
-
-def _structure(
-    results: ResultReading, study: Study | None
-) -> tuple[str, Structure | None, System | DrawnSystem | None]:
-    """Name of the study, structure, and its places and contacts: neither its mesh nor its record is read again."""
-    named = results.summary.get("study")
-    name = (
-        str(named).removesuffix(".toml") if named else "study" if results.parameter_study is None else "parameter study"
-    )
-    stored = _stored_structure(results)
-    if study is None:
-        return name, *(stored or (None, None))
-    points = stored[1].points if stored else results.findings.points
-    placed = results.attempt("places of the structure", lambda: drawn_system(study.structure, points))
-    return name, study.structure, placed
-
-
-def _stored_structure(results: ResultReading) -> tuple[Structure, System | DrawnSystem] | None:
-    """Structure, places and contacts from the first of the files that has them."""
-    if results.modes is not None and results.modes.structure is not None:
-        return results.modes.structure, results.modes.system
-    for key in ("last_cycles", "snapshots"):
-        found = results.attempt(FILES[key].name, partial(read_run_parts, results.folder, key, results.summary))
-        if found is not None:
-            return found
-    return None
 
 
 def _next_step(folder: Path) -> list[Section]:
@@ -287,17 +254,16 @@ def _lead(study: Study | None, found: Findings) -> list[str]:
 # ---- records ---------------------------------------------------------------------------------------
 
 
-def records_of(results: ResultReading) -> tuple[list[Any], list[str]]:
+def records_of(results: ResultReading, best: Mapping[str, BestCase] | None = None) -> tuple[list[Any], list[str]]:
     """What the results hold that pictures are drawn of, and why there are no spectra; what cannot be read is noted."""
-    folder, summary, data = results.folder, results.summary, results.parameter_study
-    run, best = _run(results), results.best[0]
+    data, run = results.parameter_study, results.run
     records = [
-        results.attempt(FILES["sweep_data"].name, lambda: read_curves(folder, summary)),
-        results.attempt(FILES["branches"].name, lambda: read_followed(folder, summary)),
+        results.curves,
+        results.followed,
         run,
         results.modes,
         *_convergence_tables(results, results.findings.accuracy or DEFAULT_ACCURACY),
-        *(best_measures(data, best) if data is not None else ()),
+        *(best_measures(data, best) if data is not None and best else ()),
         *(
             (results.attempt(FILES["parameter_study"].name, lambda: measures_of(data)) or ())
             if data is not None
@@ -305,30 +271,13 @@ def records_of(results: ResultReading) -> tuple[list[Any], list[str]]:
         ),
     ]
     spectra, refused = list[Any](), list[str]()
-    if run is not None and run.whole.base is not None:
+    if run is not None:
         spectra, refused = results.attempt("spectra", lambda: spectra_of(run.whole, in_study_words)) or ([], [])
     return [record for record in (*records, *spectra) if record is not None], refused
 
 
 DEFAULT_ACCURACY = 1e-3
 """Of tables of convergence whose notes are lost."""
-
-
-def _run(results: ResultReading) -> Run | None:
-    """The run of the results: from its history, and from its last cycles where they are there."""
-    study, history = results.study, results.history
-    end = results.attempt(FILES["last_cycles"].name, lambda: read_last_cycles(results.folder, results.summary))
-    if history is None:
-        # impacts and last cycles are drawn without it
-        return None if end is None else Run(replace(end, channels={}, units={}), end)
-    base = study.excitation if study is not None else end.base if end is not None else None
-    system: System | DrawnSystem = DrawnSystem(np.zeros(0), {}) if end is None else end.system
-    if study is not None:
-        system = _system_of(study) if results.modes is None else results.modes.system
-    whole = results.attempt(
-        FILES["history"].name, lambda: read_run(results.folder, results.summary, history, system, base)
-    )
-    return None if whole is None else Run(whole, end)
 
 
 def _convergence_tables(results: ResultReading, accuracy: float) -> Iterator[Any]:
@@ -343,14 +292,6 @@ def _convergence_tables(results: ResultReading, accuracy: float) -> Iterator[Any
         columns = results.table(name)
         if columns is not None and (known is not None or not key.startswith("quantities")):
             yield results.attempt(name, partial(read_convergence, columns, results.units(name), axis, known, accuracy))
-
-
-def _system_of(study: Study) -> DrawnSystem:
-    """Places and contacts of a study; its modes too where spectra need them, and they need no file of a mesh."""
-    drawn = drawn_system(study.structure, {})
-    if study.mesh.file or has_cycle(study.excitation):
-        return drawn
-    return replace(drawn, modes=modes_of(build(study)[1], MODES))
 
 
 # ---- words and tables beside the pictures ----------------------------------------------------------
@@ -399,7 +340,7 @@ def _of_file(results: ResultReading, key: str, make: Callable[[Any, Any, str], T
 
 
 def _curve_words(results: ResultReading) -> Beside:
-    swept = read_curves(results.folder, results.summary)
+    swept = results.curves
     return [] if swept is None else [dwell_words(next(iter(swept.curves.values())))]
 
 
@@ -422,17 +363,8 @@ def _motion(results: ResultReading) -> Beside:
 
 
 def _player(results: ResultReading) -> Beside:
-    film = read_film(results.folder, results.summary)
-    if film is None:
-        drawn = [FILES[key].name for key in ("movie", "deflection_scene")]
-        drawn = [name for name in drawn if (results.folder / name).exists()]
-        if drawn:
-            results.miss(
-                f"{FILES['snapshots'].name}: results of an earlier version have none for a player; "
-                f"{drawn[0]} shows the motion"
-            )
-        return []
-    player = player_element(*film)
+    film, study = results.film, results.study
+    player = None if film is None or study is None else player_element(film, study.structure, study.output.exaggeration)
     return [] if player is None else [player]
 
 
@@ -522,7 +454,7 @@ def _whole(values: Any) -> Any:
 
 def _orbits(results: ResultReading) -> Beside:
     """Branches of periodic orbits, and the command that follows them again."""
-    followed = read_followed(results.folder, results.summary)
+    followed = results.followed
     if followed is None:
         return []
     parameter = followed.branches[0].parameter

@@ -239,7 +239,7 @@ class Findings:
     orbits: OrbitsSummary | None = None
     problems: tuple[str, ...] = ()  # that tables of convergence are of, in words
     accuracy: float | None = None  # relative error that their recommended numbers are for
-    points: Mapping[str, float] = field(default_factory=dict)  # m: places of the structure by their names
+    points: Mapping[str, float] = field(default_factory=dict)  # m: places that a mesh file names
     unfinished: tuple[str, ...] = ()  # parts that were still to come when the run was ended
 
     @property

@@ -144,7 +144,7 @@ def findings_of_study(study: Study, system: System, method: Method) -> Findings:
         core=core.build_info(),
         method=str(study.method.get("name", "newmark")),
         step=getattr(method, "dt", math.nan),
-        points=dict(system.points),
+        points=dict(system.points) if study.mesh.file else {},
     )
 
 

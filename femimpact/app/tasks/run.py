@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from femimpact.app.results.picture_data import write_last_cycles, write_mode_shapes, write_snapshots
+from femimpact.app.results.picture_data import last_cycle_data, mode_shape_data, snapshot_data
 from femimpact.app.results.results import StudyResults
 from femimpact.app.study.findings import Findings, joined
 from femimpact.app.study.prepared import (
@@ -244,7 +244,7 @@ def modes_part(prepared: PreparedStudy, modes: tuple[Modes, Modes | None]) -> Fi
         columns["natural_frequency_glued"], units["natural_frequency_glued"] = glued.natural_frequency, "Hz"
     files: dict[str, Any] = {
         "modes": (columns, units),
-        "mode_shapes": lambda path: write_mode_shapes(path, full, empty, structure),
+        "mode_shapes": mode_shape_data(full, empty),
     }
     if prepared.study.output.paraview:
         from femimpact import vtk
@@ -267,14 +267,14 @@ def history_part(prepared: PreparedStudy, response: Response) -> Finished:
     if len(response.sticking):
         files["sticking"] = ({name: getattr(response.sticking, name) for name in STICKING_UNITS}, STICKING_UNITS)
     if response.snapshots is not None:
-        scale = output.exaggeration
-        files["snapshots"] = lambda path: write_snapshots(path, study.structure, response, scale)
+        scale = output.exaggeration or 1.0
+        files["snapshots"] = snapshot_data(response, response.snapshots)
         # the script of the last one opens it
         scenes = (("deflection_hdf", output.vtkhdf), ("deflection_scene", output.paraview))
         for key in (key for key, asked in scenes if asked):
             from femimpact import vtk
 
-            files[key] = lambda path: vtk.write_deflection(path, response, study.structure, scale or 1.0)
+            files[key] = lambda path: vtk.write_deflection(path, response, study.structure, scale)
     return Finished("history", files, findings_of_history(prepared, response))
 
 
@@ -304,7 +304,6 @@ def last_cycles_part(prepared: PreparedStudy, response: Response, report: Report
     files: dict[str, Any] = {}
     if prepared.study.output.figures and response.system.contacts:
         report("last cycles, for figures", 0.0)
-        end, structure = last_cycles(prepared, response), prepared.study.structure
+        files["last_cycles"] = last_cycle_data(response, last_cycles(prepared, response))
         report("last cycles, for figures", 1.0)
-        files["last_cycles"] = lambda path: write_last_cycles(path, structure, response, end)
     return Finished("last cycles", files)

@@ -17,6 +17,7 @@ from femimpact.app.parametric.definition import ParameterStudy
 from femimpact.app.parametric.labelled import endings_of
 from femimpact.app.parametric.paths import study_with
 from femimpact.app.parametric.verb import StudyProgress, block_cases, connected, run_parameter_study, to_stderr
+from femimpact.app.report.markup import Element
 from femimpact.app.report.result_page import add_report, best_measures
 from femimpact.app.report.views import measures_of, save_pictures
 from femimpact.app.results.result_directory import BEST_FIGURE, FILES, ResultsWarning
@@ -113,10 +114,9 @@ def write_parameter_study(
     plan: Any = study.plan
     best, _ = best_cases(dataset, plan.best)
     _write_best(definition, next(iter(best.values()), None), directory)
-    if study.output.figures:
-        _draw(dataset, best, directory)
+    drawn = _drawn(dataset, best, directory) if study.output.figures else {}
     if study.output.report:
-        add_report(directory, lambda part, share: None)
+        add_report(directory, lambda part, share: None, study, drawn)
     return dataset
 
 
@@ -142,11 +142,13 @@ def _moved(study: Study, directory: Path) -> Study:
     return study if study.record is None else with_record(study, os.path.join(here, study.record))
 
 
-def _draw(dataset: xarray.Dataset, best: Mapping[str, BestCase], directory: Path) -> None:
-    """A figure of the best case, and of every measure that is a number and has a value."""
+def _drawn(dataset: xarray.Dataset, best: Mapping[str, BestCase], directory: Path) -> dict[str, Element]:
+    """Figures of the best case, and of every measure that is a number and has a value, for a page."""
     (directory / BEST_FIGURE).unlink(missing_ok=True)
-    for text in save_pictures([*best_measures(dataset, best), *measures_of(dataset)], directory):
+    drawn, failures = save_pictures([*best_measures(dataset, best), *measures_of(dataset)], directory)
+    for text in failures:
         warnings.warn(f"not drawn: {text}", ResultsWarning, stacklevel=3)
+    return drawn
 
 
 def plan_lines(study: Study) -> list[str]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from femimpact.app.report.markup import Element
 from femimpact.app.report.pictures import draw_kinds, with_pictures
 from femimpact.app.report.result_page import add_report
 from femimpact.app.results.result_directory import FILES, new_file, new_results
@@ -61,17 +62,18 @@ def run_task(task: Task, directory: str | Path, force: bool, report: Report) -> 
             written |= set(finished.files)
             left = tuple(part for part in left if part != finished.part)
             write_summary(folder, summary_of(_without(findings, left)))
-        summary = summary_of(findings)
+        summary, drawn = summary_of(findings), dict[str, Element]()
         figured, filmed = output.figures and bool(DRAWN & written), output.movie and "snapshots" in written
-        kinds = [kind for kind, drawn in (("figures", figured), ("movie", filmed)) if drawn]
+        kinds = [kind for kind, asked in (("figures", figured), ("movie", filmed)) if asked]
         if kinds:
             ended = dict.fromkeys(kinds, "the run was ended before")
             # what they are drawn from stays with the results, should the run end now
             write_summary(folder, with_pictures(summary, ended, directory))
-            summary = with_pictures(summary, draw_kinds(folder, kinds, report), directory)
+            failures, drawn = draw_kinds(folder, kinds, report, task.study)
+            summary = with_pictures(summary, failures, directory)
         write_summary(folder, summary)
     if output.report:
-        add_report(directory, report)
+        add_report(directory, report, task.study, drawn)
     return load(directory)
 
 
