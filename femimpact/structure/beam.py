@@ -6,6 +6,7 @@ import math
 from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -130,7 +131,7 @@ class Segment:
         """True if the section changes along the segment."""
         return self.rectangle != self.end_rectangle
 
-    @property
+    @cached_property
     def rectangle(self) -> tuple[float, float]:
         """Width and thickness (m) of the rectangle with this area and second moment, at the start of a taper."""
         if self.width is not None and self.thickness is not None:
@@ -144,7 +145,7 @@ class Segment:
         thickness = math.sqrt(12.0 * second_moment / area)
         return area / thickness, thickness
 
-    @property
+    @cached_property
     def end_rectangle(self) -> tuple[float, float]:
         """Width and thickness (m) at the end towards the tip."""
         width, thickness = self.rectangle
@@ -257,7 +258,7 @@ class Beam:
         )
         return cls((segment,))
 
-    @property
+    @cached_property
     def length(self) -> float:
         """Total length, m."""
         return math.fsum(segment.length for segment in self.segments)
@@ -267,7 +268,7 @@ class Beam:
         """Mass of the bare beam, kg."""
         return math.fsum(segment.mass for segment in self.segments)
 
-    @property
+    @cached_property
     def joints(self) -> tuple[float, ...]:
         """Positions (m) of the segments' ends, the root's 0 first and the tip last."""
         lengths = [segment.length for segment in self.segments]
