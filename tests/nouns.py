@@ -413,9 +413,6 @@ VERBS = {
     "shock_response_spectrum": (fi.shock_response_spectrum, lambda: {
         "of": MOTIONS["Shock"], "frequency": [5.0, 6.0], "ratio": 0.1, "channel": None, "duration": 0.1
     }),
-    "Drives.until": (MOTIONS["Drives"].until, lambda: {"end": 2.0}),
-    "Sum.until": (MOTIONS["Sum"].until, lambda: {"end": 2.0}),
-    "PointForce.until": (fi.PointForce("tip", MOTIONS["Sum"]).until, lambda: {"end": 2.0}),
     **{
         f"PiecewisePolynomial.{name}": (getattr(PIECES, name), lambda: {"time": 0.1})
         for name in ("displacement", "velocity", "value")

@@ -193,7 +193,7 @@ def loss_factor_for_restitution(restitution: float) -> float:
 
     The root of d (1 + e) = ln[(1 + d)/(1 - e d)], 0 < d < 1/e.
     """
-    e: float = checked("restitution", restitution, quantity("1", above=0.0, at_most=1.0))
+    e = restitution
     if e >= 1.0:
         return 0.0
     from scipy.optimize import brentq

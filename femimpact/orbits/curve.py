@@ -20,24 +20,23 @@ from numpy.typing import NDArray
 from femimpact.arrays import Array, Complex
 from femimpact.orbits.equations import (
     EXACT,
-    PRESS_AGAIN,
-    RATES,
-    RELEASE,
     ROUNDED,
     EventMaps,
     EventSequence,
     EventStates,
-    Intervals,
+    Solution,
     derivative_by,
     event_maps,
     halves_agree,
     jacobian,
+    length_of,
     may_be_symmetric,
     multipliers_of,
     product,
     residual,
     units_of,
 )
+from femimpact.orbits.motion import PRESS_AGAIN, RELEASE
 from femimpact.orbits.orbit import NEUTRAL
 from femimpact.orbits.parameter import Parameter
 from femimpact.units import number_text
@@ -179,9 +178,10 @@ class Point:
         return self.curve.events_at(self.x)
 
     @cached_property
-    def intervals(self) -> Intervals:
-        """The motion between all events."""
-        return Intervals.between(self.maps.hybrid, self.events)
+    def solution(self) -> Solution:
+        """All events, in the unit of the curve or of a motion that is far larger."""
+        hybrid = self.maps.hybrid
+        return Solution(hybrid, self.events, max(length_of(hybrid, self.events.states), float(self.curve.unit[0])))
 
     @property
     def longest(self) -> float:
@@ -264,13 +264,12 @@ class Point:
         contacts press again: at none they are at the wall itself, and would separate.
         """
         solved, unit = self.curve.solved, self.curve.by_rows[-1]
-        side = np.array([RATES.get(kind, 1.0) for kind in solved.kind])
         between = solved.between(self.maps.events.phases)
         again, release = (np.array([kind == one for kind in solved.kind]) for one in (PRESS_AGAIN, RELEASE))
         # a contact without damping is released at the wall, and separates there
         between[release & ~np.any(self.maps.row[:, self.maps.row.shape[1] // 2 :], axis=1)] = math.inf
         away = np.where(again, -self.maps.speed / (unit * float(self.maps.hybrid.omega)), math.inf)
-        return np.array([side * self.maps.distance_rate / unit, between, away])
+        return np.array([self.maps.distance_rate / unit, between, away])
 
     def apart(self, other: Point) -> float:
         """How far from repeating after half a period the orbit is, along the difference that another one has."""

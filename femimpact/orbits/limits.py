@@ -25,7 +25,8 @@ from femimpact.orbits.curve import (
     locate,
     near_points,
 )
-from femimpact.orbits.equations import EXACT, IMPACT, PRESS_AGAIN, RELEASE, SECTION, SEPARATE, TOUCH
+from femimpact.orbits.equations import EXACT, SECTION
+from femimpact.orbits.motion import IMPACT, PRESS_AGAIN, RELEASE, SEPARATE, TOUCH
 from femimpact.orbits.verification import SAME_PHASE, OwnRun, own_runs
 from femimpact.system.system import System
 
@@ -113,7 +114,7 @@ def at_no_speed(point: Point) -> End:
         return "grazing", point, f"press again at the wall, of {name} {where(point)}"
     if kind in MERGING:
         return "grazing", point, f"{kind} and {MERGING[kind]} at one instant, of {name} {where(point)}"
-    leaves = point.intervals.condition(k, (TOUCH, j, side), point.events.phases[[k]])[2, 0] < 0.0
+    leaves = point.solution.motion.condition(k, (TOUCH, j, side), point.events.phases[[k]])[2, 0] < 0.0
     kind, words = ("grazing", "impact speed zero") if leaves else ("sticking", "sticking after an impact at no speed")
     return kind, point, f"{words}, of {name} {where(point)}"
 
@@ -230,6 +231,14 @@ def refusal(point: Point, run: OwnRun) -> DivergenceError | None:
     return None
 
 
+def runs_of(system: System, points: list[Point]) -> list[OwnRun]:
+    """Runs over one period of the orbits of some points."""
+    parameter = points[0].curve.parameter
+    # where the parameter is in the matrices, the closed forms of each differ
+    systems = [parameter.at(point.value)[0] for point in points] if parameter.of_matrices else [system]
+    return own_runs(systems, parameter.at(parameter.value)[1], [point.solution for point in points])
+
+
 def _is_slow(point: Point, run: OwnRun) -> bool:
     """Whether a run leaves its orbit at an event so slow that rounding decides whether it is met."""
     n, kinds = point.curve.count, point.curve.solved.kind
@@ -246,7 +255,7 @@ def verify(system: System, way: list[Followed], begin: int) -> str:
     unbounded = ""
     while True:
         try:
-            runs = own_runs(system, [each.point for each in way[begin:]])
+            runs = runs_of(system, [each.point for each in way[begin:]])
             break
         except InputError as error:
             # a resonance, at the last point of which the damping is zero
@@ -285,7 +294,7 @@ def _cut(system: System, way: list[Followed], number: int, run: OwnRun, error: D
         if not before:
             break
         right = before[0]
-        run, at_wall = own_runs(system, [right, found])
+        run, at_wall = runs_of(system, [right, found])
         if run.extra is None:
             way.append(Followed(found, "grazing", at_wall.peak, at_wall.first_harmonic))
             what = "contact" if kind == TOUCH else kind
@@ -312,7 +321,7 @@ def _crest(
     numbers = _intervals(right, k, pair, -1 if begun_beyond else 1)
 
     def crests(point: Point) -> list[tuple[float, float]]:
-        return [crest for m in numbers for crest in point.intervals.crests(event, m, goes_on=m != numbers[0])]
+        return [crest for m in numbers for crest in point.solution.motion.crests(event, m)]
 
     if begun_beyond:
         # the contact has turned the run from its orbit

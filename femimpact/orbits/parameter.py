@@ -17,9 +17,9 @@ import scipy.special
 from femimpact.contact.collision import damping_ratio_for_restitution, linear_angle
 from femimpact.contact.laws import KelvinVoigt, Rigid
 from femimpact.errors import quantity, require, require_type, suggestion
-from femimpact.excitation.forces import PointForce
+from femimpact.excitation.drives import PointForce
 from femimpact.excitation.harmonic import Sine
-from femimpact.orbits.flow import HybridSystem, Numbers, hybrid_system
+from femimpact.orbits.motion import HybridSystem, Numbers, hybrid_system
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.modes import with_checked_fields, with_checked_pairs
 from femimpact.system.system import System

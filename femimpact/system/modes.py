@@ -24,7 +24,7 @@ from femimpact.errors import (
     require,
     require_type,
 )
-from femimpact.structure.damping import ModalDamping, Rayleigh, rayleigh_coefficients, realised_damping_ratio
+from femimpact.structure.beam import ModalDamping, Rayleigh, rayleigh_coefficients, realised_damping_ratio
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.hermite import damped_reactions
 from femimpact.system.matrices import FINITE, diagonal_matrix, rigid_motions, stiffness_solver

@@ -17,8 +17,7 @@ from femimpact.app.study.parameter_plan import DISTRIBUTIONS, MOST_POINTS, BestP
 from femimpact.contact.laws import LAWS, PowerLaw
 from femimpact.errors import quantity
 from femimpact.integrators.methods import METHODS
-from femimpact.structure.beam import Segment
-from femimpact.structure.damping import ModalDamping, Rayleigh
+from femimpact.structure.beam import ModalDamping, Rayleigh, Segment
 
 NOT_IN_SCHEMA = (
     "what is not a number (nan), for which a schema has no word",

@@ -37,11 +37,9 @@ from femimpact.errors import (
     truth,
 )
 from femimpact.excitation.chirp import Chirp
-from femimpact.excitation.drives import Drives, alone, until
+from femimpact.excitation.drives import Drives, HammerBlow, PointForce, alone, until
 from femimpact.excitation.excitation import Excitation
-from femimpact.excitation.forces import HammerBlow, PointForce
-from femimpact.excitation.harmonic import Sine, SteppedSine
-from femimpact.excitation.levels import Level, require_reach
+from femimpact.excitation.harmonic import Level, Sine, SteppedSine, require_reach
 from femimpact.excitation.random_base import RandomBase
 from femimpact.excitation.records import RecordedBase
 from femimpact.excitation.shock import Shock

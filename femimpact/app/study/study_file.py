@@ -42,12 +42,11 @@ from femimpact.app.study.study import AsRead, Gravity, MeshChoice, OrbitsPlan, O
 from femimpact.contact.law import ContactLaw
 from femimpact.contact.laws import LAWS
 from femimpact.errors import Fault, InputError, changed, require_path, suggestion
-from femimpact.excitation.forces import HammerBlow, PointForce
+from femimpact.excitation.drives import HammerBlow, PointForce
 from femimpact.fem.mesh import uniform_mesh
 from femimpact.integrators.methods import METHODS
 from femimpact.regular_file import read_regular
-from femimpact.structure.beam import Beam, Segment, require_single
-from femimpact.structure.damping import ModalDamping, Rayleigh
+from femimpact.structure.beam import Beam, ModalDamping, Rayleigh, Segment, require_single
 from femimpact.structure.structure import Absorber, Dashpot, Impactor, PointMass, Spring, Stop, Structure, Support
 from femimpact.units import in_si
 
@@ -589,7 +588,7 @@ TABLES: Mapping[str, _Table] = {
     "spring": _of(Spring, "structure.springs", many=True),
     "dashpot": _of(Dashpot, "structure.dashpots", many=True),
     "absorber": _of(Absorber, "structure.absorbers", many=True),
-    "damping": _Table("structure.damping", _damping, damping_schema),
+    "damping": _Table("structure.beam", _damping, damping_schema),
     "gravity": _Table("structure.gravity", _gravity, partial(noun_schema, Gravity), _gravity_lines),
     "reduction": _of(Reduction, "reduction"),
     "base": _Table("", _base, base_schema, _base_lines, required=True),
