@@ -588,7 +588,7 @@ TABLES: Mapping[str, _Table] = {
     "spring": _of(Spring, "structure.springs", many=True),
     "dashpot": _of(Dashpot, "structure.dashpots", many=True),
     "absorber": _of(Absorber, "structure.absorbers", many=True),
-    "damping": _Table("structure.beam", _damping, damping_schema),
+    "damping": _Table("structure.damping", _damping, damping_schema),
     "gravity": _Table("structure.gravity", _gravity, partial(noun_schema, Gravity), _gravity_lines),
     "reduction": _of(Reduction, "reduction"),
     "base": _Table("", _base, base_schema, _base_lines, required=True),
