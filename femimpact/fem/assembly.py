@@ -216,7 +216,7 @@ def assembled_with_modes(
     """The system of `assemble`, and so many of its undamped modes or as many as its damping refers to."""
     grid = discretise(structure, elements, mesh)
     bare = _undamped(grid)
-    damped, modes = damped_with_modes(bare, structure.beam, min(least, bare.dofs))
+    damped, modes = damped_with_modes(bare, structure.damping, min(least, bare.dofs))
     contacts = _contacts(damped, grid, modes)
     complete = with_checked_fields(damped, first_frequency=float(modes.natural_frequency[0]), contacts=contacts)
     for words in unusual_words(structure, first_elastic_frequency(complete)):

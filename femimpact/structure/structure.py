@@ -518,9 +518,9 @@ def unusual_numbers(structure: Structure) -> list[UnusualNumber]:
 
 
 def _of_damping(structure: Structure) -> Iterator[UnusualNumber]:
-    if structure.beam is None:
+    if structure.damping is None:
         return
-    ratios = structure.beam.ratios if isinstance(structure.damping, ModalDamping) else structure.damping.ratio
+    ratios = structure.damping.ratios if isinstance(structure.damping, ModalDamping) else structure.damping.ratio
     ratio = max(ratios) if isinstance(ratios, tuple) else ratios
     if ratio > LARGEST_RATIO:
         instead = f"is it a percentage? {ratio:g} % is a ratio of {0.01 * ratio:.4g}"
