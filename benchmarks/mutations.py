@@ -212,8 +212,8 @@ MUTATIONS = (
     ),
     Mutation(
         "contact_stiffness",
-        "np.where(store.rigid, 0.0, inputs.stiffness)",
-        "np.where(store.rigid, 0.0, 1.05 * inputs.stiffness)",
+        "np.where(rigid, 0.0, inputs.stiffness)",
+        "np.where(rigid, 0.0, 1.05 * inputs.stiffness)",
     ),
     Mutation(
         "sticking_impulse",

@@ -79,7 +79,7 @@ def tuned_absorber(
     --------
     >>> import femimpact as fi
     >>> absorber = fi.tuned_absorber(structure, mass=2e-3, at="tip")
-    >>> damped = fi.Structure(structure.beam, structure.masses, damping=structure.beam, absorbers=[absorber])
+    >>> damped = fi.Structure(structure.beam, structure.masses, damping=structure.damping, absorbers=[absorber])
     >>> damped.absorbers[0].mass
     0.002
     """

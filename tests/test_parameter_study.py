@@ -111,7 +111,7 @@ def test_every_kind_of_axis_is_the_run_of_a_changed_study(path, values):
                 given, structure=replace(given.structure, masses=(replace(given.structure.masses[0], mass=value),))
             )
         elif owner == "damping":
-            damping = replace(given.structure.beam, ratio=value)
+            damping = replace(given.structure.damping, ratio=value)
             given = replace(given, structure=replace(given.structure, damping=damping))
         elif owner == "impactor":
             given = replace(given, structure=with_ball(given.structure, mass=value))

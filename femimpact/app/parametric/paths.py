@@ -103,9 +103,9 @@ def _places(study: Study) -> Iterator[Place]:
         for item in getattr(structure, name):
             yield from _fields_of(item, owner, item.name, Stage.MODES)
             yield from _law_of(owner, item.name, getattr(item, "contact", None))
-    if structure.beam is not None:
+    if structure.damping is not None:
         for name in ("ratio", "ratios", "frequencies"):
-            if hasattr(structure.beam, name):
+            if hasattr(structure.damping, name):
                 yield _place("damping", "", name, "Hz" if name == "frequencies" else "1", Stage.DAMPING)
     yield _place("gravity", "", "acceleration", "m/s^2", Stage.MODES)
     yield from _fields_of(study.mesh, "mesh", "", Stage.MODES)
@@ -207,7 +207,7 @@ def _prefix(place: Place) -> str:
 def _changed(study: Study, place: Place, value: Any) -> dict[str, Any]:
     """The fields of a study that another value at a place changes."""
     owner, name, structure = place.owner, place.field, study.structure
-    damping: Any = structure.beam
+    damping: Any = structure.damping
     if owner == "start":
         return {}
     if owner in PARTS:
@@ -309,7 +309,7 @@ class CaseSystems:
             rest = {place: value for place, value in values.items() if place.stage < Stage.BALL}
             return _with_balls(self.of(rest), of_balls)
         if of_damping and isinstance(self.given, Study):
-            damping = study_with(self.given, of_damping).structure.beam
+            damping = study_with(self.given, of_damping).structure.damping
             if _is_damping_of_modes(self.given, damping):
                 return _damped(self.of(of_modes), damping)
         with warnings.catch_warnings():
