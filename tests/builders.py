@@ -18,12 +18,13 @@ from femimpact.app.report.result_page import write_report
 from femimpact.app.results.result_directory import FILES, ResultsWarning
 from femimpact.app.study.parameter_plan import ParameterPlan
 from femimpact.app.study.prepared import lines_of_plan, prepare
-from femimpact.app.study.study import MeshChoice, OrbitsPlan, Output, Reduction, SweepPlan, build
+from femimpact.app.study.study import MeshChoice, OrbitsPlan, Output, Reduction, SweepPlan, build_systems, method_for
 from femimpact.app.study.study_file import TABLES, load_study, read_study, same_study, study_schema, study_text
 from femimpact.app.study.summary import summary_of
 from femimpact.app.tasks.run import run_simulation, run_study
 from femimpact.app.tasks.study_command import summary_lines, write_parameter_study
 from femimpact.files import read_csv
+from femimpact.integrators.methods import Method
 from femimpact.response.history_file import history_writer
 
 REFERENCE = fi.Structure(
@@ -37,6 +38,12 @@ REFERENCE = fi.Structure(
     damping=fi.Rayleigh(ratio=0.0029, modes=(1, 2)),
 )
 """The structure behind the published 5.30 and 4.98 Hz."""
+
+
+def build(study: fi.app.Study) -> tuple[fi.System, fi.System, Method]:
+    """The full system, the one that is integrated, and the method with its step."""
+    full, small = build_systems(study)
+    return full, small, method_for(study, small)
 
 
 def plan_lines(study: fi.app.Study) -> list[str]:

@@ -71,7 +71,7 @@ from femimpact.app.results.result_directory import (
 from femimpact.app.results.results import carried_of, read_json
 from femimpact.app.study.findings import Findings
 from femimpact.app.study.prepared import in_study_words
-from femimpact.app.study.study import Study, build
+from femimpact.app.study.study import Study, build_systems
 from femimpact.errors import InputError, require, require_path
 from femimpact.excitation.drives import drive_words
 from femimpact.excitation.excitation import has_cycle, words_of
@@ -364,7 +364,7 @@ def _system_of(study: Study) -> DrawnSystem:
     drawn = drawn_system(study.structure, {})
     if study.mesh.file or has_cycle(study.excitation):
         return drawn
-    return replace(drawn, modes=modes_of(build(study)[1], MODES))
+    return replace(drawn, modes=modes_of(build_systems(study)[1], MODES))
 
 
 # ---- words and tables beside the pictures ----------------------------------------------------------
