@@ -357,8 +357,9 @@ def _forces_to_base(grid: Discretisation, items: Sequence[Spring | Dashpot], kin
     still = np.zeros(grid.free.size)
     forces = {}
     for item, row in zip(to_base, _connection_rows(grid, to_base, kind)[:, grid.free].toarray(), strict=True):
-        pulls = (-item.damping * row, still) if isinstance(item, Dashpot) else (still, -item.stiffness * row)
-        forces[f"{item.name}.force"] = Reaction(None, "N", still, *pulls, 0.0)
+        on_velocity = -item.damping * row if isinstance(item, Dashpot) else still
+        on_displacement = still if isinstance(item, Dashpot) else -item.stiffness * row
+        forces[f"{item.name}.force"] = Reaction(None, "N", still, on_velocity, on_displacement, 0.0)
     return forces
 
 
