@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from skfem import Basis, ElementLineHermite, MeshLine
 from skfem.element import DiscreteField
 
-from femimpact.arrays import Array
+from femimpact.arrays import Array, read_only
 from femimpact.errors import (
     Fault,
     InputError,
@@ -179,8 +179,7 @@ def discretise(structure: Structure, elements: int | None = None, mesh: Mesh | N
         key, allowed = f"{kind_of(item)}.{item.name}.name", "must not be the name of a point of the mesh"
         require(item.name not in mesh.points, key, item.name, "", allowed)
     # what is refused, before what is warned of
-    free = np.delete(np.arange(2 * mesh.nodes.size), _held_dofs(structure, mesh))
-    free.setflags(write=False)
+    free = read_only(np.delete(np.arange(2 * mesh.nodes.size), _held_dofs(structure, mesh)))
     sections = _sections(structure.beam, mesh)
     # the product of two cubics, and rho A of degree 2 where width and thickness taper
     degree = 8 if sections.is_tapered.any() else 6

@@ -5,20 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import ArrayLike, NDArray
 
-from femimpact.arrays import Array
+from femimpact.arrays import Array, own
 from femimpact.errors import (
     Fault,
     InputError,
     choice,
     quantity,
-    require,
-    require_type,
 )
 from femimpact.system.matrices import Matrix
 
@@ -246,15 +243,11 @@ class Reaction:
     on_base_acceleration: float
     constant: float = 0.0
 
-    def __post_init__(self) -> None:
-        for row in (self.on_acceleration, self.on_velocity, self.on_displacement):
-            row.setflags(write=False)
-
 
 def damped_reactions(reactions: Mapping[str, Reaction], alpha: float, beta: float) -> dict[str, Reaction]:
     """The same reactions with C = alpha M + beta K (1/s, s), whose rows at held dofs follow from those of M and K."""
     return {
-        name: replace(item, on_velocity=alpha * item.on_acceleration + beta * item.on_displacement)
+        name: replace(item, on_velocity=own(alpha * item.on_acceleration + beta * item.on_displacement))
         for name, item in reactions.items()
     }
 
@@ -264,9 +257,9 @@ def reduced_reactions(reactions: Mapping[str, Reaction], phi: Array) -> dict[str
     return {
         name: replace(
             item,
-            on_acceleration=item.on_acceleration @ phi,
-            on_velocity=item.on_velocity @ phi,
-            on_displacement=item.on_displacement @ phi,
+            on_acceleration=own(item.on_acceleration @ phi),
+            on_velocity=own(item.on_velocity @ phi),
+            on_displacement=own(item.on_displacement @ phi),
         )
         for name, item in reactions.items()
     }
@@ -275,13 +268,3 @@ def reduced_reactions(reactions: Mapping[str, Reaction], phi: Array) -> dict[str
 def unloaded_reactions(reactions: Mapping[str, Reaction]) -> dict[str, Reaction]:
     """The same reactions without a constant load on the held dofs."""
     return {name: replace(item, constant=0.0) for name, item in reactions.items()}
-
-
-def check_reactions(reactions: Any, dofs: int) -> None:
-    """Refuse what is no mapping of names to reactions with rows of this many dofs."""
-    require_type(reactions, Mapping, "reactions")
-    for name, item in reactions.items():
-        require_type(name, str, "reactions")
-        require_type(item, Reaction, f"reactions.{name}")
-        allowed = f"must have rows of {dofs} entries, one for each dof"
-        require(item.on_displacement.size == dofs, f"reactions.{name}", item.on_displacement.size, "", allowed)

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.linalg
 import scipy.sparse as sparse
 from numpy.typing import NDArray
 
-from femimpact.arrays import Array
+from femimpact.arrays import Array, own
 from femimpact.errors import (
-    Fault,
-    InputError,
     check_fields,
     column,
     in_range,
@@ -25,44 +22,13 @@ from femimpact.errors import (
     require_type,
 )
 from femimpact.structure.beam import ModalDamping, Rayleigh, rayleigh_coefficients, realised_damping_ratio
-from femimpact.system.contact_pair import ContactPair
 from femimpact.system.hermite import damped_reactions
-from femimpact.system.matrices import FINITE, diagonal_matrix, rigid_motions, stiffness_solver
-from femimpact.system.static import TOGETHER, SystemOrigin
-from femimpact.system.system import System
+from femimpact.system.matrices import diagonal_matrix, rigid_motions, stiffness_solver
+from femimpact.system.system import System, with_checked_fields
 from femimpact.table import Head, frame_of, head_of_columns, short_repr
 
 if TYPE_CHECKING:
     import pandas
-
-FIELDS = tuple(item.name for item in fields(System))
-
-UNDAMPED = ("M", "K", "stiffness_factor", "nodes", "expansion", "sections")
-"""Fields that `System.derived_undamped` follows from."""
-
-
-def computed_system(**values: Any) -> System:
-    """The system with these fields, all but `computed_together`, as they follow from sound input.
-
-    Raises `InputError` if a number is infinite.
-    """
-    system = object.__new__(System)
-    system.__dict__.update(_frozen(values))
-    return _together(system, values["contacts"])
-
-
-def with_checked_fields(system: System, **changes: Any) -> System:
-    """The same system with other fields that were computed together.
-
-    Raises `InputError` if a number is infinite.
-    """
-    origin = system.computed_together
-    return _together(_copy(system, **_frozen(changes)), changes.get("contacts", origin.contacts if origin else ()))
-
-
-def with_checked_pairs(system: System, contacts: tuple[ContactPair, ...]) -> System:
-    """The same system with other numbers of its pairs, which were checked when they were made: no more is checked."""
-    return _copy(system, contacts=contacts)
 
 
 def with_modal_damping(system: System, alpha: float, beta: float) -> System:
@@ -70,39 +36,6 @@ def with_modal_damping(system: System, alpha: float, beta: float) -> System:
     C = diagonal_matrix(alpha * system.M.diagonal() + beta * system.K.diagonal())
     reactions = damped_reactions(system.reactions, alpha, beta)
     return with_checked_fields(system, C=C, rayleigh=(alpha, beta), reactions=reactions)
-
-
-def _frozen(values: Mapping[str, Any]) -> Mapping[str, Any]:
-    """The same fields with their arrays read-only.
-
-    Raises `InputError` if a number is infinite.
-    """
-    for name, value in values.items():
-        numbers: Any = value.data if sparse.issparse(value) else value  # type: ignore[attr-defined]
-        if isinstance(numbers, np.ndarray) and numbers.dtype.kind == "f" and not np.isfinite(numbers).all():
-            raise InputError([Fault(name, None, "", FINITE)])
-        for array in value.values() if isinstance(value, dict) else (value,):
-            if isinstance(array, np.ndarray):
-                array.setflags(write=False)
-    return values
-
-
-def _together(system: System, contacts: tuple[ContactPair, ...]) -> System:
-    """The system, whose fields are from now on those that were computed together, with contacts at these places."""
-    fields = tuple(system.__dict__[name] for name in TOGETHER)
-    system.__dict__["computed_together"] = SystemOrigin(fields, contacts, system.constant_load)
-    return system
-
-
-def _copy(system: System, **changes: Any) -> System:
-    copied = object.__new__(System)
-    copied.__dict__.update({name: system.__dict__[name] for name in FIELDS} | changes)
-    if system.__dict__.get("is_diagonal"):
-        # diagonal matrices stay so
-        copied.__dict__["is_diagonal"] = True
-    if changes.keys().isdisjoint(UNDAMPED):
-        copied.__dict__["derived_undamped"] = system.derived_undamped
-    return copied
 
 
 STILL = 1e-9
@@ -160,9 +93,7 @@ class Modes:
     @property
     def effective_mass(self) -> Array:
         """Square of the participation factor, (count,) in kg; all of them sum to the moving mass."""
-        mass = self.participation_factor**2
-        mass.setflags(write=False)
-        return mass
+        return own(self.participation_factor**2)
 
 
 def require_modes_of(dofs: int, modes: Modes) -> None:
@@ -419,6 +350,6 @@ def _by_modes(system: System, modes: Modes, ratio: NDArray[np.float64]) -> Syste
     reactions = {}
     for name, item in system.reactions.items():
         row = beta * item.on_displacement + ((item.on_acceleration @ vectors) * size) @ momentum.T
-        reactions[name] = replace(item, on_velocity=row)
+        reactions[name] = replace(item, on_velocity=own(row))
     C = sparse.csr_array(beta * system.K + sparse.csr_array(0.5 * (full + full.T)))
     return with_checked_fields(system, C=C, rayleigh=None, reactions=reactions)

@@ -24,7 +24,7 @@ from femimpact.integrators.methods import AT_ONCE, Method, bytes_of_cycle, secon
 from femimpact.integrators.planned_drive import drive_warnings
 from femimpact.integrators.stepping.operators import shortest_contact
 from femimpact.response.channels import resolve_channels
-from femimpact.response.resolution import PeakResolution
+from femimpact.response.cycles import PeakResolution
 from femimpact.response.response import Recorder
 from femimpact.structure.structure import Structure
 from femimpact.system.contact_pair import ContactPair
