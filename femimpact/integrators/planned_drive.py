@@ -232,7 +232,9 @@ def _of_histories(system: System, excitation: Excitation, end: float | None) -> 
     """Each history beside the modes that are kept, and each record up to a time (s) beside its samples."""
     for what, value, unit, limit, text in drives_above_modes(excitation, system.highest_kept, system.first_left_out):
         yield row_of(what, value, unit, limit, text)
-    for drive in () if end is None else getattr(excitation, "drives", (excitation,)):
+    if end is None:
+        return
+    for drive in getattr(excitation, "drives", (excitation,)):
         interval, change = record_coarseness(system, drive, end)
         if math.isfinite(interval):
             what = f"change of the peak by straight lines between the samples of the record, {interval:.4g} s apart"
