@@ -658,8 +658,8 @@ def with_checked_pairs(system: System, contacts: tuple[ContactPair, ...]) -> Sys
 def _require_finite(values: Iterable[tuple[str, Any]]) -> None:
     for name, value in values:
         numbers: Any = value.data if sparse.issparse(value) else value  # type: ignore[attr-defined]
-        sound = not isinstance(numbers, np.ndarray) or numbers.dtype.kind != "f" or bool(np.isfinite(numbers).all())
-        require(sound, name, None, "", FINITE)
+        if isinstance(numbers, np.ndarray) and numbers.dtype.kind == "f" and not np.isfinite(numbers).all():
+            raise InputError([Fault(name, None, "", FINITE)])
 
 
 def _together(system: System, contacts: tuple[ContactPair, ...]) -> System:
