@@ -214,7 +214,7 @@ def _new_cases(store: FormStore, inputs: Inputs, modes: int) -> core.events.Case
     cases = _resumed(inputs.held, cases)
     # the arrays of all forms are then as large as a motion in this one
     add_forms(np.zeros(1, dtype=np.intp), cases, store, np.zeros(1, dtype=np.int64))
-    wanted = _wanted_form(cases, 0, 0)
+    (wanted,) = wanted_forms(np.zeros(1, dtype=np.intp), cases, np.zeros(1, dtype=np.int64))
     _split_anew(inputs.held, cases, store.forms, store.known[wanted.parameters, wanted.key])
     return cases
 
@@ -336,20 +336,17 @@ def add_forms(
     members: NDArray[np.intp], cases: core.events.Cases, store: FormStore, system_of: NDArray[np.int64]
 ) -> None:
     """Make the closed forms of the cases' contact states for their contact parameters, unless they are there."""
-    keys = np.hstack([cases.stiffness[members], cases.damping[members], np.abs(cases.state[members]) == CONTACT])
-    wanted: dict[bytes, WantedForm] = {}
-    of_case = [row.tobytes() + int(system_of[c]).to_bytes(8, "little") for c, row in zip(members, keys, strict=True)]
-    for c, key in zip(members.tolist(), of_case, strict=True):
-        if key not in wanted:
-            wanted[key] = _wanted_form(cases, c, int(system_of[c]))
-    first = dict(zip(wanted, store.first_forms(list(wanted.values())), strict=True))
-    cases.form[members, 0] = [first[key] for key in of_case]
+    cases.form[members, 0] = store.first_forms(wanted_forms(members, cases, system_of))
 
 
-def _wanted_form(cases: core.events.Cases, number: int, system: int) -> WantedForm:
-    """The closed form of the contact states of a case."""
-    bits = sum(1 << j for j in np.flatnonzero(np.abs(cases.state[number]) == CONTACT).tolist())
-    return WantedForm(bits, cases.stiffness[number], cases.damping[number], system)
+def wanted_forms(
+    members: NDArray[np.intp], cases: core.events.Cases, system_of: NDArray[np.int64]
+) -> list[WantedForm]:  # fmt: skip
+    """The closed forms of the contact states of some cases."""
+    bits = (np.abs(cases.state[members]) == CONTACT) @ (1 << np.arange(cases.state.shape[1], dtype=np.int64))
+    rows = np.hstack([cases.stiffness[members], cases.damping[members]])
+    keys = zip(bits.tolist(), rows, system_of[members].tolist(), strict=True)
+    return [WantedForm(key, system.to_bytes(4, "little") + row.tobytes(), row, system) for key, row, system in keys]
 
 
 def _fitted(cases: core.events.Cases, forms: core.events.Forms) -> core.events.Cases:
