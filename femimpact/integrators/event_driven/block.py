@@ -136,7 +136,7 @@ def new_block(
             _pairs(store.equations[number], method),
             _of_equations(store.systems[number], store.equations[number]),
         )
-        for number in np.unique(system_of).tolist()
+        for number in sorted(set(system_of.tolist()))
     }
     pairs, fields = of_systems[int(system_of[0])]
     lengths = dict.fromkeys("yxkewDg", 0) | {"C": count, "O": store.outputs[0].constant.size, "n": n}
