@@ -7,6 +7,7 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -150,8 +151,11 @@ def prepare(
     cases = len(inputs.excitations)
     # the width of the case axis; idle lanes repeat the last case: finite numbers, no effect on the others
     lanes = 1 if cases == 1 else PACK * math.ceil(cases / PACK)
-    columns = {name: list(getattr(inputs, name)) for name in ("excitations", "steps", "window_start", "each")}
-    padded = replace(inputs, **{name: each + each[-1:] * (lanes - cases) for name, each in columns.items()})
+    columns: dict[str, Any] = {}
+    for name in ("excitations", "steps", "window_start", "each"):
+        of_cases = list(getattr(inputs, name))
+        columns[name] = of_cases + of_cases[-1:] * (lanes - cases)
+    padded = replace(inputs, **columns)
     drives = [drive_of(system, excitation) for excitation in padded.excitations]
     scheme = scheme_of(method)
     loads = drives[0].load, [load.load for load in drives[0].more]
