@@ -10,7 +10,7 @@ import femimpact as fi
 from femimpact.integrators.channel_rows import drive_of
 from femimpact.integrators.event_driven.closed_form import closed_forms
 from femimpact.integrators.event_driven.equations import equations_of, stacked
-from femimpact.orbits.flow import flow_of, hybrid_system
+from femimpact.orbits.motion import flow_of, hybrid_system
 
 pytestmark = pytest.mark.impacts
 

@@ -17,7 +17,7 @@ from femimpact.excitation.drives import CONSTANT_FORCES, Drives
 from femimpact.excitation.excitation import AT_SAMPLE, BrokenLine, Excitation, Harmonic, require_excitation
 from femimpact.excitation.piecewise_polynomial import PiecewisePolynomial, pieces_of
 from femimpact.excitation.sums import one_sine
-from femimpact.response.channels import Channel, ContactReading, Reading, ShakerForce, zero_reading
+from femimpact.response.channels import Channel, QuantityAt, Reading, is_of_contact, zero_reading
 from femimpact.structure.structure import Position
 from femimpact.system.modes import solve_stiffness
 from femimpact.system.reduction import kept_modes
@@ -272,7 +272,7 @@ def _reaction_notes(system: System, drive: Drive, channels: Sequence[Channel]) -
     if not any(np.any(channel.reading(system).reaction) for channel in channels):
         return ()
     weights = np.array([float(item.unit == "N") for item in system.reactions.values()])
-    readings = replace(zero_reading(system), reaction=weights), ShakerForce().reading(system)
+    readings = replace(zero_reading(system), reaction=weights), QuantityAt("shaker_force").reading(system)
     parts, rows = [], [_row(system, drive, each, springs_apart=False) for each in readings]
     for h, load in enumerate(drive.loads):
         driven = [row.base[2] * load.share + row.drive[h] for row in rows]
@@ -306,7 +306,7 @@ def _static_notes(system: System, drive: Drive, channels: Sequence[Channel]) -> 
     if full is None or full.sections is None:
         return ()
     # the flexibility at contacts has a note by itself
-    others = [channel for channel in channels if not isinstance(channel, ContactReading)]
+    others = [each for each in channels if not is_of_contact(each)]
     rows = [(channel, row) for channel in others if np.any(row := channel.reading(system).displacement)]
     if not rows:
         return ()
