@@ -19,8 +19,8 @@ import femimpact as fi
 from femimpact.app.demo import paper_study
 from femimpact.app.study.study import build_systems, method_for
 from femimpact.integrators.stepping.arrays import Inputs
-from femimpact.integrators.stepping.block import prepare, run_block
 from femimpact.integrators.stepping.operators import bands
+from femimpact.integrators.stepping.run import prepare, run_block
 
 LIMITS = {(1, False): 60.0, (21, False): 15.0, (1, True): 90.0, (21, True): 22.5}
 """ns per step and case that issue and house ask for; the ledger may add half."""
