@@ -319,8 +319,9 @@ def _merged(
             if item.instant.pair >= 0:
                 impulse[f, item.instant.pair] += item.instant.impulse
                 touching[f, item.instant.pair] = True
-    motion = (np.array(several) for several in zip(*(group[-1].arrays[:-1] for group in groups), strict=True))
-    snapshots = Snapshots(np.array([group[-1].instant.time for group in groups]), *motion, contact_force=forces)
+    motion = {name: np.array([group[-1].arrays[i] for group in groups]) for i, name in enumerate(ARRAYS[:-1])}
+    times = np.array([group[-1].instant.time for group in groups])
+    snapshots = Snapshots(time=times, **motion, contact_force=forces)
     what = tuple("; ".join(item.instant.what for item in group if item.instant.what) for group in groups)
     return Frames(snapshots, what, impulse, touching | (forces != 0.0), mismatch)
 
