@@ -29,17 +29,12 @@ CHILD = """
 import json, sys
 from femimpact.validation import REFERENCE_CASES
 found = {}
-for make in REFERENCE_CASES:
+for run in REFERENCE_CASES:
     try:
-        case = make()
+        found |= {case.name: f"{case.error:.1e}" for case in run() if not case.passes}
     except Exception as error:
-        part = getattr(make, "func", make)
-        given = (*getattr(make, "args", ()), *getattr(make, "keywords", {}).values())
-        name = ", ".join([part.__name__, *(str(getattr(value, "name", value)) for value in given)])
-        found[name] = type(error).__name__
-        continue
-    if not case.passes:
-        found[case.name] = f"{case.error:.1e}"
+        subject = getattr(run, "func", run).__name__
+        found[", ".join([subject, *(part.name for part in getattr(run, "args", ()))])] = type(error).__name__
 print(json.dumps(found))
 """
 

@@ -87,7 +87,7 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
         Mutation("slow_pressed_flow", "SEPARATE = 1e3", "SEPARATE = 1e12"),
     ),
     "test_taper.py": (
-        Mutation("gauss_points_of_taper", "first = m1 / m0", "first = 0.5 * m1 / m0"),
+        Mutation("weights_of_a_taper", "first = m1 / m0", "first = 0.5 * m1 / m0"),
         Mutation("taper_of_mass", "self.mass_per_length[element] * (a * b)", "self.mass_per_length[element] * a"),
     ),
     "test_modes.py": (

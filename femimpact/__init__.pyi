@@ -20,8 +20,8 @@ from femimpact.errors import FemimpactError as FemimpactError
 from femimpact.errors import InputError as InputError
 from femimpact.errors import InputWarning as InputWarning
 from femimpact.excitation.chirp import Chirp as Chirp
-from femimpact.excitation.forces import HammerBlow as HammerBlow
-from femimpact.excitation.forces import PointForce as PointForce
+from femimpact.excitation.drives import HammerBlow as HammerBlow
+from femimpact.excitation.drives import PointForce as PointForce
 from femimpact.excitation.harmonic import Sine as Sine
 from femimpact.excitation.harmonic import SteppedSine as SteppedSine
 from femimpact.excitation.random_base import RandomBase as RandomBase

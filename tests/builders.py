@@ -19,7 +19,7 @@ from femimpact.app.results.result_directory import FILES, ResultsWarning
 from femimpact.app.study.parameter_plan import ParameterPlan
 from femimpact.app.study.prepared import plan_lines, prepare
 from femimpact.app.study.study import MeshChoice, OrbitsPlan, Output, Reduction, SweepPlan, build
-from femimpact.app.study.study_file import TABLES, load_study, read_study, same_study, study_schema, study_text
+from femimpact.app.study.study_file import TABLES, load_study, read_study, study_lines, study_schema, study_text
 from femimpact.app.study.summary import summary_of
 from femimpact.app.tasks.run import run_simulation, run_study
 from femimpact.app.tasks.study_command import summary_lines, write_parameter_study
@@ -37,6 +37,11 @@ REFERENCE = fi.Structure(
     damping=fi.Rayleigh(ratio=0.0029, modes=(1, 2)),
 )
 """The structure behind the published 5.30 and 4.98 Hz."""
+
+
+def same_study(one: fi.app.Study, other: fi.app.Study) -> bool:
+    """True where two studies are equal, whatever their paths and texts are."""
+    return one.source.get("content") == other.source.get("content") and [*study_lines(one)] == [*study_lines(other)]
 
 
 def with_ball(structure: fi.Structure, **changes: object) -> fi.Structure:

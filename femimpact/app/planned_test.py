@@ -35,8 +35,7 @@ from femimpact.errors import checked as checked_value
 from femimpact.excitation.chirp import Chirp
 from femimpact.excitation.drives import parts_in
 from femimpact.excitation.excitation import Excitation, require_excitation
-from femimpact.excitation.harmonic import Sine, SteppedSine
-from femimpact.excitation.levels import Level, level_at, require_reach
+from femimpact.excitation.harmonic import Level, Sine, SteppedSine, level_at, require_reach
 from femimpact.excitation.random_base import RandomBase
 from femimpact.excitation.remarks import drives_above_modes, frequency_warnings
 from femimpact.integrators.event_driven import EventDriven

@@ -232,11 +232,6 @@ class CustomLaw:
     name : str
     reference_speed : float, m/s
         At which the contact time of step recommendations is taken.
-
-    Raises
-    ------
-    InputError
-        If the force is no function, or a pointer of another signature.
     """
 
     force: ForceFunction

@@ -469,11 +469,6 @@ class ConvergenceStudy:
     Parameters
     ----------
     tables : mapping of str to ConvergenceTable
-
-    Raises
-    ------
-    InputError
-        If a value is not a table of the axis of its name.
     """
 
     tables: Mapping[str, ConvergenceTable]

@@ -48,11 +48,6 @@ class Sum:
     end : float, s, optional
         Up to when the sines have a closed form; `integrate` sets it to the end of the run. It is no part of what the
         sum is: two sums that differ in it alone are equal.
-
-    Raises
-    ------
-    InputError
-        If there is no part, or a part is no motion of the base.
     """
 
     parts: Any = field(metadata=items(object) | {"allowed": "must be a list or a tuple of motions of the base"})

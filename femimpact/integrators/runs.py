@@ -266,7 +266,9 @@ def checked_run(
 ) -> MethodRun:
     """A run on a system and under a drive that the method takes, with all its warnings."""
     warnings = method.check(system)
-    method.check_drive(np.array([excitation.frequency]), "frequency")
+    # of a user's excitation it is not checked before
+    frequency = checked("excitation.frequency", excitation.frequency, quantity("Hz", above=0.0))
+    method.check_drive(np.array([frequency]), "frequency")
     run = method.run(system, excitation, duration, recorder, initial, progress)
     dropped, recorded = run.impacts.dropped, len(run.impacts)
     lost = f"{dropped} impacts beyond the first {recorded} are not in the table (Recorder.impacts)"

@@ -17,7 +17,7 @@ import scipy.special
 from femimpact.contact.collision import damping_ratio_for_restitution, linear_angle
 from femimpact.contact.laws import KelvinVoigt, Rigid
 from femimpact.errors import changed, quantity, require, require_type, suggestion
-from femimpact.excitation.forces import PointForce
+from femimpact.excitation.drives import PointForce
 from femimpact.excitation.harmonic import Sine
 from femimpact.orbits.motion import HybridSystem, Numbers, hybrid_system
 from femimpact.system.contact_pair import ContactPair

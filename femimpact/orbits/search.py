@@ -24,9 +24,8 @@ from femimpact.errors import (
     require,
     takes,
 )
-from femimpact.excitation.drives import alone
+from femimpact.excitation.drives import PointForce, alone
 from femimpact.excitation.excitation import Excitation
-from femimpact.excitation.forces import PointForce
 from femimpact.excitation.harmonic import Sine
 from femimpact.excitation.sums import Sum
 from femimpact.integrators.event_driven import EventDriven

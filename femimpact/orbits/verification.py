@@ -13,7 +13,7 @@ import numpy as np
 from femimpact import core
 from femimpact.arrays import Array
 from femimpact.errors import DivergenceError, InputError, changed, made
-from femimpact.excitation.forces import PointForce
+from femimpact.excitation.drives import PointForce
 from femimpact.excitation.harmonic import Sine
 from femimpact.integrators.assembly import impacts_of
 from femimpact.integrators.channel_rows import drive_of

@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from femimpact.arrays import Array, even_interval
 from femimpact.errors import check_fields, checked, column, items, quantity, real_array, require, text
-from femimpact.signals.damped_sines import DecayFit, seen_modes
-from femimpact.signals.decay_windows import noise_of, windows
+from femimpact.signals.damped_sines import DecayFit, noise_of, seen_modes, windows
 from femimpact.table import Head, flat_columns, frame_of, head_of_columns, named_column, short_repr
 from femimpact.units import interval_texts, number_text
 
@@ -202,12 +201,6 @@ def identify_decay(time: ArrayLike, signal: ArrayLike, *, modes: int = 1) -> Dec
         Intervals of 90 % under white noise. There are none, and a warning says why, where the signal is clipped or
         has few bits, its times wander, the record is shorter than 3 cycles, a cycle has fewer than 8 samples, or the
         misfit of the damped sines is no noise; of a window, where its decrement changes by more than half.
-
-    Raises
-    ------
-    InputError
-        If time and signal are not finite or not of one length, the times are not evenly spaced, there are fewer than
-        16 samples, the signal is constant, or the number of modes is out of range.
 
     Examples
     --------

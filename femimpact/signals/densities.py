@@ -159,11 +159,6 @@ def amplitude_spectrum(time: Array, values: Array) -> tuple[Array, Array]:
     -------
     frequency : ndarray (n // 2 + 1,), Hz
     amplitude : ndarray (n // 2 + 1,), as the values
-
-    Raises
-    ------
-    InputError
-        If these are not as many finite numbers, two or more, or the times do not ascend.
     """
     from scipy.signal import get_window
 

@@ -89,16 +89,6 @@ class Laser:
             With the place among its channels, at no fewer samples in a second than the laser takes.
         seed : int
             Of the noise, by numpy's generator.
-
-        Returns
-        -------
-        LaserReading
-            With the share of clipped samples, and a warning where there are any.
-
-        Raises
-        ------
-        InputError
-            If the place was not recorded, or too coarsely.
         """
         name, rate = channel_key(self.at), self.sample_rate
         has_history = response.streamed_to is None and name in response.channels
@@ -144,11 +134,6 @@ def extrapolate(system: System, measured: LaserReading, to: Position = "tip", mo
     to : str or float
     mode : int
         From 1 on.
-
-    Returns
-    -------
-    LaserReading
-        At the other place.
 
     Raises
     ------

@@ -143,12 +143,6 @@ def shock_response_spectrum(
     duration : float, s, optional
         Up to when the oscillators are followed; needed for a motion that does not end.
 
-    Raises
-    ------
-    InputError
-        If a frequency or the ratio is out of range, the excitation is a force or has no closed form or no end, or the
-        channel is no acceleration or velocity.
-
     Examples
     --------
     A half-sine of 30 g and 11 ms:

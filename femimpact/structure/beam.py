@@ -75,12 +75,6 @@ class Segment:
         Of a round bar or a tube, outside.
     wall : float, m
         Thickness of a tube's wall, with the diameter.
-
-    Raises
-    ------
-    InputError
-        If the section is given in none of these ways or in two, another one than a rectangle is to taper, or a wall is
-        not below half the diameter.
     """
 
     length: float = field(metadata=quantity("m", above=0.0))
@@ -204,11 +198,6 @@ class Beam:
     ----------
     segments : tuple of Segment
         A stepped beam needs a different name for every segment.
-
-    Raises
-    ------
-    InputError
-        If there is no segment, one is of another kind, or two have one name.
     """
 
     segments: Sequence[Segment]

@@ -26,11 +26,6 @@ class Rayleigh:
         The two modes (counted from 1) that get the target ratios.
     frequencies : pair of float, Hz, optional
         The two frequencies that get them; give either modes or frequencies.
-
-    Raises
-    ------
-    InputError
-        If neither or both of modes and frequencies are given.
     """
 
     ratio: float | tuple[float, float] = field(metadata=quantity("1", at_least=0.0, below=1.0, several=True))

@@ -238,11 +238,6 @@ class Stop:
         Of both sides.
     fixed_to : {"base", "space"}
         Whether the obstacle moves with the base or is fixed in space.
-
-    Raises
-    ------
-    InputError
-        If both gaps are negative.
     """
 
     name: str = field(metadata=name_text())
@@ -291,11 +286,6 @@ class Spring:
         Force over elongation.
     to : str or float, optional
         The other end's place on the beam; None is the base.
-
-    Raises
-    ------
-    InputError
-        If both ends are at one place.
     """
 
     name: str = field(metadata=name_text())
@@ -324,11 +314,6 @@ class Dashpot:
         Force over speed.
     to : str or float, optional
         The other end's place on the beam; None is the base.
-
-    Raises
-    ------
-    InputError
-        If both ends are at one place.
     """
 
     name: str = field(metadata=name_text())

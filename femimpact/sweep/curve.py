@@ -24,8 +24,7 @@ from femimpact.errors import (
     require,
     text,
 )
-from femimpact.excitation.harmonic import Sine
-from femimpact.excitation.levels import Level, level_at
+from femimpact.excitation.harmonic import Level, Sine, level_at
 from femimpact.excitation.remarks import frequency_warnings, motion_warnings
 from femimpact.integrators.cases import SineCases, SineDwellResults
 from femimpact.integrators.methods import Method
@@ -33,8 +32,7 @@ from femimpact.integrators.planned_drive import TRANSIENT_LEFT, contact_notes, g
 from femimpact.response.cycles import SteadyMotion, deflection_warnings, resolution_warnings
 from femimpact.response.energy import residual_warnings
 from femimpact.response.impacts import statistics_of_cases
-from femimpact.signals.bandwidth import DampingEstimate, half_power
-from femimpact.signals.one_pole import fit_one_pole
+from femimpact.signals.one_pole import DampingEstimate, fit_one_pole, half_power
 from femimpact.structure.structure import Position
 from femimpact.system.modes import first_elastic_frequency
 from femimpact.system.state import State

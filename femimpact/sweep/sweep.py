@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from femimpact.arrays import Array
 from femimpact.errors import checked, in_range, level_rows, quantity, real_array, require, require_type, truth
-from femimpact.excitation.harmonic import Sine
-from femimpact.excitation.levels import Level, level_at, require_reach
+from femimpact.excitation.harmonic import Level, Sine, level_at, require_reach
 from femimpact.integrators.cases import SineCases, SineDwellResults, joined, workers_of
 from femimpact.integrators.channel_rows import drive_of, mode_notes
 from femimpact.integrators.methods import Method, require_method

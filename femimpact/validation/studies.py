@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from functools import cache, partial
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,19 +12,19 @@ from femimpact.app.parametric.measured_peaks import calibration_of
 from femimpact.app.parametric.runs import unit_draws
 from femimpact.app.parametric.verb import parameter_study
 from femimpact.app.report.result_conclusions import study_conclusions
+from femimpact.contact.laws import Rigid
 from femimpact.excitation.harmonic import Sine
 from femimpact.response.response import Response
 from femimpact.signals.decay import identify_decay
 from femimpact.validation.case import Case
 from femimpact.validation.contacts import shaken_floor
 
-if TYPE_CHECKING:
-    import xarray
-
-
 STARTS = 20
 GAPS = ((2e-3, 6e-3), (5e-3, 1e-3))
 """To the + and to the - side, m; the places of the first case are the smaller ones."""
+
+
+PLACE = "place of the ball"
 
 
 def place(response: Response) -> float:
@@ -34,49 +32,36 @@ def place(response: Response) -> float:
     return float(response["ball"][-1])
 
 
-@cache
-def _study() -> xarray.Dataset:
+def starts_of_a_ball() -> Iterator[Case]:
     """Nothing moves: a ball lies where each of its starts has put it."""
-    return parameter_study(
-        shaken_floor(0.5, (1.0, 1.0)), {"impactor.ball.gap": GAPS}, [place], starts=STARTS, cycles=3,
+    study = parameter_study(
+        shaken_floor(Rigid(0.5), (1.0, 1.0)), {"impactor.ball.gap": GAPS}, [place], starts=STARTS, cycles=3,
         excitation=Sine(0.0, 50.0),
     )  # fmt: skip
-
-
-def _places(case: int) -> NDArray[np.float64]:
-    """The gap of a case divided as the unit draws divide 0 to 1, from the smallest on."""
-    plus, minus = GAPS[case]
-    return np.sort(-minus + (plus + minus) * unit_draws(STARTS, 1, 0)[:, 0, 0])
-
-
-def extreme_start(case: int, end: str) -> Case:
-    """The first and the last of the places of a case."""
-    plus, minus = (1e3 * gap for gap in GAPS[case])
-    return Case(
-        f"starts in gaps of {plus:g} mm and {minus:g} mm: {'smallest' if end == 'low' else 'largest'} place",
-        "derived here (linear in the draws)", "place of the ball", "m", float(_places(case)[0 if end == "low" else -1]),
-        float(_study()[f"place_{end}"][case]), 1e-12, "rounding",
-    )  # fmt: skip
-
-
-def median_interval(end: str) -> Case:
-    """The k-th of 20 places from an end, for the largest k with 1 - 2 P(fewer than k of 20 tosses) of at least 0.9."""
+    # the gap of a case is divided as the unit draws divide 0 to 1
+    draws = np.sort(unit_draws(STARTS, 1, 0)[:, 0, 0])
+    places = [-minus + (plus + minus) * draws for plus, minus in GAPS]
+    linear, unit = "derived here (linear in the draws)", "m"
+    for case, (plus, minus) in enumerate(GAPS):
+        for size, end, number in (("smallest", "low", 0), ("largest", "high", -1)):
+            yield Case(
+                f"starts in gaps of {1e3 * plus:g} mm and {1e3 * minus:g} mm: {size} place", linear, PLACE, unit,
+                float(places[case][number]), float(study[f"place_{end}"][case]), 1e-12, "rounding",
+            )  # fmt: skip
+    # the k-th of the places from an end, for the largest k with 1 - 2 P(fewer than k of 20 tosses) of at least 0.9
     k = max(k for k in range(1, 11) if 1 - 2 * sum(math.comb(STARTS, i) for i in range(k)) / 2**STARTS >= 0.9)
-    return Case(
-        f"interval of the median of {STARTS} starts: its {'lower' if end == 'low' else 'upper'} end",
-        "David and Nagaraja (2003), binomial sums", "place of the ball", "m",
-        float(_places(0)[k - 1 if end == "low" else -k]), float(_study()[f"place_median_{end}"][0]), 1e-12, "rounding",
-    )  # fmt: skip
-
-
-def reported_scatter(end: str) -> Case:
-    """The range of the case with the smallest value in the words of a report, "... to ... over 20 starts"."""
-    words = study_conclusions(_study())[0].scatter.replace("\N{MINUS SIGN}", "-").split()
-    return Case(
-        f"report of a parameter study: scatter of the smallest value, {end} end", "derived here (linear in the draws)",
-        "place of the ball", "m", float(_places(0)[0 if end == "lower" else -1]),
-        float(words[0 if end == "lower" else 2]), 5e-4, "four digits in the report",
-    )  # fmt: skip
+    for side, end, number in (("lower", "low", k - 1), ("upper", "high", -k)):
+        yield Case(
+            f"interval of the median of {STARTS} starts: its {side} end", "David and Nagaraja (2003), binomial sums",
+            PLACE, unit, float(places[0][number]), float(study[f"place_median_{end}"][0]), 1e-12, "rounding",
+        )  # fmt: skip
+    # the range of the case with the smallest value, as "... to ... over 20 starts"
+    words = study_conclusions(study)[0].scatter.replace("\N{MINUS SIGN}", "-").split()
+    for side, number in (("lower", 0), ("upper", -1)):
+        yield Case(
+            f"report of a parameter study: scatter of the smallest value, {side} end", linear, PLACE, unit,
+            float(places[0][number]), float(words[-2 * number]), 5e-4, "four digits in the report",
+        )  # fmt: skip
 
 
 # ---- estimates with their intervals ---------------------------------------------------------------
@@ -85,9 +70,8 @@ MODE = np.array([5.3, 0.0029, 25.0, 0.3])
 """Frequency (Hz), damping ratio, amplitude and phase (rad) of a decay."""
 
 
-@cache
-def _of_decay() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Half the widths of the 90 % intervals of frequency and ratio: by least squares about the truth, and computed."""
+def intervals_of_a_mode() -> Iterator[Case]:
+    """Half the widths of the 90 % intervals of frequency and ratio, by least squares about the truth."""
     from scipy.special import stdtrit
 
     time = 0.01 * np.arange(2000)
@@ -104,25 +88,22 @@ def _of_decay() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     exact = np.linalg.norm(np.linalg.inv(r), axis=1)[2:4] * np.linalg.norm(misfit) / math.sqrt(freedom)
     (mode,) = identify_decay(time, decay(*MODE) + noise).modes
     half_widths = 0.5 * np.ptp([mode.frequency_interval, mode.damping_ratio_interval], axis=1)
-    return exact * stdtrit(freedom, 0.95), half_widths
-
-
-def interval_of_a_mode(which: int) -> Case:
-    """Half the width of the interval of the frequency or of the ratio of a mode in a record with white noise."""
-    exact, half_widths = _of_decay()
-    return Case(
-        f"free decay with white noise: interval of the {('frequency', 'damping ratio')[which]}",
-        "derived here (Cramer-Rao bound)", "half its width", ("Hz", "1")[which], float(exact[which]),
-        float(half_widths[which]), 1e-3, "the misfit is bent within the noise of 1 %",
-    )  # fmt: skip
+    pairs = zip((exact * stdtrit(freedom, 0.95)).tolist(), half_widths.tolist(), strict=True)
+    for (quantity, unit), (reference, computed) in zip(
+        (("frequency", "Hz"), ("damping ratio", "1")), pairs, strict=True
+    ):
+        yield Case(
+            f"free decay with white noise: interval of the {quantity}", "derived here (Cramer-Rao bound)",
+            "half its width", unit, reference, computed, 1e-3, "the misfit is bent within the noise of 1 %",
+        )  # fmt: skip
 
 
 BETWEEN = (-0.2, 1.2)
 """Bounds of the parameter of a calibration."""
 
 
-def calibrated(end: str) -> Case:
-    """An end of the interval of a parameter, of which the logarithm of the peak is linear, from starts that scatter.
+def calibrated() -> Iterator[Case]:
+    """The ends of the interval of a parameter, of which the logarithm of the peak is linear, from starts that scatter.
 
     Of n = 5 starts of the standard deviation s the range is 2.32593 s (Tippett, 1925), and the median has the variance
     pi s^2/(2 n). A peak is distributed as Student's t with 4 degrees of freedom.
@@ -145,19 +126,13 @@ def calibrated(end: str) -> Case:
 
     ratio = np.linspace(*BETWEEN, 100_001)
     share = np.cumsum(np.prod((1 + ((measured - ratio[:, None]) / sigma) ** 2 / 4) ** -2.5, axis=1))
-    exact = float(np.interp(0.05 if end == "low" else 0.95, share / share[-1], ratio))
-    return Case(
-        f"calibration from the scatter of {starts} starts: {'lower' if end == 'low' else 'upper'} end of its interval",
-        "derived here (integrals of Student's t)", "parameter", "1", exact, getattr(fit, end), 2e-3,
-        "trapezoids of 1/120 of the bounds",
-    )  # fmt: skip
+    for side, quantile, computed in (("lower", 0.05, fit.low), ("upper", 0.95, fit.high)):
+        yield Case(
+            f"calibration from the scatter of {starts} starts: {side} end of its interval",
+            "derived here (integrals of Student's t)", "parameter", "1",
+            float(np.interp(quantile, share / share[-1], ratio)), computed, 2e-3, "trapezoids of 1/120 of the bounds",
+        )  # fmt: skip
 
 
-CASES: tuple[Callable[[], Case], ...] = (
-    *(partial(extreme_start, case, end) for case in (0, 1) for end in ("low", "high")),
-    *(partial(median_interval, end) for end in ("low", "high")),
-    *(partial(reported_scatter, end) for end in ("lower", "upper")),
-    *(partial(interval_of_a_mode, which) for which in (0, 1)),
-    *(partial(calibrated, end) for end in ("low", "high")),
-)
+CASES = (starts_of_a_ball, intervals_of_a_mode, calibrated)
 """The cases of this subject, in the order of the table."""

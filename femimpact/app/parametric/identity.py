@@ -48,7 +48,7 @@ NUMERICAL = ("contact", "excitation", "fem", "integrators", "response", "structu
 BESIDE = ("app/study/study.py", "app/study/parameter_plan.py", "app/study/drives.py")
 """Files of other folders whose sources do."""
 
-WITHOUT = ("text", "path", "plan", "output", "sweep", "orbits")
+WITHOUT = ("text", "path", "as_read", "plan", "output", "sweep", "orbits")
 """Fields of a study that do not change its cases."""
 
 HIDING = {"eval", "exec", "globals", "__import__"}

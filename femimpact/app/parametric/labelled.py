@@ -18,7 +18,7 @@ from femimpact.app.parametric.runs import BlockValues
 from femimpact.app.study.study import Study
 from femimpact.app.study.study_file import study_text
 from femimpact.arrays import Array, Integers
-from femimpact.excitation.drive_words import drive_words
+from femimpact.excitation.drives import drive_words
 from femimpact.figures.study_labels import PAIRED, STATISTICS
 from femimpact.integrators.planned_drive import PreflightRow, contact_notes, step_rows
 from femimpact.response.cycles import deflection_warnings

@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING, Any, TypeGuard, TypeVar
 
 import numpy as np
 
+from femimpact.app.parametric.best import best_cases
 from femimpact.app.parametric.best_design import MOST_NAMED, BestCase, design_notes, label_of, more_designs, told
-from femimpact.app.report.page import Conclusion
+from femimpact.app.report.page import Conclusion, conclusion_lines
 from femimpact.app.results.picture_data import StructureModes, read_mode_shapes
-from femimpact.app.results.result_directory import FILES, SUMMARY, ResultsWarning
-from femimpact.app.results.results import read_dataset, read_table
+from femimpact.app.results.result_directory import FILES, SUMMARY, ResultsWarning, unfinished_state
+from femimpact.app.results.results import read_dataset, read_json, read_summary, read_table
 from femimpact.app.study.findings import (
     ContactSummary,
     CurveSummary,
@@ -90,6 +91,21 @@ class ResultReading:
         return self.attempt(name, lambda: read_dataset(self.folder, "parameter_study", self.summary))
 
     @cached_property
+    def best(self) -> tuple[Mapping[str, BestCase], Mapping[str, str]]:
+        """Best cases of a parameter study by their measures, and reasons for which there is none."""
+        data, plan = self.parameter_study, None if self.study is None else self.study.plan
+        if data is None:
+            return {}, {}
+        name, chosen = FILES["parameter_study"].name, None if plan is None else plan.best
+        return self.attempt(name, lambda: best_cases(data, chosen)) or ({}, {})
+
+    @cached_property
+    def convergence(self) -> dict[str, Any]:
+        """What was studied by a convergence study, with versions and notes; empty of other results."""
+        name = FILES["convergence_notes"].name
+        return self.attempt(name, lambda: read_json(self.folder / name)) or {}
+
+    @cached_property
     def modes(self) -> StructureModes | None:
         """The mode shapes, as the history."""
         return self.attempt(FILES["mode_shapes"].name, lambda: read_mode_shapes(self.folder, self.summary))
@@ -113,6 +129,33 @@ class ResultReading:
 def texts_of(values: Any) -> tuple[str, ...]:
     """Texts of a list in a summary; none where something else stands there."""
     return tuple(str(one) for one in values) if isinstance(values, (list, tuple)) else ()
+
+
+def read_results(folder: Path) -> ResultReading:
+    """A directory of results with its summary; that it is unfinished is missing from it."""
+    results = ResultReading(folder, {})
+    if (folder / SUMMARY).exists():
+        results.summary.update(results.attempt(SUMMARY, lambda: read_summary(folder)) or {})
+    state = results.attempt("directory", lambda: unfinished_state(folder))
+    if state:
+        results.miss(state.replace(str(folder), "DIR"))
+    return results
+
+
+def result_conclusions(results: ResultReading) -> tuple[Conclusion, ...]:
+    """What is concluded from a directory of results, on its page and on the terminal alike."""
+    columns, data = results.table(FILES["convergence_summary"].name), results.parameter_study
+    accuracy, name = results.convergence.get("accuracy"), FILES["parameter_study"].name
+    return (
+        *conclusions_of(results.findings),
+        *(results.attempt("conclusions", lambda: convergence_conclusions(columns, accuracy)) or ()),
+        *(() if data is None else results.attempt(name, lambda: study_conclusions(data, *results.best)) or ()),
+    )
+
+
+def result_lines(directory: Path) -> list[str]:
+    """What is concluded from a directory of results of any command, in lines for a terminal."""
+    return list(conclusion_lines(result_conclusions(read_results(directory))))
 
 
 STARTS = {"base": "at rest relative to the base", "space": "at rest in the inertial frame"}

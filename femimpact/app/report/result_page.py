@@ -12,11 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from femimpact.app.parametric.best import best_cases
 from femimpact.app.parametric.best_design import BestCase, marks_of, worst_over_axes
 from femimpact.app.report.markup import Element, element
 from femimpact.app.report.page import (
-    Conclusion,
     Page,
     Section,
     Table,
@@ -38,9 +36,8 @@ from femimpact.app.report.player import player_element
 from femimpact.app.report.result_conclusions import (
     STARTS,
     ResultReading,
-    conclusions_of,
-    convergence_conclusions,
-    study_conclusions,
+    read_results,
+    result_conclusions,
     study_failures,
     study_lead,
     study_missing,
@@ -70,14 +67,13 @@ from femimpact.app.results.result_directory import (
     added_results,
     purpose_of,
     result_files,
-    unfinished_state,
 )
-from femimpact.app.results.results import carried_of, read_json, read_summary
+from femimpact.app.results.results import carried_of, read_json
 from femimpact.app.study.findings import Findings
 from femimpact.app.study.prepared import in_study_words
 from femimpact.app.study.study import Study, build
 from femimpact.errors import InputError, require, require_path
-from femimpact.excitation.drive_words import drive_words
+from femimpact.excitation.drives import drive_words
 from femimpact.excitation.excitation import has_cycle, words_of
 from femimpact.excitation.harmonic import SteppedSine
 from femimpact.figures.study_labels import in_shown_units
@@ -147,13 +143,8 @@ def add_report(directory: str | Path, report: Callable[[str, float], None]) -> N
 
 def page_of(folder: Path) -> Page:
     """The report of a directory of results."""
-    results = ResultReading(folder, {})
-    if (folder / SUMMARY).exists():
-        results.summary.update(results.attempt(SUMMARY, lambda: read_summary(folder)) or {})
-    state = results.attempt("directory", lambda: unfinished_state(folder))
-    if state:
-        results.miss(state.replace(str(folder), "DIR"))
-    summary, written = results.summary, _convergence_summary(results)
+    results = read_results(folder)
+    summary, written = results.summary, results.convergence
     study = results.study
     name, structure, system = _structure(results, study, written)
     drawing = None
@@ -163,12 +154,9 @@ def page_of(folder: Path) -> Page:
         drawing = results.attempt(
             "drawing of the structure", lambda: structure_element(placed_structure(*given), varied)
         )  # fmt: skip
-    conclusions = conclusions_of(results.findings)
-    recommended, accuracy = results.table(FILES["convergence_summary"].name), written.get("accuracy")
-    conclusions += results.attempt("conclusions", lambda: convergence_conclusions(recommended, accuracy)) or ()
-    best, reasons = _best(results)
-    studied, more, failures, about = _of_parameter_study(results, best, reasons)
-    records, refused = records_of(results, written, best)
+    conclusions = result_conclusions(results)
+    studied, failures, about = _of_parameter_study(results)
+    records, refused = records_of(results)
     beside = beside_of(results) | {"spectra": [element("p", text) for text in refused]}
     made = sections_of(records, beside, folder=True, miss=results.miss)
     first = [section for section in made if section.key == "best"]
@@ -189,7 +177,7 @@ def page_of(folder: Path) -> Page:
         by=by,
         lead=(*([f"{title}."] if given_title else []), *studied, *_lead(study, results.findings, written)),
         drawing=drawing,
-        conclusions=(*conclusions, *more),
+        conclusions=conclusions,
         missing=tuple(results.missing),
         warnings=(*texts_of(summary.get("warnings")), *failures),
         notes=(*texts_of(summary.get("notes")), *texts_of(written.get("notes"))),
@@ -199,11 +187,6 @@ def page_of(folder: Path) -> Page:
 
 
 # ---- what was computed ----------------------------------------------------------------------------
-
-
-def _convergence_summary(results: ResultReading) -> dict[str, Any]:
-    name = FILES["convergence_notes"].name
-    return results.attempt(name, lambda: read_json(results.folder / name)) or {}
 
 
 def _structure(
@@ -255,24 +238,13 @@ def _varied(study: Study) -> dict[str, list[str]]:
     return found
 
 
-def _best(results: ResultReading) -> tuple[Mapping[str, BestCase], Mapping[str, str]]:
-    """Best cases of a parameter study by their measures, and reasons for which there is none."""
-    data, study = results.parameter_study, results.study
-    if data is None:
-        return {}, {}
-    plan = None if study is None or study.plan is None else study.plan.best
-    return results.attempt(FILES["parameter_study"].name, lambda: best_cases(data, plan)) or ({}, {})
-
-
-def _of_parameter_study(
-    results: ResultReading, best: Mapping[str, BestCase], reasons: Mapping[str, str]
-) -> tuple[list[str], tuple[Conclusion, ...], tuple[str, ...], Mapping[str, Any]]:
-    """Sentences, conclusions, failures and versions of a parameter study; cases that were not run are missing."""
+def _of_parameter_study(results: ResultReading) -> tuple[list[str], tuple[str, ...], Mapping[str, Any]]:
+    """Sentences, failures and versions of a parameter study; cases that were not run are missing."""
     data, study, name = results.parameter_study, results.study, FILES["parameter_study"].name
     if data is None:
         if (results.folder / STUDY_BLOCKS).is_dir() and not (results.folder / name).exists():
             results.miss(f"{name}: the parameter study was not finished; the same femimpact study goes on with it")
-        return [], (), (), {}
+        return [], (), {}
     for text in results.attempt(name, lambda: study_missing(data)) or ():
         results.miss(text)
     lead = results.attempt(name, lambda: study_lead(data)) or []
@@ -280,7 +252,6 @@ def _of_parameter_study(
         lead.append("A case has one value over all dwells; a sine with the axis base.frequency has one at each.")
     return (
         lead,
-        results.attempt(name, lambda: study_conclusions(data, best, reasons)) or (),
         results.attempt(name, lambda: study_failures(data)) or (),
         results.attempt(name, lambda: study_versions(data)) or {},
     )
@@ -330,19 +301,17 @@ def _lead(study: Study | None, found: Findings, written: Mapping[str, Any]) -> l
 # ---- records ---------------------------------------------------------------------------------------
 
 
-def records_of(
-    results: ResultReading, written: Mapping[str, Any] | None = None, best: Mapping[str, BestCase] | None = None
-) -> tuple[list[Any], list[str]]:
+def records_of(results: ResultReading) -> tuple[list[Any], list[str]]:
     """What the results hold that pictures are drawn of, and why there are no spectra; what cannot be read is noted."""
     folder, summary, data = results.folder, results.summary, results.parameter_study
-    run = _run(results)
+    run, best = _run(results), results.best[0]
     records = [
         results.attempt(FILES["sweep_data"].name, lambda: read_curves(folder, summary)),
         results.attempt(FILES["branches"].name, lambda: read_followed(folder, summary)),
         run,
         results.modes,
-        *_convergence_tables(results, (written or {}).get("accuracy", DEFAULT_ACCURACY)),
-        *(best_measures(data, best) if data is not None and best else ()),
+        *_convergence_tables(results, results.convergence.get("accuracy", DEFAULT_ACCURACY)),
+        *(best_measures(data, best) if data is not None else ()),
         *(
             (results.attempt(FILES["parameter_study"].name, lambda: measures_of(data)) or ())
             if data is not None

@@ -49,7 +49,7 @@ from femimpact.app.results.picture_data import Run, SweptCurves
 from femimpact.app.study.summary import kind_of_peak, peak_of_history
 from femimpact.convergence.table import ConvergenceStudy, ConvergenceTable
 from femimpact.errors import Fault, InputError, instance, optional, require, require_type, suggestion, takes, text
-from femimpact.excitation.drive_words import drive_words
+from femimpact.excitation.drives import drive_words
 from femimpact.excitation.excitation import has_cycle
 from femimpact.figures.study_labels import axis_names, case_columns
 from femimpact.files import target_path

@@ -21,8 +21,7 @@ from femimpact.contact.laws import Rigid
 from femimpact.convergence.table import ConvergenceTable
 from femimpact.errors import InputError
 from femimpact.excitation.chirp import Chirp
-from femimpact.excitation.drives import Drives
-from femimpact.excitation.forces import HammerBlow
+from femimpact.excitation.drives import Drives, HammerBlow
 from femimpact.excitation.harmonic import SteppedSine
 from femimpact.excitation.random_base import RandomBase
 from femimpact.excitation.shock import Shock

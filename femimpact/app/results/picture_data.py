@@ -18,9 +18,8 @@ from femimpact.app.study.drives import PARTS, force_of, force_table, made_of, ta
 from femimpact.arrays import Array
 from femimpact.convergence.table import ConvergenceTable
 from femimpact.errors import require
-from femimpact.excitation.drives import Drives
+from femimpact.excitation.drives import Drives, HammerBlow, PointForce
 from femimpact.excitation.excitation import Excitation
-from femimpact.excitation.forces import HammerBlow, PointForce
 from femimpact.excitation.records import RecordedBase
 from femimpact.excitation.sums import Sum
 from femimpact.files import plain as plain_data

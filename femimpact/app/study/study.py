@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from femimpact.app.study.drives import (
     BASES,
@@ -37,11 +38,9 @@ from femimpact.errors import (
     truth,
 )
 from femimpact.excitation.chirp import Chirp
-from femimpact.excitation.drives import Drives, alone, until
+from femimpact.excitation.drives import Drives, HammerBlow, PointForce, alone, until
 from femimpact.excitation.excitation import Excitation
-from femimpact.excitation.forces import HammerBlow, PointForce
-from femimpact.excitation.harmonic import Sine, SteppedSine
-from femimpact.excitation.levels import Level, require_reach
+from femimpact.excitation.harmonic import Level, Sine, SteppedSine, require_reach
 from femimpact.excitation.random_base import RandomBase
 from femimpact.excitation.records import RecordedBase
 from femimpact.excitation.shock import Shock
@@ -284,6 +283,14 @@ class Output:
         require(self.frames > 0 or not self.vtkhdf, "vtkhdf", self.vtkhdf, "", "must be false where frames = 0")
 
 
+class AsRead(NamedTuple):
+    """What a study file was read as: a study with the same parts has the text of its file."""
+
+    parts: tuple[Any, ...]
+    tables: Mapping[str, Any]  # with numbers in SI
+    quantities: tuple[tuple[str, str, Any, str], ...]  # texts with a unit: key, text, number and unit in SI
+
+
 @dataclass(frozen=True, eq=False)
 class Study:
     """A validated study file.
@@ -313,6 +320,8 @@ class Study:
         none.
     start : {"base", "space", "static"}
         At rest relative to the base, at rest in the inertial frame, or in the static state (`State.static`).
+    as_read : AsRead or None
+        None of a study that was not read from a file.
 
     Raises
     ------
@@ -336,6 +345,7 @@ class Study:
     forces: tuple[PointForce | HammerBlow, ...] = field(default=(), metadata=items(PointForce, HammerBlow))
     duration: float | None = field(default=None, metadata=optional(SECONDS))
     start: str = field(default="base", metadata=START)
+    as_read: AsRead | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -343,6 +353,16 @@ class Study:
         require_name(self.method.get("name", "newmark"), METHODS, "method.name")
         if self.sweep is not None:
             sine_of(self, "sweep", instead="; remove [sweep], or give [base] an amplitude and a frequency")
+
+    @property
+    def parts(self) -> tuple[Any, ...]:
+        """The fields that decide the text of a study file, and that text."""
+        return tuple(getattr(self, item.name) for item in fields(self) if item.name not in ("path", "as_read"))
+
+    @property
+    def is_as_read(self) -> bool:
+        """True where nothing was replaced since the study was read from its file, but for the path."""
+        return self.as_read is not None and all(map(operator.is_, self.parts, self.as_read.parts))
 
     @cached_property
     def excitation(self) -> Excitation:

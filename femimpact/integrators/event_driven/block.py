@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,7 +13,7 @@ from numpy.typing import NDArray
 
 from femimpact import core
 from femimpact.arrays import Array, Complex
-from femimpact.core.structs import zeros
+from femimpact.core.structs import zeros, zeros_together
 from femimpact.errors import require
 from femimpact.excitation.excitation import Harmonic
 from femimpact.excitation.piecewise_polynomial import ORDERS, PiecewisePolynomial, motion_at, piece_at
@@ -30,9 +29,6 @@ from femimpact.system.system import System
 
 LONGEST_SERIES = 0.5
 """Longest time in which a driven entry is advanced at once, times the rate of the polynomials or of slow entries."""
-
-LINE = 64
-"""Bytes of a cache line."""
 
 EXTREMES = 2
 """Columns of a cycle behind those of `CYCLE_COLUMNS`: the times of its maximum and minimum."""
@@ -143,9 +139,10 @@ def new_block(
         )
         for number in np.unique(system_of).tolist()
     }
+    pairs, fields = of_systems[int(system_of[0])]
     return Block(
         store=store,
-        pairs=of_systems[int(system_of[0])][0],
+        pairs=pairs,
         cases=_new_cases(store, inputs, n if most_rows else 0),
         grid=zeros(
             core.events.Grid,
@@ -162,7 +159,7 @@ def new_block(
             np.empty((count, most_events, event_width(store.rigid.size, equations.M.shape[0]))),
             np.zeros(count, dtype=np.int64),
         ),
-        ledger=None if ledger is None else _new_ledger(systems[0], equations, count, ledger),
+        ledger=None if ledger is None else _new_ledger(fields, n, equations, count, ledger),
         stopped=np.zeros(count, dtype=np.int64),
         system_of=system_of,
         systems=of_systems,
@@ -276,9 +273,11 @@ def no_snapshots(block: Block) -> core.events.Snapshots:
     return zeros(core.events.Snapshots, {"s": 0, "f": 0, "d": d, "R": pairs})
 
 
-def _new_ledger(system: System, equations: Equations, count: int, everywhere: bool) -> core.events.Ledger:
-    lengths = {"C": count, "n": system.dofs, "d": equations.M.shape[0], "D": 0, "g": 0}
-    return zeros(core.events.Ledger, lengths, **_of_equations(system, equations), everywhere=everywhere)
+def _new_ledger(
+    fields: dict[str, Any], modes: int, equations: Equations, count: int, everywhere: bool
+) -> core.events.Ledger:  # fmt: skip
+    lengths = {"C": count, "n": modes, "d": equations.M.shape[0], "D": 0, "g": 0}
+    return zeros(core.events.Ledger, lengths, **fields, everywhere=everywhere)
 
 
 def _of_equations(system: System, equations: Equations) -> dict[str, Any]:
@@ -332,12 +331,12 @@ def run_block(
         if block.space is None or (block.space.motion.entry.size, block.space.motion.rigid_body.size) != needed:
             block.space = working_space(block, forms)
         job = core.events.Job(block.pairs, block.cases, forms, block.grid, snapshots, block.tables, block.space)
-        numbers = block.system_of[members]
-        for number in np.unique(numbers).tolist():
-            pairs, fields = block.systems[number]
+        for number, (pairs, fields) in block.systems.items():
+            of_system = members[block.system_of[members] == number] if len(block.systems) > 1 else members
             ledger = None if block.ledger is None else block.ledger._replace(**fields)
-            task = core.events.Task(members[numbers == number], begin, end, most, block.stopped)
-            core.run_cases(task, job._replace(pairs=pairs), ledger)
+            core.run_cases(
+                core.events.Task(of_system, begin, end, most, block.stopped), job._replace(pairs=pairs), ledger
+            )
         resonant = np.flatnonzero(block.stopped == core.events.RESONANT)
         if resonant.size:
             frequency = float(block.cases.omega[resonant[0]]) / (2.0 * np.pi)
@@ -391,27 +390,4 @@ def working_space(block: Block, forms: core.events.Forms) -> core.events.Space:
         "K": entries, "P": forms.rigid_body_drive.shape[2], "R": pairs, "O": forms.constant.shape[1] - 2 * pairs,
         "d": d, "H": forms.rigid_body_drive.shape[1], "S": math.ceil(block.grid.per_cycle) + 1,
     }  # fmt: skip
-    *groups, turn, impulse, row, samples, extremes = zeros(core.events.Space, lengths)
-    *groups, rest = _together(*groups, [turn, impulse, row, samples, extremes])
-    return core.events.Space._make((*groups, *rest))
-
-
-def _together(*groups: Any) -> list[Any]:
-    """Copies of tuples of arrays, all in one piece of memory, no two arrays on one cache line.
-
-    Threads that write to one line wait for each other, and accesses a multiple of the page size apart are mistaken
-    for one another by the processor.
-    """
-    sizes = [-(-array.nbytes // LINE) * LINE for group in groups for array in group]
-    memory = np.zeros(sum(sizes) + 4 * LINE, dtype=np.uint8)
-    first = 2 * LINE + (-memory.ctypes.data) % LINE
-    places = itertools.accumulate(sizes, initial=first)
-    copies = []
-    for group in groups:
-        arrays = []
-        for array in group:
-            place = next(places)
-            arrays.append(memory[place : place + array.nbytes].view(array.dtype).reshape(array.shape))
-            arrays[-1][...] = array
-        copies.append(type(group)._make(arrays) if hasattr(group, "_make") else arrays)
-    return copies
+    return zeros_together(core.events.Space, lengths)

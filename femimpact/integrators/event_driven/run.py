@@ -68,6 +68,9 @@ CYCLES_AT_ONCE = 256
 SAMPLES_AT_ONCE = 2**17
 """The same in samples, at most, where these do not divide base cycles."""
 
+LEAST_INTERVAL = 1e-14
+"""Time between two readings as a share of the times themselves, below which rounding may exchange them."""
+
 
 def closed_drive(system: System, excitation: Excitation) -> Drive:
     """The right-hand side of an excitation that has a closed form.
@@ -84,10 +87,16 @@ def block_alone(
     system: System, excitation: Excitation, drive: Drive, method: EventSettings, outputs: Outputs, initial: State,
     grid: ReadingGrid, begin: float, ledger: bool | None, most_rows: int, most_events: int = 0,
 ) -> tuple[Block, Sampling]:  # fmt: skip
-    """Arrays of one case at its start, and its instants of reading; impacts are counted from `begin` (s) on."""
+    """Arrays of one case at its start, and its instants of reading; impacts are counted from `begin` (s) on.
+
+    Raises `InputError` if the start is so late that rounding may exchange the instants.
+    """
     rigid = np.array([pair.parameters.kind == RIGID for pair in system.contacts], dtype=bool)
     store = FormStore([Source(equations_of(system, drive), outputs, system.derived)], rigid, drive.rate)
     u, v, y, y_rate = initial.relative_to_base(system, excitation)
+    latest = grid.interval / LEAST_INTERVAL
+    allowed = f"must be at most {latest:.3g} s in size where a run is read every {grid.interval:.4g} s"
+    require(abs(initial.time) < latest, "initial.time", initial.time, "s", allowed)
     balls, held = len(system.balls), held_by(initial, system, excitation)
     inputs = inputs_of(
         [drive],

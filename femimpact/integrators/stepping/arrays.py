@@ -415,7 +415,8 @@ def cycles_of(inputs: Inputs, motion: core.steps.Motion, dt: float, ledger: bool
     return zeros(
         core.steps.Cycles,
         {"C": lanes, "K": most, "k": (most if ledger else 0) + 1},
-        next_wrap=np.ceil(period).astype(np.int64),
+        # no run is as long as the largest integers
+        next_wrap=np.ceil(np.minimum(period, 2.0**62)).astype(np.int64),
         period=period,
         sums=_placed(sums, 9),
         last=_placed(np.array([motion.w[0], motion.w_rate[0]]), 11),
