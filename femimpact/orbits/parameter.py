@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import scipy.special
 
+from femimpact.arrays import own
 from femimpact.contact.collision import damping_ratio_for_restitution, linear_angle
 from femimpact.contact.laws import KelvinVoigt, Rigid
 from femimpact.errors import changed, quantity, require, require_type, suggestion
@@ -21,9 +22,7 @@ from femimpact.excitation.drives import PointForce
 from femimpact.excitation.harmonic import Sine
 from femimpact.orbits.motion import HybridSystem, Numbers, hybrid_system
 from femimpact.system.contact_pair import ContactPair
-from femimpact.system.matrices import frozen_row
-from femimpact.system.modes import with_checked_fields, with_checked_pairs
-from femimpact.system.system import System
+from femimpact.system.system import System, with_checked_fields, with_checked_pairs
 
 SHORT = {"frequency": "base.frequency", "amplitude": "base.amplitude"}
 """Short forms of paths. Of a force, too, these are frequency and amplitude."""
@@ -250,7 +249,7 @@ def _law_that_has(pair: ContactPair, name: str) -> KelvinVoigt | None:
 def _with_factor(system: System, value: float) -> System:
     """The system with all of its damping multiplied: of the structure, and of the dashpots that hold balls."""
     reactions = {
-        name: changed(item, on_velocity=frozen_row(value * item.on_velocity)) for name, item in system.reactions.items()
+        name: changed(item, on_velocity=own(value * item.on_velocity)) for name, item in system.reactions.items()
     }
     contacts = [
         replace(pair, free_damping=value * pair.free_damping) if pair.free_damping else pair for pair in system.contacts

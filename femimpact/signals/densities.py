@@ -275,13 +275,8 @@ def _amplitudes(response: Response, record: Record, start: float | None) -> Spec
     if is_steady(response.base):
         begin, end = max(response.window[0] if start is None else start, float(time[0])), float(time[-1])
         cycles = int((end - begin) * base + 1e-9)
-        require(
-            cycles >= 1,
-            "response.time",
-            end - begin,
-            "s",
-            f"must hold a base cycle, {number_text(1.0 / base, 3)} s, in its end",
-        )
+        allowed = f"must hold a base cycle, {number_text(1.0 / base, 3)} s, in its end"
+        require(cycles >= 1, "response.time", end - begin, "s", allowed)
         # the sample at the end of the last cycle would be the first of the next
         inside = (time >= end - cycles / base * (1.0 + 1e-9)) & (time < end)
         time, values = time[inside], values[inside]
@@ -509,6 +504,6 @@ def width_warnings(response: Response, resolution: float, highest: float) -> tup
     )
     return (
         f"lines {number_text(resolution, 3)} Hz apart are coarser than a fifth of the half-power width, "
-        f"{number_text(least, 3)} Hz, of the "
-        f"mode at {frequency[seen][narrow]:.4g} Hz: its peak is {number_text(-100.0 * bias, 2)} % too low; {wanted}",
+        f"{number_text(least, 3)} Hz, of the mode at {frequency[seen][narrow]:.4g} Hz: its peak is "
+        f"{number_text(-100.0 * bias, 2)} % too low; {wanted}",
     )
