@@ -39,13 +39,14 @@ from femimpact.integrators.cases import first_steps
 from femimpact.integrators.methods import Method, read_at_least
 from femimpact.integrators.runs import integrate
 from femimpact.integrators.stepping.operators import shortest_contact
-from femimpact.response.impacts import DRAWN_IN_CONTACT, STICKING_UNITS, impact_columns
+from femimpact.response.impacts import DRAWN_IN_CONTACT, impact_columns
 from femimpact.response.response import Recorder, Response
 from femimpact.structure.structure import glue_impactors
 from femimpact.sweep.curve import IMPACT_UNITS, SWEEP_UNITS, on_grid
 from femimpact.sweep.sweep import frequency_sweep
 from femimpact.system.modes import Modes, solve_modes
 from femimpact.system.state import State
+from femimpact.table import flat_columns
 
 MODES_LISTED = 4
 
@@ -265,7 +266,7 @@ def history_part(prepared: PreparedStudy, response: Response) -> Finished:
         "impact_data": response.impacts.to_xarray(),
     }
     if len(response.sticking):
-        files["sticking"] = ({name: getattr(response.sticking, name) for name in STICKING_UNITS}, STICKING_UNITS)
+        files["sticking"] = flat_columns(response.sticking)
     if response.snapshots is not None:
         scale = output.exaggeration or 1.0
         files["snapshots"] = snapshot_data(response, response.snapshots)
