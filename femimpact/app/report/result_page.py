@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,15 +22,7 @@ from femimpact.app.report.page import (
     table_of,
     write_page,
 )
-from femimpact.app.report.page_tables import (
-    branch_table,
-    case_table,
-    cases_of_axis,
-    channel_table,
-    dwell_words,
-    impact_table,
-    summary_table,
-)
+from femimpact.app.report.page_tables import beside, branch_table, channel_table, summary_table
 from femimpact.app.report.player import player_element
 from femimpact.app.report.result_conclusions import (
     STARTS,
@@ -61,7 +53,6 @@ from femimpact.app.study.findings import Findings
 from femimpact.app.study.prepared import in_study_words
 from femimpact.app.study.study import Study
 from femimpact.errors import InputError, require, require_path
-from femimpact.excitation.drive_words import drive_words
 from femimpact.excitation.excitation import words_of
 from femimpact.excitation.harmonic import SteppedSine
 from femimpact.figures.study_labels import in_shown_units
@@ -148,7 +139,7 @@ def page_of(results: ResultReading, drawn: Mapping[str, Element] = NOT_DRAWN) ->
     conclusions = result_conclusions(results, best)
     studied, failures, about = _of_parameter_study(results)
     records, refused = records_of(results, best[0])
-    beside = beside_of(results) | {"spectra": [element("p", text) for text in refused]}
+    beside = beside_of(results, records) | {"spectra": [element("p", text) for text in refused]}
     made = sections_of(records, beside, miss=results.miss, drawn=drawn)
     first = [section for section in made if section.key == "best"]
     sections = [section for section in made if section.key != "best"]
@@ -306,35 +297,25 @@ def _convergence_tables(results: ResultReading, accuracy: float) -> Iterator[Any
 # ---- words and tables beside the pictures ----------------------------------------------------------
 
 
-def beside_of(results: ResultReading) -> dict[str, list[Element]]:
+def beside_of(results: ResultReading, records: Iterable[Any]) -> dict[str, list[Element]]:
     """Words, tables and the player of results, by the part of the page in which they stand."""
     made = {
-        key: results.attempt(SECTIONS[key], partial(make, results))
+        key: results.attempt(SECTIONS[key], partial(make, results)) or []
         for key, make in (
-            ("comparison", _comparison), ("response", _curve_words), ("orbits", _orbits), ("player", _player),
-            ("drive", _drive), ("motion", _motion), ("modes", _modes),
+            ("comparison", _comparison), ("orbits", _orbits), ("player", _player), ("motion", _motion),
+            ("modes", _modes), ("recommended", _recommended),
         )
     }  # fmt: skip
-    found = {key: elements for key, elements in made.items() if elements}
-    for key, name, table in TABLES:
-        columns = results.table(FILES[name].name)
-        if columns is not None:
-            shown = results.attempt(
-                FILES[name].name, partial(table, columns, results.units(FILES[name].name), FILES[name].name)
-            )
-            found.setdefault(key, []).extend([] if shown is None else [table_element(shown)])
-    return found
+    for record in (*records, results.parameter_study):
+        for key, shown in results.attempt("tables", partial(list, beside(record, True))) or ():
+            made.setdefault(key, []).append(shown)
+    return made
 
 
-def _curve_words(results: ResultReading) -> list[Element]:
-    swept = results.curves
-    return [] if swept is None else [element("p", dwell_words(next(iter(swept.curves.values()))))]
-
-
-def _drive(results: ResultReading) -> list[Element]:
-    if results.study is None or results.history is None:
-        return []
-    return [element("p", words) for words in drive_words(results.study.excitation)]
+def _recommended(results: ResultReading) -> list[Element]:
+    name = FILES["convergence_summary"].name
+    columns = results.table(name)
+    return [] if columns is None else [table_element(summary_table(columns, results.units(name), name))]
 
 
 def _motion(results: ResultReading) -> list[Element]:
@@ -444,17 +425,6 @@ def _orbits(results: ResultReading) -> list[Element]:
         shown = in_shown_units(whole, results.units(name))
         tables.append(table_of("Bifurcations", *shown, name, digits=digits))
     return [*(element("p", text) for text in words), *map(table_element, tables)]
-
-
-TABLES: tuple[tuple[str, str, Callable[[Any, Any, str], Table | None]], ...] = (
-    ("impacts", "impacts", impact_table),
-    ("recommended", "convergence_summary", summary_table),
-    *(("convergence", f"quantities_over_{axis}", cases_of_axis) for axis in ("mesh", "step", "modes")),
-    ("convergence", "statistics_over_mesh", cases_of_axis),
-    ("convergence", "runs_over_step", cases_of_axis),
-    ("cases", "parameter_table", case_table),
-)
-"""Tables that stand on the page as their files hold them: part of the page, key of the file, and what makes them."""
 
 
 def about_section(summary: Mapping[str, Any], study: Study | None) -> Section:
