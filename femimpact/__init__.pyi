@@ -20,8 +20,8 @@ from femimpact.errors import FemimpactError as FemimpactError
 from femimpact.errors import InputError as InputError
 from femimpact.errors import InputWarning as InputWarning
 from femimpact.excitation.chirp import Chirp as Chirp
-from femimpact.excitation.forces import HammerBlow as HammerBlow
-from femimpact.excitation.forces import PointForce as PointForce
+from femimpact.excitation.drives import HammerBlow as HammerBlow
+from femimpact.excitation.drives import PointForce as PointForce
 from femimpact.excitation.harmonic import Sine as Sine
 from femimpact.excitation.harmonic import SteppedSine as SteppedSine
 from femimpact.excitation.random_base import RandomBase as RandomBase
@@ -50,9 +50,9 @@ from femimpact.signals.one_pole import fit_one_pole as fit_one_pole
 from femimpact.signals.shock_response import shock_response_spectrum as shock_response_spectrum
 from femimpact.signals.transfer import transfer_function as transfer_function
 from femimpact.structure.beam import Beam as Beam
+from femimpact.structure.beam import ModalDamping as ModalDamping
+from femimpact.structure.beam import Rayleigh as Rayleigh
 from femimpact.structure.beam import Segment as Segment
-from femimpact.structure.damping import ModalDamping as ModalDamping
-from femimpact.structure.damping import Rayleigh as Rayleigh
 from femimpact.structure.structure import Absorber as Absorber
 from femimpact.structure.structure import Dashpot as Dashpot
 from femimpact.structure.structure import Impactor as Impactor

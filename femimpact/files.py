@@ -115,16 +115,17 @@ def to_disk(path: Path) -> None:
         os.close(file)
 
 
-class GuardedFile(io.RawIOBase):
+class GuardedFile(io.FileIO):
     """A file, written anew, for the HDF5 library that keeps the first failed write to itself and raises it when left.
 
     A write that fails inside HDF5 (a full disk) leaves its caches in a state in which closing the file ends
     the process. Here the library gets success from every write, and the caller gets the first failure.
     """
 
+    failure: BaseException | None = None
+
     def __init__(self, path: Path) -> None:
-        self._file: Any = path.open("w+b", buffering=0)
-        self.failure: BaseException | None = None
+        super().__init__(path, "w+")
 
     def check(self) -> None:
         """Raise the first write that failed, if one did."""
@@ -137,7 +138,7 @@ class GuardedFile(io.RawIOBase):
         size = rest.nbytes
         try:
             while self.failure is None and rest.nbytes:
-                rest = rest[self._file.write(rest) :]
+                rest = rest[super().write(rest) :]
         except BaseException as failure:
             self.failure = failure
         return size
@@ -145,52 +146,24 @@ class GuardedFile(io.RawIOBase):
     def readinto(self, buffer: Any) -> int:
         """Fill the buffer; what a failed write did not leave reads as zeros."""
         view = memoryview(buffer).cast("B")
-        size = self._file.readinto(view) or 0
+        size = super().readinto(view) or 0
         if size < view.nbytes and self.failure is not None:
             view[size:] = bytes(view.nbytes - size)
             return view.nbytes
-        return int(size)
-
-    def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
-        """Move to a place in the file."""
-        return int(self._file.seek(offset, whence))
-
-    def tell(self) -> int:
-        """Place in the file."""
-        return int(self._file.tell())
+        return size
 
     def truncate(self, size: int | None = None) -> int:
         """Cut or lengthen the file; a failure is kept."""
         try:
-            return int(self._file.truncate(size))
+            return super().truncate(size)
         except BaseException as failure:
             self.failure = self.failure or failure
             return size or 0
 
-    def readable(self) -> bool:
-        """True: HDF5 reads back what it wrote."""
-        return True
-
-    def writable(self) -> bool:
-        """True."""
-        return True
-
-    def seekable(self) -> bool:
-        """True: HDF5 writes at any place."""
-        return True
-
-    def close(self) -> None:
-        """Close the file."""
-        if not self.closed:
-            self._file.close()
-        super().close()
-
-    def __exit__(
-        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None) -> None:
         """Close the file; a failed write is raised in place of the error that HDF5 raised for it."""
         self.close()
-        if self.failure is not None and (value is None or isinstance(value, Exception)):
+        if self.failure is not None and (error is None or isinstance(error, Exception)):
             raise self.failure from None
 
 

@@ -17,7 +17,7 @@ from femimpact.app.report.result_conclusions import study_conclusions
 from femimpact.app.report.result_page import write_report
 from femimpact.app.results.result_directory import FILES, ResultsWarning
 from femimpact.app.study.parameter_plan import ParameterPlan
-from femimpact.app.study.prepared import plan_lines, prepare
+from femimpact.app.study.prepared import lines_of_plan, prepare
 from femimpact.app.study.study import MeshChoice, OrbitsPlan, Output, Reduction, SweepPlan, build
 from femimpact.app.study.study_file import TABLES, load_study, read_study, same_study, study_schema, study_text
 from femimpact.app.study.summary import summary_of
@@ -37,6 +37,11 @@ REFERENCE = fi.Structure(
     damping=fi.Rayleigh(ratio=0.0029, modes=(1, 2)),
 )
 """The structure behind the published 5.30 and 4.98 Hz."""
+
+
+def plan_lines(study: fi.app.Study) -> list[str]:
+    """Lines on what a run of the study would do."""
+    return lines_of_plan(prepare(study))
 
 
 def with_ball(structure: fi.Structure, **changes: object) -> fi.Structure:

@@ -425,3 +425,9 @@ def test_a_preloaded_stop_that_is_rigid_goes_on_with_its_bits():
     # the wall of such a start is moved to it, by less than rounding
     structure = replace(REFERENCE, impactors=(), stops=(fi.Stop("stop", "tip", (-1e-4, np.inf), fi.Rigid(0.6)),))
     assert_bits(fi.reduce(fi.assemble(structure, elements=10), modes=4), SINE, fi.MoreauJean(DT))
+
+
+def test_a_start_so_late_that_rounding_exchanges_the_readings_is_refused():
+    drive, late = fi.Sine(1e-4, 5.0), fi.State(time=1e12)
+    with pytest.raises(fi.InputError, match=r"^initial\.time = 1000000000000\.0 s: must be at most 3\.12e\+11 s"):
+        fi.integrate(oscillator(900.0), drive, fi.EventDriven(), 1.0, initial=late)

@@ -13,7 +13,7 @@ import femimpact as fi
 from femimpact.app.tasks import convergence
 from femimpact.app.tasks.convergence import convergence_lines, stresses_at_jumps, write_convergence
 from femimpact.convergence.cases import newmark_frequency, steady_amplitude
-from femimpact.convergence.over_modes import run_statistics
+from femimpact.convergence.runs import run_statistics
 from femimpact.convergence.table import (
     extrapolated,
     fitted_order,

@@ -14,7 +14,7 @@ from scipy.stats import norm
 import femimpact as fi
 from femimpact import figures
 from femimpact.signals import damped_sines
-from femimpact.signals.decay_windows import noise_of, windows
+from femimpact.signals.damped_sines import noise_of, windows
 
 TIME = 0.01 * np.arange(2000)
 

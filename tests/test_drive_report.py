@@ -9,7 +9,7 @@ from builders import run_study, write_parameter_study
 from test_study_forces import HAMMER, REST, SINE, read
 
 import femimpact as fi
-from femimpact.excitation.drive_words import drive_words
+from femimpact.excitation.drives import drive_words
 
 SHAKER = '[[force]]\nname = "shaker"\nat = "mid"\nkind = "sine"\nforce = 0.1\nfrequency = 33.0\n'
 QUIET = "[output]\nfigures = false\nmovie = false\nparaview = false\n"

@@ -17,14 +17,13 @@ import femimpact as fi
 from femimpact.orbits.equations import (
     EventSequence,
     EventStates,
-    Intervals,
     derivative_by,
     event_maps,
     jacobian,
     residual,
     solve,
 )
-from femimpact.orbits.flow import flow_of, hybrid_system
+from femimpact.orbits.motion import flow_of, hybrid_system
 from femimpact.orbits.orbit import state_vector
 from femimpact.orbits.search import first_guess, orbit_near
 from femimpact.orbits.verification import verified
@@ -97,7 +96,7 @@ def test_derivatives_by_a_parameter_have_the_digits_of_50_digit_arithmetic(orbit
 def test_rates_of_a_condition_are_its_derivatives(orbits, name, kind):
     orbit = orbits[name]
     hybrid = hybrid_system(orbit.system, orbit.excitation)
-    motion = Intervals.between(hybrid, first_guess(orbit.system, orbit.excitation, 1, orbit))
+    motion = first_guess(orbit.system, orbit.excitation, 1, orbit).motion(hybrid)
     k, step = motion.longest(), 1e-4
     middle = 0.5 * (motion.begin[k] + motion.end[k]) + np.array([-0.2, 0.0, 0.1])
     here, before, after = (motion.condition(k, (kind, 0, 1.0), middle + by) for by in (0.0, -step, step))
@@ -358,7 +357,7 @@ def test_the_end_of_a_run_is_a_guess_at_any_phase_of_the_base():
 
 def with_events(solution, **changes):
     """A solution with other states or phases."""
-    return replace(solution, maps=replace(solution.maps, events=replace(solution.events, **changes)))
+    return replace(solution, events=replace(solution.events, **changes))
 
 
 def test_an_orbit_is_confirmed_by_its_run(orbits):

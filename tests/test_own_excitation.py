@@ -9,7 +9,7 @@ import pytest
 from builders import oscillator
 
 import femimpact as fi
-from femimpact.excitation.excitation import Excitation, Harmonic
+from femimpact.excitation.excitation import MEMBERS, Excitation, Harmonic
 
 FREQUENCY, END = 5.0, 0.4
 
@@ -122,3 +122,12 @@ def test_a_history_of_the_wrong_length_is_refused():
 
     with pytest.raises(fi.InputError, match=r"excitation.*must give \d+ finite numbers"):
         fi.integrate(oscillator(900.0, 2.0), Short(0.5), fi.Newmark(1e-3), END)
+
+
+@pytest.mark.parametrize("method", [fi.EventDriven(), fi.Newmark(1e-3)], ids=["events", "steps"])
+@pytest.mark.parametrize("frequency", [math.nan, math.inf, 0.0, -5.0, 1e-40])
+def test_a_frequency_that_makes_no_cycle_is_refused(method, frequency):
+    members = {name: getattr(fi.Sine(1e-3, FREQUENCY), name) for name in MEMBERS}
+    own = SimpleNamespace(**members | {"frequency": frequency}, closed_form=Harmonic(1.0, 30.0, 0.0))
+    with pytest.raises(fi.InputError, match=r"^excitation\.frequency = .* Hz: must be a finite number > 0 Hz"):
+        fi.integrate(oscillator(30.0), own, method, END)

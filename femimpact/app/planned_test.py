@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
+from femimpact.app.parametric.dataset import axis_rows
 from femimpact.app.parametric.definition import ParameterStudy
-from femimpact.app.parametric.labelled import axis_rows
 from femimpact.app.study.prepared import carried_words, in_study_words, lines_of_plan, prepare, refined_grid
 from femimpact.app.study.study import Study, build
 from femimpact.app.tasks.study_command import definition_of
@@ -35,8 +35,7 @@ from femimpact.errors import checked as checked_value
 from femimpact.excitation.chirp import Chirp
 from femimpact.excitation.drives import parts_in
 from femimpact.excitation.excitation import Excitation, require_excitation
-from femimpact.excitation.harmonic import Sine, SteppedSine
-from femimpact.excitation.levels import Level, level_at, require_reach
+from femimpact.excitation.harmonic import Level, Sine, SteppedSine, level_at, require_reach
 from femimpact.excitation.random_base import RandomBase
 from femimpact.excitation.remarks import drives_above_modes, frequency_warnings
 from femimpact.integrators.event_driven import EventDriven

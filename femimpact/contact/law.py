@@ -113,15 +113,6 @@ def contact_force(law: ContactLaw, depth: float, rate: float, approach_speed: fl
     approach_speed : float, m/s
         At the start of the contact.
     effective_mass : float, kg
-
-    Returns
-    -------
-    float, N
-
-    Raises
-    ------
-    InputError
-        If a custom law's force is not finite.
     """
     require_law(law)
     depth, rate = checked("depth", depth, quantity("m")), checked("rate", rate, quantity("m/s"))

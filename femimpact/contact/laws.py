@@ -11,7 +11,6 @@ import numpy as np
 
 from femimpact import core
 from femimpact.contact.collision import (
-    EFFECTIVE_MASS,
     Collision,
     collision_of,
     contact_time_of,
@@ -49,8 +48,25 @@ class ContactParameters(NamedTuple):
         return self.kind == RIGID
 
 
+class CompiledLaw:
+    """What laws have in common for which the time loop has a branch."""
+
+    may_be_preloaded: ClassVar[bool] = True
+
+    def potential(self, depth: float, effective_mass: float, approach_speed: float) -> float:
+        """Energy (J) stored: none."""
+        return 0.0
+
+    def force_function(self, effective_mass: float) -> None:
+        """None: the time loop has a branch for this law."""
+
+    def shown_numbers(self, effective_mass: float) -> tuple[tuple[str, float, str], ...]:
+        """Empty, where no number beside the restitution characterises the contact."""
+        return ()
+
+
 @dataclass(frozen=True)
-class Rigid:
+class Rigid(CompiledLaw):
     """Impact of no duration: the relative speed v at the wall becomes -e v (Newton's restitution).
 
     For `EventDriven` and `MoreauJean`; the impulse is (1 + e) v/(1/m + b^T M^-1 b).
@@ -63,7 +79,6 @@ class Rigid:
 
     restitution: float = field(metadata=quantity("1", at_least=0.0, at_most=1.0))
     name: ClassVar[str] = "rigid"
-    may_be_preloaded: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -71,10 +86,6 @@ class Rigid:
     def normal_force(self, depth: float, rate: float, approach_speed: float, effective_mass: float) -> float:
         """Not a number: an impulse has no force."""
         return math.nan
-
-    def potential(self, depth: float, effective_mass: float, approach_speed: float) -> float:
-        """Energy (J) stored: none."""
-        return 0.0
 
     def collide(self, effective_mass: float, approach_speed: float) -> Collision:
         """One collision, without duration and penetration."""
@@ -84,16 +95,9 @@ class Rigid:
         """Numbers for the time loop."""
         return ContactParameters(RIGID, math.inf, 0.0, 0.0, self.restitution)
 
-    def force_function(self, effective_mass: float) -> None:
-        """None: the time loop has a branch for rigid contacts."""
-
-    def shown_numbers(self, effective_mass: float) -> tuple[tuple[str, float, str], ...]:
-        """Empty: the restitution alone characterises it."""
-        return ()
-
 
 @dataclass(frozen=True)
-class NoWalls:
+class NoWalls(CompiledLaw):
     """The law of a body that has no walls to meet: no force, for every method."""
 
     name: ClassVar[str] = "no walls"
@@ -104,10 +108,6 @@ class NoWalls:
         """Force (N): none."""
         return 0.0
 
-    def potential(self, depth: float, effective_mass: float, approach_speed: float) -> float:
-        """Energy (J) stored: none."""
-        return 0.0
-
     def collide(self, effective_mass: float, approach_speed: float) -> Collision:
         """No collision: a mass that meets no wall goes on."""
         return collision_of(0.0, math.inf, 0.0, math.inf, effective_mass, approach_speed)
@@ -116,16 +116,9 @@ class NoWalls:
         """Numbers for the time loop: a spring without stiffness, which no motion reaches."""
         return ContactParameters(KELVIN_VOIGT, 0.0, 0.0, math.inf, 0.0)
 
-    def force_function(self, effective_mass: float) -> None:
-        """None: the time loop has a branch for springs."""
-
-    def shown_numbers(self, effective_mass: float) -> tuple[tuple[str, float, str], ...]:
-        """Nothing."""
-        return ()
-
 
 @dataclass(frozen=True)
-class KelvinVoigt:
+class KelvinVoigt(CompiledLaw):
     """Spring and dashpot in parallel at each wall, without pull: N = max(0, k p + c p').
 
     Give exactly one of the pairs (stiffness, damping), (stiffness, restitution),
@@ -142,11 +135,6 @@ class KelvinVoigt:
         Rebound over approach speed of the ball against the effective mass of the pair.
     contact_time : float, s
         From touch to zero force.
-
-    Raises
-    ------
-    InputError
-        If the pair given is not one of the three.
     """
 
     stiffness: float | None = field(default=None, metadata=quantity("N/m", above=0.0))
@@ -154,7 +142,6 @@ class KelvinVoigt:
     restitution: float | None = field(default=None, metadata=quantity("1", above=0.0, at_most=1.0))
     contact_time: float | None = field(default=None, metadata=quantity("s", above=0.0))
     name: ClassVar[str] = "kelvin-voigt"
-    may_be_preloaded: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -198,17 +185,9 @@ class KelvinVoigt:
     def parameters(self, effective_mass: float) -> ContactParameters:
         """Numbers for the time loop."""
         stiffness, damping = spring_and_dashpot(self, effective_mass)
-        ratio = damping / (2.0 * math.sqrt(stiffness * effective_mass))
-        return ContactParameters(
-            KELVIN_VOIGT,
-            stiffness,
-            damping,
-            contact_time_of(stiffness, damping, effective_mass),
-            restitution_of_damping_ratio(ratio),
-        )
-
-    def force_function(self, effective_mass: float) -> None:
-        """None: the time loop has a branch for Kelvin-Voigt contacts."""
+        time = contact_time_of(stiffness, damping, effective_mass)
+        restitution = restitution_of_damping_ratio(damping / (2.0 * math.sqrt(stiffness * effective_mass)))
+        return ContactParameters(KELVIN_VOIGT, stiffness, damping, time, restitution)
 
     def shown_numbers(self, effective_mass: float) -> tuple[tuple[str, float, str], ...]:
         """Stiffness and damping."""
@@ -218,8 +197,6 @@ class KelvinVoigt:
 
 def spring_and_dashpot(law: KelvinVoigt, effective_mass: float) -> tuple[float, float]:
     """Stiffness (N/m) and damping (N s/m) of any of the three complete pairs of a Kelvin-Voigt law."""
-    require_type(law, KelvinVoigt, "law")
-    effective_mass = checked("effective_mass", effective_mass, EFFECTIVE_MASS)
     ratio = None if law.restitution is None else damping_ratio_for_restitution(law.restitution)
     stiffness = law.stiffness or 0.0
     if ratio is not None and law.contact_time is not None:
@@ -247,7 +224,7 @@ LOSS_FACTORS: Mapping[str, Callable[[float], float]] = {
 
 
 @dataclass(frozen=True)
-class PowerLaw:
+class PowerLaw(CompiledLaw):
     """Force N = k p^n max(0, 1 + d p'/v0), v0 the approach speed at the start of each contact.
 
     Of a contact that a run starts within, v0 is given by the energy of the start; see `State`.
@@ -290,7 +267,6 @@ class PowerLaw:
     loss: str = field(default="none", metadata=choice(*LOSS_FACTORS))
     exponent: float = field(default=1.5, metadata=quantity("1", at_least=1.0, at_most=5.0))
     reference_speed: float = field(default=0.25, metadata=quantity("m/s", above=0.0))
-    may_be_preloaded: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -328,9 +304,6 @@ class PowerLaw:
         time = power_contact_time(self.stiffness, self.exponent, d, effective_mass, self.reference_speed)
         return ContactParameters(POWER, self.stiffness, d, time, restitution_of_loss_factor(d), self.exponent)
 
-    def force_function(self, effective_mass: float) -> None:
-        """None: the time loop has a branch for power laws."""
-
     def shown_numbers(self, effective_mass: float) -> tuple[tuple[str, float, str], ...]:
         """Stiffness and loss factor."""
         return ("stiffness", self.stiffness, f"N/m^{self.exponent:g}"), ("loss factor", loss_factor(self), "")
@@ -340,8 +313,6 @@ def Hertz(stiffness: float, exponent: float = 1.5, reference_speed: float = 0.25
     """Elastic sphere on a wall, N = k p^1.5: `PowerLaw` without loss.
 
     The stiffness is in N/m^n with another exponent n, the reference speed in m/s.
-
-    Hertz, 1882.
     """
     return PowerLaw(stiffness, 1.0, "none", exponent, reference_speed)
 
@@ -353,8 +324,6 @@ def HuntCrossley(  # noqa: N802
 
     The restitution of a collision under this law is close to e only where e is near 1. The stiffness is in
     N/m^exponent, the reference speed in m/s.
-
-    Hunt and Crossley, 1975.
     """
     return PowerLaw(stiffness, restitution, "hunt-crossley", exponent, reference_speed)
 
@@ -362,36 +331,26 @@ def HuntCrossley(  # noqa: N802
 def LankaraniNikravesh(  # noqa: N802
     stiffness: float, restitution: float, exponent: float = 1.5, reference_speed: float = 0.25
 ) -> PowerLaw:
-    """`PowerLaw` with d = 3 (1 - e^2)/4: its restitution is near the one given where that is near 1.
-
-    Lankarani and Nikravesh, 1990.
-    """
+    """`PowerLaw` with d = 3 (1 - e^2)/4: its restitution is near the one given where that is near 1."""
     return PowerLaw(stiffness, restitution, "lankarani-nikravesh", exponent, reference_speed)
 
 
 def Flores(  # noqa: N802
     stiffness: float, restitution: float, exponent: float = 1.5, reference_speed: float = 0.25
 ) -> PowerLaw:
-    """`PowerLaw` with d = 8 (1 - e)/(5 e): its restitution is near the one given at 0 and at 1.
-
-    Flores et al., 2011.
-    """
+    """`PowerLaw` with d = 8 (1 - e)/(5 e): its restitution is near the one given at 0 and at 1."""
     return PowerLaw(stiffness, restitution, "flores", exponent, reference_speed)
 
 
 def GonthierCarvalhoMartins(  # noqa: N802
     stiffness: float, restitution: float, exponent: float = 1.5, reference_speed: float = 0.25
 ) -> PowerLaw:
-    """`PowerLaw` with the exact d: its restitution is the one given.
-
-    Gonthier et al., 2004; Carvalho and Martins, 2019.
-    """
+    """`PowerLaw` with the exact d: its restitution is the one given."""
     return PowerLaw(stiffness, restitution, "exact", exponent, reference_speed)
 
 
 def loss_factor(law: PowerLaw) -> float:
     """Loss factor d (1) of a power law, by its author's formula."""
-    require_type(law, PowerLaw, "law")
     return LOSS_FACTORS[law.loss](law.restitution)
 
 
@@ -448,7 +407,7 @@ def _leaving_speed(loss: float, restitution: float, potential: float) -> float:
 
 
 @dataclass(frozen=True)
-class SwitchingSpring:
+class SwitchingSpring(CompiledLaw):
     """The paper's law: k_I0 x inside the gap, k_I x outside, switched by the state before the step.
 
     The force jumps at the wall, and deciding one step late feeds energy in; the energy ledger
@@ -489,9 +448,6 @@ class SwitchingSpring:
         """Numbers for the time loop."""
         half_period = math.pi * math.sqrt(effective_mass / self.stiffness)
         return ContactParameters(SWITCHING_SPRING, self.stiffness, 0.0, half_period, 1.0)
-
-    def force_function(self, effective_mass: float) -> None:
-        """None: the time loop has a branch for switching springs."""
 
     def shown_numbers(self, effective_mass: float) -> tuple[tuple[str, float, str], ...]:
         """Stiffness and damping, which is none."""
@@ -539,10 +495,6 @@ def hertz_stiffness(radius: float, ball: Material, wall: Material) -> float:
     ----------
     radius : float, m
         Of the ball.
-
-    Returns
-    -------
-    float, N/m^1.5
 
     Notes
     -----

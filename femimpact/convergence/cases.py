@@ -89,12 +89,17 @@ class Case:
     step: Newmark | None = None  # none where time is exact
     is_limit: bool = False  # true of the case that the rows tend to
 
+    @property
+    def driven(self) -> Sine:
+        """The motion of the base; `InputError` without one."""
+        require(self.base is not None, "base", None, "", "must be a Sine: a watched quantity is of the response to it")
+        assert self.base is not None
+        return self.base
+
     @cached_property
     def steady(self) -> NDArray[np.complex128]:
         """Complex amplitudes (dofs,) of the steady response without contacts."""
-        require(self.base is not None, "base", None, "", "must be a Sine: a watched quantity is of the response to it")
-        assert self.base is not None
-        return steady_amplitude(self.system, self.base, self.step)
+        return steady_amplitude(self.system, self.driven, self.step)
 
     def modes(self, count: int) -> Modes:
         """The lowest modes of the system, computed once."""
@@ -192,11 +197,6 @@ class OverMeshes:
     make : callable, optional
         The mesh of a number of elements, as of `uniform` and `graded`: a recommended number is then checked on it.
 
-    Raises
-    ------
-    InputError
-        If there are fewer than two meshes, or not as many labels.
-
     Examples
     --------
     >>> import femimpact as fi
@@ -226,65 +226,35 @@ class OverMeshes:
 
     @classmethod
     def uniform(cls, structure: Structure, elements: Sequence[int]) -> OverMeshes:
-        """Meshes of `uniform_mesh` with increasing numbers of elements.
-
-        Raises
-        ------
-        InputError
-            If the numbers are not three or more that increase, or the structure is not a `Structure`.
-        """
+        """Meshes of `uniform_mesh` with increasing numbers of elements."""
         counts = rising_numbers("elements", elements, MOST_ELEMENTS)
         require_type(structure, Structure, "structure")
         return cls._of(partial(uniform_mesh, structure), counts)
 
     @classmethod
     def graded(cls, structure: Structure, elements: Sequence[int], ratio: float) -> OverMeshes:
-        """Meshes of `graded_mesh` of one ratio, with increasing numbers of elements.
-
-        Raises
-        ------
-        InputError
-            If the numbers are not three or more that increase, or the finest mesh cannot be made.
-        """
+        """Meshes of `graded_mesh` of one ratio, with increasing numbers of elements."""
         counts = rising_numbers("elements", elements, MOST_ELEMENTS)
         graded_mesh(structure, int(counts[-1]), ratio)
         return cls._of(partial(graded_mesh, structure, ratio=ratio), counts)
 
     @classmethod
     def random(cls, structure: Structure, elements: Sequence[int], seed: int) -> OverMeshes:
-        """Meshes of `random_mesh` with increasing numbers of elements, each from a different seed.
-
-        Raises
-        ------
-        InputError
-            If the numbers are not three or more that increase, or the finest mesh cannot be made.
-        """
+        """Meshes of `random_mesh` with increasing numbers of elements, each from a different seed."""
         counts = rising_numbers("elements", elements, MOST_ELEMENTS)
         random_mesh(structure, int(counts[-1]), seed)
         return cls._of(lambda n: random_mesh(structure, n, seed + n), counts)
 
     @classmethod
     def refinements(cls, mesh: Mesh, times: int = 3) -> OverMeshes:
-        """A mesh and its refinements, each with twice the elements of the one before.
-
-        Raises
-        ------
-        InputError
-            If the mesh is not a `Mesh`, or the number of refinements is not from 1 to 12.
-        """
+        """A mesh and its refinements, each with twice the elements of the one before."""
         require_type(mesh, Mesh, "mesh")
         times = checked("times", times, quantity("1", at_least=1, at_most=12, integer=True))
         return cls(tuple(mesh.refined(k) for k in range(times + 1)))
 
     @classmethod
     def files(cls, paths: Sequence[str | Path]) -> OverMeshes:
-        """Mesh files, in the order of their numbers of elements; one that cannot be read is a row with its reason.
-
-        Raises
-        ------
-        InputError
-            If the paths are no list of paths, or fewer than two files hold a mesh.
-        """
+        """Mesh files, in the order of their numbers of elements; one that cannot be read is a row with its reason."""
         fine = isinstance(paths, (list, tuple)) and all(isinstance(path, (str, Path)) for path in paths)
         require(fine, "paths", paths, "", "must be a list of paths of mesh files")
         meshes = [(Path(path), attempted(partial(read_mesh, path), InputError)) for path in paths]
@@ -327,13 +297,12 @@ class OverMeshes:
 
 @dataclass(frozen=True, eq=False)
 class OverSteps:
-    """Newmark's step, halved again and again, on one mesh.
+    """Newmark's step, halved again and again from that of the method on, on one mesh.
 
     Parameters
     ----------
     mesh : Mesh
     method : Newmark
-        Its dt is the coarsest step.
     halvings : int
     """
 
@@ -344,7 +313,6 @@ class OverSteps:
     units: ClassVar[tuple[str, str]] = ("steps per first natural period", "s")
     is_family: ClassVar[bool] = True
     ratio: ClassVar[float] = np.inf
-    """Infinite: the limit is exact in time."""
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -377,11 +345,6 @@ class OverModes:
     ----------
     mesh : Mesh
     counts : tuple of int
-
-    Raises
-    ------
-    InputError
-        If the counts do not increase.
     """
 
     mesh: Mesh = field(metadata=instance(Mesh))
@@ -390,7 +353,6 @@ class OverModes:
     units: ClassVar[tuple[str, str]] = ("modes", "1")
     is_family: ClassVar[bool] = True
     ratio: ClassVar[float] = np.inf
-    """Infinite: the limit is exact on its mesh."""
 
     def __post_init__(self) -> None:
         check_fields(self)

@@ -10,10 +10,9 @@ import numpy as np
 
 from femimpact.arrays import Array
 from femimpact.convergence.cases import Case, newmark_frequency, time_factors
-from femimpact.errors import check_fields, checked, name_text, optional, place, quantity, require, text
+from femimpact.errors import check_fields, checked, choice, name_text, optional, place, quantity, require
 from femimpact.structure.structure import Position
 from femimpact.system.hermite import hermite_rows, place_in_element
-from femimpact.system.system import System
 
 
 class Reading(NamedTuple):
@@ -97,12 +96,11 @@ class ModeShapes:
             return ()
         most = min(self.count, finest.system.dofs)
         energy, deficiency = _shape_distances(case, finest, most)
-        readings = []
-        for i in range(most):
-            readings.append(Reading(f"shape {i + 1}", "1", float(energy[i]), 2.0, True))
-        for i in range(most):
-            readings.append(Reading(f"1 - MAC {i + 1}", "1", float(deficiency[i]), 8.0, True))
-        return tuple(readings)
+        return tuple(
+            Reading(f"{name} {i}", "1", distance, order, is_distance=True)
+            for name, distances, order in (("shape", energy, 2.0), ("1 - MAC", deficiency, 8.0))
+            for i, distance in enumerate(distances.tolist(), start=1)
+        )
 
 
 def _shape_distances(case: Case, finest: Case, most: int) -> tuple[Array, Array]:
@@ -120,7 +118,8 @@ def _shape_distances(case: Case, finest: Case, most: int) -> tuple[Array, Array]
     (w, w2), (v, v2) = (
         [hermite_rows(system.nodes, x, order) @ system.expansion @ phi for order in (0, 2)] for system, phi in shapes
     )
-    stiff = weight * _bending_stiffness(finest.system, x)
+    assert finest.system.sections is not None
+    stiff = weight * finest.system.sections.bending_stiffness_at(*place_in_element(finest.system.nodes, x, "right"))
     product, norms = weight @ (w * v), (weight @ w**2) * (weight @ v**2)
     sign = np.where(product < 0.0, -1.0, 1.0)
     energy[:count] = np.sqrt((stiff @ (sign * w2 - v2) ** 2) / (stiff @ v2**2))
@@ -128,13 +127,6 @@ def _shape_distances(case: Case, finest: Case, most: int) -> tuple[Array, Array]
     apart = w - v * (product / (weight @ v**2))
     deficiency[:count] = (weight @ apart**2) * (weight @ v**2) / norms
     return energy, deficiency
-
-
-def _bending_stiffness(system: System, x: Array) -> Array:
-    if system.sections is None:
-        require(False, "sections", None, "", "are not known of a system given by matrices")
-        raise AssertionError
-    return system.sections.bending_stiffness_at(*place_in_element(system.nodes, x, "right"))
 
 
 @dataclass(frozen=True)
@@ -145,15 +137,6 @@ class SteadyResponse:
     response to a force there, each of order 2. Over Newmark's step of order 2. Over n modes the terms left out are
     those of Gamma_n phi_n(x)/omega_n^2: Gamma_n ~ 1/n and omega_n^2 ~ n^4, and phi_n(x) changes its sign from mode to
     mode, so that the remainder is of the size of the next term, n^-5; at a tip with a body phi_n ~ 1/n, n^-6.
-
-    Parameters
-    ----------
-    at : tuple of str or float
-
-    Raises
-    ------
-    InputError
-        If a place is of the wrong kind.
     """
 
     at: tuple[Position, ...] = ("tip", "mid")
@@ -211,11 +194,10 @@ class BendingMoment:
 
     at: Position = field(default="root", metadata=place())
     mode: int | None = field(default=None, metadata=optional(COUNT))
-    side: str = field(default="right", metadata=text())
+    side: str = field(default="right", metadata=choice("left", "right"))
 
     def __post_init__(self) -> None:
         check_fields(self)
-        require(self.side in ("left", "right"), "side", self.side, "", "must be 'left' or 'right'")
 
     def read(self, case: Case, finest: Case) -> tuple[Reading, ...]:
         """One reading."""
@@ -227,15 +209,13 @@ class BendingMoment:
 class SurfaceStress:
     """Axial stress (Pa) on the surface at a place, E (h/2) w'': of the steady response, or of a mode.
 
-    It is a constant times the bending moment, with the orders of `BendingMoment`.
+    It is a constant times the bending moment, with the orders and the fields of `BendingMoment`.
 
     Parameters
     ----------
     at : str or float
     mode : int, optional
-        None for the steady response.
-    side : {"left", "right"}
-        Of the element read at a node.
+    side : str
 
     Examples
     --------
@@ -246,11 +226,10 @@ class SurfaceStress:
 
     at: Position = field(default="root", metadata=place())
     mode: int | None = field(default=None, metadata=optional(COUNT))
-    side: str = field(default="right", metadata=text())
+    side: str = field(default="right", metadata=choice("left", "right"))
 
     def __post_init__(self) -> None:
         check_fields(self)
-        require(self.side in ("left", "right"), "side", self.side, "", "must be 'left' or 'right'")
 
     def read(self, case: Case, finest: Case) -> tuple[Reading, ...]:
         """One reading."""
@@ -310,9 +289,9 @@ class SupportReaction:
         known = case.system.reactions
         require(self.name in known, "name", self.name, "", f"must be a reaction of the system: {', '.join(known)}")
         item, steady = known[self.name], case.steady
-        velocity, acceleration = time_factors(case.base, case.step)  # type: ignore[arg-type]
+        velocity, acceleration = time_factors(case.driven, case.step)
         rows = item.on_displacement + velocity * item.on_velocity + acceleration * item.on_acceleration
-        moved = -((2.0 * math.pi * case.base.frequency) ** 2) * case.base.amplitude  # type: ignore[union-attr]
+        moved = -((2.0 * math.pi * case.driven.frequency) ** 2) * case.driven.amplitude
         value = abs(complex(rows @ steady) + item.on_base_acceleration * moved)
         order = {"mesh": 4.0, "step": 2.0, "modes": 2.0 if item.unit == "N m" else 1.0}[case.axis]
         return (Reading(f"reaction {self.name}", item.unit, value, order),)

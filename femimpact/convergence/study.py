@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from femimpact.arrays import Array
-from femimpact.convergence.cases import Axis, Case, Plan, Row, attempted
+from femimpact.convergence.cases import Axis, Case, OverMeshes, Plan, Row, attempted
 from femimpact.convergence.quantities import Frequencies, Reading, Watched
 from femimpact.convergence.table import (
     AGREED,
@@ -173,11 +174,6 @@ ContactStatistics, a user's class, or a sequence of them
     -------
     ConvergenceStudy
         A case that failed is a row with its reason.
-
-    Raises
-    ------
-    InputError
-        If an argument is of the wrong kind or out of range, or all cases of an axis fail.
 
     Examples
     --------
@@ -408,3 +404,25 @@ def _notes(
         beside = " without contacts; of runs with impacts compare statistics, which scatter" if impacting else ""
         notes.append(f"recommended numbers are of {axis.units[0]}, for a relative error of {accuracy:g}{beside}")
     return tuple(notes)
+
+
+def converge_elements(structure: Structure, elements: Sequence[int], modes: int = 4) -> ConvergenceTable:
+    """Natural frequencies of a structure over uniform meshes, without its balls; see `Frequencies`.
+
+    Parameters
+    ----------
+    structure : Structure
+    elements : sequence of int
+        Increasing numbers of elements.
+    modes : int
+        How many frequencies; fewer where the finest mesh has fewer dofs.
+
+    Returns
+    -------
+    ConvergenceTable
+        That of `convergence_study` over `OverMeshes.uniform`.
+    """
+    require_type(structure, Structure, "structure")
+    modes = checked("modes", modes, quantity("1", at_least=1, at_most=1000, integer=True))
+    bare = replace(structure, impactors=())
+    return convergence_study(bare, OverMeshes.uniform(bare, elements), Frequencies(modes))["mesh"]

@@ -107,7 +107,6 @@ class Argument {
     }
 
     void *data() const { return view_.buf; }
-    Py_ssize_t bytes() const { return view_.len; }
     double *doubles() const { return static_cast<double *>(view_.buf); }
     Py_ssize_t size(int axis) const { return view_.shape[axis]; }
 
@@ -165,11 +164,8 @@ class WithoutLock {
     PyThreadState *state_;
 };
 
-// None, once a call that other threads need not wait for has ended; an exception instead where it has a fault.
-template <class Call> PyObject *run_apart(const char *fault, Call call) {
-    if (fault != nullptr) {
-        return PyErr_Format(PyExc_ValueError, "%s", fault);
-    }
+// None, once a call that other threads need not wait for has ended.
+template <class Call> PyObject *run_apart(Call call) {
     {
         const WithoutLock others_run;
         call();

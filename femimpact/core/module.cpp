@@ -63,8 +63,7 @@ PyObject *exponentials(PyObject *, PyObject *const *arguments, Py_ssize_t count)
         !same_size(exponent, out, 0, "exponent and out")) {
         return nullptr;
     }
-    return run_apart(nullptr,
-                     [&] { kernels->exponentials(exponent.doubles(), time, out.doubles(), exponent.size(0)); });
+    return run_apart([&] { kernels->exponentials(exponent.doubles(), time, out.doubles(), exponent.size(0)); });
 }
 
 PyObject *cosine_and_sine(PyObject *, PyObject *const *arguments, Py_ssize_t count) {

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
+import re
 from collections import namedtuple
 from collections.abc import Mapping
 from types import SimpleNamespace
@@ -35,7 +36,7 @@ def structs_of(table: Table, arguments: tuple[str, ...], rows: str) -> SimpleNam
         vars(space)[name] = namedtuple(name, kinds)
     for name, kinds in fields.items():
         vars(space)[name]._table = [
-            (field, None, getattr(space, shape)) if kind == "tuple" else (field, np.dtype(kind), shape.split())
+            (field, getattr(space, shape), []) if kind == "tuple" else (field, np.dtype(kind), shape.split())
             for field, (kind, shape) in kinds.items()
             if shape
         ]
@@ -43,32 +44,57 @@ def structs_of(table: Table, arguments: tuple[str, ...], rows: str) -> SimpleNam
 
 
 def zeros(struct: type[Struct], lengths: Mapping[str, int], **members: Any) -> Struct:
-    """A struct with arrays of zeros, but for the members that are given; all its numbers must be.
+    """A struct with arrays of zeros, but for the members that are given; all its numbers and tuples must be.
 
     The struct is a named tuple of `core.events` or `core.steps`, the lengths are those of the letters in its shapes.
     """
-    filled: Struct = _zeros(struct, _Lengths(lengths), members)
+    for name, kind, shape, _ in _layout(struct, tuple(lengths.items()), frozenset(members))[0]:
+        members[name] = np.zeros(shape, kind)
+    return struct(**members)
+
+
+LINE = 64
+"""Bytes of a cache line."""
+
+
+def zeros_together(struct: type[Struct], lengths: Mapping[str, int]) -> Struct:
+    """A struct of arrays of zeros and of tuples of these, in one piece of memory, no two on one cache line.
+
+    Threads that write to one line wait for each other, and accesses a multiple of the page size apart are mistaken
+    for one another by the processor.
+    """
+    layout = _layout(struct, tuple(lengths.items()))
+    memory = np.zeros(layout[1] + 4 * LINE, dtype=np.uint8)
+
+    def placed(kind: Any, layout: Any, first: int) -> Any:
+        """The array or the tuple that begins at a byte."""
+        if isinstance(kind, np.dtype):
+            return np.ndarray(layout, kind, memory, first)
+        return kind(*(placed(kind, shape, first + place) for _, kind, shape, place in layout[0]))
+
+    filled: Struct = placed(struct, layout, 2 * LINE + (-memory.ctypes.data) % LINE)
     return filled
 
 
-def _zeros(struct: Any, lengths: _Lengths, members: dict[str, Any]) -> Any:
-    arrays = {
-        name: _zeros(axes, lengths, {}) if kind is None else np.zeros([lengths[axis] for axis in axes], kind)
-        for name, kind, axes in struct._table
-        if name not in members
-    }
-    return struct(**arrays, **members)
+@functools.lru_cache(maxsize=256)
+def _layout(
+    struct: Any, lengths: tuple[tuple[str, int], ...], without: frozenset[str] = frozenset()
+) -> tuple[list[tuple[str, Any, Any, int]], int]:
+    """Name, type, shape and place (bytes) of each array of a struct, and the bytes of them, in whole cache lines.
 
+    The shape of a tuple within it is its layout.
+    """
+    length_of, members, size = dict(lengths), list[tuple[str, Any, Any, int]](), 0
 
-class _Lengths(dict[str, int]):
-    """Lengths of axes by their words, as 2R+O or dK, from those of single letters."""
+    def length(axis: str) -> int:
+        """That of an axis by its words, a sum of products as 2R+O or dK."""
+        terms = (re.findall(r"\d+|\w", term) for term in axis.split("+"))
+        return sum(math.prod(int(word) if word.isdigit() else length_of[word] for word in term) for term in terms)
 
-    def __missing__(self, axis: str) -> int:
-        self[axis] = sum(math.prod(map(self.__getitem__, factors), start=number) for number, factors in _terms(axis))
-        return self[axis]
-
-
-@functools.cache
-def _terms(axis: str) -> list[tuple[int, str]]:
-    """Terms of a sum of products, each by its number and its letters."""
-    return [(int(term[0]), term[1:]) if term[0].isdigit() else (1, term) for term in axis.split("+")]
+    for name, kind, axes in struct._table:
+        if name not in without:
+            is_array = isinstance(kind, np.dtype)
+            shape = tuple(map(length, axes)) if is_array else _layout(kind, lengths)
+            members.append((name, kind, shape, size))
+            size += -(-kind.itemsize * math.prod(shape) // LINE) * LINE if is_array else shape[1]
+    return members, size

@@ -100,36 +100,6 @@ class FromTuple {
         return !failed_;
     }
 
-    // False with an exception where two arrays share memory of which one is written to.
-    bool are_apart() {
-        std::uint8_t order[MOST_ARRAYS];
-        sort_by_address(order);
-        const unsigned char *end = nullptr, *end_of_written = nullptr;
-        int last = 0, last_written = 0;
-        for (int k = 0; k < count_; k++) {
-            const int place = order[k];
-            const auto *begin = static_cast<const unsigned char *>(arrays_[place].data());
-            const unsigned char *end_of_array = begin + arrays_[place].bytes();
-            if (end_of_array == begin)
-                continue;
-            if (begin < end_of_written || (written_[place] && begin < end)) {
-                const int other = begin < end_of_written ? last_written : last;
-                PyErr_Format(PyExc_ValueError, "%s.%s, %s.%s: must not share memory, one of them is written to",
-                             groups_[place], fields_[place], groups_[other], fields_[other]);
-                return false;
-            }
-            if (end_of_array > end) {
-                end = end_of_array;
-                last = place;
-            }
-            if (written_[place]) {
-                end_of_written = end_of_array;
-                last_written = place;
-            }
-        }
-        return true;
-    }
-
     template <class Struct> void group(const char *name, Struct &values, const char *) {
         PyObject *tuple = next(name);
         if (tuple != nullptr)
@@ -145,10 +115,7 @@ class FromTuple {
             failed_ = true;
             return;
         }
-        const Argument &array = arrays_[count_];
-        groups_[count_] = names_[depth_ - 1];
-        fields_[count_] = name;
-        written_[count_++] = wanted.writable;
+        const Argument &array = arrays_[count_++];
         const char *words = shape;
         for (int axis = 0; axis < N; axis++) {
             if (!lengths_.fits(words, array.size(axis))) {
@@ -224,22 +191,6 @@ class FromTuple {
         return PyTuple_GetItem(tuple_, place_++);
     }
 
-    // Shell's sort: few steps for so few, of which many stand in order.
-    void sort_by_address(std::uint8_t *order) const {
-        for (int k = 0; k < count_; k++)
-            order[k] = std::uint8_t(k);
-        static constexpr int GAPS[] = {57, 23, 10, 4, 1};
-        for (const int gap : GAPS)
-            for (int k = gap; k < count_; k++) {
-                const std::uint8_t array = order[k];
-                const void *address = arrays_[array].data();
-                int place = k;
-                for (; place >= gap && arrays_[order[place - gap]].data() > address; place -= gap)
-                    order[place] = order[place - gap];
-                order[place] = array;
-            }
-    }
-
     // Sets the prefix to the names of the tuples around a value, each with a point behind it.
     void set_prefix() {
         char *end = prefix_;
@@ -266,8 +217,6 @@ class FromTuple {
     }
 
     Argument arrays_[MOST_ARRAYS];
-    const char *groups_[MOST_ARRAYS] = {}, *fields_[MOST_ARRAYS] = {};
-    bool written_[MOST_ARRAYS] = {};
     int count_ = 0;
     Lengths lengths_;
     PyObject *tuple_ = nullptr;

@@ -1,4 +1,4 @@
 from femimpact.excitation.drives import Drives as Drives
 from femimpact.excitation.piecewise_polynomial import PiecewisePolynomial as PiecewisePolynomial
-from femimpact.excitation.record_writer import write_record as write_record
+from femimpact.excitation.record_files import write_record as write_record
 from femimpact.excitation.sums import Sum as Sum

@@ -3,28 +3,36 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from femimpact.arrays import Array
 from femimpact.errors import checked, choice, quantity, require
 from femimpact.excitation.excitation import times
-from femimpact.excitation.harmonic import FADE, LEVEL, PiecewiseMotion, check_cycles, check_fade, level_of, set_fields
-from femimpact.excitation.levels import (
-    AT_ONCE,
-    ROUNDING,
+from femimpact.excitation.harmonic import (
+    FADE,
+    LEVEL,
     Level,
-    exponent_at,
-    knots_with_breaks,
+    PiecewiseMotion,
+    check_cycles,
+    check_fade,
     level_at,
-    nodes_beside,
+    level_of,
     require_reach,
-    without_drift,
+    set_fields,
 )
-from femimpact.excitation.piecewise_polynomial import PiecewisePolynomial, fitted, knots_of
+from femimpact.excitation.piecewise_polynomial import (
+    PHASE_OF_PIECE,
+    ROUNDING,
+    PiecewisePolynomial,
+    fitted,
+    knots_of,
+    with_breaks,
+)
 
 FREQUENCY = quantity("Hz", above=0.0)
 
@@ -73,12 +81,6 @@ class Chirp(PiecewiseMotion):
         What amplitude or acceleration was given as.
     by : {"amplitude", "acceleration"}
         Which of them was given.
-
-    Raises
-    ------
-    InputError
-        If both or none of amplitude and acceleration, or of duration and octaves per minute, are given, a linear chirp
-        has octaves per minute, or rows do not rise or reach from start to stop.
     """
 
     start: float = field(metadata=FREQUENCY)
@@ -270,3 +272,102 @@ class Chirp(PiecewiseMotion):
             place = place + np.where(going, unit * -1j * twice, 0.0)
         turn = level_at(self.level, frequency) * np.exp(1j * self.phase_at(time))
         return (turn * speed).imag, (turn * place).imag, np.abs(slope) / omega
+
+
+# ---- a level that changes over frequency -----------------------------------------------------------
+
+
+def exponent_at(level: Level, frequency: Array, start: float, stop: float) -> Array:
+    """Power of the frequency (Hz) with which a level goes there; at a row, and at an end, that of what is within."""
+    if not isinstance(level, tuple):
+        return np.zeros(np.shape(frequency))
+    points = np.log(np.array(level))
+    low, high = min(start, stop) * (1.0 + ROUNDING), max(start, stop) * (1.0 - ROUNDING)
+    inside = np.log(np.clip(frequency, low, high))
+    i = np.clip(np.searchsorted(points[:, 0], inside, side="right"), 1, len(level) - 1)
+    return np.asarray((np.diff(points[:, 1]) / np.diff(points[:, 0]))[i - 1])
+
+
+AT_ONCE = 0.02
+"""Share of the shortest piece, below 0.034, the first Gauss point, in which a change is a jump without pieces."""
+
+
+def knots_with_breaks(knots: Array, breaks: Array, turned: Callable[[Array], Array]) -> Array:
+    """Knots such that a history bends at some of them, in pieces of `PHASE_OF_PIECE` of what has turned (rad)."""
+    ends = with_breaks(knots[[0, -1]], breaks)
+    grid = with_breaks(knots, ends)
+    angles = turned(grid)
+    angle = np.interp(ends, grid, angles)
+    counts = np.maximum(np.ceil(np.diff(angle) / PHASE_OF_PIECE), 1.0).astype(int)
+    first = np.concatenate([[0], np.cumsum(counts)])
+    new = np.interp(np.interp(np.arange(first[-1] + 1), first, angle), angles, grid)
+    new[first] = ends
+    return np.asarray(new)
+
+
+BESIDE_LEVEL = 8e-7
+"""Share of the level that what keeps the base in its place adds to the acceleration, where that is enough."""
+
+RIPPLE = 0.05
+"""Share of the displacement that what is left of a bend may move the base by."""
+
+LEAST_CYCLES = 0.5
+"""Between nodes."""
+
+GROWTH = 0.5
+"""Of the time between nodes over the time from a bend."""
+
+SLOW = 0.1
+"""Relative change of the frequency in a radian up to which a sine by acceleration stays in its place."""
+
+
+def nodes_beside(knots: Array, bends: Array, sizes: Array, frequency: Array) -> NDArray[np.int64]:
+    """Numbers of the knots (s) between which the drift is taken out.
+
+    At a bend of the relative rate of the level by a size r (1/s) the velocity gains up to r level/omega^2. Taken out
+    over h on either side, by an acceleration of a triangle in time, it adds r/(omega^2 h) to the level and moves the
+    base by r h/6 of the displacement.
+    """
+    omega = 2.0 * np.pi * frequency
+    least, most = LEAST_CYCLES / frequency, 6.0 * RIPPLE / sizes
+    length = np.minimum(np.maximum(sizes / (BESIDE_LEVEL * omega**2), least), most)
+    # so many bends, each at another phase, move the base by the root of their number
+    count = np.searchsorted(bends, bends + length) - np.searchsorted(bends, bends - length)
+    length = np.maximum(np.minimum(length, most / np.cbrt(count)), least)
+    before = np.minimum.accumulate(length - GROWTH * bends)
+    after = np.minimum.accumulate((length + GROWTH * bends)[::-1])[::-1]
+    i = np.searchsorted(bends, knots)
+    step = np.minimum(np.append(np.inf, before)[i] + GROWTH * knots, np.append(after, np.inf)[i] - GROWTH * knots)
+    counted = np.concatenate([[0.0], np.cumsum(np.diff(knots) / np.minimum(step[1:], step[:-1]))])
+    integers = np.linspace(0.0, counted[-1], max(int(np.ceil(counted[-1])), 1) + 1)
+    return np.unique(np.append(np.searchsorted(counted, integers[:-1]), knots.size - 1))
+
+
+def without_drift(
+    form: PiecewisePolynomial, smooth: Callable[[Array], tuple[Array, Array, Array]], nodes: NDArray[np.int64]
+) -> PiecewisePolynomial:
+    """A motion less what it drifts by: its distance from the smooth one, as a cubic spline between some knots.
+
+    The spline has the distances as its coefficients, each at the mean of three nodes (the variation-diminishing spline
+    of Schoenberg): it leaves a straight line as it is, and depends on what is near alone. Its second derivative is
+    straight between nodes.
+    """
+    knots = form.knots
+    ends = np.concatenate([[knots[0]] * 3, knots[nodes], [knots[-1]] * 3])
+    time = (ends[1:-3] + ends[2:-2] + ends[3:-1]) / 3.0
+    speed, place, change = smooth(time)
+    known = np.flatnonzero(change <= max(SLOW, float(change.min())))
+    off, fast = form.displacement(time) - place, form.velocity(time) - speed
+    first, last = known[[0, -1]]
+    off = np.interp(time, time[known], off[known])
+    off[:first] += fast[first] * (time[:first] - time[first])
+    off[last + 1 :] += fast[last] * (time[last + 1 :] - time[last])
+    once = 3.0 * np.diff(off) / (ends[4:-1] - ends[1:-4])
+    twice = 2.0 * np.diff(once) / (ends[4:-2] - ends[2:-4])
+    pieces = np.column_stack([twice[:-1], np.diff(twice) / np.diff(knots[nodes])])
+    drift = PiecewisePolynomial(knots[nodes], pieces, float(once[0]), float(off[0]))
+    coefficients = form.coefficients.copy()
+    coefficients[:, 0] -= drift.value(knots[:-1])
+    coefficients[:, 1] -= np.repeat(pieces[:, 1], np.diff(nodes))
+    starts = form.starts - np.column_stack([drift.displacement(knots), drift.velocity(knots)])
+    return PiecewisePolynomial(knots, coefficients, starts=starts)

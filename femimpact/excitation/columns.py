@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import codecs
-import io
 import itertools
 import math
 import re
@@ -14,18 +13,25 @@ from dataclasses import dataclass
 from functools import cached_property
 from operator import methodcaller
 from pathlib import Path
-from typing import BinaryIO
 
 import numpy as np
 
 from femimpact.arrays import Array, even_interval
 from femimpact.errors import Fault, InputError, require, require_path
-from femimpact.excitation.cells import MARKS, QUOTES, cells_in, is_number, mark_of, number_in
-from femimpact.excitation.column_names import name_and_unit, names_and_units
+from femimpact.excitation.column_names import (
+    MARKS,
+    QUOTES,
+    cells_in,
+    is_number,
+    mark_of,
+    name_and_unit,
+    names_and_units,
+    number_in,
+)
 from femimpact.regular_file import decimal_number, open_regular
 
 MOST_LINES = 10_001_000
-"""Most lines of the file of a record: 10 million rows, behind a header, are read within 1 GB of memory."""
+"""Most lines of the file of a record: 10 million rows behind a header."""
 
 MOST_BYTES = 600_000_000
 """Most bytes of the file of a record: rows of two numbers to the last bit have 51."""
@@ -53,7 +59,7 @@ LONGEST = 1000
 
 
 def record_text(path: str | Path) -> str:
-    """Content of the file of a record.
+    """Content of the file of a record, every end of a line a line feed.
 
     Raises `InputError` if it cannot be read, is no regular file or no text, or, before it is read, has too many
     bytes or lines.
@@ -61,9 +67,11 @@ def record_text(path: str | Path) -> str:
     require_path(path, "path", "a text file")
     try:
         with open_regular(path, MOST_BYTES) as file:
-            lines = _line_count(file)
+            # lines of old Macintosh files end with a carriage return alone
+            lines = sum(max(piece.count(b"\n"), piece.count(b"\r")) for piece in iter(lambda: file.read(PIECE), b""))
             if lines <= MOST_LINES:
-                return _decoded(file)
+                file.seek(0)
+                return _decoded(file.read()).replace("\r\n", "\n").replace("\r", "\n")
             reason = f"has {lines:,} lines, of which at most {MOST_LINES:,} are read"
     except OSError as error:
         reason = error.strerror or "cannot be read"
@@ -72,47 +80,19 @@ def record_text(path: str | Path) -> str:
     raise InputError([Fault("path", str(path), "", f"must be a text file of columns: {reason}")])
 
 
-def _pieces(file: BinaryIO) -> Iterator[bytes]:
-    while piece := file.read(PIECE):
-        yield piece
-
-
-def _line_count(file: BinaryIO) -> int:
-    """Lines of a file, which is at its beginning again then."""
-    count = 0
-    for piece in _pieces(file):
-        # lines of old Macintosh files end with a carriage return alone
-        count += max(piece.count(b"\n"), piece.count(b"\r"))
-    file.seek(0)
-    return count
-
-
-def _decoded(file: BinaryIO) -> str:
-    """The text of a file in UTF-8, UTF-16 with its mark, or in the code of spreadsheets in Western Europe."""
-    begin = file.read(2)
-    file.seek(0)
+def _decoded(content: bytes) -> str:
+    """The text of bytes in UTF-8, UTF-16 with its mark, or in the code of spreadsheets in Western Europe."""
     try:
-        return _text_in(file, "utf-16" if begin in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE) else "utf-8-sig")
+        is_utf16 = content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+        return content.decode("utf-16" if is_utf16 else "utf-8-sig")
     except UnicodeDecodeError:
-        file.seek(0)
-        text = _text_in(file, "cp1252")
+        text = content.decode("cp1252")
         if "\0" in text:
             raise
         return text
 
 
-def _text_in(file: BinaryIO, encoding: str) -> str:
-    """The text of a file, every end of a line a line feed, without a second copy of it in memory."""
-    decoder = io.IncrementalNewlineDecoder(codecs.getincrementaldecoder(encoding)(), translate=True)
-    text = ""
-    for piece in _pieces(file):
-        # a text that nothing else refers to grows where it is
-        text += decoder.decode(piece)
-    text += decoder.decode(b"", final=True)
-    return text
-
-
-def in_columns(text: str, path: str | Path) -> str:
+def _in_columns(text: str, path: Path) -> str:
     """A text of columns: the samples of a PEER file, some in a row, with their times beside them; others as they are.
 
     Raises `InputError` if there are not as many samples as the file says.
@@ -121,9 +101,8 @@ def in_columns(text: str, path: str | Path) -> str:
     if not (series := SERIES.search(head)):
         return text
     count, step = int(series[1] or series[3]), float(series[2] or series[4])
-    require(
-        count >= 2 and step > 0.0, "path", str(path), "", f"has NPTS = {count} and DT = {step:g} s: must be samples"
-    )
+    allowed = f"has NPTS = {count} and DT = {step:g} s: must be samples"
+    require(count >= 2 and step > 0.0, "path", str(path), "", allowed)
     samples = text[series.end() :].split()
     if len(samples) > count and len(samples) % count == 0:
         # columns below such a line
@@ -142,21 +121,6 @@ def is_column(value: object) -> bool:
     return isinstance(value, str) or (isinstance(value, int) and not isinstance(value, bool) and value >= 0)
 
 
-def read_columns(text: str, places: tuple[int, ...], first: int, path: Path) -> tuple[Array, ...]:
-    """Columns of numbers at some places, from a line on; lines that are empty or begin with # are left out."""
-    # arrays that grow where they are
-    columns, width = tuple(array("d") for _ in places), 0
-    for number, lines in _blocks(text):
-        rows = lines[max(first - number, 0) :]
-        width = width or next((len(fields) for _, fields in cells_of(rows, number)), 0)
-        values = _plain_values(rows, places, width)
-        if values is None:
-            values = _values(cells_of(rows, max(first, number)), places, width, path)
-        for column, part in zip(columns, values.T, strict=True):
-            column.frombytes(part.tobytes())
-    return tuple(map(np.frombuffer, columns))
-
-
 COUNTS = re.compile(r"(samples?|index|idx|no|nr|num|number|nummer|sequence|scan|count)\W*", re.IGNORECASE)
 """Names of a column that counts samples."""
 
@@ -171,9 +135,11 @@ MODEL_LINES, MODEL_LETTERS = 200, 1 << 16
 
 
 @dataclass(frozen=True)
-class RecordHeader:
-    """What stands before the rows of a file of columns."""
+class TextTable:
+    """A text of columns of numbers, with what stands before their rows."""
 
+    text: str
+    path: Path  # by which a fault names the text
     first: int  # number of the line from which on there are rows
     places: tuple[int, ...]  # of the columns of numbers
     cells: dict[int, str]  # of the line of names, by place
@@ -195,20 +161,53 @@ class RecordHeader:
     def _by_name(self) -> dict[str, int]:
         return {name: p for names in (self.names, self.cells) for p, name in reversed(names.items())}
 
-    def place(self, column: int | str, path: Path) -> int:
+    def place(self, column: int | str) -> int:
         """Place of a column by its number or its name, with or without a unit."""
         number = self._by_name.get(column, -1) if isinstance(column, str) else column
         if number not in self.places:
-            choices = f"{path.name}, which are from line {self.first} on: {[self.name(p) for p in self.places]}"
+            choices = f"{self.path.name}, which are from line {self.first} on: {[self.name(p) for p in self.places]}"
             raise InputError([Fault("columns", column, "", f"must be one of the columns of numbers of {choices}")])
         return number
 
+    def read(self, places: Sequence[int]) -> tuple[Array, ...]:
+        """Columns of numbers at some places; lines that are empty or begin with # are left out."""
+        # arrays that grow where they are
+        columns, width = tuple(array("d") for _ in places), 0
+        for number, lines in _blocks(self.text):
+            rows = lines[max(self.first - number, 0) :]
+            width = width or next((len(fields) for _, fields in cells_of(rows, number)), 0)
+            values = _plain_values(rows, places, width)
+            if values is None:
+                values = _values(cells_of(rows, max(self.first, number)), places, width, self.path)
+            for column, part in zip(columns, values.T, strict=True):
+                column.frombytes(part.tobytes())
+        return tuple(map(np.frombuffer, columns))
 
-def record_header(text: str, path: Path) -> RecordHeader:
+    @property
+    def _rows(self) -> Iterator[tuple[int, list[str]]]:
+        return ((i, fields) for i, fields in _rows(self.text) if i >= self.first)
+
+    def interval(self, time: Array) -> float:
+        """Time (s) between the rows, evenly spaced by a column that is read."""
+        return interval_of(
+            time, self.path, lambda row: f"line {next(itertools.islice(self._rows, row, None), (0,))[0]}"
+        )
+
+    @property
+    def has_decimal_commas(self) -> bool:
+        """True where a line of commas has digits alone in every second cell, as decimal commas leave them."""
+        lines = (fields for _, fields in itertools.islice(self._rows, MODEL_LINES))
+        are_digits = all(len(fields) % 2 == 0 and all(cell.isdigit() for cell in fields[1::2]) for fields in lines)
+        return mark_of(self.text[:MODEL_LETTERS]) == "," and are_digits
+
+
+def text_table(text: str, path: str | Path) -> TextTable:
     """Columns of numbers of a text, their names and units, and where the rows begin.
 
     A fault does not show what stands in a file without rows, which may be no record at all but something secret.
     """
+    path = Path(path)
+    text = _in_columns(text, path)
     tail = text[-MODEL_LETTERS:].splitlines()[-MODEL_LINES:]
     rows = [fields for _, fields in cells_of(tail[1:] if len(text) > MODEL_LETTERS else tail, 1)]
     width = max(map(len, rows), default=0)
@@ -240,7 +239,7 @@ def record_header(text: str, path: Path) -> RecordHeader:
     some = {p for p, name in names.items() if name and not is_number(name)}
     some |= {p for row in head for p, cell in enumerate(row) if is_number(cell)}
     left = tuple(names.get(p) or f"column {p}" for p in sorted(some - {*places}))
-    return RecordHeader(first, places, named, names, units, has_row, left)
+    return TextTable(text, path, first, places, named, names, units, has_row, left)
 
 
 def _begin(text: str) -> str:
@@ -274,13 +273,7 @@ def first_lines(text: str) -> Iterator[tuple[int, str]]:
                 yield i, line.lstrip("# \t") if line.lstrip()[0] == "#" else line
 
 
-def line_of_row(text: str, header: RecordHeader, row: int) -> str:
-    """Words for the line of a row, counted from 0."""
-    rows = (i for i, _ in _rows(text) if i >= header.first)
-    return f"line {next(itertools.islice(rows, row, None), 0)}"
-
-
-def interval_of(time: Array, path: str | Path, line: Callable[[int], str]) -> float:
+def interval_of(time: Array, path: Path, line: Callable[[int], str]) -> float:
     """Time (s) between evenly spaced samples; `line` has the words for the line of a row."""
     require(time.size >= 2, "path", str(path), "", "must hold 2 or more rows of numbers")
     interval, bad = even_interval(time)
@@ -291,13 +284,6 @@ def interval_of(time: Array, path: str | Path, line: Callable[[int], str]) -> fl
     steps = f"a step of {step:.6g} s, and {usual:.6g} s is usual"
     allowed = f"{line(bad)}: the time {kind}: {steps}; resample it first (numpy.interp)"
     raise InputError([Fault("path", str(path), "", allowed)])
-
-
-def has_decimal_commas(text: str, header: RecordHeader) -> bool:
-    """True where a line of commas has digits alone in every second cell, as decimal commas leave them."""
-    lines = itertools.islice((fields for i, fields in _rows(text) if i >= header.first), MODEL_LINES)
-    are_digits = all(len(fields) % 2 == 0 and all(cell.isdigit() for cell in fields[1::2]) for fields in lines)
-    return mark_of(text[:MODEL_LETTERS]) == "," and are_digits
 
 
 def _blocks(text: str) -> Iterator[tuple[int, list[str]]]:
@@ -319,7 +305,7 @@ def cells_of(lines: Iterable[str], number: int) -> Iterator[tuple[int, list[str]
     return ((i, cells_in(line)) for i, line in enumerate(lines, number) if line.strip() and line.lstrip()[0] != "#")
 
 
-def _plain_values(lines: Sequence[str], places: tuple[int, ...], width: int) -> Array | None:
+def _plain_values(lines: Sequence[str], places: Sequence[int], width: int) -> Array | None:
     """The values that `_values` finds in lines that are all written in the same plain way; None where they are not."""
     block = "\n".join(lines)
     # few files have lines to leave out, and what is asked of each line takes as long as its numbers
@@ -331,24 +317,20 @@ def _plain_values(lines: Sequence[str], places: tuple[int, ...], width: int) -> 
     mark = mark_of(lines[0])
     # a line without the mark has no second cell
     others = MARKS.partition(mark)[0] if mark else MARKS
-    if mark and '"' in block:
-        block = block.replace(f'"{mark}', mark).replace(f'{mark}"', mark)
-        lines = [line.strip().strip('"') for line in block.split("\n")]
-        block = "\n".join(lines)
-    if any(sign in block for sign in others + '"') or max(places) == 0:
+    if any(sign in block for sign in others) or max(places) == 0:
         return None
     if mark == "," and set(map(methodcaller("count", ","), lines)) != {width - 1}:
         return None
     if mark in (";", "\t") and "," in block:
         lines = block.replace(",", ".").split("\n")
     try:
-        values = np.loadtxt(lines, delimiter=mark, comments=None, usecols=places, ndmin=2)
+        values = np.loadtxt(lines, delimiter=mark, comments=None, quotechar='"', usecols=places, ndmin=2)
     except ValueError:
         return None
     return values if len(values) == len(lines) and np.isfinite(values).all() else None
 
 
-def _values(cells: Iterable[tuple[int, list[str]]], places: tuple[int, ...], width: int, path: Path) -> Array:
+def _values(cells: Iterable[tuple[int, list[str]]], places: Sequence[int], width: int, path: Path) -> Array:
     """The two numbers of every line (rows, 2), or the first line without; `width` counts cells of the first row."""
     rows = []
     for i, fields in cells:

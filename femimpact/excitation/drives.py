@@ -1,27 +1,183 @@
-"""Several drives at once: a motion of the base and forces at places."""
+"""Forces at places, and several drives at once: a motion of the base with forces; their words and numbers."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from femimpact.arrays import Array
-from femimpact.errors import check_fields, items, kind_of, optional, quantity, require
-from femimpact.excitation.excitation import has_cycle, holds_drives, is_force, require_excitation, times
-from femimpact.excitation.forces import PointForce
+from femimpact.errors import check_fields, items, kind_of, name_text, optional, place, quantity, require
+from femimpact.excitation.chirp import Chirp
+from femimpact.excitation.excitation import (
+    MEMBERS,
+    Harmonic,
+    WithoutCycle,
+    has_cycle,
+    holds_drives,
+    is_force,
+    require_excitation,
+    times,
+    words_of,
+)
+from femimpact.excitation.piecewise_polynomial import PiecewisePolynomial, half_sine, pieces_of
 from femimpact.excitation.sums import Form, Sum, added, force_form_of, forms_together, one_sine, parts_of
+from femimpact.units import typeset_number, unit_text
 
 BASE = "base"
 """Name of the motion of the base among the drives."""
 
 CONSTANT_FORCES = "constant forces"
 """Name of their work beside that of the drives."""
+
+
+class BaseAtRest:
+    """Displacement, velocity and acceleration of a base that does not move while a force acts."""
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        name = getattr(self, "name", None)
+        # what parts names of axes or of a file's data
+        good = name is None or (bool(name.strip()) and not {".", "/"} & set(name))
+        require(good, "name", name, "", "must be a text without a dot or a slash that is not empty")
+
+    @property
+    def amplitude(self) -> float:
+        """Amplitude of the base's motion: 0 m."""
+        return 0.0
+
+    def displacement(self, time: ArrayLike) -> NDArray[np.float64]:
+        """Base displacement: zero, m."""
+        return np.zeros_like(times(time))
+
+    velocity = displacement
+    acceleration = displacement
+
+    __add__ = added
+    __radd__ = added
+
+
+@dataclass(frozen=True)
+class PointForce(BaseAtRest):
+    """Force on the structure at one place, the base at rest: F(t) = history(t), read as newtons.
+
+    What a history was given by is the force, with its sign: the displacement where that is an amplitude (of a sine, a
+    chirp or a stepped sine), the acceleration where it is one (of a chirp, a stepped sine, a record, a shock, a density
+    in N^2/Hz). So a stepped sine begins with +amplitude, and with -acceleration, which is that of a base that is
+    farthest out on the + side. After its end a history is no force. The force of a sum is the sum of those of its
+    parts.
+
+    Parameters
+    ----------
+    at : str or float
+        Named place, or metres from the root.
+    history : Sine, Chirp, SteppedSine, RandomBase, Shock, RecordedBase or Sum
+        Its level is a force, N.
+    name : str, optional
+        Among several drives, without a dot or a slash; see `Drives`.
+
+    Raises
+    ------
+    InputError
+        If the history, or a part of a sum, has no closed form.
+
+    Examples
+    --------
+    A sine of 10 mN at the tip of a beam at rest:
+
+    >>> import femimpact as fi
+    >>> force = fi.PointForce("tip", fi.Sine(amplitude=0.01, frequency=5.0))
+    >>> fi.integrate(system, force, fi.EventDriven(), duration=1.0).channels["tip"].size > 0
+    True
+    """
+
+    at: str | float = field(metadata=place())
+    history: Any
+    name: str | None = field(default=None, metadata=optional(name_text()))
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        allowed = "must be a Sine, Chirp, SteppedSine, RandomBase, Shock, RecordedBase or a sum of motions of the base"
+        good = all(hasattr(self.history, name) for name in MEMBERS) and not (
+            hasattr(self.history, "at") or holds_drives(self.history)
+        )
+        require(good and not isinstance(self.history, type), "history", kind_of(self.history), "", allowed)
+        for part in parts_of(self.history):
+            allowed = "must have a closed form, and each part of a sum as well: sample it into a RecordedBase"
+            require(force_form_of(part) is not None, "history", kind_of(part), "", allowed)
+
+    @property
+    def frequency(self) -> float:
+        """Frequency of the force, Hz."""
+        return float(self.history.frequency)
+
+    @property
+    def has_cycle(self) -> bool:
+        """True if the history has a cycle."""
+        return has_cycle(self.history)
+
+    @property
+    def phase(self) -> float:
+        """Phase of the force at t = 0, rad."""
+        return float(self.history.phase)
+
+    def force(self, time: ArrayLike) -> NDArray[np.float64]:
+        """Force (N) at times in s."""
+        if isinstance(self.history, Sum):
+            return np.asarray(sum(replace(self, history=part).force(time) for part in parts_of(self.history)))
+        form = self.closed_form
+        if isinstance(form, Harmonic):
+            return np.asarray(form.amplitude * np.sin(form.omega * times(time) + form.phase))
+        return pieces_of(form).value(time)
+
+    @property
+    def closed_form(self) -> Any:
+        """Force, N."""
+        return force_form_of(self.history)
+
+
+@dataclass(frozen=True)
+class HammerBlow(WithoutCycle, BaseAtRest):
+    """Half a sine of force at one place, the base at rest: F = pi impulse/(2 duration) sin(pi (t - begin)/duration).
+
+    The history is made of 12 polynomials of degree 5, within 1e-9 of its largest value.
+
+    Parameters
+    ----------
+    at : str or float
+        Named place, or metres from the root.
+    impulse : float, N s
+        Its sign is that of the force.
+    duration : float, s
+    begin : float, s
+    name : str, optional
+        Among several drives, without a dot or a slash; see `Drives`.
+    """
+
+    at: str | float = field(metadata=place())
+    impulse: float = field(metadata=quantity("N s"))
+    duration: float = field(metadata=quantity("s", above=0.0))
+    begin: float = field(default=0.0, metadata=quantity("s", at_least=0.0))
+    name: str | None = field(default=None, metadata=optional(name_text()))
+
+    @property
+    def frequency(self) -> float:
+        """Frequency of the sine of which it is a half, Hz: a blow has no cycle."""
+        return 0.5 / self.duration
+
+    @cached_property
+    def closed_form(self) -> PiecewisePolynomial:
+        """Force, N."""
+        return half_sine(0.5 * np.pi * self.impulse / self.duration, self.duration, self.begin)
+
+    def force(self, time: ArrayLike) -> NDArray[np.float64]:
+        """Force (N) at times in s."""
+        return self.closed_form.value(time)
 
 
 @dataclass(frozen=True)
@@ -42,12 +198,6 @@ class Drives:
     end : float, s, optional
         Up to when sines among others have a closed form; `integrate` sets it to the end of the run. It is no part of
         what the drives are.
-
-    Raises
-    ------
-    InputError
-        If there is no drive, the base is a force or several drives, a force is none, two drives have one name, or one
-        has that of the constant forces.
 
     Examples
     --------
@@ -125,38 +275,30 @@ class Drives:
         return float(self.forces[0].phase if wave is None or len(waves) == 1 else wave.phase)
 
     @property
+    def _motion(self) -> Any:
+        return BaseAtRest() if self.base is None else self.base
+
+    @property
     def amplitude(self) -> float:
         """Largest displacement of the base, m."""
-        return 0.0 if self.base is None else float(self.base.amplitude)
+        return float(self._motion.amplitude)
 
     def displacement(self, time: ArrayLike) -> Array:
         """Base displacement ub (m) at times in s."""
-        return np.zeros_like(times(time)) if self.base is None else np.asarray(self.base.displacement(time))
+        return np.asarray(self._motion.displacement(time))
 
     def velocity(self, time: ArrayLike) -> Array:
         """Base velocity (m/s) at times in s."""
-        return np.zeros_like(times(time)) if self.base is None else np.asarray(self.base.velocity(time))
+        return np.asarray(self._motion.velocity(time))
 
     def acceleration(self, time: ArrayLike) -> Array:
         """Base acceleration (m/s^2) at times in s."""
-        return np.zeros_like(times(time)) if self.base is None else np.asarray(self.base.acceleration(time))
-
-    def until(self, end: float) -> Drives:
-        """The same with closed forms up to a time (s)."""
-        if isinstance(end, float) and end == self.end:
-            # with the forms that it has
-            return self
-        return replace(self, base=until(self.base, end), forces=tuple(until(f, end) for f in self.forces), end=end)
+        return np.asarray(self._motion.acceleration(time))
 
     @cached_property
     def closed_forms(self) -> tuple[Form, ...] | None:
         """Of every drive, m/s^2 or N, between the same knots; None where one has none."""
-
-        def starts(knots: Array) -> Array:
-            return np.column_stack([self.displacement(knots), self.velocity(knots)])
-
-        groups = [_forms_of(drive) for drive in self.drives]
-        return forms_together(groups, self.end, None if self.base is None else starts)
+        return forms_together([_forms_of(drive) for drive in self.drives], self.end, self.base)
 
     __add__ = added
     __radd__ = added
@@ -164,7 +306,15 @@ class Drives:
 
 def until(excitation: Any, end: float) -> Any:
     """An excitation with a closed form up to a time (s): of a sum, a force or several drives, others as they are."""
-    return excitation.until(end) if isinstance(excitation, Sum | PointForce | Drives) else excitation
+    if isinstance(excitation, PointForce) and isinstance(excitation.history, Sum):
+        return replace(excitation, history=until(excitation.history, end))
+    # that of the same end has its forms already
+    if not isinstance(excitation, Sum | Drives) or (isinstance(end, float) and end == excitation.end):
+        return excitation
+    if isinstance(excitation, Sum):
+        return replace(excitation, end=end)
+    forces = tuple(until(force, end) for force in excitation.forces)
+    return replace(excitation, base=until(excitation.base, end), forces=forces, end=end)
 
 
 def alone(excitation: Any) -> Any:
@@ -195,3 +345,45 @@ def named_parts(excitation: Any) -> Iterator[tuple[str, Any, Any]]:
 def parts_in(excitation: Any) -> Iterator[Any]:
     """The histories that an excitation is made of: parts of sums, and of the drives."""
     return (part for _, _, part in named_parts(excitation))
+
+
+def drive_words(excitation: Any) -> list[str]:
+    """A line for each drive: its name, what it is, and its numbers with units."""
+    lines = []
+    drives = getattr(excitation, "drives", (excitation,))
+    for name, drive in zip(getattr(excitation, "names", ("",)), drives, strict=True):
+        numbers = ", ".join(_numbers(getattr(drive, "history", drive), "N" if is_force(drive) else "m/s^2"))
+        lines.append(f"{f'{name}, ' * (name not in ('', 'base'))}{words_of(drive)}{'; ' * bool(numbers)}{numbers}")
+    return lines
+
+
+def _numbers(history: Any, unit: str) -> Iterator[str]:
+    """Numbers of a drive by their names, with units, where they are not those that it has by default."""
+    for part in getattr(history, "parts", ()):
+        yield from _numbers(part, unit)
+    for item in fields(history) if is_dataclass(history) else ():
+        value, name = getattr(history, item.name), item.name.replace("_", " ")
+        if item.name in ("by", "at", "name", "parts", "end") or value is None or value is item.default:
+            continue
+        own = item.metadata.get("unit") or ""
+        if name in ("level", "amplitude"):
+            own = unit if unit == "N" else "m" if "amplitude" in (name, getattr(history, "by", "")) else "m/s^2"
+        if isinstance(value, (str, bool)):
+            yield name if isinstance(value, bool) else value
+        elif isinstance(value, (int, float)):
+            if value != item.default:
+                yield f"{name} {unit_text(value, own)}"
+        elif name == "level":
+            yield (
+                f"level {unit_text(value[0][1], own)} at {value[0][0]:g} Hz to {unit_text(value[-1][1], own)} at "
+                f"{value[-1][0]:g} Hz in {len(value)} rows"
+            )
+        elif name in ("psd", "frequencies"):
+            f = np.ravel([row[0] if name == "psd" else row for row in value])
+            yield f"{f.min():g} to {f.max():g} Hz" + (f" in {f.size} steps" if name == "frequencies" else "")
+        else:
+            yield f"{np.size(value)} {name}"
+    if isinstance(history, Chirp) and history.kind == "logarithmic":
+        yield f"{typeset_number(60.0 * abs(math.log2(history.stop / history.start)) / history.duration)} oct/min"
+    elif isinstance(history, Chirp):
+        yield f"{typeset_number(abs(history.stop - history.start) / history.duration)} Hz/s"

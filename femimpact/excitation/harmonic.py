@@ -12,15 +12,42 @@ from numpy.typing import ArrayLike, NDArray
 
 from femimpact.arrays import Array
 from femimpact.errors import check_fields, checked, choice, level_rows, optional, quantity, real_array, require
-from femimpact.excitation.excitation import Harmonic, times
-from femimpact.excitation.levels import Level, faded, faded_force, level_at, require_reach
-from femimpact.excitation.piecewise_polynomial import NODES, PiecewisePolynomial, coefficients_through
+from femimpact.excitation.excitation import Harmonic, WithoutCycle, times
+from femimpact.excitation.piecewise_polynomial import (
+    NODES,
+    ROUNDING,
+    PiecewisePolynomial,
+    coefficients_through,
+    faded,
+    faded_force,
+)
 from femimpact.excitation.sums import added
 
 LEVEL, TABLE = level_rows("m or m/s^2"), level_rows("m/s^2")
 """Metadata of a level, and of an acceleration that may be a table."""
 
 FADE = quantity("s", at_least=0.0)
+
+Level = float | tuple[tuple[float, float], ...]
+"""A level, or rows of a frequency (Hz) and a level."""
+
+
+def level_at(level: Level, frequency: Array) -> Array:
+    """The level at frequencies (Hz); between rows it is straight in a plot of the logarithms."""
+    if not isinstance(level, tuple):
+        return np.full(np.shape(frequency), level)
+    points = np.log(np.array(level))
+    return np.asarray(np.exp(np.interp(np.log(frequency), points[:, 0], points[:, 1])))
+
+
+def require_reach(level: Level, lowest: float, highest: float) -> None:
+    """Raise `InputError` unless the rows of a level reach over all frequencies (Hz)."""
+    if isinstance(level, tuple):
+        reaches = level[0][0] <= lowest * (1.0 + ROUNDING) and level[-1][0] >= highest * (1.0 - ROUNDING)
+        allowed = (
+            f"must reach from {lowest:g} to {highest:g} Hz; its rows go from {level[0][0]:g} to {level[-1][0]:g} Hz"
+        )
+        require(reaches, "acceleration", None, "", allowed)
 
 
 def level_of(amplitude: float | None, acceleration: Any, level: Any, by: str | None) -> tuple[Any, str | None]:
@@ -116,7 +143,7 @@ class Sine:
     __add__ = added
 
 
-class PiecewiseMotion:
+class PiecewiseMotion(WithoutCycle):
     """A motion of the base that has no cycle, read from its closed form, which fades where it has a time (s) for it."""
 
     fade = 0.0
@@ -140,16 +167,6 @@ class PiecewiseMotion:
     def force_form(self) -> PiecewisePolynomial:
         """The history as a force, N: its level, else its acceleration."""
         return faded_force(self._force, self.fade) if self.fade else self._force
-
-    @property
-    def has_cycle(self) -> bool:
-        """False: statistics are over time, and no motion under it is called periodic."""
-        return False
-
-    @property
-    def phase(self) -> float:
-        """Not a number: a motion without a cycle has no phase."""
-        return math.nan
 
     @property
     def amplitude(self) -> float:
@@ -207,12 +224,6 @@ class SteppedSine(PiecewiseMotion):
     fade : float, s
         How long the motion takes to come, and to go at its end: the displacement is multiplied by
         sin^2(pi t/(2 fade)).
-
-    Raises
-    ------
-    InputError
-        If there is no frequency, both or none of amplitude and acceleration or of cycles and seconds are given, or rows
-        do not rise or reach over all frequencies.
     """
 
     frequencies: Any

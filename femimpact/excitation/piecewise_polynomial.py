@@ -48,12 +48,6 @@ class PiecewisePolynomial:
     starts : array_like (n + 1, 2), optional
         Displacement (m) and velocity (m/s) of the base at the knots, where they are known better than as the sums of
         the integrals of the pieces.
-
-    Raises
-    ------
-    InputError
-        If knots do not rise, a value is not finite, the shapes do not fit, the degree is above 5, or the starts are not
-        the integrals of the pieces.
     """
 
     knots: Any
@@ -195,8 +189,6 @@ def fitted(
     history: Callable[[Array], Array],  # s (m/s^2 or N) at times (pieces, 6) in s
     knots: Array,  # (n + 1,) s
     starts: Array | None = None,  # (n + 1, 2) as of `PiecewisePolynomial`
-    # velocity (m/s) and displacement (m) at the first knot, where there are no starts
-    initial: tuple[float, float] = (0, 0),
 ) -> PiecewisePolynomial:
     """The polynomials of degree 5 through a history at the 6 Gauss points of each piece.
 
@@ -205,7 +197,7 @@ def fitted(
     """
     h = np.diff(knots)
     values = np.asarray(history(knots[:-1, None] + 0.5 * h[:, None] * (1.0 + NODES)))
-    return PiecewisePolynomial(knots, _of_short_pieces(values, h), initial[0], initial[1], starts)
+    return PiecewisePolynomial(knots, _of_short_pieces(values, h), starts=starts)
 
 
 ROUNDED = 1e-8
@@ -277,3 +269,58 @@ def knots_of(rate: Callable[[Array], Array], duration: float) -> Array:
     knots = np.interp(np.linspace(0.0, turned[-1], pieces + 1), turned, grid)
     knots[-1] = duration
     return np.asarray(knots)
+
+
+ROUNDING = 1e-9
+"""Share of a frequency, or of a piece, that rounding may take."""
+
+
+def with_breaks(knots: Array, breaks: Array) -> Array:
+    """Knots with further ones where a history bends; none is nearer to another than rounding."""
+    near = ROUNDING * float(np.diff(knots).min())
+    inner = np.unique(breaks[(breaks > knots[0]) & (breaks < knots[-1])])
+    after = np.searchsorted(knots, inner)
+    new = (knots[after] - inner > near) & (inner - knots[after - 1] > near)
+    return np.asarray(np.insert(knots, after[new], inner[new]))
+
+
+def faded(form: PiecewisePolynomial, fade: float) -> PiecewisePolynomial:
+    """A motion of the base whose displacement comes and goes over some seconds: times sin^2(pi t/(2 fade)).
+
+    Velocity and acceleration are the exact derivatives. It begins and ends at rest in its place.
+    """
+    knots, (window, slope, bend) = _faded_knots(form, fade)
+
+    def acceleration(t: Array) -> Array:
+        return window(t) * form.value(t) + 2.0 * slope(t) * form.velocity(t) + bend(t) * form.displacement(t)
+
+    place, speed = form.displacement(knots), form.velocity(knots)
+    starts = np.column_stack([window(knots) * place, window(knots) * speed + slope(knots) * place])
+    return fitted(acceleration, knots, starts)
+
+
+def faded_force(form: PiecewisePolynomial, fade: float) -> PiecewisePolynomial:
+    """A history whose value comes and goes in this way."""
+    knots, (window, _, _) = _faded_knots(form, fade)
+    return fitted(lambda t: window(t) * form.value(t), knots)
+
+
+def _faded_knots(form: PiecewisePolynomial, fade: float) -> tuple[Array, tuple[Callable[[Array], Array], ...]]:
+    """Knots of a faded history, and its window with the first and the second derivative."""
+    end, rate = form.duration, np.pi / fade
+
+    def since(t: Array) -> Array:
+        """Time within a fade, s: counted from the nearer end, at most the fade."""
+        return np.clip(np.minimum(t, end - t), 0.0, fade)
+
+    def window(t: Array) -> Array:
+        return np.asarray(np.sin(0.5 * rate * since(t)) ** 2)
+
+    def slope(t: Array) -> Array:
+        return np.asarray(0.5 * rate * np.sin(rate * since(t)) * np.where(t < 0.5 * end, 1.0, -1.0))
+
+    def bend(t: Array) -> Array:
+        within = since(t) < fade
+        return np.asarray(np.where(within, 0.5 * rate**2 * np.cos(rate * since(t)), 0.0))
+
+    return with_breaks(form.knots, np.array([fade, end - fade])), (window, slope, bend)

@@ -11,8 +11,7 @@ import numpy as np
 
 from femimpact.arrays import Array
 from femimpact.errors import check_fields, choice, optional, quantity, real_array, require
-from femimpact.excitation.harmonic import FADE, PiecewiseMotion, check_fade
-from femimpact.excitation.levels import level_at
+from femimpact.excitation.harmonic import FADE, PiecewiseMotion, check_fade, level_at
 from femimpact.excitation.piecewise_polynomial import (
     NODES,
     PiecewisePolynomial,
@@ -64,7 +63,7 @@ class RandomBase(PiecewiseMotion):
     Parameters
     ----------
     psd : array_like (n, 2), Hz and (m/s^2)^2/Hz
-        One-sided, straight in a plot of its logarithms; n >= 2.
+        One-sided, its frequencies rising, straight in a plot of its logarithms; n >= 2.
     duration : float, s
         Of the motion, and its period.
     seed : int
@@ -76,11 +75,6 @@ class RandomBase(PiecewiseMotion):
     fade : float, s
         How long the motion takes to come, and to go at its end: the displacement is multiplied by
         sin^2(pi t/(2 fade)).
-
-    Raises
-    ------
-    InputError
-        If frequencies do not rise from above zero, a level is not above zero, or no line or too many lie between them.
     """
 
     psd: Any

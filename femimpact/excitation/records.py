@@ -29,16 +29,7 @@ from femimpact.errors import (
 )
 from femimpact.errors import text as a_text
 from femimpact.excitation.column_names import in_si, unit_of
-from femimpact.excitation.columns import (
-    RecordHeader,
-    in_columns,
-    interval_of,
-    is_column,
-    line_of_row,
-    read_columns,
-    record_header,
-    record_text,
-)
+from femimpact.excitation.columns import TextTable, is_column, record_text, text_table
 from femimpact.excitation.excitation import BrokenLine, times
 from femimpact.excitation.sums import added
 
@@ -46,84 +37,36 @@ SAME = 2e-3
 """Share by which a scale may differ from a unit that it stands for: 9.81 is one g."""
 
 
-def samples_of(
-    text: str, scale: float | None, detrend: str, columns: Sequence[int | str], path: str | Path
-) -> tuple[Array, float, str]:
-    """Samples, interval and a note on units of what `record_text` read from a path; see `RecordedBase.from_csv`.
-
-    `samples` (n,): the second column times the scale, without its mean or its line of least squares where that is
-    asked.
-    `interval` s: between samples, from the first and the last time.
-
-    Raises `InputError` if an argument is out of range, or the text lacks a column, holds what is not a finite
-    number or fewer than two samples, its times are not evenly spaced, or all its accelerations are zero.
-    """
-    checked("text", text, a_text())
-    checked("path", path, instance(str, Path))
-    scale = checked("scale", scale, optional(quantity("1")))
-    require(scale != 0.0, "scale", scale, "1", "must not be 0")
-    detrend = checked("detrend", detrend, choice("none", "mean", "line"))
-    two = isinstance(columns, (tuple, list)) and len(columns) == 2 and all(map(is_column, columns))
-    require(two, "columns", columns, "", "must be two numbers from 0 or names of the header, of time and acceleration")
-    text = in_columns(text, path)
-    header = record_header(text, Path(path))
-    places = tuple(header.place(column, Path(path)) for column in columns)
-    seconds, factor, note = _factors(header, places, scale, path)
-    time, values = read_columns(text, places, header.first, Path(path))
-    time *= seconds
-    interval = interval_of(time, path, lambda row: line_of_row(text, header, row))
-    del time
-    zeros = "must be time and acceleration: the second holds zeros only"
-    require(bool(values.any()), "columns", tuple(columns), "", zeros)
-    values *= factor
-    return _without_trend(values, detrend), interval, note
-
-
-def _factors(
-    header: RecordHeader, places: tuple[int, ...], scale: float | None, path: str | Path
-) -> tuple[float, float, str]:
+def _factors(table: TextTable, places: Sequence[int], scale: float | None) -> tuple[float, float, str]:
     """What times and accelerations are multiplied by for s and m/s^2, and a note where the header's units say so."""
-    allowed = f"must be a column of time: {header.name(places[0])!r} counts samples"
-    require(places[0] not in header.counted, "columns", places[0], "", allowed)
+    allowed = f"must be a column of time: {table.name(places[0])!r} counts samples"
+    require(places[0] not in table.counted, "columns", places[0], "", allowed)
     factors, stated, assumed = [1.0, 1.0 if scale is None else scale], list[str](), list[str]()
     for i, (place, si) in enumerate(zip(places, ("s", "m/s^2"), strict=True)):
-        unit = header.units.get(place, "")
-        (unit_in_si, factor, note), known = in_si(header.name(place), unit, (si,)), unit_of(unit)
-        named = header.has_row or (known is not None and known[0] != "1")
+        unit = table.units.get(place, "")
+        (unit_in_si, factor, note), known = in_si(table.name(place), unit, (si,)), unit_of(unit)
+        named = table.has_row or (known is not None and known[0] != "1")
         if scale is not None and i == 1:
             if known is not None and named and (unit_in_si != si or abs(abs(scale) / factor - 1.0) > SAME):
-                _warn(path, f"column {place}: {unit!r} in the header, taken as {scale:g} m/s^2 by scale")
+                _warn(table.path, f"column {place}: {unit!r} in the header, taken as {scale:g} m/s^2 by scale")
         elif unit_in_si == si:
             factors[i] = factor
             stated += [note] * (factor != 1.0)
         elif unit and named:
             allowed = f"column {place} is in {unit} by its header: must be in a unit of {si}{'; or give scale' * i}"
-            raise InputError([Fault("path", str(path), "", allowed)])
+            raise InputError([Fault("path", str(table.path), "", allowed)])
         elif unit or note.endswith("?"):
-            _warn(path, f"column {place}: {note} (taken as {si}{'; scale = 1 says so' * i})")
+            _warn(table.path, f"column {place}: {note} (taken as {si}{'; scale = 1 says so' * i})")
         if unit_in_si != si and not (scale is not None and i == 1):
             assumed.append(
-                f"{header.name(place)!r} is taken as {si}: {'its unit is not known' if unit else 'no unit is there'}"
+                f"{table.name(place)!r} is taken as {si}: {'its unit is not known' if unit else 'no unit is there'}"
             )
     parts = [f"{', '.join(stated)}, by its header"] * bool(stated) + assumed
-    return factors[0], factors[1], f"{Path(path).name}: {'; '.join(parts)}" if parts else ""
+    return factors[0], factors[1], f"{table.path.name}: {'; '.join(parts)}" if parts else ""
 
 
-def _warn(path: str | Path, words: str) -> None:
-    warnings.warn(f"{Path(path).name}, {words}", InputWarning, stacklevel=6)
-
-
-def _without_trend(samples: Array, detrend: str) -> Array:
-    """A new array of the samples without their mean or their line of least squares."""
-    if detrend != "none":
-        samples -= samples.mean()
-    if detrend == "line":
-        # at right angles to a constant: the mean stays zero
-        along = np.arange(samples.size, dtype=float)
-        along -= along.mean()
-        along *= (along @ samples) / (along @ along)
-        samples -= along
-    return samples
+def _warn(path: Path, words: str) -> None:
+    warnings.warn(f"{path.name}, {words}", InputWarning, stacklevel=5)
 
 
 LEAKAGE = 2
@@ -150,11 +93,6 @@ class RecordedBase:
         What a file's units were taken for.
     source : mapping, optional
         Keys of [base] that a study file gives the record by, and the text of its file.
-
-    Raises
-    ------
-    InputError
-        If samples are fewer than two or not finite, the interval is not above zero, or the base moves beyond numbers.
     """
 
     samples: Any
@@ -194,12 +132,6 @@ class RecordedBase:
             Time and acceleration, by their numbers from 0 or their names in the header.
         high_pass : float, Hz, optional
             What is slower is taken out after that, as of `from_velocity`, and the base comes back to its place.
-
-        Raises
-        ------
-        InputError
-            If the file cannot be read or is too large, lacks a column, holds what is no finite number, its times are
-            not evenly spaced, or its header has a unit that is none of acceleration and `scale` is not given.
         """
         return cls.from_text(record_text(path), scale, detrend, columns, path, high_pass)
 
@@ -213,26 +145,30 @@ class RecordedBase:
         path: str | Path = "text",
         high_pass: float | None = None,
     ) -> RecordedBase:
-        """The motion that the text of such a file holds, once it is read.
+        """The motion that the text of such a file holds; a fault names it by the path."""
+        checked("text", text, a_text())
+        checked("path", path, instance(str, Path))
+        scale = checked("scale", scale, optional(quantity("1")))
+        require(scale != 0.0, "scale", scale, "1", "must not be 0")
+        detrend = checked("detrend", detrend, choice("none", "mean", "line"))
+        two = isinstance(columns, (tuple, list)) and len(columns) == 2 and all(map(is_column, columns))
+        allowed = "must be two numbers from 0 or names of the header, of time and acceleration"
+        require(two, "columns", columns, "", allowed)
+        table = text_table(text, path)
+        places = [table.place(column) for column in columns]
+        seconds, factor, note = _factors(table, places, scale)
+        time, samples = table.read(places)
+        time *= seconds
+        interval = table.interval(time)
+        # a long text, or column, is as large as all the rest
+        del text, table, time
+        zeros = "must be time and acceleration: the second holds zeros only"
+        require(bool(samples.any()), "columns", tuple(columns), "", zeros)
+        samples *= factor
+        if detrend != "none":
+            from scipy.signal import detrend as without_trend
 
-        Parameters
-        ----------
-        text : str
-        scale, detrend, columns
-            As of `from_csv`.
-        path : str or Path
-            What a fault calls the text.
-        high_pass : float, Hz, optional
-            As of `from_csv`.
-
-        Raises
-        ------
-        InputError
-            As of `from_csv`.
-        """
-        samples, interval, note = samples_of(text, scale, detrend, columns, path)
-        # a long one is as large as all the rest
-        del text
+            samples = without_trend(samples, type="constant" if detrend == "mean" else "linear")
         if high_pass is not None:
             samples = _high_passed(samples, interval, high_pass)
         base = cls(samples, interval, note=note)
@@ -253,11 +189,6 @@ class RecordedBase:
         high_pass : float, Hz, optional
             What is slower is taken out, by a Butterworth filter of order 4 forwards and backwards, which leaves no
             delay: half of the amplitude is left at this frequency.
-
-        Raises
-        ------
-        InputError
-            If samples are fewer than four or not finite, or the interval or the frequency is out of range.
         """
         spline = _spline(samples, interval, high_pass, "m/s")
         return cls(spline(spline.x, 1), interval, initial_velocity=float(spline(0.0)))
@@ -275,11 +206,6 @@ class RecordedBase:
             n >= 4, the first at t = 0.
         interval : float, s
         high_pass : float, Hz, optional
-            As of `from_velocity`.
-
-        Raises
-        ------
-        InputError
             As of `from_velocity`.
         """
         spline = _spline(samples, interval, high_pass, "m")
@@ -303,9 +229,8 @@ class RecordedBase:
         object.__setattr__(self, "samples", samples)
         with np.errstate(over="ignore", invalid="ignore"):
             bounded = bool(np.isfinite(self.amplitude))
-        require(
-            bounded, "samples", f"array of shape {samples.shape}", "m/s^2", "must move the base by a finite distance"
-        )
+        allowed = "must move the base by a finite distance"
+        require(bounded, "samples", f"array of shape {samples.shape}", "m/s^2", allowed)
 
     @cached_property
     def _knots(self) -> tuple[Array, Array]:

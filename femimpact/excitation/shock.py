@@ -50,12 +50,6 @@ class Shock(PiecewiseMotion):
         From the beginning of one to that of the next, where there are several.
     level : float, m/s^2
         The same as acceleration, as the copy of a pulse has it.
-
-    Raises
-    ------
-    InputError
-        If pulses overlap, several have no period, or a ramp is given to another shape than a trapezoid, a period to one
-        pulse, or compensation "before" to a pulse without one.
     """
 
     kind: str = field(

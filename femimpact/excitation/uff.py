@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import warnings
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -57,28 +57,21 @@ def read_uff(path: str | Path) -> list[Signal]:
     Raises `InputError` if it cannot be read, is no regular file or too large, holds none, or one is damaged, complex
     or not over time.
     """
+    must_be = "must be a UFF file with datasets 58"
     try:
         content = read_regular(path, MOST_BYTES)
-    except OSError as error:
-        content, reason = b"", error.strerror or "cannot be read"
-    else:
-        reason = "" if MINUS_ONE.search(content) else "it has no dataset"
-    require(not reason, "path", str(path), "", f"must be a UFF file with datasets 58: {reason}")
-    try:
+        _check(MINUS_ONE.search(content) is not None, f"{must_be}: it has no dataset")
         signals = list(_signals(content))
-    except _DamagedError as damage:
-        raise InputError([Fault("path", str(path), "", str(damage))]) from None
-    require(len(signals) > 0, "path", str(path), "", "must be a UFF file with datasets 58: it has none")
+        _check(len(signals) > 0, f"{must_be}: it has none")
+    except OSError as error:
+        raise InputError([Fault("path", str(path), "", f"{must_be}: {error.strerror or 'cannot be read'}")]) from None
+    except InputError as error:
+        raise InputError([replace(fault, value=str(path)) for fault in error.faults]) from None
     return signals
 
 
-class _DamagedError(Exception):
-    """What is wrong with a dataset."""
-
-
 def _check(sound: bool, words: str) -> None:
-    if not sound:
-        raise _DamagedError(words)
+    require(sound, "path", None, "", words)
 
 
 def _signals(content: bytes) -> Iterator[Signal]:
@@ -110,13 +103,10 @@ def _signals(content: bytes) -> Iterator[Signal]:
         allowed = f"{name!r} has {values.size // form.columns} samples, and {form.count} by its header: "
         _check(values.size == stored, f"{allowed}is the file cut off?")
         table, at = values.reshape(form.count, form.columns), behind
-        _check(bool(np.isfinite(table).all()), f"{name!r}, sample {_first_bad(table)}: is no finite number")
+        is_finite = np.isfinite(table).all(axis=1)
+        _check(bool(is_finite.all()), f"{name!r}, sample {np.argmin(is_finite) + 1}: is no finite number")
         time = table[:, 0].copy() if form.columns == 2 else form.begin + form.step * np.arange(form.count, dtype=float)
         yield Signal(name, table[:, -1].copy(), time, _unit(header[9]), _unit(header[8]))
-
-
-def _first_bad(table: Array) -> int:
-    return int(np.argmin(np.isfinite(table).all(axis=1))) + 1
 
 
 def _lines(content: bytes, at: int) -> tuple[list[str], int]:
@@ -175,7 +165,8 @@ def _numbers(block: bytes, name: str) -> Array:
         try:
             return np.asarray(np.fromstring(block, sep=" "))
         except (ValueError, DeprecationWarning):
-            raise _DamagedError(f"{name!r} holds what is no number: is the file cut off?") from None
+            allowed = f"{name!r} holds what is no number: is the file cut off?"
+            raise InputError([Fault("path", None, "", allowed)]) from None
 
 
 def _binary(content: bytes, at: int, form: _Form, number: Sequence[str], name: str) -> tuple[Array, int]:
@@ -189,10 +180,8 @@ def _binary(content: bytes, at: int, form: _Form, number: Sequence[str], name: s
     line = b"\r\n" if content[:at].endswith(b"\r\n") else b"\n"
     behind = re.compile(rb"(?:%s)?    -1[ \t]*\r?(?:\n|\Z)|\s*\Z" % line).match(content, end)
     swallowed = content[:end].endswith(line) and not content.startswith(line, end) and end < len(content)
-    ended = behind is not None and not swallowed
-    _check(
-        ended or values.size < form.count * form.columns, f"{name!r}: no -1 behind its data: are bytes lost or added?"
-    )
+    ended = (behind is not None and not swallowed) or values.size < form.count * form.columns
+    _check(ended, f"{name!r}: no -1 behind its data: are bytes lost or added?")
     return values, behind.end() if behind else len(content)
 
 

@@ -40,9 +40,8 @@ from femimpact.orbits.curve import (
     evaluated,
     null_vectors,
 )  # fmt: skip
-from femimpact.orbits.equations import Solution, event_maps, length_of, solve
-from femimpact.orbits.following import CHANGES, CLOSED, follow
-from femimpact.orbits.limits import Followed, refusal
+from femimpact.orbits.equations import Solution, length_of, solve
+from femimpact.orbits.following import CHANGES, CLOSED, Followed, follow, refusal
 from femimpact.orbits.orbit import NEUTRAL, PeriodicOrbit, decays, parts_of
 from femimpact.orbits.parameter import Parameter, parameter_of
 from femimpact.orbits.search import first_guess, one_sine
@@ -426,14 +425,14 @@ def _orbit(curve: Curve, x: Array, is_bifurcation: bool = False) -> PeriodicOrbi
     value = float(x[-1])
     system, excitation = curve.parameter.at(value)
     point = evaluated(curve, x, np.zeros_like(x))
-    hybrid, length = point.maps.hybrid, curve.unit[0]
-    solution = Solution(event_maps(hybrid, point.events), length_of(hybrid, point.events.states))
-    if solution.length < FAR_SMALLER * length and not is_bifurcation:
+    hybrid = point.maps.hybrid
+    solution = Solution(hybrid, point.events, length_of(hybrid, point.events.states))
+    if solution.length < FAR_SMALLER * curve.unit[0] and not is_bifurcation:
         # it has the digits of a larger unit
         nearer = solve(hybrid, solution.events, solution.length)
         solution = nearer if nearer.converged else solution
-    run, impacts = own_run(system, excitation, solution)
+    run = own_run(system, excitation, solution)
     error = None if is_bifurcation else refusal(point, run)
     if error is not None:
         raise DivergenceError(f"{curve.parameter.path} = {value:.10g}: {error}")
-    return orbit_of(system, excitation, solution, run, impacts)
+    return orbit_of(system, excitation, solution, run)

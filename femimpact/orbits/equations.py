@@ -8,27 +8,24 @@ theta_N - 2 pi cycles,
 
 with the jump J of a rigid impact, the identity of any other event, and h the distance of a gap from its wall, or the
 force of a Kelvin-Voigt contact over its stiffness. Nothing is divided by an approach speed: where it is zero, the
-derivatives stay regular. The phase of the drive at t = 0 is in none of the equations. All are analytic, see `flow`.
+derivatives stay regular. The phase of the drive at t = 0 is in none of the equations. All are analytic, see `motion`.
 They are solved by Newton's method, damped far from the solution.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from functools import reduce
+from functools import cached_property, reduce
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
-import scipy.optimize
-from numpy.typing import NDArray
 from scipy.linalg.lapack import dgetrf, dgetrs
 
 from femimpact.arrays import Array, Complex, Integers
-from femimpact.integrators.event_driven.loop_data import CONTACT, FREE
-from femimpact.orbits.flow import Flow, HybridSystem, Numbers
+from femimpact.orbits.motion import IMPACT, Flow, HybridSystem, Motion, Numbers
 
 STEP = 1e-30
 """Imaginary part of a complex step, times the value."""
@@ -53,15 +50,6 @@ LEAST_SHARE = 1e-3
 
 LEAST_UNIT = 1e-3
 """Share of the size of a motion below which no gap is its unit: rounding of the motion would be read as a miss."""
-
-PROFILE = 16
-"""Instants in a period of the fastest motion between which a body is seen to turn back."""
-
-AT_ONCE = 1024
-"""Instants at which the closed form is read at once: each takes a matrix."""
-
-HELD = 1e-6
-"""Share of its length that an interval in contact counts for, where a run looks for a start."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,16 +80,8 @@ class EventSequence:
         return replace(self, kind=tuple(np.array(self.kind)[rows].tolist()), **arrays)
 
 
-IMPACT, TOUCH, RELEASE, PRESS_AGAIN, SEPARATE, SECTION = (
-    "impact", "touch", "release", "press again", "separate", "section",
-)  # fmt: skip
-"""Kinds of events: those of a log that an orbit may have, and a fixed phase where the motion meets none."""
-
-RATES = {RELEASE: -1.0, SEPARATE: -1.0}
-"""Sign with which the condition of an event is met, where it is not from below."""
-
-Event = tuple[str, int, float]
-"""Kind, pair and side of an event."""
+SECTION = "section"
+"""Kind of a fixed phase where the motion meets no event."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,6 +91,12 @@ class EventStates:
     sequence: EventSequence
     states: Numbers  # (N, 2d)
     phases: Numbers  # (N,) rad
+
+    def motion(self, hybrid: HybridSystem) -> Motion:
+        """The motion between them."""
+        sequence = self.sequence
+        end = self.phases + sequence.between(self.phases)
+        return Motion(hybrid, self.phases, end, self.states, sequence.contact_state, sequence.pair)
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,64 +149,26 @@ class EventMaps:
         return np.asarray(self.saltation @ self.propagator)
 
 
-@dataclass(frozen=True, eq=False)
-class _Rows:
-    """What the events read of a state, and do to it."""
-
-    gap: Numbers  # (N, d) of side_k x_j, but for the base's part
-    in_space: Numbers  # (N,) of ub in it
-    wall: Numbers  # (N,) m
-    damped: Numbers  # (N,) s: c/k where the force is zero at the event
-    by_phase: Numbers  # (N,) derivative of a section
-    impulse: Numbers  # (N, d) change of p' by a unit approach speed
-
-
-def _rows(hybrid: HybridSystem, sequence: EventSequence) -> _Rows:
-    count, d = len(sequence.kind), hybrid.mass.size
-    contact = hybrid.gaps, hybrid.restitution, hybrid.contact_stiffness, hybrid.contact_damping
-    kind = np.result_type(float, hybrid.mass, *contact)
-    rows = _Rows(*(np.zeros(shape, dtype=kind) for shape in ((count, d), count, count, count, count, (count, d))))
-    for k, (name, j, side) in enumerate(zip(sequence.kind, sequence.pair.tolist(), sequence.side, strict=True)):
-        if name == SECTION:
-            rows.by_phase[k] = 1.0
-            continue
-        rows.gap[k], rows.in_space[k] = -side * hybrid.force[:, j], -side * hybrid.in_space[j]
-        rows.wall[k] = hybrid.gaps[j, 0 if side > 0 else 1]
-        if name == IMPACT:
-            push = hybrid.force[:, j] / hybrid.mass
-            rows.impulse[k] = side * (1.0 + hybrid.restitution[j]) / (hybrid.force[:, j] @ push) * push
-        elif name in (RELEASE, PRESS_AGAIN):
-            rows.damped[k] = hybrid.contact_damping[j] / hybrid.contact_stiffness[j]
-    return rows
-
-
 def event_maps(hybrid: HybridSystem, events: EventStates) -> EventMaps:
     """The maps from each event to the next."""
     sequence, states, phases = events.sequence, events.states, events.phases
-    last = np.arange(phases.size) - 1
-    start, begin = states[last], phases[last]
+    last, d = np.arange(phases.size) - 1, hybrid.mass.size
+    start, begin, before = states[last], phases[last], sequence.contact_state[last]
     begin[0] -= sequence.turn
-    # a wall that springs back behind its body does not act
-    after = np.where(np.abs(sequence.contact_state) == CONTACT, sequence.contact_state, 0.0)
-    before = after[last]
     if sequence.is_half:
-        start[0], before[0] = 0.0 - start[0], 0.0 - before[0]
+        start[0], before[0] = -start[0], -before[0]
     arrived, field_before, field_arrived, field_after = (np.zeros_like(states) for _ in range(4))
     propagator = np.zeros((*states.shape, states.shape[1]), dtype=states.dtype)
     for flow, each in _flows(hybrid, before):
         arrived[each], propagator[each] = flow.carried(start[each], begin[each], phases[each])
         field_before[each] = flow.field(start[each], begin[each])
         field_arrived[each] = flow.field(arrived[each], phases[each])
-    rows, d = _rows(hybrid, sequence), hybrid.mass.size
-    nothing = np.zeros_like(rows.gap)
-    speed_row = np.concatenate([nothing, rows.gap], axis=1)
-    base, base_rate = hybrid.amplitude * np.sin(phases), hybrid.amplitude * np.cos(phases)
-    speed = (speed_row * arrived).sum(axis=1) + rows.in_space * hybrid.omega * base_rate
-    speed_by_phase = -rows.in_space * hybrid.omega * base
-    depth = (rows.gap * arrived[:, :d]).sum(axis=1) + rows.in_space * base - rows.wall
-    impulse = np.concatenate([nothing, rows.impulse], axis=1)
+    row, of_base, level, by_phase, impulse = map(np.array, zip(*_conditions(hybrid, sequence), strict=True))
+    sine, cosine = np.sin(phases), np.cos(phases)
+    speed_row = np.concatenate([0.0 * row[:, :d], row[:, :d]], axis=1)
+    speed = (speed_row * arrived).sum(axis=1) + hybrid.omega * of_base[:, 0] * cosine
     jumped = arrived + impulse * speed[:, None]
-    for flow, each in _flows(hybrid, after):
+    for flow, each in _flows(hybrid, sequence.contact_state):
         field_after[each] = flow.field(jumped[each], phases[each])
     return EventMaps(
         hybrid=hybrid,
@@ -230,23 +178,41 @@ def event_maps(hybrid: HybridSystem, events: EventStates) -> EventMaps:
         field_before=field_before,
         field_arrived=field_arrived,
         field_after=field_after,
-        row=np.concatenate([rows.gap, rows.damped[:, None] * rows.gap], axis=1),
-        distance=depth + rows.damped * speed + rows.by_phase * (phases - sequence.section),
-        distance_by_phase=rows.in_space * base_rate + rows.damped * speed_by_phase + rows.by_phase,
+        row=row,
+        distance=(row * arrived).sum(axis=1)
+        + of_base[:, 0] * sine
+        + of_base[:, 1] * cosine
+        + by_phase * phases
+        - level,
+        distance_by_phase=of_base[:, 0] * cosine - of_base[:, 1] * sine + by_phase,
         impulse=impulse,
         speed_row=speed_row,
         speed=speed,
-        speed_by_phase=speed_by_phase,
+        speed_by_phase=-hybrid.omega * of_base[:, 0] * sine,
         jumped=jumped,
     )
 
 
+def _conditions(
+    hybrid: HybridSystem, sequence: EventSequence
+) -> Iterator[tuple[Numbers, Numbers, Any, float, Numbers]]:
+    """The condition of each event, its derivative by the phase itself, and the impulse of a unit approach speed."""
+    nothing = np.zeros(2 * hybrid.mass.size)
+    for k, (kind, pair, side) in enumerate(zip(sequence.kind, sequence.pair.tolist(), sequence.side, strict=True)):
+        if kind == SECTION:
+            yield nothing, np.zeros(2), sequence.section[k], 1.0, nothing
+        else:
+            impulse = hybrid.impulse(pair, side) if kind == IMPACT else nothing
+            yield *hybrid.condition((kind, pair, side)), 0.0, impulse
+
+
 def _flows(hybrid: HybridSystem, contact_state: Array) -> list[tuple[Flow, list[int]]]:
     """The flows of contact states (N, pairs), each with the numbers of those that have it."""
-    members: dict[bytes, list[int]] = {}
+    members: dict[int, tuple[Flow, list[int]]] = {}
     for k, state in enumerate(contact_state):
-        members.setdefault(state.tobytes(), []).append(k)
-    return [(hybrid.flow(contact_state[each[0]]), each) for each in members.values()]
+        flow = hybrid.flow(state)
+        members.setdefault(id(flow), (flow, []))[1].append(k)
+    return list(members.values())
 
 
 def residual(maps: EventMaps) -> Numbers:
@@ -343,121 +309,6 @@ def asymmetry(events: EventStates, unit: Array) -> float:
     return float(max(apart.max(), turned.max()))
 
 
-# ---- the motion between events ---------------------------------------------------------------------
-
-
-@dataclass(frozen=True, eq=False)
-class Intervals:
-    """The motion between the events of one period; the last interval goes on to the first event of the next one."""
-
-    hybrid: HybridSystem
-    begin: Array  # (K,) rad: phases of the excitation
-    end: Array  # (K,)
-    states: Array  # (K, 2d) at their begin
-    contact_state: NDArray[Any]  # (K, pairs)
-
-    @staticmethod
-    def between(hybrid: HybridSystem, events: EventStates) -> Intervals:
-        """Those between some events."""
-        begin, sequence = events.phases, events.sequence
-        return Intervals(hybrid, begin, begin + sequence.between(begin), events.states, sequence.contact_state)
-
-    def at(self, k: int, phases: Array) -> Array:
-        """States (n, 2d) at phases (n,) in interval k."""
-        found = [np.zeros((0, self.states.shape[1]))]
-        for part in np.split(phases, range(AT_ONCE, phases.size, AT_ONCE)):
-            from_begin = np.tile(self.states[k], (part.size, 1)), np.full(part.size, self.begin[k])
-            found.append(self.flow(k).carried(*from_begin, part)[0])
-        return np.concatenate(found)
-
-    def gaps(self, k: int, phases: Array) -> Array:
-        """What the gaps bound with its first three rates (4, n, pairs), m to m/s^3, at phases (n,) in interval k."""
-        state, hybrid, flow = self.at(k, phases), self.hybrid, self.flow(k)
-        rates, d, omega = flow.field(state, phases), hybrid.mass.size, hybrid.omega
-        driven = np.cos(phases)[:, None] * flow.sine - np.sin(phases)[:, None] * flow.cosine
-        moves = state[:, :d], state[:, d:], rates[:, d:], (rates @ flow.matrix.T + omega * driven)[:, d:]
-        base = np.sin(phases), omega * np.cos(phases), -(omega**2) * np.sin(phases), -(omega**3) * np.cos(phases)
-        return -np.array([
-            of_it @ hybrid.force + np.outer(hybrid.amplitude * of_base, hybrid.in_space)
-            for of_it, of_base in zip(moves, base, strict=True)
-        ])  # fmt: skip
-
-    def condition(self, k: int, event: Event, phases: Array) -> Array:
-        """How far beyond that of an event its condition is, m, and its first two rates (3, n), in interval k.
-
-        The condition is the depth beyond a wall, or the force of a contact over its stiffness.
-        """
-        (kind, pair, side), hybrid = event, self.hybrid
-        depth = side * self.gaps(k, phases)[:, :, pair]
-        depth[0] -= hybrid.gaps[pair, 0 if side > 0.0 else 1]
-        if kind in (RELEASE, PRESS_AGAIN) and hybrid.contact_damping[pair]:
-            depth[:-1] += float(hybrid.contact_damping[pair] / hybrid.contact_stiffness[pair]) * depth[1:]
-        return RATES.get(kind, 1.0) * depth[:-1]
-
-    def crests(self, event: Event, m: int, goes_on: bool) -> list[tuple[float, float]]:
-        """Phases of the crests of a condition in interval m, of earlier or later cycles too, and how far beyond it is.
-
-        Also that at its beginning, where it goes on from the interval before, and the event between turns it round.
-        """
-        turns, k = divmod(m, self.begin.size)
-        phases = self.instants(k)
-        _, rate, slope = self.condition(k, event, phases)
-
-        def zero(derivative: int, low: float, high: float) -> float:
-            def value(phase: float) -> float:
-                return float(self.condition(k, event, np.array([phase]))[derivative, 0])
-
-            ends = value(low), value(high)
-            if ends[0] * ends[1] >= 0.0:
-                # rounding puts it at one of them
-                return (low, high)[int(np.argmin(np.abs(ends)))]
-            return float(scipy.optimize.brentq(value, low, high))
-
-        passes = np.flatnonzero((rate[:-1] > 0.0) & (rate[1:] <= 0.0)).tolist()
-        tops = [zero(1, phases[i], phases[i + 1]) for i in passes]
-        # twice within a step, beside a wall that it leaves slowly: the extreme of the rate lies between
-        step = np.diff(phases) / float(self.hybrid.omega)
-        for sign in (1.0, -1.0):
-            before, after = sign * rate[:-1], sign * rate[1:]
-            up, down = sign * slope[:-1], sign * slope[1:]
-            may = (before <= 0.0) & (after <= 0.0) & (up > 0.0) & (down < 0.0)
-            may &= (before + step * up > 0.0) & (after - step * down > 0.0)
-            for i in np.flatnonzero(may).tolist():
-                middle = zero(2, phases[i], phases[i + 1])
-                if sign * float(self.condition(k, event, np.array([middle]))[1, 0]) > 0.0:
-                    tops.append(zero(1, middle, phases[i + 1]) if sign > 0.0 else zero(1, phases[i], middle))
-        if goes_on and self.condition(k - 1, event, self.end[[k - 1]])[1, 0] > 0.0 >= rate[0]:
-            tops.append(float(phases[0]))
-        heights = self.condition(k, event, np.array(tops))[0].tolist()
-        cycle = float(self.end[-1] - self.begin[0])
-        return [(top + turns * cycle, height) for top, height in zip(tops, heights, strict=True)]
-
-    def flow(self, k: int) -> Flow:
-        """That of interval k."""
-        return self.hybrid.flow(self.contact_state[k])
-
-    def instants(self, k: int) -> Array:
-        """Phases (n,) of interval k, its ends included, that are dense beside its fastest motion."""
-        fastest = max(1.0, float(np.abs(np.linalg.eigvals(self.flow(k).matrix).imag).max()) / float(self.hybrid.omega))
-        begin, end = float(self.begin[k]), float(self.end[k])
-        return np.linspace(begin, end, 2 + math.ceil(PROFILE * fastest * (end - begin) / (2.0 * math.pi)))
-
-    def longest(self, pair: int | None = None) -> int:
-        """Number of the longest interval in which nothing, or a pair, is in contact, if there is one."""
-        held = self.contact_state if pair is None else self.contact_state[:, [pair]]
-        return int(np.argmax((self.end - self.begin) * np.where(np.any(held != FREE, axis=1), HELD, 1.0)))
-
-    def start(self, pair: int | None = None) -> tuple[Array, float, int]:
-        """State and phase in the middle of the longest interval, and number of the event that follows.
-
-        A run over one period that begins there has no event at its ends.
-        """
-        k, count = self.longest(pair), self.begin.size
-        middle, first = 0.5 * float(self.begin[k] + self.end[k]), (k + 1) % count
-        turn = 0.0 if first else float(self.end[-1] - self.begin[0])
-        return self.at(k, np.array([middle]))[0], middle - turn, first
-
-
 # ---- their solution --------------------------------------------------------------------------------
 
 
@@ -465,16 +316,22 @@ class Intervals:
 class Solution:
     """Where a search ended."""
 
-    maps: EventMaps  # there
+    hybrid: HybridSystem
+    events: EventStates
     length: float  # m: unit of displacements
     changes: tuple[float, ...] = ()  # largest of each step, in units of the length, the length times omega, and rad
     residual: float = 0.0  # largest, in the same units
     converged: bool = True
 
-    @property
-    def events(self) -> EventStates:
-        """Events, states and phases."""
-        return self.maps.events
+    @cached_property
+    def maps(self) -> EventMaps:
+        """Those between its events."""
+        return event_maps(self.hybrid, self.events)
+
+    @cached_property
+    def motion(self) -> Motion:
+        """The motion between its events."""
+        return self.events.motion(self.hybrid)
 
 
 def solve(
@@ -524,7 +381,7 @@ def solve(
         if converged:
             break
     left = residual(maps) / by_rows
-    return Solution(maps, length, tuple(changes), float(np.abs(left).max()), converged)
+    return Solution(hybrid, maps.events, length, tuple(changes), float(np.abs(left).max()), converged)
 
 
 def _at_rounding(changes: list[float]) -> bool:

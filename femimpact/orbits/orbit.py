@@ -16,8 +16,8 @@ from femimpact.errors import changed, check_fields, column, having, instance, op
 from femimpact.excitation.excitation import MEMBERS, Excitation
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.runs import integrate
-from femimpact.orbits.equations import IMPACT, TOUCH, Intervals, multipliers_of
-from femimpact.orbits.flow import hybrid_system
+from femimpact.orbits.equations import multipliers_of
+from femimpact.orbits.motion import IMPACT, TOUCH, Motion, hybrid_system
 from femimpact.response.channels import Channel, resolve_channels
 from femimpact.response.cycles import SteadyMotion, cycle_statistics, steady_motion
 from femimpact.response.energy import EnergyLedger
@@ -219,10 +219,10 @@ class PeriodicOrbit:
         Not that of a contact which lasts over all of the period, and has no touch.
         """
         # from its states: where it is zero no run is as exact
-        intervals, log, speeds = self._intervals, self.events, [math.inf]
+        log, speeds = self.events, [math.inf]
         for k in np.flatnonzero(np.isin(log.kind, (IMPACT, TOUCH))).tolist():
-            rates = intervals.gaps(k - 1, intervals.end[[k - 1]])[1, 0]
-            speeds.append(float(log.side[k] * rates[log.pair[k]]))
+            event = TOUCH, int(log.pair[k]), float(log.side[k])
+            speeds.append(float(self._motion.condition(k - 1, event, self._motion.end[[k - 1]])[1, 0]))
         return max(min(speeds), 0.0)
 
     def to_xarray(self, channels: Sequence[Position | Channel] | None = None) -> xarray.Dataset:
@@ -267,16 +267,17 @@ class PeriodicOrbit:
         )
 
     @cached_property
-    def _intervals(self) -> Intervals:
+    def _motion(self) -> Motion:
         """The motion between the events; without events that of the period from t = 0."""
-        hybrid, log, begin = hybrid_system(self.system, self.excitation), self.events, self.events.time
-        contact_state, states = np.asarray(log.contact_state, dtype=float), np.hstack([log.displacement, log.velocity])
+        hybrid, log = hybrid_system(self.system, self.excitation), self.events
+        states, contact_state = np.hstack([log.displacement, log.velocity]), log.contact_state.astype(float)
+        begin, pair = log.time, np.array(log.pair, dtype=int)
         if not len(log):
-            begin, contact_state = np.zeros(1), self.contact_state[None].astype(float)
-            states = state_vector(self.state)[None]
+            begin, pair = np.zeros(1), np.full(1, -1)
+            contact_state, states = self.contact_state[None].astype(float), state_vector(self.state)[None]
         end = np.append(begin[1:], begin[0] + self.period)
         begin, end = (hybrid.omega * time + self.excitation.phase for time in (begin, end))
-        return Intervals(hybrid, begin, end, states, contact_state)
+        return Motion(hybrid, begin, end, states, contact_state, pair)
 
     @property
     def _channels(self) -> tuple[str, ...]:
@@ -333,14 +334,14 @@ def run_of(orbit: PeriodicOrbit, channels: Sequence[Position | Channel]) -> Resp
     It begins at the instant of reading next to the middle of the longest interval between events, so that no event is
     at its ends: these instants divide the period from t = 0.
     """
-    intervals, frequency, phase = orbit._intervals, orbit.excitation.frequency, orbit.excitation.phase
-    omega, k = float(intervals.hybrid.omega), intervals.longest()
-    begin, end = ((float(each[k]) - phase) / omega for each in (intervals.begin, intervals.end))
+    motion, frequency, phase = orbit._motion, orbit.excitation.frequency, orbit.excitation.phase
+    omega, k = float(motion.hybrid.omega), motion.longest()
+    begin, end = ((float(each[k]) - phase) / omega for each in (motion.begin, motion.end))
     # at least one instant is inside
     finer = 2 ** max(math.ceil(math.log2(2.0 / (SAMPLES * frequency * (end - begin)))), 0)
     interval = 1.0 / (frequency * SAMPLES * finer)
     time = interval * round(0.5 * (begin + end) / interval) if len(orbit.events) else 0.0
-    (state,) = intervals.at(k, np.array([omega * time + phase]))
+    (state,) = motion.at(k, np.array([omega * time + phase]))
     recorder = Recorder(channels=channels, impacts=max(len(orbit.impacts), 1))
     method, start = EventDriven(samples_per_cycle=SAMPLES * finer), state_of(orbit.system, state, time)
     return integrate(orbit.system, orbit.excitation, method, orbit.period, recorder, start)
@@ -381,17 +382,12 @@ def _clearance(orbit: PeriodicOrbit, j: int, side: float) -> float:
 
     Infinite where it never does: where there is no wall, or each approach ends at the wall.
     """
-    intervals, event = orbit._intervals, (TOUCH, j, side)
-    if not math.isfinite(intervals.hybrid.gaps[j, 0 if side > 0.0 else 1]):
+    motion, event, log = orbit._motion, (TOUCH, j, side), orbit.events
+    if not math.isfinite(motion.hybrid.gaps[j, 0 if side > 0.0 else 1]):
         return math.inf
-    apart = intervals.contact_state[:, j] * side <= 0.0
-    met = (orbit.events.pair == j) & (orbit.events.side == side)
-    heights = list[float]()
-    for k in np.flatnonzero(apart).tolist():
-        # an impact elsewhere may turn it back
-        goes_on = bool(met.size and not met[k] and apart[k - 1])
-        heights += [height for _, height in intervals.crests(event, k, goes_on)]
-    if not heights and np.all(apart) and not np.any(met):
+    apart = motion.contact_state[:, j] * side <= 0.0
+    heights = [height for k in np.flatnonzero(apart).tolist() for _, height in motion.crests(event, k)]
+    if not heights and np.all(apart) and not np.any((log.pair == j) & (log.side == side)):
         # it stands still
-        heights = [float(intervals.condition(0, event, intervals.begin[[0]])[0, 0])]
+        heights = [float(motion.condition(0, event, motion.begin[[0]])[0, 0])]
     return max(-max(heights, default=-math.inf), 0.0)

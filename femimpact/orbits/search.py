@@ -24,33 +24,19 @@ from femimpact.errors import (
     require,
     takes,
 )
-from femimpact.excitation.drives import alone
+from femimpact.excitation.drives import PointForce, alone
 from femimpact.excitation.excitation import Excitation
-from femimpact.excitation.forces import PointForce
 from femimpact.excitation.harmonic import Sine
 from femimpact.excitation.sums import Sum
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.event_driven.loop_data import CONTACT, FREE, SEPARATING, check_events
 from femimpact.integrators.runs import integrate
-from femimpact.orbits.equations import (
-    IMPACT,
-    PRESS_AGAIN,
-    RELEASE,
-    SECTION,
-    SEPARATE,
-    TOUCH,
-    EventSequence,
-    EventStates,
-    event_maps,
-    length_of,
-    solve,
-    state_unit,
-)
-from femimpact.orbits.flow import HybridSystem, hybrid_system
+from femimpact.orbits.equations import SECTION, EventSequence, EventStates, event_maps, length_of, solve, state_unit
+from femimpact.orbits.motion import IMPACT, PRESS_AGAIN, RELEASE, SEPARATE, TOUCH, HybridSystem, hybrid_system
 from femimpact.orbits.orbit import PeriodicOrbit, state_vector
-from femimpact.orbits.verification import OtherMotionError, recorder_of_events, verified
+from femimpact.orbits.verification import MOST_EVENTS, OtherMotionError, verified
 from femimpact.response.impacts import EventLog
-from femimpact.response.response import Response
+from femimpact.response.response import Recorder, Response
 from femimpact.system.state import State, same_excitation
 from femimpact.system.system import System
 from femimpact.units import number_text
@@ -169,10 +155,9 @@ def orbit_near(system: System, excitation: Sine | PointForce, guess: EventStates
     Raises `DivergenceError` if there is none, or it is no motion of the system.
     """
     hybrid = hybrid_system(system, excitation)
-    length = length_of(hybrid, guess.states)
-    found = solve(hybrid, guess, length)
-    of_guess, length = length, length_of(hybrid, found.events.states)
-    if length > 2.0 * of_guess:
+    found = solve(hybrid, guess, length_of(hybrid, guess.states))
+    length = length_of(hybrid, found.events.states)
+    if length > 2.0 * found.length:
         # a motion that is far larger than its guess has its rounding, too
         found = solve(hybrid, found.events, length)
     if not found.converged:
@@ -187,9 +172,10 @@ def orbit_near(system: System, excitation: Sine | PointForce, guess: EventStates
             f"leave {left} (in units of {number_text(length, 3)} m, of it times omega and of 1 rad), "
             f"{last}; {TRY}"
         )
+    found = replace(found, length=length)
     if np.min(np.abs(found.maps.distance_rate)) <= GRAZING * length:
         raise DivergenceError(f"no periodic orbit found: the search ends where a contact begins at no speed; {TRY}")
-    return verified(system, excitation, replace(found, length=length))
+    return verified(system, excitation, found)
 
 
 def one_sine(excitation: Any) -> Sine | PointForce:
@@ -234,8 +220,9 @@ def first_guess(
         return _of_orbit(system, guess, cycles)
     start = guess if isinstance(guess, State) else _end_of(guess, excitation)
     period, omega = cycles / excitation.frequency, 2.0 * math.pi * excitation.frequency
+    recorder = Recorder(channels=(), ledger=False, impacts=0, events=2 * cycles * MOST_EVENTS)
     try:
-        run = integrate(system, excitation, EventDriven(), 2.0 * period, recorder_of_events(cycles), start)
+        run = integrate(system, excitation, EventDriven(), 2.0 * period, recorder, start)
     except InputError as error:
         renamed = [replace(fault, key=re.sub("^initial", "guess", fault.key)) for fault in error.faults]
         raise InputError(renamed) from None

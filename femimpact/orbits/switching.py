@@ -13,17 +13,9 @@ from femimpact.errors import DivergenceError, InputError, checked, instance, req
 from femimpact.integrators.event_driven.loop_data import CONTACT, FREE, SEPARATING
 from femimpact.orbits.branch import Bifurcation, known
 from femimpact.orbits.curve import SAME, Curve, Point, corrected, curve_of, evaluated, null_vectors
-from femimpact.orbits.equations import (
-    IMPACT,
-    PRESS_AGAIN,
-    RELEASE,
-    SECTION,
-    SEPARATE,
-    TOUCH,
-    EventStates,
-)
-from femimpact.orbits.flow import HybridSystem
-from femimpact.orbits.limits import AT_WALL, without_speed
+from femimpact.orbits.equations import SECTION, EventStates
+from femimpact.orbits.following import AT_WALL, without_speed
+from femimpact.orbits.motion import IMPACT, PRESS_AGAIN, RELEASE, SEPARATE, TOUCH, HybridSystem
 from femimpact.orbits.orbit import PeriodicOrbit
 from femimpact.orbits.search import orbit_near, untouched_ball, without_events
 
@@ -222,12 +214,12 @@ def _reached(point: Point) -> Iterator[_Reached]:
         first = IMPACT if pairs[j].parameters.is_rigid else TOUCH
         kind = {FREE: first, CONTACT: RELEASE, SEPARATING: PRESS_AGAIN}[abs(int(state))]
         for side in (math.copysign(1.0, state),) if state else (1.0, -1.0) if pairs[j].has_walls else ():
-            for at, height in point.intervals.crests((kind, j, side), k, goes_on=bool(sequence.pair[k] != j)):
+            for at, height in point.solution.motion.crests((kind, j, side), k):
                 if abs(height) < AT_WALL * point.curve.by_rows[-1]:
                     yield _Reached(k, kind, j, side, at)
         if sequence.kind[k] == PRESS_AGAIN and sequence.pair[k] == j:
             side = float(sequence.side[k])
-            depth = point.intervals.condition(k, (TOUCH, j, side), phases[[k]])[0, 0]
+            depth = point.solution.motion.condition(k, (TOUCH, j, side), phases[[k]])[0, 0]
             if abs(depth) < AT_WALL * point.curve.unit[0]:
                 yield _Reached(k, SEPARATE, j, side, float(phases[k]))
 

@@ -6,43 +6,26 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import Any, TypeVar, cast
+from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from femimpact import core
 from femimpact.arrays import Array
-from femimpact.errors import DivergenceError, InputError, made
-from femimpact.excitation.forces import PointForce
+from femimpact.errors import DivergenceError, InputError, changed, made
+from femimpact.excitation.drives import PointForce
 from femimpact.excitation.harmonic import Sine
+from femimpact.integrators.assembly import impacts_of
 from femimpact.integrators.channel_rows import drive_of
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.event_driven.block import Inputs, new_block, no_cycles, run_block
-from femimpact.integrators.event_driven.equations import equations_of
-from femimpact.integrators.event_driven.loop_data import FREE
-from femimpact.integrators.event_driven.store import FormStore, Outputs, Source, outputs_of
-from femimpact.integrators.runs import integrate
-from femimpact.orbits.curve import Point
-from femimpact.orbits.equations import (
-    IMPACT,
-    SECTION,
-    SEPARATE,
-    TOUCH,
-    EventStates,
-    Intervals,
-    Solution,
-    asymmetry,
-    length_of,
-    may_be_symmetric,
-    product,
-    state_unit,
-)
-from femimpact.orbits.orbit import PeriodicOrbit, state_of, state_vector
+from femimpact.integrators.event_driven.store import FormStore, Outputs, outputs_of
+from femimpact.orbits.equations import SECTION, EventStates, Solution, asymmetry, may_be_symmetric, product, state_unit
+from femimpact.orbits.motion import IMPACT, SEPARATE, TOUCH
+from femimpact.orbits.orbit import PeriodicOrbit, state_of
 from femimpact.response.cycles import CycleStatistics, steady_motion
 from femimpact.response.impacts import CYCLE_COLUMNS, EventLog, Impacts, event_log
-from femimpact.response.response import Recorder
-from femimpact.system.state import State
+from femimpact.system.state import ROUNDED
 from femimpact.system.system import System
 from femimpact.units import number_text
 
@@ -83,9 +66,10 @@ class OwnRun:
     log: EventLog
     phases: Array  # rad: of the drive at the events of the log
     missed: float  # by which it misses its start, in units; infinite where its events did not end
-    # m: largest displacement of the default place, and its component at the frequency of the excitation, where read
-    peak: float = math.nan
-    first_harmonic: float = math.nan
+    # m: largest displacement of the default place, and its component at the frequency of the excitation
+    peak: float
+    first_harmonic: float
+    impacts: Impacts | None  # that begin within the period, if they were asked for
 
     @cached_property
     def expected(self) -> EventStates:
@@ -162,24 +146,23 @@ def verified(system: System, excitation: Sine | PointForce, found: Solution) -> 
 
     Raises `DivergenceError` if its own run meets other events, or does not end where it began.
     """
-    run, impacts = own_run(system, excitation, found)
+    run = own_run(system, excitation, found)
     run.check_events()
-    orbit = orbit_of(system, excitation, found, run, impacts)
+    orbit = orbit_of(system, excitation, found, run)
     run.check_missed(float(np.abs(orbit.multipliers[0])))
     return orbit
 
 
-def orbit_of(
-    system: System, excitation: Sine | PointForce, found: Solution, run: OwnRun, impacts: Impacts
-) -> PeriodicOrbit:
-    """The orbit of a solution, and of its own run with the impacts of that."""
-    cycles, times = found.events.sequence.cycles, _times(found.events.phases, excitation, found.events.sequence.cycles)
-    order = _in_time(times)
+def orbit_of(system: System, excitation: Sine | PointForce, found: Solution, run: OwnRun) -> PeriodicOrbit:
+    """The orbit of a solution, and of its own run with its impacts."""
+    cycles, times = found.events.sequence.cycles, _times(found.events, excitation)
+    # from t = 0 on; those at one instant to rounding as they follow one another
+    first = int(np.argmax(np.roll(times, 1) - times))
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         # an event without speed has no finite saltation
-        state, contact_state, monodromy = _at_start(excitation, found, times, int(order[0]))
-        half_map = _half_map(found, int(order[0]))
-    log = _log(system, found, times, order)
+        state, contact_state, monodromy = _at_start(excitation, found, times, first)
+        half_map = _half_map(found, first)
+    log = _log(system, found, times, first)
     return _made(
         PeriodicOrbit,
         system=system,
@@ -188,7 +171,7 @@ def orbit_of(
         state=state_of(system, state, 0.0),
         events=log,
         contact_state=contact_state.astype(np.int8),
-        impacts=_impacts(system, excitation, found, run, impacts, log),
+        impacts=_impacts(run, log, excitation, cycles / excitation.frequency),
         monodromy=monodromy,
         half_map=half_map,
         residual=run.missed,
@@ -196,23 +179,17 @@ def orbit_of(
     )
 
 
-def _times(phases: Array, excitation: Sine | PointForce, cycles: int) -> Array:
+def _times(events: EventStates, excitation: Sine | PointForce) -> Array:
     """Times (N,) of events within one period from t = 0 on, s."""
-    period = cycles / excitation.frequency
-    times = np.mod((phases - excitation.phase) / (2.0 * math.pi * excitation.frequency), period)
+    period = events.sequence.cycles / excitation.frequency
+    times = np.mod((events.phases - excitation.phase) / (2.0 * math.pi * excitation.frequency), period)
     near = np.minimum(times, period - times) <= AT_START * period
     return np.where(near, 0.0, times)
 
 
-def _in_time(times: Array) -> NDArray[np.intp]:
-    """Events from t = 0 on, those at one instant to rounding as they follow one another."""
-    first = int(np.argmax(np.roll(times, 1) - times))
-    return np.roll(np.arange(times.size), -first)
-
-
 def _at_start(excitation: Sine | PointForce, found: Solution, times: Array, first: int) -> tuple[Array, Array, Array]:
     """State (2d,) and contact states at t = 0, before the first event or after it, and the monodromy there."""
-    sequence, later, hybrid = found.events.sequence, np.roll(found.maps.steps, -1 - first, axis=0), found.maps.hybrid
+    sequence, later, hybrid = found.events.sequence, np.roll(found.maps.steps, -1 - first, axis=0), found.hybrid
     if times[first] == 0.0:
         return found.events.states[first], sequence.contact_state[first], product(later)
     contact_state = sequence.contact_state[first - 1]
@@ -226,45 +203,18 @@ def _at_start(excitation: Sine | PointForce, found: Solution, times: Array, firs
 
 def _half_map(found: Solution, first: int) -> Array | None:
     """Minus the derivative of the state half a period later by that after the first event, of a symmetric orbit."""
-    hybrid, sequence = found.maps.hybrid, found.events.sequence
+    hybrid, sequence = found.hybrid, found.events.sequence
     unit = state_unit(found.length, hybrid.omega, hybrid.mass.size)
     if not may_be_symmetric(hybrid, sequence) or asymmetry(found.events, unit) > SYMMETRIC:
         return None
     return -product(np.roll(found.maps.steps, -1 - first, axis=0)[: len(sequence.kind) // 2])
 
 
-def recorder_of_events(cycles: int) -> Recorder:
-    """What a run keeps of which the events alone are read, over two periods of so many of the drive."""
-    return Recorder(channels=(), ledger=False, impacts=cycles * MOST_EVENTS, events=2 * cycles * MOST_EVENTS)
-
-
-def own_run(
-    system: System, excitation: Sine | PointForce, found: Solution, pair: int | None = None
-) -> tuple[OwnRun, Impacts]:
-    """The run of an orbit from where nothing, or a pair, is in contact if it ever is not, and its impacts."""
-    sequence, hybrid = found.events.sequence, found.maps.hybrid
-    state, middle, first = Intervals.between(hybrid, found.events).start(pair)
-    time = float(_times(np.array([middle]), excitation, sequence.cycles)[0])
-    period, start = sequence.cycles / excitation.frequency, state_of(system, state, time)
-    try:
-        run = integrate(system, excitation, EventDriven(), period, recorder_of_events(sequence.cycles), start)
-    except InputError as error:
-        if not all(fault.key.endswith(".gap") for fault in error.faults):
-            raise DivergenceError(f"the orbit found is not confirmed: {error}") from None
-        # that none of the events is at
-        name, place = error.faults[0].key.split(".")[1], error.faults[0].value
-        where = f"between two events {name} is at {place:.6g} m, beyond a wall"
-        raise OtherMotionError(f"the orbit found is no motion of the system: {where}") from None
-    log, end = cast(EventLog, run.events), cast(State, run.final_state)
-    unit, phases = state_unit(found.length, hybrid.omega, hybrid.mass.size), middle + hybrid.omega * (log.time - time)
-    missed = float(np.max(np.abs(state_vector(end) - state) / unit))
-    return OwnRun(found.events, first, log, phases, missed), run.impacts
-
-
-def _log(system: System, found: Solution, times: Array, order: NDArray[np.intp]) -> EventLog:
+def _log(system: System, found: Solution, times: Array, first: int) -> EventLog:
     """The events of one period from t = 0 on; sections are none."""
     sequence = found.events.sequence
-    order = order[[sequence.kind[k] != SECTION for k in order]]
+    order = np.roll(np.arange(times.size), -first)
+    order = order[sequence.pair[order] >= 0]
     kind, d = np.array(sequence.kind)[order], found.events.states.shape[1] // 2
     return _made(
         EventLog,
@@ -280,23 +230,14 @@ def _log(system: System, found: Solution, times: Array, order: NDArray[np.intp])
     )
 
 
-def _impacts(
-    system: System, excitation: Sine | PointForce, found: Solution, run: OwnRun, table: Impacts, log: EventLog
-) -> Impacts:
-    """The impacts of one period at the times of their events, from the table of its own run.
-
-    Where that begins within a contact, it cuts it: such a pair has its impacts from a run that begins where it is free.
-    """
+def _impacts(run: OwnRun, log: EventLog, excitation: Sine | PointForce, period: float) -> Impacts:
+    """The impacts of one period at the times of their events, from the table of its own run."""
+    table: Any = run.impacts
+    columns = {item.name: getattr(table, item.name) for item in fields(Impacts) if "axes" in item.metadata}
     names, touches = np.array(log.contacts), np.flatnonzero(np.isin(log.kind, (IMPACT, TOUCH)))
-    held = np.flatnonzero(found.events.sequence.contact_state[run.first - 1] != FREE)
-    parts = [_rows_of(table, ~np.isin(table.impactor, names[held]))]
-    for j in np.intersect1d(held, log.pair[touches]).tolist():
-        whole = own_run(system, excitation, found, j)[1]
-        parts.append(_rows_of(whole, whole.impactor == names[j]))
-    columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-    period, omega = found.events.sequence.cycles / excitation.frequency, float(found.maps.hybrid.omega)
-    columns["time"], place = np.mod(columns["time"], period), np.full(len(columns["time"]), len(log))
-    for i, (time, name, side) in enumerate(zip(*(columns[one] for one in ("time", "impactor", "side")), strict=True)):
+    omega, place = 2.0 * math.pi * excitation.frequency, np.full(len(table), len(log))
+    columns["time"] = np.mod(table.time, period)
+    for i, (time, name, side) in enumerate(zip(columns["time"].tolist(), table.impactor, table.side, strict=True)):
         own = touches[(names[log.pair[touches]] == name) & (log.side[touches] == side)]
         apart = np.abs(np.mod(log.time[own] - time + 0.5 * period, period) - 0.5 * period)
         if own.size and omega * apart.min() <= SAME_PHASE:
@@ -308,11 +249,6 @@ def _impacts(
     return _made(Impacts, law=table.law, dropped=table.dropped, **{name: each[order] for name, each in columns.items()})
 
 
-def _rows_of(table: Impacts, rows: NDArray[np.bool_]) -> dict[str, NDArray[Any]]:
-    """Columns of some rows of a table."""
-    return {item.name: getattr(table, item.name)[rows] for item in fields(table) if "axes" in item.metadata}
-
-
 def _made(record: type[R], /, **values: Any) -> R:
     """A record whose arrays are only read: what is derived from them is kept."""
     for value in values.values():
@@ -321,23 +257,49 @@ def _made(record: type[R], /, **values: Any) -> R:
     return made(record, **values)
 
 
-# ---- many orbits of a curve ------------------------------------------------------------------------
+# ---- the runs of orbits ------------------------------------------------------------------------------
 
 
-def own_runs(system: System, points: Sequence[Point]) -> list[OwnRun]:
-    """Runs over one period of the orbits of some points of a curve in one compiled call, in units of the curve."""
-    curve, count = points[0].curve, len(points)
-    method = EventDriven(samples_per_cycle=max(SAMPLES // curve.sequence.cycles, EventDriven().samples_per_cycle))
-    starts, phase, first = zip(*(point.intervals.start() for point in points), strict=True)
-    hybrids, state = [point.maps.hybrid for point in points], np.array(starts)
-    # where the parameter is in the matrices, the closed forms of each differ
-    systems = [curve.parameter.at(point.value)[0] for point in points] if curve.parameter.of_matrices else [system]
-    excitation = curve.parameter.at(curve.parameter.value)[1]
-    equations = [equations_of(each, drive_of(each, excitation)) for each in systems]
-    d, rigid = hybrids[0].mass.size, np.array([pair.parameters.is_rigid for pair in system.contacts], dtype=bool)
-    outputs = _outputs(system, d)
-    sources = [Source(of, outputs, each.derived) for each, of in zip(systems, equations, strict=True)]
-    store = FormStore(sources, rigid, rate=None)
+def own_run(system: System, excitation: Sine | PointForce, found: Solution) -> OwnRun:
+    """The run of the orbit of a solution, with its impacts.
+
+    Raises `DivergenceError` if it is beyond a wall where it is to begin, or cannot be run.
+    """
+    state, phase, _ = found.motion.start()
+    turned = np.array([math.sin(phase), math.cos(phase)])
+    for j, pair in enumerate(system.contacts):
+        for side in (1.0, -1.0) if pair.parameters.is_rigid else ():
+            row, base, level = found.hybrid.condition((IMPACT, j, side))
+            # that none of the events is at
+            beyond = float(row @ state + base @ turned - level)
+            if beyond > ROUNDED:
+                place = side * (beyond + pair.gaps[0 if side > 0.0 else 1])
+                where = f"between two events {pair.name} is at {place:.6g} m, beyond a wall"
+                raise OtherMotionError(f"the orbit found is no motion of the system: {where}")
+    try:
+        return own_runs([system], excitation, [found], most_impacts=found.events.sequence.cycles * MOST_EVENTS)[0]
+    except InputError as error:
+        raise DivergenceError(f"the orbit found is not confirmed: {error}") from None
+
+
+def own_runs(
+    systems: Sequence[System],  # of each; one where they differ in gaps, contacts and the excitation alone
+    excitation: Sine | PointForce,  # of one of them
+    solutions: Sequence[Solution],  # of the same events
+    most_impacts: int = 0,  # of one alone: what is kept of them
+) -> list[OwnRun]:
+    """Runs over one period of some orbits in one compiled call, each from where nothing is in contact, if it ever is.
+
+    Raises `InputError` where one is driven at a resonance without damping.
+    """
+    hybrids, count = [each.hybrid for each in solutions], len(solutions)
+    sequence, pairs = solutions[0].events.sequence, systems[0].contacts
+    cycles = sequence.cycles
+    method = EventDriven(samples_per_cycle=max(SAMPLES // cycles, EventDriven().samples_per_cycle))
+    starts, phase, first = zip(*(one.motion.start() for one in solutions), strict=True)
+    state, d = np.array(starts), hybrids[0].mass.size
+    drives = [drive_of(each, excitation) for each in systems]
+    store = FormStore(systems, drives, [_outputs(systems[0], d)] * len(systems))
     inputs = Inputs(
         omega=np.array([hybrid.omega for hybrid in hybrids]),
         amplitude=np.array([[hybrid.drive] for hybrid in hybrids], dtype=complex),
@@ -352,28 +314,44 @@ def own_runs(system: System, points: Sequence[Point]) -> list[OwnRun]:
         velocity=state[:, d:],
         window=np.tile([0.0, np.inf], (count, 1)),
     )
-    kept = len(curve.sequence.kind) + MORE_EVENTS
-    system_of = np.arange(count) if len(systems) > 1 else None
-    block = new_block(systems, store, inputs, method, None, most_events=kept, system_of=system_of)
-    samples, cycles = curve.sequence.cycles * method.samples_per_cycle, curve.sequence.cycles
-    block.grid = block.grid._replace(cycles=no_cycles(count, cycles), values=np.zeros((count, samples, 1 + 2 * d)))
-    begin, end = np.zeros(count, dtype=np.int64), np.full(count, samples)
-    run_block(block, begin, end, np.full(count, 10.0 * kept + samples))
-    lengths = [length_of(point.maps.hybrid, point.events.states) for point in points]
-    own_units = np.array([state_unit(each, hybrid.omega, d) for each, hybrid in zip(lengths, hybrids, strict=True)])
-    # a motion may vanish on its curve
-    unit = np.maximum(own_units, curve.unit[:-1])
-    names = tuple(pair.name for pair in system.contacts)
-    missed = np.max(np.abs(block.grid.values[:, -1, 1:] - state) / unit, axis=1)
-    logs = tuple(
-        event_log(rows, int(found), names) for rows, found in zip(block.tables.events, block.tables.logged, strict=True)
-    )
+    kept, samples = len(sequence.kind) + MORE_EVENTS, cycles * method.samples_per_cycle
+    block = new_block(
+        store, inputs, method, False if most_impacts else None,
+        most_rows=most_impacts, most_events=kept, system_of=np.arange(count) if len(systems) > 1 else None,
+    )  # fmt: skip
+
+    def advance(begin: int) -> None:
+        # one period of it
+        values, statistics = np.zeros((count, samples, 1 + 2 * d)), no_cycles(count, cycles)
+        first, none = np.full(count, begin, dtype=np.int64), np.zeros(count, dtype=np.int64)
+        block.cases.sample[:] = begin
+        block.grid = block.grid._replace(cycles=statistics, values=values, origin=first, cycle=none)
+        run_block(block, first, first + samples, np.full(count, 10.0 * kept + samples))
+
+    advance(0)
+    units = np.array([state_unit(each.length, each.hybrid.omega, d) for each in solutions])
+    missed = np.max(np.abs(block.grid.values[:, -1, 1:] - state) / units, axis=1)
+    missed = np.where(block.stopped == core.events.DONE, missed, np.inf)
     table = np.moveaxis(block.grid.cycles[:, :, : len(CYCLE_COLUMNS)], (2, 1), (0, 1))
     motion = steady_motion(CycleStatistics(*table), np.full(count, cycles))
-    missed = np.where(block.stopped == core.events.DONE, missed, np.inf)
-    at_events = [begun + omega * log.time for begun, omega, log in zip(phase, inputs.omega, logs, strict=True)]
-    read = missed.tolist(), motion.peak.tolist(), motion.first_harmonic.tolist()
-    return list(map(OwnRun, [point.events for point in points], first, logs, at_events, *read))
+    # from t = 0 on
+    begun = np.mod(inputs.phase - excitation.phase, 2.0 * math.pi * cycles) / inputs.omega
+    names, logs = tuple(pair.name for pair in pairs), list[EventLog]()
+    for rows, number in zip(block.tables.events, block.tables.logged.tolist(), strict=True):
+        logs.append(event_log(rows, number, names))
+    at_events = [each + omega * log.time for each, omega, log in zip(phase, inputs.omega, logs, strict=True)]
+    logs = [changed(log, time=log.time + time) for log, time in zip(logs, begun, strict=True)]
+    impacts = None
+    if most_impacts and np.isfinite(missed[0]):
+        # contacts that last at the end of the period end in the next one
+        advance(samples)
+        rows, number = block.tables.impacts, int(block.tables.number[0])
+        rows = rows[: min(number, most_impacts)]
+        rows = rows[(rows[:, 0] > 0.0) & (rows[:, 0] <= cycles / excitation.frequency)]
+        rows[:, 0] += begun[0]
+        impacts = impacts_of(systems[0], excitation, rows, rows.shape[0] + max(number - most_impacts, 0))
+    read = missed.tolist(), motion.peak.tolist(), motion.first_harmonic.tolist(), [impacts] * count
+    return list(map(OwnRun, [each.events for each in solutions], first, logs, at_events, *read))
 
 
 def _outputs(system: System, d: int) -> Outputs:

@@ -1,10 +1,10 @@
-from femimpact.signals.bandwidth import DampingEstimate as DampingEstimate
-from femimpact.signals.bandwidth import amplitude_ratio_damping as amplitude_ratio_damping
-from femimpact.signals.bandwidth import half_power as half_power
 from femimpact.signals.decay import DecayEstimate as DecayEstimate
 from femimpact.signals.decay import DecayMode as DecayMode
 from femimpact.signals.densities import Spectrum as Spectrum
 from femimpact.signals.laser import LaserReading as LaserReading
 from femimpact.signals.laser import extrapolate as extrapolate
+from femimpact.signals.one_pole import DampingEstimate as DampingEstimate
+from femimpact.signals.one_pole import amplitude_ratio_damping as amplitude_ratio_damping
+from femimpact.signals.one_pole import half_power as half_power
 from femimpact.signals.shock_response import ShockResponseSpectrum as ShockResponseSpectrum
 from femimpact.signals.transfer import TransferFunction as TransferFunction

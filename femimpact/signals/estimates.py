@@ -11,9 +11,8 @@ import numpy as np
 from femimpact.arrays import Array, Complex
 from femimpact.errors import optional, quantity, require, require_name, takes
 from femimpact.excitation.chirp import Chirp
-from femimpact.excitation.drives import Drives, named_parts
+from femimpact.excitation.drives import Drives, HammerBlow, named_parts
 from femimpact.excitation.excitation import is_force
-from femimpact.excitation.forces import HammerBlow
 from femimpact.excitation.harmonic import SteppedSine
 from femimpact.excitation.piecewise_polynomial import PiecewisePolynomial
 from femimpact.excitation.random_base import RandomBase

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from femimpact.arrays import Array
-from femimpact.errors import InputError, check_fields, column, instance, optional, place, quantity, require, takes, text
+from femimpact.errors import check_fields, column, faults_of, instance, optional, place, quantity, require, takes, text
 from femimpact.response.channels import channel_key
 from femimpact.response.response import Response
 from femimpact.structure.structure import Position
@@ -89,16 +89,6 @@ class Laser:
             With the place among its channels, at no fewer samples in a second than the laser takes.
         seed : int
             Of the noise, by numpy's generator.
-
-        Returns
-        -------
-        LaserReading
-            With the share of clipped samples, and a warning where there are any.
-
-        Raises
-        ------
-        InputError
-            If the place was not recorded, or too coarsely.
         """
         name, rate = channel_key(self.at), self.sample_rate
         has_history = response.streamed_to is None and name in response.channels
@@ -145,11 +135,6 @@ def extrapolate(system: System, measured: LaserReading, to: Position = "tip", mo
     mode : int
         From 1 on.
 
-    Returns
-    -------
-    LaserReading
-        At the other place.
-
     Raises
     ------
     InputError
@@ -160,9 +145,6 @@ def extrapolate(system: System, measured: LaserReading, to: Position = "tip", mo
     seen = float(row @ shape)
     still = abs(seen) <= STILL * float(np.linalg.norm(row) * np.linalg.norm(shape))
     require(not still, "measured.at", measured.at, "", f"must be a place that moves in mode {mode}")
-    try:
-        wanted = system.point_row(to)
-    except InputError as error:
-        raise InputError([replace(fault, key="to") for fault in error.faults]) from None
-    factor = float(wanted @ shape) / seen
+    with faults_of("to"):
+        factor = float(system.point_row(to) @ shape) / seen
     return replace(measured, displacement=factor * measured.displacement, at=to)

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import partial
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,10 +16,9 @@ from femimpact.fem.assembly import assemble
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.runs import integrate
 from femimpact.response.response import Recorder
-from femimpact.structure.beam import Beam, Segment
-from femimpact.structure.damping import Rayleigh
+from femimpact.structure.beam import Beam, Rayleigh, Segment
 from femimpact.structure.structure import PointMass, Stop, Structure
-from femimpact.system.modes import solve_modes, solve_stiffness
+from femimpact.system.modes import Modes, solve_modes, solve_stiffness
 from femimpact.system.reduction import reduce
 from femimpact.validation.case import Case
 
@@ -44,52 +42,62 @@ def beam_frequency(root: float) -> float:
     return (root / LENGTH) ** 2 * math.sqrt(BENDING_STIFFNESS / MASS_PER_LENGTH) / (2 * math.pi)
 
 
-def _computed_root(structure: Structure, mode: int) -> float:
-    frequency = float(solve_modes(assemble(structure, ELEMENTS), mode).natural_frequency[mode - 1])
-    return math.sqrt(frequency / beam_frequency(1.0))
+MESH = f"(beta h)^4/2880 of {ELEMENTS} cubic elements, and 1e-9 of rounding"
 
 
-def _mesh_error(root: float) -> float:
-    # cubic elements raise omega^2 by (beta h)^4/720, beta L goes with its fourth root
-    return (root / ELEMENTS) ** 4 / 2880
+def mesh_error(root: float, rounding: float = 1e-9) -> float:
+    """Relative error of beta L: cubic elements raise omega^2 by (beta h)^4/720, beta L goes with its fourth root."""
+    return 1.2 * (root / ELEMENTS) ** 4 / 2880 + rounding
 
 
-def cantilever_root(mode: int) -> Case:
+def modes_of(structure: Structure, count: int) -> Modes:
+    """The lowest modes on the mesh of these cases."""
+    return solve_modes(assemble(structure, ELEMENTS), count)
+
+
+def computed_root(structure: Structure, mode: int) -> float:
+    """Beta L of a mode, by the bending stiffness and the mass per length of the cantilever."""
+    omega = 2 * math.pi * float(modes_of(structure, mode).natural_frequency[mode - 1])
+    return LENGTH * math.pow(omega**2 * MASS_PER_LENGTH / BENDING_STIFFNESS, 0.25)
+
+
+def cantilever_root() -> Iterator[Case]:
     """Roots of 1 + cos x cosh x = 0."""
-    root = ROOTS[mode - 1]
-    return Case(
-        f"cantilever, mode {mode}", "Blevins (1979), table 8-1", "beta L", "1", root,
-        _computed_root(Structure(uniform_beam()), mode), 1.2 * _mesh_error(root) + 5e-9 / root,
-        f"(beta h)^4/2880 of {ELEMENTS} cubic elements, and the 8 decimals of the reference",
-    )  # fmt: skip
+    for mode, root in enumerate(ROOTS[:3], start=1):
+        yield Case(
+            f"cantilever, mode {mode}", "Blevins (1979), table 8-1", "beta L", "1", root,
+            computed_root(Structure(uniform_beam()), mode), mesh_error(root, 5e-9 / root),
+            f"(beta h)^4/2880 of {ELEMENTS} cubic elements, and the 8 decimals of the reference",
+        )  # fmt: skip
 
 
-def tip_mass_root(mode: int, ratio: float) -> Case:
+def tip_mass_root() -> Iterator[Case]:
     """Roots of 1 + cos x cosh x + ratio x (cos x sinh x - sin x cosh x) = 0, ratio = tip mass/beam mass."""
     from scipy.optimize import brentq
 
-    def determinant(x: float) -> float:
+    def determinant(x: float, ratio: float) -> float:
         # over cosh x, which would overflow digits
         c, s, t = math.cos(x), math.sin(x), math.tanh(x)
         return 1 / math.cosh(x) + c + ratio * x * (c * t - s)
 
-    # between the root of the clamped-pinned beam below and that of the clamped-free one
-    below = 0.1 if mode == 1 else (mode - 0.75) * math.pi - 0.01
-    root = float(brentq(determinant, below, ROOTS[mode - 1], xtol=1e-15, rtol=1e-15))
     beam = uniform_beam()
-    structure = Structure(beam, masses=(PointMass("box", "tip", ratio * beam.mass),))
-    return Case(
-        f"cantilever with a tip mass of {ratio:g} beam masses, mode {mode}", "derived here (transcendental equation)",
-        "beta L", "1", root, _computed_root(structure, mode), 1.2 * _mesh_error(root) + 1e-9,
-        f"(beta h)^4/2880 of {ELEMENTS} cubic elements, and 1e-9 of rounding",
-    )  # fmt: skip
+    for ratio, mode in itertools.product((0.5, 2.0), (1, 2, 3)):
+        # between the root of the clamped-pinned beam below and that of the clamped-free one
+        below = 0.1 if mode == 1 else (mode - 0.75) * math.pi - 0.01
+        root = float(brentq(determinant, below, ROOTS[mode - 1], (ratio,), xtol=1e-15, rtol=1e-15))
+        structure = Structure(beam, masses=(PointMass("box", "tip", ratio * beam.mass),))
+        yield Case(
+            f"cantilever with a tip mass of {ratio:g} beam masses, mode {mode}",
+            "derived here (transcendental equation)", "beta L", "1", root, computed_root(structure, mode),
+            mesh_error(root), MESH,
+        )  # fmt: skip
 
 
-def tip_flexibility() -> Case:
+def tip_flexibility() -> Iterator[Case]:
     """Static deflection of the tip under a force there, L^3/(3 E I)."""
     probe = Stop("probe", "tip", (math.inf, 0.1), Rigid(0.5))
     system = assemble(Structure(uniform_beam(), stops=(probe,)), ELEMENTS)
-    return Case(
+    yield Case(
         "cantilever, static tip deflection of 1 N", "derived here (F L^3/(3 E I))", "deflection", "m",
         LENGTH**3 / (3 * BENDING_STIFFNESS), system.contacts[0].flexibility, 1e-9,
         "cubic elements are exact for end loads: rounding only",
@@ -109,34 +117,30 @@ def _modal_series(frequency: float, alpha: float, beta: float) -> float:
     return abs(total)
 
 
-def base_sine(ratio: float) -> Case:
+def base_sine() -> Iterator[Case]:
     """Steady tip amplitude of a cantilever on a base that moves as a sine."""
-    damping, first, second = 0.05, beam_frequency(ROOTS[0]), beam_frequency(ROOTS[1])
-    structure = Structure(uniform_beam(), damping=Rayleigh(ratio=damping, frequencies=(first, second)))
-    alpha = 4 * math.pi * damping * first * second / (first + second)
-    beta = damping / (math.pi * (first + second))
-    base = Sine(1e-3, ratio * first)
-    # the transient has fallen by exp(-0.05 2 pi 20) = 2e-3 at 20 periods, so wait for 80
-    wait, keep = 80 / first, 20 / base.frequency
-    run = integrate(
-        reduce(assemble(structure, ELEMENTS), 10), base, EventDriven(), wait + keep, Recorder(("tip",), start=wait)
-    )
-    angle = base.omega * run.time
-    in_phase, quadrature = np.linalg.lstsq(np.column_stack([np.sin(angle), np.cos(angle)]), run["tip"])[0]
-    return Case(
-        f"cantilever on a shaken base, {ratio:g} f1", "derived here (modal series, 10 modes)",
-        "tip over base amplitude", "1", _modal_series(base.frequency, alpha, beta),
-        math.hypot(in_phase, quadrature) / base.amplitude, 2e-7,
-        "the roots to 8 decimals, at resonance times 2 x 10; mesh 1e-9, transient 1e-11",
-    )  # fmt: skip
+    for ratio in (0.5, 1.0, 3.0):
+        damping, first, second = 0.05, beam_frequency(ROOTS[0]), beam_frequency(ROOTS[1])
+        structure = Structure(uniform_beam(), damping=Rayleigh(ratio=damping, frequencies=(first, second)))
+        alpha = 4 * math.pi * damping * first * second / (first + second)
+        beta = damping / (math.pi * (first + second))
+        base = Sine(1e-3, ratio * first)
+        # the transient has fallen by exp(-0.05 2 pi 20) = 2e-3 at 20 periods, so wait for 80
+        wait, keep = 80 / first, 20 / base.frequency
+        run = integrate(
+            reduce(assemble(structure, ELEMENTS), 10), base, EventDriven(), wait + keep, Recorder(("tip",), start=wait)
+        )
+        angle = base.omega * run.time
+        in_phase, quadrature = np.linalg.lstsq(np.column_stack([np.sin(angle), np.cos(angle)]), run["tip"])[0]
+        yield Case(
+            f"cantilever on a shaken base, {ratio:g} f1", "derived here (modal series, 10 modes)",
+            "tip over base amplitude", "1", _modal_series(base.frequency, alpha, beta),
+            math.hypot(in_phase, quadrature) / base.amplitude, 2e-7,
+            "the roots to 8 decimals, at resonance times 2 x 10; mesh 1e-9, transient 1e-11",
+        )  # fmt: skip
 
 
-CASES: tuple[Callable[[], Case], ...] = (
-    *(partial(cantilever_root, mode) for mode in (1, 2, 3)),
-    *(partial(tip_mass_root, mode, ratio) for ratio in (0.5, 2.0) for mode in (1, 2, 3)),
-    tip_flexibility,
-    *(partial(base_sine, ratio) for ratio in (0.5, 1.0, 3.0)),
-)
+CASES = (cantilever_root, tip_mass_root, tip_flexibility, base_sine)
 """The cases of this subject, in the order of the table."""
 
 
@@ -205,7 +209,11 @@ class TaperedCantilever:
         # 2 k sqrt(x) grows by about pi over the beam from mode to mode
         grid = np.linspace(0.0, (count + 1) * math.pi / abs(np.diff(np.sqrt(self.ends))[0]) / 2.0, 200 * count)[1:]
         values = [determinant(k) for k in grid]
-        changes = [(a, b) for (a, b), (u, v) in zip(pairwise(grid), pairwise(values), strict=True) if u * v < 0.0]
+        changes = [
+            (a, b)
+            for (a, b), (u, v) in zip(itertools.pairwise(grid), itertools.pairwise(values), strict=True)
+            if u * v < 0.0
+        ]
         return np.array([brentq(determinant, a, b, xtol=1e-14, rtol=1e-14) for a, b in changes[:count]])
 
     def mesh_error(self, wavenumber: float, elements: int) -> float:
@@ -255,30 +263,31 @@ class TaperedCantilever:
         return np.array([*held, self._row(n + 2, tip, k, PLUS), shear + inertia])
 
 
-def tapered_mode(name: str, beam: TaperedCantilever, mode: int) -> Case:
-    """A natural frequency of a cantilever that tapers."""
-    k = float(beam.wavenumbers(mode)[-1])
-    computed = solve_modes(assemble(beam.structure, ELEMENTS), mode).natural_frequency[mode - 1]
-    return Case(
-        f"{name}, mode {mode}", "derived here (determinant of Bessel functions)", "frequency", "Hz",
-        beam.frequency(k), float(computed), 1.1 * beam.mesh_error(k, ELEMENTS) + 1e-9,
-        f"h^4/1440 int EI w''''^2/int EI w''^2 of {ELEMENTS} cubic elements, and 1e-9 of rounding",
-    )  # fmt: skip
-
-
-def published_mode(mode: int) -> Case:
-    """Frequency of a pyramid of 4 to 1, as omega L^2/h sqrt(12 rho/E) with the thickness h of the tip."""
+def tapered_modes() -> Iterator[Case]:
+    """Natural frequencies of cantilevers that taper, and of a pyramid with the thickness h of its tip as published."""
+    for name, beam in (
+        ("wedge, half as thick at the tip", TaperedCantilever(0.5)),
+        ("cantilever with both dimensions halved at the tip", TaperedCantilever(0.5, both=True)),
+    ):
+        for mode, k in enumerate(beam.wavenumbers(3).tolist(), start=1):
+            computed = modes_of(beam.structure, mode).natural_frequency[mode - 1]
+            yield Case(
+                f"{name}, mode {mode}", "derived here (determinant of Bessel functions)", "frequency", "Hz",
+                beam.frequency(k), float(computed), 1.1 * beam.mesh_error(k, ELEMENTS) + 1e-9,
+                f"h^4/1440 int EI w''''^2/int EI w''^2 of {ELEMENTS} cubic elements, and 1e-9 of rounding",
+            )  # fmt: skip
     beam = TaperedCantilever(0.25, both=True)
     speed = math.sqrt(YOUNG_MODULUS / (12.0 * DENSITY)) * beam.ratio * ROOT_THICKNESS / LENGTH**2
-    computed = solve_modes(assemble(beam.structure, ELEMENTS), mode).natural_frequency[mode - 1]
-    return Case(
-        f"cantilever with both dimensions 4 to 1, mode {mode}", "Mabie and Rogers (1972)", "omega L^2/h sqrt(12 rho/E)",
-        "1", PYRAMID[mode - 1], 2.0 * math.pi * float(computed) / speed, 5e-4,
-        "the digits of the source, which integrates numerically; the mesh leaves 1e-6",
-    )  # fmt: skip
+    for mode, published in enumerate(PYRAMID, start=1):
+        computed = modes_of(beam.structure, mode).natural_frequency[mode - 1]
+        yield Case(
+            f"cantilever with both dimensions 4 to 1, mode {mode}", "Mabie and Rogers (1972)",
+            "omega L^2/h sqrt(12 rho/E)", "1", published, 2.0 * math.pi * float(computed) / speed, 5e-4,
+            "the digits of the source, which integrates numerically; the mesh leaves 1e-6",
+        )  # fmt: skip
 
 
-def wedge_flexibility() -> Case:
+def wedge_flexibility() -> Iterator[Case]:
     """Static deflection of a wedge's tip under a force there, the integral of (L - x)^2/(E I)."""
     from scipy.integrate import quad
 
@@ -287,20 +296,12 @@ def wedge_flexibility() -> Case:
     exact = quad(lambda s: (1.0 - s) ** 2 / (1.0 - 0.5 * s) ** 3, 0.0, 1.0, epsabs=0.0, epsrel=1e-13)[0]
     system = assemble(beam.structure, ELEMENTS)
     row = system.point_row("tip")
-    return Case(
+    yield Case(
         "wedge, static tip deflection of 1 N", "derived here (int (L - x)^2/(E I), by quadrature)", "deflection", "m",
         exact * LENGTH**3 / segment.bending_stiffness, float(row @ solve_stiffness(system, row)), 4e-9,
         f"h^4/720 int EI w''''^2/int EI w''^2 of {ELEMENTS} cubic elements is 2.1e-9, and 1e-9 of rounding",
     )  # fmt: skip
 
 
-TAPER_CASES: tuple[Callable[[], Case], ...] = (
-    *(partial(tapered_mode, "wedge, half as thick at the tip", TaperedCantilever(0.5), mode) for mode in (1, 2, 3)),
-    *(
-        partial(tapered_mode, "cantilever with both dimensions halved at the tip", TaperedCantilever(0.5, True), mode)
-        for mode in (1, 2, 3)
-    ),
-    *(partial(published_mode, mode) for mode in (1, 2, 3)),
-    wedge_flexibility,
-)
+TAPER_CASES = (tapered_modes, wedge_flexibility)
 """The cases of this subject, in the order of the table."""

@@ -1,4 +1,4 @@
-"""A reference case: a known number, the same number computed, and how close it must be; and tables of cases."""
+"""A reference case: a known number, the same number computed, how close it must be; tables; and a common system."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
+
+from femimpact.system.system import System
 
 
 @dataclass(frozen=True)
@@ -31,6 +33,11 @@ class Case:
     def passes(self) -> bool:
         """True if the error is a number within the bound."""
         return math.isfinite(self.error) and self.error <= self.bound
+
+
+def oscillator(damping: float = 0.0, omega: float = 1.0, shape: float = 1.0, **others: Any) -> System:
+    """A mode of 1 kg by its damping ratio, natural frequency (rad/s) and displacement at its place "tip"."""
+    return System.from_matrices([[1.0]], [[2 * damping * omega]], [[omega**2]], points={"tip": [shape]}, **others)
 
 
 HEADER = ("case", "source", "quantity", "reference", "computed", "error", "bound", "pass")

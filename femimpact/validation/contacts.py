@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
@@ -32,7 +32,7 @@ from femimpact.response.response import Recorder, Response
 from femimpact.structure.structure import Impactor, Stop
 from femimpact.system.state import State
 from femimpact.system.system import System
-from femimpact.validation.case import Case
+from femimpact.validation.case import Case, oscillator
 
 MASS, SPEED, RADIUS = 3.43e-3, 0.26, 0.5 * 9.49e-3
 """A steel ball of 9.49 mm, kg, m/s and m."""
@@ -71,36 +71,26 @@ def _integrated(law: ContactLaw) -> Collision:
     return collide(CustomLaw(force), MASS, SPEED)
 
 
-def _steel() -> PowerLaw:
-    return Hertz(hertz_stiffness(RADIUS, STEEL, STEEL))
-
-
-def _steel_stiffness() -> float:
-    """4/3 E* sqrt(R) of steel on steel, N/m^1.5."""
-    modulus = STEEL.young_modulus / (2 * (1 - STEEL.poisson_ratio**2))
-    return 4 / 3 * modulus * math.sqrt(RADIUS)
-
-
-def hertz_time() -> Case:
-    """Contact time of a Hertz contact: 2.9432 times the largest depth over the speed."""
-    impact = collide(_steel(), MASS, SPEED)
-    return Case(
+def hertz() -> Iterator[Case]:
+    """A steel ball on steel: contact time 2.9432 p_max/v, peak force k p^1.5 with (2/5) k p^2.5 = m v^2/2."""
+    ball = Hertz(hertz_stiffness(RADIUS, STEEL, STEEL))
+    impact = collide(ball, MASS, SPEED)
+    yield Case(
         "Hertz contact: time", "Johnson (1985), rounded to 2.94 there", "contact time v/p_max", "1",
         0.8 * math.gamma(0.4) * math.sqrt(math.pi) / math.gamma(0.9),
         impact.contact_time * SPEED / impact.largest_penetration, 1e-9, "quadrature of a smooth integrand, 60 points",
     )  # fmt: skip
-
-
-def hertz_peak(integrated: bool) -> Case:
-    """Peak force of a steel ball on steel, k p^1.5 with (2/5) k p^2.5 = m v^2/2."""
-    stiffness = _steel_stiffness()
-    depth = (5 * MASS * SPEED**2 / (4 * stiffness)) ** 0.4
-    impact = _integrated(_steel()) if integrated else collide(_steel(), MASS, SPEED)
-    return Case(
-        f"Hertz contact of steel: peak force, {'integrated' if integrated else 'closed form'}",
-        "derived here (energy; Hertz, 1882)", "peak force", "N", stiffness * depth**1.5, impact.peak_force,
-        1e-3 if integrated else 1e-12, "largest of the integrator's own steps" if integrated else "rounding",
-    )  # fmt: skip
+    modulus = STEEL.young_modulus / (2 * (1 - STEEL.poisson_ratio**2))
+    stiffness = 4 / 3 * modulus * math.sqrt(RADIUS)
+    force = stiffness * ((5 * MASS * SPEED**2 / (4 * stiffness)) ** 0.4) ** 1.5
+    for way, computed, bound, reason in (
+        ("closed form", impact, 1e-12, "rounding"),
+        ("integrated", _integrated(ball), 1e-3, "largest of the integrator's own steps"),
+    ):
+        yield Case(
+            f"Hertz contact of steel: peak force, {way}", "derived here (energy; Hertz, 1882)", "peak force", "N",
+            force, computed.peak_force, bound, reason,
+        )  # fmt: skip
 
 
 def restitution_of(loss: float) -> float:
@@ -113,38 +103,11 @@ def restitution_of(loss: float) -> float:
     return float(brentq(difference, 1e-9, min(1.0, (1 - 1e-15) / loss), xtol=1e-15))
 
 
-def published_law(law: Published, asked: float) -> Case:
-    """Restitution of a law with a published loss factor."""
-    return Case(
-        f"{law.name}, e = {asked:g} asked", f"{law.source}; {RELATION}", "restitution", "1",
-        restitution_of(law.loss(asked)), _integrated(law.make(STIFFNESS, asked)).restitution, 1e-6,
-        "integration to 1e-10 a step; the end of the contact is read from the steps",
-    )  # fmt: skip
-
-
-def exact_law(asked: float) -> Case:
-    """The law whose loss factor solves the relation returns what is asked."""
-    return Case(
-        f"Gonthier/Carvalho-Martins, e = {asked:g} asked", "Gonthier et al. (2004)", "restitution", "1", asked,
-        _integrated(GonthierCarvalhoMartins(STIFFNESS, asked)).restitution, 1e-6,
-        "integration to 1e-10 a step; the end of the contact is read from the steps",
-    )  # fmt: skip
-
-
-def kelvin_voigt(asked: float) -> Case:
-    """The linear law that ends at zero force returns what is asked."""
-    law = KelvinVoigt(restitution=asked, contact_time=1e-4)
-    return Case(
-        f"Kelvin-Voigt, e = {asked:g} asked", "Schwager and Poeschel (2007)", "restitution", "1", asked,
-        _integrated(law).restitution, 1e-6, "integration to 1e-10 a step; the end is read from the steps",
-    )  # fmt: skip
-
-
 def _stepped(law: ContactLaw, steps: int) -> float:
     """Restitution of the same collision in the time loop, so many Newmark steps in the contact."""
     ball = Impactor("ball", "tip", MASS, 1e-6, law)
     # a wall that does not move: the structure's row is zero
-    system = System.from_matrices([[1.0]], [[0.0]], [[1.0]], points={"tip": [0.0]}, impactors=[ball])
+    system = oscillator(shape=0.0, impactors=[ball])
     contact_time = collide(law, MASS, SPEED).contact_time
     dt = contact_time / steps
     still, method = Sine(0.0, 1 / (400 * dt)), Newmark(dt, divergence_limit=1e6)
@@ -153,34 +116,42 @@ def _stepped(law: ContactLaw, steps: int) -> float:
     return float(run.impacts.rebound_speed[0] / run.impacts.approach_speed[0])
 
 
-def kelvin_voigt_stepped(asked: float) -> Case:
-    """The linear law in the time loop."""
-    law = KelvinVoigt(restitution=asked, contact_time=1e-4)
-    return Case(
-        f"Kelvin-Voigt, e = {asked:g} asked, Newmark T_c/1000", "Schwager and Poeschel (2007)", "restitution", "1",
-        asked, _stepped(law, 1000), 2e-3,
-        "first order: the dashpot starts up to one step late, 2 z w0 dt = 2e-3 of the speed",
-    )  # fmt: skip
+def restitutions() -> Iterator[Case]:
+    """Restitution under laws that return what is asked, and under those with their authors' loss factors."""
+    integrated = "integration to 1e-10 a step; the end of the contact is read from the steps"
+    source, unit = "Schwager and Poeschel (2007)", "1"
+    linear = {asked: KelvinVoigt(restitution=asked, contact_time=1e-4) for asked in (0.3, 0.5, 0.8)}
+    for asked, law in linear.items():
+        yield Case(
+            f"Kelvin-Voigt, e = {asked:g} asked", source, "restitution", unit, asked, _integrated(law).restitution,
+            1e-6, "integration to 1e-10 a step; the end is read from the steps",
+        )  # fmt: skip
+    for asked, law in linear.items():
+        yield Case(
+            f"Kelvin-Voigt, e = {asked:g} asked, Newmark T_c/1000", source, "restitution", unit, asked,
+            _stepped(law, 1000), 2e-3,
+            "first order: the dashpot starts up to one step late, 2 z w0 dt = 2e-3 of the speed",
+        )  # fmt: skip
+    for asked in linear:
+        yield Case(
+            f"Gonthier/Carvalho-Martins, e = {asked:g} asked", "Gonthier et al. (2004)", "restitution", unit, asked,
+            _integrated(GonthierCarvalhoMartins(STIFFNESS, asked)).restitution, 1e-6, integrated,
+        )  # fmt: skip
+    for published, asked in itertools.product(PUBLISHED, linear):
+        yield Case(
+            f"{published.name}, e = {asked:g} asked", f"{published.source}; {RELATION}", "restitution", unit,
+            restitution_of(published.loss(asked)), _integrated(published.make(STIFFNESS, asked)).restitution, 1e-6,
+            integrated,
+        )  # fmt: skip
+    for published in PUBLISHED:
+        yield Case(
+            f"{published.name}, e = 0.5 asked, Newmark T_c/400", f"{published.source}; {RELATION}", "restitution",
+            unit, restitution_of(published.loss(0.5)), _stepped(published.make(STIFFNESS, 0.5), 400), 4e-5,
+            "second order: (2 pi/400)^2/6, the force of these laws starts and ends at zero",
+        )  # fmt: skip
 
 
-def power_law_stepped(law: Published, asked: float) -> Case:
-    """A power law in the time loop."""
-    return Case(
-        f"{law.name}, e = {asked:g} asked, Newmark T_c/400", f"{law.source}; {RELATION}", "restitution", "1",
-        restitution_of(law.loss(asked)), _stepped(law.make(STIFFNESS, asked), 400), 4e-5,
-        "second order: (2 pi/400)^2/6, the force of these laws starts and ends at zero",
-    )  # fmt: skip
-
-
-ASKED = (0.3, 0.5, 0.8)
-
-CASES: tuple[Callable[[], Case], ...] = (
-    hertz_time,
-    *(partial(hertz_peak, integrated) for integrated in (False, True)),
-    *(partial(check, e) for check in (kelvin_voigt, kelvin_voigt_stepped, exact_law) for e in ASKED),
-    *(partial(published_law, law, e) for law in PUBLISHED for e in ASKED),
-    *(partial(power_law_stepped, law, 0.5) for law in PUBLISHED),
-)
+CASES = (hertz, restitutions)
 """The cases of this subject, in the order of the table."""
 
 
@@ -199,9 +170,9 @@ def free_masses(masses: list[float], restitution: float, gap: float = 0.0) -> Sy
     return System.from_matrices(np.diag(masses), zero, zero, points=points, stops=stops)
 
 
-def shaken_floor(restitution: float, gap: tuple[float, float], acceleration: float = 0.0) -> System:
+def shaken_floor(law: ContactLaw, gap: tuple[float, float], acceleration: float = 0.0) -> System:
     """A ball between walls that move with the base: the structure has no motion where the ball is."""
-    ball = Impactor("ball", "floor", 1.0, gap, Rigid(restitution), acceleration=acceleration)
+    ball = Impactor("ball", "floor", 1.0, gap, law, acceleration=acceleration)
     return System.from_matrices([[1.0]], [[0.1]], [[1.0]], points={"floor": [0.0]}, impactors=[ball])
 
 
@@ -215,109 +186,121 @@ def _collision_run(masses: list[float], restitution: float, gap: float = 0.0) ->
     )  # fmt: skip
 
 
-def collision(body: int, restitution: float) -> Case:
+def collision() -> Iterator[Case]:
     """Velocities after a collision of two free bodies, from momentum and restitution."""
-    m = [0.3, 0.7]
-    common = 2.0 * m[0] / sum(m)
-    # in the frame of the centre of mass each velocity is turned and multiplied by e
-    reference = common - restitution * (2.0 - common) if body == 0 else common + restitution * common
-    return Case(
-        f"collision of 0.3 and 0.7 kg, e = {restitution:g}, body {body + 1}",
-        "derived here (momentum and restitution)", "velocity after", "m/s", reference,
-        float(_collision_run(m, restitution)[f"mass {body}.velocity"][-1]), 1e-12, "rounding",
-    )  # fmt: skip
+    for restitution, body in itertools.product((0.0, 0.6, 1.0), (0, 1)):
+        m = [0.3, 0.7]
+        common = 2.0 * m[0] / sum(m)
+        # in the frame of the centre of mass each velocity is turned and multiplied by e
+        reference = common - restitution * (2.0 - common) if body == 0 else common + restitution * common
+        yield Case(
+            f"collision of 0.3 and 0.7 kg, e = {restitution:g}, body {body + 1}",
+            "derived here (momentum and restitution)", "velocity after", "m/s", reference,
+            float(_collision_run(m, restitution)[f"mass {body}.velocity"][-1]), 1e-12, "rounding",
+        )  # fmt: skip
 
 
-def row_of_bodies(gap: float, final: tuple[float, ...]) -> Case:
+def row_of_bodies() -> Iterator[Case]:
     """Equal bodies without loss: a gap apart the last one leaves with the first one's speed, as in Newton's cradle.
 
     In touch they take part in one impact, in which the first meets the mass of all the others.
     """
-    count = len(final)
-    run = _collision_run([1.0] * count, 1.0, gap)
-    velocities = np.array([run[f"mass {i}.velocity"][-1] for i in range(count)])
-    return Case(
-        "Newton's cradle of five" if gap else f"row of {count} bodies in touch", "derived here (momentum and energy)",
-        "largest error of the velocities", "m/s", 0.0, float(np.max(np.abs(velocities - final))), 1e-12, "rounding",
-    )  # fmt: skip
+    for gap, final in ((1e-3, (0.0, 0.0, 0.0, 0.0, 2.0)), (0.0, (-2 / 3, 4 / 3, 4 / 3))):
+        count = len(final)
+        run = _collision_run([1.0] * count, 1.0, gap)
+        velocities = np.array([run[f"mass {i}.velocity"][-1] for i in range(count)])
+        yield Case(
+            "Newton's cradle of five" if gap else f"row of {count} bodies in touch",
+            "derived here (momentum and energy)", "largest error of the velocities", "m/s", 0.0,
+            float(np.max(np.abs(velocities - final))), 1e-12, "rounding",
+        )  # fmt: skip
 
 
-def at_one_instant(restitutions: tuple[float, ...]) -> Case:
+def at_one_instant() -> Iterator[Case]:
     """Balls of 1 kg that meet a free wall of 1 kg at 1 m/s and at one instant: u+ = -e u- for each of them.
 
     With momentum the wall then moves at sum (1 + e)/(1 + n), and each ball at that less its e.
     """
-    balls = [Impactor(f"ball {k}", "wall", 1.0, 1.0, Rigid(e)) for k, e in enumerate(restitutions)]
-    zero, count = np.zeros((1, 1)), len(restitutions)
-    system = System.from_matrices([[1.0]], zero, zero, points={"wall": [1.0]}, impactors=balls)
-    start = State(ball_velocity=[1.0] * count)
-    channels = ("wall.velocity", *(f"{ball.name}.velocity" for ball in balls))
-    run = integrate(system, Sine(0.0, 1.0), EventDriven(), 1.5, Recorder(channels), start)
-    wall = (count + sum(restitutions)) / (1 + count)
-    exact = np.array([wall, *(wall - e for e in restitutions)])
-    velocities = np.array([run[channel][-1] for channel in channels])
-    # each loses 1/2 (1 - e) p u
-    lost = 0.5 * np.sum((1 - np.array(restitutions)) * (1 - exact[1:]))
-    off = [*np.abs(velocities - exact), abs(run.impacts.energy_loss.sum() - lost)]
-    return Case(
-        f"{count} balls meet a wall at one instant, e = {', '.join(f'{e:g}' for e in restitutions)}", "Moreau (1988)",
-        "largest error of the velocities and of the loss (J)", "m/s", 0.0, float(np.max(off)), 1e-12, "rounding",
-    )  # fmt: skip
+    for restitutions in ((0.5, 0.5), (0.9, 0.1), (0.0, 0.0, 0.0)):
+        balls = [Impactor(f"ball {k}", "wall", 1.0, 1.0, Rigid(e)) for k, e in enumerate(restitutions)]
+        zero, count = np.zeros((1, 1)), len(restitutions)
+        system = System.from_matrices([[1.0]], zero, zero, points={"wall": [1.0]}, impactors=balls)
+        start = State(ball_velocity=[1.0] * count)
+        channels = ("wall.velocity", *(f"{ball.name}.velocity" for ball in balls))
+        run = integrate(system, Sine(0.0, 1.0), EventDriven(), 1.5, Recorder(channels), start)
+        wall = (count + sum(restitutions)) / (1 + count)
+        exact = np.array([wall, *(wall - e for e in restitutions)])
+        velocities = np.array([run[channel][-1] for channel in channels])
+        # each loses 1/2 (1 - e) p u
+        lost = 0.5 * np.sum((1 - np.array(restitutions)) * (1 - exact[1:]))
+        off = [*np.abs(velocities - exact), abs(run.impacts.energy_loss.sum() - lost)]
+        yield Case(
+            f"{count} balls meet a wall at one instant, e = {', '.join(f'{e:g}' for e in restitutions)}",
+            "Moreau (1988)", "largest error of the velocities and of the loss (J)", "m/s", 0.0, float(np.max(off)),
+            1e-12, "rounding",
+        )  # fmt: skip
 
 
-def ball_comes_to_rest(restitution: float) -> Case:
+def ball_comes_to_rest() -> Iterator[Case]:
     """A dropped ball rests after v/g + 2 e v/(g (1 - e)), v = sqrt(2 g h)."""
-    height = 4e-3
-    speed = math.sqrt(2 * GRAVITY * height)
-    rest = speed / GRAVITY + 2 * restitution * speed / (GRAVITY * (1 - restitution))
-    system = shaken_floor(restitution, (1.0, height), -GRAVITY)
-    run = integrate(system, Sine(0.0, 5.0), EventDriven(), rest + 0.1, Recorder(("ball",)))
-    computed = float(run.sticking.start[0]) if run.sticking.start.size == 1 else math.nan
-    return Case(
-        f"bouncing ball, e = {restitution:g}", "derived here (geometric series)", "time to rest", "s", rest, computed,
-        1e-12, "rounding; bounces below the closure of 1e-12 m are summed in closed form",
-    )  # fmt: skip
+    for restitution in (0.3, 0.7, 0.95):
+        height = 4e-3
+        speed = math.sqrt(2 * GRAVITY * height)
+        rest = speed / GRAVITY + 2 * restitution * speed / (GRAVITY * (1 - restitution))
+        system = shaken_floor(Rigid(restitution), (1.0, height), -GRAVITY)
+        run = integrate(system, Sine(0.0, 5.0), EventDriven(), rest + 0.1, Recorder(("ball",)))
+        computed = float(run.sticking.start[0]) if run.sticking.start.size == 1 else math.nan
+        yield Case(
+            f"bouncing ball, e = {restitution:g}", "derived here (geometric series)", "time to rest", "s", rest,
+            computed, 1e-12, "rounding; bounces below the closure of 1e-12 m are summed in closed form",
+        )  # fmt: skip
 
 
-def ball_leaves_the_table() -> Case:
+def ball_leaves_the_table() -> Iterator[Case]:
     """A ball at rest on a table A sin(w t) leaves it where A w^2 sin(theta) = g."""
     gain = 1.3
     table = Sine(gain * GRAVITY / (2 * math.pi * FREQUENCY) ** 2, FREQUENCY)
-    run = integrate(shaken_floor(0.4, (1.0, 0.0), -GRAVITY), table, EventDriven(), 2.0)
+    run = integrate(shaken_floor(Rigid(0.4), (1.0, 0.0), -GRAVITY), table, EventDriven(), 2.0)
     phase = np.mod(table.omega * run.sticking.end[:-1], 2 * math.pi)
     exact = math.asin(1 / gain)
     worst = float(phase[np.argmax(np.abs(phase - exact))]) if phase.size else math.nan
-    return Case(
+    yield Case(
         "ball on a vibrating table: it leaves", "derived here (A w^2 sin = g)", "phase of leaving, the worst of 2 s",
         "rad", exact, worst, 1e-9, "rounding of t w at t = 2 s",
     )  # fmt: skip
 
 
-def ball_bounces_once_a_cycle(restitution: float) -> Case:
-    """One bounce in each cycle: cos(theta) = pi g (1 - e)/((1 + e) A w^2).
+THETA = math.acos(1 / 1.3)
+"""Phase, 0.69 rad, of the impacts of a bounce that is stable."""
+
+
+def bouncing(restitution: float, off: float, cycles: float) -> Response:
+    """A ball of 1 kg that bounces once in each cycle: cos(theta) = pi g (1 - e)/((1 + e) A w^2).
 
     A free motion of one period from and to the same height starts with v = g T/2 and ends with -v. The
-    impact demands v - A w cos(theta) = e (v + A w cos(theta)).
+    impact demands v - A w cos(theta) = e (v + A w cos(theta)). The start is so many times as fast as the orbit.
     """
     pull = math.pi * GRAVITY * (1 - restitution) / (1 + restitution)
-    # 1.3: theta = 0.69, where the bounce is stable
     omega = 2 * math.pi * FREQUENCY
-    theta = math.acos(1 / 1.3)
-    table = Sine(1.3 * pull / omega**2, FREQUENCY, theta)
-    rebound = GRAVITY / (2 * FREQUENCY) - table.amplitude * omega * math.cos(theta)
-    # 2 % too fast: the motion has to find the orbit
-    start = State(ball_displacement=[0.0], ball_velocity=[1.02 * rebound])
-    run = integrate(
-        shaken_floor(restitution, (1.0, 0.0), -GRAVITY), table, EventDriven(), 400 / FREQUENCY, initial=start
-    )  # fmt: skip
-    return Case(
-        f"ball on a vibrating table: once a cycle, e = {restitution:g}", "derived here (as Holmes, 1982)",
-        "phase of the impact after 400 cycles", "rad", theta, float(run.impacts.phase[-1]), 1e-9,
-        "rounding of t w at 400 cycles; the start's 2 % have decayed",
-    )  # fmt: skip
+    table = Sine(1.3 * pull / omega**2, FREQUENCY, THETA)
+    rebound = GRAVITY / (2 * FREQUENCY) - table.amplitude * omega * math.cos(THETA)
+    start = State(ball_displacement=[0.0], ball_velocity=[off * rebound])
+    system = shaken_floor(Rigid(restitution), (1.0, 0.0), -GRAVITY)
+    return integrate(system, table, EventDriven(), cycles / FREQUENCY, initial=start)
 
 
-def ball_is_left() -> Case:
+def ball_bounces_once_a_cycle() -> Iterator[Case]:
+    """One bounce in each cycle, from a start that is 2 % too fast: the motion has to find the orbit."""
+    for restitution in (0.5, 0.8):
+        run = bouncing(restitution, 1.02, 400)
+        yield Case(
+            f"ball on a vibrating table: once a cycle, e = {restitution:g}", "derived here (as Holmes, 1982)",
+            "phase of the impact after 400 cycles", "rad", THETA, float(run.impacts.phase[-1]), 1e-9,
+            "rounding of t w at 400 cycles; the start's 2 % have decayed",
+        )  # fmt: skip
+
+
+def ball_is_left() -> Iterator[Case]:
     """A ball that falls on a free table without rebound stops it alone: what lies there is left by its table.
 
     With the ball that lies there the impulse would be v/(1/m + 1/(M + m')).
@@ -333,13 +316,13 @@ def ball_is_left() -> Case:
     # table and ball are pulled together by the weight of the ball
     speed = math.sqrt(2 * (3 * GRAVITY - lying * GRAVITY / (table + lying)) * height)
     hit = run.impacts.impactor == "falling"
-    return Case(
+    yield Case(
         "ball that falls beside one that lies on a free table", "derived here (momentum)", "impulse of its impact",
         "N s", speed / (1 / falling + 1 / table), float(run.impacts.impulse[hit][0]), 1e-11, "rounding",
     )  # fmt: skip
 
 
-def nearly_rigid_meets_its_wall() -> Case:
+def nearly_rigid_meets_its_wall() -> Iterator[Case]:
     """A mass that next to nothing holds, under a sine and a constant force."""
     from scipy.optimize import brentq
 
@@ -356,22 +339,21 @@ def nearly_rigid_meets_its_wall() -> Case:
         return steady * math.sin(rate * time) + free + 2 * pull * (math.sin(omega * time / 2) / omega) ** 2 - gap
 
     time = float(run.impacts.time[0])
-    return Case(
+    yield Case(
         "nearly rigid mass under a sine and a constant force", "derived here (steady and free motions)",
         "time of its impact", "s", float(brentq(clearance, 0.9 * time, 1.1 * time, xtol=1e-15)), time, 1e-13,
         "rounding of the gap over its speed",
     )  # fmt: skip
 
 
-IMPACT_CASES: tuple[Callable[[], Case], ...] = (
-    *(partial(collision, body, e) for e in (0.0, 0.6, 1.0) for body in (0, 1)),
-    partial(row_of_bodies, 1e-3, (0.0, 0.0, 0.0, 0.0, 2.0)),
-    partial(row_of_bodies, 0.0, (-2 / 3, 4 / 3, 4 / 3)),
-    *(partial(at_one_instant, restitutions) for restitutions in ((0.5, 0.5), (0.9, 0.1), (0.0, 0.0, 0.0))),
-    *(partial(ball_comes_to_rest, e) for e in (0.3, 0.7, 0.95)),
+IMPACT_CASES = (
+    collision,
+    row_of_bodies,
+    at_one_instant,
+    ball_comes_to_rest,
     ball_leaves_the_table,
     ball_is_left,
     nearly_rigid_meets_its_wall,
-    *(partial(ball_bounces_once_a_cycle, e) for e in (0.5, 0.8)),
+    ball_bounces_once_a_cycle,
 )
 """The cases of this subject, in the order of the table."""

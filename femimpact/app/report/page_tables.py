@@ -15,7 +15,7 @@ from femimpact.app.results.picture_data import Run, SweptCurves
 from femimpact.app.results.result_directory import FILES
 from femimpact.app.study.findings import Findings, history_words
 from femimpact.convergence.table import ConvergenceTable
-from femimpact.excitation.drive_words import drive_words
+from femimpact.excitation.drives import drive_words
 from femimpact.figures.study_labels import case_columns, in_shown_units
 from femimpact.response.impacts import impact_columns
 from femimpact.signals.decay import DecayEstimate

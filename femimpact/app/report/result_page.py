@@ -307,8 +307,9 @@ def beside_of(results: ResultReading, records: Iterable[Any]) -> dict[str, list[
         )
     }  # fmt: skip
     for record in (*records, results.parameter_study):
-        for key, shown in results.attempt("tables", partial(list, beside(record, True))) or ():
-            made.setdefault(key, []).append(shown)
+        pairs: list[tuple[str, Element]] | None = results.attempt("tables", partial(list, beside(record, True)))
+        for key, one in pairs or ():
+            made.setdefault(key, []).append(one)
     return made
 
 

@@ -24,9 +24,8 @@ from femimpact.errors import (
 )
 from femimpact.excitation.chirp import Chirp
 from femimpact.excitation.columns import record_text
-from femimpact.excitation.drives import Drives
+from femimpact.excitation.drives import Drives, HammerBlow, PointForce
 from femimpact.excitation.excitation import words_of
-from femimpact.excitation.forces import HammerBlow, PointForce
 from femimpact.excitation.harmonic import Sine, SteppedSine
 from femimpact.excitation.random_base import RandomBase
 from femimpact.excitation.records import RecordedBase

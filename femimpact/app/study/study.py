@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from femimpact.app.study.drives import (
     BASES,
@@ -37,11 +37,9 @@ from femimpact.errors import (
     truth,
 )
 from femimpact.excitation.chirp import Chirp
-from femimpact.excitation.drives import Drives, alone, until
+from femimpact.excitation.drives import Drives, HammerBlow, PointForce, alone, until
 from femimpact.excitation.excitation import Excitation
-from femimpact.excitation.forces import HammerBlow, PointForce
-from femimpact.excitation.harmonic import Sine, SteppedSine
-from femimpact.excitation.levels import Level, require_reach
+from femimpact.excitation.harmonic import Level, Sine, SteppedSine, require_reach
 from femimpact.excitation.random_base import RandomBase
 from femimpact.excitation.records import RecordedBase
 from femimpact.excitation.shock import Shock
@@ -284,6 +282,14 @@ class Output:
         require(self.frames > 0 or not self.vtkhdf, "vtkhdf", self.vtkhdf, "", "must be false where frames = 0")
 
 
+class AsRead(NamedTuple):
+    """What a study file was read as: an equal study has the text of its file."""
+
+    study: Study
+    tables: Mapping[str, Any]  # with numbers in SI
+    quantities: tuple[tuple[str, str, Any, str], ...]  # texts with a unit: key, text, number and unit in SI
+
+
 @dataclass(frozen=True, eq=False)
 class Study:
     """A validated study file.
@@ -313,6 +319,8 @@ class Study:
         none.
     start : {"base", "space", "static"}
         At rest relative to the base, at rest in the inertial frame, or in the static state (`State.static`).
+    as_read : AsRead or None
+        None of a study that was not read from a file.
 
     Raises
     ------
@@ -336,6 +344,7 @@ class Study:
     forces: tuple[PointForce | HammerBlow, ...] = field(default=(), metadata=items(PointForce, HammerBlow))
     duration: float | None = field(default=None, metadata=optional(SECONDS))
     start: str = field(default="base", metadata=START)
+    as_read: AsRead | None = field(default=None, repr=False, metadata=optional(instance(AsRead)))
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -351,7 +360,7 @@ class Study:
         excitation: Excitation = until(drives, self.history_duration)
         return excitation
 
-    @property
+    @cached_property
     def history_duration(self) -> float:
         """Time (s) that the history takes."""
         return float(history_duration(self.base, self.duration) or 0.0)
@@ -376,7 +385,7 @@ class Study:
         """Path of the record of the base, from the folder of the study file; None without one."""
         return self.source.get("record")
 
-    @property
+    @cached_property
     def shown_frequency(self) -> float:
         """Frequency (Hz) of the cycles that pictures show: of the base where it moves, and not of forces beside it."""
         return float((self.base or self.excitation).frequency)

@@ -38,16 +38,15 @@ from femimpact.app.study.schema import (
     noun_schema,
     plan_schema,
 )
-from femimpact.app.study.study import Gravity, MeshChoice, OrbitsPlan, Output, Reduction, Study, SweepPlan
+from femimpact.app.study.study import AsRead, Gravity, MeshChoice, OrbitsPlan, Output, Reduction, Study, SweepPlan
 from femimpact.contact.law import ContactLaw
 from femimpact.contact.laws import LAWS
-from femimpact.errors import Fault, InputError, require_path, suggestion
-from femimpact.excitation.forces import HammerBlow, PointForce
+from femimpact.errors import Fault, InputError, changed, require_path, suggestion
+from femimpact.excitation.drives import HammerBlow, PointForce
 from femimpact.fem.mesh import uniform_mesh
 from femimpact.integrators.methods import METHODS
 from femimpact.regular_file import read_regular
-from femimpact.structure.beam import Beam, Segment, require_single
-from femimpact.structure.damping import ModalDamping, Rayleigh
+from femimpact.structure.beam import Beam, ModalDamping, Rayleigh, Segment, require_single
 from femimpact.structure.structure import Absorber, Dashpot, Impactor, PointMass, Spring, Stop, Structure, Support
 from femimpact.units import in_si
 
@@ -126,13 +125,9 @@ def read_study(
         reason = f"a number of {len(digits[0])} digits in line {line}" if digits else str(error)
     if reason:
         raise InputError([Fault("study", str(path), "", f"must be readable TOML: {reason}")])
-    data, readings = in_si_units(data, _schema(), path.parent)
-    return _from_tables(data, path, text, readings.faults)
-
-
-@cache
-def _schema() -> dict[str, Any]:
-    return study_schema()
+    data, readings = in_si_units(data, study_schema(), path.parent)
+    study = _from_tables(data, path, text, readings.faults)
+    return changed(study, as_read=AsRead(study, data, tuple(readings.found)))
 
 
 def unit_lines(study: Study) -> list[str]:
@@ -143,14 +138,14 @@ def unit_lines(study: Study) -> list[str]:
             return f"{len(value)} rows"
         return f"{value[0]:.9g} Hz, {value[1]:.9g}" if isinstance(value, tuple) else f"{value:.9g}"
 
-    readings = in_si_units(tomllib.loads(study.text), _schema(), study.path.parent)[1]
     # a text may stand twice in a list
     return list(dict.fromkeys(
         f"{key} = {words}: {shown(value)}{'' if unit in ('1', 'sigma') else f' {unit}'}"
-        for key, words, value, unit in readings.found
+        for key, words, value, unit in (study.as_read.quantities if study.as_read else ())
     ))  # fmt: skip
 
 
+@cache
 def study_schema() -> dict[str, Any]:
     """JSON schema (draft 2020-12) of a study file as parsed from TOML.
 
@@ -178,19 +173,21 @@ def study_text(study: Study) -> str:
     Returns: the text that the study was read from, with its comments, unless the study was changed since. A contact law
     that has no name in study files is named in a comment; such a file cannot be loaded, and says where.
     """
-    try:
-        text = with_numbers(study.text, in_si_units(tomllib.loads(study.text), _schema(), study.path.parent)[0])
-        again = in_si_units(tomllib.loads(text), _schema(), study.path.parent)[1]
-        if not again.found and same_study(read_study(text, study.path), study):
+    read = study.as_read
+    if read is not None and study.text == read.study.text and same_study(study, read.study):
+        text = with_numbers(study.text, read.tables) if read.quantities else study.text
+        # a text in several lines keeps its unit
+        if tomllib.loads(text) == read.tables:
             return text
-    except (InputError, ValueError):
-        pass
-    return "\n".join(_lines(study)) + "\n"
+    return "\n".join(study_lines(study)) + "\n"
 
 
 def same_study(one: Study, other: Study) -> bool:
     """True where two studies are equal, whatever their paths and texts are."""
-    return one.source.get("content") == other.source.get("content") and list(_lines(one)) == list(_lines(other))
+    names = (item.name for item in dataclasses.fields(Study) if item.name not in ("path", "text", "as_read"))
+    if all(getattr(one, name) is getattr(other, name) for name in names):
+        return True
+    return one.source.get("content") == other.source.get("content") and [*study_lines(one)] == [*study_lines(other)]
 
 
 def with_record(study: Study, record: str) -> Study:
@@ -201,7 +198,11 @@ def with_record(study: Study, record: str) -> Study:
     base: Any = study.base
     base = dataclasses.replace(base, source={**study.source, "record": record})
     text = RECORD_LINE.sub(lambda found: found[1] + _value(record), study.text, count=1)
-    return dataclasses.replace(study, base=base, text=text)
+    moved, read = dataclasses.replace(study, base=base, text=text), study.as_read
+    if read is None or not same_study(study, read.study):
+        return moved
+    tables = {**read.tables, "base": {**read.tables["base"], "record": record}}
+    return changed(moved, as_read=read._replace(study=moved, tables=tables))
 
 
 # ---- reading --------------------------------------------------------------------------------------
@@ -455,7 +456,8 @@ def _best(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any:
 # ---- writing --------------------------------------------------------------------------------------
 
 
-def _lines(study: Study) -> Iterator[str]:
+def study_lines(study: Study) -> Iterator[str]:
+    """Lines of a study file that gives this study, without comments and with numbers in SI."""
     structure = study.structure
     yield "# Written by femimpact: the study that was run. SI units."
     if not structure.supports:

@@ -22,8 +22,8 @@ from femimpact.app.study.summary import summary_of
 from femimpact.app.tasks.run import Found, Report, keep_pictures, keep_study
 from femimpact.arrays import Array
 from femimpact.errors import DivergenceError, Fault, FemimpactError, InputError, checked, require
+from femimpact.excitation.drives import PointForce
 from femimpact.excitation.excitation import words_of
-from femimpact.excitation.forces import PointForce
 from femimpact.excitation.harmonic import Sine
 from femimpact.files import write_csv, write_netcdf
 from femimpact.integrators.cases import memory_needed

@@ -20,8 +20,6 @@ from femimpact.app.study.study import Study, build_systems, check_method, method
 from femimpact.app.study.summary import library_versions
 from femimpact.app.tasks.run import Report, keep_study
 from femimpact.convergence.cases import Axis, Case, OverMeshes, OverModes, OverSteps
-from femimpact.convergence.mesh_and_step import converge_step
-from femimpact.convergence.over_modes import ContactStatistics
 from femimpact.convergence.quantities import (
     Frequencies,
     ModeShapes,
@@ -30,6 +28,7 @@ from femimpact.convergence.quantities import (
     SurfaceStress,
     Watched,
 )
+from femimpact.convergence.runs import ContactStatistics, converge_step
 from femimpact.convergence.study import convergence_study
 from femimpact.convergence.table import ConvergenceTable, note_lines, table_lines
 from femimpact.errors import FemimpactError, InputError

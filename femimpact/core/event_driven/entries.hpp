@@ -3,7 +3,6 @@
 
 #include "../kernels.hpp"
 #include "../tables.hpp"
-#include "faults.hpp"
 #include "loop.hpp"
 
 namespace FEMIMPACT_TARGET {
@@ -20,10 +19,7 @@ inline PyObject *run_cases_entry(const femimpact_kernels &kernels, PyObject *con
     if (!handed.read("job", arguments[1], job) || !handed.read("task", arguments[0], task) ||
         (has_ledger && !handed.read("ledger", arguments[2], ledger)))
         return nullptr;
-    if (!handed.are_apart())
-        return nullptr;
-    const Ledger *given = has_ledger ? &ledger : nullptr;
-    return run_apart(fault_of(task, job, given), [&] { kernels.run_cases(&task, &job, given); });
+    return run_apart([&] { kernels.run_cases(&task, &job, has_ledger ? &ledger : nullptr); });
 }
 
 // next_event((scalars, motion, search), until)
@@ -33,10 +29,8 @@ inline PyObject *next_event_entry(const femimpact_kernels &kernels, PyObject *co
     FromTuple handed;
     SearchCall call = {};
     double until = 0.0;
-    if (!handed.read("call", arguments[0], call) || !take_number(arguments[1], "until", &until) || !handed.are_apart())
+    if (!handed.read("call", arguments[0], call) || !take_number(arguments[1], "until", &until))
         return nullptr;
-    if (const char *fault = fault_of(call, until))
-        return PyErr_Format(PyExc_ValueError, "%s", fault);
     std::int64_t status = 0;
     {
         const WithoutLock others_run;

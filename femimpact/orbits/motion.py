@@ -1,4 +1,4 @@
-"""The motion between two events: the linear flow of a contact state under a sine, in closed form.
+"""The motion between two events, in closed form: under a sine it is the linear flow of a contact state.
 
 With z = (p, p') of structure and balls, and theta the phase of the drive, a set of pressed Kelvin-Voigt pairs leaves
 
@@ -6,7 +6,8 @@ With z = (p, p') of structure and balls, and theta the phase of the drive, a set
     z(t) = e^{A t} (z(0) - z_p(theta(0))) + int_0^t e^{A r} a dr + z_p(theta(t)),
 
 with z_p the steady response. Coordinates that nothing couples move in closed form, the others by the eigenvalues of
-their matrix, or by its exponential where these do not separate.
+their matrix, or by its exponential where these do not separate. An event is where its condition, linear in z, rises to
+zero.
 
 All of it is analytic in the numbers of the system. These may have a tiny imaginary part each, which then is a
 derivative without a difference (Squire and Trapp, 1998). Complex matrices go by their exponential, whose rounding
@@ -15,27 +16,30 @@ leaves that part its digits; eigenvalues do not.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 import scipy.linalg
+import scipy.optimize
 from numpy.typing import NDArray
 
-from femimpact.arrays import Array
+from femimpact.arrays import Array, Integers
 from femimpact.errors import Fault, InputError
 from femimpact.excitation.excitation import Excitation
 from femimpact.integrators.channel_rows import drive_of
 from femimpact.integrators.event_driven.block import RESONANCE
 from femimpact.integrators.event_driven.complex_modes import SLOW
 from femimpact.integrators.event_driven.equations import equations_of
-from femimpact.integrators.event_driven.loop_data import CONTACT
+from femimpact.integrators.event_driven.loop_data import CONTACT, FREE
 from femimpact.system.system import System
 
 Numbers = NDArray[Any]
 """Real numbers, or complex ones of a derivative."""
 
-SEPARATE = 1e3
+WELL_APART = 1e3
 """Condition of the eigenvectors beyond which the matrix exponential is taken, as beside slow motions."""
 
 SERIES = 1e-4
@@ -46,6 +50,24 @@ SHORT, TERMS = 0.5, 16
 
 HELD = 1e-2
 """Share of its change by damping that a coordinate must change by its stiffness to be divided by that."""
+
+PROFILE = 16
+"""Instants in a period of the fastest motion between which a body is seen to turn back."""
+
+AT_ONCE = 1024
+"""Instants at which the closed form is read at once: each takes a matrix."""
+
+IN_CONTACT = 1e-6
+"""Share of its length that an interval in contact counts for, where a run looks for a start."""
+
+IMPACT, TOUCH, RELEASE, PRESS_AGAIN, SEPARATE = "impact", "touch", "release", "press again", "separate"
+"""Kinds of events that an orbit may have."""
+
+Event = tuple[str, int, float]
+"""Kind, pair and side of an event."""
+
+Condition = tuple[Numbers, Numbers, Any]
+"""What rises to zero at an event: a row (2d,) of z, and one (2,) of sin and cos of the phase, less a level, in m."""
 
 
 class ResonanceError(InputError, np.linalg.LinAlgError):
@@ -74,15 +96,34 @@ class HybridSystem:
 
     def flow(self, contact_state: Array) -> Flow:
         """The flow of a contact state (pairs,), made where it is first asked for."""
-        key = contact_state.tobytes()
+        # a wall that springs back behind its body does not act
+        pressed = np.where(np.abs(contact_state) == CONTACT, contact_state, 0.0)
+        key = pressed.tobytes()
         if key not in self.flows:
-            self.flows[key] = flow_of(self, contact_state)
+            self.flows[key] = flow_of(self, pressed)
         return self.flows[key]
 
     @property
     def drive(self) -> Any:
         """Amplitude of s(t) beside sin(theta)."""
         return -self.amplitude * self.omega**2 if self.moves_base else self.amplitude
+
+    def condition(self, event: Event) -> Condition:
+        """The depth beyond a wall, or the force of a contact over its stiffness; less where it falls to zero."""
+        kind, pair, side = event
+        towards = side if kind in (RELEASE, SEPARATE) else -side
+        damped: Any = 0.0
+        if kind in (RELEASE, PRESS_AGAIN):
+            damped = self.contact_damping[pair] / self.contact_stiffness[pair]
+        gap, base = towards * self.force[:, pair], towards * self.in_space[pair] * self.amplitude
+        level = -towards * side * self.gaps[pair, 0 if side > 0.0 else 1]
+        return np.concatenate([gap, damped * gap]), np.array([base, damped * self.omega * base]), level
+
+    def impulse(self, pair: int, side: float) -> Numbers:
+        """Change (2d,) of z by an impact of unit approach speed."""
+        push = self.force[:, pair] / self.mass
+        change = side * (1.0 + self.restitution[pair]) / (self.force[:, pair] @ push) * push
+        return np.concatenate([0.0 * push, change])
 
 
 def hybrid_system(system: System, excitation: Excitation) -> HybridSystem:
@@ -150,6 +191,16 @@ class Flow:
         driven = np.sin(phase)[:, None] * self.sine + np.cos(phase)[:, None] * self.cosine
         return np.asarray(z @ self.matrix.T + self.constant + driven)
 
+    def turning(self, rates: Numbers, phase: Numbers) -> Numbers:
+        """Second derivatives z'' (n, 2d) with these rates."""
+        driven = np.cos(phase)[:, None] * self.sine - np.sin(phase)[:, None] * self.cosine
+        return np.asarray(rates @ self.matrix.T + self.omega * driven)
+
+    @cached_property
+    def fastest(self) -> float:
+        """Largest frequency, over that of the drive where that is less."""
+        return max(1.0, float(np.abs(np.linalg.eigvals(self.matrix).imag).max()) / float(self.omega))
+
     def steady(self, phase: Numbers) -> Numbers:
         """The steady response (n, 2d) at phases (n,)."""
         steady = np.sin(phase)[:, None] * self.steady_sine + np.cos(phase)[:, None] * self.steady_cosine
@@ -178,12 +229,12 @@ class Flow:
         return propagator, moved
 
 
-def flow_of(hybrid: HybridSystem, contact_state: Numbers) -> Flow:  # contact_state (pairs,)
-    """The flow while the pairs in contact are pressed.
+def flow_of(hybrid: HybridSystem, contact_state: Numbers) -> Flow:
+    """The flow of a contact state (pairs,): +-1 of the pairs that are pressed, 0 of the others.
 
     Raises `ResonanceError` at a natural frequency without damping.
     """
-    pressed = np.flatnonzero(np.abs(contact_state) == CONTACT)
+    pressed = np.flatnonzero(contact_state)
     side = contact_state[pressed]
     P, k, c = hybrid.force[:, pressed], hybrid.contact_stiffness[pressed], hybrid.contact_damping[pressed]
     in_space, gap = hybrid.in_space[pressed], hybrid.gaps[pressed, np.where(side > 0, 0, 1)]
@@ -225,13 +276,12 @@ def _coupled(A: Numbers, constant: Numbers, members: NDArray[np.intp]) -> _Coupl
     # of (omega p, p') the eigenvectors are of one size, but those of slow motions
     omega = np.sqrt(np.abs(np.diagonal(matrix[n:, :n])))
     unit = np.concatenate([np.maximum(omega, SLOW), np.ones(n)])
-    if not n or np.iscomplexobj(matrix):
-        return _Coupled(members, matrix, constant[members], unit, None, none, none)
-    rate, right = np.linalg.eig(unit[:, None] * matrix / unit)
-    if not np.linalg.cond(right) < SEPARATE:
-        return _Coupled(members, matrix, constant[members], unit, None, none, none)
-    left = np.linalg.inv(right) * unit
-    return _Coupled(members, matrix, constant[members], unit, rate, right / unit[:, None], left)
+    rate, right, left = None, none, none
+    if n and not np.iscomplexobj(matrix):
+        values, vectors = np.linalg.eig(unit[:, None] * matrix / unit)
+        if np.linalg.cond(vectors) < WELL_APART:
+            rate, right, left = values, vectors / unit[:, None], np.linalg.inv(vectors) * unit
+    return _Coupled(members, matrix, constant[members], unit, rate, right, left)
 
 
 def _over_coupled(coupled: _Coupled, time: Numbers) -> tuple[Numbers, Numbers]:
@@ -302,3 +352,103 @@ def _damped_cosine_and_sine(sigma: Numbers, kappa: Numbers, time: Numbers) -> tu
         np.where(near, decay * (1.0 + x / 2.0 * (1.0 + x / 12.0 * (1.0 + x / 30.0))), cosine),
         np.where(near, decay * time * (1.0 + x / 6.0 * (1.0 + x / 20.0 * (1.0 + x / 42.0))), sine),
     )
+
+
+# ---- from event to event -----------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """The motion between the events of one period; the last interval goes on to the first event of the next one."""
+
+    hybrid: HybridSystem
+    begin: Array  # (K,) rad: phases of the excitation
+    end: Array  # (K,)
+    states: Array  # (K, 2d) at their begin
+    contact_state: NDArray[Any]  # (K, pairs)
+    pair: Integers  # (K,) of the events at their begin; -1 where that is none
+
+    @property
+    def cycle(self) -> float:
+        """Phase (rad) of one period."""
+        return float(self.end[-1] - self.begin[0])
+
+    def flow(self, k: int) -> Flow:
+        """That of interval k."""
+        return self.hybrid.flow(self.contact_state[k])
+
+    def at(self, k: int, phases: Array) -> Array:
+        """States (n, 2d) at phases (n,) in interval k."""
+        parts = [np.zeros((0, self.states.shape[1]))]
+        for part in np.split(phases, range(AT_ONCE, phases.size, AT_ONCE)):
+            from_begin = np.tile(self.states[k], (part.size, 1)), np.full(part.size, self.begin[k])
+            parts.append(self.flow(k).carried(*from_begin, part)[0])
+        return np.concatenate(parts)
+
+    def condition(self, k: int, event: Event, phases: Array) -> Array:
+        """How far beyond that of an event its condition is, m, and its first two rates (3, n), in interval k."""
+        flow, omega, (row, base, level) = self.flow(k), self.hybrid.omega, self.hybrid.condition(event)
+        state = self.at(k, phases)
+        rate = flow.field(state, phases)
+        sine, cosine = np.sin(phases), omega * np.cos(phases)
+        of_base = np.array([[sine, cosine / omega], [cosine, -omega * sine], [-(omega**2) * sine, -omega * cosine]])
+        values = np.array([z @ row for z in (state, rate, flow.turning(rate, phases))]) + base @ of_base
+        values[0] -= level
+        return np.asarray(values)
+
+    def crests(self, event: Event, m: int) -> list[tuple[float, float]]:
+        """Phases of the crests of a condition in interval m, of earlier or later cycles too, and how far beyond it is.
+
+        Also that at its beginning, where an event of another pair turns it round.
+        """
+        turns, k = divmod(m, self.begin.size)
+        phases = np.linspace(self.begin[k], self.end[k], self._instants(k))
+        _, rate, slope = self.condition(k, event, phases)
+
+        def zero(derivative: int, low: float, high: float) -> float:
+            def value(phase: float) -> float:
+                return float(self.condition(k, event, np.array([phase]))[derivative, 0])
+
+            ends = value(low), value(high)
+            if ends[0] * ends[1] >= 0.0:
+                # rounding puts it at one of them
+                return (low, high)[int(np.argmin(np.abs(ends)))]
+            return float(scipy.optimize.brentq(value, low, high))
+
+        passes = np.flatnonzero((rate[:-1] > 0.0) & (rate[1:] <= 0.0)).tolist()
+        tops = [zero(1, phases[i], phases[i + 1]) for i in passes]
+        # twice within a step, beside a wall that it leaves slowly: the extreme of the rate lies between
+        step = np.diff(phases) / float(self.hybrid.omega)
+        for sign in (1.0, -1.0):
+            before, after = sign * rate[:-1], sign * rate[1:]
+            up, down = sign * slope[:-1], sign * slope[1:]
+            may = (before <= 0.0) & (after <= 0.0) & (up > 0.0) & (down < 0.0)
+            may &= (before + step * up > 0.0) & (after - step * down > 0.0)
+            for i in np.flatnonzero(may).tolist():
+                middle = zero(2, phases[i], phases[i + 1])
+                if sign * float(self.condition(k, event, np.array([middle]))[1, 0]) > 0.0:
+                    tops.append(zero(1, middle, phases[i + 1]) if sign > 0.0 else zero(1, phases[i], middle))
+        goes_on = self.pair[k] != event[1]
+        if goes_on and self.condition(k - 1, event, self.end[[k - 1]])[1, 0] > 0.0 >= rate[0]:
+            tops.append(float(phases[0]))
+        heights = self.condition(k, event, np.array(tops))[0].tolist()
+        return [(top + turns * self.cycle, height) for top, height in zip(tops, heights, strict=True)]
+
+    def _instants(self, k: int) -> int:
+        """Number of instants of interval k, its ends included, that are dense beside its fastest motion."""
+        turns = float(self.end[k] - self.begin[k]) / (2.0 * math.pi)
+        return 2 + math.ceil(PROFILE * self.flow(k).fastest * turns)
+
+    def longest(self) -> int:
+        """Number of the longest interval in which nothing is in contact, if there is one."""
+        held = np.any(self.contact_state != FREE, axis=1)
+        return int(np.argmax((self.end - self.begin) * np.where(held, IN_CONTACT, 1.0)))
+
+    def start(self) -> tuple[Array, float, int]:
+        """State and phase in the middle of the longest interval, and number of the event that follows.
+
+        A run over one period that begins there has no event at its ends.
+        """
+        k = self.longest()
+        middle, first = 0.5 * float(self.begin[k] + self.end[k]), (k + 1) % self.begin.size
+        return self.at(k, np.array([middle]))[0], middle - (0.0 if first else self.cycle), first
