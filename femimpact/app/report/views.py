@@ -24,8 +24,8 @@ from femimpact.excitation.drives import Drives, HammerBlow
 from femimpact.excitation.harmonic import SteppedSine
 from femimpact.excitation.random_base import RandomBase
 from femimpact.excitation.shock import Shock
-from femimpact.figures.channel_histories import MOST_LINES, drawn_channels
 from femimpact.figures.drawing import figure_of
+from femimpact.figures.histories import MOST_LINES, drawn_channels
 from femimpact.figures.studies import mark_best
 from femimpact.figures.study_labels import BestMarks, axis_words, measure_names
 from femimpact.response.response import Response
