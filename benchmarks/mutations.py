@@ -81,7 +81,9 @@ MUTATIONS = (
     ),
     Mutation("rayleigh_alpha", "alpha = 2.0 * w1", "alpha = 2.1 * w1"),
     Mutation("rayleigh_beta", "beta = 2.0 * (z2", "beta = 2.1 * (z2"),
-    Mutation("realised_damping", "np.asarray(0.5 * (a / w + b * w))", "np.asarray(0.51 * (a / w + b * w))"),
+    Mutation(
+        "realised_damping", "np.asarray(0.5 * (alpha / w + beta * w))", "np.asarray(0.51 * (alpha / w + beta * w))"
+    ),
     Mutation("effective_mass", "mass = self.participation_factor**2", "mass = abs(self.participation_factor)"),
     Mutation("contact_mass", "inverse = self.first_mode**2 +", "inverse = self.first_mode +"),
     Mutation("flexibility", 'np.einsum("ji,ij->j", rows, solved))', 'np.einsum("ji,ij->j", rows, solved)) * 1.01'),
@@ -210,8 +212,8 @@ MUTATIONS = (
     ),
     Mutation(
         "contact_stiffness",
-        "np.where(store.rigid, 0.0, inputs.stiffness)",
-        "np.where(store.rigid, 0.0, 1.05 * inputs.stiffness)",
+        "np.where(rigid, 0.0, inputs.stiffness)",
+        "np.where(rigid, 0.0, 1.05 * inputs.stiffness)",
     ),
     Mutation(
         "sticking_impulse",

@@ -19,7 +19,7 @@ from femimpact.app.results.result_directory import FILES, ResultsWarning
 from femimpact.app.study.findings import joined
 from femimpact.app.study.findings import summary_of as summary_of_findings
 from femimpact.app.study.parameter_plan import ParameterPlan
-from femimpact.app.study.prepared import plan_lines, prepare
+from femimpact.app.study.prepared import lines_of_plan, prepare
 from femimpact.app.study.study import MeshChoice, OrbitsPlan, Output, Reduction, SweepPlan, build
 from femimpact.app.study.study_file import TABLES, load_study, read_study, study_lines, study_schema, study_text
 from femimpact.app.study.summary import findings_of, findings_of_history, findings_of_modes, findings_of_sweeps
@@ -40,6 +40,11 @@ REFERENCE = fi.Structure(
     damping=fi.Rayleigh(ratio=0.0029, modes=(1, 2)),
 )
 """The structure behind the published 5.30 and 4.98 Hz."""
+
+
+def plan_lines(study: fi.app.Study) -> list[str]:
+    """Lines on what a run of the study would do."""
+    return lines_of_plan(prepare(study))
 
 
 def summary_of(prepared: object, modes: object = None, response: object = None, sweeps: object = None) -> dict:

@@ -145,7 +145,6 @@ NOUNS = {
     "Beam": lambda: STRUCTURE.beam,
     "ContactPair": lambda: system().contacts[0],
     "CustomLaw": lambda: fi.CustomLaw(lambda depth, rate, speed: 1e4 * depth),
-    "Discretisation": grid,
     "Dashpot": lambda: fi.Dashpot("dashpot", "mid", 1.0, to=0.05),
     "DampingEstimate": lambda: fi.signals.DampingEstimate(0.01, 6.0, (0.009, 0.011), "fit", ("warning",)),
     "DecayEstimate": lambda: fi.identify_decay(*DECAY),
@@ -175,7 +174,6 @@ NOUNS = {
     "PointMass": lambda: STRUCTURE.masses[0],
     "PowerLaw": lambda: fi.contact.Flores(1e7, 0.7),
     "Rayleigh": lambda: fi.Rayleigh((0.01, 0.02), modes=(1, 2)),
-    "Reaction": lambda: system().reactions["root.force"],
     "RecordedBase": lambda: fi.RecordedBase([0.0, 1.0, 0.5], 0.1),
     "ParameterStudy": lambda: fi.app.ParameterStudy(**parameter_study()),
     "StudyProgress": lambda: fi.app.StudyProgress(cases=8, finished=4, found=0, failed=0, rate=2.0),
@@ -208,8 +206,6 @@ NOUNS = {
     "RegimeCriteria": RegimeCriteria,
     "StickingPhases": lambda: columns(StickingPhases, {"states": 1}, impactor=np.array(["ball"])),
     "Snapshots": lambda: response().snapshots,
-    "Section": lambda: grid().sections.section(0),
-    "SectionFields": lambda: grid().sections,
     "SteadyMotion": lambda: response().steady,
     "OrbitsPlan": lambda: OrbitsPlan("frequency", (4.0, 6.0), 10.0, switch=("grazing",)),
     "SweepPlan": lambda: SweepPlan(4.0, 6.0, 21, 300),
@@ -417,9 +413,6 @@ VERBS = {
     "shock_response_spectrum": (fi.shock_response_spectrum, lambda: {
         "of": MOTIONS["Shock"], "frequency": [5.0, 6.0], "ratio": 0.1, "channel": None, "duration": 0.1
     }),
-    "Drives.until": (MOTIONS["Drives"].until, lambda: {"end": 2.0}),
-    "Sum.until": (MOTIONS["Sum"].until, lambda: {"end": 2.0}),
-    "PointForce.until": (fi.PointForce("tip", MOTIONS["Sum"]).until, lambda: {"end": 2.0}),
     **{
         f"PiecewisePolynomial.{name}": (getattr(PIECES, name), lambda: {"time": 0.1})
         for name in ("displacement", "velocity", "value")
@@ -435,7 +428,7 @@ VERBS = {
 
 OTHERS = {
     "ALUMINIUM", "STEEL", "AxisMargin", "BestCase", "BestDesign", "ContactLaw", "ContactParameters", "DivergenceError",
-    "CalibratedParameter", "Calibration", "Preflight", "PreflightRow", "Refinement",
+    "CalibratedParameter", "Calibration", "Discretisation", "Preflight", "PreflightRow", "Reaction", "Refinement",
     "FemimpactError", "InputError", "InputWarning", "StudyResults", "load_branch",
     "load_parameter_study",
     "ShockResponseSpectrum", "Spectrum", "TransferFunction", "report", "show_versions", "write_movie",

@@ -14,8 +14,9 @@ from builders import impact_table, reduced
 
 import femimpact as fi
 from femimpact.app.report.structure_drawing import structure_element
-from femimpact.figures import movie, sheet
+from femimpact.figures import movie
 from femimpact.scene.placed import placed_structure
+from femimpact.scene.scene import BEAM, STOP
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +37,7 @@ def test_movie_has_a_frame_for_every_snapshot(tmp_path, response, reference):
     size = next(pictures)["size"]
     arrays = [np.frombuffer(picture, dtype=np.uint8).reshape(size[1], size[0], 3).astype(int) for picture in pictures]
     # the beam and the ball move: the upper picture changes between frames, and is not blank
-    view = [array[sheet.VIEWS] for array in arrays]
+    view = [array[movie.VIEWS] for array in arrays]
     assert np.ptp(view[0]) > 100
     assert np.abs(view[0] - view[-1]).max() > 50
     assert [entry.name for entry in tmp_path.iterdir()] == ["deflection.mp4"]
@@ -54,12 +55,12 @@ def test_gif_where_ffmpeg_is_missing(tmp_path, response, reference, monkeypatch)
 
 def frames_of(film):
     """The pictures of a film, one after the other."""
-    return map(sheet.sheets(film), range(film.chosen.size))
+    return map(movie.sheets(film), range(film.chosen.size))
 
 
 def vermilion(picture):
     """Number of pixels in the two views that have the colour of an impact, near enough for a shaded surface."""
-    red, green, blue = np.moveaxis(picture[sheet.VIEWS, :, :3].astype(int), -1, 0)
+    red, green, blue = np.moveaxis(picture[movie.VIEWS, :, :3].astype(int), -1, 0)
     return np.count_nonzero((red > 120) & (red > 1.7 * green) & (green > 1.7 * blue))
 
 
@@ -114,7 +115,7 @@ def test_two_balls_have_a_trace_and_a_close_up_each(two):
     film = dataclasses.replace(film, chosen=film.chosen[:2], touched=np.array([[1, 0], [0, -1]]))
     # the right half is the close-up of the one, then that of the other
     for struck, picture in enumerate(frames_of(film)):
-        edges = [round(share * sheet.WIDTH) for share in (0.63, 0.8, 1.0)]
+        edges = [round(share * movie.WIDTH) for share in (0.63, 0.8, 1.0)]
         coloured = [vermilion(picture[:, a:b]) for a, b in itertools.pairwise(edges)]
         assert coloured[struck] > 1000
         assert coloured[1 - struck] == 0
@@ -134,7 +135,8 @@ def test_the_side_view_of_a_tube_is_its_diameter_and_that_of_a_section_says_what
     record = fi.Recorder(channels=("tip",), snapshots=4)
     run = fi.integrate(reduced(structure, 2), fi.Sine(1e-4, 5.0), fi.EventDriven(), 0.2, record)
     film = movie._film(run, structure, 1.0, 25, 4)
-    faces = film.scene.points[np.array(sheet._silhouette(film))]
+    beams = [body for body in film.scene.bodies if body.part == BEAM]
+    faces = np.concatenate([body.points[np.array(movie._faces(body))] for body in beams])
     for begin, height in ((0.0, 6e-3), (0.1, np.sqrt(12 * 1.7e-12 / 2e-5))):
         within = (faces[:, :, 0].min(axis=1) > begin - 1e-9) & (faces[:, :, 0].max(axis=1) < begin + 0.1 + 1e-9)
         assert np.ptp(faces[within][:, :, 0]) == pytest.approx(0.1, rel=1e-9)
@@ -154,17 +156,19 @@ def test_a_stop_stands_at_its_gap_and_is_coloured_when_it_is_touched(reference, 
     base = fi.Sine(0.2e-3, 5.3)
     response = fi.integrate(reduced(structure, 3, 10), base, fi.EventDriven(), 2.0, fi.Recorder(snapshots=4))
     film = movie._film(response, structure, 5.0, 25, 200)
-    ((cell, pair, side),) = film.stops()
-    assert (pair, side) == (0, 1)
+    ((first, block),) = [
+        (first, body) for first, body in zip(film.scene.first, film.scene.bodies, strict=True) if body.part == STOP
+    ]
+    assert (block.pair, block.side) == (0, 1)
     times = film.snapshots.time[film.chosen]
-    corners = np.split(film.scene.connectivity, film.scene.offsets[:-1])[cell]
+    corners = first + np.arange(len(block.points))
     for i, time in enumerate(times):
         low = film.moved(i)[corners, 1].min()
         # 5 times the gap above the upper face of the beam of 1 mm; relative to the base, space moves against it
         moves = 5.0 * base.displacement(time) if fixed_to == "space" else 0.0
         assert low == pytest.approx(5.0 * 2e-4 + 0.5e-3 - moves, abs=1e-15)
     assert len(response.impacts) > 3
-    touched = np.array([film.touches(i, 0, 1) for i in range(times.size)])
+    touched = film.touched[:, 0] == 1
     first = response.impacts.time[0]
     assert not touched[times < first].any()
     assert touched[np.searchsorted(times, first)]
@@ -202,7 +206,7 @@ def test_a_beam_without_a_ball_and_one_snapshot_make_a_movie(tmp_path, reference
 
 
 def test_an_interrupted_movie_leaves_nothing(tmp_path, response, reference, monkeypatch):
-    draw = sheet.Film.moved
+    draw = movie.Film.moved
 
     def interrupted(film, i):
         if i == 3:
@@ -210,8 +214,8 @@ def test_an_interrupted_movie_leaves_nothing(tmp_path, response, reference, monk
         return draw(film, i)
 
     # the reach is asked for first, then the frames are drawn while the encoder runs
-    monkeypatch.setattr(sheet.Film, "reach", property(lambda _film: 0.02))
-    monkeypatch.setattr(sheet.Film, "moved", interrupted)
+    monkeypatch.setattr(movie.Film, "reach", property(lambda _film: 0.02))
+    monkeypatch.setattr(movie.Film, "moved", interrupted)
     for name in ("a.mp4", "a.gif"):
         with pytest.raises(KeyboardInterrupt):
             movie.write_movie(tmp_path / name, response, reference)

@@ -28,10 +28,9 @@ from builders import (
 )
 
 import femimpact as fi
-from femimpact.app.parametric.block_files import BLOCKS
-from femimpact.app.parametric.evaluation import evaluated
-from femimpact.app.parametric.labelled import median_ranks, over_starts
+from femimpact.app.parametric.dataset import BLOCKS, median_ranks, over_starts
 from femimpact.app.parametric.paths import study_with
+from femimpact.app.parametric.runs import evaluated
 from femimpact.app.parametric.verb import block_cases
 from femimpact.app.report.result_conclusions import study_lead
 from femimpact.app.tasks.study_command import definition_of
@@ -582,7 +581,7 @@ def test_a_second_process_is_refused_while_the_first_is_alive(tmp_path):
 
 
 def test_a_full_disk_is_an_error_that_names_the_file_and_leaves_what_was_finished(tmp_path, monkeypatch):
-    import femimpact.app.parametric.block_files as block_files
+    import femimpact.app.parametric.dataset as block_files
 
     axes, written, really = {GAP: list(np.linspace(2e-3, 6e-3, 24))}, [], block_files.atomic_write
 

@@ -27,7 +27,7 @@ SITES = {
     ("sweep/curve.py", "_steadiness_warnings"): ["the motion never repeats",
                                                  "the two halves of the measured time differ"],
     ("sweep/curve.py", "_dwell_warnings"): ["of the first mode's transient"],
-    ("response/resolution.py", "resolution_warnings"): ["does not resolve the half-power width"],
+    ("response/cycles.py", "resolution_warnings"): ["does not resolve the half-power width"],
     ("signals/one_pole.py", "half_power"): ["no half-power point"],
     ("signals/one_pole.py", "fit_one_pole"): ["no resonance within", "no interval: the misfit of",
                                                      "read the ratio as an equivalent one",

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
+from femimpact.app.parametric.dataset import axis_rows
 from femimpact.app.parametric.definition import ParameterStudy
-from femimpact.app.parametric.labelled import axis_rows
 from femimpact.app.study.prepared import carried_words, in_study_words, lines_of_plan, prepare, refined_grid
 from femimpact.app.study.study import Study, build
 from femimpact.app.tasks.study_command import definition_of

@@ -259,11 +259,11 @@ class CustomLaw:
 
     def collide(self, effective_mass: float, approach_speed: float) -> Collision:
         """One collision, integrated."""
-        return integrated_collision(
-            lambda depth, rate: self.normal_force(depth, rate, approach_speed, effective_mass),
-            effective_mass,
-            approach_speed,
-        )
+
+        def force(depth: float, rate: float) -> float:
+            return self.normal_force(depth, rate, approach_speed, effective_mass)
+
+        return integrated_collision(force, effective_mass, approach_speed)
 
     def parameters(self, effective_mass: float) -> ContactParameters:
         """Numbers for the time loop, of a collision at the reference speed."""

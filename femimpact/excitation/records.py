@@ -69,19 +69,6 @@ def _warn(path: Path, words: str) -> None:
     warnings.warn(f"{path.name}, {words}", InputWarning, stacklevel=5)
 
 
-def _without_trend(samples: Array, detrend: str) -> Array:
-    """A new array of the samples without their mean or their line of least squares."""
-    if detrend != "none":
-        samples -= samples.mean()
-    if detrend == "line":
-        # at right angles to a constant: the mean stays zero
-        along = np.arange(samples.size, dtype=float)
-        along -= along.mean()
-        along *= (along @ samples) / (along @ along)
-        samples -= along
-    return samples
-
-
 LEAKAGE = 2
 """Lines on either side of one that a sine between them has 95 % of its energy in, all five together."""
 
@@ -178,7 +165,10 @@ class RecordedBase:
         zeros = "must be time and acceleration: the second holds zeros only"
         require(bool(samples.any()), "columns", tuple(columns), "", zeros)
         samples *= factor
-        samples = _without_trend(samples, detrend)
+        if detrend != "none":
+            from scipy.signal import detrend as without_trend
+
+            samples = without_trend(samples, type="constant" if detrend == "mean" else "linear")
         if high_pass is not None:
             samples = _high_passed(samples, interval, high_pass)
         base = cls(samples, interval, note=note)
@@ -239,9 +229,8 @@ class RecordedBase:
         object.__setattr__(self, "samples", samples)
         with np.errstate(over="ignore", invalid="ignore"):
             bounded = bool(np.isfinite(self.amplitude))
-        require(
-            bounded, "samples", f"array of shape {samples.shape}", "m/s^2", "must move the base by a finite distance"
-        )
+        allowed = "must move the base by a finite distance"
+        require(bounded, "samples", f"array of shape {samples.shape}", "m/s^2", allowed)
 
     @cached_property
     def _knots(self) -> tuple[Array, Array]:

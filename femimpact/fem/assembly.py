@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from skfem import BilinearForm
 from skfem.helpers import dd, ddot
 
-from femimpact.arrays import Array
+from femimpact.arrays import Array, own
 from femimpact.errors import InputWarning
 from femimpact.fem.discretisation import Discretisation, discretise, kind_of
 from femimpact.fem.mesh import Mesh
@@ -31,17 +31,15 @@ from femimpact.structure.structure import (
 from femimpact.system.added_terms import add_terms
 from femimpact.system.contact_pair import ContactPair, contact_pair
 from femimpact.system.hermite import Reaction, hermite_rows
-from femimpact.system.matrices import Matrix, frozen_row
+from femimpact.system.matrices import Matrix
 from femimpact.system.modes import (
     Modes,
-    computed_system,
     damped_with_modes,
     first_elastic_frequency,
     first_mode_at,
     flexibility,
-    with_checked_fields,
 )
-from femimpact.system.system import System
+from femimpact.system.system import System, computed_system, with_checked_fields
 
 
 @BilinearForm  # type: ignore[untyped-decorator]
@@ -237,28 +235,23 @@ def _undamped(grid: Discretisation) -> System:
     free, rigid = grid.free, np.zeros(grid.dofs)
     rigid[0::2] = 1.0
     momentum = M.times(rigid)
-    load = frozen_row(grid.structure.gravity * momentum[free])
+    load = own(grid.structure.gravity * momentum[free])
     return computed_system(
         M=M.on(free, grid.dofs),
         C=sparse.csr_array((free.size, free.size)),
         K=K.on(free, grid.dofs),
         stiffness_factor=factor[:, free],
-        base_load=frozen_row(momentum[free]),
-        rigid_translation=frozen_row(rigid[free]),
+        base_load=own(momentum[free]),
+        rigid_translation=own(rigid[free]),
         nodes=grid.mesh.nodes,
         expansion=_expansion(grid),
         points=_points(grid),
         total_mass=float(rigid @ momentum),
         first_frequency=math.nan,
-        contacts=(),
         rayleigh=(0.0, 0.0),
-        directions={},
         constant_load=load,
-        constant_resultant=float(rigid[free] @ load),
         reactions={**_forces_to_base(grid, springs, "spring"), **_reactions(grid, M, K, momentum)},
         sections=grid.sections,
-        first_left_out=math.inf,
-        unreduced=None,
     )
 
 
@@ -334,14 +327,14 @@ def _reactions(grid: Discretisation, M: Entries, K: Entries, momentum: Array) ->
         node = grid.node_of(support)
         for kind in SUPPORTS[support.kind]:
             held.setdefault(*((2 * node, f"{at}.force") if kind == "w" else (2 * node + 1, f"{at}.moment")))
-    still = frozen_row(np.zeros(grid.free.size))
+    still = own(np.zeros(grid.free.size))
     return {
         name: Reaction(
             dof=dof,
             unit="N m" if dof % 2 else "N",
-            on_acceleration=frozen_row(M.row_of(dof, grid.dofs)[grid.free]),
+            on_acceleration=own(M.row_of(dof, grid.dofs)[grid.free]),
             on_velocity=still,
-            on_displacement=frozen_row(K.row_of(dof, grid.dofs)[grid.free]),
+            on_displacement=own(K.row_of(dof, grid.dofs)[grid.free]),
             on_base_acceleration=float(momentum[dof]),
             constant=float(grid.structure.gravity * momentum[dof]),
         )
@@ -354,13 +347,13 @@ def _forces_to_base(grid: Discretisation, items: Sequence[Spring | Dashpot], kin
     to_base = [item for item in items if item.to is None]
     if not to_base:
         return {}
-    still = frozen_row(np.zeros(grid.free.size))
+    still = own(np.zeros(grid.free.size))
     forces = {}
     for item, row in zip(to_base, _connection_rows(grid, to_base, kind)[:, grid.free].toarray(), strict=True):
         if isinstance(item, Dashpot):
-            on_velocity, on_displacement = frozen_row(-item.damping * row), still
+            on_velocity, on_displacement = own(-item.damping * row), still
         else:
-            on_velocity, on_displacement = still, frozen_row(-item.stiffness * row)
+            on_velocity, on_displacement = still, own(-item.stiffness * row)
         forces[f"{item.name}.force"] = Reaction(None, "N", still, on_velocity, on_displacement, 0.0)
     return forces
 

@@ -5,25 +5,21 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Iterable
-from dataclasses import dataclass, field
-from functools import lru_cache, partial
+from dataclasses import dataclass
+from functools import cached_property, lru_cache, partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from skfem import Basis, ElementLineHermite, MeshLine
-from skfem.assembly import CellBasis
 from skfem.element import DiscreteField
 
-from femimpact.arrays import Array
+from femimpact.arrays import Array, read_only
 from femimpact.errors import (
     Fault,
     InputError,
     InputWarning,
-    check_fields,
     checked,
-    column,
-    instance,
     quantity,
     real_array,
     require,
@@ -62,7 +58,8 @@ class ElementLineHermiteReference(ElementLineHermite):  # type: ignore[misc]
         if s.ndim == 1:
             s = np.broadcast_to(s, (t.shape[1], s.shape[0]))
         scale = length if i % 2 else 1.0
-        value, slope, curvature, third = (scale * shape_functions(s, order)[i] / length**order for order in range(4))
+        orders = enumerate(shape_functions(s))
+        value, slope, curvature, third = (scale * functions[i] / length**order for order, functions in orders)
         field = DiscreteField(value=value, grad=slope[None], hess=curvature[None, None], grad3=third[None, None, None])
         return (field,)
 
@@ -86,33 +83,15 @@ class Discretisation:
         Numbers of the dofs that no support holds.
     sections : SectionFields
         Bending stiffness, mass per length and so on in the middle of every element, and the taper.
-
-    Raises
-    ------
-    InputError
-        If the arrays do not fit the mesh.
     """
 
-    structure: Structure = field(metadata=instance(Structure))
-    mesh: Mesh = field(metadata=instance(Mesh))
-    basis: Any = field(metadata=instance(CellBasis))
-    free: NDArray[np.int64] = field(metadata=column("", "dofs", of="whole number"))
-    sections: SectionFields = field(metadata=instance(SectionFields))
+    structure: Structure
+    mesh: Mesh
+    basis: Any
+    free: NDArray[np.int64]
+    sections: SectionFields
 
-    def __post_init__(self) -> None:
-        check_fields(self)
-        numbers = np.array(self.free)
-        within = numbers.size == 0 or (numbers.min() >= 0 and numbers.max() < self.dofs)
-        rising = bool(within) and bool(np.all(np.diff(numbers) > 0))
-        require(rising, "free", None, "", f"must be increasing numbers of dofs, 0 to {self.dofs - 1}")
-        numbers.setflags(write=False)
-        object.__setattr__(self, "free", numbers)
-        same = np.array_equal(self.basis.mesh.p[0], self.mesh.nodes) and self.dofs == self.basis.N
-        require(bool(same), "basis", None, "", "must be the Hermite basis on the nodes of the mesh")
-        fits = self.sections.bending_stiffness.size == self.mesh.elements
-        require(fits, "sections", self.sections.region.size, "", f"must be those of {self.mesh.elements} elements")
-
-    @property
+    @cached_property
     def dofs(self) -> int:
         """Number of dofs of the basis, those held by supports included."""
         return 2 * self.mesh.nodes.size
@@ -200,7 +179,7 @@ def discretise(structure: Structure, elements: int | None = None, mesh: Mesh | N
         key, allowed = f"{kind_of(item)}.{item.name}.name", "must not be the name of a point of the mesh"
         require(item.name not in mesh.points, key, item.name, "", allowed)
     # what is refused, before what is warned of
-    free = np.delete(np.arange(2 * mesh.nodes.size), _held_dofs(structure, mesh))
+    free = read_only(np.delete(np.arange(2 * mesh.nodes.size), _held_dofs(structure, mesh)))
     sections = _sections(structure.beam, mesh)
     # the product of two cubics, and rho A of degree 2 where width and thickness taper
     degree = 8 if sections.is_tapered.any() else 6
@@ -234,8 +213,7 @@ def _sections(beam: Beam, mesh: Mesh) -> SectionFields:
             values[5:, members] = 0.0
         region[members] = segment.name
     values.setflags(write=False)
-    stiffness, mass, inertia, moduli, half, width_taper, thickness_taper = values
-    return SectionFields(stiffness, mass, inertia, moduli, half, region.astype(str), width_taper, thickness_taper)
+    return SectionFields(*values[:5], region.astype(str), *values[5:])
 
 
 def _taper(segment: Segment, mesh: Mesh, members: NDArray[np.int64]) -> tuple[Array, Array]:

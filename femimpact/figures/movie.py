@@ -1,9 +1,13 @@
-"""A slow-motion movie in which the beam swings and the ball meets its walls, drawn by matplotlib."""
+"""A slow-motion movie in which the beam swings and the ball meets its walls, drawn by matplotlib.
+
+Every frame is a sheet: a caption, two views, and the histories with a moving marker.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,12 +17,29 @@ from numpy.typing import NDArray
 from femimpact.arrays import thinned
 from femimpact.errors import instance, optional, quantity, takes
 from femimpact.excitation.excitation import words_of
-from femimpact.figures.sheet import HEIGHT, WIDTH, Film, sheets
+from femimpact.figures.drawing import BLUE, DARK, GREY, ORANGE, STYLE, name_at
 from femimpact.files import atomic_path, target_path
 from femimpact.response.history import Snapshots
 from femimpact.response.response import Response
-from femimpact.scene.scene import EXAGGERATION, build_scene, chosen_exaggeration, snapshots_of
+from femimpact.scene.placed import ball_radius
+from femimpact.scene.scene import (
+    BALL,
+    BEAM,
+    BODY,
+    BOX,
+    CONNECTION,
+    CONTACT_POINT,
+    EXAGGERATION,
+    STOP,
+    SUPPORT,
+    Body,
+    Scene,
+    build_scene,
+    chosen_exaggeration,
+    snapshots_of,
+)
 from femimpact.structure.structure import Structure
+from femimpact.system.hermite import hermite_rows
 from femimpact.units import number_text
 
 __all__ = ["write_movie"]
@@ -82,9 +103,8 @@ def write_movie(
 def _film(response: Response, structure: Structure, exaggeration: float | None, fps: int, most: int) -> Film:
     snapshots = snapshots_of(response)
     if exaggeration is None:
-        balls = response.system.balls
-        hung = snapshots.ball_displacement[:, [not pair.has_walls for pair in balls]]
-        exaggeration = chosen_exaggeration(np.hstack([snapshots.displacement[:, 0::2], hung]), structure, balls)
+        motion = snapshots.displacement[:, 0::2], snapshots.ball_displacement
+        exaggeration = chosen_exaggeration(*motion, structure, response.system.balls)
     chosen = thinned(snapshots.time.size, most)
     span = float(snapshots.time[chosen[-1]] - snapshots.time[chosen[0]])
     slow = f"   Slowed {number_text((chosen.size - 1) / fps / span, 2)} times." if span > 0.0 else ""
@@ -149,3 +169,276 @@ def _encode(path: Path, frames: Iterator[NDArray[np.uint8]], fps: int) -> Path:
     with atomic_path(path) as temporary:
         pictures[0].save(temporary, save_all=True, append_images=pictures[1:], duration=1000 // fps, loop=0)
     return path
+
+
+# ---- the sheet ------------------------------------------------------------------------------------
+
+
+WIDTH, HEIGHT = 1280, 720
+"""Pixels; multiples of 16, or the encoder would resize."""
+VIEWS = slice(82, 462)
+"""Rows of pixels that hold the two views."""
+CLOSE_UPS, SPACE = 0.64, 0.06
+"""Left end of the close-ups in the plane of motion, and what is between them, by the width of the sheet."""
+BEAM_COLOUR, FLOOR = "#555b63", "#e3e8ee"
+DRAWN = {
+    SUPPORT: "black", CONNECTION: DARK, BODY: "#c3ced9", BOX: "#7b8a9a", BEAM: BEAM_COLOUR, STOP: DARK
+}  # fmt: skip
+"""Colours of parts, in the order in which they are drawn."""
+
+Draw = Callable[[int], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Film:
+    """Input of a movie: the chosen snapshots, the scene, and which contact is closed when."""
+
+    response: Response
+    structure: Structure
+    snapshots: Snapshots  # of the response
+    chosen: NDArray[np.int64]  # (frames,) numbers of the snapshots that are shown
+    scene: Scene
+    caption: str
+    # (frames, contacts) side of the wall that a ball touches, or of a stop that the beam touches; 0 without contact
+    touched: NDArray[np.int64]
+
+    def moved(self, i: int) -> NDArray[np.float64]:
+        """Points (points, 3), m, of frame i."""
+        k = self.chosen[i]
+        nodal, balls = self.snapshots.displacement[k], self.snapshots.ball_displacement[k]
+        # seen from the base, what is fixed in space moves against it
+        space = -float(self.response.base.displacement(self.snapshots.time[k]))
+        return np.asarray(self.scene.points + self.scene.displacement(nodal, balls, space=space))
+
+    def at_pair(self, j: int) -> NDArray[np.float64]:
+        """Deflection (m) of the beam at pair j in every snapshot."""
+        position = self.response.system.balls[j].position
+        rows = hermite_rows(self.response.system.nodes, [position])
+        return np.asarray((rows @ self.snapshots.displacement.T)[0])
+
+    def room(self, j: int) -> float:
+        """Largest distance (m) of the ball of pair j from its middle: the wider gap, or what an absorber moves."""
+        pair = self.response.system.balls[j]
+        moved = np.abs(self.snapshots.ball_displacement[:, j] - self.at_pair(j))
+        return max(pair.gaps) if pair.has_walls else float(moved.max())
+
+    def ends(self, left: float, right: float) -> tuple[float, float]:
+        """Middle and half (m) of what is shown along the beam: these shares of its length, or all that is drawn."""
+        length, x = self.structure.beam.length, self.scene.points[:, 0]
+        low = min(left * length, float(x.min()) - 0.02 * length)
+        high = max(right * length, float(x.max()) + 0.02 * length)
+        return 0.5 * (low + high), 0.5 * (high - low)
+
+    @property
+    def reach(self) -> float:
+        """Largest exaggerated |y| (m) of anything drawn but stops, which may be far from the beam."""
+        scene = self.scene
+        still = [body.part in (STOP, CONTACT_POINT) for body in scene.bodies]
+        moving = ~np.repeat(still, np.diff([*scene.first, len(scene.points)]))
+        return max(float(np.abs(self.moved(i)[moving, 1]).max()) for i in range(self.chosen.size))
+
+
+def sheets(film: Film) -> Callable[[int], NDArray[np.uint8]]:
+    """A function that draws frame i as pixels; what does not move is drawn once.
+
+    Returns (HEIGHT, WIDTH, 4): red, green, blue, and a byte that is not read.
+    """
+    import matplotlib
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    with matplotlib.rc_context(STYLE | {"font.size": 13.0}):
+        figure = Figure(figsize=(WIDTH / 100, HEIGHT / 100), dpi=100)
+        canvas: Any = FigureCanvasAgg(figure)
+        figure.text(0.02, 0.965, film.caption, va="center", color="black", fontsize=14.0)
+        for x, title in _titles(film):
+            figure.text(x, 0.905, title, va="center", color=GREY)
+        figure.text(0.02, 0.02, film.structure.beam.drawn_words, va="center", color=GREY)
+        draws = [_histories(figure, film), *_plane_views(figure, film)]
+        canvas.draw()
+        still = canvas.copy_from_bbox(figure.bbox)
+
+    def frame(i: int) -> NDArray[np.uint8]:
+        canvas.restore_region(still)
+        for draw in draws:
+            draw(i)
+        return np.array(canvas.buffer_rgba())
+
+    return frame
+
+
+def _carrier(pair: Any) -> str:
+    """What a ball or an absorber moves on, in a word."""
+    return "box" if pair.has_walls else "beam"
+
+
+def _titles(film: Film) -> list[tuple[float, str]]:
+    """Words above the two views, with the sizes that an exaggerated picture cannot be measured for."""
+    titles = [(0.02, f"Whole beam ({1e3 * film.structure.beam.length:.4g} mm), relative to the moving base")]
+    balls = film.response.system.balls
+    for j, pair in enumerate(balls):
+        plus, minus = (1e3 * gap for gap in pair.gaps)
+        gaps = (
+            f"gaps {number_text(plus, 3)} mm"
+            if plus == minus
+            else f"gaps +{number_text(plus, 3)}, -{number_text(minus, 3)} mm"
+        )
+        gaps = gaps if pair.has_walls else "absorber"
+        # several are too narrow for both in a line
+        name = f"Close-up, moving with the {_carrier(pair)} " if len(balls) == 1 else f"{pair.name}\n"
+        titles.append((CLOSE_UPS + (0.98 + SPACE - CLOSE_UPS) * j / len(balls), f"{name}({gaps})"))
+    return titles
+
+
+def _histories(figure: Any, film: Film) -> Draw:
+    """Strips over time, true millimetres, one for each ball, with a marker at the frame's time."""
+    time, balls = film.snapshots.time, film.response.system.balls
+    count, space = max(len(balls), 1), 0.02
+    height = (0.195 - space * (count - 1)) / count
+    # the last label of the time is centred below the right end of the axes
+    places = [(0.078, 0.105 + (height + space) * (count - 1 - k), 0.887, height) for k in range(count)]
+    axes = [figure.add_axes(place) for place in places]
+    for j, axis in enumerate(axes):
+        if balls:
+            _history(axis, film, j)
+        else:
+            axis.plot(time, 1e3 * film.snapshots.displacement[:, -2], color=BEAM_COLOUR, label="tip")
+        axis.set_xlim(time[0], max(time[-1], time[0] + 1e-9))
+        axis.tick_params(labelbottom=j == count - 1)
+    axes[0].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4, frameon=False, borderaxespad=0.1)
+    axes[-1].set_xlabel("time (s)")
+    # one for all strips: of two or three of them none is as high as these words are long
+    words = "relative to\nthe base (mm)"
+    figure.text(0.004, 0.2025, words, rotation=90.0, ha="left", va="center", multialignment="center")
+    markers = [axis.axvline(time[0], color="black", linewidth=1.6, animated=True) for axis in axes]
+    clock = figure.text(0.965, 0.325, "", ha="right", va="center", fontsize=14.0, animated=True)
+
+    def draw(i: int) -> None:
+        now = time[film.chosen[i]]
+        clock.set_text(f"t = {now:.3f} s")
+        figure.draw_artist(clock)
+        for axis, marker in zip(axes, markers, strict=True):
+            marker.set_xdata([now, now])
+            axis.draw_artist(marker)
+
+    return draw
+
+
+def _history(axis: Any, film: Film, j: int) -> None:
+    """A ball, the beam at its box and what is free between the walls, over time."""
+    snapshots, balls, impacts = film.snapshots, film.response.system.balls, film.response.impacts
+    time, pair = snapshots.time, balls[j]
+    wall, ball = 1e3 * film.at_pair(j), 1e3 * snapshots.ball_displacement[:, j]
+    inside = (wall - 1e3 * pair.gaps[1], wall + 1e3 * pair.gaps[0])
+    place = name_at(film.response.system, pair) or "beam at the box"
+    if pair.has_walls:
+        axis.fill_between(time, *inside, color="#e6eaee", label="between the walls")
+    axis.plot(time, wall, color=BEAM_COLOUR, label=place if len(balls) == 1 else "beam at the box")
+    axis.plot(time, ball, color=BLUE, label=pair.name if len(balls) == 1 else "ball")
+    if pair.has_walls:
+        at = impacts.time[(impacts.impactor == pair.name) & (impacts.time >= time[0]) & (impacts.time <= time[-1])]
+        axis.plot(at, np.interp(at, time, ball), "o", color=ORANGE, markersize=5.0, label="impact")
+    if len(balls) > 1:
+        # beside the axes, where no curve is
+        axis.text(1.005, 0.5, pair.name, transform=axis.transAxes, rotation=90.0, ha="left", va="center", color=GREY)
+
+
+def _plane_views(figure: Any, film: Film) -> list[Draw]:
+    """Axes of the beam, and of the close-up where there is a ball."""
+    s, contacts = film.scene.exaggeration, film.response.system.balls
+    axis = figure.add_axes((0.065, 0.435, 0.5 if contacts else 0.915, 0.435))
+    middle, half = film.ends(-0.04, 1.08)
+    _fit(axis, 1e3 * middle, 1e3 * half, 1.05e3 * film.reach, s, "relative to the base (mm)")
+    views = [_moving_parts(axis, film, None)]
+    width = (0.98 + SPACE - CLOSE_UPS) / max(len(contacts), 1) - SPACE
+    if contacts:
+        # one for all: below each of several it would be wider than its view
+        figure.text(0.5 * (CLOSE_UPS + 0.98), 0.378, axis.get_xlabel(), ha="center", va="center")
+    for j, pair in enumerate(contacts):
+        half = 1e3 * (s * film.room(j) + 1.6 * ball_radius(pair.mass))
+        close = figure.add_axes((CLOSE_UPS + j * (width + SPACE), 0.435, width, 0.435))
+        _fit(
+            close,
+            1e3 * pair.position,
+            1.6e3 * ball_radius(pair.mass),
+            half,
+            s,
+            f"relative to the {_carrier(pair)} (mm)",
+        )
+        close.set_xlabel("")
+        if j > 0:
+            close.set_ylabel("")
+        views.append(_moving_parts(close, film, j))
+    return views
+
+
+def _fit(axis: Any, middle: float, half_x: float, half_y: float, exaggeration: float, label: str) -> None:
+    """Show at least these half spans (mm) about (middle, 0), x and y to one scale; label y by the true mm."""
+    from matplotlib.ticker import FuncFormatter, MaxNLocator, MultipleLocator
+
+    box = axis.get_position()
+    ratio = box.width * WIDTH / (box.height * HEIGHT)
+    half = max(half_y, half_x / ratio)
+    axis.set(xlim=(middle - half * ratio, middle + half * ratio), ylim=(-half, half))
+    # round numbers of the true scale; round numbers of the drawn one would be odd
+    ticks = MaxNLocator(nbins=6).tick_values(-half / exaggeration, half / exaggeration)
+    axis.yaxis.set_major_locator(MultipleLocator(exaggeration * float(ticks[1] - ticks[0])))
+    axis.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y / exaggeration:g}".replace("-", "\u2212")))
+    axis.set_xlabel("distance from the root (mm)")
+    axis.set_ylabel(label)
+
+
+def _moving_parts(axis: Any, film: Film, follow: int | None) -> Draw:
+    """Beam, boxes and balls in the plane of motion; with `follow`, seen from the box of that pair."""
+    from matplotlib.collections import PolyCollection
+    from matplotlib.patches import Circle
+
+    scene, balls = film.scene, film.response.system.balls
+    parts = list(zip(scene.bodies, scene.first, strict=True))
+    faces, owners = [], []
+    for part in DRAWN:
+        for body, first in parts:
+            if body.part == part:
+                own = [first + face for face in _faces(body)]
+                faces += own
+                owners += [body] * len(own)
+    corners = np.array(faces)
+    collection = PolyCollection([], linewidths=2.0, joinstyle="round", animated=True)
+    axis.add_collection(collection, autolim=False)
+    spheres = [slice(first, first + len(body.points)) for body, first in parts if body.part == BALL]
+    circles = [
+        axis.add_patch(Circle((1e3 * pair.position, 0.0), 1e3 * ball_radius(pair.mass), animated=True))
+        for pair in balls
+    ]
+
+    def draw(i: int) -> None:
+        moved = 1e3 * film.moved(i)[:, :2]
+        if follow is not None:
+            moved[:, 1] -= 1e3 * scene.exaggeration * film.at_pair(follow)[film.chosen[i]]
+        touched = film.touched[i]
+        colours = [ORANGE if one.side and touched[one.pair] == one.side else _colour(one) for one in owners]
+        collection.set(verts=moved[corners], facecolors=colours, edgecolors=colours)
+        axis.draw_artist(collection)
+        for j, (circle, points) in enumerate(zip(circles, spheres, strict=True)):
+            circle.set_center((1e3 * balls[j].position, float(moved[points, 1].mean())))
+            circle.set_color(ORANGE if touched[j] else BLUE)
+            axis.draw_artist(circle)
+
+    return draw
+
+
+def _faces(body: Body) -> list[Any]:
+    """Points of what is drawn of a body: quadrilaterals in the plane of motion, and lines there and back."""
+    if body.part == BEAM:
+        # between the lowest and the highest point of neighbouring sections
+        size = np.count_nonzero(body.points[:, 0] == body.points[0, 0])
+        low, high = int(body.points[:size, 1].argmin()), int(body.points[:size, 1].argmax())
+        first = np.arange(0, len(body.points) - size, size)[:, None]
+        return list(first + np.array([low, high, size + high, size + low]))
+    if body.part == CONNECTION:
+        return [np.array(cell)[[0, 1, 1, 0]] for _, cell in body.cells]
+    return [np.arange(4)]
+
+
+def _colour(body: Body) -> str:
+    return FLOOR if body.part == BOX and body.side == 0 else DRAWN[body.part]

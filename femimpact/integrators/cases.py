@@ -20,9 +20,8 @@ from femimpact.progress import Progress
 from femimpact.response.cycles import SteadyMotion
 from femimpact.response.impacts import CYCLE_COLUMNS, ENERGY_COLUMNS, IMPACT_COLUMNS, event_width
 from femimpact.response.response import Recorder
-from femimpact.system.modes import with_checked_pairs
 from femimpact.system.state import State
-from femimpact.system.system import System
+from femimpact.system.system import System, with_checked_pairs
 from femimpact.units import number_text
 
 

@@ -21,8 +21,8 @@ from femimpact.excitation.random_base import RandomBase
 from femimpact.excitation.remarks import FAR, drives_above_modes, is_pulse, late_drives, motion_warnings
 from femimpact.excitation.sums import force_form_of
 from femimpact.integrators.record_reading import DIFFERENCE, record_coarseness, record_warnings
-from femimpact.response.resolution import PeakResolution, peak_resolution, resolution_warnings
-from femimpact.structure.damping import realised_damping_ratio
+from femimpact.response.cycles import PeakResolution, peak_resolution, resolution_warnings
+from femimpact.structure.beam import realised_damping_ratio
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.matrices import rigid_motions
 from femimpact.system.modes import Modes, first_elastic_frequency, first_resonance, solve_modes

@@ -29,7 +29,7 @@ from femimpact.errors import (
     truth,
 )
 from femimpact.excitation.excitation import MEMBERS, Excitation, has_cycle
-from femimpact.response.channels import Channel, Motion, channel_key, channel_of, resolve_channels
+from femimpact.response.channels import Channel, channel_key, channel_of, motion_of, resolve_channels
 from femimpact.response.cycles import Largest, LargestValues, SteadyMotion
 from femimpact.response.energy import EnergyLedger
 from femimpact.response.history import (
@@ -312,9 +312,9 @@ class Response:
             If there is no such channel, it is of another kind, or the history went to `Recorder.sink`.
         """
         values, channel = self[name], channel_of(self.system, name)
-        moving = isinstance(channel, Motion) and not channel.absolute
+        _, absolute = motion_of(channel) or (0, True)
         allowed = "must be a relative displacement, velocity or acceleration to have an absolute value"
-        require(moving, "channel", str(name), self.units[str(name)], allowed)
+        require(not absolute, "channel", str(name), self.units[str(name)], allowed)
         moved_by = {"m": self.base.displacement, "m/s": self.base.velocity, "m/s^2": self.base.acceleration}
         return np.asarray(values + moved_by[channel.unit](self.time))
 

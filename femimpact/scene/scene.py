@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -35,45 +35,31 @@ STATIONS = 120
 MOST_STATIONS = 2000
 """Cells along the beam beyond which not every node of the mesh has a separate section."""
 
-BLOCK = list(range(8))
+HEXAHEDRON_CELL = [(HEXAHEDRON, list(range(8)))]
+"""The one cell of a block."""
 
 
-@dataclass
-class Pieces:
-    """Points and cells of a scene while it is built, one entry for each piece or each point."""
+@dataclass(frozen=True, eq=False)
+class Body:
+    """A part of what is drawn: its solid at rest, and what moves it.
 
-    points: list[Array] = field(default_factory=list)  # (k, 3) m
-    # (k,) m: x of the section that moves each point; not a number where none does
-    axis: list[Array] = field(default_factory=list)
-    # (k,) number of the ball that carries each point, -1 otherwise
-    ball: list[NDArray[np.int64]] = field(default_factory=list)
-    # (k,) whether a point is fixed in space, not with the base
-    in_space: list[NDArray[np.bool_]] = field(default_factory=list)
-    cells: list[tuple[int, list[int], int, int]] = field(default_factory=list)  # (type, points, part, pair)
-    # (point, pair, side, reaction) points of contact: side +1 or -1, and whether what is shown there is the force on
-    # the other body
-    marks: list[tuple[int, int, int, bool]] = field(default_factory=list)
-    count: int = 0
+    The first four points of a block are its outline in the plane of motion.
+    """
 
-    def add(
-        self, points: Array, axis: Any, cells: list[tuple[int, list[int]]], part: int, pair: int, ball: int = -1,
-        in_space: bool = False,
-    ) -> None:  # fmt: skip
-        """Add points that move in the same way, and the cells between them."""
-        first, size = self.count, len(points)
-        self.points.append(points)
-        self.axis.append(np.broadcast_to(np.asarray(axis, dtype=float), size))
-        self.ball.append(np.full(size, ball))
-        self.in_space.append(np.full(size, in_space))
-        self.cells += [(kind, [first + i for i in nodes], part, pair) for kind, nodes in cells]
-        self.count += size
+    part: int  # number in `PARTS`
+    points: Array  # (k, 3) m
+    cells: list[tuple[int, list[int]]]  # type, and numbers of points
+    axis: Any  # m: x of the section that moves it, or of each point (k,); not a number where none does
+    pair: int = -1  # number of the contact, -1 for none
+    side: int = 0  # of a wall or a point of contact, +1 or -1
+    ball: Any = -1  # number of the ball that carries it, or of each point (k,); -1 for none
+    in_space: bool = False  # whether it is fixed in space, not with the base
+    reaction: bool = False  # whether the force that is shown at a point of contact is that on the other body
 
-    def mark(
-        self, point: Any, axis: float, pair: int, side: int, reaction: bool, ball: int = -1, in_space: bool = False
-    ) -> None:
-        """Add a point of contact."""
-        self.marks.append((self.count, pair, side, reaction))
-        self.add(np.array([point]), axis, [(VERTEX, [0])], CONTACT_POINT, pair, ball, in_space)
+    @property
+    def outline(self) -> Array:
+        """Corners (4, 2), x and y in m, of a block."""
+        return self.points[:4, :2]
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,8 +146,8 @@ def _stations(nodes: Array, start: float, end: float, subdivisions: int, slack: 
     return np.concatenate([*inner, knots[-1:]])
 
 
-def add_beam(pieces: Pieces, placed: PlacedStructure, nodes: Array, subdivisions: int = 1) -> tuple[Array, ...]:
-    """Cells between sections of one outline; the stretches of sections, none of which is shared.
+def beam_bodies(placed: PlacedStructure, nodes: Array, subdivisions: int = 1) -> tuple[list[Body], tuple[Array, ...]]:
+    """A body for each stretch of the beam, with cells between sections of one outline; and the stretches of sections.
 
     A stretch ends where a section jumps or a force acts, so that steps of the section show. Along a linear taper the
     faces are plane, and the cells have the volume of the beam.
@@ -169,7 +155,7 @@ def add_beam(pieces: Pieces, placed: PlacedStructure, nodes: Array, subdivisions
     held = [*(x for _, x in placed.bodies), *(x for _, x in placed.supports)]
     held += [x for _, places in placed.connections for x in places]
     cuts = [*placed.structure.beam.joints, *held, *(pair.position for pair in placed.contacts)]
-    stretches = stretches_of(nodes, cuts, subdivisions)
+    stretches, bodies = stretches_of(nodes, cuts, subdivisions), []
     for stations in stretches:
         segment, sizes = sections_along(placed.structure, stations)
         outline = outline_of(segment)
@@ -177,35 +163,30 @@ def add_beam(pieces: Pieces, placed: PlacedStructure, nodes: Array, subdivisions
         corners = sizes[:, None, ::-1] * outline.points
         points = np.concatenate([np.repeat(stations, count)[:, None], corners.reshape(-1, 2)], axis=1)
         cells = [cell for i in range(len(stations) - 1) for cell in outline.cells_between(count * i)]
-        pieces.add(points, points[:, 0], cells, BEAM, -1)
-    return stretches
+        bodies.append(Body(BEAM, points, cells, points[:, 0]))
+    return bodies, stretches
 
 
-def add_box(
-    pieces: Pieces, j: int, ball: Contact, ends: tuple[float, float], width: float, exaggeration: float
-) -> None:
+def box_of_ball(j: int, ball: Contact, ends: tuple[float, float], width: float, exaggeration: float) -> list[Body]:
     """Two end walls and a floor on the beam's upper edge; the inner faces stop the ball's surface."""
     x, radius = ball.position, ball_radius(ball.mass)
     wall, floor = 0.3 * radius, 0.5 * width
     inner = (exaggeration * ball.gaps[0] + radius, -exaggeration * ball.gaps[1] - radius)
     (left, right), top = ends, floor + wall + 2.0 * radius
-    blocks = [
-        _block((left, inner[0], floor), (right, inner[0] + wall, top)),
-        _block((left, inner[1] - wall, floor), (right, inner[1], top)),
-        _block((left, inner[1], floor), (right, inner[0], floor + wall)),
-    ]
-    for corners in blocks:
-        pieces.add(corners, x, [(HEXAHEDRON, BLOCK)], BOX, j)
+    blocks = {
+        1: _block((left, inner[0], floor), (right, inner[0] + wall, top)),
+        -1: _block((left, inner[1] - wall, floor), (right, inner[1], top)),
+        0: _block((left, inner[1], floor), (right, inner[0], floor + wall)),
+    }
+    return [Body(BOX, corners, HEXAHEDRON_CELL, x, j, side) for side, corners in blocks.items()]
 
 
-def add_ball(pieces: Pieces, j: int, ball: Contact, width: float, rings: int = 10, around: int = 20) -> Array:
-    """A sphere of quadrilaterals with triangles at its poles; its centre (3,) in m."""
-    radius = ball_radius(ball.mass)
-    centre = np.array([ball.position, 0.0, 0.5 * width + 0.3 * radius + radius])
+def sphere(j: int, ball: Contact, centre: Array, rings: int = 10, around: int = 20) -> Body:
+    """A ball of quadrilaterals with triangles at its poles."""
     polar = np.pi * np.arange(1, rings) / rings
     turn = 2.0 * np.pi * np.arange(around) / around
     belt = np.array([(np.sin(p) * np.cos(t), np.sin(p) * np.sin(t), np.cos(p)) for p in polar for t in turn])
-    points = centre + radius * np.vstack([belt, [(0, 0, 1), (0, 0, -1)]])
+    points = centre + ball_radius(ball.mass) * np.vstack([belt, [(0, 0, 1), (0, 0, -1)]])
     north, south = len(belt), len(belt) + 1
     cells: list[tuple[int, list[int]]] = []
     for i in range(around):
@@ -215,25 +196,23 @@ def add_ball(pieces: Pieces, j: int, ball: Contact, width: float, rings: int = 1
         cells.append((TRIANGLE, [south, last + k, last + i]))
         for r in range(rings - 2):
             cells.append((QUAD, [r * around + i, (r + 1) * around + i, (r + 1) * around + k, r * around + k]))
-    pieces.add(points, math.nan, cells, BALL, j, ball=j)
-    return centre
+    return Body(BALL, points, cells, math.nan, j, ball=j)
 
 
-def add_body(pieces: Pieces, body: PointMass, x: float, width: float) -> None:
+def cube(body: PointMass, x: float, width: float) -> Body:
     """A steel cube of a body's mass below the beam's lower edge; the section at x carries it."""
     side, centre = body_side(body.mass), x + body.offset
     low, high = -0.5 * width - side, -0.5 * width
     corners = _block((centre - 0.5 * side, -0.5 * side, low), (centre + 0.5 * side, 0.5 * side, high))
-    pieces.add(corners, x, [(HEXAHEDRON, BLOCK)], BODY, -1)
+    return Body(BODY, corners, HEXAHEDRON_CELL, x)
 
 
-def add_support(
-    pieces: Pieces,
+def support_block(
     kind: str,  # of `Support`
     x: float,  # m: place, and length of the beam
     length: float,  # m
     section: tuple[float, float],  # pair of float, m: width and thickness of the beam there
-) -> None:
+) -> Body:
     """A block that holds the beam; one that only holds the slope is a sleeve which moves along with the beam.
 
     A pinned support is a thin block.
@@ -243,76 +222,83 @@ def add_support(
     # at an end the beam comes out of it
     centre = x - 0.5 * thick if x <= SAME * length else x + 0.5 * thick if x >= (1.0 - SAME) * length else x
     corners = _block((centre - 0.5 * thick, -high, -0.5 * width), (centre + 0.5 * thick, high, 0.5 * width))
-    pieces.add(corners, x if kind == "guided" else math.nan, [(HEXAHEDRON, BLOCK)], SUPPORT, -1)
+    return Body(SUPPORT, corners, HEXAHEDRON_CELL, x if kind == "guided" else math.nan)
 
 
-def add_tie(pieces: Pieces, places: tuple[float, float], length: float, level: int) -> None:
-    """Lines from the beam's axis at two places (m) to beside it, and between these, for a spring or a dashpot.
+def connection(places: tuple[float, ...], length: float, level: int) -> Body:
+    """Lines from the beam's axis at two places (m) to beside it, and between these; or from one place to the base.
 
-    The beam is straight at rest, and would hide a line from place to place. The sections carry their legs. Those of
+    The beam is straight at rest, and would hide a line from place to place. The sections carry the legs; those of
     one level are equally long.
     """
+    if len(places) == 1:
+        (x,) = places
+        return Body(
+            CONNECTION, np.array([(x, 0.0, 0.0), (x, -0.1 * length, 0.0)]), [(LINE, [0, 1])], np.array([x, math.nan])
+        )
     leg = (0.04 + 0.015 * level) * length
-    for x in places:
-        pieces.add(np.array([(x, 0.0, 0.0), (x, -leg, 0.0)]), x, [(LINE, [0, 1])], CONNECTION, -1)
-    # the lower ends of both legs
-    pieces.cells.append((LINE, [pieces.count - 3, pieces.count - 1], CONNECTION, -1))
+    points = np.array([(x, y, 0.0) for x in places for y in (0.0, -leg)])
+    return Body(CONNECTION, points, [(LINE, [0, 1]), (LINE, [2, 3]), (LINE, [1, 3])], points[:, 0])
 
 
-def add_connection(pieces: Pieces, x: float, length: float) -> None:
-    """A line from the beam's axis to the base, for a spring or a dashpot."""
-    pieces.add(np.array([(x, 0.0, 0.0)]), x, [], CONNECTION, -1)
-    # -1 is the point before
-    pieces.add(np.array([(x, -0.1 * length, 0.0)]), math.nan, [(LINE, [-1, 0])], CONNECTION, -1)
-
-
-def add_stop(pieces: Pieces, j: int, stop: Contact, structure: Structure, exaggeration: float) -> None:
+def stop_blocks(j: int, stop: Contact, structure: Structure, exaggeration: float) -> list[Body]:
     """A block on each closed side, whose face the beam's surface touches, with the points of contact of both."""
     x, in_space, section = stop.position, stop.fixed_to == "space", structure.beam.drawn_at(stop.position)
     half, thick, width = 0.5 * section[1], 0.02 * structure.beam.length, 1.2 * section[0]
+    bodies = []
     for side, gap in ((1, stop.gaps[0]), (-1, stop.gaps[1])):
         if not math.isfinite(gap):
             continue
         face = exaggeration * gap + half
         low, high = sorted((side * face, side * (face + thick)))
         corners = _block((x - 0.5 * thick, low, -0.5 * width), (x + 0.5 * thick, high, 0.5 * width))
-        pieces.add(corners, math.nan, [(HEXAHEDRON, BLOCK)], STOP, j, in_space=in_space)
-        # in front of the stop, or it would hide the arrows that begin there
-        pieces.mark((x, side * half, 0.6 * width), x, j, side, False)
-        pieces.mark((x, side * face, 0.6 * width), math.nan, j, side, True, in_space=in_space)
+        bodies += [
+            Body(STOP, corners, HEXAHEDRON_CELL, math.nan, j, side, in_space=in_space),
+            # in front of the stop, or it would hide the arrows that begin there
+            mark((x, side * half, 0.6 * width), x, j, side),
+            mark((x, side * face, 0.6 * width), math.nan, j, side, in_space=in_space, reaction=True),
+        ]
+    return bodies
 
 
-def add_suspension(pieces: Pieces, j: int, x: float, width: float, height: float) -> None:
-    """A post on the beam's upper edge, and a line from its top to an absorber's body, for its spring and dashpot."""
-    post = np.array([(x, 0.0, 0.5 * width), (x, 0.0, height)])
-    pieces.add(post, x, [(LINE, [0, 1])], CONNECTION, j)
-    # -1 is the point before
-    pieces.add(post[1:], math.nan, [(LINE, [-1, 0])], CONNECTION, j, ball=j)
+def mark(point: Any, axis: float, pair: int, side: int, **fixed: Any) -> Body:
+    """A point of contact."""
+    return Body(CONTACT_POINT, np.array([point]), [(VERTEX, [0])], axis, pair, side, **fixed)
 
 
-def add_contacts(
-    pieces: Pieces,
-    placed: PlacedStructure,  # whose balls come before its stops
-    exaggeration: float,
-    marked: bool,  # whether the points of contact of balls are added
-) -> None:
-    """Balls in their boxes, absorbers on their springs, and stops."""
+def ball_bodies(j: int, ball: Contact, placed: PlacedStructure, exaggeration: float) -> list[Body]:
+    """A ball in its box with the points of contact, or an absorber's body on a post and a line for its spring."""
+    x, radius = ball.position, ball_radius(ball.mass)
+    width, _ = placed.structure.beam.drawn_at(x)
+    centre = np.array([x, 0.0, 0.5 * width + 0.3 * radius + radius])
+    # in front of the ball, or the ball would hide the arrows that begin there
+    height = float(centre[2]) + 1.3 * radius
+    if not ball.has_walls:
+        top = height - 1.3 * radius
+        points = np.array([(x, 0.0, 0.5 * width), (x, 0.0, top), (x, 0.0, top)])
+        lines = [(LINE, [0, 1]), (LINE, [1, 2])]
+        post = Body(CONNECTION, points, lines, np.array([x, x, math.nan]), j, ball=np.array([-1, -1, j]))
+        return [sphere(j, ball, centre), post]
+    bodies = [*box_of_ball(j, ball, placed.box_ends(ball), width, exaggeration), sphere(j, ball, centre)]
+    for side, gap in ((1, ball.gaps[0]), (-1, ball.gaps[1])):
+        bodies.append(mark((x, side * (exaggeration * gap + radius), height), x, j, side))
+        bodies.append(mark((x, side * radius, height), math.nan, j, side, ball=j, reaction=True))
+    return bodies
+
+
+def bodies_on_beam(placed: PlacedStructure, exaggeration: float = 1.0) -> list[Body]:
+    """Supports, bodies, springs, dashpots, balls in their boxes and stops, with clearances so many times as large."""
+    structure, length = placed.structure, placed.length
+    beam = structure.beam
+    bodies = [support_block(support.kind, x, length, beam.drawn_at(x)) for support, x in placed.supports]
+    bodies += [cube(body, x, beam.drawn_at(x)[0]) for body, x in placed.blocks]
+    bodies += [connection(places, length, level) for level, (_, places) in enumerate(placed.connections)]
     for j, pair in enumerate(placed.contacts):
         if pair.is_stop:
-            add_stop(pieces, j, pair, placed.structure, exaggeration)
-            continue
-        x, radius = pair.position, ball_radius(pair.mass)
-        width, _ = placed.structure.beam.drawn_at(x)
-        if pair.has_walls:
-            add_box(pieces, j, pair, placed.box_ends(pair), width, exaggeration)
-        # in front of the ball, or the ball would hide the arrows that begin there
-        height = float(add_ball(pieces, j, pair, width)[2]) + 1.3 * radius
-        if not pair.has_walls:
-            add_suspension(pieces, j, x, width, height - 1.3 * radius)
-            continue
-        for side, gap in ((1, pair.gaps[0]), (-1, pair.gaps[1])) if marked else ():
-            pieces.mark((x, side * (exaggeration * gap + radius), height), x, j, side, False)
-            pieces.mark((x, side * radius, height), math.nan, j, side, True, ball=j)
+            bodies += stop_blocks(j, pair, structure, exaggeration)
+        else:
+            bodies += ball_bodies(j, pair, placed, exaggeration)
+    return bodies
 
 
 EXAGGERATION: Any = quantity("1", above=0.0, at_most=1e9)
@@ -324,12 +310,14 @@ SWING = 0.08
 
 def chosen_exaggeration(
     deflection: Array,  # m
+    motion: Array,  # (times, balls) m
     structure: Structure,
     balls: Sequence[Contact],
 ) -> float:
     """Factor, of one digit, with which the largest deflection and gap are a good size beside the beam."""
     gaps = [max(pair.gaps) for pair in balls if pair.has_walls]
-    reach = float(np.abs(deflection).max()) + max(gaps, default=0.0)
+    hung = motion[:, [not pair.has_walls for pair in balls]]
+    reach = float(np.abs(np.hstack([deflection, hung])).max()) + max(gaps, default=0.0)
     return float(f"{SWING * structure.beam.length / max(reach, 1e-12):.1g}")
 
 
@@ -341,6 +329,8 @@ class Scene:
     cross-section or a box as a rigid body, to first order.
     """
 
+    bodies: tuple[Body, ...]  # the stretches of the beam first
+    first: NDArray[np.int64]  # (bodies,) number of the first point of each
     # (points, 3) m: at rest; clearances already exaggerated. Those of the beam come first, section by section.
     points: Array
     connectivity: NDArray[np.int64]  # cells in VTK's form: points of all, the end of each among these, and its type
@@ -390,53 +380,51 @@ def build_scene(
     system: System,  # gives nodes and contact pairs
     exaggeration: float = 1.0,  # scales motion and clearance together, so that a ball stays in its box
     subdivisions: int = 1,  # cells of the beam for each element, at least
-    *,
-    all_parts: bool = False,  # supports, springs, dashpots and points of contact of the balls too
 ) -> Scene:
-    """The beam of its real cross-section, a box and a ball for each impactor, bodies and stops, as a movie shows them.
+    """The beam of its real cross-section, and all that is on it or beside it.
 
     A body at the place of a ball is its box, and no cube beside it.
     """
-    pieces, placed, length = Pieces(), placed_structure(structure, system), structure.beam.length
-    stretches = add_beam(pieces, placed, system.nodes, subdivisions)
-    for support, x in placed.supports if all_parts else ():
-        add_support(pieces, support.kind, x, length, structure.beam.drawn_at(x))
-    for body, x in placed.blocks:
-        add_body(pieces, body, x, structure.beam.drawn_at(x)[0])
-    for level, (_, (at, *to)) in enumerate(placed.connections if all_parts else ()):
-        if to:
-            add_tie(pieces, (at, to[0]), length, level)
-        else:
-            add_connection(pieces, at, length)
-    add_contacts(pieces, placed, exaggeration, marked=all_parts)
-    return _scene(pieces, system, stretches, exaggeration)
-
-
-def _scene(pieces: Pieces, system: System, stretches: tuple[Array, ...], exaggeration: float) -> Scene:
-    points, axis = np.concatenate(pieces.points), np.concatenate(pieces.axis)
-    ball = np.concatenate(pieces.ball)
+    placed = placed_structure(structure, system)
+    stretched, stretches = beam_bodies(placed, system.nodes, subdivisions)
+    bodies = [*stretched, *bodies_on_beam(placed, exaggeration)]
+    sizes = [len(body.points) for body in bodies]
+    first = np.cumsum([0, *sizes])
+    points = np.concatenate([body.points for body in bodies])
+    axis, ball, in_space = (
+        np.concatenate([np.broadcast_to(getattr(body, name), size) for body, size in zip(bodies, sizes, strict=True)])
+        for name in ("axis", "ball", "in_space")
+    )
     held = np.isfinite(axis)
     fixed, place = sparse.diags_array(held.astype(float)), np.where(held, axis, system.nodes[0])
-    carried = sparse.csr_array(
-        (np.ones(np.count_nonzero(ball >= 0)), (np.flatnonzero(ball >= 0), ball[ball >= 0])),
-        shape=(len(points), len(system.balls)),
-    )
-    kinds, nodes, parts, pairs = zip(*pieces.cells, strict=True)
+    carried = np.flatnonzero(ball >= 0)
+    cells = [
+        (kind, at + np.array(cell), body) for body, at in zip(bodies, first, strict=False) for kind, cell in body.cells
+    ]
+    marks = [
+        (at, body.pair, body.side, body.reaction)
+        for body, at in zip(bodies, first, strict=False)
+        if body.part == CONTACT_POINT
+    ]
     return Scene(
+        bodies=tuple(bodies),
+        first=first[:-1],
         points=points,
-        connectivity=np.concatenate([np.array(cell, dtype=np.int64) for cell in nodes]),
-        offsets=np.cumsum([len(cell) for cell in nodes]).astype(np.int64),
-        types=np.array(kinds, dtype=np.uint8),
-        part=np.array(parts, dtype=np.int32),
-        pair=np.array(pairs, dtype=np.int32),
+        connectivity=np.concatenate([cell for _, cell, _ in cells]).astype(np.int64),
+        offsets=np.cumsum([len(cell) for _, cell, _ in cells]).astype(np.int64),
+        types=np.array([kind for kind, _, _ in cells], dtype=np.uint8),
+        part=np.array([body.part for _, _, body in cells], dtype=np.int32),
+        pair=np.array([body.pair for _, _, body in cells], dtype=np.int32),
         deflection=sparse.csr_array(fixed @ hermite_rows(system.nodes, place)),
         slope=sparse.csr_array(fixed @ hermite_rows(system.nodes, place, 1)),
         # what hangs on no section has no arm
         arm=np.where(held[:, None], np.column_stack([points[:, 0] - place, points[:, 1]]), 0.0),
-        carried=carried,
-        in_space=np.concatenate(pieces.in_space),
+        carried=sparse.csr_array(
+            (np.ones(carried.size), (carried, ball[carried])), shape=(len(points), len(system.balls))
+        ),
+        in_space=in_space,
         stretches=stretches,
-        marks=np.array(pieces.marks, dtype=np.int64).reshape(-1, 4),
+        marks=np.array(marks, dtype=np.int64).reshape(-1, 4),
         exaggeration=exaggeration,
     )
 

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from femimpact.arrays import Array
 from femimpact.errors import check_fields, checked, quantity, real_array, require, require_type, text
-from femimpact.response.resolution import peak_resolution, resolution_warnings
+from femimpact.response.cycles import peak_resolution, resolution_warnings
 from femimpact.units import interval_texts, number_text
 
 METHOD = "one-pole least squares"

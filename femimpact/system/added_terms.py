@@ -10,12 +10,13 @@ import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import ArrayLike, NDArray
 
+from femimpact.arrays import own
 from femimpact.errors import Fault, InputError, require, require_type
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.hermite import Reaction
-from femimpact.system.matrices import Matrix, banded_factor, checked_matrix, checked_row, frozen_row
+from femimpact.system.matrices import Matrix, banded_factor, check_damping, checked_matrix, checked_row
 from femimpact.system.modes import first_mode_at, flexibility, solve_modes
-from femimpact.system.system import System
+from femimpact.system.system import System, with_checked_fields
 
 
 def add_terms(
@@ -84,20 +85,25 @@ def add_terms(
     rigid = np.zeros(size)
     rigid[0::2] = 1.0
     momentum = on_basis["mass"] @ rigid
+    constant_load = own(system.constant_load + expansion.T @ force)
     loaded: dict[str, Any] = {
         "rayleigh": system.rayleigh if damping is None else None,
-        "constant_load": frozen_row(system.constant_load + expansion.T @ force),
-        "constant_resultant": None,
+        "constant_load": constant_load,
+        "constant_resultant": float(system.rigid_translation @ constant_load),
         "reactions": {
             name: _with_terms(item, system.rayleigh, on_basis, momentum, force, expansion)
             for name, item in system.reactions.items()
         },
-        "computed_together": None,
     }
     if mass is None and stiffness is None:
         # modes and compliances stay
-        return replace(system, C=sparse.csr_array(system.C + free["damping"]), **loaded)
-    return _with_new_matrices(system, free, expansion.T @ momentum, float(rigid @ momentum), loaded)
+        summed = with_checked_fields(system, C=sparse.csr_array(system.C + free["damping"]), **loaded)
+    else:
+        summed = _with_new_matrices(system, free, expansion.T @ momentum, float(rigid @ momentum), loaded)
+    # the sum may couple what was not coupled
+    summed.__dict__.pop("is_diagonal", None)
+    check_damping(summed)
+    return summed
 
 
 def _with_new_matrices(
@@ -115,13 +121,13 @@ def _with_new_matrices(
     if system.rayleigh is not None:
         alpha, beta = system.rayleigh
         C = alpha * M + beta * K + free["damping"]
-    bare = replace(
+    bare = with_checked_fields(
         system,
         M=M,
         C=sparse.csr_array(C),
         K=K,
         stiffness_factor=_stiffness_factor(system, free["stiffness"], K),
-        base_load=frozen_row(system.base_load + base_load),
+        base_load=own(system.base_load + base_load),
         total_mass=system.total_mass + total_mass,
         first_frequency=math.nan,
         contacts=(),
@@ -169,9 +175,9 @@ def _with_terms(
     damped = alpha * added["mass"] + beta * added["stiffness"] + added["damping"]
     return replace(
         item,
-        on_acceleration=frozen_row(item.on_acceleration + added["mass"]),
-        on_velocity=frozen_row(item.on_velocity + damped),
-        on_displacement=frozen_row(item.on_displacement + added["stiffness"]),
+        on_acceleration=own(item.on_acceleration + added["mass"]),
+        on_velocity=own(item.on_velocity + damped),
+        on_displacement=own(item.on_displacement + added["stiffness"]),
         on_base_acceleration=item.on_base_acceleration + float(momentum[item.dof]),
         constant=item.constant + float(force[item.dof]),
     )
@@ -187,4 +193,4 @@ def _with_contacts(bare: System, contacts: tuple[ContactPair, ...]) -> System:
         for pair, row, flexible in zip(contacts, rows, compliance, strict=True)
     )
     frequency = float(modes.natural_frequency[0])
-    return replace(bare, first_frequency=frequency, contacts=pairs, computed_together=None)
+    return with_checked_fields(bare, first_frequency=frequency, contacts=pairs)

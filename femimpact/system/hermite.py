@@ -4,30 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import ArrayLike, NDArray
 
-from femimpact.arrays import Array
+from femimpact.arrays import Array, own
 from femimpact.errors import (
     Fault,
     InputError,
-    changed,
-    check_fields,
-    checked,
     choice,
-    column,
-    optional,
     quantity,
-    real_array,
-    require,
-    require_type,
-    text,
 )
-from femimpact.system.matrices import Matrix, frozen_row
+from femimpact.system.matrices import Matrix
 
 OFF_BEAM = 1e-6
 """Share of the length by which a position in single precision may lie off the beam."""
@@ -44,18 +34,16 @@ DERIVATIVE = quantity("1", at_least=0, at_most=3, integer=True)
 
 
 def shape_functions(
-    s: ArrayLike,  # shape (...) position inside the element, 0 at its first node and 1 at its second
-    derivative: int = 0,  # order of the derivative by s, 0 to 3
-) -> Array:
-    """Cubic Hermite shape functions of (w1, h w1', w2, h w2') or a derivative of them by s.
+    s: Array,  # shape (...) position inside the element, 0 at its first node and 1 at its second
+) -> tuple[tuple[Array, ...], ...]:
+    """Cubic Hermite shape functions of (w1, h w1', w2, h w2'), and their three derivatives by s.
 
     w(s) = H1 w1 + H2 h w1' + H3 w2 + H4 h w2', with s = (x - x1)/h.
 
-    Returns shape (4, ...) 1: values; multiply rows 1 and 3 by the element length for dofs (w, dw/dx), and divide all by
-    its `derivative`-th power for derivatives by x.
+    Returns four functions (...) for each order; multiply the second and the fourth by the element length for dofs
+    (w, dw/dx), and divide all of an order by that power of it for derivatives by x.
     """
-    s = real_array("s", s, "1", "must be finite numbers")
-    return np.array(_SHAPES[checked("derivative", derivative, DERIVATIVE)](s))
+    return tuple(shapes(s) for shapes in _SHAPES)
 
 
 _SHAPES: tuple[Callable[[Array], tuple[Array, ...]], ...] = (
@@ -67,20 +55,9 @@ _SHAPES: tuple[Callable[[Array], tuple[Array, ...]], ...] = (
 """The functions and their derivatives by s, by the order of the derivative."""
 
 
-def positions_on_beam(nodes: Array, positions: ArrayLike, key: str) -> Array:
-    """Positions (m) on the beam, those off it by rounding only moved to its end."""
-    root, tip = float(nodes[0]), float(nodes[-1])
-    allowed = f"must be within the beam, {root:g} to {tip:g} m"
-    x = real_array(key, positions, "m", allowed)
-    slack = OFF_BEAM * (tip - root)
-    beyond = x[(x < root - slack) | (x > tip + slack)]
-    require(beyond.size == 0, key, float(beyond[0]) if beyond.size else None, "m", allowed)
-    return np.minimum(np.maximum(x, root), tip)
-
-
 def element_of(nodes: Array, positions: Array, side: str) -> NDArray[np.intp]:
     """Numbers of the elements that hold positions (k,) in m; at a node, to 1e-9 of the length, the one on a side."""
-    shift = (1.0 if checked("side", side, SIDE) == "right" else -1.0) * AT_NODE * (nodes[-1] - nodes[0])
+    shift = (1.0 if side == "right" else -1.0) * AT_NODE * (nodes[-1] - nodes[0])
     element = np.searchsorted(nodes, positions + shift, side="right") - 1
     return np.asarray(np.minimum(np.maximum(element, 0), nodes.size - 2))
 
@@ -100,11 +77,9 @@ def hermite_rows(
 ) -> Matrix:  # csr_array (k, 2 n)
     """Sparse rows from nodal (w, w') pairs to the deflection, or a derivative of it, at positions.
 
-    Raises `InputError` if a position lies off the nodes, or a cubic has no such derivative.
+    A position off the nodes by rounding is moved to their end.
     """
-    x = np.atleast_1d(positions_on_beam(nodes, positions, "positions"))
-    require(x.ndim == 1, "positions", f"array of shape {x.shape}", "m", "must be one place or a row of them")
-    derivative = checked("derivative", derivative, DERIVATIVE)
+    x = np.minimum(np.maximum(np.atleast_1d(np.asarray(positions, dtype=float)), nodes[0]), nodes[-1])
     element = element_of(nodes, x, side)
     length = nodes[element + 1] - nodes[element]
     values = np.array(_SHAPES[derivative]((x - nodes[element]) / length)) / length**derivative
@@ -118,16 +93,12 @@ def hermite_rows(
 class Section:
     """The section at one position of a beam."""
 
-    # N m^2: E I: a bending moment is this times the curvature w''
-    bending_stiffness: float = field(metadata=quantity("N m^2", above=0.0))
+    bending_stiffness: float  # N m^2: E I: a bending moment is this times the curvature w''
     # m: from the neutral axis to the surface: a surface strain is -+ this times the curvature. None where area and
     # second moment alone are given
-    half_height: float | None = field(metadata=optional(quantity("m", above=0.0)))
-    young_modulus: float = field(metadata=quantity("Pa", above=0.0))  # Pa: a stress is this times the strain
-    region: str = field(metadata=text())  # name of the segment
-
-    def __post_init__(self) -> None:
-        check_fields(self)
+    half_height: float | None
+    young_modulus: float  # Pa: a stress is this times the strain
+    region: str  # name of the segment
 
     def known_half_height(self, key: str) -> float:
         """The half height (m), for what is asked for under a key.
@@ -166,37 +137,17 @@ class SectionFields:
     region : ndarray (elements,) of str
         Name of the segment.
     width_taper, thickness_taper : ndarray (elements,), 1
-        Difference of width and of thickness between the two ends of each element, over the value in its middle. None
-        is 0 everywhere, a section that is constant in every element.
-
-    Raises
-    ------
-    InputError
-        If a taper ends in nothing.
+        Difference of width and of thickness between the two ends of each element, over the value in its middle.
     """
 
-    bending_stiffness: Array = field(metadata=column("N m^2", "elements", finite=True))
-    mass_per_length: Array = field(metadata=column("kg/m", "elements", finite=True))
-    rotary_inertia: Array = field(metadata=column("kg m", "elements", finite=True))
-    young_modulus: Array = field(metadata=column("Pa", "elements", finite=True))
-    half_height: Array = field(metadata=column("m", "elements"))
-    region: NDArray[np.str_] = field(metadata=column("", "elements", of="text"))
-    width_taper: Any = field(default=None, metadata=column("1", "elements", finite=True))
-    thickness_taper: Any = field(default=None, metadata=column("1", "elements", finite=True))
-
-    def __post_init__(self) -> None:
-        check_fields(self)
-        for name in ("bending_stiffness", "mass_per_length", "rotary_inertia", "young_modulus", "half_height"):
-            values = getattr(self, name)
-            unknown = np.isnan(values) & (name == "half_height")
-            require(bool(((values > 0.0) & (values < np.inf) | unknown).all()), name, None, "", "must hold numbers > 0")
-        for name in ("width_taper", "thickness_taper"):
-            if getattr(self, name) is None:
-                none = np.zeros(self.region.size)
-                none.setflags(write=False)
-                object.__setattr__(self, name, none)
-            within = bool((np.abs(getattr(self, name)) < 2.0).all())
-            require(within, name, None, "1", "must hold numbers > -2 and < 2, so that both ends have a section")
+    bending_stiffness: Array
+    mass_per_length: Array
+    rotary_inertia: Array
+    young_modulus: Array
+    half_height: Array
+    region: NDArray[np.str_]
+    width_taper: Array
+    thickness_taper: Array
 
     @property
     def is_tapered(self) -> NDArray[np.bool_]:
@@ -284,22 +235,19 @@ class Reaction:
         Constant load on the held dof (a force: N; a moment: N m).
     """
 
-    dof: int | None = field(metadata=optional(quantity("", at_least=0, integer=True)))
-    unit: str = field(metadata=choice("N", "N m"))
-    on_acceleration: Array = field(metadata=column("kg", "dofs", finite=True))
-    on_velocity: Array = field(metadata=column("N s/m", "dofs", finite=True))
-    on_displacement: Array = field(metadata=column("N/m", "dofs", finite=True))
-    on_base_acceleration: float = field(metadata=quantity("kg"))
-    constant: float = field(default=0.0, metadata=quantity("N"))
-
-    def __post_init__(self) -> None:
-        check_fields(self)
+    dof: int | None
+    unit: str
+    on_acceleration: Array
+    on_velocity: Array
+    on_displacement: Array
+    on_base_acceleration: float
+    constant: float = 0.0
 
 
 def damped_reactions(reactions: Mapping[str, Reaction], alpha: float, beta: float) -> dict[str, Reaction]:
     """The same reactions with C = alpha M + beta K (1/s, s), whose rows at held dofs follow from those of M and K."""
     return {
-        name: changed(item, on_velocity=frozen_row(alpha * item.on_acceleration + beta * item.on_displacement))
+        name: replace(item, on_velocity=own(alpha * item.on_acceleration + beta * item.on_displacement))
         for name, item in reactions.items()
     }
 
@@ -309,9 +257,9 @@ def reduced_reactions(reactions: Mapping[str, Reaction], phi: Array) -> dict[str
     return {
         name: replace(
             item,
-            on_acceleration=frozen_row(item.on_acceleration @ phi),
-            on_velocity=frozen_row(item.on_velocity @ phi),
-            on_displacement=frozen_row(item.on_displacement @ phi),
+            on_acceleration=own(item.on_acceleration @ phi),
+            on_velocity=own(item.on_velocity @ phi),
+            on_displacement=own(item.on_displacement @ phi),
         )
         for name, item in reactions.items()
     }
@@ -320,13 +268,3 @@ def reduced_reactions(reactions: Mapping[str, Reaction], phi: Array) -> dict[str
 def unloaded_reactions(reactions: Mapping[str, Reaction]) -> dict[str, Reaction]:
     """The same reactions without a constant load on the held dofs."""
     return {name: replace(item, constant=0.0) for name, item in reactions.items()}
-
-
-def check_reactions(reactions: Any, dofs: int) -> None:
-    """Refuse what is no mapping of names to reactions with rows of this many dofs."""
-    require_type(reactions, Mapping, "reactions")
-    for name, item in reactions.items():
-        require_type(name, str, "reactions")
-        require_type(item, Reaction, f"reactions.{name}")
-        allowed = f"must have rows of {dofs} entries, one for each dof"
-        require(item.on_displacement.size == dofs, f"reactions.{name}", item.on_displacement.size, "", allowed)

@@ -1,9 +1,11 @@
-"""Matrices that a user gives, checked; and the rigid motions that nothing holds."""
+"""Matrices that a user gives, also from files, checked; and the rigid motions that nothing holds."""
 
 from __future__ import annotations
 
+import gzip
 import math
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -12,7 +14,8 @@ import scipy.sparse as sparse
 from numpy.typing import ArrayLike, NDArray
 
 from femimpact.arrays import Array
-from femimpact.errors import Fault, InputError, real_array, require
+from femimpact.errors import Fault, InputError, checked, optional, real_array, require, require_path, text
+from femimpact.regular_file import check_regular
 
 FREE = 1e-9
 """Share of a strain's terms below which it is rounding."""
@@ -167,13 +170,6 @@ def checked_row(key: str, value: ArrayLike, dofs: int) -> Array:
     require(row.shape == (dofs,), key, f"array of shape {row.shape}", "", allowed)
     row.setflags(write=False)
     return row
-
-
-def frozen_row(values: ArrayLike) -> Array:
-    """A read-only copy of numbers."""
-    array = np.array(values, dtype=float)
-    array.setflags(write=False)
-    return array
 
 
 def checked_shapes(nodes: ArrayLike | None, expansion: Any, dofs: int) -> tuple[Array, Matrix]:
@@ -335,3 +331,109 @@ def diagonal_matrix(values: Array) -> Matrix:
     entries = np.flatnonzero(values)
     first = np.searchsorted(entries, np.arange(values.size + 1))
     return sparse.csr_array((values[entries], entries, first), shape=(values.size, values.size))
+
+
+def check_damping(system: Any) -> None:
+    """Refuse a damping matrix that is not the one of its coefficients, or that feeds energy in."""
+    shape = getattr(system.C, "shape", None)
+    fits = sparse.issparse(system.C) and shape == system.M.shape
+    require(fits, "C", shape or type(system.C).__name__, "", f"must be a sparse matrix of shape {system.M.shape}")
+    if system.rayleigh is None:
+        check_semidefinite("C", checked_matrix("C", system.C))
+        return
+    pair = isinstance(system.rayleigh, tuple) and len(system.rayleigh) == 2
+    require(pair, "rayleigh", system.rayleigh, "", "must be two numbers, alpha (1/s) and beta (s), or None")
+    alpha, beta = system.rayleigh
+    fits = same_product(system.C, lambda x: alpha * (system.M @ x) + beta * (system.K @ x))
+    allowed = "must be alpha and beta of C = alpha M + beta K: replace both, or give rayleigh=None for another damping"
+    require(fits, "rayleigh", system.rayleigh, "", allowed)
+
+
+# ---- files --------------------------------------------------------------------------------------------
+
+SUFFIXES = (".mtx", ".mtx.gz", ".npz")
+
+MOST_BYTES = 2_000_000_000
+"""Most bytes of a file."""
+
+MOST_ENTRIES = 50_000_000
+"""Most entries of a Matrix Market file."""
+
+
+def read_matrix(path: str | Path, name: str | None = None) -> Matrix:
+    """A symmetric matrix from a file, for `System.from_matrices`.
+
+    Parameters
+    ----------
+    path : str or Path
+        Matrix Market (.mtx, .mtx.gz), or .npz: a sparse matrix as scipy saves it, or arrays by name as numpy does.
+    name : str, optional
+        Of the array in an .npz file with several.
+
+    Returns
+    -------
+    csr_array (dofs, dofs)
+
+    Raises
+    ------
+    InputError
+        If there is no such file or array, it cannot be read, or holds no square, symmetric matrix of finite numbers.
+    """
+    require_path(path, "path", "a matrix file")
+    checked("name", name, optional(text()))
+    path = Path(path)
+    known = path.name.endswith(SUFFIXES)
+    require(known, "path", str(path), "", f"must end with {', '.join(SUFFIXES)}")
+    try:
+        check_regular(path, MOST_BYTES)
+        matrix = _of_archive(path, name) if path.suffix == ".npz" else _of_market(path)
+    except InputError:
+        raise
+    # what a damaged file makes its reader raise is without limit
+    except Exception as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        words = " ".join(reason.split())[:300] or type(error).__name__
+        raise InputError([Fault("path", str(path), "", f"must be a readable matrix file: {words}")]) from None
+    return checked_matrix(path.name, matrix)
+
+
+def _of_market(path: Path) -> Any:
+    """The matrix of a Matrix Market file, read by scipy.
+
+    Its lines are read by numpy first: of "1,5" and "1d3" scipy takes the 1, and leaves the rest of the line.
+    """
+    from scipy.io import mminfo, mmread
+
+    rows, columns, entries, layout, kind, symmetry = mminfo(path)
+    if kind == "complex" or symmetry not in ("general", "symmetric"):
+        raise ValueError(f"a {kind}, {symmetry} matrix, in place of a real one that is symmetric or general")
+    if max(rows, columns) > MOST_DOFS or entries > MOST_ENTRIES:
+        raise ValueError(f"of {rows} rows and {entries} entries: at most {MOST_DOFS:,} and {MOST_ENTRIES:,} are read")
+    with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as file:
+        lines = (line for line in file if line.strip() and not line.startswith(b"%"))
+        # the sizes
+        next(lines)
+        table = np.loadtxt(lines, comments=None, ndmin=2)
+    numbers = [*(("row", "column") if layout == "coordinate" else ()), *(() if kind == "pattern" else (kind,))]
+    if table.shape[1] != len(numbers) or (kind == "integer" and np.any(table % 1.0)):
+        raise ValueError(f"its lines must be of numbers: {', '.join(numbers)}")
+    matrix = mmread(path)
+    if not sparse.issparse(matrix):
+        return matrix
+    summed = matrix.tocsr()
+    if summed.nnz < matrix.nnz:
+        both = ", as where a symmetric one has both of its halves" if symmetry == "symmetric" else ""
+        raise ValueError(f"an entry stands in it more than once{both}")
+    return summed
+
+
+def _of_archive(path: Path, name: str | None) -> Any:
+    """An array of an .npz file, or the sparse matrix that scipy saved there."""
+    # numpy leaves a path open where the file is damaged
+    with path.open("rb") as file, np.load(file) as arrays:
+        names = list(arrays)
+        if name is None and {"format", "shape", "data"} <= set(names):
+            return sparse.load_npz(path)
+        chosen = names[0] if name is None and len(names) == 1 else name
+        require(chosen in names, "name", chosen, "", f"must be one of the arrays of the file: {', '.join(names)}")
+        return arrays[chosen]

@@ -3,59 +3,32 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass, field, fields, replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.linalg
 import scipy.sparse as sparse
 from numpy.typing import NDArray
 
-from femimpact.arrays import Array
-from femimpact.errors import check_fields, column, in_range, quantity, real_array, require, require_type
-from femimpact.structure.damping import ModalDamping, Rayleigh, rayleigh_coefficients, realised_damping_ratio
-from femimpact.system.contact_pair import ContactPair
+from femimpact.arrays import Array, own
+from femimpact.errors import (
+    check_fields,
+    column,
+    in_range,
+    made,
+    quantity,
+    require,
+    require_type,
+)
+from femimpact.structure.beam import ModalDamping, Rayleigh, rayleigh_coefficients, realised_damping_ratio
 from femimpact.system.hermite import damped_reactions
-from femimpact.system.matrices import FINITE, diagonal_matrix, frozen_row, rigid_motions, stiffness_solver
-from femimpact.system.static import TOGETHER, SystemOrigin
-from femimpact.system.system import System
+from femimpact.system.matrices import diagonal_matrix, rigid_motions, stiffness_solver
+from femimpact.system.system import System, with_checked_fields
 from femimpact.table import Head, frame_of, head_of_columns, short_repr
 
 if TYPE_CHECKING:
     import pandas
-
-FIELDS = tuple(item.name for item in fields(System))
-
-UNDAMPED = ("M", "K", "stiffness_factor", "nodes", "expansion", "sections")
-"""Fields that `System.derived_undamped` follows from."""
-
-
-def computed_system(**values: Any) -> System:
-    """The system with these fields, all but `computed_together`, as they follow from sound input.
-
-    Raises `InputError` if a number is infinite.
-    """
-    system = object.__new__(System)
-    system.__dict__.update(values)
-    check_fields(system)
-    _require_finite(values.items())
-    return _together(system, values["contacts"])
-
-
-def with_checked_fields(system: System, **changes: Any) -> System:
-    """The same system with other fields that were computed together.
-
-    Raises `InputError` if a number is infinite.
-    """
-    _require_finite(changes.items())
-    origin = system.computed_together
-    return _together(_copy(system, **changes), changes.get("contacts", origin.contacts if origin else ()))
-
-
-def with_checked_pairs(system: System, contacts: tuple[ContactPair, ...]) -> System:
-    """The same system with other numbers of its pairs, which were checked when they were made: no more is checked."""
-    return _copy(system, contacts=contacts)
 
 
 def with_modal_damping(system: System, alpha: float, beta: float) -> System:
@@ -63,31 +36,6 @@ def with_modal_damping(system: System, alpha: float, beta: float) -> System:
     C = diagonal_matrix(alpha * system.M.diagonal() + beta * system.K.diagonal())
     reactions = damped_reactions(system.reactions, alpha, beta)
     return with_checked_fields(system, C=C, rayleigh=(alpha, beta), reactions=reactions)
-
-
-def _require_finite(values: Iterable[tuple[str, Any]]) -> None:
-    for name, value in values:
-        numbers: Any = value.data if sparse.issparse(value) else value  # type: ignore[attr-defined]
-        sound = not isinstance(numbers, np.ndarray) or numbers.dtype.kind != "f" or bool(np.isfinite(numbers).all())
-        require(sound, name, None, "", FINITE)
-
-
-def _together(system: System, contacts: tuple[ContactPair, ...]) -> System:
-    """The system, whose fields are from now on those that were computed together, with contacts at these places."""
-    fields = tuple(system.__dict__[name] for name in TOGETHER)
-    system.__dict__["computed_together"] = SystemOrigin(fields, contacts, system.constant_load)
-    return system
-
-
-def _copy(system: System, **changes: Any) -> System:
-    copied = object.__new__(System)
-    copied.__dict__.update({name: system.__dict__[name] for name in FIELDS} | changes)
-    if system.__dict__.get("is_diagonal"):
-        # diagonal matrices stay so
-        copied.__dict__["is_diagonal"] = True
-    if changes.keys().isdisjoint(UNDAMPED):
-        copied.__dict__["derived_undamped"] = system.derived_undamped
-    return copied
 
 
 STILL = 1e-9
@@ -145,9 +93,7 @@ class Modes:
     @property
     def effective_mass(self) -> Array:
         """Square of the participation factor, (count,) in kg; all of them sum to the moving mass."""
-        mass = self.participation_factor**2
-        mass.setflags(write=False)
-        return mass
+        return own(self.participation_factor**2)
 
 
 def require_modes_of(dofs: int, modes: Modes) -> None:
@@ -184,7 +130,11 @@ def solve_modes(system: System, count: int) -> Modes:
     factor G, K = G^T G, whose condition number is the root of K's, and the frequency is read
     from the Rayleigh quotient |G phi|^2.
     """
-    count = mode_count(system, count)
+    return lowest_modes(system, mode_count(system, count))
+
+
+def lowest_modes(system: System, count: int) -> Modes:
+    """The same of a number of modes that the system has."""
     rigid = rigid_motions(system)[:, :count]
     rigid_count = rigid.shape[1]
     vectors, omega = _vectors(system, count, rigid)
@@ -193,10 +143,12 @@ def solve_modes(system: System, count: int) -> Modes:
     vectors, omega = vectors[:, order], omega[order]
     ratio = damping_ratios(system, vectors, omega)
     participation = vectors.T @ system.base_load
-    arrays = (omega / (2 * math.pi), ratio, participation, vectors)
-    for array in arrays:
+    natural = omega / (2 * math.pi)
+    for array in (natural, ratio, participation, vectors):
         array.setflags(write=False)
-    return Modes(*arrays)
+    return made(
+        Modes, natural_frequency=natural, damping_ratio=ratio, participation_factor=participation, vectors=vectors
+    )
 
 
 def damping_ratios(system: System, vectors: Array, omega: Array) -> Array:
@@ -254,12 +206,7 @@ def solve_stiffness(
     K x = f is solved as the stable mixed problem [s I, G; G^T, 0] [-G x / s; x] = [0; f] / s
     (the augmented system of Bjoerck, 1967): its rounding grows like the condition of G, the root of K's.
     """
-    require_type(system, System, "system")
-    allowed = f"must hold finite numbers, {system.dofs} for each load"
-    forces = real_array("loads", loads, "N", allowed)
-    fits = forces.ndim in (1, 2) and forces.shape[0] == system.dofs
-    require(fits, "loads", f"array of shape {forces.shape}", "N", allowed)
-    return stiffness_solver(system)(forces)
+    return stiffness_solver(system)(loads)
 
 
 def first_elastic_frequency(system: System) -> float:
@@ -269,12 +216,12 @@ def first_elastic_frequency(system: System) -> float:
     rigid_count = rigid_motions(system).shape[1]
     if rigid_count in (0, system.dofs):
         return system.first_frequency
-    return float(solve_modes(system, rigid_count + 1).natural_frequency[rigid_count])
+    return float(lowest_modes(system, rigid_count + 1).natural_frequency[rigid_count])
 
 
 def first_resonance(system: System) -> tuple[float, float]:
     """Natural frequency (Hz) and damping ratio (1) of the lowest mode that is no rigid motion, or of the last one."""
-    modes = solve_modes(system, min(rigid_motions(system).shape[1] + 1, system.dofs))
+    modes = lowest_modes(system, min(rigid_motions(system).shape[1] + 1, system.dofs))
     return float(modes.natural_frequency[-1]), float(modes.damping_ratio[-1])
 
 
@@ -290,7 +237,7 @@ def first_mode_at(system: System, modes: Modes, row: Array) -> float:
     moved = float(np.linalg.norm(row @ rigid))
     if moved > STILL * float(np.abs(row) @ np.abs(rigid).max(axis=1)):
         return moved
-    return float(row @ solve_modes(system, rigid.shape[1] + 1).vectors[:, -1])
+    return float(row @ lowest_modes(system, rigid.shape[1] + 1).vectors[:, -1])
 
 
 def flexibility(system: System, rows: Array) -> Array:
@@ -363,7 +310,7 @@ def damped_with_modes(
         count, value = max(damping.modes), damping.modes
     allowed = f"must be at most {system.dofs}, the dofs of this mesh: use more elements"
     require(count <= system.dofs, key, value, "", allowed)
-    modes = solve_modes(system, max(count, least))
+    modes = lowest_modes(system, max(count, least))
     if isinstance(damping, ModalDamping):
         return _by_modes(system, modes, np.array(damping.each)), modes
     alpha, beta = (0.0, 0.0) if damping is None else rayleigh_of(damping, 2.0 * math.pi * modes.natural_frequency)
@@ -403,6 +350,6 @@ def _by_modes(system: System, modes: Modes, ratio: NDArray[np.float64]) -> Syste
     reactions = {}
     for name, item in system.reactions.items():
         row = beta * item.on_displacement + ((item.on_acceleration @ vectors) * size) @ momentum.T
-        reactions[name] = replace(item, on_velocity=frozen_row(row))
+        reactions[name] = replace(item, on_velocity=own(row))
     C = sparse.csr_array(beta * system.K + sparse.csr_array(0.5 * (full + full.T)))
     return with_checked_fields(system, C=C, rayleigh=None, reactions=reactions)

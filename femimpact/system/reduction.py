@@ -7,13 +7,19 @@ import math
 import numpy as np
 import scipy.linalg
 
-from femimpact.arrays import Array
+from femimpact.arrays import Array, own
 from femimpact.errors import checked, require, require_type, truth
-from femimpact.system.contact_pair import ContactPair
+from femimpact.system.contact_pair import ContactPair, pair_along
 from femimpact.system.hermite import reduced_reactions
-from femimpact.system.matrices import diagonal_matrix, frozen_row
-from femimpact.system.modes import Modes, damping_ratios, mode_count, solve_modes, solve_stiffness, with_checked_fields
-from femimpact.system.system import System
+from femimpact.system.matrices import diagonal_matrix
+from femimpact.system.modes import (
+    Modes,
+    damping_ratios,
+    lowest_modes,
+    mode_count,
+    solve_stiffness,
+)
+from femimpact.system.system import System, with_checked_fields
 
 NEGLIGIBLE = 1e-12
 """Share of a direction's static flexibility below which a residual adds nothing but rounding."""
@@ -58,7 +64,7 @@ def reduce(system: System, modes: int, static_correction: bool = False) -> Syste
     """
     static_correction = checked("static_correction", static_correction, truth())
     count = mode_count(system, modes, "modes")
-    modes_and_next = solve_modes(system, min(count + 1, system.dofs))
+    modes_and_next = lowest_modes(system, min(count + 1, system.dofs))
     return _on_modes(system, modes_and_next, modes_and_next.damping_ratio, count, static_correction)
 
 
@@ -86,19 +92,19 @@ def _on_modes(system: System, modes_and_next: Modes, ratio: Array, count: int, s
         _check_decoupled(system, phi)
     # of rigid motions, which may be damped, though they have no ratio
     damping_of_rigid = np.einsum("ij,ij->j", phi, system.C @ phi) if system.rayleigh is None else system.rayleigh[0]
-    contacts = tuple(pair.along(frozen_row(pair.direction @ phi)) for pair in system.contacts)
+    contacts = tuple(pair_along(pair, own(pair.direction @ phi)) for pair in system.contacts)
     return with_checked_fields(
         system,
         M=diagonal_matrix(np.ones(omega.size)),
         C=diagonal_matrix(np.where(omega > 0.0, 2.0 * ratio * omega, damping_of_rigid)),
         K=diagonal_matrix(omega**2),
         stiffness_factor=diagonal_matrix(omega),
-        base_load=frozen_row(phi.T @ system.base_load),
-        rigid_translation=frozen_row(phi.T @ (system.M @ system.rigid_translation)),
+        base_load=own(phi.T @ system.base_load),
+        rigid_translation=own(phi.T @ (system.M @ system.rigid_translation)),
         expansion=np.asarray(system.expansion @ phi),
         contacts=contacts,
-        directions={name: frozen_row(row @ phi) for name, row in system.directions.items()},
-        constant_load=frozen_row(phi.T @ system.constant_load),
+        directions={name: own(row @ phi) for name, row in system.directions.items()},
+        constant_load=own(phi.T @ system.constant_load),
         # `constant_resultant` stays: nothing is left out of a resultant, as nothing is of the total mass
         reactions=reduced_reactions(system.reactions, phi),
         first_left_out=min(next_one, system.first_left_out),

@@ -8,17 +8,17 @@ is fixed to the base; where it is fixed in space y_j = ub, for with its b_j u = 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.linalg
 import scipy.sparse as sparse
 from numpy.typing import ArrayLike, NDArray
 
-from femimpact.arrays import Array
+from femimpact.arrays import Array, own
 from femimpact.errors import (
     Fault,
     InputError,
@@ -28,9 +28,11 @@ from femimpact.errors import (
     in_range,
     instance,
     items,
+    kind_of,
     name_text,
     optional,
     quantity,
+    real_array,
     require,
     require_type,
     suggestion,
@@ -38,37 +40,78 @@ from femimpact.errors import (
 from femimpact.structure.structure import Absorber, Impactor, Position, Stop
 from femimpact.system.contact_pair import ContactPair, contact_pair
 from femimpact.system.hermite import (
+    DERIVATIVE,
+    OFF_BEAM,
+    SIDE,
     Reaction,
     Section,
     SectionFields,
     damped_reactions,
     hermite_rows,
     place_in_element,
-    positions_on_beam,
     unloaded_reactions,
 )
 from femimpact.system.matrices import (
+    FINITE,
     MOST_FULL,
     Matrix,
+    check_damping,
     checked_matrix,
     checked_row,
     checked_shapes,
     definite_factor,
-    frozen_row,
-)
-from femimpact.system.static import (
-    TOGETHER,
-    SystemOrigin,
-    check_contacts,
-    check_damping,
-    check_factor,
-    check_shapes,
-    check_unchanged,
 )
 from femimpact.table import Head, head_of_values, short_repr
 
 ALIKE = 1e-6
 """Relative difference of omega^2 below which two modes count as one first mode."""
+
+
+TOGETHER = (
+    "M", "C", "K", "stiffness_factor", "base_load", "rigid_translation", "nodes", "expansion", "points", "total_mass",
+    "first_frequency", "rayleigh", "directions", "reactions", "sections", "constant_resultant", "first_left_out",
+    "unreduced",
+)  # fmt: skip
+"""Fields of a system that are computed from one another."""
+
+
+class SystemOrigin(NamedTuple):
+    """Fields of a system as they were when they were computed from one another."""
+
+    fields: tuple[Any, ...]
+    contacts: tuple[Any, ...]
+    constant_load: Any
+
+
+def check_unchanged(system: Any, origin: SystemOrigin) -> bool:
+    """Refuse replaced fields that others follow from; True if the damping, from which none follows, was replaced."""
+    numbers = (float, tuple)
+    changed = [
+        name
+        for name, original in zip(TOGETHER, origin.fields, strict=True)
+        if (value := getattr(system, name)) is not original
+        and not (isinstance(original, numbers) and isinstance(value, numbers) and value == original)
+    ]
+    stale = [name for name in changed if name not in ("C", "rayleigh")]
+    if stale:
+        allowed = (
+            "cannot be replaced: the fields of a System are computed from one another (stiffness factor, modes, base "
+            "load, masses, contacts); change the Structure and assemble it again, or use "
+            "System.from_matrices(M, C, K, points=...)"
+        )
+        raise InputError([Fault(name, None, "", allowed) for name in stale])
+    return bool(changed)
+
+
+def check_contacts(system: Any, origin: SystemOrigin) -> None:
+    """Refuse contacts at places that the system was not made with."""
+    for pair in system.contacts:
+        known = any(pair is other or pair.shares_place(other) for other in origin.contacts)
+        allowed = (
+            "must be at a place that the system has a contact at, with that one's direction, position, first_mode and "
+            "flexibility: add contacts to the Structure and assemble it again, or use System.from_matrices"
+        )
+        require(known, f"contacts.{pair.name}", None, "", allowed)
 
 
 @short_repr
@@ -117,16 +160,15 @@ class System:
         Lowest natural frequency that a reduction has left out; infinite where none has.
     unreduced : System, optional
         The system on all dofs, of one that `reduce` has put on modes; None of any other.
-    computed_together : SystemOrigin, optional
+    computed_together : SystemOrigin
         What the fields were when they were computed from one another. It is made with the system and goes with
         its copies, so that a copy with another M, K or point is refused: what follows from them would be stale.
-        None takes the fields as they are, after the checks that are cheap.
 
     Raises
     ------
     InputError
-        If fields do not fit one another, or one was replaced from which others follow. Other contacts at the
-        same places, none, and another damping matrix (with its `rayleigh`, or None) may be replaced.
+        If it is not made by `assemble` or `from_matrices`, or a field was replaced from which others follow. Other
+        contacts at the same places, none, and another damping matrix (with its `rayleigh`, or None) may be replaced.
     """
 
     M: Matrix
@@ -155,34 +197,24 @@ class System:
 
     def __post_init__(self) -> None:
         check_fields(self)
-        if self.constant_load is None:
-            object.__setattr__(self, "constant_load", frozen_row(np.zeros(self.dofs)))
+        allowed = "must be that of a system: make one by assemble or System.from_matrices, and copies by replace"
         origin = self.computed_together
-        if origin is None:
-            check_shapes(self)
-            check_factor(self)
+        require(isinstance(origin, SystemOrigin), "computed_together", kind_of(origin), "", allowed)
+        if self.constant_load is None:
+            object.__setattr__(self, "constant_load", own(np.zeros(self.dofs)))
+        if check_unchanged(self, origin):
             check_damping(self)
-            # the matrices may be others
-            object.__setattr__(self, "unreduced", None)
-        else:
-            require_type(origin, SystemOrigin, "computed_together")
-            if check_unchanged(self, origin):
-                check_damping(self)
-                self._set_reactions(damped_reactions(self.reactions, *self.rayleigh) if self.rayleigh else {})
-            if self.constant_load is not origin.constant_load:
-                self._set_reactions(unloaded_reactions(self.reactions))
-                object.__setattr__(self, "constant_resultant", None)
-            check_contacts(self, origin)
+            self._set_reactions(damped_reactions(self.reactions, *self.rayleigh) if self.rayleigh else {})
+        if self.constant_load is not origin.constant_load:
+            self._set_reactions(unloaded_reactions(self.reactions))
+            resultant = float(self.rigid_translation @ np.asarray(self.constant_load))
+            object.__setattr__(self, "constant_resultant", resultant)
+        check_contacts(self, origin)
         names = [pair.name for pair in self.contacts]
         require(len(set(names)) == len(names), "contacts", names, "", "must have distinct names")
         stops = [pair.is_stop for pair in self.contacts]
         require(stops == sorted(stops), "contacts", names, "", "must be balls first, then stops")
-        matrices = tuple(getattr(self, name) for name in TOGETHER)
-        pairs = self.contacts if origin is None else origin.contacts
-        if self.constant_resultant is None:
-            resultant = float(self.rigid_translation @ np.asarray(self.constant_load))
-            object.__setattr__(self, "constant_resultant", resultant)
-        object.__setattr__(self, "computed_together", SystemOrigin(matrices, pairs, self.constant_load))
+        _together(self, origin.contacts)
 
     def _set_reactions(self, reactions: Mapping[str, Reaction]) -> None:
         object.__setattr__(self, "reactions", reactions)
@@ -243,13 +275,13 @@ class System:
         with np.errstate(over="ignore"):
             total_mass = float(rigid @ load)
         require(np.isfinite(total_mass), "base_load", None, "", "must be of a finite mass, base_load M^-1 base_load")
-        bare = cls(
+        bare = computed_system(
             M=matrices["M"],
             C=matrices["C"],
             K=matrices["K"],
             stiffness_factor=sparse.csr_array(factor),
-            base_load=frozen_row(load),
-            rigid_translation=frozen_row(rigid),
+            base_load=own(load),
+            rigid_translation=own(rigid),
             nodes=places,
             expansion=shapes,
             points={name: _place_of_row(row, places, shapes) for name, row in rows.items()},
@@ -259,7 +291,7 @@ class System:
             constant_load=None if constant_load is None else checked_row("constant_load", constant_load, dofs),
         )
         first, contacts = _contacts_of_matrices(bare, dense, rank, (*impactors, *absorbers, *stops))
-        return replace(bare, first_frequency=first, contacts=contacts, computed_together=None)
+        return with_checked_fields(bare, first_frequency=first, contacts=contacts)
 
     @property
     def _head(self) -> Head:
@@ -295,7 +327,7 @@ class System:
         """Distance from the first node to the last, m; 0 without nodes."""
         return float(self.nodes[-1] - self.nodes[0]) if self.nodes.size else 0.0
 
-    @property
+    @cached_property
     def dofs(self) -> int:
         """Number of degrees of freedom of the structure."""
         return int(self.base_load.size)
@@ -318,11 +350,7 @@ class System:
             if at not in self.points:
                 require(False, "at", at, "", suggestion(at, self.points))
             return float(self.points[at])
-        self._require_beam(at)
-        return float(positions_on_beam(self.nodes, checked("at", at, quantity("m")), "at"))
-
-    def _require_beam(self, at: object) -> None:
-        require(self.nodes.size > 0, "at", at, "m", f"must be a name, {', '.join(self.points)}: there is no beam")
+        return float(self._on_beam(checked("at", at, quantity("m")) if self.nodes.size else at, "at"))
 
     def deflection_rows(self, positions: ArrayLike, derivative: int = 0) -> Array:
         """Rows that read the deflection (or its derivative by x) at positions off the dofs.
@@ -428,12 +456,29 @@ class System:
 
     def _place_of(self, positions: ArrayLike, side: str) -> tuple[NDArray[np.intp], Array]:
         """Elements that hold positions, and the places from 0 to 1 inside them."""
-        self._require_beam(positions)
-        return place_in_element(self.nodes, np.atleast_1d(positions_on_beam(self.nodes, positions, "positions")), side)
+        return place_in_element(self.nodes, np.atleast_1d(self._on_beam(positions)), checked("side", side, SIDE))
+
+    def _on_beam(self, positions: Any, key: str = "positions") -> Array:
+        """Positions (m) on the beam, those off it by rounding only moved to its end."""
+        require(
+            self.nodes.size > 0, "at", positions, "m", f"must be a name, {', '.join(self.points)}: there is no beam"
+        )
+        root, tip = float(self.nodes[0]), float(self.nodes[-1])
+        allowed = f"must be within the beam, {root:g} to {tip:g} m"
+        x = real_array(key, positions, "m", allowed)
+        slack = OFF_BEAM * (tip - root)
+        beyond = x[(x < root - slack) | (x > tip + slack)]
+        require(beyond.size == 0, key, float(beyond[0]) if beyond.size else None, "m", allowed)
+        return np.minimum(np.maximum(x, root), tip)
 
     def _rows(self, positions: ArrayLike, derivative: int, side: str) -> Array:
-        self._require_beam(positions)
-        rows: Any = hermite_rows(self.nodes, positions, derivative, side)
+        x = np.atleast_1d(self._on_beam(positions))
+        require(x.ndim == 1, "positions", f"array of shape {x.shape}", "m", "must be one place or a row of them")
+        order, end = checked("derivative", derivative, DERIVATIVE), checked("side", side, SIDE)
+        return self._on_dofs(hermite_rows(self.nodes, x, order, end))
+
+    def _on_dofs(self, rows: Any) -> Array:
+        """Rows on the dofs of what rows (k, 2 n) read at the nodes."""
         if isinstance(self.expansion, np.ndarray):
             return np.asarray(rows @ self.expansion)
         # sooner than the product of two sparse matrices
@@ -458,8 +503,7 @@ class System:
         if self.reactions:
             for j, pair in enumerate(self.contacts):
                 shares[:, j] = (-1.0 if pair.is_stop else 1.0) * self.held_shares(pair.position)
-        shares.setflags(write=False)
-        return shares
+        return own(shares)
 
     def point_row(self, at: Position) -> Array:
         """Row (dofs,) that reads the deflection at a named place, or at metres from the root.
@@ -469,15 +513,13 @@ class System:
         InputError
             If the place is unknown, or lies off the beam.
         """
-        place = isinstance(at, str) or in_range(at, quantity("m"))
-        require(place, "at", at, "", "must be the name of a place, or metres from the root")
-        if at in self.directions:
-            return self.directions[str(at)]
+        if isinstance(at, str) and at in self.directions:
+            return self.directions[at]
+        if not isinstance(at, str) and not in_range(at, quantity("m")):
+            require(False, "at", at, "", "must be the name of a place, or metres from the root")
         position, rows = self.position_of(at), self.derived_undamped.setdefault("rows", {})
         if position not in rows:
-            row = np.asarray(self.deflection_rows([position])[0])
-            row.setflags(write=False)
-            rows[position] = row
+            rows[position] = own(self.deflection_rows([position])[0])
         row_there: Array = rows[position]
         return row_there
 
@@ -572,3 +614,67 @@ def without_impactors(system: System) -> System:
     """The same system with its cavities empty: no ball, no absorber, no contact but that of stops."""
     require_type(system, System, "system")
     return replace(system, contacts=tuple(pair for pair in system.contacts if pair.is_stop))
+
+
+FIELDS = tuple(item.name for item in fields(System))
+
+UNDAMPED = ("M", "K", "stiffness_factor", "nodes", "expansion", "sections")
+"""Fields that `System.derived_undamped` follows from."""
+
+
+def computed_system(**values: Any) -> System:
+    """The system with these fields, all but `computed_together`, as they follow from sound input.
+
+    Raises `InputError` if a number is infinite.
+    """
+    system = object.__new__(System)
+    system.__dict__.update(
+        {"contacts": (), "rayleigh": None, "directions": {}, "reactions": {}, "sections": None,
+         "first_left_out": math.inf, "unreduced": None, **values}
+    )  # fmt: skip
+    load = values["constant_load"]
+    system.__dict__["constant_load"] = own(np.zeros(system.dofs)) if load is None else load
+    system.__dict__["constant_resultant"] = float(system.rigid_translation @ system.constant_load)
+    check_fields(system)
+    _require_finite(values.items())
+    return _together(system, system.contacts)
+
+
+def with_checked_fields(system: System, **changes: Any) -> System:
+    """The same system with other fields that were computed together.
+
+    Raises `InputError` if a number is infinite.
+    """
+    _require_finite(changes.items())
+    origin = system.computed_together
+    return _together(_copy(system, **changes), changes.get("contacts", origin.contacts if origin else ()))
+
+
+def with_checked_pairs(system: System, contacts: tuple[ContactPair, ...]) -> System:
+    """The same system with other numbers of its pairs, which were checked when they were made: no more is checked."""
+    return _copy(system, contacts=contacts)
+
+
+def _require_finite(values: Iterable[tuple[str, Any]]) -> None:
+    for name, value in values:
+        numbers: Any = value.data if sparse.issparse(value) else value  # type: ignore[attr-defined]
+        sound = not isinstance(numbers, np.ndarray) or numbers.dtype.kind != "f" or bool(np.isfinite(numbers).all())
+        require(sound, name, None, "", FINITE)
+
+
+def _together(system: System, contacts: tuple[ContactPair, ...]) -> System:
+    """The system, whose fields are from now on those that were computed together, with contacts at these places."""
+    fields = tuple(system.__dict__[name] for name in TOGETHER)
+    system.__dict__["computed_together"] = SystemOrigin(fields, contacts, system.constant_load)
+    return system
+
+
+def _copy(system: System, **changes: Any) -> System:
+    copied = object.__new__(System)
+    copied.__dict__.update({name: system.__dict__[name] for name in FIELDS} | changes)
+    if system.__dict__.get("is_diagonal"):
+        # diagonal matrices stay so
+        copied.__dict__["is_diagonal"] = True
+    if changes.keys().isdisjoint(UNDAMPED):
+        copied.__dict__["derived_undamped"] = system.derived_undamped
+    return copied

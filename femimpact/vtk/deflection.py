@@ -359,7 +359,7 @@ def deflection_series(
     most = checked("most", most, quantity("frames", at_least=1, integer=True))
     require_name(frame, ("base", "space"), "frame")
     frames = frames_of(response, most)
-    scene = build_scene(structure, response.system, exaggeration, all_parts=True)
+    scene = build_scene(structure, response.system, exaggeration)
     fields = beam_fields(scene, structure, response.system)
     fixed = _about(response, structure, exaggeration, frame, frames.mismatch)
     times, absolute = [float(t) for t in frames.snapshots.time], frame == "space"

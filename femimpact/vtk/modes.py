@@ -209,7 +209,7 @@ class _Shapes:
         height = 0.1 * structure.beam.length if scale is None else checked("scale", scale, SCALE)
         require_modes_of(system.dofs, modes)
         self.modes, self.height, self.note = modes, height, notes_of(structure, NOTE)
-        self.scene = build_scene(structure, system, 1.0, subdivisions, all_parts=True)
+        self.scene = build_scene(structure, system, 1.0, subdivisions)
         self.fields = beam_fields(self.scene, structure, system)
         nodal = np.asarray(system.expansion @ modes.vectors)
         x = np.concatenate(self.scene.stretches)

@@ -97,22 +97,24 @@ document.querySelectorAll(".player").forEach(function (root) {
   // height of the middle of what is shown above the beam's axis, and half of the height that is shown, in metres
   const rise = 0.5 * Math.max(0, ...data.contacts.map((contact) => (contact.stop ? 0 : lift(contact))));
   const high = (function () {
-    let found = 1.15 * data.larger * reach + 0.05 * data.length;
-    for (const contact of data.contacts) {
-      if (!contact.stop) found = Math.max(found, data.larger * (reach + contact.room) + 2.4 * contact.radius);
-      else for (const gap of contact.gaps) if (gap !== null) found = Math.max(found, Math.min(data.larger * gap + 0.04 * data.length, 0.25 * data.length));
+    let most = 1.15 * data.larger * reach + 0.05 * data.length;
+    for (const contact of data.contacts) if (!contact.stop) most = Math.max(most, data.larger * (reach + contact.room) + 2.4 * contact.radius);
+    for (const block of data.blocks) {
+      const top = Math.max(...block.corners[0].map(([, y]) => Math.abs(y)));
+      most = Math.max(most, block.x === null ? Math.min(top, 0.25 * data.length) : top + data.larger * reach);
     }
-    for (const body of data.bodies) found = Math.max(found, data.larger * reach + 0.6 * body.side);
-    return 1.05 * found + rise;
+    return 1.05 * most + rise;
   })();
 
   // ends of what is shown along the beam, in metres
   const [low, far] = (function () {
     const ends = [-MARGIN * data.length, (1 + MARGIN) * data.length];
-    const wider = (from, to) => { ends[0] = Math.min(ends[0], from); ends[1] = Math.max(ends[1], to); };
-    const margin = 0.02 * data.length;
-    for (const contact of data.contacts) if (!contact.stop) wider(contact.x + contact.box[0] - margin, contact.x + contact.box[1] + margin);
-    for (const body of data.bodies) wider(body.x + body.offset - 0.6 * body.side - margin, body.x + body.offset + 0.6 * body.side + margin);
+    for (const block of data.blocks) {
+      for (const [x] of block.corners[0]) {
+        ends[0] = Math.min(ends[0], (block.x || 0) + x - 0.02 * data.length);
+        ends[1] = Math.max(ends[1], (block.x || 0) + x + 0.02 * data.length);
+      }
+    }
     return ends;
   })();
 
@@ -148,45 +150,12 @@ document.querySelectorAll(".player").forEach(function (root) {
     pen.lineTo(X(data.length), Y(0));
     pen.stroke();
 
-    for (const support of data.supports) {
-      pen.fillStyle = paint.solid;
-      const size = 0.03 * data.length;
-      const end = support.x <= 1e-9 * data.length ? -1 : support.x >= (1 - 1e-9) * data.length ? 1 : 0;
-      if (support.kind === "clamped") {
-        pen.fillRect(X(support.x + 0.3 * (end - 1) * size), Y(1.6 * size), 0.6 * scale * size, 3.2 * scale * size);
-      } else if (support.kind === "pinned") {
-        pen.beginPath();
-        pen.moveTo(X(support.x), Y(0));
-        pen.lineTo(X(support.x - 0.6 * size), Y(-size));
-        pen.lineTo(X(support.x + 0.6 * size), Y(-size));
-        pen.fill();
-      } else {
-        const w = s * beamAt(support.x, at).w;
-        pen.fillRect(X(support.x - 0.6 * size), Y(w + 0.6 * size), 1.2 * scale * size, 0.3 * scale * size);
-        pen.fillRect(X(support.x - 0.6 * size), Y(w - 0.3 * size), 1.2 * scale * size, 0.3 * scale * size);
-      }
-    }
-
-    for (const body of data.bodies) {
-      const there = beamAt(body.x, at);
-      pen.save();
-      pen.translate(X(body.x), Y(s * there.w));
-      pen.rotate(-Math.atan(s * there.slope));
-      drawBody(pen, body, scale, paint);
+    for (const block of data.blocks) {
+      if (block.x === null) carried(pen, X(0), Y(block.space ? s * mixed(space, 1, 0, at) : 0), 0);
+      else onBeam(pen, block.x, at, X, Y);
+      drawBlock(pen, block, scale, paint);
       pen.restore();
     }
-
-    data.contacts.forEach((contact, j) => {
-      if (contact.stop) drawStop(pen, contact, j, at, { X, Y, scale, s }, paint);
-      else {
-        const there = beamAt(contact.x, at);
-        pen.save();
-        pen.translate(X(contact.x), Y(s * there.w));
-        pen.rotate(-Math.atan(s * there.slope));
-        drawBox(pen, contact, j, scale, s, paint);
-        pen.restore();
-      }
-    });
 
     // the curve between two stations is the cubic of the finite element
     pen.strokeStyle = paint.beam;
@@ -209,64 +178,51 @@ document.querySelectorAll(".player").forEach(function (root) {
     let ball = 0;
     data.contacts.forEach((contact, j) => {
       if (contact.stop) return;
-      const there = beamAt(contact.x, at);
-      pen.save();
-      pen.translate(X(contact.x), Y(s * there.w));
-      pen.rotate(-Math.atan(s * there.slope));
+      const there = onBeam(pen, contact.x, at, X, Y);
       drawBall(pen, contact, j, s * (mixed(flight, balls, ball, at) - there.w), scale, paint);
       pen.restore();
       ball += 1;
     });
   }
 
-  function drawStop(pen, contact, j, at, { X, Y, scale, s }, paint) {
-    const thick = 0.02 * data.length;
-    let k = 0;
-    while (k < stations - 2 && data.stations[k + 1] < contact.x) k += 1;
-    const half = Math.max(0.5 * data.thickness[k], 1.1 / scale);
-    const shift = contact.space ? s * mixed(space, 1, 0, at) : 0;
-    [1, -1].forEach((side, i) => {
-      const gap = contact.gaps[i];
-      if (gap === null) return;
-      const face = s * gap + half;
-      const top = side > 0 ? face + thick : -face;
-      pen.fillStyle = blend(paint.solid, paint.hit, flash(j, side));
-      pen.fillRect(X(contact.x - 0.5 * thick), Y(shift + top), scale * thick, scale * thick);
-    });
+  // until restore() the pen draws from here on, turned by an angle
+  function carried(pen, x, y, angle) {
+    pen.save();
+    pen.translate(x, y);
+    pen.rotate(-angle);
   }
 
-  function drawBody(pen, body, scale, paint) {
-    pen.globalAlpha = 0.5;
-    pen.fillStyle = paint.box;
-    pen.fillRect(scale * (body.offset - 0.5 * body.side), -0.5 * scale * body.side, scale * body.side, scale * body.side);
+  // the same, from a place of the beam on, which it returns
+  function onBeam(pen, x, at, X, Y) {
+    const there = beamAt(x, at);
+    carried(pen, X(x), Y(state.scale * there.w), Math.atan(state.scale * there.slope));
+    return there;
+  }
+
+  function drawBlock(pen, block, scale, paint) {
+    const floor = block.part === "box" && block.side === 0;
+    const plain = { support: paint.solid, body: paint.box, box: floor ? paint.floor : paint.box, stop: paint.solid };
+    pen.globalAlpha = block.part === "body" ? 0.5 : 1;
+    pen.fillStyle = pen.strokeStyle = blend(plain[block.part], paint.hit, block.side ? flash(block.pair, block.side) : 0);
+    pen.beginPath();
+    for (const [x, y] of block.corners[state.scale === 1 ? 1 : 0]) pen.lineTo(scale * x, -scale * y);
+    pen.closePath();
+    pen.fill();
+    // what is thinner than a pixel is seen
+    pen.lineWidth = 1;
+    if (block.part !== "body" && !floor) pen.stroke();
     pen.globalAlpha = 1;
-  }
-
-  function drawBox(pen, contact, j, scale, s, paint) {
-    // an absorber has no walls
-    if (contact.gaps[0] === null) return;
-    const r = contact.radius;
-    const [plus, minus] = [s * contact.gaps[0] + r, -s * contact.gaps[1] - r];
-    const wall = Math.max(0.3 * r * scale, 2);
-    const left = scale * contact.box[0];
-    const width = scale * contact.box[1] - left;
-    pen.fillStyle = paint.floor;
-    pen.fillRect(left, -scale * plus, width, scale * (plus - minus));
-    pen.fillStyle = blend(paint.box, paint.hit, flash(j, 1));
-    pen.fillRect(left, -scale * plus - wall, width, wall);
-    pen.fillStyle = blend(paint.box, paint.hit, flash(j, -1));
-    pen.fillRect(left, -scale * minus, width, wall);
   }
 
   // height above the beam's axis at which an absorber's body rests, so that its spring never closes; 0 of a ball
   function lift(contact) {
-    return contact.gaps[0] === null ? contact.foot + data.larger * contact.room + 2 * contact.radius : 0;
+    return contact.hung ? contact.foot + data.larger * contact.room + 2 * contact.radius : 0;
   }
 
   function drawBall(pen, contact, j, moved, scale, paint) {
     const lit = Math.max(flash(j, 1), flash(j, -1));
     const offset = lift(contact) + moved;
-    if (contact.gaps[0] === null) {
+    if (contact.hung) {
       const turns = 8;
       const end = offset - contact.radius;
       pen.strokeStyle = paint.solid;
@@ -311,19 +267,20 @@ document.querySelectorAll(".player").forEach(function (root) {
     }
     const contact = data.contacts[j];
     const s = state.scale;
-    const hung = contact.gaps[0] === null;
+    const hung = contact.hung;
     const high = hung ? 0.5 * (contact.foot + lift(contact) + data.larger * contact.room + 2 * contact.radius) : s * contact.room + 1.55 * contact.radius;
     const scale = Math.min(height / (2 * high), width / (3.4 * contact.radius));
     pen.setTransform(ratio, 0, 0, ratio, 0, 0);
     pen.clearRect(0, 0, width, height);
     pen.translate(0.5 * width, hung ? height - 4 - scale * contact.foot : 0.5 * height);
     if (hung) {
-      for (const body of data.bodies) if (Math.abs(body.x - contact.x) < 1e-9 * data.length) drawBody(pen, body, scale, paint);
+      const there = (block) => block.part === "body" && Math.abs(block.x - contact.x) < 1e-9 * data.length;
+      for (const block of data.blocks.filter(there)) drawBlock(pen, block, scale, paint);
       pen.fillStyle = paint.beam;
       const ends = [-contact.x, data.length - contact.x].map((x) => Math.min(Math.max(scale * x, -0.5 * width), 0.5 * width));
       pen.fillRect(ends[0], -1.5, ends[1] - ends[0], 3);
     }
-    drawBox(pen, contact, j, scale, s, paint);
+    for (const block of data.blocks) if (block.pair === j) drawBlock(pen, block, scale, paint);
     drawBall(pen, contact, j, s * (mixed(flight, balls, number, at) - beamAt(contact.x, at).w), scale, paint);
   }
 

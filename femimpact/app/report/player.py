@@ -22,8 +22,8 @@ from femimpact.figures.drawing import COLOURS, GREY, OffScreen, label_axes, lege
 from femimpact.response.history import Snapshots
 from femimpact.response.impacts import Impacts
 from femimpact.response.response import Response
-from femimpact.scene.placed import Contact, PlacedStructure, ball_radius, body_side, placed_structure
-from femimpact.scene.scene import chosen_exaggeration
+from femimpact.scene.placed import Contact, PlacedStructure, ball_radius, placed_structure
+from femimpact.scene.scene import BODY, BOX, PARTS, STOP, SUPPORT, Body, bodies_on_beam, chosen_exaggeration
 from femimpact.structure.structure import Structure
 from femimpact.system.hermite import hermite_rows
 from femimpact.units import TIMES
@@ -155,8 +155,7 @@ def player_element(
         return None
     placed = placed_structure(structure, response.system)
     balls = list(response.system.balls)
-    hung = frames.balls[:, [not pair.has_walls for pair in balls]]
-    larger = exaggeration or max(chosen_exaggeration(np.hstack([frames.deflection, hung]), structure, balls), 1e-3)
+    larger = exaggeration or max(chosen_exaggeration(frames.deflection, frames.balls, structure, balls), 1e-3)
     span = float(frames.time[-1] - frames.time[0])
     speed = min(SPEEDS, key=lambda share: abs(math.log(span / share / WANTED)))
     data = _data(frames, placed, larger) | {"larger": larger, "speed": speed}
@@ -223,21 +222,33 @@ def _data(frames: Frames, placed: PlacedStructure, larger: float) -> dict[str, A
         "length": beam.length,
         "contacts": [
             {
-                "name": pair.name,
                 "x": pair.position,
+                "stop": pair.is_stop,
+                "hung": not pair.has_walls,
                 "radius": 0.0 if pair.is_stop else ball_radius(pair.mass),
-                "gaps": [gap if math.isfinite(gap) else None for gap in pair.gaps],
-                "box": [] if pair.is_stop else [end - pair.position for end in placed.box_ends(pair)],
                 "foot": placed.half_height(pair.position, larger),  # of an absorber's spring
                 "room": 0.0 if pair.is_stop else _room(pair, frames.balls[:, j], at_pairs[:, j]),
-                "stop": bool(pair.is_stop),
-                "space": pair.fixed_to == "space",
             }
             for j, pair in enumerate(placed.contacts)
         ],
-        "supports": [{"kind": support.kind, "x": x} for support, x in placed.supports],
-        "bodies": [{"x": x, "offset": body.offset, "side": body_side(body.mass)} for body, x in placed.blocks],
+        "blocks": [
+            {
+                "part": PARTS[body.part],
+                "x": body.axis if math.isfinite(body.axis) else None,  # of the section that carries it
+                "space": body.in_space,
+                "pair": body.pair,
+                "side": body.side,
+                "corners": [_corners(body), _corners(at_true_scale)],  # at both scales, from what carries it
+            }
+            for body, at_true_scale in zip(bodies_on_beam(placed, larger), bodies_on_beam(placed), strict=True)
+            if body.part in (SUPPORT, BODY, BOX, STOP)
+        ],
     }
+
+
+def _corners(body: Body) -> list[list[float]]:
+    origin = body.axis if math.isfinite(body.axis) else 0.0
+    return [[round(float(x) - origin, 9), round(float(y), 9)] for x, y in body.outline]
 
 
 def _room(pair: Contact, ball: Array, beam: Array) -> float:

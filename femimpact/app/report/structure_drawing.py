@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from femimpact.app.report.markup import Element, element
-from femimpact.scene.placed import Contact, PlacedStructure, ball_radius, body_side
+from femimpact.scene.placed import Contact, PlacedStructure, ball_radius
+from femimpact.scene.scene import BALL, BODY, BOX, STOP, SUPPORT, Body, bodies_on_beam
 from femimpact.structure.beam import Segment
 from femimpact.structure.structure import Position, Spring, Structure
 from femimpact.units import MINUS, TIMES, prefixed, typeset_number
@@ -197,35 +198,29 @@ class _Canvas:
     def y(self, metres: float) -> float:
         return round((self.top - metres) * self.scale, 2)
 
-    def box(self, kind: str, x0: float, y0: float, x1: float, y1: float, **more: Any) -> Element:
-        return element(
-            f"rect.{kind}", x=self.x(min(x0, x1)), y=self.y(max(y0, y1)), width=round(abs(x1 - x0) * self.scale, 2),
-            height=round(abs(y1 - y0) * self.scale, 2), **more,
-        )  # fmt: skip
+    def polygon(self, kind: str, corners: Iterable[Sequence[float]], **more: Any) -> Element:
+        points = " ".join(f"{self.x(x)},{self.y(y)}" for x, y in corners)
+        return element(f"polygon.{kind}", points=points, **more)
 
 
 def _overview(placed: PlacedStructure, letters: dict[str, str]) -> Element:
     """The structure with everything on it."""
-    structure, length = placed.structure, placed.length
+    structure, length, bodies = placed.structure, placed.length, bodies_on_beam(placed)
     left, right = -0.07 * length, 1.07 * length
-    for body, x in placed.blocks:
-        centre, half = x + body.offset, 0.5 * body_side(body.mass)
-        left, right = min(left, centre - 1.3 * half), max(right, centre + 1.3 * half)
-    for one in placed.contacts:
-        if not one.is_stop:
-            margin = 0.5 * ball_radius(one.mass)
-            ends = placed.box_ends(one)
-            left, right = min(left, ends[0] - margin), max(right, ends[1] + margin)
+    high = 0.5 * max(segment.drawn_at(0.0)[1] for segment in structure.beam.segments)
+    for body in bodies:
+        if body.part in (BODY, BOX, BALL, STOP):
+            (low, bottom, _), (far, top, _) = body.points.min(axis=0), body.points.max(axis=0)
+            margin = 0.1 * (far - low)
+            left, right, high = min(left, low - margin), max(right, far + margin), max(high, top, -bottom)
     scale = WIDTH / (right - left)
-    high = min(max(_reach(placed), 0.05 * length), 0.6 * length)
+    high = min(max(high, 0.05 * length), 0.6 * length)
     rise = max((_lift(placed, one) for one in placed.contacts if not one.is_stop), default=0.0)
     canvas = _Canvas(left, high + rise + 34.0 / scale, scale)
     below = 0.12 * length if placed.connections else 0.0
     height = canvas.y(-max(high, below)) + 62.0
     drawn = [
-        *_supports(canvas, placed),
-        *_bodies(canvas, placed),
-        *(shape for one in placed.contacts for shape in _contact(canvas, placed, one)),
+        *(_block(canvas, body) for body in bodies if body.part in CLASSES),
         *_beam(canvas, structure),
         *(shape for one in placed.contacts if not one.is_stop for shape in _ball(canvas, placed, one)),
         *_connections(canvas, placed),
@@ -236,14 +231,14 @@ def _overview(placed: PlacedStructure, letters: dict[str, str]) -> Element:
     return element("svg", *drawn, viewBox=f"0 0 {WIDTH:g} {height:.2f}", role="img", aria_label=words)
 
 
-def _reach(placed: PlacedStructure) -> float:
-    """Largest distance (m) from the axis of anything drawn."""
-    found = [0.5 * max(segment.drawn_at(0.0)[1] for segment in placed.structure.beam.segments)]
-    found += [0.5 * body_side(body.mass) for body, _ in placed.blocks]
-    for one in placed.contacts:
-        gap = max((gap for gap in one.gaps if math.isfinite(gap)), default=0.0)
-        found.append(gap + (0.03 * placed.length if one.is_stop else 2.4 * ball_radius(one.mass)))
-    return max(found)
+CLASSES = {SUPPORT: "solid", BODY: "body", BOX: "wall", STOP: "solid"}
+"""Classes of the style sheet for blocks, by their parts."""
+
+
+def _block(canvas: _Canvas, body: Body) -> Element:
+    kind = "free" if body.part == BOX and body.side == 0 else CLASSES[body.part]
+    more = {"opacity": "0.55"} if body.part == BODY else {}
+    return canvas.polygon(kind, body.outline, **more)
 
 
 def _beam(canvas: _Canvas, structure: Structure) -> list[Element]:
@@ -254,58 +249,8 @@ def _beam(canvas: _Canvas, structure: Structure) -> list[Element]:
         # a thickness of a third of a pixel would not be seen
         least = 1.1 / canvas.scale
         upper = [(start + float(s), max(h, least)) for s, h in zip(stations, half, strict=True)]
-        outline = [*upper, *((x, -y) for x, y in reversed(upper))]
-        shapes.append(element("polygon.beam", points=" ".join(f"{canvas.x(x)},{canvas.y(y)}" for x, y in outline)))
+        shapes.append(canvas.polygon("beam", [*upper, *((x, -y) for x, y in reversed(upper))]))
     return shapes
-
-
-def _supports(canvas: _Canvas, placed: PlacedStructure) -> list[Element]:
-    length, shapes = placed.length, []
-    for support, x in placed.supports:
-        size = 0.03 * length
-        end = -1.0 if x <= 1e-9 * length else 1.0 if x >= (1.0 - 1e-9) * length else 0.0
-        if support.kind == "clamped":
-            centre = x + 0.5 * end * 0.6 * size
-            shapes.append(canvas.box("solid", centre - 0.3 * size, -1.3 * size, centre + 0.3 * size, 1.3 * size))
-        elif support.kind == "pinned":
-            corners = [(x, 0.0), (x - 0.6 * size, -size), (x + 0.6 * size, -size)]
-            shapes.append(element("polygon.solid", points=" ".join(f"{canvas.x(a)},{canvas.y(b)}" for a, b in corners)))
-        else:
-            for side in (-1.0, 1.0):
-                shapes.append(
-                    canvas.box("solid", x - 0.6 * size, side * 0.25 * size, x + 0.6 * size, side * 0.5 * size)
-                )
-    return shapes
-
-
-def _bodies(canvas: _Canvas, placed: PlacedStructure) -> list[Element]:
-    shapes = []
-    for body, x in placed.blocks:
-        centre, half = x + body.offset, 0.5 * body_side(body.mass)
-        shapes.append(canvas.box("body", centre - half, -half, centre + half, half, opacity="0.55"))
-    return shapes
-
-
-def _contact(canvas: _Canvas, placed: PlacedStructure, one: Contact) -> list[Element]:
-    """The box of a ball, or the blocks of a stop; an absorber has none."""
-    x, length = one.position, placed.length
-    if one.is_stop:
-        half, thick = 0.5 * placed.structure.beam.drawn_at(x)[1], 0.02 * length
-        return [
-            canvas.box("solid", x - 0.5 * thick, side * (gap + half), x + 0.5 * thick, side * (gap + half + thick))
-            for side, gap in ((1.0, one.gaps[0]), (-1.0, one.gaps[1]))
-            if math.isfinite(gap)
-        ]
-    if not one.has_walls:
-        return []
-    radius = ball_radius(one.mass)
-    wall, plus, minus = 0.3 * radius, one.gaps[0] + radius, -one.gaps[1] - radius
-    left, right = placed.box_ends(one)
-    return [
-        canvas.box("free", left, minus, right, plus),
-        canvas.box("wall", left, plus, right, plus + wall),
-        canvas.box("wall", left, minus - wall, right, minus),
-    ]
 
 
 def _lift(placed: PlacedStructure, one: Contact) -> float:
@@ -334,8 +279,8 @@ def _connections(canvas: _Canvas, placed: PlacedStructure) -> list[Element]:
             continue
         drawn = _spring(at, length) if isinstance(item, Spring) else _dashpot(at, length)
         shapes.append(element("path.thread", d="".join(_thread(canvas, corners) for corners in drawn)))
-        low = -FOOT * length
-        shapes.append(canvas.box("solid", at - 0.012 * length, low, at + 0.012 * length, low - 0.004 * length))
+        base = [(at + x * length, y * length) for y in (-FOOT, -FOOT - 0.004) for x in (-0.012, 0.012)]
+        shapes.append(canvas.polygon("solid", (base[i] for i in (0, 1, 3, 2))))
     return shapes
 
 
@@ -405,9 +350,11 @@ def _detail(placed: PlacedStructure, one: Contact) -> Element:
             marks.append(element("path.measure", d=f"M{x} {near}V{far}M{x - 6} {near}h12M{x - 6} {far}h12"))
             marks.append(element("text", in_words(gap), x=x + 12, y=round(0.5 * (near + far) + 4.5, 2)))
     half = max(0.5 * structure.beam.drawn_at(min(one.position, structure.beam.length))[1], 0.6 / scale)
+    left, right = max(one.position - wide, 0.0), min(one.position + wide, placed.length)
+    number = list(placed.contacts).index(one)
     shapes = [
-        *_contact(canvas, placed, one),
-        canvas.box("beam", max(one.position - wide, 0.0), -half, min(one.position + wide, placed.length), half),
+        *(_block(canvas, body) for body in bodies_on_beam(placed) if body.part == BOX and body.pair == number),
+        canvas.polygon("beam", [(left, -half), (right, -half), (right, half), (left, half)]),
         *_ball(canvas, placed, one),
         *marks,
     ]

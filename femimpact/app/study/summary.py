@@ -29,7 +29,7 @@ from femimpact.excitation.drives import Drives
 from femimpact.excitation.excitation import has_cycle, is_force
 from femimpact.fem.assembly import unusual_words
 from femimpact.integrators.methods import Method
-from femimpact.response.resolution import UNRESOLVED, PeakResolution, peak_resolution
+from femimpact.response.cycles import UNRESOLVED, PeakResolution, peak_resolution
 from femimpact.response.response import Response
 from femimpact.signals.one_pole import DampingEstimate, amplitude_ratio_damping, fit_one_pole, half_power
 from femimpact.sweep.curve import TAKE_STARTS, FrequencyResponse, on_grid

@@ -42,7 +42,7 @@ from femimpact.integrators.stepping.operators import shortest_contact
 from femimpact.response.impacts import DRAWN_IN_CONTACT, STICKING_UNITS, impact_columns
 from femimpact.response.response import Recorder, Response
 from femimpact.structure.structure import glue_impactors
-from femimpact.sweep.curve import IMPACT_NAMES, SWEEP_UNITS, on_grid
+from femimpact.sweep.curve import IMPACT_UNITS, SWEEP_UNITS, on_grid
 from femimpact.sweep.sweep import frequency_sweep
 from femimpact.system.modes import Modes, solve_modes
 from femimpact.system.state import State
@@ -287,7 +287,7 @@ def sweep_part(prepared: PreparedStudy, sweeps: SweepPair) -> Finished:
     units = {"frequency": "Hz"}
     for label, curve in curves.items():
         for name in (*SWEEP_UNITS, "steadiness"):
-            if label != "empty" or name not in IMPACT_NAMES:
+            if label != "empty" or name not in IMPACT_UNITS:
                 columns[f"{label}_{name}"] = getattr(curve, name)
                 units[f"{label}_{name}"] = SWEEP_UNITS.get(name, "")
     cases = xarray.Variable("case", list(curves))

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 from femimpact.app.parametric.best import best_cases, check_best
 from femimpact.app.parametric.best_design import BestCase
+from femimpact.app.parametric.dataset import endings_of
 from femimpact.app.parametric.definition import ParameterStudy
-from femimpact.app.parametric.labelled import endings_of
 from femimpact.app.parametric.paths import study_with
 from femimpact.app.parametric.verb import StudyProgress, block_cases, connected, run_parameter_study, to_stderr
 from femimpact.app.report.markup import Element

@@ -304,7 +304,6 @@ class _UndampedMotions:
 def closed_forms(
     equations: Equations,  # of F systems; see `equations.stacked`
     active: NDArray[np.bool_],  # (pairs,) in contact; whether a pair then sticks
-    rigid: NDArray[np.bool_],  # (pairs,)
     stiffness: Array,  # (F, pairs) of compliant pairs, N/m and N s/m
     damping: Array,  # (F, pairs)
 ) -> list[tuple[Integers, ClosedForms]]:
@@ -314,7 +313,7 @@ def closed_forms(
 
     Raises `InputError` if the pairs that stick leave one another no motion to be met with, in any of the systems.
     """
-    contact = _Contact(active, rigid, stiffness, damping)
+    contact = _Contact(active, equations.rigid, stiffness, damping)
     forms = []
     for members, motions in _undamped_motions(equations, contact):
         for part, modes in complex_modes(motions.omega_squared, motions.damping):

@@ -34,10 +34,7 @@ T = TypeVar("T")
 def groups_of_equal_marks(
     *marks: NDArray[np.bool_ | np.int64],  # (F, ...) of each of F items, as which of its coordinates are coupled
 ) -> list[NDArray[np.intp]]:
-    """Numbers of the items that have the same marks, group by group.
-
-    Returns: each number once; rising within a group.
-    """
+    """Numbers of the items that have the same marks, group by group."""
     count = marks[0].shape[0]
     if count == 1:
         return [np.zeros(1, dtype=np.intp)]

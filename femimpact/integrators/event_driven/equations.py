@@ -41,7 +41,7 @@ class Equations:
     `in_space`; see `stacked`.
     """
 
-    COMMON: ClassVar = ("stop", "names", "dofs")
+    COMMON: ClassVar = ("stop", "rigid", "names", "dofs")
 
     M: Array  # (d, d)
     C: Array  # (d, d)
@@ -53,6 +53,7 @@ class Equations:
     # (pairs,) x_j = -force_j p - in_space_j ub: -1 for a stop that stays where it is while the base moves, else 0
     in_space: Array
     stop: NDArray[np.bool_]  # (pairs,)
+    rigid: NDArray[np.bool_]  # (pairs,)
     names: tuple[str, ...]  # of the pairs
     dofs: int  # of the structure
 
@@ -87,21 +88,19 @@ def equations_of(system: System, drive: Drive) -> Equations:
         K += pair.free_stiffness * np.outer(force[:, j], force[:, j])
         if pair.free_damping:
             C += pair.free_damping * np.outer(force[:, j], force[:, j])
-    stop = np.array([pair.is_stop for pair in system.contacts], dtype=bool)
+    marks = [(pair.is_stop, pair.parameters.is_rigid, pair.fixed_to == "space") for pair in system.contacts]
+    stop, rigid, fixed = np.array(marks, dtype=bool).reshape(-1, 3).T.copy()
     # where a force drives, the base rests in space
-    fixed = np.array([pair.fixed_to == "space" for pair in system.contacts], dtype=bool)
+    in_space = np.where(fixed & stop, -drive.share, 0.0)
     names = tuple(pair.name for pair in system.contacts)
-    return Equations(M, C, K, load, constant, force, np.where(fixed & stop, -drive.share, 0.0), stop, names, n)
+    return Equations(M, C, K, load, constant, force, in_space, stop, rigid, names, n)
 
 
 def require_met(
     equations: Equations,
     sticking: NDArray[np.intp],  # numbers of the pairs that stick. A ball always can: it is a coordinate by itself.
 ) -> None:
-    """Refuse rigid stops that the modes kept cannot meet at once.
-
-    Raises `InputError` naming the stop that the others leave no motion.
-    """
+    """Refuse rigid stops that the modes kept cannot meet at once."""
     if not np.any(equations.stop[sticking]):
         return
     n, met = equations.dofs, list[int]()

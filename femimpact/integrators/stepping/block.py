@@ -4,33 +4,22 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from femimpact import core
 from femimpact.arrays import Array, own, read_only
-from femimpact.contact.custom_law import ForcePointer, law_error
+from femimpact.contact.custom_law import ForcePointer, force_pointer, law_error
 from femimpact.contact.laws import RIGID
+from femimpact.core.structs import zeros
 from femimpact.errors import require
 from femimpact.excitation.excitation import Excitation
 from femimpact.integrators.assembly import Readings, cycles_of_table, snapshots_of
 from femimpact.integrators.cases import check_memory, first_steps, kept_rows, modes_kept
 from femimpact.integrators.channel_rows import ChannelRows, Drive, drive_of
-from femimpact.integrators.stepping.arrays import (
-    Beginning,
-    Held,
-    Inputs,
-    cycles_of,
-    empty_record,
-    forces_of,
-    kind_of_steps,
-    limits_of,
-    motion_of,
-    pairs_of,
-)
+from femimpact.integrators.stepping.arrays import Held, Inputs, cycles_of, kind_of_steps, limits_of, motion_of, pairs_of
 from femimpact.integrators.stepping.operators import SteppingMethod, operator_of, scheme_of
 from femimpact.progress import Progress
 from femimpact.response.cycles import CycleStatistics
@@ -58,38 +47,31 @@ def piece_ends(recorder: Recorder, steps: int) -> Iterable[int]:
 
 
 def record_of(
-    system: System,
-    recorder: Recorder,
-    rows: ChannelRows,
-    steps: int,
-    method: SteppingMethod,
-    drive: Drive,
-    first: int,
+    system: System, recorder: Recorder, rows: ChannelRows, inputs: Inputs, method: SteppingMethod, drive: Drive
 ) -> core.steps.Record:
-    """Arrays for what is kept from the step `first` on, refused before the run when they would not fit."""
-    dt, modes = method.dt, modes_kept(system, recorder)
+    """Arrays for what a run alone keeps, refused before it when they would not fit."""
+    dt, modes, (steps,), first = method.dt, modes_kept(system, recorder), inputs.steps, inputs.step
     # a recorded motion is spread over all fine steps before the first
     values = ((first + steps) * method.refine + 1) * (len(drive.loads) + len(drive.parts)) if drive.is_tabulated else 0
     # with the base's displacement and velocity, where stops are fixed in space
     values *= 3 if any(pair.fixed_to == "space" for pair in system.contacts) else 1
     check_memory(system, recorder, rows.constant.size, steps, dt, drive.omega / (2.0 * np.pi), drive=values)
     samples, snapshots = kept_rows(recorder, steps, dt)
-    balls = len(system.contacts)
     start, start_field = (first + number for number in first_steps(recorder, steps, dt))
     of_state = np.stack([rows.displacement, rows.velocity], axis=1)
     of_pairs = np.stack([rows.ball_displacement, rows.ball_velocity, rows.pair_force, rows.contact_force], axis=1)
-    return core.steps.Record(
-        used=np.column_stack(
-            [np.any(of_state, axis=2), np.any(of_pairs[:, :2], axis=(1, 2)), np.any(of_pairs[:, 2:], axis=(1, 2))]
-        ).astype(np.int64),
+    used = [np.any(of_state, axis=2), np.any(of_pairs[:, :2], axis=(1, 2)), np.any(of_pairs[:, 2:], axis=(1, 2))]
+    lengths = {
+        "h": rows.constant.size, "a": samples, "g": len(ENERGY_COLUMNS) + modes, "d": samples if recorder.ledger else 0,
+        "D": len(drive.parts), "S": samples if recorder.ledger and drive.parts else 0, "j": snapshots, "n": system.dofs,
+        "P": len(system.contacts), "q": recorder.impacts if system.contacts else 0, "u": len(IMPACT_COLUMNS) + modes,
+    }  # fmt: skip
+    return zeros(
+        core.steps.Record,
+        lengths,
+        used=np.column_stack(used).astype(np.int64),
         rows=of_state,
         pair_rows=of_pairs,
-        channels=np.zeros((rows.constant.size, samples)),
-        energy=np.zeros((len(ENERGY_COLUMNS) + modes, samples if recorder.ledger else 0)),
-        work_of=np.zeros((len(drive.parts) + 1, samples if recorder.ledger and drive.parts else 0)),
-        snapshots=np.zeros((snapshots, 2, system.dofs + balls)),
-        forces=np.zeros((snapshots, balls)),
-        impacts=np.zeros((recorder.impacts if balls else 0, len(IMPACT_COLUMNS) + modes)),
         stride=np.array([recorder.every, start, max(recorder.snapshots, 1), start_field], dtype=np.int64),
         tally=np.array([first, 0, 0, 0], dtype=np.int64),
     )
@@ -101,36 +83,26 @@ STEPS_BETWEEN_CHECKS = 4_000_000
 
 @dataclass(frozen=True, eq=False)
 class Block:
-    """Arrays of one compiled run; the kernel writes into them."""
+    """Arrays of one compiled run, which the kernel writes into, and of what they were made."""
 
-    operator: core.steps.Operator
-    scheme: core.steps.Scheme
+    stepped: core.steps.Stepped
     fine: core.steps.Fine | None
-    pairs: core.steps.Pairs
-    motion: core.steps.Motion
-    cycles: core.steps.Cycles
-    record: core.steps.Record
-    ledger: bool
-    steps: int
-    beginning: Beginning
-    ends: NDArray[np.int64]
-    cases: int
+    inputs: Inputs
     limit: Array
     diverged: Array
     names: tuple[str, ...]
+    # the C functions of the pairs' laws, which are kept alive here
     forces: tuple[ForcePointer | None, ...]
-    """The C functions of the pairs' laws, which are kept alive here."""
 
-    def handed(self) -> core.steps.Stepped:
-        """The block as functions of the core take it, with scratch space of this call."""
-        scratch = np.zeros((6, len(self.pairs.row))), np.zeros(len(ENERGY_COLUMNS))
-        cases = core.steps.Cases(self.pairs, self.motion, self.cycles, self.record, *scratch)
-        return core.steps.Stepped(self.operator, self.scheme, cases, self.ledger)
+    @property
+    def arrays(self) -> core.steps.Cases:
+        """Those of the cases."""
+        return self.stepped.cases
 
     @property
     def cycle_statistics(self) -> CycleStatistics:
         """Statistics of every base cycle of the real cases that was finished since the beginning."""
-        values = self.cycles.values[self.beginning.cycle :, :, : self.cases]
+        values = self.arrays.cycles.values[self.inputs.cycle :, :, : len(self.inputs.excitations)]
         return cycles_of_table(np.moveaxis(values, 1, 0))
 
 
@@ -149,17 +121,10 @@ def prepare(
 ) -> Block:
     """Lay out all arrays of a block; nothing runs yet."""
     cases = len(inputs.excitations)
-    # the width of the case axis
+    # the width of the case axis; idle lanes repeat the last case: finite numbers, no effect on the others
     lanes = 1 if cases == 1 else PACK * math.ceil(cases / PACK)
-    # idle lanes repeat the last case: finite numbers, no effect on the others
-    idle = lanes - cases
-    padded = replace(
-        inputs,
-        excitations=[*inputs.excitations, *[inputs.excitations[-1]] * idle],
-        steps=[*inputs.steps, *[inputs.steps[-1]] * idle],
-        window_start=[*inputs.window_start, *[inputs.window_start[-1]] * idle],
-        each=[*inputs.each, *(list(inputs.each[-1:]) * idle)],
-    )
+    columns = {name: list(getattr(inputs, name)) for name in ("excitations", "steps", "window_start", "each")}
+    padded = replace(inputs, **{name: each + each[-1:] * (lanes - cases) for name, each in columns.items()})
     drives = [drive_of(system, excitation) for excitation in padded.excitations]
     scheme = scheme_of(method)
     loads = drives[0].load, [load.load for load in drives[0].more]
@@ -168,41 +133,38 @@ def prepare(
     if method.refine > 1:
         fine_scheme = scheme_of(method, method.dt / method.refine)
         fine = core.steps.Fine(method.refine, operator_of(system, fine_scheme, observed, *loads), fine_scheme)
-    chosen = record or empty_record(system.dofs, len(system.contacts))
-    forces = forces_of(system)
-    pairs = pairs_of(system, operator, drives[0], lanes, forces, padded.each)
+    functions = [pair.law.force_function(pair.effective_mass) for pair in system.contacts]
+    forces = tuple(None if function is None else force_pointer(function) for function in functions)
+    pairs = pairs_of(system, operator, drives[0], forces, padded)
     # only a history has losses mode by mode; in a sweep a case alone is summed as beside others
     modal = ledger and record is not None and lanes == 1 and not operator.banded
-    motion = motion_of(system, operator, pairs, padded, drives, method, modal, chosen)
+    if record is None:
+        lengths = {"n": system.dofs, "P": len(functions), "g": len(ENERGY_COLUMNS), "u": len(IMPACT_COLUMNS)}
+        nothing = dict.fromkeys("hadSDjq", 0)
+        record = zeros(core.steps.Record, nothing | lengths, stride=np.ones(4, dtype=np.int64))
+    motion = motion_of(system, operator, pairs, padded, drives, method, modal, record)
     cycles = cycles_of(padded, motion, method.dt, ledger)
-    _go_on(inputs.beginning, motion, cycles)
+    _go_on(inputs, motion, cycles)
+    scratch = np.zeros((6, len(functions))), np.zeros(len(ENERGY_COLUMNS))
+    arrays = core.steps.Cases(pairs, motion, cycles, record, *scratch)
     block = Block(
-        operator=operator,
-        scheme=scheme,
+        stepped=core.steps.Stepped(operator, scheme, arrays, ledger),
         fine=fine,
-        pairs=pairs,
-        motion=motion,
-        cycles=cycles,
-        record=chosen,
-        ledger=ledger,
-        steps=max(inputs.steps),
-        beginning=inputs.beginning,
-        ends=np.array(inputs.steps),
-        cases=cases,
+        inputs=inputs,
         limit=limits_of(system, padded, drives, operator, motion, method),
         diverged=np.full(lanes, np.inf),
         names=tuple(pair.name for pair in system.contacts),
         forces=forces,
     )
     if ledger:
-        core.write_energies(block.handed())
+        core.write_energies(block.stepped)
         check_laws(block)
     return block
 
 
-def _go_on(beginning: Beginning, motion: core.steps.Motion, cycles: core.steps.Cycles) -> None:
+def _go_on(inputs: Inputs, motion: core.steps.Motion, cycles: core.steps.Cycles) -> None:
     """Set motion and cycles to what the run has reached that this one goes on from."""
-    held = beginning.held
+    held = inputs.held
     if held is None:
         return
     if held.to_modes.shape == motion.to_modes.shape:
@@ -210,7 +172,7 @@ def _go_on(beginning: Beginning, motion: core.steps.Motion, cycles: core.steps.C
     else:
         # it was not summed before
         motion.to_modes[held.motion["touch"][core.steps.OPEN, :, 0] != 0.0] = np.nan
-    if not beginning.complete:
+    if not inputs.complete:
         return
     for arrays, target in ((held.motion, motion), (held.cycles, cycles)):
         for name, values in arrays.items():
@@ -218,39 +180,36 @@ def _go_on(beginning: Beginning, motion: core.steps.Motion, cycles: core.steps.C
 
 
 def check_laws(block: Block) -> None:
-    """Raise what a custom law has raised, or that its force was no finite number.
-
-    Raises `InputError` with the name of the pair, and what the law was given.
-    """
-    for j in np.flatnonzero(block.pairs.refused[:, 0]):
+    """Raise what a custom law has raised, or that its force was no finite number."""
+    refused = block.arrays.pairs.refused
+    for j in np.flatnonzero(refused[:, 0]):
         force = block.forces[j]
         if force is not None:
-            raise law_error(block.names[j], force, *(float(value) for value in block.pairs.refused[j]))
+            raise law_error(block.names[j], force, *refused[j].tolist())
 
 
 def run_block(
     block: Block,
-    progress: Progress | None = None,  # called with the share of the block that is done, 0 to 1
+    progress: Progress | None = None,  # called with the share of the steps that is done, 0 to 1
+    ends: Sequence[int] | None = None,  # steps from here on at which the cases end; by default those of the inputs
 ) -> None:
-    """Run a block to its end, in pieces: between them come progress, interrupts and the check for divergence."""
-    lanes, dofs = block.motion.q.shape[1], block.motion.q.shape[0]
-    handed = block.handed()
-    piece = max(1000, STEPS_BETWEEN_CHECKS // (lanes * dofs))
-    done = 0
-    while done < block.steps:
+    """Take a block to the ends of its cases; between pieces come progress, interrupts and the check for divergence."""
+    motion, of_cases = block.arrays.motion, np.array(block.inputs.steps if ends is None else ends)
+    piece, done, last = max(1000, STEPS_BETWEEN_CHECKS // motion.q.size), 0, int(of_cases.max())
+    while done < last:
         # pieces end where cases end, so that what comes after does not count
-        steps = min(piece, int(block.ends[block.ends > done].min()) - done)
-        core.advance(steps, handed, block.fine)
+        steps = min(piece, int(of_cases[of_cases > done].min()) - done)
+        core.advance(steps, block.stepped, block.fine)
         check_laws(block)
         done += steps
         with np.errstate(invalid="ignore"):
-            out = ~(np.abs(block.motion.w[0]) <= block.limit) & np.isinf(block.diverged)
-        out[: block.cases] &= block.ends >= done
-        block.diverged[out] = done * block.scheme.dt
-        if bool(np.all(np.isfinite(block.diverged[: block.cases]))):
+            out = ~(np.abs(motion.w[0]) <= block.limit) & np.isinf(block.diverged)
+        out[: of_cases.size] &= of_cases >= done
+        block.diverged[out] = done * block.stepped.scheme.dt
+        if bool(np.all(np.isfinite(block.diverged[: of_cases.size]))):
             return
         if progress is not None:
-            progress(done / block.steps)
+            progress(done / last)
 
 
 MOTION = ("q", "v", "a", "w", "w_rate", "ball", "touch", "drive")
@@ -260,16 +219,17 @@ CYCLES = ("next_wrap", "number", "sums", "last")
 
 def state_of(block: Block, system: System, excitation: Excitation, method: SteppingMethod) -> State:
     """Where a run of one case stands at its last step, with all that the same method needs to go on."""
-    beginning, motion, step = block.beginning, block.motion, int(block.record.tally[0])
+    inputs, arrays, motion = block.inputs, block.arrays, block.arrays.motion
+    step = int(arrays.record.tally[0])
     held = Held(
-        origin=beginning.origin,
+        origin=inputs.origin,
         step=step,
         motion={name: read_only(getattr(motion, name)) for name in MOTION},
-        cycles={name: read_only(getattr(block.cycles, name)) for name in CYCLES},
-        gaps=read_only(block.pairs.constants[[core.steps.GAP_PLUS, core.steps.GAP_MINUS]]),
+        cycles={name: read_only(getattr(arrays.cycles, name)) for name in CYCLES},
+        gaps=read_only(arrays.pairs.constants[[core.steps.GAP_PLUS, core.steps.GAP_MINUS]]),
         to_modes=read_only(motion.to_modes),
     )
-    balls, time = len(system.balls), beginning.origin + step * method.dt
+    balls, time = len(system.balls), inputs.origin + step * method.dt
     places, rates = (
         (own(of_dofs[:, 0]), own(motion.ball[row, :balls, 0]))
         for of_dofs, row in ((motion.q, core.steps.Y), (motion.v, core.steps.Y_RATE))
@@ -286,11 +246,8 @@ def history_of(
     samples_before: int,  # what was taken out of the record earlier
     snapshots_before: int,
 ) -> HistoryPiece:
-    """All samples and snapshots that the record of a block holds now.
-
-    Returns: of copies where the record is filled again, otherwise of its arrays.
-    """
-    record, dt, origin, system = block.record, block.scheme.dt, block.beginning.origin, readings.system
+    """All samples and snapshots that the record of a block holds now."""
+    record, dt, origin, system = block.arrays.record, block.stepped.scheme.dt, block.inputs.origin, readings.system
     samples, count = int(record.tally[1]), int(record.tally[2])
     every, first, stride, first_field = (int(value) for value in record.stride)
     # a copy of 20 histories of a run costs more than its steps
@@ -299,29 +256,23 @@ def history_of(
     if record.snapshots.shape[0] > 0:
         time = own(origin + (first_field + stride * (snapshots_before + np.arange(count))) * dt)
         fields = record.snapshots[:count]
-        u, v = (_at_nodes(system, fields[:, k, : system.dofs]) for k in (0, 1))
+        # one by one: a product with many columns rounds as their number has it, and pieces must not show
+        at_nodes = [[system.expansion @ row for row in fields[:, k, : system.dofs]] for k in (0, 1)]
+        u, v = np.array(at_nodes).reshape(2, count, system.expansion.shape[0])
         snapshots = snapshots_of(system, time, u, v, fields, record.forces[:count])
     return readings.piece(
         own(origin + (first + every * (samples_before + np.arange(samples))) * dt),
         read_only(record.channels[:, :samples]),
-        read_only(record.energy[:, :samples]) if block.ledger else None,
+        read_only(record.energy[:, :samples]) if block.stepped.ledger else None,
         record.work_of[:, :samples].T,
         snapshots,
     )
 
 
-def _at_nodes(system: System, rows: Array) -> Array:
-    values = np.zeros((rows.shape[0], system.expansion.shape[0]))
-    for k, row in enumerate(rows):
-        # one by one: a product with many columns rounds as their number has it, and pieces must not show
-        values[k] = system.expansion @ row
-    return values
-
-
 def impact_rows(block: Block) -> Array:
     """Rows of the table of impacts, as far as it was kept."""
-    rows = block.record.impacts[: min(int(block.record.tally[3]), block.record.impacts.shape[0])].copy()
-    rows[:, 0] += block.beginning.origin
+    rows = block.arrays.record.impacts[: int(block.arrays.record.tally[3])].copy()
+    rows[:, 0] += block.inputs.origin
     return rows
 
 
@@ -331,27 +282,24 @@ def sticking_rows(block: Block) -> Array:
     A ball then moves with its wall. Each begins with an impact, which has a row in the table of impacts once the
     contact has ended; the impulses of the two tables are the same.
     """
-    touch, origin = block.motion.touch[:, :, 0], block.beginning.origin
-    ended = block.record.impacts[: int(block.record.tally[3])]
+    arrays, origin = block.arrays, block.inputs.origin
+    touch, ended = arrays.motion.touch[:, :, 0], arrays.record.impacts[: int(arrays.record.tally[3])]
     start, duration = ended[:, 0], ended[:, 7]
     rows = np.column_stack([ended[:, 1:3], origin + start, origin + (start + duration), ended[:, 5], duration])
+    open_pairs = np.flatnonzero(touch[core.steps.OPEN])
+    of_pairs = touch[:, open_pairs].T
     lasting = [
-        (
-            j,
-            touch[core.steps.SIDE, j],
-            origin + touch[core.steps.START, j],
-            np.nan,
-            *touch[[core.steps.IMPULSE, core.steps.DURATION], j],
-        )
-        for j in np.flatnonzero(touch[core.steps.OPEN])
+        (j, of[core.steps.SIDE], origin + of[core.steps.START], np.nan, *of[[core.steps.IMPULSE, core.steps.DURATION]])
+        for j, of in zip(open_pairs, of_pairs, strict=True)
     ]
     rows = np.vstack([rows, np.array(lasting).reshape(-1, 6)])
-    return np.asarray(rows[(block.pairs.kind[rows[:, 0].astype(int)] == RIGID) & (rows[:, 5] > 1.5 * block.scheme.dt)])
+    is_rigid = arrays.pairs.kind[rows[:, 0].astype(int)] == RIGID
+    return np.asarray(rows[is_rigid & (rows[:, 5] > 1.5 * block.stepped.scheme.dt)])
 
 
 def open_contacts(block: Block, system: System) -> tuple[str, ...]:
     """Notes on balls that touch at the end: their contact is in the forces, not in the table of impacts."""
-    touch = block.motion.touch[:, :, 0]
+    touch = block.arrays.motion.touch[:, :, 0]
     return tuple(
         f"{pair.name} is in contact at the end, under force for {touch[core.steps.DURATION, j]:.3g} s of it: that "
         "contact counts in forces and energies but is no finished impact"

@@ -39,11 +39,7 @@ from femimpact.system.system import System
 def stepped_restitution(
     method: SteppingMethod, pair: ContactPair, approach_speed: float, phases: int = 32
 ) -> AchievedRestitution | None:
-    """Restitution of the pair's effective mass sent against a wall; None where the method does not take the law.
-
-    Raises `InputError` if a collision does not end with this step, or a custom law gives a force that is not
-    finite.
-    """
+    """Restitution of the pair's effective mass sent against a wall; None where the method does not take the law."""
     if (pair.parameters.kind == RIGID) != scheme_of(method).rigid:
         return None
     scheme = scheme_of(method, method.dt / method.refine)

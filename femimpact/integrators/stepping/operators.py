@@ -130,11 +130,7 @@ def recommended_step(system: System, refine: int = 1) -> float:
 
 
 def check_step(method: SteppingMethod, system: System) -> tuple[str, ...]:
-    """Warnings of a step that was let through; an error for one that does not resolve the contact.
-
-    Raises `InputError` if the step in contact exceeds T_c/10 and the method does not allow it, the scheme is
-    unstable at dt, or the method is not made for a contact's law.
-    """
+    """Warnings of a step that was let through; an error for one that does not resolve the contact."""
     _check_laws(system, method)
     if math.isfinite(method.stability_limit):
         limit = method.stability_limit / _highest_omega(system)

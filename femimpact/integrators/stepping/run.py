@@ -29,7 +29,7 @@ from femimpact.integrators.cases import (
     with_contacts_of,
 )
 from femimpact.integrators.channel_rows import drive_of
-from femimpact.integrators.stepping.arrays import Inputs, beginning_of
+from femimpact.integrators.stepping.arrays import Inputs, inputs_alone
 from femimpact.integrators.stepping.block import (
     Block,
     check_laws,
@@ -66,55 +66,51 @@ def run_steps(
     initial: State,
     progress: Progress | None = None,
 ) -> MethodRun:
-    """Stepped motion of structure and balls, with a step that resolves contact and drive; see `integrate`.
-
-    Raises `InputError` if the run would keep too much, and `DivergenceError` if the motion is not finite or grows
-    without bound.
-    """
+    """Stepped motion of structure and balls, with a step that resolves contact and drive; see `integrate`."""
     check_recorder(recorder)
     steps = whole_number_of(duration, method.dt, "step")
     # the sines of a sum go on behind the last step, which may be half a step after the end
     excitation = until(excitation, initial.time + duration + 2.0 * method.dt)
     channels, drive = resolve_channels(system, recorder.channels), drive_of(system, excitation)
     readings = Readings(system, excitation, drive, channels, springs_apart=False)
-    beginning, recorder = beginning_of(initial, system, excitation, method), recorder.seen_from(initial.time)
-    block = prepare(
-        system,
-        Inputs([excitation], [steps], [2 * steps // 3], initial, beginning),
-        method,
-        observed=system.point_row(system.default_place),
-        ledger=recorder.ledger,
-        record=record_of(system, recorder, readings.rows, steps, method, drive, beginning.step),
-    )
-    if block.record.channels.shape[1] + block.record.snapshots.shape[0] > 0:
-        core.keep_present(block.handed())
+    inputs, recorder = inputs_alone(system, excitation, steps, initial, method), recorder.seen_from(initial.time)
+    record = record_of(system, recorder, readings.rows, inputs, method, drive)
+    observed = system.point_row(system.default_place)
+    block = prepare(system, inputs, method, observed=observed, ledger=recorder.ledger, record=record)
+    motion = block.arrays.motion
+    if record.channels.shape[1] + record.snapshots.shape[0] > 0:
+        core.keep_present(block.stepped)
         check_laws(block)
     stream = Stream(
         read=partial(history_of, block, readings, recorder.sink is not None),
-        clear=partial(block.record.tally[1:3].fill, 0),
+        clear=partial(record.tally[1:3].fill, 0),
         sink=recorder.sink,
     )
-    steps_to_keep, kept_state = _step_to_keep(recorder, steps, method), None
+    # step after the beginning at which the state is kept, if there is one
+    step_to_keep = 0 if recorder.state_at is None else round(min(recorder.state_at / method.dt, 2.0 * steps))
+    steps_to_keep, kept_state = (step_to_keep,) if 0 < step_to_keep <= steps else (), None
     for step in _run(block, heapq.merge(piece_ends(recorder, steps), steps_to_keep), excitation, method, progress):
         stream.hand_over()
         if step in steps_to_keep:
             kept_state = state_of(block, system, excitation, method)
-    history, totals = stream.left(), block.motion.totals[:, :, 0]
+    history, totals = stream.left(), motion.totals[:, :, 0]
     # an impulse has no peak
-    totals[PEAK_FORCE, block.pairs.kind == RIGID] = np.nan
+    totals[PEAK_FORCE, block.arrays.pairs.kind == RIGID] = np.nan
+    named = zip(block.names, block.forces, strict=True)
+    of_laws = [speed_note(name, force) for name, force in named if force is not None]
     return MethodRun(
         history=history,
         final_state=state_of(block, system, excitation, method),
         cycles=block.cycle_statistics,
-        measured=float(block.motion.window[1, 0] - block.motion.window[0, 0]) * method.dt,
+        measured=float(motion.window[1, 0] - motion.window[0, 0]) * method.dt,
         totals=totals,
-        impacts=impacts_of(system, excitation, impact_rows(block), int(block.record.tally[3])),
+        impacts=impacts_of(system, excitation, impact_rows(block), int(record.tally[3])),
         sticking=sticking_of(system, sticking_rows(block)),
         kept_state=kept_state,
         streamed_to=stream.streamed_to,
-        going_on=beginning.going_on(system),
+        going_on=() if inputs.held is None else inputs.held.contacts_in_progress(system),
         warnings=_residual_warnings(history.energy, recorder.residual_limit),
-        notes=(*_law_notes(block), *open_contacts(block, system), *readings.notes),
+        notes=(*filter(None, of_laws), *open_contacts(block, system), *readings.notes),
     )
 
 
@@ -136,35 +132,22 @@ def _run(
     progress: Progress | None,
 ) -> Iterator[int]:
     """Run a block to its end; yields each of some ascending steps when it is reached."""
-    done = 0
+    done, steps = 0, block.inputs.steps[0]
     for end in ends:
         if end > done:
-            share = None if progress is None else _share_of(progress, done, end, block.steps)
-            run_block(replace(block, steps=end - done, ends=np.array([end - done])), share)
+            share = None if progress is None else partial(_tell, progress, done, end, steps)
+            run_block(block, share, [end - done])
         if np.isfinite(block.diverged[0]):
-            begun = block.beginning.origin + block.beginning.step * method.dt
+            begun = block.inputs.origin + block.inputs.step * method.dt
             time = begun + done * method.dt + float(block.diverged[0])
             raise DivergenceError(divergence_message(excitation.frequency, time, method))
         done = end
         yield end
 
 
-def _step_to_keep(recorder: Recorder, steps: int, method: SteppingMethod) -> tuple[int, ...]:
-    """Step after the beginning at which the state is kept, if there is one."""
-    step = 0 if recorder.state_at is None else round(min(recorder.state_at / method.dt, 2.0 * steps))
-    return (step,) if 0 < step <= steps else ()
-
-
-def _share_of(progress: Progress, done: int, end: int, steps: int) -> Progress:
-    """Progress of the run, told by the share of the steps from `done` to `end`."""
-    return lambda share: progress((done + share * (end - done)) / steps)
-
-
-def _law_notes(block: Block) -> tuple[str, ...]:
-    """Notes on laws that are called as functions of Python."""
-    pairs = zip(block.names, block.forces, strict=True)
-    notes = [speed_note(name, force) for name, force in pairs if force is not None]
-    return tuple(note for note in notes if note)
+def _tell(progress: Progress, begin: int, end: int, steps: int, share: float) -> None:
+    """Tell the share of a run's steps that is done, by that of some of them."""
+    progress((begin + share * (end - begin)) / steps)
 
 
 def _residual_warnings(energy: EnergyLedger | None, limit: float) -> tuple[str, ...]:
@@ -251,15 +234,15 @@ def _block_of(
 
 def _results(block: Block, cases: SineCases, method: SteppingMethod) -> SineDwellResults:
     """Results of the cases of a block that has run."""
-    count, pairs = cases.frequency.size, len(block.names)
-    totals, diverged = block.motion.totals[:, :pairs, :count].copy(), block.diverged[:count].tolist()
+    count, motion = cases.frequency.size, block.arrays.motion
+    totals, diverged = motion.totals[:, :, :count].copy(), block.diverged[:count].tolist()
     # an impulse has no peak
-    totals[PEAK_FORCE, block.pairs.kind == RIGID] = np.nan
+    totals[PEAK_FORCE, block.arrays.pairs.kind == RIGID] = np.nan
     return SineDwellResults(
         motion=_motion(block, cases.cycles, cases.measured),
         totals=totals,
-        duration=np.diff(block.motion.window[:, :count], axis=0)[0] * method.dt,
-        residual=_residuals(block, cases.cycles) if block.ledger else np.full(count, np.nan),
+        duration=np.diff(motion.window[:, :count], axis=0)[0] * method.dt,
+        residual=_residuals(block, cases.cycles) if block.stepped.ledger else np.full(count, np.nan),
         bound=np.full(count, BALANCED),
         failures=tuple(
             divergence_message(frequency, time, method) if math.isfinite(time) else ""
@@ -276,7 +259,7 @@ def _motion(block: Block, cycles: NDArray[np.int64], measured: NDArray[np.int64]
 
 
 def _residuals(block: Block, cycles: NDArray[np.int64]) -> Array:
-    energy = block.cycles.energy[:, :, : block.cases]
+    energy = block.arrays.cycles.energy[:, :, : cycles.size]
     # slower cases run on beyond their dwell: its last row stands for those after it
     row = np.minimum(np.arange(energy.shape[0])[:, None, None], cycles)
     kinetic, strain, ball, contact, work, structure_loss, contact_loss = np.moveaxis(
