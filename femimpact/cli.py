@@ -203,7 +203,7 @@ def main() -> None:
     except FemimpactError as error:
         _fail(_with_notes(str(error), error), 1)
     except MemoryError as error:
-        _fail(_with_notes(f"not enough memory{': ' if str(error) else ''}{error}", error), 2)
+        _fail(_with_notes(": ".join(filter(None, ("not enough memory", str(error)))), error), 2)
     except OSError as error:
         _fail(_with_notes(f"{error.filename or 'file system'}: {error.strerror or error}", error), 2)
     except ImportError as error:

@@ -8,6 +8,8 @@ import pytest
 from builders import FILES, impact_table, reduced, with_ball
 
 import femimpact as fi
+from femimpact.app.tasks.run import impact_files
+from femimpact.app.tasks.task import write_files
 from femimpact.files import read_csv, write_csv, write_netcdf
 from femimpact.response.impacts import IMPACT_UNITS, StickingPhases, impact_columns
 from femimpact.response.regimes import classify, impacts_per_cycle
@@ -178,15 +180,12 @@ def test_figures_of_a_run_without_impacts(light):
 
 @pytest.mark.parametrize("run", ["response", "event_driven"])
 def test_a_study_leaves_the_record_and_sticking_only_where_something_stuck(run, request, tmp_path):
-    from femimpact.app.results.results import STICKING_FILE
-    from femimpact.app.tasks import run as running
-
     result = request.getfixturevalue(run)
-    running._write_impacts(tmp_path, result)
+    write_files(tmp_path, impact_files(result))
     assert read_csv(tmp_path / FILES["impacts"].name)["time"].size == len(result.impacts)
     assert (tmp_path / FILES["impact_data"].name).is_file()
-    assert (tmp_path / STICKING_FILE).is_file() == (len(result.sticking) > 0) == (run == "event_driven")
+    assert (tmp_path / FILES["sticking"].name).is_file() == (len(result.sticking) > 0) == (run == "event_driven")
     if run == "event_driven":
-        back = read_csv(tmp_path / STICKING_FILE)
+        back = read_csv(tmp_path / FILES["sticking"].name)
         for name in column_units(StickingPhases):
             np.testing.assert_array_equal(back[name], getattr(result.sticking, name))

@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 import xarray
 from builders import paper_study_text, read_csv
-from calls import branch_file
 from command import femimpact
 
 import femimpact as fi
@@ -169,22 +168,7 @@ def test_a_link_to_an_open_file_as_that_of_the_output_is_not_replaced(tmp_path):
         assert (tmp_path / "stdout").is_symlink()
 
 
-def test_a_file_of_branches_is_read_within_its_size_and_no_more_of_it_than_a_branch_has(tmp_path):
-    h5py = pytest.importorskip("h5py")
-    whole = branch_file(tmp_path / "branch.nc")
-    count = len(fi.app.load_branch(whole))
-    for name in ("junk", "peak", "value"):
-        path = shutil.copy(whole, tmp_path / f"{name}.nc")
-        with h5py.File(path, "a") as file:
-            file.pop(name, None)
-            # 4 GB of numbers, of which none is there
-            big = file.create_dataset(name, shape=(500_000_000,), dtype="f8", chunks=(1 << 20,), compression="gzip")
-            big.make_scale(name)
-        if name == "junk":
-            assert len(fi.app.load_branch(path)) == count
-        else:
-            with pytest.raises(fi.InputError, match=r"numbers = 40000.* bytes: must be <= 200 in a byte of the file"):
-                fi.app.load_branch(path)
+def test_a_file_of_branches_that_is_no_netcdf_is_one_line(tmp_path):
     (tmp_path / "text.nc").write_text("no numbers")
     with pytest.raises(fi.InputError, match="must be netCDF"):
         fi.app.load_branch(tmp_path / "text.nc")

@@ -202,9 +202,9 @@ def test_a_damaged_file_is_named_and_stops_nothing(results, name, damage):
 def test_values_of_any_kind_in_a_summary_stop_nothing(sound, tmp_path):
     summary = json.loads((sound / "summary.json").read_text())
     values = (None, 3, "text", [], [None], {}, {"a": None}, {"ball": 3, "empty": [1]}, True, 1e999)
+    (tmp_path / "study.toml").write_text(UNDRAWN_STUDY, encoding="utf-8")
     for key in summary:
         for value in values:
-            # a table of one name is no summary of ours
             (tmp_path / "summary.json").write_text(json.dumps({"study": "a.toml", "warnings": [], key: value}))
             write_report(tmp_path)
             assert "What was found" in text_of(tmp_path)

@@ -167,14 +167,6 @@ def label_of(best: BestCase) -> str:
     return f"{'largest' if best.better == 'large' else 'smallest'} {worst}{best.measure.replace('_', ' ')}"
 
 
-def told_lines(best: BestCase) -> Iterator[str]:
-    """The lines about its designs, of many the first."""
-    for design in best.designs[:MOST_NAMED]:
-        yield from design_lines(best, design)
-    if more := more_designs(best):
-        yield more
-
-
 def more_designs(best: BestCase) -> str:
     """How many designs there are beside the first, where not all are told."""
     more = len(best.designs) - MOST_NAMED

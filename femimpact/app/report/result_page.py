@@ -48,11 +48,11 @@ from femimpact.app.results.result_directory import (
     purpose_of,
     result_files,
 )
-from femimpact.app.results.results import carried_of, read_json
+from femimpact.app.results.results import carried_of
 from femimpact.app.study.findings import Findings
 from femimpact.app.study.prepared import in_study_words
 from femimpact.app.study.study import Study
-from femimpact.errors import InputError, require, require_path
+from femimpact.errors import require, require_path
 from femimpact.excitation.excitation import words_of
 from femimpact.excitation.harmonic import SteppedSine
 from femimpact.figures.study_labels import in_shown_units
@@ -83,21 +83,12 @@ def write_report(
         return write_page(folder / REPORT if path is None else Path(path), page_of(read_results(folder)))
 
 
-OF_SUMMARY = frozenset({"study", "versions", "core", "natural_frequency", "sweep", "history", "warnings"})
-"""Names of which a summary has several, of whatever version."""
-
-
 def _holds_results(directory: Path) -> bool:
     """True where a file of results stands that no other program writes: a folder of the user's may have their names."""
     names = set(result_files(directory))
     if any(name.endswith(".nc") for name in names) or (directory / STUDY_BLOCKS / STUDY_MANIFEST).is_file():
         return True
-    if FILES["study"].name in names and any(FILES[key].name in names for key in ("summary", "modes", "impacts")):
-        return True
-    try:
-        return len(OF_SUMMARY & set(read_json(directory / SUMMARY))) > 1
-    except InputError:
-        return False
+    return FILES["study"].name in names and any(FILES[key].name in names for key in ("summary", "modes", "impacts"))
 
 
 def add_report(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from femimpact.app.results.result_directory import FILES
-from femimpact.app.results.results import load_dataset, read_dataset, undamaged
+from femimpact.app.results.results import load_dataset, read_file, undamaged
 from femimpact.arrays import Array
 from femimpact.errors import faults_of, quantity, require, require_path, takes
 from femimpact.orbits.branch import Bifurcation, Branch
@@ -36,9 +36,6 @@ ROUNDING = 1e-9
 
 ENDS = ("first_end", "last_end")
 """Attributes of one branch; in a file of several they are variables."""
-
-VARIABLES = (*PARTS, *ENDS, "number")
-"""Variables that are read."""
 
 
 @takes(number=quantity("1", at_least=1, integer=True))
@@ -69,7 +66,7 @@ def load_branch(path: str | Path, *, number: int = 1) -> Branch:
     require(Path(path).exists(), "path", str(path), "", "is missing")
     with faults_of("path"):
         # `to_netcdf` of some versions writes another format
-        branches = undamaged(Path(path), lambda file: branches_of(load_dataset(file, None, VARIABLES)))
+        branches = undamaged(Path(path), lambda file: branches_of(load_dataset(file, None)))
     require(number <= len(branches), "number", number, "", f"must be <= {len(branches)}: the file has no more branches")
     return branches[number - 1]
 
@@ -110,8 +107,9 @@ def read_followed(folder: Path, summary: Mapping[str, Any]) -> FollowedBranches 
 
     Raises `InputError` if the file is damaged.
     """
-    data = read_dataset(folder, "branches", summary)
-    return None if data is None else undamaged(folder / FILES["branches"].name, lambda _: _followed_in(data))
+    name = FILES["branches"].name
+    data = read_file(folder, name, summary)
+    return None if data is None else undamaged(folder / name, lambda _: _followed_in(data))
 
 
 def _followed_in(data: xarray.Dataset) -> FollowedBranches:

@@ -15,7 +15,7 @@ import numpy as np
 
 from femimpact.app.results.branch_file import FollowedBranches, read_followed
 from femimpact.app.results.result_directory import FILES, SUMMARY, ResultsWarning, unfinished_state
-from femimpact.app.results.results import carried_of, read_dataset, read_summary, read_table
+from femimpact.app.results.results import carried_of, read_file, read_summary
 from femimpact.app.study.findings import Findings, read_findings
 from femimpact.app.study.study import Study, build_systems
 from femimpact.app.study.study_file import load_study
@@ -172,12 +172,12 @@ class ResultReading:
     def of_file(self, key: str, make: Callable[[xarray.Dataset], T]) -> T | None:
         """What is made of one of the netCDF files of `FILES`; None where there is none, or it cannot be read."""
         name = FILES[key].name
-        data = self.attempt(name, lambda: read_dataset(self.folder, key, self.summary))
+        data: xarray.Dataset | None = self.table(name)
         return None if data is None else self.attempt(name, lambda: make(data))
 
-    def table(self, name: str) -> dict[str, Any] | None:
-        """A table of the results by the name of its file; None where there is none, or it cannot be read."""
-        return self.attempt(name, lambda: read_table(self.folder, name, self.summary))
+    def table(self, name: str) -> Any:
+        """A file of the results, as `read_file`; None where there is none, or it cannot be read."""
+        return self.attempt(name, lambda: read_file(self.folder, name, self.summary))
 
     def units(self, name: str) -> dict[str, str]:
         """Units of the columns of a table that was read."""
@@ -299,7 +299,7 @@ class ResultReading:
 
     def _response(self, time: Any, system: DrawnSystem) -> Response:
         """A response without channels: its times, its impacts, its drive and its system."""
-        sticking, nothing = read_table(self.folder, FILES["sticking"].name, self.summary), _no_statistics()
+        sticking, nothing = read_file(self.folder, FILES["sticking"].name, self.summary), _no_statistics()
         return Response(
             time=np.asarray(time, dtype=float),
             channels={},
@@ -350,7 +350,7 @@ WORK_OF = "energy_work_of_"
 
 
 def _impacts(folder: Path, summary: Mapping[str, Any]) -> Impacts:
-    data = read_dataset(folder, "impact_data", summary)
+    data = read_file(folder, FILES["impact_data"].name, summary)
     require(data is not None, "file", str(folder / FILES["impact_data"].name), "", "is missing")
     data = cast("xarray.Dataset", data)
     columns = {name: data[name].to_numpy() for name in IMPACT_UNITS if name not in DERIVED}
@@ -370,7 +370,7 @@ DERIVED = ("contact_law", "energy_to_higher_modes")
 
 def read_curves(folder: Path, summary: Mapping[str, Any]) -> SweptCurves | None:
     """Response curves by words for their cases, with the even grid; None where the results have no sweep."""
-    data = read_dataset(folder, "sweep_data", summary)
+    data = read_file(folder, FILES["sweep_data"].name, summary)
     if data is None:
         return None
     curves = {}
@@ -436,7 +436,7 @@ def read_convergence(columns: Mapping[str, Any], units: Mapping[str, str], axis:
 
 def read_bands(folder: Path, summary: Mapping[str, Any]) -> list[tuple[str, Array, Array, Array]]:
     """Words, frequencies (Hz), smallest and largest peaks (m) of several starts in each frame; else none."""
-    columns = read_table(folder, FILES["curves_of_starts"].name, summary)
+    columns = read_file(folder, FILES["curves_of_starts"].name, summary)
     if columns is None:
         return []
     frames = {"base": "relative to the base", "space": "in the inertial frame", "static": "in the static position"}

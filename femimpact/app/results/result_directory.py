@@ -305,35 +305,26 @@ def beside(directory: Path, suffix: str) -> Path:
     return target.with_name(target.name + suffix)
 
 
-def _beside_as_named(directory: Path, suffix: str) -> Path:
-    """The same by the name that the user gave."""
-    return beside(directory, suffix) if directory.name in ("", "..") else directory.with_name(directory.name + suffix)
-
-
 def unfinished_state(directory: Path) -> str | None:
     """State of an unfinished run in a directory, in words with what to do; None where there is none."""
-    part, old = (_beside_as_named(directory, suffix) for suffix in (PART, OLD))
-    if Lock.is_held(beside(directory, PART)):
+    part, old = beside(directory, PART), beside(directory, OLD)
+    if Lock.is_held(part):
         return "a run is writing into it"
     if _in_replacement(Path(os.path.realpath(directory))):
-        return (
-            f"its results are in {part}, the earlier ones in {old}: the next run, figures, movie or report moves them"
-        )
-    if not (beside(directory, PART) / LOCK).exists():
-        return None
-    if (beside(directory, PART) / SUMMARY).exists():
-        return f"what a run that was ended has finished is in {part}: {_left(beside(directory, PART))}"
-    return "a run was ended before its first part was finished: run it again"
+        moves = "the next run, figures, movie or report moves them"
+        return f"its results are in {part}, the earlier ones in {old}: {moves}"
+    if (part / SUMMARY).exists() and (part / LOCK).exists():
+        return f"what a run that was ended has finished is in {part}: {_left(part)}"
+    ended = "a run was ended before its first part was finished: run it again"
+    return ended if (part / LOCK).exists() else None
 
 
 def _left(part: Path) -> str:
     """What an ended run left undone, in words."""
-    left: object = None
-    with suppress(OSError, ValueError, AttributeError):
-        left = json.loads((part / SUMMARY).read_text(encoding="utf-8")).get("unfinished")
-    return (
-        f"all but {' and '.join(map(str, left))}" if isinstance(left, list) and left else "all but pictures and report"
-    )
+    left = list[str]()
+    with suppress(OSError, ValueError, AttributeError, TypeError):
+        left = list(map(str, json.loads((part / SUMMARY).read_text(encoding="utf-8")).get("unfinished", [])))
+    return f"all but {' and '.join(left or ['pictures', 'report'])}"
 
 
 # ---- before the work ------------------------------------------------------------------------------
@@ -443,8 +434,7 @@ def _note(error: BaseException, named: Path, part: Path) -> None:
     if _in_replacement(part.with_name(part.name.removesuffix(PART))):
         error.add_note(f"{unfinished_state(named)}")
     elif (part / SUMMARY).exists():
-        shown = _beside_as_named(named, PART)
-        error.add_note(f"what was finished is kept in {shown}: {_left(part)}; rename it to keep it from the next run")
+        error.add_note(f"what was finished is kept in {part}: {_left(part)}; rename it to keep it from the next run")
     elif isinstance(error, KeyboardInterrupt):
         error.add_note("nothing was written")
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 import gc
 import hashlib
 import json
-import os
 import sys
 import warnings
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -35,8 +34,6 @@ if TYPE_CHECKING:
 
 IDENTIFIED = ("identify.json", "identify.png")
 """Files of `write_decay`."""
-
-STICKING_FILE = FILES["sticking"].name
 
 T = TypeVar("T")
 
@@ -97,7 +94,7 @@ def load(directory: str | Path) -> StudyResults:
     -----
     ResultsWarning
         For a file that can be read but is not the one that the study left, and for pictures, scenes and other
-        files that are lost or changed. Results without checksums, of earlier versions, are read as they are.
+        files that are lost or changed.
 
     Examples
     --------
@@ -108,34 +105,17 @@ def load(directory: str | Path) -> StudyResults:
     require_path(directory, "directory", "a directory")
     folder = Path(directory)
     summary = read_summary(folder)
+    names = {name: FILES[key].name for name, key in READ.items()}
+    contents: dict[str, Any] = {name: read_file(folder, file, summary) for name, file in names.items()}
+    _check_others(folder, summary, set(names.values()))
+    return StudyResults(folder, summary, **contents)
 
-    def table(file: str) -> Mapping[str, Any] | None:
-        return read_table(folder, file, summary)
 
-    def dataset(name: str) -> xarray.Dataset | None:
-        return read_dataset(folder, name, summary)
-
-    results = StudyResults(
-        folder,
-        summary,
-        modes=table(FILES["modes"].name),
-        impacts=table(FILES["impacts"].name),
-        sweep=dataset("sweep_data"),
-        history=dataset("history"),
-        impact_data=dataset("impact_data"),
-        sticking=table(STICKING_FILE),
-        branches=dataset("branches"),
-        bifurcations=table(FILES["bifurcations"].name),
-    )
-    read = {
-        STICKING_FILE,
-        *(
-            FILES[name].name
-            for name in ("modes", "impacts", "sweep_data", "history", "impact_data", "branches", "bifurcations")
-        ),
-    }
-    _check_others(folder, summary, read)
-    return results
+READ = {
+    **{name: name for name in ("modes", "impacts", "history", "impact_data", "sticking", "branches", "bifurcations")},
+    "sweep": "sweep_data",
+}
+"""Files of `StudyResults`, by its fields and their keys in `FILES`."""
 
 
 def _check_others(folder: Path, summary: Mapping[str, Any], read: set[str]) -> None:
@@ -181,77 +161,34 @@ def read_summary(folder: Path) -> dict[str, Any]:
 
 
 def carried_of(summary: Mapping[str, Any]) -> str:
-    """What the structure carries, in words: "ball", "absorber", ...; results of earlier versions do not say."""
+    """What the structure carries, in words: "ball", "absorber", ...; "ball" where the summary does not say."""
     carried = summary.get("carried")
     return carried if isinstance(carried, str) else "ball"
-
-
-def read_json(path: Path) -> dict[str, Any]:
-    """A file of plain data; nothing where there is none.
-
-    Raises `InputError` if it cannot be read, or holds no table.
-    """
-    if not path.exists():
-        return {}
-    try:
-        with open_regular(path) as file:
-            data = json.loads(file.read().decode("utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
-        raise _damaged(path, _in_words(error)) from None
-    if not isinstance(data, dict):
-        raise _damaged(path, "no table")
-    return data
-
-
-def read_dataset(folder: Path, name: str, summary: Mapping[str, Any]) -> xarray.Dataset | None:
-    """One of the netCDF files of `FILES`, by its key; None where the results have none.
-
-    Raises `InputError` if it is missing or cannot be read.
-    """
-    return _read(folder, FILES[name].name, summary, load_dataset)
-
-
-HDF5 = b"\x89HDF\r\n\x1a\n"
-"""First bytes of a file in the format of netCDF 4; earlier ones begin with CDF."""
-
-PACKED = 200
-"""Most bytes of numbers for a byte of a file, which may be compressed."""
 
 
 def load_dataset(
     path: Path,
     engine: str | None = "h5netcdf",  # None is that of the file's own format
-    names: Collection[str] | None = None,  # of the variables that are read; all by default
 ) -> xarray.Dataset:
-    """A netCDF file that is no device or pipe, and holds no more numbers than a file of its size can."""
-    import h5py
+    """A netCDF file that is no device or pipe."""
     import xarray
 
     # the library opens it by its name
     with open_regular(path) as file:
-        begin, size = file.read(len(HDF5)), os.fstat(file.fileno()).st_size
+        begin = file.read(len(HDF5))
     require(begin == HDF5 or begin.startswith(b"CDF"), "format", "another one", "", "must be netCDF")
-    left_out = list[str]()
-    if begin == HDF5:
-        with h5py.File(path) as root:
-            numbers = {name: int(each.nbytes) for name, each in root.items() if isinstance(each, h5py.Dataset)}
-        left_out = [name for name in numbers if names is not None and name not in names]
-        stated = sum(bytes_of for name, bytes_of in numbers.items() if name not in left_out)
-        allowed = f"must be <= {PACKED} in a byte of the file"
-        require(stated <= PACKED * size, "numbers", stated, "bytes", allowed)
-    return xarray.load_dataset(path, engine=engine, drop_variables=left_out)
+    return xarray.load_dataset(path, engine=engine)
 
 
-def read_table(folder: Path, name: str, summary: Mapping[str, Any]) -> dict[str, Any] | None:
-    """One of the tables of the results; None where they have none.
+HDF5 = b"\x89HDF\r\n\x1a\n"
+"""First bytes of a file in the format of netCDF 4; earlier ones begin with CDF."""
+
+
+def read_file(folder: Path, name: str, summary: Mapping[str, Any]) -> Any:
+    """A table by column or a labelled dataset of the results, by the name of its file; None where they have none.
 
     Raises `InputError` if it is missing or cannot be read.
     """
-    return _read(folder, name, summary, read_csv)
-
-
-def _read(folder: Path, name: str, summary: Mapping[str, Any], reader: Callable[[Path], T]) -> T | None:
-    """One file of the results, checked against the summary."""
     path, sums = folder / name, summary.get(CHECKSUMS)
     expected = None if sums is None else sums.get(name)
     if sums is not None and expected is None:
@@ -262,10 +199,10 @@ def _read(folder: Path, name: str, summary: Mapping[str, Any], reader: Callable[
             raise InputError([Fault("file", str(path), "", f"is missing: {SUMMARY} names it among the results")])
         return None
     changed = expected is not None and undamaged(path, checksum) != expected
-    found = undamaged(path, reader)
+    content = undamaged(path, load_dataset if path.suffix == ".nc" else read_csv)
     if changed:
         _warn_changed(path)
-    return found
+    return content
 
 
 def undamaged(path: Path, reader: Callable[[Path], T]) -> T:

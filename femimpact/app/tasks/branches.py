@@ -84,11 +84,8 @@ class PreparedOrbits:
 def prepare_orbits(study: Study) -> PreparedOrbits:
     """Make the branches of a study ready, and find what can be wrong with them before the first run.
 
-    Raises
-    ------
-    InputError
-        If there is no [orbits], the method is not event-driven, the excitation is not one sine, or the parameter or its
-        range does not fit the study.
+    Raises `InputError` if there is no [orbits], the method is not event-driven, the excitation is not one sine, or the
+    parameter or its range does not fit the study.
     """
     plan: Any = study.orbits
     require(plan is not None, "orbits", None, "", "table [orbits] is missing from the study")
@@ -160,12 +157,8 @@ Leads = dict[tuple[int, int], set[int]]
 def first_orbit(ready: PreparedOrbits, report: Report) -> PeriodicOrbit:
     """The orbit to which the study's run leads.
 
-    Raises
-    ------
-    InputError
-        If the motion at the end of the run is none that a search takes.
-    DivergenceError
-        If no orbit is found from there.
+    Raises `InputError` if the motion at the end of the run is none that a search takes, and `DivergenceError` if no
+    orbit is found from there.
     """
     small, plan, study = ready.prepared.small, ready.plan, ready.prepared.study
     with _study_words():
@@ -330,12 +323,7 @@ def _sweep(ready: PreparedOrbits, notes: list[str], report: Report) -> tuple[Arr
 def write_orbits(study: Study, directory: Path, force: bool, report: Report) -> StudyResults:
     """Follow the branches of a study and write their files: data, tables, figure and report.
 
-    Raises
-    ------
-    InputError
-        As of `prepare_orbits` and `first_orbit`.
-    DivergenceError
-        If the study's run leads to no orbit.
+    Raises as `prepare_orbits` and `first_orbit` do.
     """
     ready = prepare_orbits(study)
     task = Task(study, findings_of(ready.prepared), ("branches",), partial(_parts_of_orbits, ready))

@@ -170,18 +170,12 @@ def run_study(
 
     Parameters
     ----------
-    study : Study
     directory : str or Path
         Must not exist or be empty, unless forced.
     parts : tuple of str
         Any of "modes", "simulate", "sweep"; a study without [sweep] skips it.
-    force : bool
     report : callable, optional
-
-    Returns
-    -------
-    StudyResults
-        As read back from the directory.
+        Called with what is being done and its share, 0 to 1.
 
     Examples
     --------
@@ -260,13 +254,7 @@ def modes_part(prepared: PreparedStudy, modes: tuple[Modes, Modes | None]) -> Fi
 def history_part(prepared: PreparedStudy, response: Response) -> Finished:
     """What `run_simulation` returned."""
     study, output = prepared.study, prepared.study.output
-    files: dict[str, Any] = {
-        "history": response.to_xarray(),
-        "impacts": impact_columns(response.impacts),
-        "impact_data": response.impacts.to_xarray(),
-    }
-    if len(response.sticking):
-        files["sticking"] = flat_columns(response.sticking)
+    files: dict[str, Any] = {"history": response.to_xarray(), **impact_files(response)}
     if response.snapshots is not None:
         scale = output.exaggeration or 1.0
         files["snapshots"] = snapshot_data(response, response.snapshots)
@@ -277,6 +265,15 @@ def history_part(prepared: PreparedStudy, response: Response) -> Finished:
 
             files[key] = lambda path: vtk.write_deflection(path, response, study.structure, scale)
     return Finished("history", files, findings_of_history(prepared, response))
+
+
+def impact_files(response: Response) -> dict[str, Any]:
+    """Every impact, and the sticking phases where something stuck."""
+    return {
+        "impacts": impact_columns(response.impacts),
+        "impact_data": response.impacts.to_xarray(),
+        **({"sticking": flat_columns(response.sticking)} if len(response.sticking) else {}),
+    }
 
 
 def sweep_part(prepared: PreparedStudy, sweeps: SweepPair) -> Finished:
