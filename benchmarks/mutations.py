@@ -86,7 +86,7 @@ MUTATIONS = (
         "np.asarray(0.5 * (alpha / omega + beta * omega))",
         "np.asarray(0.51 * (alpha / omega + beta * omega))",
     ),
-    Mutation("effective_mass", "mass = self.participation_factor**2", "mass = abs(self.participation_factor)"),
+    Mutation("effective_mass", "own(self.participation_factor**2)", "own(np.abs(self.participation_factor))"),
     Mutation("contact_mass", "inverse = self.first_mode**2 +", "inverse = self.first_mode +"),
     Mutation("flexibility", 'np.einsum("ji,ij->j", rows, solved))', 'np.einsum("ji,ij->j", rows, solved)) * 1.01'),
     Mutation("static_correction", "if static_correction and system.contacts:", "if False and system.contacts:"),
@@ -281,8 +281,8 @@ MUTATIONS = (
     Mutation("rank_of_the_median", "return k - 1, starts - k", "return k, starts - 1 - k"),
     Mutation(
         "scatter_of_another_case",
-        ".to_numpy()[at], values.attrs) for side",
-        ".to_numpy()[end], values.attrs) for side",
+        '(_text(data[f"{measure}{end}"].to_numpy()[at], attributes)',
+        '(_text(data[f"{measure}{end}"].to_numpy().flat[0], attributes)',
     ),
     Mutation("spread_of_a_median", "1.0 + 0.5 * math.pi / starts", "1.0 + math.pi / starts"),
     # damping of a free decay
