@@ -82,7 +82,7 @@ MUTATIONS = (
     Mutation("rayleigh_alpha", "alpha = 2.0 * w1", "alpha = 2.1 * w1"),
     Mutation("rayleigh_beta", "beta = 2.0 * (z2", "beta = 2.1 * (z2"),
     Mutation("realised_damping", "np.asarray(0.5 * (a / w + b * w))", "np.asarray(0.51 * (a / w + b * w))"),
-    Mutation("effective_mass", "mass = self.participation_factor**2", "mass = abs(self.participation_factor)"),
+    Mutation("effective_mass", "own(self.participation_factor**2)", "own(abs(self.participation_factor))"),
     Mutation("contact_mass", "inverse = self.first_mode**2 +", "inverse = self.first_mode +"),
     Mutation("flexibility", 'np.einsum("ji,ij->j", rows, solved))', 'np.einsum("ji,ij->j", rows, solved)) * 1.01'),
     Mutation("static_correction", "if static_correction and system.contacts:", "if False and system.contacts:"),
