@@ -81,7 +81,11 @@ MUTATIONS = (
     ),
     Mutation("rayleigh_alpha", "alpha = 2.0 * w1", "alpha = 2.1 * w1"),
     Mutation("rayleigh_beta", "beta = 2.0 * (z2", "beta = 2.1 * (z2"),
-    Mutation("realised_damping", "np.asarray(0.5 * (a / w + b * w))", "np.asarray(0.51 * (a / w + b * w))"),
+    Mutation(
+        "realised_damping",
+        "np.asarray(0.5 * (alpha / omega + beta * omega))",
+        "np.asarray(0.51 * (alpha / omega + beta * omega))",
+    ),
     Mutation("effective_mass", "own(self.participation_factor**2)", "own(abs(self.participation_factor))"),
     Mutation("contact_mass", "inverse = self.first_mode**2 +", "inverse = self.first_mode +"),
     Mutation("flexibility", 'np.einsum("ji,ij->j", rows, solved))', 'np.einsum("ji,ij->j", rows, solved)) * 1.01'),
@@ -210,8 +214,8 @@ MUTATIONS = (
     ),
     Mutation(
         "contact_stiffness",
-        "np.where(store.rigid, 0.0, inputs.stiffness)",
-        "np.where(store.rigid, 0.0, 1.05 * inputs.stiffness)",
+        "np.where(rigid, 0.0, inputs.stiffness)",
+        "np.where(rigid, 0.0, 1.05 * inputs.stiffness)",
     ),
     Mutation(
         "sticking_impulse",
@@ -255,8 +259,8 @@ MUTATIONS = (
     Mutation("cycle_mean_force", "totals[5].sum(axis=0) / duration", "totals[5].sum(axis=0) / duration * frequency"),
     Mutation(
         "one_pole_fit",
-        "ratio, frequency_found = _power(best.x[2])",
-        "ratio, frequency_found = 1.05 * _power(best.x[2])",
+        "ratio, natural_frequency, squares = _power(pole[2])",
+        "ratio, natural_frequency, squares = 1.05 * _power(pole[2])",
     ),
     Mutation("half_power", "(low / f[top]) ** 2) / 4.0", "(low / f[top]) ** 2) / 4.2"),
     Mutation(

@@ -2,10 +2,11 @@
 
     python benchmarks/same_bits.py COMMIT [--runs 1000] [--sweeps 100] [--steps 1000]
 
-The commit is unpacked and installed into a separate environment, both versions run the same random structures
-(tests/random_structures.py; for methods with steps stepped_cases.py), and every array of their responses is compared:
-what differs is printed with the largest difference, relative to the array's largest value. Zeros of both signs count
-as equal. The exit status is 1 where anything differs.
+The commit is unpacked and installed into a separate environment. Each version runs its own copy of this script, and so
+its own random structures (tests/random_structures.py; for methods with steps stepped_cases.py), under names of its own.
+Of the jobs of both, every array of their responses is compared by its name: what differs is printed with the largest
+difference, relative to the array's largest value. Zeros of both signs count as equal. The exit status is 1 where
+anything differs.
 """
 
 from __future__ import annotations
@@ -113,10 +114,11 @@ def work(jobs: list[str], out: Path, whole: bool) -> None:
 
 
 def asked(python: Path, source: Path, jobs: list[str], out: Path, whole: bool) -> dict[str, dict[str, str]]:
-    """Digests of jobs by one version, in a separate process."""
+    """Digests of jobs by one version and its own script, in a separate process."""
     out.mkdir(parents=True, exist_ok=True)
     (out / "jobs.json").write_text(json.dumps(jobs))
-    words = [str(python), str(Path(__file__)), "--work", str(out), *(["--whole"] if whole else [])]
+    script = source / "benchmarks" / "same_bits.py"
+    words = [str(python), str(script), "--work", str(out), *(["--whole"] if whole else [])]
     environment = os.environ | {"PYTHONPATH": str(source), "OMP_NUM_THREADS": "1"}
     subprocess.run(words, env=environment, check=True)
     table: dict[str, dict[str, str]] = json.loads((out / "digests.json").read_text())

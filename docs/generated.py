@@ -278,12 +278,13 @@ def channel_page() -> Iterator[str]:
     yield "| behind the dot | of | unit | example |"
     yield "| --- | --- | --- | --- |"
     for name, entry in QUANTITIES.items():
+        if not entry.of:
+            continue
         of = entry.of[0]
         place = {"place": "tip", "ball": "ball", "stop": "stop"}[of]
         if name.startswith("reaction"):
             place = "root"
-        made = entry.make(place)
-        yield f"| `{name}` | {', '.join(f'a {kind}' for kind in entry.of)} | {made.unit} | `{place}.{name}` |"
+        yield f"| `{name}` | {', '.join(f'a {kind}' for kind in entry.of)} | {entry.unit} | `{place}.{name}` |"
     yield "| `shaker_force`, without a place | the base | N | `shaker_force` |"
 
 

@@ -50,9 +50,9 @@ from femimpact.signals.one_pole import fit_one_pole as fit_one_pole
 from femimpact.signals.shock_response import shock_response_spectrum as shock_response_spectrum
 from femimpact.signals.transfer import transfer_function as transfer_function
 from femimpact.structure.beam import Beam as Beam
+from femimpact.structure.beam import ModalDamping as ModalDamping
+from femimpact.structure.beam import Rayleigh as Rayleigh
 from femimpact.structure.beam import Segment as Segment
-from femimpact.structure.damping import ModalDamping as ModalDamping
-from femimpact.structure.damping import Rayleigh as Rayleigh
 from femimpact.structure.structure import Absorber as Absorber
 from femimpact.structure.structure import Dashpot as Dashpot
 from femimpact.structure.structure import Impactor as Impactor

@@ -14,7 +14,7 @@ import types
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, ParamSpec, TypeVar, cast
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar, cast
 
 if TYPE_CHECKING:
     import numpy as np
@@ -235,12 +235,29 @@ def level_rows(unit: str) -> dict[str, Any]:
     Between the rows the level is straight in a plot of the logarithms.
     """
     rows = "rows of a frequency in Hz, which rises, and a level, all > 0"
+
+    def take(value: Any) -> Any:
+        if hasattr(value, "tolist") and getattr(value, "ndim", 0) == 2:
+            value = value.tolist()
+        if not isinstance(value, (tuple, list)):
+            return _number(value, {"at_least": 0.0}, False, True)
+        if len(value) < 2:
+            raise _Refused
+        levels: list[tuple[float, ...]] = []
+        for row in value:
+            if not isinstance(row, (tuple, list)) or len(row) != 2:
+                raise _Refused
+            levels.append(tuple(_number(part, {"above": 0.0}, False, True) for part in row))
+            if len(levels) > 1 and levels[-1][0] <= levels[-2][0]:
+                raise _Refused(f": {levels[-2][0]:g} Hz is followed by {levels[-1][0]:g} Hz")
+        return tuple(levels)
+
     row = {"type": "array", "items": _number_schema({"above": 0.0}, False, True), "minItems": 2, "maxItems": 2}
     table = {"type": "array", "items": row, "minItems": 2}
     return {
         "unit": unit,
         "allowed": f"must be a finite number >= 0 {unit}, or {rows}",
-        "take": _level_rows,
+        "take": take,
         "schema": {"anyOf": [_number_schema({"at_least": 0.0}, False, True), table], "x-rows": unit},
     }
 
@@ -254,7 +271,15 @@ def choice(*names: str) -> dict[str, Any]:
 
 def truth() -> dict[str, Any]:
     """Metadata of a dataclass field that is True or False: no number and no word counts as either."""
-    return {"unit": "", "allowed": "must be True or False", "take": _truth, "schema": {"type": "boolean"}}
+
+    def take(value: Any) -> bool:
+        # a truth value of numpy is one, without numpy being loaded for it
+        of_numpy = getattr(getattr(value, "dtype", None), "kind", "") == "b" and value.shape == ()
+        if not isinstance(value, bool) and not of_numpy:
+            raise _Refused
+        return bool(value)
+
+    return {"unit": "", "allowed": "must be True or False", "take": take, "schema": {"type": "boolean"}}
 
 
 def text(*, several: bool = False) -> dict[str, Any]:
@@ -268,14 +293,25 @@ def text(*, several: bool = False) -> dict[str, Any]:
 def name_text(*, lines: bool = False) -> dict[str, Any]:
     """Metadata of a dataclass field that holds a name, which files and pages of results can hold; or several lines."""
     allowed = f"must be a text without control characters{', but for ends of lines and tabs' if lines else ''}"
-    return text() | {"allowed": allowed, "take": functools.partial(_name, lines=lines)}
+
+    def take(value: Any) -> str:
+        named: str = _instance(value, (str,))
+        if NO_NAME.search(re.sub("[\t\r\n]", "", named) if lines else named):
+            raise _Refused
+        return named
+
+    return text() | {"allowed": allowed, "take": take}
 
 
 def place() -> dict[str, Any]:
     """Metadata of a dataclass field that holds a name of a place, or metres from the root."""
     allowed = 'must be "root", "tip", "mid", a point of the mesh, or metres from the root >= 0'
     schema = {"anyOf": [{"type": "string"}, _number_schema({"at_least": 0.0}, False, True)]}
-    return {"unit": "", "allowed": allowed, "take": _place, "schema": schema}
+
+    def take(value: Any) -> str | float:
+        return value if isinstance(value, str) else _number(value, {"at_least": 0.0}, False, True)
+
+    return {"unit": "", "allowed": allowed, "take": take, "schema": schema}
 
 
 def instance(*kinds: Any) -> dict[str, Any]:
@@ -290,17 +326,25 @@ def having(what: str, names: tuple[str, ...]) -> dict[str, Any]:
 
     `isinstance` of a protocol does not find those that `__getattr__` gives, from Python 3.12 on.
     """
-    return {"unit": "", "allowed": f"must be {what}", "take": functools.partial(_having, names=names)}
+
+    def take(value: Any) -> Any:
+        if isinstance(value, type) or not all(hasattr(value, name) for name in names):
+            raise _Refused
+        return value
+
+    return {"unit": "", "allowed": f"must be {what}", "take": take}
 
 
 def items(*kinds: Any) -> dict[str, Any]:
     """Metadata of a dataclass field that holds a tuple of values of some kinds; a list becomes one."""
     names = " or ".join(kind.__name__ for kind in kinds)
-    return {
-        "unit": "",
-        "allowed": f"must be a list or a tuple of {names}",
-        "take": functools.partial(_items, kinds=kinds),
-    }
+
+    def take(value: Any) -> tuple[Any, ...]:
+        if not isinstance(value, (tuple, list)):
+            raise _Refused
+        return tuple(_instance(entry, kinds) for entry in value)
+
+    return {"unit": "", "allowed": f"must be a list or a tuple of {names}", "take": take}
 
 
 def column(unit: str, *axes: str | int, of: str = "number", finite: bool = False) -> dict[str, Any]:
@@ -369,59 +413,11 @@ def _numbers(value: Any, take: Callable[[Any], float]) -> float | tuple[float, .
     return tuple(take(entry) for entry in value)
 
 
-def _level_rows(value: Any) -> Any:
-    if hasattr(value, "tolist") and getattr(value, "ndim", 0) == 2:
-        value = value.tolist()
-    if not isinstance(value, (tuple, list)):
-        return _number(value, {"at_least": 0.0}, False, True)
-    if len(value) < 2:
-        raise _Refused
-    rows = []
-    for row in value:
-        if not isinstance(row, (tuple, list)) or len(row) != 2:
-            raise _Refused
-        rows.append(tuple(_number(part, {"above": 0.0}, False, True) for part in row))
-        if len(rows) > 1 and rows[-1][0] <= rows[-2][0]:
-            raise _Refused(f": {rows[-2][0]:g} Hz is followed by {rows[-1][0]:g} Hz")
-    return tuple(rows)
-
-
-def _truth(value: Any) -> bool:
-    # a truth value of numpy is one, without numpy being loaded for it
-    of_numpy = getattr(getattr(value, "dtype", None), "kind", "") == "b" and value.shape == ()
-    if not isinstance(value, bool) and not of_numpy:
-        raise _Refused
-    return bool(value)
-
-
-def _place(value: Any) -> str | float:
-    return value if isinstance(value, str) else float(_number(value, {"at_least": 0.0}, False, True))
-
-
 def _instance(value: Any, kinds: tuple[Any, ...], among: tuple[str, ...] | None = None) -> Any:
     if not isinstance(value, kinds) or (among is not None and value not in among):
         raise _Refused
     # a text of numpy is one, but of another type
     return str(value) if isinstance(value, str) and type(value) is not str else value
-
-
-def _name(value: Any, lines: bool) -> str:
-    named: str = _instance(value, (str,))
-    if NO_NAME.search(re.sub("[\t\r\n]", "", named) if lines else named):
-        raise _Refused
-    return named
-
-
-def _having(value: Any, names: tuple[str, ...]) -> Any:
-    if isinstance(value, type) or not all(hasattr(value, name) for name in names):
-        raise _Refused
-    return value
-
-
-def _items(value: Any, kinds: tuple[Any, ...]) -> tuple[Any, ...]:
-    if not isinstance(value, (tuple, list)):
-        raise _Refused
-    return tuple(_instance(entry, kinds) for entry in value)
 
 
 _KINDS = {
@@ -531,31 +527,11 @@ def checked(key: str, value: object, metadata: Mapping[str, Any]) -> Any:
         raise InputError([Fault(key, value, metadata["unit"], f"{metadata['allowed']}{refusal}")]) from None
 
 
-class _Declared(NamedTuple):
-    """The metadata of one field or argument, prepared once: some dataclasses are made in every run."""
-
-    name: str
-    take: Callable[[Any], Any]
-    may_be_none: bool
-    unit: str
-    allowed: str
-    axes: tuple[str | int, ...]
-    kinds: tuple[Any, ...]
-
-
-def _declaration(name: str, metadata: Mapping[str, Any], may_be_none: bool) -> _Declared:
-    take, unit, allowed = (metadata[key] for key in ("take", "unit", "allowed"))
-    return _Declared(name, take, may_be_none, unit, allowed, metadata.get("axes", ()), metadata.get("kinds", ()))
-
-
 @functools.cache
-def _declared(kind: Any) -> tuple[_Declared, ...]:
-    """Fields of a dataclass that have metadata."""
-    return tuple(
-        _declaration(field.name, field.metadata, field.default is None)
-        for field in dataclasses.fields(kind)
-        if "unit" in field.metadata
-    )
+def _declared(kind: Any) -> tuple[tuple[str, Mapping[str, Any], bool], ...]:
+    """Name and metadata of the fields of a dataclass that have such, and whether they may be None."""
+    of = dataclasses.fields(kind)
+    return tuple((field.name, dict(field.metadata), field.default is None) for field in of if "unit" in field.metadata)
 
 
 def _hint(value: object, key: str, kinds: Any) -> str:
@@ -564,32 +540,31 @@ def _hint(value: object, key: str, kinds: Any) -> str:
     return f": pass its .{key}" if kinds and isinstance(inner, kinds) else ""
 
 
-def _taken(declared: Iterable[_Declared], value_of: Callable[[str], Any]) -> tuple[dict[str, Any], list[Fault]]:
+def _taken(
+    declared: Iterable[tuple[str, Mapping[str, Any], bool]], value_of: Callable[[str], Any]
+) -> tuple[dict[str, Any], list[Fault]]:
     """Sound ones of some fields or arguments, each in its one type, and the faults of the others."""
     values: dict[str, Any] = {}
     faults: list[Fault] = []
     sizes: dict[str | int, tuple[int, str]] = {}
-    for name, take, may_be_none, unit, allowed, axes, kinds in declared:
+    for name, metadata, may_be_none in declared:
         value = value_of(name)
         if value is None and may_be_none:
             continue
         try:
-            values[name] = taken = take(value)
+            values[name] = taken = metadata["take"](value)
         except _Refused as refusal:
-            faults.append(Fault(name, value, unit, f"{allowed}{refusal}{_hint(value, name, kinds)}"))
+            hint = _hint(value, name, metadata.get("kinds", ()))
+            faults.append(Fault(name, value, metadata["unit"], f"{metadata['allowed']}{refusal}{hint}"))
             continue
-        if not axes or taken is None:
+        if "axes" not in metadata or taken is None:
             continue
         # arrays are as long along a named axis as the first one that has it
-        for axis, size in zip(axes, taken.shape, strict=True):
+        for axis, size in zip(metadata["axes"], taken.shape, strict=True):
             length, first = sizes.setdefault(axis, (size, name))
             if size != length and isinstance(axis, str):
                 faults.append(Fault(name, _Shown(f"{size} {axis}"), "", f"must have {length} {axis}, as {first} has"))
     return values, faults
-
-
-def _fields_of(instance: Any) -> tuple[dict[str, Any], list[Fault]]:
-    return _taken(_declared(instance.__class__), functools.partial(getattr, instance))
 
 
 def check_fields(instance: Any, *more: Fault) -> None:
@@ -597,7 +572,7 @@ def check_fields(instance: Any, *more: Fault) -> None:
 
     What is sound is turned into its one type: numbers into float or int, lists of numbers into tuples.
     """
-    values, faults = _fields_of(instance)
+    values, faults = _taken(_declared(instance.__class__), functools.partial(getattr, instance))
     if faults or more:
         raise InputError([*faults, *more])
     for name, value in values.items():
@@ -624,9 +599,9 @@ def changed(record: R, **values: Any) -> R:
     return made(type(record), **fields | values)
 
 
-def with_ranges(words: str | None, declared: Iterable[_Declared]) -> str | None:
+def with_ranges(words: str | None, declared: Iterable[tuple[str, Mapping[str, Any], bool]]) -> str | None:
     """A docstring with the allowed range of each declared field or argument below its entry."""
-    ranges = {one.name: one.allowed for one in declared}
+    ranges = {name: metadata["allowed"] for name, metadata, _ in declared}
 
     def entry(match: re.Match[str]) -> str:
         # the first entry of a name is the argument's: one of the values returned may have the same name
@@ -664,7 +639,7 @@ def takes(**metadata: Mapping[str, Any]) -> Callable[[Callable[P, R]], Callable[
 
     def checking(function: Callable[P, R]) -> Callable[P, R]:
         signature = inspect.signature(function)
-        declared = [_declaration(name, m, signature.parameters[name].default is None) for name, m in metadata.items()]
+        declared = [(name, each, signature.parameters[name].default is None) for name, each in metadata.items()]
 
         @functools.wraps(function)
         def call(*args: P.args, **named: P.kwargs) -> R:

@@ -51,8 +51,6 @@ def named_column(
     """The column of a record that has this name.
 
     Returns (n, ...): the very array that the record holds.
-
-    Raises `InputError` if there is no such column, with the closest name.
     """
     require_name(name, column_units(table) if units is None else units, "column")
     values: NDArray[Any] = getattr(table, name)

@@ -233,7 +233,6 @@ CALLS = {
         "counts": [1, 2, 3], "at": "tip",
     }),
     # methods of nouns
-    "ContactPair.along": (of(lambda: system().contacts[0], "along"), lambda: {"direction": np.ones(3)}),
     "ContactPair.shares_place": (of(lambda: system().contacts[0], "shares_place"), lambda: {
         "other": system().contacts[1]
     }),

@@ -170,10 +170,10 @@ def bouncing(reference: fi.Structure) -> fi.System:
 def undrawn(monkeypatch) -> None:
     """No process draws the pictures of a run, whose data are written; for tests that look at no picture."""
 
-    def draw_kinds(_folder, kinds, _report):
-        return dict.fromkeys(kinds)
+    def draw_kinds(_folder, kinds, _report, _study):
+        return dict.fromkeys(kinds), {}
 
-    monkeypatch.setattr("femimpact.app.tasks.run.draw_kinds", draw_kinds)
+    monkeypatch.setattr("femimpact.app.tasks.task.draw_kinds", draw_kinds)
 
 
 @pytest.fixture(scope="session")

@@ -413,9 +413,6 @@ VERBS = {
     "shock_response_spectrum": (fi.shock_response_spectrum, lambda: {
         "of": MOTIONS["Shock"], "frequency": [5.0, 6.0], "ratio": 0.1, "channel": None, "duration": 0.1
     }),
-    "Drives.until": (MOTIONS["Drives"].until, lambda: {"end": 2.0}),
-    "Sum.until": (MOTIONS["Sum"].until, lambda: {"end": 2.0}),
-    "PointForce.until": (fi.PointForce("tip", MOTIONS["Sum"]).until, lambda: {"end": 2.0}),
     **{
         f"PiecewisePolynomial.{name}": (getattr(PIECES, name), lambda: {"time": 0.1})
         for name in ("displacement", "velocity", "value")
@@ -431,7 +428,7 @@ VERBS = {
 
 OTHERS = {
     "ALUMINIUM", "STEEL", "AxisMargin", "BestCase", "BestDesign", "ContactLaw", "ContactParameters", "DivergenceError",
-    "CalibratedParameter", "Calibration", "Preflight", "PreflightRow", "Refinement",
+    "CalibratedParameter", "Calibration", "Discretisation", "Preflight", "PreflightRow", "Reaction", "Refinement",
     "FemimpactError", "InputError", "InputWarning", "StudyResults", "load_branch",
     "load_parameter_study",
     "ShockResponseSpectrum", "Spectrum", "TransferFunction", "report", "show_versions", "write_movie",

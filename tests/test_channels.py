@@ -172,7 +172,7 @@ def test_pieces_of_a_stream_are_the_whole():
 def test_every_quantity_has_a_name_that_leads_back_to_it():
     system = reduced(COMPLIANT)
     for read, entry in QUANTITIES.items():
-        for stem in {"place": ["tip", "0.1"], "ball": ["impactor"], "stop": []}[entry.of[0]]:
+        for stem in {"place": ["tip", "0.1"], "ball": ["impactor"], "base": []}[(*entry.of, "base")[0]]:
             channel = channel_of(system, f"{stem}.{read}")
             assert isinstance(channel, Channel)
             assert channel_of(system, channel.name) == channel

@@ -14,8 +14,7 @@ import femimpact as fi
 from femimpact import core
 from femimpact.integrators.channel_rows import drive_of
 from femimpact.integrators.event_driven.block import inputs_of, new_block, run_block
-from femimpact.integrators.event_driven.equations import equations_of
-from femimpact.integrators.event_driven.store import FormStore, Source, outputs_of
+from femimpact.integrators.event_driven.store import FormStore, outputs_of
 from femimpact.response.impacts import TOTAL_COLUMNS
 
 pytestmark = pytest.mark.impacts
@@ -150,10 +149,8 @@ def test_the_impulse_in_a_window_is_the_change_of_momentum_and_the_weight(law):
 def run_in_windows(case, windows, rows=0):
     """A run of a random case, once for each window (s): the sums of each, and the block with its tables."""
     system, drive, count = case.system, drive_of(case.system, case.excitation), len(windows)
-    rigid = np.array([isinstance(pair.law, fi.Rigid) for pair in system.contacts])
     observed = outputs_of(system, system.point_row(system.default_place))
-    rate = None if drive.pieces is None else drive.pieces.rate
-    store = FormStore([Source(equations_of(system, drive), observed, {})], rigid, rate)
+    store = FormStore([system], [drive], [observed])
     u, v, y, y_rate = case.initial.relative_to_base(system, case.excitation)
     balls = len(system.balls)
     inputs = inputs_of(
@@ -162,7 +159,7 @@ def run_in_windows(case, windows, rows=0):
         position=np.tile(np.concatenate([u, y[:balls]]), (count, 1)),
         velocity=np.tile(np.concatenate([v, y_rate[:balls]]), (count, 1)),
     )  # fmt: skip
-    block = new_block([system], store, inputs, EXACT, None, rows)
+    block = new_block(store, inputs, EXACT, None, rows)
     samples = round(case.duration / float(block.grid.interval[0]))
     run_block(block, np.zeros(count, dtype=np.int64), np.full(count, samples), np.full(count, 1e7))
     assert np.all(block.stopped == core.events.DONE), case.description

@@ -15,9 +15,8 @@ from scipy.linalg import expm
 import femimpact as fi
 from femimpact.files import write_netcdf
 from femimpact.integrators.event_driven.block import inputs_of, new_block, run_block
-from femimpact.integrators.event_driven.equations import equations_of as closed_equations_of
 from femimpact.integrators.event_driven.run import closed_drive
-from femimpact.integrators.event_driven.store import FormStore, Source, outputs_of
+from femimpact.integrators.event_driven.store import FormStore, outputs_of
 from femimpact.response.impacts import event_log
 from femimpact.table import column_units
 
@@ -286,14 +285,13 @@ def test_each_case_of_a_block_has_its_log():
     drives = [closed_drive(system, base) for base in bases]
     start, d = fi.State().relative_to_base(system, bases[0]), system.dofs + 1
     observed = outputs_of(system, system.point_row(system.default_place))
-    source = Source(closed_equations_of(system, drives[0]), observed, {})
-    store = FormStore([source], np.zeros(1, dtype=bool), rate=None)
+    store = FormStore([system], drives[:1], [observed])
     velocity = np.array([np.concatenate(fi.State().relative_to_base(system, base)[1::2]) for base in bases])
     inputs = inputs_of(
         drives, [system.contacts] * 3, position=np.tile(np.concatenate(start[::2]), (3, 1)), velocity=velocity,
         window=np.tile([0.0, math.inf], (3, 1)),
     )  # fmt: skip
-    block = new_block([system], store, inputs, EXACT, None, most_events=12)
+    block = new_block(store, inputs, EXACT, None, most_events=12)
     assert block.tables.events.shape == (3, 12, 5 + 1 + 2 * d)
     run_block(block, np.zeros(3, dtype=np.int64), np.full(3, 64 * 5, dtype=np.int64), np.full(3, 1e6))
     for c, base in enumerate(bases):

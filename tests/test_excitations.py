@@ -15,6 +15,7 @@ from reference_events import Oscillator
 from test_piecewise_polynomial import BALL, GAP, MASS, OMEGA, RESTITUTION, ZETA, in_a_box, same_impacts
 
 import femimpact as fi
+from femimpact.excitation.drives import until
 from femimpact.excitation.excitation import words_of
 
 G = 9.80665
@@ -26,8 +27,9 @@ SHOCK = fi.Shock("half-sine", acceleration=10.0 * G, duration=0.011)
 SINES = fi.Sine(1e-3, 5.0) + fi.Sine(2e-4, 11.3, 0.4) + fi.Sine(1e-4, 17.9, 2.0)
 MOTIONS = {
     "chirp": CHIRP, "chirp by acceleration": BY_ACCELERATION, "stepped": STEPPED, "random": RANDOM, "shock": SHOCK,
-    "compensated": fi.Shock("trapezoid", acceleration=20.0, duration=0.02, compensated=True), "sines": SINES.until(4.0),
-    "chirp and sine": (CHIRP + fi.Sine(1e-4, 30.0)).until(4.0),
+    "compensated": fi.Shock("trapezoid", acceleration=20.0, duration=0.02, compensated=True),
+    "sines": until(SINES, 4.0),
+    "chirp and sine": until(CHIRP + fi.Sine(1e-4, 30.0), 4.0),
 }  # fmt: skip
 
 

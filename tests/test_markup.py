@@ -9,8 +9,7 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from femimpact.app.report.markup import data_element, element, markup
-from femimpact.app.report.picture import picture_element
+from femimpact.app.report.markup import data_element, element, markup, picture_element
 from femimpact.arrays import thinned_line
 from femimpact.figures.drawing import OffScreen, label_axes, legend_above, panel
 from femimpact.units import typeset_number

@@ -24,15 +24,13 @@ from builders import (
     rigid_study,
     study_conclusions,
     study_text,
-    summary_lines,
     with_ball,
 )
 
 import femimpact as fi
-from femimpact.app.parametric.block_files import BLOCKS
-from femimpact.app.parametric.evaluation import evaluated
-from femimpact.app.parametric.labelled import median_ranks, over_starts
+from femimpact.app.parametric.dataset import BLOCKS, median_ranks, over_starts
 from femimpact.app.parametric.paths import study_with
+from femimpact.app.parametric.runs import evaluated
 from femimpact.app.parametric.verb import block_cases
 from femimpact.app.report.result_conclusions import study_lead
 from femimpact.app.tasks.study_command import definition_of
@@ -583,7 +581,7 @@ def test_a_second_process_is_refused_while_the_first_is_alive(tmp_path):
 
 
 def test_a_full_disk_is_an_error_that_names_the_file_and_leaves_what_was_finished(tmp_path, monkeypatch):
-    import femimpact.app.parametric.block_files as block_files
+    import femimpact.app.parametric.dataset as block_files
 
     axes, written, really = {GAP: list(np.linspace(2e-3, 6e-3, 24))}, [], block_files.atomic_write
 
@@ -761,14 +759,13 @@ def test_a_pair_of_gaps_is_one_value_with_both_as_coordinates():
     np.testing.assert_array_equal(found[f"{GAP}.minus"], [2e-3, 3e-3])
 
 
-def test_an_axis_of_pairs_is_told_by_its_gaps_and_not_by_their_numbers(tmp_path):
+def test_an_axis_of_pairs_is_told_by_its_gaps_and_not_by_their_numbers():
     text = paper_study_text().replace('name = "newmark"', 'name = "event-driven"') + (
         '[study]\nmeasures = ["peak"]\ncycles = 3\n[study.axes]\n"impactor.ball.gap" = [[0.003, 0.004], 0.005]\n'
     )
     given = read_study(text, Path("study.toml"))
     found = fi.parameter_study(given, given.plan.axes, given.plan.measures, cycles=3)
     smallest = ("(3, 4) mm", "(5, 5) mm")[int(np.argmin(found["peak"].data))]
-    assert f"at {GAP} = {smallest}" in summary_lines(found, tmp_path)[1]
     assert "Axes: gap of impactor ball: (3, 4); (5, 5) mm." in study_lead(found)
     assert f"at gap of impactor ball {smallest}; the largest is" in study_conclusions(found)[0].note
     drawn = fi.figures.study_lines(found, "peak", ax=fi.figures.OffScreen())

@@ -5,29 +5,30 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
-import re
 import shutil
-import zipfile
 from pathlib import Path
 
 import numpy as np
 import pytest
-from builders import FILES, REFERENCE, load_study, prepare, run_simulation, run_study, short_study, write_report
+from builders import (
+    FILES,
+    NO_PICTURES,
+    REFERENCE,
+    load_study,
+    prepare,
+    run_simulation,
+    run_study,
+    short_study,
+    study_text,
+)
 
 import femimpact as fi
 from femimpact import figures
 from femimpact.app.report import pictures
-from femimpact.app.results.picture_data import (
-    StructureModes,
-    read_curves,
-    read_film,
-    read_last_cycles,
-    read_mode_shapes,
-    write_mode_shapes,
-)
-from femimpact.app.results.results import read_summary
+from femimpact.app.results.picture_data import StructureModes, mode_shape_data, read_results
 from femimpact.app.tasks.run import run_sweep
 from femimpact.figures import movie
+from femimpact.files import write_netcdf
 
 DATA = Path(__file__).parent / "data"
 LAST = {
@@ -76,14 +77,13 @@ def test_pictures_stand_in_the_summary_and_are_all_there(ran):
 def test_what_is_stored_is_what_was_computed(ran, study):
     # the same call gives the same bits: a round trip through the files
     prepared = prepare(study)
-    summary, response, sweeps = read_summary(ran), run_simulation(prepared), run_sweep(prepared)
-    (filmed, structure, _), end = read_film(ran, summary), read_last_cycles(ran, summary)
+    results, response, sweeps = read_results(ran), run_simulation(prepared), run_sweep(prepared)
+    filmed, end, structure = results.film, results.last_cycles, results.study.structure
     for field in dataclasses.fields(response.snapshots):
         stored, computed = (getattr(of.snapshots, field.name) for of in (filmed, response))
         np.testing.assert_array_equal(stored, computed)
-    assert structure.beam == study.structure.beam
-    assert structure.supports == study.structure.supports
-    assert structure.masses == study.structure.masses
+    assert structure == study.structure
+    assert end.statistics == response.statistics
     pair, drawn = response.system.balls[0], filmed.system.balls[0]
     assert (drawn.name, drawn.position, drawn.mass, drawn.gaps) == (pair.name, pair.position, pair.mass, pair.gaps)
     for name in ("time", "impulse", "side", "impactor", "restitution", "mode_share"):
@@ -91,14 +91,14 @@ def test_what_is_stored_is_what_was_computed(ran, study):
     # every step of the last cycles, of which the history keeps each tenth
     at = np.isin(response.time, end.time)
     np.testing.assert_array_equal(end["tip"][np.isin(end.time, response.time)], response["tip"][at])
-    swept = read_curves(ran, summary)
+    swept = results.curves
     np.testing.assert_array_equal(swept.coarse, sweeps.coarse)
     assert swept.curves["with ball"].peak_frequency == sweeps.ball.peak_frequency
     np.testing.assert_array_equal(swept.curves["without ball"].rms, sweeps.empty.rms)
 
 
 def test_stored_mode_shapes_are_those_of_the_system(ran, system):
-    found = read_mode_shapes(ran, read_summary(ran))
+    found = read_results(ran).modes
     drawn, modes, structure = found.system, found.modes, found.structure
     x = np.linspace(0.0, system.nodes[-1], 7)
     shapes = system.deflection_rows(x) @ fi.solve_modes(system, 4).vectors
@@ -122,11 +122,13 @@ def test_stored_modes_are_drawn_with_the_same_parts_as_those_in_memory(tmp_path)
     )
     system = fi.assemble(structure, elements=8)
     modes = fi.solve_modes(system, count=3)
-    write_mode_shapes(tmp_path / FILES["mode_shapes"].name, system, modes, structure)
+    write_netcdf(tmp_path / FILES["mode_shapes"].name, mode_shape_data(system, modes))
+    study = dataclasses.replace(short_study(1.0), structure=structure)
+    (tmp_path / FILES["study"].name).write_text(study_text(study), encoding="utf-8")
     off_screen = figures.OffScreen()
     drawn = [
         figures.mode_shapes(one.system, one.modes, structure=one.structure, figure=off_screen)
-        for one in (read_mode_shapes(tmp_path, {}), StructureModes(system, modes, structure))
+        for one in (read_results(tmp_path).modes, StructureModes(system, modes, structure))
     ]
     for stored, computed in zip(*drawn, strict=True):
         for ours, theirs in zip(stored.lines, computed.lines, strict=True):
@@ -140,45 +142,99 @@ def test_stored_modes_are_drawn_with_the_same_parts_as_those_in_memory(tmp_path)
         assert sum(found.get_label() == "post" for found in stored.lines) == 1
 
 
-def unpacked(folder, *removed):
-    """Results that version 0.1.0 left of a history: a mesh file with named points, a record, a ball and a stop."""
-    with zipfile.ZipFile(DATA / "drawn_without_mesh.zip") as archive:
-        archive.extractall(folder)
-    for name in removed:
-        (folder / name).unlink()
-    return folder
+ON_A_MESH = """
+[mesh]
+file = "stepped.msh"
+[[beam.segment]]
+name = "thick"
+length = 0.15
+width = 0.02
+thickness = 0.002
+young_modulus = 70e9
+density = 2700
+[[beam.segment]]
+name = "thin"
+length = 0.10
+width = 0.02
+thickness = 0.001
+young_modulus = 70e9
+density = 2700
+[[mass]]
+name = "can"
+at = "box"
+mass = 0.02
+[[impactor]]
+name = "ball"
+at = "can"
+mass = 3.43e-3
+gap = [1e-3, 2e-3]
+contact = { law = "kelvin-voigt", restitution = 0.6, contact_time = 0.02 }
+[[stop]]
+name = "post"
+at = "sensor"
+gap = [0.2e-3, inf]
+fixed_to = "space"
+contact = { law = "kelvin-voigt", restitution = 0.6, contact_time = 0.02 }
+[damping]
+ratio = 0.003
+modes = [1, 2]
+[reduction]
+modes = 2
+[base]
+amplitude = 1e-3
+frequency = 9.0
+duration = 2.0
+[method]
+name = "event-driven"
+[output]
+frames = 4
+paraview = false
+movie = false
+"""
 
 
-@pytest.mark.filterwarnings("ignore::femimpact.app.results.result_directory.ResultsWarning")
-def test_results_are_drawn_without_their_mesh_file_and_without_their_record(tmp_path):
-    out = unpacked(tmp_path / "out", "base_record.csv")
-    summary = read_summary(out)
-    # what is gone is named, and the others are drawn
-    failure = pictures.draw(out, "figures")
-    assert all(name in failure for name in ("base_record.csv", "history.nc"))
-    assert ".png" not in failure
-    assert {f"figures/{path.name}" for path in out.glob("figures/*.png")} == LAST
-    response, structure, _ = read_film(out, summary)
-    drawn = movie.write_movie(tmp_path / "two.gif", response, structure, most=2)
-    assert drawn.stat().st_size > 1000
-    ball, stop = response.system.contacts
+@pytest.fixture(scope="module")
+def on_a_mesh(tmp_path_factory):
+    """Results of a study with parts at a point of a mesh file, which is gone."""
+    folder = tmp_path_factory.mktemp("on_a_mesh")
+    shutil.copy(DATA / "stepped.msh", folder)
+    (folder / "study.toml").write_text(ON_A_MESH, encoding="utf-8")
+    study = load_study(folder / "study.toml")
+    run_study(study, folder / "out", parts=("modes", "simulate"))
+    (folder / "stepped.msh").unlink()
+    return folder / "out"
+
+
+def test_results_are_drawn_without_their_mesh_file(on_a_mesh, tmp_path):
+    out = shutil.copytree(on_a_mesh, tmp_path / "out")
+    drawn = {f"figures/{path.name}" for path in out.glob("figures/*.png")}
+    shutil.rmtree(out / "figures")
+    assert pictures.draw_kinds(out, ("figures",), no_report)[0] == {"figures": None}
+    assert {f"figures/{path.name}" for path in out.glob("figures/*.png")} == drawn >= LAST
+    results = read_results(out)
+    ball, stop = results.film.system.contacts
     assert (ball.name, ball.position, ball.gaps, ball.law) == ("ball", 0.25, (1e-3, 2e-3), "kelvin-voigt")
     assert (stop.is_stop, stop.position, stop.gaps, stop.fixed_to) == (True, 0.1, (0.2e-3, np.inf), "space")
+    text = (out / "report.html").read_text(encoding="utf-8")
+    assert "What is missing" not in text
+    assert "fixed obstacle at 100 mm, gap 0.2 mm on the + side, fixed to space, kelvin-voigt" in text
+    assert "free between its walls at 250 mm: gaps +1 mm, \N{MINUS SIGN}2 mm, kelvin-voigt" in text
 
 
-@pytest.mark.filterwarnings("ignore::femimpact.app.results.result_directory.ResultsWarning")
-def test_a_report_draws_the_same_structure_from_the_study_and_from_stored_places(tmp_path):
-    found = []
-    for name, removed in (("study", ()), ("snapshots", ("base_record.csv", "last_cycles.nc"))):
-        out = unpacked(tmp_path / name, *removed)
-        write_report(out)
-        text = (out / "report.html").read_text(encoding="utf-8")
-        found.append(re.search(r'<figure class="drawing">.*?</figure></div>', text, re.DOTALL)[0])
-        # the study file names the record, and is of no use without it
-        assert ("study.toml: base.record = " in text) == (name == "snapshots")
-    assert found[0] == found[1]
-    assert "fixed obstacle at 100 mm, gap 0.2 mm on the + side, fixed to space, kelvin-voigt" in found[0]
-    assert "free between its walls at 250 mm: gaps +1 mm, \N{MINUS SIGN}2 mm, kelvin-voigt" in found[0]
+def test_a_law_of_ones_own_keeps_no_picture_from_the_run_and_is_named_where_it_is_drawn_again(tmp_path):
+    """A study file cannot say such a law: only the run itself knows what it drew."""
+    law = fi.CustomLaw(lambda depth, rate, speed: 1e4 * depth, name="own")
+    study = short_study(0.5, **NO_PICTURES | {"figures": True, "report": True})
+    ball = dataclasses.replace(study.structure.impactors[0], contact=law)
+    structure = dataclasses.replace(study.structure, impactors=(ball,))
+    study = dataclasses.replace(study, structure=structure, method={"name": "newmark"}, sweep=None)
+    out = tmp_path / "out"
+    assert run_study(study, out).summary["pictures"] == {"figures": "drawn"}
+    text = (out / "report.html").read_text(encoding="utf-8")
+    assert "free between its walls" in text
+    assert (out / "figures" / "contact_force.png").exists()
+    with pytest.raises(fi.InputError, match=r"impactor\.ball\.contact\.law"):
+        pictures.draw_again(out, "figures", no_report)
 
 
 def test_the_exaggeration_of_a_study_is_that_of_movie_and_paraview_alike(tmp_path):
@@ -186,9 +242,9 @@ def test_the_exaggeration_of_a_study_is_that_of_movie_and_paraview_alike(tmp_pat
     study = short_study(1.0, frames=4, figures=False, movie=False)
     study = dataclasses.replace(study, sweep=None, output=dataclasses.replace(study.output, exaggeration=3.0))
     run_study(study, tmp_path / "out", parts=("simulate",))
-    response, structure, exaggeration = read_film(tmp_path / "out", read_summary(tmp_path / "out"))
-    assert exaggeration == 3.0
-    assert "drawn 3 times as large" in movie._film(response, structure, exaggeration, 25, 4).caption
+    results = read_results(tmp_path / "out")
+    assert results.study.output.exaggeration == 3.0
+    assert "drawn 3 times as large" in movie._film(results.film, results.study.structure, 3.0, 25, 4).caption
     reader = pyvista.get_reader(tmp_path / "out" / FILES["deflection_scene"].name)
     assert reader.read()[0].field_data["exaggeration"][0] == 3.0
 
@@ -198,7 +254,7 @@ def test_the_exaggeration_of_a_study_is_that_of_movie_and_paraview_alike(tmp_pat
 def test_an_encoder_that_writes_nothing_is_found(results, tmp_path, monkeypatch, script):
     encoder(tmp_path, monkeypatch, script)
     before = (results / "movie.mp4").read_bytes()
-    assert pictures.draw_kinds(results, ("movie",), no_report)["movie"] is not None
+    assert pictures.draw_kinds(results, ("movie",), no_report)[0]["movie"] is not None
     assert (results / "movie.mp4").read_bytes() == before
 
 

@@ -185,7 +185,7 @@ def test_displacement_velocity_and_value_are_derivatives_of_one_another():
 def test_six_gauss_points_leave_the_error_that_is_promised():
     # a sine of 100 pieces of 0.28 rad: (0.28)^6/(720 924) of its amplitude, and moments to rounding
     knots = 0.28 * np.arange(101)
-    pieces = fitted(np.sin, knots, initial=(-1.0, 0.0))
+    pieces = dataclasses.replace(fitted(np.sin, knots), initial_velocity=-1.0, starts=None)
     times = np.linspace(0.0, 28.0, 20_001)[:-1]
     assert np.abs(pieces.value(times) - np.sin(times)).max() <= 1.05 * 0.28**6 / (720 * 924)
     assert np.abs(pieces.displacement(times) + np.sin(times)).max() <= 1e-11
@@ -218,7 +218,9 @@ def test_a_mode_far_below_the_drive_keeps_its_digits(ratio):
     frequency, end = 5.0 * 1.0371 * ratio, 40.0 / (5.0 * ratio)
     base = fi.Sine(1e-3, frequency)
     knots = np.linspace(0.0, 1.01 * end, math.ceil(1.01 * end * base.omega / 0.28) + 1)
-    pieces = fitted(base.acceleration, knots, initial=(base.amplitude * base.omega, 0.0))
+    pieces = dataclasses.replace(
+        fitted(base.acceleration, knots), initial_velocity=base.amplitude * base.omega, starts=None
+    )
     record = fi.Recorder(interval=0.1 / frequency, channels=("mass",))
     alone = fi.without_impactors(in_a_box())
     one, other = (fi.integrate(alone, drive, fi.EventDriven(), end, record) for drive in (base, Own(pieces)))

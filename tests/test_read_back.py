@@ -10,7 +10,7 @@ import pytest
 from test_study_blocks import GAP, RESTITUTION, study
 
 import femimpact as fi
-from femimpact.app.parametric.block_files import BLOCKS
+from femimpact.app.parametric.dataset import BLOCKS
 
 pytestmark = pytest.mark.impacts
 

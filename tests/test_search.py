@@ -12,8 +12,7 @@ import femimpact as fi
 from femimpact import core
 from femimpact.integrators.channel_rows import drive_of
 from femimpact.integrators.event_driven.block import inputs_of, new_block, run_block, working_space
-from femimpact.integrators.event_driven.equations import equations_of
-from femimpact.integrators.event_driven.store import FormStore, Source, outputs_of
+from femimpact.integrators.event_driven.store import FormStore, outputs_of
 
 HIT, STUCK = 1, 4
 """How a search ends at a wall that is met at speed, and where it finds no end."""
@@ -43,12 +42,11 @@ def first_beyond(scalars, motion, horizon, points):
 
 def free_motion(system, drive):
     """Scalars of a system whose ball flies, and a motion of that size."""
-    whole, rigid = equations_of(system, drive), np.ones(1, dtype=bool)
-    store = FormStore([Source(whole, outputs_of(system, system.point_row("tip")), {})], rigid, rate=None)
+    store = FormStore([system], [drive], [outputs_of(system, system.point_row("tip"))])
     rest = np.zeros((1, system.dofs + 1))
     window = np.array([[0.0, np.inf]])
     inputs = inputs_of([drive], [system.contacts], rest, rest, window)
-    block = new_block([system], store, inputs, fi.EventDriven(), None)
+    block = new_block(store, inputs, fi.EventDriven(), None)
     nothing = np.zeros(1, dtype=np.int64)
     # to t = 0: the closed form is made, and its steady motion is known
     run_block(block, nothing - 1, nothing, np.ones(1))

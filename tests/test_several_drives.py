@@ -15,6 +15,7 @@ from builders import REFERENCE, history_writer, reduced
 from reference_events import Oscillator
 
 import femimpact as fi
+from femimpact.excitation.drives import until
 from femimpact.excitation.remarks import motion_notes
 from femimpact.integrators.channel_rows import drive_of
 
@@ -75,7 +76,7 @@ def test_the_linear_motion_is_the_sum_of_the_motions_under_each_drive(name):
 
 def forms_until(drive, end):
     """Closed forms of several drives, or of a sum, up to a time (s)."""
-    drive = drive.until(end)
+    drive = until(drive, end)
     return drive.closed_forms if isinstance(drive, fi.excitation.Drives) else (drive.closed_form,)
 
 

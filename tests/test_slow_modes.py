@@ -209,8 +209,8 @@ def test_what_a_stop_leaves_is_as_slow_as_it_is(stiffness):
         stops=[fi.Stop("stop", at="a", gap=0.01, contact=wall)],
     )  # fmt: skip
     equations = stacked([equations_of(system, drive_of(system, fi.Sine(1e-3, 1.0)))])
-    touch, rigid = np.ones(1, dtype=bool), np.array([stiffness is None])
-    [(_, forms)] = closed_forms(equations, touch, rigid, np.array([[stiffness or 0.0]]), np.zeros((1, 1)))
+    touch, of_wall = np.ones(1, dtype=bool), np.array([[stiffness or 0.0]])
+    [(_, forms)] = closed_forms(equations, touch, of_wall, np.zeros((1, 1)))
     found = np.unique(np.abs(forms.modes.exponent[0]))
     with mp.workdps(150):
         push = mp.matrix(b)

@@ -11,7 +11,7 @@ from builders import plain_study, rigid_study, study_key
 from wrong import NOTHING_SOUND, NUMBERS_AND_WORDS
 
 import femimpact as fi
-from femimpact.app.parametric.block_files import BLOCKS
+from femimpact.app.parametric.dataset import BLOCKS
 
 pytestmark = pytest.mark.impacts
 

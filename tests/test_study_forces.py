@@ -13,7 +13,6 @@ from builders import read_study, same_study, study_schema, study_text
 
 import femimpact as fi
 from femimpact.app.parametric.paths import paths_of_study, study_with
-from femimpact.app.results.picture_data import _base_numbers, _excitation
 
 HEAD = """
 [beam]
@@ -152,11 +151,6 @@ def test_a_parameter_study_over_an_impulse_is_linear_without_balls():
     assert high == pytest.approx(2.0 * low, rel=1e-8)
 
 
-def test_drives_in_the_data_of_pictures_are_made_again():
-    assert _excitation(_base_numbers(DRIVES), None) == DRIVES
-    assert _excitation(_base_numbers(DRIVES.forces[0]), None) == DRIVES.forces[0]
-
-
 @pytest.mark.parametrize(
     ("parts", "words"),
     [
@@ -221,7 +215,6 @@ rate = "logarithmic"
 def test_a_sum_of_motions_of_the_base_is_read_written_and_run():
     study = read(SUM)
     assert study.excitation == fi.Sine(1e-3, 5.0) + fi.Chirp(3.0, 9.0, 1.5, acceleration=0.2, kind="logarithmic")
-    assert _excitation(_base_numbers(study.excitation), None) == study.excitation
     other = replace(study, output=replace(study.output, frames=10))
     assert same_study(read_study(study_text(other), study.path), other)
     # without a history the longest of the parts that have a duration

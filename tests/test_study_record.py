@@ -12,7 +12,7 @@ from builders import FILES, ResultsWarning, load_study, plan_lines, prepare, sam
 
 import femimpact as fi
 from femimpact.app.report.pictures import draw_again
-from femimpact.app.results.picture_data import read_film, read_last_cycles
+from femimpact.app.results.picture_data import read_results
 from femimpact.app.study.drives import recorded
 from femimpact.app.study.study_file import with_record
 from femimpact.app.tasks.convergence import write_convergence
@@ -135,7 +135,7 @@ def test_the_last_cycles_of_a_record_are_the_rows_of_the_history(tmp_path, shake
     time = np.arange(60 * 40) / 400.0
     np.savetxt(shaker, np.column_stack([time, np.sin(20 * np.pi * time)]), delimiter=",")
     results = fi.run_study(load_study(written(tmp_path, text.replace("9.80665", "0.2"))), tmp_path / "out")
-    end = read_last_cycles(results.directory, results.summary)
+    end = read_results(results.directory).last_cycles
     assert end.time[0] == pytest.approx(results.history["time"].to_numpy()[-1] - 4.0, abs=1e-2)
     rows = results.history.sel(time=slice(end.time[0] - 1e-9, None))
     same = np.searchsorted(end.time, rows["time"].to_numpy() - 1e-9)
@@ -152,8 +152,8 @@ def test_results_are_whole_without_the_file_of_the_record(tmp_path, shaker):
     shaker.unlink()
     # what was read once is not read again
     results = fi.run_study(study, tmp_path / "out")
-    end = read_last_cycles(results.directory, results.summary)
-    filmed, _, _ = read_film(results.directory, results.summary)
+    again = read_results(results.directory)
+    end, filmed = again.last_cycles, again.film
     times = np.linspace(0.0, study.history_duration, 101)
     for response in (end, filmed):
         assert np.array_equal(response.base.displacement(times), study.excitation.displacement(times))

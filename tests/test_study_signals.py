@@ -8,7 +8,6 @@ import pytest
 from builders import UNDRAWN_STUDY, read_study, run_study, study_text
 
 import femimpact as fi
-from femimpact.app.results.picture_data import _base, _base_numbers
 
 pytestmark = pytest.mark.impacts
 
@@ -66,12 +65,6 @@ def test_a_changed_study_is_written_anew_with_its_motion(tmp_path, kind):
     study = read_study(of_kind(kind), tmp_path / "study.toml")
     changed = replace(study, duration=0.7)
     assert read_study(study_text(changed), tmp_path / "study.toml").duration == 0.7
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_motion_is_made_again_from_what_results_keep(kind):
-    noun = KINDS[kind][1]
-    assert _base({}, json.loads(json.dumps({"base": _base_numbers(noun)}))) == noun
 
 
 def test_a_run_without_a_cycle_says_so_in_its_summary(tmp_path):

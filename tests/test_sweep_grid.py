@@ -10,7 +10,7 @@ from builders import paper_study, prepare, summary_of
 import femimpact as fi
 from femimpact.app.study.prepared import finer_grid_words, most_frequencies, refined_grid
 from femimpact.app.tasks.run import run_sweep
-from femimpact.response.resolution import UNRESOLVED, peak_resolution
+from femimpact.response.cycles import UNRESOLVED, peak_resolution
 from femimpact.signals.one_pole import one_pole_amplitude
 
 F0, RATIO = 5.3, 0.0029

@@ -2,9 +2,9 @@ from femimpact.app.parametric.best_design import AxisMargin as AxisMargin
 from femimpact.app.parametric.best_design import BestCase as BestCase
 from femimpact.app.parametric.best_design import BestDesign as BestDesign
 from femimpact.app.parametric.definition import ParameterStudy as ParameterStudy
-from femimpact.app.parametric.evaluation import run_case as run_case
 from femimpact.app.parametric.measured_peaks import CalibratedParameter as CalibratedParameter
 from femimpact.app.parametric.measured_peaks import Calibration as Calibration
+from femimpact.app.parametric.runs import run_case as run_case
 from femimpact.app.parametric.verb import StudyProgress as StudyProgress
 from femimpact.app.parametric.verb import load_parameter_study as load_parameter_study
 from femimpact.app.planned_test import Preflight as Preflight

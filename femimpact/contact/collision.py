@@ -143,7 +143,7 @@ def restitution_of_damping_ratio(
     From m x'' + c x' + k x = 0, x(0) = 0, left at the first zero of k x + c x'
     (derived here; the same condition as Schwager and Poeschel, 2007).
     """
-    z: float = checked("damping_ratio", damping_ratio, quantity("1", at_least=0.0))
+    z = damping_ratio
     return math.exp(-2.0 * z * linear_angle(z))
 
 

@@ -185,14 +185,9 @@ class KelvinVoigt(CompiledLaw):
     def parameters(self, effective_mass: float) -> ContactParameters:
         """Numbers for the time loop."""
         stiffness, damping = spring_and_dashpot(self, effective_mass)
-        ratio = damping / (2.0 * math.sqrt(stiffness * effective_mass))
-        return ContactParameters(
-            KELVIN_VOIGT,
-            stiffness,
-            damping,
-            contact_time_of(stiffness, damping, effective_mass),
-            restitution_of_damping_ratio(ratio),
-        )
+        time = contact_time_of(stiffness, damping, effective_mass)
+        restitution = restitution_of_damping_ratio(damping / (2.0 * math.sqrt(stiffness * effective_mass)))
+        return ContactParameters(KELVIN_VOIGT, stiffness, damping, time, restitution)
 
     def shown_numbers(self, effective_mass: float) -> tuple[tuple[str, float, str], ...]:
         """Stiffness and damping."""
@@ -318,8 +313,6 @@ def Hertz(stiffness: float, exponent: float = 1.5, reference_speed: float = 0.25
     """Elastic sphere on a wall, N = k p^1.5: `PowerLaw` without loss.
 
     The stiffness is in N/m^n with another exponent n, the reference speed in m/s.
-
-    Hertz, 1882.
     """
     return PowerLaw(stiffness, 1.0, "none", exponent, reference_speed)
 
@@ -331,8 +324,6 @@ def HuntCrossley(  # noqa: N802
 
     The restitution of a collision under this law is close to e only where e is near 1. The stiffness is in
     N/m^exponent, the reference speed in m/s.
-
-    Hunt and Crossley, 1975.
     """
     return PowerLaw(stiffness, restitution, "hunt-crossley", exponent, reference_speed)
 
@@ -340,30 +331,21 @@ def HuntCrossley(  # noqa: N802
 def LankaraniNikravesh(  # noqa: N802
     stiffness: float, restitution: float, exponent: float = 1.5, reference_speed: float = 0.25
 ) -> PowerLaw:
-    """`PowerLaw` with d = 3 (1 - e^2)/4: its restitution is near the one given where that is near 1.
-
-    Lankarani and Nikravesh, 1990.
-    """
+    """`PowerLaw` with d = 3 (1 - e^2)/4: its restitution is near the one given where that is near 1."""
     return PowerLaw(stiffness, restitution, "lankarani-nikravesh", exponent, reference_speed)
 
 
 def Flores(  # noqa: N802
     stiffness: float, restitution: float, exponent: float = 1.5, reference_speed: float = 0.25
 ) -> PowerLaw:
-    """`PowerLaw` with d = 8 (1 - e)/(5 e): its restitution is near the one given at 0 and at 1.
-
-    Flores et al., 2011.
-    """
+    """`PowerLaw` with d = 8 (1 - e)/(5 e): its restitution is near the one given at 0 and at 1."""
     return PowerLaw(stiffness, restitution, "flores", exponent, reference_speed)
 
 
 def GonthierCarvalhoMartins(  # noqa: N802
     stiffness: float, restitution: float, exponent: float = 1.5, reference_speed: float = 0.25
 ) -> PowerLaw:
-    """`PowerLaw` with the exact d: its restitution is the one given.
-
-    Gonthier et al., 2004; Carvalho and Martins, 2019.
-    """
+    """`PowerLaw` with the exact d: its restitution is the one given."""
     return PowerLaw(stiffness, restitution, "exact", exponent, reference_speed)
 
 

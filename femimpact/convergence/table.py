@@ -390,13 +390,7 @@ class ConvergenceTable:
         return float(self.recommended[ordered].max()) if np.any(ordered) else math.nan
 
     def index(self, name: str) -> int:
-        """Number of the column of a quantity.
-
-        Raises
-        ------
-        InputError
-            If there is no such quantity.
-        """
+        """Number of the column of a quantity."""
         names: list[str] = self.name.tolist()
         require_name(name, names, "quantity")
         return names.index(name)

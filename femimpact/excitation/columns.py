@@ -101,9 +101,8 @@ def _in_columns(text: str, path: Path) -> str:
     if not (series := SERIES.search(head)):
         return text
     count, step = int(series[1] or series[3]), float(series[2] or series[4])
-    require(
-        count >= 2 and step > 0.0, "path", str(path), "", f"has NPTS = {count} and DT = {step:g} s: must be samples"
-    )
+    allowed = f"has NPTS = {count} and DT = {step:g} s: must be samples"
+    require(count >= 2 and step > 0.0, "path", str(path), "", allowed)
     samples = text[series.end() :].split()
     if len(samples) > count and len(samples) % count == 0:
         # columns below such a line

@@ -17,6 +17,7 @@ from femimpact.excitation.chirp import Chirp
 from femimpact.excitation.excitation import (
     MEMBERS,
     Harmonic,
+    WithoutCycle,
     has_cycle,
     holds_drives,
     is_force,
@@ -38,6 +39,13 @@ CONSTANT_FORCES = "constant forces"
 class BaseAtRest:
     """Displacement, velocity and acceleration of a base that does not move while a force acts."""
 
+    def __post_init__(self) -> None:
+        check_fields(self)
+        name = getattr(self, "name", None)
+        # what parts names of axes or of a file's data
+        good = name is None or (bool(name.strip()) and not {".", "/"} & set(name))
+        require(good, "name", name, "", "must be a text without a dot or a slash that is not empty")
+
     @property
     def amplitude(self) -> float:
         """Amplitude of the base's motion: 0 m."""
@@ -52,12 +60,6 @@ class BaseAtRest:
 
     __add__ = added
     __radd__ = added
-
-
-def check_name(name: str | None) -> None:
-    """Raise `InputError` for a name of a force that is empty, or holds what parts names of axes or of a file's data."""
-    good = name is None or (bool(name.strip()) and not {".", "/"} & set(name))
-    require(good, "name", name, "", "must be a text without a dot or a slash that is not empty")
 
 
 @dataclass(frozen=True)
@@ -99,8 +101,7 @@ class PointForce(BaseAtRest):
     name: str | None = field(default=None, metadata=optional(name_text()))
 
     def __post_init__(self) -> None:
-        check_fields(self)
-        check_name(self.name)
+        super().__post_init__()
         allowed = "must be a Sine, Chirp, SteppedSine, RandomBase, Shock, RecordedBase or a sum of motions of the base"
         good = all(hasattr(self.history, name) for name in MEMBERS) and not (
             hasattr(self.history, "at") or holds_drives(self.history)
@@ -139,13 +140,9 @@ class PointForce(BaseAtRest):
         """Force, N."""
         return force_form_of(self.history)
 
-    def until(self, end: float) -> PointForce:
-        """The force with a closed form up to a time (s) where its history is a sum; any other is returned as it is."""
-        return replace(self, history=self.history.until(end)) if isinstance(self.history, Sum) else self
-
 
 @dataclass(frozen=True)
-class HammerBlow(BaseAtRest):
+class HammerBlow(WithoutCycle, BaseAtRest):
     """Half a sine of force at one place, the base at rest: F = pi impulse/(2 duration) sin(pi (t - begin)/duration).
 
     The history is made of 12 polynomials of degree 5, within 1e-9 of its largest value.
@@ -168,24 +165,10 @@ class HammerBlow(BaseAtRest):
     begin: float = field(default=0.0, metadata=quantity("s", at_least=0.0))
     name: str | None = field(default=None, metadata=optional(name_text()))
 
-    def __post_init__(self) -> None:
-        check_fields(self)
-        check_name(self.name)
-
     @property
     def frequency(self) -> float:
         """Frequency of the sine of which it is a half, Hz: a blow has no cycle."""
         return 0.5 / self.duration
-
-    @property
-    def has_cycle(self) -> bool:
-        """False: statistics are over time, and no motion under it is called periodic."""
-        return False
-
-    @property
-    def phase(self) -> float:
-        """Not a number: a blow has no phase."""
-        return math.nan
 
     @cached_property
     def closed_form(self) -> PiecewisePolynomial:
@@ -292,38 +275,30 @@ class Drives:
         return float(self.forces[0].phase if wave is None or len(waves) == 1 else wave.phase)
 
     @property
+    def _motion(self) -> Any:
+        return BaseAtRest() if self.base is None else self.base
+
+    @property
     def amplitude(self) -> float:
         """Largest displacement of the base, m."""
-        return 0.0 if self.base is None else float(self.base.amplitude)
+        return float(self._motion.amplitude)
 
     def displacement(self, time: ArrayLike) -> Array:
         """Base displacement ub (m) at times in s."""
-        return np.zeros_like(times(time)) if self.base is None else np.asarray(self.base.displacement(time))
+        return np.asarray(self._motion.displacement(time))
 
     def velocity(self, time: ArrayLike) -> Array:
         """Base velocity (m/s) at times in s."""
-        return np.zeros_like(times(time)) if self.base is None else np.asarray(self.base.velocity(time))
+        return np.asarray(self._motion.velocity(time))
 
     def acceleration(self, time: ArrayLike) -> Array:
         """Base acceleration (m/s^2) at times in s."""
-        return np.zeros_like(times(time)) if self.base is None else np.asarray(self.base.acceleration(time))
-
-    def until(self, end: float) -> Drives:
-        """The same with closed forms up to a time (s)."""
-        if isinstance(end, float) and end == self.end:
-            # with the forms that it has
-            return self
-        return replace(self, base=until(self.base, end), forces=tuple(until(f, end) for f in self.forces), end=end)
+        return np.asarray(self._motion.acceleration(time))
 
     @cached_property
     def closed_forms(self) -> tuple[Form, ...] | None:
         """Of every drive, m/s^2 or N, between the same knots; None where one has none."""
-
-        def starts(knots: Array) -> Array:
-            return np.column_stack([self.displacement(knots), self.velocity(knots)])
-
-        groups = [_forms_of(drive) for drive in self.drives]
-        return forms_together(groups, self.end, None if self.base is None else starts)
+        return forms_together([_forms_of(drive) for drive in self.drives], self.end, self.base)
 
     __add__ = added
     __radd__ = added
@@ -331,7 +306,15 @@ class Drives:
 
 def until(excitation: Any, end: float) -> Any:
     """An excitation with a closed form up to a time (s): of a sum, a force or several drives, others as they are."""
-    return excitation.until(end) if isinstance(excitation, Sum | PointForce | Drives) else excitation
+    if isinstance(excitation, PointForce) and isinstance(excitation.history, Sum):
+        return replace(excitation, history=until(excitation.history, end))
+    # that of the same end has its forms already
+    if not isinstance(excitation, Sum | Drives) or (isinstance(end, float) and end == excitation.end):
+        return excitation
+    if isinstance(excitation, Sum):
+        return replace(excitation, end=end)
+    forces = tuple(until(force, end) for force in excitation.forces)
+    return replace(excitation, base=until(excitation.base, end), forces=forces, end=end)
 
 
 def alone(excitation: Any) -> Any:

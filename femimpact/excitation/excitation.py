@@ -60,6 +60,20 @@ class Excitation(Protocol):
         """Base acceleration (m/s^2) at times in s."""
 
 
+class WithoutCycle:
+    """What motions and forces share that have no cycle."""
+
+    @property
+    def has_cycle(self) -> bool:
+        """False: statistics are over time, and no motion under it is called periodic."""
+        return False
+
+    @property
+    def phase(self) -> float:
+        """Not a number: without a cycle there is no phase."""
+        return math.nan
+
+
 @dataclass(frozen=True)
 class Harmonic:
     """A history in closed form: s(t) = amplitude sin(omega t + phase).

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from femimpact.arrays import Array
 from femimpact.errors import check_fields, checked, choice, level_rows, optional, quantity, real_array, require
-from femimpact.excitation.excitation import Harmonic, times
+from femimpact.excitation.excitation import Harmonic, WithoutCycle, times
 from femimpact.excitation.piecewise_polynomial import (
     NODES,
     ROUNDING,
@@ -143,7 +143,7 @@ class Sine:
     __add__ = added
 
 
-class PiecewiseMotion:
+class PiecewiseMotion(WithoutCycle):
     """A motion of the base that has no cycle, read from its closed form, which fades where it has a time (s) for it."""
 
     fade = 0.0
@@ -167,16 +167,6 @@ class PiecewiseMotion:
     def force_form(self) -> PiecewisePolynomial:
         """The history as a force, N: its level, else its acceleration."""
         return faded_force(self._force, self.fade) if self.fade else self._force
-
-    @property
-    def has_cycle(self) -> bool:
-        """False: statistics are over time, and no motion under it is called periodic."""
-        return False
-
-    @property
-    def phase(self) -> float:
-        """Not a number: a motion without a cycle has no phase."""
-        return math.nan
 
     @property
     def amplitude(self) -> float:

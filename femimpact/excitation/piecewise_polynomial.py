@@ -189,8 +189,6 @@ def fitted(
     history: Callable[[Array], Array],  # s (m/s^2 or N) at times (pieces, 6) in s
     knots: Array,  # (n + 1,) s
     starts: Array | None = None,  # (n + 1, 2) as of `PiecewisePolynomial`
-    # velocity (m/s) and displacement (m) at the first knot, where there are no starts
-    initial: tuple[float, float] = (0, 0),
 ) -> PiecewisePolynomial:
     """The polynomials of degree 5 through a history at the 6 Gauss points of each piece.
 
@@ -199,7 +197,7 @@ def fitted(
     """
     h = np.diff(knots)
     values = np.asarray(history(knots[:-1, None] + 0.5 * h[:, None] * (1.0 + NODES)))
-    return PiecewisePolynomial(knots, _of_short_pieces(values, h), initial[0], initial[1], starts)
+    return PiecewisePolynomial(knots, _of_short_pieces(values, h), starts=starts)
 
 
 ROUNDED = 1e-8

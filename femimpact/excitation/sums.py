@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, cast
 
@@ -63,10 +63,6 @@ class Sum:
             allowed = "must be motions of the base: a + b adds to several drives, and keeps their forces"
             require(not holds_drives(part), "parts", type(part).__name__, "", allowed)
 
-    def until(self, end: float) -> Sum:
-        """The same with a closed form up to a time (s)."""
-        return self if isinstance(end, float) and end == self.end else replace(self, end=end)
-
     @property
     def _harmonic(self) -> Harmonic | None:
         """The sum as one sine of the acceleration, where all parts are sines of one frequency."""
@@ -108,20 +104,16 @@ class Sum:
     @cached_property
     def closed_form(self) -> Form | None:
         """Acceleration of the base, m/s^2; None where a part has none, or sines have no end or one that is too late."""
-
-        def starts(knots: Array) -> Array:
-            return np.column_stack([self.displacement(knots), self.velocity(knots)])
-
-        return self._sum_of([getattr(part, "closed_form", None) for part in parts_of(self)], starts)
+        return self._sum_of([getattr(part, "closed_form", None) for part in parts_of(self)], self)
 
     @cached_property
     def force_form(self) -> Form | None:
         """Sum of the forces (N) that the parts are; None as of `closed_form`."""
         return self._sum_of([force_form_of(part) for part in parts_of(self)])
 
-    def _sum_of(self, forms: Sequence[Form | None], starts: Callable[[Array], Array] | None = None) -> Form | None:
-        forms_of_groups = forms_together([forms], self.end, starts)
-        return None if forms_of_groups is None else forms_of_groups[0]
+    def _sum_of(self, forms: Sequence[Form | None], motion: Sum | None = None) -> Form | None:
+        sums = forms_together([forms], self.end, motion)
+        return None if sums is None else sums[0]
 
     def __add__(self, other: Any) -> Any:
         return added(self, other)
@@ -167,13 +159,12 @@ def one_sine(forms: Sequence[Form | None]) -> Harmonic | None:
 
 def forms_together(
     groups: Sequence[Sequence[Form | None]],
-    end: float | None,
-    starts: Callable[[Array], Array] | None = None,
+    end: float | None,  # s, up to which sines are in pieces
+    motion: Any = None,  # of the base, where that is the first group
 ) -> tuple[Form, ...] | None:
     """The sum of each group of closed forms: all are sines of one frequency, or in pieces between common knots.
 
-    Sines are in pieces up to an end (s); the first group has starts where it moves the base. None as of
-    `Sum.closed_form`.
+    None as of `Sum.closed_form`.
     """
     forms = [form for group in groups for form in group]
     if one_sine(forms) is not None:
@@ -195,8 +186,8 @@ def forms_together(
         knots = knots[knots <= of_sines[-1]]
     degree = max(pieces.degree for pieces in itertools.chain(*in_pieces))
     sums = [sum(_coefficients_between(pieces, knots, degree) for pieces in group) for group in in_pieces]
-    begins = [None if starts is None else starts(knots), *[None] * (len(groups) - 1)]
-    return tuple(PiecewisePolynomial(knots, c, starts=start) for c, start in zip(sums, begins, strict=True))
+    first = None if motion is None else np.column_stack([motion.displacement(knots), motion.velocity(knots)])
+    return tuple(PiecewisePolynomial(knots, c, starts=None if i else first) for i, c in enumerate(sums))
 
 
 def _in_pieces(forms: Sequence[Form | None], of_sines: Array | None) -> list[PiecewisePolynomial]:

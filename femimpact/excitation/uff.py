@@ -180,10 +180,8 @@ def _binary(content: bytes, at: int, form: _Form, number: Sequence[str], name: s
     line = b"\r\n" if content[:at].endswith(b"\r\n") else b"\n"
     behind = re.compile(rb"(?:%s)?    -1[ \t]*\r?(?:\n|\Z)|\s*\Z" % line).match(content, end)
     swallowed = content[:end].endswith(line) and not content.startswith(line, end) and end < len(content)
-    ended = behind is not None and not swallowed
-    _check(
-        ended or values.size < form.count * form.columns, f"{name!r}: no -1 behind its data: are bytes lost or added?"
-    )
+    ended = (behind is not None and not swallowed) or values.size < form.count * form.columns
+    _check(ended, f"{name!r}: no -1 behind its data: are bytes lost or added?")
     return values, behind.end() if behind else len(content)
 
 

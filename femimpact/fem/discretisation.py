@@ -6,7 +6,7 @@ import math
 import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import cached_property, lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -58,7 +58,8 @@ class ElementLineHermiteReference(ElementLineHermite):  # type: ignore[misc]
         if s.ndim == 1:
             s = np.broadcast_to(s, (t.shape[1], s.shape[0]))
         scale = length if i % 2 else 1.0
-        value, slope, curvature, third = (scale * shape_functions(s, order)[i] / length**order for order in range(4))
+        orders = enumerate(shape_functions(s))
+        value, slope, curvature, third = (scale * functions[i] / length**order for order, functions in orders)
         field = DiscreteField(value=value, grad=slope[None], hess=curvature[None, None], grad3=third[None, None, None])
         return (field,)
 
@@ -90,7 +91,7 @@ class Discretisation:
     free: NDArray[np.int64]
     sections: SectionFields
 
-    @property
+    @cached_property
     def dofs(self) -> int:
         """Number of dofs of the basis, those held by supports included."""
         return 2 * self.mesh.nodes.size

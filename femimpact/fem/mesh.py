@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from heapq import heapify, heapreplace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.arrays import Array
-from femimpact.errors import Fault, InputError, checked, name_text, quantity, real_array, require, require_type
+from femimpact.errors import Fault, InputError, checked, made, name_text, quantity, real_array, require, require_type
 from femimpact.structure.structure import Structure
 from femimpact.table import Head, head_of_values, short_repr
 
@@ -106,7 +107,7 @@ class Mesh:
         }
         return head_of_values(f"Mesh: {self.elements} elements on {self.nodes[-1]:.5g} m", values)
 
-    @property
+    @cached_property
     def elements(self) -> int:
         """Number of elements."""
         return self.nodes.size - 1
@@ -280,7 +281,8 @@ def _filled(
     beam = structure.beam
     owner = np.searchsorted(np.array(beam.joints[1:-1]), middles)
     regions = {segment.name: np.flatnonzero(owner == i) for i, segment in enumerate(beam.segments)}
-    return Mesh(nodes, regions=regions)
+    nodes.setflags(write=False)
+    return made(Mesh, nodes=nodes, points=_ends_and_middle(0.0, float(nodes[-1])), regions=regions)
 
 
 def _places_for(key: str, named: Mapping[str, float], structure: Structure) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -17,7 +17,7 @@ from femimpact.excitation.drives import CONSTANT_FORCES, Drives
 from femimpact.excitation.excitation import AT_SAMPLE, BrokenLine, Excitation, Harmonic, require_excitation
 from femimpact.excitation.piecewise_polynomial import PiecewisePolynomial, pieces_of
 from femimpact.excitation.sums import one_sine
-from femimpact.response.channels import Channel, ContactReading, Reading, ShakerForce, zero_reading
+from femimpact.response.channels import Channel, QuantityAt, Reading, is_of_contact, zero_reading
 from femimpact.structure.structure import Position
 from femimpact.system.modes import solve_stiffness
 from femimpact.system.reduction import kept_modes
@@ -94,10 +94,7 @@ class Drive:
         return -self.share * self.sine.amplitude / self.omega**2
 
     def value(self, time: Array) -> Array:
-        """s(t) at times in s.
-
-        Raises `InputError` if the history of a user's excitation is not of finite numbers, one for each time.
-        """
+        """s(t) at times in s."""
         if self.is_sine:
             wave = self.sine
             return np.asarray(wave.amplitude * np.sin(wave.omega * time + wave.phase))
@@ -157,10 +154,7 @@ class Drive:
 
 
 def drive_of(system: System, excitation: Excitation) -> Drive:
-    """The right-hand side of an excitation on a system.
-
-    Raises `InputError` if the place of a force is unknown, or the value is no excitation.
-    """
+    """The right-hand side of an excitation on a system."""
     require_excitation(excitation)
     if isinstance(excitation, Drives):
         return _several(system, excitation)
@@ -222,7 +216,7 @@ NEGLIGIBLE = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class ChannelRows:
-    """R channels of a system with n dofs and B pairs under a drive s(t), free of accelerations."""
+    """R channels of a system with n dofs and B pairs under a drive s(t), free of accelerations; of one no axis R."""
 
     displacement: Array  # (R, n) of u and u'
     velocity: Array  # (R, n)
@@ -256,22 +250,12 @@ def channel_rows(
     springs_apart: bool,
 ) -> ChannelRows:
     """Rows of channels; the accelerations are M^-1 (load s + constant load - C u' - K u + sum_j b_j F_j) and so on."""
-    rows = [
-        [_row(system, load, _free_of_reactions(system, load, channel.reading(system)), springs_apart)
-         for load in drive.loads]
-        for channel in channels
-    ]  # fmt: skip
-    n, pairs = system.dofs, len(system.contacts)
-    # of no channels, arrays without rows; the loads differ in what is read of them alone
-    empty = (*[np.zeros(n)] * 2, *[np.zeros(pairs)] * 4, np.zeros(3), 0.0, 0.0)
-    columns = zip(*[empty, *(of_loads[0] for of_loads in rows)], strict=True)
-    matrices = ChannelRows(*(np.array(column, dtype=float)[1:] for column in columns))
-    driven = [[row[DRIVEN] for row in of_loads] for of_loads in rows]
-    return replace(matrices, drive=np.array(driven, dtype=float).reshape(len(rows), len(drive.loads)))
-
-
-DRIVEN = 7
-"""Place of what is read of s(t) in the row of a channel."""
+    rows = [_row(system, drive, channel.reading(system), springs_apart) for channel in channels]
+    # of no channels, arrays without rows
+    all_rows = rows or [_row(system, drive, zero_reading(system), springs_apart)]
+    names = [item.name for item in fields(ChannelRows)]
+    columns = (np.array([getattr(row, name) for row in all_rows], dtype=float) for name in names)
+    return ChannelRows(*(column[: len(rows)] for column in columns))
 
 
 def mode_notes(system: System, drive: Drive, channels: Sequence[Channel]) -> tuple[str, ...]:
@@ -288,18 +272,16 @@ def _reaction_notes(system: System, drive: Drive, channels: Sequence[Channel]) -
     if not any(np.any(channel.reading(system).reaction) for channel in channels):
         return ()
     weights = np.array([float(item.unit == "N") for item in system.reactions.values()])
-    readings = replace(zero_reading(system), reaction=weights), ShakerForce().reading(system)
-    parts = []
-    for load in drive.loads:
-        rows = [_row(system, load, _free_of_reactions(system, load, each), springs_apart=False) for each in readings]
-        driven = [row[6][2] * load.share + row[DRIVEN] for row in rows]
+    readings = replace(zero_reading(system), reaction=weights), QuantityAt("shaker_force").reading(system)
+    parts, rows = [], [_row(system, drive, each, springs_apart=False) for each in readings]
+    for h, load in enumerate(drive.loads):
+        driven = [row.base[2] * load.share + row.drive[h] for row in rows]
         by_drive, moved = abs(driven[0] - driven[1]), load.share > 0.0
         if by_drive > NEGLIGIBLE * (system.total_mass if moved else 1.0):
             of_force = f"{number_text(by_drive, 3)} of the force" + (f" at {load.at}" if drive.more else "")
             parts.append(f"{number_text(by_drive, 3)} kg times the base's acceleration" if moved else of_force)
-    constant = [row[8] for row in rows]
-    at_rest = abs(constant[0] - constant[1])
-    if at_rest > NEGLIGIBLE * abs(constant[1]):
+    at_rest = abs(float(rows[0].constant - rows[1].constant))
+    if at_rest > NEGLIGIBLE * abs(float(rows[1].constant)):
         parts.append(f"{number_text(at_rest, 3)} N of gravity and other constant forces")
     if not parts:
         return ()
@@ -324,7 +306,7 @@ def _static_notes(system: System, drive: Drive, channels: Sequence[Channel]) -> 
     if full is None or full.sections is None:
         return ()
     # the flexibility at contacts has a note by itself
-    others = [channel for channel in channels if not isinstance(channel, ContactReading)]
+    others = [each for each in channels if not is_of_contact(each)]
     rows = [(channel, row) for channel in others if np.any(row := channel.reading(system).displacement)]
     if not rows:
         return ()
@@ -367,13 +349,16 @@ def _static_loads(system: System, full: System, drive: Drive) -> Iterator[tuple[
             yield f"1 N of {pair.name}", directions[pair.name], pair.direction
 
 
-def _free_of_reactions(system: System, drive: Drive, reading: Reading) -> Reading:
-    """The same reading with reactions written by what they are read from: held rows, less the forces on held dofs."""
-    numbers = np.flatnonzero(reading.reaction)
+def _free_of_reactions(system: System, drive: Drive, reading: Reading) -> tuple[Reading, Array]:
+    """The same reading with reactions written by what they are read from: held rows, less the forces on held dofs.
+
+    Beside it, what it reads of the force of each load, (H,).
+    """
+    numbers, point_force = np.flatnonzero(reading.reaction), np.full(len(drive.loads), float(reading.point_force))
     if numbers.size == 0:
-        return reading
+        return reading, point_force
     items = list(system.reactions.values())
-    applied = np.zeros(len(items)) if drive.at is None else system.held_shares(drive.at)
+    applied = [np.zeros(len(items)) if load.at is None else system.held_shares(load.at) for load in drive.loads]
     for i in numbers:
         item, weight = items[i], reading.reaction[i]
         contact = weight * system.contact_shares[i]
@@ -382,6 +367,7 @@ def _free_of_reactions(system: System, drive: Drive, reading: Reading) -> Readin
         )
         directions = np.array([pair.direction for pair in system.contacts]).reshape(-1, system.dofs)
         on_u, on_v = (np.sum(each[:, None] * directions, axis=0) for each in (springs, dashpots))
+        point_force -= [weight * shares[i] for shares in applied]
         reading = replace(
             reading,
             displacement=reading.displacement + weight * item.on_displacement + on_u,
@@ -391,27 +377,26 @@ def _free_of_reactions(system: System, drive: Drive, reading: Reading) -> Readin
             ball_velocity=reading.ball_velocity - dashpots,
             base=reading.base + np.array([0.0, 0.0, weight * item.on_base_acceleration]),
             contact_force=reading.contact_force - contact,
-            point_force=reading.point_force - weight * applied[i],
             constant=reading.constant - weight * item.constant,
         )
-    return reading
+    return reading, point_force
 
 
-def _row(
-    system: System, drive: Drive, reading: Reading, springs_apart: bool
-) -> tuple[Array, Array, Array, Array, Array, Array, Array, float, float]:
-    """One channel, in the order of the fields of `ChannelRows`."""
+def _row(system: System, drive: Drive, reading: Reading, springs_apart: bool) -> ChannelRows:
+    """The row of a reading."""
+    reading, point_force = _free_of_reactions(system, drive, reading)
     displacement, velocity = reading.displacement.copy(), reading.velocity.copy()
     balls = np.array([not pair.is_stop for pair in system.contacts], dtype=bool)
     y, y_rate = reading.ball_displacement * balls, reading.ball_velocity * balls
-    driven, constant = reading.point_force * (1.0 - drive.share), reading.constant
+    shares = np.array([load.share for load in drive.loads])
+    driven, constant = point_force * (1.0 - shares), reading.constant
     # accelerations read, by the force of each pair on structure and ball
     per_force = np.zeros(len(system.contacts))
     if np.any(reading.acceleration):
         z = np.atleast_1d(scipy.sparse.linalg.spsolve(system.M.tocsc(), reading.acceleration))
         displacement -= system.K.T @ z
         velocity -= system.C.T @ z
-        driven += float(drive.load @ z)
+        driven += [float(load.load @ z) for load in drive.loads]
         constant += float(np.asarray(system.constant_load) @ z)
         per_force += [float(pair.direction @ z) for pair in system.contacts]
     for j, pair in enumerate(system.contacts):
@@ -419,7 +404,7 @@ def _row(
             continue
         weight = reading.ball_acceleration[j]
         per_force[j] -= weight * pair.mobility
-        driven -= weight * drive.share
+        driven -= weight * shares
         constant += weight * pair.acceleration
         if springs_apart:
             spring = pair.free_stiffness * per_force[j]
@@ -431,4 +416,4 @@ def _row(
     contact, pairs = reading.contact_force, per_force
     if springs_apart:
         contact, pairs = contact + per_force, 0.0 * per_force
-    return displacement, velocity, y, y_rate, contact, pairs, reading.base, driven, constant
+    return ChannelRows(displacement, velocity, y, y_rate, contact, pairs, reading.base, driven, np.array(constant))

@@ -176,8 +176,6 @@ def dwell(
     """Results of one dwell from a start, and where it ends; of one that fails, its start.
 
     What comes before three times the measured cycles is a run by itself, then come these, whose last third is measured.
-
-    Raises `InputError` if a dwell cannot be run at all.
     """
     f, amplitude = float(cases.frequency[case]), float(cases.amplitude[case])
     cycles, measured = int(cases.cycles[case]), int(cases.measured[case])

@@ -21,7 +21,7 @@ from femimpact.integrators.channel_rows import drive_of, mode_notes
 from femimpact.integrators.methods import Method, require_method
 from femimpact.integrators.planned_drive import drive_warnings, plan_notes
 from femimpact.progress import Progress, check_progress, draws_progress
-from femimpact.response.channels import Channel, Motion, resolve_channels
+from femimpact.response.channels import Channel, motion_of, resolve_channels
 from femimpact.response.cycles import Largest, LargestSample, LargestValues, deflection_warnings
 from femimpact.response.history import HistoryPiece
 from femimpact.response.impacts import READINGS_IN_CONTACT, impact_statistics
@@ -250,9 +250,7 @@ def _largest_deflections(response: Response, recorder: Recorder) -> list[float]:
     for channel in resolve_channels(system, recorder.channels):
         # of a streamed run there are none
         values = response.channels.get(channel.name)
-        if values is None or not isinstance(channel, Motion):
-            continue
-        if channel.derivative == 0 and not channel.absolute and channel.at not in balls:
+        if values is not None and motion_of(channel) == (0, False) and channel.name not in balls:
             deflections.append(max(values.max(initial=0.0), -values.min(initial=0.0)))
     return deflections
 

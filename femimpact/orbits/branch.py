@@ -41,8 +41,7 @@ from femimpact.orbits.curve import (
     null_vectors,
 )  # fmt: skip
 from femimpact.orbits.equations import Solution, length_of, solve
-from femimpact.orbits.following import CHANGES, CLOSED, follow
-from femimpact.orbits.limits import Followed, refusal
+from femimpact.orbits.following import CHANGES, CLOSED, Followed, follow, refusal
 from femimpact.orbits.orbit import NEUTRAL, PeriodicOrbit, decays, parts_of
 from femimpact.orbits.parameter import Parameter, parameter_of
 from femimpact.orbits.search import first_guess, one_sine
@@ -306,7 +305,6 @@ def continue_orbit(orbit: PeriodicOrbit, parameter: str, to: tuple[float, float]
 
     Parameters
     ----------
-    orbit : PeriodicOrbit
     parameter : str
         Path as in a study file: "base.frequency" (Hz) and "base.amplitude" (m, of a force N), also without "base.";
         "impactor.NAME.gap" (m, both walls); "impactor.NAME.contact.restitution"; of a `KelvinVoigt` contact also

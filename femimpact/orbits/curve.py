@@ -7,7 +7,7 @@ states half a period later are opposite, phases by half a period later.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -306,43 +306,33 @@ def corrected(curve: Curve, guess: Array, row: Array) -> tuple[Point | None, flo
 
     The tangent leads to where the row does.
     """
-    last = math.inf
-    with np.errstate(all="ignore"):
-        try:
-            for found, last in _newton(curve, guess, row):
-                if found is not None:
-                    return found, last
-        except np.linalg.LinAlgError:
-            # singular, or a resonance without damping
-            pass
-    return None, last
-
-
-def _newton(curve: Curve, x: Array, row: Array) -> Iterator[tuple[Point | None, float]]:
-    """Changes by steps of Newton's method as long as they lead on, and the point in the end."""
-    guess, m, parameter = x, x.size - 1, curve.parameter
-    change, by_value, matrix = math.inf, np.zeros((0, 0)), np.empty((m + 1, m + 1))
+    x, change, m, by_value = guess, math.inf, guess.size - 1, np.zeros((0, 0))
+    matrix = np.empty((m + 1, m + 1))
     matrix[m] = row
     # of states larger than their unit it is a share that rounding leaves
     size = np.repeat([max(1.0, curve.sizes(x)[0]), 1.0], [curve.unit.size - 1, 1])
-    size = np.tile(size, curve.count)
-    for _ in range(MOST_STEPS):
-        last, events = change, curve.solved_events(x)
-        maps = event_maps(parameter.hybrid_at(float(x[-1])), events)
-        if change > SETTLED:
-            by_value = derivative_by(parameter.hybrid_at, float(x[-1]), events)
-        matrix[:m, :m], matrix[:m, m] = curve.by_unknowns(maps), curve.in_units(by_value)
-        right = np.zeros((m + 1, 2))
-        right[:m, 0], right[m] = curve.in_units(residual(maps)), (row @ (x - guess), 1.0)
-        step, along = np.linalg.solve(matrix, right).T
-        change = max(float(np.abs(step[:-1] / size).max()), abs(float(step[-1])) / curve.width)
-        if change <= EXACT or (change <= ROUNDED and change >= 0.1 * last):
-            tangent = along / math.sqrt(along @ (curve.weight * along))
-            yield Point(curve, x, tangent, maps), change
-        yield None, change
-        if not change < FAR:
-            return
-        x = x - step
+    with np.errstate(all="ignore"):
+        for _ in range(MOST_STEPS):
+            last, events, hybrid = change, curve.solved_events(x), curve.parameter.hybrid_at(float(x[-1]))
+            try:
+                maps = event_maps(hybrid, events)
+                if change > SETTLED:
+                    by_value = derivative_by(curve.parameter.hybrid_at, float(x[-1]), events)
+                matrix[:m, :m], matrix[:m, m] = curve.by_unknowns(maps), curve.in_units(by_value)
+                right = np.zeros((m + 1, 2))
+                right[:m, 0], right[m] = curve.in_units(residual(maps)), (row @ (x - guess), 1.0)
+                step, along = np.linalg.solve(matrix, right).T
+            except np.linalg.LinAlgError:
+                # singular, or a resonance without damping
+                break
+            change = float(np.abs(step[:-1] / np.tile(size, curve.count)).max())
+            change = max(change, abs(float(step[-1])) / curve.width)
+            if change <= EXACT or (change <= ROUNDED and change >= 0.1 * last):
+                return Point(curve, x, along / math.sqrt(along @ (curve.weight * along)), maps), change
+            if not change < FAR:
+                break
+            x = x - step
+    return None, change
 
 
 class LostError(Exception):

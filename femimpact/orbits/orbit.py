@@ -49,8 +49,6 @@ class PeriodicOrbit:
 
     Parameters
     ----------
-    system : System
-    excitation : Sine or PointForce
     cycles : int
         Periods of the excitation after which the motion repeats.
     state : State
@@ -269,16 +267,12 @@ class PeriodicOrbit:
     @cached_property
     def _motion(self) -> Motion:
         """The motion between the events; without events that of the period from t = 0."""
-        hybrid, log, begin, pair = (
-            hybrid_system(self.system, self.excitation),
-            self.events,
-            self.events.time,
-            self.events.pair,
-        )
-        contact_state, states = log.contact_state, np.hstack([log.displacement, log.velocity])
+        hybrid, log = hybrid_system(self.system, self.excitation), self.events
+        states, contact_state = np.hstack([log.displacement, log.velocity]), log.contact_state.astype(float)
+        begin, pair = log.time, np.array(log.pair, dtype=int)
         if not len(log):
             begin, pair = np.zeros(1), np.full(1, -1)
-            contact_state, states = self.contact_state[None], state_vector(self.state)[None]
+            contact_state, states = self.contact_state[None].astype(float), state_vector(self.state)[None]
         end = np.append(begin[1:], begin[0] + self.period)
         begin, end = (hybrid.omega * time + self.excitation.phase for time in (begin, end))
         return Motion(hybrid, begin, end, states, contact_state, pair)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields, replace
-from functools import partial
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -107,129 +107,120 @@ def _parameters(system: System, excitation: Sine | PointForce, hybrid: HybridSys
         yield from _of_pair(system, excitation, hybrid, j, pair)
     given, factor = system.derived.get(FACTOR, (system, 1.0))
     undivided = hybrid if given is system else hybrid_system(given, excitation)
+
+    def hybrid_at(value: Any) -> HybridSystem:
+        return replace(undivided, damping=value * undivided.damping)
+
+    def at(value: float) -> tuple[System, Sine | PointForce]:
+        return _with_factor(given, value), excitation
+
     if np.any(undivided.damping):
-        yield Parameter(
-            FACTOR, "1", factor, quantity("1", at_least=0.0), hybrid, partial(_at_factor, undivided),
-            partial(_with_factor, given, excitation), of_matrices=True,
-        )  # fmt: skip
+        yield Parameter(FACTOR, "1", factor, quantity("1", at_least=0.0), hybrid, hybrid_at, at, of_matrices=True)
 
 
-def _of_excitation(system: System, excitation: Sine | PointForce, hybrid: HybridSystem) -> Iterator[Parameter]:
-    of_force = isinstance(excitation, PointForce)
-    sine = excitation.history if isinstance(excitation, PointForce) else excitation
-    numbers = {
-        "frequency": ("Hz", quantity("Hz", above=0.0), _at_frequency),
-        "amplitude": ("N" if of_force else "m", quantity("N" if of_force else "m", at_least=0.0), _at_amplitude),
-    }
-    for name, (unit, allowed, hybrid_at) in numbers.items():
-        yield Parameter(
-            f"base.{name}", unit, float(getattr(sine, name)), allowed, hybrid, partial(hybrid_at, hybrid),
-            partial(_with_excitation, system, excitation, name),
-        )  # fmt: skip
+def _of_excitation(system: System, excitation: Any, hybrid: HybridSystem) -> Iterator[Parameter]:
+    sine, unit = (excitation, "m") if isinstance(excitation, Sine) else (excitation.history, "N")
+
+    def at(value: float, name: str) -> tuple[System, Sine | PointForce]:
+        number: dict[str, Any] = {name: value}
+        if sine is excitation:
+            return system, replace(excitation, **number)
+        return system, replace(excitation, history=replace(sine, **number))
+
+    def at_frequency(value: Any) -> HybridSystem:
+        return replace(hybrid, omega=2.0 * math.pi * value)
+
+    def at_amplitude(value: Any) -> HybridSystem:
+        return replace(hybrid, amplitude=value)
+
+    for name, of, allowed, hybrid_at in (
+        ("frequency", "Hz", quantity("Hz", above=0.0), at_frequency),
+        ("amplitude", unit, quantity(unit, at_least=0.0), at_amplitude),
+    ):
+        yield Parameter(f"base.{name}", of, getattr(sine, name), allowed, hybrid, hybrid_at, partial(at, name=name))
 
 
 def _of_pair(
     system: System, excitation: Sine | PointForce, hybrid: HybridSystem, j: int, pair: ContactPair
 ) -> Iterator[Parameter]:
+    """Numbers of a pair: its finite gaps together, the numbers of its law, the mass of a ball."""
+
     def parameter(
-        name: str, unit: str, value: float, allowed: dict[str, Any], hybrid_at: Callable[..., HybridSystem],
-        with_value: Callable[[ContactPair, float], ContactPair], of_matrices: bool = False,
+        name: str, value: float, allowed: dict[str, Any], hybrid_at: Callable[[Any], HybridSystem],
+        pair_at: Callable[[float], ContactPair], of_matrices: bool = False,
     ) -> Parameter:  # fmt: skip
-        return Parameter(
-            f"{_place(pair)}.{name}", unit, value, allowed, hybrid, partial(hybrid_at, hybrid, j),
-            partial(_with_pair, system, excitation, j, with_value), of_matrices,
-        )  # fmt: skip
+        def at(value: float) -> tuple[System, Sine | PointForce]:
+            contacts = [pair_at(value) if i == j else other for i, other in enumerate(system.contacts)]
+            return with_checked_pairs(system, tuple(contacts)), excitation
+
+        path = f"{_place(pair)}.{name}"
+        return Parameter(path, allowed["unit"], float(value), allowed, hybrid, hybrid_at, at, of_matrices)
+
+    def with_spring(varied: HybridSystem, law: KelvinVoigt, effective_mass: Any, **number: Any) -> HybridSystem:
+        """With the spring and dashpot of a law, one of whose numbers may be complex."""
+        has = {name: getattr(law, name) for name in NUMBERS} | number
+        stiffness, damping = has["stiffness"], has["damping"]
+        if has["restitution"] is not None:
+            ratio, angle = _ratio_and_angle(has["restitution"])
+            if has["contact_time"] is not None:
+                rate = 2.0 * angle / has["contact_time"]
+                stiffness = effective_mass * rate * rate
+            damping = 2.0 * ratio * np.sqrt(stiffness * effective_mass)
+        return replace(
+            varied,
+            contact_stiffness=_with_entry(varied.contact_stiffness, j, stiffness),
+            contact_damping=_with_entry(varied.contact_damping, j, damping),
+        )
+
+    def at_gap(value: Any) -> HybridSystem:
+        return replace(hybrid, gaps=_with_entry(hybrid.gaps, (j, np.isfinite(hybrid.gaps[j])), value))
+
+    def at_restitution(value: Any) -> HybridSystem:
+        return replace(hybrid, restitution=_with_entry(hybrid.restitution, j, value))
+
+    def at_law(value: Any, law: KelvinVoigt, name: str) -> HybridSystem:
+        return with_spring(hybrid, law, pair.effective_mass, **{name: value})
+
+    def at_mass(value: Any) -> HybridSystem:
+        i = system.dofs + j
+        varied = replace(
+            hybrid,
+            mass=_with_entry(hybrid.mass, i, value),
+            load=_with_entry(hybrid.load, i, -value if hybrid.moves_base else 0.0),
+            constant=_with_entry(hybrid.constant, i, value * pair.acceleration),
+        )
+        if not isinstance(pair.law, KelvinVoigt):
+            return varied
+        return with_spring(varied, pair.law, 1.0 / (pair.first_mode**2 + 1.0 / value))
+
+    def with_gap(value: float) -> ContactPair:
+        plus, minus = (value if math.isfinite(gap) else gap for gap in pair.gaps)
+        return replace(pair, gaps=(plus, minus))
+
+    def with_law(value: float, law: Rigid | KelvinVoigt, name: str) -> ContactPair:
+        number: dict[str, Any] = {name: value}
+        return replace(pair, law=replace(law, **number))
 
     gaps = {gap for gap in pair.gaps if math.isfinite(gap)}
     if len(gaps) == 1:
         one_stop = pair.is_stop and math.inf in pair.gaps
-        allowed = quantity("m") if one_stop else quantity("m", above=0.0)
-        yield parameter("gap", "m", gaps.pop(), allowed, _at_gap, _with_gap)
+        yield parameter("gap", gaps.pop(), quantity("m") if one_stop else quantity("m", above=0.0), at_gap, with_gap)
     if pair.has_walls and pair.parameters.is_rigid:
-        allowed = quantity("1", at_least=0.0, at_most=1.0)
-        value = pair.parameters.restitution
-        with_value = partial(_with_contact, law=Rigid(value), name="restitution")
-        yield parameter("contact.restitution", "1", value, allowed, _at_restitution, with_value)
-    if isinstance(pair.law, KelvinVoigt):
-        for name, item in NUMBERS.items():
-            law = _law_that_has(pair, name)
-            if law is not None:
-                numbers, unit, value = _numbers_of(law), item.metadata["unit"], float(getattr(law, name))
-                hybrid_at = partial(_at_contact, numbers=numbers, name=name, effective_mass=pair.effective_mass)
-                with_value = partial(_with_contact, law=law, name=name)
-                yield parameter(f"contact.{name}", unit, value, dict(item.metadata), hybrid_at, with_value)
+        allowed, value = quantity("1", at_least=0.0, at_most=1.0), pair.parameters.restitution
+        pair_at = partial(with_law, law=Rigid(value), name="restitution")
+        yield parameter("contact.restitution", value, allowed, at_restitution, pair_at)
+    for name, item in NUMBERS.items() if isinstance(pair.law, KelvinVoigt) else ():
+        law = _law_that_has(pair, name)
+        if law is not None:
+            hybrid_at, pair_at = partial(at_law, law=law, name=name), partial(with_law, law=law, name=name)
+            yield parameter(f"contact.{name}", getattr(law, name), dict(item.metadata), hybrid_at, pair_at)
     if not pair.is_stop:
-        of_law = _numbers_of(pair.law) if isinstance(pair.law, KelvinVoigt) else None
-        at_mass = partial(_at_mass, pair=pair, coordinate=system.dofs + j, numbers=of_law)
-        yield parameter("mass", "kg", pair.mass, quantity("kg", above=0.0), at_mass, _with_mass, of_matrices=True)
+        yield parameter(
+            "mass", pair.mass, quantity("kg", above=0.0), at_mass, lambda value: replace(pair, mass=value), True
+        )
 
 
-def _at_frequency(hybrid: HybridSystem, value: Any) -> HybridSystem:
-    return replace(hybrid, omega=2.0 * math.pi * value)
-
-
-def _at_amplitude(hybrid: HybridSystem, value: Any) -> HybridSystem:
-    return replace(hybrid, amplitude=value)
-
-
-def _at_factor(hybrid: HybridSystem, value: Any) -> HybridSystem:
-    return replace(hybrid, damping=value * hybrid.damping)
-
-
-def _at_gap(hybrid: HybridSystem, j: int, value: Any) -> HybridSystem:
-    """The system with the finite gaps of a pair changed together."""
-    return replace(hybrid, gaps=_with_entry(hybrid.gaps, (j, np.isfinite(hybrid.gaps[j])), value))
-
-
-def _at_restitution(hybrid: HybridSystem, j: int, value: Any) -> HybridSystem:
-    return replace(hybrid, restitution=_with_entry(hybrid.restitution, j, value))
-
-
-def _at_contact(
-    hybrid: HybridSystem, j: int, value: Any, *, numbers: dict[str, Any], name: str, effective_mass: float
-) -> HybridSystem:
-    """The system with another number of a Kelvin-Voigt law, whose other one is held."""
-    given = numbers | {name: value}
-    if name == "restitution":
-        given["ratio_and_angle"] = _ratio_and_angle(value)
-    return _with_spring(hybrid, j, given, effective_mass)
-
-
-def _at_mass(
-    hybrid: HybridSystem, j: int, value: Any, *, pair: ContactPair, coordinate: int, numbers: dict[str, Any] | None
-) -> HybridSystem:
-    """The system with another mass of a ball, for which the numbers of its law give another spring and dashpot."""
-    varied = replace(
-        hybrid,
-        mass=_with_entry(hybrid.mass, coordinate, value),
-        load=_with_entry(hybrid.load, coordinate, -value if hybrid.moves_base else 0.0),
-        constant=_with_entry(hybrid.constant, coordinate, value * pair.acceleration),
-    )
-    return varied if numbers is None else _with_spring(varied, j, numbers, 1.0 / (pair.first_mode**2 + 1.0 / value))
-
-
-def _with_spring(hybrid: HybridSystem, j: int, numbers: dict[str, Any], effective_mass: Any) -> HybridSystem:
-    """The system with the spring and dashpot of a Kelvin-Voigt law by its numbers, which may be complex."""
-    stiffness, damping = numbers["stiffness"], numbers["damping"]
-    if numbers["ratio_and_angle"] is not None:
-        ratio, angle = numbers["ratio_and_angle"]
-        if numbers["contact_time"] is not None:
-            rate = 2.0 * angle / numbers["contact_time"]
-            stiffness = effective_mass * rate * rate
-        damping = 2.0 * ratio * np.sqrt(stiffness * effective_mass)
-    return replace(
-        hybrid,
-        contact_stiffness=_with_entry(hybrid.contact_stiffness, j, stiffness),
-        contact_damping=_with_entry(hybrid.contact_damping, j, damping),
-    )
-
-
-def _numbers_of(law: KelvinVoigt) -> dict[str, Any]:
-    """Numbers of a law, None where it is given with others, and what follows from its restitution alone."""
-    both = None if law.restitution is None else _ratio_and_angle(law.restitution)
-    return {name: getattr(law, name) for name in NUMBERS} | {"ratio_and_angle": both}
-
-
+@lru_cache(maxsize=16)
 def _ratio_and_angle(restitution: Any) -> tuple[Any, Any]:
     """Damping ratio z of a contact and its angle 2F1(1, 1; 3/2; (1 - z)/2), where e = exp(-2 z angle)."""
     e = restitution.real
@@ -255,34 +246,7 @@ def _law_that_has(pair: ContactPair, name: str) -> KelvinVoigt | None:
     return KelvinVoigt(has.stiffness, has.damping) if name in ("stiffness", "damping") else None
 
 
-def _with_excitation(system: System, excitation: Any, name: str, value: float) -> tuple[System, Any]:
-    if isinstance(excitation, PointForce):
-        return system, replace(excitation, history=replace(excitation.history, **{name: value}))
-    return system, replace(excitation, **{name: value})
-
-
-def _with_pair(
-    system: System, excitation: Any, j: int, change: Callable[[ContactPair, float], ContactPair], value: float
-) -> tuple[System, Any]:
-    contacts = [change(pair, value) if i == j else pair for i, pair in enumerate(system.contacts)]
-    return with_checked_pairs(system, tuple(contacts)), excitation
-
-
-def _with_gap(pair: ContactPair, value: float) -> ContactPair:
-    plus, minus = (value if math.isfinite(gap) else gap for gap in pair.gaps)
-    return replace(pair, gaps=(plus, minus))
-
-
-def _with_contact(pair: ContactPair, value: float, *, law: Rigid | KelvinVoigt, name: str) -> ContactPair:
-    number: dict[str, Any] = {name: value}
-    return replace(pair, law=replace(law, **number))
-
-
-def _with_mass(pair: ContactPair, value: float) -> ContactPair:
-    return replace(pair, mass=value)
-
-
-def _with_factor(system: System, excitation: Any, value: float) -> tuple[System, Any]:
+def _with_factor(system: System, value: float) -> System:
     """The system with all of its damping multiplied: of the structure, and of the dashpots that hold balls."""
     reactions = {
         name: changed(item, on_velocity=own(value * item.on_velocity)) for name, item in system.reactions.items()
@@ -295,4 +259,4 @@ def _with_factor(system: System, excitation: Any, value: float) -> tuple[System,
     varied = with_checked_fields(system, **scaled, contacts=tuple(contacts))
     # another branch that begins with it has the same scale
     varied.derived[FACTOR] = system, value
-    return varied, excitation
+    return varied

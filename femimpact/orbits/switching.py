@@ -14,7 +14,7 @@ from femimpact.integrators.event_driven.loop_data import CONTACT, FREE, SEPARATI
 from femimpact.orbits.branch import Bifurcation, known
 from femimpact.orbits.curve import SAME, Curve, Point, corrected, curve_of, evaluated, null_vectors
 from femimpact.orbits.equations import SECTION, EventStates
-from femimpact.orbits.limits import AT_WALL, without_speed
+from femimpact.orbits.following import AT_WALL, without_speed
 from femimpact.orbits.motion import IMPACT, PRESS_AGAIN, RELEASE, SEPARATE, TOUCH, HybridSystem
 from femimpact.orbits.orbit import PeriodicOrbit
 from femimpact.orbits.search import orbit_near, untouched_ball, without_events

@@ -19,8 +19,7 @@ from femimpact.integrators.assembly import impacts_of
 from femimpact.integrators.channel_rows import drive_of
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.event_driven.block import Inputs, new_block, no_cycles, run_block
-from femimpact.integrators.event_driven.equations import equations_of
-from femimpact.integrators.event_driven.store import FormStore, Outputs, Source, outputs_of
+from femimpact.integrators.event_driven.store import FormStore, Outputs, outputs_of
 from femimpact.orbits.equations import SECTION, EventStates, Solution, asymmetry, may_be_symmetric, product, state_unit
 from femimpact.orbits.motion import IMPACT, SEPARATE, TOUCH
 from femimpact.orbits.orbit import PeriodicOrbit, state_of
@@ -298,11 +297,9 @@ def own_runs(
     cycles = sequence.cycles
     method = EventDriven(samples_per_cycle=max(SAMPLES // cycles, EventDriven().samples_per_cycle))
     starts, phase, first = zip(*(one.motion.start() for one in solutions), strict=True)
-    state, rigid = np.array(starts), np.array([pair.parameters.is_rigid for pair in pairs], dtype=bool)
-    d = hybrids[0].mass.size
-    outputs = _outputs(systems[0], d)
-    equations = [equations_of(each, drive_of(each, excitation)) for each in systems]
-    sources = [Source(of, outputs, each.derived) for each, of in zip(systems, equations, strict=True)]
+    state, d = np.array(starts), hybrids[0].mass.size
+    drives = [drive_of(each, excitation) for each in systems]
+    store = FormStore(systems, drives, [_outputs(systems[0], d)] * len(systems))
     inputs = Inputs(
         omega=np.array([hybrid.omega for hybrid in hybrids]),
         amplitude=np.array([[hybrid.drive] for hybrid in hybrids], dtype=complex),
@@ -319,7 +316,7 @@ def own_runs(
     )
     kept, samples = len(sequence.kind) + MORE_EVENTS, cycles * method.samples_per_cycle
     block = new_block(
-        systems, FormStore(sources, rigid, rate=None), inputs, method, False if most_impacts else None,
+        store, inputs, method, False if most_impacts else None,
         most_rows=most_impacts, most_events=kept, system_of=np.arange(count) if len(systems) > 1 else None,
     )  # fmt: skip
 

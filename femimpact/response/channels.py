@@ -1,6 +1,6 @@
 """Channels: what is recorded of a run, each a linear reading of the state.
 
-A new built-in channel is a class and a line in `QUANTITIES`.
+A new built-in channel is a function and a line in `QUANTITIES`.
 """
 
 from __future__ import annotations
@@ -28,8 +28,6 @@ from femimpact.errors import (
     require_name,
     require_type,
     suggestion,
-    text,
-    truth,
 )
 from femimpact.regular_file import decimal_number
 from femimpact.structure.structure import Position
@@ -100,130 +98,48 @@ class Channel(Protocol):
         """The linear reading of a system's state."""
 
 
-def _pair_number(system: System, pair: str | None) -> int:
-    """Number of a pair among the contacts; None is the only one."""
-    names = [contact.name for contact in system.contacts]
-    if pair is None:
-        require(len(names) == 1, "channels", pair, "", f"must name one of the contacts: {', '.join(names) or 'none'}")
-        return 0
-    require_name(pair, names, "channels")
-    return names.index(pair)
+def _of_pair(system: System, at: Any, read: str) -> dict[str, Any]:
+    """Gap or contact force of a ball or a stop; of the only one where none is named.
 
-
-@dataclass(frozen=True)
-class ContactReading:
-    """Gap or contact force of a ball or a stop.
-
-    - gap (m): the displacement x that the gaps bound, ball minus beam, or the beam's deflection at a stop; at a stop
-      fixed in space the absolute deflection;
-    - contact_force (N): force of contact on the beam, positive in the direction of w; a centring spring has no share in
-      it. With Moreau-Jean and with an energy-consistent contact it is the mean over a step.
-
-    Raises `InputError` if a value is out of range; when it is read, if there is no such pair.
+    - gap (m): the displacement x_j = y_j - b_j u that the gaps bound, ball minus beam, or the beam's deflection at a
+      stop; at a stop fixed in space the absolute deflection;
+    - contact_force (N): force F_j of contact on the beam, positive in the direction of w; a centring spring has no
+      share in it. With Moreau-Jean and with an energy-consistent contact it is the mean over a step.
     """
-
-    quantity: str = field(metadata=choice("gap", "contact_force"))
-    pair: str | None = field(default=None, metadata=optional(text()))  # name of a ball or a stop; None is the only one
-
-    def __post_init__(self) -> None:
-        check_fields(self)
-
-    @property
-    def name(self) -> str:
-        """The pair's name with what is read of it."""
-        return self.quantity if self.pair is None else f"{self.pair}.{self.quantity}"
-
-    @property
-    def unit(self) -> str:
-        """Unit of the values."""
-        return "m" if self.quantity == "gap" else "N"
-
-    def reading(self, system: System) -> Reading:
-        """x_j = y_j - b_j u, and ub more at a stop fixed in space; or F_j, a stop's b_j pointing against w."""
-        j, nothing = _pair_number(system, self.pair), zero_reading(system)
-        pair, chosen = system.contacts[j], np.eye(len(system.contacts))[j]
-        if self.quantity == "contact_force":
-            return changed(nothing, contact_force=(-1.0 if pair.is_stop else 1.0) * chosen)
-        ball = np.zeros(len(system.contacts)) if pair.is_stop else chosen
-        base = np.array([1.0, 0.0, 0.0]) if pair.fixed_to == "space" else nothing.base
-        return changed(nothing, displacement=-pair.direction, ball_displacement=ball, base=base)
+    names = [contact.name for contact in system.contacts]
+    if at is None:
+        require(len(names) == 1, "channels", at, "", f"must name one of the contacts: {', '.join(names) or 'none'}")
+    else:
+        require_name(at, names, "channels")
+    j = 0 if at is None else names.index(at)
+    pair, chosen = system.contacts[j], np.eye(len(names))[j]
+    if read == "contact_force":
+        # a stop's b_j points against w
+        return {"contact_force": (-1.0 if pair.is_stop else 1.0) * chosen}
+    base = np.array([1.0 if pair.fixed_to == "space" else 0.0, 0.0, 0.0])
+    return {"displacement": -pair.direction, "ball_displacement": (not pair.is_stop) * chosen, "base": base}
 
 
-NAMES = ("displacement", "velocity", "acceleration")
-UNITS = ("m", "m/s", "m/s^2")
+DERIVATIVES = ("displacement", "velocity", "acceleration")
+"""What is read of a motion, by the order of its derivative."""
 
 
-@dataclass(frozen=True)
-class Motion:
+def _motion(system: System, at: Any, derivative: int, absolute: bool) -> dict[str, Any]:
     """Displacement, velocity or acceleration of a place or a ball: w(x, t) or y(t), in space with the base's added.
 
     The acceleration is the one that the equations of motion give at the instant of the sample, for every method.
     Beside rigid contacts it is that between impacts, whose share is an impulse.
-
-    Raises `InputError` if a value is out of range; when it is read, if the place is unknown.
     """
-
-    at: Position = field(metadata=place())  # a place of the structure, metres from the root, or a ball's name
-    # 0 for the displacement (m), 1 for the velocity (m/s), 2 for the acceleration (m/s^2)
-    derivative: int = field(default=0, metadata=quantity("1", at_least=0, at_most=2, integer=True))
-    # in the inertial frame; otherwise relative to the moving base
-    absolute: bool = field(default=False, metadata=truth())
-
-    def __post_init__(self) -> None:
-        check_fields(self)
-
-    @property
-    def name(self) -> str:
-        """The place, with what is read of it unless it is the relative displacement."""
-        read = NAMES[self.derivative]
-        if self.absolute:
-            return f"{self.at}.absolute_{read}"
-        return f"{self.at}.{read}" if self.derivative else str(self.at)
-
-    @property
-    def unit(self) -> str:
-        """Unit of the values."""
-        return UNITS[self.derivative]
-
-    def reading(self, system: System) -> Reading:
-        """Row of the place, or the coordinate of the ball, and the base's share."""
-        balls = [pair.name for pair in system.contacts]
-        nothing = zero_reading(system)
-        base = np.eye(3)[self.derivative] if self.absolute else nothing.base
-        if self.at in balls and self.at not in system.points:
-            coordinate: Any = np.eye(len(balls))[balls.index(str(self.at))]
-            moving = {("ball_displacement", "ball_velocity", "ball_acceleration")[self.derivative]: coordinate}
-        else:
-            moving = {NAMES[self.derivative]: system.point_row(self.at)}
-        return changed(nothing, base=base, **moving)
+    read, balls = DERIVATIVES[derivative], [pair.name for pair in system.contacts]
+    base = {"base": np.eye(3)[derivative]} if absolute else {}
+    if at in balls and at not in system.points:
+        return base | {f"ball_{read}": np.eye(len(balls))[balls.index(str(at))]}
+    return base | {read: system.point_row(at)}
 
 
-@dataclass(frozen=True)
-class Rotation:
-    """Slope w'(x, t) of the deflection at a place on the beam, 1.
-
-    Raises `InputError` if the value is no place; when it is read, if the place is unknown or lies on no beam.
-    """
-
-    at: Position = field(metadata=place())  # a named place, or metres from the root
-
-    def __post_init__(self) -> None:
-        check_fields(self)
-
-    @property
-    def name(self) -> str:
-        """The place, with what is read of it."""
-        return f"{self.at}.rotation"
-
-    @property
-    def unit(self) -> str:
-        """Unit of the values."""
-        return "1"
-
-    def reading(self, system: System) -> Reading:
-        """Row of w' there."""
-        row = system.deflection_rows([system.position_of(self.at)], derivative=1)[0]
-        return changed(zero_reading(system), displacement=np.asarray(row))
+def _rotation(system: System, at: Any) -> dict[str, Any]:
+    """Slope w'(x, t) of the deflection at a place on the beam, 1."""
+    return {"displacement": np.asarray(system.deflection_rows([system.position_of(at)], derivative=1)[0])}
 
 
 SECTION_UNITS = {
@@ -235,8 +151,7 @@ SECTION_UNITS = {
 }
 
 
-@dataclass(frozen=True)
-class SectionReading:
+def _of_section(system: System, at: Any, read: str, side: str) -> dict[str, Any]:
     """A quantity of the section at a place on the beam, with the signs of `femimpact.system.hermite`.
 
     - curvature w'' (1/m); its error in an element is of the second order of the element's length;
@@ -247,98 +162,43 @@ class SectionReading:
     - surface_strain -c w'' (1) and surface_stress -E c w'' (Pa) of the surface on the side of +w, at the distance c
       from the neutral axis: half the thickness or the diameter, or the outer fibre of a section.
 
-    Raises `InputError` if a value is out of range; when it is read, if the place is unknown, no section is known
-    there, or, of strain and stress, the section is given by area and second moment alone.
+    `side` is which element is read at a node: "right" towards the tip, "left" towards the root. They differ where the
+    section jumps.
+
+    Raises `InputError` if no section is known there, or, of strain and stress, it is given by area and second moment
+    alone.
     """
-
-    at: Position = field(metadata=place())  # a named place, or metres from the root
-    # {"curvature", "bending_moment", "shear_force", "surface_strain", "surface_stress"}
-    quantity: str = field(metadata=choice(*SECTION_UNITS))
-    # {"right", "left"}: which element is read at a node: towards the tip, or towards the root. They differ where the
-    # section jumps.
-    side: str = field(default="right", metadata=choice("right", "left"))
-
-    def __post_init__(self) -> None:
-        check_fields(self)
-
-    @property
-    def name(self) -> str:
-        """The place, with what is read of it."""
-        return f"{self.at}.{self.quantity}{'_left' if self.side == 'left' else ''}"
-
-    @property
-    def unit(self) -> str:
-        """Unit of the values."""
-        return SECTION_UNITS[self.quantity]
-
-    def reading(self, system: System) -> Reading:
-        """Row of w'' with the section's values at the place, or of (EI w'')'."""
-        x = [system.position_of(self.at)]
-        if self.quantity == "shear_force":
-            return changed(zero_reading(system), displacement=system.shear_rows(x, self.side)[0])
-        section = system.section_at(self.at, self.side)
-        if self.quantity == "curvature":
-            factor = 1.0
-        elif self.quantity == "bending_moment":
-            factor = section.bending_stiffness
-        else:
-            factor = -section.known_half_height(self.name)
-            factor *= section.young_modulus if self.quantity == "surface_stress" else 1.0
-        return changed(zero_reading(system), displacement=factor * np.asarray(system.curvature_rows(x, self.side)[0]))
+    x = [system.position_of(at)]
+    if read == "shear_force":
+        return {"displacement": system.shear_rows(x, side)[0]}
+    section, factor = system.section_at(at, side), 1.0
+    if read == "bending_moment":
+        factor = section.bending_stiffness
+    elif read != "curvature":
+        factor = -section.known_half_height(f"{at}.{read}{'_left' if side == 'left' else ''}")
+        factor *= section.young_modulus if read == "surface_stress" else 1.0
+    return {"displacement": factor * np.asarray(system.curvature_rows(x, side)[0])}
 
 
-@dataclass(frozen=True)
-class SupportReaction:
+def _reaction(system: System, at: Any, read: str) -> dict[str, Any]:
     """Force (N, along +w) or moment (N m, along +dw/dx) of one support on the structure.
 
     It is read from the held rows of M, C and K, with the forces that act on the support itself taken off, and with
     the acceleration that the equations of motion give; see `femimpact.system.hermite.Reaction`. With all dofs or
     all modes it is the sum of inertia and contact forces. With modes left out it is the reaction of the
-    modes that are kept; `ShakerForce` then shows the other sum, and a note of the response the difference.
+    modes that are kept; "shaker_force" then shows the other sum, and a note of the response the difference.
 
     A root has three forces, which differ in phase: this one; the elastic shear force EI w''', which leaves damping
     and the mass beside the root out; and the shaker's force, which alone closes the balance of power.
-
-    Parameters
-    ----------
-    at : str or float
-        Place of the support.
-    quantity : {"force", "moment"}
-
-    Raises
-    ------
-    InputError
-        When it is read, if no support gives this reaction.
     """
-
-    at: Position = field(metadata=place())
-    quantity: str = field(default="force", metadata=choice("force", "moment"))
-
-    def __post_init__(self) -> None:
-        check_fields(self)
-
-    @property
-    def name(self) -> str:
-        """The place, with what is read of it."""
-        return f"{self.at}.reaction_{self.quantity}"
-
-    @property
-    def unit(self) -> str:
-        """Unit of the values."""
-        return "N" if self.quantity == "force" else "N m"
-
-    def reading(self, system: System) -> Reading:
-        """The reaction of this support alone."""
-        known = list(system.reactions)
-        at = self.at if isinstance(self.at, str) else f"{self.at:.9g}"
-        reaction = f"{at}.{self.quantity}"
-        if reaction not in known:
-            require(False, "channels", self.name, "", f"no such reaction: {suggestion(reaction, known)}")
-        return changed(zero_reading(system), reaction=np.eye(len(known))[known.index(reaction)])
+    known = list(system.reactions)
+    reaction = f"{at if isinstance(at, str) else f'{at:.9g}'}.{read}"
+    if reaction not in known:
+        require(False, "channels", f"{at}.reaction_{read}", "", f"no such reaction: {suggestion(reaction, known)}")
+    return {"reaction": np.eye(len(known))[known.index(reaction)]}
 
 
-@dataclass(frozen=True)
-class ShakerForce:
+def _shaker_force(system: System, at: None) -> dict[str, Any]:
     """Force (N, along +w) that moves the base: the rate of the momentum of all that stands on it, but for other forces.
 
     base_load u'' + m ub'' + sum m_j (y_j'' + ub'') - (gravity and other constant forces) - (forces of stops that stand
@@ -349,34 +209,101 @@ class ShakerForce:
     the power of the motion that is computed. At rest it is the full weight whatever the number of modes, and gravity
     reads as a base acceleration of -g does.
     """
+    balls = np.array([0.0 if pair.is_stop else pair.mass for pair in system.contacts])
+    ball_weights = sum(mass * pair.acceleration for mass, pair in zip(balls, system.contacts, strict=True))
+    held = sum(item.constant for item in system.reactions.values() if item.unit == "N")
+    return {
+        "acceleration": system.base_load,
+        "ball_acceleration": balls,
+        "base": np.array([0.0, 0.0, system.total_mass + float(balls.sum())]),
+        # a stop's direction points against w
+        "contact_force": np.array([float(pair.is_stop and pair.fixed_to == "space") for pair in system.contacts]),
+        "point_force": -1.0,
+        "constant": -float(system.constant_resultant + held + ball_weights),
+    }
+
+
+class Quantity(NamedTuple):
+    """Meaning of the part of a name behind its dot, as in "tip.velocity"."""
+
+    of: tuple[str, ...]  # things that have it
+    unit: str
+    fields: Callable[[System, Any], dict[str, Any]]  # of the reading of a thing: those that are not zero
+
+
+MOTIONS = {
+    f"{'absolute_' * absolute}{read}": (derivative, absolute)
+    for absolute in (False, True)
+    for derivative, read in enumerate(DERIVATIVES)
+}
+"""Order of the derivative of each quantity that is a motion, and whether it is in space."""
+
+QUANTITIES: Mapping[str, Quantity] = {
+    **{
+        name: Quantity(
+            ("place", "ball"), ("m", "m/s", "m/s^2")[derivative],
+            partial(_motion, derivative=derivative, absolute=absolute),
+        )
+        for name, (derivative, absolute) in MOTIONS.items()
+    },
+    "rotation": Quantity(("place",), "1", _rotation),
+    **{
+        f"{name}{behind}": Quantity(("place",), unit, partial(_of_section, read=name, side=side))
+        for side, behind in (("right", ""), ("left", "_left"))
+        for name, unit in SECTION_UNITS.items()
+    },
+    "reaction_force": Quantity(("place",), "N", partial(_reaction, read="force")),
+    "reaction_moment": Quantity(("place",), "N m", partial(_reaction, read="moment")),
+    "gap": Quantity(("ball", "stop"), "m", partial(_of_pair, read="gap")),
+    "contact_force": Quantity(("ball", "stop"), "N", partial(_of_pair, read="contact_force")),
+    "shaker_force": Quantity((), "N", _shaker_force),
+}  # fmt: skip
+"""Quantities by the part of a name behind its dot; without a dot a place or a ball gives its relative displacement."""
+
+
+@dataclass(frozen=True)
+class QuantityAt:
+    """The channel of a quantity: of a place (a name, or metres from the root), a ball, a stop or the base.
+
+    Raises `InputError` if a value is out of range; when it is read, if the place or pair is unknown or lacks it.
+    """
+
+    quantity: str = field(metadata=choice(*QUANTITIES))
+    at: Position | None = field(default=None, metadata=optional(place()))  # None of the base, and of the only contact
+
+    def __post_init__(self) -> None:
+        check_fields(self)
 
     @property
     def name(self) -> str:
-        """Always "shaker_force": there is one base."""
-        return "shaker_force"
+        """The place, with what is read of it unless it is the relative displacement."""
+        if self.at is None:
+            return self.quantity
+        return str(self.at) if self.quantity == "displacement" else f"{self.at}.{self.quantity}"
 
     @property
     def unit(self) -> str:
         """Unit of the values."""
-        return "N"
+        return QUANTITIES[self.quantity].unit
 
     def reading(self, system: System) -> Reading:
-        """Momentum of structure and balls, and what else acts on them."""
-        balls = np.array([0.0 if pair.is_stop else pair.mass for pair in system.contacts])
-        ball_weights = sum(mass * pair.acceleration for mass, pair in zip(balls, system.contacts, strict=True))
-        held = sum(item.constant for item in system.reactions.values() if item.unit == "N")
-        constant = system.constant_resultant + held + ball_weights
-        # a stop's direction points against w
-        in_space = np.array([1.0 if pair.is_stop and pair.fixed_to == "space" else 0.0 for pair in system.contacts])
-        return changed(
-            zero_reading(system),
-            acceleration=system.base_load,
-            ball_acceleration=balls,
-            base=np.array([0.0, 0.0, system.total_mass + float(balls.sum())]),
-            contact_force=in_space,
-            point_force=-1.0,
-            constant=-float(constant),
-        )
+        """The reading of a state that the quantity is."""
+        return changed(zero_reading(system), **QUANTITIES[self.quantity].fields(system, self.at))
+
+
+def motion_at(at: Position, derivative: int = 0, absolute: bool = False) -> QuantityAt:
+    """The channel of the displacement (0), velocity (1) or acceleration (2) of a place or a ball."""
+    return QuantityAt(next(name for name, motion in MOTIONS.items() if motion == (derivative, absolute)), at)
+
+
+def motion_of(channel: Any) -> tuple[int, bool] | None:
+    """Order of the derivative that a channel is of a motion, and whether that is in space; None of any other one."""
+    return MOTIONS.get(channel.quantity) if isinstance(channel, QuantityAt) else None
+
+
+def is_of_contact(channel: Any) -> bool:
+    """Whether a channel is a gap or a contact force."""
+    return isinstance(channel, QuantityAt) and channel.quantity in ("gap", "contact_force")
 
 
 def channel_key(name: Position, key: str = "channel") -> str:
@@ -386,36 +313,8 @@ def channel_key(name: Position, key: str = "channel") -> str:
     """
     fits = isinstance(name, str) or in_range(name, quantity("m"))
     require(fits, key, name, "", "must be the name of a channel, or metres from the root")
-    # as `Motion` writes them
+    # as `QuantityAt` writes them
     return name if isinstance(name, str) else str(float(name))
-
-
-class Quantity(NamedTuple):
-    """Meaning of the part of a name behind its dot, as in "tip.velocity": things that have it, and the channel."""
-
-    of: tuple[str, ...]
-    make: Callable[[Any], Channel]
-
-
-QUANTITIES: Mapping[str, Quantity] = {
-    "displacement": Quantity(("place", "ball"), Motion),
-    "velocity": Quantity(("place", "ball"), partial(Motion, derivative=1)),
-    "acceleration": Quantity(("place", "ball"), partial(Motion, derivative=2)),
-    "absolute_displacement": Quantity(("place", "ball"), partial(Motion, absolute=True)),
-    "absolute_velocity": Quantity(("place", "ball"), partial(Motion, derivative=1, absolute=True)),
-    "absolute_acceleration": Quantity(("place", "ball"), partial(Motion, derivative=2, absolute=True)),
-    "rotation": Quantity(("place",), Rotation),
-    **{name: Quantity(("place",), partial(SectionReading, quantity=name)) for name in SECTION_UNITS},
-    **{
-        f"{name}_left": Quantity(("place",), partial(SectionReading, quantity=name, side="left"))
-        for name in SECTION_UNITS
-    },
-    "reaction_force": Quantity(("place",), SupportReaction),
-    "reaction_moment": Quantity(("place",), partial(SupportReaction, quantity="moment")),
-    "gap": Quantity(("ball", "stop"), partial(ContactReading, "gap")),
-    "contact_force": Quantity(("ball", "stop"), partial(ContactReading, "contact_force")),
-}
-"""Quantities by the part of a name behind its dot; without a dot a place or a ball gives its relative displacement."""
 
 
 def _kind(system: Any, stem: str) -> str | None:
@@ -444,26 +343,24 @@ def channel_of(
     if not isinstance(channel, (str, float, int)):
         return channel
     if not isinstance(channel, str):
-        return Motion(channel)
-    if channel == "shaker_force":
-        return ShakerForce()
-    if channel in ("gap", "contact_force") and len(system.contacts) == 1:
-        return QUANTITIES[channel].make(None)
+        return motion_at(channel)
+    if channel == "shaker_force" or (channel in ("gap", "contact_force") and len(system.contacts) == 1):
+        return QuantityAt(channel)
     stem, _, read = (channel, "", "displacement") if _kind(system, channel) else channel.rpartition(".")
     kind = _kind(system, stem)
     if kind is None:
         alone = ["gap", "contact_force"] if len(system.contacts) == 1 else []
         known = [*system.points, *(pair.name for pair in system.contacts), *alone, "shaker_force"]
-        behind = ", ".join(f".{name}" for name in QUANTITIES)
-        words = suggestion(stem if read in QUANTITIES else channel, known)
-        allowed = f"{words}, metres from the root, or one of these with one of {behind}"
+        behind = [name for name, entry in QUANTITIES.items() if entry.of]
+        words = suggestion(stem if read in behind else channel, known)
+        allowed = f"{words}, metres from the root, or one of these with one of .{', .'.join(behind)}"
         require(False, "channels", channel, "", allowed)
     fitting = [f"{stem}.{name}" for name, entry in QUANTITIES.items() if kind in entry.of]
-    moving = kind != "stop" or read not in ("displacement", "velocity", "acceleration")
+    moving = kind != "stop" or read not in DERIVATIVES
     require(moving, "channels", channel, "", "is a stop, which does not move: take its .gap or .contact_force")
     if f"{stem}.{read}" not in fitting:
         require(False, "channels", channel, "", suggestion(channel, fitting))
-    return QUANTITIES[read].make(stem if stem in system.points or kind != "place" else _metres(stem))
+    return QuantityAt(read, stem if stem in system.points or kind != "place" else _metres(stem))
 
 
 def resolve_channels(system: System, channels: Sequence[Position | Channel] | None) -> tuple[Channel, ...]:

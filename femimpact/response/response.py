@@ -29,7 +29,7 @@ from femimpact.errors import (
     truth,
 )
 from femimpact.excitation.excitation import MEMBERS, Excitation, has_cycle
-from femimpact.response.channels import Channel, Motion, channel_key, channel_of, resolve_channels
+from femimpact.response.channels import Channel, channel_key, channel_of, motion_of, resolve_channels
 from femimpact.response.cycles import Largest, LargestValues, SteadyMotion
 from femimpact.response.energy import EnergyLedger
 from femimpact.response.history import (
@@ -186,7 +186,6 @@ class Response:
     channels : mapping of str to ndarray (samples,)
         Relative to the base; `response["tip"]` reads one.
     units : mapping of str to str
-    impacts : Impacts
     sticking : StickingPhases
         Balls moving with their wall as a named state; only the event-driven method has it.
     statistics : ImpactStatistics
@@ -199,10 +198,8 @@ class Response:
     energy : EnergyLedger or None
         Of a streamed run, the few samples that decide the residual of all: the first, those of the
         largest imbalance and of the largest work, the last.
-    snapshots : Snapshots or None
     base : Excitation
         Its motion of the base makes absolute results.
-    system : System
     warnings, notes : tuple of str
     streamed_to : float or None, s
         Time of the last sample that went to the recorder's sink, if it has one.
@@ -312,9 +309,9 @@ class Response:
             If there is no such channel, it is of another kind, or the history went to `Recorder.sink`.
         """
         values, channel = self[name], channel_of(self.system, name)
-        moving = isinstance(channel, Motion) and not channel.absolute
+        _, absolute = motion_of(channel) or (0, True)
         allowed = "must be a relative displacement, velocity or acceleration to have an absolute value"
-        require(moving, "channel", str(name), self.units[str(name)], allowed)
+        require(not absolute, "channel", str(name), self.units[str(name)], allowed)
         moved_by = {"m": self.base.displacement, "m/s": self.base.velocity, "m/s^2": self.base.acceleration}
         return np.asarray(values + moved_by[channel.unit](self.time))
 

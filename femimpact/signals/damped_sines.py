@@ -464,8 +464,7 @@ def windows(
     if width > 1.0 and rows:
         notes.append(
             f"intervals of windows are {number_text(width, 3)} times as wide as by the noise above 10 times the "
-            "frequency: the "
-            "amplitudes of cycles scatter so much at the end of the record"
+            "frequency: the amplitudes of cycles scatter so much at the end of the record"
         )
     if len(all_windows) > len(above_noise):
         small = f"{len(all_windows) - len(above_noise)} windows whose amplitude is below"

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from femimpact.arrays import Array, even_interval
-from femimpact.errors import check_fields, checked, column, items, quantity, real_array, require, text
+from femimpact.errors import check_fields, column, items, quantity, real_array, require, takes, text
 from femimpact.signals.damped_sines import DecayFit, noise_of, seen_modes, windows
 from femimpact.table import Head, flat_columns, frame_of, head_of_columns, named_column, short_repr
 from femimpact.units import interval_texts, number_text
@@ -178,6 +178,7 @@ class DecayEstimate:
         return frame_of(*self.columns())
 
 
+@takes(modes=quantity("1", at_least=1, at_most=3, integer=True))
 def identify_decay(time: ArrayLike, signal: ArrayLike, *, modes: int = 1) -> DecayEstimate:
     """Frequencies and damping ratios of a free decay, with intervals, and the damping ratio over the amplitude.
 
@@ -207,11 +208,10 @@ def identify_decay(time: ArrayLike, signal: ArrayLike, *, modes: int = 1) -> Dec
     >>> import numpy as np
     >>> import femimpact as fi
     >>> t = np.arange(0.0, 8.0, 0.005)
-    >>> found = fi.identify_decay(t, np.exp(-0.1 * t) * np.cos(2 * np.pi * 5.0 * t))
-    >>> f"{found.modes[0].frequency:.3f} Hz, {100 * found.modes[0].damping_ratio:.3f} %"
+    >>> decay = fi.identify_decay(t, np.exp(-0.1 * t) * np.cos(2 * np.pi * 5.0 * t))
+    >>> f"{decay.modes[0].frequency:.3f} Hz, {100 * decay.modes[0].damping_ratio:.3f} %"
     '5.000 Hz, 0.318 %'
     """
-    modes = checked("modes", modes, quantity("1", at_least=1, at_most=3, integer=True))
     t, y, interval = _checked_signal(time, signal)
     begin, left_out = _begin(t, y, interval)
     t, y = t[begin:], y[begin:]
@@ -257,9 +257,8 @@ def _checked_signal(time: ArrayLike, signal: ArrayLike) -> tuple[Array, Array, f
     require(bad < 0, "time", f"steps of {steps.min():.6g} to {steps.max():.6g}", "s", allowed)
     require(float(np.ptp(y)) > 1e-12 * float(np.max(np.abs(y))), "signal", float(y[0]), "", "must not be constant")
     usual = float(np.median(steps))
-    require(
-        SHORTEST_STEP < usual < 1.0 / SHORTEST_STEP, "time", f"steps of {usual:.6g}", "s", "must be steps of seconds"
-    )
+    in_seconds = SHORTEST_STEP < usual < 1.0 / SHORTEST_STEP
+    require(in_seconds, "time", f"steps of {usual:.6g}", "s", "must be steps of seconds")
     # the first and the last time may be rounded
     return t, y, float(np.polyfit(np.arange(t.size), t - t[0], 1)[0])
 
@@ -314,7 +313,15 @@ def _unfit(fit: DecayFit, real: tuple[DecayMode, ...], t: Array, y: Array, inter
     own = fit.means.poles.imag / (2.0 * math.pi)
     slowest, fastest, near = float(own[0]), float(own[-1]), float(np.min(np.diff(own), initial=math.inf))
     duration, samples = y.size * interval, 1.0 / (interval * fastest)
-    words, wander, cycles = _rounded_or_clipped(y), _wander(t, interval), duration * slowest
+    words, wander, cycles = list[str](), _wander(t, interval), duration * slowest
+    _, step, half = _steps(y)
+    if half < FEWEST_STEPS * step:
+        words.append(
+            f"the record is rounded to steps of {number_text(step, 3)}, of which its largest value has "
+            f"{number_text(half / step, 2)} (at least {FEWEST_STEPS:g})"
+        )
+    if clipping := _clipped(y)[0]:
+        words.append(clipping)
     if wander > MOST_WANDER:
         words.append(
             f"the times wander off the even grid by {number_text(wander, 2)} of a step (at most {MOST_WANDER:g})"
@@ -325,16 +332,14 @@ def _unfit(fit: DecayFit, real: tuple[DecayMode, ...], t: Array, y: Array, inter
         words.append(f"a cycle of {fastest:.4g} Hz has {number_text(samples, 3)} samples (at least {FEWEST_SAMPLES:g})")
     words += [
         f"the amplitude of {one.frequency:.4g} Hz grows, by a damping ratio of "
-        f"{number_text(100.0 * one.damping_ratio, 3)} %: "
-        "no free decay"
+        f"{number_text(100.0 * one.damping_ratio, 3)} %: no free decay"
         for one in real
         if one.damping_ratio_interval[1] < 0.0
     ]
     if near * duration < 1.0:
         words.append(
             f"two modes are {number_text(near, 2)} Hz apart, below the {number_text(1.0 / duration, 2)} Hz of one "
-            "beat in the record: they may "
-            "be one whose damping depends on the amplitude"
+            "beat in the record: they may be one whose damping depends on the amplitude"
         )
     return [f"no interval: {one}" for one in words]
 
@@ -349,24 +354,15 @@ def _wander(t: Array, interval: float) -> float:
     return float(slow) if slow > 4.0 * float(np.sqrt(np.mean(off**2) / block)) else 0.0
 
 
-def _rounded_or_clipped(y: Array) -> list[str]:
-    """Words on a record of few steps, or a clipped one."""
+def _steps(y: Array) -> tuple[Array, float, float]:
+    """Values of a record by size, the least step between them, and half of their range."""
     values = np.unique(y)
-    step, half = float(np.min(np.diff(values))), 0.5 * float(values[-1] - values[0])
-    faults = []
-    if half < FEWEST_STEPS * step:
-        faults.append(
-            f"the record is rounded to steps of {number_text(step, 3)}, of which its largest value has "
-            f"{number_text(half / step, 2)} "
-            f"(at least {FEWEST_STEPS:g})"
-        )
-    return [*faults, *([words] if (words := _clipped(y)[0]) else [])]
+    return values, float(np.min(np.diff(values))), 0.5 * float(values[-1] - values[0])
 
 
 def _clipped(y: Array) -> tuple[str, int]:
     """Words on consecutive samples at the largest or the smallest value, and the last of these samples."""
-    values = np.unique(y)
-    step, half = float(np.min(np.diff(values))), 0.5 * float(values[-1] - values[0])
+    values, step, half = _steps(y)
     words, last = "", -1
     for top in (values[-1], values[0]):
         at = np.flatnonzero(y == top)

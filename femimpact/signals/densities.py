@@ -23,7 +23,7 @@ from femimpact.errors import (
 )
 from femimpact.excitation.excitation import has_cycle, is_force
 from femimpact.excitation.random_base import RandomBase
-from femimpact.response.channels import Motion, ShakerForce, SupportReaction, channel_key, channel_of
+from femimpact.response.channels import MOTIONS, channel_key, channel_of, motion_at, motion_of
 from femimpact.response.response import Response
 from femimpact.structure.structure import Position
 from femimpact.system.modes import solve_modes
@@ -275,13 +275,8 @@ def _amplitudes(response: Response, record: Record, start: float | None) -> Spec
     if is_steady(response.base):
         begin, end = max(response.window[0] if start is None else start, float(time[0])), float(time[-1])
         cycles = int((end - begin) * base + 1e-9)
-        require(
-            cycles >= 1,
-            "response.time",
-            end - begin,
-            "s",
-            f"must hold a base cycle, {number_text(1.0 / base, 3)} s, in its end",
-        )
+        allowed = f"must hold a base cycle, {number_text(1.0 / base, 3)} s, in its end"
+        require(cycles >= 1, "response.time", end - begin, "s", allowed)
         # the sample at the end of the last cycle would be the first of the next
         inside = (time >= end - cycles / base * (1.0 + 1e-9)) & (time < end)
         time, values = time[inside], values[inside]
@@ -342,10 +337,10 @@ def record_of(
     impacts = _rigid_impacts(response)
     read = _channel(response, name)
     lacks = f"{name} lacks the impulses of {impacts} rigid impacts"
-    order = read.derivative if isinstance(read, Motion) else 0
+    order, absolute = motion_of(read) or (0, False)
     # in space the motion of the base, which need not end at rest, would be in it
-    apart = whole and not (getattr(read, "absolute", False) and not is_force(response.base))
-    of_forces = isinstance(read, ShakerForce | SupportReaction)
+    apart = whole and not (absolute and not is_force(response.base))
+    of_forces = getattr(read, "quantity", "") in ("shaker_force", "reaction_force", "reaction_moment")
     for slower in range(order) if apart else (1,) if impacts and order == 2 else ():
         motion = _motion(response, read, slower)
         if motion is not None:
@@ -353,7 +348,7 @@ def record_of(
             break
     if impacts and order == 2:
         allowed = f"must be a recorded channel too: {lacks}, which the velocity has"
-        require(derivatives > 0, "channel", Motion(read.at, 1, read.absolute).name, "", allowed)
+        require(derivatives > 0, "channel", motion_at(read.at, 1, absolute).name, "", allowed)
         notes = (f"{lacks}: it is taken from the {'velocity' if derivatives == 1 else 'displacement'}, which has them",)
     elif impacts and (of_forces or name.rpartition(".")[2] == "contact_force"):
         warnings += (f"{lacks}: its spectrum is that of what acts between them",)
@@ -376,13 +371,13 @@ def _rigid_impacts(response: Response) -> int:
     return int(np.count_nonzero(np.isin(impacts.impactor, rigid))) + (impacts.dropped if rigid else 0)
 
 
-def _motion(response: Response, read: Motion, derivative: int) -> Array | None:
+def _motion(response: Response, read: Any, derivative: int) -> Array | None:
     """Displacement (0) or velocity (1) of the place of a channel, from a recorded one in space or relative to the base.
 
     None without one.
     """
-    relative, absolute = (Motion(read.at, derivative, in_space).name for in_space in (False, True))
-    wanted, other, sign = (absolute, relative, 1.0) if read.absolute else (relative, absolute, -1.0)
+    relative, absolute = (motion_at(read.at, derivative, in_space).name for in_space in (False, True))
+    wanted, other, sign = (absolute, relative, 1.0) if MOTIONS[read.quantity][1] else (relative, absolute, -1.0)
     if wanted in response.channels or other not in response.channels:
         return response.channels.get(wanted)
     base = (response.base.displacement, response.base.velocity)[derivative]
@@ -403,13 +398,13 @@ def absolute_motion(response: Response, channel: Position | None) -> tuple[str, 
     """Name, unit (m/s^2, or m/s where impulses count), samples and interval (s) of a channel's motion in space."""
     record = record_of(response, channel)
     read = _channel(response, record.name)
-    moving = isinstance(read, Motion) and read.derivative > 0
-    require(moving, "channel", record.name, record.unit, "must be an acceleration or a velocity")
-    order = read.derivative - record.derivatives
+    derivative, absolute = motion_of(read) or (0, False)
+    require(derivative > 0, "channel", record.name, record.unit, "must be an acceleration or a velocity")
+    order = derivative - record.derivatives
     base = (response.base.velocity, response.base.acceleration)[order - 1]
-    added = 0.0 if read.absolute else base(record.time)
+    added = 0.0 if absolute else base(record.time)
     return (
-        Motion(read.at, read.derivative, True).name,
+        motion_at(read.at, derivative, True).name,
         ("m/s", "m/s^2")[order - 1],
         record.values + added,
         record.interval,
@@ -509,6 +504,6 @@ def width_warnings(response: Response, resolution: float, highest: float) -> tup
     )
     return (
         f"lines {number_text(resolution, 3)} Hz apart are coarser than a fifth of the half-power width, "
-        f"{number_text(least, 3)} Hz, of the "
-        f"mode at {frequency[seen][narrow]:.4g} Hz: its peak is {number_text(-100.0 * bias, 2)} % too low; {wanted}",
+        f"{number_text(least, 3)} Hz, of the mode at {frequency[seen][narrow]:.4g} Hz: its peak is "
+        f"{number_text(-100.0 * bias, 2)} % too low; {wanted}",
     )

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from femimpact.arrays import Array
-from femimpact.errors import InputError, check_fields, column, instance, optional, place, quantity, require, takes, text
+from femimpact.errors import check_fields, column, faults_of, instance, optional, place, quantity, require, takes, text
 from femimpact.response.channels import channel_key
 from femimpact.response.response import Response
 from femimpact.structure.structure import Position
@@ -145,9 +145,6 @@ def extrapolate(system: System, measured: LaserReading, to: Position = "tip", mo
     seen = float(row @ shape)
     still = abs(seen) <= STILL * float(np.linalg.norm(row) * np.linalg.norm(shape))
     require(not still, "measured.at", measured.at, "", f"must be a place that moves in mode {mode}")
-    try:
-        wanted = system.point_row(to)
-    except InputError as error:
-        raise InputError([replace(fault, key="to") for fault in error.faults]) from None
-    factor = float(wanted @ shape) / seen
+    with faults_of("to"):
+        factor = float(system.point_row(to) @ shape) / seen
     return replace(measured, displacement=factor * measured.displacement, at=to)

@@ -19,7 +19,7 @@ from femimpact.excitation.records import RecordedBase
 from femimpact.excitation.shock import Shock
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.event_driven.run import find_extremes
-from femimpact.response.channels import Motion
+from femimpact.response.channels import motion_at
 from femimpact.response.response import Recorder, Response
 from femimpact.signals.densities import absolute_motion, remarks
 from femimpact.signals.transfer import checked_frequencies
@@ -149,8 +149,8 @@ def shock_response_spectrum(
 
     >>> import femimpact as fi
     >>> shock = fi.Shock("half-sine", acceleration=30 * 9.80665, duration=0.011)
-    >>> found = fi.shock_response_spectrum(shock, [10.0, 75.0, 1000.0], ratio=0.05)
-    >>> bool(found.acceleration[1] > 1.5 * 30 * 9.80665)
+    >>> spectrum = fi.shock_response_spectrum(shock, [10.0, 75.0, 1000.0], ratio=0.05)
+    >>> bool(spectrum.acceleration[1] > 1.5 * 30 * 9.80665)
     True
     """
     f = checked_frequencies(frequency)
@@ -193,7 +193,7 @@ def _extremes(
     system = System.from_matrices(*matrices, points={"mass": [1.0]})
     recorder = Recorder("mass", interval=end / READINGS if in_pieces else None)
     sizes: list[float] = []
-    for read, factor in ((Motion("mass", 2, True), 1.0), (Motion("mass"), -omega)):
+    for read, factor in ((motion_at("mass", 2, True), 1.0), (motion_at("mass"), -omega)):
         extremes = find_extremes(system, base, EventDriven(), end, recorder, State(), read)
         values = [factor * extreme.value for extreme in extremes]
         sizes += [max(*values, 0.0), max(-min(values), 0.0)]

@@ -1,4 +1,4 @@
-"""The beam: segments in a row, each of one material and of one section or one linear taper. No mesh here."""
+"""The beam: segments in a row, each of one material and of one section or one linear taper; damping. No mesh here."""
 
 from __future__ import annotations
 
@@ -6,9 +6,14 @@ import math
 from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
+import numpy as np
+
+from femimpact.arrays import Array
 from femimpact.errors import Fault, InputError, check_fields, checked, name_text, quantity, require, require_type
+from femimpact.units import number_text
 
 
 def require_single(values: Mapping[str, Any]) -> None:
@@ -126,7 +131,7 @@ class Segment:
         """True if the section changes along the segment."""
         return self.rectangle != self.end_rectangle
 
-    @property
+    @cached_property
     def rectangle(self) -> tuple[float, float]:
         """Width and thickness (m) of the rectangle with this area and second moment, at the start of a taper."""
         if self.width is not None and self.thickness is not None:
@@ -140,7 +145,7 @@ class Segment:
         thickness = math.sqrt(12.0 * second_moment / area)
         return area / thickness, thickness
 
-    @property
+    @cached_property
     def end_rectangle(self) -> tuple[float, float]:
         """Width and thickness (m) at the end towards the tip."""
         width, thickness = self.rectangle
@@ -253,7 +258,7 @@ class Beam:
         )
         return cls((segment,))
 
-    @property
+    @cached_property
     def length(self) -> float:
         """Total length, m."""
         return math.fsum(segment.length for segment in self.segments)
@@ -263,7 +268,7 @@ class Beam:
         """Mass of the bare beam, kg."""
         return math.fsum(segment.mass for segment in self.segments)
 
-    @property
+    @cached_property
     def joints(self) -> tuple[float, ...]:
         """Positions (m) of the segments' ends, the root's 0 first and the tip last."""
         lengths = [segment.length for segment in self.segments]
@@ -290,3 +295,95 @@ class Beam:
         """
         i = self.segment_index_at(position)
         return self.segments[i].drawn_at(position - self.joints[i])
+
+
+# ---- damping ---------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Rayleigh:
+    """Mass- and stiffness-proportional damping C = alpha M + beta K of the structure only.
+
+    Two ratios zeta_i = alpha/(2 omega_i) + beta omega_i/2 give alpha and beta (Clough and Penzien, 2003).
+
+    Parameters
+    ----------
+    ratio : float or pair of float, 1
+        Target damping ratio at both places, or one for each.
+    modes : pair of int, optional
+        The two modes (counted from 1) that get the target ratios.
+    frequencies : pair of float, Hz, optional
+        The two frequencies that get them; give either modes or frequencies.
+    """
+
+    ratio: float | tuple[float, float] = field(metadata=quantity("1", at_least=0.0, below=1.0, several=True))
+    modes: tuple[int, int] | None = field(default=None, metadata=quantity("1", at_least=1, integer=True, several=True))
+    frequencies: tuple[float, float] | None = field(default=None, metadata=quantity("Hz", above=0.0, several=True))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        if isinstance(self.ratio, tuple):
+            require(len(self.ratio) == 2, "ratio", self.ratio, "1", "must be one number or two")
+        allowed = "give either two modes (counted from 1) or two frequencies (Hz)"
+        require((self.modes is None) != (self.frequencies is None), "modes", self.modes, "", allowed)
+        pair, name = (self.modes, "modes") if self.modes else (self.frequencies, "frequencies")
+        distinct = isinstance(pair, tuple) and len(pair) == 2 and pair[0] != pair[1]
+        require(distinct, name, pair, "", "must be two different values")
+
+
+@dataclass(frozen=True)
+class ModalDamping:
+    """Given damping ratios of the lowest modes, and damping in proportion to the stiffness above them.
+
+    C = beta K + sum_k (2 ratio_k omega_k - beta omega_k^2) (M phi_k)(M phi_k)^T over the given modes, with
+    beta = 2 ratio_n/omega_n of the last one. Every given mode has its ratio exactly; a mode above has
+    ratio_n omega/omega_n, the last ratio times its frequency over the last one's. Modes stay decoupled, so that the
+    system may be reduced. C is a full matrix: on physical dofs of a fine mesh, reduce first.
+
+    Parameters
+    ----------
+    ratios : float or tuple of float, 1
+        Of modes 1, 2, ...; one number is that of the first mode.
+
+    Notes
+    -----
+    Clough and Penzien (2003), on damping matrices by modal superposition.
+    """
+
+    ratios: float | tuple[float, ...] = field(metadata=quantity("1", at_least=0.0, below=1.0, several=True))
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+
+    @property
+    def each(self) -> tuple[float, ...]:
+        """The ratios, one for each given mode."""
+        return self.ratios if isinstance(self.ratios, tuple) else (self.ratios,)
+
+
+def rayleigh_coefficients(
+    omega: tuple[float, float],  # pair of float, rad/s
+    ratio: tuple[float, float],  # pair of float, 1
+) -> tuple[float, float]:  # 1/s and s
+    """Coefficients (alpha in 1/s, beta in s) of C = alpha M + beta K from two target ratios.
+
+    ratio_i = alpha/(2 omega_i) + beta omega_i/2 for i = 1, 2 (Clough and Penzien, 2003).
+
+    Raises `InputError` if the targets need a negative coefficient, which would feed energy in elsewhere, or the two
+    frequencies are one.
+    """
+    (w1, w2), (z1, z2) = map(float, omega), map(float, ratio)
+    require(w1 != w2, "omega", omega, "rad/s", "must be two different values")
+    alpha = 2.0 * w1 * w2 * (z1 * w2 - z2 * w1) / (w2**2 - w1**2)
+    beta = 2.0 * (z2 * w2 - z1 * w1) / (w2**2 - w1**2)
+    allowed = (
+        f"needs alpha = {number_text(alpha, 3)} 1/s and beta = {number_text(beta, 3)} s; a negative one feeds energy "
+        "in: bring the two ratios closer together"
+    )
+    require(alpha >= 0.0 and beta >= 0.0, "damping.ratio", ratio, "1", allowed)
+    return alpha, beta
+
+
+def realised_damping_ratio(alpha: float, beta: float, omega: Array | float) -> Array:
+    """Damping ratio alpha/(2 omega) + beta omega/2 that Rayleigh damping gives at omega (rad/s)."""
+    return np.asarray(0.5 * (alpha / omega + beta * omega))

@@ -23,8 +23,7 @@ from femimpact.errors import (
     require,
     require_type,
 )
-from femimpact.structure.beam import Beam
-from femimpact.structure.damping import ModalDamping, Rayleigh
+from femimpact.structure.beam import Beam, ModalDamping, Rayleigh
 from femimpact.table import Head, head_of_values, short_repr
 
 Position = str | float
@@ -432,11 +431,10 @@ class Structure:
     @property
     def connections(self) -> tuple[tuple[str, Spring | Dashpot, dict[str, Position]], ...]:
         """Springs and dashpots, each with its key path and its places on the beam by the field's name."""
-        items: list[tuple[str, Spring | Dashpot]] = []
-        items += [(f"spring.{spring.name}", spring) for spring in self.springs]
-        items += [(f"dashpot.{dashpot.name}", dashpot) for dashpot in self.dashpots]
         return tuple(
-            (key, item, {"at": item.at} if item.to is None else {"at": item.at, "to": item.to}) for key, item in items
+            (f"{kind}.{one.name}", one, {"at": one.at} if one.to is None else {"at": one.at, "to": one.to})
+            for kind, several in (("spring", self.springs), ("dashpot", self.dashpots))
+            for one in several
         )
 
     @property
@@ -537,18 +535,15 @@ def _of_sections(structure: Structure) -> Iterator[UnusualNumber]:
         yield UnusualNumber("beam.length", beam.length / thickness, "times the thickness", SLENDER, usual, instead)
     for segment in beam.segments:
         path = "beam" if len(beam.segments) == 1 else f"beam.{segment.name}"
-        low, high = USUAL_MODULUS
-        value = segment.young_modulus
-        if not low <= value <= high:
-            usual = f"outside {low:g} to {high:g} Pa (rubber 1e6 to 1e8, aluminium 7e10, steel 2.1e11)"
-            limit = low if value < low else high
-            yield UnusualNumber(f"{path}.young_modulus", value, "Pa", limit, usual, "is it in Pa?")
-        low, high = USUAL_DENSITY
-        value = segment.density
-        if not low <= value <= high:
-            usual = f"outside {low:g} to {high:g} kg/m^3 (aluminium 2700, steel 7850)"
-            limit = low if value < low else high
-            yield UnusualNumber(f"{path}.density", value, "kg/m^3", limit, usual, "is it in kg/m^3?")
+        for name, unit, (low, high), examples, instead in (
+            ("young_modulus", "Pa", USUAL_MODULUS, "rubber 1e6 to 1e8, aluminium 7e10, steel 2.1e11", "is it in Pa?"),
+            ("density", "kg/m^3", USUAL_DENSITY, "aluminium 2700, steel 7850", "is it in kg/m^3?"),
+        ):
+            value = getattr(segment, name)
+            if not low <= value <= high:
+                usual = f"outside {low:g} to {high:g} {unit} ({examples})"
+                limit = low if value < low else high
+                yield UnusualNumber(f"{path}.{name}", value, unit, limit, usual, instead)
         for name in ("width", "diameter", "outer_fibre"):
             value = getattr(segment, name)
             if value is not None and value > beam.length:

@@ -29,10 +29,9 @@ from femimpact.excitation.remarks import frequency_warnings, motion_warnings
 from femimpact.integrators.cases import SineCases, SineDwellResults
 from femimpact.integrators.methods import Method
 from femimpact.integrators.planned_drive import TRANSIENT_LEFT, contact_notes, grid_resolution, transient_left
-from femimpact.response.cycles import SteadyMotion, deflection_warnings
+from femimpact.response.cycles import SteadyMotion, deflection_warnings, resolution_warnings
 from femimpact.response.energy import residual_warnings
-from femimpact.response.impacts import statistics_of_cases
-from femimpact.response.resolution import resolution_warnings
+from femimpact.response.impacts import ImpactStatistics, statistics_of_cases
 from femimpact.signals.one_pole import DampingEstimate, fit_one_pole, half_power
 from femimpact.structure.structure import Position
 from femimpact.system.modes import first_elastic_frequency
@@ -51,16 +50,12 @@ SAME_FREQUENCY = 2e-9
 MOTION_UNITS = {item.name: str(item.metadata["unit"]) for item in fields(SteadyMotion)}
 """Columns that are read from the steady motion, and their units; "" for the steadiness, which is no number."""
 
-SWEEP_UNITS = {
-    **{name: unit for name, unit in MOTION_UNITS.items() if unit},
-    "impacts_per_cycle": "1",
-    "mean_approach_speed": "m/s",
-    "largest_approach_speed": "m/s",
-    "mean_impulse": "N s",
-    "peak_force": "N",
-    "cycle_mean_force": "N",
-    "energy_residual": "1",
+IMPACT_UNITS = {
+    item.name: str(item.metadata["unit"]) for item in fields(ImpactStatistics) if item.name not in ("count", "law")
 }
+"""Columns that are statistics of impacts, and their units."""
+
+SWEEP_UNITS = {name: unit for name, unit in MOTION_UNITS.items() if unit} | IMPACT_UNITS | {"energy_residual": "1"}
 """Numeric columns of a sweep and their units."""
 
 OF_THE_CHANNEL = tuple(name for name, unit in MOTION_UNITS.items() if unit == "m")
@@ -72,21 +67,12 @@ ONE_START = "one start's value: the motion is not periodic"
 TAKE_STARTS = "take medians over several starts"
 """What a motion that never repeats asks for, in a warning of a curve of one start."""
 
-IMPACT_NAMES = (
-    "impacts_per_cycle", "mean_approach_speed", "largest_approach_speed", "mean_impulse", "peak_force",
-    "cycle_mean_force",
-)  # fmt: skip
-"""Those of them that are statistics of impacts."""
-
 
 def on_grid(
     frequency: ArrayLike,  # (n,) Hz
     grid: ArrayLike,  # (m,) Hz
 ) -> NDArray[np.bool_]:
-    """True for the frequencies that are points of a grid, (n,).
-
-    Raises `InputError` if one of them holds anything but finite numbers.
-    """
+    """True for the frequencies that are points of a grid, (n,)."""
     wanted, points = (
         real_array(key, values, "Hz", "must be finite numbers")
         for key, values in (("frequency", frequency), ("grid", grid))
@@ -147,12 +133,6 @@ class FrequencyResponse:
         None of a sweep at constant displacement.
     direction : "up", "down" or None
         The way in which each frequency began with the end of the one before it; None where each is a separate run.
-
-    Raises
-    ------
-    InputError
-        If not exactly one of `cycles` and `duration` or of `amplitude` and `acceleration` is given, or the window is
-        longer than the duration.
     """
 
     _figure: ClassVar[str] = "fi.figures.response_curve(curve)"
@@ -209,11 +189,12 @@ class FrequencyResponse:
     def _head(self) -> Head:
         size = self.frequency.size
         span = f" at {self.frequency.min():.5g} to {self.frequency.max():.5g} Hz" if size else ""
-        found = bool(np.any(np.isfinite(self.peak)))
-        star = "*" if found and self.peak_is_sample else ""
-        highest = f", peak {self.peak_amplitude:.5g}{star} {self.unit} at {self.peak_frequency:.5g} Hz" if found else ""
-        settling = " (transient)" if found and self.peak_is_transient else ""
-        title = f"FrequencyResponse: {size}{span}{highest}{settling}, {len(self.warnings)} warnings"
+        highest = ""
+        if np.any(np.isfinite(self.peak)):
+            star = "*" if self.peak_is_sample else ""
+            highest = f", peak {self.peak_amplitude:.5g}{star} {self.unit} at {self.peak_frequency:.5g} Hz"
+            highest += " (transient)" if self.peak_is_transient else ""
+        title = f"FrequencyResponse: {size}{span}{highest}, {len(self.warnings)} warnings"
         columns, units = flat_columns(self)
         units = self._units_of(units)
         if np.any(self.is_sample):
@@ -316,41 +297,36 @@ class FrequencyResponse:
 Columns = dict[str, NDArray[Any]]
 
 
-def empty_columns(count: int) -> Columns:
-    """Columns of frequencies that all have failed."""
-    columns: Columns = {name: np.full(count, np.nan) for name in SWEEP_UNITS}
-    columns["steadiness"] = np.full(count, "failed", dtype="<U11")
-    return columns
+def dwell_columns(dwells: SineDwellResults, frequency: Array) -> Columns:
+    """Columns (n,) of dwells by the names of `SWEEP_UNITS`, and their steadiness."""
+    motion = {name: getattr(dwells.motion, name) for name in MOTION_UNITS}
+    impacts = statistics_of_cases(dwells.totals, dwells.duration, frequency)
+    return motion | impacts | {"energy_residual": dwells.residual}
 
 
-def columns_of_dwells(found: SineDwellResults, f: Array, ledger: bool) -> tuple[Columns, list[str]]:
-    """Columns of dwells, and their warnings, with one for each dwell that failed.
+def columns_of_dwells(dwells: SineDwellResults, f: Array, ledger: bool) -> tuple[Columns, list[str]]:
+    """Columns of dwells, and their warnings, with one for each dwell that failed: its row is not a number, "failed".
 
     Raises `DivergenceError` if all have.
     """
-    columns = empty_columns(f.size)
-    statistics = statistics_of_cases(found.totals, found.duration, f)
-    completed = np.array([not failure for failure in found.failures])
+    completed = np.array([not failure for failure in dwells.failures])
     if not np.any(completed):
-        raise DivergenceError(found.failures[0])
-    for name in MOTION_UNITS:
-        columns[name][completed] = getattr(found.motion, name)[completed]
-    for name in IMPACT_NAMES:
-        columns[name][completed] = statistics[name][completed]
-    columns["energy_residual"][completed] = found.residual[completed]
-    warnings = [*found.warnings, *filter(None, found.failures)]
+        raise DivergenceError(dwells.failures[0])
+    columns = {
+        name: np.where(completed, column, "failed" if name == "steadiness" else np.nan)
+        for name, column in dwell_columns(dwells, f).items()
+    }
+    warnings = [*dwells.warnings, *filter(None, dwells.failures)]
     if ledger:
         # a dwell that failed has a warning already
-        warnings += residual_warnings(f, np.where(completed, found.residual, 0.0), found.bound)
+        warnings += residual_warnings(f, np.where(completed, dwells.residual, 0.0), dwells.bound)
     return columns, warnings
 
 
 def curve_of(
-    system: System, method: Method, cases: SineCases, found: tuple[Columns, list[str]],
-    about: Mapping[str, Any],
-) -> FrequencyResponse:  # fmt: skip
+    system: System, method: Method, cases: SineCases, columns: Columns, warnings: list[str], about: Mapping[str, Any]
+) -> FrequencyResponse:
     """The curve of columns, with its warnings and notes."""
-    columns, warnings = found
     f = cases.frequency
     values: dict[str, Any] = {name: read_only(column) for name, column in columns.items()}
     warnings = warnings + _steadiness_warnings(system, cases, columns) + _dwell_warnings(system, cases)
@@ -424,5 +400,5 @@ def _shortest_begin(cases: SineCases) -> float:
 
 def _grid_warnings(system: System, f: Array) -> list[str]:
     """A warning where the grid is too coarse for the first resonance of a structure without contacts."""
-    found = None if system.contacts else grid_resolution(system, f)
-    return [] if found is None else list(resolution_warnings(found))
+    resolution = None if system.contacts else grid_resolution(system, f)
+    return [] if resolution is None else list(resolution_warnings(resolution))

@@ -149,9 +149,6 @@ def frequency_sweep(
 
     Raises
     ------
-    InputError
-        If an argument is out of range, not exactly one of amplitude and acceleration is given, or the step does not
-        resolve the contact.
     DivergenceError
         If every frequency diverged.
     """
@@ -196,7 +193,7 @@ def frequency_sweep(
         measured_dwells = method.run_cases(system, cases, row / scale, int(ledger), workers, report)
     columns, warnings = columns_of_dwells(measured_dwells, cases.frequency, ledger)
     columns |= {name: scale * columns[name] for name in OF_THE_CHANNEL}
-    return curve_of(system, method, cases, (columns, warnings), about)
+    return curve_of(system, method, cases, columns, warnings, about)
 
 
 def _checked_level(amplitude: Any, acceleration: Any, frequency: Array) -> tuple[float | None, Level | None]:
@@ -218,8 +215,6 @@ def _chained_curves(
     """Curves by their direction, of one chain of dwells: each begins where the last one that has not failed ended.
 
     The base is at zero where the frequency changes: its displacement is continuous, and the motion relative to it.
-
-    Raises `InputError` if a dwell cannot be run at all.
     """
     ways = ["up", "down"] if direction == "both" else [direction]
     count = cases.frequency.size
@@ -235,8 +230,8 @@ def _chained_curves(
     for i, way in enumerate(ways):
         part = runs[i * count : (i + 1) * count]
         dwells = joined(part if way == "up" else part[::-1], np.arange(count))
-        columns = columns_of_dwells(dwells, cases.frequency, ledger)
-        curves[way] = curve_of(system, method, cases, columns, {**about, "direction": way})
+        columns, warnings = columns_of_dwells(dwells, cases.frequency, ledger)
+        curves[way] = curve_of(system, method, cases, columns, warnings, {**about, "direction": way})
     return curves
 
 
@@ -256,8 +251,6 @@ def dwell_cycles(
     """Frequencies of dwells and their base cycles, all and measured, from a number of cycles or from a duration.
 
     Of a duration all complete cycles from t = 0 are run; measured are those that lie within the window at its end.
-
-    Raises `InputError` if neither or both ways are taken, or less than one whole cycle would be measured.
     """
     allowed = "must be one or more numbers > 0"
     f = np.atleast_1d(real_array("frequencies", frequencies, "Hz", allowed))

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 
 from femimpact.arrays import Array, own
 from femimpact.contact.law import ContactLaw, require_law, resolve
 from femimpact.contact.laws import ContactParameters
-from femimpact.errors import check_fields, choice, column, name_text, quantity, require, require_type
+from femimpact.errors import changed, check_fields, choice, column, made, name_text, quantity, require, require_type
 from femimpact.structure.structure import Absorber, Impactor, Stop, require_free_damping, require_preload, sound_gaps
 
 
@@ -70,12 +70,12 @@ class ContactPair:
         require_preload(self.gaps, self.law)
         require_free_damping(self.free_damping, self.law)
 
-    @property
+    @cached_property
     def is_stop(self) -> bool:
         """True if the other side is a fixed obstacle, not a ball."""
         return math.isinf(self.mass)
 
-    @property
+    @cached_property
     def has_walls(self) -> bool:
         """False of an absorber, whose body meets nothing."""
         return min(self.gaps) < math.inf
@@ -95,7 +95,7 @@ class ContactPair:
         """1/m of the ball (1/kg), 0 for a stop."""
         return 0.0 if self.is_stop else 1.0 / self.mass
 
-    @property
+    @cached_property
     def effective_mass(self) -> float:
         """1/(1/m + phi1^2), kg."""
         inverse = self.first_mode**2 + self.mobility
@@ -106,13 +106,6 @@ class ContactPair:
     def parameters(self) -> ContactParameters:
         """The law's numbers for this pair's effective mass."""
         return resolve(self.law, self.effective_mass)
-
-    def along(self, direction: Array) -> ContactPair:
-        """The same pair in other coordinates of the structure, (dofs,); law and effective mass stay."""
-        moved = replace(self, direction=direction)
-        # a user's law takes a while to integrate
-        moved.__dict__["parameters"] = self.parameters
-        return moved
 
     def shares_place(self, other: ContactPair) -> bool:
         """True if both pairs are at one place: the same direction object, position, first mode and flexibility."""
@@ -144,7 +137,8 @@ def contact_pair(
         stiffness, damping, acceleration = item.free_stiffness, item.free_damping, item.acceleration + gravity
     else:
         stiffness, damping, acceleration = 0.0, 0.0, 0.0
-    pair = ContactPair(
+    pair = made(
+        ContactPair,
         name=item.name,
         direction=own(-row if stop else row),
         position=position,
@@ -161,3 +155,12 @@ def contact_pair(
     # a law that has no numbers for this mass is refused here, not in the middle of a run
     require_type(pair.parameters, ContactParameters, "parameters")
     return pair
+
+
+def pair_along(pair: ContactPair, direction: Array) -> ContactPair:
+    """The same pair in other coordinates of the structure, (dofs,); law and effective mass stay."""
+    direction.setflags(write=False)
+    moved = changed(pair, direction=direction)
+    # a user's law takes a while to integrate
+    moved.__dict__["parameters"] = pair.parameters
+    return moved

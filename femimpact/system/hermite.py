@@ -14,11 +14,8 @@ from femimpact.arrays import Array, own
 from femimpact.errors import (
     Fault,
     InputError,
-    checked,
     choice,
     quantity,
-    real_array,
-    require,
 )
 from femimpact.system.matrices import Matrix
 
@@ -37,18 +34,16 @@ DERIVATIVE = quantity("1", at_least=0, at_most=3, integer=True)
 
 
 def shape_functions(
-    s: ArrayLike,  # shape (...) position inside the element, 0 at its first node and 1 at its second
-    derivative: int = 0,  # order of the derivative by s, 0 to 3
-) -> Array:
-    """Cubic Hermite shape functions of (w1, h w1', w2, h w2') or a derivative of them by s.
+    s: Array,  # shape (...) position inside the element, 0 at its first node and 1 at its second
+) -> tuple[tuple[Array, ...], ...]:
+    """Cubic Hermite shape functions of (w1, h w1', w2, h w2'), and their three derivatives by s.
 
     w(s) = H1 w1 + H2 h w1' + H3 w2 + H4 h w2', with s = (x - x1)/h.
 
-    Returns shape (4, ...) 1: values; multiply rows 1 and 3 by the element length for dofs (w, dw/dx), and divide all by
-    its `derivative`-th power for derivatives by x.
+    Returns four functions (...) for each order; multiply the second and the fourth by the element length for dofs
+    (w, dw/dx), and divide all of an order by that power of it for derivatives by x.
     """
-    s = real_array("s", s, "1", "must be finite numbers")
-    return np.array(_SHAPES[checked("derivative", derivative, DERIVATIVE)](s))
+    return tuple(shapes(s) for shapes in _SHAPES)
 
 
 _SHAPES: tuple[Callable[[Array], tuple[Array, ...]], ...] = (
@@ -60,20 +55,9 @@ _SHAPES: tuple[Callable[[Array], tuple[Array, ...]], ...] = (
 """The functions and their derivatives by s, by the order of the derivative."""
 
 
-def positions_on_beam(nodes: Array, positions: ArrayLike, key: str) -> Array:
-    """Positions (m) on the beam, those off it by rounding only moved to its end."""
-    root, tip = float(nodes[0]), float(nodes[-1])
-    allowed = f"must be within the beam, {root:g} to {tip:g} m"
-    x = real_array(key, positions, "m", allowed)
-    slack = OFF_BEAM * (tip - root)
-    beyond = x[(x < root - slack) | (x > tip + slack)]
-    require(beyond.size == 0, key, float(beyond[0]) if beyond.size else None, "m", allowed)
-    return np.minimum(np.maximum(x, root), tip)
-
-
 def element_of(nodes: Array, positions: Array, side: str) -> NDArray[np.intp]:
     """Numbers of the elements that hold positions (k,) in m; at a node, to 1e-9 of the length, the one on a side."""
-    shift = (1.0 if checked("side", side, SIDE) == "right" else -1.0) * AT_NODE * (nodes[-1] - nodes[0])
+    shift = (1.0 if side == "right" else -1.0) * AT_NODE * (nodes[-1] - nodes[0])
     element = np.searchsorted(nodes, positions + shift, side="right") - 1
     return np.asarray(np.minimum(np.maximum(element, 0), nodes.size - 2))
 
@@ -93,11 +77,9 @@ def hermite_rows(
 ) -> Matrix:  # csr_array (k, 2 n)
     """Sparse rows from nodal (w, w') pairs to the deflection, or a derivative of it, at positions.
 
-    Raises `InputError` if a position lies off the nodes, or a cubic has no such derivative.
+    A position off the nodes by rounding is moved to their end.
     """
-    x = np.atleast_1d(positions_on_beam(nodes, positions, "positions"))
-    require(x.ndim == 1, "positions", f"array of shape {x.shape}", "m", "must be one place or a row of them")
-    derivative = checked("derivative", derivative, DERIVATIVE)
+    x = np.minimum(np.maximum(np.atleast_1d(np.asarray(positions, dtype=float)), nodes[0]), nodes[-1])
     element = element_of(nodes, x, side)
     length = nodes[element + 1] - nodes[element]
     values = np.array(_SHAPES[derivative]((x - nodes[element]) / length)) / length**derivative

@@ -12,8 +12,16 @@ import scipy.sparse as sparse
 from numpy.typing import NDArray
 
 from femimpact.arrays import Array, own
-from femimpact.errors import check_fields, column, in_range, quantity, real_array, require, require_type
-from femimpact.structure.damping import ModalDamping, Rayleigh, rayleigh_coefficients, realised_damping_ratio
+from femimpact.errors import (
+    check_fields,
+    column,
+    in_range,
+    made,
+    quantity,
+    require,
+    require_type,
+)
+from femimpact.structure.beam import ModalDamping, Rayleigh, rayleigh_coefficients, realised_damping_ratio
 from femimpact.system.hermite import damped_reactions
 from femimpact.system.matrices import diagonal_matrix, rigid_motions, stiffness_solver
 from femimpact.system.system import System, with_checked_fields
@@ -122,7 +130,11 @@ def solve_modes(system: System, count: int) -> Modes:
     factor G, K = G^T G, whose condition number is the root of K's, and the frequency is read
     from the Rayleigh quotient |G phi|^2.
     """
-    count = mode_count(system, count)
+    return lowest_modes(system, mode_count(system, count))
+
+
+def lowest_modes(system: System, count: int) -> Modes:
+    """The same of a number of modes that the system has."""
     rigid = rigid_motions(system)[:, :count]
     rigid_count = rigid.shape[1]
     vectors, omega = _vectors(system, count, rigid)
@@ -131,10 +143,12 @@ def solve_modes(system: System, count: int) -> Modes:
     vectors, omega = vectors[:, order], omega[order]
     ratio = damping_ratios(system, vectors, omega)
     participation = vectors.T @ system.base_load
-    arrays = (omega / (2 * math.pi), ratio, participation, vectors)
-    for array in arrays:
+    natural = omega / (2 * math.pi)
+    for array in (natural, ratio, participation, vectors):
         array.setflags(write=False)
-    return Modes(*arrays)
+    return made(
+        Modes, natural_frequency=natural, damping_ratio=ratio, participation_factor=participation, vectors=vectors
+    )
 
 
 def damping_ratios(system: System, vectors: Array, omega: Array) -> Array:
@@ -192,12 +206,7 @@ def solve_stiffness(
     K x = f is solved as the stable mixed problem [s I, G; G^T, 0] [-G x / s; x] = [0; f] / s
     (the augmented system of Bjoerck, 1967): its rounding grows like the condition of G, the root of K's.
     """
-    require_type(system, System, "system")
-    allowed = f"must hold finite numbers, {system.dofs} for each load"
-    forces = real_array("loads", loads, "N", allowed)
-    fits = forces.ndim in (1, 2) and forces.shape[0] == system.dofs
-    require(fits, "loads", f"array of shape {forces.shape}", "N", allowed)
-    return stiffness_solver(system)(forces)
+    return stiffness_solver(system)(loads)
 
 
 def first_elastic_frequency(system: System) -> float:
@@ -207,12 +216,12 @@ def first_elastic_frequency(system: System) -> float:
     rigid_count = rigid_motions(system).shape[1]
     if rigid_count in (0, system.dofs):
         return system.first_frequency
-    return float(solve_modes(system, rigid_count + 1).natural_frequency[rigid_count])
+    return float(lowest_modes(system, rigid_count + 1).natural_frequency[rigid_count])
 
 
 def first_resonance(system: System) -> tuple[float, float]:
     """Natural frequency (Hz) and damping ratio (1) of the lowest mode that is no rigid motion, or of the last one."""
-    modes = solve_modes(system, min(rigid_motions(system).shape[1] + 1, system.dofs))
+    modes = lowest_modes(system, min(rigid_motions(system).shape[1] + 1, system.dofs))
     return float(modes.natural_frequency[-1]), float(modes.damping_ratio[-1])
 
 
@@ -228,7 +237,7 @@ def first_mode_at(system: System, modes: Modes, row: Array) -> float:
     moved = float(np.linalg.norm(row @ rigid))
     if moved > STILL * float(np.abs(row) @ np.abs(rigid).max(axis=1)):
         return moved
-    return float(row @ solve_modes(system, rigid.shape[1] + 1).vectors[:, -1])
+    return float(row @ lowest_modes(system, rigid.shape[1] + 1).vectors[:, -1])
 
 
 def flexibility(system: System, rows: Array) -> Array:
@@ -301,7 +310,7 @@ def damped_with_modes(
         count, value = max(damping.modes), damping.modes
     allowed = f"must be at most {system.dofs}, the dofs of this mesh: use more elements"
     require(count <= system.dofs, key, value, "", allowed)
-    modes = solve_modes(system, max(count, least))
+    modes = lowest_modes(system, max(count, least))
     if isinstance(damping, ModalDamping):
         return _by_modes(system, modes, np.array(damping.each)), modes
     alpha, beta = (0.0, 0.0) if damping is None else rayleigh_of(damping, 2.0 * math.pi * modes.natural_frequency)

@@ -9,10 +9,16 @@ import scipy.linalg
 
 from femimpact.arrays import Array, own
 from femimpact.errors import checked, require, require_type, truth
-from femimpact.system.contact_pair import ContactPair
+from femimpact.system.contact_pair import ContactPair, pair_along
 from femimpact.system.hermite import reduced_reactions
 from femimpact.system.matrices import diagonal_matrix
-from femimpact.system.modes import Modes, damping_ratios, mode_count, solve_modes, solve_stiffness
+from femimpact.system.modes import (
+    Modes,
+    damping_ratios,
+    lowest_modes,
+    mode_count,
+    solve_stiffness,
+)
 from femimpact.system.system import System, with_checked_fields
 
 NEGLIGIBLE = 1e-12
@@ -58,7 +64,7 @@ def reduce(system: System, modes: int, static_correction: bool = False) -> Syste
     """
     static_correction = checked("static_correction", static_correction, truth())
     count = mode_count(system, modes, "modes")
-    modes_and_next = solve_modes(system, min(count + 1, system.dofs))
+    modes_and_next = lowest_modes(system, min(count + 1, system.dofs))
     return _on_modes(system, modes_and_next, modes_and_next.damping_ratio, count, static_correction)
 
 
@@ -86,7 +92,7 @@ def _on_modes(system: System, modes_and_next: Modes, ratio: Array, count: int, s
         _check_decoupled(system, phi)
     # of rigid motions, which may be damped, though they have no ratio
     damping_of_rigid = np.einsum("ij,ij->j", phi, system.C @ phi) if system.rayleigh is None else system.rayleigh[0]
-    contacts = tuple(pair.along(own(pair.direction @ phi)) for pair in system.contacts)
+    contacts = tuple(pair_along(pair, own(pair.direction @ phi)) for pair in system.contacts)
     return with_checked_fields(
         system,
         M=diagonal_matrix(np.ones(omega.size)),

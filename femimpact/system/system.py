@@ -32,6 +32,7 @@ from femimpact.errors import (
     name_text,
     optional,
     quantity,
+    real_array,
     require,
     require_type,
     suggestion,
@@ -39,13 +40,15 @@ from femimpact.errors import (
 from femimpact.structure.structure import Absorber, Impactor, Position, Stop
 from femimpact.system.contact_pair import ContactPair, contact_pair
 from femimpact.system.hermite import (
+    DERIVATIVE,
+    OFF_BEAM,
+    SIDE,
     Reaction,
     Section,
     SectionFields,
     damped_reactions,
     hermite_rows,
     place_in_element,
-    positions_on_beam,
     unloaded_reactions,
 )
 from femimpact.system.matrices import (
@@ -324,7 +327,7 @@ class System:
         """Distance from the first node to the last, m; 0 without nodes."""
         return float(self.nodes[-1] - self.nodes[0]) if self.nodes.size else 0.0
 
-    @property
+    @cached_property
     def dofs(self) -> int:
         """Number of degrees of freedom of the structure."""
         return int(self.base_load.size)
@@ -347,11 +350,7 @@ class System:
             if at not in self.points:
                 require(False, "at", at, "", suggestion(at, self.points))
             return float(self.points[at])
-        self._require_beam(at)
-        return float(positions_on_beam(self.nodes, checked("at", at, quantity("m")), "at"))
-
-    def _require_beam(self, at: object) -> None:
-        require(self.nodes.size > 0, "at", at, "m", f"must be a name, {', '.join(self.points)}: there is no beam")
+        return float(self._on_beam(checked("at", at, quantity("m")) if self.nodes.size else at, "at"))
 
     def deflection_rows(self, positions: ArrayLike, derivative: int = 0) -> Array:
         """Rows that read the deflection (or its derivative by x) at positions off the dofs.
@@ -457,12 +456,29 @@ class System:
 
     def _place_of(self, positions: ArrayLike, side: str) -> tuple[NDArray[np.intp], Array]:
         """Elements that hold positions, and the places from 0 to 1 inside them."""
-        self._require_beam(positions)
-        return place_in_element(self.nodes, np.atleast_1d(positions_on_beam(self.nodes, positions, "positions")), side)
+        return place_in_element(self.nodes, np.atleast_1d(self._on_beam(positions)), checked("side", side, SIDE))
+
+    def _on_beam(self, positions: Any, key: str = "positions") -> Array:
+        """Positions (m) on the beam, those off it by rounding only moved to its end."""
+        require(
+            self.nodes.size > 0, "at", positions, "m", f"must be a name, {', '.join(self.points)}: there is no beam"
+        )
+        root, tip = float(self.nodes[0]), float(self.nodes[-1])
+        allowed = f"must be within the beam, {root:g} to {tip:g} m"
+        x = real_array(key, positions, "m", allowed)
+        slack = OFF_BEAM * (tip - root)
+        beyond = x[(x < root - slack) | (x > tip + slack)]
+        require(beyond.size == 0, key, float(beyond[0]) if beyond.size else None, "m", allowed)
+        return np.minimum(np.maximum(x, root), tip)
 
     def _rows(self, positions: ArrayLike, derivative: int, side: str) -> Array:
-        self._require_beam(positions)
-        rows: Any = hermite_rows(self.nodes, positions, derivative, side)
+        x = np.atleast_1d(self._on_beam(positions))
+        require(x.ndim == 1, "positions", f"array of shape {x.shape}", "m", "must be one place or a row of them")
+        order, end = checked("derivative", derivative, DERIVATIVE), checked("side", side, SIDE)
+        return self._on_dofs(hermite_rows(self.nodes, x, order, end))
+
+    def _on_dofs(self, rows: Any) -> Array:
+        """Rows on the dofs of what rows (k, 2 n) read at the nodes."""
         if isinstance(self.expansion, np.ndarray):
             return np.asarray(rows @ self.expansion)
         # sooner than the product of two sparse matrices
@@ -497,10 +513,10 @@ class System:
         InputError
             If the place is unknown, or lies off the beam.
         """
-        place = isinstance(at, str) or in_range(at, quantity("m"))
-        require(place, "at", at, "", "must be the name of a place, or metres from the root")
-        if at in self.directions:
-            return self.directions[str(at)]
+        if isinstance(at, str) and at in self.directions:
+            return self.directions[at]
+        if not isinstance(at, str) and not in_range(at, quantity("m")):
+            require(False, "at", at, "", "must be the name of a place, or metres from the root")
         position, rows = self.position_of(at), self.derived_undamped.setdefault("rows", {})
         if position not in rows:
             rows[position] = own(self.deflection_rows([position])[0])
@@ -641,8 +657,8 @@ def with_checked_pairs(system: System, contacts: tuple[ContactPair, ...]) -> Sys
 def _require_finite(values: Iterable[tuple[str, Any]]) -> None:
     for name, value in values:
         numbers: Any = value.data if sparse.issparse(value) else value  # type: ignore[attr-defined]
-        sound = not isinstance(numbers, np.ndarray) or numbers.dtype.kind != "f" or bool(np.isfinite(numbers).all())
-        require(sound, name, None, "", FINITE)
+        if isinstance(numbers, np.ndarray) and numbers.dtype.kind == "f" and not np.isfinite(numbers).all():
+            raise InputError([Fault(name, None, "", FINITE)])
 
 
 def _together(system: System, contacts: tuple[ContactPair, ...]) -> System:

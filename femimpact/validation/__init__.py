@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
-from femimpact.validation import beams, contacts, excitations, ledgers, orbits, structures, studies
+from femimpact.validation import beams, contacts, excitations, ledgers, orbits, structures
 from femimpact.validation.case import Case, case_columns, markdown_table
 
 __all__ = ["Case", "case_columns", "markdown_table", "run_validation"]
@@ -12,7 +12,7 @@ __all__ = ["Case", "case_columns", "markdown_table", "run_validation"]
 REFERENCE_CASES: tuple[Callable[[], Iterator[Case]], ...] = (
     *beams.CASES, *structures.CASES, *beams.TAPER_CASES, *structures.OSCILLATOR_CASES, *excitations.CASES,
     *contacts.IMPACT_CASES, *orbits.CASES, *contacts.CASES,
-    *ledgers.CASES, *excitations.READING_CASES, *studies.CASES,
+    *ledgers.CASES, *excitations.READING_CASES,
 )  # fmt: skip
 """Functions that run cases, each those of one subject."""
 

@@ -16,8 +16,7 @@ from femimpact.fem.assembly import assemble
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.runs import integrate
 from femimpact.response.response import Recorder
-from femimpact.structure.beam import Beam, Segment
-from femimpact.structure.damping import Rayleigh
+from femimpact.structure.beam import Beam, Rayleigh, Segment
 from femimpact.structure.structure import PointMass, Stop, Structure
 from femimpact.system.modes import Modes, solve_modes, solve_stiffness
 from femimpact.system.reduction import reduce

@@ -40,8 +40,6 @@ STIFFNESS = 1e10
 """N/m^1.5."""
 RELATION = "root of d (1 + e) = ln[(1 + d)/(1 - e d)]"
 """Between loss factor and restitution of every law k p^n (1 + d p'/v)."""
-ASKED = (0.3, 0.5, 0.8)
-OF_STEPS = "integration to 1e-10 a step; the end of the contact is read from the steps"
 
 
 @dataclass(frozen=True)
@@ -105,34 +103,6 @@ def restitution_of(loss: float) -> float:
     return float(brentq(difference, 1e-9, min(1.0, (1 - 1e-15) / loss), xtol=1e-15))
 
 
-def published_law() -> Iterator[Case]:
-    """Restitution of a law with a published loss factor."""
-    for law, asked in itertools.product(PUBLISHED, ASKED):
-        yield Case(
-            f"{law.name}, e = {asked:g} asked", f"{law.source}; {RELATION}", "restitution", "1",
-            restitution_of(law.loss(asked)), _integrated(law.make(STIFFNESS, asked)).restitution, 1e-6, OF_STEPS,
-        )  # fmt: skip
-
-
-def exact_law() -> Iterator[Case]:
-    """The law whose loss factor solves the relation returns what is asked."""
-    for asked in ASKED:
-        yield Case(
-            f"Gonthier/Carvalho-Martins, e = {asked:g} asked", "Gonthier et al. (2004)", "restitution", "1", asked,
-            _integrated(GonthierCarvalhoMartins(STIFFNESS, asked)).restitution, 1e-6, OF_STEPS,
-        )  # fmt: skip
-
-
-def kelvin_voigt() -> Iterator[Case]:
-    """The linear law that ends at zero force returns what is asked."""
-    for asked in ASKED:
-        law = KelvinVoigt(restitution=asked, contact_time=1e-4)
-        yield Case(
-            f"Kelvin-Voigt, e = {asked:g} asked", "Schwager and Poeschel (2007)", "restitution", "1", asked,
-            _integrated(law).restitution, 1e-6, "integration to 1e-10 a step; the end is read from the steps",
-        )  # fmt: skip
-
-
 def _stepped(law: ContactLaw, steps: int) -> float:
     """Restitution of the same collision in the time loop, so many Newmark steps in the contact."""
     ball = Impactor("ball", "tip", MASS, 1e-6, law)
@@ -146,28 +116,42 @@ def _stepped(law: ContactLaw, steps: int) -> float:
     return float(run.impacts.rebound_speed[0] / run.impacts.approach_speed[0])
 
 
-def kelvin_voigt_stepped() -> Iterator[Case]:
-    """The linear law in the time loop."""
-    for asked in ASKED:
-        law = KelvinVoigt(restitution=asked, contact_time=1e-4)
+def restitutions() -> Iterator[Case]:
+    """Restitution under laws that return what is asked, and under those with their authors' loss factors."""
+    integrated = "integration to 1e-10 a step; the end of the contact is read from the steps"
+    source, unit = "Schwager and Poeschel (2007)", "1"
+    linear = {asked: KelvinVoigt(restitution=asked, contact_time=1e-4) for asked in (0.3, 0.5, 0.8)}
+    for asked, law in linear.items():
         yield Case(
-            f"Kelvin-Voigt, e = {asked:g} asked, Newmark T_c/1000", "Schwager and Poeschel (2007)", "restitution", "1",
-            asked, _stepped(law, 1000), 2e-3,
+            f"Kelvin-Voigt, e = {asked:g} asked", source, "restitution", unit, asked, _integrated(law).restitution,
+            1e-6, "integration to 1e-10 a step; the end is read from the steps",
+        )  # fmt: skip
+    for asked, law in linear.items():
+        yield Case(
+            f"Kelvin-Voigt, e = {asked:g} asked, Newmark T_c/1000", source, "restitution", unit, asked,
+            _stepped(law, 1000), 2e-3,
             "first order: the dashpot starts up to one step late, 2 z w0 dt = 2e-3 of the speed",
         )  # fmt: skip
-
-
-def power_law_stepped() -> Iterator[Case]:
-    """A power law in the time loop."""
-    for law in PUBLISHED:
+    for asked in linear:
         yield Case(
-            f"{law.name}, e = 0.5 asked, Newmark T_c/400", f"{law.source}; {RELATION}", "restitution", "1",
-            restitution_of(law.loss(0.5)), _stepped(law.make(STIFFNESS, 0.5), 400), 4e-5,
+            f"Gonthier/Carvalho-Martins, e = {asked:g} asked", "Gonthier et al. (2004)", "restitution", unit, asked,
+            _integrated(GonthierCarvalhoMartins(STIFFNESS, asked)).restitution, 1e-6, integrated,
+        )  # fmt: skip
+    for published, asked in itertools.product(PUBLISHED, linear):
+        yield Case(
+            f"{published.name}, e = {asked:g} asked", f"{published.source}; {RELATION}", "restitution", unit,
+            restitution_of(published.loss(asked)), _integrated(published.make(STIFFNESS, asked)).restitution, 1e-6,
+            integrated,
+        )  # fmt: skip
+    for published in PUBLISHED:
+        yield Case(
+            f"{published.name}, e = 0.5 asked, Newmark T_c/400", f"{published.source}; {RELATION}", "restitution",
+            unit, restitution_of(published.loss(0.5)), _stepped(published.make(STIFFNESS, 0.5), 400), 4e-5,
             "second order: (2 pi/400)^2/6, the force of these laws starts and ends at zero",
         )  # fmt: skip
 
 
-CASES = (hertz, kelvin_voigt, kelvin_voigt_stepped, exact_law, published_law, power_law_stepped)
+CASES = (hertz, restitutions)
 """The cases of this subject, in the order of the table."""
 
 

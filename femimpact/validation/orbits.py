@@ -22,8 +22,7 @@ from femimpact.orbits.orbit import PeriodicOrbit, state_vector
 from femimpact.orbits.search import find_orbit, two_impact_orbits
 from femimpact.orbits.switching import switch_branch
 from femimpact.response.response import Response
-from femimpact.structure.beam import Beam
-from femimpact.structure.damping import Rayleigh
+from femimpact.structure.beam import Beam, Rayleigh
 from femimpact.structure.structure import Impactor, PointMass, Stop, Structure
 from femimpact.system.reduction import reduce
 from femimpact.system.state import State
@@ -213,24 +212,11 @@ def beside(compared: Compared) -> Iterator[Case]:
     )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Bifurcation:
-    """A point of a branch, and the value of the parameter at which it is exactly."""
-
-    name: str
-    source: str
-    kind: str
-    unit: str
-    branch: Callable[[], Branch]
-    exact: Callable[[], float]
-
-
-def bifurcation(point: Bifurcation) -> Case:
+def bifurcation(name: str, source: str, kind: str, unit: str, branch: Branch, exact: float) -> Case:
     """The value of a branch at a bifurcation: the nearest one of its kind."""
-    exact, branch = point.exact(), point.branch()
-    values = [other.value for other in branch.bifurcations if other.kind == point.kind]
+    values = [point.value for point in branch.bifurcations if point.kind == kind]
     return Case(
-        f"{point.name}: {point.kind}", point.source, "value of the parameter", point.unit, exact,
+        f"{name}: {kind}", source, "value of the parameter", unit, exact,
         min(values, key=lambda value: abs(value - exact), default=math.nan), 1e-10, LOCATED,
     )  # fmt: skip
 
@@ -255,21 +241,17 @@ def box_branch(
     return continue_orbit(orbit, parameter, (low, high), points=points)
 
 
-OVER_GAP = partial(box_branch, GAP, 7.5, 53.0)
-OVER_FREQUENCY = partial(box_branch, FREQUENCY, 0.165, 0.21, 1.1)
-OVER_RESTITUTION = partial(box_branch, OF_BALL, 0.5, 0.9, 1.15)
-
 BOX = (
     Compared(
-        "two impacts over the gap", HALF_CYCLE, OVER_GAP,
+        "two impacts over the gap", HALF_CYCLE, partial(box_branch, GAP, 7.5, 53.0),
         lambda gap: box_orbits(MU, RESTITUTION, ZETA, OMEGA, 2 * gap), (8.0, 15.0, 30.0, 51.3, 51.45),
     ),
     Compared(
-        "two impacts over the frequency", HALF_CYCLE, OVER_FREQUENCY,
+        "two impacts over the frequency", HALF_CYCLE, partial(box_branch, FREQUENCY, 0.165, 0.21, 1.1),
         lambda f: box_orbits(MU, RESTITUTION, ZETA, 2 * math.pi * f, CLEARANCE), (0.17, 0.18, 0.19),
     ),
     Compared(
-        "two impacts over the restitution", HALF_CYCLE, OVER_RESTITUTION,
+        "two impacts over the restitution", HALF_CYCLE, partial(box_branch, OF_BALL, 0.5, 0.9, 1.15),
         lambda e: box_orbits(MU, e, ZETA, 1.15, CLEARANCE), (0.73, 0.8, 0.88),
     ),
 )  # fmt: skip
@@ -287,39 +269,35 @@ def _breaking(of: Callable[[float], list[ClosedForm]], low: float, high: float) 
     return _root(lambda value: float(np.linalg.det(of(value)[-1][-1] + np.eye(of(value)[-1][-1].shape[0]))), low, high)
 
 
-OVER_THE_GAP, OVER_THE_FREQUENCY, OVER_THE_RESTITUTION = BOX
+def bifurcations_of_the_box() -> Iterator[Case]:
+    """Bifurcations of a ball in a box, over the gap (m), the frequency (Hz) and the restitution."""
+    gap, frequency, restitution = BOX
 
-BOX_BIFURCATIONS = (
-    Bifurcation(
-        OVER_THE_GAP.name, HALF_CYCLE, "fold", "m", OVER_GAP, lambda: box_fold(MU, RESTITUTION, ZETA, OMEGA) / 2
-    ),
-    Bifurcation(
-        OVER_THE_GAP.name, HALF_CYCLE, "symmetry-breaking", "m", OVER_GAP,
-        partial(_breaking, OVER_THE_GAP.exact, 7.6, 9.0),
-    ),
-    Bifurcation(
-        OVER_THE_GAP.name, HALF_CYCLE, "grazing", "m", OVER_GAP,
-        lambda: box_coefficients(MU, RESTITUTION, ZETA, OMEGA)[-1],
-    ),
-    Bifurcation(
-        OVER_THE_FREQUENCY.name, HALF_CYCLE, "fold", "Hz", OVER_FREQUENCY,
-        lambda: _root(lambda f: box_fold(MU, RESTITUTION, ZETA, 2 * math.pi * f) - CLEARANCE, 0.185, 0.2),
-    ),
-    Bifurcation(
-        "two impacts near resonance", HALF_CYCLE, "symmetry-breaking", "Hz",
-        partial(box_branch, FREQUENCY, 0.154, 0.158, 0.98, 20.0, 12),
-        partial(_breaking, lambda f: box_orbits(MU, RESTITUTION, ZETA, 2 * math.pi * f, 20.0), 0.1555, 0.1575),
-    ),
-    Bifurcation(
-        OVER_THE_RESTITUTION.name, HALF_CYCLE, "fold", "1", OVER_RESTITUTION,
-        lambda: _root(lambda e: box_fold(MU, e, ZETA, 1.15) - CLEARANCE, 0.5, 0.95),
-    ),
-    Bifurcation(
-        "two impacts in a narrow box over the restitution", HALF_CYCLE, "symmetry-breaking", "1",
-        partial(box_branch, OF_BALL, 0.1, 1.0, 1.0, 16.0, 12),
-        partial(_breaking, lambda e: box_orbits(MU, e, ZETA, OMEGA, 16.0), 0.55, 0.85),
-    ),
-)  # fmt: skip
+    def near(f: float) -> list[ClosedForm]:
+        return box_orbits(MU, RESTITUTION, ZETA, 2 * math.pi * f, 20.0)
+
+    def narrow(e: float) -> list[ClosedForm]:
+        return box_orbits(MU, e, ZETA, OMEGA, 16.0)
+
+    near_resonance = box_branch(FREQUENCY, 0.154, 0.158, 0.98, 20.0, 12)
+    of_a_narrow_box = box_branch(OF_BALL, 0.1, 1.0, 1.0, 16.0, 12)
+    fold = _root(lambda f: box_fold(MU, RESTITUTION, ZETA, 2 * math.pi * f) - CLEARANCE, 0.185, 0.2)
+    for name, kind, unit, branch, exact in (
+        (gap.name, "fold", "m", gap.branch(), box_fold(MU, RESTITUTION, ZETA, OMEGA) / 2),
+        (gap.name, "symmetry-breaking", "m", gap.branch(), _breaking(gap.exact, 7.6, 9.0)),
+        (gap.name, "grazing", "m", gap.branch(), box_coefficients(MU, RESTITUTION, ZETA, OMEGA)[-1]),
+        (frequency.name, "fold", "Hz", frequency.branch(), fold),
+        ("two impacts near resonance", "symmetry-breaking", "Hz", near_resonance, _breaking(near, 0.1555, 0.1575)),
+        (
+            restitution.name, "fold", "1", restitution.branch(),
+            _root(lambda e: box_fold(MU, e, ZETA, 1.15) - CLEARANCE, 0.5, 0.95),
+        ),
+        (
+            "two impacts in a narrow box over the restitution", "symmetry-breaking", "1", of_a_narrow_box,
+            _breaking(narrow, 0.55, 0.85),
+        ),
+    ):  # fmt: skip
+        yield bifurcation(name, HALF_CYCLE, kind, unit, branch, exact)
 
 
 # ---- an oscillator before one stop, from its grazing on ------------------------------------------
@@ -356,30 +334,24 @@ ONE_IMPACT = Compared(
 )  # fmt: skip
 
 
-def _grazing() -> float:
-    """Where the linear response reaches the stop."""
-    return _root(lambda f: FORCE * stop_coefficients(DAMPING, RESTITUTION, 2 * math.pi * f)[-1] - STOP, 0.16, 0.2)
+def bifurcations_at_the_stop() -> Iterator[Case]:
+    """Where the linear response reaches the stop, where both speeds are one, and where a multiplier is -1."""
 
-
-def _stop_fold() -> float:
-    """Where both speeds are one."""
+    def reach(f: float) -> float:
+        return FORCE * stop_coefficients(DAMPING, RESTITUTION, 2 * math.pi * f)[-1] - STOP
 
     def discriminant(f: float) -> float:
         x, tail, amplitude = stop_coefficients(DAMPING, RESTITUTION, 2 * math.pi * f)
         return FORCE * amplitude * math.hypot(x, tail) / abs(tail) - STOP
 
-    return _root(discriminant, 0.17, 0.2)
-
-
-STOP_BIFURCATIONS = tuple(
-    Bifurcation(name, LINEAR_HALF, kind, "Hz", branch, exact)
+    grazing, doubling = _root(reach, 0.16, 0.2), _breaking(ONE_IMPACT.exact, 0.151, 0.165)
     for name, kind, branch, exact in (
-        ("no impact before a stop", "grazing", before_the_stop, _grazing),
-        (NAME, "grazing", impact_branch, _grazing),
-        (NAME, "fold", impact_branch, _stop_fold),
-        (NAME, "period-doubling", impact_branch, partial(_breaking, ONE_IMPACT.exact, 0.151, 0.165)),
-    )
-)
+        ("no impact before a stop", "grazing", before_the_stop(), grazing),
+        (NAME, "grazing", impact_branch(), grazing),
+        (NAME, "fold", impact_branch(), _root(discriminant, 0.17, 0.2)),
+        (NAME, "period-doubling", impact_branch(), doubling),
+    ):
+        yield bifurcation(name, LINEAR_HALF, kind, "Hz", branch, exact)
 
 
 # ---- one impact at a stop that does not move with the base ---------------------------------------
@@ -571,14 +543,10 @@ def compliant_walls() -> Iterator[Case]:
     )  # fmt: skip
 
 
-def of_bifurcations() -> Iterator[Case]:
-    """All bifurcations beside their closed forms."""
-    yield from map(bifurcation, (*BOX_BIFURCATIONS, *STOP_BIFURCATIONS))
-
-
-CASES = (
+CASES: tuple[Callable[[], Iterator[Case]], ...] = (
     stop_once_a_cycle, several_forces, ball_in_a_box, light_ball,
     *(partial(beside, compared) for compared in (*BOX, ONE_IMPACT, SPACE, SECOND_CYCLES)),
-    space_clearance, second_harmonic, of_bifurcations, neimark_sacker, of_a_beam, compliant_walls,
+    space_clearance, second_harmonic, bifurcations_of_the_box, bifurcations_at_the_stop, neimark_sacker, of_a_beam,
+    compliant_walls,
 )  # fmt: skip
 """The cases of this subject, in the order of the table."""

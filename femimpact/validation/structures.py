@@ -19,10 +19,9 @@ from femimpact.fem.assembly import assemble
 from femimpact.integrators import methods
 from femimpact.integrators.runs import integrate
 from femimpact.integrators.stepping.newmark import HHT, WBZ, GeneralizedAlpha, MoreauJean, Newmark
-from femimpact.response.channels import SectionReading
+from femimpact.response.channels import QuantityAt
 from femimpact.response.response import Response
-from femimpact.structure.beam import Beam, Segment
-from femimpact.structure.damping import Rayleigh
+from femimpact.structure.beam import Beam, Rayleigh, Segment
 from femimpact.structure.structure import Impactor, PointMass, Structure, Support, glue_impactors
 from femimpact.system.reduction import reduce
 from femimpact.system.state import State
@@ -206,24 +205,20 @@ def tip_body() -> Iterator[Case]:
         )  # fmt: skip
 
 
-def glued_ball() -> Iterator[Case]:
-    """A ball glued to the tip is a tip mass."""
+def uniform_beams() -> Iterator[Case]:
+    """A ball glued to the tip is a tip mass; a beam on two pins has beta L = n pi."""
     ball = Impactor("ball", "tip", 0.5 * BEAM_MASS, 1e-3, Rigid(0.5))
     root = _tip_body_root(1, 0.5, 0.0)
     yield Case(
         "cantilever, ball of 0.5 beam masses glued to the tip", "derived here (transcendental equation)", "beta L", "1",
         root, computed_root(glue_impactors(Structure(uniform_beam(), impactors=(ball,))), 1), mesh_error(root), MESH,
     )  # fmt: skip
-
-
-def pinned_pinned() -> Iterator[Case]:
-    """A beam on two pins: beta L = n pi."""
+    pinned = Structure(uniform_beam(), supports=(Support("pinned", "root"), Support("pinned", "tip")))
     for mode in (1, 2):
-        pins = (Support("pinned", "root"), Support("pinned", "tip"))
         root = mode * math.pi
         yield Case(
             f"beam on two pins, mode {mode}", "Blevins (1979), table 8-1", "beta L", "1", root,
-            computed_root(Structure(uniform_beam(), supports=pins), mode), mesh_error(root), MESH,
+            computed_root(pinned, mode), mesh_error(root), MESH,
         )  # fmt: skip
 
 
@@ -268,7 +263,7 @@ def stress_of_tube() -> Iterator[Case]:
     beam = Beam.tube(length=LENGTH, diameter=diameter, wall=wall, young_modulus=210e9, density=7850.0)
     system = assemble(Structure(beam), 4)
     bent = np.linalg.solve(system.K.toarray(), force * system.point_row("tip"))
-    stress = SectionReading("root", "surface_stress").reading(system).displacement @ bent
+    stress = QuantityAt("surface_stress", "root").reading(system).displacement @ bent
     modulus = math.pi * (diameter**4 - (diameter - 2.0 * wall) ** 4) / (32.0 * diameter)
     yield Case(
         "clamped tube under a force at its tip", "derived here (pi (D^4 - d^4)/(32 D))", "stress at the root", "Pa",
@@ -293,29 +288,23 @@ def _closed_mode(mode: int, mass: float) -> tuple[float, float]:
     return mean**2 / square, tip**2 / square
 
 
-def effective_mass() -> Iterator[Case]:
-    """Effective mass of a mode under a motion of the base: (phi^T M r)^2/(phi^T M phi)."""
+def masses_of_modes() -> Iterator[Case]:
+    """Effective mass (phi^T M r)^2/(phi^T M phi) of a mode, and the one that the first puts against a ball."""
+    mass, source = 0.5, "derived here (quadrature of the closed form)"
+    mesh = f"(beta h)^4 of {ELEMENTS} cubic elements over some hundred"
+    structure = Structure(uniform_beam(), masses=(PointMass("box", "tip", mass * BEAM_MASS),))
     for mode in (1, 2):
-        mass = 0.5
-        structure = Structure(uniform_beam(), masses=(PointMass("box", "tip", mass * BEAM_MASS),))
-        computed = float(modes_of(structure, mode).effective_mass[mode - 1])
         yield Case(
-            f"cantilever with a tip mass of 0.5 beam masses, mode {mode}: effective mass",
-            "derived here (quadrature of the closed form)", "effective mass", "kg",
-            _closed_mode(mode, mass)[0] * BEAM_MASS, computed, 1e-7,
-            f"(beta h)^4 of {ELEMENTS} cubic elements over some hundred",
+            f"cantilever with a tip mass of 0.5 beam masses, mode {mode}: effective mass", source, "effective mass",
+            "kg", _closed_mode(mode, mass)[0] * BEAM_MASS, float(modes_of(structure, mode).effective_mass[mode - 1]),
+            1e-7, mesh,
         )  # fmt: skip
-
-
-def contact_mass() -> Iterator[Case]:
-    """Mass that the first mode puts against a ball: 1/(1/m + phi^2)."""
     ball = 0.1 * BEAM_MASS
     structure = Structure(uniform_beam(), impactors=(Impactor("ball", "tip", ball, 1e-3, Rigid(0.5)),))
     yield Case(
-        "cantilever against a ball of 0.1 beam masses", "derived here (quadrature of the closed form)",
-        "effective mass of the contact", "kg", 1 / (1 / ball + _closed_mode(1, 0.0)[1] / BEAM_MASS),
-        assemble(structure, ELEMENTS).contacts[0].effective_mass, 1e-7,
-        f"(beta h)^4 of {ELEMENTS} cubic elements over some hundred",
+        "cantilever against a ball of 0.1 beam masses", source, "effective mass of the contact", "kg",
+        1 / (1 / ball + _closed_mode(1, 0.0)[1] / BEAM_MASS), assemble(structure, ELEMENTS).contacts[0].effective_mass,
+        1e-7, mesh,
     )  # fmt: skip
 
 
@@ -403,12 +392,10 @@ def mesh_order() -> Iterator[Case]:
 
 CASES = (
     tip_body,
-    glued_ball,
-    pinned_pinned,
+    uniform_beams,
     stepped_beam,
     stress_of_tube,
-    effective_mass,
-    contact_mass,
+    masses_of_modes,
     damping_of_mode_3,
     residual_vector,
     mesh_order,

@@ -160,10 +160,7 @@ def check_best(
     axes: Sequence[str],  # paths of the study
     known: Mapping[str, str],  # its measures that are numbers, with what is better
 ) -> tuple[tuple[str, ...], dict[str, float]]:
-    """The axes over which the worst counts, and the limits.
-
-    Raises `InputError` if they, or the measure, do not fit the study.
-    """
+    """The axes over which the worst counts, and the limits."""
     mapping = limits is None or isinstance(limits, Mapping)
     require(mapping, "limits", limits, "", "must be numbers by the names of measures")
     for key, name in (("measure", measure), *(("limits", name) for name in limits or ())):

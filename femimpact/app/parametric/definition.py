@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -16,6 +16,7 @@ from femimpact.app.parametric.paths import (
     CaseSystems,
     Place,
     Stage,
+    pair_with,
     paths_of_function,
     paths_of_study,
     paths_of_system,
@@ -73,11 +74,6 @@ class ParameterStudy:
         Of the structures that a function returns.
     version : str, optional
         Of the functions given, in place of their code.
-
-    Raises
-    ------
-    InputError
-        If a path or a measure is unknown.
     """
 
     study: Study | System | Callable[..., Any]
@@ -328,7 +324,7 @@ class ParameterStudy:
             if place.field in ("at", "to") and isinstance(value, str):
                 self.nominal.position_of(self.study.structure.place_of(value))
         else:
-            _check_pair(self.nominal, place, value)
+            pair_with(next(pair for pair in self.nominal.contacts if pair.name == place.part), place.field, value)
 
     def _check_nominal(self) -> None:
         """Refuse a place, a measure or a method that the system does not take: every case would fail."""
@@ -336,17 +332,6 @@ class ParameterStudy:
         check_names(self.chosen, tuple(self._axes))
         if not any(place.stage == Stage.METHOD for place in self.places):
             self.systems.method_of(self.nominal, {})
-
-
-def _check_pair(system: System, place: Place, value: Any) -> None:
-    """Refuse a value that the pair of a system does not take."""
-    pair = next(pair for pair in system.contacts if pair.name == place.part)
-    if place.field == "gap":
-        replace(pair, gaps=value if isinstance(value, tuple) else (value, value))
-    elif place.field.startswith("contact."):
-        replace(pair, law=replace(pair.law, **{place.field.removeprefix("contact."): value}))  # type: ignore[type-var]
-    else:
-        replace(pair, **{place.field: value})
 
 
 # ---- table of the cases -----------------------------------------------------------------------------
@@ -389,16 +374,12 @@ class CaseTable:
 
 
 def full_grid(places: Sequence[Place], axes: Mapping[str, AxisValues | Distribution]) -> CaseTable:
-    """Every value of every axis with every value of the others.
-
-    Raises `InputError` if an axis is a distribution, or there are more cases than anyone means.
-    """
+    """Every value of every axis with every value of the others."""
     levels = []
-    for place in places:
-        axis = axes[place.path]
+    for path, axis in axes.items():
         if isinstance(axis, Distribution):
             allowed = "is a distribution, and there is no sample: give sample, or in a study file [study.sample]"
-            raise InputError([Fault(place.path, axis.name, "", allowed)])
+            raise InputError([Fault(path, axis.name, "", allowed)])
         levels.append(axis.values)
     shape = tuple(len(values) for values in levels)
     _check_size(math.prod(shape))
@@ -409,17 +390,15 @@ def full_grid(places: Sequence[Place], axes: Mapping[str, AxisValues | Distribut
 def sampled_cases(
     places: Sequence[Place], axes: Mapping[str, AxisValues | Distribution], plan: SamplePlan
 ) -> CaseTable:  # fmt: skip
-    """Cases from the distributions of the axes.
-
-    Raises `InputError` if an axis has values in place of a distribution.
-    """
+    """Cases from the distributions of the axes."""
     from scipy.stats import qmc
 
-    for place in places:
-        axis = axes[place.path]
+    distributions = []
+    for path, axis in axes.items():
         if isinstance(axis, AxisValues):
             allowed = "must be a distribution in a sample, as {from = .., to = ..} or {normal = [mean, deviation]}"
-            raise InputError([Fault(place.path, f"{len(axis.values)} values", "", allowed)])
+            raise InputError([Fault(path, f"{len(axis.values)} values", "", allowed)])
+        distributions.append(axis)
     _check_size(plan.points)
     count = len(places)
     engines: dict[str, Any] = {"sobol": qmc.Sobol, "halton": qmc.Halton, "latin-hypercube": qmc.LatinHypercube}
@@ -432,12 +411,8 @@ def sampled_cases(
         shares = engine(count, **{name: np.random.default_rng(plan.seed)}).random(plan.points)
     # where a share is 0 a distribution without bounds has no value
     shares = np.clip(shares, 2.0**-53, 1.0 - 2.0**-53)
-    columns = []
-    for j, place in enumerate(places):
-        axis = axes[place.path]
-        distribution = axis if isinstance(axis, Distribution) else Distribution("uniform", (0.0, 1.0))
-        columns.append(tuple(distribution.quantile(shares[:, j]).tolist()))
-    return _of_columns(places, columns)
+    pairs = zip(distributions, shares.T, strict=True)
+    return _of_columns(places, [tuple(distribution.quantile(share).tolist()) for distribution, share in pairs])
 
 
 def _of_columns(places: Sequence[Place], columns: Sequence[tuple[Any, ...]]) -> CaseTable:

@@ -190,11 +190,6 @@ def calibrate(
         Where the grid is kept as a study: the same call goes on from there, and other peaks at the same frequencies are
         calibrated without a run.
 
-    Raises
-    ------
-    InputError
-        If there are fewer peaks than parameters and one, or what `parameter_study` refuses.
-
     Examples
     --------
     >>> import femimpact as fi

@@ -17,8 +17,8 @@ from femimpact.figures.study_labels import BESIDE, STATISTICS
 from femimpact.integrators.cases import SineDwellResults
 from femimpact.response.channels import resolve_channels
 from femimpact.response.cycles import SteadyMotion
-from femimpact.response.impacts import statistics_of_cases
 from femimpact.response.response import Response
+from femimpact.sweep.curve import Columns, dwell_columns
 from femimpact.system.system import System
 
 
@@ -45,15 +45,13 @@ class Measure:
     better: str = ""  # "small" or "large": which of its values are better; empty where that depends on the purpose
 
 
-OF_MOTION = [item for item in fields(SteadyMotion) if "words" in item.metadata]
-"""Measures that are read from the steady motion."""
-
 MEASURES = {
     item.name: item
     for item in (
         *(
             Measure(one.name, one.metadata["unit"], one.metadata["words"], Source.DWELL, better="small")
-            for one in OF_MOTION
+            for one in fields(SteadyMotion)
+            if "words" in one.metadata
         ),
         Measure("peak_ratio", "1", "peak over that of the same case without balls", Source.BARE, better="small"),
         Measure("impacts_per_cycle", "1", "impacts in a cycle of the base", Source.DWELL),
@@ -84,10 +82,7 @@ def measures_of(
     system: System,
     without_cycle: str = "",  # the motion of the base where it has no cycle; empty where it has
 ) -> tuple[Measure, ...]:
-    """The measures asked for: by their names, by a channel whose largest value is meant, or functions of a response.
-
-    Raises `InputError` if a measure is unknown, asked for twice, or needs a cycle where there is none.
-    """
+    """The measures asked for: by their names, by a channel whose largest value is meant, or functions of a response."""
     found = tuple(_measure(item, system) for item in given)
     names = [item.name for item in found]
     for i, name in enumerate(names):
@@ -145,11 +140,9 @@ def _measure(item: Any, system: System) -> Measure:
     return Measure(item, channel.unit, words, Source.RUN, channel=channel.name, better="small")
 
 
-def columns_of(found: SineDwellResults, frequency: Array, measured: NDArray[np.int64]) -> dict[str, Array]:
+def columns_of(found: SineDwellResults, frequency: Array, measured: NDArray[np.int64]) -> Columns:
     """Measures of many dwells, (n,) each, as far as the compiled call has summed them up."""
-    columns = {one.name: getattr(found.motion, one.name) for one in OF_MOTION}
-    columns |= statistics_of_cases(found.totals, found.duration, frequency)
-    columns["energy_residual"] = found.residual
+    columns = dwell_columns(found, frequency)
     columns["impacts_per_second"] = columns["impacts_per_cycle"] * frequency
     if found.loss.size == frequency.size:
         columns["loss_per_cycle"] = found.loss / measured

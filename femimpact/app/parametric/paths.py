@@ -6,7 +6,7 @@ import dataclasses
 import math
 import threading
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from functools import lru_cache
@@ -19,8 +19,6 @@ from femimpact.app.study.drives import PARTS as KINDS_OF_PARTS
 from femimpact.app.study.file_units import START
 from femimpact.app.study.study import (
     Gravity,
-    MeshChoice,
-    Reduction,
     Study,
     build_systems,
     check_method,
@@ -34,8 +32,9 @@ from femimpact.fem.mesh import Mesh
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.methods import METHODS, Method
 from femimpact.integrators.stepping.newmark import Newmark
-from femimpact.structure.damping import ModalDamping, Rayleigh
+from femimpact.structure.beam import ModalDamping, Rayleigh
 from femimpact.structure.structure import Structure
+from femimpact.system.contact_pair import ContactPair
 from femimpact.system.modes import rayleigh_of, with_damping, with_modal_damping
 from femimpact.system.reduction import reduce, reduced_on
 from femimpact.system.system import System, with_checked_pairs
@@ -181,10 +180,7 @@ def _law_of(owner: str, part: str, law: Any) -> Iterator[Place]:
 
 
 def study_with(study: Study, values: Mapping[Place, Any]) -> Study:
-    """The study with some of its values changed; those of the start of the balls stay what they were.
-
-    Raises `InputError` if a value is out of range, or does not fit the others.
-    """
+    """The study with some of its values changed; those of the start of the balls stay what they were."""
     for place, value in values.items():
         try:
             changed = _changed(study, place, value)
@@ -206,29 +202,11 @@ def _prefix(place: Place) -> str:
 
 def _changed(study: Study, place: Place, value: Any) -> dict[str, Any]:
     """The fields of a study that another value at a place changes."""
-    owner, name, structure = place.owner, place.field, study.structure
-    damping: Any = structure.damping
+    owner, name = place.owner, place.field
     if owner == "start":
         return {}
-    if owner in PARTS:
-        changed: Any = tuple(
-            _item_with(item, name, value) if item.name == place.part else item
-            for item in getattr(structure, PARTS[owner])
-        )
-        return {"structure": replace(structure, **{PARTS[owner]: changed})}
-    if owner == "beam":
-        segments = tuple(
-            replace(segment, **{name: value}) if place.part in ("", segment.name) else segment
-            for segment in structure.beam.segments
-        )
-        return {"structure": replace(structure, beam=replace(structure.beam, segments=segments))}
-    if owner == "damping":
-        return {"structure": replace(structure, damping=replace(damping, **{name: value}))}
     if owner == "gravity":
-        return {"structure": replace(structure, gravity=Gravity(value).acceleration)}
-    if owner == "method":
-        # checked by the method, when it is made
-        return {"method": {**study.method, name: value}}
+        return {"structure": replace(study.structure, gravity=Gravity(value).acceleration)}
     if owner == "force":
         forces = dict(named_forces(study.base, study.forces))
         forces[place.part] = force_of(force_table(forces[place.part]) | {name: value})
@@ -238,14 +216,32 @@ def _changed(study: Study, place: Place, value: Any) -> dict[str, Any]:
         if beside is not None:
             return {beside.argument: checked(name, value, beside.metadata)}
         return {"base": base_with(study.base, place.path.removeprefix("base."), value)}
-    kept: MeshChoice | Reduction | Any = getattr(study, owner)
-    return {owner: replace(kept, **{name: value})}
+    above = {"beam": ("structure", "beam", "segments", place.part), "damping": ("structure", "damping")}
+    above |= {part: ("structure", nouns, place.part) for part, nouns in PARTS.items()}
+    first, *keys = *above.get(owner, (owner,)), *name.split(".")
+    return {first: _with(getattr(study, first), keys, value)}
 
 
-def _item_with(item: Any, name: str, value: Any) -> Any:
+def _with(noun: Any, keys: Sequence[str], value: Any) -> Any:
+    """A noun with another value behind some keys: of fields, of a table, and of names among several nouns."""
+    if not keys:
+        return value
+    first, *rest = keys
+    if isinstance(noun, tuple):
+        return tuple(_with(item, rest, value) if first in ("", item.name) else item for item in noun)
+    if isinstance(noun, Mapping):
+        # of a method, which checks it when it is made
+        return {**noun, first: value}
+    return replace(noun, **{first: _with(getattr(noun, first), rest, value)})
+
+
+def pair_with(pair: ContactPair, name: str, value: Any) -> ContactPair:
+    """A contact of a system with another gap, number of its law or of its body."""
+    if name == "gap":
+        return replace(pair, gaps=value if isinstance(value, tuple) else (value, value))
     if name.startswith("contact."):
-        return replace(item, contact=replace(item.contact, **{name.removeprefix("contact."): value}))
-    return replace(item, **{name: value})
+        return replace(pair, law=replace(pair.law, **{name.removeprefix("contact."): value}))  # type: ignore[type-var]
+    return replace(pair, **{name: value})
 
 
 def bounds_of_axis(key: str, value: Any) -> tuple[float, float]:
@@ -293,10 +289,7 @@ class CaseSystems:
         return CaseSystems, (self.given, self.method, self.elements, self.modes, self.mesh)
 
     def of(self, values: Values) -> System:
-        """The system of a case, for its values before `Stage.METHOD`.
-
-        Raises `InputError` if there is no such system.
-        """
+        """The system of a case, for its values before `Stage.METHOD`."""
         # one thread at a time: several at so many small calls would take longer than one after the other
         with self.lock:
             return self._kept(tuple((place, value) for place, value in values.items() if place.stage < Stage.METHOD))
@@ -333,8 +326,6 @@ class CaseSystems:
         """The method for a system with the contacts of a case.
 
         Of a system or a function it is by default event-driven, or Newmark's where that does not take the system.
-
-        Raises `InputError` if it does not take the system.
         """
         if self.method is not None:
             self.method.check(system)
@@ -372,11 +363,10 @@ def _damped(system: System, damping: Rayleigh | ModalDamping | None) -> System:
 
 def _with_balls(system: System, values: Values) -> System:
     """The system with other masses, centring springs, dashpots and accelerations of its balls."""
-    contacts = list(system.contacts)
+    contacts = {pair.name: pair for pair in system.contacts}
     for place, value in values.items():
-        j = next(i for i, pair in enumerate(contacts) if pair.name == place.part)
-        contacts[j] = replace(contacts[j], **{place.field: value})
-    return with_checked_pairs(system, tuple(contacts))
+        contacts[place.part] = pair_with(contacts[place.part], place.field, value)
+    return with_checked_pairs(system, tuple(contacts.values()))
 
 
 def _is_damping_of_modes(study: Study, damping: Rayleigh | ModalDamping | None) -> bool:

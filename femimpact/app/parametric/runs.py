@@ -1,4 +1,4 @@
-"""Runs of the cases of a study: which run together, their laws and methods, where their balls start.
+"""Runs of the cases of a study: which run together, where their balls start, and the measures read from them.
 
 Cases whose base moves by a sine are dwells that a compiled call takes many of at once. Those of any other motion (a
 chirp, a random motion, a shock, a record) are separate runs of the complete history.
@@ -6,7 +6,7 @@ chirp, a random motion, a shock, a record) are separate runs of the complete his
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
@@ -15,17 +15,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.app.parametric.definition import ParameterStudy
+from femimpact.app.parametric.measures import INSTANTS, Measure, Source, columns_of, of_history, of_response
 from femimpact.app.parametric.paths import Place, Stage, study_with
 from femimpact.app.study.study import Study
 from femimpact.arrays import Array, Integers
 from femimpact.contact.law import ContactLaw
-from femimpact.errors import FemimpactError
+from femimpact.errors import FemimpactError, checked, quantity, require_type
 from femimpact.excitation.drives import until
 from femimpact.excitation.excitation import Excitation
 from femimpact.excitation.harmonic import Sine
-from femimpact.integrators.cases import SineCases, start_of, with_balls, with_contacts_of
+from femimpact.integrators.cases import SineCases, SineDwellResults, start_of, with_balls, with_contacts_of
 from femimpact.integrators.methods import Method, step_of
 from femimpact.integrators.runs import response_by
+from femimpact.response.channels import resolve_channels
 from femimpact.response.response import Recorder, Response
 from femimpact.system.state import State
 from femimpact.system.system import System, with_checked_pairs, without_impactors
@@ -127,7 +129,8 @@ def _group_of(study: ParameterStudy, block: BlockValues, parts: Sequence[tuple[_
     )
     runs = _runs(study, first, block.cases[members], tuple(laws.values()), law_of)
     if len(systems) > 1:
-        runs = _with_systems(study, tuple(systems.values()), system_of, runs)
+        both = tuple((system, system.point_row(study.observed)) for system in systems.values())
+        runs = replace(runs, systems=both, system_of=np.repeat(system_of, study.starts))
     return CaseGroup(first.values, first.system, first.method, members, _with_placed_balls(runs, first.system, study))
 
 
@@ -161,8 +164,6 @@ def equations_of_case(study: ParameterStudy, case: int, of_system: dict[Any, Met
     """System, laws and method of a case.
 
     A method without a step does not depend on the laws: `of_system` keeps it for other cases of a system.
-
-    Raises `FemimpactError` where there are none.
     """
     values = study.table.values(case)
     system = study.systems.of(values)
@@ -213,19 +214,6 @@ def _key(noun: Any) -> Any:
     except TypeError:
         return id(noun)
     return noun
-
-
-def _with_systems(
-    study: ParameterStudy, systems: tuple[System, ...], system_of: Integers, runs: SineCases
-) -> SineCases:  # fmt: skip
-    """The runs, each with the system of its case."""
-    rows: dict[int, Array] = {}
-    for system in systems:
-        # of one expansion all places have the same rows
-        if id(system.expansion) not in rows:
-            rows[id(system.expansion)] = system.point_row(study.observed)
-    both = tuple((system, rows[id(system.expansion)]) for system in systems)
-    return replace(runs, systems=both, system_of=np.repeat(system_of, study.starts))
 
 
 # ---- runs ----------------------------------------------------------------------------------------------
@@ -383,10 +371,7 @@ def _largest_speed(base: Excitation, duration: float) -> Array:
 def history_of_case(
     study: ParameterStudy, case: int, start: int, record: Recorder, without_balls: bool = False
 ) -> Response:  # fmt: skip
-    """The run of one start of a case whose base has no cycle.
-
-    Raises `InputError` if the case cannot be run.
-    """
+    """The run of one start of a case whose base has no cycle."""
     values = study.table.values(case)
     given: Any = study.study
     changed = study_with(given, {place: value for place, value in values.items() if place.stage is Stage.CASE})
@@ -416,3 +401,196 @@ def _start_of_history(
         return drawn_state(system, state, base, changed.history_duration, draws)
     placed, moving = _starts_of_balls(study, system, np.array([case]))
     return with_balls(state, _placed_balls(placed, False, system, state, base)[0], moving[0])
+
+
+def evaluated(
+    study: ParameterStudy,
+    cases: Integers,  # (n,) their numbers
+) -> BlockValues:
+    """Values of all measures for some cases of a study.
+
+    A case has the same bits whatever cases stand beside it. A case that cannot be run has a reason in place of
+    values; an error that femimpact does not raise itself is not caught.
+    """
+    block = empty_block(study, cases)
+    if not study.has_cycle:
+        _run_histories(study, block)
+        return block
+    for group in case_groups(study, block):
+        for part, found in _dwells(study, group, np.arange(group.runs.frequency.size), block):
+            _enter_dwells(study, group, part, found, block)
+    return block
+
+
+def run_case(study: ParameterStudy, number: int, start: int = 0, record: Recorder | None = None) -> Response:
+    """A run of one start of one case of a parameter study, with its history.
+
+    Parameters
+    ----------
+    study : ParameterStudy
+    number : int
+        Of the case from 0, in the order of the dataset: of a grid the last axis is the fastest.
+    start : int
+        Of its starts, from 0.
+    record : Recorder, optional
+        What is kept.
+    """
+    require_type(study, ParameterStudy, "study")
+    for key, value, most in (("number", number, study.table.size), ("start", start, study.starts)):
+        checked(key, value, quantity("1", at_least=0, at_most=most - 1, integer=True))
+    if record is not None:
+        require_type(record, Recorder, "record")
+    record = Recorder() if record is None else record
+    if not study.has_cycle:
+        return history_of_case(study, int(number), int(start), record)
+    groups = list(case_groups(study, empty_block(study, np.array([number], dtype=np.int64))))
+    if not groups:
+        equations_of_case(study, int(number))
+    return groups[0].response(int(start), record)
+
+
+# ---- dwells ------------------------------------------------------------------------------------------
+
+
+def _dwells(
+    study: ParameterStudy,
+    group: CaseGroup,
+    part: Integers,  # numbers of runs of the group
+    block: BlockValues,
+) -> Iterator[tuple[Integers, SineDwellResults]]:
+    """Dwells of some runs; where one cannot be run at all, those of the two halves, so that the others are."""
+    instants = INSTANTS if any(item.name == "damping" for item in study.chosen) else 1
+    try:
+        row = group.system.point_row(study.observed)
+        found = group.method.run_cases(group.system, group.runs.of(part), row, instants, workers=1)
+    except FemimpactError as error:
+        if part.size == 1:
+            block.fail(block.runs_of(group.members)[part], str(error))
+            return
+        for half in np.array_split(part, 2):
+            yield from _dwells(study, group, half, block)
+        return
+    yield part, found
+
+
+def _enter_dwells(
+    study: ParameterStudy, group: CaseGroup, part: Integers, found: SineDwellResults, block: BlockValues
+) -> None:  # fmt: skip
+    """Enter the measures of some runs of a group into the block."""
+    rows, runs = group.runs.of(part), block.runs_of(group.members)[part]
+    columns = columns_of(found, rows.frequency, rows.measured)
+    if any(item.name == "peak_ratio" for item in study.chosen):
+        bare, reasons = _peaks_without_balls(study, group, rows)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            columns["peak_ratio"] = columns["peak"] / bare
+    else:
+        reasons = [""] * part.size
+    completed = np.array([not failure for failure in found.failures])
+    without_impacts = ~(columns["impacts_per_cycle"] > 0.0)
+    block.periodic.reshape(-1)[runs] = completed & ((found.motion.steadiness == "periodic") | without_impacts)
+    values = block.values.reshape(-1, len(study.chosen))
+    for m, item in enumerate(study.chosen):
+        if item.function is None and item.name in columns:
+            values[runs[completed], m] = columns[item.name][completed]
+    for run, failure, reason in zip(runs.tolist(), found.failures, reasons, strict=True):
+        if failure or reason:
+            block.fail(np.array([run]), failure or f"without its balls: {reason}")
+    completed &= np.array([not reason for reason in reasons])
+    _enter_separate_runs(study, group, part[completed], runs[completed], columns, block)
+
+
+def _peaks_without_balls(study: ParameterStudy, group: CaseGroup, rows: SineCases) -> tuple[Array, list[str]]:
+    """Peak (m) of each run's case with its cavities empty, and why it has none; the same for all starts of a case."""
+    bare = without_impactors(group.system)
+    stops = len(group.system.balls)
+    systems, system_of = _systems_without_balls(rows)
+    keys = np.column_stack([rows.frequency, rows.amplitude, rows.phase, system_of])
+    if bare.contacts:
+        keys = np.column_stack([keys, rows.law_of, rows.gaps[:, stops:].reshape(len(keys), -1)])
+    _, first, of_row = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    cases = rows.of(first)
+    cases = replace(
+        cases,
+        gaps=cases.gaps[:, stops:],
+        laws=tuple(laws[stops:] for laws in cases.laws),
+        ball_displacement=np.zeros((first.size, 0)),
+        ball_velocity=np.zeros((first.size, 0)),
+        systems=systems,
+        system_of=system_of[first] if systems else None,
+    )
+    try:
+        method = study.systems.method_of(bare, group.values)
+        found = method.run_cases(bare, cases, bare.point_row(study.observed), 0, workers=1)
+    except FemimpactError as error:
+        return np.full(of_row.size, np.nan), [str(error)] * of_row.size
+    row = of_row.reshape(-1)
+    return np.asarray(found.motion.peak[row]), [found.failures[case] for case in row]
+
+
+def _systems_without_balls(rows: SineCases) -> tuple[tuple[tuple[System, Array], ...], Integers]:
+    """The systems of runs without their balls, those with the same matrices once, and which of them each run has."""
+    if rows.system_of is None:
+        return (), np.zeros(rows.frequency.size, dtype=np.int64)
+    matrices = [tuple(id(getattr(system, name)) for name in ("M", "C", "K", "expansion")) for system, _ in rows.systems]
+    bare = {key: (without_impactors(system), row) for key, (system, row) in zip(matrices, rows.systems, strict=True)}
+    numbers = {key: number for number, key in enumerate(bare)}
+    return tuple(bare.values()), np.array([numbers[key] for key in matrices])[rows.system_of]
+
+
+# ---- separate runs -----------------------------------------------------------------------------------
+
+
+def _enter_separate_runs(
+    study: ParameterStudy, group: CaseGroup, part: Integers, runs: Integers, columns: Mapping[str, Array],
+    block: BlockValues,
+) -> None:  # fmt: skip
+    """Enter the measures that are read from a separate run of each case."""
+    asked = [
+        (m, item) for m, item in enumerate(study.chosen)
+        if item.source is Source.RUN or (item.source is Source.LEDGER and item.name not in columns)
+    ]  # fmt: skip
+    if not asked:
+        return
+    measured = study.dwell // 3
+    values = block.values.reshape(-1, len(study.chosen))
+    # a function of the user may read anything of a run, from its start on
+    whole = any(item.function is not None for _, item in asked)
+    ledger = whole or any(item.source is Source.LEDGER for _, item in asked)
+    record = Recorder(channels=_channels([item for _, item in asked], group.system), ledger=ledger)
+    for run, member in zip(runs.tolist(), part.tolist(), strict=True):
+        begin = (study.dwell - measured) / float(group.runs.frequency[member])
+        try:
+            response = group.response(member, record if whole else replace(record, start=begin))
+            for m, item in asked:
+                value = of_response(item, response, begin, measured)
+                if isinstance(value, str):
+                    block.words[item.name][run] = value
+                else:
+                    values[run, m] = value
+        except FemimpactError as error:
+            block.fail(np.array([run]), str(error))
+
+
+def _channels(asked: Sequence[Measure], system: System, *others: str) -> tuple[str, ...]:
+    """The channels of measures and others; a function of the user may read the default ones, too."""
+    of_functions = resolve_channels(system, None) if any(item.function is not None for item in asked) else ()
+    of_measures = [item.channel for item in asked if item.channel]
+    return tuple(dict.fromkeys([*(channel.name for channel in of_functions), *others, *of_measures]))
+
+
+def _run_histories(study: ParameterStudy, block: BlockValues) -> None:
+    """Enter the measures of cases whose base has no cycle: of a run of each start over the complete history."""
+    ratio = any(item.name == "peak_ratio" for item in study.chosen)
+    observed = str(study.observed)
+    record = Recorder(channels=_channels(study.chosen, study.nominal, observed))
+    of_place = Recorder(channels=(observed,), ledger=False)
+    for i, case in enumerate(block.cases.tolist()):
+        for start in range(study.starts):
+            try:
+                response = history_of_case(study, case, start, record)
+                bare = history_of_case(study, case, start, of_place, without_balls=True) if ratio else None
+                for m, item in enumerate(study.chosen):
+                    block.values[i, start, m] = of_history(item, response, observed, bare)
+                block.periodic[i, start] = len(response.impacts) == 0
+            except FemimpactError as error:
+                block.fail(np.array([i * study.starts + start]), str(error))

@@ -21,12 +21,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from femimpact import core
-from femimpact.app.parametric.block_files import BLOCKS, BlockFolder, block_folder, read_manifest
+from femimpact.app.parametric.dataset import (
+    BLOCKS,
+    BlockFolder,
+    Columns,
+    block_folder,
+    dataset_of,
+    labels_of,
+    read_manifest,
+)
 from femimpact.app.parametric.definition import ParameterStudy
-from femimpact.app.parametric.evaluation import evaluated
 from femimpact.app.parametric.identity import plain_study, study_key, versions
-from femimpact.app.parametric.labelled import Columns, dataset_of, labels_of
-from femimpact.app.parametric.runs import BlockValues
+from femimpact.app.parametric.runs import BlockValues, evaluated
 from femimpact.app.results.result_directory import FILES, Lock
 from femimpact.app.study.parameter_plan import SamplePlan
 from femimpact.app.study.study import Study
@@ -254,11 +260,6 @@ def load_parameter_study(directory: str | Path) -> xarray.Dataset:
     ----------
     directory : str or Path
         That of `parameter_study`, which may be at work.
-
-    Raises
-    ------
-    InputError
-        If the directory holds no study, or a damaged one.
     """
     require_path(directory, "directory", "a directory")
     manifest, folder = read_manifest(Path(directory)), Path(directory) / BLOCKS
@@ -328,10 +329,7 @@ def check_client(client: object) -> None:
 
 @contextmanager
 def connected(scheduler: str) -> Iterator[Any]:
-    """A client of the scheduler at an address, or of the one that a scheduler file names.
-
-    Raises `InputError` if there is none, or `distributed` is not installed.
-    """
+    """A client of the scheduler at an address, or of the one that a scheduler file names."""
     try:
         from distributed import Client
     except ImportError:
@@ -412,10 +410,7 @@ def _check_versions(worker: str, facts: Mapping[str, str], expected: Mapping[str
 
 @contextmanager
 def cluster_executor(client: Any, study: ParameterStudy) -> Iterator[tuple[Executor, Any, int]]:
-    """An executor on the workers, the study as `evaluated_there` takes it, and the number of threads of all workers.
-
-    Raises `InputError` if a worker is refused, or the cluster drops the work.
-    """
+    """An executor on the workers, the study as `evaluated_there` takes it, and the number of threads of all workers."""
     check_workers(client)
     # a task, whose result is made anew where the worker that had it is lost
     there = client.submit(_received, study, versions(), pure=False)
@@ -436,10 +431,7 @@ def _received(study: ParameterStudy, of_client: dict[str, str]) -> tuple[Paramet
 
 
 def evaluated_there(sent: tuple[ParameterStudy, dict[str, str]], cases: Integers) -> BlockValues:
-    """`evaluated` on a worker, which may have come after the others were checked.
-
-    Raises `InputError` if the worker has another version than the process of the client.
-    """
+    """`evaluated` on a worker, which may have come after the others were checked."""
     study, of_client = sent
     _check_versions(f"worker {platform.node()}", versions(), of_client, "the process with the client")
     return evaluated(study, cases)

@@ -7,12 +7,13 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from femimpact.app.report.result_conclusions import ResultReading
+from femimpact.app.report.markup import Element
 from femimpact.app.report.result_page import records_of
 from femimpact.app.report.views import pictures_of, reason_of, save_pictures
-from femimpact.app.results.picture_data import read_film
+from femimpact.app.results.picture_data import ResultReading
 from femimpact.app.results.result_directory import FILES, added_results, new_file, result_files
 from femimpact.app.results.results import CHECKSUMS, read_summary, write_summary
+from femimpact.app.study.study import Study
 from femimpact.errors import Fault, InputError, require
 
 KINDS = ("figures", "movie")
@@ -21,59 +22,53 @@ KINDS = ("figures", "movie")
 Report = Callable[[str, float], None]
 
 
-def draw(
-    folder: Path,  # of results, where the pictures go
-    kind: str,  # {"figures", "movie"}
-) -> str | None:
-    """Draw one kind of pictures; why one failed, or None."""
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            summary = read_summary(folder)
-            if kind == "movie":
-                _draw_movie(folder, summary)
-                return None
-            return _draw_figures(folder, summary)
-    # what a library for pictures raises is without limit, and no result depends on it
-    except Exception as error:
-        return reason_of(error)
-
-
-def _draw_figures(folder: Path, summary: Mapping[str, Any]) -> str | None:
-    results = ResultReading(folder, dict(summary))
-    records, _ = records_of(results)
-    allowed = "; ".join(("the results hold no data for any", *results.failures))
-    require(bool(pictures_of(records)), "figures", None, "", allowed)
-    return "; ".join((*save_pictures(records, folder), *results.failures)) or None
-
-
-def _draw_movie(folder: Path, summary: Mapping[str, Any]) -> None:
-    film = read_film(folder, summary)
-    if film is None:
-        allowed = "the results hold no whole deflections: simulate with [output] frames > 0"
-        raise InputError([Fault("movie", None, "", allowed)])
-    from femimpact.figures import movie
-
-    response, structure, exaggeration = film
-    drawn = movie.write_movie(new_file(folder, "movie"), response, structure, exaggeration=exaggeration)
-    # of two movies, with an encoder and without, the later one stays
-    for key in ("movie", "movie_without_encoder"):
-        if FILES[key].name != drawn.name:
-            (folder / FILES[key].name).unlink(missing_ok=True)
-
-
 def draw_kinds(
     folder: Path,  # of results, where the pictures go
     kinds: Sequence[str],  # of `KINDS`
     report: Report,  # called with "pictures" and the share that is done
-) -> dict[str, str | None]:
-    """Draw; for each kind why it failed, or None."""
-    failures: dict[str, str | None] = {}
+    study: Study | None = None,  # of the results; that of their file by default
+) -> tuple[dict[str, str | None], dict[str, Element]]:
+    """Draw; for each kind why it failed, or None, and the figures as elements of a page by their names."""
+    failures, elements = dict[str, str | None](), dict[str, Element]()
     for kind in kinds:
         report("pictures", len(failures) / len(kinds))
-        failures[kind] = draw(folder, kind)
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                results = ResultReading(folder, read_summary(folder), study)
+                if kind == "figures":
+                    elements, failures[kind] = _draw_figures(results)
+                else:
+                    _draw_movie(results)
+                    failures[kind] = None
+        # what a library for pictures raises is without limit, and no result depends on it
+        except Exception as error:
+            failures[kind] = reason_of(error)
     report("pictures", 1.0)
-    return failures
+    return failures, elements
+
+
+def _draw_figures(results: ResultReading) -> tuple[dict[str, Element], str | None]:
+    records, _ = records_of(results)
+    allowed = "; ".join(("the results hold no data for any", *results.failures))
+    require(bool(pictures_of(records)), "figures", None, "", allowed)
+    elements, failures = save_pictures(records, results.folder)
+    return elements, "; ".join((*failures, *results.failures)) or None
+
+
+def _draw_movie(results: ResultReading) -> None:
+    film, study, folder = results.film, results.study, results.folder
+    if film is None or study is None:
+        allowed = "the results hold no whole deflections: simulate with [output] frames > 0"
+        raise InputError([Fault("movie", None, "", "; ".join((allowed, *results.failures)))])
+    from femimpact.figures import movie
+
+    path, exaggeration = new_file(folder, "movie"), study.output.exaggeration
+    drawn = movie.write_movie(path, film, study.structure, exaggeration=exaggeration)
+    # of two movies, with an encoder and without, the later one stays
+    for key in ("movie", "movie_without_encoder"):
+        if FILES[key].name != drawn.name:
+            (folder / FILES[key].name).unlink(missing_ok=True)
 
 
 def with_pictures(
@@ -106,7 +101,7 @@ def draw_again(
     with added_results(folder):
         summary = read_summary(folder)
         before = {name: (folder / name).stat().st_mtime_ns for name in result_files(folder)}
-        failure = draw_kinds(folder, (kind,), report)[kind]
+        failure = draw_kinds(folder, (kind,), report)[0][kind]
         drawn = tuple(name for name in result_files(folder) if (folder / name).stat().st_mtime_ns != before.get(name))
         refused = InputError([Fault(kind, str(folder), "", f"not drawn: {failure}")])
         if not drawn:

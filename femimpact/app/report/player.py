@@ -16,8 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.app.report.markup import Element, data_element, element
-from femimpact.app.report.picture import svg_element
+from femimpact.app.report.markup import Element, data_element, element, svg_element
 from femimpact.arrays import Array, thinned
 from femimpact.figures.drawing import COLOURS, GREY, OffScreen, label_axes, legend_above, panel
 from femimpact.response.history import Snapshots

@@ -3,22 +3,17 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
-from functools import cached_property
-from pathlib import Path
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any, TypeGuard, TypeVar
 
 import numpy as np
 
 from femimpact.app.parametric.best import best_cases
 from femimpact.app.parametric.best_design import MOST_NAMED, BestCase, design_notes, label_of, more_designs, told
-from femimpact.app.report.page import Conclusion, conclusion_lines
-from femimpact.app.results.picture_data import StructureModes, read_mode_shapes
-from femimpact.app.results.result_directory import FILES, SUMMARY, ResultsWarning, unfinished_state
-from femimpact.app.results.results import read_dataset, read_json, read_summary, read_table
+from femimpact.app.report.page import Conclusion
+from femimpact.app.results.picture_data import ResultReading
+from femimpact.app.results.result_directory import FILES
 from femimpact.app.study.findings import (
     ContactSummary,
     CurveSummary,
@@ -26,13 +21,9 @@ from femimpact.app.study.findings import (
     HistorySummary,
     Spread,
     history_words,
-    read_findings,
     spread_text,
 )
-from femimpact.app.study.study import Study
-from femimpact.app.study.study_file import load_study
 from femimpact.figures.study_labels import axis_names, axis_words, measure_names, single_samples, value_words
-from femimpact.files import read_units
 from femimpact.orbits.figures import MARKS, kind_words
 from femimpact.units import SHOWN_IN, interval_texts, number_text, prefixed, typeset_number, unit_text, unit_words
 
@@ -42,120 +33,38 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 
-@dataclass(frozen=True, eq=False)
-class ResultReading:
-    """A directory of results with the data read from it, and notes on what could not be read."""
-
-    folder: Path  # with the files
-    summary: dict[str, Any]  # empty where there is none
-    missing: list[str] = field(default_factory=list)  # what could not be read or is not as it was, and why
-    failures: list[str] = field(default_factory=list)  # what could not be read
-
-    def attempt(self, what: str, make: Callable[[], T]) -> T | None:
-        """The value of `make()`; where it fails None, and a line in `missing`."""
-        with warnings.catch_warnings(record=True) as caught:
-            warnings.simplefilter("always")
-            try:
-                found: T | None = make()
-            # what damaged results make a reader raise is without limit, and a report is made of the rest
-            except Exception as error:
-                words = " ".join(str(error).split()) or type(error).__name__
-                text = words if words.startswith(str(self.folder)) else f"{what}: {words}"
-                self.failures.append(self.miss(text))
-                found = None
-        for one in caught:
-            if issubclass(one.category, ResultsWarning):
-                self.miss(str(one.message))
-        return found
-
-    @cached_property
-    def study(self) -> Study | None:
-        """The study of the results, as the history."""
-        path = self.folder / FILES["study"].name
-        return self.attempt(path.name, lambda: load_study(path)) if path.exists() else None
-
-    @cached_property
-    def findings(self) -> Findings:
-        """What the summary says; nothing where it is damaged."""
-        return self.attempt(SUMMARY, lambda: read_findings(self.summary)) or Findings()
-
-    @cached_property
-    def history(self) -> xarray.Dataset | None:
-        """The history; None where there is none, or it cannot be read."""
-        return self.attempt(FILES["history"].name, lambda: read_dataset(self.folder, "history", self.summary))
-
-    @cached_property
-    def parameter_study(self) -> xarray.Dataset | None:
-        """The dataset of a parameter study, as the history."""
-        name = FILES["parameter_study"].name
-        return self.attempt(name, lambda: read_dataset(self.folder, "parameter_study", self.summary))
-
-    @cached_property
-    def best(self) -> tuple[Mapping[str, BestCase], Mapping[str, str]]:
-        """Best cases of a parameter study by their measures, and reasons for which there is none."""
-        data, plan = self.parameter_study, None if self.study is None else self.study.plan
-        if data is None:
-            return {}, {}
-        name, chosen = FILES["parameter_study"].name, None if plan is None else plan.best
-        return self.attempt(name, lambda: best_cases(data, chosen)) or ({}, {})
-
-    @cached_property
-    def convergence(self) -> dict[str, Any]:
-        """What was studied by a convergence study, with versions and notes; empty of other results."""
-        name = FILES["convergence_notes"].name
-        return self.attempt(name, lambda: read_json(self.folder / name)) or {}
-
-    @cached_property
-    def modes(self) -> StructureModes | None:
-        """The mode shapes, as the history."""
-        return self.attempt(FILES["mode_shapes"].name, lambda: read_mode_shapes(self.folder, self.summary))
-
-    def miss(self, text: str) -> str:
-        """Note what is missing, with names of files alone: a report does not hang on where its directory is."""
-        plain = text.replace(f"{self.folder}/", "").replace(f"{self.folder}: ", "")[:400]
-        if plain not in self.missing:
-            self.missing.append(plain)
-        return plain
-
-    def table(self, name: str) -> dict[str, Any] | None:
-        """A table of the results by the name of its file; None where there is none, or it cannot be read."""
-        return self.attempt(name, lambda: read_table(self.folder, name, self.summary))
-
-    def units(self, name: str) -> dict[str, str]:
-        """Units of the columns of a table that was read."""
-        return self.attempt(name, lambda: read_units(self.folder / name)) or {}
-
-
 def texts_of(values: Any) -> tuple[str, ...]:
     """Texts of a list in a summary; none where something else stands there."""
     return tuple(str(one) for one in values) if isinstance(values, (list, tuple)) else ()
 
 
-def read_results(folder: Path) -> ResultReading:
-    """A directory of results with its summary; that it is unfinished is missing from it."""
-    results = ResultReading(folder, {})
-    if (folder / SUMMARY).exists():
-        results.summary.update(results.attempt(SUMMARY, lambda: read_summary(folder)) or {})
-    state = results.attempt("directory", lambda: unfinished_state(folder))
-    if state:
-        results.miss(state.replace(str(folder), "DIR"))
-    return results
+def best_of(results: ResultReading) -> tuple[Mapping[str, BestCase], Mapping[str, str]]:
+    """Best cases of a parameter study by their measures, and reasons for which there is none."""
+    data, plan = results.parameter_study, None if results.study is None else results.study.plan
+    if data is None:
+        return {}, {}
+    name, chosen = FILES["parameter_study"].name, None if plan is None else plan.best
+    return results.attempt(name, lambda: best_cases(data, chosen)) or ({}, {})
 
 
-def result_conclusions(results: ResultReading) -> tuple[Conclusion, ...]:
+def result_conclusions(
+    results: ResultReading, best: tuple[Mapping[str, BestCase], Mapping[str, str]]
+) -> tuple[Conclusion, ...]:
     """What is concluded from a directory of results, on its page and on the terminal alike."""
     columns, data = results.table(FILES["convergence_summary"].name), results.parameter_study
-    accuracy, name = results.convergence.get("accuracy"), FILES["parameter_study"].name
+    accuracy, name = results.findings.accuracy, FILES["parameter_study"].name
     return (
         *conclusions_of(results.findings),
         *(results.attempt("conclusions", lambda: convergence_conclusions(columns, accuracy)) or ()),
-        *(() if data is None else results.attempt(name, lambda: study_conclusions(data, *results.best)) or ()),
+        *(() if data is None else results.attempt(name, lambda: study_conclusions(data, *best)) or ()),
     )
 
 
-def result_lines(directory: Path) -> list[str]:
-    """What is concluded from a directory of results of any command, in lines for a terminal."""
-    return list(conclusion_lines(result_conclusions(read_results(directory))))
+def result_warnings(results: ResultReading) -> tuple[str, ...]:
+    """What is warned of in a directory of results, on its page and on the terminal alike."""
+    data, name = results.parameter_study, FILES["parameter_study"].name
+    failures = () if data is None else results.attempt(name, lambda: study_failures(data)) or ()
+    return (*texts_of(results.summary.get("warnings")), *failures)
 
 
 STARTS = {"base": "at rest relative to the base", "space": "at rest in the inertial frame"}
@@ -509,7 +418,6 @@ def study_conclusions(
     A measure with a reason has its worst value and the reason: its smallest value of all cases may be one beside a
     resonance.
     """
-    samples, starts = single_samples(data), int(data.attrs["starts"])
     names = [name for name in measure_names(data) if name not in best and (name in reasons or not best)]
     found = [one for name in best for one in _of_best(data, best[name])][:MOST_MEASURES]
     for name in names[: MOST_MEASURES - len(found)]:
@@ -524,27 +432,16 @@ def study_conclusions(
             if values.attrs.get("better") == "small":
                 (word, at), (other, end) = (other, end), (word, at)
             rest = f"no best case: {reasons[name]}; the {other} of all cases is {_text(array[end], values.attrs)}"
-        factor, unit = SHOWN_IN.get(values.attrs.get("units", "1"), (1.0, values.attrs.get("units", "1")))
-        scatter = ""
-        if starts > 1 and f"{name}_low" in data:
-            low, high = (_text(data[f"{name}{side}"].to_numpy()[at], values.attrs) for side in ("_low", "_high"))
-            scatter = f"{low} to {high} over {starts} starts"
-        found.append(
-            Conclusion(
-                f"{word.capitalize()} {name.replace('_', ' ')}", typeset_number(factor * float(array[at]), zeros=True),
-                unit_words(array[at], unit), scatter, bool(samples[at]) and not scatter,
-                f"at {_place(data, values.dims, at)}; {rest}",
-            )
-        )  # fmt: skip
+        label = f"{word.capitalize()} {name.replace('_', ' ')}"
+        found.append(_of_case(data, name, at, label, f"at {_place(data, values.dims, at)}; {rest}"))
     return tuple(found)
 
 
 def _of_best(data: xarray.Dataset, best: BestCase) -> Iterator[Conclusion]:
     """The best design, for each value of the excitation's other axes; of many the first ones."""
     names = {axis: axis_words(data, axis) for axis in axis_names(data)}
-    values, starts, samples = data[best.measure], best.starts, single_samples(data).reshape(-1)
+    values, label = data[best.measure], label_of(best).capitalize()
     array = values.to_numpy()
-    factor, unit = SHOWN_IN.get(values.attrs.get("units", "1"), (1.0, values.attrs.get("units", "1")))
     other, find = ("smallest", np.nanargmin) if best.better == "large" else ("largest", np.nanargmax)
     most = np.unravel_index(int(find(array)), array.shape)
     rest = f"the {other} is {_text(array[most], values.attrs)}, at {_place(data, values.dims, most)}"
@@ -552,23 +449,28 @@ def _of_best(data: xarray.Dataset, best: BestCase) -> Iterator[Conclusion]:
     for design in shown:
         level = f"for {told(best, design.at, names)}: " if design.at else ""
         if design.reason:
-            yield Conclusion(label_of(best).capitalize(), "none", note=f"{level}{design.reason}")
+            yield Conclusion(label, "none", note=f"{level}{design.reason}")
             continue
-        scatter = ""
-        if starts > 1 and f"{best.measure}_low" in data:
-            low, high = (
-                _text(data[f"{best.measure}{end}"].to_numpy().reshape(-1)[design.case], values.attrs)
-                for end in ("_low", "_high")
-            )
-            scatter = f"{low} to {high} over {starts} starts"
-        notes = tuple(design_notes(best, design, names))
         more = more_designs(best) if design is shown[-1] else ""
-        yield Conclusion(
-            label_of(best).capitalize(), typeset_number(factor * design.value, zeros=True),
-            unit_words(design.value, unit),
-            scatter, bool(samples[design.case]) and not scatter,
-            "; ".join(filter(None, (f"{level}at {told(best, design.values, names)}", rest, more))), notes,
-        )  # fmt: skip
+        note = "; ".join(filter(None, (f"{level}at {told(best, design.values, names)}", rest, more)))
+        at = np.unravel_index(design.case, array.shape)
+        yield _of_case(data, best.measure, at, label, note, tuple(design_notes(best, design, names)))
+
+
+def _of_case(
+    data: xarray.Dataset, measure: str, at: Any, label: str, note: str, details: tuple[str, ...] = ()
+) -> Conclusion:
+    """The value of a measure in one case, with its range over the starts."""
+    attributes, value, starts = data[measure].attrs, float(data[measure].to_numpy()[at]), int(data.attrs["starts"])
+    unit = attributes.get("units", "1")
+    factor, shown = SHOWN_IN.get(unit, (1.0, unit))
+    scatter = ""
+    if starts > 1 and f"{measure}_low" in data:
+        low, high = (_text(data[f"{measure}{end}"].to_numpy()[at], attributes) for end in ("_low", "_high"))
+        scatter = f"{low} to {high} over {starts} starts"
+    sample = bool(single_samples(data)[at]) and not scatter
+    number = typeset_number(factor * value, zeros=True)
+    return Conclusion(label, number, unit_words(value, shown), scatter, sample, note, details)
 
 
 def _place(data: xarray.Dataset, dims: tuple[Any, ...], index: Any) -> str:
@@ -599,12 +501,13 @@ def study_missing(data: xarray.Dataset) -> tuple[str, ...]:
 
 
 def study_failures(data: xarray.Dataset) -> tuple[str, ...]:
-    """A line on the cases with failed starts, and the reason of the first; none where no start failed."""
-    failed = data["failed_starts"].to_numpy()
-    if not failed.any():
-        return ()
-    first = next((str(reason) for reason in data["failure"].to_numpy().ravel() if reason), "not known")
-    return (f"{int(np.count_nonzero(failed))} of {failed.size} cases have starts that failed, the first: {first}",)
+    """A line on the cases with failed starts, and the reason of the first; and what the study warns of."""
+    failed, lines = data["failed_starts"].to_numpy(), list[str]()
+    if failed.any():
+        first = next((str(reason) for reason in data["failure"].to_numpy().ravel() if reason), "not known")
+        count = int(np.count_nonzero(failed))
+        lines.append(f"{count} of {failed.size} cases have starts that failed, the first: {first}")
+    return (*lines, *filter(None, [data.attrs.get("warnings")]))
 
 
 def study_versions(data: xarray.Dataset) -> dict[str, Any]:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -23,40 +22,21 @@ from femimpact.app.report.page import (
     table_of,
     write_page,
 )
-from femimpact.app.report.page_tables import (
-    branch_table,
-    case_table,
-    cases_of_axis,
-    channel_table,
-    dwell_words,
-    impact_table,
-    summary_table,
-)
+from femimpact.app.report.page_tables import beside, branch_table, channel_table, summary_table
 from femimpact.app.report.player import player_element
 from femimpact.app.report.result_conclusions import (
     STARTS,
-    ResultReading,
-    read_results,
+    best_of,
     result_conclusions,
-    study_failures,
+    result_warnings,
     study_lead,
     study_missing,
     study_versions,
     texts_of,
 )
 from femimpact.app.report.structure_drawing import structure_element, structure_words
-from femimpact.app.report.views import SECTIONS, Measure, measures_of, sections_of, spectra_of
-from femimpact.app.results.branch_file import read_followed
-from femimpact.app.results.picture_data import (
-    Run,
-    read_convergence,
-    read_curves,
-    read_film,
-    read_last_cycles,
-    read_parts,
-    read_run,
-    read_run_parts,
-)
+from femimpact.app.report.views import NOT_DRAWN, SECTIONS, Measure, measures_of, sections_of, spectra_of
+from femimpact.app.results.picture_data import ResultReading, read_convergence, read_results
 from femimpact.app.results.result_directory import (
     FILES,
     REPORT,
@@ -71,18 +51,14 @@ from femimpact.app.results.result_directory import (
 from femimpact.app.results.results import carried_of, read_json
 from femimpact.app.study.findings import Findings
 from femimpact.app.study.prepared import in_study_words
-from femimpact.app.study.study import Study, build
+from femimpact.app.study.study import Study
 from femimpact.errors import InputError, require, require_path
-from femimpact.excitation.drives import drive_words
-from femimpact.excitation.excitation import has_cycle, words_of
+from femimpact.excitation.excitation import words_of
 from femimpact.excitation.harmonic import SteppedSine
 from femimpact.figures.study_labels import in_shown_units
 from femimpact.orbits.figures import kind_words
-from femimpact.scene.placed import DrawnSystem, drawn_system, placed_structure
-from femimpact.signals.densities import MODES, modes_of
-from femimpact.structure.structure import Structure
+from femimpact.scene.placed import placed_structure
 from femimpact.system.modes import Modes
-from femimpact.system.system import System
 from femimpact.units import PARAMETER_DIGITS, unit_text
 
 if TYPE_CHECKING:
@@ -104,10 +80,10 @@ def write_report(
     with added_results(folder):
         words = "none of their files is there, or what has their names was not written by femimpact"
         require(_holds_results(folder), "directory", str(folder), "", f"must hold results of a study: {words}")
-        return write_page(folder / REPORT if path is None else Path(path), page_of(folder))
+        return write_page(folder / REPORT if path is None else Path(path), page_of(read_results(folder)))
 
 
-OF_SUMMARY = frozenset({"study", "versions", "core", "natural_frequency", "sweep", "history", "warnings", "structure"})
+OF_SUMMARY = frozenset({"study", "versions", "core", "natural_frequency", "sweep", "history", "warnings"})
 """Names of which a summary has several, of whatever version."""
 
 
@@ -118,21 +94,24 @@ def _holds_results(directory: Path) -> bool:
         return True
     if FILES["study"].name in names and any(FILES[key].name in names for key in ("summary", "modes", "impacts")):
         return True
-    for key in ("summary", "convergence_notes"):
-        try:
-            written = read_json(directory / FILES[key].name)
-        except InputError:
-            continue
-        if len(OF_SUMMARY & set(written)) > 1:
-            return True
-    return False
+    try:
+        return len(OF_SUMMARY & set(read_json(directory / SUMMARY))) > 1
+    except InputError:
+        return False
 
 
-def add_report(directory: str | Path, report: Callable[[str, float], None]) -> None:
+def add_report(
+    directory: str | Path,
+    report: Callable[[str, float], None],
+    study: Study,  # that was run
+    drawn: Mapping[str, Element] = NOT_DRAWN,  # its pictures
+) -> None:
     """Write the report of a run that is done; what keeps it from being written is a warning, and the results stand."""
     report("report", 0.0)
     try:
-        write_report(directory)
+        folder = Path(directory)
+        with added_results(folder):
+            write_page(folder / REPORT, page_of(read_results(folder, study), drawn))
     # no result hangs on it
     except Exception as error:
         words = " ".join(str(error).split()) or type(error).__name__
@@ -141,83 +120,52 @@ def add_report(directory: str | Path, report: Callable[[str, float], None]) -> N
     report("report", 1.0)
 
 
-def page_of(folder: Path) -> Page:
+def page_of(results: ResultReading, drawn: Mapping[str, Element] = NOT_DRAWN) -> Page:
     """The report of a directory of results."""
-    results = read_results(folder)
-    summary, written = results.summary, results.convergence
-    study = results.study
-    name, structure, system = _structure(results, study, written)
+    summary, study = results.summary, results.study
+    structure, system = (None, None) if study is None else (study.structure, results.system)
     drawing = None
     if structure is not None and system is not None:
-        given = structure, system
         varied = {} if study is None or results.parameter_study is None else _varied(study)
         drawing = results.attempt(
-            "drawing of the structure", lambda: structure_element(placed_structure(*given), varied)
-        )  # fmt: skip
-    conclusions = result_conclusions(results)
-    studied, failures, about = _of_parameter_study(results)
-    records, refused = records_of(results)
-    beside = beside_of(results) | {"spectra": [element("p", text) for text in refused]}
-    made = sections_of(records, beside, folder=True, miss=results.miss)
+            "drawing of the structure", lambda: structure_element(placed_structure(structure, system), varied)
+        )
+    best = best_of(results)
+    conclusions = result_conclusions(results, best)
+    studied, about = _of_parameter_study(results)
+    records, refused = records_of(results, best[0])
+    beside = beside_of(results, records) | {"spectra": [element("p", text) for text in refused]}
+    made = sections_of(records, beside, miss=results.miss, drawn=drawn)
     first = [section for section in made if section.key == "best"]
     sections = [section for section in made if section.key != "best"]
     data = results.parameter_study
     many_starts = data is not None and int(data.attrs.get("starts", 1)) > 1
-    sections.append(about_section(summary or written or about, None if many_starts else study))
-    listed = results.attempt("list of files", lambda: files_section(folder, summary))
+    sections.append(about_section(summary or about, None if many_starts else study))
+    listed = results.attempt("list of files", lambda: files_section(results.folder, summary))
     if listed is not None:
         section, lost = listed
         sections.append(section)
         results.missing.extend(text for text in lost if text not in results.missing)
+    named, unnamed = summary.get("study"), "study" if data is None else "parameter study"
+    name = str(named).removesuffix(".toml") if named else unnamed
     title = name if structure is None else f"{name}: {structure_words(structure, system.contacts if system else ())}"
-    head = written if study is None else vars(study.output)
-    given_title, by = _head(*(str(head.get(name, "")) for name in ("title", "author", "date")))
+    head = ("", "", "") if study is None else (study.output.title, study.output.author, study.output.date)
+    given_title, by = _head(*head)
     return Page(
         title=given_title or title,
         by=by,
-        lead=(*([f"{title}."] if given_title else []), *studied, *_lead(study, results.findings, written)),
+        lead=(*([f"{title}."] if given_title else []), *studied, *_lead(study, results.findings)),
         drawing=drawing,
         conclusions=conclusions,
         missing=tuple(results.missing),
-        warnings=(*texts_of(summary.get("warnings")), *failures),
-        notes=(*texts_of(summary.get("notes")), *texts_of(written.get("notes"))),
+        warnings=result_warnings(results),
+        notes=texts_of(summary.get("notes")),
         sections=tuple(sections),
-        first=(*first, *_next_step(folder)),
+        first=(*first, *_next_step(results.folder)),
     )
 
 
 # ---- what was computed ----------------------------------------------------------------------------
-
-
-def _structure(
-    results: ResultReading, study: Study | None, written: Mapping[str, Any]
-) -> tuple[str, Structure | None, System | DrawnSystem | None]:
-    """Name of the study, structure, and its places and contacts: neither its mesh nor its record is read again."""
-    named = results.summary.get("study", written.get("study"))
-    name = (
-        str(named).removesuffix(".toml") if named else "study" if results.parameter_study is None else "parameter study"
-    )
-    stored = _stored_structure(results, written)
-    if study is None:
-        return name, *(stored or (None, None))
-    points = stored[1].points if stored else {}
-    placed = results.attempt("places of the structure", lambda: drawn_system(study.structure, points))
-    return name, study.structure, placed
-
-
-def _stored_structure(
-    results: ResultReading, written: Mapping[str, Any]
-) -> tuple[Structure, System | DrawnSystem] | None:
-    """Structure, places and contacts from the first of the files that has them."""
-    if results.modes is not None and results.modes.structure is not None:
-        return results.modes.structure, results.modes.system
-    for key in ("last_cycles", "snapshots"):
-        found = results.attempt(FILES[key].name, partial(read_run_parts, results.folder, key, results.summary))
-        if found is not None:
-            return found
-    if "structure" not in written:
-        return None
-    return results.attempt(FILES["convergence_notes"].name, lambda: read_parts(written["structure"]))
 
 
 def _next_step(folder: Path) -> list[Section]:
@@ -238,23 +186,19 @@ def _varied(study: Study) -> dict[str, list[str]]:
     return found
 
 
-def _of_parameter_study(results: ResultReading) -> tuple[list[str], tuple[str, ...], Mapping[str, Any]]:
-    """Sentences, failures and versions of a parameter study; cases that were not run are missing."""
+def _of_parameter_study(results: ResultReading) -> tuple[list[str], Mapping[str, Any]]:
+    """Sentences and versions of a parameter study; cases that were not run are missing."""
     data, study, name = results.parameter_study, results.study, FILES["parameter_study"].name
     if data is None:
         if (results.folder / STUDY_BLOCKS).is_dir() and not (results.folder / name).exists():
             results.miss(f"{name}: the parameter study was not finished; the same femimpact study goes on with it")
-        return [], (), {}
+        return [], {}
     for text in results.attempt(name, lambda: study_missing(data)) or ():
         results.miss(text)
     lead = results.attempt(name, lambda: study_lead(data)) or []
     if study is not None and isinstance(study.excitation, SteppedSine):
         lead.append("A case has one value over all dwells; a sine with the axis base.frequency has one at each.")
-    return (
-        lead,
-        results.attempt(name, lambda: study_failures(data)) or (),
-        results.attempt(name, lambda: study_versions(data)) or {},
-    )
+    return lead, results.attempt(name, lambda: study_versions(data)) or {}
 
 
 def best_measures(data: xarray.Dataset, best: Mapping[str, BestCase]) -> list[Measure]:
@@ -273,10 +217,10 @@ def _head(*given: str) -> tuple[str, str]:
     return title, ", ".join(filter(None, by))
 
 
-def _lead(study: Study | None, found: Findings, written: Mapping[str, Any]) -> list[str]:
+def _lead(study: Study | None, found: Findings) -> list[str]:
     """Sentences on what was computed."""
-    if study is None:
-        return [str(written["problem"])] if "problem" in written else []
+    if study is None or found.problems:
+        return [f"{problem}." for problem in found.problems]
     said = [f"History: {study.history_words}." if found.history is not None else ""]
     base = ""
     if study.kind == "sine":
@@ -301,17 +245,16 @@ def _lead(study: Study | None, found: Findings, written: Mapping[str, Any]) -> l
 # ---- records ---------------------------------------------------------------------------------------
 
 
-def records_of(results: ResultReading) -> tuple[list[Any], list[str]]:
+def records_of(results: ResultReading, best: Mapping[str, BestCase] | None = None) -> tuple[list[Any], list[str]]:
     """What the results hold that pictures are drawn of, and why there are no spectra; what cannot be read is noted."""
-    folder, summary, data = results.folder, results.summary, results.parameter_study
-    run, best = _run(results), results.best[0]
+    data, run = results.parameter_study, results.run
     records = [
-        results.attempt(FILES["sweep_data"].name, lambda: read_curves(folder, summary)),
-        results.attempt(FILES["branches"].name, lambda: read_followed(folder, summary)),
+        results.curves,
+        results.followed,
         run,
         results.modes,
-        *_convergence_tables(results, results.convergence.get("accuracy", DEFAULT_ACCURACY)),
-        *(best_measures(data, best) if data is not None else ()),
+        *_convergence_tables(results, results.findings.accuracy or DEFAULT_ACCURACY),
+        *(best_measures(data, best) if data is not None and best else ()),
         *(
             (results.attempt(FILES["parameter_study"].name, lambda: measures_of(data)) or ())
             if data is not None
@@ -319,30 +262,13 @@ def records_of(results: ResultReading) -> tuple[list[Any], list[str]]:
         ),
     ]
     spectra, refused = list[Any](), list[str]()
-    if run is not None and run.whole.base is not None:
+    if run is not None:
         spectra, refused = results.attempt("spectra", lambda: spectra_of(run.whole, in_study_words)) or ([], [])
     return [record for record in (*records, *spectra) if record is not None], refused
 
 
 DEFAULT_ACCURACY = 1e-3
 """Of tables of convergence whose notes are lost."""
-
-
-def _run(results: ResultReading) -> Run | None:
-    """The run of the results: from its history, and from its last cycles where they are there."""
-    study, history = results.study, results.history
-    end = results.attempt(FILES["last_cycles"].name, lambda: read_last_cycles(results.folder, results.summary))
-    if history is None:
-        # impacts and last cycles are drawn without it
-        return None if end is None else Run(replace(end, channels={}, units={}), end)
-    base = study.excitation if study is not None else end.base if end is not None else None
-    system: System | DrawnSystem = DrawnSystem(np.zeros(0), {}) if end is None else end.system
-    if study is not None:
-        system = _system_of(study) if results.modes is None else results.modes.system
-    whole = results.attempt(
-        FILES["history"].name, lambda: read_run(results.folder, results.summary, history, system, base)
-    )
-    return None if whole is None else Run(whole, end)
 
 
 def _convergence_tables(results: ResultReading, accuracy: float) -> Iterator[Any]:
@@ -359,100 +285,105 @@ def _convergence_tables(results: ResultReading, accuracy: float) -> Iterator[Any
             yield results.attempt(name, partial(read_convergence, columns, results.units(name), axis, known, accuracy))
 
 
-def _system_of(study: Study) -> DrawnSystem:
-    """Places and contacts of a study; its modes too where spectra need them, and they need no file of a mesh."""
-    drawn = drawn_system(study.structure, {})
-    if study.mesh.file or has_cycle(study.excitation):
-        return drawn
-    return replace(drawn, modes=modes_of(build(study)[1], MODES))
-
-
 # ---- words and tables beside the pictures ----------------------------------------------------------
 
 
-def beside_of(results: ResultReading) -> dict[str, list[Element]]:
+Beside = list[Element | Table | str]
+"""Words, tables, and other elements of a part of a page, in their order."""
+
+
+def tables_of(results: ResultReading) -> Iterator[Table]:
+    """Tables of results that stand on the page and on the terminal alike."""
+    for key, make in (
+        ("modes", _modes), ("comparison", _comparison), ("motion", _motion), ("orbits", _orbits),
+        ("recommended", _recommended),
+    ):  # fmt: skip
+        parts = results.attempt(SECTIONS[key], partial(make, results)) or []
+        yield from (part for part in parts if isinstance(part, Table))
+
+
+def beside_of(results: ResultReading, records: Iterable[Any]) -> dict[str, list[Element]]:
     """Words, tables and the player of results, by the part of the page in which they stand."""
-    made = {
-        key: results.attempt(SECTIONS[key], partial(make, results))
+    parts = {
+        key: [_as_element(part) for part in results.attempt(SECTIONS[key], partial(make, results)) or []]
         for key, make in (
-            ("comparison", _comparison), ("response", _curve_words), ("orbits", _orbits), ("player", _player),
-            ("drive", _drive), ("motion", _motion), ("modes", _modes),
+            ("comparison", _comparison), ("orbits", _orbits), ("player", _player), ("motion", _motion),
+            ("modes", _modes), ("recommended", _recommended),
         )
     }  # fmt: skip
-    found = {key: elements for key, elements in made.items() if elements}
-    for key, name, table in TABLES:
-        columns = results.table(FILES[name].name)
-        if columns is not None:
-            shown = results.attempt(
-                FILES[name].name, partial(table, columns, results.units(FILES[name].name), FILES[name].name)
-            )
-            found.setdefault(key, []).extend([] if shown is None else [table_element(shown)])
-    return found
+    for record in (*records, results.parameter_study):
+        pairs: list[tuple[str, Element]] | None = results.attempt("tables", partial(list, beside(record, True)))
+        for key, one in pairs or ():
+            parts.setdefault(key, []).append(one)
+    return parts
 
 
-def _curve_words(results: ResultReading) -> list[Element]:
-    swept = read_curves(results.folder, results.summary)
-    return [] if swept is None else [element("p", dwell_words(next(iter(swept.curves.values()))))]
+def _as_element(part: Element | Table | str) -> Element:
+    if isinstance(part, Table):
+        return table_element(part)
+    return element("p", part) if isinstance(part, str) else part
 
 
-def _drive(results: ResultReading) -> list[Element]:
-    if results.study is None or results.history is None:
-        return []
-    return [element("p", words) for words in drive_words(results.study.excitation)]
+def _of_file(results: ResultReading, key: str, make: Callable[[Any, Any, str], Table | None]) -> list[Table]:
+    """The table of a file of results, by its key; none where there is no such file, or it cannot be read."""
+    name = FILES[key].name
+    columns = results.table(name)
+    table = None if columns is None else results.attempt(name, partial(make, columns, results.units(name), name))
+    return [] if table is None else [table]
 
 
-def _motion(results: ResultReading) -> list[Element]:
+def _motion(results: ResultReading) -> Beside:
     """By which criterion the motion is what it is, and the numbers of every channel."""
-    if results.history is None:
-        return []
-    found = results.findings.history
-    if found is None:
+    history = results.findings.history
+    if history is None:
         return []
     words = "The excitation has no cycle: no kind of periodic motion is looked for."
-    if found.frequency is not None:
-        words = f"Kind of motion over the last third: {found.regime.label}. Criterion: {found.regime.criterion}."
+    if history.frequency is not None:
+        words = f"Kind of motion over the last third: {history.regime.label}. Criterion: {history.regime.criterion}."
     channels = channel_table(results.findings)
-    return [element("p", words), *([] if channels is None else [table_element(channels)])]
+    return [words, *([] if channels is None else [channels])]
 
 
-def _player(results: ResultReading) -> list[Element]:
-    film = read_film(results.folder, results.summary)
-    if film is None:
-        drawn = [FILES[key].name for key in ("movie", "deflection_scene")]
-        drawn = [name for name in drawn if (results.folder / name).exists()]
-        if drawn:
-            results.miss(
-                f"{FILES['snapshots'].name}: results of an earlier version have none for a player; "
-                f"{drawn[0]} shows the motion"
-            )
-        return []
-    player = player_element(*film)
+def _player(results: ResultReading) -> Beside:
+    film, study = results.film, results.study
+    player = None if film is None or study is None else player_element(film, study.structure, study.output.exaggeration)
     return [] if player is None else [player]
 
 
-def _comparison(results: ResultReading) -> list[Element]:
+def _comparison(results: ResultReading) -> Beside:
     """Table of the paper's results beside ours, remarks on where they differ, and the scan of the restitution."""
-    content: list[Element] = []
-    beside = results.table(FILES["comparison"].name)
-    if beside is not None:
-        heads = {
-            "paper_theory": "paper, theory",
-            "paper_experiment": "paper, experiment",
-            "from_rest_on_base": "ours, from rest relative to the base",
-            "from_rest_in_space": "ours, from rest in the inertial frame",
-        }  # fmt: skip
-        header = tuple(heads.get(name, name) for name in beside)
-        rows = tuple(zip(*(_plain_column(values) for values in beside.values()), strict=True))
-        title = "The paper beside ours: median and range over starts"
-        content.append(table_element(Table(title, header, rows, FILES["comparison"].name)))
-    remarks = results.findings.remarks
-    if remarks:
-        content.append(element("div.said", element("h3", "Where they differ, and why"), list_element(remarks, "notes")))
-    name = FILES["restitution"].name
-    scan = results.table(name)
-    if scan is not None:
-        content.append(table_element(table_of("Scan of the restitution", scan, results.units(name), name)))
+    findings = results.findings
+    content: Beside = [*_of_file(results, "comparison", _comparison_table)]
+    if findings.remarks:
+        remarks = list_element(findings.remarks, "notes")
+        content.append(element("div.said", element("h3", "Where they differ, and why"), remarks))
+    if findings.scan_of_restitution:
+        content.append(_scan_table(findings))
     return content
+
+
+def _comparison_table(columns: Mapping[str, Any], _units: Mapping[str, str], file: str) -> Table:
+    heads = {
+        "paper_theory": "paper, theory",
+        "paper_experiment": "paper, experiment",
+        "from_rest_on_base": "ours, from rest relative to the base",
+        "from_rest_in_space": "ours, from rest in the inertial frame",
+    }
+    header = tuple(heads.get(name, name) for name in columns)
+    rows = tuple(zip(*map(_plain_column, columns.values()), strict=True))
+    return Table("The paper beside ours: median and range over starts", header, rows, file)
+
+
+def _scan_table(findings: Findings) -> Table:
+    """Median and range of peak and ratio, from both starts, for every restitution."""
+    scan = findings.scan_of_restitution
+    rows = tuple(
+        (restitution, *(spread.text() for start in starts.values() for spread in start.values()))
+        for restitution, starts in scan.items()
+    )
+    frames = {"base": "rest relative to the base", "space": "rest in the inertial frame"}
+    numbers = [f"{name}, {words}" for words in frames.values() for name in ("peak (Hz)", "amplitude ratio")]
+    return Table("Scan of the restitution", ("restitution", *numbers), rows, FILES["restitution"].name)
 
 
 def _plain_column(values: Any) -> list[Any]:
@@ -466,15 +397,21 @@ def _plain_column(values: Any) -> list[Any]:
     return found
 
 
-def _modes(results: ResultReading) -> list[Element]:
+def _modes(results: ResultReading) -> Beside:
     """Table of the modes, from its file or from the modes themselves."""
-    name = FILES["modes"].name
-    columns = results.table(name)
-    if columns is not None:
-        title = f"Modes without {carried_of(results.summary)}"
-        whole = {key: _whole(values) for key, values in columns.items()}
-        return [table_element(table_of(title, whole, results.units(name), name))]
-    return [] if results.modes is None else [table_element(table_of("Modes", *_mode_columns(results.modes.modes)))]
+    title = f"Modes without {carried_of(results.summary)}"
+    tables = _of_file(results, "modes", partial(_mode_table, title))
+    if tables or results.modes is None:
+        return [*tables]
+    return [table_of("Modes", *_mode_columns(results.modes.modes))]
+
+
+def _mode_table(title: str, columns: Mapping[str, Any], units: Mapping[str, str], file: str) -> Table:
+    return table_of(title, {key: _whole(values) for key, values in columns.items()}, units, file)
+
+
+def _recommended(results: ResultReading) -> Beside:
+    return [*_of_file(results, "convergence_summary", summary_table)]
 
 
 def _mode_columns(modes: Modes) -> tuple[dict[str, Any], dict[str, str]]:
@@ -497,37 +434,27 @@ def _whole(values: Any) -> Any:
     )
 
 
-def _orbits(results: ResultReading) -> list[Element]:
+def _orbits(results: ResultReading) -> Beside:
     """Branches of periodic orbits, and the command that follows them again."""
-    followed, name = read_followed(results.folder, results.summary), FILES["bifurcations"].name
+    followed = results.followed
     if followed is None:
         return []
-    over_frequency = followed.branches[0].parameter == "base.frequency"
-    more = ": one mode more moves windows that are some 0.01 Hz wide" if over_frequency else ""
-    words = (
+    parameter = followed.branches[0].parameter
+    more = ": one mode more moves windows that are some 0.01 Hz wide" if parameter == "base.frequency" else ""
+    return [
         f"On {followed.modes} modes{more}. At stable orbits every small disturbance decays.",
         f"'femimpact orbits {FILES['study'].name}' in the folder of this page follows the branches again.",
-    )
-    tables = [branch_table(followed, FILES["branch_table"].name)]
-    columns = results.table(name)
-    if columns is not None and len(columns["branch"]):
-        kinds = [kind_words(str(kind)) for kind in columns["kind"]]
-        whole = {**columns, "branch": np.asarray(columns["branch"]).astype(int), "kind": kinds}
-        digits = {followed.branches[0].parameter: PARAMETER_DIGITS}
-        shown = in_shown_units(whole, results.units(name))
-        tables.append(table_of("Bifurcations", *shown, name, digits=digits))
-    return [*(element("p", text) for text in words), *map(table_element, tables)]
+        branch_table(followed, FILES["branch_table"].name),
+        *_of_file(results, "bifurcations", partial(_bifurcation_table, parameter)),
+    ]
 
 
-TABLES: tuple[tuple[str, str, Callable[[Any, Any, str], Table | None]], ...] = (
-    ("impacts", "impacts", impact_table),
-    ("recommended", "convergence_summary", summary_table),
-    *(("convergence", f"quantities_over_{axis}", cases_of_axis) for axis in ("mesh", "step", "modes")),
-    ("convergence", "statistics_over_mesh", cases_of_axis),
-    ("convergence", "runs_over_step", cases_of_axis),
-    ("cases", "parameter_table", case_table),
-)
-"""Tables that stand on the page as their files hold them: part of the page, key of the file, and what makes them."""
+def _bifurcation_table(parameter: str, columns: Mapping[str, Any], units: Mapping[str, str], file: str) -> Table | None:
+    if not len(columns["branch"]):
+        return None
+    kinds = [kind_words(str(kind)) for kind in columns["kind"]]
+    whole = {**columns, "branch": np.asarray(columns["branch"]).astype(int), "kind": kinds}
+    return table_of("Bifurcations", *in_shown_units(whole, units), file, digits={parameter: PARAMETER_DIGITS})
 
 
 def about_section(summary: Mapping[str, Any], study: Study | None) -> Section:

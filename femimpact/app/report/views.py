@@ -11,12 +11,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from femimpact import figures
-from femimpact.app.report.markup import Element, element
+from femimpact.app.report.markup import Element, element, picture_element
 from femimpact.app.report.page import Section
-from femimpact.app.report.picture import picture_element
 from femimpact.app.results.branch_file import FollowedBranches
 from femimpact.app.results.picture_data import Run, StructureModes, SweptCurves
-from femimpact.app.results.result_directory import FILES, new_file
+from femimpact.app.results.result_directory import FIGURES, FILES, new_file
 from femimpact.contact.laws import Rigid
 from femimpact.convergence.table import ConvergenceTable
 from femimpact.errors import InputError
@@ -25,7 +24,8 @@ from femimpact.excitation.drives import Drives, HammerBlow
 from femimpact.excitation.harmonic import SteppedSine
 from femimpact.excitation.random_base import RandomBase
 from femimpact.excitation.shock import Shock
-from femimpact.figures.channel_histories import MOST_LINES, drawn_channels
+from femimpact.figures.drawing import figure_of
+from femimpact.figures.histories import MOST_LINES, drawn_channels
 from femimpact.figures.studies import mark_best
 from femimpact.figures.study_labels import BestMarks, axis_words, measure_names
 from femimpact.response.response import Response
@@ -122,16 +122,16 @@ class View:
 
     section: str  # key in `SECTIONS` of the part of a page in which it stands
     kind: type  # of the records
-    key: str  # stem of the file, and beginning of identifiers on a page
-    title: str
+    key: str  # stem of the file, of `FIGURES` but for measures, and beginning of identifiers on a page
     figure: Callable[[Any], Any]  # axes of a figure that no window shows, of a record
     when: Callable[[Any], bool] = lambda _: True  # whether a record has data for it
     words: Callable[[Any], str] = lambda _: ""
     file: str = ""  # key in `FILES` of the numbers that it is drawn from
+    title: str = ""  # where it is not that of `FIGURES`
 
 
 def _has_impacts(run: Run) -> bool:
-    return len(run.whole.impacts) > 0 and run.whole.base is not None
+    return len(run.whole.impacts) > 0
 
 
 def _remarks(found: Any) -> str:
@@ -155,74 +155,84 @@ def _of_measure(one: Measure) -> Any:
 
 VIEWS = (
     View(
-        "response", SweptCurves, "response", "Response over frequency",
-        lambda swept: figures.response_curve(swept.curves, coarse=swept.coarse, bands=swept.bands, ax=OFF_SCREEN),
-        file="sweep",
+        "response", SweptCurves, "response", file="sweep",
+        figure=lambda swept: figures.response_curve(
+            swept.curves, coarse=swept.coarse, bands=swept.bands, ax=OFF_SCREEN
+        ),
     ),
     View(
-        "response", SweptCurves, "response_columns", "Phase, impacts and forces over frequency",
-        lambda swept: figures.response_columns(swept.curves, OFF_SCREEN), file="sweep",
+        "response", SweptCurves, "response_columns", file="sweep",
+        figure=lambda swept: figures.response_columns(swept.curves, OFF_SCREEN),
     ),
     View(
-        "orbits", FollowedBranches, "branches", "Largest displacement of the periodic orbits",
-        lambda followed: figures.branch(
+        "orbits", FollowedBranches, "branches", file="branch_table",
+        figure=lambda followed: figures.branch(
             followed.branches, OFF_SCREEN, title=f"{followed.modes} modes kept", swept=followed.swept
         ),
-        file="branch_table",
     ),
+    View("drive", Run, "drive", lambda run: figures.drive(run.whole.base, float(run.whole.time[-1]), OFF_SCREEN)),
     View(
-        "drive", Run, "drive", "The drive",
-        lambda run: figures.drive(run.whole.base, float(run.whole.time[-1]), OFF_SCREEN),
-        when=lambda run: run.whole.base is not None,
-    ),
-    View(
-        "motion", Run, "history", "Channels over time", lambda run: figures.channels(run.whole, run.end, OFF_SCREEN),
+        "motion", Run, "history", lambda run: figures.channels(run.whole, run.end, OFF_SCREEN),
         when=lambda run: bool(drawn_channels(run.whole)), file="history",
     ),
-    View("spectra", Spectrum, "spectrum", "Spectral density of {0.channel}", lambda found: figures.spectrum(
-        found, highest=None, ax=OFF_SCREEN), words=_remarks, file="history"),
-    View("spectra", TransferFunction, "spectrum", "Transfer function over {0.of}",
-         lambda found: figures.transfer_function(found, figure=OFF_SCREEN), words=_remarks, file="history"),
-    View("spectra", ShockResponseSpectrum, "spectrum", "Shock response spectrum of the base",
-         lambda found: figures.shock_response_spectrum(found, ax=OFF_SCREEN), words=_remarks),
-    View("impacts", Run, "impact_histograms", "How hard the impacts are", lambda run: figures.impact_histograms(
-        run.whole, OFF_SCREEN), when=_has_impacts, file="impacts"),
-    View("impacts", Run, "impulse_phase", "When the impacts are", lambda run: figures.impulse_phase(
-        run.whole, OFF_SCREEN), when=_has_impacts, file="impacts"),
     View(
-        "impacts", Run, "contact_force", "Contact force",
-        lambda run: figures.contact_force(run.end, averaged=False, figure=OFF_SCREEN),
+        "spectra", Spectrum, "spectrum", title="Spectral density of {0.channel}", words=_remarks, file="history",
+        figure=lambda found: figures.spectrum(found, highest=None, ax=OFF_SCREEN),
+    ),
+    View(
+        "spectra", TransferFunction, "spectrum", title="Transfer function over {0.of}", words=_remarks, file="history",
+        figure=lambda found: figures.transfer_function(found, figure=OFF_SCREEN),
+    ),
+    View(
+        "spectra", ShockResponseSpectrum, "spectrum", title="Shock response spectrum of the base", words=_remarks,
+        figure=lambda found: figures.shock_response_spectrum(found, ax=OFF_SCREEN),
+    ),
+    View(
+        "impacts", Run, "impact_histograms", lambda run: figures.impact_histograms(run.whole, OFF_SCREEN),
+        when=_has_impacts, file="impacts",
+    ),
+    View(
+        "impacts", Run, "impulse_phase", lambda run: figures.impulse_phase(run.whole, OFF_SCREEN),
+        when=_has_impacts, file="impacts",
+    ),
+    View(
+        "impacts", Run, "contact_force", file="last_cycles",
+        figure=lambda run: figures.contact_force(run.end, averaged=False, figure=OFF_SCREEN),
         # a rigid impact has an impulse and no force to draw
         when=lambda run: run.end is not None and bool(set(run.end.impacts.law.values()) - {Rigid.name}),
-        file="last_cycles",
     ),
     View(
-        "motion", Run, "phase_portrait", "Phase portrait",
-        lambda run: figures.phase_portrait(run.end, phase=None, ax=OFF_SCREEN),
-        when=lambda run: run.end is not None and bool(run.end.system.balls), file="last_cycles",
+        "motion", Run, "phase_portrait", file="last_cycles",
+        figure=lambda run: figures.phase_portrait(run.end, phase=None, ax=OFF_SCREEN),
+        when=lambda run: run.end is not None and bool(run.end.system.balls),
     ),
-    View("energy", Run, "energy", "Energy", lambda run: figures.energies(run.whole, OFF_SCREEN),
-         when=lambda run: run.whole.energy is not None, file="history"),
     View(
-        "modes", StructureModes, "modes", "Mode shapes of the structure alone",
-        lambda found: figures.mode_shapes(found.system, found.modes, structure=found.structure, figure=OFF_SCREEN),
-        when=lambda found: np.size(found.system.nodes) > 1, file="mode_shapes",
+        "energy", Run, "energy", lambda run: figures.energies(run.whole, OFF_SCREEN),
+        when=lambda run: run.whole.energy is not None, file="history",
     ),
-    View("convergence", ConvergenceTable, "quantities_over_{0.axis}", "Relative errors over the {0.axis}",
-         lambda table: figures.convergence_panels(table, OFF_SCREEN), when=lambda table: table.kind == "quantities",
-         file="quantities_over_{0.axis}"),
-    View("convergence", ConvergenceTable, "statistics_over_{0.axis}", "Runs with contacts over the {0.axis}",
-         lambda table: figures.convergence_panels(table, OFF_SCREEN), when=lambda table: table.kind == "statistics",
-         file="statistics_over_{0.axis}"),
-    View("convergence", ConvergenceTable, "runs_over_{0.axis}", "Errors of runs in steps",
-         lambda table: figures.convergence_panels(table, OFF_SCREEN), when=lambda table: table.kind == "runs",
-         file="runs_over_{0.axis}"),
-    View("best", Measure, "study_best", "{0.title}", _of_measure, when=lambda one: one.marks is not None,
-         file="parameter_table"),
-    View("study", Measure, "{0.stem}", "{0.title}", _of_measure, when=lambda one: one.marks is None,
-         file="parameter_table"),
-    View("decay", DecayEstimate, "decay", "Damping ratio over the amplitude",
-         lambda estimate: figures.decay(estimate, OFF_SCREEN), when=lambda estimate: len(estimate) > 0),
+    View(
+        "modes", StructureModes, "modes", file="mode_shapes",
+        figure=lambda found: figures.mode_shapes(
+            found.system, found.modes, structure=found.structure, figure=OFF_SCREEN
+        ),
+        when=lambda found: np.size(found.system.nodes) > 1,
+    ),
+    View(
+        "convergence", ConvergenceTable, "{0.kind}_over_{0.axis}", file="{0.kind}_over_{0.axis}",
+        figure=lambda table: figures.convergence_panels(table, OFF_SCREEN),
+    ),
+    View(
+        "best", Measure, "study_best", _of_measure, when=lambda one: one.marks is not None, file="parameter_table",
+        title="{0.title}",
+    ),
+    View(
+        "study", Measure, "{0.stem}", _of_measure, when=lambda one: one.marks is None, file="parameter_table",
+        title="{0.title}",
+    ),
+    View(
+        "decay", DecayEstimate, "decay", lambda estimate: figures.decay(estimate, OFF_SCREEN),
+        when=lambda estimate: len(estimate) > 0, title="Damping ratio over the amplitude",
+    ),
 )  # fmt: skip
 """Every picture, in the order in which it stands on a page and is drawn into a folder."""
 
@@ -236,10 +246,29 @@ class Picture:
     number: int  # of its view, from 1
 
     @property
+    def stem(self) -> str:
+        """Stem of the files of its view."""
+        return self.view.key.format(self.record)
+
+    @property
     def name(self) -> str:
         """Stem of its file."""
-        stem = self.view.key.format(self.record)
-        return stem if self.number == 1 else f"{stem}_{self.number}"
+        return self.stem if self.number == 1 else f"{self.stem}_{self.number}"
+
+    @property
+    def title(self) -> str:
+        """What it shows, in words."""
+        return (self.view.title or FIGURES[self.stem]).format(self.record)
+
+    def axes(self) -> Any:
+        """Axes of its figure, which no window shows."""
+        return self.view.figure(self.record)
+
+    def element(self, axes: Any, prefix: str = "", folder: bool = True) -> Element:
+        """Its figure on a page, with the file that it is drawn from where that is beside the page."""
+        view = self.view
+        file = f"Drawn from {FILES[view.file.format(self.record)].name}." if folder and view.file else ""
+        return picture_element(axes, f"{prefix}{self.name}", self.title, (view.words(self.record), file))
 
 
 def pictures_of(records: Iterable[Any]) -> list[Picture]:
@@ -255,12 +284,15 @@ def pictures_of(records: Iterable[Any]) -> list[Picture]:
     return found
 
 
+NOT_DRAWN: Mapping[str, Element] = {}
+
+
 def sections_of(
     records: Iterable[Any],
     beside: Mapping[str, Sequence[Element]],  # words and tables by the key of their section
     prefix: str = "",  # of identifiers
-    folder: bool = False,  # whether the files of results stand beside the page
-    miss: Callable[[str], object] | None = None,  # told of what cannot be drawn; by default that is said in its place
+    miss: Callable[[str], object] | None = None,  # told of what cannot be drawn of the files beside the page
+    drawn: Mapping[str, Element] = NOT_DRAWN,  # pictures that `save_pictures` has drawn
 ) -> list[Section]:
     """Parts of a page with the pictures of records, words above them and tables below."""
     pictures: dict[str, list[Picture]] = {}
@@ -269,42 +301,43 @@ def sections_of(
     found = list[Section]()
     for key, heading in SECTIONS.items():
         mine, others = pictures.get(key, []), list(beside.get(key, ()))
-        drawn = [_element_of(one, prefix, folder, miss) for one in mine[:MOST_PICTURES]]
+        elements = [drawn.get(one.name) or _element_of(one, prefix, miss) for one in mine[:MOST_PICTURES]]
         if len(mine) > MOST_PICTURES:
             left = f"{len(mine) - MOST_PICTURES} further pictures are left out: the file of the study has all values."
-            drawn.append(element("p.below", left))
+            elements.append(element("p.below", left))
         words = [one for one in others if one.tag == "p"]
         rest = [one for one in others if one.tag != "p"]
         if mine or others:
-            held = [element("div", *some) for some in (drawn, rest) if some]
+            held = [element("div", *some) for some in (elements, rest) if some]
             found.append(Section(f"{prefix}{key}", heading, (*words, *held)))
     return found
 
 
-def _element_of(one: Picture, prefix: str, folder: bool, miss: Callable[[str], object] | None) -> Element:
-    """A picture with the file that it is drawn from, or why there is none."""
-    view, title = one.view, one.view.title.format(one.record)
-    file = f"Drawn from {FILES[view.file.format(one.record)].name}." if folder and view.file else ""
+def _element_of(one: Picture, prefix: str, miss: Callable[[str], object] | None) -> Element:
+    """A picture, or why there is none."""
     try:
-        drawn = view.figure(one.record)
-        return picture_element(drawn, f"{prefix}{one.name}", title, (view.words(one.record), file))
+        return one.element(one.axes(), prefix, miss is not None)
     # what a library for pictures raises is without limit, and the rest of the page does not depend on it
     except Exception as error:
         if miss is not None and not isinstance(error, InputError):
             miss(f"{one.name}: {reason_of(error)}")
-        return element("p", f"{title}: not drawn, for {reason_of(error)}")
+        return element("p", f"{one.title}: not drawn, for {reason_of(error)}")
 
 
-def save_pictures(records: Iterable[Any], folder: Path) -> list[str]:
-    """Draw records into a folder, as PNG; a line for each picture that could not be drawn."""
-    failures = list[str]()
+def save_pictures(records: Iterable[Any], folder: Path) -> tuple[dict[str, Element], list[str]]:
+    """Draw records into a folder, as PNG: the same on its page, by their names, and why others were not drawn."""
+    elements, failures = dict[str, Element](), list[str]()
     for one in pictures_of(records):
         path = new_file(folder, f"figures/{one.name}.png")
         try:
-            figures.save_figure(one.view.figure(one.record), path)
+            axes = one.axes()
+            elements[one.name] = one.element(axes)
+            # drawn once more, it would be placed anew
+            figure_of(axes).set_layout_engine("none")
+            figures.save_figure(axes, path)
         except Exception as error:
             failures.append(f"{path.name}: {reason_of(error)}")
-    return failures
+    return elements, failures
 
 
 def reason_of(error: Exception) -> str:

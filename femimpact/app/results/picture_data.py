@@ -1,37 +1,37 @@
-"""Data of pictures, stored with the results of a run and read back: pictures can be drawn again at any time."""
+"""Results read back for pictures, page and terminal: the study and its structure, and what it has found."""
 
 from __future__ import annotations
 
 import dataclasses
-import json
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
 
-from femimpact.app.results.result_directory import FILES
-from femimpact.app.results.results import carried_of, read_dataset, read_table
-from femimpact.app.study.drives import PARTS, force_of, force_table, made_of, table_of
+from femimpact.app.results.branch_file import FollowedBranches, read_followed
+from femimpact.app.results.result_directory import FILES, SUMMARY, ResultsWarning, unfinished_state
+from femimpact.app.results.results import carried_of, read_dataset, read_summary, read_table
+from femimpact.app.study.findings import Findings, read_findings
+from femimpact.app.study.study import Study, build_systems
+from femimpact.app.study.study_file import load_study
 from femimpact.arrays import Array
 from femimpact.convergence.table import ConvergenceTable
 from femimpact.errors import require
-from femimpact.excitation.drives import Drives, HammerBlow, PointForce
-from femimpact.excitation.excitation import Excitation
-from femimpact.excitation.records import RecordedBase
-from femimpact.excitation.sums import Sum
-from femimpact.files import plain as plain_data
-from femimpact.files import write_netcdf
+from femimpact.excitation.excitation import has_cycle
+from femimpact.files import read_units
 from femimpact.response.cycles import no_steady_motion
 from femimpact.response.energy import EnergyLedger
 from femimpact.response.history import Snapshots
 from femimpact.response.impacts import IMPACT_UNITS, Impacts, ImpactStatistics, StickingPhases, impact_statistics
 from femimpact.response.response import Response
-from femimpact.scene.placed import DrawnContact, DrawnSystem
-from femimpact.structure.beam import Beam, Segment
-from femimpact.structure.structure import Dashpot, PointMass, Spring, Structure, Support
+from femimpact.scene.placed import DrawnSystem, drawn_system
+from femimpact.signals.densities import MODES, modes_of
+from femimpact.structure.structure import Structure
 from femimpact.sweep.curve import SWEEP_UNITS, FrequencyResponse
 from femimpact.system.modes import Modes
 from femimpact.system.system import System
@@ -39,12 +39,7 @@ from femimpact.system.system import System
 if TYPE_CHECKING:
     import xarray
 
-
-ABOUT = "about"
-"""Variable that holds, as JSON, everything that is not an array."""
-
-BASE_SAMPLES = "base_samples"
-"""Variable that holds the samples of the record that moves the base."""
+T = TypeVar("T")
 
 SNAPSHOT_DIMS = {
     "displacement": "dof",
@@ -53,6 +48,9 @@ SNAPSHOT_DIMS = {
     "ball_velocity": "ball",
     "contact_force": "contact",
 }
+
+NOWHERE = DrawnSystem(np.zeros(0), {})
+"""Places and contacts of results whose study cannot be read."""
 
 
 # ---- records ----------------------------------------------------------------------------------------
@@ -85,11 +83,11 @@ class Run:
     end: Response | None = None
 
 
-# ---- modes ----------------------------------------------------------------------------------------
+# ---- writing ----------------------------------------------------------------------------------------
 
 
-def write_mode_shapes(path: Path, system: System, modes: Modes, structure: Structure) -> None:
-    """Write mode shapes at the nodes, with the parts that a picture shows on them."""
+def mode_shape_data(system: System, modes: Modes) -> xarray.Dataset:
+    """Mode shapes at the nodes."""
     import xarray
 
     data: dict[str, Any] = {
@@ -104,288 +102,237 @@ def write_mode_shapes(path: Path, system: System, modes: Modes, structure: Struc
     text = "deflection and slope at each node in turn, mass-normalised"
     data["shape"] = (("dof", "mode"), shapes, {"units": "kg^-0.5, kg^-0.5/m", "long_name": text})
     data["node"] = ("node", np.array(system.nodes), {"units": "m", "long_name": "distance from the root"})
-    data[ABOUT] = ((), json.dumps(structure_parts(structure, system)))
-    write_netcdf(path, xarray.Dataset(data, attrs={"total_mass_kg": system.total_mass}))
+    return xarray.Dataset(data, attrs={"total_mass_kg": system.total_mass})
 
 
-def read_mode_shapes(folder: Path, summary: Mapping[str, Any]) -> StructureModes | None:
-    """Modes with the system and the structure as pictures take them; None where the results have none.
+def snapshot_data(response: Response, snapshots: Snapshots) -> xarray.Dataset:
+    """The snapshots of a response."""
+    import xarray
 
-    Results of earlier versions have no structure.
-    """
-    data = read_dataset(folder, "mode_shapes", summary)
-    if data is None:
-        return None
-    names = ("natural_frequency", "damping_ratio", "participation_factor")
-    modes = Modes(**{name: data[name].to_numpy() for name in names}, vectors=data["shape"].to_numpy())
-    about = json.loads(data[ABOUT].item()) if ABOUT in data else {"points": {}, "contacts": []}
-    system = _system(about, data["node"].to_numpy(), float(data.attrs["total_mass_kg"]))
-    system = dataclasses.replace(system, modes=(modes.natural_frequency, modes.damping_ratio))
-    return StructureModes(cast(System, system), modes, _structure(about) if ABOUT in data else None)
-
-
-# ---- parts ----------------------------------------------------------------------------------------
-
-
-def _parts(structure: Structure) -> dict[str, Any]:
-    """The structure without its contacts, which are those of the system."""
-    parts = {name: getattr(structure, name) for name in ("supports", "springs", "dashpots", "masses")}
-    return {
-        name: [dataclasses.asdict(part) for part in several]
-        for name, several in (parts | {"segments": structure.beam.segments}).items()
-    }
-
-
-def structure_parts(structure: Structure, system: System) -> dict[str, Any]:
-    """A structure with the places and contacts of its system, in what JSON has."""
-    plain: dict[str, Any] = plain_data(
-        _parts(structure) | {"points": dict(system.points), "contacts": _contacts(system)}
-    )
-    return plain
-
-
-def read_parts(about: Mapping[str, Any]) -> tuple[Structure, DrawnSystem]:
-    """The structure without its contacts, and its places and contacts, as `structure_drawing` or a run stored them."""
-    return _structure(about), _system(about)
-
-
-def read_run_parts(
-    folder: Path,
-    key: str,  # {"last_cycles", "snapshots"}
-    summary: Mapping[str, Any],
-) -> tuple[Structure, DrawnSystem] | None:
-    """Structure, places and contacts of a run, from a file of it; None where the results do not have that file."""
-    data = read_dataset(folder, key, summary)
-    return None if data is None else read_parts(json.loads(data[ABOUT].item()))
-
-
-def _structure(about: Mapping[str, Any]) -> Structure:
-    """The structure that `_parts` wrote; results of earlier versions have fewer parts."""
-    return Structure(
-        beam=Beam(tuple(Segment(**segment) for segment in about["segments"])),
-        supports=tuple(Support(**support) for support in about["supports"]),
-        masses=tuple(PointMass(**body) for body in about.get("masses", ())),
-        springs=tuple(Spring(**spring) for spring in about.get("springs", ())),
-        dashpots=tuple(Dashpot(**dashpot) for dashpot in about.get("dashpots", ())),
-    )
-
-
-def _contacts(system: System) -> list[dict[str, Any]]:
-    return [
-        {
-            "name": pair.name,
-            "position": pair.position,
-            "mass": pair.mass,
-            "gaps": pair.gaps,
-            # read by earlier versions
-            "rigid": pair.parameters.is_rigid,
-            "fixed_to": pair.fixed_to,
-            "free_stiffness": pair.free_stiffness,
-            "free_damping": pair.free_damping,
-        }
-        for pair in system.contacts
-    ]
-
-
-def _system(
-    about: Mapping[str, Any],
-    nodes: Array | None = None,  # (n,) m
-    total_mass: float = math.nan,  # kg
-) -> DrawnSystem:
-    """Places and contacts that were stored; the laws are known by the statistics of their impacts."""
-    laws = {name: given["law"] for name, given in about.get("statistics_of", {}).items()}
-    contacts = tuple(
-        DrawnContact(
-            name=contact["name"],
-            position=contact["position"],
-            mass=_finite_or(contact["mass"], math.inf),
-            gaps=(_finite_or(contact["gaps"][0], math.inf), _finite_or(contact["gaps"][1], math.inf)),
-            # results of earlier versions do not have it
-            fixed_to=contact.get("fixed_to", "base"),
-            law=laws.get(contact["name"], ""),
-            free_stiffness=contact.get("free_stiffness", math.nan),
-            free_damping=contact.get("free_damping", math.nan),
-        )
-        for contact in about["contacts"]
-    )
-    return DrawnSystem(np.zeros(0) if nodes is None else nodes, about["points"], contacts, total_mass)
-
-
-# ---- history --------------------------------------------------------------------------------------
-
-
-def write_snapshots(path: Path, structure: Structure, response: Response, exaggeration: float | None) -> None:
-    """Write the snapshots of a response, with the data that a movie needs beside them."""
-    snapshots = response.snapshots
-    if snapshots is None:
-        raise AssertionError("only of a response with snapshots")
-    units = {"displacement": "m, 1", "velocity": "m/s, 1/s", "contact_force": "N"}
+    units = {"displacement": "m, 1", "velocity": "m/s, 1/s", "ball_velocity": "m/s", "contact_force": "N"}
     data: dict[str, Any] = {
         name: (("time", dim), np.array(getattr(snapshots, name)), {"units": units.get(name, "m")})
         for name, dim in SNAPSHOT_DIMS.items()
     }
-    data["ball_velocity"][2]["units"] = "m/s"
     data["node"] = ("node", np.array(response.system.nodes), {"units": "m"})
-    data |= _base_arrays(response)
-    data[ABOUT] = ((), _about(structure, response) | {"exaggeration": exaggeration})
-    _write(path, data, snapshots.time)
+    time = ("time", np.array(snapshots.time), {"units": "s"})
+    return xarray.Dataset(data, {"time": time}, {"end_s": response.window[1]})
 
 
-def write_last_cycles(
-    path: Path,
-    structure: Structure,
+def last_cycle_data(
     response: Response,  # the run
     end: Response,  # its last cycles
-) -> None:
-    """Write the channels of the last cycles of a run at every step."""
-    data: dict[str, Any] = {name: ("time", np.array(values), {"units": end.units[name]}) for name, values in
-                            end.channels.items()}  # fmt: skip
-    data |= _base_arrays(response)
-    data[ABOUT] = ((), _about(structure, response))
-    _write(path, data, end.time)
-
-
-def _write(path: Path, data: dict[str, Any], time: Array) -> None:
+) -> xarray.Dataset:
+    """Channels of the last cycles of a run at every step, with the statistics of the run."""
     import xarray
 
-    data[ABOUT] = ((), json.dumps(plain_data(data[ABOUT][1])))
-    write_netcdf(path, xarray.Dataset(data, coords={"time": ("time", np.array(time), {"units": "s"})}))
+    data = {name: ("time", np.array(values), {"units": end.units[name]}) for name, values in end.channels.items()}
+    time = ("time", np.array(end.time), {"units": "s"})
+    about = {"end_s": response.window[1], **dataclasses.asdict(response.statistics)}
+    return xarray.Dataset(data, {"time": time}, about)
 
 
-def _about(structure: Structure, response: Response) -> dict[str, Any]:
-    """Structure, base, contacts and statistics of a run, for its pictures."""
-    return _parts(structure) | {
-        "base": _base_numbers(response.base),
-        "contacts": _contacts(response.system),
-        "points": dict(response.system.points),
-        "end": response.window[1],
-        "statistics": dataclasses.asdict(response.statistics),
-        "statistics_of": {name: dataclasses.asdict(one) for name, one in response.statistics_of.items()},
-    }
+# ---- reading ----------------------------------------------------------------------------------------
 
 
-def _base_numbers(base: Excitation) -> dict[str, Any]:
-    """Numbers from which a motion is made again, but for the samples of a record."""
-    if isinstance(base, Drives):
-        moving = None if base.base is None else _base_numbers(base.base)
-        return {"base": moving, "forces": [_base_numbers(force) for force in base.forces]}
-    if isinstance(base, Sum):
-        return {"parts": [_base_numbers(part) for part in base.parts]}
-    if isinstance(base, PointForce):
-        return {"at": base.at, "name": base.name, "history": _base_numbers(base.history)}
-    if isinstance(base, HammerBlow):
-        return force_table(base)
-    if isinstance(base, RecordedBase):
-        return {"interval": base.interval, "initial_velocity": base.initial_velocity}
-    if any(type(base) is kind.noun for kind in PARTS.values()):
-        return table_of(base, PARTS)
-    # another motion is shown as a sine
-    numbers = {"amplitude": base.amplitude, "frequency": base.frequency, "phase": getattr(base, "phase", 0.0)}
-    return {"kind": "sine", **numbers}
+@dataclass(frozen=True, eq=False)
+class ResultReading:
+    """A directory of results with the data read from it, and notes on what could not be read."""
+
+    folder: Path  # with the files
+    summary: dict[str, Any]  # empty where there is none
+    as_run: Study | None = None  # the study; that of its file by default, which no law of one's own can be read from
+    missing: list[str] = field(default_factory=list)  # what could not be read or is not as it was, and why
+    failures: list[str] = field(default_factory=list)  # what could not be read
+
+    def attempt(self, what: str, make: Callable[[], T]) -> T | None:
+        """The value of `make()`; where it fails None, and a line in `missing`."""
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            try:
+                found: T | None = make()
+            # what damaged results make a reader raise is without limit, and a report is made of the rest
+            except Exception as error:
+                words = " ".join(str(error).split()) or type(error).__name__
+                text = words if words.startswith(str(self.folder)) else f"{what}: {words}"
+                self.failures.append(self.miss(text))
+                found = None
+        for one in caught:
+            if issubclass(one.category, ResultsWarning):
+                self.miss(str(one.message))
+        return found
+
+    def miss(self, text: str) -> str:
+        """Note what is missing, with names of files alone: a report does not hang on where its directory is."""
+        plain = text.replace(f"{self.folder}/", "").replace(f"{self.folder}: ", "")[:400]
+        if plain not in self.missing:
+            self.missing.append(plain)
+        return plain
+
+    def of_file(self, key: str, make: Callable[[xarray.Dataset], T]) -> T | None:
+        """What is made of one of the netCDF files of `FILES`; None where there is none, or it cannot be read."""
+        name = FILES[key].name
+        data = self.attempt(name, lambda: read_dataset(self.folder, key, self.summary))
+        return None if data is None else self.attempt(name, lambda: make(data))
+
+    def table(self, name: str) -> dict[str, Any] | None:
+        """A table of the results by the name of its file; None where there is none, or it cannot be read."""
+        return self.attempt(name, lambda: read_table(self.folder, name, self.summary))
+
+    def units(self, name: str) -> dict[str, str]:
+        """Units of the columns of a table that was read."""
+        return self.attempt(name, lambda: read_units(self.folder / name)) or {}
+
+    @cached_property
+    def study(self) -> Study | None:
+        """The study of the results; None where there is none, or it cannot be read, as of what follows."""
+        if self.as_run is not None:
+            return self.as_run
+        path = self.folder / FILES["study"].name
+        return self.attempt(path.name, lambda: load_study(path)) if path.exists() else None
+
+    @cached_property
+    def findings(self) -> Findings:
+        """What the summary says; nothing where it is damaged."""
+        return self.attempt(SUMMARY, lambda: read_findings(self.summary)) or Findings()
+
+    @cached_property
+    def system(self) -> DrawnSystem | None:
+        """Places and contacts of the study's structure; its mesh is not read again."""
+        study, points = self.study, self.findings.points
+        if study is None:
+            return None
+        return self.attempt("places of the structure", lambda: drawn_system(study.structure, points))
+
+    @cached_property
+    def history(self) -> xarray.Dataset | None:
+        """The history."""
+        return self.of_file("history", lambda data: data)
+
+    @cached_property
+    def parameter_study(self) -> xarray.Dataset | None:
+        """The dataset of a parameter study."""
+        return self.of_file("parameter_study", lambda data: data)
+
+    @cached_property
+    def modes(self) -> StructureModes | None:
+        """The mode shapes, with the system and the structure as pictures take them."""
+        return self.of_file("mode_shapes", self._modes)
+
+    def _modes(self, data: xarray.Dataset) -> StructureModes:
+        names = ("natural_frequency", "damping_ratio", "participation_factor")
+        modes = Modes(**{name: data[name].to_numpy() for name in names}, vectors=data["shape"].to_numpy())
+        system = replace(
+            self.system or NOWHERE,
+            nodes=data["node"].to_numpy(),
+            total_mass=float(data.attrs["total_mass_kg"]),
+            modes=(modes.natural_frequency, modes.damping_ratio),
+        )
+        return StructureModes(cast(System, system), modes, None if self.study is None else self.study.structure)
+
+    @cached_property
+    def curves(self) -> SweptCurves | None:
+        """Response curves by words for their cases, with the even grid."""
+        return self.attempt(FILES["sweep_data"].name, lambda: read_curves(self.folder, self.summary))
+
+    @cached_property
+    def followed(self) -> FollowedBranches | None:
+        """Branches of periodic orbits."""
+        return self.attempt(FILES["branches"].name, lambda: read_followed(self.folder, self.summary))
+
+    @cached_property
+    def film(self) -> Response | None:
+        """A response with snapshots, and without a history."""
+        return None if self.system is None else self.of_file("snapshots", self._film)
+
+    def _film(self, data: xarray.Dataset) -> Response:
+        arrays = {name: data[name].to_numpy() for name in SNAPSHOT_DIMS}
+        snapshots = Snapshots(time=data["time"].to_numpy(), **arrays)
+        system = replace(self.system or NOWHERE, nodes=data["node"].to_numpy())
+        return replace(self._response([data.attrs["end_s"]], system), snapshots=snapshots)
+
+    @cached_property
+    def last_cycles(self) -> Response | None:
+        """The last cycles of a run at every step, with all of its impacts."""
+        return None if self.system is None else self.of_file("last_cycles", self._last_cycles)
+
+    def _last_cycles(self, data: xarray.Dataset) -> Response:
+        statistics = {item.name: data.attrs[item.name] for item in dataclasses.fields(ImpactStatistics)}
+        run = self._response([data.attrs["end_s"]], self.system or NOWHERE)
+        return replace(
+            run,
+            time=data["time"].to_numpy(),
+            channels={str(name): values.to_numpy() for name, values in data.data_vars.items()},
+            units={str(name): values.attrs["units"] for name, values in data.data_vars.items()},
+            statistics=ImpactStatistics(**statistics | {"count": int(statistics["count"])}),
+        )
+
+    @cached_property
+    def run(self) -> Run | None:
+        """The run of the results: from its history, and from its last cycles where they are there."""
+        end, history = self.last_cycles, self.history
+        if history is None:
+            # impacts and last cycles are drawn without it
+            return None if end is None else Run(replace(end, channels={}, units={}), end)
+        whole = None if self.system is None else self.attempt(FILES["history"].name, lambda: self._run(history))
+        return None if whole is None else Run(whole, end)
+
+    def _run(self, history: xarray.Dataset) -> Response:
+        """A run with the channels and energies of its history, and with its impacts, but with no statistics."""
+        channels = {
+            str(name): np.asarray(values.to_numpy(), dtype=float)
+            for name, values in history.data_vars.items()
+            if values.dims == ("time",) and not str(name).startswith("energy_") and name not in BESIDE_CHANNELS
+        }
+        units = {name: str(history[name].attrs.get("units", "1")) for name in channels}
+        run = self._response(history["time"].to_numpy(), self._system_of_run())
+        return replace(run, channels=channels, units=units, energy=_ledger(history, run.time))
+
+    def _system_of_run(self) -> DrawnSystem:
+        """Places and contacts, with the modes where spectra need them, and they need no file of a mesh."""
+        study, system = self.study, self.system or NOWHERE
+        if self.modes is not None:
+            return cast(DrawnSystem, self.modes.system)
+        if study is None or study.mesh.file or has_cycle(study.excitation):
+            return system
+        return replace(system, modes=modes_of(build_systems(study)[1], MODES))
+
+    def _response(self, time: Any, system: DrawnSystem) -> Response:
+        """A response without channels: its times, its impacts, its drive and its system."""
+        sticking, nothing = read_table(self.folder, FILES["sticking"].name, self.summary), _no_statistics()
+        return Response(
+            time=np.asarray(time, dtype=float),
+            channels={},
+            units={},
+            impacts=_impacts(self.folder, self.summary),
+            sticking=StickingPhases.none() if sticking is None else StickingPhases(**sticking),
+            statistics=nothing,
+            statistics_of=dict.fromkeys((pair.name for pair in system.contacts), nothing),
+            steady=no_steady_motion(),
+            energy=None,
+            snapshots=None,
+            base=cast(Study, self.study).excitation,
+            system=cast(System, system),
+        )
 
 
-def _base_arrays(response: Response) -> dict[str, Any]:
-    """The samples of a record; none of a sine."""
-    base = getattr(response.base, "base", response.base)
-    if not isinstance(base, RecordedBase):
-        return {}
-    return {BASE_SAMPLES: ("base_sample", np.array(base.samples), {"units": "m/s^2"})}
-
-
-def _base(data: xarray.Dataset, about: Mapping[str, Any]) -> Any:
-    """The drives that `_base_numbers` and `_base_arrays` wrote."""
-    return _excitation(about["base"], data[BASE_SAMPLES].to_numpy() if BASE_SAMPLES in data else None)
-
-
-def _excitation(numbers: Mapping[str, Any], samples: Array | None) -> Any:
-    if "forces" in numbers:
-        moving = numbers["base"]
-        forces = tuple(_excitation(force, None) for force in numbers["forces"])
-        return Drives(None if moving is None else _excitation(moving, samples), forces)
-    if "parts" in numbers:
-        return Sum(tuple(_excitation(part, None) for part in numbers["parts"]))
-    if "history" in numbers:
-        return PointForce(numbers["at"], _excitation(numbers["history"], None), numbers["name"])
-    if "at" in numbers:
-        return force_of(numbers)
-    return made_of(numbers, PARTS) if "kind" in numbers else RecordedBase(samples, **numbers)
-
-
-def read_film(folder: Path, summary: Mapping[str, Any]) -> tuple[Response, Structure, float | None] | None:
-    """A response with snapshots, its structure and the scale of its motion (None: chosen); None without snapshots."""
-    data = read_dataset(folder, "snapshots", summary)
-    if data is None:
-        return None
-    about = json.loads(data[ABOUT].item())
-    arrays = {name: data[name].to_numpy() for name in SNAPSHOT_DIMS}
-    snapshots = Snapshots(time=data["time"].to_numpy(), **arrays)
-    response = _response(folder, summary, about, data["node"].to_numpy(), _base(data, about))
-    return dataclasses.replace(response, snapshots=snapshots), _structure(about), about["exaggeration"]
-
-
-def read_last_cycles(folder: Path, summary: Mapping[str, Any]) -> Response | None:
-    """The last cycles of a run at every step, with all of its impacts; None where there are none."""
-    data = read_dataset(folder, "last_cycles", summary)
-    if data is None:
-        return None
-    about = json.loads(data[ABOUT].item())
-    response = _response(folder, summary, about, np.zeros(0), _base(data, about))
-    others = (ABOUT, BASE_SAMPLES)
-    channels = {str(name): values.to_numpy() for name, values in data.data_vars.items() if name not in others}
-    units = {name: data[name].attrs["units"] for name in channels}
-    return dataclasses.replace(response, time=data["time"].to_numpy(), channels=channels, units=units)
-
-
-def _response(
-    folder: Path, summary: Mapping[str, Any], about: Mapping[str, Any], nodes: Array, base: Excitation
-) -> Response:
-    """A response without a history: its impacts, its end, and the places and contacts of its system."""
-    sticking = read_table(folder, FILES["sticking"].name, summary)
-    return Response(
-        time=np.array([about["end"]]),
-        channels={},
-        units={},
-        impacts=_impacts(folder, summary),
-        sticking=StickingPhases.none() if sticking is None else StickingPhases(**sticking),
-        statistics=_statistics(about["statistics"]),
-        statistics_of={name: _statistics(given) for name, given in about["statistics_of"].items()},
-        steady=no_steady_motion(),
-        energy=None,
-        snapshots=None,
-        base=base,
-        system=cast(System, _system(about, nodes)),
-    )
+def read_results(folder: Path, study: Study | None = None) -> ResultReading:
+    """A directory of results with its summary; that it is unfinished is missing from it."""
+    results = ResultReading(folder, {}, study)
+    if (folder / SUMMARY).exists():
+        results.summary.update(results.attempt(SUMMARY, lambda: read_summary(folder)) or {})
+    state = results.attempt("directory", lambda: unfinished_state(folder))
+    if state:
+        results.miss(state.replace(str(folder), "DIR"))
+    return results
 
 
 BESIDE_CHANNELS = ("base_displacement", "base_velocity", "base_acceleration", "base", "time")
 """Variables of a history that are the motion of its base."""
 
 
-def read_run(
-    folder: Path, summary: Mapping[str, Any], history: xarray.Dataset, system: System | DrawnSystem, base: Any
-) -> Response:
-    """A run with the channels and energies of its history, and with its impacts, but with no statistics."""
-    time = np.asarray(history["time"].to_numpy(), dtype=float)
-    channels = {
-        str(name): np.asarray(values.to_numpy(), dtype=float)
-        for name, values in history.data_vars.items()
-        if values.dims == ("time",) and not str(name).startswith("energy_") and name not in BESIDE_CHANNELS
-    }
-    nothing = impact_statistics(np.zeros((6, 1)), 1.0, 1.0, "")
-    return Response(
-        time=time,
-        channels=channels,
-        units={name: str(history[name].attrs.get("units", "1")) for name in channels},
-        impacts=_impacts(folder, summary),
-        sticking=StickingPhases.none(),
-        statistics=nothing,
-        statistics_of=dict.fromkeys((pair.name for pair in system.contacts), nothing),
-        steady=no_steady_motion(),
-        energy=_ledger(history, time),
-        snapshots=None,
-        base=base,
-        system=cast(System, system),
-    )
+def _no_statistics() -> ImpactStatistics:
+    return impact_statistics(np.zeros((6, 1)), 1.0, 1.0, "")
 
 
 def _ledger(history: xarray.Dataset, time: Array) -> EnergyLedger | None:
@@ -400,15 +347,6 @@ def _ledger(history: xarray.Dataset, time: Array) -> EnergyLedger | None:
 
 WORK_OF = "energy_work_of_"
 """Beginning of the variables of a history that are the work of one of several drives."""
-
-
-def _statistics(given: Mapping[str, Any]) -> ImpactStatistics:
-    return ImpactStatistics(**{name: _finite_or(value, math.nan) for name, value in given.items()})
-
-
-def _finite_or(value: Any, other: float) -> Any:
-    """A value of a JSON file, which has null for what is not finite."""
-    return other if value is None else value
 
 
 def _impacts(folder: Path, summary: Mapping[str, Any]) -> Impacts:

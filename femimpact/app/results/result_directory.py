@@ -35,36 +35,34 @@ class ResultFile:
 
 
 CONVERGENCE: Mapping[str, str] = {
-    "quantities_over_mesh": "values and errors over the mesh",
-    "quantities_over_step": "values and errors over the step",
-    "quantities_over_modes": "values and errors over the modes",
-    "statistics_over_mesh": "means of runs with contacts over the mesh",
-    "runs_over_step": "errors of runs in steps",
+    **{f"quantities_over_{axis}": f"Relative errors over the {axis}" for axis in ("mesh", "step", "modes")},
+    "statistics_over_mesh": "Means of runs with contacts over the mesh",
+    "runs_over_step": "Errors of runs in steps",
 }
-"""Tables of a convergence study, each with a figure."""
+"""Tables of a convergence study, each with a figure of the same name."""
 
 FIGURES: Mapping[str, str] = {
-    "modes": "mode shapes",
-    "response": "response curves",
-    "response_columns": "phase, impacts and forces over frequency",
-    "drive": "what drives the history",
-    "history": "channels over time",
-    "energy": "energies over time",
-    "contact_force": "contact force over the last cycles",
-    "phase_portrait": "phase portraits",
-    "impact_histograms": "how often which impact speed and impulse came",
-    "impulse_phase": "impulse over the phase of the base",
-    "restitution": "scan of the restitution",
-    "response_of_starts": "response curves of both starts",
-    "branches": "branches of periodic orbits",
-    "spectrum": "spectrum of a channel, or of the drive",
-    **{key: f"the same as a figure: {key}.csv" for key in CONVERGENCE},
+    "response": "Response over frequency",
+    "response_columns": "Phase, impacts and forces over frequency",
+    "response_of_starts": "Response curves of both starts",
+    "branches": "Largest displacement of the periodic orbits",
+    "drive": "The drive",
+    "history": "Channels over time",
+    "phase_portrait": "Phase portrait",
+    "spectrum": "Spectrum of a channel, or of the drive",
+    "impact_histograms": "How hard the impacts are",
+    "impulse_phase": "When the impacts are",
+    "contact_force": "Contact force",
+    "energy": "Energy",
+    "modes": "Mode shapes of the structure alone",
+    "study_best": "The best case: its measure over the axes that are chosen",
+    **CONVERGENCE,
 }
-"""Figures of results and what they show, by the stem of their file, which a number may follow."""
+"""Titles of figures of results, by the stem of their file, which a number may follow; those of measures have others."""
 
 _ROWS: Mapping[str, tuple[str, ...]] = {
-    "summary": (SUMMARY, "the numbers of this page, machine-readable", "run"),
-    "study": ("study.toml", "the study that was run, from which it can be run again", "run, study"),
+    "summary": (SUMMARY, "the numbers of this page, machine-readable", "run, converge, orbits"),
+    "study": ("study.toml", "the study that was run, from which it can be run again", "run, converge, orbits, study"),
     "modes": ("modes.csv", "frequencies, damping and effective masses of the modes", "modes"),
     "mode_shapes": ("modes.nc", "mode shapes with labels (netCDF, xarray)", "modes"),
     "sweep": ("sweep.csv", "response curves, a row for each frequency", "sweep"),
@@ -107,7 +105,6 @@ _ROWS: Mapping[str, tuple[str, ...]] = {
     "branches": ("branches.nc", "branches of periodic orbits with labels (netCDF, xarray)", "orbits"),
     "branch_table": ("branches.csv", "every orbit of the branches, a row each", "orbits"),
     "bifurcations": ("bifurcations.csv", "every bifurcation of the branches, a row each", "orbits"),
-    "convergence_notes": ("convergence.json", "what was studied, with versions and notes", "converge"),
     "report": ("report.html", "this page", "run, converge, study, orbits, report"),
 }
 
@@ -149,10 +146,8 @@ def purpose_of(name: str) -> str:
     """What a file of results is for, in words."""
     if name in NAMES:
         return NAMES[name].purpose
-    if name == BEST_FIGURE:
-        return "the best case: its measure over the axes that are chosen"
     figure = FIGURE.fullmatch(name)
-    return FIGURES[figure[1]] if figure else "a measure over the axes of the study"
+    return FIGURES[figure[1]] if figure else "A measure over the axes of the study"
 
 
 def _all_files(folder: Path) -> Iterator[str]:

@@ -97,7 +97,7 @@ def in_si_units(data: Mapping[str, Any], schema: Mapping[str, Any], folder: Path
         def limit(name: str, value: Any) -> Any:
             # units of measures are those of the columns of a sweep and of channels
             quantity = QUANTITIES.get(name.rpartition(".")[2])
-            unit = SWEEP_UNITS.get(name, "" if quantity is None else quantity.make("tip").unit)
+            unit = SWEEP_UNITS.get(name, "" if quantity is None else quantity.unit)
             return readings.number(f"study.best.limits.{name}", value, unit)
 
         found["study"] = {**plan, "best": {**best, "limits": _mapped(best["limits"], is_table, limit)}}

@@ -24,7 +24,7 @@ from femimpact.integrators.methods import AT_ONCE, Method, bytes_of_cycle, secon
 from femimpact.integrators.planned_drive import drive_warnings
 from femimpact.integrators.stepping.operators import shortest_contact
 from femimpact.response.channels import resolve_channels
-from femimpact.response.resolution import PeakResolution
+from femimpact.response.cycles import PeakResolution
 from femimpact.response.response import Recorder
 from femimpact.structure.structure import Structure
 from femimpact.system.contact_pair import ContactPair
@@ -99,7 +99,8 @@ class PreparedStudy:
     method: Method  # with the steps for `small` and `bare`
     bare_method: Method
     record: Recorder  # what the history keeps
-    warnings: tuple[str, ...]  # of the method on the system
+    grid: float  # s: between instants at which the history can be read
+    warnings: tuple[str, ...] = ()
 
     @property
     def carried(self) -> str:
@@ -129,30 +130,39 @@ def prepare(study: Study, parts: tuple[str, ...] = PARTS) -> PreparedStudy:
     check_mesh(study, elements or 1)
     full, small = build_systems(study, mesh)
     method = method_for(study, small)
-    warnings = check_method(study, small, method)
-    bare = without_impactors(small)
-    record = history_record(study, small, method)
+    of_method, bare = check_method(study, small, method), without_impactors(small)
+    record, grid = history_record(study, small, method)
     _check_channels(study, small)
-    prepared = PreparedStudy(
-        study, mesh, full, small, bare, method, method_for(study, bare), record=record,
-        warnings=tuple(map(in_study_words, (
-            *warnings, *_coarse_history(study, small, method), *_empty_sweep(study, bare, parts),
-            *_of_drives(study, small, parts),
-        ))),
-    )  # fmt: skip
+    prepared = PreparedStudy(study, mesh, full, small, bare, method, method_for(study, bare), record, grid)
+    texts = (*of_method, *_coarse_history(prepared), *_empty_sweep(prepared, parts), *_of_drives(prepared, parts))
     _check_drives(prepared, parts)
-    return prepared
+    return replace(prepared, warnings=tuple(map(in_study_words, texts)))
 
 
 def with_base(prepared: PreparedStudy, base: Sine) -> PreparedStudy:
     """The same study with another sine of its base: the systems and methods stay, the record is made anew."""
     study = replace(prepared.study, base=base)
-    return replace(prepared, study=study, record=history_record(study, prepared.small, prepared.method))
+    record, grid = history_record(study, prepared.small, prepared.method)
+    return replace(prepared, study=study, record=record, grid=grid)
 
 
-def history_record(study: Study, small: System, method: Method) -> Recorder:
-    """The recorder of the study's history: stress, channels of every place with a ball and of the balls, snapshots."""
-    output, grid = study.output, _grid(study, small, method)
+def history_record(study: Study, small: System, method: Method) -> tuple[Recorder, float]:
+    """The recorder of the study's history, and the time (s) between instants at which that can be read.
+
+    It keeps stress, channels of every place with a ball and of the balls, and snapshots.
+
+    Raises `InputError` if the study gives an interval that the method does not take.
+    """
+    output, asked = study.output, Recorder(interval=study.output.interval)
+    try:
+        grid = method.time_grid(small, study.excitation, study.history_duration, asked)
+    except InputError as error:
+        renamed = {"record.interval": "output.interval"}
+        raise InputError([replace(fault, key=renamed.get(fault.key, fault.key)) for fault in error.faults]) from None
+    every = output.every
+    if every is None:
+        # so many that a base cycle is resolved
+        every = min(USUAL_STRIDE, stride_of(method, study.excitation.frequency, LEAST_SAMPLES))
     kept = min(output.frame_cycles / study.shown_frequency, study.history_duration)
     channels: list[str | float] = ["tip", "tip.velocity", "mid", *root_stress(study.structure, small)]
     for pair in small.contacts:
@@ -161,15 +171,16 @@ def history_record(study: Study, small: System, method: Method) -> Recorder:
             channels += [str(place), f"{place}.velocity"]
         moving = [] if pair.is_stop else [pair.name, f"{pair.name}.velocity"]
         channels += [*moving, f"{pair.name}.contact_force" if pair.has_walls else f"{pair.name}.gap"]
-    return Recorder(
+    record = replace(
+        asked,
         channels=tuple(dict.fromkeys([*channels, *output.channels])),
-        every=_stride(study, method),
-        interval=output.interval,
+        every=every,
         snapshots=max(round(kept / (output.frames * grid)), 1) if output.frames else 0,
         snapshots_start=max(study.history_duration - kept, 0.0),
         state_at=last_cycles_start(study),
         memory_limit=output.memory_limit,
     )
+    return record, grid
 
 
 def root_stress(structure: Structure, system: System) -> tuple[str, ...]:
@@ -194,30 +205,10 @@ def last_cycles_start(study: Study) -> float:
     return max(study.history_duration - FIGURE_CYCLES / study.shown_frequency, 0.0)
 
 
-def _grid(study: Study, small: System, method: Method) -> float:
-    """Time (s) between instants at which the history can be read.
-
-    Raises `InputError` if the study gives an interval that the method does not take.
-    """
-    try:
-        asked = Recorder(interval=study.output.interval)
-        return method.time_grid(small, study.excitation, study.history_duration, asked)
-    except InputError as error:
-        renamed = {"record.interval": "output.interval"}
-        raise InputError([replace(fault, key=renamed.get(fault.key, fault.key)) for fault in error.faults]) from None
-
-
-def _stride(study: Study, method: Method) -> int:
-    """One of so many samples is kept in the history: as the study says, or so many that a base cycle is resolved."""
-    if study.output.every is not None:
-        return study.output.every
-    return min(USUAL_STRIDE, stride_of(method, study.excitation.frequency, LEAST_SAMPLES))
-
-
-def _coarse_history(study: Study, small: System, method: Method) -> tuple[str, ...]:
+def _coarse_history(prepared: PreparedStudy) -> tuple[str, ...]:
     """A warning where the history keeps so few samples of a base cycle that its maxima are not those of the motion."""
-    every = _stride(study, method)
-    samples = 1.0 / (study.excitation.frequency * _grid(study, small, method) * every)
+    every = prepared.record.every
+    samples = 1.0 / (prepared.study.excitation.frequency * prepared.grid * every)
     if samples >= LEAST_SAMPLES:
         return ()
     most = max(int(every * samples / LEAST_SAMPLES), 1)
@@ -230,9 +221,9 @@ def _coarse_history(study: Study, small: System, method: Method) -> tuple[str, .
     )
 
 
-def _empty_sweep(study: Study, bare: System, parts: tuple[str, ...]) -> tuple[str, ...]:
+def _empty_sweep(prepared: PreparedStudy, parts: tuple[str, ...]) -> tuple[str, ...]:
     """A warning where no resonance of the structure without balls lies within the sweep."""
-    plan = study.sweep
+    plan, bare = prepared.study.sweep, prepared.bare
     if "sweep" not in parts or plan is None:
         return ()
     modes = solve_modes(bare, min(10, bare.dofs)).natural_frequency
@@ -245,8 +236,9 @@ def _empty_sweep(study: Study, bare: System, parts: tuple[str, ...]) -> tuple[st
     )
 
 
-def _of_drives(study: Study, small: System, parts: tuple[str, ...]) -> Iterator[str]:
+def _of_drives(prepared: PreparedStudy, parts: tuple[str, ...]) -> Iterator[str]:
     """Warnings of the drive of the history, and of the highest frequency of the sweep."""
+    study, small = prepared.study, prepared.small
     if "simulate" in parts:
         yield from drive_warnings(small, study.excitation, study.history_duration)
     else:
@@ -272,7 +264,7 @@ def _check_drives(prepared: PreparedStudy, parts: tuple[str, ...]) -> None:
         frequency, base = study.excitation.frequency, {"sine": "base.frequency", "record": "base.record"}
         key = "force" if study.forces else base.get(study.kind, "base.kind")
         method.check_drive(np.array([frequency]), key)
-        grid = _grid(study, small, method)
+        grid = prepared.grid
         channels, key = len(record.channels or ()), "output.memory_limit"
         check_memory(small, record, channels, round(study.history_duration / grid), grid, frequency, key)
     if "sweep" in parts and study.sweep is not None:
@@ -281,18 +273,9 @@ def _check_drives(prepared: PreparedStudy, parts: tuple[str, ...]) -> None:
             each.check_drive(np.array([study.sweep.stop]), "sweep.stop")
 
 
-def plan_lines(study: Study) -> list[str]:
-    """Lines on what a run would do: dofs, step, contact time, number of steps, memory and time.
-
-    Raises `InputError` for everything that would stop the run before it starts.
-    """
-    return lines_of_plan(prepare(study))
-
-
 def lines_of_plan(prepared: PreparedStudy) -> list[str]:
-    """The same of a study made ready."""
-    study, full, small, method = prepared.study, prepared.full, prepared.small, prepared.method
-    grid = method.time_grid(small, study.excitation, study.history_duration, prepared.record)
+    """Lines on what a run would do: dofs, step, contact time, number of steps, memory and time."""
+    study, full, small, method, grid = prepared.study, prepared.full, prepared.small, prepared.method, prepared.grid
     steps = round(study.history_duration / grid)
     contact_time = shortest_contact(small)
     kind = "modal" if small.is_diagonal else "physical"
@@ -533,11 +516,9 @@ def check_mesh(study: Study, elements: int) -> None:
     Raises `InputError` naming what takes how much.
     """
     parts = mesh_memory(elements, study.reduction.modes if study.reduction else None)
-    limit, needed = study.output.memory_limit, max(parts.values())
     mesh, modes = (number_text(parts[part] / 1e6, 3) for part in ("mesh", "modes"))
     shares = f"mesh of {elements} elements {mesh} MB, modes {modes} MB"
-    allowed = f"must be >= {needed:.3g}, what this study takes ({shares}): take fewer elements or modes, or raise it"
-    require(needed <= limit, "output.memory_limit", limit, "bytes", allowed)
+    _require_room(study, max(parts.values()), f"this study takes ({shares}): take fewer elements or modes")
 
 
 def check_sweep(study: Study, small: System, method: Method) -> None:
@@ -545,8 +526,12 @@ def check_sweep(study: Study, small: System, method: Method) -> None:
 
     Raises `InputError` naming what it takes.
     """
-    limit, needed = study.output.memory_limit, sweep_cost(study, small, method).memory
-    allowed = f"must be >= {needed:.3g}, what the sweep takes: take fewer points or cycles, or raise it"
+    needed = sweep_cost(study, small, method).memory
+    _require_room(study, needed, "the sweep takes: take fewer points or cycles")
+
+
+def _require_room(study: Study, needed: float, what: str) -> None:
+    limit, allowed = study.output.memory_limit, f"must be >= {needed:.3g}, what {what}, or raise it"
     require(needed <= limit, "output.memory_limit", limit, "bytes", allowed)
 
 

@@ -17,8 +17,7 @@ from femimpact.app.study.parameter_plan import DISTRIBUTIONS, MOST_POINTS, BestP
 from femimpact.contact.laws import LAWS, PowerLaw
 from femimpact.errors import quantity
 from femimpact.integrators.methods import METHODS
-from femimpact.structure.beam import Segment
-from femimpact.structure.damping import ModalDamping, Rayleigh
+from femimpact.structure.beam import ModalDamping, Rayleigh, Segment
 
 NOT_IN_SCHEMA = (
     "what is not a number (nan), for which a schema has no word",
@@ -54,6 +53,20 @@ def kind_schema(kind: Kind, **given: Any) -> dict[str, Any]:
         keys[key] = given.get(key) or (not one.metadata and LISTS.get(key)) or _key(one.metadata, one.default, meaning)
     schema = {"type": "object", "description": _first(kind.make or kind.noun), "properties": keys}
     return schema | {"additionalProperties": False} | ({"required": kind.needed} if kind.needed else {})
+
+
+def forms_schema(
+    kinds: Mapping[str, Kind], key: str, words: str, absent: Iterable[str] = ()
+) -> dict[str, dict[str, Any]]:
+    """Schemas of a table in each of its forms, which a key names; `absent` are those that are meant without the key."""
+    forms = {name: kind_schema(kind) for name, kind in kinds.items()}
+    return {
+        name: {
+            "title": name, **form, "properties": {key: {"const": name, "description": words}, **form["properties"]},
+            "required": [*([] if name in absent else [key]), *form.get("required", [])],
+        }
+        for name, form in forms.items()
+    }  # fmt: skip
 
 
 def _first(noun: Any) -> str:
@@ -138,15 +151,12 @@ def _meanings(noun: Any) -> dict[str, str]:
 
 def contact_schema() -> dict[str, Any]:
     """Schema of a contact: a law by its name, with the fields that the name leaves open."""
-    laws = []
-    for name, (noun, fixed) in LAWS.items():
-        schema = noun_schema(noun, frozenset(fixed), name)
-        schema["properties"] = {"law": {"const": name, "description": "the contact law"}, **schema["properties"]}
-        schema["required"] = ["law", *schema.get("required", [])]
-        if noun is PowerLaw:
-            schema["properties"]["stiffness"] |= {"x-unit": "N/m^exponent"}
-        laws.append(schema)
-    return {"description": "the contact law of the walls", "oneOf": laws}
+    kinds = {name: Kind(noun, without=tuple(fixed)) for name, (noun, fixed) in LAWS.items()}
+    laws = forms_schema(kinds, "law", "the contact law")
+    for name, kind in kinds.items():
+        if kind.noun is PowerLaw:
+            laws[name]["properties"]["stiffness"] |= {"x-unit": "N/m^exponent"}
+    return {"description": "the contact law of the walls", "oneOf": list(laws.values())}
 
 
 def beam_schema() -> dict[str, Any]:
@@ -168,6 +178,8 @@ def damping_schema() -> dict[str, Any]:
     return {"description": "Damping of the structure alone; without the table it has none.", "oneOf": forms}
 
 
+KIND_WORDS = "the kind of motion or force"
+
 OF_HISTORY = {
     "duration": "Duration of the simulated history; absent, that of the motion, of a sum its longest.",
     "start": "At rest relative to the base, at rest in the inertial frame, or in the static state.",
@@ -179,13 +191,14 @@ OF_HISTORY = {
 
 def base_schema() -> dict[str, Any]:
     """Schema of [base]: a form for each kind of motion."""
-    forms = {name: _drive(name, kind) for name, kind in BASES.items()}
+    forms = forms_schema(BASES, "kind", KIND_WORDS, ("sine", "record"))
     # "1 g" is the scale of a record in g
     forms["record"]["properties"]["scale"]["x-unit"] = "m/s^2"
     forms["shock"]["required"].append("history")
     forms["sum"]["required"].append("parts")
     forms["sum"]["properties"]["parts"] = {
-        "type": "array", "minItems": 1, "items": {"oneOf": [_drive(name, kind) for name, kind in PARTS.items()]},
+        "type": "array", "minItems": 1,
+        "items": {"oneOf": list(forms_schema(PARTS, "kind", KIND_WORDS, ("sine",)).values())},
         "description": "motions that are added, [[base.parts]]",
     }  # fmt: skip
     about = (
@@ -195,18 +208,9 @@ def base_schema() -> dict[str, Any]:
     return {"description": about, "oneOf": list(forms.values())}
 
 
-def _drive(name: str, kind: Kind) -> dict[str, Any]:
-    """Schema of a motion or a force."""
-    schema = kind_schema(kind)
-    # a table without a kind has a sine or a record
-    needed = [*(["kind"] if name not in ("sine", "record") or "at" in kind.beside else []), *schema.get("required", [])]
-    keys = {"kind": {"const": name, "description": "the kind of motion or force"}} | schema["properties"]
-    return {"title": name, **schema, "properties": keys, "required": needed}
-
-
 def force_schema() -> dict[str, Any]:
     """Schema of [[force]]: a form for each kind."""
-    forms = [_drive(name, kind) for name, kind in FORCES.items()]
+    forms = list(forms_schema(FORCES, "kind", KIND_WORDS).values())
     density = {"description": "one-sided density of the force", "x-unit": "Hz, N^2/Hz", "x-rows": "N^2/Hz"}
     for keys in (form["properties"] for form in forms):
         if "force" in keys:
@@ -223,16 +227,11 @@ def chosen_later(noun: Any) -> tuple[str, ...]:
 
 def method_schema() -> dict[str, Any]:
     """Schema of [method]: a form for each method."""
-    forms = []
+    # a table without a name is the first of them
+    forms = forms_schema({name: Kind(noun) for name, noun in METHODS.items()}, "name", "the method", ("newmark",))
     for name, noun in METHODS.items():
-        schema = noun_schema(noun, title=name)
-        later = chosen_later(noun)
-        schema["properties"] = {"name": {"const": name, "description": "the method"}, **schema["properties"]}
-        schema["required"] = [key for key in schema.pop("required", []) if key not in later]
-        # a table without a name is the first of them
-        schema["required"] += [] if name == "newmark" else ["name"]
-        forms.append(schema)
-    return {"description": "How time runs; without dt the recommended step is taken.", "oneOf": forms}
+        forms[name]["required"] = [key for key in forms[name]["required"] if key not in chosen_later(noun)]
+    return {"description": "How time runs; without dt the recommended step is taken.", "oneOf": list(forms.values())}
 
 
 def plan_schema() -> dict[str, Any]:

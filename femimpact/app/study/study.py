@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import operator
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -284,9 +283,9 @@ class Output:
 
 
 class AsRead(NamedTuple):
-    """What a study file was read as: a study with the same parts has the text of its file."""
+    """What a study file was read as: an equal study has the text of its file."""
 
-    parts: tuple[Any, ...]
+    study: Study
     tables: Mapping[str, Any]  # with numbers in SI
     quantities: tuple[tuple[str, str, Any, str], ...]  # texts with a unit: key, text, number and unit in SI
 
@@ -345,7 +344,7 @@ class Study:
     forces: tuple[PointForce | HammerBlow, ...] = field(default=(), metadata=items(PointForce, HammerBlow))
     duration: float | None = field(default=None, metadata=optional(SECONDS))
     start: str = field(default="base", metadata=START)
-    as_read: AsRead | None = field(default=None, repr=False)
+    as_read: AsRead | None = field(default=None, repr=False, metadata=optional(instance(AsRead)))
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -354,16 +353,6 @@ class Study:
         if self.sweep is not None:
             sine_of(self, "sweep", instead="; remove [sweep], or give [base] an amplitude and a frequency")
 
-    @property
-    def parts(self) -> tuple[Any, ...]:
-        """The fields that decide the text of a study file, and that text."""
-        return tuple(getattr(self, item.name) for item in fields(self) if item.name not in ("path", "as_read"))
-
-    @property
-    def is_as_read(self) -> bool:
-        """True where nothing was replaced since the study was read from its file, but for the path."""
-        return self.as_read is not None and all(map(operator.is_, self.parts, self.as_read.parts))
-
     @cached_property
     def excitation(self) -> Excitation:
         """Drives of the simulated history: the motion of the base, a force, or several of them as `Drives`."""
@@ -371,7 +360,7 @@ class Study:
         excitation: Excitation = until(drives, self.history_duration)
         return excitation
 
-    @property
+    @cached_property
     def history_duration(self) -> float:
         """Time (s) that the history takes."""
         return float(history_duration(self.base, self.duration) or 0.0)
@@ -396,7 +385,7 @@ class Study:
         """Path of the record of the base, from the folder of the study file; None without one."""
         return self.source.get("record")
 
-    @property
+    @cached_property
     def shown_frequency(self) -> float:
         """Frequency (Hz) of the cycles that pictures show: of the base where it moves, and not of forces beside it."""
         return float((self.base or self.excitation).frequency)
@@ -435,24 +424,9 @@ def sine_of(study: Study, key: str, value: object = None, unit: str = "", instea
     raise InputError([Fault(key, value, unit, allowed)])
 
 
-def build(study: Study) -> tuple[System, System, Method]:
-    """The full system, the one that is integrated, and the method with its step.
-
-    Parameters
-    ----------
-    study : Study
-
-    Returns
-    -------
-    full, small : System
-    method : Method
-    """
-    full, small = build_systems(study, read_mesh_of(study))
-    return full, small, method_for(study, small)
-
-
-def build_systems(study: Study, mesh: Mesh | None) -> tuple[System, System]:
-    """The full system on a mesh of `read_mesh_of`, and the one that is integrated."""
+def build_systems(study: Study, mesh: Mesh | None = None) -> tuple[System, System]:
+    """The full system on the mesh of the study's file, read where none is given, and the one that is integrated."""
+    mesh = mesh or read_mesh_of(study)
     full = assemble_on(study, study.structure, mesh)
     for name, force in named_forces(study.base, study.forces):
         with faults_of(f"force.{name}.at"):

@@ -46,8 +46,7 @@ from femimpact.excitation.drives import HammerBlow, PointForce
 from femimpact.fem.mesh import uniform_mesh
 from femimpact.integrators.methods import METHODS
 from femimpact.regular_file import read_regular
-from femimpact.structure.beam import Beam, Segment, require_single
-from femimpact.structure.damping import ModalDamping, Rayleigh
+from femimpact.structure.beam import Beam, ModalDamping, Rayleigh, Segment, require_single
 from femimpact.structure.structure import Absorber, Dashpot, Impactor, PointMass, Spring, Stop, Structure, Support
 from femimpact.units import in_si
 
@@ -128,7 +127,7 @@ def read_study(
         raise InputError([Fault("study", str(path), "", f"must be readable TOML: {reason}")])
     data, readings = in_si_units(data, study_schema(), path.parent)
     study = _from_tables(data, path, text, readings.faults)
-    return changed(study, as_read=AsRead(study.parts, data, tuple(readings.found)))
+    return changed(study, as_read=AsRead(study, data, tuple(readings.found)))
 
 
 def unit_lines(study: Study) -> list[str]:
@@ -175,12 +174,20 @@ def study_text(study: Study) -> str:
     that has no name in study files is named in a comment; such a file cannot be loaded, and says where.
     """
     read = study.as_read
-    if read is not None and study.is_as_read:
+    if read is not None and study.text == read.study.text and same_study(study, read.study):
         text = with_numbers(study.text, read.tables) if read.quantities else study.text
         # a text in several lines keeps its unit
         if tomllib.loads(text) == read.tables:
             return text
     return "\n".join(study_lines(study)) + "\n"
+
+
+def same_study(one: Study, other: Study) -> bool:
+    """True where two studies are equal, whatever their paths and texts are."""
+    names = (item.name for item in dataclasses.fields(Study) if item.name not in ("path", "text", "as_read"))
+    if all(getattr(one, name) is getattr(other, name) for name in names):
+        return True
+    return one.source.get("content") == other.source.get("content") and [*study_lines(one)] == [*study_lines(other)]
 
 
 def with_record(study: Study, record: str) -> Study:
@@ -192,10 +199,10 @@ def with_record(study: Study, record: str) -> Study:
     base = dataclasses.replace(base, source={**study.source, "record": record})
     text = RECORD_LINE.sub(lambda found: found[1] + _value(record), study.text, count=1)
     moved, read = dataclasses.replace(study, base=base, text=text), study.as_read
-    if read is None or not study.is_as_read:
+    if read is None or not same_study(study, read.study):
         return moved
     tables = {**read.tables, "base": {**read.tables["base"], "record": record}}
-    return changed(moved, as_read=read._replace(parts=moved.parts, tables=tables))
+    return changed(moved, as_read=read._replace(study=moved, tables=tables))
 
 
 # ---- reading --------------------------------------------------------------------------------------

@@ -15,17 +15,14 @@ from femimpact import core
 from femimpact.arrays import Array, Complex
 from femimpact.core.structs import zeros, zeros_together
 from femimpact.errors import require
-from femimpact.excitation.excitation import Harmonic
 from femimpact.excitation.piecewise_polynomial import ORDERS, PiecewisePolynomial, motion_at, piece_at
 from femimpact.integrators.channel_rows import Drive
 from femimpact.integrators.event_driven.closed_form import steady_entries
 from femimpact.integrators.event_driven.complex_modes import SLOW
-from femimpact.integrators.event_driven.equations import Equations
 from femimpact.integrators.event_driven.loop_data import CONTACT, FREE, EventSettings, Held
 from femimpact.integrators.event_driven.store import FormStore, WantedForm
 from femimpact.response.impacts import CYCLE_COLUMNS, IMPACT_COLUMNS, event_width
 from femimpact.system.contact_pair import ContactPair
-from femimpact.system.system import System
 
 LONGEST_SERIES = 0.5
 """Longest time in which a driven entry is advanced at once, times the rate of the polynomials or of slow entries."""
@@ -82,7 +79,7 @@ def inputs_of(
 
     return Inputs(
         omega=np.array([drive.omega for drive in drives]),
-        amplitude=np.array([[relative_amplitude(load.sine, drive.sine) for load in drive.loads] for drive in drives]),
+        amplitude=np.array([relative_amplitudes(drive.loads, drive) for drive in drives]),
         phase=np.array([drive.sine.phase for drive in drives]),
         pieces=tuple(load.pieces for load in drives[0].loads if load.pieces is not None),
         gaps=np.array([[pair.gaps for pair in row] for row in contacts], dtype=float).reshape(count, pairs, 2),
@@ -98,9 +95,9 @@ def inputs_of(
     )
 
 
-def relative_amplitude(sine: Harmonic, first: Harmonic) -> complex:
-    """Amplitude of a sine beside the phase of another of its frequency: real where the phases are equal."""
-    return complex(sine.amplitude * np.exp(1j * (sine.phase - first.phase)))
+def relative_amplitudes(loads: Sequence[Drive], first: Drive) -> list[complex]:
+    """Amplitudes of sines beside the phase of another one of their frequency: real where the phases are equal."""
+    return [complex(load.sine.amplitude * np.exp(1j * (load.sine.phase - first.sine.phase))) for load in loads]
 
 
 @dataclass(eq=False)
@@ -121,8 +118,8 @@ class Block:
 
 
 def new_block(
-    systems: Sequence[System], store: FormStore, inputs: Inputs, method: EventSettings, ledger: bool | None,
-    most_rows: int = 0, most_events: int = 0, system_of: NDArray[np.int64] | None = None,
+    store: FormStore, inputs: Inputs, method: EventSettings, ledger: bool | None, most_rows: int = 0,
+    most_events: int = 0, system_of: NDArray[np.int64] | None = None,
 ) -> Block:  # fmt: skip
     """Cases at their start.
 
@@ -130,23 +127,19 @@ def new_block(
     them, None for no energy. `most_rows` is of the tables of impacts and sticking phases, of a case alone,
     `most_events` of the log of events of each case; `system_of` (C,) says which of the store's systems a case has.
     """
-    equations, n, count = store.equations, systems[0].dofs, inputs.omega.size
+    equations, n, count = store.equations[0], store.systems[0].dofs, inputs.omega.size
     period, system_of = 2.0 * np.pi / inputs.omega, np.zeros(count, dtype=np.int64) if system_of is None else system_of
-    of_systems = {
-        number: (
-            _pairs(store.sources[number].equations, store, method),
-            _of_equations(systems[number], store.sources[number].equations),
-        )
-        for number in np.unique(system_of).tolist()
-    }
+    of_systems = {number: _of_system(store, number, method) for number in sorted(set(system_of.tolist()))}
     pairs, fields = of_systems[int(system_of[0])]
+    lengths = dict.fromkeys("yxkewDg", 0) | {"C": count, "O": store.outputs[0].constant.size, "n": n}
+    lengths["d"] = equations.M.shape[0]
     return Block(
         store=store,
         pairs=pairs,
         cases=_new_cases(store, inputs, n if most_rows else 0),
         grid=zeros(
             core.events.Grid,
-            dict.fromkeys("yxkew", 0) | {"C": count, "O": store.outputs.force.shape[0], "n": n, "D": 0},
+            lengths,
             start=np.full(count, inputs.start),
             interval=period / method.samples_per_cycle,
             per_cycle=float(method.samples_per_cycle),
@@ -156,28 +149,18 @@ def new_block(
             np.empty((most_rows, len(IMPACT_COLUMNS) + n)),
             np.empty((most_rows, 5)),
             np.zeros(2, dtype=np.int64),
-            np.empty((count, most_events, event_width(store.rigid.size, equations.M.shape[0]))),
+            np.empty((count, most_events, event_width(equations.rigid.size, equations.M.shape[0]))),
             np.zeros(count, dtype=np.int64),
         ),
-        ledger=None if ledger is None else _new_ledger(fields, n, equations, count, ledger),
+        ledger=None if ledger is None else zeros(core.events.Ledger, lengths, **fields, everywhere=ledger),
         stopped=np.zeros(count, dtype=np.int64),
         system_of=system_of,
         systems=of_systems,
     )
 
 
-def _pairs(equations: Equations, store: FormStore, method: EventSettings) -> core.events.Pairs:
-    return core.events.Pairs(
-        direction=np.ascontiguousarray(equations.force.T),
-        in_space=equations.in_space,
-        rigid=store.rigid,
-        mobility=-equations.force.T @ np.linalg.solve(equations.M, equations.force),
-        closure=method.closure,
-    )
-
-
 def _new_cases(store: FormStore, inputs: Inputs, modes: int) -> core.events.Cases:
-    pairs, d = store.rigid.size, store.equations.M.shape[0]
+    rigid, (d, pairs) = store.equations[0].rigid, store.equations[0].force.shape
     count, pieces, loads = inputs.omega.size, inputs.pieces, inputs.amplitude.shape[1]
     drive, piece, knots, table = np.zeros((count, ORDERS * loads)), 0, np.zeros(0), np.zeros((0, ORDERS * loads))
     if pieces:
@@ -185,7 +168,7 @@ def _new_cases(store: FormStore, inputs: Inputs, modes: int) -> core.events.Case
         drive[:] = np.concatenate([motion_at(each, inputs.start) for each in pieces])
         piece = piece_at(pieces[0], inputs.start)
     # with closed forms its arrays grow; see `_fitted`
-    lengths = {"C": count, "R": pairs, "O": store.outputs.force.shape[0], "d": d, "m": modes, "K": 1, "P": 1, "N": 1}
+    lengths = {"C": count, "R": pairs, "O": store.outputs[0].constant.size, "d": d, "m": modes, "K": 1, "P": 1, "N": 1}
     cases = zeros(
         core.events.Cases,
         lengths,
@@ -197,8 +180,8 @@ def _new_cases(store: FormStore, inputs: Inputs, modes: int) -> core.events.Case
         longest=LONGEST_SERIES / max(store.rate or 0.0, SLOW),
         gap_plus=inputs.gaps[:, :, 0].copy(),
         gap_minus=inputs.gaps[:, :, 1].copy(),
-        stiffness=np.where(store.rigid, 0.0, inputs.stiffness),
-        damping=np.where(store.rigid, 0.0, inputs.damping),
+        stiffness=np.where(rigid, 0.0, inputs.stiffness),
+        damping=np.where(rigid, 0.0, inputs.damping),
         restitution=inputs.restitution.copy(),
         form=np.full((count, 2), -1, dtype=np.int64),
         clock=np.stack([np.full(count, inputs.start), inputs.phase], axis=1),
@@ -213,7 +196,7 @@ def _new_cases(store: FormStore, inputs: Inputs, modes: int) -> core.events.Case
     cases = _resumed(inputs.held, cases)
     # the arrays of all forms are then as large as a motion in this one
     add_forms(np.zeros(1, dtype=np.intp), cases, store, np.zeros(1, dtype=np.int64))
-    wanted = _wanted_form(cases, 0, 0)
+    (wanted,) = wanted_forms(np.zeros(1, dtype=np.intp), cases, np.zeros(1, dtype=np.int64))
     _split_anew(inputs.held, cases, store.forms, store.known[wanted.parameters, wanted.key])
     return cases
 
@@ -267,25 +250,20 @@ def no_cycles(cases: int, cycles: int) -> Array:
     return table
 
 
-def no_snapshots(block: Block) -> core.events.Snapshots:
-    """Snapshots of a run that keeps none."""
-    d, pairs = block.cases.coordinates.shape[2], block.pairs.rigid.size
-    return zeros(core.events.Snapshots, {"s": 0, "f": 0, "d": d, "R": pairs})
-
-
-def _new_ledger(
-    fields: dict[str, Any], modes: int, equations: Equations, count: int, everywhere: bool
-) -> core.events.Ledger:  # fmt: skip
-    lengths = {"C": count, "n": modes, "d": equations.M.shape[0], "D": 0, "g": 0}
-    return zeros(core.events.Ledger, lengths, **fields, everywhere=everywhere)
-
-
-def _of_equations(system: System, equations: Equations) -> dict[str, Any]:
-    """Fields of the ledger that the equations give; springs and dashpots of balls stand apart."""
+def _of_system(store: FormStore, number: int, method: EventSettings) -> tuple[core.events.Pairs, dict[str, Any]]:
+    """The pairs of a system, and what its ledger has of its equations; springs and dashpots of balls stand apart."""
+    system, equations = store.systems[number], store.equations[number]
     n, d = system.dofs, equations.M.shape[0]
     damping, stiffness = np.zeros(d), np.zeros(d)
     damping[:n], stiffness[:n] = system.C.diagonal(), system.K.diagonal()
-    return {
+    pairs = core.events.Pairs(
+        direction=np.ascontiguousarray(equations.force.T),
+        in_space=equations.in_space,
+        rigid=equations.rigid,
+        mobility=-equations.force.T @ np.linalg.solve(equations.M, equations.force),
+        closure=method.closure,
+    )
+    return pairs, {
         "mass": equations.M.diagonal().copy(), "damping": damping, "stiffness": stiffness, "load": equations.drive[0],
         "given": equations.given, "free_stiffness": np.array([pair.free_stiffness for pair in system.contacts]),
         "free_damping": np.array([pair.free_damping for pair in system.contacts]),
@@ -301,10 +279,10 @@ def work_apart(block: Block, drive: Drive, start: float) -> None:
     if pieces:
         knots, of_all = pieces_from(pieces, start)
         table = np.ascontiguousarray(of_all.reshape(knots.size, -1, ORDERS)[:, :, 2:].reshape(knots.size, -1))
-    load = block.store.equations.drive
+    load = block.store.equations[0].drive
     block.ledger = block.ledger._replace(
         drive_load=np.array([load[part.place] for part in drive.parts]),
-        drive_amplitude=np.array([relative_amplitude(part.sine, drive.sine) for part in drive.parts]),
+        drive_amplitude=np.array(relative_amplitudes(drive.parts, drive)),
         drive_pieces=table,
         work_of=np.zeros((1, len(drive.parts) + 1)),
     )
@@ -317,12 +295,11 @@ def run_block(
     most: Array,  # (C,) events beyond which a case is given up
     snapshots: core.events.Snapshots | None = None,
 ) -> None:
-    """Take all cases to their sample `end`, reading those after `begin`.
-
-    Raises `InputError` if a drive is a resonance without damping, whose steady motion is unbounded.
-    """
-    store, snapshots = block.store, no_snapshots(block) if snapshots is None else snapshots
-    members = np.arange(block.stopped.size)
+    """Take all cases to their sample `end`, reading those after `begin`."""
+    store, members = block.store, np.arange(block.stopped.size)
+    if snapshots is None:
+        lengths = {"s": 0, "f": 0, "d": block.cases.coordinates.shape[2], "R": block.pairs.rigid.size}
+        snapshots = zeros(core.events.Snapshots, lengths)
     block.cases.events[:, 0] = 0
     while members.size:
         forms = store.snapshot()
@@ -349,20 +326,15 @@ def add_forms(
     members: NDArray[np.intp], cases: core.events.Cases, store: FormStore, system_of: NDArray[np.int64]
 ) -> None:
     """Make the closed forms of the cases' contact states for their contact parameters, unless they are there."""
-    keys = np.hstack([cases.stiffness[members], cases.damping[members], np.abs(cases.state[members]) == CONTACT])
-    wanted: dict[bytes, WantedForm] = {}
-    of_case = [row.tobytes() + int(system_of[c]).to_bytes(8, "little") for c, row in zip(members, keys, strict=True)]
-    for c, key in zip(members.tolist(), of_case, strict=True):
-        if key not in wanted:
-            wanted[key] = _wanted_form(cases, c, int(system_of[c]))
-    first = dict(zip(wanted, store.first_forms(list(wanted.values())), strict=True))
-    cases.form[members, 0] = [first[key] for key in of_case]
+    cases.form[members, 0] = store.first_forms(wanted_forms(members, cases, system_of))
 
 
-def _wanted_form(cases: core.events.Cases, number: int, system: int) -> WantedForm:
-    """The closed form of the contact states of a case."""
-    bits = sum(1 << j for j in np.flatnonzero(np.abs(cases.state[number]) == CONTACT).tolist())
-    return WantedForm(bits, cases.stiffness[number], cases.damping[number], system)
+def wanted_forms(members: NDArray[np.intp], cases: core.events.Cases, system_of: NDArray[np.int64]) -> list[WantedForm]:
+    """The closed forms of the contact states of some cases."""
+    bits = (np.abs(cases.state[members]) == CONTACT) @ (1 << np.arange(cases.state.shape[1], dtype=np.int64))
+    rows = np.hstack([cases.stiffness[members], cases.damping[members]])
+    keys = zip(bits.tolist(), rows, system_of[members].tolist(), strict=True)
+    return [WantedForm(key, system.to_bytes(4, "little") + row.tobytes(), row, system) for key, row, system in keys]
 
 
 def _fitted(cases: core.events.Cases, forms: core.events.Forms) -> core.events.Cases:

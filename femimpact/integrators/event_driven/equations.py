@@ -41,7 +41,7 @@ class Equations:
     `in_space`; see `stacked`.
     """
 
-    COMMON: ClassVar = ("stop", "names", "dofs")
+    COMMON: ClassVar = ("stop", "rigid", "names", "dofs")
 
     M: Array  # (d, d)
     C: Array  # (d, d)
@@ -53,6 +53,7 @@ class Equations:
     # (pairs,) x_j = -force_j p - in_space_j ub: -1 for a stop that stays where it is while the base moves, else 0
     in_space: Array
     stop: NDArray[np.bool_]  # (pairs,)
+    rigid: NDArray[np.bool_]  # (pairs,)
     names: tuple[str, ...]  # of the pairs
     dofs: int  # of the structure
 
@@ -87,21 +88,19 @@ def equations_of(system: System, drive: Drive) -> Equations:
         K += pair.free_stiffness * np.outer(force[:, j], force[:, j])
         if pair.free_damping:
             C += pair.free_damping * np.outer(force[:, j], force[:, j])
-    stop = np.array([pair.is_stop for pair in system.contacts], dtype=bool)
+    marks = [(pair.is_stop, pair.parameters.is_rigid, pair.fixed_to == "space") for pair in system.contacts]
+    stop, rigid, fixed = np.array(marks, dtype=bool).reshape(-1, 3).T.copy()
     # where a force drives, the base rests in space
-    fixed = np.array([pair.fixed_to == "space" for pair in system.contacts], dtype=bool)
+    in_space = np.where(fixed & stop, -drive.share, 0.0)
     names = tuple(pair.name for pair in system.contacts)
-    return Equations(M, C, K, load, constant, force, np.where(fixed & stop, -drive.share, 0.0), stop, names, n)
+    return Equations(M, C, K, load, constant, force, in_space, stop, rigid, names, n)
 
 
 def require_met(
     equations: Equations,
     sticking: NDArray[np.intp],  # numbers of the pairs that stick. A ball always can: it is a coordinate by itself.
 ) -> None:
-    """Refuse rigid stops that the modes kept cannot meet at once.
-
-    Raises `InputError` naming the stop that the others leave no motion.
-    """
+    """Refuse rigid stops that the modes kept cannot meet at once."""
     if not np.any(equations.stop[sticking]):
         return
     n, met = equations.dofs, list[int]()
@@ -206,7 +205,12 @@ def _held_modes(K: Array, M: Array, alone: NDArray[np.bool_]) -> tuple[Array, Ar
     try:
         lower = np.linalg.cholesky(K[block])
     except np.linalg.LinAlgError:
-        return _by_stiffness(K, M, alone)
+        # some are singular: one after the other
+        if K.shape[0] == 1:
+            values, vectors = scipy.linalg.eigh(K[0], M[0])
+            return np.where(values > RIGID * float(values[-1]), values, 0.0)[None], vectors[None]
+        squares, shapes = zip(*(_held_modes(K[[f]], M[[f]], alone) for f in range(K.shape[0])), strict=True)
+        return np.concatenate(squares), np.concatenate(shapes)
     # of the flexibility, whose largest eigenvalue is the slowest mode; solve_triangular would start BLAS
     # threads, which takes a thousand times as long as these few numbers
     flexible = np.linalg.solve(lower, np.linalg.solve(lower, M[block]).mT)
@@ -247,15 +251,6 @@ def _graded_modes(lower: Array, M: Array) -> tuple[Array, Array]:
             break
     period = np.linalg.norm(columns, axis=1)
     return period**-2.0, np.linalg.solve(of_mass.T, (columns / period[:, None]).T)
-
-
-def _by_stiffness(K: Array, M: Array, alone: NDArray[np.bool_]) -> tuple[Array, Array]:
-    """Modes where some of the stiffness matrices are singular, one after the other."""
-    if K.shape[0] > 1:
-        modes = [_held_modes(K[[f]], M[[f]], alone) for f in range(K.shape[0])]
-        return np.concatenate([each for each, _ in modes]), np.concatenate([each for _, each in modes])
-    values, vectors = scipy.linalg.eigh(K[0], M[0])
-    return np.where(values > RIGID * float(values[-1]), values, 0.0)[None], vectors[None]
 
 
 def _beside_rigid_motions(K: Array, M: Array, unheld: NDArray[np.bool_]) -> tuple[Array, Array]:

@@ -50,11 +50,7 @@ class EventSettings(Protocol):
 
 
 def check_events(system: System) -> None:
-    """Refuse what the method cannot compute exactly, and say what does.
-
-    Raises `InputError` if the system is not on its modes, or a contact is neither rigid nor Kelvin-Voigt, or leaves
-    no clearance.
-    """
+    """Refuse what the method cannot compute exactly, and say what does."""
     allowed = "must be on its normal modes for EventDriven: use reduce(system, modes=n)"
     require(system.is_diagonal, "system", f"{system.dofs} coupled dofs", "", allowed)
     allowed = f"must be at most {MOST_PAIRS} contacts for EventDriven; Newmark takes any number"
@@ -89,6 +85,12 @@ class ReadingGrid:
     per_cycle: float
     follows_cycles: bool = False  # whether there are `EventSettings.samples_per_cycle` in each
     chosen: tuple[str, ...] = ()  # a note on how the interval was chosen where the drive is given by samples
+    origin: float = 0.0  # s: time of sample 0
+    first: int = 0  # sample at which the run begins
+
+    def time(self, number: ArrayLike) -> Array:
+        """Times (s) of samples counted from the beginning of the run."""
+        return np.asarray(self.origin + self.interval * (self.first + np.asarray(number)))
 
 
 def reading_grid(
@@ -103,8 +105,6 @@ def reading_grid(
     Without an interval of the recorder there are `samples_per_cycle` in a cycle of a sine, and in the shortest cycle of
     a chirp, a stepped sine, and sums of these and sines. Another drive by samples is read at their interval, or at 1/20
     of the period of the highest kept mode if that is less. There are no more than 10^6 instants.
-
-    Raises `InputError` if the interval of the recorder leaves fewer than 8 readings in a cycle of a sine.
     """
     drive, chosen = drive_of(system, excitation), tuple[str, ...]()
     if not drive.in_pieces and recorder.interval is None:
@@ -161,24 +161,11 @@ KIND = "events"
 """All event-driven runs go on from one another: nothing that is held depends on the settings."""
 
 
-@dataclass(frozen=True)
-class Sampling:
-    """Instants at which a run is read."""
-
-    origin: float  # s: time of sample 0
-    interval: float  # s
-    first: int = 0  # sample at which the run begins
-
-    def time(self, number: ArrayLike) -> Array:
-        """Times (s) of samples counted from the beginning of the run."""
-        return np.asarray(self.origin + self.interval * (self.first + np.asarray(number)))
-
-
 @dataclass(frozen=True, eq=False)
 class Held:
     """State of a run of one case where it ended."""
 
-    sampling: Sampling  # of the run, from its end on
+    grid: ReadingGrid  # of the run, from its end on
     # arrays of `core.events.Cases` by their names, in the closed form of the contact states; none where only the
     # contacts go on
     motion: Mapping[str, Array | Complex]
@@ -209,14 +196,15 @@ def held_by(initial: State, system: System, excitation: Excitation) -> Held | No
     return replace(held, motion={}, state=state, touch=touch, leaving=np.zeros_like(held.leaving))
 
 
-def sampling_from(held: Held | None, time: float, interval: float) -> Sampling:
-    """That of the earlier run where to the last bit its instants are among the new ones, else one from a time (s)."""
+def grid_from(held: Held | None, time: float, grid: ReadingGrid) -> ReadingGrid:
+    """The instants of the earlier run where to the last bit they are among the new ones, else those from a time (s)."""
     if held is not None and held.motion:
-        before = held.sampling
-        going_on = Sampling(before.origin, interval, round(before.first * before.interval / interval))
+        before = held.grid
+        first = round(before.first * before.interval / grid.interval)
+        going_on = replace(grid, origin=before.origin, first=first)
         if going_on.time(0) == before.time(0):
             return going_on
-    return Sampling(time, interval)
+    return replace(grid, origin=time)
 
 
 def contacts_in_progress(held: Held | None, system: System) -> tuple[str, ...]:

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from femimpact import core
 from femimpact.arrays import Array, own, read_only
-from femimpact.contact.laws import RIGID
 from femimpact.core.structs import zeros
 from femimpact.errors import DivergenceError, require
 from femimpact.excitation.excitation import Excitation
@@ -36,7 +35,7 @@ from femimpact.integrators.event_driven.block import (
     run_block,
     work_apart,
 )
-from femimpact.integrators.event_driven.equations import equations_of, require_met
+from femimpact.integrators.event_driven.equations import require_met
 from femimpact.integrators.event_driven.loop_data import (
     CONTACT,
     FREE,
@@ -44,19 +43,18 @@ from femimpact.integrators.event_driven.loop_data import (
     EventSettings,
     Held,
     ReadingGrid,
-    Sampling,
     contacts_in_progress,
+    grid_from,
     held_by,
     reading_grid,
-    sampling_from,
 )
-from femimpact.integrators.event_driven.store import FormStore, Outputs, Source, outputs_alone, outputs_of
+from femimpact.integrators.event_driven.store import FormStore, Outputs, outputs_alone, outputs_of
 from femimpact.progress import Progress
 from femimpact.response.channels import Channel, resolve_channels
 from femimpact.response.cycles import Largest, LargestValues
 from femimpact.response.energy import BALANCED, CLOSED, EnergyLedger, unbalanced
 from femimpact.response.history import HistoryPiece, Stream
-from femimpact.response.impacts import COUNT, MAXIMUM, MINIMUM, PEAK_FORCE, EventLog, StickingPhases, event_log
+from femimpact.response.impacts import COUNT, MAXIMUM, MINIMUM, PEAK_FORCE, StickingPhases, event_log
 from femimpact.response.response import Recorder
 from femimpact.system.state import Continuation, State
 from femimpact.system.system import System
@@ -73,10 +71,7 @@ LEAST_INTERVAL = 1e-14
 
 
 def closed_drive(system: System, excitation: Excitation) -> Drive:
-    """The right-hand side of an excitation that has a closed form.
-
-    Raises `InputError` if it has none.
-    """
+    """The right-hand side of an excitation that has a closed form."""
     drive = drive_of(system, excitation)
     allowed = "must have a closed_form for EventDriven: sample it into a RecordedBase, or take Newmark"
     require(drive.closed_form is not None, "excitation", type(excitation).__name__, "", allowed)
@@ -86,13 +81,9 @@ def closed_drive(system: System, excitation: Excitation) -> Drive:
 def block_alone(
     system: System, excitation: Excitation, drive: Drive, method: EventSettings, outputs: Outputs, initial: State,
     grid: ReadingGrid, begin: float, ledger: bool | None, most_rows: int, most_events: int = 0,
-) -> tuple[Block, Sampling]:  # fmt: skip
-    """Arrays of one case at its start, and its instants of reading; impacts are counted from `begin` (s) on.
-
-    Raises `InputError` if the start is so late that rounding may exchange the instants.
-    """
-    rigid = np.array([pair.parameters.kind == RIGID for pair in system.contacts], dtype=bool)
-    store = FormStore([Source(equations_of(system, drive), outputs, system.derived)], rigid, drive.rate)
+) -> tuple[Block, ReadingGrid]:  # fmt: skip
+    """Arrays of one case at its start, and its instants from there on; impacts are counted from `begin` (s) on."""
+    store = FormStore([system], [drive], [outputs])
     u, v, y, y_rate = initial.relative_to_base(system, excitation)
     latest = grid.interval / LEAST_INTERVAL
     allowed = f"must be at most {latest:.3g} s in size where a run is read every {grid.interval:.4g} s"
@@ -107,16 +98,16 @@ def block_alone(
         start=initial.time,
         held=held,
     )
-    block = new_block([system], store, inputs, method, ledger, most_rows, most_events)
+    block = new_block(store, inputs, method, ledger, most_rows, most_events)
     work_apart(block, drive, initial.time)
-    sampling = sampling_from(held, initial.time, grid.interval)
+    grid = grid_from(held, initial.time, grid)
     block.grid = block.grid._replace(
-        start=np.array([sampling.origin]),
+        start=np.array([grid.origin]),
         interval=np.array([grid.interval]),
         per_cycle=grid.per_cycle,
-        origin=np.array([sampling.first]),
+        origin=np.array([grid.first]),
     )
-    return block, sampling
+    return block, grid
 
 
 def pieces(grid: ReadingGrid, recorder: Recorder, samples: int) -> Iterator[tuple[int, int]]:
@@ -188,13 +179,11 @@ def find_extremes(
     parts = list(pieces(grid, recorder.seen_from(initial.time), samples))
     outputs = outputs_alone(system, channel_rows(system, drive, (channel,), springs_apart=True), drive)
     # a piece takes the place of a base cycle
-    grid_of_pieces = replace(grid, per_cycle=float(max(end - done for done, end in parts)))
-    block, sampling = block_alone(
-        system, excitation, drive, method, outputs, initial, grid_of_pieces, float(np.inf), None, 0
-    )  # fmt: skip
+    grid = replace(grid, per_cycle=float(max(end - done for done, end in parts)))
+    block, grid = block_alone(system, excitation, drive, method, outputs, initial, grid, math.inf, None, 0)
     extremes, most = no_cycles(1, 1), float(method.most_events)
     for done, end in parts:
-        begin = sampling.first + done
+        begin = grid.first + done
         block.cases.sample[0] = begin
         block.grid = block.grid._replace(
             origin=np.array([begin]), cycle=np.zeros(1, dtype=np.int64), cycles=extremes, kept=np.full(end - done, -1)
@@ -219,9 +208,9 @@ def reread(
         # doubled, the grid keeps its instants to the last bit
         parts *= 2
     finer = replace(grid, interval=grid.interval / parts, per_cycle=grid.per_cycle * parts)
-    bare = replace(recorder, ledger=False, impacts=0, events=0)
-    keep = _Keep(1, round((start - initial.time) / finer.interval), 0, 0)
-    run = _new_run(system, excitation, method, channels, bare, keep, math.inf, initial, finer, samples * parts)
+    begin = max(start - initial.time, 0.0)
+    bare = replace(recorder, ledger=False, impacts=0, events=0, snapshots=0, every=1, start=begin, state_at=None)
+    run = _new_run(system, excitation, method, channels, bare, math.inf, initial, finer, samples * parts)
     # a run has its bits in the same pieces only
     for done, end in pieces(grid, recorder, samples):
         _call(run, done * parts, (end - done) * parts)
@@ -233,26 +222,16 @@ WHOLE = 1e-9
 """Share of a base cycle that rounding may take from the last cycle of a run."""
 
 
-@dataclass(frozen=True)
-class _Keep:
-    """Which samples are kept: strides and first samples of history and snapshots; 0 strides keep none."""
-
-    every: int
-    first: int
-    snapshots: int
-    first_snapshot: int
-
-
 @dataclass(eq=False)
 class _Run:
     """A run under way: what it reads, the block that it advances, and what was read so far, call by call."""
 
     readings: Readings
     method: EventSettings
-    ledger: bool
-    keep: _Keep
+    recorder: Recorder
+    first: tuple[int, int]  # samples of the first row of the history and of the snapshots
     block: Block
-    sampling: Sampling
+    grid: ReadingGrid
     # samples, energies, work of drives, fields and forces of snapshots, of each call
     parts: list[tuple[Array, Array, Array, Array, Array]] = field(default_factory=list)
 
@@ -266,18 +245,13 @@ def run_events(
     initial: State,
     progress: Progress | None = None,
 ) -> MethodRun:
-    """Event-driven motion of structure and balls, on a system that the method takes; see `integrate`.
-
-    Raises `DivergenceError` if events do not end.
-    """
+    """Event-driven motion of structure and balls, on a system that the method takes; see `integrate`."""
     asked, grid = recorder, reading_grid(system, excitation, method, duration, recorder)
     samples = whole_number_of(duration, grid.interval, "sample")
     channels, recorder = resolve_channels(system, recorder.channels), recorder.seen_from(initial.time)
     check_memory(system, recorder, len(channels), samples, grid.interval, excitation.frequency)
-    first, first_field = first_steps(recorder, samples, grid.interval)
     begin = initial.time + 2.0 * (grid.interval * samples) / 3.0
-    keep = _Keep(recorder.every, first, recorder.snapshots, first_field)
-    run = _new_run(system, excitation, method, channels, recorder, keep, begin, initial, grid, samples)
+    run = _new_run(system, excitation, method, channels, recorder, begin, initial, grid, samples)
     stream = Stream(read=partial(_history, run), clear=run.parts.clear, sink=recorder.sink)
     state_at, kept_state = sample_to_keep(grid, recorder, samples), None
     for done, end in pieces(grid, recorder, samples):
@@ -290,13 +264,17 @@ def run_events(
     history = stream.left()
     # an event at the very end is found by this, and belongs to the tables
     final_state = _state(run, samples)
-    block, tables, log = run.block, run.block.tables, _events(run)
+    block, tables, log, dropped = run.block, run.block.tables, None, list[str]()
+    if tables.events.shape[1]:
+        log = event_log(tables.events[0], int(tables.logged[0]), tuple(pair.name for pair in system.contacts))
+        if log.dropped:
+            dropped = [f"{log.dropped} events beyond the first {len(log)} are not in the log (Recorder.events)"]
     count, arguments = int(tables.number[0]), (system, excitation, method, duration, asked, initial)
     return MethodRun(
         history=history,
         final_state=final_state,
         cycles=cycles_of_table(block.grid.cycles.T),
-        measured=float(run.sampling.time(samples)) - begin,
+        measured=float(run.grid.time(samples)) - begin,
         totals=peaks_of_forces(block.cases.totals[0], block.pairs.rigid),
         impacts=impacts_of(system, excitation, tables.impacts[: min(count, tables.impacts.shape[0])], count),
         sticking=_sticking(run),
@@ -305,38 +283,36 @@ def run_events(
         streamed_to=stream.streamed_to,
         going_on=contacts_in_progress(held_by(initial, system, excitation), system),
         warnings=() if history.energy is None else _balance_warnings(block, history.energy),
-        notes=(*run.readings.notes, *_open_contacts(run), *_events_dropped(log), *grid.chosen),
+        notes=(*run.readings.notes, *_open_contacts(run), *dropped, *grid.chosen),
         largest=LargestValues(partial(find_largest, *arguments), partial(reread, *arguments)),
     )
 
 
 def _new_run(
     system: System, excitation: Excitation, method: EventSettings, channels: tuple[Channel, ...], recorder: Recorder,
-    keep: _Keep, begin: float, initial: State, grid: ReadingGrid, samples: int,
+    begin: float, initial: State, grid: ReadingGrid, samples: int,
 ) -> _Run:  # fmt: skip
     """A run at its start, which is read."""
     drive = closed_drive(system, excitation)
     readings = Readings(system, excitation, drive, channels, springs_apart=True)
     outputs = outputs_of(system, system.point_row(system.default_place), readings.rows)
-    block, sampling = block_alone(
+    block, grid = block_alone(
         system, excitation, drive, method, outputs, initial, grid, begin, recorder.ledger,
         recorder.impacts if system.contacts else 0, recorder.events,
     )  # fmt: skip
     block.grid = block.grid._replace(cycles=no_cycles(1, math.floor(samples / grid.per_cycle + WHOLE)))
-    run = _Run(readings, method, recorder.ledger, keep, block, sampling)
+    run = _Run(readings, method, recorder, first_steps(recorder, samples, grid.interval), block, grid)
     _read_start(run)
     return run
 
 
-def _rows_kept(keep: _Keep, done: int, count: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _rows_kept(run: _Run, done: int, count: int) -> list[NDArray[np.int64]]:
     """Row of the history and of the snapshots that each sample of a piece fills, -1 for none."""
-    number = done + 1 + np.arange(count)
-
-    def rows(every: int, first: int) -> NDArray[np.int64]:
+    number, rows = done + 1 + np.arange(count), list[NDArray[np.int64]]()
+    for every, first in zip((run.recorder.every, run.recorder.snapshots), run.first, strict=True):
         due = (number >= first) & ((number - first) % max(every, 1) == 0) & (every > 0)
-        return np.where(due, np.cumsum(due) - 1, -1)
-
-    return rows(keep.every, keep.first), rows(keep.snapshots, keep.first_snapshot)
+        rows.append(np.where(due, np.cumsum(due) - 1, -1))
+    return rows
 
 
 def _read_start(run: _Run) -> None:
@@ -344,13 +320,13 @@ def _read_start(run: _Run) -> None:
 
     All but the contact forces is taken from what was given: a start at rest is at rest to the last bit.
     """
-    block, keep, outputs = run.block, run.keep, run.block.store.outputs
+    block, recorder, (outputs,) = run.block, run.recorder, run.block.store.outputs
     position, velocity = block.cases.coordinates[0].copy()
-    has_row, has_snapshot = bool(keep.every and keep.first == 0), bool(keep.snapshots and keep.first_snapshot == 0)
+    has_row, has_snapshot = run.first[0] == 0, bool(recorder.snapshots) and run.first[1] == 0
     if not (has_row or has_snapshot):
         return
     _call(run, -1, 1, (0 if has_row else -1, 0 if has_snapshot else -1))
-    block.cases.sample[0] = run.sampling.first
+    block.cases.sample[0] = run.grid.first
     reading, of_motion = outputs.position @ position + outputs.rate @ velocity, ~np.any(outputs.force, axis=1)
     samples, energy, _, fields, _ = run.parts[0]
     samples[:, of_motion] = reading[of_motion]
@@ -364,16 +340,16 @@ def _state(run: _Run, sample: int) -> State:
     # of a piece of no length
     coordinates, system = run.parts.pop()[3][0], run.readings.system
     cases, forms, n = run.block.cases, run.block.store.forms, system.dofs
-    sampling, f = replace(run.sampling, first=run.sampling.first + sample), cases.form[0, 1]
+    grid, f = replace(run.grid, first=run.grid.first + sample), cases.form[0, 1]
     motion = {
         "entry": cases.entry[0, : forms.entries[f]], "rigid_body": cases.rigid_body[0, :, : forms.rigid_bodies[f]],
         "clock": cases.clock[0], "drive": cases.drive[0],
     }  # fmt: skip
     contacts = (cases.state, cases.touch, cases.to_modes, cases.leaving)
     copies = {name: read_only(values) for name, values in motion.items()}
-    held = Held(sampling, copies, int(forms.driven[f]), *(read_only(values[0]) for values in contacts))
+    held = Held(grid, copies, int(forms.driven[f]), *(read_only(values[0]) for values in contacts))
     places, rates = ((own(row[:n]), own(row[n:])) for row in coordinates)
-    time, touching = float(sampling.time(0)), contacts_in_progress(held, system)
+    time, touching = float(grid.time(0)), contacts_in_progress(held, system)
     left = Continuation(KIND, held, places, rates, time, system, run.readings.excitation, touching)
     return State(places[0], rates[0], places[1], rates[1], time=time, continuation=left)
 
@@ -383,10 +359,10 @@ def _call(run: _Run, done: int, count: int, rows: tuple[int, int] | None = None)
 
     With rows of the history and of the snapshots, -1 for none, one sample is read again: it counts in no statistics.
     """
-    block, begin, cycles = run.block, run.sampling.first + done, run.block.grid.cycles
-    row_at, snapshot_at = _rows_kept(run.keep, done, count) if rows is None else np.array(rows)[:, None]
+    block, begin, cycles = run.block, run.grid.first + done, run.block.grid.cycles
+    row_at, snapshot_at = _rows_kept(run, done, count) if rows is None else np.array(rows)[:, None]
     block.cases.sample[0] = begin
-    energies, drives = int(row_at.max(initial=-1)) + 1 if run.ledger else 0, len(run.readings.drive.parts)
+    energies, drives = int(row_at.max(initial=-1)) + 1 if run.recorder.ledger else 0, len(run.readings.drive.parts)
     block.grid = block.grid._replace(
         values=np.zeros((1, count, block.grid.values.shape[2])),
         cycles=cycles if rows is None else no_cycles(1, 0),
@@ -406,10 +382,10 @@ def _call(run: _Run, done: int, count: int, rows: tuple[int, int] | None = None)
     block.grid = grid._replace(cycles=cycles)
     if block.stopped[0] == core.events.UNENDING:
         # walls that hold the structure between them are another fault than too many events
-        require_met(block.store.equations, np.flatnonzero(block.cases.released[0]))
+        require_met(block.store.equations[0], np.flatnonzero(block.cases.released[0]))
         raise DivergenceError(unending(float(block.cases.clock[0, 0]), run.method))
     if not np.all(np.isfinite(grid.values)):
-        raise DivergenceError(not_finite(f" before t = {float(run.sampling.time(done + count)):.4g} s"))
+        raise DivergenceError(not_finite(f" before t = {float(run.grid.time(done + count)):.4g} s"))
     run.parts.append(
         (grid.values[0][row_at >= 0], grid.energy[0], grid.work_of[0], snapshots.fields, snapshots.forces)
     )  # fmt: skip
@@ -432,22 +408,22 @@ def not_finite(when: str) -> str:
 
 def _history(run: _Run, samples_before: int, snapshots_before: int) -> HistoryPiece:
     """The history that was read since the last piece was handed over."""
-    keep, block, system, drives = run.keep, run.block, run.readings.system, len(run.readings.drive.parts)
+    recorder, block, system, drives = run.recorder, run.block, run.readings.system, len(run.readings.drive.parts)
     pairs, n = block.pairs.rigid.size, block.cases.coordinates.shape[2]
     shapes = (block.grid.values.shape[2],), (block.grid.energy.shape[2],), (drives + 1,), (2, n), (pairs,)
     nothing = tuple(np.zeros((0, *shape)) for shape in shapes)
     samples, energy, work_of, fields, forces = map(np.concatenate, zip(nothing, *run.parts, strict=True))
     snapshots = None
-    if keep.snapshots:
+    if recorder.snapshots:
         number = snapshots_before + np.arange(fields.shape[0])
-        time = own(run.sampling.time(keep.first_snapshot + keep.snapshots * number))
+        time = own(run.grid.time(run.first[1] + recorder.snapshots * number))
         u, v = ((system.expansion @ fields[:, k, : system.dofs].T).T for k in (0, 1))
         snapshots = snapshots_of(system, time, u, v, fields, forces)
     return run.readings.piece(
-        own(run.sampling.time(keep.first + keep.every * (samples_before + np.arange(samples.shape[0])))),
+        own(run.grid.time(run.first[0] + recorder.every * (samples_before + np.arange(samples.shape[0])))),
         # at rest it is 0, not -0
         own(samples[:, 1:].T + 0.0),
-        own(energy.T) if run.ledger else None,
+        own(energy.T) if recorder.ledger else None,
         work_of,
         snapshots,
     )
@@ -469,21 +445,6 @@ def _balance_warnings(block: Block, energy: EnergyLedger) -> tuple[str, ...]:
         "event-driven run "
         "closes to rounding unless its modes span too many decades; keep fewer",
     )
-
-
-def _events(run: _Run) -> EventLog | None:
-    """The log of events, where one is kept."""
-    tables = run.block.tables
-    if not tables.events.shape[1]:
-        return None
-    names = tuple(contact.name for contact in run.readings.system.contacts)
-    return event_log(tables.events[0], int(tables.logged[0]), names)
-
-
-def _events_dropped(log: EventLog | None) -> tuple[str, ...]:
-    if log is None or not log.dropped:
-        return ()
-    return (f"{log.dropped} events beyond the first {len(log)} are not in the log (Recorder.events)",)
 
 
 def _sticking(run: _Run) -> StickingPhases:

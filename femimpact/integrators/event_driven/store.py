@@ -28,11 +28,8 @@ from femimpact.integrators.event_driven.closed_form import (
     settled,
 )
 from femimpact.integrators.event_driven.complex_modes import part_of, stack
-from femimpact.integrators.event_driven.equations import Equations, stacked
+from femimpact.integrators.event_driven.equations import Equations, equations_of, stacked
 from femimpact.system.system import System
-
-CONTACT_NUMBERS = ("stiffness", "damping")
-"""Fields of a wanted form that differ among systems."""
 
 MOST_NUMBERS = 2**21
 """Complex numbers of a working array, 32 MB, beyond which fewer forms are made together."""
@@ -42,20 +39,12 @@ MOST_KEPT = 256
 
 
 class WantedForm(NamedTuple):
-    """A closed form by its pairs in contact, its contact parameters and the number of its system.
+    """A closed form by its pairs in contact, its contact parameters and the number of its system."""
 
-    Bit j of the key is set where pair j is in contact; stiffness (N/m) and damping (N s/m) are (pairs,).
-    """
-
-    key: int
-    stiffness: Array
-    damping: Array
-    system: int = 0
-
-    @property
-    def parameters(self) -> bytes:
-        """Equal for the forms of one system with equal contact parameters."""
-        return self.system.to_bytes(4, "little") + self.stiffness.tobytes() + self.damping.tobytes()
+    key: int  # bit j is set where pair j is in contact
+    parameters: bytes  # equal for the forms of one system with equal contact parameters
+    numbers: Array  # (2 pairs,) stiffness (N/m) and damping (N s/m)
+    system: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,11 +56,6 @@ class Outputs:
     force: Array  # (O, pairs)
     drive: Array  # (3H, O) of s, ub' and ub of each load
     constant: Array  # (O,)
-
-
-def _stacked_outputs(items: Sequence[Outputs]) -> Outputs:
-    """Outputs of several systems in one, with an axis before the others."""
-    return Outputs(*(stack([getattr(each, item.name) for each in items]) for item in fields(Outputs)))
 
 
 def outputs_of(
@@ -102,34 +86,25 @@ def outputs_alone(system: System, rows: ChannelRows, drive: Drive) -> Outputs:
     return Outputs(all_rows.position[1:], all_rows.rate[1:], all_rows.force[1:], of_base, rows.constant[:1])
 
 
-class Source(NamedTuple):
-    """A system of which closed forms are made."""
-
-    equations: Equations
-    outputs: Outputs
-    derived: dict[Any, Any]  # what earlier calls kept of it; see `System.derived`
-
-
 class FormStore:
-    """Closed forms of a system, or of several of the same pattern, under one kind of drive; threads may share them."""
+    """Closed forms of some systems of as many coordinates, pairs and outputs; threads may share them."""
 
     def __init__(
         self,
-        sources: Sequence[Source],  # of as many coordinates, pairs and outputs
-        rigid: NDArray[np.bool_],  # (pairs,)
-        rate: float | None,  # 1/s: of the polynomials that s(t) is made of; None for a sine, 0 for straight lines
+        systems: Sequence[System],
+        drives: Sequence[Drive],  # of each
+        outputs: Sequence[Outputs],
     ) -> None:
-        self.sources = sources
-        self.equations, self.outputs, _ = sources[0]
-        self.rigid = rigid
-        self.rate = rate
+        self.systems, self.outputs = systems, outputs
+        self.equations = [equations_of(*each) for each in zip(systems, drives, strict=True)]
+        self.rate = drives[0].rate
         self.lock = threading.Lock()
         self.known: dict[tuple[bytes, int], int] = {}
         self.last: dict[bytes, tuple[int, int]] = {}
         self.first: dict[bytes, int] = {}
         self.count = 0
         # entries, rigid-body coordinates and blocks of the largest form: with one entry a coordinate nothing must grow
-        self.most = (self.equations.M.shape[0], 1, 1)
+        self.most = (self.equations[0].M.shape[0], 1, 1)
         self.forms = self._empty(4)
 
     def first_forms(self, wanted: Sequence[WantedForm]) -> list[int]:
@@ -143,7 +118,7 @@ class FormStore:
                 if (item.parameters, item.key) not in self.known:
                     missing.setdefault(item.key, {})[item.parameters] = item
             # a system's entries may need as many matrices as it has coordinates, each of their size
-            most = max(MOST_NUMBERS // self.equations.M.shape[0] ** 3, 1)
+            most = max(MOST_NUMBERS // self.equations[0].M.shape[0] ** 3, 1)
             for key, items in missing.items():
                 together = list(items.values())
                 for begin in range(0, len(together), most):
@@ -152,24 +127,24 @@ class FormStore:
 
     def _make(self, key: int, wanted: Sequence[WantedForm]) -> None:
         """Make forms of the same pairs in contact; those that earlier calls made are kept with their systems."""
-        active = np.array([bool(key >> j & 1) for j in range(self.rigid.size)], dtype=bool)
+        active = np.array([bool(key >> j & 1) for j in range(self.equations[0].rigid.size)], dtype=bool)
         groups, missing = list[tuple[list[WantedForm], Equations, ClosedForms]](), list[WantedForm]()
         for item in wanted:
-            entry = self.sources[item.system].derived.get(self._kept_key(item, active))
+            entry = self.systems[item.system].derived.get(self._kept_key(item, active))
             if entry is None:
                 missing.append(item)
             else:
                 forms, number = entry
-                equations = stacked([self.sources[item.system].equations])
+                equations = stacked([self.equations[item.system]])
                 groups.append(([item], equations, part_of(forms, np.array([number]))))
         if missing:
-            equations = stacked([self.sources[item.system].equations for item in missing])
-            stiffness, damping = (np.array([getattr(item, name) for item in missing]) for name in CONTACT_NUMBERS)
-            for members, forms in closed_forms(equations, active, self.rigid, stiffness, damping):
+            equations = stacked([self.equations[item.system] for item in missing])
+            stiffness, damping = np.split(np.array([item.numbers for item in missing]), 2, axis=1)
+            for members, forms in closed_forms(equations, active, stiffness, damping):
                 items = [missing[f] for f in members]
                 groups.append((items, part_of(equations, members), forms))
                 for number, item in enumerate(items):
-                    derived = self.sources[item.system].derived
+                    derived = self.systems[item.system].derived
                     if len(derived) < MOST_KEPT:
                         derived[self._kept_key(item, active)] = forms, number
         for items, equations, forms in groups:
@@ -177,9 +152,9 @@ class FormStore:
 
     def _kept_key(self, item: WantedForm, active: NDArray[np.bool_]) -> tuple[Any, ...]:
         """Key of a closed form among what is kept with a system: also of the place where the drive acts."""
-        equations = self.sources[item.system].equations
+        equations = self.equations[item.system]
         of_drive = equations.drive.tobytes(), equations.in_space.tobytes()
-        return "closed form", *of_drive, active.tobytes(), item.stiffness.tobytes(), item.damping.tobytes()
+        return "closed form", *of_drive, active.tobytes(), item.numbers.tobytes()
 
     def snapshot(self) -> core.events.Forms:
         """All forms known now."""
@@ -187,8 +162,8 @@ class FormStore:
             return self.forms._replace(made=self.count)
 
     def _empty(self, capacity: int) -> core.events.Forms:
-        (d, pairs), (entries, rigid_bodies, blocks) = self.equations.force.shape, self.most
-        outputs, loads = self.outputs.force.shape[0], self.equations.drive.shape[0]
+        (d, pairs), (entries, rigid_bodies, blocks) = self.equations[0].force.shape, self.most
+        outputs, loads = self.outputs[0].constant.size, self.equations[0].drive.shape[0]
         lengths = {
             "F": capacity, "d": d, "R": pairs, "K": entries, "P": rigid_bodies, "B": blocks, "O": outputs, "H": loads,
         }  # fmt: skip
@@ -213,39 +188,36 @@ class FormStore:
         """Write closed forms with as many entries behind those that are there."""
         count, modes, first = len(items), forms.modes, self.count
         self._enlarge((modes.exponent.shape[1], forms.rigid_body_drive.shape[2], len(modes.blocks)), count)
-        outputs = _stacked_outputs([self.sources[item.system].outputs for item in items])
-        rows = _stacked_rows(
-            gap_rows(equations, forms.position, OF_DISPLACEMENT),
-            forms.contact_force,
-            _output_rows(outputs, forms, active),
-        )
+        of_items = [self.outputs[item.system] for item in items]
+        outputs = Outputs(*(stack([getattr(each, item.name) for each in of_items]) for item in fields(Outputs)))
+        gaps = gap_rows(equations, forms.position, OF_DISPLACEMENT)
+        parts = (each.by_rows for each in (gaps, forms.contact_force, _output_rows(outputs, forms, active)))
+        rows = from_rows(np.concatenate(arrays, axis=1) for arrays in zip(*parts, strict=True))
         driven = driven_entries(modes, self.rate)
         follow, position, velocity = (
             followed(each, modes, forms.load, driven) for each in (rows, forms.position, forms.velocity)
         )
         earlier = [self.last.get(item.parameters, (-1, -1)) for item in items]
+        # dashpots of balls couple coordinates, whose relative speeds the ledger reads
+        coupled = np.any(active & ~equations.rigid) or np.any(equations.C * ~np.eye(equations.C.shape[-1], dtype=bool))
         values: dict[str, Any] = {
             "key": np.full(count, items[0].key), "following": np.full(count, -1),
             "number": np.array([number for _, number in earlier]) + 1,
             "entries": np.full(count, modes.exponent.shape[1]),
-            "rigid_bodies": np.full(count, forms.rigid_body_drive.shape[2]), "exponent": modes.exponent,
-            "coupling": modes.coupling, "blocks": np.broadcast_to(modes.blocks, (count, *modes.blocks.shape)),
-            "size": modes.size, "rigid_body_given": forms.rigid_body_given,
-            "rigid_body_drive": forms.rigid_body_drive, "weight": rows.weight, "weight_size": np.abs(rows.weight),
-            "rigid_body_weight": rows.rigid_body, "rigid_body_rate_weight": rows.rigid_body_rate,
-            "constant": settled(rows, modes, forms.given), "through": rows.through, "follow": follow,
-            "driven": driven, "slow": modes.slow,
-            "shape": forms.position.weight, "shape_rate": forms.velocity.weight,
-            "rigid_body_shape": forms.rigid_body_shape, "static": settled(forms.position, modes, forms.given),
+            "rigid_bodies": np.full(count, forms.rigid_body_drive.shape[2]),
+            "blocks": np.broadcast_to(modes.blocks, (count, *modes.blocks.shape)), "weight": rows.weight,
+            "weight_size": np.abs(rows.weight), "rigid_body_weight": rows.rigid_body,
+            "rigid_body_rate_weight": rows.rigid_body_rate, "constant": settled(rows, modes, forms.given),
+            "through": rows.through, "follow": follow, "driven": driven, "shape": forms.position.weight,
+            "shape_rate": forms.velocity.weight, "static": settled(forms.position, modes, forms.given),
             "static_rate": settled(forms.velocity, modes, forms.given),
             "position_through": forms.position.through[:, 2], "position_follow": position, "velocity_follow": velocity,
-            "load": forms.load, "given": forms.given, "to_entry_u": forms.to_entry_u, "to_entry_v": forms.to_entry_v,
-            "to_rigid_body": forms.to_rigid_body, "impulse_entry": forms.impulse_entry,
-            "impulse_rigid_body": forms.impulse_rigid_body,
-            **_uses_of_entries(forms, bool(np.any(active & ~self.rigid)) or _is_coupled(equations.C)),
+            **_uses_of_entries(forms, bool(coupled)),
         }  # fmt: skip
-        for name, value in values.items():
-            target = getattr(self.forms, name)
+        for name, target in zip(self.forms._fields[1:], self.forms[1:], strict=True):
+            # the others have their names in the closed forms, or in their modes
+            home = forms if hasattr(forms, name) else modes
+            value = values[name] if name in values else getattr(home, name)
             target[(slice(first, first + count), *(slice(0, length) for length in value.shape[1:]))] = value
         # known from here on, also to a thread that runs with these arrays
         for f, (item, (previous, number)) in enumerate(zip(items, earlier, strict=True), start=first):
@@ -269,11 +241,6 @@ def _uses_of_entries(forms: ClosedForms, all_together: bool) -> dict[str, NDArra
     members[form, np.arange(form.size) - before[form]] = entry
     first = np.concatenate([np.zeros((count, 1), dtype=np.int64), ends], axis=1)
     return {"together": together | all_together, "first": first, "members": members}
-
-
-def _is_coupled(damping: Array) -> bool:
-    """Whether dashpots of balls couple coordinates, whose relative speeds the ledger reads."""
-    return bool(np.any(damping * ~np.eye(damping.shape[-1], dtype=bool)))
 
 
 def _output_rows(out: Outputs, forms: ClosedForms, active: NDArray[np.bool_]) -> Rows:
@@ -300,8 +267,3 @@ def _output_rows(out: Outputs, forms: ClosedForms, active: NDArray[np.bool_]) ->
         for here, there in zip(rows.by_rows, force.by_rows, strict=True):
             here[:, o] += weight * there[:, j]
     return rows
-
-
-def _stacked_rows(*parts: Rows) -> Rows:
-    """All rows in one."""
-    return from_rows(np.concatenate(arrays, axis=1) for arrays in zip(*(rows.by_rows for rows in parts), strict=True))

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 
 from femimpact import core
 from femimpact.arrays import Array
-from femimpact.contact.custom_law import ForcePointer, force_pointer
+from femimpact.contact.custom_law import ForcePointer
 from femimpact.contact.laws import KELVIN_VOIGT, RIGID, SWITCHING_SPRING
 from femimpact.core.structs import zeros
 from femimpact.excitation.excitation import Excitation
 from femimpact.integrators.channel_rows import Drive
 from femimpact.integrators.stepping.operators import SteppingMethod, scheme_of
-from femimpact.response.impacts import CYCLE_COLUMNS, ENERGY_COLUMNS, IMPACT_COLUMNS, MAXIMUM, MINIMUM
+from femimpact.response.impacts import CYCLE_COLUMNS, MAXIMUM, MINIMUM
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.state import ROUNDED, State
 from femimpact.system.system import System
@@ -47,42 +47,6 @@ class Held:
         return tuple(pair.name for pair, is_open in zip(system.contacts, opened, strict=True) if is_open)
 
 
-@dataclass(frozen=True, eq=False)
-class Beginning:
-    """Initial state of a run."""
-
-    origin: float = 0.0  # s: time of step 0
-    step: int = 0  # step at which the run begins: that at which the run ended that this one goes on from, or 0
-    held: Held | None = None  # contacts in progress, where they go on
-    # whether all else that is held goes on as well: the drive, the accelerations and the base cycle are the same
-    complete: bool = False
-
-    @property
-    def cycle(self) -> int:
-        """Base cycles that were finished before."""
-        return int(self.held.cycles["number"][0]) if self.held is not None and self.complete else 0
-
-    def going_on(self, system: System) -> tuple[str, ...]:
-        """Names of the contacts in progress that go on."""
-        return () if self.held is None else self.held.contacts_in_progress(system)
-
-    def times(self, steps: int, method: SteppingMethod) -> Array:
-        """Times (s) of all fine steps from step 0 until a number of steps after the beginning."""
-        time = self.origin + np.arange((self.step + steps) * method.refine + 1) * (method.dt / method.refine)
-        return np.asarray(time, dtype=float)
-
-
-def beginning_of(initial: State, system: System, excitation: Excitation, method: SteppingMethod) -> Beginning:
-    """Where a run from an initial state begins, and what of the run that ended there goes on."""
-    left = initial.left_by_run(system, excitation)
-    if left is None or left.kind != kind_of_steps(method):
-        return Beginning(initial.time)
-    held: Held = left.held
-    if left.has_equations_of(system, excitation, initial.time):
-        return Beginning(held.origin, held.step, held, complete=True)
-    return Beginning(initial.time, 0, held)
-
-
 def kind_of_steps(method: SteppingMethod) -> object:
     """Methods whose steps are the same go on from one another."""
     return "steps", scheme_of(method), method.refine
@@ -97,43 +61,55 @@ class Inputs:
     steps: Sequence[int]
     window_start: Sequence[int]  # step after the beginning from which impacts are counted, to the end of the case
     initial: State = field(default_factory=State)
-    # of one case alone it may be within the run that it goes on from
-    beginning: Beginning = field(default_factory=Beginning)
+    origin: float = 0.0  # s: time of step 0
+    # of one case alone that goes on from the end of a run: its step there, and its contacts in progress; whether all
+    # else that is held goes on as well, as the drive, the accelerations and the base cycle are the same
+    step: int = 0
+    held: Held | None = None
+    complete: bool = False
     # the system with the gaps and laws of each case, and its start, where these differ; laws of the same kinds that
     # have compiled branches, and no static start. None for those of all cases.
     each: Sequence[tuple[System, State]] = ()
 
+    @property
+    def cycle(self) -> int:
+        """Base cycles that were finished before."""
+        return int(self.held.cycles["number"][0]) if self.held is not None and self.complete else 0
 
-def empty_record(dofs: int, pairs: int) -> core.steps.Record:
-    """A record that keeps nothing."""
-    lengths = dict.fromkeys("hadSDjq", 0) | {"n": dofs, "P": pairs, "g": len(ENERGY_COLUMNS), "u": len(IMPACT_COLUMNS)}
-    return zeros(core.steps.Record, lengths, stride=np.ones(4, dtype=np.int64))
+    def times(self, method: SteppingMethod) -> Array:
+        """Times (s) of all fine steps from step 0 to the end."""
+        steps = self.step + max(self.steps)
+        time = self.origin + np.arange(steps * method.refine + 1) * (method.dt / method.refine)
+        return np.asarray(time, dtype=float)
 
 
-def forces_of(system: System) -> tuple[ForcePointer | None, ...]:
-    """The C function of every pair's law, None where the law has a compiled branch."""
-    functions = [pair.law.force_function(pair.effective_mass) for pair in system.contacts]
-    return tuple(None if function is None else force_pointer(function) for function in functions)
+def inputs_alone(system: System, excitation: Excitation, steps: int, initial: State, method: SteppingMethod) -> Inputs:
+    """A run alone, whose last third is measured, with what goes on of the run that ended at its initial state."""
+    inputs = Inputs([excitation], [steps], [2 * steps // 3], initial, initial.time)
+    left = initial.left_by_run(system, excitation)
+    if left is None or left.kind != kind_of_steps(method):
+        return inputs
+    held: Held = left.held
+    if left.has_equations_of(system, excitation, initial.time):
+        return replace(inputs, origin=held.origin, step=held.step, held=held, complete=True)
+    return replace(inputs, held=held)
 
 
 def pairs_of(
-    system: System, operator: core.steps.Operator, drive: Drive, lanes: int, forces: Sequence[ForcePointer | None],
-    each: Sequence[tuple[System, State]] = (),
+    system: System, operator: core.steps.Operator, drive: Drive, forces: Sequence[ForcePointer | None], inputs: Inputs
 ) -> core.steps.Pairs:  # fmt: skip
     """Contact pairs: the row that each reads, its law and its numbers, which may differ among cases."""
     contacts = system.contacts
     rows = [next(i for i, row in enumerate(operator.rows) if np.array_equal(row, pair.direction)) for pair in contacts]
-    constants = np.zeros((12, len(contacts), lanes))
+    constants = np.zeros((12, len(contacts), len(inputs.excitations)))
     for j, pair in enumerate(contacts):
         constants[core.steps.MASS, j] = 0.0 if pair.is_stop else pair.mass
         constants[core.steps.MOBILITY, j] = pair.mobility
         constants[core.steps.ACCELERATION, j] = pair.acceleration
         constants[core.steps.SHARE, j] = 0.0 if pair.is_stop else drive.share
-        for row, values in _of_contact(pair).items():
-            constants[row, j] = values
-        for c, (of_case, _) in enumerate(each):
-            for row, values in _of_contact(of_case.contacts[j]).items():
-                constants[row, j, c] = values
+        for c, (of_case, _) in enumerate(inputs.each or [(system, inputs.initial)]):
+            for row, number in _of_contact(of_case.contacts[j]).items():
+                constants[row, j, c if inputs.each else slice(None)] = number
     obstacles = [j for j, pair in enumerate(contacts) if pair.fixed_to == "space" and drive.share != 0.0]
     return core.steps.Pairs(
         row=np.array(rows, dtype=np.int64),
@@ -179,7 +155,7 @@ def motion_of(
     ]
     q, v, y, y_rate = (np.ascontiguousarray(np.array(columns).T) for columns in zip(*states, strict=True))
     constants, w, w_rate = pairs.constants, operator.rows @ q, operator.rows @ v
-    drive, first = _drive(drives, inputs, method.dt), inputs.beginning.step
+    drive, first = _drive(drives, inputs, method.dt), inputs.step
     ball = np.zeros((9, count, lanes))
     ball[core.steps.Y] = ball[core.steps.Y_BEFORE] = y
     ball[core.steps.Y_RATE] = y_rate
@@ -193,12 +169,18 @@ def motion_of(
     touch[core.steps.BUSY] = (pairs.kind[:, None] == SWITCHING_SPRING) | (free_stiffness + free_damping > 0.0)
     # any speed > 0: a law's potential is asked for before its first contact
     touch[core.steps.APPROACH] = 1.0
-    held = inputs.beginning.held
+    held = inputs.held
     if held is None:
         pushes = _contacts_at_start(system, inputs, pairs, ball, touch)
         ball[core.steps.FORCE] = springs + pushes
     else:
-        ball[core.steps.FORCE] = _resume_contacts(held, inputs.beginning, pairs, touch, method.dt)
+        # contacts in progress go on
+        constants[[core.steps.GAP_PLUS, core.steps.GAP_MINUS]] = held.gaps
+        touch[...] = held.motion["touch"]
+        if not inputs.complete:
+            # of steps that are counted anew
+            touch[core.steps.START] -= held.step * method.dt
+        ball[core.steps.FORCE] = held.motion["ball"][core.steps.FORCE]
         pushes = ball[core.steps.FORCE] - springs
     if not scheme_of(method).mean:
         inside = inside + pushes
@@ -206,10 +188,10 @@ def motion_of(
         constants[core.steps.ACCELERATION] - constants[core.steps.SHARE] * drive[core.steps.BASE]
     ) - inside * constants[core.steps.MOBILITY]
     load = operator.rows[pairs.row].T @ inside + np.outer(operator.drive_load, drive[core.steps.BASE])
-    more, apart = _further_loads(drives[0], inputs, method)
+    table, travel, more, apart = _histories(drives, inputs, method, pairs.obstacles.size > 0)
     load += np.asarray(system.constant_load)[:, None] - (system.C @ v + system.K @ q)
     for own, further in zip(operator.more_load, drives[0].more, strict=True):
-        load += np.outer(own, further.value(np.array([inputs.beginning.origin])))
+        load += np.outer(own, further.value(np.array([inputs.origin])))
     ledger = np.zeros((8, lanes))
     ledger[core.steps.LOAD_BEFORE] = operator.drive_load @ q
     ledger[core.steps.HELD] = np.asarray(system.constant_load) @ q
@@ -237,8 +219,8 @@ def motion_of(
         touch=touch,
         window=first + np.array([inputs.window_start, inputs.steps], dtype=np.int64),
         drive=drive,
-        table=_table(drives, inputs, method),
-        travel=_travel(drives, inputs, method, pairs.obstacles.size),
+        table=table,
+        travel=travel,
         more=more,
         drives=apart,
         drive_place=np.array([part.place for part in drive_parts], dtype=np.int64),
@@ -246,18 +228,6 @@ def motion_of(
         ledger=ledger,
         v_before=v.copy(),
     )
-
-
-def _resume_contacts(
-    held: Held, beginning: Beginning, pairs: core.steps.Pairs, touch: Array, time_step: float
-) -> Array:
-    """Contacts in progress go on; their forces (N) on the structure, those of centring springs included."""
-    pairs.constants[[core.steps.GAP_PLUS, core.steps.GAP_MINUS]] = held.gaps
-    touch[...] = held.motion["touch"]
-    if not beginning.complete:
-        # of steps that are counted anew
-        touch[core.steps.START] -= held.step * time_step
-    return np.broadcast_to(held.motion["ball"][core.steps.FORCE], touch.shape[1:])
 
 
 def _placed(values: Array, place: int) -> Array:
@@ -353,7 +323,7 @@ def _drive(drives: Sequence[Drive], inputs: Inputs, dt: float) -> Array:
     omega, phase, amplitude = (
         np.array([getattr(drive.sine, name) for drive in drives]) for name in ("omega", "phase", "amplitude")
     )
-    origin, rows = inputs.beginning.origin, np.zeros((14, len(drives)))
+    origin, rows = inputs.origin, np.zeros((14, len(drives)))
     phase = phase + omega * origin
     rows[core.steps.SINE], rows[core.steps.COSINE] = np.sin(phase), np.cos(phase)
     rows[core.steps.TURN_SINE], rows[core.steps.TURN_COSINE] = np.sin(omega * dt), np.cos(omega * dt)
@@ -368,22 +338,27 @@ def _drive(drives: Sequence[Drive], inputs: Inputs, dt: float) -> Array:
     return _placed(rows, 8)
 
 
-def _table(drives: Sequence[Drive], inputs: Inputs, method: SteppingMethod) -> Array:
-    """Values of drives that are no sines at every fine step; no rows for sines."""
+def _histories(
+    drives: Sequence[Drive], inputs: Inputs, method: SteppingMethod, in_space: bool
+) -> tuple[Array, Array, Array, Array]:
+    """Values at every fine step where the drives are no single sine, else no rows.
+
+    They are those of the drives (T, C), with displacement and velocity of the base (2, T, C) for stops fixed in space;
+    of the loads behind the first (H, T); and of each of several drives (D, T).
+    """
+    cases, several = len(drives), bool(drives[0].parts)
     if not any(drive.is_tabulated for drive in drives):
-        return np.zeros((0, len(drives)))
-    time = inputs.beginning.times(max(inputs.steps), method)
-    return np.ascontiguousarray(np.array([_at_steps(drive, time, method.refine) for drive in drives]).T)
-
-
-def _further_loads(drive: Drive, inputs: Inputs, method: SteppingMethod) -> tuple[Array, Array]:
-    """Values at every fine step of the loads behind the first, and of each of several drives."""
-    if not drive.parts:
-        return np.zeros((0, 0)), np.zeros((0, 0))
-    time = inputs.beginning.times(max(inputs.steps), method)
-    more = [_at_steps(load, time, method.refine) for load in drive.more]
-    apart = [_at_steps(part, time, method.refine) for part in drive.own]
-    return np.array(more).reshape(-1, time.size), np.array(apart)
+        return np.zeros((0, cases)), np.zeros((2, 0, cases)), np.zeros((0, 0)), np.zeros((0, 0))
+    time, travel = inputs.times(method), np.zeros((2, 0, cases))
+    table = np.ascontiguousarray(np.array([_at_steps(drive, time, method.refine) for drive in drives]).T)
+    if in_space:
+        motions = [[excitation.displacement(time), excitation.velocity(time)] for excitation in inputs.excitations]
+        travel = np.ascontiguousarray(np.moveaxis(np.array(motions), 0, -1))
+    more, apart = (
+        np.array([_at_steps(each, time, method.refine) for each in loads if several]).reshape(-1, time.size)
+        for loads in (drives[0].more, drives[0].own)
+    )
+    return table, travel, more, apart
 
 
 def _at_steps(drive: Drive, time: Array, refine: int) -> Array:
@@ -396,20 +371,11 @@ def _at_steps(drive: Drive, time: Array, refine: int) -> Array:
     return values
 
 
-def _travel(drives: Sequence[Drive], inputs: Inputs, method: SteppingMethod, obstacles: int) -> Array:
-    """Displacement and velocity of bases that move by no sine at every fine step, for stops fixed in space."""
-    if obstacles == 0 or not any(drive.is_tabulated for drive in drives):
-        return np.zeros((2, 0, len(drives)))
-    time = inputs.beginning.times(max(inputs.steps), method)
-    values = [[excitation.displacement(time), excitation.velocity(time)] for excitation in inputs.excitations]
-    return np.ascontiguousarray(np.moveaxis(np.array(values), 0, -1))
-
-
 def cycles_of(inputs: Inputs, motion: core.steps.Motion, dt: float, ledger: bool) -> core.steps.Cycles:
     """Statistics per cycle of each excitation, empty but for the place of the motion's start."""
     lanes = len(inputs.excitations)
     period = np.array([1.0 / (excitation.frequency * dt) for excitation in inputs.excitations])
-    most = int((inputs.beginning.step + max(inputs.steps)) / period.min()) + 1
+    most = int((inputs.step + max(inputs.steps)) / period.min()) + 1
     sums = np.zeros((len(CYCLE_COLUMNS), lanes))
     sums[MAXIMUM] = sums[MINIMUM] = motion.w[0]
     return zeros(

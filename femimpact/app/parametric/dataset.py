@@ -1,12 +1,24 @@
-"""Statistics over the starts of all cases, and the labelled dataset of a study."""
+"""The labelled dataset of a study, with statistics over the starts of its cases, and its blocks on disk.
+
+DIR/blocks holds `study.json`, the manifest: the key of the study and the code, the study in plain data, the labels of
+its dataset and a checksum. Beside it is one file for each finished block, named by the key and its first case: a line
+with the checksum of its name and the rest, then arrays as numpy writes them. Each file is written under a temporary
+name, synced and renamed. A damaged file is reported and counts as missing: its block is run again.
+"""
 
 from __future__ import annotations
 
+import hashlib
+import io
+import json
+import os
+import re
 import sys
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import is_dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, is_dataclass
 from importlib.metadata import version
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,11 +27,21 @@ from numpy.typing import NDArray
 
 from femimpact.app.parametric.definition import ParameterStudy
 from femimpact.app.parametric.runs import BlockValues
+from femimpact.app.results.result_directory import (
+    FILES,
+    REPORT,
+    STUDY_BLOCKS,
+    STUDY_FIGURE,
+    STUDY_MANIFEST,
+    result_files,
+)
 from femimpact.app.study.study import Study
 from femimpact.app.study.study_file import study_text
 from femimpact.arrays import Array, Integers
+from femimpact.errors import Fault, InputError, require
 from femimpact.excitation.drives import drive_words
 from femimpact.figures.study_labels import PAIRED, STATISTICS
+from femimpact.files import atomic_write, to_disk
 from femimpact.integrators.planned_drive import PreflightRow, contact_notes, step_rows
 from femimpact.response.cycles import deflection_warnings
 from femimpact.system.system import System, without_impactors
@@ -27,6 +49,7 @@ from femimpact.units import unit_text
 
 if TYPE_CHECKING:
     import xarray
+
 
 LEAST_FOR_INTERVAL = 5
 """Starts from which the median has an interval."""
@@ -306,3 +329,197 @@ def dataset_of(
     if columns.starts >= LEAST_FOR_INTERVAL:
         attributes["median_interval"] = "90 %, by order statistics"
     return xarray.Dataset(variables, coords=coordinates, attrs=attributes)
+
+
+BLOCKS, MANIFEST = STUDY_BLOCKS, STUDY_MANIFEST
+REWRITTEN = frozenset(
+    {REPORT, *(FILES[key].name for key in ("study", "parameter_study", "parameter_table", "best_study", "base_record"))}
+)
+"""Files beside the blocks that every call writes anew."""
+
+NAME = re.compile(r"([0-9a-f]{16})-\d+\.block")
+UNFINISHED = re.compile(r"\.(study(_[\w-]+)?|report|[0-9a-f]{16}-\d+)-\w{8}\.\w+")
+"""Names of temporary files of a study."""
+
+
+OTHER_CONTENT = "its checksum is that of another content"
+
+
+class DamagedFileError(Exception):
+    """A file does not hold what a study has written; the message says why."""
+
+
+# ---- blocks ----------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class BlockFolder:
+    """The finished blocks of one study."""
+
+    folder: Path
+    key: str  # of the study and the code
+    damaged: Callable[[str, str], None]  # called with the name of each damaged file and the reason
+
+    def blocks(self) -> Iterator[BlockValues]:
+        """All blocks on disk."""
+        for name in _names(self.folder):
+            if keys_of([name]) == {self.key[:16]}:
+                try:
+                    yield self._read(name)
+                except FileNotFoundError:
+                    continue
+                except DamagedFileError as error:
+                    self.damaged(name, str(error))
+
+    def _read(self, name: str) -> BlockValues:
+        digest, _, payload = _bytes_of(self.folder / name).partition(b"\n")
+        if digest != self._checksum_of(name, payload):
+            raise DamagedFileError(OTHER_CONTENT)
+        with np.load(io.BytesIO(payload)) as arrays:
+            failures, words = json.loads(arrays["texts"].tobytes())
+            return BlockValues(arrays["cases"], arrays["values"], arrays["periodic"], failures, words)
+
+    def write(self, block: BlockValues) -> None:
+        """Write a block to disk."""
+        name, payload = f"{self.key[:16]}-{int(block.cases[0]):08d}.block", io.BytesIO()
+        text = np.frombuffer(json.dumps([block.failures, block.words]).encode(), dtype=np.uint8)
+        np.savez(payload, cases=block.cases, values=block.values, periodic=block.periodic, texts=text)
+        content = payload.getvalue()
+        atomic_write(self.folder / name, self._checksum_of(name, content) + b"\n" + content)
+        to_disk(self.folder)
+
+    def remove_unfinished(self) -> None:
+        """Remove the temporary files of a process that was ended while it wrote."""
+        for folder in (self.folder, self.folder.parent):
+            for path in folder.iterdir():
+                if UNFINISHED.fullmatch(path.name):
+                    path.unlink(missing_ok=True)
+
+    def _checksum_of(self, name: str, payload: bytes) -> bytes:
+        """Of the content of a file and of what it is: under another name it is damaged."""
+        return hashlib.sha256(f"{self.key} {name}".encode() + payload).hexdigest().encode()
+
+
+def _bytes_of(path: Path) -> bytes:
+    """Bytes of a file; one that cannot be read is damaged."""
+    try:
+        return path.read_bytes()
+    except FileNotFoundError:
+        raise
+    except OSError as error:
+        raise DamagedFileError(f"it cannot be read: {error.strerror}") from None
+
+
+def _names(folder: Path) -> list[str]:
+    """Names of the files in the folder of blocks, sorted; none where there is no folder."""
+    try:
+        return sorted(os.listdir(folder))
+    except FileNotFoundError:
+        return []
+
+
+def keys_of(names: list[str]) -> set[str]:
+    """The beginnings of the keys of the studies whose blocks have these names."""
+    return {matched[1] for matched in map(NAME.fullmatch, names) if matched}
+
+
+# ---- manifest --------------------------------------------------------------------------------------
+
+
+def block_folder(
+    directory: Path,  # of results; locked by the caller
+    plain: Mapping[str, Any],  # `study`, the study in plain data, and `table`, the labels of its dataset
+    key: str,  # of the study and the code
+    say: Callable[[str], None],  # called with a line for each damaged file
+) -> BlockFolder:
+    """The blocks of a study in a directory, which says from now on that it is the study's.
+
+    A directory with a block of this study belongs to it, whatever its manifest says.
+
+    Raises `InputError` if the directory holds another study, a damaged one of which no block is this study's, or
+    something that is not a study.
+    """
+
+    def damaged(name: str, reason: str) -> None:
+        say(f"{BLOCKS}/{name} is damaged ({reason}): its cases are run again")
+
+    folder = directory / BLOCKS
+    keys = keys_of(_names(folder))
+    now = json.loads(json.dumps({"key": key, **plain}))
+    earlier = None
+    try:
+        earlier = _manifest(folder / MANIFEST)
+    except FileNotFoundError:
+        names = (name for name in result_files(directory) if not STUDY_FIGURE.fullmatch(name))
+        other = next((name for name in names if name not in REWRITTEN), None)
+        allowed = f"holds results of another kind ({other}): choose another directory"
+        require(other is None, "directory", str(directory), "", allowed)
+    except DamagedFileError as error:
+        if keys and key[:16] not in keys:
+            raise _damaged(directory, error) from None
+        say(f"{BLOCKS}/{MANIFEST} is damaged ({error}): it is written again")
+    difference = "" if earlier is None or key[:16] in keys else first_difference(earlier["study"], now["study"])
+    allowed = f"holds another study: {difference}; choose another directory"
+    require(not difference, "directory", str(directory), "", allowed)
+    folder.mkdir(parents=True, exist_ok=True)
+    if earlier != now:
+        atomic_write(folder / MANIFEST, json.dumps({"sha256": _checksum(now), **now}))
+    return BlockFolder(folder, key, damaged)
+
+
+def read_manifest(directory: Path) -> dict[str, Any]:
+    """The manifest of the study in a directory: `key`, `study` and `table`."""
+    try:
+        return _manifest(directory / BLOCKS / MANIFEST)
+    except FileNotFoundError:
+        raise InputError([Fault("directory", str(directory), "", "must hold a parameter study")]) from None
+    except DamagedFileError as error:
+        raise _damaged(directory, error) from None
+
+
+def _damaged(directory: Path, error: DamagedFileError) -> InputError:
+    advice = f"run the same study again to write it anew, remove {BLOCKS}, or choose another directory"
+    allowed = f"holds a {BLOCKS}/{MANIFEST} that is damaged ({error}): {advice}"
+    return InputError([Fault("directory", str(directory), "", allowed)])
+
+
+def _manifest(path: Path) -> dict[str, Any]:
+    try:
+        found: dict[str, Any] = json.loads(_bytes_of(path))
+        same = found.pop("sha256", None) == _checksum(found)
+    except (ValueError, RecursionError, AttributeError, TypeError):
+        raise DamagedFileError("it is no table in JSON") from None
+    if not same:
+        raise DamagedFileError(OTHER_CONTENT)
+    return found
+
+
+def _checksum(plain: Mapping[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(plain, sort_keys=True).encode()).hexdigest()
+
+
+def first_difference(one: Any, other: Any, path: str = "") -> str:
+    """The first difference between two plain data as text; empty where they are equal."""
+    if isinstance(one, Mapping) and isinstance(other, Mapping):
+        for name in dict.fromkeys((*one, *other)):
+            inner = f"{path}.{name}" if path else str(name)
+            if name not in one or name not in other:
+                absent = "at its default" if "noun" in one else "absent"
+                there, here = (_short(each[name]) if name in each else absent for each in (one, other))
+                return f"{inner} is {there} there, {here} here"
+            found = first_difference(one[name], other[name], inner)
+            if found:
+                return found
+        return ""
+    if isinstance(one, list) and isinstance(other, list):
+        for i, (first, second) in enumerate(zip(one, other, strict=False)):
+            found = first_difference(first, second, f"{path}[{i}]")
+            if found:
+                return found
+        return "" if len(one) == len(other) else f"{path} has {len(one)} entries there, {len(other)} here"
+    return "" if one == other else f"{path} is {_short(one)} there, {_short(other)} here"
+
+
+def _short(plain: Any) -> str:
+    text = json.dumps(plain)
+    return text if len(text) <= 60 else f"{text[:57]}..."
