@@ -5,9 +5,9 @@ from __future__ import annotations
 import signal
 import sys
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from femimpact.app.parametric.verb import StudyProgress
-    from femimpact.app.results.results import StudyResults
-    from femimpact.app.tasks.run import Report
+    from femimpact.app.study.study import Study
+    from femimpact.app.tasks.task import Report
 
 BESIDE = 3
 """Characters between two columns."""
@@ -35,6 +35,8 @@ LEAST_WORDS = 18
 
 PIPE = 180
 """Width of an output that is not a terminal: wide enough that few tables are divided."""
+
+NO_DIGITS: Mapping[int, int] = {}
 
 
 def console() -> Console:
@@ -50,13 +52,15 @@ def print_table(
     header: Iterable[Any],
     rows: Iterable[Sequence[Any]],  # numbers, texts, or None
     title: str,
+    digits: Mapping[int, int] = NO_DIGITS,  # significant ones, of columns by their numbers from 0
 ) -> None:
     """Print a table; where it is too wide it goes on below with its next columns beside the first one.
 
     Columns of several rows that say the same in each are one line under the title.
     """
-    names = [str(name).replace("_", " ") for name in header]
-    columns = [list(map(_cell, column)) for column in zip(*rows, strict=True)]
+    # on the page a unit is not divided
+    names = [str(name).replace("_", " ").replace("\u00a0", " ") for name in header]
+    columns = [[_cell(one, digits.get(i, 5)) for one in column] for i, column in enumerate(zip(*rows, strict=True))]
     same = [i for i, column in enumerate(columns) if len(column) > 1 and len(set(column)) == 1]
     varied = [i for i in range(len(columns)) if i not in same]
     where.print(title, style="italic")
@@ -115,10 +119,10 @@ def _is_number(cell: str) -> bool:
     return True
 
 
-def _cell(value: Any) -> str:
-    if value is None:
+def _cell(value: Any, digits: int) -> str:
+    if value is None or value == "" or value != value:
         return "-"
-    return value if isinstance(value, str) else number_text(value, 5)
+    return value if isinstance(value, str) else number_text(value, digits)
 
 
 LEAST_MEMORY = 1e9
@@ -149,6 +153,37 @@ Quiet = Annotated[
         name=["-q", "--quiet"], negative="", help="No progress, no tables: warnings and errors alone, on stderr."
     ),
 ]
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class To:
+    """Where the results of a command go, and what it prints."""
+
+    output: Output = None
+    force: Force = False
+    quiet: Quiet = False
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class ToFile:
+    """The file that a command writes."""
+
+    output: Annotated[Output, Parameter(help="The file.")] = None
+    force: Force = False
+
+    def free(self) -> Path | None:
+        """The file, where it may be written."""
+        file = self.output
+        if file is not None:
+            allowed = "exists already: choose another, or --force"
+            require(self.force or not file.exists(), "output", str(file), "", allowed)
+            require(file.resolve().parent.is_dir(), "output", str(file), "", "must be in an existing directory")
+        return file
+
+
+HERE, NO_FILE = To(), ToFile()
 
 
 def main() -> None:
@@ -201,15 +236,6 @@ def _show_warning(message: Warning | str, *_about: Any) -> None:
     print(f"femimpact: warning: {message}", file=sys.stderr)
 
 
-def _show_warnings(results: StudyResults) -> None:
-    """The warnings of results, where nothing else of them is printed."""
-    found = results.summary.get("warnings", [])
-    for text in found:
-        _show_warning(text)
-    if found:
-        print(f"femimpact: {_warnings_page()}", file=sys.stderr)
-
-
 def _warnings_page() -> str:
     """Words on where warnings are explained."""
     from femimpact.app.report.page import WARNINGS_PAGE
@@ -235,41 +261,17 @@ def version() -> None:
 
 
 @app.command
-def demo(*, output: Output = None, force: Force = False, quiet: Quiet = False) -> None:
+def demo(*, to: To = HERE) -> None:
     """Run the paper's case from end to end, with the published figures beside ours.
 
     Example: femimpact demo -o my-demo
     """
     from femimpact.app.demo import free_directory, run_demo
 
-    directory = output or free_directory("femimpact-demo")
-    with _progress(quiet) as report:
-        found = run_demo(directory, force=force, report=report)
-    if quiet:
-        _show_warnings(found.results)
-        return
-    where = console()
-    header = (
-        "quantity",
-        "unit",
-        "paper theory",
-        "paper experiment",
-        "rest relative to base",
-        "rest in inertial frame",
-        "method",
-    )
-    print_table(where, header, found.comparison, "The paper beside femimpact")
-    columns = (
-        "restitution",
-        "peak (Hz), relative to base",
-        "amplitude ratio",
-        "peak (Hz), inertial frame",
-        "amplitude ratio",
-    )
-    print_table(where, columns, found.scan_rows, "Restitution scan")
-    for text in found.remarks:
-        where.print(f"- {text}")
-    _print_closing(where, found.results)
+    directory = to.output or free_directory("femimpact-demo")
+    with _progress(to.quiet) as report:
+        run_demo(directory, force=to.force, report=report)
+    print_results(directory, to.quiet)
 
 
 @app.command
@@ -288,11 +290,7 @@ def init(file: Path, *, force: Force = False) -> None:
 
 
 @app.command
-def schema(
-    *,
-    output: Annotated[Path | None, Parameter(name=["-o", "--output"], help="File of the schema.")] = None,
-    force: Force = False,
-) -> None:
+def schema(*, to: ToFile = NO_FILE) -> None:
     """Print the JSON schema of the study file, with which an editor completes and checks one.
 
     Example: femimpact schema -o study.schema.json
@@ -302,11 +300,10 @@ def schema(
     from femimpact.app.study.study_file import study_schema
     from femimpact.files import atomic_write
 
-    text = json.dumps(study_schema(), indent=2)
+    text, output = json.dumps(study_schema(), indent=2), to.free()
     if output is None:
         print(text)
         return
-    _require_new_file(output, force)
     atomic_write(output, text + "\n")
     print(f"wrote {output}; in the first line of a study: #:schema ./{output.name}")
 
@@ -349,83 +346,71 @@ def check(study: Path, *, strict: bool = False) -> None:
 
 
 @app.command
-def modes(study: Path, *, output: Output = None, force: Force = False, quiet: Quiet = False) -> None:
+def modes(study: Path, *, to: To = HERE) -> None:
     """Natural frequencies, damping and effective masses, without the ball and with it glued on.
 
     Example: femimpact modes study.toml
     """
-    _run(study, output, force, quiet, ("modes",), "modes")
+    _run(_study(study, to), "modes", to, ("modes",))
 
 
 @app.command
-def simulate(
-    study: Path, *, frequency: float | None = None, output: Output = None, force: Force = False, quiet: Quiet = False
-) -> None:
+def simulate(study: Path, *, frequency: float | None = None, to: To = HERE) -> None:
     """One history: the study's base motion, or another frequency (Hz).
 
     Example: femimpact simulate study.toml --frequency 5.2 -o at-5.2
     """
-    _run(study, output, force, quiet, ("simulate",), "simulate", frequency)
+    from femimpact.app.study.study import sine_of
+
+    plan = _study(study, to)
+    if frequency is not None:
+        plan = replace(plan, base=replace(sine_of(plan, "frequency", frequency, "Hz"), frequency=frequency))
+    _run(plan, "simulate", to, ("simulate",))
 
 
 @app.command
-def sweep(study: Path, *, output: Output = None, force: Force = False, quiet: Quiet = False) -> None:
+def sweep(study: Path, *, to: To = HERE) -> None:
     """Response curves over the study's frequencies, without and with the ball.
 
     Example: femimpact sweep study.toml -o curves
     """
-    _run(study, output, force, quiet, ("sweep",), "sweep")
+    from femimpact.app.study.study import sine_of
+
+    plan = _study(study, to)
+    sine_of(plan, "sweep")
+    require(plan.sweep is not None, "sweep", None, "", "table [sweep] is missing from the study")
+    _run(plan, "sweep", to, ("sweep",))
 
 
 @app.command
-def run(study: Path, *, output: Output = None, force: Force = False, quiet: Quiet = False) -> None:
+def run(study: Path, *, to: To = HERE) -> None:
     """All parts of the study: modes, history and sweep.
 
     Example: femimpact run study.toml -o results
     """
-    _run(study, output, force, quiet, ("modes", "simulate", "sweep"), "results")
+    _run(_study(study, to), "results", to, ("modes", "simulate", "sweep"))
 
 
 @app.command
-def converge(
-    study: Path, *, accuracy: float = 1e-3, output: Output = None, force: Force = False, quiet: Quiet = False
-) -> None:
+def converge(study: Path, *, accuracy: float = 1e-3, to: To = HERE) -> None:
     """Errors over the mesh, the step and the modes, and what a relative accuracy takes.
 
     Example: femimpact converge study.toml --accuracy 1e-4
     """
-    from femimpact.app.study.study_file import load_study
-    from femimpact.app.tasks.convergence import convergence_lines, write_convergence
+    from femimpact.app.tasks.convergence import write_convergence
 
-    plan = load_study(study)
-    with _progress(quiet) as report:
-        found = write_convergence(plan, output or _directory(study, "converge"), force, report, accuracy)
-    if quiet:
-        return
-    for line in convergence_lines(found):
-        print(line)
-    _print_report(console(), found.directory)
-    print(f"results in {found.directory}")
+    _leave(write_convergence, _study(study, to), "converge", to, accuracy=accuracy)
 
 
 @app.command
-def orbits(study: Path, *, output: Output = None, force: Force = False, quiet: Quiet = False) -> None:
+def orbits(study: Path, *, to: To = HERE) -> None:
     """Periodic orbits of [orbits], stable and unstable: their branches over a number, with bifurcations and a figure.
 
     Example: femimpact orbits study.toml -o branches
     """
-    from femimpact.app.study.study_file import load_study
     from femimpact.app.tasks.branches import write_orbits
 
-    plan = load_study(study)
-    with _progress(quiet) as report:
-        results = write_orbits(plan, output or _directory(study, "orbits"), force, report)
-    if quiet:
-        _show_warnings(results)
-        return
-    where = console()
-    _print_branches(where, results)
-    _print_closing(where, results)
+    _leave(write_orbits, _study(study, to), "orbits", to)
 
 
 @app.command(name="study")
@@ -442,37 +427,23 @@ def parameter_study(
         Address or scheduler file of a Dask cluster on which the cases run.
     """
     from femimpact.app.study.study_file import load_study
-    from femimpact.app.tasks.study_command import summary_lines, write_parameter_study
+    from femimpact.app.tasks.study_command import write_parameter_study
 
-    plan, directory = load_study(study), output or _directory(study, "study")
+    directory = output or Path(f"{study.stem}-study")
     with _study_progress(quiet) as report:
-        found = write_parameter_study(plan, directory, report, scheduler)
-    if quiet:
-        return
-    *lines, where = summary_lines(found, directory, plan.plan.best if plan.plan else None)
-    for line in lines:
-        print(line)
-    _print_report(console(), directory)
-    print(where)
+        write_parameter_study(load_study(study), directory, report, scheduler)
+    print_results(directory, quiet)
 
 
 @app.command
-def report(
-    directory: Path,
-    *,
-    output: Annotated[Path | None, Parameter(name=["-o", "--output"], help="File of the report.")] = None,
-    force: Force = False,
-    quiet: Quiet = False,
-) -> None:
+def report(directory: Path, *, to: ToFile = NO_FILE, quiet: Quiet = False) -> None:
     """Write the report of results: one HTML file that opens in any browser.
 
     Example: femimpact report study-results
     """
     from femimpact.app.report.result_page import write_report
 
-    if output is not None:
-        _require_new_file(output, force)
-    path = write_report(directory, output)
+    path = write_report(directory, to.free())
     if not quiet:
         print(f"wrote {path}")
 
@@ -498,7 +469,7 @@ def movie(directory: Path, *, quiet: Quiet = False) -> None:
 @app.command
 def identify(
     file: Path, *, column: str | None = None, sample_rate: float | None = None, units: str | None = None,
-    modes: int = 1, output: Output = None, force: Force = False, quiet: Quiet = False,
+    modes: int = 1, to: To = HERE,
 ) -> None:  # fmt: skip
     """Damping of a free decay that a file of columns or a UFF file holds: by damped sines, and over the amplitude.
 
@@ -521,31 +492,25 @@ def identify(
 
     record = one_signal(file, column, None if units is None else units.split(","), sample_rate)
     name = str(next(iter(record.data_vars)))
-    found = identify_decay(record["time"], record[name], modes=modes)
-    directory = output or _directory(file, "identify")
-    write_decay(directory, found, record, force)
-    for one in found.warnings:
+    decay = identify_decay(record["time"], record[name], modes=modes)
+    directory = to.output or Path(f"{file.stem}-identify")
+    write_decay(directory, decay, record, to.force)
+    for one in decay.warnings:
         _show_warning(one)
-    if quiet:
+    if to.quiet:
         return
-    for line in (*record.attrs["notes"], *map(str, found.modes), *found.notes):
+    for line in (*record.attrs["notes"], *map(str, decay.modes), *decay.notes):
         print(line)
-    if len(found):
-        columns, about = found.columns()
+    if len(decay):
+        columns, about = decay.columns()
         header = [f"{key.replace('_', ' ')}{f' ({about[key]})' * (about[key] not in ('', '1'))}" for key in columns]
-        rows = ([None if v != v else v for v in row] for row in zip(*columns.values(), strict=True))
-        title = f"Damping ratio over the amplitude, {found.level:.0%} intervals"
-        print_table(console(), header, ([None if v is None else float(v) for v in row] for row in rows), title)
+        rows = (tuple(map(float, row)) for row in zip(*columns.values(), strict=True))
+        print_table(console(), header, rows, f"Damping ratio over the amplitude, {decay.level:.0%} intervals")
     print(f"results in {directory}")
 
 
 @app.command
-def validate(
-    *,
-    output: Annotated[Path | None, Parameter(name=["-o", "--output"], help="CSV file of the table.")] = None,
-    force: Force = False,
-    quiet: Quiet = False,
-) -> None:
+def validate(*, to: ToFile = NO_FILE, quiet: Quiet = False) -> None:
     """Exact and published cases beside the computed ones; exit status 1 if one misses its bound.
 
     Example: femimpact validate -o validation.csv
@@ -554,8 +519,7 @@ def validate(
     from femimpact.validation import run_validation
     from femimpact.validation.case import HEADER, case_columns, table_row
 
-    if output is not None:
-        _require_new_file(output, force)
+    output = to.free()
     with _progress(quiet) as report:
         cases = run_validation(report)
     if output is not None:
@@ -578,36 +542,25 @@ def validate(
 # ---- what they share ------------------------------------------------------------------------------
 
 
-def _require_new_file(output: Path, force: bool) -> None:
-    require(force or not output.exists(), "output", str(output), "", "exists already: choose another, or --force")
-    require(output.resolve().parent.is_dir(), "output", str(output), "", "must be in an existing directory")
-
-
-def _directory(study: Path, kind: str) -> Path:
-    return Path(f"{study.stem}-{kind}")
-
-
-def _run(
-    path: Path, output: Path | None, force: bool, quiet: bool, parts: tuple[str, ...], kind: str,
-    frequency: float | None = None,
-) -> None:  # fmt: skip
-    from femimpact.app.study.study import sine_of
+def _study(path: Path, to: To) -> Study:
     from femimpact.app.study.study_file import load_study
+
+    with _waiting("read", to.quiet):
+        return load_study(path)
+
+
+def _run(study: Study, kind: str, to: To, parts: tuple[str, ...]) -> None:
     from femimpact.app.tasks.run import run_study
 
-    with _waiting("read", quiet):
-        study = load_study(path)
-    if frequency is not None:
-        study = replace(study, base=replace(sine_of(study, "frequency", frequency, "Hz"), frequency=frequency))
-    if parts == ("sweep",):
-        sine_of(study, "sweep")
-        require(study.sweep is not None, "sweep", None, "", "table [sweep] is missing from the study")
-    with _progress(quiet) as report:
-        results = run_study(study, output or _directory(path, kind), parts=parts, force=force, report=report)
-    if quiet:
-        _show_warnings(results)
-    else:
-        print_results(results)
+    _leave(run_study, study, kind, to, parts=parts)
+
+
+def _leave(write: Callable[..., object], study: Study, kind: str, to: To, **more: Any) -> None:
+    """Write results of a study, and print them."""
+    directory = to.output or Path(f"{study.path.stem}-{kind}")
+    with _progress(to.quiet) as report:
+        write(study, directory, force=to.force, report=report, **more)
+    print_results(directory, to.quiet)
 
 
 def _draw_again(directory: Path, kind: str, quiet: bool) -> None:
@@ -619,68 +572,43 @@ def _draw_again(directory: Path, kind: str, quiet: bool) -> None:
         print(f"drawn in {directory}: {', '.join(drawn)}")
 
 
-def print_results(results: StudyResults) -> None:
+def print_results(directory: Path, quiet: bool = False) -> None:
     """Print what the page says of results: tables, conclusions, notes, warnings, and where they are."""
     from femimpact.app.report.page import conclusion_lines
-    from femimpact.app.report.page_tables import channel_table
-    from femimpact.app.report.result_conclusions import conclusions_of
-    from femimpact.app.study.findings import read_findings
+    from femimpact.app.report.result_conclusions import best_of, result_conclusions, result_warnings
+    from femimpact.app.report.result_page import tables_of
+    from femimpact.app.results.picture_data import read_results
+    from femimpact.app.results.result_directory import FILES, REPORT
 
-    where, found = console(), read_findings(results.summary)
-    if results.modes is not None:
-        columns = list(results.modes)
-        print_table(where, columns, zip(*results.modes.values(), strict=True), "Modes (Hz, 1, kg^0.5, kg)")
-    channels = channel_table(found)
-    if channels is not None:
-        print_table(where, channels.header, channels.rows, channels.title)
-    for line in conclusion_lines(conclusions_of(found)):
+    results = read_results(directory)
+    warned = result_warnings(results)
+    if quiet:
+        for text in warned:
+            _show_warning(text)
+        if warned:
+            print(f"femimpact: {_warnings_page()}", file=sys.stderr)
+        return
+    where, findings = console(), results.findings
+    for table in tables_of(results):
+        print_table(where, table.header, table.rows, table.title, table.digits)
+    for line in (
+        *(f"{problem}." for problem in findings.problems),
+        *conclusion_lines(result_conclusions(results, best_of(results))),
+        *(f"- {text}" for text in findings.remarks),
+        *(f"note: {text}" for text in findings.notes),
+    ):
         where.print(line)
-    _print_closing(where, results)
-
-
-def _print_branches(where: Console, results: StudyResults) -> None:
-    """Print a line for each branch with its ends, and the table of the bifurcations."""
-    from femimpact.app.results.result_directory import FILES
-    from femimpact.figures.study_labels import in_shown_units
-    from femimpact.files import read_units
-    from femimpact.units import PARAMETER_DIGITS, parameter_text
-
-    found = results.summary["orbits"]
-    for number, branch in enumerate(found["branches"], 1):
-        low, high = (parameter_text(branch[edge], unit) for edge, unit in (("lowest", "1"), ("highest", found["unit"])))
-        where.print(
-            f"branch {number}, from {branch['origin']}: {low} to {high}, {branch['points']} points, "
-            f"{branch['stable_points']} of them stable"
-        )
-        for side, end in zip(("first", "last"), branch["ends"], strict=True):
-            where.print(f"  {side} end: {end}")
-    rows = results.bifurcations
-    if rows is not None and len(rows["kind"]):
-        units = read_units(results.directory / FILES["bifurcations"].name)
-        rows, shown = in_shown_units(rows, units)
-        rows[found["parameter"]] = [f"{value:.{PARAMETER_DIGITS}g}" for value in rows[found["parameter"]]]
-        header = [name + (f" ({shown[name]})" if shown.get(name, "1") != "1" else "") for name in rows]
-        title = f"Bifurcations over {found['parameter']}, {found['modes']} modes kept"
-        cells = ([None if value == "" else value for value in row] for row in zip(*rows.values(), strict=True))
-        print_table(where, header, cells, title)
-
-
-def _print_closing(where: Console, results: StudyResults) -> None:
-    for text in results.summary.get("notes", []):
-        where.print(f"note: {text}")
-    for text in results.summary.get("warnings", []):
+    for text in warned:
         where.print(f"warning: {text}", style="yellow")
-    if results.summary.get("warnings"):
-        where.print(_warnings_page())
-    _print_report(where, results.directory)
-    where.print(f"results in {results.directory}")
-
-
-def _print_report(where: Console, directory: Path) -> None:
-    from femimpact.app.results.result_directory import REPORT
-
-    if (directory / REPORT).is_file():
-        where.print(f"to look at: {directory / REPORT}")
+    best = directory / FILES["best_study"].name
+    for line in (
+        _warnings_page() if warned else "",
+        f"run the best case where it is worst, with its report: femimpact run {best}" if best.exists() else "",
+        f"to look at: {directory / REPORT}" if (directory / REPORT).is_file() else "",
+        f"results in {directory}",
+    ):
+        if line:
+            where.print(line)
 
 
 @contextmanager

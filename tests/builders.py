@@ -16,13 +16,16 @@ from femimpact.app.parametric.identity import plain_study, study_key
 from femimpact.app.report.result_conclusions import study_conclusions
 from femimpact.app.report.result_page import write_report
 from femimpact.app.results.result_directory import FILES, ResultsWarning
+from femimpact.app.study.findings import joined
+from femimpact.app.study.findings import summary_of as summary_of_findings
 from femimpact.app.study.parameter_plan import ParameterPlan
 from femimpact.app.study.prepared import lines_of_plan, prepare
 from femimpact.app.study.study import MeshChoice, OrbitsPlan, Output, Reduction, SweepPlan, build
-from femimpact.app.study.study_file import TABLES, load_study, read_study, same_study, study_schema, study_text
-from femimpact.app.study.summary import summary_of
+from femimpact.app.study.study_file import TABLES, load_study, read_study, study_lines, study_schema, study_text
+from femimpact.app.study.summary import findings_of, findings_of_history, findings_of_modes, findings_of_sweeps
 from femimpact.app.tasks.run import run_simulation, run_study
-from femimpact.app.tasks.study_command import summary_lines, write_parameter_study
+from femimpact.app.tasks.study_command import write_parameter_study
+from femimpact.cli import print_results
 from femimpact.files import read_csv
 from femimpact.response.history_file import history_writer
 
@@ -42,6 +45,23 @@ REFERENCE = fi.Structure(
 def plan_lines(study: fi.app.Study) -> list[str]:
     """Lines on what a run of the study would do."""
     return lines_of_plan(prepare(study))
+
+
+def summary_of(prepared: object, modes: object = None, response: object = None, sweeps: object = None) -> dict:
+    """The summary of some parts of a study."""
+    findings = findings_of(prepared)
+    if modes is not None:
+        findings = joined(findings, findings_of_modes(modes))
+    if response is not None:
+        findings = joined(findings, findings_of_history(prepared, response))
+    if sweeps is not None:
+        findings = joined(findings, findings_of_sweeps(prepared, sweeps))
+    return summary_of_findings(findings)
+
+
+def same_study(one: fi.app.Study, other: fi.app.Study) -> bool:
+    """True where two studies are equal, whatever their paths and texts are."""
+    return one.source.get("content") == other.source.get("content") and [*study_lines(one)] == [*study_lines(other)]
 
 
 def with_ball(structure: fi.Structure, **changes: object) -> fi.Structure:

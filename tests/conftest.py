@@ -173,7 +173,7 @@ def undrawn(monkeypatch) -> None:
     def draw_kinds(_folder, kinds, _report, _study):
         return dict.fromkeys(kinds), {}
 
-    monkeypatch.setattr("femimpact.app.tasks.run.draw_kinds", draw_kinds)
+    monkeypatch.setattr("femimpact.app.tasks.task.draw_kinds", draw_kinds)
 
 
 @pytest.fixture(scope="session")

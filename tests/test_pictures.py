@@ -25,9 +25,10 @@ from builders import (
 import femimpact as fi
 from femimpact import figures
 from femimpact.app.report import pictures
-from femimpact.app.results.picture_data import StructureModes, read_results, write_mode_shapes
+from femimpact.app.results.picture_data import StructureModes, mode_shape_data, read_results
 from femimpact.app.tasks.run import run_sweep
 from femimpact.figures import movie
+from femimpact.files import write_netcdf
 
 DATA = Path(__file__).parent / "data"
 LAST = {
@@ -121,7 +122,7 @@ def test_stored_modes_are_drawn_with_the_same_parts_as_those_in_memory(tmp_path)
     )
     system = fi.assemble(structure, elements=8)
     modes = fi.solve_modes(system, count=3)
-    write_mode_shapes(tmp_path / FILES["mode_shapes"].name, system, modes)
+    write_netcdf(tmp_path / FILES["mode_shapes"].name, mode_shape_data(system, modes))
     study = dataclasses.replace(short_study(1.0), structure=structure)
     (tmp_path / FILES["study"].name).write_text(study_text(study), encoding="utf-8")
     off_screen = figures.OffScreen()

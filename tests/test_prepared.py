@@ -328,7 +328,7 @@ def test_a_summary_has_every_channel_and_what_the_method_does_to_the_restitution
         # sums in another order
         assert channel["rms"] == pytest.approx(float(np.sqrt((size[last] ** 2).mean())), rel=1e-12)
     assert results.summary["contact"]["achieved_by"] == by
-    print_results(results)
+    print_results(results.directory)
     printed = " ".join(capsys.readouterr().out.split())
     for name in asked:
         scale, unit = {"Pa": (1e-6, "MPa"), "m": (1e3, "mm")}.get(found[name]["unit"], (1.0, found[name]["unit"]))

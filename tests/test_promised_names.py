@@ -110,7 +110,7 @@ COMMANDS = "demo init check modes simulate sweep run converge figures movie repo
 FILE_NAMES = """
     summary.json study.toml modes.csv modes.nc sweep.csv sweep.nc history.nc impacts.csv impacts.nc snapshots.nc
     last_cycles.nc paraview/modes.pvd paraview/deflection.pvd movie.mp4 movie.gif comparison.csv restitution.csv
-    curves_of_starts.csv report.html convergence.json
+    curves_of_starts.csv report.html
 """
 MODULES = {
     "femimpact.figures": """

@@ -215,7 +215,7 @@ FOREIGN = {
     "notes": {"notes.txt": "a", "report.html": "<p>mine</p>"},
     "tables": {"modes.csv": "a,b\n1,2\n", "sweep.csv": "f,x\n1,2\n"},
     "summary": {"summary.json": '{"total": 3}', "response.png": "no picture"},
-    "broken": {"summary.json": "{", "convergence.json": "[]"},
+    "broken": {"summary.json": "{"},
     "a study": {"study.toml": UNDRAWN_STUDY, "best.toml": UNDRAWN_STUDY},
     "folders": {"blocks/mine.txt": "a", "deflection/0000.vtu": "a"},
 }

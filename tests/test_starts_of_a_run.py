@@ -117,7 +117,7 @@ def test_starts_are_in_no_key_of_a_study_and_check_prints_the_time_of_all():
 
 
 def test_headline_and_report_have_ranges_and_no_star(ran, capsys):
-    print_results(ran)
+    print_results(ran.directory)
     printed = capsys.readouterr().out
     for label in ("Largest peak with ball", "Peak of the tip"):
         (line,) = [line for line in printed.splitlines() if line.startswith(f"{label}: ")]
@@ -177,7 +177,7 @@ def test_the_headline_of_a_shock_is_of_the_whole_run(tmp_path, capsys):
     # what an impulse of the last third is stays so
     assert summary["contact"]["mean_impulse"] == run.statistics.mean_impulse
     assert summary["history"]["rms"] == run.steady.rms[0]
-    print_results(found)
+    print_results(found.directory)
     printed = capsys.readouterr().out
     assert f"Peak of the tip: {1e3 * abs(run.largest('tip').value):.4g} mm; of the whole run" in printed
     assert f"rms {1e3 * run.steady.rms[0]:.4g} mm over the last third" in printed
@@ -242,7 +242,7 @@ def test_each_number_of_a_history_stands_under_its_name(name, rigid, tmp_path, c
         cycles, f = int(run.time[-1] * history["frequency"] + 1e-6), history["frequency"]
         measured = (run.time >= (cycles - cycles // 3) / f) & (run.time <= cycles / f)
     assert history["peak"] == pytest.approx(size[measured].max(), rel=1e-3)
-    print_results(found)
+    print_results(found.directory)
     line = " ".join(capsys.readouterr().out.split())
     assert (" mm; of the whole run rms" in line) == (not cyclic)
     cards = {one.label: one for one in conclusions_of(read_findings(found.summary))}
@@ -272,7 +272,7 @@ def test_what_has_not_died_out_is_no_sample(tmp_path, capsys):
     for about in (history, curve):
         assert about["peak_is_transient"]
         assert not about["peak_is_one_start"]
-    print_results(found)
+    print_results(found.directory)
     printed = capsys.readouterr().out
     assert "*" not in printed
     assert printed.count("has not died out") == 2

@@ -17,7 +17,6 @@ from builders import (
     paper_study_text,
     read_study,
     study_conclusions,
-    summary_lines,
     with_ball,
     write_parameter_study,
     write_report,
@@ -269,7 +268,7 @@ def curve_study(**axes):
     ],
     ids=["excitation alone", "a sample in which none agree"],
 )
-def test_a_study_without_a_best_case_shows_the_resonance_and_says_why(axes, reason, tmp_path):
+def test_a_study_without_a_best_case_shows_the_resonance_and_says_why(axes, reason):
     data = curve_study(**axes)
     best, reasons = best_cases(data, None)
     assert not best
@@ -277,10 +276,6 @@ def test_a_study_without_a_best_case_shows_the_resonance_and_says_why(axes, reas
     assert (shown.label, float(shown.value)) == ("Largest peak", pytest.approx(100.0))
     assert reason in shown.note
     assert "5.8" not in shown.note
-    lines = summary_lines(data, tmp_path)
-    assert any("largest at" in line for line in lines)
-    assert any(reason in line for line in lines)
-    assert not any("smallest at" in line for line in lines)
 
 
 def test_a_script_that_gives_the_dataset_has_what_the_page_of_the_study_holds(sound, tmp_path):

@@ -6,43 +6,38 @@ in its box the ball lies, rounded to what the ranges allow.
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
 from importlib.resources import as_file, files
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
 from femimpact import figures
 from femimpact.app.parametric.verb import parameter_study
 from femimpact.app.report.result_conclusions import STARTS
-from femimpact.app.report.result_page import add_report
-from femimpact.app.results.result_directory import FILES, new_file, new_results
-from femimpact.app.results.results import StudyResults, load
-from femimpact.app.study.findings import Spread
+from femimpact.app.results.results import StudyResults
+from femimpact.app.study.findings import Findings, Spread, joined
 from femimpact.app.study.prepared import PreparedStudy, prepare, with_base
 from femimpact.app.study.study import Study, sine_of
 from femimpact.app.study.study_file import load_study
-from femimpact.app.study.summary import SweepPair, summary_of
+from femimpact.app.study.summary import SweepPair, findings_of, findings_of_modes
 from femimpact.app.tasks.run import (
-    Found,
-    Report,
-    keep_history,
-    keep_modes,
-    keep_pictures,
-    keep_study,
-    keep_sweeps,
+    history_part,
+    last_cycles_part,
+    modes_part,
     run_modes,
     run_simulation,
     run_sweep,
+    sweep_part,
 )
-from femimpact.app.tasks.starts import OF_CURVES, StartCurves, spreads_of, write_curves
+from femimpact.app.tasks.starts import OF_CURVES, StartCurves, columns_of_starts, spreads_of
+from femimpact.app.tasks.task import Finished, Report, Task, run_task, study_files
 from femimpact.errors import Fault, InputError
 from femimpact.excitation.harmonic import Sine
 from femimpact.figures.drawing import panels
-from femimpact.files import write_csv
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.sweep.sweep import frequency_sweep
 from femimpact.system.state import State
@@ -82,22 +77,6 @@ class ScanPlan:
     starts: int = 3  # starts in each frame
 
 
-@dataclass(frozen=True, eq=False)
-class Demo:
-    """Results of the demo."""
-
-    results: StudyResults
-    # (quantity, unit, paper theory, paper experiment, femimpact from rest relative to the base, from rest in the
-    # inertial frame, method): femimpact's in words, a median with its range where the motion is chaotic
-    comparison: tuple[tuple[Any, ...], ...]
-    scan: xarray.Dataset  # of `scan_restitution`
-    # (restitution, then peak in Hz and amplitude ratio from rest relative to the base, and from rest in the inertial
-    # frame), in words
-    scan_rows: tuple[tuple[str, ...], ...]
-    restitution: float  # of the study
-    remarks: tuple[str, ...]  # where the paper cannot be met, and why
-
-
 def paper_study_text() -> str:
     """The commented study file of the paper's case."""
     return files("femimpact.app").joinpath("paper.toml").read_text(encoding="utf-8")
@@ -120,40 +99,45 @@ def free_directory(name: str) -> Path:
 
 def run_demo(
     directory: str | Path, *, force: bool = False, report: Report | None = None, scan: ScanPlan | None = None
-) -> Demo:
+) -> StudyResults:
     """Run the paper's case and write its results."""
-    report = report or (lambda _what, _share: None)
     prepared = prepare(paper_study())
-    with new_results(directory, force) as folder:
-        modes = run_modes(prepared)
-        keep_study(folder, prepared.study)
-        keep_modes(folder, prepared, Found(modes), ("sweep", "history"))
-        peaks = scan_restitution(prepared, scan or ScanPlan(), report)
-        # the files of a sweep are of the first start, with its energy ledger
-        sweeps = {start: _sweep_from(prepared, start, start == "base", report) for start in STARTS}
-        keep_sweeps(folder, prepared, Found(modes, None, sweeps["base"]), ("history",))
-        _write_scan(folder, peaks, sweeps)
-        curves = curves_of_starts(prepared, report)
-        spreads = {start: spreads_of(curves[start], sweeps["base"].empty, _step(curves[start])) for start in STARTS}
-        write_curves(folder, curves)
-        prepared = _at_resonance(prepared, sweeps["base"])
-        keep_study(folder, prepared.study)
-        found = Found(modes, run_simulation(prepared, report), sweeps["base"])
-        found = keep_history(folder, prepared, found)
-        summary = summary_of(prepared, modes, found.response, found.sweeps)
-        comparison = compare(summary, spreads)
-        remarks = remark(summary["restitution"], peaks, spreads)
-        _write_comparison(folder, comparison)
-        more = {"remarks": remarks, "ball_from_rest_in_space": _sweep_row(sweeps["space"])}
-        more["starts"] = {
-            start: {name: dataclasses.asdict(spread) for name, spread in samples_of.items()}
-            for start, samples_of in spreads.items()
-        }
-        drawn = keep_pictures(folder, directory, prepared, found, report, more)
-    if prepared.study.output.report:
-        add_report(directory, report, prepared.study, drawn)
-    restitution = float(summary["restitution"])
-    return Demo(load(directory), comparison, peaks, _scan_rows(peaks), restitution, remarks)
+    work = partial(_parts_of_demo, prepared, scan or ScanPlan())
+    task = Task(prepared.study, findings_of(prepared), ("modes", "sweep", "history"), work)
+    return run_task(task, directory, force, report or (lambda _what, _share: None))
+
+
+def _parts_of_demo(prepared: PreparedStudy, plan: ScanPlan, report: Report) -> Iterator[Finished]:
+    modes = run_modes(prepared)
+    yield modes_part(prepared, modes)
+    scan = scan_restitution(prepared, plan, report)
+    # the files of a sweep are of the first start, with its energy ledger
+    sweeps = {start: _sweep_from(prepared, start, start == "base", report) for start in STARTS}
+    swept = sweep_part(prepared, sweeps["base"])
+    yield swept
+    curves = curves_of_starts(prepared, report)
+    spreads = {start: spreads_of(curves[start], sweeps["base"].empty, _step(curves[start])) for start in STARTS}
+    known = joined(joined(findings_of(prepared), findings_of_modes(modes)), swept.findings)
+    left = {
+        "restitution": _scan_columns(scan),
+        "figures/restitution.png": partial(_draw_scan, scan),
+        "figures/response_of_starts.png": partial(_draw_curves, sweeps),
+        "curves_of_starts": columns_of_starts(curves),
+        "comparison": compare(known, spreads),
+    }
+    said = Findings(
+        starts=spreads,
+        remarks=remark(cast(float, known.restitution), scan, spreads),
+        scan_of_restitution=_ranges_of(scan),
+        ball_from_rest_in_space=_sweep_row(sweeps["space"]),
+    )
+    yield Finished("sweep", left, said)
+    prepared = _at_resonance(prepared, sweeps["base"])
+    response = run_simulation(prepared, report)
+    finished = history_part(prepared, response)
+    # the study of the results is that of the history
+    yield replace(finished, files={**study_files(prepared.study), **finished.files})
+    yield last_cycles_part(prepared, response, report)
 
 
 def _sweep_from(prepared: PreparedStudy, start: str, ledger: bool, report: Report) -> SweepPair:
@@ -168,7 +152,7 @@ def _at_resonance(prepared: PreparedStudy, sweeps: SweepPair) -> PreparedStudy:
     curve = sweeps.ball or sweeps.empty
     on_grid = np.isin(curve.frequency, np.round(sweeps.coarse, 9))
     peak = float(curve.frequency[on_grid][np.argmax(curve.peak[on_grid])])
-    return with_base(prepared, dataclasses.replace(sine_of(prepared.study, "demo"), frequency=peak))
+    return with_base(prepared, replace(sine_of(prepared.study, "demo"), frequency=peak))
 
 
 def places(count: int) -> list[float]:
@@ -234,18 +218,17 @@ def misfit(peak_frequency: Any, amplitude_ratio: Any) -> Any:
     return np.hypot(by_frequency, by_ratio)
 
 
-def _scan_rows(scan: xarray.Dataset) -> tuple[tuple[str, ...], ...]:
-    """Median and range of peak and ratio, from both starts, for every restitution."""
-    rows = []
+def _ranges_of(scan: xarray.Dataset) -> dict[str, dict[str, dict[str, Spread]]]:
+    """Medians and ranges of peak and ratio, by the restitution and the start."""
+    ranges: dict[str, dict[str, dict[str, Spread]]] = {}
     for restitution in scan[RESTITUTION].values:
-        cells = [f"{restitution:.2f}"]
         for start in STARTS:
             one = scan.sel({RESTITUTION: restitution, "base.start": start})
-            for name, resolution in (("peak_frequency", scan.attrs["step"]), ("amplitude_ratio", 0.0)):
-                median, low, high = (float(one[f"{name}{end}"]) for end in ("", "_low", "_high"))
-                cells.append(Spread(median, low, high, resolution).text())
-        rows.append(tuple(cells))
-    return tuple(rows)
+            ranges.setdefault(f"{restitution:.2f}", {})[start] = {
+                name: Spread(float(one[name]), float(one[f"{name}_low"]), float(one[f"{name}_high"]), resolution)
+                for name, resolution in (("peak_frequency", scan.attrs["step"]), ("amplitude_ratio", 0.0))
+            }
+    return ranges
 
 
 def curves_of_starts(prepared: PreparedStudy, report: Report) -> dict[str, StartCurves]:
@@ -282,12 +265,18 @@ def _sweep_row(sweeps: SweepPair) -> dict[str, Any]:
     }
 
 
-def compare(summary: Mapping[str, Any], spreads: Mapping[str, Mapping[str, Spread]]) -> tuple[tuple[Any, ...], ...]:
-    """Rows of the table "paper theory / paper experiment / femimpact"."""
-    p, nothing = PUBLISHED, None
-    empty, law = summary["sweep"]["empty"], summary["contact"]["law"]
-    frequency = summary["natural_frequency"]
-    half_power = empty["coarse_grid"]["damping_half_power"]
+COMPARED = (
+    "quantity", "unit", "paper_theory", "paper_experiment", "from_rest_on_base", "from_rest_in_space", "method",
+)  # fmt: skip
+"""Columns of the table "paper theory / paper experiment / femimpact"."""
+
+
+def compare(findings: Findings, spreads: Mapping[str, Mapping[str, Spread]]) -> tuple[dict[str, Any], dict[str, str]]:
+    """The columns of `COMPARED`, ours in words: a median with its range where the motion is chaotic."""
+    p, nothing = PUBLISHED, ""
+    empty, law = findings.sweep["empty"], findings.contacts["ball"].law
+    frequency = findings.natural_frequency
+    half_power = empty.coarse_grid.damping_half_power
 
     def exact(value: float) -> tuple[str, str]:
         return (f"{value:.4g}",) * 2
@@ -295,7 +284,7 @@ def compare(summary: Mapping[str, Any], spreads: Mapping[str, Mapping[str, Sprea
     def both(name: str, scale: float = 1.0) -> tuple[str, ...]:
         return tuple(spreads[start][name].text(scale) for start in STARTS)
 
-    return (
+    rows = (
         ("natural frequency without ball", "Hz", p["frequency_empty_theory"], p["frequency_empty_experiment"],
          *exact(frequency["empty"][0]), "eigenvalue"),
         ("natural frequency, ball glued on", "Hz", p["frequency_ball_theory"], p["frequency_ball_experiment"],
@@ -303,7 +292,7 @@ def compare(summary: Mapping[str, Any], spreads: Mapping[str, Mapping[str, Sprea
         ("peak of the response with ball", "Hz", p["frequency_ball_theory"], p["frequency_ball_experiment"],
          *both("peak_frequency"), "largest peak of each start's sweep"),
         ("damping without ball, by fit", "%", 100 * p["damping_empty"], 100 * p["damping_empty"],
-         *exact(100 * empty["damping_fit"]), "one-pole fit, refined grid"),
+         *exact(100 * empty.damping_fit), "one-pole fit, refined grid"),
         ("damping without ball, by half-power", "%", nothing, nothing,
          *exact(100 * half_power), "half-power on 21 points: not resolved"),
         ("damping with ball, by amplitude ratio", "%", *[round(100 * p["damping_ball"], 6)] * 2,
@@ -315,6 +304,7 @@ def compare(summary: Mapping[str, Any], spreads: Mapping[str, Mapping[str, Sprea
         ("peak force", "N", nothing, nothing, *both("peak_force"), f"{law}, at the peak"),
         ("mean impulse", "mN s", nothing, nothing, *both("mean_impulse", 1e3), "at the peak"),
     )  # fmt: skip
+    return dict(zip(COMPARED, zip(*rows, strict=True), strict=True)), {}
 
 
 def remark(restitution: float, scan: xarray.Dataset, spreads: Mapping[str, Mapping[str, Spread]]) -> tuple[str, ...]:
@@ -345,27 +335,24 @@ def remark(restitution: float, scan: xarray.Dataset, spreads: Mapping[str, Mappi
     )
 
 
-def _write_scan(folder: Path, scan: xarray.Dataset, sweeps: Mapping[str, SweepPair]) -> None:
-    off_screen = figures.OffScreen()
+def _scan_columns(scan: xarray.Dataset) -> tuple[dict[str, Any], dict[str, str]]:
     columns: dict[str, Any] = {"restitution": scan[RESTITUTION].values}
     units = {"restitution": "1"}
-    drawn: Any = panels(off_screen, 8.0, 7.4, 2, 1, sharex=True)[:, 0]
-    for axis, start in zip(drawn, STARTS, strict=True):
+    for start in STARTS:
         one = scan.sel({"base.start": start})
         columns |= {f"{start}_{name}": one[name].values for name in (*PEAKS, "periodic_starts")}
         units |= {f"{start}_{name}": PEAKS.get(name, ("1",))[0] for name in (*PEAKS, "periodic_starts")}
-        figures.study_lines(one, "amplitude_ratio", title=STARTS[start], ax=axis)
-    write_csv(folder / FILES["restitution"].name, columns, units)
-    figures.save_figure(drawn, new_file(folder, "figures/restitution.png"))
+    return columns, units
+
+
+def _draw_scan(scan: xarray.Dataset, path: Path) -> None:
+    drawn: Any = panels(figures.OffScreen(), 8.0, 7.4, 2, 1, sharex=True)[:, 0]
+    for axis, start in zip(drawn, STARTS, strict=True):
+        figures.study_lines(scan.sel({"base.start": start}), "amplitude_ratio", title=STARTS[start], ax=axis)
+    figures.save_figure(drawn, path)
+
+
+def _draw_curves(sweeps: Mapping[str, SweepPair], path: Path) -> None:
     curves = {f"with ball, {STARTS[start]}": pair.ball for start, pair in sweeps.items() if pair.ball is not None}
     named = {"without ball": sweeps["base"].empty, **curves}
-    drawn = figures.response_curve(named, coarse=sweeps["base"].coarse, ax=off_screen)
-    figures.save_figure(drawn, new_file(folder, "figures/response_of_starts.png"))
-
-
-def _write_comparison(folder: Path, comparison: tuple[tuple[Any, ...], ...]) -> None:
-    names = (
-        "quantity", "unit", "paper_theory", "paper_experiment", "from_rest_on_base", "from_rest_in_space", "method",
-    )  # fmt: skip
-    rows = [["" if value is None else value for value in row] for row in comparison]
-    write_csv(folder / FILES["comparison"].name, dict(zip(names, zip(*rows, strict=True), strict=True)), {})
+    figures.save_figure(figures.response_curve(named, coarse=sweeps["base"].coarse, ax=figures.OffScreen()), path)

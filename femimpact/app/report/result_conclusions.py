@@ -5,15 +5,14 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeGuard, TypeVar
 
 import numpy as np
 
 from femimpact.app.parametric.best import best_cases
 from femimpact.app.parametric.best_design import MOST_NAMED, BestCase, design_notes, label_of, more_designs, told
-from femimpact.app.report.page import Conclusion, conclusion_lines
-from femimpact.app.results.picture_data import ResultReading, read_results
+from femimpact.app.report.page import Conclusion
+from femimpact.app.results.picture_data import ResultReading
 from femimpact.app.results.result_directory import FILES
 from femimpact.app.study.findings import (
     ContactSummary,
@@ -53,7 +52,7 @@ def result_conclusions(
 ) -> tuple[Conclusion, ...]:
     """What is concluded from a directory of results, on its page and on the terminal alike."""
     columns, data = results.table(FILES["convergence_summary"].name), results.parameter_study
-    accuracy, name = results.convergence.get("accuracy"), FILES["parameter_study"].name
+    accuracy, name = results.findings.accuracy, FILES["parameter_study"].name
     return (
         *conclusions_of(results.findings),
         *(results.attempt("conclusions", lambda: convergence_conclusions(columns, accuracy)) or ()),
@@ -61,10 +60,11 @@ def result_conclusions(
     )
 
 
-def result_lines(directory: Path) -> list[str]:
-    """What is concluded from a directory of results of any command, in lines for a terminal."""
-    results = read_results(directory)
-    return list(conclusion_lines(result_conclusions(results, best_of(results))))
+def result_warnings(results: ResultReading) -> tuple[str, ...]:
+    """What is warned of in a directory of results, on its page and on the terminal alike."""
+    data, name = results.parameter_study, FILES["parameter_study"].name
+    failures = () if data is None else results.attempt(name, lambda: study_failures(data)) or ()
+    return (*texts_of(results.summary.get("warnings")), *failures)
 
 
 STARTS = {"base": "at rest relative to the base", "space": "at rest in the inertial frame"}
@@ -501,12 +501,13 @@ def study_missing(data: xarray.Dataset) -> tuple[str, ...]:
 
 
 def study_failures(data: xarray.Dataset) -> tuple[str, ...]:
-    """A line on the cases with failed starts, and the reason of the first; none where no start failed."""
-    failed = data["failed_starts"].to_numpy()
-    if not failed.any():
-        return ()
-    first = next((str(reason) for reason in data["failure"].to_numpy().ravel() if reason), "not known")
-    return (f"{int(np.count_nonzero(failed))} of {failed.size} cases have starts that failed, the first: {first}",)
+    """A line on the cases with failed starts, and the reason of the first; and what the study warns of."""
+    failed, lines = data["failed_starts"].to_numpy(), list[str]()
+    if failed.any():
+        first = next((str(reason) for reason in data["failure"].to_numpy().ravel() if reason), "not known")
+        count = int(np.count_nonzero(failed))
+        lines.append(f"{count} of {failed.size} cases have starts that failed, the first: {first}")
+    return (*lines, *filter(None, [data.attrs.get("warnings")]))
 
 
 def study_versions(data: xarray.Dataset) -> dict[str, Any]:

@@ -28,7 +28,7 @@ from femimpact.app.report.result_conclusions import (
     STARTS,
     best_of,
     result_conclusions,
-    study_failures,
+    result_warnings,
     study_lead,
     study_missing,
     study_versions,
@@ -94,14 +94,10 @@ def _holds_results(directory: Path) -> bool:
         return True
     if FILES["study"].name in names and any(FILES[key].name in names for key in ("summary", "modes", "impacts")):
         return True
-    for key in ("summary", "convergence_notes"):
-        try:
-            written = read_json(directory / FILES[key].name)
-        except InputError:
-            continue
-        if len(OF_SUMMARY & set(written)) > 1:
-            return True
-    return False
+    try:
+        return len(OF_SUMMARY & set(read_json(directory / SUMMARY))) > 1
+    except InputError:
+        return False
 
 
 def add_report(
@@ -126,8 +122,7 @@ def add_report(
 
 def page_of(results: ResultReading, drawn: Mapping[str, Element] = NOT_DRAWN) -> Page:
     """The report of a directory of results."""
-    summary, written = results.summary, results.convergence
-    study = results.study
+    summary, study = results.summary, results.study
     structure, system = (None, None) if study is None else (study.structure, results.system)
     drawing = None
     if structure is not None and system is not None:
@@ -137,7 +132,7 @@ def page_of(results: ResultReading, drawn: Mapping[str, Element] = NOT_DRAWN) ->
         )
     best = best_of(results)
     conclusions = result_conclusions(results, best)
-    studied, failures, about = _of_parameter_study(results)
+    studied, about = _of_parameter_study(results)
     records, refused = records_of(results, best[0])
     beside = beside_of(results, records) | {"spectra": [element("p", text) for text in refused]}
     made = sections_of(records, beside, miss=results.miss, drawn=drawn)
@@ -145,13 +140,13 @@ def page_of(results: ResultReading, drawn: Mapping[str, Element] = NOT_DRAWN) ->
     sections = [section for section in made if section.key != "best"]
     data = results.parameter_study
     many_starts = data is not None and int(data.attrs.get("starts", 1)) > 1
-    sections.append(about_section(summary or written or about, None if many_starts else study))
+    sections.append(about_section(summary or about, None if many_starts else study))
     listed = results.attempt("list of files", lambda: files_section(results.folder, summary))
     if listed is not None:
         section, lost = listed
         sections.append(section)
         results.missing.extend(text for text in lost if text not in results.missing)
-    named, unnamed = summary.get("study", written.get("study")), "study" if data is None else "parameter study"
+    named, unnamed = summary.get("study"), "study" if data is None else "parameter study"
     name = str(named).removesuffix(".toml") if named else unnamed
     title = name if structure is None else f"{name}: {structure_words(structure, system.contacts if system else ())}"
     head = ("", "", "") if study is None else (study.output.title, study.output.author, study.output.date)
@@ -159,12 +154,12 @@ def page_of(results: ResultReading, drawn: Mapping[str, Element] = NOT_DRAWN) ->
     return Page(
         title=given_title or title,
         by=by,
-        lead=(*([f"{title}."] if given_title else []), *studied, *_lead(study, results.findings, written)),
+        lead=(*([f"{title}."] if given_title else []), *studied, *_lead(study, results.findings)),
         drawing=drawing,
         conclusions=conclusions,
         missing=tuple(results.missing),
-        warnings=(*texts_of(summary.get("warnings")), *failures),
-        notes=(*texts_of(summary.get("notes")), *texts_of(written.get("notes"))),
+        warnings=result_warnings(results),
+        notes=texts_of(summary.get("notes")),
         sections=tuple(sections),
         first=(*first, *_next_step(results.folder)),
     )
@@ -191,23 +186,19 @@ def _varied(study: Study) -> dict[str, list[str]]:
     return found
 
 
-def _of_parameter_study(results: ResultReading) -> tuple[list[str], tuple[str, ...], Mapping[str, Any]]:
-    """Sentences, failures and versions of a parameter study; cases that were not run are missing."""
+def _of_parameter_study(results: ResultReading) -> tuple[list[str], Mapping[str, Any]]:
+    """Sentences and versions of a parameter study; cases that were not run are missing."""
     data, study, name = results.parameter_study, results.study, FILES["parameter_study"].name
     if data is None:
         if (results.folder / STUDY_BLOCKS).is_dir() and not (results.folder / name).exists():
             results.miss(f"{name}: the parameter study was not finished; the same femimpact study goes on with it")
-        return [], (), {}
+        return [], {}
     for text in results.attempt(name, lambda: study_missing(data)) or ():
         results.miss(text)
     lead = results.attempt(name, lambda: study_lead(data)) or []
     if study is not None and isinstance(study.excitation, SteppedSine):
         lead.append("A case has one value over all dwells; a sine with the axis base.frequency has one at each.")
-    return (
-        lead,
-        results.attempt(name, lambda: study_failures(data)) or (),
-        results.attempt(name, lambda: study_versions(data)) or {},
-    )
+    return lead, results.attempt(name, lambda: study_versions(data)) or {}
 
 
 def best_measures(data: xarray.Dataset, best: Mapping[str, BestCase]) -> list[Measure]:
@@ -226,10 +217,10 @@ def _head(*given: str) -> tuple[str, str]:
     return title, ", ".join(filter(None, by))
 
 
-def _lead(study: Study | None, found: Findings, written: Mapping[str, Any]) -> list[str]:
+def _lead(study: Study | None, found: Findings) -> list[str]:
     """Sentences on what was computed."""
-    if study is None or "problem" in written:
-        return [str(written["problem"])] if "problem" in written else []
+    if study is None or found.problems:
+        return [f"{problem}." for problem in found.problems]
     said = [f"History: {study.history_words}." if found.history is not None else ""]
     base = ""
     if study.kind == "sine":
@@ -262,7 +253,7 @@ def records_of(results: ResultReading, best: Mapping[str, BestCase] | None = Non
         results.followed,
         run,
         results.modes,
-        *_convergence_tables(results, results.convergence.get("accuracy", DEFAULT_ACCURACY)),
+        *_convergence_tables(results, results.findings.accuracy or DEFAULT_ACCURACY),
         *(best_measures(data, best) if data is not None and best else ()),
         *(
             (results.attempt(FILES["parameter_study"].name, lambda: measures_of(data)) or ())
@@ -297,9 +288,23 @@ def _convergence_tables(results: ResultReading, accuracy: float) -> Iterator[Any
 # ---- words and tables beside the pictures ----------------------------------------------------------
 
 
+Beside = list[Element | Table | str]
+"""Words, tables, and other elements of a part of a page, in their order."""
+
+
+def tables_of(results: ResultReading) -> Iterator[Table]:
+    """Tables of results that stand on the page and on the terminal alike."""
+    for key, make in (
+        ("modes", _modes), ("comparison", _comparison), ("motion", _motion), ("orbits", _orbits),
+        ("recommended", _recommended),
+    ):  # fmt: skip
+        parts = results.attempt(SECTIONS[key], partial(make, results)) or []
+        yield from (part for part in parts if isinstance(part, Table))
+
+
 def beside_of(results: ResultReading, records: Iterable[Any]) -> dict[str, list[Element]]:
     """Words, tables and the player of results, by the part of the page in which they stand."""
-    made = {
+    parts = {
         key: results.attempt(SECTIONS[key], partial(make, results)) or []
         for key, make in (
             ("comparison", _comparison), ("orbits", _orbits), ("player", _player), ("motion", _motion),
@@ -309,59 +314,76 @@ def beside_of(results: ResultReading, records: Iterable[Any]) -> dict[str, list[
     for record in (*records, results.parameter_study):
         pairs: list[tuple[str, Element]] | None = results.attempt("tables", partial(list, beside(record, True)))
         for key, one in pairs or ():
-            made.setdefault(key, []).append(one)
-    return made
+            parts.setdefault(key, []).append(one)
+    return {key: [_as_element(part) for part in several] for key, several in parts.items() if several}
 
 
-def _recommended(results: ResultReading) -> list[Element]:
-    name = FILES["convergence_summary"].name
+def _as_element(part: Element | Table | str) -> Element:
+    if isinstance(part, Table):
+        return table_element(part)
+    return element("p", part) if isinstance(part, str) else part
+
+
+def _of_file(results: ResultReading, key: str, make: Callable[[Any, Any, str], Table | None]) -> list[Table]:
+    """The table of a file of results, by its key; none where there is no such file, or it cannot be read."""
+    name = FILES[key].name
     columns = results.table(name)
-    return [] if columns is None else [table_element(summary_table(columns, results.units(name), name))]
+    table = None if columns is None else results.attempt(name, partial(make, columns, results.units(name), name))
+    return [] if table is None else [table]
 
 
-def _motion(results: ResultReading) -> list[Element]:
+def _motion(results: ResultReading) -> Beside:
     """By which criterion the motion is what it is, and the numbers of every channel."""
-    if results.history is None:
-        return []
-    found = results.findings.history
-    if found is None:
+    history = results.findings.history
+    if history is None:
         return []
     words = "The excitation has no cycle: no kind of periodic motion is looked for."
-    if found.frequency is not None:
-        words = f"Kind of motion over the last third: {found.regime.label}. Criterion: {found.regime.criterion}."
+    if history.frequency is not None:
+        words = f"Kind of motion over the last third: {history.regime.label}. Criterion: {history.regime.criterion}."
     channels = channel_table(results.findings)
-    return [element("p", words), *([] if channels is None else [table_element(channels)])]
+    return [words, *([] if channels is None else [channels])]
 
 
-def _player(results: ResultReading) -> list[Element]:
+def _player(results: ResultReading) -> Beside:
     film, study = results.film, results.study
     player = None if film is None or study is None else player_element(film, study.structure, study.output.exaggeration)
     return [] if player is None else [player]
 
 
-def _comparison(results: ResultReading) -> list[Element]:
+def _comparison(results: ResultReading) -> Beside:
     """Table of the paper's results beside ours, remarks on where they differ, and the scan of the restitution."""
-    content: list[Element] = []
-    beside = results.table(FILES["comparison"].name)
-    if beside is not None:
-        heads = {
-            "paper_theory": "paper, theory",
-            "paper_experiment": "paper, experiment",
-            "from_rest_on_base": "ours, from rest relative to the base",
-            "from_rest_in_space": "ours, from rest in the inertial frame",
-        }  # fmt: skip
-        header = tuple(heads.get(name, name) for name in beside)
-        rows = tuple(zip(*(_plain_column(values) for values in beside.values()), strict=True))
-        title = "The paper beside ours: median and range over starts"
-        content.append(table_element(Table(title, header, rows, FILES["comparison"].name)))
-    remarks = results.findings.remarks
-    if remarks:
-        content.append(element("div.said", element("h3", "Where they differ, and why"), list_element(remarks, "notes")))
-    name = FILES["restitution"].name
-    scan = results.table(name)
-    if scan is not None:
-        content.append(table_element(table_of("Scan of the restitution", scan, results.units(name), name)))
+    findings = results.findings
+    content: Beside = [*_of_file(results, "comparison", _comparison_table)]
+    if findings.remarks:
+        remarks = list_element(findings.remarks, "notes")
+        content.append(element("div.said", element("h3", "Where they differ, and why"), remarks))
+    if findings.scan_of_restitution:
+        content.append(_scan_table(findings))
     return content
+
+
+def _comparison_table(columns: Mapping[str, Any], _units: Mapping[str, str], file: str) -> Table:
+    heads = {
+        "paper_theory": "paper, theory",
+        "paper_experiment": "paper, experiment",
+        "from_rest_on_base": "ours, from rest relative to the base",
+        "from_rest_in_space": "ours, from rest in the inertial frame",
+    }
+    header = tuple(heads.get(name, name) for name in columns)
+    rows = tuple(zip(*map(_plain_column, columns.values()), strict=True))
+    return Table("The paper beside ours: median and range over starts", header, rows, file)
+
+
+def _scan_table(findings: Findings) -> Table:
+    """Median and range of peak and ratio, from both starts, for every restitution."""
+    scan = findings.scan_of_restitution
+    rows = tuple(
+        (restitution, *(spread.text() for start in starts.values() for spread in start.values()))
+        for restitution, starts in scan.items()
+    )
+    frames = {"base": "rest relative to the base", "space": "rest in the inertial frame"}
+    numbers = [f"{name}, {words}" for words in frames.values() for name in ("peak (Hz)", "amplitude ratio")]
+    return Table("Scan of the restitution", ("restitution", *numbers), rows, FILES["restitution"].name)
 
 
 def _plain_column(values: Any) -> list[Any]:
@@ -375,15 +397,21 @@ def _plain_column(values: Any) -> list[Any]:
     return found
 
 
-def _modes(results: ResultReading) -> list[Element]:
+def _modes(results: ResultReading) -> Beside:
     """Table of the modes, from its file or from the modes themselves."""
-    name = FILES["modes"].name
-    columns = results.table(name)
-    if columns is not None:
-        title = f"Modes without {carried_of(results.summary)}"
-        whole = {key: _whole(values) for key, values in columns.items()}
-        return [table_element(table_of(title, whole, results.units(name), name))]
-    return [] if results.modes is None else [table_element(table_of("Modes", *_mode_columns(results.modes.modes)))]
+    title = f"Modes without {carried_of(results.summary)}"
+    tables = _of_file(results, "modes", partial(_mode_table, title))
+    if tables or results.modes is None:
+        return [*tables]
+    return [table_of("Modes", *_mode_columns(results.modes.modes))]
+
+
+def _mode_table(title: str, columns: Mapping[str, Any], units: Mapping[str, str], file: str) -> Table:
+    return table_of(title, {key: _whole(values) for key, values in columns.items()}, units, file)
+
+
+def _recommended(results: ResultReading) -> Beside:
+    return [*_of_file(results, "convergence_summary", summary_table)]
 
 
 def _mode_columns(modes: Modes) -> tuple[dict[str, Any], dict[str, str]]:
@@ -406,26 +434,27 @@ def _whole(values: Any) -> Any:
     )
 
 
-def _orbits(results: ResultReading) -> list[Element]:
+def _orbits(results: ResultReading) -> Beside:
     """Branches of periodic orbits, and the command that follows them again."""
-    followed, name = results.followed, FILES["bifurcations"].name
+    followed = results.followed
     if followed is None:
         return []
-    over_frequency = followed.branches[0].parameter == "base.frequency"
-    more = ": one mode more moves windows that are some 0.01 Hz wide" if over_frequency else ""
-    words = (
+    parameter = followed.branches[0].parameter
+    more = ": one mode more moves windows that are some 0.01 Hz wide" if parameter == "base.frequency" else ""
+    return [
         f"On {followed.modes} modes{more}. At stable orbits every small disturbance decays.",
         f"'femimpact orbits {FILES['study'].name}' in the folder of this page follows the branches again.",
-    )
-    tables = [branch_table(followed, FILES["branch_table"].name)]
-    columns = results.table(name)
-    if columns is not None and len(columns["branch"]):
-        kinds = [kind_words(str(kind)) for kind in columns["kind"]]
-        whole = {**columns, "branch": np.asarray(columns["branch"]).astype(int), "kind": kinds}
-        digits = {followed.branches[0].parameter: PARAMETER_DIGITS}
-        shown = in_shown_units(whole, results.units(name))
-        tables.append(table_of("Bifurcations", *shown, name, digits=digits))
-    return [*(element("p", text) for text in words), *map(table_element, tables)]
+        branch_table(followed, FILES["branch_table"].name),
+        *_of_file(results, "bifurcations", partial(_bifurcation_table, parameter)),
+    ]
+
+
+def _bifurcation_table(parameter: str, columns: Mapping[str, Any], units: Mapping[str, str], file: str) -> Table | None:
+    if not len(columns["branch"]):
+        return None
+    kinds = [kind_words(str(kind)) for kind in columns["kind"]]
+    whole = {**columns, "branch": np.asarray(columns["branch"]).astype(int), "kind": kinds}
+    return table_of("Bifurcations", *in_shown_units(whole, units), file, digits={parameter: PARAMETER_DIGITS})
 
 
 def about_section(summary: Mapping[str, Any], study: Study | None) -> Section:

@@ -15,7 +15,7 @@ import numpy as np
 
 from femimpact.app.results.branch_file import FollowedBranches, read_followed
 from femimpact.app.results.result_directory import FILES, SUMMARY, ResultsWarning, unfinished_state
-from femimpact.app.results.results import carried_of, read_dataset, read_json, read_summary, read_table
+from femimpact.app.results.results import carried_of, read_dataset, read_summary, read_table
 from femimpact.app.study.findings import Findings, read_findings
 from femimpact.app.study.study import Study, build
 from femimpact.app.study.study_file import load_study
@@ -23,7 +23,7 @@ from femimpact.arrays import Array
 from femimpact.convergence.table import ConvergenceTable
 from femimpact.errors import require
 from femimpact.excitation.excitation import has_cycle
-from femimpact.files import read_units, write_netcdf
+from femimpact.files import read_units
 from femimpact.response.cycles import no_steady_motion
 from femimpact.response.energy import EnergyLedger
 from femimpact.response.history import Snapshots
@@ -86,8 +86,8 @@ class Run:
 # ---- writing ----------------------------------------------------------------------------------------
 
 
-def write_mode_shapes(path: Path, system: System, modes: Modes) -> None:
-    """Write mode shapes at the nodes."""
+def mode_shape_data(system: System, modes: Modes) -> xarray.Dataset:
+    """Mode shapes at the nodes."""
     import xarray
 
     data: dict[str, Any] = {
@@ -102,16 +102,13 @@ def write_mode_shapes(path: Path, system: System, modes: Modes) -> None:
     text = "deflection and slope at each node in turn, mass-normalised"
     data["shape"] = (("dof", "mode"), shapes, {"units": "kg^-0.5, kg^-0.5/m", "long_name": text})
     data["node"] = ("node", np.array(system.nodes), {"units": "m", "long_name": "distance from the root"})
-    write_netcdf(path, xarray.Dataset(data, attrs={"total_mass_kg": system.total_mass}))
+    return xarray.Dataset(data, attrs={"total_mass_kg": system.total_mass})
 
 
-def write_snapshots(path: Path, response: Response) -> None:
-    """Write the snapshots of a response."""
+def snapshot_data(response: Response, snapshots: Snapshots) -> xarray.Dataset:
+    """The snapshots of a response."""
     import xarray
 
-    snapshots = response.snapshots
-    if snapshots is None:
-        raise AssertionError("only of a response with snapshots")
     units = {"displacement": "m, 1", "velocity": "m/s, 1/s", "ball_velocity": "m/s", "contact_force": "N"}
     data: dict[str, Any] = {
         name: (("time", dim), np.array(getattr(snapshots, name)), {"units": units.get(name, "m")})
@@ -119,21 +116,20 @@ def write_snapshots(path: Path, response: Response) -> None:
     }
     data["node"] = ("node", np.array(response.system.nodes), {"units": "m"})
     time = ("time", np.array(snapshots.time), {"units": "s"})
-    write_netcdf(path, xarray.Dataset(data, {"time": time}, {"end_s": response.window[1]}))
+    return xarray.Dataset(data, {"time": time}, {"end_s": response.window[1]})
 
 
-def write_last_cycles(
-    path: Path,
+def last_cycle_data(
     response: Response,  # the run
     end: Response,  # its last cycles
-) -> None:
-    """Write the channels of the last cycles of a run at every step, with the statistics of the run."""
+) -> xarray.Dataset:
+    """Channels of the last cycles of a run at every step, with the statistics of the run."""
     import xarray
 
     data = {name: ("time", np.array(values), {"units": end.units[name]}) for name, values in end.channels.items()}
     time = ("time", np.array(end.time), {"units": "s"})
     about = {"end_s": response.window[1], **dataclasses.asdict(response.statistics)}
-    write_netcdf(path, xarray.Dataset(data, {"time": time}, about))
+    return xarray.Dataset(data, {"time": time}, about)
 
 
 # ---- reading ----------------------------------------------------------------------------------------
@@ -201,15 +197,9 @@ class ResultReading:
         return self.attempt(SUMMARY, lambda: read_findings(self.summary)) or Findings()
 
     @cached_property
-    def convergence(self) -> dict[str, Any]:
-        """What was studied by a convergence study, with versions and notes; empty of other results."""
-        name = FILES["convergence_notes"].name
-        return self.attempt(name, lambda: read_json(self.folder / name)) or {}
-
-    @cached_property
     def system(self) -> DrawnSystem | None:
         """Places and contacts of the study's structure; its mesh is not read again."""
-        study, points = self.study, self.findings.points or self.convergence.get("points", {})
+        study, points = self.study, self.findings.points
         if study is None:
             return None
         return self.attempt("places of the structure", lambda: drawn_system(study.structure, points))

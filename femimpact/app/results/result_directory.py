@@ -61,8 +61,8 @@ FIGURES: Mapping[str, str] = {
 """Titles of figures of results, by the stem of their file, which a number may follow; those of measures have others."""
 
 _ROWS: Mapping[str, tuple[str, ...]] = {
-    "summary": (SUMMARY, "the numbers of this page, machine-readable", "run"),
-    "study": ("study.toml", "the study that was run, from which it can be run again", "run, converge, study, orbits"),
+    "summary": (SUMMARY, "the numbers of this page, machine-readable", "run, converge, orbits"),
+    "study": ("study.toml", "the study that was run, from which it can be run again", "run, converge, orbits, study"),
     "modes": ("modes.csv", "frequencies, damping and effective masses of the modes", "modes"),
     "mode_shapes": ("modes.nc", "mode shapes with labels (netCDF, xarray)", "modes"),
     "sweep": ("sweep.csv", "response curves, a row for each frequency", "sweep"),
@@ -105,7 +105,6 @@ _ROWS: Mapping[str, tuple[str, ...]] = {
     "branches": ("branches.nc", "branches of periodic orbits with labels (netCDF, xarray)", "orbits"),
     "branch_table": ("branches.csv", "every orbit of the branches, a row each", "orbits"),
     "bifurcations": ("bifurcations.csv", "every bifurcation of the branches, a row each", "orbits"),
-    "convergence_notes": ("convergence.json", "what was studied, with versions and notes", "converge"),
     "report": ("report.html", "this page", "run, converge, study, orbits, report"),
 }
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
+from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass, replace
 from types import UnionType
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
@@ -232,13 +232,39 @@ class Findings:
     starts: Mapping[str, Mapping[str, Spread]] = field(default_factory=dict)  # of the sweep, by the frame of the start
     starts_of_sweep: int | None = None
     history_starts: HistoryStarts | None = None
+    failed_starts: Mapping[str, Mapping[str, str]] = field(default_factory=dict)  # why, by part and start
+    # of the demo: peak and ratio by the restitution and the start, and the curve from the other start
+    scan_of_restitution: Mapping[str, Mapping[str, Mapping[str, Spread]]] = field(default_factory=dict)
+    ball_from_rest_in_space: Mapping[str, Any] = field(default_factory=dict)
     orbits: OrbitsSummary | None = None
+    problems: tuple[str, ...] = ()  # that tables of convergence are of, in words
+    accuracy: float | None = None  # relative error that their recommended numbers are for
     points: Mapping[str, float] = field(default_factory=dict)  # m: places that a mesh file names
+    unfinished: tuple[str, ...] = ()  # parts that were still to come when the run was ended
 
     @property
     def contacts(self) -> dict[str, ContactSummary]:
         """Every contact by its name; none where the study has none."""
         return {} if self.contact is None else {str(self.contact.name): self.contact, **self.further_contacts}
+
+
+def joined(first: Findings, further: Findings) -> Findings:
+    """Both: texts and tables one behind the other, and the further of two single values where it is none by default."""
+    changes = dict[str, Any]()
+    for item in fields(Findings):
+        before, after = getattr(first, item.name), getattr(further, item.name)
+        if isinstance(before, tuple):
+            changes[item.name] = (*before, *(one for one in after if one not in before))
+        elif isinstance(before, Mapping):
+            changes[item.name] = {**before, **after}
+        elif after != item.default:
+            changes[item.name] = after
+    return replace(first, **changes)
+
+
+def summary_of(findings: Findings) -> dict[str, Any]:
+    """What `read_findings` reads: notes and warnings are there, also where there are none."""
+    return {**written(findings), "notes": list(findings.notes), "warnings": list(findings.warnings)}
 
 
 def written(record: Any) -> Any:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.metadata
 import math
 import platform
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -21,9 +22,9 @@ from femimpact.app.study.findings import (
     Findings,
     HistorySummary,
     Spread,
-    written,
 )
 from femimpact.app.study.prepared import PreparedStudy, finer_grid_words, in_study_words, root_stress_notes
+from femimpact.app.study.study import Study
 from femimpact.excitation.drives import Drives
 from femimpact.excitation.excitation import has_cycle, is_force
 from femimpact.fem.assembly import unusual_words
@@ -34,6 +35,7 @@ from femimpact.signals.one_pole import DampingEstimate, amplitude_ratio_damping,
 from femimpact.sweep.curve import TAKE_STARTS, FrequencyResponse, on_grid
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.modes import Modes, first_elastic_frequency
+from femimpact.system.system import System
 
 RESTITUTION_MISSED = 0.1
 """Difference between a law's restitution and the median seen in a run that is warned of."""
@@ -134,65 +136,86 @@ def _estimate_warnings(fit: DampingEstimate, half: DampingEstimate) -> list[str]
     return [*(f"fit: {text}" for text in fit.warnings), *(f"half-power: {text}" for text in half.warnings)]
 
 
-def summary_of(
-    prepared: PreparedStudy,
-    modes: tuple[Modes, Modes | None] | None = None,
-    response: Response | None = None,
-    sweeps: SweepPair | None = None,
-) -> dict[str, Any]:
-    """Machine-readable summary: plain numbers in Hz, m, N, N s and 1, as of `Findings`."""
-    study, small, method = prepared.study, prepared.small, prepared.method
-    # the page of results has what was said when the beam was assembled
-    said = [*unusual_words(study.structure, first_elastic_frequency(prepared.full)), *prepared.warnings]
-    found = Findings(
+def findings_of_study(study: Study, system: System, method: Method) -> Findings:
+    """What is known of results before the work: the study, its method, and by which versions they are made."""
+    return Findings(
         study=str(study.path.name),
         versions=library_versions(),
         core=core.build_info(),
         method=str(study.method.get("name", "newmark")),
         step=getattr(method, "dt", math.nan),
-        carried=prepared.carried,
-        points=dict(prepared.full.points) if study.mesh.file else {},
+        points=dict(system.points) if study.mesh.file else {},
     )
-    if modes is not None:
-        of_case = {name: one for name, one in zip(("empty", "glued"), modes, strict=True) if one is not None}
-        frequencies = {name: tuple(one.natural_frequency.tolist()) for name, one in of_case.items()}
-        ratios = tuple(modes[0].damping_ratio.tolist())
-        found = replace(found, natural_frequency=frequencies, damping_ratio=ratios)
-    contacts = {pair.name: _contact_summary(pair, method, response) for pair in small.contacts if pair.has_walls}
-    if contacts:
-        first, *others = contacts
-        found = replace(
-            found,
-            restitution=contacts[first].restitution,
-            contact=replace(contacts[first], name=first),
-            further_contacts={name: contacts[name] for name in others},
-        )
-        said += _restitution_warnings(contacts)
-    if sweeps is not None:
-        curves = {"empty": _curve_summary(sweeps.empty, sweeps.coarse, prepared)}
-        if sweeps.ball is not None:
-            curves["ball"] = _curve_summary(sweeps.ball, sweeps.coarse, prepared, sweeps.empty)
-            found = replace(found, amplitude_ratio=sweeps.empty.peak_amplitude / sweeps.ball.peak_amplitude)
-        for word, curve in zip(("without", "with"), curves.values(), strict=False):
-            said += [f"sweep {word} {prepared.carried}: {text}" for text in curve.warnings]
-        residual = float(np.nanmax((sweeps.ball or sweeps.empty).energy_residual))
-        found = replace(found, sweep=curves, energy_residual=residual)
-    if response is not None:
-        said += [f"history: {in_study_words(text)}" for text in response.warnings]
-        about_stress = root_stress_notes(study.structure, small)
-        found = replace(
-            found,
-            history=_history_summary(response),
-            energy_residual=response.energy.residual if response.energy is not None else math.nan,
-            notes=(*map(in_study_words, response.notes), *about_stress),
-            **_work(response),
-        )
-    # a run repeats what is said of its study
-    parts = ("history", *(f"sweep {word} {prepared.carried}" for word in ("without", "with")))
-    repeated = {f"{part}: {text}" for part in parts for text in prepared.warnings}
-    warnings = [text for text in dict.fromkeys(said) if text not in repeated]
-    notes = {} if response is None else {"notes": list(found.notes)}
-    return {**written(found), **notes, "warnings": warnings}
+
+
+def findings_of(prepared: PreparedStudy) -> Findings:
+    """The same of a study that is ready, with its contacts and what was said when it was made ready."""
+    study, contacts = prepared.study, _contacts(prepared)
+    return replace(
+        findings_of_study(study, prepared.full, prepared.method),
+        carried=prepared.carried,
+        restitution=next((contact.restitution for contact in contacts.values()), None),
+        **_named(contacts),
+        # the page of results has what was said when the beam was assembled
+        warnings=(*unusual_words(study.structure, first_elastic_frequency(prepared.full)), *prepared.warnings),
+    )
+
+
+def findings_of_modes(
+    modes: tuple[Modes, Modes | None],  # without balls, and with every ball glued on
+) -> Findings:
+    """Natural frequencies and damping ratios."""
+    of_case = {name: one for name, one in zip(("empty", "glued"), modes, strict=True) if one is not None}
+    frequencies = {name: tuple(one.natural_frequency.tolist()) for name, one in of_case.items()}
+    return Findings(natural_frequency=frequencies, damping_ratio=tuple(modes[0].damping_ratio.tolist()))
+
+
+def findings_of_sweeps(prepared: PreparedStudy, sweeps: SweepPair) -> Findings:
+    """Both curves, and how they compare."""
+    curves = {"empty": _curve_summary(sweeps.empty, sweeps.coarse, prepared)}
+    ratio = None
+    if sweeps.ball is not None:
+        curves["ball"] = _curve_summary(sweeps.ball, sweeps.coarse, prepared, sweeps.empty)
+        ratio = sweeps.empty.peak_amplitude / sweeps.ball.peak_amplitude
+    said = list[str]()
+    for word, curve in zip(("without", "with"), curves.values(), strict=False):
+        said += _new_words(f"sweep {word} {prepared.carried}", curve.warnings, prepared)
+    residual = float(np.nanmax((sweeps.ball or sweeps.empty).energy_residual))
+    return Findings(sweep=curves, amplitude_ratio=ratio, energy_residual=residual, warnings=tuple(said))
+
+
+def findings_of_history(prepared: PreparedStudy, response: Response) -> Findings:
+    """The history, its contacts and its energy."""
+    contacts = _contacts(prepared, response)
+    said = _restitution_warnings(contacts)
+    said += _new_words("history", map(in_study_words, response.warnings), prepared)
+    return Findings(
+        history=_history_summary(response),
+        **_named(contacts),
+        energy_residual=response.energy.residual if response.energy is not None else math.nan,
+        notes=(*map(in_study_words, response.notes), *root_stress_notes(prepared.study.structure, prepared.small)),
+        warnings=tuple(said),
+        **_work(response),
+    )
+
+
+def _new_words(part: str, texts: Iterable[str], prepared: PreparedStudy) -> list[str]:
+    """Warnings of a part, without those that repeat what is said of its study."""
+    return [f"{part}: {text}" for text in texts if text not in prepared.warnings]
+
+
+def _contacts(prepared: PreparedStudy, response: Response | None = None) -> dict[str, ContactSummary]:
+    pairs = (pair for pair in prepared.small.contacts if pair.has_walls)
+    return {pair.name: _contact_summary(pair, prepared.method, response) for pair in pairs}
+
+
+def _named(contacts: dict[str, ContactSummary]) -> dict[str, Any]:
+    """The fields of the first contact and of the others."""
+    first = next(iter(contacts), None)
+    if first is None:
+        return {}
+    others = {name: contact for name, contact in contacts.items() if name != first}
+    return {"contact": replace(contacts[first], name=first), "further_contacts": others}
 
 
 def _history_summary(response: Response) -> HistorySummary:

@@ -7,25 +7,24 @@ from collections import deque
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from femimpact.app.report.result_page import add_report
 from femimpact.app.results.branch_file import FollowedBranches, dataset_of
-from femimpact.app.results.result_directory import FILES, new_results
-from femimpact.app.results.results import StudyResults, load, write_summary
+from femimpact.app.results.results import StudyResults
+from femimpact.app.study.findings import BranchSummary, Findings, OrbitsSummary, PlacedBifurcation
 from femimpact.app.study.prepared import PreparedStudy, check_sweep, in_study_words, prepare
 from femimpact.app.study.study import OrbitsPlan, Study, sine_of
-from femimpact.app.study.summary import summary_of
-from femimpact.app.tasks.run import Found, Report, keep_pictures, keep_study
+from femimpact.app.study.summary import findings_of
+from femimpact.app.tasks.task import Finished, Report, Task, run_task
 from femimpact.arrays import Array
 from femimpact.errors import DivergenceError, Fault, FemimpactError, InputError, checked, require
 from femimpact.excitation.drives import PointForce
 from femimpact.excitation.excitation import words_of
 from femimpact.excitation.harmonic import Sine
-from femimpact.files import write_csv, write_netcdf
 from femimpact.integrators.cases import memory_needed
 from femimpact.integrators.methods import seconds_of_cycle
 from femimpact.integrators.runs import integrate
@@ -109,20 +108,20 @@ def prepare_orbits(study: Study) -> PreparedOrbits:
     inside = plan.range[0] <= number.value <= plan.range[1]
     allowed = f"must have the study's {number.path} = {parameter_text(number.value, number.unit)} in it"
     require(inside, "orbits.range", plan.range, number.unit, allowed)
-    found = PreparedOrbits(prepared, plan, sine, number)
-    _check_run(found)
-    if _has_sweep(found):
+    ready = PreparedOrbits(prepared, plan, sine, number)
+    _check_run(ready)
+    if _has_sweep(ready):
         check_sweep(study, small, prepared.method)
-    return found
+    return ready
 
 
-def _check_run(found: PreparedOrbits) -> None:
+def _check_run(ready: PreparedOrbits) -> None:
     """Refuse a run that is shorter than one of its readings, or keeps more than fits."""
-    small, duration, record = found.prepared.small, found.plan.guess_duration, found.record
-    grid = found.prepared.method.time_grid(small, found.sine, duration, record)
+    small, duration, record = ready.prepared.small, ready.plan.guess_duration, ready.record
+    grid = ready.prepared.method.time_grid(small, ready.sine, duration, record)
     allowed = f"must be >= one reading of the run, {grid:g} s"
     require(duration >= grid, "orbits.guess_duration", duration, "s", allowed)
-    needed = sum(memory_needed(small, record, 0, round(duration / grid), grid, found.sine.frequency).values())
+    needed = sum(memory_needed(small, record, 0, round(duration / grid), grid, ready.sine.frequency).values())
     allowed = f"must be shorter: the run keeps {needed:.3g} bytes, output.memory_limit is {record.memory_limit:.3g}"
     require(needed <= record.memory_limit, "orbits.guess_duration", duration, "s", allowed)
 
@@ -132,14 +131,14 @@ def orbit_lines(study: Study) -> list[str]:
 
     Raises `InputError` as of `prepare_orbits`.
     """
-    found = prepare_orbits(study)
-    plan, number, small = found.plan, found.number, found.prepared.small
-    seconds = seconds_of_cycle(found.prepared.method, small, found.sine.frequency)
+    ready = prepare_orbits(study)
+    plan, number, small = ready.plan, ready.number, ready.prepared.small
+    seconds = seconds_of_cycle(ready.prepared.method, small, ready.sine.frequency)
     low, high = plan.range
     switched = f", and at {', '.join(plan.switch)} the others too" if plan.switch else ""
     return [
         f"orbits: a run of {plan.guess_duration:g} s, about "
-        f"{number_text(seconds * found.sine.frequency * plan.guess_duration, 2)} "
+        f"{number_text(seconds * ready.sine.frequency * plan.guess_duration, 2)} "
         f"s, leads to an orbit of {_cycles(plan.cycles)}; its branch over {number.path} from {low:g} to "
         f"{parameter_text(high, number.unit)}{switched}",
         f"orbits: up to {plan.most_branches} branches of up to {plan.points} points each way; 500 points take some "
@@ -158,7 +157,7 @@ Leads = dict[tuple[int, int], set[int]]
 """Numbers of the branches to which a bifurcation of a branch leads, by its branch and its number in it."""
 
 
-def first_orbit(found: PreparedOrbits, report: Report) -> PeriodicOrbit:
+def first_orbit(ready: PreparedOrbits, report: Report) -> PeriodicOrbit:
     """The orbit to which the study's run leads.
 
     Raises
@@ -168,28 +167,28 @@ def first_orbit(found: PreparedOrbits, report: Report) -> PeriodicOrbit:
     DivergenceError
         If no orbit is found from there.
     """
-    small, plan, study = found.prepared.small, found.plan, found.prepared.study
+    small, plan, study = ready.prepared.small, ready.plan, ready.prepared.study
     with _study_words():
         run = integrate(
-            small, found.sine, found.prepared.method, plan.guess_duration, found.record, study.initial,
+            small, ready.sine, ready.prepared.method, plan.guess_duration, ready.record, study.initial,
             lambda share: report("run that settles", share),
         )  # fmt: skip
         try:
-            return find_orbit(small, found.sine, plan.cycles, guess=run)
+            return find_orbit(small, ready.sine, plan.cycles, guess=run)
         except DivergenceError as error:
             words = f"orbits: after {plan.guess_duration:g} s, {str(error).replace(TRY, ADVICE)}"
             raise DivergenceError(words) from None
 
 
 def _follow(
-    start: PeriodicOrbit, found: PreparedOrbits, notes: list[str], report: Report
+    start: PeriodicOrbit, ready: PreparedOrbits, notes: list[str], report: Report
 ) -> tuple[FollowedBranches, Leads]:
     """The branch of an orbit and those that its bifurcations lead to, the nearest first.
 
     An orbit that lies on one of the branches is left out, as are its mirror image and the same a cycle later: their
     curves are one.
     """
-    plan, done, leads = found.plan, FollowedBranches(found.prepared.small.dofs), Leads()
+    plan, done, leads = ready.plan, FollowedBranches(ready.prepared.small.dofs), Leads()
     waiting: deque[tuple[PeriodicOrbit, str, tuple[int, int]]] = deque([(start, "the run that settles", (0, 0))])
     left = list[str]()
     while waiting:
@@ -207,7 +206,7 @@ def _follow(
                 done.cycles.append(orbit.cycles)
                 number = len(done.branches)
                 notes += [f"branch {number}: {words}" for words in branch.warnings]
-                waiting.extend(_switched(branch, number, found, notes))
+                waiting.extend(_switched(branch, number, ready, notes))
         except FemimpactError as error:
             if not done.branches:
                 with _study_words():
@@ -220,17 +219,17 @@ def _follow(
     if left:
         places = list(dict.fromkeys(left))
         more = f" and {len(places) - MOST_NAMED} more" if len(places) > MOST_NAMED else ""
-        shown = f"{', '.join(places[:MOST_NAMED])}{more}"
-        notes.append(f"not followed, for orbits.most_branches = {plan.most_branches}: from {shown}")
+        named = f"{', '.join(places[:MOST_NAMED])}{more}"
+        notes.append(f"not followed, for orbits.most_branches = {plan.most_branches}: from {named}")
     return done, leads
 
 
 def _switched(
-    branch: Branch, number: int, found: PreparedOrbits, notes: list[str]
+    branch: Branch, number: int, ready: PreparedOrbits, notes: list[str]
 ) -> Iterator[tuple[PeriodicOrbit, str, tuple[int, int]]]:
     """Orbits of other branches at the bifurcations of one, each with words for its origin, and its place."""
     for i, bifurcation in enumerate(branch.bifurcations):
-        if bifurcation.kind not in found.plan.switch:
+        if bifurcation.kind not in ready.plan.switch:
             continue
         origin = (
             f"{kind_words(bifurcation.kind)} of branch {number} at {parameter_text(bifurcation.value, branch.unit)}"
@@ -293,23 +292,23 @@ def _words(error: FemimpactError) -> str:
     return " ".join(str(given).split())
 
 
-def _has_sweep(found: PreparedOrbits) -> bool:
+def _has_sweep(ready: PreparedOrbits) -> bool:
     """Whether a stepped sweep is beside the branches."""
-    given = found.prepared.study.sweep
-    return given is not None and given.acceleration is None and found.number.path == "base.frequency"
+    given = ready.prepared.study.sweep
+    return given is not None and given.acceleration is None and ready.number.path == "base.frequency"
 
 
-def _sweep(found: PreparedOrbits, notes: list[str], report: Report) -> tuple[Array, Array] | None:
+def _sweep(ready: PreparedOrbits, notes: list[str], report: Report) -> tuple[Array, Array] | None:
     """Frequencies (Hz) and peaks (m) of a stepped sweep over the range; None where the study has none of them."""
-    plan, study, small = found.plan, found.prepared.study, found.prepared.small
+    plan, study, small = ready.plan, ready.prepared.study, ready.prepared.small
     given = study.sweep
-    if given is None or not _has_sweep(found):
-        if given is not None and found.number.path == "base.frequency":
+    if given is None or not _has_sweep(ready):
+        if given is not None and ready.number.path == "base.frequency":
             notes.append("no sweep beside the branches: sweep.acceleration has another amplitude at each frequency")
         return None
     try:
         swept = frequency_sweep(
-            small, sine_of(study, "sweep").amplitude, np.linspace(*plan.range, given.points), found.prepared.method,
+            small, sine_of(study, "sweep").amplitude, np.linspace(*plan.range, given.points), ready.prepared.method,
             given.cycles, initial=study.initial, at=small.default_place, ledger=False,
             progress=lambda share: report("sweep", share),
         )  # fmt: skip
@@ -331,19 +330,6 @@ def _sweep(found: PreparedOrbits, notes: list[str], report: Report) -> tuple[Arr
 def write_orbits(study: Study, directory: Path, force: bool, report: Report) -> StudyResults:
     """Follow the branches of a study and write their files: data, tables, figure and report.
 
-    Parameters
-    ----------
-    study : Study
-    directory : Path
-    force : bool
-    report : callable
-        Called with what is done and its share, 0 to 1.
-
-    Returns
-    -------
-    StudyResults
-        As read back from the directory.
-
     Raises
     ------
     InputError
@@ -351,25 +337,24 @@ def write_orbits(study: Study, directory: Path, force: bool, report: Report) -> 
     DivergenceError
         If the study's run leads to no orbit.
     """
-    found = prepare_orbits(study)
-    with new_results(directory, force) as folder:
-        start = first_orbit(found, report)
-        notes = [] if start.is_stable else [UNSETTLED]
-        followed, leads = _follow(start, found, notes, report)
-        followed = replace(followed, swept=_sweep(found, notes, report))
-        keep_study(folder, study)
-        write_netcdf(folder / FILES["branches"].name, dataset_of(followed))
-        points, units = _points(followed.branches)
-        bifurcations = _bifurcations(followed.branches, leads, points)
-        for key, columns in (("branch_table", points), ("bifurcations", bifurcations)):
-            write_csv(folder / FILES[key].name, columns, units)
-        more = _summary(found, followed, notes)
-        # so that the branches stay, should drawing end the run
-        write_summary(folder, summary_of(found.prepared) | more)
-        drawn = keep_pictures(folder, directory, found.prepared, Found(), report, more)
-    if study.output.report:
-        add_report(directory, report, study, drawn)
-    return load(directory)
+    ready = prepare_orbits(study)
+    task = Task(study, findings_of(ready.prepared), ("branches",), partial(_parts_of_orbits, ready))
+    return run_task(task, directory, force, report)
+
+
+def _parts_of_orbits(ready: PreparedOrbits, report: Report) -> Iterator[Finished]:
+    start = first_orbit(ready, report)
+    notes = [] if start.is_stable else [UNSETTLED]
+    followed, leads = _follow(start, ready, notes, report)
+    followed = replace(followed, swept=_sweep(ready, notes, report))
+    points, units = _points(followed.branches)
+    files = {
+        "branches": dataset_of(followed),
+        "branch_table": (points, units),
+        "bifurcations": (_bifurcations(followed.branches, leads, points), units),
+    }
+    notes = [*ready.prepared.method.notes(ready.prepared.small), *notes]
+    yield Finished("branches", files, Findings(orbits=_summary(ready, followed), notes=tuple(notes)))
 
 
 def _points(branches: list[Branch]) -> tuple[dict[str, Any], dict[str, str]]:
@@ -394,23 +379,21 @@ def _bifurcations(branches: list[Branch], leads: Leads, columns: dict[str, Any])
     return {"branch": numbers, "kind": columns["bifurcation"][here], **rows, "leads_to": leads_to}
 
 
-def _summary(found: PreparedOrbits, followed: FollowedBranches, notes: list[str]) -> dict[str, Any]:
+def _summary(ready: PreparedOrbits, followed: FollowedBranches) -> OrbitsSummary:
     """What the summary says of the branches."""
-    plan, number = found.plan, found.number
-    rows = [
-        {
-            "origin": origin,
-            "cycles": cycles,
-            "points": len(branch),
-            "stable_points": int(np.count_nonzero(branch.is_stable)),
-            "lowest": float(branch.values.min()),
-            "highest": float(branch.values.max()),
-            "largest_peak": float(np.nanmax(branch.peak)),
-            "ends": branch.end,
-            "bifurcations": [{"kind": each.kind, "value": each.value} for each in branch.bifurcations],
-        }
+    rows = tuple(
+        BranchSummary(
+            origin=origin,
+            cycles=cycles,
+            points=len(branch),
+            stable_points=int(np.count_nonzero(branch.is_stable)),
+            lowest=float(branch.values.min()),
+            highest=float(branch.values.max()),
+            largest_peak=float(np.nanmax(branch.peak)),
+            ends=branch.end,
+            bifurcations=tuple(PlacedBifurcation(each.kind, each.value) for each in branch.bifurcations),
+        )
         for branch, origin, cycles in zip(followed.branches, followed.origins, followed.cycles, strict=True)
-    ]
-    about = {"parameter": number.path, "unit": number.unit, "range": plan.range, "modes": followed.modes}
-    of_method = found.prepared.method.notes(found.prepared.small)
-    return {"orbits": {**about, "branches": rows}, "notes": [*of_method, *notes]}
+    )
+    number, plan = ready.number, ready.plan
+    return OrbitsSummary(number.path, number.unit, tuple(plan.range), followed.modes, rows)

@@ -1,24 +1,21 @@
-"""Convergence of a study over mesh, step and modes: its tables, figures and printed lines."""
+"""Convergence of a study over mesh, step and modes: its tables."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
 
-from femimpact import core
-from femimpact.app.report.markup import Element
-from femimpact.app.report.result_page import add_report
-from femimpact.app.report.views import save_pictures
-from femimpact.app.results.result_directory import FILES, new_results
+from femimpact.app.results.results import StudyResults
+from femimpact.app.study.findings import Findings, joined
 from femimpact.app.study.study import Study, build_systems, check_method, method_for, read_mesh_of, sine_of
-from femimpact.app.study.summary import library_versions
-from femimpact.app.tasks.run import Report, keep_study
+from femimpact.app.study.summary import findings_of_study
+from femimpact.app.tasks.task import Finished, Report, Task, run_task
 from femimpact.convergence.cases import Axis, Case, OverMeshes, OverModes, OverSteps
 from femimpact.convergence.quantities import (
     Frequencies,
@@ -30,10 +27,9 @@ from femimpact.convergence.quantities import (
 )
 from femimpact.convergence.runs import ContactStatistics, converge_step
 from femimpact.convergence.study import convergence_study
-from femimpact.convergence.table import ConvergenceTable, note_lines, table_lines
+from femimpact.convergence.table import ConvergenceTable
 from femimpact.errors import FemimpactError, InputError
 from femimpact.fem.mesh import SAME_PLACE, Mesh, uniform_mesh
-from femimpact.files import write_csv, write_json
 from femimpact.integrators.methods import Method
 from femimpact.integrators.stepping.newmark import Newmark
 from femimpact.structure.structure import Position
@@ -57,75 +53,67 @@ COARSEST_STEPS = 40
 """Steps in a base cycle of the coarsest step."""
 
 
-@dataclass(frozen=True, eq=False)
-class WrittenConvergence:
-    """Tables of the convergence studies of a study, by the names of their files, and the directory of these."""
-
-    # of quantities over the mesh, the modes, and the step where the study's method is Newmark's; of runs in its steps,
-    # to shortly after the first impact; of statistics of event-driven runs with contacts over the mesh
-    tables: Mapping[str, ConvergenceTable]
-    notes: tuple[str, ...]
-    directory: Path
-
-
 def write_convergence(
-    study: Study, directory: Path, force: bool, report: Report, accuracy: float = 1e-3
-) -> WrittenConvergence:
+    study: Study,
+    directory: Path,
+    force: bool,
+    report: Report,
+    accuracy: float = 1e-3,  # relative error that the recommended numbers are for
+) -> StudyResults:
     """Run the convergence studies of a study and write their tables and figures.
 
-    Parameters
-    ----------
-    study : Study
-    directory : Path
-    force : bool
-    report : callable
-        Called with what is done and its share, 0 to 1.
-    accuracy : float, 1
-        Relative error that the recommended numbers are for.
-
-    Raises
-    ------
-    InputError
-        If the mesh or the method does not fit the study, or its base does not move by a sine.
+    Raises `InputError` if the mesh or the method does not fit the study, or its base does not move by a sine.
     """
     sine_of(study, "converge")
-    mesh_of_file = read_mesh_of(study)
-    full, small = build_systems(study, mesh_of_file)
+    mesh = read_mesh_of(study)
+    full, small = build_systems(study, mesh)
     method = method_for(study, small)
     check_method(study, small, method)
-    meshes = _meshes(study, mesh_of_file)
-    mesh = mesh_of_file if mesh_of_file is not None else uniform_mesh(study.structure, cast(int, study.mesh.elements))
-    in_steps = study.method.get("name", "newmark") == "newmark"
-    axes: list[Axis] = [meshes, OverModes(mesh, _counts(full.dofs))]
+    found = findings_of_study(study, full, method)
     notes = list(_without_stress(study))
-    if in_steps:
-        axes.insert(1, _steps(study, mesh, method))
+    parts = ["quantities"]
+    if study.structure.impactors or study.structure.stops:
+        parts.append("statistics")
+    if isinstance(method, Newmark):
+        parts.append("steps")
     else:
         notes.append("over the step: Newmark's method only; the study's is another")
-    with new_results(directory, force) as folder:
-        keep_study(folder, study)
-        quantities = convergence_study(
-            study.structure, axes, _watched(full, study), study.sine, accuracy=accuracy,
-            progress=lambda share: report("quantities", share),
-        )  # fmt: skip
-        found = {f"quantities_over_{axis}": table for axis, table in quantities.tables.items()}
-        written = list(quantities.tables.values())
-        write_csv(folder / FILES["convergence_summary"].name, *_summary(written))
-        drawn = _write(folder, found)
-        statistics, why = _statistics(study, meshes, _moving(full)[0], accuracy, report)
-        if statistics is not None:
-            drawn |= _write(folder, {"statistics_over_mesh": statistics})
-            found["statistics_over_mesh"] = statistics
-        if in_steps:
-            report("steps", 0.0)
-            found["runs_over_step"] = converge_step(small, study.sine, cast(Newmark, method), accuracy=accuracy)
-            report("steps", 1.0)
-            drawn |= _write(folder, {"runs_over_step": found["runs_over_step"]})
-        done = WrittenConvergence(found, (*notes, *why), directory)
-        write_json(folder / FILES["convergence_notes"].name, _about(study, full, done, accuracy))
-    if study.output.report:
-        add_report(directory, report, study, drawn)
-    return done
+    found = replace(found, notes=tuple(notes), accuracy=accuracy)
+    work = partial(_parts_of_convergence, study, mesh, full, small, method, accuracy)
+    return run_task(Task(study, found, tuple(parts), work), directory, force, report)
+
+
+def _parts_of_convergence(
+    study: Study, mesh_of_file: Mesh | None, full: System, small: System, method: Method, accuracy: float,
+    report: Report,
+) -> Iterator[Finished]:  # fmt: skip
+    """Quantities over the axes, runs with contacts over the mesh, and runs in steps to after the first impact."""
+    meshes = _meshes(study, mesh_of_file)
+    mesh = mesh_of_file if mesh_of_file is not None else uniform_mesh(study.structure, cast(int, study.mesh.elements))
+    axes: list[Axis] = [meshes, OverModes(mesh, _counts(full.dofs))]
+    if isinstance(method, Newmark):
+        axes.insert(1, _steps(study, mesh, method))
+    quantities = convergence_study(
+        study.structure, axes, _watched(full, study), study.sine, accuracy=accuracy,
+        progress=lambda share: report("quantities", share),
+    ).tables  # fmt: skip
+    tables = {f"quantities_over_{axis}": table for axis, table in quantities.items()}
+    yield _tables("quantities", tables, {"convergence_summary": _summary(list(quantities.values()))})
+    if study.structure.impactors or study.structure.stops:
+        yield _statistics(study, meshes, _moving(full)[0], accuracy, report)
+    if isinstance(method, Newmark):
+        report("steps", 0.0)
+        runs = converge_step(small, study.sine, method, accuracy=accuracy)
+        report("steps", 1.0)
+        yield _tables("steps", {"runs_over_step": runs})
+
+
+def _tables(part: str, tables: Mapping[str, ConvergenceTable], files: Mapping[str, Any] | None = None) -> Finished:
+    """Tables by the keys of their files, beside other files."""
+    notes = tuple(dict.fromkeys(note for table in tables.values() for note in table.notes))
+    problems = tuple(dict.fromkeys(table.problem for table in tables.values()))
+    columns = {key: table.columns() for key, table in tables.items()}
+    return Finished(part, columns | dict(files or {}), Findings(notes=notes, problems=problems))
 
 
 # ---- what is studied ------------------------------------------------------------------------------
@@ -147,12 +135,11 @@ def _meshes(study: Study, mesh: Mesh | None) -> OverMeshes:
     return OverMeshes.refinements(mesh, min(times, 4))
 
 
-def _steps(study: Study, mesh: Mesh, method: Method) -> OverSteps:
+def _steps(study: Study, mesh: Mesh, method: Newmark) -> OverSteps:
     """Time steps to compare: a fortieth of the base's period, halved three to ten times, down to the study's step."""
-    given = cast(Newmark, method)
     coarse = 1.0 / (COARSEST_STEPS * study.excitation.frequency)
-    halvings = math.ceil(math.log2(coarse / given.dt)) if coarse > given.dt else 0
-    return OverSteps(mesh, replace(given, dt=coarse, allow_coarse_step=True), min(max(halvings, 3), 10))
+    halvings = math.ceil(math.log2(coarse / method.dt)) if coarse > method.dt else 0
+    return OverSteps(mesh, replace(method, dt=coarse, allow_coarse_step=True), min(max(halvings, 3), 10))
 
 
 def _counts(dofs: int) -> tuple[int, ...]:
@@ -208,59 +195,30 @@ def stresses_at_jumps(system: System, study: Study) -> list[SurfaceStress]:
     return [watched for _, at, watched in found if largest[at] is watched][:MOST_JUMPS]
 
 
-def _statistics(
-    study: Study, meshes: OverMeshes, at: str, accuracy: float, report: Report
-) -> tuple[ConvergenceTable | None, tuple[str, ...]]:
+def _statistics(study: Study, meshes: OverMeshes, at: str, accuracy: float, report: Report) -> Finished:
     """Statistics of runs with contacts over the coarser meshes, or why there are none."""
-    if not (study.structure.impactors or study.structure.stops):
-        return None, ()
     few = OverMeshes(tuple(meshes.meshes[:STATISTICS_MESHES]))
     modes, watched = study.reduction.modes if study.reduction else 8, ContactStatistics(at=at)
     try:
-        found = convergence_study(
+        tables = convergence_study(
             study.structure, few, watched, study.sine, modes=modes, accuracy=accuracy,
             progress=lambda share: report("statistics", share),
         )  # fmt: skip
     except FemimpactError as error:
-        return None, (f"statistics of runs with contacts: none, for {' '.join(str(error).split())}",)
+        text = f"statistics of runs with contacts: none, for {' '.join(str(error).split())}"
+        return Finished("statistics", findings=Findings(notes=(text,)))
+    finished = _tables("statistics", {"statistics_over_mesh": tables["mesh"]})
     words = (
         f"statistics: means over {watched.starts} phases of the base, {watched.cycles} cycles each, event-driven on "
         f"{modes} modes or fewer"
     )
-    return found["mesh"], (words,)
+    return replace(finished, findings=joined(finished.findings, Findings(notes=(words,))))
 
 
-def _about(study: Study, system: System, found: WrittenConvergence, accuracy: float) -> dict[str, Any]:
-    """The problem, notes and versions, for the report of the tables."""
-    studied = found.tables.values()
-    return {
-        "study": study.path.name,
-        "problem": next((table.problem for table in studied), ""),
-        "accuracy": accuracy,
-        "notes": list(dict.fromkeys([*(note for table in studied for note in table.notes), *found.notes])),
-        "versions": library_versions(),
-        "core": core.build_info(),
-        "points": dict(system.points) if study.mesh.file else {},
-    }
-
-
-def _write(folder: Path, found: Mapping[str, ConvergenceTable]) -> dict[str, Element]:
-    """Write tables and their figures, by the names of their files; the figures, for a page."""
-    for name, table in found.items():
-        write_csv(folder / FILES[name].name, *table.columns())
-    return save_pictures(found.values(), folder)[0]
-
-
-def _summary(found: Sequence[ConvergenceTable]) -> tuple[dict[str, Any], dict[str, str]]:
+def _summary(tables: Sequence[ConvergenceTable]) -> tuple[dict[str, Any], dict[str, str]]:
     """The summaries of all axes below one another."""
-    parts = [table.summary() for table in found]
-    columns: dict[str, Any] = {"axis": np.concatenate([[table.axis] * table.name.size for table in found])}
+    parts = [table.summary() for table in tables]
+    columns: dict[str, Any] = {"axis": np.concatenate([[table.axis] * table.name.size for table in tables])}
     for name in parts[0][0]:
         columns[name] = np.concatenate([part[name] for part, _ in parts])
     return columns, parts[0][1]
-
-
-def convergence_lines(found: WrittenConvergence) -> list[str]:
-    """Lines of at most 80 columns: for each table the relative errors, and what they say."""
-    lines = [line for table in found.tables.values() for line in (*table_lines(table), "")]
-    return lines + note_lines(found.notes)

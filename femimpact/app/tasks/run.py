@@ -1,22 +1,19 @@
-"""The run of a study: modes, history, sweeps, and the files of each."""
+"""The run of a study: modes, history and sweeps, with the files and the findings of each."""
 
 from __future__ import annotations
 
 import math
-import warnings
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from femimpact.app.report.markup import Element
-from femimpact.app.report.pictures import draw_kinds, with_pictures
-from femimpact.app.report.result_page import add_report
-from femimpact.app.results.picture_data import write_last_cycles, write_mode_shapes, write_snapshots
-from femimpact.app.results.result_directory import FILES, new_file, new_results
-from femimpact.app.results.results import STICKING_FILE, StudyResults, load, write_summary
+from femimpact.app.results.picture_data import last_cycle_data, mode_shape_data, snapshot_data
+from femimpact.app.results.results import StudyResults
+from femimpact.app.study.findings import Findings, joined
 from femimpact.app.study.prepared import (
     PARTS,
     PreparedStudy,
@@ -27,12 +24,17 @@ from femimpact.app.study.prepared import (
     runs_of_starts,
 )
 from femimpact.app.study.study import Study, assemble_on
-from femimpact.app.study.study_file import study_text, with_record
-from femimpact.app.study.summary import SweepPair, summary_of
-from femimpact.app.tasks.starts import drawn_curves, drawn_histories, spreads_of, write_curves
+from femimpact.app.study.summary import (
+    SweepPair,
+    findings_of,
+    findings_of_history,
+    findings_of_modes,
+    findings_of_sweeps,
+)
+from femimpact.app.tasks.starts import columns_of_starts, drawn_curves, drawn_histories, spreads_of
+from femimpact.app.tasks.task import Finished, Report, Task, run_task
 from femimpact.errors import checked, kind_of, require, require_name, require_path, require_type, truth
 from femimpact.excitation.harmonic import Sine
-from femimpact.files import atomic_write, write_csv, write_netcdf
 from femimpact.integrators.cases import first_steps
 from femimpact.integrators.methods import Method, read_at_least
 from femimpact.integrators.runs import integrate
@@ -47,9 +49,8 @@ from femimpact.system.state import State
 
 MODES_LISTED = 4
 
-
-Report = Callable[[str, float], None]
-"""Called with what is being done and the share of it that is done."""
+MODE_UNITS = {"natural_frequency": "Hz", "damping_ratio": "1", "participation_factor": "kg^0.5", "effective_mass": "kg"}
+"""Columns of the table of modes."""
 
 
 def _silent(_what: str, _share: float) -> None:
@@ -153,16 +154,6 @@ def run_sweep(
     return SweepPair(empty, ball, coarse)
 
 
-@dataclass(frozen=True, eq=False)
-class Found:
-    """Results of the parts of a run that are done; None for the others."""
-
-    modes: tuple[Modes, Modes | None] | None = None  # (Modes, Modes or None) as of `run_modes`
-    response: Response | None = None
-    sweeps: SweepPair | None = None
-    starts: Mapping[str, Any] = field(default_factory=dict)  # of the summary: medians and ranges over several starts
-
-
 def run_study(
     study: Study,
     directory: str | Path,
@@ -207,217 +198,112 @@ def run_study(
     usable = callable(report) and not isinstance(report, type)
     require(usable, "report", kind_of(report), "", "must be callable with the name of a part and its share")
     prepared = prepare(study, parts)
-    run = [part for part in parts if part != "sweep" or study.sweep is not None]
-    with new_results(directory, force) as folder:
-        found = Found()
-        keep_study(folder, study)
-        if "modes" in run:
-            found = replace(found, modes=run_modes(prepared))
-            keep_modes(folder, prepared, found, [part for part in run if part != "modes"])
-        if "simulate" in run:
-            found = replace(found, response=run_simulation(prepared, report))
-            left = [part for part in run if part == "sweep"]
-            found = keep_history(folder, prepared, found, left)
-            found = _with_history_starts(prepared, found, report)
-            if found.starts:
-                # so that the ranges stay with the history, should the run end now
-                _finish(folder, prepared, found, left)
-        if "sweep" in run:
-            found = replace(found, sweeps=run_sweep(prepared, report))
-            keep_sweeps(folder, prepared, found)
-            found = _with_sweep_starts(folder, prepared, found, report)
-        drawn = keep_pictures(folder, directory, prepared, found, report)
-    if study.output.report:
-        add_report(directory, report, study, drawn)
-    return load(directory)
+    names = {"modes": "modes", "simulate": "history", "sweep": "sweep"}
+    kept = tuple(name for part, name in names.items() if part in parts and (part != "sweep" or study.sweep))
+    task = Task(study, findings_of(prepared), kept, partial(_parts_of_run, prepared, kept))
+    return run_task(task, directory, force, report)
 
 
-def _with_history_starts(prepared: PreparedStudy, found: Found, report: Report) -> Found:
-    """The same with medians and ranges of the history, where the study has several starts."""
-    if runs_of_starts(prepared.small, prepared.study.output.starts) == 1:
-        return found
-    spreads, failed = drawn_histories(prepared, report)
-    return replace(found, starts={**found.starts, "history_starts": spreads, **_failed(found, "history", failed)})
+def _parts_of_run(prepared: PreparedStudy, parts: tuple[str, ...], report: Report) -> Iterator[Finished]:
+    """Modes, history and sweep, as far as they are asked for; ranges over several starts behind each."""
+    study, small, response = prepared.study, prepared.small, None
+    if "modes" in parts:
+        yield modes_part(prepared, run_modes(prepared))
+    if "history" in parts:
+        response = run_simulation(prepared, report)
+        yield history_part(prepared, response)
+        if runs_of_starts(small, study.output.starts) > 1:
+            yield Finished("history", findings=drawn_histories(prepared, report))
+    if "sweep" in parts:
+        sweeps = run_sweep(prepared, report)
+        swept = sweep_part(prepared, sweeps)
+        # the energy of a history stands before that of a sweep
+        yield swept if response is None else replace(swept, findings=replace(swept.findings, energy_residual=None))
+        if study.sweep is not None and runs_of_starts(small, study.sweep.starts) > 1:
+            curves, failed = drawn_curves(prepared, sweeps.empty, report)
+            step = float(sweeps.coarse[1] - sweeps.coarse[0])
+            ranges = Findings(
+                starts={study.start: spreads_of(curves, sweeps.empty, step)}, starts_of_sweep=curves.starts
+            )
+            files = {"curves_of_starts": columns_of_starts({study.start: curves})}
+            yield Finished("sweep", files, joined(ranges, failed))
+    if response is not None:
+        yield last_cycles_part(prepared, response, report)
 
 
-def _with_sweep_starts(folder: Path, prepared: PreparedStudy, found: Found, report: Report) -> Found:
-    """The same of the sweep, whose bands are written."""
-    plan, sweeps, start = prepared.study.sweep, found.sweeps, prepared.study.start
-    if plan is None or sweeps is None or runs_of_starts(prepared.small, plan.starts) == 1:
-        return found
-    curves, failed = drawn_curves(prepared, sweeps.empty, report)
-    write_curves(folder, {start: curves})
-    step = float(sweeps.coarse[1] - sweeps.coarse[0])
-    spreads = {name: asdict(spread) for name, spread in spreads_of(curves, sweeps.empty, step).items()}
-    several = {"starts": {start: spreads}, "starts_of_sweep": curves.starts, **_failed(found, "sweep", failed)}
-    return replace(found, starts={**found.starts, **several})
+# ---- files and findings of the parts ----------------------------------------------------------------
 
 
-def _failed(found: Found, part: str, failed: Mapping[str, str]) -> dict[str, Any]:
-    """The starts of a part that failed, with the reason of each, beside those of the parts before; none without any."""
-    return {"failed_starts": {**found.starts.get("failed_starts", {}), part: dict(failed)}} if failed else {}
-
-
-def _summary(prepared: PreparedStudy, found: Found) -> dict[str, Any]:
-    """The summary of what there is, with a warning of the starts that failed."""
-    summary = summary_of(prepared, found.modes, found.response, found.sweeps) | dict(found.starts)
-    texts = [
-        f"{part}: {len(failed)} of the further starts failed and are in no range; {name}: {why}"
-        for part, failed in found.starts.get("failed_starts", {}).items()
-        for name, why in list(failed.items())[:1]
-    ]
-    return summary | {"warnings": [*summary["warnings"], *texts]}
-
-
-# ---- what is kept of a run, in the order in which it is written -----------------------------------
-
-
-def keep_study(folder: Path, study: Study) -> None:
-    """Write the study file, that of the study as it is run, and the record that it names."""
-    if study.record is not None:
-        name, path = FILES["base_record"].name, folder / FILES["study"].name
-        atomic_write(folder / name, study.source["content"])
-        study = replace(with_record(study, name), path=path)
-    atomic_write(folder / FILES["study"].name, study_text(study))
-
-
-def keep_modes(folder: Path, prepared: PreparedStudy, found: Found, left: Sequence[str] = ()) -> None:
-    """Write what `run_modes` found; `left` names the parts of the run that are still to come."""
-    if found.modes is None:
-        raise AssertionError("there are modes to keep")
-    full, study, (modes, glued) = prepared.full, prepared.study, found.modes
-    columns: dict[str, Any] = {
-        "mode": list(range(1, modes.natural_frequency.size + 1)),
-        "natural_frequency": modes.natural_frequency,
-        "damping_ratio": modes.damping_ratio,
-        "participation_factor": modes.participation_factor,
-        "effective_mass": modes.effective_mass,
-    }
-    units = {"natural_frequency": "Hz", "damping_ratio": "1", "participation_factor": "kg^0.5", "effective_mass": "kg"}
+def modes_part(prepared: PreparedStudy, modes: tuple[Modes, Modes | None]) -> Finished:
+    """What `run_modes` returned."""
+    full, structure, (empty, glued) = prepared.full, prepared.study.structure, modes
+    columns: dict[str, Any] = {"mode": list(range(1, empty.natural_frequency.size + 1))}
+    columns |= {name: getattr(empty, name) for name in MODE_UNITS}
+    units = dict(MODE_UNITS)
     if glued is not None:
         columns["natural_frequency_glued"], units["natural_frequency_glued"] = glued.natural_frequency, "Hz"
-    write_csv(folder / FILES["modes"].name, columns, units)
-    write_mode_shapes(folder / FILES["mode_shapes"].name, full, modes)
-    if study.output.paraview:
+    files: dict[str, Any] = {
+        "modes": (columns, units),
+        "mode_shapes": mode_shape_data(full, empty),
+    }
+    if prepared.study.output.paraview:
         from femimpact import vtk
 
-        vtk.write_modes(new_file(folder, "modes_scene"), full, modes, study.structure)
+        files["modes_scene"] = lambda path: vtk.write_modes(path, full, empty, structure)
         # a rigid motion has no period to be shown over
-        for mode in (1 + np.flatnonzero(modes.natural_frequency > 0.0)).tolist():
-            vtk.write_mode(new_file(folder, f"mode_{mode}_scene"), full, modes, study.structure, mode)
-    _finish(folder, prepared, found, left)
+        for mode in (1 + np.flatnonzero(empty.natural_frequency > 0.0)).tolist():
+            files[f"mode_{mode}_scene"] = lambda path, i=mode: vtk.write_mode(path, full, empty, structure, i)
+    return Finished("modes", files, findings_of_modes(modes))
 
 
-def keep_history(folder: Path, prepared: PreparedStudy, found: Found, left: Sequence[str] = ()) -> Found:
-    """Write what `run_simulation` found; what the files for ParaView leave out is a warning of what is returned."""
-    if found.response is None:
-        raise AssertionError("there is a history to keep")
-    response = found.response
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", UserWarning)
-        _write_history(prepared.study, folder, response)
-    # the same of both files
-    texts = dict.fromkeys(f"{one.message}" for one in caught if issubclass(one.category, UserWarning))
-    left_out = [f"{scene}: {text}" for scene in _deflection_scenes(prepared.study)[-1:] for text in texts]
-    found = replace(found, response=replace(response, warnings=(*response.warnings, *left_out)))
-    _finish(folder, prepared, found, left)
-    return found
+def history_part(prepared: PreparedStudy, response: Response) -> Finished:
+    """What `run_simulation` returned."""
+    study, output = prepared.study, prepared.study.output
+    files: dict[str, Any] = {
+        "history": response.to_xarray(),
+        "impacts": impact_columns(response.impacts),
+        "impact_data": response.impacts.to_xarray(),
+    }
+    if len(response.sticking):
+        files["sticking"] = ({name: getattr(response.sticking, name) for name in STICKING_UNITS}, STICKING_UNITS)
+    if response.snapshots is not None:
+        scale = output.exaggeration or 1.0
+        files["snapshots"] = snapshot_data(response, response.snapshots)
+        # the script of the last one opens it
+        scenes = (("deflection_hdf", output.vtkhdf), ("deflection_scene", output.paraview))
+        for key in (key for key, asked in scenes if asked):
+            from femimpact import vtk
+
+            files[key] = lambda path: vtk.write_deflection(path, response, study.structure, scale)
+    return Finished("history", files, findings_of_history(prepared, response))
 
 
-def keep_sweeps(folder: Path, prepared: PreparedStudy, found: Found, left: Sequence[str] = ()) -> None:
-    """Write what `run_sweep` found."""
+def sweep_part(prepared: PreparedStudy, sweeps: SweepPair) -> Finished:
+    """What `run_sweep` returned."""
     import xarray
 
-    if found.sweeps is None:
-        raise AssertionError("there are sweeps to keep")
-    sweeps = found.sweeps
     curves = {"empty": sweeps.empty, **({"ball": sweeps.ball} if sweeps.ball is not None else {})}
     frequency = sweeps.empty.frequency
-    columns: dict[str, Any] = {"frequency": frequency}
+    grid = np.where(on_grid(frequency, sweeps.coarse), "even", "refined")
+    columns: dict[str, Any] = {"frequency": frequency, "grid": grid}
     units = {"frequency": "Hz"}
-    columns["grid"] = np.where(on_grid(frequency, sweeps.coarse), "even", "refined")
     for label, curve in curves.items():
         for name in (*SWEEP_UNITS, "steadiness"):
-            if label == "empty" and name in IMPACT_UNITS:
-                continue
-            columns[f"{label}_{name}"] = getattr(curve, name)
-            units[f"{label}_{name}"] = SWEEP_UNITS.get(name, "")
-    write_csv(folder / FILES["sweep"].name, columns, units)
-    data = xarray.concat(
-        [curve.to_xarray() for curve in curves.values()],
-        xarray.Variable("case", list(curves)),
-        combine_attrs="override",
-    )
-    data = data.assign_coords(grid=("frequency", columns["grid"]))
+            if label != "empty" or name not in IMPACT_UNITS:
+                columns[f"{label}_{name}"] = getattr(curve, name)
+                units[f"{label}_{name}"] = SWEEP_UNITS.get(name, "")
+    cases = xarray.Variable("case", list(curves))
+    data = xarray.concat([curve.to_xarray() for curve in curves.values()], cases, combine_attrs="override")
     laws = "; ".join(f"{label}: {curve.law}" for label, curve in curves.items())
-    write_netcdf(folder / FILES["sweep_data"].name, data.assign_attrs(contact_law=laws))
-    _finish(folder, prepared, found, left)
+    data = data.assign_coords(grid=("frequency", grid)).assign_attrs(contact_law=laws)
+    return Finished("sweep", {"sweep": (columns, units), "sweep_data": data}, findings_of_sweeps(prepared, sweeps))
 
 
-def keep_pictures(
-    folder: Path,
-    directory: str | Path,  # that it will be
-    prepared: PreparedStudy,
-    found: Found,
-    report: Report = _silent,
-    more: Mapping[str, Any] | None = None,  # what the summary says besides
-) -> dict[str, Element]:
-    """Write what the figures show besides, draw, and write the summary of it all; the figures, for a page."""
-    output, summary = prepared.study.output, _summary(prepared, found) | dict(more or {})
-    touched = found.response is not None and bool(found.response.system.contacts)
-    if output.figures and found.response is not None and touched:
+def last_cycles_part(prepared: PreparedStudy, response: Response, report: Report) -> Finished:
+    """The last cycles of a history with contacts at every step, where there will be figures of them."""
+    files: dict[str, Any] = {}
+    if prepared.study.output.figures and response.system.contacts:
         report("last cycles, for figures", 0.0)
-        end = last_cycles(prepared, found.response)
-        write_last_cycles(folder / FILES["last_cycles"].name, found.response, end)
+        files["last_cycles"] = last_cycle_data(response, last_cycles(prepared, response))
         report("last cycles, for figures", 1.0)
-    filmed = found.response is not None and found.response.snapshots is not None
-    # a history without contacts has no figure
-    beside = found.modes is not None or found.sweeps is not None or found.response is None
-    figured = output.figures and (touched or beside)
-    kinds = [*(["figures"] if figured else []), *(["movie"] if output.movie and filmed else [])]
-    drawn = dict[str, Element]()
-    if kinds:
-        ended = dict.fromkeys(kinds, "the run was ended before")
-        # what they are drawn from stays with the results, should the run end now
-        write_summary(folder, with_pictures(summary, ended, directory))
-        failures, drawn = draw_kinds(folder, kinds, report, prepared.study)
-        summary = with_pictures(summary, failures, directory)
-    write_summary(folder, summary)
-    return drawn
-
-
-def _finish(folder: Path, prepared: PreparedStudy, found: Found, left: Sequence[str]) -> None:
-    """Write the summary of what there is so far: from here on its files are kept, whatever happens to the rest."""
-    summary = _summary(prepared, found)
-    if left:
-        summary["unfinished"] = list(left)
-        text = f"the run was ended before its part{'s' if len(left) > 1 else ''} {' and '.join(left)}"
-        summary["warnings"] = [*summary["warnings"], text]
-    write_summary(folder, summary)
-
-
-def _write_history(study: Study, folder: Path, response: Response) -> None:
-    write_netcdf(folder / FILES["history"].name, response.to_xarray())
-    _write_impacts(folder, response)
-    if response.snapshots is None:
-        return
-    write_snapshots(folder / FILES["snapshots"].name, response)
-    for scene in _deflection_scenes(study):
-        from femimpact import vtk
-
-        vtk.write_deflection(new_file(folder, scene), response, study.structure, study.output.exaggeration or 1.0)
-
-
-def _deflection_scenes(study: Study) -> list[str]:
-    """Names of the files for ParaView; the last one is the one that its script opens."""
-    output = study.output
-    scenes = {FILES["deflection_hdf"].name: output.vtkhdf, FILES["deflection_scene"].name: output.paraview}
-    return [name for name, written in scenes.items() if written]
-
-
-def _write_impacts(folder: Path, response: Response) -> None:
-    write_csv(folder / FILES["impacts"].name, *impact_columns(response.impacts))
-    write_netcdf(folder / FILES["impact_data"].name, response.impacts.to_xarray())
-    if len(response.sticking):
-        sticking = {name: getattr(response.sticking, name) for name in STICKING_UNITS}
-        write_csv(folder / STICKING_FILE, sticking, STICKING_UNITS)
+    return Finished("last cycles", files)

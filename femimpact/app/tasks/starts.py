@@ -6,8 +6,7 @@ The structure starts as the study says; the balls are drawn, the same ones as in
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
-from pathlib import Path
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,21 +14,18 @@ import numpy as np
 from femimpact.app.parametric.definition import ParameterStudy
 from femimpact.app.parametric.runs import drawn_state, unit_draws
 from femimpact.app.parametric.verb import block_cases, run_blocks
-from femimpact.app.results.result_directory import FILES
-from femimpact.app.study.findings import Spread
+from femimpact.app.study.findings import Findings, HistoryStarts, Spread
 from femimpact.app.study.prepared import PreparedStudy
 from femimpact.app.study.summary import channel_summary, contact_forces, peak_of_history, spread_of
+from femimpact.app.tasks.task import Report
 from femimpact.arrays import Array
 from femimpact.errors import DivergenceError
-from femimpact.files import write_csv
 from femimpact.integrators.cases import workers_of
 from femimpact.integrators.runs import integrate
 from femimpact.sweep.curve import FrequencyResponse
 
 SEED = 0
 """Of the starts of a run."""
-
-Report = Callable[[str, float], None]
 
 OF_CHANNELS = ("largest", "rms", "largest_of_run")
 
@@ -54,8 +50,8 @@ def drawn_curves(
     prepared: PreparedStudy,
     empty: FrequencyResponse,  # without balls, over the same frequencies
     report: Report,
-) -> tuple[StartCurves, dict[str, str]]:
-    """The sweep with balls from each of the `starts` of [sweep], and why some have none: their motion diverged.
+) -> tuple[StartCurves, Findings]:
+    """The sweep with balls from each of the `starts` of [sweep], and which have none: their motion diverged.
 
     Raises `DivergenceError` where all starts fail.
     """
@@ -77,15 +73,15 @@ def drawn_curves(
         report(f"sweep with {prepared.carried}, {plan.starts} starts", number / len(blocks))
     has_failed = (reasons != "").all(axis=0)
     failed = {f"start {i + 1}": str(reasons[0, i]) for i in np.flatnonzero(has_failed).tolist()}
-    _require_some(plan.starts - len(failed), failed)
+    said = _failures("sweep", plan.starts, failed)
     kept = np.moveaxis(values[:, ~has_failed], 0, 1)
-    return StartCurves(empty.frequency, {name: kept[..., m] for m, name in enumerate(OF_CURVES)}), failed
+    return StartCurves(empty.frequency, {name: kept[..., m] for m, name in enumerate(OF_CURVES)}), said
 
 
-def drawn_histories(prepared: PreparedStudy, report: Report) -> tuple[dict[str, Any], dict[str, str]]:
-    """Medians and ranges of the numbers of a history over the `starts` of [output], by their names in a summary.
+def drawn_histories(prepared: PreparedStudy, report: Report) -> Findings:
+    """Medians and ranges of the numbers of a history over the `starts` of [output], and which of them diverged.
 
-    Returns these and why some starts have none, as of `drawn_curves`.
+    Raises `DivergenceError` where all starts fail.
     """
     study, small, starts = prepared.study, prepared.small, prepared.study.output.starts
     base, duration = study.excitation, study.history_duration
@@ -106,21 +102,29 @@ def drawn_histories(prepared: PreparedStudy, report: Report) -> tuple[dict[str, 
             "channels": {name: {key: getattr(about, key) for key in OF_CHANNELS} for name, about in channels.items()},
             "contacts": {pair.name: contact_forces(run, pair.name) for pair in small.contacts if pair.has_walls},
         })  # fmt: skip
-    _require_some(len(rows), failed)
-    return {"count": len(rows), **_spreads(rows)}, failed
+    said = _failures("history", starts, failed)
+    return replace(said, history_starts=HistoryStarts(count=len(rows), **_spreads(rows)))
 
 
-def _require_some(completed: int, failed: Mapping[str, str]) -> None:
-    """Raise `DivergenceError` where all starts have failed."""
-    if not completed:
-        raise DivergenceError(f"all {len(failed)} starts have failed, the first: {next(iter(failed.values()))}")
+def _failures(part: str, starts: int, failed: Mapping[str, str]) -> Findings:
+    """The starts of a part that failed, with the reason of each.
+
+    Raises `DivergenceError` where all of them have failed.
+    """
+    if not failed:
+        return Findings()
+    name, why = next(iter(failed.items()))
+    if len(failed) == starts:
+        raise DivergenceError(f"all {starts} starts have failed, the first: {why}")
+    text = f"{part}: {len(failed)} of the further starts failed and are in no range; {name}: {why}"
+    return Findings(failed_starts={part: failed}, warnings=(text,))
 
 
 def _spreads(rows: Sequence[Any]) -> Any:
     """Medians and ranges of numbers in equal tables of tables."""
     if isinstance(rows[0], Mapping):
         return {name: _spreads([row[name] for row in rows]) for name in rows[0]}
-    return asdict(spread_of(rows))
+    return spread_of(rows)
 
 
 def _part_of(report: Report, what: str, index: int, count: int) -> Callable[[float], None]:
@@ -147,11 +151,10 @@ def spreads_of(
     }
 
 
-def write_curves(folder: Path, curves: Mapping[str, StartCurves]) -> None:
-    """Median, smallest and largest peak of the starts in each frame, over the frequency."""
+def columns_of_starts(curves: Mapping[str, StartCurves]) -> tuple[dict[str, Any], dict[str, str]]:
+    """Median, smallest and largest peak of the starts in each frame, over the frequency, and their units."""
     columns: dict[str, Any] = {"frequency": next(iter(curves.values())).frequency}
     for start, several in curves.items():
         for name, statistic in (("median", np.median), ("low", np.min), ("high", np.max)):
             columns[f"{start}_{name}"] = statistic(several.measures["peak"], axis=0)
-    units = {name: "Hz" if name == "frequency" else "m" for name in columns}
-    write_csv(folder / FILES["curves_of_starts"].name, columns, units)
+    return columns, {name: "Hz" if name == "frequency" else "m" for name in columns}

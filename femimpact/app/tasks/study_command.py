@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import os
 import warnings
 from collections.abc import Callable, Mapping
@@ -12,10 +11,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from femimpact.app.parametric.best import best_cases, check_best
-from femimpact.app.parametric.best_design import BestCase, told_lines
+from femimpact.app.parametric.best_design import BestCase
 from femimpact.app.parametric.dataset import endings_of
 from femimpact.app.parametric.definition import ParameterStudy
 from femimpact.app.parametric.paths import study_with
@@ -24,15 +21,15 @@ from femimpact.app.report.markup import Element
 from femimpact.app.report.result_page import add_report, best_measures
 from femimpact.app.report.views import measures_of, save_pictures
 from femimpact.app.results.result_directory import BEST_FIGURE, FILES, ResultsWarning
-from femimpact.app.study.parameter_plan import BestPlan
 from femimpact.app.study.prepared import RUNS_OF_HISTORY, START, history_cost
 from femimpact.app.study.study import Study
 from femimpact.app.study.study_file import study_text, with_record
+from femimpact.app.tasks.task import write_files
 from femimpact.errors import Fault, InputError, require
-from femimpact.figures.study_labels import axis_names, case_columns, value_words
-from femimpact.files import atomic_write, write_csv
+from femimpact.figures.study_labels import case_columns
+from femimpact.files import atomic_write
 from femimpact.response.response import Recorder
-from femimpact.units import number_text, unit_text
+from femimpact.units import number_text
 
 if TYPE_CHECKING:
     import xarray
@@ -99,37 +96,25 @@ def _in_file(study: Study, fault: Fault) -> Fault:
 
 
 def write_parameter_study(
-    study: Study, directory: Path, progress: Callable[[StudyProgress], None] | None = None, scheduler: str | None = None
-) -> xarray.Dataset:  # fmt: skip
+    study: Study,
+    directory: Path,  # goes on from what an earlier call has left there
+    progress: Callable[[StudyProgress], None] | None = None,  # None is silence
+    scheduler: str | None = None,  # address or scheduler file of a cluster on which the cases run
+) -> xarray.Dataset:
     """Run the parameter study of a study file and leave `study.nc`, `study.csv`, `study.toml`, figures and a report.
 
-    Parameters
-    ----------
-    study : Study
-    directory : Path
-        Goes on from what an earlier call has left there.
-    progress : callable, optional
-        None is silence.
-    scheduler : str, optional
-        Address or scheduler file of a cluster on which the cases run.
-
-    Raises
-    ------
-    InputError
-        As of `parameter_study`.
+    Raises `InputError` as of `parameter_study`.
     """
     definition = definition_of(study)
     with nullcontext() if scheduler is None else connected(scheduler) as client:
         dataset = run_parameter_study(
             definition, directory=directory, client=client, progress=progress, say=to_stderr if progress else None
         )
-    atomic_write(directory / FILES["study"].name, study_text(study))
-    columns, units = case_columns(dataset)
-    write_csv(directory / FILES["parameter_table"].name, columns, units)
+    write_files(directory, {"study": study_text(study), "parameter_table": case_columns(dataset)})
     plan: Any = study.plan
-    found, _ = best_cases(dataset, plan.best)
-    _write_best(definition, next(iter(found.values()), None), directory)
-    drawn = _drawn(dataset, found, directory) if study.output.figures else {}
+    best, _ = best_cases(dataset, plan.best)
+    _write_best(definition, next(iter(best.values()), None), directory)
+    drawn = _drawn(dataset, best, directory) if study.output.figures else {}
     if study.output.report:
         add_report(directory, lambda part, share: None, study, drawn)
     return dataset
@@ -219,52 +204,3 @@ def _disk(given: ParameterStudy, study: Study) -> float:
     figures_of = BYTES_OF_FIGURE * names if study.output.figures else 0.0
     report = BYTES_OF_REPORT * names * min(cases / CASES_OF_REPORT, 1.0) if study.output.report else 0.0
     return blocks + listed + dataset + table + figures_of + report
-
-
-def summary_lines(dataset: xarray.Dataset, directory: Path, best: BestPlan | None = None) -> list[str]:
-    """Lines on each measure's range, on the best case by one, and on cases that failed."""
-    found_best, reasons = best_cases(dataset, best)
-    lines = list[str]()
-    for name in itertools.islice((str(name) for name in dataset.data_vars), 40):
-        values = dataset[name]
-        if values.dtype.kind != "f" or (f"{name}_low" not in dataset and int(dataset.attrs["starts"]) > 1):
-            continue
-        found = values.to_numpy()
-        if not np.isfinite(found).any():
-            lines.append(f"{name}: no case has a value")
-            continue
-        unit = str(values.attrs.get("units", ""))
-        low, high = float(np.nanmin(found)), float(np.nanmax(found))
-        reach = f"{name}: {unit_text(low, unit)} to {unit_text(high, unit)}"
-        if name in found_best:
-            lines += [reach, *(f"  {line}" for line in told_lines(found_best[name]))]
-            continue
-        if found_best and name not in reasons:
-            lines.append(reach)
-            continue
-        # of a measure without a best case the worst: its smallest value may be one beside a resonance
-        word = "largest" if name in reasons and values.attrs.get("better") == "small" else "smallest"
-        where = np.unravel_index(int((np.nanargmax if word == "largest" else np.nanargmin)(found)), found.shape)
-        # of a list or a sample all axes are along the cases
-        dims, listed = values.dims, [(axis, where[0]) for axis in axis_names(dataset)]
-        places = listed if dims == ("case",) else zip(dims, where, strict=True)
-        at = ", ".join(f"{axis} = {_value(dataset, str(axis), index)}" for axis, index in places)
-        lines.append(f"{reach}; {word} at {at}")
-        lines += [f"  no best case: {reasons[name]}"] if name in reasons else []
-    failed = dataset["failed_starts"].to_numpy()
-    if failed.any():
-        first = next(str(reason) for reason in dataset["failure"].to_numpy().ravel() if reason)
-        lines.append(f"{int(np.count_nonzero(failed))} of {failed.size} cases failed, the first: {first}")
-    if dataset.attrs.get("warnings"):
-        lines.append(f"warning: {dataset.attrs['warnings']}")
-    best_study = directory / FILES["best_study"].name
-    if best_study.exists():
-        lines.append(f"run the best case where it is worst, with its report: femimpact run {best_study}")
-    return [*lines, f"results in {directory}"]
-
-
-def _value(dataset: xarray.Dataset, axis: str, index: Any) -> str:
-    words = value_words(dataset, axis)
-    if words is not None:
-        return f"{words[index]}{' mm' if f'{axis}.plus' in dataset.coords else ''}"
-    return unit_text(dataset[axis].to_numpy()[index], str(dataset[axis].attrs.get("units", "")))
