@@ -82,9 +82,11 @@ MUTATIONS = (
     Mutation("rayleigh_alpha", "alpha = 2.0 * w1", "alpha = 2.1 * w1"),
     Mutation("rayleigh_beta", "beta = 2.0 * (z2", "beta = 2.1 * (z2"),
     Mutation(
-        "realised_damping", "np.asarray(0.5 * (alpha / w + beta * w))", "np.asarray(0.51 * (alpha / w + beta * w))"
+        "realised_damping",
+        "np.asarray(0.5 * (alpha / omega + beta * omega))",
+        "np.asarray(0.51 * (alpha / omega + beta * omega))",
     ),
-    Mutation("effective_mass", "mass = self.participation_factor**2", "mass = abs(self.participation_factor)"),
+    Mutation("effective_mass", "own(self.participation_factor**2)", "own(np.abs(self.participation_factor))"),
     Mutation("contact_mass", "inverse = self.first_mode**2 +", "inverse = self.first_mode +"),
     Mutation("flexibility", 'np.einsum("ji,ij->j", rows, solved))', 'np.einsum("ji,ij->j", rows, solved)) * 1.01'),
     Mutation("static_correction", "if static_correction and system.contacts:", "if False and system.contacts:"),
@@ -257,8 +259,8 @@ MUTATIONS = (
     Mutation("cycle_mean_force", "totals[5].sum(axis=0) / duration", "totals[5].sum(axis=0) / duration * frequency"),
     Mutation(
         "one_pole_fit",
-        "ratio, frequency_found = _power(best.x[2])",
-        "ratio, frequency_found = 1.05 * _power(best.x[2])",
+        "ratio, natural_frequency, squares = _power(pole[2])",
+        "ratio, natural_frequency, squares = 1.05 * _power(pole[2])",
     ),
     Mutation("half_power", "(low / f[top]) ** 2) / 4.0", "(low / f[top]) ** 2) / 4.2"),
     Mutation(
@@ -279,8 +281,8 @@ MUTATIONS = (
     Mutation("rank_of_the_median", "return k - 1, starts - k", "return k, starts - 1 - k"),
     Mutation(
         "scatter_of_another_case",
-        ".to_numpy()[at], values.attrs) for side",
-        ".to_numpy()[end], values.attrs) for side",
+        '(_text(data[f"{measure}{end}"].to_numpy()[at], attributes)',
+        '(_text(data[f"{measure}{end}"].to_numpy().flat[0], attributes)',
     ),
     Mutation("spread_of_a_median", "1.0 + 0.5 * math.pi / starts", "1.0 + math.pi / starts"),
     # damping of a free decay

@@ -84,7 +84,7 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
         ),
         Mutation("slow_flow", "now, -2.0 * sigma * now - kappa * before", "now, -2.0 * sigma * now"),
         Mutation("slow_braked_flow", "is_held = square > HELD * (1.0 + decay)", "is_held = square > 0.0"),
-        Mutation("slow_pressed_flow", "SEPARATE = 1e3", "SEPARATE = 1e12"),
+        Mutation("slow_pressed_flow", "WELL_APART = 1e3", "WELL_APART = 1e12"),
     ),
     "test_taper.py": (
         Mutation("weights_of_a_taper", "first = m1 / m0", "first = 0.5 * m1 / m0"),
@@ -109,7 +109,7 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
         Mutation(
             "quiet_without_warnings",
             "for text in warned:\n            _show_warning(text)",
-            "for text in ():\n            _show_warning(text)",
+            "for text in warned[:0]:\n            _show_warning(text)",
         ),
         Mutation("init_over_a_file", 'require(force or not file.exists(), "file"', 'require(True, "file"'),
         Mutation("no_star", "one_sample=curve.peak_is_one_start", "one_sample=False"),
@@ -164,11 +164,7 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
             'number_conclusion(label, curve.peak_amplitude, "m",',
         ),
         Mutation("worst_over_left_out", "if plan else (worst_over,)", "if plan else ()"),
-        Mutation(
-            "page_in_a_foreign_folder",
-            'return FILES["study"].name in names and any(',
-            'return FILES["study"].name in names or any(',
-        ),
+        Mutation("page_in_a_foreign_folder", 'return FILES["study"].name in names and any(', "return any("),
     ),
     "test_units.py": (
         Mutation("digits_of_an_interval", "fifth if half - 1 < fifth <= half else half - 1", "half"),
@@ -214,8 +210,8 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
     "test_terminal_tables.py": (
         Mutation(
             "digits_of_a_cell",
-            "_cell(one, digits.get(i, 5))",
-            "_cell(one, digits.get(i, 4))",
+            "isinstance(value, str) else number_text(value, digits)",
+            "isinstance(value, str) else number_text(value, digits - 1)",
         ),
     ),
     "test_study.py": (
@@ -365,7 +361,11 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
         Mutation("phase_that_wraps", "    turn -= 2.0 * np.pi * np.round(turn / (2.0 * np.pi))", "    turn += 0.0"),
     ),
     "test_orbits.py": (Mutation("third_rate_of_a_gap", "self.omega * driven)", "0.9 * self.omega * driven)"),),
-    "test_switching.py": (Mutation("dashpot_of_a_condition", "depth[:-1] += float(", "depth[:-1] -= float("),),
+    "test_switching.py": (
+        Mutation(
+            "dashpot_of_a_condition", "np.concatenate([gap, damped * gap])", "np.concatenate([gap, -damped * gap])"
+        ),
+    ),
     "test_branches.py": (
         Mutation(
             "unexplained_change",

@@ -40,7 +40,7 @@ def step_cost(problem, repeats=5, steps=100_000):
 def _eight_cases(problem, elements, steps):
     """Femimpact's block of eight cases in physical dofs, ready to run."""
     from femimpact.integrators.stepping.arrays import Inputs
-    from femimpact.integrators.stepping.block import prepare, run_block
+    from femimpact.integrators.stepping.run import prepare, run_block
 
     system, method = problem.full(elements), _method(problem)
     bases = [fi.Sine(problem.amplitude, f) for f in problem.frequencies[: hand_c.LANES]]

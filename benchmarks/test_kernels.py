@@ -19,7 +19,7 @@ from problem import load_problem
 
 import femimpact as fi
 from femimpact.integrators.stepping.arrays import Inputs
-from femimpact.integrators.stepping.block import prepare, run_block
+from femimpact.integrators.stepping.run import prepare, run_block
 
 PROBLEM = load_problem()
 pytestmark = pytest.mark.benchmark(timer=time.process_time)

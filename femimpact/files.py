@@ -192,14 +192,8 @@ def write_csv(path: str | Path, columns: Mapping[str, Sequence[Any]], units: Map
 def read_csv(path: str | Path) -> dict[str, Any]:
     """Read a table that `write_csv` wrote: arrays by name, the unit taken off; numbers where all are.
 
-    Returns
-    -------
-    dict of str to ndarray (rows,)
-
     Raises
     ------
-    InputError
-        If there is no such file.
     OSError
         If it cannot be read, or is no regular file.
     ValueError

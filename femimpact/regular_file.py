@@ -24,14 +24,14 @@ KINDS = ((stat.S_ISDIR, "a directory"), (stat.S_ISFIFO, "a pipe"), (stat.S_ISCHR
          (stat.S_ISBLK, "a device"), (stat.S_ISSOCK, "a socket"))  # fmt: skip
 
 
-def check_regular(
+def open_regular(
     path: str | Path,
     most: int | None = None,  # bytes that the file may have
-) -> None:
-    """Refuse what is no regular file, before it is opened.
+) -> BufferedReader:
+    """The open file of a path, to read bytes from.
 
-    Raises `OSError` if it does not exist, is a directory, a pipe, a device or a socket, or larger; `strerror` says
-    which.
+    Raises `OSError`, before it is opened, if it does not exist, is a directory, a pipe, a device or a socket, or is
+    larger; `strerror` says which.
     """
     try:
         status = os.stat(path)
@@ -44,16 +44,11 @@ def check_regular(
     if most is not None and status.st_size > most:
         words = f"has {status.st_size:,} bytes, of which at most {most:,} are read"
         raise OSError(errno.EFBIG, words, str(path))
-
-
-def open_regular(path: str | Path, most: int | None = None) -> BufferedReader:
-    """The open file of a path, to read bytes from; raises `OSError` as `check_regular`."""
-    check_regular(path, most)
     return open(path, "rb")
 
 
 def read_regular(path: str | Path, most: int) -> bytes:
-    """Bytes of a file; raises `OSError` as `check_regular`."""
+    """Bytes of a file; raises `OSError` as `open_regular`."""
     with open_regular(path, most) as file:
         return file.read()
 

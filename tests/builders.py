@@ -20,13 +20,14 @@ from femimpact.app.study.findings import joined
 from femimpact.app.study.findings import summary_of as summary_of_findings
 from femimpact.app.study.parameter_plan import ParameterPlan
 from femimpact.app.study.prepared import lines_of_plan, prepare
-from femimpact.app.study.study import MeshChoice, OrbitsPlan, Output, Reduction, SweepPlan, build
-from femimpact.app.study.study_file import TABLES, load_study, read_study, study_lines, study_schema, study_text
+from femimpact.app.study.study import MeshChoice, OrbitsPlan, Output, Reduction, SweepPlan, build_systems, method_for
+from femimpact.app.study.study_file import TABLES, load_study, read_study, same_study, study_schema, study_text
 from femimpact.app.study.summary import findings_of, findings_of_history, findings_of_modes, findings_of_sweeps
 from femimpact.app.tasks.run import run_simulation, run_study
 from femimpact.app.tasks.study_command import write_parameter_study
 from femimpact.cli import print_results
 from femimpact.files import read_csv
+from femimpact.integrators.methods import Method
 from femimpact.response.history_file import history_writer
 
 REFERENCE = fi.Structure(
@@ -40,6 +41,12 @@ REFERENCE = fi.Structure(
     damping=fi.Rayleigh(ratio=0.0029, modes=(1, 2)),
 )
 """The structure behind the published 5.30 and 4.98 Hz."""
+
+
+def build(study: fi.app.Study) -> tuple[fi.System, fi.System, Method]:
+    """The full system, the one that is integrated, and the method with its step."""
+    full, small = build_systems(study)
+    return full, small, method_for(study, small)
 
 
 def plan_lines(study: fi.app.Study) -> list[str]:
@@ -57,11 +64,6 @@ def summary_of(prepared: object, modes: object = None, response: object = None, 
     if sweeps is not None:
         findings = joined(findings, findings_of_sweeps(prepared, sweeps))
     return summary_of_findings(findings)
-
-
-def same_study(one: fi.app.Study, other: fi.app.Study) -> bool:
-    """True where two studies are equal, whatever their paths and texts are."""
-    return one.source.get("content") == other.source.get("content") and [*study_lines(one)] == [*study_lines(other)]
 
 
 def with_ball(structure: fi.Structure, **changes: object) -> fi.Structure:

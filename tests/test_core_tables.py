@@ -15,7 +15,7 @@ from femimpact.contact import laws
 from femimpact.core import compilation
 from femimpact.core.structs import LINE, zeros, zeros_together
 from femimpact.integrators.event_driven import block
-from femimpact.integrators.stepping import block as stepping_block
+from femimpact.integrators.stepping import run as stepping_run
 from femimpact.response import impacts
 
 TYPES = {"float64": "Array", "complex128": "Complex", "int64": "Integers", "bool": "NDArray[np.bool_]"}
@@ -141,7 +141,7 @@ def of_events(monkeypatch, count=1, excitation=SINE):
 
 def of_steps(monkeypatch):
     """The first call of a method with steps, which divides those with contact."""
-    return calls_of_a_run(monkeypatch, stepping_block, "advance", fi.Newmark(1e-4, refine=4))[-1]
+    return calls_of_a_run(monkeypatch, stepping_run, "advance", fi.Newmark(1e-4, refine=4))[-1]
 
 
 CALLS = {"run_cases": (of_events, ("task", "job", "ledger")), "advance": (of_steps, (None, "block", "fine"))}

@@ -55,7 +55,7 @@ def _declared_functions() -> Iterator[tuple[str, object, list[str]]]:
         inner = inspect.getclosurevars(function).nonlocals if inspect.isfunction(function) else {}
         # a method in one sentence has no entries; its annotations say the kinds
         if "declared" in inner and "Parameters" in (function.__doc__ or ""):
-            yield name, function, [item.allowed for item in inner["declared"]]
+            yield name, function, [metadata["allowed"] for _, metadata, _ in inner["declared"]]
 
 
 def test_every_function_that_checks_its_arguments_shows_what_they_must_be():

@@ -11,8 +11,9 @@ import femimpact as fi
 from femimpact.app.tasks.run import impact_files
 from femimpact.app.tasks.task import write_files
 from femimpact.files import read_csv, write_csv, write_netcdf
-from femimpact.response.impacts import IMPACT_UNITS, STICKING_UNITS, impact_columns
+from femimpact.response.impacts import IMPACT_UNITS, StickingPhases, impact_columns
 from femimpact.response.regimes import classify, impacts_per_cycle
+from femimpact.table import column_units
 
 pytestmark = pytest.mark.impacts
 
@@ -186,5 +187,5 @@ def test_a_study_leaves_the_record_and_sticking_only_where_something_stuck(run, 
     assert (tmp_path / FILES["sticking"].name).is_file() == (len(result.sticking) > 0) == (run == "event_driven")
     if run == "event_driven":
         back = read_csv(tmp_path / FILES["sticking"].name)
-        for name in STICKING_UNITS:
+        for name in column_units(StickingPhases):
             np.testing.assert_array_equal(back[name], getattr(result.sticking, name))

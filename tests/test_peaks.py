@@ -9,7 +9,7 @@ from builders import oscillator
 
 import femimpact as fi
 from femimpact.integrators.stepping.arrays import Inputs
-from femimpact.integrators.stepping.block import prepare, run_block
+from femimpact.integrators.stepping.run import prepare, run_block
 
 pytestmark = pytest.mark.impacts
 

@@ -10,8 +10,9 @@ from builders import FILES
 import femimpact as fi
 from femimpact.cli import app
 from femimpact.response.channels import channel_of
-from femimpact.response.impacts import IMPACT_UNITS, STICKING_UNITS
+from femimpact.response.impacts import IMPACT_UNITS, StickingPhases
 from femimpact.sweep.curve import SWEEP_UNITS
+from femimpact.table import column_units
 
 NAMES = """
     contact.ALUMINIUM
@@ -171,7 +172,7 @@ def test_file_names_of_results_are_still_there():
 
 def test_columns_are_still_there():
     assert set(IMPACT_COLUMNS.split()) <= set(IMPACT_UNITS)
-    assert set(STICKING_COLUMNS.split()) <= set(STICKING_UNITS)
+    assert set(STICKING_COLUMNS.split()) <= set(column_units(StickingPhases))
     assert set(SWEEP_COLUMNS.split()) <= set(SWEEP_UNITS)
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from builders import build, load_study, oscillator, paper_study_text, prepare, read_study
-from nouns import BASE, NOUNS, STRUCTURE, grid, response, small, system
+from nouns import BASE, NOUNS, STRUCTURE, response, small, system
 
 import femimpact as fi
 from femimpact import vtk
@@ -299,12 +299,6 @@ CALLS = [
         r"static_correction",
         lambda: fi.reduce(free(impactors=[fi.Impactor("ball", "a", 0.1, 1.0, RIGID)]), 1, static_correction=True),
     ),
-    (
-        "basis: must be the Hermite basis on the nodes",
-        lambda: replace(grid(), basis=fi.fem.discretise(STRUCTURE, elements=7).basis),
-    ),
-    ("sections", lambda: replace(grid(), sections=fi.fem.discretise(STRUCTURE, elements=7).sections)),
-    ("free: must be increasing numbers of dofs", lambda: replace(grid(), free=np.array([1, 1]))),
     *(
         (words, lambda terms=terms: fi.system.add_terms(placed(), **terms))
         for terms, words in (

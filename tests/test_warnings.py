@@ -43,7 +43,7 @@ SITES = {
     ("excitation/remarks.py", "_kept"): ["no mode is kept"],
     ("integrators/channel_rows.py", "mode_notes"): ["changes slowly lacks the difference",
                                                     "modes are left out: reactions"],
-    ("integrators/record_reading.py", "record_warnings"): ["the record is coarse"],
+    ("integrators/record_reading.py", "coarse_record"): ["the record is coarse"],
     ("integrators/stepping/operators.py", "check_step"): ["coarse step"],
     ("integrators/stepping/run.py", "_residual_warnings"): ["energy residual"],
     ("integrators/event_driven/run.py", "_balance_warnings"): ["energy residual"],

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from femimpact.app.parametric.dataset import axis_rows
 from femimpact.app.parametric.definition import ParameterStudy
 from femimpact.app.study.prepared import carried_words, in_study_words, lines_of_plan, prepare, refined_grid
-from femimpact.app.study.study import Study, build
+from femimpact.app.study.study import Study, build_systems
 from femimpact.app.tasks.study_command import definition_of
 from femimpact.arrays import Array
 from femimpact.contact.laws import Rigid
@@ -164,7 +164,7 @@ def preflight(
         given = (excitation, duration, frequencies, cycles, structure, method, initial, acceleration)
         alone = all(value is None for value in given)
         require(alone, "plan", kind_of(plan), "", "must be the only argument: the rest follows from the study")
-        return preflight_of_study(plan, build(plan)[1]) if isinstance(plan, Study) else _of_cases(plan)
+        return preflight_of_study(plan, build_systems(plan)[1]) if isinstance(plan, Study) else _of_cases(plan)
     require_type(plan, System, "plan")
     if excitation is not None:
         require_excitation(excitation)

@@ -191,7 +191,10 @@ def _of_pointer(force: Any) -> ForcePointer:
         if force.signature.replace(" ", "") != SIGNATURE.replace(" ", "") or force.user_data is not None:
             raise _refused(force)
         capsule = tuple.__getitem__(force, 0)
-        address = _capsule_address(capsule)
+        name, pointer = ctypes.pythonapi.PyCapsule_GetName, ctypes.pythonapi.PyCapsule_GetPointer
+        name.restype, name.argtypes = ctypes.c_char_p, (ctypes.py_object,)
+        pointer.restype, pointer.argtypes = ctypes.c_void_p, (ctypes.py_object, ctypes.c_char_p)
+        address = int(pointer(capsule, name(capsule)) or 0)
     else:
         function = force if isinstance(force, POINTER) else force.ctypes
         arguments = getattr(function, "argtypes", None) or getattr(function, "_argtypes_", None) or ()
@@ -205,14 +208,6 @@ def _of_pointer(force: Any) -> ForcePointer:
 
 def _address(function: Any) -> int:
     return ctypes.cast(function, ctypes.c_void_p).value or 0
-
-
-def _capsule_address(capsule: object) -> int:
-    api = ctypes.pythonapi
-    name, pointer = api.PyCapsule_GetName, api.PyCapsule_GetPointer
-    name.restype, name.argtypes = ctypes.c_char_p, (ctypes.py_object,)
-    pointer.restype, pointer.argtypes = ctypes.c_void_p, (ctypes.py_object, ctypes.c_char_p)
-    return int(pointer(capsule, name(capsule)) or 0)
 
 
 @dataclass(frozen=True)

@@ -21,33 +21,26 @@ class ContactLaw(Protocol):
     @property
     def name(self) -> str:
         """Name of the law in results and messages."""
-        ...
 
     @property
     def restitution(self) -> float | None:
         """Restitution (1) that the law was given; None where it follows from other numbers."""
-        ...
 
     @property
     def may_be_preloaded(self) -> bool:
         """True if a stop may press on the structure at rest: not where a spring acts from the middle of the gaps."""
-        ...
 
     def normal_force(self, depth: float, rate: float, approach_speed: float, effective_mass: float) -> float:
         """Force (N) that pushes the bodies apart, >= 0; not a number where the contact is an impulse."""
-        ...
 
     def potential(self, depth: float, effective_mass: float, approach_speed: float) -> float:
         """Energy (J) stored at a penetration: the part that the law gives back."""
-        ...
 
     def collide(self, effective_mass: float, approach_speed: float) -> Collision:
         """One collision in continuous time, from touch to zero force."""
-        ...
 
     def parameters(self, effective_mass: float) -> ContactParameters:
         """Numbers for the time loop; a law without a compiled branch gives `ContactParameters.of_function`."""
-        ...
 
     def force_function(self, effective_mass: float) -> ForceFunction | None:
         """Function of depth, rate and approach speed to the force (N), which the time loop calls as a C function.
@@ -55,11 +48,9 @@ class ContactLaw(Protocol):
         Of Python, of ctypes, or a scipy.LowLevelCallable; see `CustomLaw`. None where the kind of the parameters has
         a compiled branch. The same function object each time is compiled once; a new one is compiled again.
         """
-        ...
 
     def shown_numbers(self, effective_mass: float) -> tuple[tuple[str, float, str], ...]:
         """Name, value and unit of what characterises the contact; empty where no number does."""
-        ...
 
 
 MEMBERS = {name: member for name, member in vars(ContactLaw).items() if not name.startswith("_")}

@@ -26,6 +26,7 @@ from femimpact.errors import (
     quantity,
     real_array,
     require,
+    takes,
 )
 from femimpact.errors import text as a_text
 from femimpact.excitation.column_names import in_si, unit_of
@@ -66,7 +67,7 @@ def _factors(table: TextTable, places: Sequence[int], scale: float | None) -> tu
 
 
 def _warn(path: Path, words: str) -> None:
-    warnings.warn(f"{path.name}, {words}", InputWarning, stacklevel=5)
+    warnings.warn(f"{path.name}, {words}", InputWarning, stacklevel=6)
 
 
 LEAKAGE = 2
@@ -136,6 +137,9 @@ class RecordedBase:
         return cls.from_text(record_text(path), scale, detrend, columns, path, high_pass)
 
     @classmethod
+    @takes(
+        text=a_text(), path=instance(str, Path), scale=optional(quantity("1")), detrend=choice("none", "mean", "line")
+    )
     def from_text(
         cls,
         text: str,
@@ -146,11 +150,7 @@ class RecordedBase:
         high_pass: float | None = None,
     ) -> RecordedBase:
         """The motion that the text of such a file holds; a fault names it by the path."""
-        checked("text", text, a_text())
-        checked("path", path, instance(str, Path))
-        scale = checked("scale", scale, optional(quantity("1")))
         require(scale != 0.0, "scale", scale, "1", "must not be 0")
-        detrend = checked("detrend", detrend, choice("none", "mean", "line"))
         two = isinstance(columns, (tuple, list)) and len(columns) == 2 and all(map(is_column, columns))
         allowed = "must be two numbers from 0 or names of the header, of time and acceleration"
         require(two, "columns", columns, "", allowed)
@@ -168,7 +168,9 @@ class RecordedBase:
         if detrend != "none":
             from scipy.signal import detrend as without_trend
 
-            samples = without_trend(samples, type="constant" if detrend == "mean" else "linear")
+            # of huge samples the squares of what is left, which nobody asks for, are no numbers
+            with np.errstate(over="ignore"):
+                samples = without_trend(samples, type="constant" if detrend == "mean" else "linear")
         if high_pass is not None:
             samples = _high_passed(samples, interval, high_pass)
         base = cls(samples, interval, note=note)

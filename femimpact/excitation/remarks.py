@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -133,17 +134,11 @@ def motion_notes(
     """Notes where a run ends (s) before a drive begins or after the record, and where a pulse moves the base away."""
     notes = [text for *_, text in late_drives(excitation, end)]
     for which, drive, part in named_parts(excitation):
-        note = str(getattr(part, "note", ""))
-        notes += [*([note] if note else ()), *_of_clipping(part)]
-        notes += [] if is_force(drive) else [*_of_level(part), *_of_pulse(part, length)]
+        notes += _of_part(part, is_force(drive), length)
         if is_force(drive) or part is not drive:
             notes += _after_its_end(which or "the force", part, end)
     for drive in getattr(excitation, "drives", (excitation,)):
-        line = None if is_force(drive) else getattr(drive, "closed_form", None)
-        if isinstance(line, PiecewisePolynomial):
-            notes += _after_last_knot(line, end)
-        elif isinstance(line, BrokenLine):
-            notes += _after_last_sample(line, end)
+        notes += [] if is_force(drive) else _base_moves_on(getattr(drive, "closed_form", None), end)
     return tuple(dict.fromkeys(notes))
 
 
@@ -173,65 +168,47 @@ def _after_its_end(
     return (f"the run ends at {end:.6g} s, {which} at {last:.6g} s: from there on it does not act",)
 
 
-def _of_pulse(excitation: Excitation, length: float) -> tuple[str, ...]:
-    """A note on a record of a pulse that moves the base far."""
-    line, far = getattr(excitation, "closed_form", None), float(excitation.amplitude)
-    if not (isinstance(line, BrokenLine) and 0.0 < FAR * length < far and is_pulse(line.samples)):
-        return ()
-    change = line.interval * _total(np.asarray(line.samples, dtype=float))
-    return (
-        f"a pulse changes the velocity of the base by {change:.3g} m/s for good, so that it moves by up to "
-        f"{far:.4g} m: no offset is to be removed; motion relative to the base depends on the pulse alone",
-    )
+def _of_part(part: Excitation, is_of_force: bool, length: float) -> Iterator[str]:
+    """What a history says itself, what clipping takes from its density, a level that bends, a pulse that moves far."""
+    if note := str(getattr(part, "note", "")):
+        yield note
+    if isinstance(part, RandomBase) and part.clip is not None:
+        yield (
+            f"the random motion is clipped at {part.clip:g} root mean squares: {100.0 * part.lost_share:.3g} % of the "
+            f"mean square of its density is lost, its kurtosis is {part.kurtosis:.4g}, its crest factor "
+            f"{part.crest:.4g}"
+        )
+    if is_of_force:
+        return
+    error, frequency = part.level_error if isinstance(part, Chirp) else (0.0, 0.0)
+    if error > LEVEL_ERROR:
+        yield (
+            f"the level over frequency bends sharply: so that the base does not drift, an acceleration of up to "
+            f"{100.0 * error:.2g} % of the level is added, the most at {frequency:.4g} Hz"
+        )
+    line, far = getattr(part, "closed_form", None), float(part.amplitude)
+    if isinstance(line, BrokenLine) and 0.0 < FAR * length < far and is_pulse(line.samples):
+        change = line.interval * _total(np.asarray(line.samples, dtype=float))
+        yield (
+            f"a pulse changes the velocity of the base by {change:.3g} m/s for good, so that it moves by up to "
+            f"{far:.4g} m: no offset is to be removed; motion relative to the base depends on the pulse alone"
+        )
 
 
-def _after_last_sample(line: BrokenLine, end: float) -> tuple[str, ...]:
-    """A note where a run ends (s) after a record of the base."""
-    last = (len(line.samples) - 1) * line.interval
-    # a run ends at a step or sample
-    if end <= last + 1.5 * line.interval:
-        return ()
-    speed = float(line.motion_at(last)[1])
-    return (
-        f"the run ends at {end:.6g} s, the record at {last:.6g} s: from there on the base moves on at {speed:.3g} "
-        "m/s, without acceleration",
-    )
-
-
-def _of_clipping(excitation: Excitation) -> tuple[str, ...]:
-    """A note on what clipping takes from the density of a random motion."""
-    if not isinstance(excitation, RandomBase) or excitation.clip is None:
-        return ()
-    return (
-        f"the random motion is clipped at {excitation.clip:g} root mean squares: {100.0 * excitation.lost_share:.3g} % "
-        f"of the mean square of its density is lost, its kurtosis is {excitation.kurtosis:.4g}, its crest factor "
-        f"{excitation.crest:.4g}",
-    )
-
-
-def _of_level(excitation: Excitation) -> tuple[str, ...]:
-    """A note where a level over frequency bends so sharply that the acceleration is not that level."""
-    error, frequency = excitation.level_error if isinstance(excitation, Chirp) else (0.0, 0.0)
-    if error <= LEVEL_ERROR:
-        return ()
-    return (
-        f"the level over frequency bends sharply: so that the base does not drift, an acceleration of up to "
-        f"{100.0 * error:.2g} % of the level is added, the most at {frequency:.4g} Hz",
-    )
-
-
-def _after_last_knot(pieces: PiecewisePolynomial, end: float) -> tuple[str, ...]:
-    """A note where a run ends (s) after the motion of the base."""
-    last, speed = pieces.duration, float(pieces.starts[-1, 1])
-    # a run ends at a step or sample
-    if end <= last + 0.01 * abs(last):
-        return ()
-    rests = abs(speed) <= ROUNDING * float(np.abs(pieces.starts[:, 1]).max())
-    moving = "rests" if rests else f"moves on at {speed:.3g} m/s"
-    return (
-        f"the run ends at {end:.6g} s, the excitation at {last:.6g} s: from there on the base {moving}, without "
-        "acceleration",
-    )
+def _base_moves_on(line: Any, end: float) -> Iterator[str]:
+    """A note where a run ends (s) after the closed form of a motion of the base; it ends at a step or sample."""
+    if isinstance(line, PiecewisePolynomial):
+        what, last, speed = "excitation", line.duration, float(line.starts[-1, 1])
+        late, rests = 0.01 * abs(last), abs(speed) <= ROUNDING * float(np.abs(line.starts[:, 1]).max())
+    elif isinstance(line, BrokenLine):
+        what, last = "record", (len(line.samples) - 1) * line.interval
+        late, rests, speed = 1.5 * line.interval, False, float(line.motion_at(last)[1])
+    else:
+        return
+    if end > last + late:
+        moving = "rests" if rests else f"moves on at {speed:.3g} m/s"
+        ends = f"the run ends at {end:.6g} s, the {what} at {last:.6g} s"
+        yield f"{ends}: from there on the base {moving}, without acceleration"
 
 
 def _total(samples: Array) -> float:

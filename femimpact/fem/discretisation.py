@@ -213,7 +213,8 @@ def _sections(beam: Beam, mesh: Mesh) -> SectionFields:
             values[5:, members] = 0.0
         region[members] = segment.name
     values.setflags(write=False)
-    return SectionFields(*values[:5], region.astype(str), *values[5:])
+    stiffness, mass, inertia, moduli, half, width_taper, thickness_taper = values
+    return SectionFields(stiffness, mass, inertia, moduli, half, region.astype(str), width_taper, thickness_taper)
 
 
 def _taper(segment: Segment, mesh: Mesh, members: NDArray[np.int64]) -> tuple[Array, Array]:

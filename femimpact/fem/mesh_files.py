@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from femimpact.arrays import Array
 from femimpact.errors import Fault, InputError, require, require_path
 from femimpact.fem.mesh import MOST_ELEMENTS, SAME_PLACE, Mesh
-from femimpact.regular_file import check_regular
+from femimpact.regular_file import open_regular
 
 MOST_BYTES = 1_000_000_000
 """Most bytes of a mesh file."""
@@ -72,7 +72,7 @@ def read_mesh(path: str | Path) -> Mesh:
     require_path(path, "mesh.file", "a mesh file")
     path = Path(path)
     try:
-        check_regular(path, MOST_BYTES)
+        open_regular(path, MOST_BYTES).close()
     except OSError as error:
         allowed = f"must be an existing mesh file: {error.strerror or 'cannot be read'}"
         raise InputError([Fault("mesh.file", str(path), "", allowed)]) from None

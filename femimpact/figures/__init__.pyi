@@ -1,9 +1,9 @@
-from femimpact.figures.channel_histories import channels as channels
-from femimpact.figures.channel_histories import drive as drive
 from femimpact.figures.contacts import collision_history as collision_history
 from femimpact.figures.contacts import contact_laws as contact_laws
 from femimpact.figures.contacts import impact_histograms as impact_histograms
 from femimpact.figures.contacts import impulse_phase as impulse_phase
+from femimpact.figures.curves import convergence as convergence
+from femimpact.figures.curves import convergence_panels as convergence_panels
 from femimpact.figures.curves import decay as decay
 from femimpact.figures.curves import response_columns as response_columns
 from femimpact.figures.curves import response_curve as response_curve
@@ -12,12 +12,12 @@ from femimpact.figures.drawing import COLOURS as COLOURS
 from femimpact.figures.drawing import STYLE as STYLE
 from femimpact.figures.drawing import OffScreen as OffScreen
 from femimpact.figures.drawing import save_figure as save_figure
+from femimpact.figures.histories import channels as channels
 from femimpact.figures.histories import contact_force as contact_force
 from femimpact.figures.histories import cycle_averaged_force as cycle_averaged_force
+from femimpact.figures.histories import drive as drive
 from femimpact.figures.histories import energies as energies
 from femimpact.figures.movie import write_movie as write_movie
-from femimpact.figures.orders import convergence as convergence
-from femimpact.figures.orders import convergence_panels as convergence_panels
 from femimpact.figures.portraits import bifurcation as bifurcation
 from femimpact.figures.portraits import motion as motion
 from femimpact.figures.portraits import phase_portrait as phase_portrait

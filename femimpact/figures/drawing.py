@@ -18,6 +18,7 @@ from femimpact.files import atomic_path, target_path
 from femimpact.regular_file import decimal_number
 from femimpact.response.channels import channel_key
 from femimpact.response.response import Response
+from femimpact.scene.placed import zigzag
 from femimpact.structure.structure import Dashpot, Position, Spring
 from femimpact.system.system import System
 from femimpact.units import number_text, prefixed
@@ -358,9 +359,6 @@ def beam_at(response: Response, pair: Any) -> NDArray[np.float64]:
 
 Point = tuple[float, float]
 
-TURNS = 6
-"""Teeth of a zigzag."""
-
 
 def draw_connection(
     axis: Any,
@@ -370,7 +368,7 @@ def draw_connection(
 ) -> None:
     """A spring or a dashpot between two points of a figure, with its name for the legend."""
     damps = isinstance(item, Dashpot)
-    points = np.array(ends, dtype=float) if damps else _zigzag(np.array(ends, dtype=float), np.array(across))
+    points = np.array(ends, dtype=float) if damps else zigzag(ends, across)
     label, line = f"{item.name} ({'dashpot' if damps else 'spring'})", "--" if damps else "-"
     axis.plot(points[:, 0], points[:, 1], line, color=DARK, linewidth=1.2, label=label, clip_on=False)
     axis.plot(*np.array(ends, dtype=float).T, "o", color=DARK, markersize=3.5, clip_on=False)
@@ -379,10 +377,3 @@ def draw_connection(
 def draw_ground(axis: Any, at: Point) -> None:
     """The base, where a spring or a dashpot ends on it."""
     axis.plot([at[0]], [at[1]], "_", color=GREY, markersize=14.0, markeredgewidth=2.5, clip_on=False)
-
-
-def _zigzag(ends: NDArray[np.float64], across: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Points from one end to the other, straight for a while at both."""
-    share = np.concatenate([[0.0], np.linspace(0.2, 0.8, 2 * TURNS + 1), [1.0]])
-    side = np.concatenate([[0.0, 0.0], np.resize([1.0, -1.0], 2 * TURNS - 1), [0.0, 0.0]])
-    return np.asarray(ends[0] + share[:, None] * (ends[1] - ends[0]) + side[:, None] * across)

@@ -20,7 +20,7 @@ from femimpact.excitation.piecewise_polynomial import PiecewisePolynomial, piece
 from femimpact.excitation.random_base import RandomBase
 from femimpact.excitation.remarks import FAR, drives_above_modes, is_pulse, late_drives, motion_warnings
 from femimpact.excitation.sums import force_form_of
-from femimpact.integrators.record_reading import DIFFERENCE, record_coarseness, record_warnings
+from femimpact.integrators.record_reading import DIFFERENCE, coarse_record, record_coarseness
 from femimpact.response.cycles import PeakResolution, peak_resolution, resolution_warnings
 from femimpact.structure.beam import realised_damping_ratio
 from femimpact.system.contact_pair import ContactPair
@@ -215,14 +215,7 @@ def drive_rows(
     system: System, excitation: Excitation, duration: float | None, initial: State
 ) -> Iterator[PreflightRow]:
     """Each drive beside the modes that are kept, its record, and what `plan_rows` says of it."""
-    for what, value, unit, limit, text in drives_above_modes(excitation, system.highest_kept, system.first_left_out):
-        if math.isfinite(limit) and unit:
-            yield row_of(what, value, unit, limit, text)
-    for drive in getattr(excitation, "drives", (excitation,)):
-        interval, change = record_coarseness(system, drive, duration or 0.0)
-        if math.isfinite(interval) and duration is not None:
-            what = f"change of the peak by straight lines between the samples of the record, {interval:.4g} s apart"
-            yield row_of(what, abs(change), "1", DIFFERENCE, "; ".join(record_warnings(system, drive, duration)))
+    yield from (row for row in _of_histories(system, excitation, duration) if math.isfinite(row.limit))
     end = math.inf if duration is None else initial.time + duration
     for which, begin, text in late_drives(excitation, end):
         yield row_of(f"begin of the drive{f', {which}' * bool(which)}", begin, "s", end, text)
@@ -231,12 +224,21 @@ def drive_rows(
 
 def drive_warnings(system: System, excitation: Excitation, end: float) -> tuple[str, ...]:
     """Warnings of a drive up to a time (s): of a base that moves far, what the kept modes miss, a coarse record."""
-    above = drives_above_modes(excitation, system.highest_kept, system.first_left_out)
-    return (
-        *motion_warnings(excitation, system.length),
-        *(text for *_, text in above if text),
-        *record_warnings(system, excitation, end),
-    )
+    histories = _of_histories(system, excitation, end)
+    return (*motion_warnings(excitation, system.length), *(each.instead for each in histories if each.passed))
+
+
+def _of_histories(system: System, excitation: Excitation, end: float | None) -> Iterator[PreflightRow]:
+    """Each history beside the modes that are kept, and each record up to a time (s) beside its samples."""
+    for what, value, unit, limit, text in drives_above_modes(excitation, system.highest_kept, system.first_left_out):
+        yield row_of(what, value, unit, limit, text)
+    if end is None:
+        return
+    for drive in getattr(excitation, "drives", (excitation,)):
+        interval, change = record_coarseness(system, drive, end)
+        if math.isfinite(interval):
+            what = f"change of the peak by straight lines between the samples of the record, {interval:.4g} s apart"
+            yield row_of(what, abs(change), "1", DIFFERENCE, coarse_record(interval, change))
 
 
 def plan_notes(system: System, excitation: Excitation, duration: float, initial: State) -> tuple[str, ...]:

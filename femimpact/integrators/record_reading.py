@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from femimpact.arrays import Array
 from femimpact.errors import InputError
 from femimpact.excitation.drives import parts_in
-from femimpact.excitation.excitation import BrokenLine, Excitation, holds_drives
+from femimpact.excitation.excitation import BrokenLine, Excitation
 from femimpact.integrators.channel_rows import Drive, drive_of
 from femimpact.system.modes import solve_modes
 from femimpact.system.system import System
@@ -39,27 +39,20 @@ STIFF = 0.7
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(3)
 
 
-def record_warnings(
-    system: System,
-    # a record, as a motion of the base or a force, or a sum with one; nothing is said of others, nor where the
-    # structure has no such modes
-    excitation: Excitation,
-    end: float,  # s
-) -> tuple[str, ...]:
-    """A warning where a cubic spline through a record gives another peak than straight lines do, by more than 1 %."""
-    if holds_drives(excitation):
-        return tuple(text for drive in excitation.drives for text in record_warnings(system, drive, end))  # type: ignore[attr-defined]
-    interval, change = record_coarseness(system, excitation, end)
+def coarse_record(
+    interval: float,  # s
+    change: float,
+) -> str:
+    """A warning where straight lines through a record change the peak of a cubic spline by more than 1 %; else ""."""
     if abs(change) <= DIFFERENCE:
-        return ()
+        return ""
     side = "below" if change < 0.0 else "above"
     # the difference goes with the square of the interval, where that is long with less: half of what follows from it
     needed = 0.5 * interval * math.sqrt(DIFFERENCE / abs(change))
     return (
         f"the record is coarse: straight lines between its samples, {interval:.4g} s apart, give a peak without "
         f"contacts {number_text(100.0 * abs(change), 2)} % {side} that of a cubic spline through them; sample it "
-        "faster, every "
-        f"{number_text(needed, 2)} s",
+        f"faster, every {number_text(needed, 2)} s"
     )
 
 

@@ -305,7 +305,6 @@ def continue_orbit(orbit: PeriodicOrbit, parameter: str, to: tuple[float, float]
 
     Parameters
     ----------
-    orbit : PeriodicOrbit
     parameter : str
         Path as in a study file: "base.frequency" (Hz) and "base.amplitude" (m, of a force N), also without "base.";
         "impactor.NAME.gap" (m, both walls); "impactor.NAME.contact.restitution"; of a `KelvinVoigt` contact also

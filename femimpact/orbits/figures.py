@@ -66,7 +66,6 @@ def branch(
         Of one parameter, and of the displacement of one place.
     ax : Axes, optional
         Drawn on; those of a new pyplot figure by default.
-    title : str
     swept : pair of array_like (n,), optional
         Values of the parameter and largest displacements (m) of runs, drawn as dots.
 
@@ -160,15 +159,10 @@ def orbit(
 
     Parameters
     ----------
-    orbit : PeriodicOrbit
     of : str, optional
         A ball, a stop, or a place; by default the first ball or stop with walls, or else the default place.
     figure : Figure, optional
         Drawn on; a new one of pyplot's by default.
-
-    Returns
-    -------
-    ndarray (1, 3) of Axes
 
     Raises
     ------

@@ -49,8 +49,6 @@ class PeriodicOrbit:
 
     Parameters
     ----------
-    system : System
-    excitation : Sine or PointForce
     cycles : int
         Periods of the excitation after which the motion repeats.
     state : State

@@ -115,8 +115,6 @@ def find_orbits(
 
     Parameters
     ----------
-    system, excitation, cycles
-        As of `find_orbit`.
     guesses : sequence of State, Response or PeriodicOrbit
         Left out are those from which no orbit is found, and those that lead to none: a motion that sticks, a state
         beyond a wall, an orbit of other cycles, a run under another drive than a sine.
@@ -366,7 +364,6 @@ def two_impact_orbits(system: System, excitation: Excitation) -> tuple[PeriodicO
     ----------
     system : System
         On its modes, with one rigid ball or stop between equal walls, and no constant force.
-    excitation : Sine or PointForce
 
     Returns
     -------

@@ -74,12 +74,8 @@ class HistoryPiece:
         Of these samples; work and losses since the start of the run.
     snapshots : Snapshots or None
         Those due between the same steps.
-    base : Excitation
 
-    Raises
-    ------
-    InputError
-        If a channel or the ledger does not have the samples of `time`, or a channel has no unit.
+    Raises `InputError` if a channel or the ledger does not have the samples of `time`, or a channel has no unit.
     """
 
     time: Array = field(metadata=column("s", "samples", finite=True))

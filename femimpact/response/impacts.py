@@ -51,9 +51,6 @@ IMPACT_UNITS = {
 }
 """Columns of the impact table and their units, in their order."""
 
-STICKING_UNITS = {"impactor": "", "side": "1", "start": "s", "end": "s", "impulse": "N s", "mean_force": "N"}
-"""Columns of the table of sticking phases and their units."""
-
 
 @short_repr
 @dataclass(frozen=True, eq=False)
@@ -212,7 +209,7 @@ def impact_columns(impacts: Impacts) -> tuple[dict[str, Any], dict[str, str]]:
 class StickingPhases:
     """Table of sticking phases: a ball and its wall, or the beam and a stop, moving together.
 
-    `sticking["start"]` reads a column of `STICKING_UNITS`.
+    `sticking["start"]` reads a column.
 
     Parameters
     ----------

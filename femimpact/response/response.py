@@ -186,7 +186,6 @@ class Response:
     channels : mapping of str to ndarray (samples,)
         Relative to the base; `response["tip"]` reads one.
     units : mapping of str to str
-    impacts : Impacts
     sticking : StickingPhases
         Balls moving with their wall as a named state; only the event-driven method has it.
     statistics : ImpactStatistics
@@ -199,10 +198,8 @@ class Response:
     energy : EnergyLedger or None
         Of a streamed run, the few samples that decide the residual of all: the first, those of the
         largest imbalance and of the largest work, the last.
-    snapshots : Snapshots or None
     base : Excitation
         Its motion of the base makes absolute results.
-    system : System
     warnings, notes : tuple of str
     streamed_to : float or None, s
         Time of the last sample that went to the recorder's sink, if it has one.

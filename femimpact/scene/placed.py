@@ -44,6 +44,18 @@ def body_side(mass: float) -> float:
     return float((mass / BALL_DENSITY) ** (1.0 / 3.0))
 
 
+TURNS = 6
+"""Teeth of a zigzag."""
+
+
+def zigzag(ends: ArrayLike, across: ArrayLike) -> Array:
+    """Corners (k, 2) of a spring from one end to the other, straight for a while at both."""
+    (first, last), teeth = np.asarray(ends, dtype=float), np.resize([1.0, -1.0], 2 * TURNS - 1)
+    share = np.concatenate([[0.0], np.linspace(0.2, 0.8, 2 * TURNS + 1), [1.0]])
+    side = np.concatenate([[0.0, 0.0], teeth, [0.0, 0.0]])
+    return np.asarray(first + share[:, None] * (last - first) + side[:, None] * np.asarray(across))
+
+
 @dataclass(frozen=True)
 class DrawnContact:
     """A ball, an absorber or a stop as pictures show it; fields are those of `ContactPair`, but for the law."""

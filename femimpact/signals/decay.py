@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from femimpact.arrays import Array, even_interval
-from femimpact.errors import check_fields, checked, column, items, quantity, real_array, require, text
+from femimpact.errors import check_fields, column, items, quantity, real_array, require, takes, text
 from femimpact.signals.damped_sines import DecayFit, noise_of, seen_modes, windows
 from femimpact.table import Head, flat_columns, frame_of, head_of_columns, named_column, short_repr
 from femimpact.units import interval_texts, number_text
@@ -178,6 +178,7 @@ class DecayEstimate:
         return frame_of(*self.columns())
 
 
+@takes(modes=quantity("1", at_least=1, at_most=3, integer=True))
 def identify_decay(time: ArrayLike, signal: ArrayLike, *, modes: int = 1) -> DecayEstimate:
     """Frequencies and damping ratios of a free decay, with intervals, and the damping ratio over the amplitude.
 
@@ -207,11 +208,10 @@ def identify_decay(time: ArrayLike, signal: ArrayLike, *, modes: int = 1) -> Dec
     >>> import numpy as np
     >>> import femimpact as fi
     >>> t = np.arange(0.0, 8.0, 0.005)
-    >>> found = fi.identify_decay(t, np.exp(-0.1 * t) * np.cos(2 * np.pi * 5.0 * t))
-    >>> f"{found.modes[0].frequency:.3f} Hz, {100 * found.modes[0].damping_ratio:.3f} %"
+    >>> decay = fi.identify_decay(t, np.exp(-0.1 * t) * np.cos(2 * np.pi * 5.0 * t))
+    >>> f"{decay.modes[0].frequency:.3f} Hz, {100 * decay.modes[0].damping_ratio:.3f} %"
     '5.000 Hz, 0.318 %'
     """
-    modes = checked("modes", modes, quantity("1", at_least=1, at_most=3, integer=True))
     t, y, interval = _checked_signal(time, signal)
     begin, left_out = _begin(t, y, interval)
     t, y = t[begin:], y[begin:]

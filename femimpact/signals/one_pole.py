@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from femimpact.arrays import Array
-from femimpact.errors import check_fields, checked, quantity, real_array, require, require_type, text
+from femimpact.errors import check_fields, quantity, real_array, require, require_type, takes, text
 from femimpact.response.cycles import peak_resolution, resolution_warnings
 from femimpact.units import interval_texts, number_text
 
@@ -100,6 +100,7 @@ def _no_estimate(method: str, frequency: float, why: str) -> DampingEstimate:
     return DampingEstimate(math.nan, float(frequency), (math.nan, math.nan), method, (why,))
 
 
+@takes(reference_peak=quantity("m", above=0.0), peak=quantity("m", above=0.0))
 def amplitude_ratio_damping(reference: DampingEstimate, reference_peak: float, peak: float) -> DampingEstimate:
     """Equivalent damping from the drop of the largest peak: zeta_eq = zeta_ref X_ref/X.
 
@@ -111,8 +112,6 @@ def amplitude_ratio_damping(reference: DampingEstimate, reference_peak: float, p
         Largest peaks without and with balls.
     """
     require_type(reference, DampingEstimate, "reference")
-    reference_peak = checked("reference_peak", reference_peak, quantity("m", above=0.0))
-    peak = checked("peak", peak, quantity("m", above=0.0))
     drop = reference_peak / peak
     low, high = reference.interval
     return DampingEstimate(
@@ -176,6 +175,7 @@ def one_pole_amplitude(
     return np.asarray(scale * f**2 / np.hypot(natural_frequency**2 - f**2, 2.0 * ratio * natural_frequency * f))
 
 
+@takes(share=quantity("1", at_least=0.0, at_most=1.0), misfit_limit=quantity("1", at_least=0.0))
 def fit_one_pole(
     frequency: ArrayLike, amplitude: ArrayLike, share: float = 0.2, misfit_limit: float = 0.05
 ) -> DampingEstimate:
@@ -206,8 +206,6 @@ def fit_one_pole(
     """
     from scipy.optimize import leastsq
 
-    share = checked("share", share, quantity("1", at_least=0.0, at_most=1.0))
-    misfit_limit = checked("misfit_limit", misfit_limit, quantity("1", at_least=0.0))
     f, x = checked_curve(frequency, amplitude, 4)
     top = int(np.argmax(x))
     if top in (0, f.size - 1):

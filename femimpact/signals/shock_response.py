@@ -149,8 +149,8 @@ def shock_response_spectrum(
 
     >>> import femimpact as fi
     >>> shock = fi.Shock("half-sine", acceleration=30 * 9.80665, duration=0.011)
-    >>> found = fi.shock_response_spectrum(shock, [10.0, 75.0, 1000.0], ratio=0.05)
-    >>> bool(found.acceleration[1] > 1.5 * 30 * 9.80665)
+    >>> spectrum = fi.shock_response_spectrum(shock, [10.0, 75.0, 1000.0], ratio=0.05)
+    >>> bool(spectrum.acceleration[1] > 1.5 * 30 * 9.80665)
     True
     """
     f = checked_frequencies(frequency)

@@ -431,11 +431,10 @@ class Structure:
     @property
     def connections(self) -> tuple[tuple[str, Spring | Dashpot, dict[str, Position]], ...]:
         """Springs and dashpots, each with its key path and its places on the beam by the field's name."""
-        items: list[tuple[str, Spring | Dashpot]] = []
-        items += [(f"spring.{spring.name}", spring) for spring in self.springs]
-        items += [(f"dashpot.{dashpot.name}", dashpot) for dashpot in self.dashpots]
         return tuple(
-            (key, item, {"at": item.at} if item.to is None else {"at": item.at, "to": item.to}) for key, item in items
+            (f"{kind}.{one.name}", one, {"at": one.at} if one.to is None else {"at": one.at, "to": one.to})
+            for kind, several in (("spring", self.springs), ("dashpot", self.dashpots))
+            for one in several
         )
 
     @property

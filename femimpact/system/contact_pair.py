@@ -95,7 +95,7 @@ class ContactPair:
         """1/m of the ball (1/kg), 0 for a stop."""
         return 0.0 if self.is_stop else 1.0 / self.mass
 
-    @property
+    @cached_property
     def effective_mass(self) -> float:
         """1/(1/m + phi1^2), kg."""
         inverse = self.first_mode**2 + self.mobility

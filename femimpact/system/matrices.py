@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from femimpact.arrays import Array
 from femimpact.errors import Fault, InputError, checked, optional, real_array, require, require_path, text
-from femimpact.regular_file import check_regular
+from femimpact.regular_file import open_regular
 
 FREE = 1e-9
 """Share of a strain's terms below which it is rounding."""
@@ -385,7 +385,7 @@ def read_matrix(path: str | Path, name: str | None = None) -> Matrix:
     known = path.name.endswith(SUFFIXES)
     require(known, "path", str(path), "", f"must end with {', '.join(SUFFIXES)}")
     try:
-        check_regular(path, MOST_BYTES)
+        open_regular(path, MOST_BYTES).close()
         matrix = _of_archive(path, name) if path.suffix == ".npz" else _of_market(path)
     except InputError:
         raise

@@ -193,7 +193,7 @@ class System:
     sections: SectionFields | None = field(default=None, metadata=optional(instance(SectionFields)))
     first_left_out: float = field(default=math.inf, metadata=quantity("Hz", at_least=0.0, finite=False))
     unreduced: System | None = field(default=None, repr=False)
-    computed_together: SystemOrigin | None = field(default=None, repr=False)
+    computed_together: SystemOrigin = field(default=None, repr=False)  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -646,8 +646,7 @@ def with_checked_fields(system: System, **changes: Any) -> System:
     Raises `InputError` if a number is infinite.
     """
     _require_finite(changes.items())
-    origin = system.computed_together
-    return _together(_copy(system, **changes), changes.get("contacts", origin.contacts if origin else ()))
+    return _together(_copy(system, **changes), changes.get("contacts", system.computed_together.contacts))
 
 
 def with_checked_pairs(system: System, contacts: tuple[ContactPair, ...]) -> System:
@@ -658,8 +657,8 @@ def with_checked_pairs(system: System, contacts: tuple[ContactPair, ...]) -> Sys
 def _require_finite(values: Iterable[tuple[str, Any]]) -> None:
     for name, value in values:
         numbers: Any = value.data if sparse.issparse(value) else value  # type: ignore[attr-defined]
-        sound = not isinstance(numbers, np.ndarray) or numbers.dtype.kind != "f" or bool(np.isfinite(numbers).all())
-        require(sound, name, None, "", FINITE)
+        if isinstance(numbers, np.ndarray) and numbers.dtype.kind == "f" and not np.isfinite(numbers).all():
+            raise InputError([Fault(name, None, "", FINITE)])
 
 
 def _together(system: System, contacts: tuple[ContactPair, ...]) -> System:

@@ -6,7 +6,7 @@ import math
 import warnings
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -211,16 +211,15 @@ def _warn(text: str) -> None:
 # ---- states ---------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, eq=False)
-class _State:
-    """One snapshot's worth of arrays, as `Snapshots` has them."""
+ARRAYS = ("displacement", "velocity", "ball_displacement", "ball_velocity", "contact_force")
+"""Arrays of a state, as `Snapshots` has them."""
+
+
+class _State(NamedTuple):
+    """An instant, and the arrays of its state."""
 
     instant: Instant
-    displacement: Array
-    velocity: Array
-    ball_displacement: Array
-    ball_velocity: Array
-    contact_force: Array
+    arrays: tuple[Array, ...]
 
 
 def _states(record: ContactRecord, grid: Snapshots, instants: list[Instant]) -> tuple[list[_State], float]:
@@ -256,16 +255,14 @@ def _states(record: ContactRecord, grid: Snapshots, instants: list[Instant]) -> 
 
 
 def _recorded(grid: Snapshots, k: int, instant: Instant) -> _State:
-    names = ("displacement", "velocity", "ball_displacement", "ball_velocity", "contact_force")
-    return _State(instant, *(getattr(grid, name)[k] for name in names))
+    return _State(instant, tuple(getattr(grid, name)[k] for name in ARRAYS))
 
 
 def _between(
     transition: Transition, record: ContactRecord, grid: Snapshots, k: int, instants: list[Instant]
 ) -> tuple[list[_State], float]:
     """States at instants between two snapshots, just before what happens there, and by how much they miss the next."""
-    names = ("displacement", "velocity", "ball_displacement", "ball_velocity")
-    state = transition.state(*(getattr(grid, name)[k] for name in names))
+    state = transition.state(*(getattr(grid, name)[k] for name in ARRAYS[:-1]))
     time, end = float(grid.time[k]), float(grid.time[k + 1])
     states = list[_State]()
     stops = sorted({*record.between(time, end), *(item.time for item in instants), end})
@@ -281,10 +278,10 @@ def _between(
             forces = np.zeros(len(record.names))
             for touch in (*touching, *begun):
                 forces[touch.pair] = record.on_beam(touch.pair) * transition.force(state, touch, stop)
-            states.append(_State(item, *transition.nodal(state), forces))
+            states.append(_State(item, (*transition.nodal(state), forces)))
         state = _through(transition, record, state, stop, sticking)
     reached = transition.nodal(state)
-    wanted = [getattr(grid, name)[k + 1] for name in names]
+    wanted = [getattr(grid, name)[k + 1] for name in ARRAYS]
     largest = max(float(np.abs(grid.displacement[:, 0::2]).max()), float(np.abs(grid.ball_displacement).max(initial=0)))
     missed = max(
         float(np.abs(reached[0] - wanted[0])[0::2].max()), float(np.abs(reached[2] - wanted[2]).max(initial=0.0))
@@ -318,16 +315,13 @@ def _merged(
         touching[f, [touch.pair for touch in record.touching(time)]] = True
         touching[f, list(record.sticking(time))] = True
         for item in group:
-            forces[f] = np.where(item.contact_force != 0.0, item.contact_force, forces[f])
+            forces[f] = np.where(item.arrays[-1] != 0.0, item.arrays[-1], forces[f])
             if item.instant.pair >= 0:
                 impulse[f, item.instant.pair] += item.instant.impulse
                 touching[f, item.instant.pair] = True
-    names = ("displacement", "velocity", "ball_displacement", "ball_velocity")
-    snapshots = Snapshots(
-        time=np.array([group[-1].instant.time for group in groups]),
-        **{name: np.array([getattr(group[-1], name) for group in groups]) for name in names},
-        contact_force=forces,
-    )
+    motion = {name: np.array([group[-1].arrays[i] for group in groups]) for i, name in enumerate(ARRAYS[:-1])}
+    times = np.array([group[-1].instant.time for group in groups])
+    snapshots = Snapshots(time=times, **motion, contact_force=forces)
     what = tuple("; ".join(item.instant.what for item in group if item.instant.what) for group in groups)
     return Frames(snapshots, what, impulse, touching | (forces != 0.0), mismatch)
 

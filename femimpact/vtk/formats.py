@@ -84,39 +84,29 @@ def _field(name: str, value: Value) -> str:
     return f'<DataArray type="Float64" Name="{name}" {size} format="binary">{_body(values)}</DataArray>\n'
 
 
-class Grid:
-    """Static geometry of an unstructured grid, encoded once; `text` adds what changes."""
+def write_pvd(path: Path, series: Series) -> Path:
+    """Write a series as one VTU file a frame, and the collection that names them."""
+    active = 'Vectors="displacement"' + (f' Scalars="{series.coloured_by}"' if series.coloured_by else "")
+    size = f'NumberOfPoints="{len(series.points)}" NumberOfCells="{len(series.types)}"'
+    # the same in every frame: encoded once
+    geometry = (
+        f"<Points>\n{_data('Points', series.points)}</Points>\n<Cells>\n"
+        f"{_data('connectivity', series.connectivity)}{_data('offsets', series.offsets)}"
+        f"{_data('types', series.types)}</Cells>\n"
+    )
 
-    def __init__(self, points: Any, connectivity: Any, offsets: Any, types: Any, coloured_by: str = "") -> None:
-        self.active = 'Vectors="displacement"' + (f' Scalars="{coloured_by}"' if coloured_by else "")
-        self.size = f'NumberOfPoints="{len(points)}" NumberOfCells="{len(types)}"'
-        self.geometry = (
-            f"<Points>\n{_data('Points', points)}</Points>\n<Cells>\n{_data('connectivity', connectivity)}"
-            f"{_data('offsets', offsets)}{_data('types', types)}</Cells>\n"
-        )
-
-    def text(
-        self,
-        fields: Mapping[str, Value],
-        points: Mapping[str, NDArray[np.float64]],
-        cells: Mapping[str, NDArray[np.float64 | np.int32]],
-    ) -> str:
-        """Text of the file of one frame."""
+    def text(time: float, frame: Frame) -> str:
+        fields, points, cells = {"TimeValue": time, **frame.fields}, frame.points, frame.cells
         return (
             '<?xml version="1.0"?>\n<VTKFile type="UnstructuredGrid" version="1.0" byte_order="LittleEndian" '
             f'header_type="UInt64" compressor="vtkZLibDataCompressor">\n<UnstructuredGrid>\n<FieldData>\n'
-            f"{''.join(_field(name, value) for name, value in fields.items())}</FieldData>\n<Piece {self.size}>\n"
-            f"<PointData {self.active}>\n{''.join(_data(*item) for item in points.items())}</PointData>\n"
+            f"{''.join(_field(name, value) for name, value in fields.items())}</FieldData>\n<Piece {size}>\n"
+            f"<PointData {active}>\n{''.join(_data(*item) for item in points.items())}</PointData>\n"
             f"<CellData>\n{''.join(_data(*item) for item in cells.items())}</CellData>\n"
-            f"{self.geometry}</Piece>\n</UnstructuredGrid>\n</VTKFile>\n"
+            f"{geometry}</Piece>\n</UnstructuredGrid>\n</VTKFile>\n"
         )
 
-
-def write_pvd(path: Path, series: Series) -> Path:
-    """Write a series as one VTU file a frame, and the collection that names them."""
-    grid = Grid(series.points, series.connectivity, series.offsets, series.types, series.coloured_by)
-    texts = (grid.text({"TimeValue": time, **f.fields}, f.points, f.cells) for time, f in series.timed_frames())
-    return write_frames(path, series.times, texts, series.names)
+    return write_frames(path, series.times, (text(*timed) for timed in series.timed_frames()), series.names)
 
 
 def write_frames(path: Path, times: Sequence[float], texts: Iterable[str], names: Sequence[str] = ()) -> Path:

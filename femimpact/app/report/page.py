@@ -235,9 +235,6 @@ def _text_cells(values: Sequence[Any]) -> list[Element]:
     return [element(kind, text, data_value="" if text == NO_NUMBER else None) for text in texts]
 
 
-MOST_BYTES = 3_000_000
-"""Size of a report beyond which it is thinned."""
-
 POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
 """Allows a browser the styles and scripts of the page, and no request."""
 

@@ -1,19 +1,26 @@
-"""Tables and sentences that stand beside the pictures of a report."""
+"""Tables and sentences that stand beside the pictures of records."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
 
-from femimpact.app.report.page import Table, table_of
+from femimpact.app.report.markup import Element, element
+from femimpact.app.report.page import Table, table_element, table_of
 from femimpact.app.results.branch_file import FollowedBranches
+from femimpact.app.results.picture_data import Run, SweptCurves
+from femimpact.app.results.result_directory import FILES
 from femimpact.app.study.findings import Findings, history_words
-from femimpact.figures.study_labels import in_shown_units
+from femimpact.convergence.table import ConvergenceTable
+from femimpact.excitation.drives import drive_words
+from femimpact.figures.study_labels import case_columns, in_shown_units
+from femimpact.response.impacts import impact_columns
+from femimpact.signals.decay import DecayEstimate
 from femimpact.sweep.curve import ONE_START, FrequencyResponse
-from femimpact.units import parameter_text, prefixed, unit_text
+from femimpact.units import parameter_text, unit_text
 
 # ---- response curves -------------------------------------------------------------------------------
 
@@ -36,22 +43,6 @@ def dwell_words(curve: FrequencyResponse) -> str:
     else:
         driven = f"moves by {1e3 * (curve.amplitude or 0.0):.4g} mm"
     return f"Each frequency is held for {length}, from a start {start}; the end of it is measured. The base {driven}."
-
-
-def curve_table(curves: Mapping[str, FrequencyResponse]) -> Table:
-    """Peak and damping of each curve."""
-    rows: list[tuple[Any, ...]] = []
-    peaks: dict[str, list[float]] = {}
-    for curve in curves.values():
-        peaks.setdefault(curve.unit, []).append(float(np.nanmax(curve.peak, initial=0.0)))
-    scales = {unit: prefixed(max(largest), unit) for unit, largest in peaks.items()}
-    for label, curve in curves.items():
-        if np.any(np.isfinite(curve.peak)):
-            mark = "one sample" if curve.peak_is_sample else "transient" if curve.peak_is_transient else "periodic"
-            scale = scales[curve.unit][0]
-            rows.append((label, curve.peak_frequency, scale * curve.peak_amplitude, mark, len(curve.warnings)))
-    peak = f"peak ({', '.join(shown for _, shown in scales.values())})"
-    return Table("Peaks of the curves", ("curve", "frequency (Hz)", peak, "motion there", "warnings"), tuple(rows))
 
 
 # ---- runs ------------------------------------------------------------------------------------------
@@ -144,3 +135,37 @@ def branch_table(followed: FollowedBranches, file: str = "") -> Table:
     )  # fmt: skip
     header = ("branch", "followed from", "cycles", "from", "to", "points", "stable points", "first end", "last end")
     return Table("The branches", header, rows, file)
+
+
+# ---- by records -----------------------------------------------------------------------------------
+
+
+def beside(record: Any, folder: bool = False) -> Iterator[tuple[str, Element]]:
+    """Words and tables beside the pictures of a record, each with the key of the part of a page in which it stands.
+
+    With `folder` the files of results stand beside the page.
+    """
+
+    def file(key: str) -> str:
+        return FILES[key].name if folder else ""
+
+    if isinstance(record, SweptCurves):
+        yield "response", element("p", dwell_words(next(iter(record.curves.values()))))
+    elif isinstance(record, Run):
+        yield from (("drive", element("p", words)) for words in drive_words(record.whole.base))
+        impacts = impact_table(*impact_columns(record.whole.impacts), file("impacts"))
+        yield from () if impacts is None else [("impacts", table_element(impacts))]
+    elif isinstance(record, ConvergenceTable):
+        cases = cases_of_axis(*record.columns(), file(f"{record.kind}_over_{record.axis}"))
+        yield from () if cases is None else [("convergence", table_element(cases))]
+    elif isinstance(record, DecayEstimate):
+        yield from (("decay", element("p", str(mode))) for mode in record.modes)
+        yield "decay", table_element(table_of("Over the amplitude", *record.columns()))
+    elif is_parameter_study(record):
+        yield "cases", table_element(case_table(*case_columns(record), file("parameter_table")))
+
+
+def is_parameter_study(part: Any) -> bool:
+    """True for the dataset of `parameter_study` that has what it tells of its cases."""
+    names, about = getattr(part, "data_vars", ()), getattr(part, "attrs", {})
+    return {"finished", "failed_starts", "periodic_starts", "failure"} <= {*names} and {"starts", "place"} <= {*about}

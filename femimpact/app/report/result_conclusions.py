@@ -418,7 +418,6 @@ def study_conclusions(
     A measure with a reason has its worst value and the reason: its smallest value of all cases may be one beside a
     resonance.
     """
-    samples, starts = single_samples(data), int(data.attrs["starts"])
     names = [name for name in measure_names(data) if name not in best and (name in reasons or not best)]
     found = [one for name in best for one in _of_best(data, best[name])][:MOST_MEASURES]
     for name in names[: MOST_MEASURES - len(found)]:
@@ -433,27 +432,16 @@ def study_conclusions(
             if values.attrs.get("better") == "small":
                 (word, at), (other, end) = (other, end), (word, at)
             rest = f"no best case: {reasons[name]}; the {other} of all cases is {_text(array[end], values.attrs)}"
-        factor, unit = SHOWN_IN.get(values.attrs.get("units", "1"), (1.0, values.attrs.get("units", "1")))
-        scatter = ""
-        if starts > 1 and f"{name}_low" in data:
-            low, high = (_text(data[f"{name}{side}"].to_numpy()[at], values.attrs) for side in ("_low", "_high"))
-            scatter = f"{low} to {high} over {starts} starts"
-        found.append(
-            Conclusion(
-                f"{word.capitalize()} {name.replace('_', ' ')}", typeset_number(factor * float(array[at]), zeros=True),
-                unit_words(array[at], unit), scatter, bool(samples[at]) and not scatter,
-                f"at {_place(data, values.dims, at)}; {rest}",
-            )
-        )  # fmt: skip
+        label = f"{word.capitalize()} {name.replace('_', ' ')}"
+        found.append(_of_case(data, name, at, label, f"at {_place(data, values.dims, at)}; {rest}"))
     return tuple(found)
 
 
 def _of_best(data: xarray.Dataset, best: BestCase) -> Iterator[Conclusion]:
     """The best design, for each value of the excitation's other axes; of many the first ones."""
     names = {axis: axis_words(data, axis) for axis in axis_names(data)}
-    values, starts, samples = data[best.measure], best.starts, single_samples(data).reshape(-1)
+    values, label = data[best.measure], label_of(best).capitalize()
     array = values.to_numpy()
-    factor, unit = SHOWN_IN.get(values.attrs.get("units", "1"), (1.0, values.attrs.get("units", "1")))
     other, find = ("smallest", np.nanargmin) if best.better == "large" else ("largest", np.nanargmax)
     most = np.unravel_index(int(find(array)), array.shape)
     rest = f"the {other} is {_text(array[most], values.attrs)}, at {_place(data, values.dims, most)}"
@@ -461,23 +449,28 @@ def _of_best(data: xarray.Dataset, best: BestCase) -> Iterator[Conclusion]:
     for design in shown:
         level = f"for {told(best, design.at, names)}: " if design.at else ""
         if design.reason:
-            yield Conclusion(label_of(best).capitalize(), "none", note=f"{level}{design.reason}")
+            yield Conclusion(label, "none", note=f"{level}{design.reason}")
             continue
-        scatter = ""
-        if starts > 1 and f"{best.measure}_low" in data:
-            low, high = (
-                _text(data[f"{best.measure}{end}"].to_numpy().reshape(-1)[design.case], values.attrs)
-                for end in ("_low", "_high")
-            )
-            scatter = f"{low} to {high} over {starts} starts"
-        notes = tuple(design_notes(best, design, names))
         more = more_designs(best) if design is shown[-1] else ""
-        yield Conclusion(
-            label_of(best).capitalize(), typeset_number(factor * design.value, zeros=True),
-            unit_words(design.value, unit),
-            scatter, bool(samples[design.case]) and not scatter,
-            "; ".join(filter(None, (f"{level}at {told(best, design.values, names)}", rest, more))), notes,
-        )  # fmt: skip
+        note = "; ".join(filter(None, (f"{level}at {told(best, design.values, names)}", rest, more)))
+        at = np.unravel_index(design.case, array.shape)
+        yield _of_case(data, best.measure, at, label, note, tuple(design_notes(best, design, names)))
+
+
+def _of_case(
+    data: xarray.Dataset, measure: str, at: Any, label: str, note: str, details: tuple[str, ...] = ()
+) -> Conclusion:
+    """The value of a measure in one case, with its range over the starts."""
+    attributes, value, starts = data[measure].attrs, float(data[measure].to_numpy()[at]), int(data.attrs["starts"])
+    unit = attributes.get("units", "1")
+    factor, shown = SHOWN_IN.get(unit, (1.0, unit))
+    scatter = ""
+    if starts > 1 and f"{measure}_low" in data:
+        low, high = (_text(data[f"{measure}{end}"].to_numpy()[at], attributes) for end in ("_low", "_high"))
+        scatter = f"{low} to {high} over {starts} starts"
+    sample = bool(single_samples(data)[at]) and not scatter
+    number = typeset_number(factor * value, zeros=True)
+    return Conclusion(label, number, unit_words(value, shown), scatter, sample, note, details)
 
 
 def _place(data: xarray.Dataset, dims: tuple[Any, ...], index: Any) -> str:

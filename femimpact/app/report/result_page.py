@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,15 +22,7 @@ from femimpact.app.report.page import (
     table_of,
     write_page,
 )
-from femimpact.app.report.page_tables import (
-    branch_table,
-    case_table,
-    cases_of_axis,
-    channel_table,
-    dwell_words,
-    impact_table,
-    summary_table,
-)
+from femimpact.app.report.page_tables import beside, branch_table, channel_table, summary_table
 from femimpact.app.report.player import player_element
 from femimpact.app.report.result_conclusions import (
     STARTS,
@@ -61,7 +53,6 @@ from femimpact.app.study.findings import Findings
 from femimpact.app.study.prepared import in_study_words
 from femimpact.app.study.study import Study
 from femimpact.errors import require, require_path
-from femimpact.excitation.drives import drive_words
 from femimpact.excitation.excitation import words_of
 from femimpact.excitation.harmonic import SteppedSine
 from femimpact.figures.study_labels import in_shown_units
@@ -134,7 +125,7 @@ def page_of(results: ResultReading, drawn: Mapping[str, Element] = NOT_DRAWN) ->
     conclusions = result_conclusions(results, best)
     studied, about = _of_parameter_study(results)
     records, refused = records_of(results, best[0])
-    beside = beside_of(results) | {"spectra": [element("p", text) for text in refused]}
+    beside = beside_of(results, records) | {"spectra": [element("p", text) for text in refused]}
     made = sections_of(records, beside, miss=results.miss, drawn=drawn)
     first = [section for section in made if section.key == "best"]
     sections = [section for section in made if section.key != "best"]
@@ -302,18 +293,20 @@ def tables_of(results: ResultReading) -> Iterator[Table]:
         yield from (part for part in parts if isinstance(part, Table))
 
 
-def beside_of(results: ResultReading) -> dict[str, list[Element]]:
+def beside_of(results: ResultReading, records: Iterable[Any]) -> dict[str, list[Element]]:
     """Words, tables and the player of results, by the part of the page in which they stand."""
     parts = {
-        key: results.attempt(SECTIONS[key], partial(make, results)) or []
+        key: [_as_element(part) for part in results.attempt(SECTIONS[key], partial(make, results)) or []]
         for key, make in (
-            ("comparison", _comparison), ("response", _curve_words), ("orbits", _orbits), ("player", _player),
-            ("drive", _drive), ("motion", _motion), ("modes", _modes), ("recommended", _recommended),
+            ("comparison", _comparison), ("orbits", _orbits), ("player", _player), ("motion", _motion),
+            ("modes", _modes), ("recommended", _recommended),
         )
     }  # fmt: skip
-    for key, name, table in TABLES:
-        parts.setdefault(key, []).extend(_of_file(results, name, table))
-    return {key: [_as_element(part) for part in several] for key, several in parts.items() if several}
+    for record in (*records, results.parameter_study):
+        pairs: list[tuple[str, Element]] | None = results.attempt("tables", partial(list, beside(record, True)))
+        for key, one in pairs or ():
+            parts.setdefault(key, []).append(one)
+    return parts
 
 
 def _as_element(part: Element | Table | str) -> Element:
@@ -328,17 +321,6 @@ def _of_file(results: ResultReading, key: str, make: Callable[[Any, Any, str], T
     columns = results.table(name)
     table = None if columns is None else results.attempt(name, partial(make, columns, results.units(name), name))
     return [] if table is None else [table]
-
-
-def _curve_words(results: ResultReading) -> Beside:
-    swept = results.curves
-    return [] if swept is None else [dwell_words(next(iter(swept.curves.values())))]
-
-
-def _drive(results: ResultReading) -> Beside:
-    if results.study is None or results.history is None:
-        return []
-    return list(drive_words(results.study.excitation))
 
 
 def _motion(results: ResultReading) -> Beside:
@@ -464,16 +446,6 @@ def _bifurcation_table(parameter: str, columns: Mapping[str, Any], units: Mappin
     kinds = [kind_words(str(kind)) for kind in columns["kind"]]
     whole = {**columns, "branch": np.asarray(columns["branch"]).astype(int), "kind": kinds}
     return table_of("Bifurcations", *in_shown_units(whole, units), file, digits={parameter: PARAMETER_DIGITS})
-
-
-TABLES: tuple[tuple[str, str, Callable[[Any, Any, str], Table | None]], ...] = (
-    ("impacts", "impacts", impact_table),
-    *(("convergence", f"quantities_over_{axis}", cases_of_axis) for axis in ("mesh", "step", "modes")),
-    ("convergence", "statistics_over_mesh", cases_of_axis),
-    ("convergence", "runs_over_step", cases_of_axis),
-    ("cases", "parameter_table", case_table),
-)
-"""Tables that stand on the page as their files hold them: part of the page, key of the file, and what makes them."""
 
 
 def about_section(summary: Mapping[str, Any], study: Study | None) -> Section:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import copy
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,26 +11,16 @@ from typing import Any
 import numpy as np
 
 from femimpact.app.parametric.best import best_cases
-from femimpact.app.report.markup import Element, element, markup
+from femimpact.app.report.markup import Element, element
 from femimpact.app.report.page import (
-    MOST_BYTES,
     Conclusion,
     Page,
     Section,
-    Table,
-    page_bytes,
     table_element,
     table_of,
     write_page,
 )
-from femimpact.app.report.page_tables import (
-    case_table,
-    cases_of_axis,
-    curve_table,
-    dwell_words,
-    impact_table,
-    summary_table,
-)
+from femimpact.app.report.page_tables import beside, is_parameter_study, summary_table
 from femimpact.app.report.player import player_element
 from femimpact.app.report.result_conclusions import (
     TRANSIENT,
@@ -49,11 +38,9 @@ from femimpact.app.results.picture_data import Run, SweptCurves
 from femimpact.app.study.summary import kind_of_peak, peak_of_history
 from femimpact.convergence.table import ConvergenceStudy, ConvergenceTable
 from femimpact.errors import Fault, InputError, instance, optional, require, require_type, suggestion, takes, text
-from femimpact.excitation.drives import drive_words
 from femimpact.excitation.excitation import has_cycle
-from femimpact.figures.study_labels import axis_names, case_columns
+from femimpact.figures.study_labels import axis_names
 from femimpact.files import target_path
-from femimpact.response.impacts import impact_columns
 from femimpact.response.response import Response
 from femimpact.scene.placed import drawn_system, placed_structure
 from femimpact.signals.decay import DecayEstimate
@@ -62,54 +49,10 @@ from femimpact.sweep.curve import FrequencyResponse
 from femimpact.table import column_units
 from femimpact.units import typeset_number
 
-LAST_ROWS = 10
-"""Rows of a table that are kept where fewer players and pictures are not enough."""
+MOST_PLAYERS = 3
+"""Responses of a page that have a player."""
 
-HEAVY = {"player": "This player was left out", "picture": "This picture was left out"}
-"""Classes of the elements that a page which is too large goes without, and what then stands in their place."""
-
-
-def bounded_page(page: Page, most: int = MOST_BYTES) -> Page:
-    """The page if it has at most so many bytes; else one with fewer players, fewer pictures, shorter tables.
-
-    They are left out from the last to the second of either, and of every table the last rows stay. A page of many
-    hundred results may still be larger.
-    """
-    for kind, words in HEAVY.items():
-        over = len(page_bytes(page)) - most
-        if over > 0:
-            page = replace(page, sections=copy.deepcopy(page.sections))
-            _leave_out(page, kind, f"{words} for the size of the page: a report of this result alone has it.", over)
-    return page if len(page_bytes(page)) <= most else _with_shorter_tables(page)
-
-
-def _leave_out(page: Page, kind: str, words: str, over: int) -> None:
-    """Take elements of a class out of the page until it is smaller by so many bytes, or only the first is left."""
-    for holder, heavy in reversed(list(_holders(page, kind))[1:]):
-        if over <= 0:
-            break
-        note = element("p", words)
-        over -= len(markup(heavy).encode()) - len(markup(note).encode())
-        holder[list(holder).index(heavy)] = note
-
-
-def _with_shorter_tables(page: Page) -> Page:
-    """The page with the last rows alone of every table."""
-    for body in (one for section in page.sections for part in section.content for one in part.iter("tbody")):
-        for row in list(body)[:-LAST_ROWS]:
-            body.remove(row)
-    return replace(page, notes=(*page.notes, f"of every table the last {LAST_ROWS} rows at most"))
-
-
-def _holders(page: Page, kind: str) -> Iterator[tuple[Any, Element]]:
-    """Every element of a class with what holds it."""
-    for section in page.sections:
-        for part in section.content:
-            for holder in part.iter():
-                for child in holder:
-                    if child.get("class") == kind:
-                        yield holder, child
-
+NO_PLAYER = "The player of this run was left out for the size of the page: a report of this run alone has it."
 
 ALLOWED = (
     "must be a Response, a FrequencyResponse or a mapping of names to them, a ConvergenceTable, a ConvergenceStudy, a "
@@ -165,8 +108,11 @@ def report(
     require_type(parts, Mapping, "parts")
     for heading in parts:
         require_type(heading, str, "parts")
-    made = [
-        section for i, (heading, part) in enumerate(parts.items()) for section in _sections(i, heading, part, structure)
+    players = _players(parts, structure)
+    sections = [
+        section
+        for i, (heading, part) in enumerate(parts.items())
+        for section in _sections(i, heading, part, players.get(heading))
     ]
     responses = {heading: part for heading, part in parts.items() if isinstance(part, Response)}
     studies = {heading: part for heading, part in parts.items() if is_parameter_study(part)}
@@ -195,14 +141,14 @@ def report(
         missing=_of_studies(studies, study_missing),
         warnings=(*_said("warnings", speaking), *_of_studies(studies, study_failures)),
         notes=(*notes, *_said("notes", speaking)),
-        sections=tuple(made),
+        sections=tuple(sections),
         first=tuple(
             one
             for i, (heading, part) in enumerate(studies.items())
             for one in sections_of(best_measures(part, best[heading][0]), {}, f"best-{i + 1}-")
         ),
     )
-    return write_page(file, bounded_page(page))
+    return write_page(file, page)
 
 
 def _curves(heading: str, part: Any) -> dict[str, FrequencyResponse]:
@@ -217,12 +163,6 @@ def _curves(heading: str, part: Any) -> dict[str, FrequencyResponse]:
 def _said(kind: str, found: Mapping[str, Any]) -> tuple[str, ...]:
     texts = [f"{heading}: {said}" for heading, part in found.items() for said in getattr(part, kind)]
     return tuple(dict.fromkeys(texts))
-
-
-def is_parameter_study(part: Any) -> bool:
-    """True for the dataset of `parameter_study` that has what it tells of its cases."""
-    names, about = getattr(part, "data_vars", ()), getattr(part, "attrs", {})
-    return {"finished", "failed_starts", "periodic_starts", "failure"} <= {*names} and {"starts", "place"} <= {*about}
 
 
 def _of_studies(studies: Mapping[str, Any], lines: Callable[[Any], tuple[str, ...]]) -> tuple[str, ...]:
@@ -272,64 +212,60 @@ def _of_responses(responses: Mapping[str, Response]) -> list[Conclusion]:
 # ---- parts ----------------------------------------------------------------------------------------
 
 
-def _sections(number: int, heading: str, part: Any, structure: Structure | None) -> list[Section]:
+def _sections(number: int, heading: str, part: Any, player: Element | None) -> list[Section]:
     """The sections of one part: the first is under its heading, the others name what they hold besides."""
     key = f"part-{number + 1}"
-    records, beside = _shown(heading, part, structure, key)
-    made = sections_of(records, beside, f"{key}-")
+    records, elements = _shown(heading, part)
+    shown: dict[str, list[Element]] = {} if player is None else {"player": [player]}
+    for place, one in (*elements, *(pair for record in records for pair in beside(record))):
+        shown.setdefault(place, []).append(one)
     return [
         replace(section, key=section.key if i else key, heading=f"{heading}: {section.heading}" if i else heading)
-        for i, section in enumerate(made)
+        for i, section in enumerate(sections_of(records, shown, f"{key}-"))
     ]
 
 
-def _shown(
-    heading: str, part: Any, structure: Structure | None, key: str
-) -> tuple[list[Any], dict[str, list[Element]]]:
-    """What pictures are drawn of, and words and tables by the section in which they stand."""
+def _shown(heading: str, part: Any) -> tuple[list[Any], list[tuple[str, Element]]]:
+    """What pictures are drawn of, and further words and tables with the section in which they stand."""
     curves = _curves(heading, part)
     if curves:
-        words = element("p", dwell_words(next(iter(curves.values()))))
-        return [SweptCurves(curves)], {"response": [words, table_element(curve_table(curves))]}
+        return [SweptCurves(curves)], []
     if isinstance(part, Response):
-        return _of_run(part, structure, key)
-    if isinstance(part, ConvergenceTable):
-        return [part], {"convergence": [table_element(table) for table in _tables_of(part)]}
-    if isinstance(part, ConvergenceStudy):
-        each = list(part.tables.values())
-        return each, {"convergence": [table_element(table) for one in each for table in _tables_of(one)]}
+        if not part.time.size:
+            impacts = [pair for pair in beside(Run(part)) if pair[0] == "impacts"]
+            words = element("p", "The history went to a sink, and there are no impacts.")
+            return [], impacts or [("motion", words)]
+        spectra, refused = spectra_of(part)
+        return [Run(part), *spectra], [("spectra", element("p", words)) for words in refused]
+    if isinstance(part, ConvergenceTable | ConvergenceStudy):
+        tables = list(part.tables.values()) if isinstance(part, ConvergenceStudy) else [part]
+        return tables, [("convergence", table_element(summary_table(*table.summary()))) for table in tables]
     if isinstance(part, DecayEstimate):
-        table = table_element(table_of("Over the amplitude", *part.columns()))
-        return [part], {"decay": [*(element("p", str(mode)) for mode in part.modes), table]}
+        return [part], []
     if hasattr(part, "data_vars") and hasattr(part, "dims"):
         measures = measures_of(part)
         require(bool(measures), f"parts.{heading}", "a dataset", "", "must hold numbers over one axis or more")
         if not is_parameter_study(part):
-            return measures, {}
+            return measures, []
         about = about_section(study_versions(part), None)
-        return measures, {"cases": [table_element(case_table(*case_columns(part))), *about.content]}
-    return [], {"study": [_table(heading, part)]}
+        return [*measures, part], [("cases", one) for one in about.content]
+    return [], [("study", _table(heading, part))]
 
 
-def _of_run(run: Response, structure: Structure | None, key: str) -> tuple[list[Any], dict[str, list[Element]]]:
-    beside: dict[str, list[Element]] = {}
-    player = None if structure is None else player_element(run, structure, None, f"{key}-player")
-    if player is not None:
-        beside["player"] = [player]
-    impacts = impact_table(*impact_columns(run.impacts))
-    if impacts is not None:
-        beside["impacts"] = [table_element(impacts)]
-    if not run.time.size:
-        words = "The history went to a sink, and there are no impacts."
-        return [], beside or {"motion": [element("p", words)]}
-    spectra, refused = spectra_of(run)
-    beside["drive"] = [element("p", words) for words in drive_words(run.base)]
-    beside["spectra"] = [element("p", words) for words in refused]
-    return [Run(run), *spectra], beside
-
-
-def _tables_of(table: ConvergenceTable) -> list[Table]:
-    return [summary_table(*table.summary()), *filter(None, [cases_of_axis(*table.columns())])]
+def _players(parts: Mapping[str, Any], structure: Structure | None) -> dict[str, Element]:
+    """Players of the first responses with snapshots, and a line for each further one."""
+    players: dict[str, Element] = {}
+    for number, (heading, part) in enumerate(parts.items(), 1):
+        if structure is None or not isinstance(part, Response):
+            continue
+        if len(players) >= MOST_PLAYERS:
+            if part.snapshots is not None:
+                players[heading] = element("p", NO_PLAYER)
+            continue
+        player = player_element(part, structure, None, f"part-{number}-player")
+        if player is not None:
+            players[heading] = player
+    return players
 
 
 def _table(heading: str, part: Any) -> Element:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from femimpact.app.report.markup import Element, element
-from femimpact.scene.placed import Contact, PlacedStructure, ball_radius
+from femimpact.scene.placed import Contact, PlacedStructure, ball_radius, zigzag
 from femimpact.scene.scene import BALL, BODY, BOX, STOP, SUPPORT, Body, bodies_on_beam
 from femimpact.structure.beam import Segment
 from femimpact.structure.structure import Position, Spring, Structure
@@ -265,8 +265,7 @@ def _ball(canvas: _Canvas, placed: PlacedStructure, one: Contact) -> list[Elemen
     if one.has_walls:
         return [circle]
     foot = high - 3.0 * radius
-    turns = [(x + (-1) ** i * 0.5 * radius, foot + (0.25 + 0.25 * i) * radius) for i in range(7)]
-    corners = [(x, foot), *turns, (x, high - radius)]
+    corners = zigzag(((x, foot), (x, high - radius)), (0.5 * radius, 0.0))
     return [element("path.thread", d=_thread(canvas, corners)), circle]
 
 
@@ -277,22 +276,16 @@ def _connections(canvas: _Canvas, placed: PlacedStructure) -> list[Element]:
             corners = [(at, 0.0), (at, -0.06 * length), (to[0], -0.06 * length), (to[0], 0.0)]
             shapes.append(element("path.thread", d=_thread(canvas, corners)))
             continue
-        drawn = _spring(at, length) if isinstance(item, Spring) else _dashpot(at, length)
+        spring = zigzag(((at, 0.0), (at, -FOOT * length)), (0.008 * length, 0.0))
+        drawn = [spring] if isinstance(item, Spring) else _dashpot(at, length)
         shapes.append(element("path.thread", d="".join(_thread(canvas, corners) for corners in drawn)))
         base = [(at + x * length, y * length) for y in (-FOOT, -FOOT - 0.004) for x in (-0.012, 0.012)]
         shapes.append(canvas.polygon("solid", (base[i] for i in (0, 1, 3, 2))))
     return shapes
 
 
-def _thread(canvas: _Canvas, corners: Sequence[tuple[float, float]]) -> str:
+def _thread(canvas: _Canvas, corners: Iterable[Sequence[float]]) -> str:
     return "M" + "L".join(f"{canvas.x(x)} {canvas.y(y)}" for x, y in corners)
-
-
-def _spring(at: float, length: float) -> list[list[tuple[float, float]]]:
-    """A zigzag from the beam to the base."""
-    levels = np.linspace(-0.02, -FOOT, 9)[1:-1].tolist()
-    zigzag = [(at + (-1) ** i * 0.008 * length, y * length) for i, y in enumerate(levels)]
-    return [[(at, 0.0), (at, -0.02 * length), *zigzag, (at, -FOOT * length)]]
 
 
 def _dashpot(at: float, length: float) -> list[list[tuple[float, float]]]:

@@ -24,8 +24,8 @@ from femimpact.excitation.drives import Drives, HammerBlow
 from femimpact.excitation.harmonic import SteppedSine
 from femimpact.excitation.random_base import RandomBase
 from femimpact.excitation.shock import Shock
-from femimpact.figures.channel_histories import MOST_LINES, drawn_channels
-from femimpact.figures.drawing import STYLE, figure_of
+from femimpact.figures.drawing import figure_of
+from femimpact.figures.histories import MOST_LINES, drawn_channels
 from femimpact.figures.studies import mark_best
 from femimpact.figures.study_labels import BestMarks, axis_words, measure_names
 from femimpact.response.response import Response
@@ -260,16 +260,9 @@ class Picture:
         """What it shows, in words."""
         return (self.view.title or FIGURES[self.stem]).format(self.record)
 
-    def drawn(self) -> Any:
-        """Axes of its figure, whose places no format of a file changes."""
-        import matplotlib
-
-        axes = self.view.figure(self.record)
-        figure = figure_of(axes)
-        with matplotlib.rc_context(STYLE):
-            figure.draw_without_rendering()
-        figure.set_layout_engine("none")
-        return axes
+    def axes(self) -> Any:
+        """Axes of its figure, which no window shows."""
+        return self.view.figure(self.record)
 
     def element(self, axes: Any, prefix: str = "", folder: bool = True) -> Element:
         """Its figure on a page, with the file that it is drawn from where that is beside the page."""
@@ -323,7 +316,7 @@ def sections_of(
 def _element_of(one: Picture, prefix: str, miss: Callable[[str], object] | None) -> Element:
     """A picture, or why there is none."""
     try:
-        return one.element(one.drawn(), prefix, miss is not None)
+        return one.element(one.axes(), prefix, miss is not None)
     # what a library for pictures raises is without limit, and the rest of the page does not depend on it
     except Exception as error:
         if miss is not None and not isinstance(error, InputError):
@@ -337,9 +330,11 @@ def save_pictures(records: Iterable[Any], folder: Path) -> tuple[dict[str, Eleme
     for one in pictures_of(records):
         path = new_file(folder, f"figures/{one.name}.png")
         try:
-            axes = one.drawn()
-            figures.save_figure(axes, path)
+            axes = one.axes()
             elements[one.name] = one.element(axes)
+            # drawn once more, it would be placed anew
+            figure_of(axes).set_layout_engine("none")
+            figures.save_figure(axes, path)
         except Exception as error:
             failures.append(f"{path.name}: {reason_of(error)}")
     return elements, failures

@@ -17,7 +17,7 @@ from femimpact.app.results.branch_file import FollowedBranches, read_followed
 from femimpact.app.results.result_directory import FILES, SUMMARY, ResultsWarning, unfinished_state
 from femimpact.app.results.results import carried_of, read_file, read_summary
 from femimpact.app.study.findings import Findings, read_findings
-from femimpact.app.study.study import Study, build
+from femimpact.app.study.study import Study, build_systems
 from femimpact.app.study.study_file import load_study
 from femimpact.arrays import Array
 from femimpact.convergence.table import ConvergenceTable
@@ -295,7 +295,7 @@ class ResultReading:
             return cast(DrawnSystem, self.modes.system)
         if study is None or study.mesh.file or has_cycle(study.excitation):
             return system
-        return replace(system, modes=modes_of(build(study)[1], MODES))
+        return replace(system, modes=modes_of(build_systems(study)[1], MODES))
 
     def _response(self, time: Any, system: DrawnSystem) -> Response:
         """A response without channels: its times, its impacts, its drive and its system."""

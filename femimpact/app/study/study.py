@@ -424,24 +424,9 @@ def sine_of(study: Study, key: str, value: object = None, unit: str = "", instea
     raise InputError([Fault(key, value, unit, allowed)])
 
 
-def build(study: Study) -> tuple[System, System, Method]:
-    """The full system, the one that is integrated, and the method with its step.
-
-    Parameters
-    ----------
-    study : Study
-
-    Returns
-    -------
-    full, small : System
-    method : Method
-    """
-    full, small = build_systems(study, read_mesh_of(study))
-    return full, small, method_for(study, small)
-
-
-def build_systems(study: Study, mesh: Mesh | None) -> tuple[System, System]:
-    """The full system on a mesh of `read_mesh_of`, and the one that is integrated."""
+def build_systems(study: Study, mesh: Mesh | None = None) -> tuple[System, System]:
+    """The full system on the mesh of the study's file, read where none is given, and the one that is integrated."""
+    mesh = mesh or read_mesh_of(study)
     full = assemble_on(study, study.structure, mesh)
     for name, force in named_forces(study.base, study.forces):
         with faults_of(f"force.{name}.at"):

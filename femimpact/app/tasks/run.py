@@ -39,13 +39,14 @@ from femimpact.integrators.cases import first_steps
 from femimpact.integrators.methods import Method, read_at_least
 from femimpact.integrators.runs import integrate
 from femimpact.integrators.stepping.operators import shortest_contact
-from femimpact.response.impacts import DRAWN_IN_CONTACT, STICKING_UNITS, impact_columns
+from femimpact.response.impacts import DRAWN_IN_CONTACT, impact_columns
 from femimpact.response.response import Recorder, Response
 from femimpact.structure.structure import glue_impactors
 from femimpact.sweep.curve import IMPACT_UNITS, SWEEP_UNITS, on_grid
 from femimpact.sweep.sweep import frequency_sweep
 from femimpact.system.modes import Modes, solve_modes
 from femimpact.system.state import State
+from femimpact.table import flat_columns
 
 MODES_LISTED = 4
 
@@ -268,11 +269,10 @@ def history_part(prepared: PreparedStudy, response: Response) -> Finished:
 
 def impact_files(response: Response) -> dict[str, Any]:
     """Every impact, and the sticking phases where something stuck."""
-    sticking = {name: getattr(response.sticking, name) for name in STICKING_UNITS}
     return {
         "impacts": impact_columns(response.impacts),
         "impact_data": response.impacts.to_xarray(),
-        **({"sticking": (sticking, STICKING_UNITS)} if len(response.sticking) else {}),
+        **({"sticking": flat_columns(response.sticking)} if len(response.sticking) else {}),
     }
 
 

@@ -19,12 +19,10 @@ from femimpact.excitation.piecewise_polynomial import ORDERS, PiecewisePolynomia
 from femimpact.integrators.channel_rows import Drive
 from femimpact.integrators.event_driven.closed_form import steady_entries
 from femimpact.integrators.event_driven.complex_modes import SLOW
-from femimpact.integrators.event_driven.equations import Equations
 from femimpact.integrators.event_driven.loop_data import CONTACT, FREE, EventSettings, Held
 from femimpact.integrators.event_driven.store import FormStore, WantedForm
 from femimpact.response.impacts import CYCLE_COLUMNS, IMPACT_COLUMNS, event_width
 from femimpact.system.contact_pair import ContactPair
-from femimpact.system.system import System
 
 LONGEST_SERIES = 0.5
 """Longest time in which a driven entry is advanced at once, times the rate of the polynomials or of slow entries."""
@@ -131,13 +129,7 @@ def new_block(
     """
     equations, n, count = store.equations[0], store.systems[0].dofs, inputs.omega.size
     period, system_of = 2.0 * np.pi / inputs.omega, np.zeros(count, dtype=np.int64) if system_of is None else system_of
-    of_systems = {
-        number: (
-            _pairs(store.equations[number], method),
-            _of_equations(store.systems[number], store.equations[number]),
-        )
-        for number in np.unique(system_of).tolist()
-    }
+    of_systems = {number: _of_system(store, number, method) for number in sorted(set(system_of.tolist()))}
     pairs, fields = of_systems[int(system_of[0])]
     lengths = dict.fromkeys("yxkewDg", 0) | {"C": count, "O": store.outputs[0].constant.size, "n": n}
     lengths["d"] = equations.M.shape[0]
@@ -164,16 +156,6 @@ def new_block(
         stopped=np.zeros(count, dtype=np.int64),
         system_of=system_of,
         systems=of_systems,
-    )
-
-
-def _pairs(equations: Equations, method: EventSettings) -> core.events.Pairs:
-    return core.events.Pairs(
-        direction=np.ascontiguousarray(equations.force.T),
-        in_space=equations.in_space,
-        rigid=equations.rigid,
-        mobility=-equations.force.T @ np.linalg.solve(equations.M, equations.force),
-        closure=method.closure,
     )
 
 
@@ -214,7 +196,7 @@ def _new_cases(store: FormStore, inputs: Inputs, modes: int) -> core.events.Case
     cases = _resumed(inputs.held, cases)
     # the arrays of all forms are then as large as a motion in this one
     add_forms(np.zeros(1, dtype=np.intp), cases, store, np.zeros(1, dtype=np.int64))
-    wanted = _wanted_form(cases, 0, 0)
+    (wanted,) = wanted_forms(np.zeros(1, dtype=np.intp), cases, np.zeros(1, dtype=np.int64))
     _split_anew(inputs.held, cases, store.forms, store.known[wanted.parameters, wanted.key])
     return cases
 
@@ -268,12 +250,20 @@ def no_cycles(cases: int, cycles: int) -> Array:
     return table
 
 
-def _of_equations(system: System, equations: Equations) -> dict[str, Any]:
-    """Fields of the ledger that the equations give; springs and dashpots of balls stand apart."""
+def _of_system(store: FormStore, number: int, method: EventSettings) -> tuple[core.events.Pairs, dict[str, Any]]:
+    """The pairs of a system, and what its ledger has of its equations; springs and dashpots of balls stand apart."""
+    system, equations = store.systems[number], store.equations[number]
     n, d = system.dofs, equations.M.shape[0]
     damping, stiffness = np.zeros(d), np.zeros(d)
     damping[:n], stiffness[:n] = system.C.diagonal(), system.K.diagonal()
-    return {
+    pairs = core.events.Pairs(
+        direction=np.ascontiguousarray(equations.force.T),
+        in_space=equations.in_space,
+        rigid=equations.rigid,
+        mobility=-equations.force.T @ np.linalg.solve(equations.M, equations.force),
+        closure=method.closure,
+    )
+    return pairs, {
         "mass": equations.M.diagonal().copy(), "damping": damping, "stiffness": stiffness, "load": equations.drive[0],
         "given": equations.given, "free_stiffness": np.array([pair.free_stiffness for pair in system.contacts]),
         "free_damping": np.array([pair.free_damping for pair in system.contacts]),
@@ -336,20 +326,15 @@ def add_forms(
     members: NDArray[np.intp], cases: core.events.Cases, store: FormStore, system_of: NDArray[np.int64]
 ) -> None:
     """Make the closed forms of the cases' contact states for their contact parameters, unless they are there."""
-    keys = np.hstack([cases.stiffness[members], cases.damping[members], np.abs(cases.state[members]) == CONTACT])
-    wanted: dict[bytes, WantedForm] = {}
-    of_case = [row.tobytes() + int(system_of[c]).to_bytes(8, "little") for c, row in zip(members, keys, strict=True)]
-    for c, key in zip(members.tolist(), of_case, strict=True):
-        if key not in wanted:
-            wanted[key] = _wanted_form(cases, c, int(system_of[c]))
-    first = dict(zip(wanted, store.first_forms(list(wanted.values())), strict=True))
-    cases.form[members, 0] = [first[key] for key in of_case]
+    cases.form[members, 0] = store.first_forms(wanted_forms(members, cases, system_of))
 
 
-def _wanted_form(cases: core.events.Cases, number: int, system: int) -> WantedForm:
-    """The closed form of the contact states of a case."""
-    bits = sum(1 << j for j in np.flatnonzero(np.abs(cases.state[number]) == CONTACT).tolist())
-    return WantedForm(bits, cases.stiffness[number], cases.damping[number], system)
+def wanted_forms(members: NDArray[np.intp], cases: core.events.Cases, system_of: NDArray[np.int64]) -> list[WantedForm]:
+    """The closed forms of the contact states of some cases."""
+    bits = (np.abs(cases.state[members]) == CONTACT) @ (1 << np.arange(cases.state.shape[1], dtype=np.int64))
+    rows = np.hstack([cases.stiffness[members], cases.damping[members]])
+    keys = zip(bits.tolist(), rows, system_of[members].tolist(), strict=True)
+    return [WantedForm(key, system.to_bytes(4, "little") + row.tobytes(), row, system) for key, row, system in keys]
 
 
 def _fitted(cases: core.events.Cases, forms: core.events.Forms) -> core.events.Cases:

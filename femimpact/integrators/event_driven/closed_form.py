@@ -110,13 +110,6 @@ def rate_of(rows: Rows, modes: ComplexModes) -> Rows:
     )
 
 
-def scaled_sum(rows: Rows, factor: Array, also: Rows, by: Array) -> Rows:
-    """Sum of two sets of rows, each row with a factor (F, R) of its set."""
-    first, second = factor[:, :, None], by[:, :, None]
-    pairs = zip(rows.by_rows, also.by_rows, strict=True)
-    return from_rows(first * here + second * there for here, there in pairs)
-
-
 def gap_rows(
     equations: Equations,
     rows: Rows,  # of all coordinates, or their rates
@@ -398,7 +391,8 @@ def _forms(equations: Equations, contact: _Contact, motions: _UndampedMotions, m
         through=through,
         follow=follow,
     )
-    momentum = elastic.mT @ equations.M
+    momentum, pairs = elastic.mT @ equations.M, contact.active.size
+    no_forces = (np.zeros((each.shape[0], pairs, *each.shape[2:]), each.dtype) for each in position.by_rows)
     forms = ClosedForms(
         modes=modes,
         rigid_body_shape=rigid_body,
@@ -408,7 +402,7 @@ def _forms(equations: Equations, contact: _Contact, motions: _UndampedMotions, m
         ),
         position=position,
         velocity=rate_of(position, modes),
-        contact_force=_no_forces(position, contact.active.size),
+        contact_force=from_rows(no_forces),
         load=np.asarray(modal_drive @ modes.from_v.mT, dtype=complex),
         given=modes.from_v @ modal,
         to_entry_u=modes.from_u @ momentum,
@@ -446,17 +440,6 @@ def _steady_response(motions: _UndampedMotions, modal: Array, modal_drive: Array
 def _times(matrix: Array, vector: Array) -> Array:
     """Products (F, m) of matrices (F, m, n) and vectors (F, n)."""
     return np.asarray((matrix @ vector[:, :, None])[:, :, 0])
-
-
-def _no_forces(position: Rows, pairs: int) -> Rows:
-    """Rows of forces that are zero."""
-    count, _, entries = position.weight.shape
-    nothing = np.zeros((count, pairs, position.rigid_body.shape[2]))
-    return Rows(
-        np.zeros((count, pairs, entries), dtype=complex), nothing, nothing,
-        np.zeros((count, pairs, 1 + pairs)), np.zeros((count, pairs, 1 + pairs)),
-        np.zeros((count, position.through.shape[1], pairs)), np.zeros((count, position.follow.shape[1], pairs)),
-    )  # fmt: skip
 
 
 def _free_bases(equations: Equations, contact: _Contact) -> list[tuple[Integers, Array]]:
@@ -558,7 +541,9 @@ def _compliant_forces(
     x.through[:, 2] = np.where(active, moved, x.through[:, 2])
     rate.follow[:, 1] = np.where(active, follow_depth, rate.follow[:, 1])
     rate.through[:, 1] = np.where(active, moved, rate.through[:, 1])
-    return scaled_sum(x, np.where(contact.rigid, 0.0, contact.stiffness), rate, contact.damping)
+    stiffness, damping = np.where(contact.rigid, 0.0, contact.stiffness)[:, :, None], contact.damping[:, :, None]
+    pairs = zip(x.by_rows, rate.by_rows, strict=True)
+    return from_rows(stiffness * here + damping * there for here, there in pairs)
 
 
 def _with_sticking(

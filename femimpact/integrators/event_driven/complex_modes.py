@@ -53,18 +53,14 @@ def part_of(
     record: Any = items
     common = getattr(record, "COMMON", ())
     values = {item.name: getattr(record, item.name) for item in fields(record) if item.name not in common}
-    if isinstance(members, np.ndarray) and members.size == _count(values):
+    counts = (value.shape[0] for value in values.values() if isinstance(value, np.ndarray))
+    if isinstance(members, np.ndarray) and members.size == next(counts):
         return items
     chosen = {
         name: part_of(value, members) if is_dataclass(value) else value[members] for name, value in values.items()
     }
     changed: T = replace(record, **chosen)
     return changed
-
-
-def _count(arrays: dict[str, Any]) -> int:
-    """Number of items."""
-    return int(next(value.shape[0] for value in arrays.values() if isinstance(value, np.ndarray)))
 
 
 def stack(arrays: Sequence[NDArray[Any]]) -> NDArray[Any]:
@@ -77,19 +73,6 @@ WELL_APART = 30.0
 
 ROUNDING = 1e-14
 """Couplings within a block below this share of its size are rounding."""
-
-
-def invariant_pair(
-    state: Array,  # (2 n, 2 n) of (unit u, u')
-    unit: Array,  # (n,) 1/s
-    values: Complex,  # (2 n,) 1/s: all eigenvalues
-    members: NDArray[np.intp],  # (k,) which of them
-    omega_squared: Array,  # (n,) 1/s^2
-    damping: Array,  # (n, n) 1/s
-) -> tuple[Complex, Complex]:
-    """X (n, k) and the upper triangular S (k, k) of some eigenvalues."""
-    X, S = _invariant(state, values, members)
-    return _refined_pair(X / unit[:, None], S, omega_squared, damping)
 
 
 def diagonal_where_apart(X: Complex, S: Complex) -> tuple[Complex, Complex]:
@@ -439,7 +422,8 @@ def _coupled(component: _Component) -> list[_Part]:
 def _block(component: _Component, members: NDArray[np.intp]) -> _Part:
     """Entries of some eigenvalues that lie together, of one structure."""
     values, damping = component.values[0], component.damping[0]
-    X, S = invariant_pair(component.state[0], component.unit[0], values, members, component.omega_squared[0], damping)
+    X, S = _invariant(component.state[0], values, members)
+    X, S = _refined_pair(X / component.unit[0][:, None], S, component.omega_squared[0], damping)
     X, S = diagonal_where_apart(X, S)
     weight = 1.0 if bool(np.any(values[members].imag <= 0.0)) else 2.0
     n, turned = X.shape[0], damping @ X

@@ -205,7 +205,12 @@ def _held_modes(K: Array, M: Array, alone: NDArray[np.bool_]) -> tuple[Array, Ar
     try:
         lower = np.linalg.cholesky(K[block])
     except np.linalg.LinAlgError:
-        return _by_stiffness(K, M, alone)
+        # some are singular: one after the other
+        if K.shape[0] == 1:
+            values, vectors = scipy.linalg.eigh(K[0], M[0])
+            return np.where(values > RIGID * float(values[-1]), values, 0.0)[None], vectors[None]
+        squares, shapes = zip(*(_held_modes(K[[f]], M[[f]], alone) for f in range(K.shape[0])), strict=True)
+        return np.concatenate(squares), np.concatenate(shapes)
     # of the flexibility, whose largest eigenvalue is the slowest mode; solve_triangular would start BLAS
     # threads, which takes a thousand times as long as these few numbers
     flexible = np.linalg.solve(lower, np.linalg.solve(lower, M[block]).mT)
@@ -246,15 +251,6 @@ def _graded_modes(lower: Array, M: Array) -> tuple[Array, Array]:
             break
     period = np.linalg.norm(columns, axis=1)
     return period**-2.0, np.linalg.solve(of_mass.T, (columns / period[:, None]).T)
-
-
-def _by_stiffness(K: Array, M: Array, alone: NDArray[np.bool_]) -> tuple[Array, Array]:
-    """Modes where some of the stiffness matrices are singular, one after the other."""
-    if K.shape[0] > 1:
-        modes = [_held_modes(K[[f]], M[[f]], alone) for f in range(K.shape[0])]
-        return np.concatenate([each for each, _ in modes]), np.concatenate([each for _, each in modes])
-    values, vectors = scipy.linalg.eigh(K[0], M[0])
-    return np.where(values > RIGID * float(values[-1]), values, 0.0)[None], vectors[None]
 
 
 def _beside_rigid_motions(K: Array, M: Array, unheld: NDArray[np.bool_]) -> tuple[Array, Array]:

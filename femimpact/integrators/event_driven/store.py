@@ -31,9 +31,6 @@ from femimpact.integrators.event_driven.complex_modes import part_of, stack
 from femimpact.integrators.event_driven.equations import Equations, equations_of, stacked
 from femimpact.system.system import System
 
-CONTACT_NUMBERS = ("stiffness", "damping")
-"""Fields of a wanted form that differ among systems."""
-
 MOST_NUMBERS = 2**21
 """Complex numbers of a working array, 32 MB, beyond which fewer forms are made together."""
 
@@ -42,20 +39,12 @@ MOST_KEPT = 256
 
 
 class WantedForm(NamedTuple):
-    """A closed form by its pairs in contact, its contact parameters and the number of its system.
+    """A closed form by its pairs in contact, its contact parameters and the number of its system."""
 
-    Bit j of the key is set where pair j is in contact; stiffness (N/m) and damping (N s/m) are (pairs,).
-    """
-
-    key: int
-    stiffness: Array
-    damping: Array
-    system: int = 0
-
-    @property
-    def parameters(self) -> bytes:
-        """Equal for the forms of one system with equal contact parameters."""
-        return self.system.to_bytes(4, "little") + self.stiffness.tobytes() + self.damping.tobytes()
+    key: int  # bit j is set where pair j is in contact
+    parameters: bytes  # equal for the forms of one system with equal contact parameters
+    numbers: Array  # (2 pairs,) stiffness (N/m) and damping (N s/m)
+    system: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +139,7 @@ class FormStore:
                 groups.append(([item], equations, part_of(forms, np.array([number]))))
         if missing:
             equations = stacked([self.equations[item.system] for item in missing])
-            stiffness, damping = (np.array([getattr(item, name) for item in missing]) for name in CONTACT_NUMBERS)
+            stiffness, damping = np.split(np.array([item.numbers for item in missing]), 2, axis=1)
             for members, forms in closed_forms(equations, active, stiffness, damping):
                 items = [missing[f] for f in members]
                 groups.append((items, part_of(equations, members), forms))
@@ -165,7 +154,7 @@ class FormStore:
         """Key of a closed form among what is kept with a system: also of the place where the drive acts."""
         equations = self.equations[item.system]
         of_drive = equations.drive.tobytes(), equations.in_space.tobytes()
-        return "closed form", *of_drive, active.tobytes(), item.stiffness.tobytes(), item.damping.tobytes()
+        return "closed form", *of_drive, active.tobytes(), item.numbers.tobytes()
 
     def snapshot(self) -> core.events.Forms:
         """All forms known now."""

@@ -18,7 +18,6 @@ from femimpact.contact.laws import RIGID
 from femimpact.errors import check_fields, choice, quantity, require, truth
 from femimpact.excitation.excitation import Excitation
 from femimpact.integrators.cases import AchievedRestitution
-from femimpact.integrators.stepping.block import check_recorder
 from femimpact.integrators.stepping.operators import (
     SteppingMethod,
     check_sampling,
@@ -30,7 +29,7 @@ from femimpact.integrators.stepping.operators import (
     scheme_of,
     step_notes,
 )
-from femimpact.integrators.stepping.run import run_steps, stepped_cases
+from femimpact.integrators.stepping.run import check_recorder, run_steps, stepped_cases
 from femimpact.response.response import Recorder
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.system import System

@@ -184,14 +184,12 @@ def check_sampling(method: SteppingMethod, frequencies: NDArray[np.float64], key
 
 def step_notes(method: SteppingMethod, system: System) -> tuple[str, ...]:
     """Notes on modes that the step does not follow: never an error, the scheme is stable for them."""
-    omega = np.sort(np.sqrt(system.K.diagonal() / system.M.diagonal())) if system.is_diagonal else None
-    fastest = 1.0 / (10.0 * method.dt)
-    if omega is None:
+    if not system.is_diagonal:
         return ()
+    omega, fastest = np.sqrt(system.K.diagonal() / system.M.diagonal()), 1.0 / (10.0 * method.dt)
     missed = int(np.count_nonzero(omega / (2.0 * math.pi) > fastest))
-    if missed == 0:
-        return ()
-    return (f"{missed} of {omega.size} kept modes are faster than 1/(10 dt) = {fastest:.4g} Hz: not resolved in time",)
+    words = f"{missed} of {omega.size} kept modes are faster than 1/(10 dt) = {fastest:.4g} Hz: not resolved in time"
+    return (words,) if missed else ()
 
 
 def _highest_omega(system: System) -> float:
@@ -203,19 +201,14 @@ def _highest_omega(system: System) -> float:
     return float(np.sqrt(values[0]))
 
 
-def bands(matrix: Matrix) -> Array:
-    """Lower bands (k + 1, n) of a symmetric sparse matrix: bands[k, i] = A[i + k, i]."""
+def bands(matrix: Matrix, least: int = 1) -> Array:
+    """Lower bands (k + 1, n) of a symmetric sparse matrix, so many at least: bands[k, i] = A[i + k, i]."""
     entries = sparse.coo_array(matrix)
     row, column = entries.coords
-    width = int(np.max(row - column, initial=0))
-    result = np.zeros((width + 1, matrix.shape[0]))
+    table = np.zeros((max(int(np.max(row - column, initial=0)) + 1, least), matrix.shape[0]))
     lower = row >= column
-    np.add.at(result, (row[lower] - column[lower], column[lower]), entries.data[lower])
-    return result
-
-
-def _widened(band: Array, width: int) -> Array:
-    return np.vstack([band, np.zeros((width - band.shape[0], band.shape[1]))])
+    np.add.at(table, (row[lower] - column[lower], column[lower]), entries.data[lower])
+    return table
 
 
 def operator_of(
@@ -238,7 +231,10 @@ def operator_of(
     scale = effective[0] if diagonal else np.ones(system.dofs)
     table = _rows(system, observed)
     a, u, v = _responses(system, s, (factor, True))
-    constant = _constant(system, s, (factor, True))
+    # nothing where there is no constant load
+    constant = np.array(system.constant_load) if np.any(system.constant_load) else np.zeros(0)
+    by_constant = np.asarray(scipy.linalg.cho_solve_banded((factor, True), constant)) if constant.size else constant
+    read = table @ by_constant if constant.size else constant
     more_load = np.array(more, dtype=float).reshape(-1, system.dofs)
     lower = factor.copy()
     lower[0] = 1.0 / lower[0]
@@ -252,8 +248,8 @@ def operator_of(
             loss=0.25 * s.dt * c,
         ),
         mass_band=bands(M),
-        damping_band=_widened(bands(C), lower.shape[0]),
-        stiffness_band=_widened(bands(K), lower.shape[0]),
+        damping_band=bands(C, lower.shape[0]),
+        stiffness_band=bands(K, lower.shape[0]),
         cholesky_band=lower,
         narrow=_banded_step(system, s, factor),
         drive_load=np.array(load),
@@ -261,11 +257,11 @@ def operator_of(
         more_a=np.ascontiguousarray(
             [scipy.linalg.cho_solve_banded((factor, True), each) for each in more_load]
         ).reshape(more_load.shape),
-        constant_load=constant[0],
-        constant_a=constant[1],
-        constant_u=s.correct_u * constant[1],
-        constant_v=s.correct_v * constant[1],
-        constant_w=_constant_rows(table, s, constant[1]),
+        constant_load=constant,
+        constant_a=by_constant,
+        constant_u=s.correct_u * by_constant,
+        constant_v=s.correct_v * by_constant,
+        constant_w=np.ascontiguousarray([s.correct_u * read, s.correct_v * read]),
         rows=table,
         response_a=a,
         response_u=u,
@@ -297,21 +293,6 @@ def _rows(system: System, observed: Array) -> Array:
         if not any(np.array_equal(pair.direction, row) for row in rows):
             rows.append(pair.direction)
     return np.ascontiguousarray(rows)
-
-
-def _constant(system: System, s: core.steps.Scheme, factor: tuple[Array, bool]) -> tuple[Array, Array]:
-    """The constant load (N) and what it does in one step to the accelerations, S^-1 f; nothing where there is none."""
-    load = np.array(system.constant_load)
-    if not np.any(load):
-        return np.zeros(0), np.zeros(0)
-    return load, np.asarray(scipy.linalg.cho_solve_banded(factor, load))
-
-
-def _constant_rows(table: Array, s: core.steps.Scheme, a: Array) -> Array:
-    if a.size == 0:
-        return np.zeros((2, 0))
-    read = table @ a
-    return np.ascontiguousarray([s.correct_u * read, s.correct_v * read])
 
 
 def _responses(system: System, s: core.steps.Scheme, factor: tuple[Array, bool]) -> tuple[Array, Array, Array]:
