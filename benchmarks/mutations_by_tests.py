@@ -84,7 +84,7 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
         ),
         Mutation("slow_flow", "now, -2.0 * sigma * now - kappa * before", "now, -2.0 * sigma * now"),
         Mutation("slow_braked_flow", "is_held = square > HELD * (1.0 + decay)", "is_held = square > 0.0"),
-        Mutation("slow_pressed_flow", "SEPARATE = 1e3", "SEPARATE = 1e12"),
+        Mutation("slow_pressed_flow", "WELL_APART = 1e3", "WELL_APART = 1e12"),
     ),
     "test_taper.py": (
         Mutation("weights_of_a_taper", "first = m1 / m0", "first = 0.5 * m1 / m0"),
@@ -364,7 +364,9 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
         Mutation("phase_that_wraps", "    turn -= 2.0 * np.pi * np.round(turn / (2.0 * np.pi))", "    turn += 0.0"),
     ),
     "test_orbits.py": (Mutation("third_rate_of_a_gap", "self.omega * driven)", "0.9 * self.omega * driven)"),),
-    "test_switching.py": (Mutation("dashpot_of_a_condition", "depth[:-1] += float(", "depth[:-1] -= float("),),
+    "test_switching.py": (
+        Mutation("dashpot_of_a_condition", "damped[:, None] * gap], axis", "-damped[:, None] * gap], axis"),
+    ),
     "test_branches.py": (
         Mutation(
             "unexplained_change",
