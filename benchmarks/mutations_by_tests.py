@@ -366,11 +366,7 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
     ),
     "test_orbits.py": (Mutation("third_rate_of_a_gap", "self.omega * driven)", "0.9 * self.omega * driven)"),),
     "test_switching.py": (
-        Mutation(
-            "dashpot_of_a_condition",
-            "np.concatenate([gap, damped[:, None] * gap], axis=1)",
-            "np.concatenate([gap, -damped[:, None] * gap], axis=1)",
-        ),
+        Mutation("dashpot_of_a_condition", "damped[:, None] * gap], axis", "-damped[:, None] * gap], axis"),
     ),
     "test_branches.py": (
         Mutation(
