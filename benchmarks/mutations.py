@@ -173,8 +173,8 @@ MUTATIONS = (
     Mutation("saltation", "np.asarray(self.jump + after[:, :, None]", "np.asarray(self.jump - after[:, :, None]"),
     Mutation(
         "release_of_an_orbit",
-        "damped = self.contact_damping[pair] / self.contact_stiffness[pair]",
-        "damped = 0.9 * self.contact_damping[pair] / self.contact_stiffness[pair]",
+        "self.contact_damping[j] / self.contact_stiffness[j] if name",
+        "0.9 * self.contact_damping[j] / self.contact_stiffness[j] if name",
     ),
     Mutation(
         "doubling_and_breaking",

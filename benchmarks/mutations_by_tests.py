@@ -109,7 +109,7 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
         Mutation(
             "quiet_without_warnings",
             "for text in warned:\n            _show_warning(text)",
-            "for text in warned[:0]:\n            _show_warning(text)",
+            "for text in ():\n            _show_warning(text)",
         ),
         Mutation("init_over_a_file", 'require(force or not file.exists(), "file"', 'require(True, "file"'),
         Mutation("no_star", "one_sample=curve.peak_is_one_start", "one_sample=False"),
@@ -164,7 +164,11 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
             'number_conclusion(label, curve.peak_amplitude, "m",',
         ),
         Mutation("worst_over_left_out", "if plan else (worst_over,)", "if plan else ()"),
-        Mutation("page_in_a_foreign_folder", 'return FILES["study"].name in names and any(', "return any("),
+        Mutation(
+            "page_in_a_foreign_folder",
+            'return FILES["study"].name in names and any(',
+            'return FILES["study"].name in names or any(',
+        ),
     ),
     "test_units.py": (
         Mutation("digits_of_an_interval", "fifth if half - 1 < fifth <= half else half - 1", "half"),
@@ -210,8 +214,8 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
     "test_terminal_tables.py": (
         Mutation(
             "digits_of_a_cell",
-            "isinstance(value, str) else number_text(value, digits)",
-            "isinstance(value, str) else number_text(value, digits - 1)",
+            "_cell(one, digits.get(i, 5))",
+            "_cell(one, digits.get(i, 4))",
         ),
     ),
     "test_study.py": (
@@ -363,7 +367,9 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
     "test_orbits.py": (Mutation("third_rate_of_a_gap", "self.omega * driven)", "0.9 * self.omega * driven)"),),
     "test_switching.py": (
         Mutation(
-            "dashpot_of_a_condition", "np.concatenate([gap, damped * gap])", "np.concatenate([gap, -damped * gap])"
+            "dashpot_of_a_condition",
+            "np.concatenate([gap, damped[:, None] * gap], axis=1)",
+            "np.concatenate([gap, -damped[:, None] * gap], axis=1)",
         ),
     ),
     "test_branches.py": (

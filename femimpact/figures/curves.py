@@ -297,7 +297,9 @@ def decay(result: DecayEstimate, ax: Axes | OffScreen | None = None) -> Axes:
         axis.axhline(100.0 * mode.damping_ratio, color=colour, linestyle="--", linewidth=1.2,
                      label=f"damped sine of {mode.frequency:.4g} Hz")  # fmt: skip
     lowest = min(0.0, 1.2 * float(np.nanmin(ratio, initial=0.0)))
-    axis.set(xlim=(0.0, None), ylim=(lowest, None))
+    highest = axis.get_ylim()[1]
+    # of ratios that are all alike the marks lie below the edge
+    axis.set(xlim=(0.0, None), ylim=(lowest, highest + 0.05 * (highest - lowest)))
     label_axes(axis, f"amplitude ({unit or 'unit of the signal'})", "damping ratio (%)", "")
     *lines, windows = axis.get_legend_handles_labels()[0]
     legend_above(axis, [windows, *lines])

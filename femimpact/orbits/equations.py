@@ -15,7 +15,7 @@ They are solved by Newton's method, damped far from the solution.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, reduce
 from itertools import pairwise
@@ -25,7 +25,7 @@ import numpy as np
 from scipy.linalg.lapack import dgetrf, dgetrs
 
 from femimpact.arrays import Array, Complex, Integers
-from femimpact.orbits.motion import IMPACT, Flow, HybridSystem, Motion, Numbers
+from femimpact.orbits.motion import Flow, HybridSystem, Motion, Numbers, pressed_in
 
 STEP = 1e-30
 """Imaginary part of a complex step, times the value."""
@@ -163,7 +163,11 @@ def event_maps(hybrid: HybridSystem, events: EventStates) -> EventMaps:
         arrived[each], propagator[each] = flow.carried(start[each], begin[each], phases[each])
         field_before[each] = flow.field(start[each], begin[each])
         field_arrived[each] = flow.field(arrived[each], phases[each])
-    row, of_base, level, by_phase, impulse = map(np.array, zip(*_conditions(hybrid, sequence), strict=True))
+    row = impulse = np.zeros((phases.size, 2 * d))
+    of_base, level, by_phase = np.zeros((phases.size, 2)), sequence.section, 1.0
+    if SECTION not in sequence.kind:
+        (row, of_base, level), by_phase = hybrid.conditions(sequence.kind, sequence.pair, sequence.side), 0.0
+        impulse = hybrid.impulses(sequence.kind, sequence.pair, sequence.side)
     sine, cosine = np.sin(phases), np.cos(phases)
     speed_row = np.concatenate([0.0 * row[:, :d], row[:, :d]], axis=1)
     speed = (speed_row * arrived).sum(axis=1) + hybrid.omega * of_base[:, 0] * cosine
@@ -193,26 +197,12 @@ def event_maps(hybrid: HybridSystem, events: EventStates) -> EventMaps:
     )
 
 
-def _conditions(
-    hybrid: HybridSystem, sequence: EventSequence
-) -> Iterator[tuple[Numbers, Numbers, Any, float, Numbers]]:
-    """The condition of each event, its derivative by the phase itself, and the impulse of a unit approach speed."""
-    nothing = np.zeros(2 * hybrid.mass.size)
-    for k, (kind, pair, side) in enumerate(zip(sequence.kind, sequence.pair.tolist(), sequence.side, strict=True)):
-        if kind == SECTION:
-            yield nothing, np.zeros(2), sequence.section[k], 1.0, nothing
-        else:
-            impulse = hybrid.impulse(pair, side) if kind == IMPACT else nothing
-            yield *hybrid.condition((kind, pair, side)), 0.0, impulse
-
-
 def _flows(hybrid: HybridSystem, contact_state: Array) -> list[tuple[Flow, list[int]]]:
     """The flows of contact states (N, pairs), each with the numbers of those that have it."""
-    members: dict[int, tuple[Flow, list[int]]] = {}
-    for k, state in enumerate(contact_state):
-        flow = hybrid.flow(state)
-        members.setdefault(id(flow), (flow, []))[1].append(k)
-    return list(members.values())
+    members: dict[bytes, list[int]] = {}
+    for k, state in enumerate(pressed_in(contact_state)):
+        members.setdefault(state.tobytes(), []).append(k)
+    return [(hybrid.flow(contact_state[each[0]]), each) for each in members.values()]
 
 
 def residual(maps: EventMaps) -> Numbers:

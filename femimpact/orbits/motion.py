@@ -17,6 +17,7 @@ leaves that part its digits; eigenvalues do not.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -66,8 +67,8 @@ IMPACT, TOUCH, RELEASE, PRESS_AGAIN, SEPARATE = "impact", "touch", "release", "p
 Event = tuple[str, int, float]
 """Kind, pair and side of an event."""
 
-Condition = tuple[Numbers, Numbers, Any]
-"""What rises to zero at an event: a row (2d,) of z, and one (2,) of sin and cos of the phase, less a level, in m."""
+Conditions = tuple[Numbers, Numbers, Numbers]
+"""What rises to zero at events: rows (N, 2d) of z, and (N, 2) of sin and cos of the phase, less levels (N,), in m."""
 
 
 class ResonanceError(InputError, np.linalg.LinAlgError):
@@ -93,11 +94,11 @@ class HybridSystem:
     amplitude: Any  # m of the base, or N
     moves_base: bool
     flows: dict[bytes, Flow] = field(default_factory=dict, init=False, repr=False)  # made before, by contact state
+    rows: dict[Event, tuple[Numbers, Numbers, Any]] = field(default_factory=dict, init=False, repr=False)
 
     def flow(self, contact_state: Array) -> Flow:
         """The flow of a contact state (pairs,), made where it is first asked for."""
-        # a wall that springs back behind its body does not act
-        pressed = np.where(np.abs(contact_state) == CONTACT, contact_state, 0.0)
+        pressed = pressed_in(contact_state)
         key = pressed.tobytes()
         if key not in self.flows:
             self.flows[key] = flow_of(self, pressed)
@@ -108,22 +109,35 @@ class HybridSystem:
         """Amplitude of s(t) beside sin(theta)."""
         return -self.amplitude * self.omega**2 if self.moves_base else self.amplitude
 
-    def condition(self, event: Event) -> Condition:
+    def conditions(self, kind: Sequence[str], pair: Integers, side: Array) -> Conditions:
         """The depth beyond a wall, or the force of a contact over its stiffness; less where it falls to zero."""
-        kind, pair, side = event
-        towards = side if kind in (RELEASE, SEPARATE) else -side
-        damped: Any = 0.0
-        if kind in (RELEASE, PRESS_AGAIN):
-            damped = self.contact_damping[pair] / self.contact_stiffness[pair]
-        gap, base = towards * self.force[:, pair], towards * self.in_space[pair] * self.amplitude
-        level = -towards * side * self.gaps[pair, 0 if side > 0.0 else 1]
-        return np.concatenate([gap, damped * gap]), np.array([base, damped * self.omega * base]), level
+        towards = np.array([1.0 if name in (RELEASE, SEPARATE) else -1.0 for name in kind]) * side
+        gap, base = towards[:, None] * self.force.T[pair], towards * self.in_space[pair] * self.amplitude
+        level = -towards * side * self.gaps[pair, np.where(side > 0.0, 0, 1)]
+        damped = np.array([
+            self.contact_damping[j] / self.contact_stiffness[j] if name in (RELEASE, PRESS_AGAIN) else 0.0
+            for name, j in zip(kind, pair.tolist(), strict=True)
+        ])  # fmt: skip
+        of_base = np.array([base, damped * self.omega * base]).T
+        return np.concatenate([gap, damped[:, None] * gap], axis=1), of_base, level
 
-    def impulse(self, pair: int, side: float) -> Numbers:
-        """Change (2d,) of z by an impact of unit approach speed."""
-        push = self.force[:, pair] / self.mass
-        change = side * (1.0 + self.restitution[pair]) / (self.force[:, pair] @ push) * push
-        return np.concatenate([0.0 * push, change])
+    def condition(self, event: Event) -> tuple[Numbers, Numbers, Any]:
+        """That of one event, kept."""
+        if event not in self.rows:
+            parts = self.conditions(event[:1], np.array([event[1]]), np.array([event[2]]))
+            self.rows[event] = parts[0][0], parts[1][0], parts[2][0]
+        return self.rows[event]
+
+    def impulses(self, kind: Sequence[str], pair: Integers, side: Array) -> Numbers:
+        """Changes (N, 2d) of z by events per unit of their approach speed."""
+        push, is_impact = self.force.T[pair] / self.mass, np.array([name == IMPACT for name in kind])
+        change = is_impact * side * (1.0 + self.restitution[pair]) / (self.force.T[pair] * push).sum(axis=1)
+        return np.concatenate([0.0 * push, change[:, None] * push], axis=1)
+
+
+def pressed_in(contact_state: NDArray[Any]) -> Array:
+    """Sides of the pairs that are pressed, else 0: a wall that springs back behind its body does not act."""
+    return np.where(np.abs(contact_state) == CONTACT, contact_state, 0.0)
 
 
 def hybrid_system(system: System, excitation: Excitation) -> HybridSystem:

@@ -162,7 +162,7 @@ def beside(record: Any, folder: bool = False) -> Iterator[tuple[str, Element]]:
         yield from (("decay", element("p", str(mode))) for mode in record.modes)
         yield "decay", table_element(table_of("Over the amplitude", *record.columns()))
     elif is_parameter_study(record):
-        yield "cases", table_element(case_table(*case_columns(record), file("parameter_table")))
+        yield "cases", table_element(case_table(*case_columns(record)))
 
 
 def is_parameter_study(part: Any) -> bool:

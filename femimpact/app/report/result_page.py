@@ -22,7 +22,7 @@ from femimpact.app.report.page import (
     table_of,
     write_page,
 )
-from femimpact.app.report.page_tables import beside, branch_table, channel_table, summary_table
+from femimpact.app.report.page_tables import beside, branch_table, case_table, channel_table, summary_table
 from femimpact.app.report.player import player_element
 from femimpact.app.report.result_conclusions import (
     STARTS,
@@ -296,17 +296,17 @@ def tables_of(results: ResultReading) -> Iterator[Table]:
 def beside_of(results: ResultReading, records: Iterable[Any]) -> dict[str, list[Element]]:
     """Words, tables and the player of results, by the part of the page in which they stand."""
     parts = {
-        key: [_as_element(part) for part in results.attempt(SECTIONS[key], partial(make, results)) or []]
+        key: results.attempt(SECTIONS[key], partial(make, results)) or []
         for key, make in (
             ("comparison", _comparison), ("orbits", _orbits), ("player", _player), ("motion", _motion),
-            ("modes", _modes), ("recommended", _recommended),
+            ("modes", _modes), ("recommended", _recommended), ("cases", _cases),
         )
     }  # fmt: skip
-    for record in (*records, results.parameter_study):
+    for record in records:
         pairs: list[tuple[str, Element]] | None = results.attempt("tables", partial(list, beside(record, True)))
         for key, one in pairs or ():
             parts.setdefault(key, []).append(one)
-    return parts
+    return {key: [_as_element(part) for part in several] for key, several in parts.items() if several}
 
 
 def _as_element(part: Element | Table | str) -> Element:
@@ -403,6 +403,11 @@ def _mode_table(title: str, columns: Mapping[str, Any], units: Mapping[str, str]
 
 def _recommended(results: ResultReading) -> Beside:
     return [*_of_file(results, "convergence_summary", summary_table)]
+
+
+def _cases(results: ResultReading) -> Beside:
+    """From the table, which may stand where the dataset is damaged."""
+    return [*_of_file(results, "parameter_table", case_table)]
 
 
 def _mode_columns(modes: Modes) -> tuple[dict[str, Any], dict[str, str]]:
