@@ -288,10 +288,10 @@ def test_figure_report_and_printed_lines_say_the_same(done, out):
     assert section.count("<tr>") == 2 + len(branches) + len(rows["kind"])
     for words in ("femimpact orbits study.toml", "On 4 modes", "stable", "unstable", "stepped sweep", "Neimark-Sacker"):
         assert words in section
-    for number, branch in enumerate(branches, 1):
-        assert f"branch {number}, from {branch['origin']}: " in printed
-        assert all(end in printed.replace("\n", "") and end in section for end in branch["ends"])
-    assert "Bifurcations over base.frequency, 4 modes kept" in printed
+    for branch in branches:
+        assert all(end in section for end in branch["ends"])
+    for words in ("The branches", "Bifurcations", f"Branches of periodic orbits: {len(branches)}; over base.frequency"):
+        assert words in printed
     # of 8 digits, so that bifurcations side by side can be told apart
     for value in rows["base.frequency"]:
         assert f"{value:.8g}" in printed
