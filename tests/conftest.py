@@ -115,21 +115,21 @@ def perturbed(modes: fi.system.Modes, system: fi.System, seed: int) -> fi.system
 
 @pytest.fixture(scope="session", autouse=True)
 def _perturbed_modes(request):
-    """Every module's `solve_modes` gives perturbed modes where --perturb-modes asks for them."""
+    """`lowest_modes`, below `solve_modes` and `reduce`, gives perturbed modes where --perturb-modes asks for them."""
     seed = request.config.getoption("--perturb-modes")
     if seed is None:
         yield
         return
-    exact = femimpact.system.modes.solve_modes
+    exact = femimpact.system.modes.lowest_modes
 
-    def solve_modes(system, count):
+    def lowest_modes(system, count):
         return perturbed(exact(system, count), system, seed)
 
     with pytest.MonkeyPatch.context() as patch:
         # a module that is imported later takes it from femimpact.system.modes
         for name, module in list(sys.modules.items()):
-            if name.partition(".")[0] == "femimpact" and vars(module).get("solve_modes") is exact:
-                patch.setattr(module, "solve_modes", solve_modes)
+            if name.partition(".")[0] == "femimpact" and vars(module).get("lowest_modes") is exact:
+                patch.setattr(module, "lowest_modes", lowest_modes)
         yield
 
 

@@ -17,7 +17,7 @@ from femimpact.table import column_units
 NAMES = """
     contact.ALUMINIUM
     Beam: joints length mass segments uniform
-    system.ContactPair: acceleration along direction effective_mass first_mode fixed_to flexibility free_stiffness gaps
+    system.ContactPair: acceleration direction effective_mass first_mode fixed_to flexibility free_stiffness gaps
         is_preloaded is_stop law mass mobility name parameters position shares_place
     CustomLaw: force name reference_speed
     signals.DampingEstimate: frequency interval method ratio warnings

@@ -282,6 +282,7 @@ def attributes_of(page: Parsed) -> list[tuple[str, str]]:
 @pytest.mark.parametrize("text", HOSTILE)
 def test_every_text_of_a_report_stays_text(sound, tmp_path, text):
     summary = json.loads((sound / "summary.json").read_text())
+    (tmp_path / "study.toml").write_text(UNDRAWN_STUDY, encoding="utf-8")
     for named, expected in (("plain", "word"), ("hostile", text)):
         changed = summary | {"warnings": [expected], "notes": [expected], "remarks": [expected], "study": expected}
         changed["versions"] = {expected: expected}

@@ -67,13 +67,13 @@ def test_an_error_is_relative_or_absolute_where_the_reference_is_zero():
 
 def test_the_command_prints_the_table_and_writes_it(monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(validation, "REFERENCE_CASES", (lambda: [GOOD],))
-    cli.validate(output=tmp_path / "table.csv")
+    cli.validate(to=cli.ToFile(tmp_path / "table.csv"))
     printed = capsys.readouterr().out
     assert "speed (m/s)" in printed
     assert printed.endswith("1 of 1 pass\n")
     assert read_csv(tmp_path / "table.csv")["computed"] == [2.0]
     with pytest.raises(InputError, match="exists already"):
-        cli.validate(output=tmp_path / "table.csv", quiet=True)
+        cli.validate(to=cli.ToFile(tmp_path / "table.csv"), quiet=True)
 
 
 @pytest.mark.parametrize("quiet", [False, True])

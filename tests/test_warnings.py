@@ -23,7 +23,7 @@ PAGE = (ROOT / "docs" / "reference" / "warnings.md").read_text("utf-8")
 SECTIONS = dict(re.findall(r"^## (.*?)\n(.*?)(?=^## |\Z)", PAGE, re.MULTILINE | re.DOTALL))
 
 SITES = {
-    ("app/tasks/run.py", "_summary"): ["of the further starts failed"],
+    ("app/tasks/starts.py", "_failures"): ["of the further starts failed"],
     ("sweep/curve.py", "_steadiness_warnings"): ["the motion never repeats",
                                                  "the two halves of the measured time differ"],
     ("sweep/curve.py", "_dwell_warnings"): ["of the first mode's transient"],
@@ -56,7 +56,7 @@ SITES = {
     ("app/study/summary.py", "_restitution_warnings"): ["the law is made for the first mode's mass"],
     ("app/study/summary.py", "_estimates"): ["the motion around the peak does not repeat"],
     ("app/report/pictures.py", "with_pictures"): ["not drawn"],
-    ("app/tasks/run.py", "_finish"): ["the run was ended before"],
+    ("app/tasks/task.py", "_without"): ["the run was ended before"],
     ("signals/densities.py", "record_of"): ["lacks the impulses of"],
     ("signals/densities.py", "width_warnings"): ["are coarser than a fifth of the half-power width"],
     ("signals/densities.py", "too_coarse"): ["would be an alias"],
@@ -69,7 +69,10 @@ SITES = {
 }  # fmt: skip
 """Functions that make warnings of a run, and headings of the page that are words of them or of their module."""
 
-BY_OTHERS = {"_estimate_warnings", "_curve_warnings", "_grid_warnings", "drive_warnings", "frequency_warnings"}
+BY_OTHERS = {
+    "_estimate_warnings", "_curve_warnings", "_grid_warnings", "drive_warnings", "frequency_warnings",
+    "result_warnings",
+}  # fmt: skip
 """Functions that hand on what those above make, or begin it."""
 
 

@@ -66,6 +66,8 @@ def branch(
         Of one parameter, and of the displacement of one place.
     ax : Axes, optional
         Drawn on; those of a new pyplot figure by default.
+    title : str
+        Above the axes.
     swept : pair of array_like (n,), optional
         Values of the parameter and largest displacements (m) of runs, drawn as dots.
 

@@ -49,6 +49,10 @@ class PeriodicOrbit:
 
     Parameters
     ----------
+    system : System
+        On its modes.
+    excitation : Sine or PointForce
+        One sine, of the base or of a force.
     cycles : int
         Periods of the excitation after which the motion repeats.
     state : State

@@ -115,6 +115,8 @@ def find_orbits(
 
     Parameters
     ----------
+    system, excitation, cycles
+        As of `find_orbit`.
     guesses : sequence of State, Response or PeriodicOrbit
         Left out are those from which no orbit is found, and those that lead to none: a motion that sticks, a state
         beyond a wall, an orbit of other cycles, a run under another drive than a sine.

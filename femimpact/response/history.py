@@ -70,10 +70,13 @@ class HistoryPiece:
     channels : mapping of str to ndarray (samples,)
         As `Response.channels` has them.
     units : mapping of str to str
+        That of each channel.
     energy : EnergyLedger or None
         Of these samples; work and losses since the start of the run.
     snapshots : Snapshots or None
         Those due between the same steps.
+    base : Excitation
+        The drive of the run.
 
     Raises `InputError` if a channel or the ledger does not have the samples of `time`, or a channel has no unit.
     """
