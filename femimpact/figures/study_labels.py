@@ -75,17 +75,6 @@ def value_words(dataset: xarray.Dataset, name: str) -> list[str] | None:
     return [str(value) for value in values.reshape(-1)] if values.dtype.kind not in "iuf" else None
 
 
-def axis_value(dataset: xarray.Dataset, axis: str, index: int) -> tuple[str, str | float, str]:
-    """Words of an axis, one of its values (a text where numbers do not say it), and the unit of the value, or ""."""
-    if axis not in dataset.variables:
-        return axis, str(index), ""
-    names, unit = value_words(dataset, axis), str(dataset[axis].attrs.get("units", ""))
-    if names is not None:
-        return axis_words(dataset, axis), names[index], "mm" if f"{axis}.plus" in dataset.coords else ""
-    value = float(dataset[axis].to_numpy().reshape(-1)[index])
-    return axis_words(dataset, axis), value, "" if unit == "1" else unit
-
-
 def in_shown_units(columns: Mapping[str, Any], units: Mapping[str, str]) -> tuple[dict[str, Any], dict[str, str]]:
     """Columns of numbers in the units in which they are shown, and these units."""
     factors_and_units = {name: SHOWN_IN.get(unit, (1.0, unit)) for name, unit in units.items()}
