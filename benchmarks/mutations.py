@@ -282,7 +282,7 @@ MUTATIONS = (
     Mutation(
         "scatter_of_another_case",
         '(_text(data[f"{measure}{end}"].to_numpy()[at], attributes)',
-        '(_text(data[f"{measure}{end}"].to_numpy().flat[0], attributes)',
+        '(_text(data[f"{measure}{end}"].to_numpy().flat[-1], attributes)',
     ),
     Mutation("spread_of_a_median", "1.0 + 0.5 * math.pi / starts", "1.0 + math.pi / starts"),
     # damping of a free decay
