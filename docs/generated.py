@@ -26,6 +26,7 @@ SUBJECTS = {
     "signals": "Signals: damping from curves and decays, spectra, transfer functions, shock response spectra, laser",
     "parametric": "Parameter studies",
     "convergence": "Convergence studies",
+    "orbits": "Periodic orbits and their branches",
     "study": "Study files and their results",
     "figures": "Pictures and files",
     "errors": "Errors and warnings",
@@ -33,7 +34,15 @@ SUBJECTS = {
 }
 """Headings of the groups of public names, by the folder of `femimpact` or of its `app` that holds them."""
 
-WITH = {"results": "study", "tasks": "study", "report": "study", "planned_test": "parametric", "vtk": "figures"}
+WITH = {
+    "results": "study",
+    "tasks": "study",
+    "report": "study",
+    "planned_test": "parametric",
+    "vtk": "figures",
+    "refinement": "parametric",
+    "absorber": "structure",
+}
 """Folders whose names stand in the group of another."""
 
 SUBMODULES = {

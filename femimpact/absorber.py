@@ -15,6 +15,7 @@ from femimpact.errors import LARGEST, instance, place, quantity, require, takes,
 from femimpact.fem.assembly import assemble
 from femimpact.structure.structure import Absorber, Position, Structure
 from femimpact.system.modes import solve_modes
+from femimpact.system.state import STILL
 from femimpact.system.system import System
 
 BAND = (0.3, 2.0)
@@ -25,9 +26,6 @@ POINTS = 400
 
 RATIOS = (1e-6, 1.0)
 """Masses of absorbers that are looked for, over that of the first mode at their place."""
-
-STILL = 1e-9
-"""Share of the largest motion of a mode below which a place is at rest in it, but for rounding."""
 
 
 @takes(

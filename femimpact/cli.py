@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from femimpact.app.parametric.verb import StudyProgress
+    from femimpact.app.report.pictures import Report
     from femimpact.app.study.study import Study
-    from femimpact.app.tasks.task import Report
 
 BESIDE = 3
 """Characters between two columns."""

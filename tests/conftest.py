@@ -168,7 +168,7 @@ def bouncing(reference: fi.Structure) -> fi.System:
 
 @pytest.fixture
 def undrawn(monkeypatch) -> None:
-    """No process draws the pictures of a run, whose data are written; for tests that look at no picture."""
+    """Nothing draws the pictures of a run, whose data are written; for tests that look at no picture."""
 
     def draw_kinds(_folder, kinds, _report, _study):
         return dict.fromkeys(kinds), {}

@@ -12,6 +12,7 @@ from builders import read_csv
 
 import femimpact as fi
 from femimpact.app import demo
+from femimpact.app.results.result_directory import result_files
 from femimpact.app.study.findings import read_findings
 from femimpact.app.study.summary import spread_of
 
@@ -134,6 +135,8 @@ def test_both_starts_are_in_the_tables(results):
     names = {path.relative_to(folder).as_posix() for path in folder.rglob("*")}
     assert {"comparison.csv", "restitution.csv", "sweep.csv"} <= names
     assert {"figures/restitution.png", "figures/response.png"} <= names
+    # all of them are known as results: --force replaces them
+    assert set(result_files(folder)) == {name for name in names if (folder / name).is_file()} - {"report.html"}
     assert "ball_from_rest_in_space" in results.summary
 
 

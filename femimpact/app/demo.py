@@ -17,9 +17,9 @@ import numpy as np
 
 from femimpact import figures
 from femimpact.app.parametric.verb import parameter_study
-from femimpact.app.report.result_conclusions import STARTS
+from femimpact.app.report.pictures import Report
 from femimpact.app.results.results import StudyResults
-from femimpact.app.study.findings import Findings, Spread, joined
+from femimpact.app.study.findings import START_WORDS, Findings, Spread, joined
 from femimpact.app.study.prepared import PreparedStudy, prepare, with_base
 from femimpact.app.study.study import Study, sine_of
 from femimpact.app.study.study_file import load_study
@@ -34,7 +34,7 @@ from femimpact.app.tasks.run import (
     sweep_part,
 )
 from femimpact.app.tasks.starts import OF_CURVES, StartCurves, columns_of_starts, spreads_of
-from femimpact.app.tasks.task import Finished, Report, Task, run_task, study_files
+from femimpact.app.tasks.task import Finished, Task, run_task, study_files
 from femimpact.errors import Fault, InputError
 from femimpact.excitation.harmonic import Sine
 from femimpact.figures.drawing import panels
@@ -56,6 +56,9 @@ PUBLISHED: Mapping[str, float] = {
     "impact_force_theory": 0.02,
 }
 """The paper's Table 1 and section 5: Hz, 1 and N."""
+
+STARTS = ("base", "space")
+"""Frames in which beam and ball are at rest at the start, of which the paper does not say one."""
 
 OFF_CENTRE = 0.1e-3
 """The starts of one frame differ by where the ball lies: up to so far (m) from the middle of its box."""
@@ -142,7 +145,7 @@ def _parts_of_demo(prepared: PreparedStudy, plan: ScanPlan, report: Report) -> I
 
 def _sweep_from(prepared: PreparedStudy, start: str, ledger: bool, report: Report) -> SweepPair:
     def progress(what: str, share: float) -> None:
-        report(f"{what}, {STARTS[start]}", share)
+        report(f"{what}, {START_WORDS[start]}", share)
 
     return run_sweep(prepared, progress, State.at_rest(start), ledger)
 
@@ -180,7 +183,7 @@ def scan_restitution(prepared: PreparedStudy, plan: ScanPlan, report: Report) ->
     )
     axes = {
         RESTITUTION: plan.restitutions,
-        "base.start": tuple(STARTS),
+        "base.start": STARTS,
         "start.ball.position": places(plan.starts),
         "base.frequency": frequencies,
     }
@@ -237,7 +240,7 @@ def curves_of_starts(prepared: PreparedStudy, report: Report) -> dict[str, Start
     if plan is None:
         raise InputError([Fault("sweep", None, "", "table [sweep] is missing")])
     frequency = np.linspace(plan.start, plan.stop, 2 * plan.points - 1)
-    axes = {"base.start": tuple(STARTS), "start.ball.position": places(SAMPLES), "base.frequency": frequency}
+    axes = {"base.start": STARTS, "start.ball.position": places(SAMPLES), "base.frequency": frequency}
     base = Sine(prepared.study.sine.amplitude, 1.0)
     curves = parameter_study(
         prepared.small, axes, OF_CURVES, excitation=base, method=EventDriven(), cycles=plan.cycles,
@@ -348,11 +351,11 @@ def _scan_columns(scan: xarray.Dataset) -> tuple[dict[str, Any], dict[str, str]]
 def _draw_scan(scan: xarray.Dataset, path: Path) -> None:
     drawn: Any = panels(figures.OffScreen(), 8.0, 7.4, 2, 1, sharex=True)[:, 0]
     for axis, start in zip(drawn, STARTS, strict=True):
-        figures.study_lines(scan.sel({"base.start": start}), "amplitude_ratio", title=STARTS[start], ax=axis)
+        figures.study_lines(scan.sel({"base.start": start}), "amplitude_ratio", title=START_WORDS[start], ax=axis)
     figures.save_figure(drawn, path)
 
 
 def _draw_curves(sweeps: Mapping[str, SweepPair], path: Path) -> None:
-    curves = {f"with ball, {STARTS[start]}": pair.ball for start, pair in sweeps.items() if pair.ball is not None}
+    curves = {f"with ball, {START_WORDS[start]}": pair.ball for start, pair in sweeps.items() if pair.ball is not None}
     named = {"without ball": sweeps["base"].empty, **curves}
     figures.save_figure(figures.response_curve(named, coarse=sweeps["base"].coarse, ax=figures.OffScreen()), path)

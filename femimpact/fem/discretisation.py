@@ -240,7 +240,7 @@ def _segments_on_mesh(beam: Beam, mesh: Mesh) -> Iterable[tuple[Segment, NDArray
     result = []
     for segment in beam.segments:
         require_name(segment.name, mesh.regions, "mesh.regions")
-        fault = _length_fault(beam, mesh, segment)
+        fault = _length_fault(mesh, segment)
         if fault is not None:
             raise InputError([fault])
         result.append((segment, mesh.regions[segment.name]))
@@ -250,7 +250,7 @@ def _segments_on_mesh(beam: Beam, mesh: Mesh) -> Iterable[tuple[Segment, NDArray
     return result
 
 
-def _length_fault(beam: Beam, mesh: Mesh, segment: Segment) -> Fault | None:
+def _length_fault(mesh: Mesh, segment: Segment) -> Fault | None:
     """The fault in the length of a segment, where the mesh has its region."""
     if segment.name not in mesh.regions:
         return None
@@ -311,7 +311,7 @@ def _held_dofs(structure: Structure, mesh: Mesh) -> list[int]:
 def _check_length(beam: Beam, mesh: Mesh) -> None:
     meshed = float(mesh.nodes[-1])
     if abs(meshed - beam.length) > OFF_MESH * beam.length:
-        unlike = [fault for fault in map(partial(_length_fault, beam, mesh), beam.segments) if fault is not None]
+        unlike = [fault for fault in map(partial(_length_fault, mesh), beam.segments) if fault is not None]
         if len(unlike) == 1 < len(beam.segments):
             raise InputError(unlike)
         allowed = f"must be the mesh's length, {meshed:.9g} m"

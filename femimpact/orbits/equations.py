@@ -56,7 +56,7 @@ LEAST_UNIT = 1e-3
 class EventSequence:
     """The events of an orbit in their order, N of them."""
 
-    kind: tuple[str, ...]  # of `core.events.EVENT_NAMES`, or SECTION
+    kind: tuple[str, ...]  # of `response.impacts.EVENT_KINDS`, or SECTION
     pair: Integers  # (N,) number of the pair; -1 of a section
     side: Array  # (N,) +1 or -1: which wall
     contact_state: Array  # (N, pairs) after each event: 0, +-1 in contact, +-2 separating
@@ -106,7 +106,6 @@ class EventMaps:
     hybrid: HybridSystem
     events: EventStates
     propagator: Numbers  # (N, 2d, 2d) from after the event before to the event
-    arrived: Numbers  # (N, 2d) z-
     field_before: Numbers  # (N, 2d) z' just after the event before, and just before the event
     field_arrived: Numbers
     field_after: Numbers  # (N, 2d) z' just after the event, from `jumped`
@@ -178,7 +177,6 @@ def event_maps(hybrid: HybridSystem, events: EventStates) -> EventMaps:
         hybrid=hybrid,
         events=events,
         propagator=propagator,
-        arrived=arrived,
         field_before=field_before,
         field_arrived=field_arrived,
         field_after=field_after,

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import pandas
     import xarray
 
-# the first two are extremes of the motion, the others sums over samples; see signals.CycleStatistics
+# the first two are extremes of the motion, the others sums over samples; see cycles.CycleStatistics
 CYCLE_COLUMNS = ("maximum", "minimum", "square", "sine", "cosine", "samples")
 MAXIMUM, MINIMUM = range(2)
 ENERGY_COLUMNS = ("kinetic", "strain", "ball", "contact", "work", "structure_loss", "contact_loss")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -111,8 +110,7 @@ class DrawnSystem:
 
     def deflection_rows(self, positions: ArrayLike) -> Array:
         """Rows that read the deflection from nodal values (w1, w1', w2, w2', ...)."""
-        rows: Any = hermite_rows(self.nodes, positions)
-        return np.asarray(rows if isinstance(rows, np.ndarray) else rows.toarray())
+        return np.asarray(hermite_rows(self.nodes, positions).toarray())
 
 
 def drawn_system(

@@ -213,7 +213,7 @@ def identify_decay(time: ArrayLike, signal: ArrayLike, *, modes: int = 1) -> Dec
     '5.000 Hz, 0.318 %'
     """
     t, y, interval = _checked_signal(time, signal)
-    begin, left_out = _begin(t, y, interval)
+    begin, left_out = _begin(t, y)
     t, y = t[begin:], y[begin:]
     # the fit does not hang on units
     offset, scale = float(y.mean()), float(np.max(np.abs(y - y.mean())))
@@ -263,7 +263,7 @@ def _checked_signal(time: ArrayLike, signal: ArrayLike) -> tuple[Array, Array, f
     return t, y, float(np.polyfit(np.arange(t.size), t - t[0], 1)[0])
 
 
-def _begin(t: Array, y: Array, interval: float) -> tuple[int, list[str]]:
+def _begin(t: Array, y: Array) -> tuple[int, list[str]]:
     """The first sample of a free decay, behind rest, a hold and clipped cycles, with words on what is left out."""
     begin, words = _release(y), list[str]()
     if begin:

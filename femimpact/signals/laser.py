@@ -13,10 +13,8 @@ from femimpact.response.channels import channel_key
 from femimpact.response.response import Response
 from femimpact.structure.structure import Position
 from femimpact.system.modes import mode_count, solve_modes
+from femimpact.system.state import STILL
 from femimpact.system.system import System
-
-STILL = 1e-9
-"""Share of the largest motion of a mode below which a place is at rest in it, but for rounding."""
 
 ROUNDING = 1e-6
 """Share of an interval between samples: an instant this near to a sample of the response is that sample."""

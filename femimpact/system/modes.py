@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy.linalg
@@ -72,28 +72,27 @@ class Modes:
         check_fields(self)
 
     @property
-    def _table(self) -> tuple[dict[str, NDArray[np.float64 | np.int64]], dict[str, str]]:
-        """A row for every mode, and units."""
-        units = {
-            "mode": "1", "natural_frequency": "Hz", "damping_ratio": "1", "participation_factor": "kg^0.5",
-            "effective_mass": "kg",
-        }  # fmt: skip
-        numbers = {"mode": np.arange(1, self.natural_frequency.size + 1)}
-        return numbers | {name: getattr(self, name) for name in units if name not in numbers}, units
-
-    @property
     def _head(self) -> Head:
         dofs, count = self.vectors.shape
-        return head_of_columns(f"Modes: {count} of {dofs} dofs", *self._table)
+        return head_of_columns(f"Modes: {count} of {dofs} dofs", *mode_columns(self))
 
     def to_pandas(self) -> pandas.DataFrame:
         """A row for every mode by its number from 1, without the vectors; units in `attrs["units"]`."""
-        return frame_of(*self._table, index="mode")
+        return frame_of(*mode_columns(self), index="mode")
 
     @property
     def effective_mass(self) -> Array:
         """Square of the participation factor, (count,) in kg; all of them sum to the moving mass."""
         return own(self.participation_factor**2)
+
+
+def mode_columns(modes: Modes) -> tuple[dict[str, Any], dict[str, str]]:
+    """Columns of a row for every mode, by its number from 1, and their units."""
+    units = {
+        "natural_frequency": "Hz", "damping_ratio": "1", "participation_factor": "kg^0.5", "effective_mass": "kg",
+    }  # fmt: skip
+    numbers = np.arange(1, modes.natural_frequency.size + 1)
+    return {"mode": numbers, **{name: getattr(modes, name) for name in units}}, units
 
 
 def require_modes_of(dofs: int, modes: Modes) -> None:

@@ -39,14 +39,12 @@ def stop_orbits(
     return orbits
 
 
-def stop_harmonic(
-    damping: float, restitution: float, omega: float, orbit: ClosedForm, force: float = 1.0, cycles: int = 1
-) -> float:
-    """Amplitude at omega: that of the response to the force and to the mean line of the impulses at omega."""
+def stop_harmonic(damping: float, restitution: float, omega: float, orbit: ClosedForm, cycles: int = 1) -> float:
+    """Amplitude at omega: that of the response to a unit force and to the mean line of the impulses at omega."""
     speed, phase, _ = orbit
     impulses = (1 + restitution) * speed * omega / (math.pi * cycles)
     amplitude = 1 / math.hypot(1 - omega**2, 2 * damping * omega)
-    return amplitude * math.hypot(force * math.cos(phase), force * math.sin(phase) - impulses)
+    return amplitude * math.hypot(math.cos(phase), math.sin(phase) - impulses)
 
 
 def stop_map(

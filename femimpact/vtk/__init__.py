@@ -198,9 +198,9 @@ def to_pyvista(
     system : System, optional
         Whose modes they are; a response has its system.
     scale : float, m
-        Of modes; see `export.vtk.write_modes`.
+        Of modes; see `fi.vtk.write_modes`.
     exaggeration : float, 1
-        Of a response, as `most` and `frame`; see `export.vtk.write_deflection`.
+        Of a response, as `most` and `frame`; see `fi.vtk.write_deflection`.
     most : int
     frame : {"base", "space"}
 
@@ -213,7 +213,7 @@ def to_pyvista(
     Raises
     ------
     InputError
-        If a value is out of range, or the system of modes is missing.
+        If the system of modes is missing.
 
     Examples
     --------

@@ -174,7 +174,7 @@ def parameter_study(
     Raises
     ------
     InputError
-        If an argument is wrong, before the first case; or the directory holds another study, or is in use.
+        Before the first case; also if the directory holds another study, or is in use.
     """
     definition = ParameterStudy(
         study, axes, measures, starts=starts, seed=seed, sample=sample, cycles=cycles, excitation=excitation,

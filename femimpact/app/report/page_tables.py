@@ -13,7 +13,7 @@ from femimpact.app.report.page import Table, table_element, table_of
 from femimpact.app.results.branch_file import FollowedBranches
 from femimpact.app.results.picture_data import Run, SweptCurves
 from femimpact.app.results.result_directory import FILES
-from femimpact.app.study.findings import Findings, history_words
+from femimpact.app.study.findings import START_WORDS, Findings, history_words
 from femimpact.convergence.table import ConvergenceTable
 from femimpact.excitation.drives import drive_words
 from femimpact.figures.study_labels import case_columns, in_shown_units
@@ -25,15 +25,10 @@ from femimpact.units import parameter_text, unit_text
 # ---- response curves -------------------------------------------------------------------------------
 
 
-STARTS = {
-    "base": "at rest relative to the base", "space": "at rest in the inertial frame", "static": "in the static state",
-}  # fmt: skip
-
-
 def dwell_words(curve: FrequencyResponse) -> str:
     """How each frequency of a curve is held, and how the base moves."""
     length = f"{curve.cycles} cycles" if curve.cycles is not None else f"{curve.duration:g} s"
-    start = STARTS.get(curve.start, "from a given state")
+    start = START_WORDS.get(curve.start, "from a given state")
     if isinstance(curve.acceleration, tuple):
         (first, low), (last, high) = curve.acceleration[0], curve.acceleration[-1]
         accelerations = f"{unit_text(low, 'm/s^2')} at {first:g} Hz to {unit_text(high, 'm/s^2')} at {last:g} Hz"

@@ -20,6 +20,7 @@ KINDS = ("figures", "movie")
 """Kinds of pictures in the order in which they are drawn: the one that fails most often comes last."""
 
 Report = Callable[[str, float], None]
+"""Called with what is being done and the share of it that is done."""
 
 
 def draw_kinds(

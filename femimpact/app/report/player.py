@@ -77,11 +77,11 @@ def frames_of(response: Response) -> Frames | None:
     hits = _hits(response.impacts, snapshots, [pair.name for pair in contacts])
     times = np.unique(np.concatenate([snapshots.time[grid], hits["time"]]))
     stations = _stations(nodes, [pair.position for pair in contacts])
-    rows, slopes = (_dense(hermite_rows(nodes, stations, order)) for order in (0, 1))
+    rows, slopes = (hermite_rows(nodes, stations, order).toarray() for order in (0, 1))
     displacement = _between(snapshots, times)
     deflection = displacement @ rows.T
     at_pairs = (
-        displacement @ _dense(hermite_rows(nodes, [pair.position for pair in contacts], 0)).T if contacts else None
+        displacement @ hermite_rows(nodes, [pair.position for pair in contacts]).toarray().T if contacts else None
     )
     balls = np.zeros((times.size, len(response.system.balls)))
     for j, pair in enumerate(response.system.balls):
@@ -96,10 +96,6 @@ def frames_of(response: Response) -> Frames | None:
     frames = np.searchsorted(times, hits["time"])
     events = tuple(zip(frames.tolist(), hits["contact"].tolist(), hits["side"].tolist(), strict=True))
     return Frames(times, stations, deflection, displacement @ slopes.T, balls, space, events)
-
-
-def _dense(rows: Any) -> Array:
-    return np.asarray(rows if isinstance(rows, np.ndarray) else rows.toarray())
 
 
 def _hits(impacts: Impacts, snapshots: Snapshots, names: Sequence[str]) -> dict[str, NDArray[Any]]:

@@ -15,6 +15,7 @@ from femimpact.app.report.page import Conclusion
 from femimpact.app.results.picture_data import ResultReading
 from femimpact.app.results.result_directory import FILES
 from femimpact.app.study.findings import (
+    START_WORDS,
     ContactSummary,
     CurveSummary,
     Findings,
@@ -65,9 +66,6 @@ def result_warnings(results: ResultReading) -> tuple[str, ...]:
     data, name = results.parameter_study, FILES["parameter_study"].name
     failures = () if data is None else results.attempt(name, lambda: study_failures(data)) or ()
     return (*texts_of(results.summary.get("warnings")), *failures)
-
-
-STARTS = {"base": "at rest relative to the base", "space": "at rest in the inertial frame"}
 
 
 def conclusions_of(found: Findings) -> tuple[Conclusion, ...]:
@@ -154,8 +152,8 @@ def _of_spread(spread: Spread, label: str, unit: str, words: str, **more: Any) -
 
 def _from_starts(found: Findings, name: str, label: str, unit: str) -> list[Conclusion]:
     """A quantity that was taken over several starts: in the first frame of them, and in the others in words."""
-    count, frames = found.starts_of_sweep, {**STARTS, "static": "in the static position"}
-    spreads = [(words, found.starts.get(start, {}).get(name)) for start, words in frames.items()]
+    count = found.starts_of_sweep
+    spreads = [(words, found.starts.get(start, {}).get(name)) for start, words in START_WORDS.items()]
     known = [(words, spread) for words, spread in spreads if spread is not None and _known(spread.median)]
     if not known:
         return []
@@ -516,4 +514,4 @@ def study_versions(data: xarray.Dataset) -> dict[str, Any]:
     starts = int(data.attrs["starts"])
     seeds = [f"{data.attrs['seed']} of the {starts} starts"] if starts > 1 else []
     seeds += [f"sample: {data.attrs['sample']}"] if "sample" in data.attrs else []
-    return {"versions": versions, "seeds": "; ".join(seeds)}
+    return {"versions": versions, "seeds": seeds}

@@ -25,7 +25,6 @@ from femimpact.app.report.page import (
 from femimpact.app.report.page_tables import beside, branch_table, case_table, channel_table, summary_table
 from femimpact.app.report.player import player_element
 from femimpact.app.report.result_conclusions import (
-    STARTS,
     best_of,
     result_conclusions,
     result_warnings,
@@ -49,7 +48,7 @@ from femimpact.app.results.result_directory import (
     result_files,
 )
 from femimpact.app.results.results import carried_of
-from femimpact.app.study.findings import Findings
+from femimpact.app.study.findings import START_WORDS, Findings
 from femimpact.app.study.prepared import in_study_words
 from femimpact.app.study.study import Study
 from femimpact.errors import require, require_path
@@ -58,7 +57,7 @@ from femimpact.excitation.harmonic import SteppedSine
 from femimpact.figures.study_labels import in_shown_units
 from femimpact.orbits.figures import kind_words
 from femimpact.scene.placed import placed_structure
-from femimpact.system.modes import Modes
+from femimpact.system.modes import mode_columns
 from femimpact.units import PARAMETER_DIGITS, unit_text
 
 if TYPE_CHECKING:
@@ -372,8 +371,8 @@ def _scan_table(findings: Findings) -> Table:
         (restitution, *(spread.text() for start in starts.values() for spread in start.values()))
         for restitution, starts in scan.items()
     )
-    frames = {"base": "rest relative to the base", "space": "rest in the inertial frame"}
-    numbers = [f"{name}, {words}" for words in frames.values() for name in ("peak (Hz)", "amplitude ratio")]
+    begins = [START_WORDS[start] for start in next(iter(scan.values()), ())]
+    numbers = [f"{name}, {words}" for words in begins for name in ("peak (Hz)", "amplitude ratio")]
     return Table("Scan of the restitution", ("restitution", *numbers), rows, FILES["restitution"].name)
 
 
@@ -394,7 +393,7 @@ def _modes(results: ResultReading) -> Beside:
     tables = _of_file(results, "modes", partial(_mode_table, title))
     if tables or results.modes is None:
         return [*tables]
-    return [table_of("Modes", *_mode_columns(results.modes.modes))]
+    return [table_of("Modes", *mode_columns(results.modes.modes))]
 
 
 def _mode_table(title: str, columns: Mapping[str, Any], units: Mapping[str, str], file: str) -> Table:
@@ -408,12 +407,6 @@ def _recommended(results: ResultReading) -> Beside:
 def _cases(results: ResultReading) -> Beside:
     """From the table, which may stand where the dataset is damaged."""
     return [*_of_file(results, "parameter_table", case_table)]
-
-
-def _mode_columns(modes: Modes) -> tuple[dict[str, Any], dict[str, str]]:
-    columns = {name: getattr(modes, name) for name in ("natural_frequency", "damping_ratio", "participation_factor")}
-    numbered = {"mode": np.arange(1, modes.natural_frequency.size + 1), **columns}
-    return numbered, {"natural_frequency": "Hz", "participation_factor": "kg^0.5"}
 
 
 def _whole(values: Any) -> Any:
@@ -465,9 +458,10 @@ def about_section(summary: Mapping[str, Any], study: Study | None) -> Section:
         if "sources" in core:
             rows.append(("its sources (SHA-256)", str(core["sources"])))
     seeds = summary.get("seeds")
-    rows.append(("seeds", str(seeds) if seeds else "none: no random numbers were used"))
+    words = "; ".join(map(str, seeds)) if isinstance(seeds, list | tuple) else ""
+    rows.append(("seeds", words or "none: no random numbers were used"))
     if study is not None:
-        rows.append(("start", STARTS.get(study.start, study.start)))
+        rows.append(("start", START_WORDS[study.start]))
     if not isinstance(versions, Mapping):
         rows.insert(0, ("versions", "not known: the results do not say"))
     pairs = [part for name, value in rows for part in (element("dt", name), element("dd", value))]

@@ -16,7 +16,7 @@ import numpy as np
 from femimpact.app.results.branch_file import FollowedBranches, read_followed
 from femimpact.app.results.result_directory import FILES, SUMMARY, ResultsWarning, unfinished_state
 from femimpact.app.results.results import carried_of, read_file, read_summary
-from femimpact.app.study.findings import Findings, read_findings
+from femimpact.app.study.findings import START_WORDS, Findings, read_findings
 from femimpact.app.study.study import Study, build_systems
 from femimpact.app.study.study_file import load_study
 from femimpact.arrays import Array
@@ -439,10 +439,9 @@ def read_bands(folder: Path, summary: Mapping[str, Any]) -> list[tuple[str, Arra
     columns = read_file(folder, FILES["curves_of_starts"].name, summary)
     if columns is None:
         return []
-    frames = {"base": "relative to the base", "space": "in the inertial frame", "static": "in the static position"}
     count = summary.get("starts_of_sweep")
-    words = {start: f"{count} starts of the {carried_of(summary)}" if count else f"starts from rest {frame}"
-             for start, frame in frames.items()}  # fmt: skip
+    words = {start: f"{count} starts of the {carried_of(summary)}" if count else f"starts {begin}"
+             for start, begin in START_WORDS.items()}  # fmt: skip
     return [
         (f"with {carried_of(summary)}, {text}", columns["frequency"], columns[f"{start}_low"], columns[f"{start}_high"])
         for start, text in words.items()

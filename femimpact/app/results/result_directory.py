@@ -45,6 +45,7 @@ FIGURES: Mapping[str, str] = {
     "response": "Response over frequency",
     "response_columns": "Phase, impacts and forces over frequency",
     "response_of_starts": "Response curves of both starts",
+    "restitution": "Scan of the restitution",
     "branches": "Largest displacement of the periodic orbits",
     "drive": "The drive",
     "history": "Channels over time",
@@ -57,6 +58,7 @@ FIGURES: Mapping[str, str] = {
     "modes": "Mode shapes of the structure alone",
     "study_best": "The best case: its measure over the axes that are chosen",
     **CONVERGENCE,
+    **{f"statistics_over_{axis}": f"Means of runs with contacts over the {axis}" for axis in ("step", "modes")},
 }
 """Titles of figures of results, by the stem of their file, which a number may follow; those of measures have others."""
 

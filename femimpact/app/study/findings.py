@@ -15,6 +15,12 @@ from femimpact.units import at_place, decimal_place, number_text, prefixed, unit
 T = TypeVar("T")
 
 
+START_WORDS: Mapping[str, str] = {
+    "base": "at rest relative to the base", "space": "at rest in the inertial frame", "static": "in the static state",
+}  # fmt: skip
+"""How a run begins, in words."""
+
+
 @dataclass(frozen=True)
 class Spread:
     """One quantity of a chaotic motion over several starts."""
@@ -240,6 +246,7 @@ class Findings:
     problems: tuple[str, ...] = ()  # that tables of convergence are of, in words
     accuracy: float | None = None  # relative error that their recommended numbers are for
     points: Mapping[str, float] = field(default_factory=dict)  # m: places that a mesh file names
+    seeds: tuple[str, ...] = ()  # of random numbers, each with what was drawn
     unfinished: tuple[str, ...] = ()  # parts that were still to come when the run was ended
 
     @property

@@ -472,8 +472,8 @@ WRITING = 8e-9
 """Labelling and writing of a byte that is kept, s."""
 
 
-FIGURES, MOVIE, FRAME = 4.0, 2.0, 0.07
-"""Drawing all figures, beginning a movie, and each frame of it, rendered without a graphics card, s."""
+FIGURES, MOVIE, FRAME = 3.0, 1.0, 0.012
+"""Drawing all figures, beginning a movie, and each frame of it, s."""
 
 
 RUNS_OF_HISTORY = 2

@@ -27,6 +27,7 @@ from femimpact.app.study.prepared import PreparedStudy, finer_grid_words, in_stu
 from femimpact.app.study.study import Study
 from femimpact.excitation.drives import Drives
 from femimpact.excitation.excitation import has_cycle, is_force
+from femimpact.excitation.random_base import RandomBase
 from femimpact.fem.assembly import unusual_words
 from femimpact.integrators.methods import Method
 from femimpact.response.cycles import UNRESOLVED, PeakResolution, peak_resolution
@@ -145,6 +146,7 @@ def findings_of_study(study: Study, system: System, method: Method) -> Findings:
         method=str(study.method.get("name", "newmark")),
         step=getattr(method, "dt", math.nan),
         points=dict(system.points) if study.mesh.file else {},
+        seeds=(f"{study.base.seed} of the motion of the base",) if isinstance(study.base, RandomBase) else (),
     )
 
 

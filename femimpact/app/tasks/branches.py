@@ -13,13 +13,14 @@ from typing import Any
 
 import numpy as np
 
+from femimpact.app.report.pictures import Report
 from femimpact.app.results.branch_file import FollowedBranches, dataset_of
 from femimpact.app.results.results import StudyResults
 from femimpact.app.study.findings import BranchSummary, Findings, OrbitsSummary, PlacedBifurcation
 from femimpact.app.study.prepared import PreparedStudy, check_sweep, in_study_words, prepare
 from femimpact.app.study.study import OrbitsPlan, Study, sine_of
 from femimpact.app.study.summary import findings_of
-from femimpact.app.tasks.task import Finished, Report, Task, run_task
+from femimpact.app.tasks.task import Finished, Task, run_task
 from femimpact.arrays import Array
 from femimpact.errors import DivergenceError, Fault, FemimpactError, InputError, checked, require
 from femimpact.excitation.drives import PointForce

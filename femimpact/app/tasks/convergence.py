@@ -11,11 +11,12 @@ from typing import Any, cast
 
 import numpy as np
 
+from femimpact.app.report.pictures import Report
 from femimpact.app.results.results import StudyResults
 from femimpact.app.study.findings import Findings, joined
 from femimpact.app.study.study import Study, build_systems, check_method, method_for, read_mesh_of, sine_of
 from femimpact.app.study.summary import findings_of_study
-from femimpact.app.tasks.task import Finished, Report, Task, run_task
+from femimpact.app.tasks.task import Finished, Task, run_task
 from femimpact.convergence.cases import Axis, Case, OverMeshes, OverModes, OverSteps
 from femimpact.convergence.quantities import (
     Frequencies,

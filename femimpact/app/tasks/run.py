@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from femimpact.app.report.pictures import Report
 from femimpact.app.results.picture_data import last_cycle_data, mode_shape_data, snapshot_data
 from femimpact.app.results.results import StudyResults
 from femimpact.app.study.findings import Findings, joined
@@ -32,7 +33,7 @@ from femimpact.app.study.summary import (
     findings_of_sweeps,
 )
 from femimpact.app.tasks.starts import columns_of_starts, drawn_curves, drawn_histories, spreads_of
-from femimpact.app.tasks.task import Finished, Report, Task, run_task
+from femimpact.app.tasks.task import Finished, Task, run_task
 from femimpact.errors import checked, kind_of, require, require_name, require_path, require_type, truth
 from femimpact.excitation.harmonic import Sine
 from femimpact.integrators.cases import first_steps
@@ -44,14 +45,11 @@ from femimpact.response.response import Recorder, Response
 from femimpact.structure.structure import glue_impactors
 from femimpact.sweep.curve import IMPACT_UNITS, SWEEP_UNITS, on_grid
 from femimpact.sweep.sweep import frequency_sweep
-from femimpact.system.modes import Modes, solve_modes
+from femimpact.system.modes import Modes, mode_columns, solve_modes
 from femimpact.system.state import State
 from femimpact.table import flat_columns
 
 MODES_LISTED = 4
-
-MODE_UNITS = {"natural_frequency": "Hz", "damping_ratio": "1", "participation_factor": "kg^0.5", "effective_mass": "kg"}
-"""Columns of the table of modes."""
 
 
 def _silent(_what: str, _share: float) -> None:
@@ -232,9 +230,7 @@ def _parts_of_run(prepared: PreparedStudy, parts: tuple[str, ...], report: Repor
 def modes_part(prepared: PreparedStudy, modes: tuple[Modes, Modes | None]) -> Finished:
     """What `run_modes` returned."""
     full, structure, (empty, glued) = prepared.full, prepared.study.structure, modes
-    columns: dict[str, Any] = {"mode": list(range(1, empty.natural_frequency.size + 1))}
-    columns |= {name: getattr(empty, name) for name in MODE_UNITS}
-    units = dict(MODE_UNITS)
+    columns, units = mode_columns(empty)
     if glued is not None:
         columns["natural_frequency_glued"], units["natural_frequency_glued"] = glued.natural_frequency, "Hz"
     files: dict[str, Any] = {

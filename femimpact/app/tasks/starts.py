@@ -14,10 +14,10 @@ import numpy as np
 from femimpact.app.parametric.definition import ParameterStudy
 from femimpact.app.parametric.runs import drawn_state, unit_draws
 from femimpact.app.parametric.verb import block_cases, run_blocks
+from femimpact.app.report.pictures import Report
 from femimpact.app.study.findings import Findings, HistoryStarts, Spread
 from femimpact.app.study.prepared import PreparedStudy
 from femimpact.app.study.summary import channel_summary, contact_forces, peak_of_history, spread_of
-from femimpact.app.tasks.task import Report
 from femimpact.arrays import Array
 from femimpact.errors import DivergenceError
 from femimpact.integrators.cases import workers_of
@@ -26,6 +26,8 @@ from femimpact.sweep.curve import FrequencyResponse
 
 SEED = 0
 """Of the starts of a run."""
+
+SEEDS = (f"{SEED} of the further starts",)
 
 OF_CHANNELS = ("largest", "rms", "largest_of_run")
 
@@ -73,7 +75,7 @@ def drawn_curves(
         report(f"sweep with {prepared.carried}, {plan.starts} starts", number / len(blocks))
     has_failed = (reasons != "").all(axis=0)
     failed = {f"start {i + 1}": str(reasons[0, i]) for i in np.flatnonzero(has_failed).tolist()}
-    said = _failures("sweep", plan.starts, failed)
+    said = replace(_failures("sweep", plan.starts, failed), seeds=SEEDS)
     kept = np.moveaxis(values[:, ~has_failed], 0, 1)
     return StartCurves(empty.frequency, {name: kept[..., m] for m, name in enumerate(OF_CURVES)}), said
 
@@ -103,7 +105,7 @@ def drawn_histories(prepared: PreparedStudy, report: Report) -> Findings:
             "contacts": {pair.name: contact_forces(run, pair.name) for pair in small.contacts if pair.has_walls},
         })  # fmt: skip
     said = _failures("history", starts, failed)
-    return replace(said, history_starts=HistoryStarts(count=len(rows), **_spreads(rows)))
+    return replace(said, seeds=SEEDS, history_starts=HistoryStarts(count=len(rows), **_spreads(rows)))
 
 
 def _failures(part: str, starts: int, failed: Mapping[str, str]) -> Findings:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from femimpact.app.report.markup import Element
-from femimpact.app.report.pictures import draw_kinds, with_pictures
+from femimpact.app.report.pictures import Report, draw_kinds, with_pictures
 from femimpact.app.report.result_page import add_report
 from femimpact.app.results.result_directory import FILES, new_file, new_results
 from femimpact.app.results.results import StudyResults, load, write_summary
@@ -17,9 +17,6 @@ from femimpact.app.study.findings import Findings, joined, summary_of
 from femimpact.app.study.study import Study
 from femimpact.app.study.study_file import study_text, with_record
 from femimpact.files import atomic_write, write_csv, write_netcdf
-
-Report = Callable[[str, float], None]
-"""Called with what is being done and the share of it that is done."""
 
 DRAWN = frozenset({"mode_shapes", "sweep_data", "last_cycles", "branches", "convergence_summary"})
 """Files of which there are figures, by their keys."""
