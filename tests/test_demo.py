@@ -136,7 +136,7 @@ def test_both_starts_are_in_the_tables(results):
     assert {"comparison.csv", "restitution.csv", "sweep.csv"} <= names
     assert {"figures/restitution.png", "figures/response.png"} <= names
     # all of them are known as results: --force replaces them
-    assert set(result_files(folder)) == {name for name in names if (folder / name).is_file()} - {"report.html"}
+    assert set(result_files(folder)) == {name for name in names if (folder / name).is_file()}
     assert "ball_from_rest_in_space" in results.summary
 
 

@@ -89,10 +89,11 @@ class Modes:
 def mode_columns(modes: Modes) -> tuple[dict[str, Any], dict[str, str]]:
     """Columns of a row for every mode, by its number from 1, and their units."""
     units = {
-        "natural_frequency": "Hz", "damping_ratio": "1", "participation_factor": "kg^0.5", "effective_mass": "kg",
+        "mode": "1", "natural_frequency": "Hz", "damping_ratio": "1", "participation_factor": "kg^0.5",
+        "effective_mass": "kg",
     }  # fmt: skip
-    numbers = np.arange(1, modes.natural_frequency.size + 1)
-    return {"mode": numbers, **{name: getattr(modes, name) for name in units}}, units
+    numbers = {"mode": np.arange(1, modes.natural_frequency.size + 1)}
+    return numbers | {name: getattr(modes, name) for name in units if name not in numbers}, units
 
 
 def require_modes_of(dofs: int, modes: Modes) -> None:
