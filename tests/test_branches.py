@@ -308,6 +308,22 @@ def test_a_change_of_stability_that_no_bifurcation_explains_is_said(asymmetric):
     assert set(asymmetric.to_pandas()["bifurcation"]) == {"", *kinds_of(asymmetric)}
 
 
+@pytest.mark.parametrize("start", [5.07, 5.12])
+def test_every_change_of_stability_is_explained_where_bifurcations_lie_close(start):
+    """Five modes with impacts that graze at both ends of the branch: one step would pass several bifurcations."""
+    system = fi.System.from_matrices(
+        np.eye(5), np.diag([0.2891489, 1.769405, 4.936432, 10.12181, 16.98199]),
+        np.diag([1009.908, 37817.52, 294350.5, 1237528.0, 3483500.0]),
+        points={"tip": [2.554894, -2.769566, -1.792057, -1.505366, 2.537632]},
+        base_load=[0.2614713, 0.1090854, 0.2924295, 0.1032195, 0.1486595],
+        impactors=[fi.Impactor("ball", "tip", 3.014875e-3, 1.444392e-3, fi.Rigid(0.5))],
+    )  # fmt: skip
+    orbit, *_ = fi.orbits.two_impact_orbits(system, fi.Sine(3.128796e-5, start))
+    branch = fi.continue_orbit(orbit, "frequency", (4.3, 6.1), points=300)
+    assert len(values_of(branch, "neimark-sacker")) > 2
+    assert branch.warnings == ()
+
+
 @pytest.mark.parametrize("apart", [1e-2, 1e-4, 1e-6])
 def test_two_doublings_in_one_step_are_both_found(apart):
     """Two oscillators alone, half a cycle apart, whose stops differ a little: -1 is passed twice the same way.
