@@ -1,6 +1,6 @@
 """What several tests build: the reference structure and its variants, an oscillator, tables of impacts, studies.
 
-The layer of study files is imported from here, so that its paths stand in one file of the tests.
+What several tests take from the layer of study files stands here.
 """
 # ruff: noqa: F401
 

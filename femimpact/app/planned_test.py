@@ -39,7 +39,7 @@ from femimpact.excitation.harmonic import Level, Sine, SteppedSine, level_at, re
 from femimpact.excitation.random_base import RandomBase
 from femimpact.excitation.remarks import drives_above_modes, frequency_warnings
 from femimpact.integrators.event_driven import EventDriven
-from femimpact.integrators.methods import Method, require_method
+from femimpact.integrators.methods import Method, require_method, step_of
 from femimpact.integrators.planned_drive import (
     MODES,
     SAMPLES,
@@ -326,15 +326,15 @@ def _of_linear_run(
     if any(pair.gaps[0] != pair.gaps[1] for pair in met):
         # these are read, the others found between the readings too
         interval = 1.0 / (SAMPLES * excitation.frequency) if in_many_pieces else None
-        record = replace(record, channels=tuple(names), interval=interval if isinstance(method, EventDriven) else None)
+        record = replace(record, channels=tuple(names), interval=interval if step_of(method) is None else None)
     try:
         run = integrate(bare, excitation, method, duration, record, initial)
-        found = run.largest_of((system.default_place, *names))
+        of_place, *of_gaps = run.largest_of((system.default_place, *names))
     except (InputError, DivergenceError):
         return
     if system.length > 0.0:
-        yield _deflection(system, abs(found[0].value), "")
-    for pair, largest in zip(met, found[1:], strict=True):
+        yield _deflection(system, abs(of_place.value), "")
+    for pair, largest in zip(met, of_gaps, strict=True):
         moved, gap = abs(largest.value), pair.gaps[0]
         if pair.gaps[0] != pair.gaps[1]:
             # to the + and to the - wall, as it was read

@@ -231,6 +231,8 @@ def modes_part(prepared: PreparedStudy, modes: tuple[Modes, Modes | None]) -> Fi
     """What `run_modes` returned."""
     full, structure, (empty, glued) = prepared.full, prepared.study.structure, modes
     columns, units = mode_columns(empty)
+    # a number of a row has none in a file
+    del units["mode"]
     if glued is not None:
         columns["natural_frequency_glued"], units["natural_frequency_glued"] = glued.natural_frequency, "Hz"
     files: dict[str, Any] = {
