@@ -17,6 +17,7 @@ from timing import timed
 
 import femimpact as fi
 from femimpact.app.demo import paper_study
+from femimpact.excitation.excitation import Excitation
 
 GRAVITY, DURATION, SHARE = 9.80665, 60.0, 0.10
 COARSE = fi.Recorder(channels=("tip",), interval=1e-3)
@@ -61,7 +62,7 @@ def default_record(system: fi.System) -> fi.Recorder:
 def compared(system: fi.System, record: fi.Recorder, sine: fi.Sine, pairs: int) -> str:
     """The medians of some pairs of runs in words."""
 
-    def run(base: fi.Excitation) -> fi.response.Response:
+    def run(base: Excitation) -> fi.response.Response:
         return fi.integrate(system, base, fi.EventDriven(), DURATION, record)
 
     rows = []

@@ -8,6 +8,7 @@ import numpy as np
 
 import femimpact as fi
 from femimpact import core
+from femimpact.excitation.excitation import Excitation
 
 
 def in_progress(response: fi.response.Response) -> dict[str, tuple[float, float]]:
@@ -55,6 +56,6 @@ def momentum_left(response: fi.response.Response, initial: fi.State, name: str) 
     return left / scale if scale > 0.0 else left
 
 
-def largest_base_speed(base: fi.Excitation) -> float:
+def largest_base_speed(base: Excitation) -> float:
     """Of a sine, m/s; 0 for others."""
     return base.amplitude * 2.0 * math.pi * base.frequency if isinstance(base, fi.Sine) else 0.0
