@@ -184,7 +184,7 @@ class Chirp(PiecewiseMotion):
         pieces = fitted(self._level_times_sine, knots)
         bends, sizes = self._bends
         if bends.size:
-            nodes = nodes_beside(knots, bends, sizes, self.frequency_at(bends))
+            nodes = drift_knots(knots, bends, sizes, self.frequency_at(bends))
             return without_drift(pieces, self._smooth_motion, nodes)
         end = float(knots[-1] if self.stop >= self.start else knots[0])
         speed, place, _ = (float(value) for value in self._smooth_motion(np.array(end)))
@@ -247,31 +247,34 @@ class Chirp(PiecewiseMotion):
         return np.full(np.shape(time), math.log(self.stop / self.start) / self.duration)
 
     def _smooth_motion(self, time: Array) -> tuple[Array, Array, Array]:
-        """Velocity and displacement by acceleration, from the asymptotic series of the integrals, and its parameter.
+        """Velocity, displacement and the relative change of the frequency in a radian, of a level by acceleration.
 
-        (e^{i phase} G)' = e^{i phase} where i omega G + G' = 1: G = sum of c_n omega^-p, by parts again and again
-        (Bender and Orszag, 1978, on integration by parts). Its c_n are (-i)^(n + 1) times real numbers. Its
-        parameter is the relative change of the frequency in a radian.
+        By the asymptotic series of the integrals: (e^{i phase} G)' = e^{i phase} where i omega G + G' = 1, and G is a
+        sum of (-i)^(n + 1) times a real term, each from the one before by parts (Bender and Orszag, 1978, on
+        integration by parts). The series ends where its terms begin to grow; the relative change of the frequency in a
+        radian says how small they are.
         """
         frequency = self.frequency_at(time)
         omega, slope, linear = 2.0 * np.pi * frequency, self._slope(time), self.kind == "linear"
-        # of a level that goes with a power of the frequency (G level)' counts in place of G'
-        own = exponent_at(self.level, frequency, self.start, self.stop)
-        once, twice = 1.0 / omega, 1.0 / omega**2
-        unit, going = -1j, np.ones(np.shape(time), dtype=bool)
-        speed, place = unit * once, unit * unit * twice
+        # of a level in proportion to a power of the frequency the derivative of G times the level counts
+        level_exponent = exponent_at(self.level, frequency, self.start, self.stop)
+        velocity_term, displacement_term = 1.0 / omega, 1.0 / omega**2
+        minus_i_power, still_shrinking = -1j, np.ones(np.shape(time), dtype=bool)
+        velocity, displacement = minus_i_power * velocity_term, minus_i_power * minus_i_power * displacement_term
         for n in range(1, TERMS):
             # d omega/dt = slope omega: of a linear chirp omega' is constant, of a logarithmic one omega'/omega
-            new = ((2 * n - 1 if linear else n) - own) * slope / omega * once
-            going = going & (np.abs(new) < np.abs(once))
-            once = np.where(going, new, once)
-            more = (new + ((2 * n if linear else n + 1) - own) * slope * twice) / omega
-            twice = np.where(going, more, twice)
-            unit *= -1j
-            speed = speed + np.where(going, unit * once, 0.0)
-            place = place + np.where(going, unit * -1j * twice, 0.0)
-        turn = level_at(self.level, frequency) * np.exp(1j * self.phase_at(time))
-        return (turn * speed).imag, (turn * place).imag, np.abs(slope) / omega
+            next_velocity = ((2 * n - 1 if linear else n) - level_exponent) * slope / omega * velocity_term
+            still_shrinking = still_shrinking & (np.abs(next_velocity) < np.abs(velocity_term))
+            velocity_term = np.where(still_shrinking, next_velocity, velocity_term)
+            next_displacement = (
+                next_velocity + ((2 * n if linear else n + 1) - level_exponent) * slope * displacement_term
+            ) / omega
+            displacement_term = np.where(still_shrinking, next_displacement, displacement_term)
+            minus_i_power *= -1j
+            velocity = velocity + np.where(still_shrinking, minus_i_power * velocity_term, 0.0)
+            displacement = displacement + np.where(still_shrinking, minus_i_power * -1j * displacement_term, 0.0)
+        phasor = level_at(self.level, frequency) * np.exp(1j * self.phase_at(time))
+        return (phasor * velocity).imag, (phasor * displacement).imag, np.abs(slope) / omega
 
 
 # ---- a level that changes over frequency -----------------------------------------------------------
@@ -321,8 +324,13 @@ SLOW = 0.1
 """Relative change of the frequency in a radian up to which a sine by acceleration stays in its place."""
 
 
-def nodes_beside(knots: Array, bends: Array, sizes: Array, frequency: Array) -> NDArray[np.int64]:
-    """Numbers of the knots (s) between which the drift is taken out.
+def drift_knots(
+    knots: Array,  # (n,) s, rising
+    bends: Array,  # (m,) s, at which the relative rate of the level jumps
+    sizes: Array,  # (m,) 1/s, of the jumps
+    frequency: Array,  # (m,) Hz, at the bends
+) -> NDArray[np.int64]:
+    """Indices of the knots between which the drift is taken out: close beside bends, farther apart away from them.
 
     At a bend of the relative rate of the level by a size r (1/s) the velocity gains up to r level/omega^2. Taken out
     over h on either side, by an acceleration of a triangle in time, it adds r/(omega^2 h) to the level and moves the
@@ -331,7 +339,8 @@ def nodes_beside(knots: Array, bends: Array, sizes: Array, frequency: Array) -> 
     omega = 2.0 * np.pi * frequency
     least, most = LEAST_CYCLES / frequency, 6.0 * RIPPLE / sizes
     length = np.minimum(np.maximum(sizes / (BESIDE_LEVEL * omega**2), least), most)
-    # so many bends, each at another phase, move the base by the root of their number
+    # bends within such a length, each at another phase, move the base by the root of their number, and that grows with
+    # the length: where the displacement decides it the length falls by the cube root
     count = np.searchsorted(bends, bends + length) - np.searchsorted(bends, bends - length)
     length = np.maximum(np.minimum(length, most / np.cbrt(count)), least)
     before = np.minimum.accumulate(length - GROWTH * bends)

@@ -222,6 +222,10 @@ def _damping(found: Findings) -> Iterator[Conclusion]:
 
 
 def _history(found: Findings) -> Iterator[Conclusion]:
+    """Of a history: its kind of motion, where it has a cycle, the peak at the tip, and every stress and moment.
+
+    Over several starts each number is the median with its range.
+    """
     history, starts = found.history, found.history_starts
     if history is None:
         return
@@ -395,14 +399,14 @@ def _axes(data: xarray.Dataset) -> Iterator[str]:
         if names is not None:
             distinct = list(dict.fromkeys(names))
             more = f" and {len(distinct) - MOST_NAMES} more" if len(distinct) > MOST_NAMES else ""
-            yield f"{words}: {'; '.join(distinct[:MOST_NAMES])}{more}{_unit_of_words(data, name)}"
+            yield f"{words}: {'; '.join(distinct[:MOST_NAMES])}{more}{_unit_of_labels(data, name)}"
             continue
         low, high = (_text(value, data[name].attrs) for value in (found.min(), found.max()))
         yield f"{words}: {low} to {high}, {np.unique(found).size} values"
 
 
-def _unit_of_words(data: xarray.Dataset, name: str) -> str:
-    """Unit of the words of an axis, which pairs of gaps alone have."""
+def _unit_of_labels(data: xarray.Dataset, name: str) -> str:
+    """Unit behind the text labels of an axis: mm of pairs of gaps, whose axis has a `.plus` beside it; else none."""
     return " mm" if f"{name}.plus" in data.coords else ""
 
 
@@ -480,7 +484,7 @@ def _place(data: xarray.Dataset, dims: tuple[Any, ...], index: Any) -> str:
 def _value(one: xarray.Dataset, name: str) -> str:
     """The value of an axis in one case."""
     names = value_words(one, name)
-    shown = _text(one[name].item(), one[name].attrs) if names is None else f"{names[0]}{_unit_of_words(one, name)}"
+    shown = _text(one[name].item(), one[name].attrs) if names is None else f"{names[0]}{_unit_of_labels(one, name)}"
     return f"{axis_words(one, name)} {shown}"
 
 
