@@ -19,6 +19,7 @@ from femimpact.errors import DivergenceError as DivergenceError
 from femimpact.errors import FemimpactError as FemimpactError
 from femimpact.errors import InputError as InputError
 from femimpact.errors import InputWarning as InputWarning
+from femimpact.errors import ResultWarning as ResultWarning
 from femimpact.excitation.chirp import Chirp as Chirp
 from femimpact.excitation.drives import HammerBlow as HammerBlow
 from femimpact.excitation.drives import PointForce as PointForce

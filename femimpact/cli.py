@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import App, CycloptsError, Parameter
 
 from femimpact import __version__
-from femimpact.errors import CoreError, FemimpactError, InputError, require
+from femimpact.errors import CoreError, FemimpactError, InputError, require, warnings_left_to_caller
 from femimpact.units import number_text
 
 if TYPE_CHECKING:
@@ -195,7 +195,8 @@ def main() -> None:
     warnings.showwarning = _show_warning  # type: ignore[assignment]
     _check_memory_limit()
     try:
-        app(sys.argv[1:], exit_on_error=False, print_error=False)
+        with warnings_left_to_caller():
+            app(sys.argv[1:], exit_on_error=False, print_error=False)
     except CycloptsError as error:
         _fail(str(error).strip() + "\nsee: femimpact --help", 2)
     except (InputError, CoreError) as error:

@@ -11,8 +11,10 @@ import operator
 import re
 import sys
 import types
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar, cast
 
@@ -167,6 +169,10 @@ class Fault:
 
 class InputWarning(UserWarning):
     """An input that is allowed, and so unusual that another unit may have been meant."""
+
+
+class ResultWarning(UserWarning):
+    """What may make a number of a result wrong: one of the `warnings` that the result of a call holds."""
 
 
 class InputError(FemimpactError, ValueError):
@@ -661,6 +667,53 @@ def takes(**metadata: Mapping[str, Any]) -> Callable[[Callable[P, R]], Callable[
         return call
 
     return checking
+
+
+_silent = ContextVar("_silent", default=False)  # True while a function decorated by `warns` is at work
+
+
+@contextmanager
+def warnings_left_to_caller() -> Iterator[None]:
+    """Context in which functions decorated by `warns` are silent: their caller shows the warnings of results itself."""
+    token = _silent.set(True)
+    try:
+        yield
+    finally:
+        _silent.reset(token)
+
+
+def warns(function: Callable[P, R]) -> Callable[P, R]:
+    """Decorator of a public function: each of the `warnings` of its result is a `ResultWarning` of the call, too.
+
+    Functions that it calls itself are silent, so that a study warns once and not once for each of its cases. Of several
+    results that differ in their warnings one is shown.
+    """
+
+    @functools.wraps(function)
+    def call(*args: P.args, **named: P.kwargs) -> R:
+        if _silent.get():
+            return function(*args, **named)
+        with warnings_left_to_caller():
+            result = function(*args, **named)
+        parts: tuple[Any, ...] = (result,)
+        if isinstance(result, (dict, tuple)):
+            parts = tuple(result.values() if isinstance(result, dict) else result)
+        texts = list(dict.fromkeys(words for part in parts for words in _warnings_of(part)))
+        if len(parts) > 1 and len(texts) > 1:
+            texts = [f"{texts[0]}; {len(texts) - 1} more in the warnings of {len(parts)} results"]
+        for words in texts:
+            warnings.warn(f"{words} (docs/reference/warnings.md)", ResultWarning, stacklevel=2)
+        return result
+
+    return call
+
+
+def _warnings_of(result: Any) -> tuple[str, ...]:
+    """Warnings that a result holds: as texts, or as one text among the attributes of a dataset."""
+    attributes = getattr(result, "attrs", None)
+    if attributes is not None:
+        return tuple(filter(None, (attributes.get("warnings"),)))
+    return tuple(getattr(result, "warnings", ()))
 
 
 def rising_numbers(key: str, values: Any, most: int) -> NDArray[np.int64]:

@@ -15,7 +15,7 @@ from femimpact.app.demo import paper_study, paper_study_text
 from femimpact.app.parametric.identity import plain_study, study_key
 from femimpact.app.report.result_conclusions import study_conclusions
 from femimpact.app.report.result_page import write_report
-from femimpact.app.results.result_directory import FILES, ResultsWarning
+from femimpact.app.results.result_directory import FILES, ResultFileWarning
 from femimpact.app.study.findings import joined
 from femimpact.app.study.findings import summary_of as summary_of_findings
 from femimpact.app.study.parameter_plan import ParameterPlan

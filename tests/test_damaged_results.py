@@ -8,7 +8,7 @@ import warnings
 
 import numpy as np
 import pytest
-from builders import ResultsWarning
+from builders import ResultFileWarning
 
 import femimpact as fi
 
@@ -49,7 +49,7 @@ def test_damage_is_our_error_or_a_warning_and_names_the_file(results, kind):
                 warnings.simplefilter("always")
                 try:
                     fi.load(results)
-                    said = [str(warning.message) for warning in told if warning.category is ResultsWarning]
+                    said = [str(warning.message) for warning in told if warning.category is ResultFileWarning]
                     assert content == whole or any(name in text for text in said)
                 except fi.InputError as error:
                     # of a file that took the place of the summary, no name is known
@@ -75,12 +75,12 @@ def test_a_changed_number_is_a_warning(results):
     text = (results / "modes.csv").read_text()
     assert "\n4,462." in text
     (results / "modes.csv").write_text(text.replace("\n4,462.", "\n4,463.", 1))
-    with pytest.warns(ResultsWarning, match=r"modes.csv: is not as the study left it"):
+    with pytest.warns(ResultFileWarning, match=r"modes.csv: is not as the study left it"):
         fi.load(results)
     (results / "modes.csv").write_text(text)
     text = (results / "summary.json").read_text()
     (results / "summary.json").write_text(text.replace('"method": "newmark"', '"method": "newmarc"'))
-    with pytest.warns(ResultsWarning, match=r"summary.json: is not as the study left it"):
+    with pytest.warns(ResultFileWarning, match=r"summary.json: is not as the study left it"):
         fi.load(results)
 
 
@@ -88,8 +88,8 @@ def test_a_changed_number_is_a_warning(results):
 def test_lost_or_changed_files_that_load_does_not_read_are_a_warning(results, name):
     path = results / name
     path.write_bytes(path.read_bytes()[:-1])
-    with pytest.warns(ResultsWarning, match=f"{name}: is not as the study left it"):
+    with pytest.warns(ResultFileWarning, match=f"{name}: is not as the study left it"):
         fi.load(results)
     path.unlink()
-    with pytest.warns(ResultsWarning, match=f"missing, though summary.json names them among the results: {name}"):
+    with pytest.warns(ResultFileWarning, match=f"missing, though summary.json names them among the results: {name}"):
         fi.load(results)

@@ -54,7 +54,11 @@ def _declared_functions() -> Iterator[tuple[str, object, list[str]]]:
     functions += [(f"{name}.{key}", one) for name, kind in _nouns().items() for key, one in vars(kind).items()]
     for name, one in functions:
         function = getattr(one, "__func__", one)
-        inner = inspect.getclosurevars(function).nonlocals if inspect.isfunction(function) else {}
+        inner, layer = {}, function
+        # decorators stand upon one another
+        while inspect.isfunction(layer):
+            inner |= inspect.getclosurevars(layer).nonlocals
+            layer = getattr(layer, "__wrapped__", None)
         # a method in one sentence has no entries; its annotations say the kinds
         if "declared" in inner and "Parameters" in (function.__doc__ or ""):
             yield (

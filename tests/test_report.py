@@ -16,7 +16,7 @@ from builders import (
     NO_PICTURES,
     REFERENCE,
     UNDRAWN_STUDY,
-    ResultsWarning,
+    ResultFileWarning,
     reduced,
     run_study,
     short_study,
@@ -158,7 +158,7 @@ def test_a_report_that_fails_is_a_warning_and_the_results_stand(tmp_path, monkey
         raise RuntimeError("no page")
 
     monkeypatch.setattr("femimpact.app.report.result_page.page_of", fails)
-    with pytest.warns(ResultsWarning, match=r"report not written: no page; 'femimpact report .*out' writes it"):
+    with pytest.warns(ResultFileWarning, match=r"report not written: no page; 'femimpact report .*out' writes it"):
         found = run_study(short_study(0.5, **PAGE), tmp_path / "out", parts=("modes",))
     assert found.modes is not None
     assert not (tmp_path / "out" / "report.html").exists()
@@ -266,7 +266,7 @@ def test_parts_of_a_run_that_was_ended_make_a_report(tmp_path, monkeypatch):
     assert "the run was ended before its part" in text
     assert str(tmp_path) not in text
     monkeypatch.undo()
-    with pytest.warns(ResultsWarning, match="removed what a run that did not end well had left"):
+    with pytest.warns(ResultFileWarning, match="removed what a run that did not end well had left"):
         run_study(short_study(1.0, **PAGE), out, parts=("modes",))
     assert "the run was ended" not in text_of(out)
 

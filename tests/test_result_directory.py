@@ -12,7 +12,7 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
-from builders import ResultsWarning
+from builders import ResultFileWarning
 
 import femimpact as fi
 from femimpact import files as tables
@@ -100,7 +100,7 @@ def kill_at(work, step):
 
 
 @pytest.mark.parametrize("earlier", [True, False])
-@pytest.mark.filterwarnings("ignore::femimpact.app.results.result_directory.ResultsWarning")
+@pytest.mark.filterwarnings("ignore::femimpact.app.results.result_directory.ResultFileWarning")
 def test_a_kill_at_any_step_of_a_run_leaves_old_or_new_and_the_next_call_finishes_it(tmp_path, earlier):
     seen, step = [], 0
     while True:
@@ -154,7 +154,7 @@ CHILD = """
 
 
 @pytest.mark.skipif(os.name != "posix", reason="kills a child process")
-@pytest.mark.filterwarnings("ignore::femimpact.app.results.result_directory.ResultsWarning")
+@pytest.mark.filterwarnings("ignore::femimpact.app.results.result_directory.ResultFileWarning")
 # within a part, before and after its summary, between the two renames, and behind them
 @pytest.mark.parametrize("steps", [2, 4, 5, 6, 7])
 def test_a_killed_process_leaves_old_or_new(tmp_path, steps):
@@ -198,7 +198,7 @@ def test_finished_parts_are_kept_beside_earlier_results_and_replaced_by_the_next
     (note,) = caught.value.__notes__
     assert f"what was finished is kept in {part}" in note
     assert (value_of(out), value_of(part)) == (OLD, NEW)
-    with pytest.warns(ResultsWarning, match="removed what a run that did not end well had left in out.part"):
+    with pytest.warns(ResultFileWarning, match="removed what a run that did not end well had left in out.part"):
         run(out, NEW, True)
     assert value_of(out) == NEW
     assert os.listdir(tmp_path) == ["out"]
@@ -210,7 +210,7 @@ def test_what_is_left_of_a_first_run_is_named(tmp_path):
         break_off(out, KeyboardInterrupt(), value=OLD)
     with pytest.raises(fi.InputError, match=f"what a run that was ended has finished is in {out}.part"):
         fi.load(out)
-    with pytest.warns(ResultsWarning, match="removed what a run"):
+    with pytest.warns(ResultFileWarning, match="removed what a run"):
         # without force: there are no results that could be lost
         run(out, NEW)
     assert value_of(out) == NEW

@@ -8,7 +8,7 @@ import tomllib
 
 import numpy as np
 import pytest
-from builders import FILES, ResultsWarning, load_study, plan_lines, prepare, same_study, study_text
+from builders import FILES, ResultFileWarning, load_study, plan_lines, prepare, same_study, study_text
 
 import femimpact as fi
 from femimpact.app.report.pictures import draw_again
@@ -182,7 +182,7 @@ def test_the_study_of_the_results_runs_again_from_there(tmp_path, shaker):
     fi.run_study(load_study(first.directory / "study.toml"), first.directory, force=True)
     assert copy.read_bytes() == (again.directory / copy.name).read_bytes()
     copy.write_text(copy.read_text() + "# later\n")
-    with pytest.warns(ResultsWarning, match=r"base_record\.csv: is not as the study left it"):
+    with pytest.warns(ResultFileWarning, match=r"base_record\.csv: is not as the study left it"):
         fi.load(first.directory)
 
 

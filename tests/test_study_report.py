@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import xarray
 from builders import (
-    ResultsWarning,
+    ResultFileWarning,
     paper_study,
     paper_study_text,
     read_study,
@@ -106,7 +106,7 @@ def test_a_report_that_fails_is_a_warning_and_the_study_stands(tmp_path, monkeyp
         raise RuntimeError("no page")
 
     monkeypatch.setattr("femimpact.app.report.result_page.page_of", fails)
-    with pytest.warns(ResultsWarning, match=r"report not written: no page; 'femimpact report"):
+    with pytest.warns(ResultFileWarning, match=r"report not written: no page; 'femimpact report"):
         data = write_parameter_study(study(TABLE.replace("starts = 5", "starts = 1")), tmp_path)
     with xarray.open_dataset(tmp_path / "study.nc") as again:
         np.testing.assert_array_equal(again["peak"], data["peak"])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
+import warnings
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -14,6 +15,7 @@ from builders import REFERENCE, reduced, with_ball
 import femimpact as fi
 from femimpact.app.report.page import WARNINGS_PAGE
 from femimpact.app.study.summary import _curve_warnings
+from femimpact.errors import warnings_left_to_caller
 from femimpact.sweep.curve import TAKE_STARTS, _steadiness_warnings
 
 pytestmark = pytest.mark.impacts
@@ -161,3 +163,55 @@ def test_impacts_that_never_repeat_are_told_from_what_has_not_died_out():
     curve = fi.frequency_sweep(fi.without_impactors(system), 0.2e-3, frequencies, fi.EventDriven(), 60, ledger=False)
     assert any("take a longer dwell" in text for text in curve.warnings)
     assert not any("never repeats" in text for text in curve.warnings)
+
+
+def result_warnings(function):
+    """What a function returns, and the words of each `ResultWarning` with the file that it names."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        result = function()
+    of_results = [one for one in caught if one.category is fi.ResultWarning]
+    return result, [str(one.message) for one in of_results], {one.filename for one in of_results}
+
+
+def test_each_warning_of_a_run_is_one_python_warning_with_its_page_at_the_line_of_the_call():
+    large, quiet = fi.Sine(2e-3, 5.3), fi.Sine(1e-6, 5.3)
+    system = reduced(REFERENCE, 4)
+    run, words, files = result_warnings(lambda: fi.integrate(system, large, fi.EventDriven(), 10.0))
+    assert len(run.warnings) >= 1
+    assert words == [f"{text} (docs/reference/warnings.md)" for text in run.warnings]
+    assert files == {__file__}
+    run, words, _ = result_warnings(lambda: fi.integrate(system, quiet, fi.EventDriven(), 10.0))
+    assert (run.warnings, words) == ((), [])
+
+
+def test_a_call_warns_once_for_its_cases_and_not_for_the_calls_in_it():
+    system, f = reduced(REFERENCE, 4), [5.1, 5.2, 5.3]
+    curves, words, _ = result_warnings(
+        lambda: fi.frequency_sweep(system, 2e-3, f, fi.EventDriven(), cycles=30, direction="both")
+    )
+    different = {text for curve in curves.values() for text in curve.warnings}
+    assert len(different) > 1
+    assert len(words) == 1
+    assert f"{len(different) - 1} more in the warnings of 2 results" in words[0]
+    # a study, whose dataset has one text
+    axes = {"impactor.ball.gap": [3e-3, 4e-3]}
+    dataset, words, _ = result_warnings(
+        lambda: fi.parameter_study(system, axes, ["peak"], excitation=fi.Sine(1e-2, 5.3), cycles=60)
+    )
+    assert words == [f"{dataset.attrs['warnings']} (docs/reference/warnings.md)"]
+    # a study of steps, which takes runs of its own
+    _, words, _ = result_warnings(lambda: fi.convergence.converge_step(system, fi.Sine(2e-3, 5.3), fi.Newmark(2e-4), 2))
+    assert words == []
+
+
+def test_a_caller_that_shows_warnings_itself_is_left_to_do_so():
+    system = reduced(REFERENCE, 4)
+
+    def called():
+        with warnings_left_to_caller():
+            return fi.integrate(system, fi.Sine(2e-3, 5.3), fi.EventDriven(), 10.0)
+
+    run, words, _ = result_warnings(called)
+    assert run.warnings
+    assert words == []

@@ -30,6 +30,7 @@ from femimpact.errors import (
     real_array,
     require,
     require_type,
+    warns,
 )
 from femimpact.errors import checked as checked_value
 from femimpact.excitation.chirp import Chirp
@@ -109,6 +110,7 @@ class Preflight:
         return "\n".join(str(row) for row in self.rows)
 
 
+@warns
 def preflight(
     plan: Study | System | ParameterStudy,
     excitation: Excitation | None = None,

@@ -20,7 +20,7 @@ from femimpact.app.study.parameter_plan import AxisValues
 from femimpact.app.study.study import Study
 from femimpact.arrays import Array
 from femimpact.contact.laws import Rigid
-from femimpact.errors import Fault, InputError, in_range, kind_of, quantity, require
+from femimpact.errors import Fault, InputError, in_range, kind_of, quantity, require, warns
 from femimpact.errors import checked as checked_value
 from femimpact.progress import draws_progress
 from femimpact.system.system import System
@@ -51,6 +51,7 @@ class Refinement:
         return str(self.best)
 
 
+@warns
 @draws_progress
 def refine(
     study: Study | System | Callable[..., Any],

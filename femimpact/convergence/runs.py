@@ -37,6 +37,7 @@ from femimpact.errors import (
     require,
     require_type,
     rising_numbers,
+    warns,
 )  # fmt: skip
 from femimpact.excitation.harmonic import Sine
 from femimpact.integrators.event_driven import EventDriven
@@ -58,6 +59,7 @@ PHASES = 8
 """Base phases over which the error after the first impact is averaged."""
 
 
+@warns
 def converge_step(
     system: System, excitation: Sine, method: Newmark, halvings: int = 5, *, accuracy: float = 1e-3
 ) -> ConvergenceTable:
@@ -293,6 +295,7 @@ UNSETTLED = 0.1
 """Share of the first impact's loss; a larger change between the last two counts is worth a note."""
 
 
+@warns
 def mode_convergence(
     system: System,
     excitation: Sine,

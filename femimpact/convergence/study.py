@@ -31,7 +31,7 @@ from femimpact.convergence.table import (
     table_of,
     usable_rows,
 )
-from femimpact.errors import FemimpactError, checked, optional, quantity, require, require_type
+from femimpact.errors import FemimpactError, checked, optional, quantity, require, require_type, warns
 from femimpact.excitation.harmonic import Sine
 from femimpact.progress import Progress, check_progress, draws_progress
 from femimpact.structure.structure import Structure
@@ -140,6 +140,7 @@ FLOOR = 1e-11
 """Relative error up to which no order is read, where rounding was not seen."""
 
 
+@warns
 @draws_progress
 def convergence_study(
     structure: Structure,
@@ -406,6 +407,7 @@ def _notes(
     return tuple(notes)
 
 
+@warns
 def converge_elements(structure: Structure, elements: Sequence[int], modes: int = 4) -> ConvergenceTable:
     """Natural frequencies of a structure over uniform meshes, without its balls; see `Frequencies`.
 

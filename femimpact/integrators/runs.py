@@ -11,7 +11,7 @@ from typing import Any, cast, overload
 import numpy as np
 
 from femimpact.arrays import Array
-from femimpact.errors import changed, checked, in_range, made, quantity, require, require_type
+from femimpact.errors import changed, checked, in_range, made, quantity, require, require_type, warns
 from femimpact.excitation.drives import alone, until
 from femimpact.excitation.excitation import Excitation, has_cycle, require_excitation
 from femimpact.excitation.remarks import motion_notes
@@ -64,6 +64,7 @@ def integrate(
 ) -> tuple[Response, ...]: ...
 
 
+@warns
 @draws_progress
 def integrate(
     system: System,

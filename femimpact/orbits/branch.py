@@ -27,6 +27,7 @@ from femimpact.errors import (
     require,
     takes,
     text,
+    warns,
 )  # fmt: skip
 from femimpact.orbits.curve import (
     LONGEST,
@@ -294,6 +295,7 @@ class _Orbits(Sequence[PeriodicOrbit]):
         return _orbit(self._curve, self._unknowns[number], number % len(self) in self._bifurcations)
 
 
+@warns
 @takes(orbit=instance(PeriodicOrbit), points=quantity("1", at_least=2, at_most=10**6, integer=True))
 def continue_orbit(orbit: PeriodicOrbit, parameter: str, to: tuple[float, float], *, points: int = 2000) -> Branch:
     """The branch of periodic orbits through one of them, over a number of excitation, contacts, balls or damping.

@@ -12,7 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.arrays import Array, Complex
-from femimpact.errors import changed, check_fields, column, having, instance, optional, quantity
+from femimpact.errors import (
+    changed,
+    check_fields,
+    column,
+    having,
+    instance,
+    optional,
+    quantity,
+    warnings_left_to_caller,
+)
 from femimpact.excitation.excitation import MEMBERS, Excitation
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.runs import integrate
@@ -346,7 +355,8 @@ def run_of(orbit: PeriodicOrbit, channels: Sequence[Position | Channel]) -> Resp
     (state,) = motion.at(k, np.array([omega * time + phase]))
     recorder = Recorder(channels=channels, impacts=max(len(orbit.impacts), 1))
     method, start = EventDriven(samples_per_cycle=SAMPLES * finer), state_of(orbit.system, state, time)
-    return integrate(orbit.system, orbit.excitation, method, orbit.period, recorder, start)
+    with warnings_left_to_caller():
+        return integrate(orbit.system, orbit.excitation, method, orbit.period, recorder, start)
 
 
 def period_of(orbit: PeriodicOrbit, channels: Sequence[Position | Channel]) -> Response:

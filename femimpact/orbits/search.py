@@ -23,6 +23,7 @@ from femimpact.errors import (
     quantity,
     require,
     takes,
+    warns,
 )
 from femimpact.excitation.drives import PointForce, alone
 from femimpact.excitation.excitation import Excitation
@@ -63,6 +64,7 @@ BEFORE = {IMPACT: FREE, TOUCH: FREE, RELEASE: CONTACT, PRESS_AGAIN: SEPARATING, 
 STICKS = "must lead to a motion without sticking: orbits that stick to a wall, or chatter, are not looked for"
 
 
+@warns
 @takes(system=SYSTEM, cycles=CYCLES, guess=instance(*GUESSES))
 def find_orbit(
     system: System, excitation: Excitation, cycles: int = 1, *, guess: Response | State | PeriodicOrbit
@@ -107,6 +109,7 @@ def find_orbit(
     return orbit_near(system, sine, first_guess(system, sine, cycles, guess))
 
 
+@warns
 @takes(system=SYSTEM, guesses=items(*GUESSES), cycles=CYCLES)
 def find_orbits(
     system: System, excitation: Excitation, guesses: Sequence[State | Response | PeriodicOrbit], cycles: int = 1
@@ -349,6 +352,7 @@ def untouched_ball(system: System, met: NDArray[Any], state: NDArray[Any]) -> st
 # ---- two impacts in a period ----------------------------------------------------------------------
 
 
+@warns
 @takes(system=instance(System))
 def two_impact_orbits(system: System, excitation: Excitation) -> tuple[PeriodicOrbit, ...]:
     """The symmetric orbits with one impact on each wall in a period of the excitation: at most two, in closed form.

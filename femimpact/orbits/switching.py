@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from femimpact.arrays import Array
-from femimpact.errors import DivergenceError, InputError, checked, instance, require, takes
+from femimpact.errors import DivergenceError, InputError, checked, instance, require, takes, warns
 from femimpact.integrators.event_driven.loop_data import CONTACT, FREE, SEPARATING
 from femimpact.orbits.branch import Bifurcation, known
 from femimpact.orbits.curve import SAME, Curve, Point, corrected, curve_of, evaluated, null_vectors
@@ -33,6 +33,7 @@ REFUSED = {
 """Why there is no other branch at some kinds of bifurcations."""
 
 
+@warns
 @takes(bifurcation=instance(Bifurcation))
 def switch_branch(bifurcation: Bifurcation) -> tuple[PeriodicOrbit, ...]:
     """The orbits of the other branch that a bifurcation belongs to, a small step beyond it.

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from femimpact.arrays import Array, even_interval
-from femimpact.errors import check_fields, column, items, quantity, real_array, require, takes, text
+from femimpact.errors import check_fields, column, items, quantity, real_array, require, takes, text, warns
 from femimpact.signals.damped_sines import DecayFit, noise_of, seen_modes, windows
 from femimpact.table import Head, flat_columns, frame_of, head_of_columns, named_column, short_repr
 from femimpact.units import interval_texts, number_text
@@ -178,6 +178,7 @@ class DecayEstimate:
         return frame_of(*self.columns())
 
 
+@warns
 @takes(modes=quantity("1", at_least=1, at_most=3, integer=True))
 def identify_decay(time: ArrayLike, signal: ArrayLike, *, modes: int = 1) -> DecayEstimate:
     """Frequencies and damping ratios of a free decay, with intervals, and the damping ratio over the amplitude.

@@ -20,6 +20,7 @@ from femimpact.errors import (
     require,
     require_name,
     takes,
+    warns,
 )
 from femimpact.excitation.excitation import has_cycle, is_force
 from femimpact.excitation.random_base import RandomBase
@@ -178,6 +179,7 @@ RUN = instance(Response) | {
 """Metadata of a run of which something is read."""
 
 
+@warns
 @takes(
     response=RUN, kind=optional(choice("density", "amplitude")),
     resolution=optional(quantity("Hz", above=0.0)), start=optional(quantity("s", at_least=0.0)),

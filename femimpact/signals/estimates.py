@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from femimpact.arrays import Array, Complex
-from femimpact.errors import optional, quantity, require, require_name, takes
+from femimpact.errors import optional, quantity, require, require_name, takes, warns
 from femimpact.excitation.chirp import Chirp
 from femimpact.excitation.drives import Drives, HammerBlow, named_parts
 from femimpact.excitation.excitation import is_force
@@ -55,6 +55,7 @@ STEADY = 0.01
 """Relative difference of the harmonics of the two halves of a dwell beyond which it is not steady."""
 
 
+@warns
 @takes(response=RUN, resolution=optional(quantity("Hz", above=0.0)))
 def measured_transfer(
     response: Response, to: Position, of: Position | None = None, *, resolution: float | None = None

@@ -8,7 +8,19 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from femimpact.arrays import Array
-from femimpact.errors import check_fields, column, faults_of, instance, optional, place, quantity, require, takes, text
+from femimpact.errors import (
+    check_fields,
+    column,
+    faults_of,
+    instance,
+    optional,
+    place,
+    quantity,
+    require,
+    takes,
+    text,
+    warns,
+)
 from femimpact.response.channels import channel_key
 from femimpact.response.response import Response
 from femimpact.structure.structure import Position
@@ -75,6 +87,7 @@ class Laser:
     def __post_init__(self) -> None:
         check_fields(self)
 
+    @warns
     @takes(response=instance(Response), seed=quantity("1", at_least=0, integer=True))
     def measure(self, response: Response, seed: int = 0) -> LaserReading:
         """The displacement of a recorded place as this laser reads it.

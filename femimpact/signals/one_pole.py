@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from femimpact.arrays import Array
-from femimpact.errors import check_fields, quantity, real_array, require, require_type, takes, text
+from femimpact.errors import check_fields, quantity, real_array, require, require_type, takes, text, warns
 from femimpact.response.cycles import peak_resolution, resolution_warnings
 from femimpact.units import interval_texts, number_text
 
@@ -100,6 +100,7 @@ def _no_estimate(method: str, frequency: float, why: str) -> DampingEstimate:
     return DampingEstimate(math.nan, float(frequency), (math.nan, math.nan), method, (why,))
 
 
+@warns
 @takes(reference_peak=quantity("m", above=0.0), peak=quantity("m", above=0.0))
 def amplitude_ratio_damping(reference: DampingEstimate, reference_peak: float, peak: float) -> DampingEstimate:
     """Equivalent damping from the drop of the largest peak: zeta_eq = zeta_ref X_ref/X.
@@ -119,6 +120,7 @@ def amplitude_ratio_damping(reference: DampingEstimate, reference_peak: float, p
     )
 
 
+@warns
 def half_power(frequency: ArrayLike, amplitude: ArrayLike) -> DampingEstimate:
     """Half-power bandwidth: zeta = (f2^2 - f1^2)/(4 f_peak^2) between the crossings of peak/sqrt(2).
 
@@ -175,6 +177,7 @@ def one_pole_amplitude(
     return np.asarray(scale * f**2 / np.hypot(natural_frequency**2 - f**2, 2.0 * ratio * natural_frequency * f))
 
 
+@warns
 @takes(share=quantity("1", at_least=0.0, at_most=1.0), misfit_limit=quantity("1", at_least=0.0))
 def fit_one_pole(
     frequency: ArrayLike, amplitude: ArrayLike, share: float = 0.2, misfit_limit: float = 0.05

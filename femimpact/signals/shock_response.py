@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from femimpact.arrays import Array
-from femimpact.errors import column, kind_of, optional, quantity, require, takes
+from femimpact.errors import column, kind_of, optional, quantity, require, takes, warns
 from femimpact.excitation.drives import until
 from femimpact.excitation.excitation import BrokenLine, is_force, require_excitation, words_of
 from femimpact.excitation.harmonic import PiecewiseMotion
@@ -113,6 +113,7 @@ class ShockResponseSpectrum:
         return xarray.Dataset(columns, coords=axis, attrs={"damping_ratio": self.ratio, "of": self.of} | remarks(self))
 
 
+@warns
 @takes(ratio=quantity("1", at_least=0.0, below=1.0), duration=optional(quantity("s", above=0.0, at_most=LONGEST)))
 def shock_response_spectrum(
     of: Any,

@@ -24,6 +24,7 @@ from femimpact.errors import (
     require,
     require_name,
     takes,
+    warns,
 )
 from femimpact.integrators.channel_rows import Drive, channel_rows, mode_notes
 from femimpact.response.channels import Channel, channel_key, resolve_channels
@@ -99,6 +100,7 @@ class TransferFunction:
         return xarray.Dataset(columns, coords={"frequency": axis}, attrs={"of": self.of} | remarks(self))
 
 
+@warns
 @takes(system=instance(System), of=optional(choice(*INPUTS)), force_at=optional(place()))
 def transfer_function(
     system: System,

@@ -23,6 +23,7 @@ from femimpact.errors import (
     real_array,
     require,
     text,
+    warnings_left_to_caller,
 )
 from femimpact.excitation.harmonic import Level, Sine, level_at
 from femimpact.excitation.remarks import frequency_warnings, motion_warnings
@@ -233,12 +234,14 @@ class FrequencyResponse:
     @cached_property
     def damping(self) -> DampingEstimate:
         """One-pole fit of the peak curve."""
-        return fit_one_pole(self.frequency, self.peak)
+        with warnings_left_to_caller():
+            return fit_one_pole(self.frequency, self.peak)
 
     @cached_property
     def damping_half_power(self) -> DampingEstimate:
         """Half-power estimate of the peak curve."""
-        return half_power(self.frequency, self.peak)
+        with warnings_left_to_caller():
+            return half_power(self.frequency, self.peak)
 
     @property
     def peak_amplitude(self) -> float:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from femimpact.arrays import Array
-from femimpact.errors import checked, in_range, level_rows, quantity, real_array, require, require_type, truth
+from femimpact.errors import checked, in_range, level_rows, quantity, real_array, require, require_type, truth, warns
 from femimpact.excitation.harmonic import Level, Sine, level_at, require_reach
 from femimpact.integrators.cases import SineCases, SineDwellResults, joined, workers_of
 from femimpact.integrators.channel_rows import drive_of, mode_notes
@@ -81,6 +81,7 @@ def frequency_sweep(
 ) -> FrequencyResponse: ...
 
 
+@warns
 @draws_progress
 def frequency_sweep(
     system: System,

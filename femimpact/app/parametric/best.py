@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from femimpact.app.parametric.best_design import MORE, AxisMargin, BestCase, BestDesign
 from femimpact.app.study.parameter_plan import BestPlan
 from femimpact.arrays import Array
-from femimpact.errors import Fault, InputError, kind_of, quantity, require, suggestion
+from femimpact.errors import Fault, InputError, kind_of, quantity, require, suggestion, warns
 from femimpact.errors import checked as checked_value
 from femimpact.figures.study_labels import BESIDE, STATISTICS, axis_names
 from femimpact.units import unit_text
@@ -47,6 +47,7 @@ OF_LAW = ("peak_force", "cycle_mean_force")
 """Measures that a contact law may not give."""
 
 
+@warns
 def best_case(
     dataset: xarray.Dataset,
     measure: str,

@@ -19,7 +19,7 @@ from femimpact.app.parametric.paths import bounds_of_axis
 from femimpact.app.parametric.verb import StudyProgress, parameter_study
 from femimpact.app.study.study import Study
 from femimpact.arrays import Array
-from femimpact.errors import column, kind_of, quantity, require, takes
+from femimpact.errors import column, kind_of, quantity, require, takes, warns
 from femimpact.structure.structure import Position
 from femimpact.system.system import System
 from femimpact.units import unit_text
@@ -128,6 +128,7 @@ class Calibration:
         return "\n".join(lines + list(self.notes))
 
 
+@warns
 @takes(
     frequency=column("Hz", "points", finite=True),
     peak=column("m", "points", finite=True),

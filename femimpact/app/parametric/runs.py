@@ -20,7 +20,7 @@ from femimpact.app.parametric.paths import Place, Stage, study_with
 from femimpact.app.study.study import Study
 from femimpact.arrays import Array, Integers
 from femimpact.contact.law import ContactLaw
-from femimpact.errors import FemimpactError, checked, quantity, require_type
+from femimpact.errors import FemimpactError, checked, quantity, require_type, warns
 from femimpact.excitation.drives import until
 from femimpact.excitation.excitation import Excitation
 from femimpact.excitation.harmonic import Sine
@@ -422,6 +422,7 @@ def evaluated(
     return block
 
 
+@warns
 def run_case(study: ParameterStudy, number: int, start: int = 0, record: Recorder | None = None) -> Response:
     """A run of one start of one case of a parameter study, with its history.
 

@@ -37,7 +37,17 @@ from femimpact.app.results.result_directory import FILES, Lock
 from femimpact.app.study.parameter_plan import SamplePlan
 from femimpact.app.study.study import Study
 from femimpact.arrays import Integers
-from femimpact.errors import Fault, InputError, InputWarning, check_fields, kind_of, quantity, require, require_path
+from femimpact.errors import (
+    Fault,
+    InputError,
+    InputWarning,
+    check_fields,
+    kind_of,
+    quantity,
+    require,
+    require_path,
+    warns,
+)
 from femimpact.excitation.harmonic import Sine
 from femimpact.files import write_netcdf
 from femimpact.integrators.cases import workers_of
@@ -124,6 +134,7 @@ class StudyProgress:
         return f"{self.finished} of {self.cases} cases, {number_text(self.rate, 3)}/s{failed}"
 
 
+@warns
 @draws_progress
 def parameter_study(
     study: Study | System | Callable[..., Any],

@@ -42,7 +42,7 @@ from femimpact.app.results.result_directory import (
     STUDY_BLOCKS,
     STUDY_MANIFEST,
     SUMMARY,
-    ResultsWarning,
+    ResultFileWarning,
     added_results,
     purpose_of,
     result_files,
@@ -106,7 +106,7 @@ def add_report(
     except Exception as error:
         words = " ".join(str(error).split()) or type(error).__name__
         text = f"report not written: {words}; 'femimpact report {directory}' writes it"
-        warnings.warn(text, ResultsWarning, stacklevel=3)
+        warnings.warn(text, ResultFileWarning, stacklevel=3)
     report("report", 1.0)
 
 

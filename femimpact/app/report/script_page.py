@@ -37,7 +37,18 @@ from femimpact.app.report.views import measures_of, sections_of, spectra_of
 from femimpact.app.results.picture_data import Run, SweptCurves
 from femimpact.app.study.summary import kind_of_peak, peak_of_history
 from femimpact.convergence.table import ConvergenceStudy, ConvergenceTable
-from femimpact.errors import Fault, InputError, instance, optional, require, require_type, suggestion, takes, text
+from femimpact.errors import (
+    Fault,
+    InputError,
+    instance,
+    optional,
+    require,
+    require_type,
+    suggestion,
+    takes,
+    text,
+    warns,
+)
 from femimpact.excitation.excitation import has_cycle
 from femimpact.figures.study_labels import axis_names
 from femimpact.files import target_path
@@ -61,6 +72,7 @@ ALLOWED = (
 )
 
 
+@warns
 @takes(
     structure=optional(instance(Structure)),
     title=text(),

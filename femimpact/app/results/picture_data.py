@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 import numpy as np
 
 from femimpact.app.results.branch_file import FollowedBranches, read_followed
-from femimpact.app.results.result_directory import FILES, SUMMARY, ResultsWarning, unfinished_state
+from femimpact.app.results.result_directory import FILES, SUMMARY, ResultFileWarning, unfinished_state
 from femimpact.app.results.results import carried_of, read_file, read_summary
 from femimpact.app.study.findings import START_WORDS, Findings, read_findings
 from femimpact.app.study.study import Study, build_systems
@@ -158,7 +158,7 @@ class ResultReading:
                 self.failures.append(self.miss(text))
                 found = None
         for one in caught:
-            if issubclass(one.category, ResultsWarning):
+            if issubclass(one.category, ResultFileWarning):
                 self.miss(str(one.message))
         return found
 

@@ -244,7 +244,7 @@ def _lock_file(file: int) -> None:
             raise
 
 
-class ResultsWarning(UserWarning):
+class ResultFileWarning(UserWarning):
     """Something about results on disk that does not stop the work."""
 
 
@@ -356,7 +356,7 @@ def _clear(named: Path, part: Path) -> None:
     if any(path.name != LOCK for path in part.iterdir()):
         words = f", which held {_left(part)}" if (part / SUMMARY).exists() else ""
         text = f"{named}: removed what a run that did not end well had left in {part.name}{words}"
-        warnings.warn(text, ResultsWarning, stacklevel=4)
+        warnings.warn(text, ResultFileWarning, stacklevel=4)
     _empty(part)
 
 
@@ -418,7 +418,7 @@ def _finish_move(named: Path, target: Path) -> None:
     else:
         return
     text = f"{named}: the results of an earlier run were not yet in place; they are now"
-    warnings.warn(text, ResultsWarning, stacklevel=4)
+    warnings.warn(text, ResultFileWarning, stacklevel=4)
 
 
 def _remove_empty(folder: Path) -> None:

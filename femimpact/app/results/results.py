@@ -17,7 +17,7 @@ from femimpact.app.results.result_directory import (
     FILES,
     REPORT,
     SUMMARY,
-    ResultsWarning,
+    ResultFileWarning,
     result_files,
     unfinished_state,
 )
@@ -92,7 +92,7 @@ def load(directory: str | Path) -> StudyResults:
 
     Warns
     -----
-    ResultsWarning
+    ResultFileWarning
         For a file that can be read but is not the one that the study left, and for pictures, scenes and other
         files that are lost or changed.
 
@@ -125,7 +125,7 @@ def _check_others(folder: Path, summary: Mapping[str, Any], read: set[str]) -> N
     if lost:
         shown = ", ".join(lost[:3]) + (f" and {len(lost) - 3} more" if len(lost) > 3 else "")
         text = f"{folder}: missing, though {SUMMARY} names them among the results: {shown}"
-        warnings.warn(text, ResultsWarning, stacklevel=3)
+        warnings.warn(text, ResultFileWarning, stacklevel=3)
     for name, expected in others.items():
         if name not in lost and _differs(folder / name, expected):
             _warn_changed(folder / name)
@@ -242,7 +242,7 @@ def _damaged(path: Path, problem: str) -> InputError:
 
 def _warn_changed(path: Path) -> None:
     text = f"{path}: is not as the study left it (its SHA-256 differs from that in {SUMMARY})"
-    warnings.warn(text, ResultsWarning, stacklevel=5)
+    warnings.warn(text, ResultFileWarning, stacklevel=5)
 
 
 # ---- writing --------------------------------------------------------------------------------------

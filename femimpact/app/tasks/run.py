@@ -34,7 +34,7 @@ from femimpact.app.study.summary import (
 )
 from femimpact.app.tasks.starts import columns_of_starts, drawn_curves, drawn_histories, spreads_of
 from femimpact.app.tasks.task import Finished, Task, run_task
-from femimpact.errors import checked, kind_of, require, require_name, require_path, require_type, truth
+from femimpact.errors import checked, kind_of, require, require_name, require_path, require_type, truth, warns
 from femimpact.excitation.harmonic import Sine
 from femimpact.integrators.cases import first_steps
 from femimpact.integrators.methods import Method, read_at_least
@@ -153,6 +153,7 @@ def run_sweep(
     return SweepPair(empty, ball, coarse)
 
 
+@warns
 def run_study(
     study: Study,
     directory: str | Path,

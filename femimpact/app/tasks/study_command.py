@@ -20,7 +20,7 @@ from femimpact.app.parametric.verb import StudyProgress, block_cases, connected,
 from femimpact.app.report.markup import Element
 from femimpact.app.report.result_page import add_report, best_measures
 from femimpact.app.report.views import measures_of, save_pictures
-from femimpact.app.results.result_directory import BEST_FIGURE, FILES, ResultsWarning
+from femimpact.app.results.result_directory import BEST_FIGURE, FILES, ResultFileWarning
 from femimpact.app.study.prepared import RUNS_OF_HISTORY, START, history_cost
 from femimpact.app.study.study import Study
 from femimpact.app.study.study_file import study_text, with_record
@@ -147,7 +147,7 @@ def _drawn(dataset: xarray.Dataset, best: Mapping[str, BestCase], directory: Pat
     (directory / BEST_FIGURE).unlink(missing_ok=True)
     drawn, failures = save_pictures([*best_measures(dataset, best), *measures_of(dataset)], directory)
     for text in failures:
-        warnings.warn(f"not drawn: {text}", ResultsWarning, stacklevel=3)
+        warnings.warn(f"not drawn: {text}", ResultFileWarning, stacklevel=3)
     return drawn
 
 
