@@ -34,11 +34,6 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 
-def texts_of(values: Any) -> tuple[str, ...]:
-    """Texts of a list in a summary; none where something else stands there."""
-    return tuple(str(one) for one in values) if isinstance(values, (list, tuple)) else ()
-
-
 def best_of(results: ResultReading) -> tuple[Mapping[str, BestCase], Mapping[str, str]]:
     """Best cases of a parameter study by their measures, and reasons for which there is none."""
     data, plan = results.parameter_study, None if results.study is None else results.study.plan
@@ -65,7 +60,7 @@ def result_warnings(results: ResultReading) -> tuple[str, ...]:
     """What is warned of in a directory of results, on its page and on the terminal alike."""
     data, name = results.parameter_study, FILES["parameter_study"].name
     failures = () if data is None else results.attempt(name, lambda: study_failures(data)) or ()
-    return (*texts_of(results.summary.get("warnings")), *failures)
+    return (*results.findings.warnings, *failures)
 
 
 def conclusions_of(found: Findings) -> tuple[Conclusion, ...]:
@@ -512,10 +507,10 @@ def study_failures(data: xarray.Dataset) -> tuple[str, ...]:
     return (*lines, *filter(None, [data.attrs.get("warnings")]))
 
 
-def study_versions(data: xarray.Dataset) -> dict[str, Any]:
-    """Versions and seeds of a study, by the names that a summary has for them."""
-    versions = {name: data.attrs[name] for name in ("femimpact", "numpy", "scipy", "python") if name in data.attrs}
+def study_versions(data: xarray.Dataset) -> Findings:
+    """Versions and seeds of a parameter study, which has no summary."""
+    versions = {name: str(data.attrs[name]) for name in ("femimpact", "numpy", "scipy", "python") if name in data.attrs}
     starts = int(data.attrs["starts"])
     seeds = [f"{data.attrs['seed']} of the {starts} starts"] if starts > 1 else []
     seeds += [f"sample: {data.attrs['sample']}"] if "sample" in data.attrs else []
-    return {"versions": versions, "seeds": seeds}
+    return Findings(versions=versions, seeds=tuple(seeds))

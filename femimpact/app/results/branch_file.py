@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -102,13 +102,13 @@ def dataset_of(followed: FollowedBranches) -> xarray.Dataset:
     )
 
 
-def read_followed(folder: Path, summary: Mapping[str, Any]) -> FollowedBranches | None:
+def read_followed(folder: Path, checksums: Mapping[str, str]) -> FollowedBranches | None:
     """The branches in a directory of results; None where they have none.
 
     Raises `InputError` if the file is damaged.
     """
     name = FILES["branches"].name
-    data = read_file(folder, name, summary)
+    data = read_file(folder, name, checksums)
     return None if data is None else undamaged(folder / name, lambda _: _followed_in(data))
 
 
