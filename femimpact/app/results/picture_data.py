@@ -67,6 +67,25 @@ class SweptCurves:
 
 
 @dataclass(frozen=True, eq=False)
+class StartRanges:
+    """Medians and ranges of measures over one axis, of several starts in each frame."""
+
+    key: str  # in `RANGES`
+    frames: Mapping[str, xarray.Dataset]  # by the frame in which the runs start at rest
+
+
+RANGES: Mapping[str, Mapping[str, str]] = {
+    "curves_of_starts": {"frequency": "base frequency", "peak": "largest displacement"},
+    "restitution": {
+        "restitution": "restitution of the contact",
+        "amplitude_ratio": "amplitude ratio without / with ball",
+        "peak_frequency": "frequency of the largest peak",
+    },
+}
+"""Words for the axis, and for the measures over it that are drawn, of tables in `FILES` over several starts."""
+
+
+@dataclass(frozen=True, eq=False)
 class StructureModes:
     """Modes of a structure without its balls."""
 
@@ -240,6 +259,17 @@ class ResultReading:
 
     def _curves(self, data: xarray.Dataset) -> SweptCurves:
         return curves_of(data, self.findings, self.table(FILES["curves_of_starts"].name) or {})
+
+    @cached_property
+    def ranges(self) -> list[StartRanges]:
+        """Medians and ranges over several starts."""
+        tables = [(key, FILES[key].name, self.table(FILES[key].name)) for key in RANGES]
+        ranges = [
+            self.attempt(name, partial(read_ranges, key, columns, self.units(name)))
+            for key, name, columns in tables
+            if columns is not None
+        ]
+        return [one for one in ranges if one is not None]
 
     @cached_property
     def followed(self) -> FollowedBranches | None:
@@ -441,12 +471,27 @@ def read_convergence(columns: Mapping[str, Any], units: Mapping[str, str], axis:
 
 
 def bands_of(columns: Mapping[str, Any], findings: Findings) -> list[tuple[str, Array, Array, Array]]:
-    """Words, frequencies (Hz), smallest and largest peaks (m) of several starts in each frame; else none."""
+    """Words, frequencies (Hz), smallest and largest peaks (m) of several starts in the first frame; else none."""
+    start = next((start for start in START_WORDS if f"{start}_peak" in columns), None)
+    if start is None:
+        return []
     count, carried = findings.starts_of_sweep, findings.carried
-    words = {start: f"{count} starts of the {carried}" if count else f"starts {begin}"
-             for start, begin in START_WORDS.items()}  # fmt: skip
-    return [
-        (f"with {carried}, {text}", columns["frequency"], columns[f"{start}_low"], columns[f"{start}_high"])
-        for start, text in words.items()
-        if f"{start}_low" in columns
-    ]
+    words = f"{count} starts of the {carried}" if count else f"starts {START_WORDS[start]}"
+    low, high = columns[f"{start}_peak_low"], columns[f"{start}_peak_high"]
+    return [(f"with {carried}, {words}", columns["frequency"], low, high)]
+
+
+def read_ranges(key: str, columns: Mapping[str, Any], units: Mapping[str, str]) -> StartRanges:
+    """Of the columns of a table in `RANGES` those of each frame."""
+    import xarray
+
+    axis, frames = next(iter(RANGES[key])), dict[str, xarray.Dataset]()
+    for start in (start for start in START_WORDS if f"{start}_starts" in columns):
+        names = {name: name.removeprefix(f"{start}_") for name in (axis, *columns)}
+        data = {
+            names[name]: (axis, values, {"units": units.get(name, ""), "long_name": RANGES[key].get(names[name], "")})
+            for name, values in columns.items()
+            if name == axis or names[name] != name
+        }
+        frames[start] = xarray.Dataset(data, attrs={"starts": int(columns[f"{start}_starts"][0])})
+    return StartRanges(key, frames)
