@@ -123,9 +123,9 @@ def page_of(results: ResultReading, drawn: Mapping[str, Element] = NOT_DRAWN) ->
     studied, about = _of_parameter_study(results)
     records, refused = records_of(results, best[0])
     beside = beside_of(results, records) | {"spectra": [element("p", text) for text in refused]}
-    made = sections_of(records, beside, miss=results.miss, drawn=drawn)
-    first = [section for section in made if section.key == "best"]
-    sections = [section for section in made if section.key != "best"]
+    sections = sections_of(records, beside, miss=results.miss, drawn=drawn)
+    first = [section for section in sections if section.key == "best"]
+    sections = [section for section in sections if section.key != "best"]
     data = results.parameter_study
     many_starts = data is not None and int(data.attrs.get("starts", 1)) > 1
     sections.append(about_section(joined(about, findings), None if many_starts else study))
@@ -166,11 +166,11 @@ def _next_step(folder: Path) -> list[Section]:
 
 def _varied(study: Study) -> dict[str, list[str]]:
     """Fields that the axes of a study vary, by their parts as "impactor.ball"; "restitution" of a contact's."""
-    found: dict[str, list[str]] = {}
+    fields: dict[str, list[str]] = {}
     for path in study.plan.axes if study.plan is not None else ():
         part, _, name = path.replace(".contact.", ".").rpartition(".")
-        found.setdefault(part, []).append(name.replace("_", " "))
-    return found
+        fields.setdefault(part, []).append(name.replace("_", " "))
+    return fields
 
 
 def _of_parameter_study(results: ResultReading) -> tuple[list[str], Findings]:
@@ -198,35 +198,35 @@ def best_measures(data: xarray.Dataset, best: Mapping[str, BestCase]) -> list[Me
     ]
 
 
-def _head(*given: str) -> tuple[str, str]:
+def _head(*texts: str) -> tuple[str, str]:
     """Title that the study gives its report, and a line with author and date; each empty where it gives none."""
-    title, *by = (" ".join(words.split()) for words in given)
+    title, *by = (" ".join(words.split()) for words in texts)
     return title, ", ".join(filter(None, by))
 
 
-def _lead(study: Study | None, found: Findings) -> list[str]:
+def _lead(study: Study | None, findings: Findings) -> list[str]:
     """Sentences on what was computed."""
-    if study is None or found.problems:
-        return [f"{problem}." for problem in found.problems]
-    said = [f"History: {study.history_words}." if found.history is not None else ""]
+    if study is None or findings.problems:
+        return [f"{problem}." for problem in findings.problems]
+    sentences = [f"History: {study.history_words}." if findings.history is not None else ""]
     base = ""
     if study.kind == "sine":
         reached = unit_text(study.sine.amplitude * (2.0 * math.pi * study.sine.frequency) ** 2, "m/s^2")
         base = f" The base moves by {1e3 * study.sine.amplitude:.4g} mm, with {reached} at {study.sine.frequency:g} Hz."
-    if found.sweep and study.sweep is not None:
+    if findings.sweep and study.sweep is not None:
         plan = study.sweep
-        said.append(
+        sentences.append(
             f"Sweep: {plan.start:g} to {plan.stop:g} Hz at {plan.points} points, {plan.refine} more around each "
             f"resonance; {plan.cycles} cycles at each frequency."
         )
-    if found.orbits is not None and study.orbits is not None:
-        low, high = (unit_text(value, found.orbits.unit) for value in study.orbits.range)
+    if findings.orbits is not None and study.orbits is not None:
+        low, high = (unit_text(value, findings.orbits.unit) for value in study.orbits.range)
         drive = words_of(study.excitation)
-        said.append(f"Periodic orbits over {found.orbits.parameter} from {low} to {high}; drive: {drive}.")
+        sentences.append(f"Periodic orbits over {findings.orbits.parameter} from {low} to {high}; drive: {drive}.")
     kept = f"on {study.reduction.modes} modes" if study.reduction is not None else "in physical degrees of freedom"
-    steps = f", step {1e3 * found.step:.4g} ms" if found.step is not None else ""
-    said.append(f"Method: {study.method.get('name', 'newmark')} {kept}{steps}.{base}")
-    return [text for text in said if text]
+    steps = f", step {1e3 * findings.step:.4g} ms" if findings.step is not None else ""
+    sentences.append(f"Method: {study.method.get('name', 'newmark')} {kept}{steps}.{base}")
+    return [text for text in sentences if text]
 
 
 # ---- records ---------------------------------------------------------------------------------------
@@ -362,13 +362,13 @@ def _comparison_table(columns: Mapping[str, Any], _units: Mapping[str, str], fil
 
 def _plain_column(values: Any) -> list[Any]:
     """A column of texts with those that are numbers as numbers."""
-    found: list[Any] = []
+    cells: list[Any] = []
     for one in np.asarray(values).tolist():
         try:
-            found.append(float(f"{float(one):.6g}"))
+            cells.append(float(f"{float(one):.6g}"))
         except ValueError:
-            found.append(one or None)
-    return found
+            cells.append(one or None)
+    return cells
 
 
 def _modes(results: ResultReading) -> Beside:
@@ -464,8 +464,8 @@ def files_section(folder: Path, checksums: Mapping[str, str]) -> tuple[Section, 
     groups: dict[str, list[tuple[str, str, str]]] = {group: [] for group in FILE_GROUPS}
     for row in sorted(rows):
         groups[_group_of(row[0])].append(row)
-    shown = [_table_of_files(group, found) for group, found in groups.items() if found]
-    return Section("files", "Files", tuple(shown)), _lost(checksums, present)
+    tables = [_table_of_files(group, files) for group, files in groups.items() if files]
+    return Section("files", "Files", tuple(tables)), _lost(checksums, present)
 
 
 FILE_GROUPS = ("Numbers and study", "Pictures and movie", "ParaView")
