@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
 
-from femimpact.app.results.branch_file import FollowedBranches, read_followed
+from femimpact.app.results.branch_file import FollowedBranches, followed_in
 from femimpact.app.results.result_directory import FILES, SUMMARY, ResultsWarning, unfinished_state
 from femimpact.app.results.results import read_file, read_summary
 from femimpact.app.study.findings import START_WORDS, Findings, read_findings
@@ -274,7 +274,7 @@ class ResultReading:
     @cached_property
     def followed(self) -> FollowedBranches | None:
         """Branches of periodic orbits."""
-        return self.attempt(FILES["branches"].name, lambda: read_followed(self.folder, self.findings.checksums))
+        return self.of_file("branches", followed_in)
 
     @cached_property
     def film(self) -> Response | None:
