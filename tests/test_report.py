@@ -230,7 +230,7 @@ def test_a_damaged_summary_shows_what_is_sound_and_names_each_damaged_key(result
     assert "Peak of the tip" not in text
     for refused in (fi.load, lambda folder: draw_again(folder, "figures", lambda *_: None)):
         with (
-            pytest.warns(ResultsWarning, match=r"summary.json: is not as the study left it"),
+            pytest.warns(ResultFileWarning, match=r"summary.json: is not as the study left it"),
             pytest.raises(fi.InputError, match=r"summary\.history\.peak = 'wide': .*the summary is damaged"),
         ):
             refused(results)

@@ -70,12 +70,17 @@ class StudyResults:
     bifurcations: Mapping[str, Any] | None = None
 
     @property
+    def warnings(self) -> tuple[str, ...]:
+        """What may make a number of the results wrong."""
+        return read_findings(self.summary).warnings
+
+    @property
     def _head(self) -> Head:
         tables = {name: getattr(self, name) for name in ("modes", "impacts", "sticking", "bifurcations")}
         data = {name: getattr(self, name) for name in ("sweep", "history", "impact_data", "branches")}
         values = {name: ", ".join(table) for name, table in tables.items() if table is not None}
         values |= {name: ", ".join(map(str, found.data_vars)) for name, found in data.items() if found is not None}
-        values["warnings"] = "; ".join(read_findings(self.summary).warnings) or "none"
+        values["warnings"] = "; ".join(self.warnings) or "none"
         return head_of_values(f"StudyResults: {self.directory}", values)
 
 
