@@ -5,7 +5,7 @@ Public names are loaded from their modules on first use, so that `import femimpa
 
 from femimpact.lazy import face
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 __getattr__, __dir__, __all__ = face(__name__, __file__)
 __all__.append("__version__")

@@ -7,7 +7,10 @@ import re
 import sys
 from importlib import metadata
 
+from femimpact import __version__
+
 OWN = "femimpact"
+ABSENT = "not installed"
 
 
 def show_versions() -> None:
@@ -17,7 +20,7 @@ def show_versions() -> None:
     --------
     >>> import femimpact as fi
     >>> fi.show_versions()  # doctest: +SKIP
-    femimpact      0.1.0
+    femimpact      0.2.0
     """
     for name, words in _versions().items():
         print(f"{name:14} {words}")
@@ -28,12 +31,12 @@ def _versions() -> dict[str, str]:
     from femimpact.core.binary import build_words
 
     versions = {
-        OWN: _version_of(OWN),
+        OWN: __version__,
         "core": build_words(),
         "python": sys.version.split()[0],
         "platform": platform.platform(),
     }
-    return {**versions, **{name: _version_of(name) for name in _libraries()}}
+    return {**versions, **{name: version_of(name) for name in _libraries()}}
 
 
 def _libraries() -> list[str]:
@@ -48,8 +51,9 @@ def _libraries() -> list[str]:
     return [re.split(r"[^\w.-]", line)[0] for line in used]
 
 
-def _version_of(name: str) -> str:
+def version_of(name: str) -> str:
+    """Version of a library; `ABSENT` where it is not installed."""
     try:
         return metadata.version(name)
     except metadata.PackageNotFoundError:
-        return "not installed"
+        return ABSENT

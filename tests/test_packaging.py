@@ -41,6 +41,8 @@ def test_the_backend_that_is_tried_is_the_one_that_builds():
 def test_the_version_is_the_same_everywhere():
     stated = re.search(r"^version: (\S+)$", (ROOT / "CITATION.cff").read_text(encoding="utf-8"), re.MULTILINE)
     assert stated[1] == PROJECT["version"] == femimpact.__version__
+    assert f"version {stated[1]}," in (ROOT / "docs" / "start.md").read_text(encoding="utf-8")
+    assert f"\n## {stated[1]}\n" in (ROOT / "docs" / "development" / "changelog.md").read_text(encoding="utf-8")
 
 
 def test_what_a_page_is_made_of_is_in_the_wheel_and_in_the_source_distribution(tmp_path):
@@ -61,7 +63,26 @@ def test_what_a_page_is_made_of_is_in_the_wheel_and_in_the_source_distribution(t
         assert wanted <= taken, builder.__name__
 
 
-def test_every_python_that_is_named_is_allowed():
-    lowest = tuple(map(int, PROJECT["requires-python"].removeprefix(">=").split(".")))
-    named = [re.fullmatch(r"Programming Language :: Python :: (3)\.(\d+)", line) for line in PROJECT["classifiers"]]
-    assert min(tuple(map(int, match.groups())) for match in named if match) == lowest
+def test_every_python_that_is_named_is_allowed_and_the_oldest_and_the_newest_are_tried():
+    pattern = r"Programming Language :: Python :: (3\.\d+)"
+    named = [match[1] for match in (re.fullmatch(pattern, line) for line in PROJECT["classifiers"]) if match]
+    workflow = (ROOT / ".github" / "workflows" / "tests.yml").read_text(encoding="utf-8")
+    matrices = [re.findall(r"3\.\d+", line) for line in re.findall(r"^ +python: \[(.*)\]$", workflow, re.MULTILINE)]
+    assert named[0] == PROJECT["requires-python"].removeprefix(">=")
+    assert [(tried[0], tried[-1]) for tried in matrices] == [(named[0], named[-1])] * 2
+
+
+def test_wheels_are_uploaded_without_a_password_by_one_job_alone():
+    workflow = (ROOT / ".github" / "workflows" / "wheels.yml").read_text(encoding="utf-8")
+    upload = workflow.partition("\n  upload:\n")[2]
+    assert "id-token: write" in upload
+    assert "secrets." not in workflow
+    assert workflow.count("id-token: write") == 1
+
+
+def test_every_action_is_held_by_its_commit():
+    for path in (ROOT / ".github" / "workflows").glob("*.yml"):
+        uses = re.findall(r"uses: (\S+)", path.read_text(encoding="utf-8"))
+        others = [name for name in uses if not name.startswith("./")]
+        assert others
+        assert [name for name in others if not re.fullmatch(r"[\w./-]+@[0-9a-f]{40}", name)] == []

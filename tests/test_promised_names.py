@@ -2,7 +2,9 @@
 
 import csv
 import importlib
+import re
 from operator import attrgetter
+from pathlib import Path
 
 import pytest
 from builders import FILES
@@ -127,6 +129,15 @@ MODULES = {
 }
 """Modules that pages name, with all of their public names."""
 
+MOVED = [
+    (name, folder)
+    for row in (Path(__file__).parents[1] / "docs/development/changelog.md").read_text(encoding="utf-8").splitlines()
+    if row.endswith(" and the name |") and row.startswith("| `fi.")
+    for names, folder in [re.fullmatch(r"\| (.*) \| `fi\.(\w+)\.` and the name \|", row).groups()]
+    for name in re.findall(r"`fi\.(\w+)`", names)
+]
+"""Names that have left `fi`, and the folder in which each now stands, as the changelog's table has them."""
+
 IMPACT_COLUMNS = """
     time phase impactor side approach_speed rebound_speed impulse peak_force duration energy_loss contact_law
 """
@@ -151,6 +162,17 @@ def test_a_public_name_and_its_attributes_are_still_there(name, attributes):
     found = attrgetter(name)(fi)
     fields = getattr(found, "__dataclass_fields__", {})
     assert [one for one in attributes if not hasattr(found, one) and one not in fields] == []
+
+
+@pytest.mark.parametrize(("name", "folder"), MOVED)
+def test_a_moved_name_stands_in_the_folder_that_the_changelog_names_and_nowhere_else(name, folder):
+    assert hasattr(getattr(fi, folder), name)
+    assert not hasattr(fi, name)
+
+
+def test_the_table_of_moved_names_is_read_whole():
+    assert len(MOVED) > 80
+    assert {"Branch", "Flores", "Spectrum", "to_pyvista"} <= {name for name, _ in MOVED}
 
 
 @pytest.mark.parametrize("module", MODULES)

@@ -108,3 +108,12 @@ def test_an_entry_names_who_what_where_and_when(key):
     assert entry["title"]
     place = {"article": "journal", "book": "publisher", "incollection": "booktitle"}[entry["kind"]]
     assert entry.get(place) or entry.get("doi")
+
+
+def test_the_paper_cites_all_works_of_its_file_and_has_the_words_that_the_journal_asks_for():
+    text = (ROOT / "paper.md").read_text(encoding="utf-8").partition("\n---\n")[2]
+    works = re.findall(r"^@\w+\{(\w+),$", (ROOT / "paper.bib").read_text(encoding="utf-8"), re.MULTILINE)
+    assert sorted(set(re.findall(r"@(\w+)", text))) == sorted(works)
+    assert 750 <= len(text.split()) <= 1000
+    headings = ["Summary", "Statement of need", "State of the field", "Software design", "Research impact statement"]
+    assert re.findall(r"^# (.*)$", text, re.MULTILINE)[:5] == headings

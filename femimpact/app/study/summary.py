@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.metadata
 import math
 import platform
 from collections.abc import Iterable
@@ -12,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from femimpact import core
+from femimpact import __version__, core
 from femimpact.app.study.findings import (
     AchievedRestitution,
     ChannelSummary,
@@ -37,6 +36,7 @@ from femimpact.sweep.curve import TAKE_STARTS, FrequencyResponse, on_grid
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.modes import Modes, first_elastic_frequency
 from femimpact.system.system import System
+from femimpact.versions import ABSENT, version_of
 
 RESTITUTION_MISSED = 0.1
 """Difference between a law's restitution and the median seen in a run that is warned of."""
@@ -361,15 +361,8 @@ def _restitution_warnings(contacts: dict[str, ContactSummary]) -> list[str]:
 
 def library_versions() -> dict[str, str]:
     """Versions of Python, femimpact and the libraries that results hang on."""
-    names = ("femimpact", "numpy", "scipy", "scikit-fem", "numba", "xarray", "pyvista", "meshio")
+    names = ("numpy", "scipy", "scikit-fem", "numba", "xarray", "pyvista", "meshio")
     # an extra may be missing
-    known = {name: _version(name) for name in names}
-    return {"python": platform.python_version(), **{name: found for name, found in known.items() if found is not None}}
-
-
-def _version(name: str) -> str | None:
-    """Version of a library; None where it is not installed."""
-    try:
-        return importlib.metadata.version(name)
-    except importlib.metadata.PackageNotFoundError:
-        return None
+    known = {name: version_of(name) for name in names}
+    installed = {name: version for name, version in known.items() if version != ABSENT}
+    return {"python": platform.python_version(), "femimpact": __version__, **installed}
