@@ -309,13 +309,15 @@ def schema(*, to: ToFile = NO_FILE) -> None:
 
 
 @app.command
-def check(study: Path, *, strict: bool = False) -> None:
-    """Validate a study and print what would run and what it can show: dofs, steps, memory, time; numbers by limits.
+def check(study: Path, *, every: Annotated[bool, Parameter(name="--all")] = False, strict: bool = False) -> None:
+    """Validate a study and print what would run and what it can show: cost, first frequency, limits that are passed.
 
     Example: femimpact check study.toml
 
     Parameters
     ----------
+    every
+        Print every number beside its limit, the notes, and what the study gives, in SI units.
     strict
         End with status 2 where a limit is passed beyond which the test does not show what it is made for, or a warning
         is printed.
@@ -324,7 +326,7 @@ def check(study: Path, *, strict: bool = False) -> None:
     from femimpact.app.study.study_file import load_study
 
     with _waiting("check", quiet=False):
-        lines, passed = lines_of_check(load_study(study))
+        lines, passed = lines_of_check(load_study(study), every)
     print(*lines, *([_warnings_page()] if passed else []), sep="\n")
     if strict and passed:
         _fail(f"check --strict: limits passed: {'; '.join(passed)}", 2)

@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -42,7 +43,7 @@ def test_the_help_of_the_completion_names_the_file_that_it_edits(tmp_path, monke
 def test_init_then_check(tmp_path):
     femimpact("init", "mine.toml", cwd=tmp_path)
     # as a user calls it: in a separate process
-    printed = femimpact_process("check", "mine.toml", cwd=tmp_path).stdout
+    printed = femimpact_process("check", "mine.toml", "--all", cwd=tmp_path).stdout
     for words in (
         "dofs: 80 of the mesh",
         "contact time: 0.002 s",
@@ -289,6 +290,30 @@ def test_converge_writes_tables_and_figures(tmp_path):
         assert words in page
     assert "<title>Mesh of an arm" in page
     assert "A. Author" in page[: page.index("<main")]
+
+
+def test_check_prints_what_matters_and_all_of_it_where_that_is_asked_for(tmp_path):
+    femimpact("init", "mine.toml", cwd=tmp_path)
+    every = femimpact("check", "mine.toml", "--all", cwd=tmp_path).stdout.splitlines()
+    lines = femimpact("check", "mine.toml", cwd=tmp_path).stdout.splitlines()
+    *kept, count, page = lines
+    assert set(kept) < set(every)
+    assert page == every[-1]
+    # without ball and with it glued on, as the modes of a run are
+    without, glued = map(float, re.findall(r"([\d.]+) Hz", lines[0]))
+    structure = fi.load_study(tmp_path / "mine.toml").structure
+    bare, heavy = (
+        fi.solve_modes(fi.assemble(one, elements=40), count=1).natural_frequency[0]
+        for one in (replace(structure, impactors=()), fi.structure.glue_impactors(structure))
+    )
+    assert without == pytest.approx(bare, rel=1e-5)
+    assert glued == pytest.approx(heavy, rel=1e-5)
+    # no row is lost between the two: a limit that is passed is among the lines, the others are counted
+    rows = [line for line in every if line.startswith(("test: ", "limit passed: "))]
+    assert [line for line in rows if line.startswith("limit passed: ")] == [
+        line for line in lines if line.startswith("limit passed: ")
+    ]
+    assert count.startswith(f"{len(set(rows) - set(lines))} more numbers within their limits")
 
 
 def test_check_and_quiet_name_the_page_of_warnings_with_their_warnings(tmp_path):

@@ -219,7 +219,7 @@ def test_bad_density_is_one_line(rows: str, words: str) -> None:
 
 def test_check_tells_the_numbers_in_si(tmp_path: Path) -> None:
     (tmp_path / "study.toml").write_text(pair()[1].text, encoding="utf-8")
-    told = femimpact("check", "study.toml", cwd=tmp_path).stdout
+    told = femimpact("check", "study.toml", "--all", cwd=tmp_path).stdout
     assert "beam.young_modulus = 70 GPa: 7e+10 Pa" in told
 
 

@@ -208,8 +208,14 @@ def preflight(
     return Preflight(tuple(rows))
 
 
-def lines_of_check(study: Study) -> tuple[list[str], list[str]]:
+CHOSEN_BY = ("first gap to try", "frequency step")
+"""Beginnings of the rows that are shown within their limits too: a user chooses the study by them."""
+
+
+def lines_of_check(study: Study, every: bool = False) -> tuple[list[str], list[str]]:
     """Lines on what the tables of a study ask for and what it can show, and the limits and warnings among them.
+
+    Without `every` they are cost, first natural frequency, the numbers to choose by, and what is beyond its limit.
 
     Raises `InputError` for everything that would stop a task before it starts.
     """
@@ -221,9 +227,16 @@ def lines_of_check(study: Study) -> tuple[list[str], list[str]]:
     run = replace(run, warnings=() if _is_of_another_material(numbers.rows) else tuple(left))
     plans = [plan_of_cases(study)] if study.plan is not None else []
     plans += [task_of_orbits(study).plan()] if study.orbits is not None else []
-    rows = [f"{'limit passed' if row.passed else 'test'}: {row}" for row in numbers.rows]
+    rows = [row for row in numbers.rows if every or row.passed or row.what.startswith(CHOSEN_BY)]
+    texts = [f"{'limit passed' if row.passed else 'test'}: {row}" for row in rows]
     passed = [*(row.what for row in numbers.passed), *(f"warning: {text}" for text in run.warnings)]
-    return [*unit_lines(study), *run.lines, *rows, *(line for plan in plans for line in plan.lines)], passed
+    if every:
+        return [*unit_lines(study), *run.lines, *texts, *(line for plan in plans for line in plan.lines)], passed
+    costs = [text for plan in (run, *plans) for text in plan.costs]
+    within = len(numbers.rows) - len(rows)
+    count = f"{within} more number{'s' * (within != 1)} within {'its limit' if within == 1 else 'their limits'}"
+    lines = [*run.numbers, *costs, *texts, *(f"warning: {text}" for text in run.warnings)]
+    return [*lines, f"{count}, and what the study gives: femimpact check {study.path.name} --all"], passed
 
 
 def preflight_of_study(study: Study, small: System) -> Preflight:

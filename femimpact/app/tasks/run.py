@@ -245,12 +245,27 @@ def plan_of_run(prepared: PreparedStudy, parts: tuple[str, ...]) -> Plan:
     study, small, end = prepared.study, prepared.small, prepared.study.history_duration
     notes = (*prepared.method.notes(small), *motion_notes(until(study.excitation, end), small.length, end))
     notes += (*root_stress_notes(study.structure, small), *_files_elsewhere(study))
-    costs, numbers, inputs = _costs(prepared, parts), _numbers(prepared), _inputs(prepared)
-    return Plan(tuple(costs), tuple(numbers), tuple(inputs), tuple(map(in_study_words, notes)), prepared.warnings)
+    frequency, details = (_first_frequency(prepared),), tuple(_details(prepared))
+    return Plan(
+        tuple(_costs(prepared, parts)), frequency, details, tuple(map(in_study_words, notes)), prepared.warnings
+    )
 
 
-def _numbers(prepared: PreparedStudy) -> Iterator[str]:
-    """Dofs, first natural frequency and contact time."""
+def _first_frequency(prepared: PreparedStudy) -> str:
+    """The first natural frequency without balls, and with every ball glued on."""
+    study, small = prepared.study, prepared.small
+    words = f"first natural frequency: {first_elastic_frequency(small):.6g} Hz"
+    if small.balls:
+        words += f" without {prepared.carried}"
+    if study.structure.impactors:
+        glued = assemble_on(study, glue_impactors(study.structure), prepared.mesh)
+        balls = "it" if len(study.structure.impactors) == 1 else "them"
+        words += f", {first_elastic_frequency(glued):.6g} Hz with {balls} glued on"
+    return words if small.first_frequency > 0.0 else f"{words}, above a rigid motion at 0 Hz"
+
+
+def _details(prepared: PreparedStudy) -> Iterator[str]:
+    """Dofs, contact time, gravity, absorbers, contacts and method."""
     full, small = prepared.full, prepared.small
     kind = "modal" if small.is_diagonal else "physical"
     counts = [f"{count} {name}{'s' * (count > 1)}" for name, count in counts_of(small).items() if count]
@@ -258,17 +273,8 @@ def _numbers(prepared: PreparedStudy) -> Iterator[str]:
         f"dofs: {full.dofs} of the mesh ({full.nodes.size - 1} elements), {small.dofs} integrated ({kind}), "
         f"{', '.join(counts) or 'no ball'}"
     )
-    yield (
-        f"first natural frequency: {first_elastic_frequency(small):.6g} Hz"
-        f"{f' without {prepared.carried}' if small.balls else ''}"
-        f"{'' if small.first_frequency > 0.0 else ', above a rigid motion at 0 Hz'}"
-    )
     contact_time = shortest_contact(small)
     yield f"contact time: {contact_time:.4g} s" if math.isfinite(contact_time) else "contact time: no contact"
-
-
-def _inputs(prepared: PreparedStudy) -> Iterator[str]:
-    """Gravity, absorbers, contacts and method."""
     study, method = prepared.study, prepared.method
     if study.structure.gravity:
         yield f"gravity: {study.structure.gravity:g} m/s^2 along the deflection"

@@ -40,8 +40,8 @@ class Plan:
     """What a task would do, in lines."""
 
     costs: tuple[str, ...]  # what is computed, and the memory and time that it takes
-    numbers: tuple[str, ...] = ()  # that follow from the study
-    inputs: tuple[str, ...] = ()  # that the study gives
+    numbers: tuple[str, ...] = ()  # that are looked at first
+    details: tuple[str, ...] = ()  # other numbers, and what the study gives
     notes: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
 
@@ -49,7 +49,7 @@ class Plan:
     def lines(self) -> list[str]:
         """All lines, in the order in which they are printed."""
         said = [f"{kind}: {text}" for kind in ("note", "warning") for text in getattr(self, f"{kind}s")]
-        return [*self.numbers, *self.inputs, *self.costs, *said]
+        return [*self.numbers, *self.details, *self.costs, *said]
 
 
 @dataclass(frozen=True, eq=False)
