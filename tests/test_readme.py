@@ -291,6 +291,28 @@ def test_links_lead_somewhere(page, link):
     assert (ROOT / page.parent / link).exists()
 
 
+def targets(page):
+    """Pages that a page links to."""
+    links = re.findall(r"\]\(((?!http)[^)#]+\.md)", (ROOT / page).read_text(encoding="utf-8"))
+    return {(ROOT / page.parent / link).resolve().relative_to(ROOT) for link in links}
+
+
+def test_twelve_questions_are_answered_within_two_clicks():
+    page = Path("docs/development/contributing.md")
+    rows = re.findall(r"^\| [^|]+\? \| (\[.*) \|$", (ROOT / page).read_text(encoding="utf-8"), re.MULTILINE)
+    assert len(rows) == 12
+    for row in rows:
+        way = re.findall(r"\]\(([^)#]+)#?([^)]*)\)", row)
+        assert len(way) <= 2
+        before = Path("README.md")
+        for link, anchor in way:
+            path = (ROOT / page.parent / link).resolve().relative_to(ROOT)
+            assert path in targets(before)
+            headings = re.findall(r"^#+ (.*)", (ROOT / path).read_text(encoding="utf-8"), re.MULTILINE)
+            assert anchor in {"", *(re.sub(r"[^\w -]", "", one).lower().replace(" ", "-") for one in headings)}
+            before = path
+
+
 def test_the_two_commands_stand_on_lines_of_their_own():
     lines = (ROOT / "README.md").read_text(encoding="utf-8").splitlines()
     assert """python3 -m venv .venv && .venv/bin/pip install -e ".[movie,test]" && .venv/bin/femimpact demo""" in lines
