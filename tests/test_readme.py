@@ -279,10 +279,24 @@ def test_the_page_on_calibration_runs_as_it_stands(monkeypatch, tmp_path, capsys
     assert capsys.readouterr().out.endswith(few.notes[0] + "\n")
 
 
+def test_the_page_on_parameter_studies_runs_as_it_stands(monkeypatch, tmp_path, capsys, drawn_off_screen):
+    monkeypatch.chdir(tmp_path)
+    names = ran("docs/howto/parameter_studies.md")
+    best, search = names["best"], names["search"]
+    # a gap of some millimetres is best whatever the restitution is, and less is a cliff
+    assert 2e-3 < best.designs[0].values["impactor.ball.gap"] < 4.5e-3
+    shown = PICTURES["blocks"](ROOT / "docs/howto/parameter_studies.md", "text")[0]
+    number = r"[\d.]+"
+    assert re.sub(number, "", shown.splitlines()[0]) == re.sub(number, "", capsys.readouterr().out.splitlines()[0])
+    assert 2e-3 <= search.best.designs[0].values["impactor.ball.gap"] <= 4e-3
+    assert (tmp_path / "gap_study" / "study.nc").exists()
+
+
 def test_every_picture_of_a_page_that_is_run_is_one_that_the_page_writes():
     for name in PICTURES["PAGES"]:
         text = PICTURES["page_of"](name).read_text(encoding="utf-8")
         shown = {Path(link).name for link in re.findall(r"!\[[^]]*\]\(([^)]+)\)", text)} - {"paraview_deflection.png"}
+        shown -= {f"{example}.png" for example in PICTURES["EXAMPLES"]}
         assert shown == set(re.findall(r'save(?:fig|_figure)\([^\n]*"([^"]+\.png)"\)', text)), name
 
 

@@ -17,8 +17,8 @@ from typing import Any
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
-PAGES = ("README", "calibration", "measured_base", "own_mesh", "root_stress", "two_balls")
-EXAMPLES = ("absorber_or_ball", "design_map", "gap_and_tolerance")
+PAGES = ("README", "calibration", "measured_base", "own_mesh", "parameter_studies", "root_stress", "two_balls")
+EXAMPLES = ("absorber_or_ball", "design_map")
 """Whose pictures pages show."""
 MESHES = {f"beam_{n}.msh": ROOT / "meshes" / f"graded_{n}.msh" for n in (6, 12, 24, 48)}
 """What gmsh makes of the geometry on the page on meshes."""
