@@ -212,6 +212,13 @@ def test_the_page_on_a_measured_base_runs_as_it_stands(monkeypatch, tmp_path, dr
     assert np.abs(names["with_ball"]["tip"]).max() < 0.5 * peaks[-1]
 
 
+def test_the_page_on_the_record_of_a_shock_runs_as_it_stands(capsys):
+    ran("docs/howto/shock_record.md")
+    # a linear run: every processor has these digits
+    printed = capsys.readouterr().out.splitlines()[:3]
+    assert "\n".join(printed) in (ROOT / "docs/howto/shock_record.md").read_text(encoding="utf-8")
+
+
 def test_the_page_on_ones_own_mesh_runs_as_it_stands(monkeypatch, tmp_path, drawn_off_screen):
     monkeypatch.chdir(tmp_path)
     PICTURES["prepare"](ROOT / "docs/howto/own_mesh.md", tmp_path)
