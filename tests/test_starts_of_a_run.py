@@ -55,18 +55,18 @@ def test_the_ranges_are_those_of_a_parameter_study_of_as_many_starts(ran):
     columns = read_csv(ran.directory / "curves_of_starts.csv")
     at = [columns["frequency"].tolist().index(f) for f in (4.0, 5.0)]
     # the same runs, so the same bits
-    np.testing.assert_array_equal(columns["base_median"][at], given["peak"])
-    np.testing.assert_array_equal(columns["base_low"][at], given["peak_low"])
-    np.testing.assert_array_equal(columns["base_high"][at], given["peak_high"])
+    np.testing.assert_array_equal(columns["base_peak"][at], given["peak"])
+    np.testing.assert_array_equal(columns["base_peak_low"][at], given["peak_low"])
+    np.testing.assert_array_equal(columns["base_peak_high"][at], given["peak_high"])
 
 
 def test_bands_contain_the_median(ran):
     columns = read_csv(ran.directory / "curves_of_starts.csv")
-    assert np.all(columns["base_low"] <= columns["base_median"])
-    assert np.all(columns["base_median"] <= columns["base_high"])
+    assert np.all(columns["base_peak_low"] <= columns["base_peak"])
+    assert np.all(columns["base_peak"] <= columns["base_peak_high"])
     ((words, frequency, low, high),) = read_bands(ran.directory, ran.summary)
     assert words == "with ball, 5 starts of the ball"
-    for name, values in (("frequency", frequency), ("base_low", low), ("base_high", high)):
+    for name, values in (("frequency", frequency), ("base_peak_low", low), ("base_peak_high", high)):
         np.testing.assert_array_equal(values, columns[name])
 
     def leaves(table):

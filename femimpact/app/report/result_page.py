@@ -240,6 +240,7 @@ def records_of(results: ResultReading, best: Mapping[str, BestCase] | None = Non
     data, run = results.parameter_study, results.run
     records = [
         results.curves,
+        *results.ranges,
         results.followed,
         run,
         results.modes,
@@ -341,14 +342,12 @@ def _player(results: ResultReading) -> Beside:
 
 
 def _comparison(results: ResultReading) -> Beside:
-    """Table of the paper's results beside ours, remarks on where they differ, and the scan of the restitution."""
+    """Table of the paper's results beside ours, and remarks on where they differ."""
     findings = results.findings
     content: Beside = [*_of_file(results, "comparison", _comparison_table)]
     if findings.remarks:
         remarks = list_element(findings.remarks, "notes")
         content.append(element("div.said", element("h3", "Where they differ, and why"), remarks))
-    if findings.scan_of_restitution:
-        content.append(_scan_table(findings))
     return content
 
 
@@ -362,18 +361,6 @@ def _comparison_table(columns: Mapping[str, Any], _units: Mapping[str, str], fil
     header = tuple(heads.get(name, name) for name in columns)
     rows = tuple(zip(*map(_plain_column, columns.values()), strict=True))
     return Table("The paper beside ours: median and range over starts", header, rows, file)
-
-
-def _scan_table(findings: Findings) -> Table:
-    """Median and range of peak and ratio, from both starts, for every restitution."""
-    scan = findings.scan_of_restitution
-    rows = tuple(
-        (restitution, *(spread.text() for start in starts.values() for spread in start.values()))
-        for restitution, starts in scan.items()
-    )
-    begins = [START_WORDS[start] for start in next(iter(scan.values()), ())]
-    numbers = [f"{name}, {words}" for words in begins for name in ("peak (Hz)", "amplitude ratio")]
-    return Table("Scan of the restitution", ("restitution", *numbers), rows, FILES["restitution"].name)
 
 
 def _plain_column(values: Any) -> list[Any]:

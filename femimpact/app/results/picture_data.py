@@ -7,7 +7,7 @@ import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
@@ -64,6 +64,25 @@ class SweptCurves:
     coarse: Array | None = None  # Hz: the even grid
     # words, frequencies (Hz), and the smallest and the largest peaks (m) of several starts
     bands: Sequence[tuple[str, Array, Array, Array]] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class StartRanges:
+    """Medians and ranges of measures over one axis, of several starts in each frame."""
+
+    key: str  # in `RANGES`
+    frames: Mapping[str, xarray.Dataset]  # by the frame in which the runs start at rest
+
+
+RANGES: Mapping[str, Mapping[str, str]] = {
+    "curves_of_starts": {"frequency": "base frequency", "peak": "largest displacement"},
+    "restitution": {
+        "restitution": "restitution of the contact",
+        "amplitude_ratio": "amplitude ratio without / with ball",
+        "peak_frequency": "frequency of the largest peak",
+    },
+}
+"""Words for the axis, and for the measures over it that are drawn, of tables in `FILES` over several starts."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -234,6 +253,17 @@ class ResultReading:
     def curves(self) -> SweptCurves | None:
         """Response curves by words for their cases, with the even grid."""
         return self.attempt(FILES["sweep_data"].name, lambda: read_curves(self.folder, self.summary))
+
+    @cached_property
+    def ranges(self) -> list[StartRanges]:
+        """Medians and ranges over several starts."""
+        tables = [(key, FILES[key].name, self.table(FILES[key].name)) for key in RANGES]
+        ranges = [
+            self.attempt(name, partial(read_ranges, key, columns, self.units(name)))
+            for key, name, columns in tables
+            if columns is not None
+        ]
+        return [one for one in ranges if one is not None]
 
     @cached_property
     def followed(self) -> FollowedBranches | None:
@@ -435,15 +465,28 @@ def read_convergence(columns: Mapping[str, Any], units: Mapping[str, str], axis:
 
 
 def read_bands(folder: Path, summary: Mapping[str, Any]) -> list[tuple[str, Array, Array, Array]]:
-    """Words, frequencies (Hz), smallest and largest peaks (m) of several starts in each frame; else none."""
+    """Words, frequencies (Hz), smallest and largest peaks (m) of several starts in the first frame; else none."""
     columns = read_file(folder, FILES["curves_of_starts"].name, summary)
     if columns is None:
         return []
-    count = summary.get("starts_of_sweep")
-    words = {start: f"{count} starts of the {carried_of(summary)}" if count else f"starts {begin}"
-             for start, begin in START_WORDS.items()}  # fmt: skip
-    return [
-        (f"with {carried_of(summary)}, {text}", columns["frequency"], columns[f"{start}_low"], columns[f"{start}_high"])
-        for start, text in words.items()
-        if f"{start}_low" in columns
-    ]
+    count, carried = summary.get("starts_of_sweep"), carried_of(summary)
+    start = next(start for start in START_WORDS if f"{start}_peak" in columns)
+    words = f"{count} starts of the {carried}" if count else f"starts {START_WORDS[start]}"
+    low, high = columns[f"{start}_peak_low"], columns[f"{start}_peak_high"]
+    return [(f"with {carried}, {words}", columns["frequency"], low, high)]
+
+
+def read_ranges(key: str, columns: Mapping[str, Any], units: Mapping[str, str]) -> StartRanges:
+    """Of the columns of a table in `RANGES` those of each frame."""
+    import xarray
+
+    axis, frames = next(iter(RANGES[key])), dict[str, xarray.Dataset]()
+    for start in (start for start in START_WORDS if f"{start}_starts" in columns):
+        names = {name: name.removeprefix(f"{start}_") for name in (axis, *columns)}
+        data = {
+            names[name]: (axis, values, {"units": units.get(name, ""), "long_name": RANGES[key].get(names[name], "")})
+            for name, values in columns.items()
+            if name == axis or names[name] != name
+        }
+        frames[start] = xarray.Dataset(data, attrs={"starts": int(columns[f"{start}_starts"][0])})
+    return StartRanges(key, frames)

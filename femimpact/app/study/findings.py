@@ -239,9 +239,6 @@ class Findings:
     starts_of_sweep: int | None = None
     history_starts: HistoryStarts | None = None
     failed_starts: Mapping[str, Mapping[str, str]] = field(default_factory=dict)  # why, by part and start
-    # of the demo: peak and ratio by the restitution and the start, and the curve from the other start
-    scan_of_restitution: Mapping[str, Mapping[str, Mapping[str, Spread]]] = field(default_factory=dict)
-    ball_from_rest_in_space: Mapping[str, Any] = field(default_factory=dict)
     orbits: OrbitsSummary | None = None
     problems: tuple[str, ...] = ()  # that tables of convergence are of, in words
     accuracy: float | None = None  # relative error that their recommended numbers are for

@@ -115,13 +115,8 @@ def _read_within_contacts(prepared: PreparedStudy, grid: float) -> tuple[Method,
     return method, grid / parts
 
 
-def run_sweep(
-    prepared: PreparedStudy, report: Report = _silent, initial: State | None = None, ledger: bool = True
-) -> SweepPair:
-    """Sweeps without and with balls: the even grid, refined around both resonances.
-
-    Without a ledger no energy residual is known.
-    """
+def run_sweep(prepared: PreparedStudy, report: Report = _silent) -> SweepPair:
+    """Sweeps without and with balls: the even grid, refined around both resonances."""
     study, small, bare = prepared.study, prepared.small, prepared.bare
     plan = study.sweep
     require(plan is not None, "sweep", None, "", "table [sweep] is missing")
@@ -129,7 +124,7 @@ def run_sweep(
         raise AssertionError("require raises")
     method, bare_method, level = prepared.method, prepared.bare_method, study.sweep_level
     coarse = even_grid(plan)
-    state = initial or study.initial
+    state = study.initial
     peak_with_ball = None
     if plan.refine and small.contacts:
         first = frequency_sweep(
@@ -140,14 +135,13 @@ def run_sweep(
     frequencies = refined_grid(plan, bare, peak_with_ball)
     without_balls = State(state.displacement, state.velocity, frame=state.frame, equilibrium=state.equilibrium)
     empty = frequency_sweep(
-        bare, frequencies=frequencies, method=bare_method, cycles=plan.cycles, initial=without_balls, ledger=ledger,
-        **level,
+        bare, frequencies=frequencies, method=bare_method, cycles=plan.cycles, initial=without_balls, **level,
         progress=lambda share: report(f"sweep without {prepared.carried}", share),
     )  # fmt: skip
     ball = None
     if small.contacts:
         ball = frequency_sweep(
-            small, frequencies=frequencies, method=method, cycles=plan.cycles, initial=state, ledger=ledger, **level,
+            small, frequencies=frequencies, method=method, cycles=plan.cycles, initial=state, **level,
             progress=lambda share: report(f"sweep with {prepared.carried}", share),
         )  # fmt: skip
     return SweepPair(empty, ball, coarse)
