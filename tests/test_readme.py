@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import femimpact as fi
+from femimpact.app.demo import paper_study_text
 
 pytestmark = pytest.mark.impacts
 
@@ -297,6 +298,18 @@ def test_the_page_on_parameter_studies_runs_as_it_stands(monkeypatch, tmp_path, 
     assert re.sub(number, "", shown.splitlines()[0]) == re.sub(number, "", capsys.readouterr().out.splitlines()[0])
     assert 2e-3 <= search.best.designs[0].values["impactor.ball.gap"] <= 4e-3
     assert (tmp_path / "gap_study" / "study.nc").exists()
+
+
+@pytest.mark.parametrize("page", ["parameter_studies", "orbits"])
+def test_tables_of_a_page_belong_into_the_study_that_init_writes(tmp_path, page):
+    (table,) = PICTURES["blocks"](ROOT / "docs" / "howto" / f"{page}.md", "toml")
+    text = paper_study_text()
+    # the method of the page takes the place of that of the file
+    text = re.sub(r"\[method\].*?(?=\n\[)", "", text, flags=re.DOTALL) if "[method]" in table else text
+    (tmp_path / "study.toml").write_text(f"{text}\n{table}", encoding="utf-8")
+    study = fi.load_study(tmp_path / "study.toml")
+    assert page == "orbits" or (study.plan.best.measure, study.plan.starts) == ("peak", 8)
+    assert page == "parameter_studies" or study.orbits.most_branches == 10
 
 
 def test_every_picture_of_a_page_that_is_run_is_one_that_the_page_writes():
