@@ -115,4 +115,4 @@ def setup(app):
     generated.write(HERE / "api")
     app.connect("builder-inited", generated.draw_thumbnails, priority=900)
     app.connect("autodoc-process-docstring", generated.plain_docstring)
-    app.connect("source-read", generated.fill_lists)
+    app.connect("source-read", generated.site_page)

@@ -62,8 +62,6 @@ def write(folder: Path) -> None:
         **subject_pages(),
         "keys.inc.md": "\n".join(key_page()),
         "commands.inc.md": "\n".join(command_page()),
-        "channels.inc.md": "\n".join(channel_page()),
-        "units.inc.md": "\n".join(unit_page()),
     }
     for name, text in pages.items():
         path = folder / name
@@ -324,20 +322,54 @@ KEYWORDS = {
 """What a reader may search for, by the page that answers it: the search finds it though the page has other words."""
 
 
-def fill_lists(_app: Any, name: str, content: list[str]) -> None:
-    """Fill lists of pages: the gallery by subject, and the how-to list with every page that no other list names.
+ON_SITE = {
+    "reference/study_file": "{include} ../api/keys.inc.md",
+    "reference/command_line": "{include} ../api/commands.inc.md",
+    "reference/bibliography": "{bibliography}\n:all:",
+    "reference/index": "{toctree}\n:hidden:\n\nPython names <../api/index>",
+    "development/contributing": "{include} ../../CONTRIBUTING.md\n:start-after: '# Working on femimpact'",
+}
+"""What the site has at the end of a page; where the repository is hosted the page is plain Markdown without it."""
 
-    A page of `KEYWORDS` has them in the index of the search.
+PARENTS = ("howto/index", "theory/index", "reference/index", "paper/index", "development/contributing")
+"""Pages below which the site has the others of their folder, in the order of their links."""
+
+
+def site_page(_app: Any, name: str, content: list[str]) -> None:
+    """Turn a page, which is plain Markdown, into that of the site: citations, links to names, the order of pages.
+
+    The gallery stands by subject, and a page of `KEYWORDS` has them in the index of the search.
     """
+    text = content[0]
     if name == "gallery/index":
-        content[0] = gallery_with_headings(content[0])
-    if name == "howto/index":
-        listed = {"index", *re.findall(r"^([a-z_]+)$", content[0], flags=re.MULTILINE)}
-        rest = sorted({page.stem for page in (HERE / "howto").glob("*.md")} - listed)
-        content[0] = content[0].replace("MORE_PAGES", "\n".join(rest))
+        text = gallery_with_headings(text)
+    text = re.sub(r"\[[^]]*\]\([./]*references\.bib#(\w+)\)", r"{cite:t}`\1`", text)
+    for public in set(re.findall(r"(?<!\[)`fi\.([\w.]+)`", text)) & set(public_modules()):
+        text = text.replace(f"`fi.{public}`", f"{{py:obj}}`fi.{public} <femimpact.{public}>`")
+    if name in PARENTS:
+        text += pages_below(name, text)
+    if name in ON_SITE:
+        text += f"\n```{ON_SITE[name]}\n```\n"
     if words := KEYWORDS.get(name):
-        title, rest = content[0].split("\n", 1)
-        content[0] = f"{title}\n\n```{{index}} {', '.join(f'! {word}' for word in words)}\n```\n{rest}"
+        title, rest = text.split("\n", 1)
+        text = f"{title}\n\n```{{index}} {', '.join(f'! {word}' for word in words)}\n```\n{rest}"
+    content[0] = text
+
+
+def pages_below(name: str, text: str) -> str:
+    """Hidden tables of contents: the pages that each part of a page is the first to link, then those that none does."""
+    folder = name.partition("/")[0]
+    rest = sorted(page.stem for page in (HERE / folder).glob("*.md") if f"{folder}/{page.stem}" != name)
+    if folder == "development":
+        rest.remove("changelog")  # the first page has it
+    tables = []
+    for part in [*text.split("\n## "), "More\n" + "".join(f"]({page}.md)" for page in rest)]:
+        linked = [page for page in dict.fromkeys(re.findall(r"\]\((\w+)\.md[)#]", part)) if page in rest]
+        rest = [page for page in rest if page not in linked]
+        if linked:
+            caption = "" if part.startswith("# ") else f":caption: {part.splitlines()[0]}\n"
+            tables.append(f"\n```{{toctree}}\n:hidden:\n{caption}\n" + "\n".join(linked) + "\n```\n")
+    return "".join(tables)
 
 
 # ---- the gallery ----------------------------------------------------------------------------------

@@ -12,9 +12,9 @@ and the restitution :math:`e`,
 
 of which a workshop meets :math:`d` to some tenths of a millimetre and nobody knows :math:`e` to a tenth. Each cell of
 the map is the largest motion of the tip at the worst of the frequencies around the resonance: the median over 8 starts
-that differ in where the ball lies and how fast it moves. Cells that the starts cannot tell from their neighbours are
-hatched. What is printed is the worst that any restitution makes of each gap: the smallest is the gap to choose, and
-its neighbours say how wrong it may be.
+that differ in where the ball lies and how fast it moves. Cells that the starts cannot tell from their neighbours have a
+triangle in their corner. What is printed is the worst that any restitution makes of each gap: the smallest is the gap
+to choose, and its neighbours say how wrong it may be.
 """
 
 import numpy as np

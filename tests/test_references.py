@@ -21,8 +21,8 @@ PAGES = [
 CITED = re.compile(r"(?P<before>[A-Za-z][^;:|]{2,100}?)(?:, |\()(?P<year>(?:18|19|20)\d\d)\b(?![-.,]\d)")
 """A year after a comma or in brackets, and the words before it; a date or a measured number is not a year."""
 
-ROLE = re.compile(r"\{cite:[pt]\}`([^`]+)`")
-"""Keys that a page of the site cites."""
+LINK = re.compile(r"references\.bib#(\w+)")
+"""The key that a link of a page cites."""
 
 
 def _entries() -> dict[str, dict[str, str]]:
@@ -39,7 +39,8 @@ ENTRIES = _entries()
 
 
 def _plain(text: str) -> str:
-    """Letters without accents and TeX commands, lower case: Poeschel, Poschel and P{"o}schel are one."""
+    """Letters without accents and TeX commands, lower case: Poeschel, Pöschel and P{"o}schel are one."""
+    text = re.sub("[äöü]", lambda letter: {"ä": "ae", "ö": "oe", "ü": "ue"}[letter[0]], text)
     text = re.sub(r'\{?\\"\{?([aou])\}?\}?', r"\1e", text)
     text = re.sub(r"\{\\oe\}", "oe", text)
     return re.sub(r"\\[A-Za-z'`^\"](?:\{(\w)\})?|[{}]", r"\1", text).lower()
@@ -73,13 +74,13 @@ def _works(before: str, year: str) -> set[str]:
     return {
         key
         for key, entry in ENTRIES.items()
-        if entry["year"] == year and re.search(rf"\b{re.escape(_families(entry)[0])}\b", before.lower())
+        if entry["year"] == year and re.search(rf"\b{re.escape(_families(entry)[0])}\b", _plain(before))
     }
 
 
 def _keys(path: Path) -> set[str]:
     """Keys of the entries that a page names."""
-    return {key for keys in ROLE.findall(path.read_text(encoding="utf-8")) for key in keys.split(",")}
+    return set(LINK.findall(path.read_text(encoding="utf-8")))
 
 
 def test_every_citation_has_an_entry():

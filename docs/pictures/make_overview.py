@@ -1,6 +1,6 @@
 """Make pictures of pages from the results of the demo: `python docs/pictures/make_overview.py femimpact-demo`.
 
-That of README has a frame of the movie above the response curve, as wide as the frame.
+`overview.png` of the first page of the site has a frame of the movie above the response curve, as wide as the frame.
 `paper_response.png` is the curve, and `report.png` the head of the report, where there is Chromium to draw it.
 """
 

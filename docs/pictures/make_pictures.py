@@ -1,4 +1,4 @@
-"""Run the scripts of how-to pages and keep the pictures that they write: `make_pictures.py [NAME ...]`.
+"""Run the scripts of README and of how-to pages and keep the pictures that they write: `make_pictures.py [NAME ...]`.
 
 A page is run in an empty directory, with the files that it asks its reader to save. A page without a whole script shows
 the picture of an example, which is run instead.
@@ -17,16 +17,16 @@ from typing import Any
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
-PAGES = ("calibration", "measured_base", "own_mesh", "root_stress", "start", "two_balls")
-EXAMPLES = ("absorber_or_ball", "design_map", "gap_and_tolerance")
+PAGES = ("README", "calibration", "measured_base", "own_mesh", "parameter_studies", "root_stress", "two_balls")
+EXAMPLES = ("absorber_or_ball", "design_map")
 """Whose pictures pages show."""
 MESHES = {f"beam_{n}.msh": ROOT / "meshes" / f"graded_{n}.msh" for n in (6, 12, 24, 48)}
 """What gmsh makes of the geometry on the page on meshes."""
 
 
 def page_of(name: str) -> Path:
-    """The page of a name: `start` is one of the site, the others are how-to pages."""
-    return next(path for folder in ("", "howto") if (path := ROOT / "docs" / folder / f"{name}.md").exists())
+    """README, or the how-to page of a name."""
+    return ROOT / "README.md" if name == "README" else ROOT / "docs" / "howto" / f"{name}.md"
 
 
 def blocks(page: Path, language: str) -> list[str]:
