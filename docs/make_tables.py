@@ -6,6 +6,7 @@ A page holds a table between `<!-- table NAME -->` and `<!-- end of table -->`. 
 | file | made by |
 | --- | --- |
 | `validation.csv` | `femimpact validate -o docs/tables/validation.csv --force` |
+| `other_programs.csv` | `femimpact validate --other-programs -o docs/tables/other_programs.csv --force` |
 | `comparison.csv` | `femimpact demo`, in its directory |
 | `work_precision.csv` | `python benchmarks/work_precision.py --table docs/tables/work_precision.csv` |
 | `beside_c.csv`, `beside_programs.csv`, `time_for_error.csv` | `python benchmarks/compare.py`, in its directory |
@@ -31,14 +32,27 @@ HEADINGS = {
     "from_rest_in_space": "from rest in the inertial frame",
 }
 """Words for columns that have the name of a variable."""
+OF_PROGRAMS = {
+    "reference": "theirs",
+    "computed": "ours",
+    "error": "difference",
+    "why this bound": "what explains the difference",
+}
+"""Headings of the table of other programs, by those of the table of cases."""
 
 
 def table(name: str, folder: Path = HERE / "tables") -> str:
     """The Markdown of a table, from its file."""
     with (folder / f"{name}.csv").open(encoding="utf-8", newline="") as file:
         header, *rows = csv.reader(file)
-    if name == "validation":
-        return markdown_table([_case(dict(zip(header, row, strict=True))) for row in rows])
+    if name in ("validation", "other_programs"):
+        text = markdown_table([_case(dict(zip(header, row, strict=True))) for row in rows])
+        if name == "validation":
+            return text
+        first, rest = text.split("\n", 1)
+        for ours, word in OF_PROGRAMS.items():
+            first = first.replace(f"| {ours} |", f"| {word} |")
+        return f"{first}\n{rest}"
     if name == "comparison":
         rows = [[_number(word) for word in row] for row in rows]
     lines = [[HEADINGS.get(word, word) for word in header], ["---"] * len(header), *rows]
