@@ -27,7 +27,6 @@ from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.runs import integrate
 from femimpact.integrators.stepping.newmark import MoreauJean, Newmark
 from femimpact.orbits.branch import Branch, continue_orbit
-from femimpact.orbits.orbit import PeriodicOrbit
 from femimpact.orbits.search import find_orbit
 from femimpact.response.impacts import Impacts
 from femimpact.response.response import Recorder, Response
@@ -39,6 +38,7 @@ from femimpact.system.state import State
 from femimpact.system.system import System
 from femimpact.validation.case import Case
 from femimpact.validation.contacts import FREQUENCY, GRAVITY, bouncing
+from femimpact.validation.orbits import bifurcation
 
 INF = math.inf
 STEP = "their step: see the row with it"
@@ -64,20 +64,16 @@ def _spring_at(gap: float, stiffness: float, place: str = "tip", fixed_to: str =
     return Stop("wall", place, (gap, INF), KelvinVoigt(stiffness=stiffness, damping=0.0), fixed_to)
 
 
-def _push(amplitude: float, omega: float, phase: float = 0.0) -> PointForce:
-    """A force (N) at the tip, by its angular frequency."""
-    return PointForce("tip", Sine(amplitude, omega / (2 * math.pi), phase))
-
-
 def _impacts(system: System, duration: float, displacement: float = 0.0, velocity: float = 0.0) -> Impacts:
     """The impacts of one mass from a state, its base at rest."""
     at_rest, start = RecordedBase([0.0, 0.0], duration), State([displacement], [velocity])
     return integrate(system, at_rest, EventDriven(), duration, Recorder(()), start).impacts
 
 
-def _settled_branch(system: System, push: PointForce, parameter: str, to: tuple[float, float]) -> Branch:
-    """The branch through the motion on which a run of 300 cycles settles."""
-    run = integrate(system, push, EventDriven(), 300 / push.frequency)
+def _settled_branch(system: System, force: Sine, parameter: str, to: tuple[float, float]) -> Branch:
+    """The branch through the motion under a force at the tip on which a run of 300 cycles settles."""
+    push = PointForce("tip", force)
+    run = integrate(system, push, EventDriven(), 300 / force.frequency)
     return continue_orbit(find_orbit(system, push, guess=run), parameter, to)
 
 
@@ -98,7 +94,7 @@ def _explicit_steps(
     return np.asarray(steps)
 
 
-# ---- NLvib: periodic motions under a sine --------------------------------------------------------
+# ---- NLvib and COCO: periodic motions under a sine -----------------------------------------------
 
 PEAKS = ((1.41001, 0.222551, 7e-5), (1.25367, 0.153711, 3.2e-4), (1.54389, 0.334823, 3e-5), (1.12377, 0.103699, 9e-5))
 """Angular frequency, their peak, and how far theirs is off; the orbit of the last one is unstable."""
@@ -107,14 +103,11 @@ PEAKS = ((1.41001, 0.222551, 7e-5), (1.25367, 0.153711, 3.2e-4), (1.54389, 0.334
 def nlvib_oscillator() -> Iterator[Case]:
     """A mass with m = 1, c = 0.05, k = 1 under 0.02 cos(w t) before a spring of 100 behind 0.1: peaks over w."""
     system = _with_stop(1.0, 0.05, 1.0, _spring_at(0.1, 100.0))
-    branch = _settled_branch(system, _push(0.02, 1.1), "frequency", (0.9 / (2 * math.pi), 1.7 / (2 * math.pi)))
-    reason = (
-        "theirs is a trapezoidal rule: 256 steps a cycle change a peak by up to 8.5e-4, 4,096 by 3e-6. "
-        "How many it had is not recorded"
-    )
+    branch = _settled_branch(system, Sine(0.02, 1.1 / math.tau), "frequency", (0.9 / math.tau, 1.7 / math.tau))
+    reason = "their steps a cycle are not recorded: by a trapezoidal rule 256 change a peak by 8.5e-4, 4,096 by 3e-6"
     rows = list[Row]()
     for omega, peak, bound in PEAKS:
-        (orbit,) = (each for each in branch.at(omega / (2 * math.pi)) if each.is_stable is (omega != PEAKS[-1][0]))
+        (orbit,) = (each for each in branch.at(omega / math.tau) if each.is_stable is (omega != PEAKS[-1][0]))
         stability = "stable" if orbit.is_stable else "unstable"
         rows.append((f"peak, w = {omega:g}, {stability}", "m", peak, float(orbit.steady().peak[0]), bound, reason))
     yield from _rows("NLvib, oscillator before a spring", "NLvib 1.3 (Krack and Gross, 2019), a run", *rows)
@@ -126,43 +119,40 @@ def nlvib_two_masses() -> Iterator[Case]:
     points = {"first": [1.0, 0.0], "tip": [0.0, 1.0]}
     stops = [_spring_at(1.0, 100.0, "first")]
     system = reduce(System.from_matrices(np.eye(2), 0.03 * K, K, points=points, stops=stops), 2)
-    branch = _settled_branch(system, _push(0.1, 0.635), "frequency", (0.6 / (2 * math.pi), 0.8 / (2 * math.pi)))
-    stable, beyond = (branch.at(omega / (2 * math.pi))[0] for omega in (0.635, 0.6))
+    branch = _settled_branch(system, Sine(0.1, 0.635 / math.tau), "frequency", (0.6 / math.tau, 0.8 / math.tau))
     largest = branch.orbits[int(np.argmax(branch.first_harmonic))]
-
-    def row(where: str, orbit: PeriodicOrbit, theirs: float, about: str) -> Row:
-        count = float(np.sum(np.abs(orbit.multipliers) > 1))
-        return f"multipliers outside the unit circle, {where}", "1", theirs, count, 1e-3, f"a whole number: {about}"
-
+    orbits = (branch.at(0.635 / math.tau)[0], branch.at(0.6 / math.tau)[0], largest)
+    outside = [float(np.sum(np.abs(orbit.multipliers) > 1)) for orbit in orbits]
+    about, whole = "multipliers outside the unit circle", "a whole number: they say"
     yield from _rows(
         "NLvib, two masses",
         "NLvib 1.3 (Krack and Gross, 2019), example 03",
-        row("w = 0.635", stable, 0.0, "they say stable"),
-        row("w = 0.6", beyond, 2.0, "they say beyond a Neimark-Sacker bifurcation"),
-        row("largest amplitude", largest, 1.0, "they say beyond a period doubling"),
+        (f"{about}, w = 0.635", "1", 0.0, outside[0], 1e-3, f"{whole} stable"),
+        (f"{about}, w = 0.6", "1", 2.0, outside[1], 1e-3, f"{whole} beyond a Neimark-Sacker bifurcation"),
+        (f"{about}, largest amplitude", "1", 1.0, outside[2], 1e-3, f"{whole} beyond a period doubling"),
     )
-
-
-# ---- COCO: an impact oscillator ------------------------------------------------------------------
 
 
 def coco() -> Iterator[Case]:
     """Recipes for Continuation, example 15.2: k = 1, c = 0.1, A cos(t), stop at 1, e = 0.8, over A from 1 down.
 
-    Grazing is at A = d sqrt((k - w^2)^2 + (c w)^2).
+    They ask for the point of grazing and print none; it is at A = d sqrt((k - w^2)^2 + (c w)^2).
     """
     system = _with_stop(1.0, 0.1, 1.0, Stop("wall", "tip", (1.0, INF), Rigid(0.8)))
-    branch = _settled_branch(system, _push(1.0, 1.0, math.pi / 2), "amplitude", (0.01, 1.5))
+    branch = _settled_branch(system, Sine(1.0, 1.0 / math.tau, math.pi / 2), "amplitude", (0.01, 1.5))
     impact = branch.at(1.0)[0].impacts
-    grazing = [*(point.value for point in branch.bifurcations if point.kind == "grazing"), math.nan][0]
-    guess, located = "digits of their first guess", "closed form; they ask for this point and print none"
-    yield from _rows(
+    name, source, guess = (
         "COCO, impact oscillator",
         "COCO (Schilder et al., 2020), example 15.2",
+        "digits of their guess",
+    )
+    yield from _rows(
+        name,
+        source,
         ("velocity after the impact", "m/s", -1.36, -float(impact.rebound_speed[0]), 0.005 / 1.36, guess),
         ("phase at the impact", "rad", 0.076, float(impact.phase[0]) - math.pi / 2, 0.0005 / 0.076, guess),
-        ("amplitude of the force, grazing", "N", 0.1, grazing, 1e-10, located),
     )
+    yield bifurcation(name, f"{source}; closed form", "grazing", "N", branch, 0.1)
 
 
 # ---- code_aster ----------------------------------------------------------------------------------
@@ -277,7 +267,7 @@ def aster_nonlinear_mode() -> Iterator[Case]:
     )
 
 
-# ---- bars that meet a rigid floor ----------------------------------------------------------------
+# ---- bars and masses that meet a rigid floor -----------------------------------------------------
 
 
 def _bar(elements: int, element: float, lumped: float, axial: float, mass: float, gap: float, pull: float) -> System:
@@ -329,26 +319,21 @@ def siconos_bar() -> Iterator[Case]:
     )
 
 
-# ---- masses that meet a rigid floor --------------------------------------------------------------
-
-
 def siconos_masses() -> Iterator[Case]:
     """A ball dropped from 1 m, and a mass of 1 g on a spring of 100 N/m let go at 1 m, both with e = 0.9."""
     below, here = (Stop("floor", "tip", (INF, gap), Rigid(0.9)) for gap in (1.0, 0.0))
     ball = _impacts(_with_stop(1.0, 0.0, 0.0, below, -GRAVITY), 8.5)
     mass = _impacts(_with_stop(1e-3, 0.0, 100.0, here, -1e-3 * GRAVITY), 0.5, displacement=1.0)
-    for name, file, impacts, number, time, speed in (
-        ("ball", "BouncingBallED.ref", ball, 24, 7.858620482597298, 0.3533212254519507),
-        ("mass on a spring", "LinearOscillatorED.ref", mass, 50, 0.4906846902365521, 1.629926692640904),
-    ):
-        when, rebound = float(impacts.time[number - 1]), float(impacts.rebound_speed[number - 1])
-        tolerance = "both event-driven: tolerance of theirs"
-        yield from _rows(
-            f"Siconos, {name}",
-            f"Siconos (INRIA, 2024), {file}",
-            (f"time of impact {number}", "s", time, when, 5e-12, tolerance),
-            (f"rebound speed of impact {number}", "m/s", speed, rebound, 5e-12, tolerance),
-        )
+    (time, speed), (later, slower) = ((run.time.tolist(), run.rebound_speed.tolist()) for run in (ball, mass))
+    tolerance = "both event-driven: tolerance of theirs"
+    yield from _rows(
+        "Siconos",
+        "Siconos (INRIA, 2024), BouncingBallED.ref and LinearOscillatorED.ref",
+        ("time of impact 24, ball", "s", 7.858620482597298, time[23], 5e-12, tolerance),
+        ("rebound speed of impact 24, ball", "m/s", 0.3533212254519507, speed[23], 5e-12, tolerance),
+        ("time of impact 50, mass on a spring", "s", 0.4906846902365521, later[49], 5e-12, tolerance),
+        ("rebound speed of impact 50, mass on a spring", "m/s", 1.629926692640904, slower[49], 5e-12, tolerance),
+    )
 
 
 def exudyn_spheres() -> Iterator[Case]:
@@ -384,27 +369,24 @@ def exudyn_spheres() -> Iterator[Case]:
 
 
 def bouncing_ball_map() -> Iterator[Case]:
-    """A ball on a vibrating table, e = 0.5: between which amplitudes it bounces once a cycle, over g/w^2.
+    """A ball on a vibrating table, e = 0.5: between which amplitudes it bounces once a cycle.
 
     The map is phi1 = phi + v, v1 = e v - c cos(phi1), c = 2 (1 + e) w^2 A/g. Its fixed point v = 2 pi,
     cos(phi) = -2 pi (1 - e)/c begins at c = 2 pi (1 - e) and doubles its period where c sin(phi) = -2 (1 + e).
     """
-    e, unit_amplitude = 0.5, GRAVITY / (2 * math.pi * FREQUENCY) ** 2
+    e, unit_amplitude = 0.5, GRAVITY / (math.tau * FREQUENCY) ** 2
     run = bouncing(e, 1.0, 20)
     orbit = find_orbit(run.system, run.base, guess=run)
     branch = continue_orbit(orbit, "amplitude", (0.9 * unit_amplitude, 1.8 * unit_amplitude))
-    values = {point.kind: point.value / unit_amplitude for point in branch.bifurcations}
-    exact, doubling = math.pi * (1 - e) / (1 + e), values.get("period-doubling", math.nan)
-    moving = math.hypot(exact, 2 * (1 + e**2) / (1 + e) ** 2)
-    fixed = "the map leaves the motion of the table out of the time of flight: see the row with it"
-    located = "bifurcations are located to 1e-10"
-    yield from _rows(
-        "ball on a vibrating table",
-        "derived here from the map of Holmes (1982)",
-        ("amplitude over g/w^2, fold", "1", exact, values.get("fold", math.nan), 1e-10, located),
-        ("amplitude over g/w^2, doubling", "1", math.hypot(exact, 1.0), doubling, 5.5e-2, fixed),
-        ("amplitude over g/w^2, doubling, table in motion", "1", moving, doubling, 1e-10, located),
-    )
+    fold = math.pi * (1 - e) / (1 + e)
+    moving = unit_amplitude * math.hypot(fold, 2 * (1 + e**2) / (1 + e) ** 2)
+    name, source = "ball on a vibrating table", "derived here from the map of Holmes (1982)"
+    yield bifurcation(name, source, "fold", "m", branch, unit_amplitude * fold)
+    doubling = bifurcation(f"{name}, which moves", "derived here (momentum)", "period-doubling", "m", branch, moving)
+    yield doubling
+    still = unit_amplitude * math.hypot(fold, 1.0)
+    reason = "the map takes the table for still: see the row where it moves"
+    yield from _rows(name, source, ("value of the parameter, doubling", "m", still, doubling.computed, 5.5e-2, reason))
 
 
 # ---- a rig ---------------------------------------------------------------------------------------
