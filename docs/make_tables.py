@@ -21,7 +21,7 @@ import re
 import sys
 from pathlib import Path
 
-from femimpact.validation.case import Case, markdown_table
+from femimpact.validation.case import Case, markdown_table, table_row
 
 HERE = Path(__file__).parent
 BLOCK = re.compile(r"(<!-- table (\w+) -->\n).*?(<!-- end of table -->)", flags=re.DOTALL)
@@ -32,27 +32,19 @@ HEADINGS = {
     "from_rest_in_space": "from rest in the inertial frame",
 }
 """Words for columns that have the name of a variable."""
-OF_PROGRAMS = {
-    "reference": "theirs",
-    "computed": "ours",
-    "error": "difference",
-    "why this bound": "what explains the difference",
-}
-"""Headings of the table of other programs, by those of the table of cases."""
+OF_PROGRAMS = ["case", "theirs", "ours", "difference", "bound", "what explains the difference"]
+"""Headings of the table of other programs, whose sources are in another table of their page."""
 
 
 def table(name: str, folder: Path = HERE / "tables") -> str:
     """The Markdown of a table, from its file."""
     with (folder / f"{name}.csv").open(encoding="utf-8", newline="") as file:
         header, *rows = csv.reader(file)
-    if name in ("validation", "other_programs"):
-        text = markdown_table([_case(dict(zip(header, row, strict=True))) for row in rows])
-        if name == "validation":
-            return text
-        first, rest = text.split("\n", 1)
-        for ours, word in OF_PROGRAMS.items():
-            first = first.replace(f"| {ours} |", f"| {word} |")
-        return f"{first}\n{rest}"
+    if name == "validation":
+        return markdown_table([_case(dict(zip(header, row, strict=True))) for row in rows])
+    if name == "other_programs":
+        cases = [_case(dict(zip(header, row, strict=True))) for row in rows]
+        header, rows = OF_PROGRAMS, [[_with_unit(case), *table_row(case)[3:7], case.reason] for case in cases]
     if name == "comparison":
         rows = [[_number(word) for word in row] for row in rows]
     lines = [[HEADINGS.get(word, word) for word in header], ["---"] * len(header), *rows]
@@ -62,6 +54,10 @@ def table(name: str, folder: Path = HERE / "tables") -> str:
 def _number(word: str) -> str:
     """A number to four digits, anything else as it is."""
     return f"{float(word):.4g}" if re.fullmatch(r"\d+\.\d+", word) else word
+
+
+def _with_unit(case: Case) -> str:
+    return case.name if case.unit == "1" else f"{case.name} ({case.unit})"
 
 
 def _case(row: dict[str, str]) -> Case:

@@ -97,7 +97,9 @@ def test_names_are_distinct_and_on_the_page(request, page):
     table = (PAPER / f"{page}.md").read_text(encoding="utf-8").partition(f"<!-- table {page} -->")[2]
     rows = table.partition("<!-- end of table -->")[0].splitlines()
     for case in cases:
-        assert any(row.startswith(f"| {case.name} | {case.source} |") for row in rows), case.name
+        unit = "" if case.unit == "1" else f" ({case.unit})"
+        begin = f"{case.name} | {case.source}" if page == "validation" else f"{case.name}{unit}"
+        assert any(row.startswith(f"| {begin} |") for row in rows), case.name
     assert sum(row.startswith("| ") for row in rows) == len(cases) + 2
 
 
