@@ -12,7 +12,20 @@ from pkgutil import iter_modules
 import pytest
 from builders import read_csv
 
-from femimpact import Newmark, cli, validation
+from femimpact import (
+    EventDriven,
+    KelvinVoigt,
+    Newmark,
+    PointForce,
+    Sine,
+    State,
+    Stop,
+    System,
+    cli,
+    find_orbit,
+    integrate,
+    validation,
+)
 from femimpact.errors import InputError
 from femimpact.validation import REFERENCE_CASES, Case, case_columns, markdown_table, other_programs, run_validation
 
@@ -80,6 +93,21 @@ def test_the_beam_of_another_program_tends_to_ours_as_their_step_falls(programs,
     *_, energy = other_programs.aster_beam()
     off = abs(energy.computed / programs[name].computed - 1)
     assert off == pytest.approx(6.2e-4, rel=0.02) if step == 1e-4 else off < 1e-5
+
+
+@pytest.mark.parametrize(("steps", "least", "most"), [(256, 2e-4, 8.5e-4), (4096, 1.5e-6, 2.5e-6)])
+def test_a_trapezoidal_rule_changes_the_peaks_of_another_program_by_its_step(programs, steps, least, most):
+    peak = programs["NLvib, oscillator before a spring: peak, w = 1.41001, stable"].computed
+    stop = Stop("wall", "tip", (0.1, math.inf), KelvinVoigt(stiffness=100.0, damping=0.0))
+    system = System.from_matrices([[1.0]], [[0.05]], [[1.0]], points={"tip": [1.0]}, stops=[stop])
+    push = PointForce("tip", Sine(0.02, 1.41001 / math.tau))
+    guess = integrate(system, push, EventDriven(), 60 / push.frequency, initial=State([-0.2], [0.0]))
+    orbit = find_orbit(system, push, guess=guess)
+    assert float(orbit.steady().peak[0]) == pytest.approx(peak, rel=1e-9)
+    method = Newmark(orbit.period / steps, allow_coarse_step=True)
+    run = integrate(system, push, method, 200 * orbit.period, initial=orbit.state)
+    # a coarse rule has several periodic motions there
+    assert least < max(abs(run["tip"][-2 * steps :])) / peak - 1 < most
 
 
 def test_differences_of_the_bouncing_bar_fall_with_the_mesh(programs):
