@@ -6,6 +6,7 @@ A page holds a table between `<!-- table NAME -->` and `<!-- end of table -->`. 
 | file | made by |
 | --- | --- |
 | `validation.csv` | `femimpact validate -o docs/tables/validation.csv --force` |
+| `other_programs.csv` | `femimpact validate --other-programs -o docs/tables/other_programs.csv --force` |
 | `comparison.csv` | `femimpact demo`, in its directory |
 | `work_precision.csv` | `python benchmarks/work_precision.py --table docs/tables/work_precision.csv` |
 | `beside_c.csv`, `beside_programs.csv`, `time_for_error.csv` | `python benchmarks/compare.py`, in its directory |
@@ -20,7 +21,7 @@ import re
 import sys
 from pathlib import Path
 
-from femimpact.validation.case import Case, markdown_table
+from femimpact.validation.case import Case, markdown_table, table_row
 
 HERE = Path(__file__).parent
 BLOCK = re.compile(r"(<!-- table (\w+) -->\n).*?(<!-- end of table -->)", flags=re.DOTALL)
@@ -31,6 +32,8 @@ HEADINGS = {
     "from_rest_in_space": "from rest in the inertial frame",
 }
 """Words for columns that have the name of a variable."""
+OF_PROGRAMS = ["case", "theirs", "ours", "difference", "bound", "what explains the difference"]
+"""Headings of the table of other programs, whose sources are in another table of their page."""
 
 
 def table(name: str, folder: Path = HERE / "tables") -> str:
@@ -39,6 +42,9 @@ def table(name: str, folder: Path = HERE / "tables") -> str:
         header, *rows = csv.reader(file)
     if name == "validation":
         return markdown_table([_case(dict(zip(header, row, strict=True))) for row in rows])
+    if name == "other_programs":
+        cases = [_case(dict(zip(header, row, strict=True))) for row in rows]
+        header, rows = OF_PROGRAMS, [[_with_unit(case), *table_row(case)[3:7], case.reason] for case in cases]
     if name == "comparison":
         rows = [[_number(word) for word in row] for row in rows]
     lines = [[HEADINGS.get(word, word) for word in header], ["---"] * len(header), *rows]
@@ -48,6 +54,10 @@ def table(name: str, folder: Path = HERE / "tables") -> str:
 def _number(word: str) -> str:
     """A number to four digits, anything else as it is."""
     return f"{float(word):.4g}" if re.fullmatch(r"\d+\.\d+", word) else word
+
+
+def _with_unit(case: Case) -> str:
+    return case.name if case.unit == "1" else f"{case.name} ({case.unit})"
 
 
 def _case(row: dict[str, str]) -> Case:

@@ -156,6 +156,10 @@ Quiet = Annotated[
     ),
 ]
 
+OtherPrograms = Annotated[
+    bool, Parameter(negative="", help="The numbers of other programs, in place of the exact and published ones.")
+]
+
 
 @Parameter(name="*")
 @dataclass(frozen=True)
@@ -497,7 +501,7 @@ def identify(
 
 
 @app.command
-def validate(*, to: ToFile = NO_FILE, quiet: Quiet = False) -> None:
+def validate(*, other_programs: OtherPrograms = False, to: ToFile = NO_FILE, quiet: Quiet = False) -> None:
     """Exact and published cases beside the computed ones; exit status 1 if one misses its bound.
 
     Example: femimpact validate -o validation.csv
@@ -508,7 +512,7 @@ def validate(*, to: ToFile = NO_FILE, quiet: Quiet = False) -> None:
 
     output = to.free()
     with _progress(quiet) as report:
-        cases = run_validation(report)
+        cases = run_validation(report, with_programs=other_programs)
     if output is not None:
         write_csv(output, case_columns(cases), {})
     failed = [case for case in cases if not case.passes]

@@ -107,7 +107,9 @@ def test_an_entry_names_who_what_where_and_when(key):
     assert key.endswith(entry["year"])
     assert key.lower().startswith(_families(entry)[0])
     assert entry["title"]
-    place = {"article": "journal", "book": "publisher", "incollection": "booktitle"}[entry["kind"]]
+    place = {"article": "journal", "book": "publisher", "incollection": "booktitle", "misc": "howpublished"}[
+        entry["kind"]
+    ]
     assert entry.get(place) or entry.get("doi")
 
 
