@@ -135,7 +135,6 @@ def record_file() -> Path:
 
 
 FIGURES = {
-    "amplitude_spectrum": lambda: {"time": np.linspace(0.0, 1.0, 50), "values": np.ones(50)},
     "beam_mesh": lambda: {"mesh": grid().mesh, "structure": STRUCTURE, "ax": SHEET},
     "bifurcation": lambda: {"responses": [drawn_run()], "channel": "tip", "phase": 0.5, "ax": SHEET},
     "channels": lambda: {"response": drawn_run(), "end": drawn_run(), "figure": SHEET},
@@ -174,10 +173,9 @@ FIGURES = {
     "transfer_function": lambda: {
         "transfers": fi.transfer_function(small(), [5.0, 6.0], "tip"), "channel": "tip", "figure": SHEET
     },
-    "study_lines": lambda: {"dataset": studied(1), "measure": "peak", "title": "title", "ax": SHEET},
-    "study_map": lambda: {"dataset": studied(2), "measure": "peak", "title": "title", "ax": SHEET},
-    "study_maps": lambda: {"dataset": studied(3), "measure": "peak", "figure": SHEET},
-    "study_scatter": lambda: {"dataset": studied(0), "measure": "peak", "figure": SHEET},
+    "study": lambda: {
+        "dataset": studied(2), "measure": "peak", "title": "title", "norm": "log", "figure": SHEET
+    },
     "value_map": lambda: {
         "x": [1.0, 2.0], "y": [1.0, 2.0, 3.0], "values": np.arange(6.0).reshape(3, 2), "samples": np.eye(3, 2) > 0.0,
         "title": "title", "ax": SHEET,
@@ -187,6 +185,9 @@ FIGURES = {
 
 CALLS = {
     **{f"figures.{name}": (getattr(fi.figures, name), good) for name, good in FIGURES.items()},
+    "amplitude_spectrum": (
+        fi.signals.amplitude_spectrum, lambda: {"time": np.linspace(0.0, 1.0, 50), "values": np.ones(50)},
+    ),
     # files
     "vtk.write_modes": (vtk.write_modes, lambda: {
         "path": "modes.pvd", "system": system(), "modes": modes(), "structure": STRUCTURE, "subdivisions": 1,

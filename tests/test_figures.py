@@ -243,7 +243,7 @@ def test_energies_hold_the_ledger_and_its_residual(run):
 def test_a_sine_has_its_amplitude_in_the_spectrum(samples):
     time = np.arange(samples) / samples
     values = 0.25 + 3.0 * np.sin(2 * np.pi * 20.0 * time + 0.4) + 0.5 * np.cos(2 * np.pi * 70.0 * time)
-    frequency, amplitude = fi.figures.amplitude_spectrum(time, values)
+    frequency, amplitude = fi.signals.amplitude_spectrum(time, values)
     np.testing.assert_allclose(frequency[[20, 70]], [20.0, 70.0])
     np.testing.assert_allclose(amplitude[[0, 20, 70]], [0.25, 3.0, 0.5], rtol=1e-9)
     # a Hann window widens a line by one to either side

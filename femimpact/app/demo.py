@@ -351,7 +351,7 @@ def _scan_columns(scan: xarray.Dataset) -> tuple[dict[str, Any], dict[str, str]]
 def _draw_scan(scan: xarray.Dataset, path: Path) -> None:
     drawn: Any = panels(figures.OffScreen(), 8.0, 7.4, 2, 1, sharex=True)[:, 0]
     for axis, start in zip(drawn, STARTS, strict=True):
-        figures.study_lines(scan.sel({"base.start": start}), "amplitude_ratio", title=START_WORDS[start], ax=axis)
+        figures.study(scan.sel({"base.start": start}), "amplitude_ratio", title=START_WORDS[start], ax=axis)
     figures.save_figure(drawn, path)
 
 

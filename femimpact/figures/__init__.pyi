@@ -27,10 +27,6 @@ from femimpact.figures.spectra import shock_response_spectrum as shock_response_
 from femimpact.figures.spectra import spectrum as spectrum
 from femimpact.figures.spectra import transfer_function as transfer_function
 from femimpact.figures.studies import calibration as calibration
-from femimpact.figures.studies import study_lines as study_lines
-from femimpact.figures.studies import study_map as study_map
-from femimpact.figures.studies import study_maps as study_maps
-from femimpact.figures.studies import study_scatter as study_scatter
+from femimpact.figures.studies import study as study
 from femimpact.orbits.figures import branch as branch
 from femimpact.orbits.figures import orbit as orbit
-from femimpact.signals.densities import amplitude_spectrum as amplitude_spectrum
