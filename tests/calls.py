@@ -165,7 +165,7 @@ FIGURES = {
     "orbit": lambda: {"orbit": NOUNS["PeriodicOrbit"](), "of": "ball", "figure": SHEET},
     "decay": lambda: {"result": NOUNS["DecayEstimate"](), "ax": SHEET},
     "calibration": lambda: {"result": calibrated(), "title": "title", "figure": SHEET},
-    "save_figure": lambda: {"drawn": fi.figures.value_map([1], [1], [[1]], ax=SHEET), "path": "figure.png"},
+    "save_figure": lambda: {"drawn": fi.figures.study(studied(1), figure=SHEET), "path": "figure.png"},
     "spectrum": lambda: {"response": drawn_run(), "channel": "tip", "highest": 50.0, "ax": SHEET},
     "shock_response_spectrum": lambda: {
         "spectra": fi.shock_response_spectrum(MOTIONS["Shock"], [5.0, 6.0]), "pseudo_velocity": True, "ax": SHEET
@@ -175,10 +175,6 @@ FIGURES = {
     },
     "study": lambda: {
         "dataset": studied(2), "measure": "peak", "title": "title", "norm": "log", "figure": SHEET
-    },
-    "value_map": lambda: {
-        "x": [1.0, 2.0], "y": [1.0, 2.0, 3.0], "values": np.arange(6.0).reshape(3, 2), "samples": np.eye(3, 2) > 0.0,
-        "title": "title", "ax": SHEET,
     },
 }  # fmt: skip
 """Good arguments of every figure."""

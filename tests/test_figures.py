@@ -9,6 +9,7 @@ import re
 
 import numpy as np
 import pytest
+import xarray
 from builders import REFERENCE, reduced, with_ball
 
 import femimpact as fi
@@ -75,6 +76,12 @@ def legend_words(axis):
     return [text.get_text() for legend in axis.findobj(Legend) for text in legend.get_texts()]
 
 
+def table(values, a=None, **cells):
+    """A dataset of a measure over two axes; `cells` are further variables."""
+    variables = {name: (("a", "b"), entries) for name, entries in {"m": values, **cells}.items()}
+    return xarray.Dataset(variables, {"a": np.arange(len(values)) if a is None else a, "b": [1.0, 2.0]})
+
+
 def has_line(axis, x, y):
     """Whether a line of the axes goes through just these points."""
     return any(
@@ -98,7 +105,7 @@ def panels(run, curves, mesh, two_balls):
         "response curve": lambda ax: figures.response_curve(curves[1], ax=ax),
         "impulse phase": lambda ax: figures.impulse_phase(run, ax=ax),
         "mesh convergence": lambda ax: figures.convergence(mesh, ax=ax),
-        "value map": lambda ax: figures.value_map([1, 2], [1, 2, 3], np.ones((3, 2)), ax=ax),
+        "study": lambda ax: figures.study(table(np.ones((3, 2))), ax=ax),
     }
 
 
@@ -546,23 +553,37 @@ def test_a_reference_slope_has_its_order(mesh):
 
 def test_a_map_shows_every_value_in_its_cell():
     values = np.array([[0.1, 0.25], [0.5, 1.0], [2.0, 4.0]])
-    axis = fi.figures.value_map([1.0, 2.0], [5.0, 6.0, 7.0], values)
-    assert [text.get_text() for text in axis.texts] == ["0.1", "0.25", "0.5", "1", "2", "4"]
-    np.testing.assert_array_equal(axis.images[0].get_array(), values)
+    axis = fi.figures.study(table(values))
+    assert [text.get_text() for text in axis.texts] == ["0.1", "0.5", "2", "0.25", "1", "4"]
+    np.testing.assert_array_equal(axis.images[0].get_array(), values.T)
     assert legend_words(axis) == []
-    with pytest.raises(fi.InputError, match="values"):
-        fi.figures.value_map([1.0, 2.0, 3.0], [5.0, 6.0, 7.0], values)
 
 
 def test_a_map_has_a_star_at_values_of_one_start_and_says_what_it_means():
-    values, samples = np.array([[0.1, 0.25], [0.5, 1.0]]), np.array([[False, True], [False, False]])
-    axis = fi.figures.value_map([1.0, 2.0], [5.0, 6.0], values, samples, title="rms")
-    assert [text.get_text() for text in axis.texts] == ["0.1", "0.25*", "0.5", "1"]
+    values, samples = np.array([[0.1, 0.25], [0.5, 1.0]]), np.array([[0, 1], [0, 0]])
+    cells = {"periodic_starts": 1 - samples, "failed_starts": 0 * samples, "finished": 1 + 0 * samples}
+    axis = fi.figures.study(table(values, **cells), "m", title="rms")
+    assert [text.get_text() for text in axis.texts] == ["0.1", "0.5", "0.25*", "1"]
     assert legend_words(axis) == ["one start's value: the motion is not periodic"]
     assert axis.get_title(loc="left") == "rms"
-    for wrong in ([True, False], values):
-        with pytest.raises(fi.InputError, match=r"samples = .*must be an array \(rows, columns\) of truth values"):
-            fi.figures.value_map([1.0, 2.0], [5.0, 6.0], values, wrong)
+
+
+@pytest.mark.parametrize("step", [1.0, 1e-2, 1e-4, 1e-6])
+def test_ticks_of_a_small_range_have_different_numbers_and_no_offset(step):
+    values, own = 5.0 + step * np.arange(12.0), plt.figure().subplots()
+    line = fi.figures.study(xarray.Dataset({"m": ("impactor.ball.gap", values)}, {"impactor.ball.gap": values}), ax=own)
+    cells = fi.figures.study(table(values[:, None] + [0.0, 0.5 * step], a=values))
+    bar = cells.figure.axes[-1].yaxis
+    for axis, places in ((line.xaxis, None), (line.yaxis, None), (bar, None), (cells.xaxis, values)):
+        axis.figure.canvas.draw()
+        places = axis.get_ticklocs() if places is None else places
+        texts = [float(tick.get_text()) for tick in axis.get_ticklabels()]
+        np.testing.assert_allclose(texts, places, rtol=0.0, atol=0.05 * np.diff(places).min())
+        assert axis.get_offset_text().get_text() == ""
+    # each value of the study has a mark on the axis
+    marks = np.concatenate([line.get_xticks(), line.get_xticks(minor=True)])
+    np.testing.assert_allclose([np.abs(marks - value).min() for value in values], 0.0, atol=1e-3 * step)
+    assert line.get_xlabel() == "gap of ball"
 
 
 @pytest.mark.parametrize("cycles", [math.nan, math.inf, 0.0, -1.0, -math.inf, "4", True, None])

@@ -766,8 +766,8 @@ def test_an_axis_of_pairs_is_told_by_its_gaps_and_not_by_their_numbers():
     given = read_study(text, Path("study.toml"))
     found = fi.parameter_study(given, given.plan.axes, given.plan.measures, cycles=3)
     smallest = ("(3, 4) mm", "(5, 5) mm")[int(np.argmin(found["peak"].data))]
-    assert "Axes: gap of impactor ball: (3, 4); (5, 5) mm." in study_lead(found)
-    assert f"at gap of impactor ball {smallest}; the largest is" in study_conclusions(found)[0].note
+    assert "Axes: gap of ball: (3, 4); (5, 5) mm." in study_lead(found)
+    assert f"at gap of ball {smallest}; the largest is" in study_conclusions(found)[0].note
     drawn = fi.figures.study(found, "peak", ax=fi.figures.OffScreen())
     assert [label.get_text() for label in drawn.get_xticklabels()] == ["(3, 4)", "(5, 5)"]
 

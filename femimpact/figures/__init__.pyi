@@ -7,7 +7,6 @@ from femimpact.figures.curves import convergence_panels as convergence_panels
 from femimpact.figures.curves import decay as decay
 from femimpact.figures.curves import response_columns as response_columns
 from femimpact.figures.curves import response_curve as response_curve
-from femimpact.figures.curves import value_map as value_map
 from femimpact.figures.drawing import COLOURS as COLOURS
 from femimpact.figures.drawing import STYLE as STYLE
 from femimpact.figures.drawing import OffScreen as OffScreen

@@ -313,68 +313,6 @@ def _dot(text: str, marker: str = ".") -> Any:
     return Line2D([], [], color=DARK, marker=marker, markersize=7.0, linestyle="none", label=text)
 
 
-@takes(
-    x=column("", "columns", finite=True),
-    y=column("", "rows", finite=True),
-    values=column("", "rows", "columns"),
-    samples=column("", "rows", "columns", of="truth value"),
-    title=text(),
-)
-def value_map(
-    x: ArrayLike,
-    y: ArrayLike,
-    values: ArrayLike,
-    samples: ArrayLike | None = None,
-    *,
-    title: str = "",
-    ax: Axes | OffScreen | None = None,
-) -> Axes:
-    """Values over two parameters as coloured cells with their numbers; the caller names the axes.
-
-    Parameters
-    ----------
-    x : array_like (m,)
-        Ascending.
-    y : array_like (n,)
-        Ascending.
-    values : array_like (n, m)
-    samples : array_like (n, m) of bool, optional
-        Which values are one start's of a motion that is not periodic, as `FrequencyResponse.is_sample` says: their
-        numbers have a star, which the legend explains.
-    title : str
-    ax : Axes, optional
-        Drawn on; those of a new pyplot figure by default.
-
-    Raises
-    ------
-    InputError
-        If the shapes do not fit, or there is no finite value.
-    """
-    columns, rows, cells = np.asarray(x), np.asarray(y), np.asarray(values)
-    require(bool(np.any(np.isfinite(cells))), "values", "none", "", "must have one that is finite")
-    marked = np.zeros(cells.shape, dtype=bool) if samples is None else np.asarray(samples)
-    axis = panel(ax, 8.0, 5.6)
-    low, high = np.nanmin(cells), np.nanmax(cells)
-    axis.imshow(cells, cmap="cividis", origin="lower", aspect="auto", vmin=low, vmax=high)
-    axis.grid(False)
-    axis.set_xticks(np.arange(columns.size), [f"{number_text(value, 3)}" for value in columns])
-    axis.set_yticks(np.arange(rows.size), [f"{number_text(value, 3)}" for value in rows])
-    for (i, j), value in np.ndenumerate(cells):
-        colour = "white" if value < 0.5 * (low + high) else "black"
-        axis.annotate(
-            f"{number_text(value, 2)}{'*' if marked[i, j] else ''}",
-            (j, i),
-            ha="center",
-            va="center",
-            color=colour,
-            fontsize=9.0,
-        )
-    axis.set_title(title, loc="left")
-    if marked.any():
-        legend_above(axis, [_dot(ONE_START, "$*$")])
-    return axis
-
-
 LABELS = {"mesh": ("longest element (mm)", 1e3), "step": ("step dt (µs)", 1e6), "modes": ("modes kept", 1.0)}
 """Label of the axis, and factor of its sizes."""
 

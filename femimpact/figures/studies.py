@@ -9,7 +9,17 @@ from numpy.typing import NDArray
 
 from femimpact.arrays import Array
 from femimpact.errors import having, optional, require, require_name, require_type, takes, text
-from femimpact.figures.drawing import BLUE, DARK, GREEN, OffScreen, legend_above, panel, panels, plain_log_ticks
+from femimpact.figures.drawing import (
+    BLUE,
+    DARK,
+    GREEN,
+    OffScreen,
+    legend_above,
+    panel,
+    panels,
+    plain_log_ticks,
+    tick_texts,
+)
 from femimpact.figures.study_labels import (
     BESIDE,
     OUTLINE,
@@ -141,7 +151,10 @@ def _line(dataset: xarray.Dataset, measure: str, title: str, axis: Axes) -> Axes
         entries.append(axis.plot(x[single], factor * values[single], "*", color=DARK, markersize=9.0, label=meaning)[0])
     if words is not None:
         axis.set_xticks(x, words)
-    axis.set(xlabel=label, ylabel=_label(dataset[measure].attrs.get("long_name", measure), unit, starts))
+    else:
+        # a mark at each value of the study
+        axis.set_xticks(x, minor=True)
+    axis.set(xlabel=label, ylabel=_measure_label(dataset, measure, unit))
     axis.set_title(title, loc="left")
     legend_above(axis, entries)
     return axis
@@ -176,10 +189,7 @@ def _map(dataset: xarray.Dataset, measure: str, norm: str | Normalize | None, ti
     values = _map_values(dataset, measure)
     factor, unit = _scale(dataset, measure, values)
     image = _cells(axis, dataset, measure, factor, _colours(norm, factor * values))
-    starts = int(dataset.attrs.get("starts", 1))
-    words = dataset[measure].attrs.get("long_name", measure)
-    bar: Any = axis.figure.colorbar(image, ax=axis, format="%g")
-    bar.set_label(_label(words, unit, starts))
+    _bar(image, axis, _measure_label(dataset, measure, unit))
     axis.set_title(title, loc="left")
     _map_legend(axis, dataset, measure)
     return axis
@@ -211,8 +221,7 @@ def _maps(
                 axes[i, j].set_xlabel("")
             if j:
                 axes[i, j].set_ylabel("")
-    bar = axes[0, 0].figure.colorbar(image, ax=axes, format="%g")
-    bar.set_label(_label(dataset[measure].attrs.get("long_name", measure), unit, int(dataset.attrs.get("starts", 1))))
+    _bar(image, axes, _measure_label(dataset, measure, unit))
     lines = [title] if title else []
     lines += [f"at {', '.join(_told(dataset, name, index) for name, index in middle.items())}"] if middle else []
     # of what is drawn: a map has fewer neighbours than the dataset
@@ -231,7 +240,6 @@ def _scatter(
     names = sample_axes(dataset)
     factor, unit = _scale(dataset, measure, values)
     axes = panels(on, 1.5 + 3.4 * len(names), 4.2, 1, len(names), sharey=True)
-    starts = int(dataset.attrs.get("starts", 1))
     for axis, name in zip(axes[0], names, strict=True):
         x, label, words = _axis_values(dataset, name)
         if f"{measure}_low" in dataset:
@@ -241,7 +249,7 @@ def _scatter(
         if words is not None:
             axis.set_xticks(x, words)
         axis.set_xlabel(label)
-    axes[0, 0].set_ylabel(_label(dataset[measure].attrs.get("long_name", measure), unit, starts))
+    axes[0, 0].set_ylabel(_measure_label(dataset, measure, unit))
     axes[0, 0].set_title(title, loc="left")
     return axes
 
@@ -280,6 +288,19 @@ def _scale(dataset: xarray.Dataset, measure: str, values: Array) -> tuple[float,
     return (1.0, "") if unit in ("", "1") else prefixed(largest, unit)
 
 
+def _measure_label(dataset: xarray.Dataset, measure: str, unit: str) -> str:
+    return _label(dataset[measure].attrs.get("long_name", measure), unit, int(dataset.attrs.get("starts", 1)))
+
+
+def _bar(image: Any, axes: Any, label: str) -> None:
+    """The bar of the colours of cells, beside axes."""
+    from matplotlib.colors import LogNorm
+    from matplotlib.ticker import ScalarFormatter
+
+    ticks = "%g" if isinstance(image.norm, LogNorm) else ScalarFormatter(useOffset=False)
+    image.figure.colorbar(image, ax=axes, format=ticks).set_label(label)
+
+
 def _label(words: str, unit: str, starts: int) -> str:
     label = words if starts > 1 or not words else words.removesuffix(", median over the starts")
     lines = label.replace(", median over the starts", f",\nmedian of {starts} starts")
@@ -309,7 +330,7 @@ def _told(dataset: xarray.Dataset, name: str, index: int) -> str:
     if words is not None:
         return f"{label}: {words[index]}"
     head, _, unit = label.rpartition(" (")
-    return f"{head or label}: {number_text(x[index], 3)}{' ' + unit.rstrip(')') if head else ''}"
+    return f"{head or label}: {tick_texts(x)[index]}{' ' + unit.rstrip(')') if head else ''}"
 
 
 def _colours(norm: str | Normalize | None, values: Array) -> Normalize:
@@ -341,7 +362,7 @@ def _cells(
     ):  # fmt: skip
         x, label, words = _axis_values(dataset, name)
         chosen = list(range(0, x.size, -(-x.size // (MOST_TICKS if numbers else MOST_TICKS_OF_PANEL))))
-        set_ticks(chosen, [words[i] if words is not None else f"{number_text(x[i], 3)}" for i in chosen])
+        set_ticks(chosen, tick_texts(x[chosen]) if words is None else [words[i] for i in chosen])
         set_label(label)
     if "is_best" in dataset:
         for i, j in np.argwhere(dataset["is_best"].to_numpy().T):

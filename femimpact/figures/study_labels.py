@@ -61,9 +61,17 @@ def axis_names(dataset: xarray.Dataset) -> list[str]:
     return [name for name in names if name not in sides]
 
 
+def path_words(path: str) -> str:
+    """Words for a number of a study by its path, as "gap of ball" for impactor.ball.gap."""
+    owner, _, rest = path.partition(".")
+    part, _, name = rest.replace("contact.", "").rpartition(".")
+    whose = part if owner in ("impactor", "absorber", "stop") else f"{owner} {part}".strip().replace(".", " ")
+    return (f"{name} of {whose}" if rest else path).replace("_", " ")
+
+
 def axis_words(dataset: xarray.Dataset, name: str) -> str:
     """Long name of an axis."""
-    return str(dataset[name].attrs.get("long_name", name)).removesuffix(PAIRED)
+    return str(dataset[name].attrs.get("long_name", path_words(name))).removesuffix(PAIRED)
 
 
 def value_words(dataset: xarray.Dataset, name: str) -> list[str] | None:
