@@ -181,6 +181,10 @@ FIGURES = {
 
 CALLS = {
     **{f"figures.{name}": (getattr(fi.figures, name), good) for name, good in FIGURES.items()},
+    "figures.write_mode": (fi.figures.write_mode, lambda: {
+        "path": "mode.gif", "system": system(), "modes": modes(), "structure": STRUCTURE, "mode": 1, "frames": 2,
+        "fps": 10,
+    }),
     "amplitude_spectrum": (
         fi.signals.amplitude_spectrum, lambda: {"time": np.linspace(0.0, 1.0, 50), "values": np.ones(50)},
     ),

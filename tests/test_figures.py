@@ -159,7 +159,7 @@ def test_without_axes_it_is_a_figure_of_pyplot_and_off_screen_it_is_none(run, cu
         drawn = draw(fi.figures.OffScreen())
         assert not plt.get_fignums(), name
         # all are drawn where their legends are looked at
-        if name in ("value map", "motion"):
+        if name in ("study", "motion"):
             path = fi.figures.save_figure(drawn, tmp_path / f"{name}.png")
             assert path.read_bytes().startswith(b"\x89PNG"), name
 
@@ -167,7 +167,7 @@ def test_without_axes_it_is_a_figure_of_pyplot_and_off_screen_it_is_none(run, cu
 def test_every_axis_names_its_quantity_and_its_unit(run, curves, mesh, two_balls):
     pictures = panels(run, curves, mesh, two_balls) | several(run, two_balls)
     # values of a map are whatever its caller computed; numbers have no unit
-    del pictures["value map"]
+    del pictures["study"]
     plain = {"elements", "impacts", "w / max |w|", "relative error", ""}
     for name, draw in pictures.items():
         drawn = draw(fi.figures.OffScreen())
@@ -566,6 +566,22 @@ def test_a_map_has_a_star_at_values_of_one_start_and_says_what_it_means():
     assert [text.get_text() for text in axis.texts] == ["0.1", "0.5", "0.25*", "1"]
     assert legend_words(axis) == ["one start's value: the motion is not periodic"]
     assert axis.get_title(loc="left") == "rms"
+
+
+def test_print_for_a_projector_is_larger_in_a_picture_of_the_same_pixels(run, tmp_path):
+    from PIL import Image
+
+    plain = fi.figures.energies(run)
+    with plt.rc_context(fi.figures.PROJECTOR):
+        large = fi.figures.energies(run)
+    sizes = []
+    for axes in (plain, large):
+        with Image.open(fi.figures.save_figure(axes, tmp_path / "energy.png")) as picture:
+            sizes.append(picture.size)
+        axes[0].figure.canvas.draw()
+    assert sizes[0] == pytest.approx(sizes[1], abs=1)
+    words = [axes[0].yaxis.label.get_window_extent().height / axes[0].figure.bbox.height for axes in (plain, large)]
+    assert words[1] / words[0] == pytest.approx(1.3, rel=0.05)
 
 
 @pytest.mark.parametrize("step", [1.0, 1e-2, 1e-4, 1e-6])

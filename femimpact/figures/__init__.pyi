@@ -8,6 +8,7 @@ from femimpact.figures.curves import decay as decay
 from femimpact.figures.curves import response_columns as response_columns
 from femimpact.figures.curves import response_curve as response_curve
 from femimpact.figures.drawing import COLOURS as COLOURS
+from femimpact.figures.drawing import PROJECTOR as PROJECTOR
 from femimpact.figures.drawing import STYLE as STYLE
 from femimpact.figures.drawing import OffScreen as OffScreen
 from femimpact.figures.drawing import save_figure as save_figure
@@ -16,6 +17,7 @@ from femimpact.figures.histories import contact_force as contact_force
 from femimpact.figures.histories import cycle_averaged_force as cycle_averaged_force
 from femimpact.figures.histories import drive as drive
 from femimpact.figures.histories import energies as energies
+from femimpact.figures.movie import write_mode as write_mode
 from femimpact.figures.movie import write_movie as write_movie
 from femimpact.figures.portraits import bifurcation as bifurcation
 from femimpact.figures.portraits import motion as motion

@@ -213,7 +213,7 @@ def _loops(axis: Any, name: str, law: ContactLaw, mass: float, speeds: Sequence[
         axis.set_xticks([])
         axis.set_yticks([])
         axis.annotate("an impulse only: no force, no penetration", (0.5, 0.5), xycoords="axes fraction",
-                      ha="center", color=GREY)  # fmt: skip
+                      ha="center", color=GREY, fontsize=LEGEND)  # fmt: skip
         return
     loops = [collision_history(law, mass, speed) for speed in speeds]
     axis.set_xlim(0.0, 1.16e6 * max(depth.max() for depth, _, _ in loops))
@@ -236,5 +236,5 @@ def _loop(axis: Any, depth: Array, force: Array, colour: str, label: str) -> Non
     # beside an elastic line, on top of a loop
     elastic = depth[crest] > 0.995 * depth[turn]
     place: Any = {"xytext": (7, -3), "ha": "left", "va": "top"} if elastic else {"xytext": (0, 5), "ha": "center"}
-    axis.annotate(label, (depth[crest], force[crest]), textcoords="offset points", color=colour,
+    axis.annotate(label, (depth[crest], force[crest]), textcoords="offset points", color=colour, fontsize=LEGEND,
                   path_effects=[withStroke(linewidth=3.0, foreground="white")], **place)  # fmt: skip

@@ -15,6 +15,7 @@ from femimpact.figures.drawing import (
     COLOURS,
     DARK,
     GREY,
+    LEGEND,
     OffScreen,
     by_label,
     label_axes,
@@ -185,7 +186,7 @@ def _annotate_peak(axis: Axes, curve: FrequencyResponse) -> None:
     words = f"{number_text(peak[1])} {unit} at {number_text(peak[0])} Hz"
     if curve.peak_is_transient:
         words += ",\na transient has not died out"
-    axis.annotate(words, peak, textcoords="offset points", color=COLOURS[0], **side)
+    axis.annotate(words, peak, textcoords="offset points", color=COLOURS[0], fontsize=LEGEND, **side)
 
 
 def _scale(curve: FrequencyResponse) -> tuple[float, str]:

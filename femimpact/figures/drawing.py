@@ -51,9 +51,10 @@ STYLE: Any = {
     "axes.formatter.useoffset": False,
     "axes.prop_cycle": f"cycler('color', {list(COLOURS)})",
     "lines.linewidth": 1.6,
-    "savefig.dpi": 150,
 }
 """Settings of matplotlib, for `matplotlib.rc_context`."""
+PROJECTOR: Any = STYLE | {"font.size": 14.3}
+"""The same with large print: a figure that is made in it is so much smaller, with more pixels to the inch."""
 LEGEND = 10.0
 """Size of the text of a legend, points."""
 LETTER, HANDLE, GAP, ROW = 0.46, 4.0, 1.6, 1.55
@@ -117,22 +118,25 @@ def panels(
 ) -> NDArray[np.object_]:
     """Axes (rows, columns) on a figure given, or on a new one of this size (inches).
 
-    Without a figure it is one of pyplot's, which a notebook shows.
+    Without a figure it is one of pyplot's, which a notebook shows. Where matplotlib's `font.size` is above that of
+    `STYLE`, all print is larger by as much.
 
     Raises `InputError` if `figure` is neither a figure, nor `OffScreen`, nor None.
     """
     import matplotlib
     from matplotlib.figure import Figure, FigureBase
 
+    larger = max(matplotlib.rcParams["font.size"] / STYLE["font.size"], 1.0)
+    size: Any = {"figsize": (width / larger, height / larger), "dpi": larger * matplotlib.rcParams["figure.dpi"]}
     if figure is None:
         import matplotlib.pyplot as plt
 
         # outside the style: the first figure of a notebook chooses the backend, which sets pyplot to interactive, and
         # the end of the style would set that back: no later figure would be shown
-        figure = plt.figure(figsize=(width, height), layout="constrained")
+        figure = plt.figure(**size, layout="constrained")
     with matplotlib.rc_context(STYLE):
         if isinstance(figure, OffScreen):
-            figure = Figure(figsize=(width, height), layout="constrained")
+            figure = Figure(**size, layout="constrained")
         require_type(figure, FigureBase, "figure")
         axes: NDArray[np.object_] = figure.subplots(rows, columns, squeeze=False, **options)
     return axes
@@ -158,7 +162,7 @@ def save_figure(drawn: Axes | NDArray[np.object_] | Figure, path: str | Path) ->
     suffix, known = path.suffix.lstrip(".").lower(), sorted(figure.canvas.get_supported_filetypes())
     require(suffix in known, "path", str(path), "", f"must end in .{', .'.join(known)}")
     with matplotlib.rc_context(STYLE), atomic_path(path) as temporary:
-        figure.savefig(temporary, format=suffix)
+        figure.savefig(temporary, format=suffix, dpi=1.5 * figure.dpi)
     return path
 
 

@@ -96,6 +96,7 @@ def energies(response: Response, figure: FigureBase | OffScreen | None = None) -
     axes[2].plot(ledger.time, ledger.residual_history, color=PURPLE, linewidth=1.2)
     title = f"energy unaccounted for over the energy put in: at most {number_text(ledger.residual, 2)}"
     label_axes(axes[2], "time (s)", "residual (1)", title)
+    axes[2].yaxis.set_major_formatter("{x:g}")
     return axes
 
 
