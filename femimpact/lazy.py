@@ -3,9 +3,30 @@
 from __future__ import annotations
 
 import importlib
+import os
 import sys
 from collections.abc import Callable
 from typing import Any
+
+RENAMED = {
+    "modes": "solve_modes",
+    "simulate": "integrate",
+    "study_lines": "figures.study",
+    "study_map": "figures.study",
+    "study_maps": "figures.study",
+    "study_scatter": "figures.study",
+    "value_map": "figures.study",
+    "restitution_scan": "figures.study",
+    "scan_restitution": "parameter_study",
+    "RestitutionScan": "parameter_study",
+    "mesh_convergence": "figures.convergence",
+    "step_convergence": "figures.convergence",
+    "MeshConvergence": "convergence.ConvergenceTable",
+    "StepConvergence": "convergence.ConvergenceTable",
+    "ModeConvergence": "convergence.ConvergenceTable",
+    "to_pyvista": "vtk.to_pyvista",
+}
+"""Path of what takes the place of a name that is gone or looked for; names that only moved are found by the stubs."""
 
 
 def modules_of(init: str) -> dict[str, str]:
@@ -26,12 +47,34 @@ def face(package: str, init: str) -> tuple[Callable[[str], Any], Callable[[], li
 
     def attribute(name: str) -> Any:
         if name not in module_of:
-            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+            raise AttributeError(f"module {package!r} has no attribute {name!r}{_way_on(package, name)}")
         value = _loaded(package, module_of[name], name)
         setattr(sys.modules[package], name, value)
         return value
 
     return attribute, lambda: sorted(names), names
+
+
+def _way_on(package: str, name: str) -> str:
+    """Words for where a name is that is not in a package, or what is like it; none for names of Python's own."""
+    if name.startswith("_"):
+        return ""
+    import difflib
+
+    root, _, folder = package.partition(".")
+    init = str(sys.modules[root].__file__)
+    top = modules_of(init)
+    paths = {public: public for public in top}
+    folders = [each for each, module in top.items() if module == "."]
+    # of several places of a name the last counts: figures come first, the package itself last
+    for part in sorted(folders, key=lambda each: (each == folder, each != "figures")):
+        stub = os.path.join(os.path.dirname(init), part, os.path.basename(init))
+        inside = modules_of(stub) if os.path.exists(f"{stub.removesuffix('c')}i") else {}
+        paths |= {public: f"{part}.{public}" for public in inside if public not in top}
+    if (path := RENAMED.get(name, paths.get(name))) is not None:
+        return f": it is fi.{path}"
+    near = difflib.get_close_matches(name, paths, 1)
+    return f"; did you mean fi.{paths[near[0]]}?" if near else ""
 
 
 def _loaded(package: str, module: str, name: str) -> Any:
