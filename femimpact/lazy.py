@@ -8,25 +8,16 @@ import sys
 from collections.abc import Callable
 from typing import Any
 
-RENAMED = {
-    "modes": "solve_modes",
-    "simulate": "integrate",
-    "study_lines": "figures.study",
-    "study_map": "figures.study",
-    "study_maps": "figures.study",
-    "study_scatter": "figures.study",
-    "value_map": "figures.study",
-    "restitution_scan": "figures.study",
-    "scan_restitution": "parameter_study",
-    "RestitutionScan": "parameter_study",
-    "mesh_convergence": "figures.convergence",
-    "step_convergence": "figures.convergence",
-    "MeshConvergence": "convergence.ConvergenceTable",
-    "StepConvergence": "convergence.ConvergenceTable",
-    "ModeConvergence": "convergence.ConvergenceTable",
-    "to_pyvista": "vtk.to_pyvista",
+GONE = {
+    "solve_modes": "modes",
+    "integrate": "simulate",
+    "parameter_study": "scan_restitution RestitutionScan",
+    "figures.study": "study_lines study_map study_maps study_scatter value_map restitution_scan",
+    "figures.convergence": "mesh_convergence step_convergence",
+    "convergence.ConvergenceTable": "MeshConvergence StepConvergence ModeConvergence",
+    "vtk.to_pyvista": "to_pyvista",
 }
-"""Path of what takes the place of a name that is gone or looked for; names that only moved are found by the stubs."""
+"""Names that are gone or looked for, by the path of what takes their place; those that moved are found by the stubs."""
 
 
 def modules_of(init: str) -> dict[str, str]:
@@ -71,8 +62,9 @@ def _way_on(package: str, name: str) -> str:
         stub = os.path.join(os.path.dirname(init), part, os.path.basename(init))
         inside = modules_of(stub) if os.path.exists(f"{stub.removesuffix('c')}i") else {}
         paths |= {public: f"{part}.{public}" for public in inside if public not in top}
-    if (path := RENAMED.get(name, paths.get(name))) is not None:
-        return f": it is fi.{path}"
+    paths |= {gone: path for path, names in GONE.items() for gone in names.split()}
+    if name in paths:
+        return f": it is fi.{paths[name]}"
     near = difflib.get_close_matches(name, paths, 1)
     return f"; did you mean fi.{paths[near[0]]}?" if near else ""
 

@@ -138,7 +138,6 @@ FIGURES = {
     "beam_mesh": lambda: {"mesh": grid().mesh, "structure": STRUCTURE, "ax": SHEET},
     "bifurcation": lambda: {"responses": [drawn_run()], "channel": "tip", "phase": 0.5, "ax": SHEET},
     "channels": lambda: {"response": drawn_run(), "end": drawn_run(), "figure": SHEET},
-    "collision_history": lambda: {"law": LAW, "effective_mass": 3e-3, "approach_speed": 0.2},
     "contact_force": lambda: {"response": drawn_run(), "cycles": 4, "averaged": True, "figure": SHEET},
     "contact_laws": lambda: {"contacts": [("ball", LAW, 3e-3)], "speeds": [0.1, 0.2], "figure": SHEET},
     "convergence": lambda: {"table": NOUNS["ConvergenceTable"](), "names": ["a", "b"], "ax": SHEET},

@@ -1,4 +1,3 @@
-from femimpact.figures.contacts import collision_history as collision_history
 from femimpact.figures.contacts import contact_laws as contact_laws
 from femimpact.figures.contacts import impact_histograms as impact_histograms
 from femimpact.figures.contacts import impulse_phase as impulse_phase

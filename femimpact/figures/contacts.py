@@ -123,32 +123,10 @@ POINTS = 400
 """Instants of one collision that are drawn."""
 
 
-@takes(effective_mass=EFFECTIVE_MASS, approach_speed=quantity("m/s", above=0.0))
 def collision_history(law: ContactLaw, effective_mass: float, approach_speed: float) -> tuple[Array, Array, Array]:
-    """One collision, integrated from touch to zero force.
-
-    Parameters
-    ----------
-    law : ContactLaw
-        Not a rigid one, which has no force.
-    effective_mass : float, kg
-    approach_speed : float, m/s
-
-    Returns
-    -------
-    depth : ndarray, m
-    rate : ndarray, m/s
-    force : ndarray, N
-
-    Raises
-    ------
-    InputError
-        If the law is a rigid one.
-    """
+    """Depth (m), rate (m/s) and force (N) of one collision (kg, m/s), integrated from touch to zero force."""
     from scipy.integrate import solve_ivp
 
-    rigid = resolve(law, effective_mass).is_rigid
-    require(not rigid, "law", law, "", "must have a force: a rigid contact is an impulse")
     collision = collide(law, effective_mass, approach_speed)
     m, v = effective_mass, approach_speed
 

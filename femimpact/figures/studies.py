@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.arrays import Array
+from femimpact.arrays import Array, thinned
 from femimpact.errors import having, optional, require, require_name, require_type, takes, text
 from femimpact.figures.drawing import (
     BLUE,
@@ -27,8 +27,6 @@ from femimpact.figures.study_labels import (
     UNSURE,
     BestMarks,
     axis_words,
-    has_logarithmic_colours,
-    map_panels,
     sample_axes,
     single_samples,
     unsure_cells,
@@ -51,6 +49,9 @@ MOST_TICKS, MOST_TICKS_OF_PANEL = 12, 5
 
 MOST_PANELS_EACH_WAY = 6
 """Maps of a figure along its rows and along its columns."""
+
+LOGARITHMIC = 10.0
+"""Largest over smallest value of a map beyond which its colours are logarithmic, where all values are above 0."""
 
 CORNER = 0.3
 """Sides of the mark in the corner of a cell, over those of the cell."""
@@ -115,7 +116,7 @@ def study(
     if listed or len(names) > 2:
         allowed = f"must be left out, over {'a list of cases' if listed else f'{len(names)} axes'}: give figure="
         require(ax is None or isinstance(ax, OffScreen), "ax", ax, "", allowed)
-        on = ax if figure is None else figure
+        on: Any = ax if figure is None else figure
         return _scatter(dataset, measure, title, on) if listed else _maps(dataset, measure, norm, title, on)
     axis = panel(ax, 8.0, 5.0) if figure is None else panels(figure, 8.0, 5.0)[0, 0]
     return _line(dataset, measure, title, axis) if is_line else _map(dataset, measure, norm, title, axis)
@@ -201,7 +202,8 @@ def _maps(
     """A map over the first two of three axes or more in each panel, the others along rows and columns."""
     values = _map_values(dataset, measure)
     names = [str(name) for name in dataset[measure].dims]
-    chosen, middle = map_panels(dataset, names, MOST_PANELS_EACH_WAY, MOST_PANELS_EACH_WAY)
+    chosen = {name: thinned(dataset.sizes[name], MOST_PANELS_EACH_WAY).tolist() for name in names[2:4]}
+    middle = {name: dataset.sizes[name] // 2 for name in names[4:]}
     at_middle, (across, *_) = dataset.isel(middle), chosen
     down = names[3] if len(names) > 3 else None
     columns, rows = chosen[across], chosen[down] if down else [0]
@@ -343,7 +345,8 @@ def _colours(norm: str | Normalize | None, values: Array) -> Normalize:
     require(known, "norm", norm, "", 'must be "linear", "log", or a Normalize of matplotlib')
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
     require(norm != "log" or low > 0.0, "norm", "log", "", f"needs values above 0, and the smallest is {low:.4g}")
-    logarithmic = has_logarithmic_colours(values) if norm is None else norm == "log"
+    # one large cell would leave the others one colour
+    logarithmic = high > LOGARITHMIC * low > 0.0 if norm is None else norm == "log"
     return LogNorm(low, high) if logarithmic else Normalize(low, high)
 
 
